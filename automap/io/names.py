@@ -10,6 +10,7 @@ SYNC = "sync.json"
 SYNC_DELAYS = "sync_delays.parquet"
 FUSION = "fusion.json"
 DETECTIONS = "detections.parquet"
+SIGNS_RAW = "signs_raw.parquet"
 
 # results, named in the documentation
 TRAJECTORY = "trajectory.parquet"

@@ -1,0 +1,113 @@
+"""Located signs as a table, between geolocation and export (SI units and radians)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automap.errors import InputError
+from automap.records import Sign
+
+COVARIANCE_COLUMNS = (
+    ("cov_ee_m2", 0, 0),
+    ("cov_en_m2", 0, 1),
+    ("cov_eu_m2", 0, 2),
+    ("cov_nn_m2", 1, 1),
+    ("cov_nu_m2", 1, 2),
+    ("cov_uu_m2", 2, 2),
+)
+"""Column name, row and column of the ENU covariance."""
+
+
+def write_signs(path: Path, signs: Sequence[Sign]) -> None:
+    """Write one row per sign to a Parquet file; the file appears whole or not at all.
+
+    Columns are the fields of ``records.Sign`` (``class`` for the class name), the six
+    different elements of the ENU covariance in square metres, and ``detection_rows``, the
+    rows of ``observations.parquet`` that belong to the sign.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    text, real, whole = pa.string(), pa.float64(), pa.int64()
+    columns: dict[str, Any] = {
+        "id": pa.array([s.id for s in signs], text),
+        "class": pa.array([s.class_name for s in signs], text),
+        "lat_rad": pa.array([s.lat_rad for s in signs], real),
+        "lon_rad": pa.array([s.lon_rad for s in signs], real),
+        "height_m": pa.array([s.height_m for s in signs], real),
+    }
+    for name, row, column in COVARIANCE_COLUMNS:
+        columns[name] = pa.array([float(s.cov_enu[row, column]) for s in signs], real)
+    columns |= {
+        "confidence": pa.array([s.confidence for s in signs], real),
+        "n_views": pa.array([s.n_views for s in signs], whole),
+        "first_seen_ns": pa.array([s.first_seen_ns for s in signs], whole),
+        "last_seen_ns": pa.array([s.last_seen_ns for s in signs], whole),
+        "height_above_road_m": pa.array([s.height_above_road_m for s in signs], real),
+        "facing_rad": pa.array([s.facing_rad for s in signs], real),
+        "size_m": pa.array([s.size_m for s in signs], real),
+        "side": pa.array([s.side for s in signs], text),
+        "status": pa.array([s.status for s in signs], text),
+        "drives": pa.array([list(s.drives) for s in signs], pa.list_(text)),
+        "detection_rows": pa.array(
+            [np.asarray(s.detection_rows, np.int64).tolist() for s in signs], pa.list_(whole)
+        ),
+    }
+    temporary = path.with_name(path.name + ".tmp")
+    try:
+        pq.write_table(pa.table(columns), temporary)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def read_signs(path: Path) -> list[Sign]:
+    """Signs of a file that ``write_signs`` wrote, in its order.
+
+    Raises InputError when the file cannot be read or lacks a column.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        rows = pq.read_table(path).to_pylist()
+    except (OSError, pa.ArrowException) as error:
+        raise InputError(
+            f"{path}: the table of signs cannot be read ({error}); run the geolocate stage again."
+        ) from error
+    try:
+        return [_sign(row) for row in rows]
+    except KeyError as error:
+        raise InputError(
+            f"{path}: the table of signs lacks the column {error}; run the geolocate stage again."
+        ) from error
+
+
+def _sign(row: dict[str, Any]) -> Sign:
+    covariance = np.empty((3, 3))
+    for name, i, j in COVARIANCE_COLUMNS:
+        covariance[i, j] = covariance[j, i] = row[name]
+    return Sign(
+        id=row["id"],
+        class_name=row["class"],
+        lat_rad=row["lat_rad"],
+        lon_rad=row["lon_rad"],
+        height_m=row["height_m"],
+        cov_enu=covariance,
+        confidence=row["confidence"],
+        n_views=row["n_views"],
+        first_seen_ns=row["first_seen_ns"],
+        last_seen_ns=row["last_seen_ns"],
+        height_above_road_m=row["height_above_road_m"],
+        facing_rad=row["facing_rad"],
+        size_m=row["size_m"],
+        side=row["side"],
+        status=row["status"],
+        drives=tuple(row["drives"]),
+        detection_rows=np.array(row["detection_rows"], np.int64),
+    )
