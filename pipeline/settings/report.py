@@ -1,0 +1,9 @@
+"""Settings of the report stage."""
+
+from __future__ import annotations
+
+from pipeline.settings.section import Section
+
+
+class ReportSettings(Section):
+    """Section ``[report]`` of the configuration."""
