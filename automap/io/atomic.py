@@ -1,0 +1,111 @@
+"""Files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automap.errors import StageError
+
+_ADVICE = {
+    errno.ENOSPC: "the disk is full; free some space or choose another output folder",
+    errno.EDQUOT: "the disk quota is used up; free some space or choose another output folder",
+    errno.EROFS: "the file system is read-only; choose another output folder with -o",
+    errno.EACCES: "no permission to write there; choose another output folder with -o",
+    errno.EPERM: "no permission to write there; choose another output folder with -o",
+    errno.EISDIR: "a folder of that name is in the way; remove it",
+    errno.ENOTDIR: "a part of the path is a file, not a folder; choose another output folder",
+    errno.ENAMETOOLONG: "the name is too long; choose a shorter output folder",
+}
+
+
+def write_failure(path: Path, error: OSError) -> StageError:
+    """The sentence for a failed write: the file, what happened, what to do."""
+    reason = _ADVICE.get(error.errno or 0, error.strerror or str(error))
+    return StageError(f"cannot write {path}: {reason}.")
+
+
+def make_folder(path: Path) -> Path:
+    """Create a folder with its parents; StageError in one sentence when that fails."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise StageError(f"cannot write {path}: a file of that name is in the way.") from None
+    except OSError as error:
+        raise write_failure(path, error) from error
+    return path
+
+
+@contextmanager
+def atomic_path(path: Path) -> Iterator[Path]:
+    """Yield a temporary path beside ``path``; on success it replaces ``path`` in one step.
+
+    The temporary file is synced before it is renamed, so that a crash leaves the old file or
+    the new one. On any exception, an interrupt included, the temporary file is removed.
+    Raises StageError for a disk that is full, a folder that is read-only and the like.
+    """
+    path = Path(path)
+    # the suffix is kept because some writers choose their format by it
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp{path.suffix}")
+    make_folder(path.parent)
+    try:
+        yield temporary
+        with temporary.open("rb") as stream:
+            os.fsync(stream.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        _discard(temporary)
+        named = getattr(error, "filename", None)
+        # a failed read inside the block is not ours to reword
+        if named is not None and Path(os.fsdecode(named)) != temporary:
+            raise
+        raise write_failure(path, error) from error
+    except BaseException:
+        _discard(temporary)
+        raise
+
+
+def _discard(path: Path) -> None:
+    with suppress(OSError):
+        path.unlink()
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write UTF-8 text atomically."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write bytes atomically."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write JSON atomically; arrays become lists, NaN and infinities null (JSON has neither)."""
+    write_text(path, json.dumps(plain(value), indent=2, allow_nan=False) + "\n")
+
+
+def plain(value: Any) -> Any:
+    """The same value in JSON's own types."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    if isinstance(value, Path):
+        return str(value)
+    return value

@@ -1,0 +1,124 @@
+"""Intermediate tables in Parquet: inertial readings and receiver epochs.
+
+Written by the ingest stage, read by every later one. Values are those of the records,
+bit for bit (radians and SI units, which the column names state).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from automap.errors import InputError
+from automap.io.atomic import atomic_path
+from automap.records import Fixes, FloatArray, ImuData, IntArray
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_IMU_GYRO = ("gx_rad_s", "gy_rad_s", "gz_rad_s")
+_IMU_ACCEL = ("ax_m_s2", "ay_m_s2", "az_m_s2")
+_VECTORS = {
+    "vel_ned": ("vn", "ve", "vd"),
+    "sd_pos_ned": ("sd_n_m", "sd_e_m", "sd_d_m"),
+    "sd_vel_ned": ("sd_vn", "sd_ve", "sd_vd"),
+}
+_FLOATS = ("gps_s", "lat_rad", "lon_rad", "height_m", "hdop", "geoid_sep_m")
+_INTS = ("fix_type", "n_sats", "offset", "arrival_ns")
+
+
+def write_columns(
+    path: Path,
+    columns: Mapping[str, np.ndarray],
+    metadata: Mapping[str, str] | None = None,
+) -> None:
+    """Write named columns [n] as one Parquet file, atomically, with file metadata."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = pa.table({name: pa.array(values) for name, values in columns.items()})
+    if metadata:
+        table = table.replace_schema_metadata(dict(metadata))
+    with atomic_path(path) as temporary:
+        # dictionary encoding of noise costs time and gains nothing
+        pq.write_table(table, temporary, compression="zstd", use_dictionary=False)
+
+
+def read_table(path: Path, required: tuple[str, ...] = ()) -> pa.Table:
+    """Read a Parquet file; InputError when it is missing, damaged or lacks a column."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(path)
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; run the stage that writes it.") from None
+    except (pa.ArrowException, OSError) as error:
+        raise InputError(
+            f"{path} is not a readable Parquet file ({str(error).splitlines()[0]}); "
+            "run again with --force to make it anew."
+        ) from error
+    missing = [name for name in required if name not in table.column_names]
+    if missing:
+        raise InputError(f"{path} lacks the column {missing[0]}; run again with --force.")
+    return table
+
+
+def floats(table: pa.Table, name: str) -> FloatArray:
+    """One column as float64 [n]; nulls become NaN."""
+    values = table.column(name).to_numpy()
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
+def ints(table: pa.Table, name: str) -> IntArray:
+    """One column as int64 [n]."""
+    return np.ascontiguousarray(table.column(name).to_numpy(), dtype=np.int64)
+
+
+def _vector(table: pa.Table, names: tuple[str, ...]) -> FloatArray:
+    return np.column_stack([floats(table, name) for name in names])
+
+
+def write_imu(path: Path, imu: ImuData) -> None:
+    """Write inertial readings; whether their axes are the vehicle's goes into the metadata."""
+    columns: dict[str, np.ndarray] = {"t_ns": imu.t_ns}
+    for names, values in ((_IMU_GYRO, imu.gyro), (_IMU_ACCEL, imu.accel)):
+        columns |= {name: values[:, i] for i, name in enumerate(names)}
+    if imu.temp_c is not None:
+        columns["temp_c"] = imu.temp_c
+    write_columns(path, columns, {"axes_known": "true" if imu.axes_known else "false"})
+
+
+def read_imu(path: Path) -> ImuData:
+    """Read what ``write_imu`` wrote."""
+    table = read_table(path, ("t_ns", *_IMU_GYRO, *_IMU_ACCEL))
+    metadata = table.schema.metadata or {}
+    return ImuData(
+        t_ns=ints(table, "t_ns"),
+        gyro=_vector(table, _IMU_GYRO),
+        accel=_vector(table, _IMU_ACCEL),
+        temp_c=floats(table, "temp_c") if "temp_c" in table.column_names else None,
+        axes_known=metadata.get(b"axes_known", b"true") == b"true",
+    )
+
+
+def write_fixes(path: Path, fixes: Fixes) -> None:
+    """Write receiver epochs, one row each, in the order of the record."""
+    columns: dict[str, np.ndarray] = {name: getattr(fixes, name) for name in _FLOATS}
+    for field, names in _VECTORS.items():
+        columns |= {name: getattr(fixes, field)[:, i] for i, name in enumerate(names)}
+    columns |= {name: np.asarray(getattr(fixes, name), np.int64) for name in _INTS}
+    write_columns(path, columns)
+
+
+def read_fixes(path: Path) -> Fixes:
+    """Read what ``write_fixes`` wrote."""
+    vector_names = tuple(name for names in _VECTORS.values() for name in names)
+    table = read_table(path, (*_FLOATS, *_INTS, *vector_names))
+    values: dict[str, Any] = {name: floats(table, name) for name in _FLOATS}
+    values |= {field: _vector(table, names) for field, names in _VECTORS.items()}
+    values |= {name: ints(table, name) for name in _INTS}
+    return Fixes(**values)

@@ -1,0 +1,88 @@
+"""Trajectories as Parquet: the result file ``trajectory.parquet`` and its kin.
+
+Degrees and metres in the file, radians and metres in the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from automap.io.tables import floats, ints, read_table, write_columns
+from automap.records import FloatArray, Trajectory
+
+COLUMNS = (
+    "t_ns",
+    "gps_s",
+    "lat_deg",
+    "lon_deg",
+    "height_m",
+    "vn",
+    "ve",
+    "vd",
+    "roll_deg",
+    "pitch_deg",
+    "yaw_deg",
+    "sd_n_m",
+    "sd_e_m",
+    "sd_d_m",
+    "sd_vn",
+    "sd_ve",
+    "sd_vd",
+    "sd_roll_deg",
+    "sd_pitch_deg",
+    "sd_yaw_deg",
+)
+"""Names and order of the columns, as in the contract."""
+
+
+def to_columns(trajectory: Trajectory) -> dict[str, np.ndarray]:
+    """The record [n] as named columns in file units, in the order of ``COLUMNS``."""
+    rpy_deg = np.degrees(trajectory.rpy)
+    sd_rpy_deg = np.degrees(trajectory.sd_rpy)
+    values = (
+        trajectory.t_ns,
+        trajectory.gps_s,
+        np.degrees(trajectory.lat_rad),
+        np.degrees(trajectory.lon_rad),
+        trajectory.height_m,
+        *trajectory.vel_ned.T,
+        *rpy_deg.T,
+        *trajectory.sd_pos_ned.T,
+        *trajectory.sd_vel_ned.T,
+        *sd_rpy_deg.T,
+    )
+    return dict(zip(COLUMNS, values, strict=True))
+
+
+def from_columns(column: Callable[[str], FloatArray], t_ns: np.ndarray) -> Trajectory:
+    """A record from ``column(name) -> [n]`` in file units and int64 stamps [n]."""
+
+    def triple(*names: str) -> FloatArray:
+        return np.column_stack([column(name) for name in names])
+
+    return Trajectory(
+        t_ns=np.ascontiguousarray(t_ns, np.int64),
+        gps_s=column("gps_s"),
+        lat_rad=np.radians(column("lat_deg")),
+        lon_rad=np.radians(column("lon_deg")),
+        height_m=column("height_m"),
+        vel_ned=triple("vn", "ve", "vd"),
+        rpy=np.radians(triple("roll_deg", "pitch_deg", "yaw_deg")),
+        sd_pos_ned=triple("sd_n_m", "sd_e_m", "sd_d_m"),
+        sd_vel_ned=triple("sd_vn", "sd_ve", "sd_vd"),
+        sd_rpy=np.radians(triple("sd_roll_deg", "sd_pitch_deg", "sd_yaw_deg")),
+    )
+
+
+def write_trajectory(path: Path, trajectory: Trajectory) -> None:
+    """Write a trajectory atomically with the columns of the contract."""
+    write_columns(path, to_columns(trajectory))
+
+
+def read_trajectory(path: Path) -> Trajectory:
+    """Read what ``write_trajectory`` wrote; InputError when it is missing or damaged."""
+    table = read_table(path, COLUMNS)
+    return from_columns(lambda name: floats(table, name), ints(table, "t_ns"))
