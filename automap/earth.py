@@ -1,0 +1,91 @@
+"""WGS-84: constants, radii, gravity, local metres.
+
+The scalar functions are numba kernels so that the mechanisation can call them; the array
+functions below them serve everything else. Book: Groves, chapter 2.4; gravity by Somigliana
+with the free-air terms of NIMA TR8350.2.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from automap.records import FloatArray
+
+A = 6378137.0
+"""Semi-major axis, m."""
+F = 1.0 / 298.257223563
+E2 = F * (2.0 - F)
+RATE = 7.292115e-5
+"""Earth rotation, rad/s."""
+GM = 3.986004418e14
+_B = A * (1.0 - F)
+_GE = 9.7803253359
+_K = 0.00193185265241
+_M = RATE**2 * A**2 * _B / GM
+
+
+@njit(cache=True)
+def radii(lat: float) -> tuple[float, float]:
+    """Meridian and transverse radius of curvature in m at a latitude in rad."""
+    s2 = math.sin(lat) ** 2
+    w = 1.0 - E2 * s2
+    root = math.sqrt(w)
+    return A * (1.0 - E2) / (w * root), A / root
+
+
+@njit(cache=True)
+def gravity(lat: float, height: float) -> float:
+    """Local gravity in m/s^2, positive down, at latitude in rad and ellipsoidal height in m."""
+    s2 = math.sin(lat) ** 2
+    g0 = _GE * (1.0 + _K * s2) / math.sqrt(1.0 - E2 * s2)
+    factor = 1.0 - 2.0 / A * (1.0 + F * (1.0 - 2.0 * s2) + _M) * height
+    return g0 * (factor + 3.0 * height * height / (A * A))
+
+
+def metres_per_radian(
+    lat_rad: npt.ArrayLike, height_m: npt.ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Metres north per radian of latitude and metres east per radian of longitude, [n] each."""
+    lat = np.asarray(lat_rad, np.float64)
+    h = np.asarray(height_m, np.float64)
+    w = 1.0 - E2 * np.sin(lat) ** 2
+    north = A * (1.0 - E2) / w**1.5 + h
+    east = (A / np.sqrt(w) + h) * np.cos(lat)
+    return np.asarray(north), np.asarray(east)
+
+
+def local_ned(
+    lat_rad: npt.ArrayLike,
+    lon_rad: npt.ArrayLike,
+    height_m: npt.ArrayLike,
+    ref: tuple[float, float, float],
+) -> FloatArray:
+    """Position [n, 3] in metres north, east, down of a reference (lat rad, lon rad, height m).
+
+    The exact tangent-plane coordinates; valid across the date line.
+    """
+    from pymap3d import geodetic2ned
+
+    n, e, d = geodetic2ned(
+        np.asarray(lat_rad, np.float64),
+        np.asarray(lon_rad, np.float64),
+        np.asarray(height_m, np.float64),
+        *ref,
+        deg=False,
+    )
+    return np.stack([np.asarray(n), np.asarray(e), np.asarray(d)], axis=-1)
+
+
+def from_local_ned(
+    ned: npt.ArrayLike, ref: tuple[float, float, float]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Latitude, longitude (rad) and height (m), [n] each, of tangent-plane positions [n, 3]."""
+    from pymap3d import ned2geodetic
+
+    p = np.asarray(ned, np.float64)
+    lat, lon, h = ned2geodetic(p[..., 0], p[..., 1], p[..., 2], *ref, deg=False)
+    return np.asarray(lat), np.asarray(lon), np.asarray(h)
