@@ -1,0 +1,172 @@
+"""Effects that add to the inertial readings: reading = true + sum theta_j phi_j(true).
+
+Each scalar parameter acts on one axis of one sensor through one basis signal. That is all
+the filter kernel needs to know: it receives ``ImuTerm.code`` rows and, for signals that are
+not the reading itself, extra columns computed here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.effects.catalogue import CATALOGUE, Parameter, effect_named
+from automap.errors import ConfigError
+from automap.records import FloatArray
+
+GYRO = 0
+ACCEL = 1
+
+# basis signals known to the kernel: 1, angular rate x y z, specific force x y z; further
+# numbers count the extra columns of ``extra_basis``
+BASIS_ONE = 0
+BASIS_RATE = 1
+BASIS_FORCE = 4
+BASIS_EXTRA = 7
+
+_EXTRA_SIGNALS = (
+    "abs_rate_x abs_rate_y abs_rate_z abs_force_x abs_force_y abs_force_z "
+    "sq_force_x sq_force_y sq_force_z temperature speed_squared"
+).split()
+
+
+@dataclass(frozen=True)
+class ImuTerm:
+    """One parameter of an inertial effect.
+
+    ``sensor`` GYRO or ACCEL, ``axis`` 0..2 the output axis, ``basis`` the number of the
+    signal; ``extra`` the name of the signal when it is not one of the kernel's own.
+    """
+
+    effect: str
+    parameter: Parameter
+    sensor: int
+    axis: int
+    basis: int
+    extra: str | None = None
+
+    @property
+    def name(self) -> str:
+        """Column name in tables, e.g. ``accel_bias_x``."""
+        return f"{self.effect}_{self.parameter.name}"
+
+
+def _axis(letter: str) -> int:
+    return "xyz".index(letter)
+
+
+def _signal(effect: str, sensor: int, parameter: str) -> tuple[int, int, str | None]:
+    """Output axis, basis number and extra signal of a parameter."""
+    out = _axis(parameter[0])
+    kind = effect.partition("_")[2]
+    if kind == "bias":
+        return out, BASIS_ONE, None
+    if kind == "scale":
+        return out, (BASIS_FORCE if sensor == ACCEL else BASIS_RATE) + out, None
+    if kind == "misalignment":
+        base = BASIS_FORCE if sensor == ACCEL else BASIS_RATE
+        return out, base + _axis(parameter[1]), None
+    if kind == "g_sensitivity":
+        return out, BASIS_FORCE + _axis(parameter[1]), None
+    if kind == "scale_asymmetry":
+        return out, -1, f"abs_{'force' if sensor == ACCEL else 'rate'}_{parameter[0]}"
+    if kind == "quadratic":
+        return out, -1, f"sq_force_{parameter[0]}"
+    if kind == "temperature":
+        return out, -1, "temperature"
+    if kind == "vibration":
+        return out, -1, "speed_squared"
+    raise ConfigError(f"effect '{effect}' does not act on inertial readings")
+
+
+def imu_terms(effects: list[str]) -> list[ImuTerm]:
+    """The terms of the named inertial effects, in order, extra signals numbered.
+
+    Raises:
+        ConfigError: an unknown effect, or one that is not an inertial one.
+    """
+    terms: list[ImuTerm] = []
+    extras: list[str] = []
+    for name in effects:
+        effect = effect_named(name)
+        if effect.family != "imu":
+            raise ConfigError(f"effect '{name}' does not act on inertial readings")
+        sensor = GYRO if name.startswith("gyro") else ACCEL
+        for parameter in effect.parameters:
+            axis, basis, extra = _signal(name, sensor, parameter.name)
+            if extra is not None:
+                if extra not in extras:
+                    extras.append(extra)
+                basis = BASIS_EXTRA + extras.index(extra)
+            terms.append(ImuTerm(name, parameter, sensor, axis, basis, extra))
+    return terms
+
+
+def extra_basis(
+    terms: list[ImuTerm],
+    gyro: FloatArray,
+    accel: FloatArray,
+    temp_c: FloatArray | None = None,
+    speed: FloatArray | None = None,
+    temp_ref_c: float | None = None,
+) -> FloatArray:
+    """Extra basis signals [n, k] of the terms at true rates and forces [n, 3].
+
+    ``temp_c`` [n] in deg C against ``temp_ref_c`` (default: its median), ``speed`` [n] in m/s.
+    A signal whose source is missing is zero.
+    """
+    names: dict[int, str] = {t.basis: t.extra for t in terms if t.extra is not None}
+    out = np.zeros((len(gyro), len(names)))
+    for basis, name in names.items():
+        column = basis - BASIS_EXTRA
+        if name == "temperature":
+            if temp_c is not None and np.isfinite(temp_c).any():
+                ref = float(np.nanmedian(temp_c)) if temp_ref_c is None else temp_ref_c
+                out[:, column] = np.nan_to_num(temp_c - ref)
+        elif name == "speed_squared":
+            if speed is not None:
+                out[:, column] = speed**2
+        else:
+            kind, source, axis = name.split("_")
+            signal = (gyro if source == "rate" else accel)[:, _axis(axis)]
+            out[:, column] = np.abs(signal) if kind == "abs" else signal**2
+    return out
+
+
+def distort_imu(
+    gyro: FloatArray,
+    accel: FloatArray,
+    values: dict[str, dict[str, float]],
+    temp_c: FloatArray | None = None,
+    speed: FloatArray | None = None,
+    temp_ref_c: float | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Readings [n, 3], [n, 3] of a sensor with the given errors at true rates and forces.
+
+    ``values`` maps effect to parameter to value, e.g. ``{"accel_bias": {"x": 0.1}}``; effects
+    of other families are passed over. This is the simulator's side of the model.
+    """
+    names = [n for n in values if n in CATALOGUE and CATALOGUE[n].family == "imu"]
+    terms = imu_terms(names)
+    extra = extra_basis(terms, gyro, accel, temp_c, speed, temp_ref_c)
+    rates, forces = gyro.copy(), accel.copy()
+    for term in terms:
+        theta = values[term.effect].get(term.parameter.name, 0.0)
+        if theta == 0.0:
+            continue
+        target = rates if term.sensor == GYRO else forces
+        target[:, term.axis] += theta * _basis_signal(term, gyro, accel, extra)
+    return rates, forces
+
+
+def _basis_signal(
+    term: ImuTerm, gyro: FloatArray, accel: FloatArray, extra: FloatArray
+) -> FloatArray | float:
+    if term.basis == BASIS_ONE:
+        return 1.0
+    if term.basis < BASIS_FORCE:
+        return gyro[:, term.basis - BASIS_RATE]
+    if term.basis < BASIS_EXTRA:
+        return accel[:, term.basis - BASIS_FORCE]
+    return extra[:, term.basis - BASIS_EXTRA]
