@@ -1,0 +1,319 @@
+"""A drive folder: which files it has and what its manifest says of them."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from automap.errors import ConfigError, InputError
+from automap.io import names
+from automap.io.axes import axes_matrix
+from automap.io.manifest import (
+    GnssSection,
+    ImuSection,
+    Manifest,
+    SiteSection,
+    VideoSection,
+    read_manifest,
+)
+from automap.records import Camera, FloatArray
+
+_IMU_FILE = "imu.csv"
+_GNSS_FILES = ("gnss.ubx", "gnss.nmea", "gnss.pos")
+_ARRIVAL_FILE = "gnss_arrival.csv"
+_VIDEO_DIR = "video"
+_VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".m4v", ".ts", ".360")
+_DEFAULT_FOV_RAD = np.radians(60.0)
+"""Horizontal angle of view taken for a camera without a matrix; an action camera in its
+linear mode and a phone are near it."""
+
+
+@dataclass(frozen=True)
+class VideoInput:
+    """The files of one camera: chapters in order, frame stamps, external detections."""
+
+    name: str
+    section: VideoSection
+    chapters: tuple[Path, ...] = ()
+    frames: Path | None = None
+    detections: Path | None = None
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive folder as found: a path is None where the drive has no such file.
+
+    ``warnings`` holds one sentence for every file that the manifest names and the folder
+    lacks; a drive goes on with what there is.
+    """
+
+    path: Path
+    name: str
+    manifest: Manifest
+    imu_file: Path | None = None
+    imu_calibration: Path | None = None
+    gnss_file: Path | None = None
+    arrival_file: Path | None = None
+    trajectory_file: Path | None = None
+    bearings_file: Path | None = None
+    truth_dir: Path | None = None
+    videos: dict[str, VideoInput] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def manifest_file(self) -> Path:
+        """The path of ``drive.toml``."""
+        return self.path / names.MANIFEST
+
+    @property
+    def imu(self) -> ImuSection:
+        """The section ``[imu]``, defaults filled in."""
+        return self.manifest.imu
+
+    @property
+    def gnss(self) -> GnssSection:
+        """The section ``[gnss]``, defaults filled in."""
+        return self.manifest.gnss
+
+    @property
+    def site(self) -> SiteSection:
+        """The section ``[site]``."""
+        return self.manifest.site
+
+    @property
+    def imu_axes(self) -> FloatArray | None:
+        """C_vehicle_sensor [3, 3] of the IMU, None when its axes are unknown."""
+        return axes_matrix(self.imu.axes)
+
+    @property
+    def lever_arm(self) -> FloatArray:
+        """IMU to antenna [3] in body axes, m; zeros where the manifest gives none."""
+        arm = self.gnss.lever_arm_m
+        return np.zeros(3) if arm is None else np.array(arm, dtype=np.float64)
+
+    @property
+    def out(self) -> Path:
+        """The default output folder."""
+        return self.path / names.DEFAULT_OUT
+
+    def cameras(self) -> dict[str, Camera]:
+        """The cameras by name, in the order of the manifest.
+
+        An image size that the manifest lacks is read from the video, else from the principal
+        point; a missing matrix is replaced by a pinhole of 60 degrees horizontal view (see
+        ``camera_warnings``). A camera whose size cannot be known at all is left out.
+        """
+        cameras = {}
+        for name, video in self.videos.items():
+            camera = _camera(video)
+            if camera is not None:
+                cameras[name] = camera
+        return cameras
+
+    def camera_warnings(self) -> list[str]:
+        """One sentence for every assumption that ``cameras`` had to make."""
+        sentences = []
+        for name, video in self.videos.items():
+            section = f"{self.manifest_file}: [video.{name}]"
+            if _image_size(video) is None:
+                sentences.append(
+                    f"{section} has no width and height and no readable video, so this camera "
+                    "is left out; add width, height and camera_matrix"
+                )
+            elif video.section.camera_matrix is None:
+                sentences.append(
+                    f"{section} has no camera_matrix; a view of 60 degrees is assumed, which "
+                    "shifts signs sideways and in range; add camera_matrix"
+                )
+        return sentences
+
+    def input_files(self) -> list[Path]:
+        """Every file that any stage may read, manifest first; truth is not among them."""
+        files = [self.manifest_file]
+        single = (
+            self.imu_file,
+            self.imu_calibration,
+            self.gnss_file,
+            self.arrival_file,
+            self.trajectory_file,
+            self.bearings_file,
+        )
+        files += [path for path in single if path is not None]
+        for video in self.videos.values():
+            files += video.chapters
+            files += [path for path in (video.frames, video.detections) if path is not None]
+        return files
+
+
+def load_drive(path: Path | str) -> Drive:
+    """Read the manifest of a drive folder (or of a path to its drive.toml) and find its files.
+
+    A file named in the manifest that is not there becomes a warning. Raises InputError when
+    the folder or its manifest is missing or no input file at all is found, ConfigError when
+    the manifest is wrong.
+    """
+    folder = Path(path)
+    if folder.name == names.MANIFEST and folder.is_file():
+        folder = folder.parent
+    if not folder.exists():
+        raise InputError(f"{folder}: there is no such drive folder; check the path.")
+    if not folder.is_dir():
+        raise InputError(f"{folder} is a file; give the drive folder that holds {names.MANIFEST}.")
+    manifest = read_manifest(folder / names.MANIFEST)
+    _check_sensor(folder / names.MANIFEST, manifest.imu)
+    finder = _Finder(folder)
+    drive = Drive(
+        path=folder,
+        name=manifest.name or folder.resolve().name,
+        manifest=manifest,
+        imu_file=finder.find(manifest.imu.file, "imu.file", (_IMU_FILE,)),
+        imu_calibration=finder.find(manifest.imu.calibration, "imu.calibration"),
+        gnss_file=finder.find(manifest.gnss.file, "gnss.file", _GNSS_FILES),
+        arrival_file=finder.find(manifest.gnss.arrival, "gnss.arrival", (_ARRIVAL_FILE,)),
+        trajectory_file=finder.find(None, "", (names.FINISHED_TRAJECTORY,)),
+        bearings_file=finder.find(None, "", (names.BEARINGS,)),
+        truth_dir=folder / names.TRUTH_DIR if (folder / names.TRUTH_DIR).is_dir() else None,
+        videos=_videos(finder, manifest),
+        warnings=tuple(finder.warnings),
+    )
+    if len(drive.input_files()) == 1:
+        missing = "".join(f" {text}." for text in finder.warnings)
+        raise InputError(
+            f"{folder} holds no recording.{missing} Put imu.csv and gnss.ubx (or "
+            f"trajectory.csv, or bearings.csv) beside {names.MANIFEST}, or name the files in it."
+        )
+    return drive
+
+
+class _Finder:
+    """Resolves file names of one manifest, gathering a sentence for each that is missing."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.warnings: list[str] = []
+
+    def find(self, named: str | None, key: str, defaults: tuple[str, ...] = ()) -> Path | None:
+        if named is None:
+            found = (self.folder / name for name in defaults)
+            return next((path for path in found if path.is_file()), None)
+        path = self._inside(named, key)
+        if path.is_file():
+            return path
+        present = [item.name for item in path.parent.glob("*")] if path.parent.is_dir() else []
+        near = difflib.get_close_matches(path.name, present, n=1, cutoff=0.6)
+        advice = f" (is {near[0]} meant?)" if near else ""
+        self.warnings.append(
+            f"{self.folder / names.MANIFEST}: {key} names {named}, which is not there{advice}; "
+            "the drive goes on without it"
+        )
+        return None
+
+    def _inside(self, named: str, key: str) -> Path:
+        given = Path(named)
+        if given.is_absolute():
+            return given
+        # compared as written: a link inside the folder may well lead out of it
+        if ".." in given.parts:
+            raise ConfigError(
+                f"{self.folder / names.MANIFEST}: {key} = {named!r} leads out of the drive "
+                "folder; put the file inside or give its absolute path."
+            )
+        return self.folder / given
+
+
+def _check_sensor(manifest_file: Path, imu: ImuSection) -> None:
+    if "counts" in (imu.gyro_unit, imu.accel_unit) and not (imu.sensor or imu.calibration):
+        raise ConfigError(
+            f"{manifest_file}: [imu] is in counts but names no sensor; add sensor = "
+            '"thinimu-micro" (a file in configs/sensors/) or calibration = "imu_calibration.toml".'
+        )
+
+
+def _videos(finder: _Finder, manifest: Manifest) -> dict[str, VideoInput]:
+    sections = dict(manifest.video)
+    if not sections:
+        sections = {name: VideoSection() for name in _unnamed_videos(finder.folder)}
+    return {name: _video(finder, name, section) for name, section in sections.items()}
+
+
+def _unnamed_videos(folder: Path) -> list[str]:
+    """Cameras of a folder whose manifest has no ``[video]``: by their files' names."""
+    stems = set()
+    for path in sorted((folder / _VIDEO_DIR).glob("*")):
+        if path.suffix.lower() in _VIDEO_SUFFIXES:
+            stems.add(re.sub(r"[-_]?\d+$", "", path.stem) or path.stem)
+        elif path.name.endswith("_detections.csv"):
+            stems.add(path.name.removesuffix("_detections.csv"))
+    return sorted(stems)
+
+
+def _video(finder: _Finder, name: str, section: VideoSection) -> VideoInput:
+    key = f"video.{name}"
+    if section.files is not None:
+        found = (finder.find(text, f"{key}.files") for text in section.files)
+        chapters = tuple(path for path in found if path is not None)
+    else:
+        chapters = _default_chapters(finder.folder / _VIDEO_DIR, name)
+    frames = finder.find(section.frames, f"{key}.frames", (f"{_VIDEO_DIR}/{name}_frames.csv",))
+    detections = finder.find(
+        section.detections, f"{key}.detections", (f"{_VIDEO_DIR}/{name}_detections.csv",)
+    )
+    return VideoInput(name, section, chapters, frames, detections)
+
+
+def _default_chapters(folder: Path, name: str) -> tuple[Path, ...]:
+    """``NAME.mp4``, then ``NAME_2.mp4`` and the like in the order of their numbers."""
+    pattern = re.compile(rf"^{re.escape(name)}(?:[-_]?(\d+))?$")
+    found = []
+    for path in folder.glob("*"):
+        match = pattern.match(path.stem)
+        if match and path.suffix.lower() in _VIDEO_SUFFIXES:
+            found.append((int(match.group(1) or -1), path.name, path))
+    return tuple(path for _, _, path in sorted(found))
+
+
+def _image_size(video: VideoInput) -> tuple[int, int] | None:
+    section = video.section
+    if section.width is not None and section.height is not None:
+        return section.width, section.height
+    if video.chapters:
+        from automap.io.video import image_size
+
+        size = image_size(video.chapters)
+        if size is not None:
+            return size
+    if section.camera_matrix is not None:
+        # the principal point lies near the middle of the image
+        (_, _, cx), (_, _, cy), _ = section.camera_matrix
+        if cx > 0 and cy > 0:
+            return round(2 * cx), round(2 * cy)
+    return None
+
+
+def _camera(video: VideoInput) -> Camera | None:
+    size = _image_size(video)
+    if size is None:
+        return None
+    width, height = size
+    section = video.section
+    if section.camera_matrix is not None:
+        matrix = np.array(section.camera_matrix, dtype=np.float64)
+    else:
+        f = 0.5 * width / np.tan(0.5 * _DEFAULT_FOV_RAD)
+        centre = (0.5 * (width - 1), 0.5 * (height - 1))
+        matrix = np.array([[f, 0.0, centre[0]], [0.0, f, centre[1]], [0.0, 0.0, 1.0]])
+    return Camera(
+        width=width,
+        height=height,
+        matrix=matrix,
+        distortion=np.array(section.distortion, dtype=np.float64),
+        lever_arm_m=np.array(section.lever_arm_m, dtype=np.float64),
+        mount_rpy=np.radians(np.array(section.mount_rpy_deg, dtype=np.float64)),
+        mount_sd=float(np.radians(section.mount_rpy_sigma_deg)),
+        time_offset_s=section.time_offset_s,
+        time_offset_sd=section.time_offset_sigma_s,
+    )

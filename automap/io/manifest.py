@@ -1,0 +1,232 @@
+"""The manifest ``drive.toml``: its sections, defaults and what can be wrong with it."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, field_validator
+
+from automap.errors import ConfigError, InputError
+from automap.io.axes import axes_matrix
+
+SCHEMA = "automap.drive/1"
+MINIMAL = 'schema = "automap.drive/1"'
+
+TimeBase = Literal["boot_ns", "gps_ns", "unix_ns"]
+Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+Positive = Annotated[FiniteFloat, Field(gt=0)]
+NotNegative = Annotated[FiniteFloat, Field(ge=0)]
+
+
+class Section(BaseModel):
+    """A table of the manifest; unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ImuSection(Section):
+    """``[imu]``. Without ``axes`` the sensor is taken to be mounted forward, right, down."""
+
+    file: str | None = None
+    axes: str | list[list[FiniteFloat]] = "FRD"
+    time: TimeBase = "boot_ns"
+    gyro_unit: Literal["rad/s", "deg/s", "counts"] = "rad/s"
+    accel_unit: Literal["m/s^2", "g", "counts"] = "m/s^2"
+    sensor: str | None = None
+    calibration: str | None = None
+
+    @field_validator("axes", mode="after")
+    @classmethod
+    def _axes_make_sense(cls, value: Any) -> Any:
+        try:
+            axes_matrix(value)
+        except ConfigError as error:
+            raise ValueError(str(error)) from None
+        return value
+
+
+class GnssSection(Section):
+    """``[gnss]``. No ``lever_arm_m``: not measured, taken as zero."""
+
+    file: str | None = None
+    arrival: str | None = None
+    arrival_time: TimeBase = "boot_ns"
+    output_delay_s: Annotated[FiniteFloat, Field(ge=0, le=2)] | None = None
+    lever_arm_m: Triple | None = None
+
+
+class VideoSection(Section):
+    """``[video.NAME]``: one camera."""
+
+    files: tuple[str, ...] | None = None
+    frames: str | None = None
+    time: TimeBase = "boot_ns"
+    start_ns: int | None = None
+    detections: str | None = None
+    width: Annotated[int, Field(gt=0)] | None = None
+    height: Annotated[int, Field(gt=0)] | None = None
+    camera_matrix: tuple[Triple, Triple, Triple] | None = None
+    distortion: tuple[FiniteFloat, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    lever_arm_m: Triple = (0.0, 0.0, 0.0)
+    mount_rpy_deg: Triple = (0.0, 0.0, 0.0)
+    mount_rpy_sigma_deg: NotNegative = 2.0
+    time_offset_s: FiniteFloat = 0.0
+    time_offset_sigma_s: NotNegative = 0.1
+
+    @field_validator("camera_matrix", mode="after")
+    @classmethod
+    def _matrix_is_pinhole(cls, value: Any) -> Any:
+        if value is None:
+            return value
+        (fx, _, _), (s, fy, _), bottom = value
+        if fx <= 0 or fy <= 0 or s != 0 or tuple(bottom) != (0.0, 0.0, 1.0):
+            raise ValueError(
+                "must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in pixels with positive fx, fy"
+            )
+        return value
+
+    @field_validator("distortion", mode="after")
+    @classmethod
+    def _length_is_of_opencv(cls, value: Any) -> Any:
+        if len(value) not in (0, 4, 5, 8, 12, 14):
+            raise ValueError("OpenCV's distortion has 4, 5, 8, 12 or 14 coefficients")
+        return value
+
+
+class SiteSection(Section):
+    """``[site]``. ``country`` is the ISO 3166 code of two letters."""
+
+    country: Annotated[str, Field(pattern="^[A-Za-z]{2}$")] | None = None
+    traffic_side: Literal["left", "right"] | None = None
+
+
+class Manifest(Section):
+    """The whole of ``drive.toml``; everything but ``schema`` has a default."""
+
+    schema_: Literal["automap.drive/1"] = Field(alias="schema")
+    name: str | None = None
+    imu: ImuSection = ImuSection()
+    gnss: GnssSection = GnssSection()
+    video: dict[str, VideoSection] = {}
+    site: SiteSection = SiteSection()
+
+
+def read_manifest(path: Path) -> Manifest:
+    """Read and check ``drive.toml``.
+
+    Raises InputError when there is none and ConfigError, with file and line, for text that
+    is no TOML, a key that does not exist (naming the nearest that does) or a wrong value.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(
+            f"{path} is missing: it makes a folder a drive. "
+            f"Write a file of that name with at least the line {MINIMAL}"
+        ) from None
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: byte {error.start} is not UTF-8; save it as UTF-8.") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}.") from error
+    try:
+        # an editor's byte order mark is no part of TOML
+        data = tomllib.loads(text.removeprefix("\ufeff"))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}; correct that place.") from None
+    if "schema" not in data:
+        raise ConfigError(f"{path}: the first line is missing; add {MINIMAL}")
+    if data["schema"] != SCHEMA:
+        raise ConfigError(
+            f"{path}: schema {data['schema']!r} is not known; this version reads {MINIMAL}"
+        )
+    try:
+        return Manifest.model_validate(data)
+    except ValidationError as error:
+        raise ConfigError(f"{path}: {_sentence(error, text)}") from None
+
+
+def _sentence(error: ValidationError, text: str) -> str:
+    first = error.errors()[0]
+    location = [str(part) for part in first["loc"]]
+    kind = first["type"]
+    # a union adds the names of its branches to the location; keep what stands in the file
+    keys = _keys_in_file(location, text)
+    line = _line_of(keys, text)
+    where = f"line {line}: " if line else ""
+    name = ".".join(keys)
+    if kind == "extra_forbidden":
+        known = _known_keys(keys[:-1])
+        near = difflib.get_close_matches(keys[-1], known, n=1, cutoff=0.5)
+        advice = f"did you mean {near[0]}?" if near else f"known here: {', '.join(known)}."
+        return f"{where}unknown key {name}; {advice}"
+    message = first["msg"].removeprefix("Value error, ").rstrip(".")
+    if kind == "literal_error":
+        return f"{where}{name} is {first['input']!r}; it must be {first['ctx']['expected']}."
+    if kind == "value_error":
+        return f"{where}{name}: {message}."
+    if kind in ("model_type", "dict_type"):
+        return f"{where}{name} is a section; write it as [{name}] with its keys below."
+    if kind in ("missing", "too_long") and first["loc"][-1:] != (keys[-1],):
+        message = "three numbers are expected"
+    elif keys == ["imu", "axes"]:
+        message = 'must be text such as "FRD" or a 3x3 matrix of numbers'
+    message = message[:1].lower() + message[1:]
+    return f"{where}{name}: {message}, but it is {_shown(first.get('input'))}."
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _known_keys(parents: list[str]) -> list[str]:
+    model: type[BaseModel] = Manifest
+    for parent in parents:
+        if model is Manifest and parent == "video":
+            return _fields(VideoSection) if len(parents) > 1 else []
+        annotation = model.model_fields[parent].annotation
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+            model = annotation
+    return _fields(model)
+
+
+def _fields(model: type[BaseModel]) -> list[str]:
+    return [info.alias or name for name, info in model.model_fields.items()]
+
+
+def _keys_in_file(location: list[str], text: str) -> list[str]:
+    kept: list[str] = []
+    for part in location:
+        if part.isdigit() or not re.search(rf"(?<![\w-]){re.escape(part)}(?![\w-])", text):
+            break
+        kept.append(part)
+    return kept or location[:1]
+
+
+def _line_of(keys: list[str], text: str) -> int | None:
+    """The line where a key stands, by following the table headers."""
+    table: list[str] = []
+    fallback = None
+    for number, line in enumerate(text.splitlines(), start=1):
+        stripped = line.strip()
+        header = re.match(r"^\[\s*([^\[\]]+?)\s*\]", stripped)
+        if header:
+            table = [part.strip().strip("\"'") for part in header.group(1).split(".")]
+            if table == keys:
+                return number
+            if table[: len(keys)] == keys and fallback is None:
+                fallback = number
+            continue
+        assigned = re.match(r"^([\w.\"'-]+)\s*=", stripped)
+        if assigned:
+            parts = [part.strip("\"'") for part in assigned.group(1).split(".")]
+            if table + parts == keys:
+                return number
+    return fallback
+
+
+TIME_BASES: tuple[str, ...] = get_args(TimeBase)
