@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from automap.errors import InputError
+from automap.io.atomic import atomic_path
 from automap.records import Sign
 
 COVARIANCE_COLUMNS = (
@@ -58,12 +58,8 @@ def write_signs(path: Path, signs: Sequence[Sign]) -> None:
             [np.asarray(s.detection_rows, np.int64).tolist() for s in signs], pa.list_(whole)
         ),
     }
-    temporary = path.with_name(path.name + ".tmp")
-    try:
+    with atomic_path(path) as temporary:
         pq.write_table(pa.table(columns), temporary)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def read_signs(path: Path) -> list[Sign]:

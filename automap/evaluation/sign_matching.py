@@ -1,0 +1,151 @@
+"""One-to-one matching of located signs with truth, and the figures it gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.records import FloatArray, IntArray
+
+GATES_M = (1.0, 2.0, 3.0, 5.0, 6.0, 10.0)
+PAIR_GATE_M = 15.0
+"""Errors, coverage and class accuracy are taken over the pairs within this distance."""
+
+_CHI2_95_2D = -2.0 * np.log(0.05)
+
+
+@dataclass(frozen=True)
+class SignPoints:
+    """Positions of signs [n], with what is known of their uncertainty.
+
+    ``cov_en`` [n, 2, 2] east and north, square metres (NaN unknown); ``sd_m`` [n] one sigma
+    per horizontal axis of a truth's own error (zero when the source gives none).
+    """
+
+    lat_rad: FloatArray
+    lon_rad: FloatArray
+    class_name: npt.NDArray[np.object_]
+    cov_en: FloatArray
+    sd_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.lat_rad)
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Matched pairs: rows of the estimate and of the truth, and their distance in metres."""
+
+    estimate: IntArray
+    truth: IntArray
+    distance_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.estimate)
+
+
+def _on_ellipsoid(points: SignPoints) -> FloatArray:
+    """ECEF [n, 3] at height zero: chords are horizontal distances, at the date line too."""
+    import pymap3d
+
+    zero = np.zeros(len(points))
+    return np.column_stack(pymap3d.geodetic2ecef(points.lat_rad, points.lon_rad, zero, deg=False))
+
+
+def match(estimate: SignPoints, truth: SignPoints, gate_m: float) -> Pairs:
+    """Match one to one within ``gate_m``, class-blind (Hungarian method).
+
+    A sign left over costs as much as a pair at the gate, so that two poor pairs are not
+    preferred to one good one. Distances are horizontal. Far-apart groups of signs are solved
+    on their own, which keeps a whole city affordable.
+    """
+    if len(estimate) == 0 or len(truth) == 0:
+        nothing = np.zeros(0, np.int64)
+        return Pairs(nothing, nothing.copy(), np.zeros(0))
+    from scipy.optimize import linear_sum_assignment
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    near = cKDTree(_on_ellipsoid(estimate)).sparse_distance_matrix(
+        cKDTree(_on_ellipsoid(truth)), gate_m, output_type="coo_matrix"
+    )
+    total = len(estimate) + len(truth)
+    links = coo_array(
+        (np.ones(near.nnz), (near.row, near.col + len(estimate))), shape=(total, total)
+    )
+    _, label = connected_components(links, directed=False)
+    group = label[near.row]
+    order = np.argsort(group, kind="stable")
+    edges = np.split(order, np.flatnonzero(np.diff(group[order])) + 1) if near.nnz else []
+    found: list[tuple[int, int, float]] = []
+    for chosen in edges:
+        rows, row_index = np.unique(near.row[chosen], return_inverse=True)
+        columns, column_index = np.unique(near.col[chosen], return_inverse=True)
+        cost = np.full((len(rows), len(columns)), gate_m)
+        cost[row_index, column_index] = near.data[chosen]
+        within = np.zeros(cost.shape, np.bool_)
+        within[row_index, column_index] = True
+        for i, j in zip(*linear_sum_assignment(cost), strict=True):
+            if within[i, j]:
+                found.append((int(rows[i]), int(columns[j]), float(cost[i, j])))
+    found.sort()
+    return Pairs(
+        np.array([p[0] for p in found], np.int64),
+        np.array([p[1] for p in found], np.int64),
+        np.array([p[2] for p in found], np.float64),
+    )
+
+
+def _coverage95(estimate: SignPoints, truth: SignPoints, pairs: Pairs) -> float | None:
+    """Share of pairs whose error lies inside the 95 % ellipse of covariance plus truth error."""
+    import pymap3d
+
+    i, j = pairs.estimate, pairs.truth
+    covariance = estimate.cov_en[i] + truth.sd_m[j, None, None] ** 2 * np.eye(2)
+    known = np.isfinite(covariance).all(axis=(1, 2))
+    if not known.any():
+        return None
+    zero = np.zeros(len(pairs))
+    east, north, _ = pymap3d.geodetic2enu(
+        *(estimate.lat_rad[i], estimate.lon_rad[i], zero),
+        *(truth.lat_rad[j], truth.lon_rad[j], zero),
+        deg=False,
+    )
+    error = np.column_stack([east, north])[known]
+    a, b, c = covariance[known, 0, 0], covariance[known, 0, 1], covariance[known, 1, 1]
+    determinant = a * c - b * b
+    numerator = c * error[:, 0] ** 2 - 2 * b * error[:, 0] * error[:, 1] + a * error[:, 1] ** 2
+    return float(np.mean(numerator <= _CHI2_95_2D * determinant))
+
+
+def summarise_signs(estimate: SignPoints, truth: SignPoints) -> dict[str, Any]:
+    """The ``signs`` section of ``evaluation.json``.
+
+    Recall is over all truth signs, precision over all estimated ones; a share of nothing is
+    None. Errors, coverage and class accuracy are over the pairs within PAIR_GATE_M.
+    """
+    gates: dict[str, dict[str, float | None]] = {}
+    for gate in GATES_M:
+        n = len(match(estimate, truth, gate))
+        gates[f"{gate:g}"] = {
+            "recall": n / len(truth) if len(truth) else None,
+            "precision": n / len(estimate) if len(estimate) else None,
+        }
+    pairs = match(estimate, truth, PAIR_GATE_M)
+    some = len(pairs) > 0
+    same = estimate.class_name[pairs.estimate] == truth.class_name[pairs.truth]
+    return {
+        "gates": gates,
+        "median_error_m": float(np.median(pairs.distance_m)) if some else None,
+        "mean_error_m": float(np.mean(pairs.distance_m)) if some else None,
+        "p95_error_m": float(np.percentile(pairs.distance_m, 95)) if some else None,
+        "coverage95": _coverage95(estimate, truth, pairs) if some else None,
+        "class_accuracy": float(np.mean(same)) if some else None,
+        "n_truth": len(truth),
+        "n_estimated": len(estimate),
+        "n_pairs": len(pairs),
+    }

@@ -1,0 +1,156 @@
+"""Pose of a trajectory at any time between its rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.records import FloatArray, IntArray, Trajectory
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses at requested times, one row each.
+
+    ``lat_rad``, ``lon_rad``, ``height_m`` [n], ``vel_ned`` [n, 3], ``rpy`` [n, 3] rad and
+    the sds as in ``records.Trajectory``; everything is NaN where ``covered`` [n] is False.
+    ``gap_s`` [n] is the length of the interval between the two rows around the time: an
+    interval much longer than the usual one means that the sensors were silent there.
+    """
+
+    lat_rad: FloatArray
+    lon_rad: FloatArray
+    height_m: FloatArray
+    vel_ned: FloatArray
+    rpy: FloatArray
+    sd_pos_ned: FloatArray
+    sd_vel_ned: FloatArray
+    sd_rpy: FloatArray
+    covered: npt.NDArray[np.bool_]
+    gap_s: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.lat_rad)
+
+
+def poses_at(trajectory: Trajectory, t_ns: IntArray, max_gap_s: float = 3.0) -> Poses:
+    """Poses at host stamps ``t_ns`` [n].
+
+    Position is a cubic Hermite through the neighbouring rows and their velocities (a
+    straight line where a velocity is unknown), attitude turns at a constant rate between
+    them, the rest is linear. Times before the first row, after the last or inside a gap
+    longer than ``max_gap_s`` are not covered.
+    """
+    seconds, query = _relative_seconds(trajectory.t_ns, np.asarray(t_ns, np.int64))
+    return _interpolate(trajectory, seconds, query, max_gap_s)
+
+
+def poses_at_gps(trajectory: Trajectory, gps_s: FloatArray, max_gap_s: float = 3.0) -> Poses:
+    """The same as ``poses_at`` at GPS times ``gps_s`` [n]."""
+    base = trajectory.gps_s[0] if len(trajectory) else 0.0
+    return _interpolate(
+        trajectory, trajectory.gps_s - base, np.asarray(gps_s, np.float64) - base, max_gap_s
+    )
+
+
+def _relative_seconds(t_ns: IntArray, query_ns: IntArray) -> tuple[FloatArray, FloatArray]:
+    base = t_ns[0] if len(t_ns) else np.int64(0)
+    return (t_ns - base) * 1e-9, (query_ns - base) * 1e-9
+
+
+def _interpolate(
+    trajectory: Trajectory, times: FloatArray, query: FloatArray, max_gap_s: float
+) -> Poses:
+    n_rows, n = len(times), len(query)
+    if n_rows < 2:
+        one, three = np.full(n, np.nan), np.full((n, 3), np.nan)
+        none = np.zeros(n, np.bool_)
+        return Poses(one, one, one, three, three, three, three, three, covered=none, gap_s=one)
+    tolerance = 1e-6  # GPS seconds near 1.4e9 resolve a quarter of a microsecond
+    left = np.clip(np.searchsorted(times, query, side="right") - 1, 0, n_rows - 2)
+    right = left + 1
+    gap = times[right] - times[left]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fraction = np.where(gap > 0.0, (query - times[left]) / gap, 0.0)
+    covered = (
+        (query >= times[0] - tolerance) & (query <= times[-1] + tolerance) & np.isfinite(query)
+    )
+    # A time that falls on a row needs no neighbour, however long the gap beside it.
+    on_row = (np.abs(query - times[left]) <= tolerance) | (
+        np.abs(query - times[right]) <= tolerance
+    )
+    covered &= (gap <= max_gap_s) | on_row
+    fraction = np.clip(np.nan_to_num(fraction), 0.0, 1.0)
+
+    lon = np.unwrap(trajectory.lon_rad)
+    north_rad, east_rad = _metres_to_radians(trajectory, left)
+    rate = np.column_stack([north_rad, east_rad, -np.ones(n)])
+    start, end = (
+        np.column_stack([trajectory.lat_rad[k], lon[k], trajectory.height_m[k]])
+        for k in (left, right)
+    )
+    position = _hermite(
+        start,
+        end,
+        trajectory.vel_ned[left] * rate * gap[:, None],
+        trajectory.vel_ned[right] * rate * gap[:, None],
+        fraction[:, None],
+    )
+
+    def linear(values: FloatArray) -> FloatArray:
+        mixed = values[left] + fraction[:, None] * (values[right] - values[left])
+        return np.where(covered[:, None], mixed, np.nan)
+
+    position[~covered] = np.nan
+    wrapped_lon = (position[:, 1] + np.pi) % (2.0 * np.pi) - np.pi
+    rpy = _slerp(trajectory.rpy[left], trajectory.rpy[right], fraction)
+    rpy[~covered] = np.nan
+    return Poses(
+        lat_rad=position[:, 0],
+        lon_rad=wrapped_lon,
+        height_m=position[:, 2],
+        vel_ned=linear(trajectory.vel_ned),
+        rpy=rpy,
+        sd_pos_ned=linear(trajectory.sd_pos_ned),
+        sd_vel_ned=linear(trajectory.sd_vel_ned),
+        sd_rpy=linear(trajectory.sd_rpy),
+        covered=covered,
+        gap_s=np.where(covered, gap, np.nan),
+    )
+
+
+def _metres_to_radians(trajectory: Trajectory, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Radians of latitude and of longitude per metre north and east at rows [n]."""
+    a, e2 = 6378137.0, 6.69437999014e-3  # WGS-84
+    lat, height = trajectory.lat_rad[rows], np.nan_to_num(trajectory.height_m[rows])
+    w2 = 1.0 - e2 * np.sin(lat) ** 2
+    meridian = a * (1.0 - e2) / w2**1.5
+    normal = a / np.sqrt(w2)
+    return 1.0 / (meridian + height), 1.0 / ((normal + height) * np.cos(lat))
+
+
+def _hermite(
+    start: FloatArray, end: FloatArray, v_start: FloatArray, v_end: FloatArray, u: FloatArray
+) -> FloatArray:
+    """Cubic Hermite [n, k]; a component with an unknown slope becomes a straight line."""
+    chord = end - start
+    known = np.isfinite(v_start) & np.isfinite(v_end)
+    v_start, v_end = np.where(known, v_start, chord), np.where(known, v_end, chord)
+    bend = u * (1.0 - u) * ((1.0 - u) * (v_start - chord) - u * (v_end - chord))
+    return np.asarray(start + u * chord + bend)
+
+
+def _slerp(start: FloatArray, end: FloatArray, fraction: FloatArray) -> FloatArray:
+    """Attitude [n, 3] (roll, pitch, yaw) a fraction of the way along the shortest turn."""
+    from scipy.spatial.transform import Rotation
+
+    known = np.isfinite(start).all(axis=1) & np.isfinite(end).all(axis=1)
+    result = np.full_like(start, np.nan)
+    if known.any():
+        first = Rotation.from_euler("ZYX", start[known][:, ::-1])
+        last = Rotation.from_euler("ZYX", end[known][:, ::-1])
+        step = Rotation.from_rotvec((first.inv() * last).as_rotvec() * fraction[known, None])
+        result[known] = (first * step).as_euler("ZYX")[:, ::-1]
+    return result
