@@ -17,7 +17,9 @@ class StageContext:
     """What a running stage sees.
 
     ``out`` holds what earlier stages wrote (read only); the stage writes into ``work`` and
-    the runner moves the files to ``out`` when the stage has succeeded.
+    the runner moves the files to ``out`` when the stage has succeeded. ``progress(fraction,
+    text)`` may be called at any rate. ``result`` is one short line for the stage table, such
+    as "14 signs, median radius 0.8 m".
     """
 
     drive: Drive
@@ -26,6 +28,7 @@ class StageContext:
     settings: Settings
     warnings: list[str] = field(default_factory=list)
     metrics: dict[str, Any] = field(default_factory=dict)
+    result: str = ""
     progress: Callable[[float, str], None] = lambda fraction, text: None
 
     def warn(self, text: str) -> None:
@@ -41,10 +44,17 @@ class StageContext:
 class Stage:
     """A step of the pipeline.
 
-    ``inputs`` lists the files of the drive that the stage reads, ``needs`` the files in OUT
-    that earlier stages wrote (a missing one is passed over when ``optional``), ``outputs``
-    the files in OUT it may write, ``settings`` the sections of the configuration it uses.
+    ``inputs`` lists the files of the drive that the stage reads (those that do not exist are
+    passed over), ``needs`` the files in OUT that earlier stages wrote, ``outputs`` the files
+    in OUT it may write, ``settings`` the sections of the configuration it uses. A stage must
+    do with a missing need when the drive has nothing to make it from: the runner only sees
+    to it that the stage which would write it has run. ``run.json`` among the needs means
+    that the stage shows what the earlier stages did, and runs after any of them.
+    ``manifest`` names the sections of drive.toml the stage uses, None stands for all.
     ``version`` is raised by hand when the result changes for the same input.
+
+    The module of a stage is imported whenever a run looks whether the stage is up to date:
+    imports that take long belong into the functions.
     """
 
     name: str
@@ -54,3 +64,4 @@ class Stage:
     needs: tuple[str, ...]
     outputs: tuple[str, ...]
     settings: tuple[str, ...] = ()
+    manifest: tuple[str, ...] | None = None

@@ -1,0 +1,89 @@
+"""run.json: what a run was made from and what came out of it."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from automap import __version__
+from automap.io import names
+
+SCHEMA = "automap.run/1"
+
+PACKAGES = (
+    "av",
+    "llvmlite",
+    "numba",
+    "numpy",
+    "opencv-python-headless",
+    "pandas",
+    "pyarrow",
+    "pydantic",
+    "pyogrio",
+    "pyproj",
+    "scipy",
+    "shapely",
+)
+
+
+def utc_now() -> str:
+    """The present time, UTC, ISO 8601 with microseconds."""
+    return datetime.now(UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+
+def read_record(out: Path) -> dict[str, Any]:
+    """The run.json of an earlier run in ``out``; empty when there is none that can be read."""
+    try:
+        record = json.loads((out / names.RUN).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    if not isinstance(record, dict) or record.get("schema") != SCHEMA:
+        return {}
+    return record
+
+
+def new_record(drive: Path, name: str, command: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The head of a record: who runs what, on what, with which versions."""
+    return {
+        "schema": SCHEMA,
+        "automap": __version__,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "packages": _package_versions(),
+        "command": command,
+        "drive": {"name": name, "path": str(drive.resolve())},
+        "status": "running",
+        "started": utc_now(),
+        "settings": dict(settings),
+        "inputs": {},
+        "stages": {},
+        "warnings": [],
+        "metrics": {},
+    }
+
+
+def merge_stages(record: dict[str, Any]) -> None:
+    """Fill the record's own inputs, warnings and metrics from its stages, in their order."""
+    inputs: dict[str, Any] = {}
+    warnings: list[str] = []
+    metrics: dict[str, Any] = {}
+    for stage in record["stages"].values():
+        inputs.update(stage.get("inputs", {}))
+        warnings += [text for text in stage.get("warnings", []) if text not in warnings]
+        metrics.update(stage.get("metrics", {}))
+    record.update(inputs=inputs, warnings=warnings, metrics=metrics)
+
+
+def _package_versions() -> dict[str, str]:
+    versions = {}
+    for name in PACKAGES:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            versions[name] = "missing"
+    return versions

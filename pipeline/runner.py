@@ -1,0 +1,292 @@
+"""Runs the stages of one drive: decides which, runs them in order, keeps the record."""
+
+from __future__ import annotations
+
+import logging
+import shlex
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from automap.errors import AutoMapError, ConfigError, StageError
+from automap.io import names
+from automap.io.atomic import make_folder, write_failure, write_json
+from pipeline.cache import Ingredients, gather, why_run
+from pipeline.digests import DigestCache
+from pipeline.execute import execute, remove_leftovers, work_folder
+from pipeline.lock import locked
+from pipeline.progress import Outcome, Reporter, Silent, StageLine
+from pipeline.run_record import merge_stages, new_record, read_record, utc_now
+from pipeline.stage import Stage, StageContext
+
+if TYPE_CHECKING:
+    from automap.io.drive import Drive
+    from pipeline.config import Settings
+
+LOG_FILE = "automap.log"
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to do with each drive: ``stages`` in order, of which ``selected`` may run."""
+
+    stages: Sequence[Stage]
+    selected: Sequence[str]
+    settings: Settings
+    force: bool = False
+    dry_run: bool = False
+    command: Sequence[str] = ()
+
+
+@dataclass
+class _Run:
+    """The state of one drive's run."""
+
+    request: Request
+    drive: Drive
+    out: Path
+    record: dict[str, Any]
+    digests: DigestCache
+    reporter: Reporter
+    lines: list[StageLine] = field(default_factory=list)
+    ran: list[str] = field(default_factory=list)
+
+    def save(self) -> None:
+        merge_stages(self.record)
+        write_json(self.out / names.RUN, self.record)
+
+    def finish(self, line: StageLine) -> None:
+        self.lines.append(line)
+        self.reporter.stage_finished(line)
+
+
+def run_drive(path: Path, out: Path, request: Request, reporter: Reporter | None = None) -> Outcome:
+    """Run the stages of the drive folder ``path`` that are not up to date in ``out``.
+
+    Every expected failure becomes the outcome's ``error`` and ``exit_code``; only
+    KeyboardInterrupt leaves, after the record has been brought up to date.
+    """
+    reporter = reporter or Silent()
+    reporter.drive_started(path, out)
+    run: _Run | None = None
+    error: AutoMapError | None = None
+    try:
+        with _prepared(path, out, request, reporter) as run:
+            _check_selection(run)
+            _run_stages(run)
+    except AutoMapError as failure:
+        log.error("%s", failure)
+        error = failure
+    outcome = Outcome(
+        drive=path,
+        name=run.drive.name if run else path.resolve().name,
+        out=out,
+        exit_code=error.exit_code if error else 0,
+        error=str(error) if error else None,
+        stages=tuple(run.lines) if run else (),
+        record=run.record if run else {},
+    )
+    reporter.drive_finished(outcome)
+    return outcome
+
+
+@contextmanager
+def _prepared(path: Path, out: Path, request: Request, reporter: Reporter) -> Iterator[_Run]:
+    from automap.io.drive import load_drive
+
+    drive = load_drive(path)
+    if request.dry_run:
+        yield _Run(request, drive, out, read_record(out), DigestCache(out), reporter)
+        return
+    make_folder(out)
+    with locked(out), _logging_to(out / LOG_FILE):
+        earlier = read_record(out)
+        remove_leftovers(out, tuple(stage.name for stage in request.stages))
+        record = new_record(path, drive.name, shlex.join(request.command), request.settings.echo())
+        known = earlier.get("stages", {})
+        for stage in request.stages:
+            if stage.name in known:
+                record["stages"][stage.name] = {**known[stage.name], "ran": False}
+        run = _Run(request, drive, out, record, DigestCache(out), reporter)
+        started = time.perf_counter()
+        record["status"] = "interrupted"
+        try:
+            yield run
+            record["status"] = "done"
+        except AutoMapError as failure:
+            record.update(status="failed", error=str(failure))
+            raise
+        finally:
+            record.update(finished=utc_now(), seconds=round(time.perf_counter() - started, 3))
+            _save_quietly(run)
+
+
+def _save_quietly(run: _Run) -> None:
+    # what ended the run matters more to the user than a record that cannot be written
+    try:
+        run.save()
+        run.digests.save()
+    except AutoMapError as failure:
+        log.error("%s", failure)
+        run.reporter.note(str(failure))
+
+
+def _check_selection(run: _Run) -> None:
+    done = {
+        name
+        for name, stage in run.record.get("stages", {}).items()
+        if stage.get("status") == "done"
+    }
+    producers = _producers(run.request.stages)
+    available = done | set(run.request.selected)
+    for stage in run.request.stages:
+        if stage.name not in run.request.selected:
+            continue
+        for need in stage.needs:
+            producer = producers.get(need, stage.name)
+            if producer not in available:
+                raise ConfigError(
+                    f"stage {stage.name} needs {need} from stage {producer}, which has not run "
+                    f"in {run.out}; leave out --only and --from, or start with --from {producer}"
+                )
+
+
+def _run_stages(run: _Run) -> None:
+    producers = _producers(run.request.stages)
+    records: list[dict[str, Any]] = []
+    for stage in run.request.stages:
+        before = run.record.get("stages", {}).get(stage.name)
+        now = _gather(run, stage, records)
+        reason = why_run(now, before, run.out, run.digests, producers, run.ran)
+        if run.request.dry_run:
+            reason = _cascade(stage, run.ran, producers) or reason
+        if stage.name not in run.request.selected:
+            if reason is not None and before is not None and _is_used(stage, run.request):
+                run.reporter.note(f"stage {stage.name} is out of date, but not selected: {reason}")
+        elif reason is None and not run.request.force:
+            seconds = before.get("seconds") if before else None
+            result = before.get("result", "") if before else ""
+            run.finish(StageLine(stage.name, "kept", "", seconds, result))
+        elif run.request.dry_run:
+            run.finish(StageLine(stage.name, "would run", reason or "--force"))
+            run.ran.append(stage.name)
+        else:
+            _run_stage(run, stage, now, reason or "--force")
+            run.ran.append(stage.name)
+        records.append(run.record.get("stages", {}).get(stage.name, {}))
+
+
+def _run_stage(run: _Run, stage: Stage, now: Ingredients, reason: str) -> None:
+    started = time.perf_counter()
+    context = StageContext(
+        drive=run.drive,
+        out=run.out,
+        work=work_folder(run.out, stage.name),
+        settings=run.request.settings,
+        progress=lambda fraction, text: run.reporter.stage_progress(stage.name, fraction, text),
+    )
+    record: dict[str, Any] = {
+        "status": "running",
+        "ran": True,
+        "reason": reason,
+        "started": utc_now(),
+        **now.as_json(),
+    }
+    run.record["stages"][stage.name] = record
+    run.save()
+    run.reporter.stage_started(stage.name, reason)
+    log.info("stage %s: %s", stage.name, reason)
+
+    def close(state: str) -> StageLine:
+        seconds = time.perf_counter() - started
+        record.update(
+            status="done" if state == "ran" else state,
+            seconds=round(seconds, 3),
+            result=context.result,
+            warnings=list(context.warnings),
+            metrics=dict(context.metrics),
+        )
+        for text in context.warnings:
+            log.warning("stage %s: %s", stage.name, text)
+        log.info("stage %s %s after %.3f s", stage.name, state, seconds)
+        return StageLine(
+            stage.name,
+            state,  # type: ignore[arg-type]
+            reason,
+            seconds,
+            context.result,
+            tuple(context.warnings),
+        )
+
+    try:
+        written = execute(stage, context)
+        record["outputs"] = {
+            name: {
+                "sha256": run.digests.digest(run.out / name),
+                "bytes": (run.out / name).stat().st_size,
+            }
+            for name in written
+        }
+        record["key"] = now.key(stage.name)
+    except AutoMapError as failure:
+        record["error"] = str(failure)
+        run.finish(close("failed"))
+        raise
+    except BaseException:
+        run.finish(close("interrupted"))
+        raise
+    run.finish(close("ran"))
+    run.save()
+
+
+def _gather(run: _Run, stage: Stage, earlier: Sequence[dict[str, Any]]) -> Ingredients:
+    try:
+        return gather(stage, run.drive, run.out, run.request.settings, run.digests, earlier)
+    except OSError as error:
+        raise StageError(
+            f"{error.filename}: cannot be read ({error.strerror}); check the file and its rights"
+        ) from error
+
+
+def _cascade(stage: Stage, ran: Sequence[str], producers: dict[str, str]) -> str | None:
+    if names.RUN in stage.needs and ran:
+        return f"stage {ran[-1]} would run again"
+    sources = [name for name in ran if name in {producers.get(need) for need in stage.needs}]
+    return f"stage {sources[-1]} would run again" if sources else None
+
+
+def _producers(stages: Sequence[Stage]) -> dict[str, str]:
+    return {output: stage.name for stage in stages for output in stage.outputs}
+
+
+def _is_used(stage: Stage, request: Request) -> bool:
+    needed = {n for s in request.stages if s.name in request.selected for n in s.needs}
+    return any(output in needed for output in stage.outputs)
+
+
+@contextmanager
+def _logging_to(path: Path) -> Iterator[None]:
+    try:
+        handler = logging.FileHandler(path, encoding="utf-8", delay=False)
+    except OSError as error:
+        raise write_failure(path, error) from error
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    loggers = [logging.getLogger(name) for name in ("automap", "pipeline", "py.warnings")]
+    levels = [logger.level for logger in loggers]
+    logging.captureWarnings(True)
+    for logger in loggers:
+        logger.setLevel(logging.INFO)
+        logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logging.captureWarnings(False)
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.removeHandler(handler)
+            logger.setLevel(level)
+        handler.close()
