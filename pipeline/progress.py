@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
+from automap.errors import AutoMapError
+
 State = Literal["ran", "kept", "would run", "failed", "interrupted"]
 
 
@@ -29,7 +31,7 @@ class Outcome:
     name: str
     out: Path
     exit_code: int
-    error: str | None = None
+    error: AutoMapError | None = None
     stages: tuple[StageLine, ...] = ()
     record: dict[str, Any] = field(default_factory=dict)
 

@@ -68,8 +68,8 @@ class _Run:
 def run_drive(path: Path, out: Path, request: Request, reporter: Reporter | None = None) -> Outcome:
     """Run the stages of the drive folder ``path`` that are not up to date in ``out``.
 
-    Every expected failure becomes the outcome's ``error`` and ``exit_code``; only
-    KeyboardInterrupt leaves, after the record has been brought up to date.
+    Every failure becomes the outcome's ``error`` and ``exit_code``; only KeyboardInterrupt
+    leaves, after the record has been brought up to date.
     """
     reporter = reporter or Silent()
     reporter.drive_started(path, out)
@@ -80,14 +80,19 @@ def run_drive(path: Path, out: Path, request: Request, reporter: Reporter | None
             _check_selection(run)
             _run_stages(run)
     except AutoMapError as failure:
-        log.error("%s", failure)
         error = failure
+    except Exception as failure:
+        error = StageError(
+            f"{path}: the run failed unexpectedly ({type(failure).__name__}: {failure}); run "
+            "with --debug for the traceback"
+        )
+        error.__cause__ = failure
     outcome = Outcome(
         drive=path,
         name=run.drive.name if run else path.resolve().name,
         out=out,
         exit_code=error.exit_code if error else 0,
-        error=str(error) if error else None,
+        error=error,
         stages=tuple(run.lines) if run else (),
         record=run.record if run else {},
     )
@@ -118,7 +123,8 @@ def _prepared(path: Path, out: Path, request: Request, reporter: Reporter) -> It
         try:
             yield run
             record["status"] = "done"
-        except AutoMapError as failure:
+        except Exception as failure:
+            log.error("%s", failure, exc_info=not isinstance(failure, AutoMapError))
             record.update(status="failed", error=str(failure))
             raise
         finally:
@@ -207,7 +213,7 @@ def _run_stage(run: _Run, stage: Stage, now: Ingredients, reason: str) -> None:
         record.update(
             status="done" if state == "ran" else state,
             seconds=round(seconds, 3),
-            result=context.result,
+            result=context.result or _brief(context.metrics),
             warnings=list(context.warnings),
             metrics=dict(context.metrics),
         )
@@ -219,7 +225,7 @@ def _run_stage(run: _Run, stage: Stage, now: Ingredients, reason: str) -> None:
             state,  # type: ignore[arg-type]
             reason,
             seconds,
-            context.result,
+            record["result"],
             tuple(context.warnings),
         )
 
@@ -242,6 +248,12 @@ def _run_stage(run: _Run, stage: Stage, now: Ingredients, reason: str) -> None:
         raise
     run.finish(close("ran"))
     run.save()
+
+
+def _brief(metrics: dict[str, Any]) -> str:
+    """The first figures of a stage that has put no result into words."""
+    figures = [(k, v) for k, v in metrics.items() if isinstance(v, int | float)]
+    return ", ".join(f"{key} {value:.4g}" for key, value in figures[:3])
 
 
 def _gather(run: _Run, stage: Stage, earlier: Sequence[dict[str, Any]]) -> Ingredients:

@@ -1,0 +1,31 @@
+"""``automap export``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from pipeline.cli.command import Command
+
+_EPILOG = """\b
+Example:
+  automap export data/sample-drive/_automap --format kml
+"""
+
+
+@click.command("export", cls=Command, epilog=_EPILOG, short_help="Write a map in another format.")
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("--format", "form", required=True, metavar="F", help="geojson, kml, gpkg or parquet.")
+@click.option(
+    "-o",
+    "--output",
+    "target",
+    type=click.Path(path_type=Path),
+    help="File to write. Default: the contract's name in OUT.",
+)
+def command(out: Path, form: str, target: Path | None) -> None:
+    """Write the map in OUT in one more format."""
+    from pipeline.export import export_run
+
+    click.echo(str(export_run(out, form, target)))

@@ -1,0 +1,98 @@
+"""The ``automap`` command: subcommands loaded when used, failures turned into exit codes."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+import click
+
+from automap import __version__
+from automap.errors import AutoMapError
+from pipeline.cli.command import show_failure
+
+_COMMANDS = {
+    "run": "pipeline.cli.run",
+    "check": "pipeline.cli.check",
+    "evaluate": "pipeline.cli.evaluate",
+    "export": "pipeline.cli.export",
+    "import": "pipeline.cli.import_drive",
+    "simulate": "pipeline.cli.simulate",
+    "detect": "pipeline.cli.detect",
+}
+
+_EPILOG = """\b
+Example:
+  automap check data/sample-drive
+  automap run data/sample-drive
+
+\b
+Exit codes: 0 done, 2 wrong usage or configuration, 3 bad input data, 4 a stage failed,
+5 a requirement not met, 130 interrupted; with several drives the highest.
+"""
+
+
+class LazyGroup(click.Group):
+    """Imports a subcommand's module when the subcommand is named or listed."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the subcommands, in the order of a user's work."""
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The subcommand of this name, None when there is none."""
+        if cmd_name not in _COMMANDS:
+            return None
+        command: click.Command = importlib.import_module(_COMMANDS[cmd_name]).command
+        return command
+
+
+@click.command(
+    cls=LazyGroup, epilog=_EPILOG, context_settings={"help_option_names": ["-h", "--help"]}
+)
+@click.version_option(__version__, prog_name="automap")
+@click.option("--debug", is_flag=True, help="Show the traceback of an error.")
+def cli(debug: bool) -> None:
+    """Turn recorded drives (IMU, u-blox log, video) into a map of road signs."""
+
+
+def main(args: Sequence[str] | None = None) -> NoReturn:
+    """Run the command line and leave the process with the contract's exit code."""
+    words = list(sys.argv[1:] if args is None else args)
+    sys.exit(run_command(words))
+
+
+def run_command(words: list[str]) -> int:
+    """Run the command line and return the exit code; every failure is told on stderr."""
+    # wanted wherever it stands, also when the failure comes before the parsing
+    debug = "--debug" in words
+    try:
+        result: Any = cli.main(words, prog_name="automap", standalone_mode=False, obj=debug)
+        sys.stdout.flush()
+        return result if isinstance(result, int) else 0
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("interrupted; the same command resumes", err=True)
+        return 130
+    except AutoMapError as error:
+        show_failure(error, debug)
+        return error.exit_code
+    except BrokenPipeError:
+        # the reader (head, less) has gone; keep the interpreter from writing at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        if debug:
+            show_failure(error, debug)
+        else:
+            click.echo(
+                f"error: automap failed unexpectedly ({type(error).__name__}: {error}); run "
+                "with --debug for the traceback",
+                err=True,
+            )
+        return 4

@@ -1,0 +1,100 @@
+"""``automap run``."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pipeline.cli.command import Command, debug_wanted, show_failure
+from pipeline.stages.registry import ORDER
+
+_EPILOG = """\b
+Examples:
+  automap run data/sample-drive
+  automap run drives/* -o maps --set detect.min_score=0.4
+  automap run data/sample-drive --from geolocate --dry-run
+"""
+
+
+@click.command("run", cls=Command, epilog=_EPILOG, short_help="Make the map of one or more drives.")
+@click.argument(
+    "drives", nargs=-1, required=True, metavar="DRIVE...", type=click.Path(path_type=Path)
+)
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Output folder; with several drives it receives one folder each. Default: DRIVE/_automap.",
+)
+@click.option(
+    "--config",
+    type=click.Path(path_type=Path),
+    help="TOML file with settings that replace the defaults.",
+)
+@click.option(
+    "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Replace one setting."
+)
+@click.option("--only", type=click.Choice(ORDER), help="Look at this stage alone.")
+@click.option("--from", "first", type=click.Choice(ORDER), help="Start with this stage.")
+@click.option("--to", "last", type=click.Choice(ORDER), help="End with this stage.")
+@click.option("--force", is_flag=True, help="Run the stages even where nothing has changed.")
+@click.option("--dry-run", is_flag=True, help="Say which stages would run and why; run none.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object at the end.")
+def command(
+    drives: tuple[Path, ...],
+    out: Path | None,
+    config: Path | None,
+    assignments: tuple[str, ...],
+    only: str | None,
+    first: str | None,
+    last: str | None,
+    force: bool,
+    dry_run: bool,
+    quiet: bool,
+    as_json: bool,
+) -> int:
+    """Make the map of one or more drives.
+
+    Runs the stages ingest, sync, fuse, detect, geolocate, export and report. A stage whose
+    inputs and settings have not changed since the last run is kept; why another one runs is
+    said beside it.
+    """
+    from pipeline.batch import run_drives
+    from pipeline.config import load_settings
+    from pipeline.kernel_cache import ensure_kernel_cache
+    from pipeline.progress import Silent
+    from pipeline.runner import Request
+    from pipeline.stages.registry import load_stages, select
+    from pipeline.summary import as_dict
+    from pipeline.terminal import Terminal
+
+    request = Request(
+        selected=select(only, first, last),
+        settings=load_settings(config, assignments),
+        stages=load_stages(),
+        force=force,
+        dry_run=dry_run,
+        command=["automap", *sys.argv[1:]],
+    )
+    signal.signal(signal.SIGTERM, _interrupt)
+    ensure_kernel_cache()
+    reporter = Silent() if quiet or as_json else Terminal()
+    outcomes = run_drives(drives, out, request, reporter)
+    for outcome in outcomes:
+        if outcome.error is not None:
+            show_failure(outcome.error, debug_wanted())
+    code = max(outcome.exit_code for outcome in outcomes)
+    if as_json:
+        summary = {"exit_code": code, "drives": [as_dict(outcome) for outcome in outcomes]}
+        click.echo(json.dumps(summary, indent=1, ensure_ascii=False))
+    return code
+
+
+def _interrupt(signum: int, frame: Any) -> None:
+    raise KeyboardInterrupt

@@ -1,0 +1,104 @@
+"""A run on the terminal: one line per stage, progress for those that take long."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from pipeline.progress import Outcome, StageLine
+from pipeline.summary import summary_lines
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+_COLOURS = {
+    "ran": "green",
+    "kept": "blue",
+    "would run": "yellow",
+    "failed": "red",
+    "interrupted": "red",
+}
+_PATIENCE_S = 0.5
+"""A stage shorter than this shows no progress bar."""
+
+
+class Terminal:
+    """Prints the events of a run to stdout."""
+
+    def __init__(self) -> None:
+        self._bar: Progress | None = None
+        self._task: TaskID | None = None
+        self._started = 0.0
+
+    def drive_started(self, drive: Path, out: Path) -> None:
+        """Name the drive and where its results go."""
+        click.echo(f"{drive} -> {out}")
+
+    def stage_started(self, name: str, reason: str) -> None:
+        """Start the clock of the stage."""
+        self._started = time.monotonic()
+
+    def stage_progress(self, name: str, fraction: float, text: str) -> None:
+        """Show the bar once the stage has taken a while, on a terminal only."""
+        if not sys.stdout.isatty():
+            return
+        if self._bar is None:
+            if time.monotonic() - self._started < _PATIENCE_S:
+                return
+            self._open(name)
+        if self._bar is not None and self._task is not None:
+            share = min(max(fraction, 0.0), 1.0)
+            self._bar.update(self._task, completed=share, note=text)
+
+    def stage_finished(self, line: StageLine) -> None:
+        """Print the stage's line: state, time, result, why it ran, its warnings."""
+        self.close()
+        state = click.style(f"{line.state:<9}", fg=_COLOURS[line.state])
+        seconds = f"{line.seconds:7.1f} s" if line.seconds is not None else " " * 9
+        reason = click.style(f"({line.reason})", dim=True) if line.reason else ""
+        parts = [f"  {line.name:<10}{state} {seconds}", line.result, reason]
+        click.echo("  ".join(part for part in parts if part).rstrip())
+        for text in line.warnings:
+            click.echo(click.style("    warning: ", fg="yellow") + text)
+
+    def note(self, text: str) -> None:
+        """Print a sentence about the run."""
+        self.close()
+        click.echo(click.style("  note: ", fg="yellow") + text)
+
+    def drive_finished(self, outcome: Outcome) -> None:
+        """Print the summary of a drive that is done."""
+        self.close()
+        for text in summary_lines(outcome):
+            click.echo(text)
+
+    def _open(self, name: str) -> None:
+        from rich.progress import (
+            BarColumn,
+            Progress,
+            TaskProgressColumn,
+            TextColumn,
+            TimeRemainingColumn,
+        )
+
+        self._bar = Progress(
+            TextColumn("  {task.description:<10}"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[note]}", markup=False),
+            transient=True,
+        )
+        self._bar.start()
+        self._task = self._bar.add_task(name, total=1.0, note="")
+
+    def close(self) -> None:
+        """Take the progress bar away."""
+        if self._bar is not None:
+            self._bar.stop()
+        self._bar = None
+        self._task = None
