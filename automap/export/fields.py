@@ -1,0 +1,49 @@
+"""The data dictionary of a sign: each field's name, type, unit and meaning, in file order.
+
+Every format writes these fields under these names, and the report shows these meanings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["text", "integer", "real", "time", "list"]
+
+
+@dataclass(frozen=True)
+class Field:
+    """One property of a sign. ``decimals`` is how many are worth writing (None: 6 digits)."""
+
+    name: str
+    kind: Kind
+    unit: str
+    meaning: str
+    decimals: int | None = None
+
+
+SIGN_FIELDS: tuple[Field, ...] = (
+    Field("id", "text", "", "name of the sign within this map"),
+    Field("class", "text", "", "class of the sign face"),
+    Field("confidence", "real", "", "belief that the sign exists and is of this class, 0 to 1", 3),
+    Field("n_views", "integer", "", "number of frames that the position rests on"),
+    Field("first_seen", "time", "UTC", "time of the first sighting"),
+    Field("last_seen", "time", "UTC", "time of the last sighting"),
+    Field("height_above_road_m", "real", "m", "height of the face's centre above the road", 2),
+    Field("facing_deg", "real", "deg", "direction the face looks, clockwise from north", 1),
+    Field("size_m", "real", "m", "height of the face", 2),
+    Field("side", "text", "", "side of the road in the direction of travel"),
+    Field("cov_ee_m2", "real", "m^2", "variance of the position east, trajectory included"),
+    Field("cov_en_m2", "real", "m^2", "covariance of east and north, trajectory included"),
+    Field("cov_nn_m2", "real", "m^2", "variance of the position north, trajectory included"),
+    Field("sd_u_m", "real", "m", "standard deviation of the height, trajectory included", 3),
+    Field("ce95_m", "real", "m", "radius that holds the position with 95 % probability", 3),
+    Field("drives", "list", "", "drives that saw the sign"),
+    Field("status", "text", "", "ok, or what weakens the position"),
+)
+
+STAMP_FIELDS: tuple[Field, ...] = (
+    Field("first_seen_t_ns", "integer", "ns", "host clock at the first sighting"),
+    Field("last_seen_t_ns", "integer", "ns", "host clock at the last sighting"),
+)
+"""Extra columns of the tabular formats, where a time column cannot hold a host stamp."""

@@ -1,0 +1,286 @@
+"""``map.kml``: signs and the timed track as OGC KML 2.2 with Google's gx:Track.
+
+Elements stand in the order of the OGC schema. Altitudes in KML are above mean sea level:
+they are absolute when the height of the geoid over the ellipsoid is known, otherwise
+everything is clamped to the ground. Nothing refers to the network.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Iterator
+from typing import Any
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from automap.export.clock import iso_texts
+from automap.export.fields import SIGN_FIELDS, Field
+from automap.export.geojson import json_tokens
+from automap.export.path import Path, split_at_date_line
+from automap.export.sign_columns import SignColumns, ellipse_rings
+from automap.records import FloatArray
+
+_ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_KML_TYPES = {"real": "double", "integer": "int", "text": "string", "time": "string"}
+
+CLASS_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#6a3d9a")
+"""Colours that colour-blind eyes tell apart (Okabe and Ito), handed to classes in turn."""
+
+
+def class_colours(names: list[str]) -> dict[str, str]:
+    """A colour for each class, by the order of the sorted names."""
+    return {
+        name: CLASS_COLOURS[i % len(CLASS_COLOURS)] for i, name in enumerate(sorted(set(names)))
+    }
+
+
+def map_kml(
+    name: str,
+    columns: SignColumns,
+    path: Path | None,
+    sign_geoid_m: FloatArray | None = None,
+    path_geoid_m: FloatArray | None = None,
+) -> str:
+    """The text of the document ``name``.
+
+    ``sign_geoid_m`` and ``path_geoid_m`` are the heights of the geoid above the ellipsoid at
+    the signs and at the points of the path; None or NaN where unknown. Without UTC the path
+    is a line without times.
+    """
+    return "\n".join(_document(name, columns, path, sign_geoid_m, path_geoid_m)) + "\n"
+
+
+def xml_text(value: Any) -> str:
+    """Text for an element: markup escaped, characters that XML 1.0 forbids replaced."""
+    return escape(_ILLEGAL.sub("\ufffd", str(value)))
+
+
+def _document(
+    name: str,
+    columns: SignColumns,
+    path: Path | None,
+    sign_geoid: FloatArray | None,
+    path_geoid: FloatArray | None,
+) -> Iterator[str]:
+    colours = class_colours(columns.values["class"])
+    style_of = {cls: f"class-{number}" for number, cls in enumerate(colours)}
+    yield '<?xml version="1.0" encoding="UTF-8"?>'
+    yield (
+        '<kml xmlns="http://www.opengis.net/kml/2.2"'
+        ' xmlns:gx="http://www.google.com/kml/ext/2.2"><Document>'
+    )
+    yield f"<name>{xml_text(name)}</name><open>1</open>"
+    yield from _look_at(columns, path)
+    for cls, style in style_of.items():
+        yield _sign_style(style, colours[cls])
+    yield _line_style("track", "#1f6feb", 3)
+    yield _line_style("ellipse", "#444444", 1, fill="#888888")
+    yield _schema()
+    yield "<Folder><name>Signs</name><open>0</open>"
+    yield from _signs(columns, style_of, sign_geoid)
+    yield "</Folder>"
+    yield "<Folder><name>95 % ellipses</name><visibility>0</visibility>"
+    yield from _ellipses(columns)
+    yield "</Folder>"
+    if path is not None and len(path):
+        yield from _track(path, path_geoid)
+    yield "</Document></kml>"
+
+
+def _look_at(columns: SignColumns, path: Path | None) -> Iterator[str]:
+    if path is not None and len(path):
+        lon, lat = path.lon_deg, path.lat_deg
+    else:
+        lon, lat = columns.lon_deg[columns.located], columns.lat_deg[columns.located]
+    if len(lon) == 0:
+        return
+    turned = np.mod(lon - lon[0] + 180.0, 360.0) - 180.0
+    middle = float(lon[0] + 0.5 * (turned.min() + turned.max()))
+    middle = (middle + 180.0) % 360.0 - 180.0
+    height = float(lat.max() - lat.min())
+    width = float(turned.max() - turned.min()) * float(np.cos(np.radians(lat.mean())))
+    reach = max(300.0, 111_000.0 * max(height, width) * 1.5)
+    yield (
+        f"<LookAt><longitude>{middle:.7f}</longitude>"
+        f"<latitude>{0.5 * float(lat.min() + lat.max()):.7f}</latitude><altitude>0</altitude>"
+        f"<heading>0</heading><tilt>0</tilt><range>{reach:.0f}</range></LookAt>"
+    )
+
+
+def _colour(rgb: str, alpha: str = "ff") -> str:
+    """``#rrggbb`` in KML's order, alpha, blue, green, red."""
+    return alpha + rgb[5:7] + rgb[3:5] + rgb[1:3]
+
+
+def _sign_style(style: str, colour: str) -> str:
+    # the balloon shows the description alone: values in it are escaped as HTML
+    return (
+        f"<Style id={quoteattr(style)}><IconStyle><color>{_colour(colour)}</color>"
+        "<scale>0.9</scale></IconStyle><LabelStyle><scale>0.7</scale></LabelStyle>"
+        "<BalloonStyle><text>$[description]</text></BalloonStyle></Style>"
+    )
+
+
+def _line_style(style: str, colour: str, width: int, fill: str | None = None) -> str:
+    polygon = "" if fill is None else f"<PolyStyle><color>{_colour(fill, '40')}</color></PolyStyle>"
+    return (
+        f'<Style id="{style}"><LineStyle><color>{_colour(colour)}</color>'
+        f"<width>{width}</width></LineStyle>{polygon}</Style>"
+    )
+
+
+def _schema() -> str:
+    fields = "".join(
+        f'<SimpleField name="{field.name}" type="{_KML_TYPES.get(field.kind, "string")}">'
+        f"<displayName>{xml_text(_label(field))}</displayName></SimpleField>"
+        for field in SIGN_FIELDS
+    )
+    return f'<Schema name="sign" id="sign">{fields}</Schema>'
+
+
+def _label(field: Field) -> str:
+    return f"{field.meaning} ({field.unit})" if field.unit else field.meaning
+
+
+def _plain_values(columns: SignColumns) -> list[list[str | None]]:
+    """Every field as plain text, None where unknown; one list a field."""
+    texts: list[list[str | None]] = []
+    for field in SIGN_FIELDS:
+        values = columns.values[field.name]
+        if field.kind in ("real", "integer"):
+            tokens = json_tokens(field, values)
+            texts.append([None if token == "null" else token for token in tokens])
+        elif field.kind == "list":
+            texts.append([", ".join(value) or None for value in values])
+        else:
+            texts.append([None if value in (None, "") else str(value) for value in values])
+    return texts
+
+
+def _altitude(geoid: FloatArray | None, height: FloatArray) -> FloatArray:
+    if geoid is None:
+        return np.full(len(height), np.nan)
+    return np.asarray(height - geoid, np.float64)
+
+
+def _signs(
+    columns: SignColumns, style_of: dict[str, str], geoid: FloatArray | None
+) -> Iterator[str]:
+    rows = list(zip(*_plain_values(columns), strict=True))
+    altitude = _altitude(geoid, columns.height_m).tolist()
+    located = columns.located.tolist()
+    classes = columns.values["class"]
+    positions = zip(columns.lon_deg.tolist(), columns.lat_deg.tolist(), strict=True)
+    for number, (lon, lat) in enumerate(positions):
+        data = "".join(
+            f'<SimpleData name="{field.name}">{xml_text(value)}</SimpleData>'
+            for field, value in zip(SIGN_FIELDS, rows[number], strict=True)
+            if value is not None
+        )
+        point = _point(lon, lat, altitude[number]) if located[number] else ""
+        yield (
+            f"<Placemark><name>{xml_text(columns.values['id'][number])}</name>"
+            f"<snippet/><description>{xml_text(_balloon(classes[number], rows[number]))}"
+            f"</description><styleUrl>#{style_of[classes[number]]}</styleUrl>"
+            f'<ExtendedData><SchemaData schemaUrl="#sign">{data}</SchemaData></ExtendedData>'
+            f"{point}</Placemark>"
+        )
+
+
+def _point(lon: float, lat: float, altitude: float) -> str:
+    if np.isfinite(altitude):
+        return (
+            "<Point><altitudeMode>absolute</altitudeMode>"
+            f"<coordinates>{lon:.7f},{lat:.7f},{altitude:.2f}</coordinates></Point>"
+        )
+    return (
+        "<Point><altitudeMode>clampToGround</altitudeMode>"
+        f"<coordinates>{lon:.7f},{lat:.7f}</coordinates></Point>"
+    )
+
+
+def _balloon(class_name: str, values: tuple[str | None, ...]) -> str:
+    """HTML of the balloon; hostile text in a value stays text.
+
+    The dollar sign is spelled as an entity, else ``$[...]`` in a value would be replaced by
+    another field.
+    """
+
+    def safe(text: str) -> str:
+        return html.escape(_ILLEGAL.sub("\ufffd", text)).replace("$", "&#36;")
+
+    cells = "".join(
+        f"<tr><td>{safe(_label(field))}</td><td>{safe(value)}</td></tr>"
+        for field, value in zip(SIGN_FIELDS, values, strict=True)
+        if value is not None
+    )
+    return f"<h3>{safe(class_name)}</h3><table>{cells}</table>"
+
+
+def _ellipses(columns: SignColumns) -> Iterator[str]:
+    if len(columns) == 0:
+        return
+    rings = ellipse_rings(columns)
+    drawable = columns.located & np.isfinite(rings).all(axis=(1, 2))
+    for number in np.flatnonzero(drawable).tolist():
+        polygons = "".join(_polygons(rings[number]))
+        yield (
+            f"<Placemark><name>{xml_text(columns.values['id'][number])}</name>"
+            "<visibility>0</visibility><styleUrl>#ellipse</styleUrl>"
+            f"<MultiGeometry>{polygons}</MultiGeometry></Placemark>"
+        )
+
+
+def _polygons(ring: FloatArray) -> Iterator[str]:
+    # longitudes must stay in -180..180, so a ring on the date line becomes two
+    for turn in (-360.0, 0.0, 360.0):
+        lon = np.clip(ring[:, 0] + turn, -180.0, 180.0)
+        if lon.min() == lon.max() and abs(lon[0]) == 180.0:
+            continue
+        corners = " ".join(
+            f"{x:.7f},{y:.7f}" for x, y in zip(lon.tolist(), ring[:, 1].tolist(), strict=True)
+        )
+        yield (
+            "<Polygon><altitudeMode>clampToGround</altitudeMode><outerBoundaryIs><LinearRing>"
+            f"<coordinates>{corners}</coordinates></LinearRing></outerBoundaryIs></Polygon>"
+        )
+
+
+def _track(path: Path, geoid: FloatArray | None) -> Iterator[str]:
+    altitude = _altitude(geoid, path.height_m)
+    absolute = bool(np.isfinite(altitude).all())
+    mode = "absolute" if absolute else "clampToGround"
+    altitudes = np.where(np.isfinite(altitude), altitude, 0.0) if absolute else 0 * altitude
+    altitudes = np.nan_to_num(altitudes)
+    head = f"<altitudeMode>{mode}</altitudeMode>"
+    yield "<Folder><name>Trajectory</name>"
+    if np.isnat(path.utc).any():
+        for run in split_at_date_line(path.lon_deg):
+            corners = " ".join(
+                f"{lon:.7f},{lat:.7f},{alt:.2f}"
+                for lon, lat, alt in zip(
+                    path.lon_deg[run].tolist(),
+                    path.lat_deg[run].tolist(),
+                    altitudes[run].tolist(),
+                    strict=True,
+                )
+            )
+            yield (
+                "<Placemark><name>Track</name><styleUrl>#track</styleUrl><LineString>"
+                f"{head}<coordinates>{corners}</coordinates></LineString></Placemark>"
+            )
+    else:
+        yield f"<Placemark><name>Track</name><styleUrl>#track</styleUrl><gx:Track>{head}"
+        yield from (f"<when>{when}</when>" for when in iso_texts(path.utc))
+        for lon, lat, alt in zip(
+            path.lon_deg.tolist(), path.lat_deg.tolist(), altitudes.tolist(), strict=True
+        ):
+            yield f"<gx:coord>{lon:.7f} {lat:.7f} {alt:.2f}</gx:coord>"
+        rpy = np.nan_to_num(path.rpy_deg)
+        for roll, pitch, yaw in rpy.tolist():
+            # heading, tilt, roll
+            yield f"<gx:angles>{yaw % 360.0:.2f} {pitch:.2f} {roll:.2f}</gx:angles>"
+        yield "</gx:Track></Placemark>"
+    yield "</Folder>"

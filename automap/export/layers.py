@@ -1,0 +1,186 @@
+"""The map as layers of features: geometry as WKB and columns, for any GIS format."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.export.clock import utc_of_stamps
+from automap.export.fields import SIGN_FIELDS, STAMP_FIELDS
+from automap.export.path import Path, split_at_date_line
+from automap.export.sign_columns import SignColumns, ellipse_rings, wrap_degrees
+from automap.records import ClockModel, Trajectory
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+WkbArray = npt.NDArray[np.object_]
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Features [n] of one kind. ``wkb`` holds bytes or None, longitude before latitude.
+
+    ``columns`` are numpy arrays [n]: int64, float64, bool, datetime64[ms] (UTC) or objects
+    that are text or None; ``missing`` marks the unknown entries of integer columns.
+    """
+
+    name: str
+    geometry_type: str
+    wkb: WkbArray
+    columns: dict[str, npt.NDArray[Any]]
+    missing: dict[str, npt.NDArray[np.bool_]]
+
+    def __len__(self) -> int:
+        return len(self.wkb)
+
+
+def sign_layer(columns: SignColumns) -> Layer:
+    """Signs as points with ellipsoidal height, all fields of the data dictionary.
+
+    The two times are UTC (null without a known clock); the host stamps stand beside them.
+    """
+    return _of_signs("signs", "Point Z", point_wkb(columns), columns)
+
+
+def ellipse_layer(columns: SignColumns) -> Layer:
+    """The 95 % ellipses of the horizontal position as polygons, with the signs' fields."""
+    import shapely
+
+    wkb = np.full(len(columns), None, object)
+    if len(columns):
+        rings = ellipse_rings(columns)
+        drawable = columns.located & np.isfinite(rings).all(axis=(1, 2))
+        wkb[drawable] = shapely.to_wkb(shapely.polygons(rings[drawable]))
+    return _of_signs("ellipses", "Polygon", wkb, columns)
+
+
+def _of_signs(name: str, geometry_type: str, wkb: WkbArray, columns: SignColumns) -> Layer:
+    arrays: dict[str, npt.NDArray[Any]] = {}
+    missing: dict[str, npt.NDArray[np.bool_]] = {}
+    for field in (*SIGN_FIELDS, *STAMP_FIELDS):
+        values = columns.values[field.name]
+        if field.kind == "real":
+            arrays[field.name] = np.asarray(values, np.float64)
+        elif field.kind == "integer":
+            unknown = np.array([value is None for value in values], bool)
+            arrays[field.name] = np.array([value or 0 for value in values], np.int64)
+            missing[field.name] = unknown
+        elif field.kind == "time":
+            texts = values if columns.utc_known else [None] * len(columns)
+            arrays[field.name] = times_of_texts(texts)
+        elif field.kind == "list":
+            arrays[field.name] = _objects([", ".join(value) or None for value in values])
+        else:
+            arrays[field.name] = _objects(values)
+    return Layer(name, geometry_type, wkb, arrays, missing)
+
+
+def times_of_texts(texts: list[str | None]) -> npt.NDArray[np.datetime64]:
+    """ISO texts ending in Z as datetime64[ms]; None becomes NaT."""
+    return np.array([text[:-1] if text else "NaT" for text in texts], "datetime64[ms]")
+
+
+def point_wkb(columns: SignColumns) -> WkbArray:
+    """Positions as WKB points [n], three-dimensional where the height is known, else None."""
+    import shapely
+
+    wkb = np.full(len(columns), None, object)
+    flat = columns.located & ~np.isfinite(columns.height_m)
+    high = columns.located & np.isfinite(columns.height_m)
+    lon, lat, height = columns.lon_deg, columns.lat_deg, columns.height_m
+    wkb[flat] = shapely.to_wkb(shapely.points(lon[flat], lat[flat]))
+    wkb[high] = shapely.to_wkb(shapely.points(lon[high], lat[high], height[high]), flavor="iso")
+    return wkb
+
+
+def path_layer(path: Path) -> Layer:
+    """The trajectory as one short line from each point of the path to the next.
+
+    So that a GIS can colour it by speed or uncertainty, which are those of a line's start.
+    """
+    import shapely
+
+    starts = np.concatenate(
+        [np.arange(run.start, run.stop - 1) for run in split_at_date_line(path.lon_deg)]
+        or [np.zeros(0, np.int64)]
+    ).astype(np.int64)
+    height = np.nan_to_num(path.height_m)
+    points = np.column_stack([path.lon_deg, path.lat_deg, height])
+    lines = shapely.linestrings(np.stack([points[starts], points[starts + 1]], axis=1))
+    columns: dict[str, npt.NDArray[Any]] = {
+        "t_ns": path.t_ns[starts],
+        "utc": path.utc[starts],
+        "speed_m_s": path.speed_m_s[starts],
+        "roll_deg": path.rpy_deg[starts, 0],
+        "pitch_deg": path.rpy_deg[starts, 1],
+        "yaw_deg": path.rpy_deg[starts, 2],
+        "sd_h_m": path.sd_h_m[starts],
+        "sd_d_m": path.sd_d_m[starts],
+    }
+    wkb = np.asarray(shapely.to_wkb(lines, flavor="iso"), object)
+    return Layer("trajectory", "LineString Z", wkb, columns, {})
+
+
+def observation_layer(
+    table: pa.Table, trajectory: Trajectory | None, clock: ClockModel | None
+) -> Layer:
+    """Detections with all their columns, each placed where the vehicle was.
+
+    Without a trajectory, or outside of it, the geometry is null.
+    """
+    import shapely
+
+    columns: dict[str, npt.NDArray[Any]] = {}
+    missing: dict[str, npt.NDArray[np.bool_]] = {}
+    for name in table.column_names:
+        values, unknown = _column(table.column(name))
+        columns[name] = values
+        if unknown is not None:
+            missing[name] = unknown
+    wkb = np.full(table.num_rows, None, object)
+    if "t_ns" in columns and "t_ns" not in missing:
+        columns["utc"] = utc_of_stamps(columns["t_ns"], clock)
+        if trajectory is not None and len(trajectory) > 1:
+            from automap.interpolation import poses_at
+
+            poses = poses_at(trajectory, columns["t_ns"])
+            there = poses.covered & np.isfinite(poses.lat_rad) & np.isfinite(poses.lon_rad)
+            points = shapely.points(
+                wrap_degrees(np.degrees(poses.lon_rad[there])),
+                np.degrees(poses.lat_rad[there]),
+                np.nan_to_num(poses.height_m[there]),
+            )
+            wkb[there] = shapely.to_wkb(points, flavor="iso")
+    return Layer("observations", "Point Z", wkb, columns, missing)
+
+
+def _column(column: pa.ChunkedArray) -> tuple[npt.NDArray[Any], npt.NDArray[np.bool_] | None]:
+    import pyarrow as pa
+
+    kind = column.type
+    if pa.types.is_floating(kind):
+        return np.asarray(column.to_numpy(), np.float64), None
+    if pa.types.is_boolean(kind) or pa.types.is_integer(kind):
+        unknown = np.asarray(column.is_null().to_numpy(), bool)
+        target: type = bool if pa.types.is_boolean(kind) else np.int64
+        filled = column.fill_null(False if target is bool else 0)
+        return np.asarray(filled.to_numpy(), target), unknown if unknown.any() else None
+    texts = [None if value is None else str(value) for value in column.to_pylist()]
+    return _objects(texts), None
+
+
+def _objects(values: list[Any]) -> npt.NDArray[np.object_]:
+    array = np.empty(len(values), object)
+    array[:] = [_storable(value) for value in values]
+    return array
+
+
+def _storable(text: str | None) -> str | None:
+    # GDAL ends a text at a NUL and cannot encode lone surrogates
+    if text is None:
+        return None
+    return text.replace("\0", "\ufffd").encode("utf-8", "replace").decode("utf-8")

@@ -1,0 +1,129 @@
+"""What the stages of a run left in OUT, read so that anything may be missing or damaged."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from automap.errors import AutoMapError
+from automap.io import names
+from automap.records import ClockModel, Fixes, Sign, Trajectory
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+T = TypeVar("T")
+
+
+@dataclass
+class RunProducts:
+    """Results of one run; None (or an empty table) where a stage wrote nothing.
+
+    ``problems`` holds a sentence for every file that is there and cannot be used.
+    """
+
+    out: Path
+    trajectory: Trajectory | None = None
+    signs: list[Sign] | None = None
+    observations: pa.Table | None = None
+    fixes: Fixes | None = None
+    clock: ClockModel | None = None
+    problems: list[str] = field(default_factory=list)
+
+    def table(self, name: str, required: tuple[str, ...] = ()) -> pa.Table | None:
+        """A Parquet file of OUT, None when it is missing, empty or unreadable."""
+        from automap.io.tables import read_table
+
+        return self.attempt(name, lambda path: read_table(path, required))
+
+    def json(self, name: str) -> dict[str, Any]:
+        """A JSON object of OUT, empty when it is missing or unreadable."""
+
+        def read(path: Path) -> dict[str, Any]:
+            value = json.loads(path.read_text(encoding="utf-8"))
+            if not isinstance(value, dict):
+                raise ValueError("it is no JSON object")
+            return value
+
+        return self.attempt(name, read) or {}
+
+    def attempt(self, name: str, read: Callable[[Path], T]) -> T | None:
+        """What ``read`` makes of a file of OUT; None, with a problem noted, when it cannot."""
+        path = self.out / name
+        if not path.is_file():
+            return None
+        try:
+            return read(path)
+        except (AutoMapError, OSError, ValueError, TypeError, KeyError) as error:
+            self.problems.append(f"{name} is left out: {error}")
+            return None
+
+
+def load_products(out: Path) -> RunProducts:
+    """Read the trajectory, signs, observations, fixes and clock of OUT.
+
+    An adjusted trajectory, where geolocation wrote one, is the one the signs rest on; the map
+    shows it.
+    """
+    from automap.io.signs_table import read_signs
+    from automap.io.tables import read_fixes
+    from automap.io.trajectory_table import read_trajectory
+
+    products = RunProducts(out)
+    for name in (names.TRAJECTORY_ADJUSTED, names.TRAJECTORY):
+        trajectory = products.attempt(name, read_trajectory)
+        if trajectory is not None and len(trajectory):
+            products.trajectory = trajectory
+            break
+    products.signs = products.attempt(names.SIGNS_RAW, read_signs)
+    products.observations = products.table(names.OBSERVATIONS)
+    fixes = products.attempt(names.FIXES, read_fixes)
+    products.fixes = fixes if fixes is not None and len(fixes) else None
+    products.clock = _clock(products)
+    return products
+
+
+def _clock(products: RunProducts) -> ClockModel | None:
+    from automap.export.clock import clock_from_trajectory
+
+    content = products.json(names.SYNC)
+    keys = ("ref_ns", "ref_gps_s", "drift")
+    values = [content.get(key) for key in keys]
+    if all(isinstance(value, int | float) for value in values):
+        return ClockModel(
+            ref_ns=int(content["ref_ns"]),
+            ref_gps_s=float(content["ref_gps_s"]),
+            drift=float(content["drift"]),
+            sd_offset_s=_number(content.get("sd_offset_s")),
+            sd_drift=_number(content.get("sd_drift")),
+            method=str(content.get("method", "")),
+        )
+    if products.trajectory is not None:
+        return clock_from_trajectory(products.trajectory)
+    return None
+
+
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, int | float) else float("nan")
+
+
+def geoid_separation(products: RunProducts, t_ns: np.ndarray) -> np.ndarray | None:
+    """Height in m of the geoid above the ellipsoid at host stamps [n], from the fixes.
+
+    Linear in time between fixes and constant beyond them; None when no fix tells it or the
+    clock is unknown.
+    """
+    fixes, clock = products.fixes, products.clock
+    if fixes is None or clock is None:
+        return None
+    known = np.isfinite(fixes.geoid_sep_m) & np.isfinite(fixes.gps_s)
+    if not known.any():
+        return None
+    order = np.argsort(fixes.gps_s[known], kind="stable")
+    times, separation = fixes.gps_s[known][order], fixes.geoid_sep_m[known][order]
+    return np.interp(clock.gps_s(np.asarray(t_ns, np.int64)), times, separation)
