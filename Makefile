@@ -1,0 +1,42 @@
+# make demo: set up and run the sample drive.   make test: set up and run the fast tests.
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3)
+VENV := .venv
+PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
+INSTALL := $(PIP) install --quiet --no-deps --requirement
+PYTEST_ARGS ?=
+
+.PHONY: demo test slow check clean
+
+demo: $(VENV)/.runtime
+	@$(VENV)/bin/automap run data/sample-drive
+
+test: $(VENV)/.dev
+	@$(VENV)/bin/python -m pytest $(PYTEST_ARGS)
+
+slow: $(VENV)/.dev
+	@$(VENV)/bin/python -m pytest -m slow $(PYTEST_ARGS)
+
+check: $(VENV)/.dev
+	@$(VENV)/bin/ruff check .
+	@$(VENV)/bin/ruff format --check .
+	@$(VENV)/bin/mypy
+
+clean:
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+$(VENV)/.created:
+	@bash .ci/create-venv "$(PYTHON)" $(VENV)
+	@touch $@
+
+# --no-deps: the lock files name every package, so nothing else is let in
+$(VENV)/.runtime: $(VENV)/.created requirements.lock requirements-build.lock pyproject.toml
+	@echo "installing the pinned packages into $(VENV) (once; some 200 MB)"
+	@$(INSTALL) requirements.lock --requirement requirements-build.lock
+	@$(PIP) install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.runtime requirements-dev.lock
+	@echo "installing the pinned test tools into $(VENV) (once)"
+	@$(INSTALL) requirements-dev.lock
+	@touch $@
