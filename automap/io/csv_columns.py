@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from automap.errors import InputError
 from automap.records import FloatArray, IntArray
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 Kind = Literal["int", "float", "text"]
+BoolArray = npt.NDArray[np.bool_]
 
 _NULLS = ["", "nan", "NaN", "NAN", "-nan", "null", "NULL", "None", "NA", "N/A"]
 _INTEGER = r"^\s*[+-]?\d{1,18}\s*$|^\s*[+-]?[1-8]\d{18}\s*$"
@@ -227,20 +229,19 @@ def _careful(
     )
     n_lines = table.num_rows + len(short)
     numbers = np.setdiff1d(np.arange(1, n_lines + 1), [number for number, _ in short])
-    texts = {name: _texts(table.column(name)) for name in layout.names}
+    table = table.combine_chunks()
     blank = np.ones(table.num_rows, dtype=bool)
-    for values in texts.values():
-        blank &= values == ""
+    for name in layout.names:
+        blank &= _empty(table.column(name))
     good = ~blank
     columns: dict[str, np.ndarray] = {}
     for name, kind in wanted.items():
-        columns[name], readable = _convert(texts[present[name]], kind, layout.decimal)
+        columns[name], readable = _convert(table.column(present[name]), kind, layout.decimal)
         good &= readable
     bad = [(number, text) for number, text in short if text.strip()]
-    bad += [
-        (int(numbers[row]), layout.delimiter.join(str(texts[name][row]) for name in layout.names))
-        for row in np.flatnonzero(~good & ~blank)
-    ]
+    for row in np.flatnonzero(~good & ~blank):
+        cells = [_text(table.column(name)[int(row)]) for name in layout.names]
+        bad.append((int(numbers[row]), layout.delimiter.join(cells)))
     bad.sort()
     first = None
     if bad:
@@ -252,45 +253,64 @@ def _careful(
         {name: values[good] for name, values in columns.items()},
         extra,
         bad_rows=len(bad),
-        blank_rows=int(blank.sum()) + len(short) - sum(1 for _, text in short if text.strip()),
+        blank_rows=int(blank.sum()) + sum(1 for _, text in short if not text.strip()),
         first_bad=first,
         line_numbers=layout.header_line + numbers[good],
         header_line=layout.header_line,
     )
 
 
-def _texts(column: pa.ChunkedArray) -> np.ndarray:
-    values = [b"" if v is None else v for v in column.cast("binary").to_pylist()]
-    return np.array([v.decode("utf-8", "replace").strip() for v in values], dtype=object)
+def _text(cell: pa.Scalar) -> str:
+    # bytes that are no UTF-8 must not stop the message about them
+    return str(cell.as_buffer().to_pybytes().decode("utf-8", "replace")) if cell.is_valid else ""
 
 
-def _convert(
-    texts: np.ndarray, kind: Kind, decimal: str
-) -> tuple[np.ndarray, np.ndarray[Any, np.dtype[np.bool_]]]:
+def _empty(column: pa.ChunkedArray) -> BoolArray:
+    import pyarrow.compute as pc
+
+    return np.asarray(pc.equal(pc.binary_length(column), 0).to_numpy(zero_copy_only=False), bool)
+
+
+def _convert(column: pa.ChunkedArray, kind: Kind, decimal: str) -> tuple[np.ndarray, BoolArray]:
+    """A column of texts to its kind, and which cells could be read."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if kind != "text" and decimal == ".":
+        try:
+            trimmed = pc.utf8_trim_whitespace(column)
+            nulls = pc.is_in(trimmed, pa.array(_NULLS))
+            target = pa.int64() if kind == "int" else pa.float64()
+            values = pc.cast(pc.if_else(nulls, pa.scalar(None, pa.string()), trimmed), target)
+        except pa.ArrowInvalid:
+            pass
+        else:
+            missing = np.asarray(values.is_null().to_numpy(zero_copy_only=False), bool)
+            if kind == "int":
+                return values.fill_null(0).to_numpy(), ~missing
+            return _to_numpy(values, kind), np.ones(len(missing), dtype=bool)
+    texts = [_text(cell).strip() for chunk in column.chunks for cell in chunk]
     if kind == "text":
-        return texts, np.ones(len(texts), dtype=bool)
-    if decimal != ".":
-        texts = np.array([text.replace(decimal, ".") for text in texts], dtype=object)
+        return np.array(texts, dtype=object), np.ones(len(texts), dtype=bool)
+    return _parse([text.replace(decimal, ".") for text in texts], kind)
+
+
+def _parse(texts: list[str], kind: Kind) -> tuple[np.ndarray, BoolArray]:
+    """Cell by cell, for a column that has at least one that is no number."""
     readable = np.ones(len(texts), dtype=bool)
-    if kind == "int":
-        integers = np.zeros(len(texts), dtype=np.int64)
-        pattern = re.compile(_INTEGER)
-        for row, text in enumerate(texts):
-            if pattern.match(text):
-                integers[row] = int(text)
-            else:
-                value = _float(text)
-                readable[row] = value is not None and abs(value) < 9e18
-                # stamps with a fraction lose less than a microsecond here
-                integers[row] = round(value) if value is not None and readable[row] else 0
-        return integers, readable
-    floats = np.full(len(texts), np.nan)
+    values = np.zeros(len(texts), dtype=np.int64 if kind == "int" else np.float64)
     for row, text in enumerate(texts):
-        if text not in _NULLS:
-            value = _float(text)
-            readable[row] = value is not None
-            floats[row] = np.nan if value is None else value
-    return floats, readable
+        if kind == "float" and text in _NULLS:
+            values[row] = np.nan
+        elif kind == "int" and re.match(_INTEGER, text):
+            values[row] = int(text)
+        else:
+            number = _float(text)
+            readable[row] = number is not None and (kind == "float" or abs(number) < 9e18)
+            if readable[row] and number is not None:
+                # a stamp with a fraction loses less than a microsecond by way of a float
+                values[row] = number if kind == "float" else round(number)
+    return values, readable
 
 
 def _float(text: str) -> float | None:

@@ -1,0 +1,237 @@
+"""Inertial recordings as CSV, in any unit and axes that a manifest can name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from automap.errors import ConfigError, InputError
+from automap.io.csv_columns import CsvColumns, Kind, read_columns
+from automap.io.drive import Drive
+from automap.io.imu_calibration import ImuCalibration, read_imu_calibration
+from automap.io.sensor_file import STANDARD_GRAVITY, SensorModel, find_sensor, read_sensor
+from automap.io.stamps import StampOrder, find_gaps, order_stamps
+from automap.records import FloatArray, ImuData
+
+_GYRO = ("gx", "gy", "gz")
+_ACCEL = ("ax", "ay", "az")
+_REQUIRED: dict[str, Kind] = {"t_ns": "int", **dict.fromkeys(_GYRO + _ACCEL, "float")}
+_FACTORS = {"rad/s": 1.0, "deg/s": np.pi / 180.0, "m/s^2": 1.0, "g": STANDARD_GRAVITY}
+
+
+@dataclass(frozen=True)
+class ImuFormat:
+    """How the readings of a file are to be understood.
+
+    ``C_vehicle_sensor`` [3, 3] is None for unknown axes. Units as in the manifest; "counts"
+    need a ``sensor``. A ``calibration`` takes the place of the unit: its scale is SI per
+    reading unit.
+    """
+
+    C_vehicle_sensor: FloatArray | None = field(default_factory=lambda: np.eye(3))
+    gyro_unit: str = "rad/s"
+    accel_unit: str = "m/s^2"
+    sensor: SensorModel | None = None
+    calibration: ImuCalibration | None = None
+
+
+@dataclass(frozen=True)
+class ImuQuality:
+    """What was found in an inertial recording.
+
+    ``rows`` in the file, ``used`` of them; ``unreadable``, ``blank``, ``not_finite`` (NaN or
+    infinite), ``repeats`` (of a stamp), ``wrong_stamps`` (jumped out of the sequence) were
+    left out; ``reordered`` came late and were put in their place. ``gaps`` are (stamp before,
+    length in s). ``span_s`` from first to last stamp, ``rate_hz`` from the median step.
+    """
+
+    rows: int
+    used: int
+    unreadable: int
+    blank: int
+    not_finite: int
+    repeats: int
+    wrong_stamps: int
+    reordered: int
+    gaps: tuple[tuple[int, float], ...]
+    span_s: float
+    rate_hz: float
+
+
+@dataclass(frozen=True)
+class ImuRecording:
+    """Readings in SI units with what was found on the way."""
+
+    data: ImuData
+    quality: ImuQuality
+    extra_columns: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def imu_format(drive: Drive) -> ImuFormat:
+    """The format that the manifest of a drive states; ConfigError when a file it names is
+    wrong or missing."""
+    section = drive.imu
+    in_counts = "counts" in (section.gyro_unit, section.accel_unit)
+    calibration = None
+    if drive.imu_calibration is not None:
+        calibration = read_imu_calibration(drive.imu_calibration)
+        for name in ("gyro_unit", "accel_unit"):
+            theirs, ours = getattr(calibration, name), getattr(section, name)
+            if theirs is not None and theirs != ours:
+                raise ConfigError(
+                    f"{drive.imu_calibration} was made from a log with {name} {theirs}, but the "
+                    f"drive has {name} = {ours!r}; calibrate from a log in the same unit."
+                )
+    sensor = None
+    if in_counts and section.sensor is not None:
+        sensor = read_sensor(find_sensor(section.sensor, drive.path))
+    if in_counts and sensor is None and calibration is None:
+        raise ConfigError(
+            f"{drive.manifest_file}: [imu] is in counts and its calibration file is not there; "
+            "name a sensor as well."
+        )
+    return ImuFormat(drive.imu_axes, section.gyro_unit, section.accel_unit, sensor, calibration)
+
+
+def read_imu_csv(
+    path: Path, form: ImuFormat | None = None, gap_factor: float = 2.5
+) -> ImuRecording:
+    """Read ``t_ns, gx, gy, gz, ax, ay, az [, temp_c]``, in any order, to SI units.
+
+    Readings come out in vehicle axes (FRD), or in the sensor's own when its axes are unknown.
+    Time stamps pass unchanged; rows that cannot be used are left out and counted, and a
+    sentence says so. ``gap_factor``: a step longer than so many median steps is a gap.
+    Raises InputError when nothing usable is left.
+    """
+    form = ImuFormat() if form is None else form
+    table = read_columns(path, _REQUIRED, {"temp_c": "float"})
+    gyro_raw = np.column_stack([table.columns[name] for name in _GYRO])
+    accel_raw = np.column_stack([table.columns[name] for name in _ACCEL])
+    finite = np.all(np.isfinite(gyro_raw), axis=1) & np.all(np.isfinite(accel_raw), axis=1)
+    rows = np.flatnonzero(finite)
+    if len(rows) < 2:
+        raise InputError(f"{path} has fewer than two rows with finite readings; record again.")
+    t_ns = np.asarray(table.columns["t_ns"], dtype=np.int64)
+    order = order_stamps(t_ns[rows])
+    if order is None:
+        raise InputError(
+            f"{path}: the stamps in t_ns jump back and forth thousands of times, so they are no "
+            "clock; write integer nanoseconds of one monotonic clock."
+        )
+    kept = rows[order.keep]
+    if len(kept) < 2:
+        raise InputError(f"{path}: all rows bear the same t_ns; record with a running clock.")
+    stamps = t_ns[kept]
+    gyro = _to_si(gyro_raw[kept], "gyro", form)
+    accel = _to_si(accel_raw[kept], "accel", form)
+    C = form.C_vehicle_sensor
+    if C is not None:
+        gyro, accel = gyro @ C.T, accel @ C.T
+    temp = None
+    if "temp_c" in table.columns:
+        temp = _fill(table.floats("temp_c")[kept])
+    gaps = find_gaps(stamps, gap_factor)
+    step_s = float(np.median(np.diff(stamps))) * 1e-9
+    quality = ImuQuality(
+        rows=len(table) + table.bad_rows + table.blank_rows,
+        used=len(kept),
+        unreadable=table.bad_rows,
+        blank=table.blank_rows,
+        not_finite=len(table) - len(rows),
+        repeats=order.repeats,
+        wrong_stamps=order.stepped_back + sum(p.last - p.first + 1 for p in order.lost),
+        reordered=order.reordered,
+        gaps=tuple(gaps),
+        span_s=float(stamps[-1] - stamps[0]) * 1e-9,
+        rate_hz=1.0 / step_s,
+    )
+    return ImuRecording(
+        data=ImuData(
+            t_ns=stamps,
+            gyro=np.ascontiguousarray(gyro),
+            accel=np.ascontiguousarray(accel),
+            temp_c=temp,
+            axes_known=C is not None,
+        ),
+        quality=quality,
+        extra_columns=table.extra,
+        warnings=tuple(_warnings(table, rows, finite, order, quality, t_ns)),
+    )
+
+
+def _to_si(reading: FloatArray, triad: str, form: ImuFormat) -> FloatArray:
+    if form.calibration is not None:
+        calibration = form.calibration.gyro if triad == "gyro" else form.calibration.accel
+        return calibration.apply(reading)
+    unit = form.gyro_unit if triad == "gyro" else form.accel_unit
+    if unit == "counts":
+        if form.sensor is None:
+            raise ConfigError(f"{triad} readings in counts need a sensor file.")
+        return (form.sensor.gyro if triad == "gyro" else form.sensor.accel).from_counts(reading)
+    return reading * _FACTORS[unit]
+
+
+def _fill(temp_c: FloatArray) -> FloatArray | None:
+    """Temperatures [n] with missing ones interpolated; None when there are none at all."""
+    known = np.flatnonzero(np.isfinite(temp_c))
+    if not len(known):
+        return None
+    return np.interp(np.arange(len(temp_c)), known, temp_c[known])
+
+
+def _warnings(
+    table: CsvColumns,
+    rows: np.ndarray,
+    finite: np.ndarray,
+    order: StampOrder,
+    quality: ImuQuality,
+    t_ns: np.ndarray,
+) -> list[str]:
+    path = table.path
+    found = table.warnings()
+    if quality.not_finite:
+        line = table.line(int(np.flatnonzero(~finite)[0]))
+        found.append(
+            f"{path}: {_count(quality.not_finite)} without a finite reading left out, the first "
+            f"in line {line}"
+        )
+    if quality.reordered:
+        found.append(f"{path}: {_count(quality.reordered)} came late and were sorted in by t_ns")
+    if quality.repeats:
+        share = quality.repeats / quality.rows
+        advice = "; the stamps are too coarse for the rate, record finer ones"
+        found.append(
+            f"{path}: {_count(quality.repeats)} with a t_ns that another row has left out"
+            + (advice if share > 0.2 else "")
+        )
+    if order.stepped_back:
+        found.append(
+            f"{path}: the clock was set back, {_count(order.stepped_back)} left out until it "
+            "caught up; use a monotonic clock"
+        )
+    for piece in order.lost[:5]:
+        first, last = (table.line(int(rows[row])) for row in (piece.first, piece.last))
+        where = f"line {first}" if first == last else f"lines {first} to {last}"
+        longer = (piece.end_ns - piece.start_ns) * 1e-9
+        advice = "; if they are another drive, put them in a folder of their own"
+        found.append(
+            f"{path}: {where} left out, the stamps ({t_ns[rows[piece.first]]} ...) do not "
+            "continue those of the rest" + (advice if longer > 10.0 else "")
+        )
+    if len(order.lost) > 5:
+        found.append(f"{path}: {len(order.lost) - 5} more stretches with wrong stamps left out")
+    if quality.gaps:
+        longest = max(length for _, length in quality.gaps)
+        n = len(quality.gaps)
+        found.append(
+            f"{path}: {n} gap{'s' if n > 1 else ''}, the longest {longest:.2f} s, "
+            f"{sum(length for _, length in quality.gaps):.2f} s in all"
+        )
+    return found
+
+
+def _count(rows: int) -> str:
+    return "1 row" if rows == 1 else f"{rows} rows"
