@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automap.earth import metres_per_radian
 from automap.records import FloatArray, IntArray, Trajectory
 
 
@@ -85,8 +86,10 @@ def _interpolate(
     fraction = np.clip(np.nan_to_num(fraction), 0.0, 1.0)
 
     lon = np.unwrap(trajectory.lon_rad)
-    north_rad, east_rad = _metres_to_radians(trajectory, left)
-    rate = np.column_stack([north_rad, east_rad, -np.ones(n)])
+    per_lat, per_lon = metres_per_radian(
+        trajectory.lat_rad[left], np.nan_to_num(trajectory.height_m[left])
+    )
+    rate = np.column_stack([1.0 / per_lat, 1.0 / per_lon, -np.ones(n)])
     start, end = (
         np.column_stack([trajectory.lat_rad[k], lon[k], trajectory.height_m[k]])
         for k in (left, right)
@@ -119,16 +122,6 @@ def _interpolate(
         covered=covered,
         gap_s=np.where(covered, gap, np.nan),
     )
-
-
-def _metres_to_radians(trajectory: Trajectory, rows: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Radians of latitude and of longitude per metre north and east at rows [n]."""
-    a, e2 = 6378137.0, 6.69437999014e-3  # WGS-84
-    lat, height = trajectory.lat_rad[rows], np.nan_to_num(trajectory.height_m[rows])
-    w2 = 1.0 - e2 * np.sin(lat) ** 2
-    meridian = a * (1.0 - e2) / w2**1.5
-    normal = a / np.sqrt(w2)
-    return 1.0 / (meridian + height), 1.0 / ((normal + height) * np.cos(lat))
 
 
 def _hermite(

@@ -85,7 +85,7 @@ def match(estimate: SignPoints, truth: SignPoints, gate_m: float) -> Pairs:
     for chosen in edges:
         rows, row_index = np.unique(near.row[chosen], return_inverse=True)
         columns, column_index = np.unique(near.col[chosen], return_inverse=True)
-        cost = np.full((len(rows), len(columns)), gate_m)
+        cost = np.full((len(rows), len(columns)), float(gate_m))
         cost[row_index, column_index] = near.data[chosen]
         within = np.zeros(cost.shape, np.bool_)
         within[row_index, column_index] = True

@@ -1,0 +1,133 @@
+"""Linking the boxes of one sign over the frames of a drive.
+
+Every track carries an estimate of where its sign stands and how large it is; moving the
+camera along the trajectory predicts where the sign's box will be and how sure that is. The
+boxes of a frame are assigned to the predictions one to one, so two boxes in a frame are
+always two signs (global nearest neighbour: Blackman and Popoli, Modern Tracking Systems,
+1999, chapter 6).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark, predict, relative_views
+from automap.geolocation.views import Views
+from automap.records import FloatArray, IntArray
+
+_IMPOSSIBLE = 1e6
+
+
+@dataclass(frozen=True)
+class TrackingRules:
+    """When a box may continue a track.
+
+    ``gate`` limit on the squared distance in sigmas (three components); ``slack_rad`` what
+    the prediction may be off by beyond its covariance (mounting, attitude); ``other_class``
+    and ``other_track`` what a different class, or a different track number of the detector,
+    costs in the same unit; ``same_track`` what an equal track number gains; ``max_silence_s``
+    after which an unseen track ends.
+    """
+
+    gate: float = 20.0
+    slack_rad: float = 0.003
+    other_class: float = 6.0
+    other_track: float = 6.0
+    same_track: float = 6.0
+    max_silence_s: float = 20.0
+
+
+@dataclass
+class _Track:
+    rows: list[int]
+    landmark: Landmark
+    class_score: dict[str, float] = field(default_factory=dict)
+    numbers: set[int] = field(default_factory=set)
+
+    def add(self, views: Views, row: int) -> None:
+        name = str(views.class_name[row])
+        self.class_score[name] = self.class_score.get(name, 0.0) + max(views.score[row], 1e-3)
+        if views.track[row] >= 0:
+            self.numbers.add(int(views.track[row]))
+
+
+def link_views(views: Views, prior: SizePrior, rules: TrackingRules) -> list[IntArray]:
+    """Group the views into tracks; every view belongs to exactly one, alone if need be.
+
+    Returns the rows of each track in the order of time, tracks in the order of first sight.
+    """
+    active: list[_Track] = []
+    ended: list[_Track] = []
+    boundaries = np.flatnonzero(np.diff(views.frame)) + 1
+    for frame_rows in np.split(np.arange(len(views)), boundaries):
+        if len(frame_rows) == 0:
+            continue
+        now = int(views.t_ns[frame_rows[0]])
+        still: list[_Track] = []
+        for track in active:
+            silence = (now - int(views.t_ns[track.rows[-1]])) * 1e-9
+            (still if silence <= rules.max_silence_s else ended).append(track)
+        active = still
+        taken = _assign(views, frame_rows, active, rules)
+        for row, index in taken.items():
+            if index < 0:
+                track = _Track([row], fit_landmark(views, np.array([row]), prior))
+                active.append(track)
+            else:
+                track = active[index]
+                track.rows.append(row)
+                track.landmark = fit_landmark(views, np.array(track.rows), prior)
+            track.add(views, row)
+    tracks = [np.array(t.rows, np.int64) for t in (*ended, *active)]
+    return sorted(tracks, key=lambda rows: int(rows[0]))
+
+
+def _assign(
+    views: Views, frame_rows: IntArray, active: list[_Track], rules: TrackingRules
+) -> dict[int, int]:
+    """The track (or -1 for a new one) of each box of a frame."""
+    taken = {int(row): -1 for row in frame_rows}
+    if not active:
+        return taken
+    from scipy.optimize import linear_sum_assignment
+
+    cost = np.array([[_link_cost(views, t, int(r), rules) for t in active] for r in frame_rows])
+    # a row of its own for every box lets it start a new track at the price of the gate
+    alone = np.full((len(frame_rows), len(frame_rows)), _IMPOSSIBLE)
+    np.fill_diagonal(alone, rules.gate)
+    boxes, columns = linear_sum_assignment(np.hstack([cost, alone]))
+    for i, j in zip(boxes, columns, strict=True):
+        if j < len(active) and cost[i, j] < rules.gate:
+            taken[int(frame_rows[i])] = int(j)
+    return taken
+
+
+def _link_cost(views: Views, track: _Track, row: int, rules: TrackingRules) -> float:
+    distance = squared_distance(views, track.landmark, row, rules.slack_rad)
+    if not distance < rules.gate:
+        return _IMPOSSIBLE
+    name = str(views.class_name[row])
+    total = sum(track.class_score.values())
+    distance += rules.other_class * (1.0 - track.class_score.get(name, 0.0) / total)
+    if views.track[row] >= 0 and track.numbers:
+        same = int(views.track[row]) in track.numbers
+        distance += -rules.same_track if same else rules.other_track
+    return float(distance)
+
+
+def squared_distance(views: Views, landmark: Landmark, row: int, slack_rad: float) -> float:
+    """Squared distance in sigmas of a box from where a landmark is expected in its frame.
+
+    Infinite when the landmark is not in front of that camera.
+    """
+    M, b = relative_views(views, np.array([row]), landmark.anchor)
+    expected, S, possible = predict(landmark.parameters, landmark.covariance, M[0], b[0])
+    if not possible:
+        return np.inf
+    R: FloatArray = np.diag(views.sd[row] ** 2)
+    R[0, 0] += slack_rad**2
+    R[1, 1] += slack_rad**2
+    difference = views.measured[row] - expected
+    return float(difference @ np.linalg.solve(S + R, difference))

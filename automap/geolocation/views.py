@@ -1,0 +1,253 @@
+"""Boxes as rays: camera poses and measured directions in one local frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.earth import local_ned
+from automap.frames import matrix_to_rotation_vector, rpy_to_matrix
+from automap.geolocation.camera_model import focal_length, normalise, touches_edge
+from automap.interpolation import Poses, poses_at
+from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+
+_RATE_STEP_NS = 20_000_000
+_EDGE_SD_FACTOR = 6.0
+
+
+@dataclass(frozen=True)
+class MeasurementNoise:
+    """One-sigma errors of boxes.
+
+    ``pixel_sd`` of a box centre in pixels, ``box_fraction`` the part of the box height that
+    its centre and its height are uncertain by, ``attitude_sd`` the vehicle's short-term
+    attitude error in rad (what differs from frame to frame).
+    """
+
+    pixel_sd: float = 1.5
+    box_fraction: float = 0.05
+    attitude_sd: float = 0.002
+
+
+@dataclass(frozen=True)
+class Views:
+    """One row per box that can be used, all cameras together, in the order of time.
+
+    The local frame is the NED tangent plane at ``origin`` (lat rad, lon rad, height m).
+    ``row`` [n] index of the box in the joined detections; ``frame`` [n] index of the frame
+    among all frames of all cameras in the order of time; ``camera`` [n] index into
+    ``camera_names``; ``t_ns`` [n] with the camera's time offset applied. ``centre`` [n, 3]
+    camera in the local frame, m; ``C_cam_ref`` [n, 3, 3] local frame to camera axes
+    (forward, right, down); ``velocity`` [n, 3] m/s and ``rate`` [n, 3] rad/s of the camera in
+    camera axes. ``measured`` [n, 3]: right / forward, down / forward of the box centre and
+    the logarithm of the box height over the focal length; ``sd`` [n, 3] their one-sigma
+    errors. ``pose_sd`` [n, 3] m NED, ``attitude_sd`` [n, 3] rad (roll, pitch, yaw) of the
+    trajectory, ``speed_sd`` [n] m/s.
+    """
+
+    origin: tuple[float, float, float]
+    camera_names: tuple[str, ...]
+    row: IntArray
+    frame: IntArray
+    camera: IntArray
+    t_ns: IntArray
+    centre: FloatArray
+    C_cam_ref: FloatArray
+    velocity: FloatArray
+    rate: FloatArray
+    measured: FloatArray
+    sd: FloatArray
+    pose_sd: FloatArray
+    attitude_sd: FloatArray
+    speed_sd: FloatArray
+    class_name: npt.NDArray[np.object_]
+    score: FloatArray
+    track: IntArray
+    n_without_pose: int = 0
+    n_without_ray: int = 0
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+
+@dataclass(frozen=True)
+class CameraCorrection:
+    """What was found out about a camera: a small turn (roll, pitch, yaw, rad, applied after
+    the mounting, in camera axes) and a further time offset in s, with their covariance
+    [4, 4]."""
+
+    turn: FloatArray
+    time_s: float
+    covariance: FloatArray
+
+
+def build_views(
+    trajectory: Trajectory,
+    detections: Sequence[Detections],
+    cameras: Mapping[str, Camera],
+    noise: MeasurementNoise,
+    corrections: Mapping[str, CameraCorrection] | None = None,
+) -> Views:
+    """Rays of all boxes whose frame lies within the trajectory.
+
+    Boxes outside it (or in a long gap of it) and boxes without a direction (outside the
+    distortion model, no height, NaN) are counted and left out. Rows count through the
+    detections in the order given.
+    """
+    origin = _origin(trajectory)
+    parts: list[dict[str, np.ndarray]] = []
+    n_without_pose = n_without_ray = 0
+    first_row = 0
+    for index, found in enumerate(detections):
+        camera = cameras[found.camera]
+        correction = (corrections or {}).get(found.camera)
+        part, without_pose, without_ray = _camera_views(
+            trajectory, found, camera, correction, noise, origin
+        )
+        part["row"] += first_row
+        part["camera"] = np.full(len(part["row"]), index, np.int64)
+        first_row += len(found)
+        n_without_pose += without_pose
+        n_without_ray += without_ray
+        parts.append(part)
+    joined = {key: np.concatenate([p[key] for p in parts]) for key in parts[0]} if parts else {}
+    if not joined:
+        joined = _nothing()
+    order = np.lexsort((joined["row"], joined["camera"], joined["t_ns"]))
+    joined = {key: values[order] for key, values in joined.items()}
+    changes = (np.diff(joined["t_ns"]) != 0) | (np.diff(joined["camera"]) != 0)
+    frame = np.concatenate([[0], np.cumsum(changes)]).astype(np.int64)[: len(order)]
+    return Views(
+        origin=origin,
+        camera_names=tuple(d.camera for d in detections),
+        frame=frame,
+        n_without_pose=n_without_pose,
+        n_without_ray=n_without_ray,
+        **joined,
+    )
+
+
+def _nothing() -> dict[str, np.ndarray]:
+    whole, one, three = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3))
+    result: dict[str, np.ndarray] = {k: whole for k in ("row", "camera", "t_ns", "track")}
+    result |= {k: one for k in ("score", "speed_sd")}
+    result |= {
+        k: three for k in ("centre", "velocity", "rate", "measured", "sd", "pose_sd", "attitude_sd")
+    }
+    return result | {"C_cam_ref": np.zeros((0, 3, 3)), "class_name": np.zeros(0, np.object_)}
+
+
+def _origin(trajectory: Trajectory) -> tuple[float, float, float]:
+    known = np.isfinite(trajectory.lat_rad) & np.isfinite(trajectory.lon_rad)
+    if not known.any():
+        return (0.0, 0.0, 0.0)
+    middle = np.flatnonzero(known)[int(known.sum()) // 2]
+    height = trajectory.height_m[np.isfinite(trajectory.height_m)]
+    return (
+        float(trajectory.lat_rad[middle]),
+        float(trajectory.lon_rad[middle]),
+        float(np.median(height)) if len(height) else 0.0,
+    )
+
+
+def camera_poses(
+    poses: Poses, camera: Camera, origin: tuple[float, float, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Camera centres [n, 3] and ``C_cam_ref`` [n, 3, 3] in the tangent plane at ``origin``."""
+    height = np.where(np.isfinite(poses.height_m), poses.height_m, origin[2])
+    vehicle = local_ned(poses.lat_rad, poses.lon_rad, height, origin)
+    C_ref_ned = tangent_rotation(poses.lat_rad, poses.lon_rad, origin)
+    C_ref_body = C_ref_ned @ rpy_to_matrix(poses.rpy)
+    centre = vehicle + C_ref_body @ camera.lever_arm_m
+    C_body_cam = rpy_to_matrix(camera.mount_rpy)
+    return centre, np.swapaxes(C_ref_body @ C_body_cam, 1, 2)
+
+
+def tangent_rotation(
+    lat_rad: FloatArray, lon_rad: FloatArray, origin: tuple[float, float, float]
+) -> FloatArray:
+    """Rotation [n, 3, 3] from the NED axes at each point to the NED axes at ``origin``."""
+    return np.asarray(_ecef_to_ned(origin[0], origin[1]) @ _ned_to_ecef(lat_rad, lon_rad))
+
+
+def _ned_to_ecef(lat: FloatArray, lon: FloatArray) -> FloatArray:
+    sl, cl, so, co = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
+    zero = np.zeros_like(sl)
+    north = np.stack([-sl * co, -sl * so, cl], axis=-1)
+    east = np.stack([-so, co, zero], axis=-1)
+    down = np.stack([-cl * co, -cl * so, -sl], axis=-1)
+    return np.stack([north, east, down], axis=-1)
+
+
+def _ecef_to_ned(lat: float, lon: float) -> FloatArray:
+    return np.asarray(_ned_to_ecef(np.array(lat), np.array(lon)).T)
+
+
+def _camera_views(
+    trajectory: Trajectory,
+    found: Detections,
+    camera: Camera,
+    correction: CameraCorrection | None,
+    noise: MeasurementNoise,
+    origin: tuple[float, float, float],
+) -> tuple[dict[str, np.ndarray], int, int]:
+    offset_s = camera.time_offset_s + (correction.time_s if correction else 0.0)
+    t_ns = np.asarray(found.t_ns, np.int64) + np.int64(round(offset_s * 1e9))
+    poses = poses_at(trajectory, t_ns)
+    centre, C_cam_ref = camera_poses(poses, camera, origin)
+    has_pose = poses.covered & np.isfinite(centre).all(axis=1)
+    has_pose &= np.isfinite(C_cam_ref).all(axis=(1, 2))
+
+    before, C_before = camera_poses(poses_at(trajectory, t_ns - _RATE_STEP_NS), camera, origin)
+    after, C_after = camera_poses(poses_at(trajectory, t_ns + _RATE_STEP_NS), camera, origin)
+    span = 2e-9 * _RATE_STEP_NS
+    velocity = np.einsum("nij,nj->ni", C_cam_ref, (after - before) / span)
+    turned = C_before @ np.swapaxes(C_after, 1, 2)
+    moving = np.isfinite(turned).all(axis=(1, 2))
+    rate = np.zeros_like(velocity)
+    rate[moving] = matrix_to_rotation_vector(turned[moving]) / span
+    velocity = np.nan_to_num(velocity)
+
+    if correction is not None:
+        C_cam_ref = np.swapaxes(rpy_to_matrix(correction.turn), 0, 1) @ C_cam_ref
+
+    box = np.asarray(found.box, np.float64).reshape(-1, 4)
+    middle_x = 0.5 * (box[:, 0] + box[:, 2])
+    middle_y = 0.5 * (box[:, 1] + box[:, 3])
+    centre_ray = normalise(camera, np.column_stack([middle_x, middle_y]))
+    top = normalise(camera, np.column_stack([middle_x, box[:, 1]]))
+    bottom = normalise(camera, np.column_stack([middle_x, box[:, 3]]))
+    height = bottom[:, 1] - top[:, 1]
+    has_ray = np.isfinite(centre_ray).all(axis=1) & (height > 0.0)
+    measured = np.column_stack([centre_ray, np.log(np.where(has_ray, height, 1.0))])
+
+    focal = focal_length(camera)
+    pixel = noise.pixel_sd / focal
+    share = noise.box_fraction * height
+    centre_sd = np.sqrt(pixel**2 + share**2 + noise.attitude_sd**2)
+    size_sd = np.sqrt(2.0 * (pixel / np.where(has_ray, height, 1.0)) ** 2 + noise.box_fraction**2)
+    # a cut-off box shows neither the sign's centre nor its size
+    edge = np.where(touches_edge(camera, box), _EDGE_SD_FACTOR, 1.0)
+    sd = np.column_stack([centre_sd * edge, centre_sd * edge, size_sd * edge])
+
+    ok = has_pose & has_ray
+    part: dict[str, np.ndarray] = {
+        "row": np.flatnonzero(ok),
+        "t_ns": t_ns[ok],
+        "centre": centre[ok],
+        "C_cam_ref": C_cam_ref[ok],
+        "velocity": velocity[ok],
+        "rate": rate[ok],
+        "measured": measured[ok],
+        "sd": sd[ok],
+        "pose_sd": np.nan_to_num(poses.sd_pos_ned[ok]),
+        "attitude_sd": np.nan_to_num(poses.sd_rpy[ok]),
+        "speed_sd": np.nan_to_num(np.linalg.norm(poses.sd_vel_ned[ok], axis=1)),
+        "class_name": np.asarray(found.class_name, np.object_)[ok],
+        "score": np.asarray(found.score, np.float64)[ok],
+        "track": np.asarray(found.track, np.int64)[ok],
+    }
+    return part, int((~has_pose).sum()), int((has_pose & ~has_ray).sum())
