@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tomllib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -82,7 +82,7 @@ def why_run(
     out: Path,
     digests: DigestCache,
     producers: Mapping[str, str],
-    ran: Collection[str],
+    ran: Sequence[str],
 ) -> str | None:
     """The reason for running a stage, or None when what it wrote still holds.
 
@@ -100,9 +100,7 @@ def why_run(
     reasons = _value_changes("settings", _mapping(before, "settings"), now.settings)
     reasons += _value_changes(names.MANIFEST, _mapping(before, "manifest"), now.manifest)
     reasons += _file_changes(_mapping(before, "inputs"), now.inputs)
-    for need, reason in _need_changes(_mapping(before, "needs"), now.needs, producers):
-        producer = producers.get(need)
-        reasons.append(f"stage {producer} ran again" if producer in ran else reason)
+    reasons += _need_changes(_mapping(before, "needs"), now.needs, producers, ran)
     for name, recorded in _mapping(before, "outputs").items():
         current = digests.digest(out / name)
         if current is None:
@@ -174,14 +172,22 @@ def _file_changes(old: Mapping[str, Any], new: Mapping[str, str]) -> list[str]:
 
 
 def _need_changes(
-    old: Mapping[str, Any], new: Mapping[str, str | None], producers: Mapping[str, str]
-) -> list[tuple[str, str]]:
+    old: Mapping[str, Any],
+    new: Mapping[str, str | None],
+    producers: Mapping[str, str],
+    ran: Sequence[str],
+) -> list[str]:
     changes = []
     for name in sorted({*old, *new}):
-        if old.get(name) != new.get(name):
-            source = producers.get(name)
-            text = "an earlier stage ran again" if name == names.RUN else f"{name} changed"
-            changes.append((name, f"{text} (from stage {source})" if source else text))
+        if old.get(name) == new.get(name):
+            continue
+        source = producers.get(name)
+        if name == names.RUN:
+            changes.append(f"stage {ran[-1]} ran again" if ran else "an earlier stage ran again")
+        elif source in ran:
+            changes.append(f"stage {source} ran again")
+        else:
+            changes.append(f"{name} changed" + (f" (from stage {source})" if source else ""))
     return changes
 
 
