@@ -1,0 +1,439 @@
+"""u-blox UBX messages: layouts, names, and vectorised decoding.
+
+A decoded table is a structured array, one row a message, with the fields named and scaled
+to integers as the receiver sends them, and ``offset``, the byte offset of the message in
+the stream. :func:`physical` gives a field in its unit as float64.
+
+References: u-blox 5 receiver protocol specification (GPS.G5-X-07036), u-blox 8/M8 receiver
+description (UBX-13003221), u-blox F9 HPG 1.32 interface description (UBX-22008968).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from automap.io.byte_scan import Bytes, Scan, key_is_ubx, scan_bytes
+from automap.records import FloatArray, IntArray
+
+Table = npt.NDArray[np.void]
+
+CLASSES = {
+    0x01: "NAV",
+    0x02: "RXM",
+    0x04: "INF",
+    0x05: "ACK",
+    0x06: "CFG",
+    0x09: "UPD",
+    0x0A: "MON",
+    0x0B: "AID",
+    0x0D: "TIM",
+    0x10: "ESF",
+    0x13: "MGA",
+    0x21: "LOG",
+    0x27: "SEC",
+    0x28: "HNR",
+    0x29: "NAV2",
+}
+
+MESSAGES = {
+    0x0101: "POSECEF",
+    0x0102: "POSLLH",
+    0x0103: "STATUS",
+    0x0104: "DOP",
+    0x0105: "ATT",
+    0x0106: "SOL",
+    0x0107: "PVT",
+    0x0109: "ODO",
+    0x0110: "RESETODO",
+    0x0111: "VELECEF",
+    0x0112: "VELNED",
+    0x0113: "HPPOSECEF",
+    0x0114: "HPPOSLLH",
+    0x0115: "TIMETRUSTED",
+    0x0116: "COV-OLD",
+    0x0119: "PVAT",
+    0x0120: "TIMEGPS",
+    0x0121: "TIMEUTC",
+    0x0122: "CLOCK",
+    0x0123: "TIMEGLO",
+    0x0124: "TIMEBDS",
+    0x0125: "TIMEGAL",
+    0x0126: "TIMELS",
+    0x0127: "TIMEQZSS",
+    0x0130: "SVINFO",
+    0x0131: "DGPS",
+    0x0132: "SBAS",
+    0x0134: "ORB",
+    0x0135: "SAT",
+    0x0136: "COV",
+    0x0139: "GEOFENCE",
+    0x013B: "SVIN",
+    0x013C: "RELPOSNED",
+    0x013D: "EELL",
+    0x0142: "SLAS",
+    0x0143: "SIG",
+    0x0160: "AOPSTATUS",
+    0x0161: "EOE",
+    0x0162: "PL",
+    0x0210: "RAW",
+    0x0211: "SFRB",
+    0x0213: "SFRBX",
+    0x0214: "MEASX",
+    0x0215: "RAWX",
+    0x0220: "SVSI",
+    0x0232: "RTCM",
+    0x0400: "ERROR",
+    0x0401: "WARNING",
+    0x0402: "NOTICE",
+    0x0403: "TEST",
+    0x0404: "DEBUG",
+    0x0500: "ACK-NAK",
+    0x0501: "ACK-ACK",
+    0x0A02: "IO",
+    0x0A04: "VER",
+    0x0A06: "MSGPP",
+    0x0A07: "RXBUF",
+    0x0A08: "TXBUF",
+    0x0A09: "HW",
+    0x0A0B: "HW2",
+    0x0A21: "RXR",
+    0x0A31: "SPAN",
+    0x0A36: "COMMS",
+    0x0A37: "HW3",
+    0x0A38: "RF",
+    0x0A39: "SYS",
+    0x0D01: "TP",
+    0x0D03: "TM2",
+    0x0D06: "VRFY",
+    0x1002: "MEAS",
+    0x1003: "RAW",
+    0x1010: "STATUS",
+    0x1014: "ALG",
+    0x1015: "INS",
+    0x2703: "UNIQID",
+    0x2709: "SIG",
+    0x2800: "PVT",
+    0x2801: "ATT",
+    0x2802: "INS",
+}
+"""Names of message ids (class * 256 + id) without their class."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Payload of one message of fixed length.
+
+    ``fields`` are (name, numpy type, physical unit per count); ``shortest`` is the least
+    payload length that older firmware sent, what it lacks reads as zero.
+    """
+
+    key: int
+    fields: tuple[tuple[str, str, float], ...]
+    shortest: int = 0
+
+    @property
+    def dtype(self) -> np.dtype[np.void]:
+        """Packed numpy type of the payload."""
+        return np.dtype(_described(self))
+
+
+def _layout(key: int, text: str, shortest: int = 0) -> Layout:
+    """A layout from lines ``name type [scale]``."""
+    fields = []
+    for line in text.strip().splitlines():
+        name, kind, *scale = line.split()
+        fields.append((name, kind, float(scale[0]) if scale else 1.0))
+    return Layout(key, tuple(fields), shortest)
+
+
+LAYOUTS = {
+    "NAV-POSLLH": _layout(
+        0x0102,
+        """iTOW u4 1e-3
+        lon i4 1e-7
+        lat i4 1e-7
+        height i4 1e-3
+        hMSL i4 1e-3
+        hAcc u4 1e-3
+        vAcc u4 1e-3""",
+    ),
+    "NAV-STATUS": _layout(
+        0x0103,
+        """iTOW u4 1e-3
+        gpsFix u1
+        flags u1
+        fixStat u1
+        flags2 u1
+        ttff u4 1e-3
+        msss u4 1e-3""",
+    ),
+    "NAV-DOP": _layout(
+        0x0104,
+        """iTOW u4 1e-3
+        gDOP u2 1e-2
+        pDOP u2 1e-2
+        tDOP u2 1e-2
+        vDOP u2 1e-2
+        hDOP u2 1e-2
+        nDOP u2 1e-2
+        eDOP u2 1e-2""",
+    ),
+    "NAV-SOL": _layout(
+        0x0106,
+        """iTOW u4 1e-3
+        fTOW i4 1e-9
+        week i2
+        gpsFix u1
+        flags u1
+        ecefX i4 1e-2
+        ecefY i4 1e-2
+        ecefZ i4 1e-2
+        pAcc u4 1e-2
+        ecefVX i4 1e-2
+        ecefVY i4 1e-2
+        ecefVZ i4 1e-2
+        sAcc u4 1e-2
+        pDOP u2 1e-2
+        reserved1 u1
+        numSV u1
+        reserved2 u4""",
+    ),
+    "NAV-PVT": _layout(
+        0x0107,
+        """iTOW u4 1e-3
+        year u2
+        month u1
+        day u1
+        hour u1
+        min u1
+        second u1
+        valid u1
+        tAcc u4 1e-9
+        nano i4 1e-9
+        fixType u1
+        flags u1
+        flags2 u1
+        numSV u1
+        lon i4 1e-7
+        lat i4 1e-7
+        height i4 1e-3
+        hMSL i4 1e-3
+        hAcc u4 1e-3
+        vAcc u4 1e-3
+        velN i4 1e-3
+        velE i4 1e-3
+        velD i4 1e-3
+        gSpeed i4 1e-3
+        headMot i4 1e-5
+        sAcc u4 1e-3
+        headAcc u4 1e-5
+        pDOP u2 1e-2
+        flags3 u2
+        reserved0 u4
+        headVeh i4 1e-5
+        magDec i2 1e-2
+        magAcc u2 1e-2""",
+        shortest=84,
+    ),
+    "NAV-VELNED": _layout(
+        0x0112,
+        """iTOW u4 1e-3
+        velN i4 1e-2
+        velE i4 1e-2
+        velD i4 1e-2
+        speed u4 1e-2
+        gSpeed u4 1e-2
+        heading i4 1e-5
+        sAcc u4 1e-2
+        cAcc u4 1e-5""",
+    ),
+    "NAV-HPPOSLLH": _layout(
+        0x0114,
+        """version u1
+        reserved0 u2
+        flags u1
+        iTOW u4 1e-3
+        lon i4 1e-7
+        lat i4 1e-7
+        height i4 1e-3
+        hMSL i4 1e-3
+        lonHp i1 1e-9
+        latHp i1 1e-9
+        heightHp i1 1e-4
+        hMSLHp i1 1e-4
+        hAcc u4 1e-4
+        vAcc u4 1e-4""",
+    ),
+    "NAV-TIMEGPS": _layout(
+        0x0120,
+        """iTOW u4 1e-3
+        fTOW i4 1e-9
+        week i2
+        leapS i1
+        valid u1
+        tAcc u4 1e-9""",
+    ),
+    "NAV-TIMEUTC": _layout(
+        0x0121,
+        """iTOW u4 1e-3
+        tAcc u4 1e-9
+        nano i4 1e-9
+        year u2
+        month u1
+        day u1
+        hour u1
+        min u1
+        sec u1
+        valid u1""",
+    ),
+    "NAV-COV": _layout(
+        0x0136,
+        """iTOW u4 1e-3
+        version u1
+        posCovValid u1
+        velCovValid u1
+        reserved0 u1
+        reserved1 u4
+        reserved2 u4
+        posCovNN f4
+        posCovNE f4
+        posCovND f4
+        posCovEE f4
+        posCovED f4
+        posCovDD f4
+        velCovNN f4
+        velCovNE f4
+        velCovND f4
+        velCovEE f4
+        velCovED f4
+        velCovDD f4""",
+    ),
+    "NAV-EOE": _layout(0x0161, "iTOW u4 1e-3"),
+}
+
+ESF_MEAS, ESF_RAW = 0x1002, 0x1003
+ESF_DTYPE = np.dtype(
+    [("offset", "<i8"), ("tag", "<u4"), ("header", "<u4"), ("type", "<u1"), ("value", "<i4")]
+)
+"""One sensor reading: ``tag`` its time tag (ms in ESF-MEAS, counts in ESF-RAW), ``header``
+the first word of ESF-RAW or the flags and source id of ESF-MEAS, ``value`` a signed 24-bit
+count of the kind ``type``."""
+
+
+def message_name(key: int) -> str:
+    """Name of a UBX message, such as ``UBX-NAV-PVT`` or, unknown, ``UBX-0x27-0x03``."""
+    group = CLASSES.get(key >> 8)
+    name = MESSAGES.get(key)
+    if group is None or name is None:
+        return f"UBX-0x{key >> 8:02X}-0x{key & 255:02X}"
+    return f"UBX-{name}" if name.startswith("ACK-") else f"UBX-{group}-{name}"
+
+
+@njit(cache=True)
+def _gather_kernel(data: Bytes, start: IntArray, size: IntArray, column: int, out: Bytes) -> None:
+    """Copy ``size[i]`` bytes of the stream from ``start[i]`` into row i of ``out`` [m, k]."""
+    for i in range(len(start)):
+        # slices, so that the compiler sees contiguous memory and copies whole vectors
+        source = data[start[i] : start[i] + size[i]]
+        target = out[i, column : column + size[i]]
+        for j in range(len(source)):
+            target[j] = source[j]
+
+
+def payload_rows(data: Bytes, start: IntArray, size: int) -> Bytes:
+    """Bytes [m, size] of the stream from each ``start`` [m]."""
+    out = np.empty((len(start), size), np.uint8)
+    _gather_kernel(data, start, np.full(len(start), size, np.int64), 0, out)
+    return out
+
+
+def decode_table(scan: Scan, rows: IntArray, layout: Layout) -> tuple[Table, int]:
+    """Messages of one type as a structured array [m], and how many were too short for it."""
+    size = layout.dtype.itemsize
+    payload = scan.length[rows].astype(np.int64) - 8
+    good = payload >= (layout.shortest or size)
+    if not good.all():
+        rows, payload = rows[good], payload[good]
+    table = np.zeros(len(rows), np.dtype([("offset", "<i8"), *_described(layout)]))
+    offset = scan.offset[rows]
+    raw = table.view(np.uint8).reshape(len(rows), size + 8)
+    _gather_kernel(scan.data, offset + 6, np.minimum(payload, size), 8, raw)
+    table["offset"] = offset
+    return table, int(np.count_nonzero(~good))
+
+
+def _described(layout: Layout) -> list[tuple[str, str]]:
+    return [(name, "<" + kind) for name, kind, _ in layout.fields]
+
+
+def decode_esf(scan: Scan, rows: IntArray, key: int) -> Table:
+    """Readings of ESF-MEAS or ESF-RAW messages, one row each, in log order.
+
+    Rows are ordered by message and by place within it. A calibrated time tag at the end of
+    an ESF-MEAS message is no reading and left out.
+    """
+    offset = scan.offset[rows]
+    payload = scan.length[rows].astype(np.int64) - 8
+    head, step = (8, 4) if key == ESF_MEAS else (4, 8)
+    good = payload >= head
+    offset, payload = offset[good], payload[good]
+    header = payload_rows(scan.data, offset + 6, head).view("<u4")
+    room = (payload - head) // step
+    if key == ESF_MEAS:
+        # numMeas is zero in old firmware, which filled the message to its end
+        calibrated = (header[:, 1] >> 3) & 1
+        told = ((header[:, 1] >> 11) & 31).astype(np.int64)
+        count = np.where(told > 0, np.minimum(told, room), room - calibrated)
+    else:
+        count = room
+    message = np.repeat(np.arange(len(offset)), count)
+    first = np.cumsum(count) - count
+    place = np.arange(len(message)) - first[message]
+    words = payload_rows(scan.data, offset[message] + 6 + head + step * place, step).view("<u4")
+    table = np.zeros(len(message), ESF_DTYPE)
+    table["offset"] = offset[message]
+    table["tag"] = words[:, 1] if key == ESF_RAW else header[message, 0]
+    table["header"] = header[message, 0] if key == ESF_RAW else header[message, 1]
+    table["type"] = words[:, 0] >> 24 & (63 if key == ESF_MEAS else 255)
+    low = (words[:, 0] & 0xFFFFFF).astype(np.int32)
+    table["value"] = low - ((low & 0x800000) << 1)
+    return table
+
+
+def decode_scan(scan: Scan) -> tuple[dict[str, Table], dict[str, int]]:
+    """All known UBX messages of a scanned stream, and how many of each were too short."""
+    by_key = {layout.key: name for name, layout in LAYOUTS.items()}
+    tables: dict[str, Table] = {}
+    short: dict[str, int] = {}
+    for kind, key in enumerate(scan.keys):
+        if not key_is_ubx(key):
+            continue
+        if key in by_key:
+            name = by_key[key]
+            tables[name], n_short = decode_table(scan, scan.rows(kind), LAYOUTS[name])
+            if n_short:
+                short[name] = n_short
+        elif key in (ESF_MEAS, ESF_RAW):
+            name = "ESF-MEAS" if key == ESF_MEAS else "ESF-RAW"
+            tables[name] = decode_esf(scan, scan.rows(kind), key)
+    return tables, short
+
+
+def decode_ubx(data: bytes | Bytes) -> dict[str, Table]:
+    """Tables of every known UBX message in a byte stream, by name (``NAV-PVT``, ...)."""
+    return decode_scan(scan_bytes(data))[0]
+
+
+def physical(name: str, table: Table, field: str) -> FloatArray:
+    """A field [m] of a table of type ``name`` in its unit (s, deg, m, m/s) as float64."""
+    scale = next(scale for known, _, scale in LAYOUTS[name].fields if known == field)
+    values: npt.NDArray[Any] = table[field]
+    if scale == 1.0:
+        return values.astype(np.float64)
+    # dividing by the exact power of ten rounds correctly, multiplying would not
+    return np.asarray(values.astype(np.float64) / round(1.0 / scale), np.float64)
