@@ -113,10 +113,9 @@ def _prepared(path: Path, out: Path, request: Request, reporter: Reporter) -> It
         earlier = read_record(out)
         remove_leftovers(out, tuple(stage.name for stage in request.stages))
         record = new_record(path, drive.name, shlex.join(request.command), request.settings.echo())
-        known = earlier.get("stages", {})
-        for stage in request.stages:
-            if stage.name in known:
-                record["stages"][stage.name] = {**known[stage.name], "ran": False}
+        record["stages"] = {
+            name: {**stage, "ran": False} for name, stage in earlier.get("stages", {}).items()
+        }
         run = _Run(request, drive, out, record, DigestCache(out), reporter)
         started = time.perf_counter()
         record["status"] = "interrupted"

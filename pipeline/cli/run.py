@@ -70,14 +70,17 @@ def command(
     from pipeline.kernel_cache import ensure_kernel_cache
     from pipeline.progress import Silent
     from pipeline.runner import Request
-    from pipeline.stages.registry import load_stages, select
+    from pipeline.stages import registry
     from pipeline.summary import as_dict
     from pipeline.terminal import Terminal
 
+    settings = load_settings(config, assignments)
+    selected = registry.select(only, first, last)
+    last_index = ORDER.index(selected[-1])
     request = Request(
-        selected=select(only, first, last),
-        settings=load_settings(config, assignments),
-        stages=load_stages(),
+        stages=registry.load_stages(ORDER[: last_index + 1]),
+        selected=selected,
+        settings=settings,
         force=force,
         dry_run=dry_run,
         command=["automap", *sys.argv[1:]],

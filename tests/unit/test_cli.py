@@ -1,0 +1,186 @@
+"""The command line: exit codes, one sentence per failure, help that is quick and complete."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+
+from automap import __version__
+from automap.errors import InputError
+from pipeline.cli.root import _COMMANDS, cli, run_command
+from pipeline.stage import StageContext
+from pipeline.stages import registry
+from tests.unit.fake_stages import doubler, make_drive, reader, teller
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three fake stages in the place of the real ones."""
+    stages = [reader(), doubler(), teller()]
+    monkeypatch.setattr(registry, "load_stages", lambda names: stages)
+
+
+@pytest.fixture
+def drive(tmp_path: Path) -> Path:
+    return make_drive(tmp_path / "drive")
+
+
+@pytest.mark.parametrize("name", list(_COMMANDS))
+def test_every_subcommand_has_help_with_an_example(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command([name, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert re.search(rf"^  Examples?:\n    automap {name} ", text, re.MULTILINE)
+
+
+def test_the_help_lists_the_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["--help"]) == 0
+    text = capsys.readouterr().out
+    for name in _COMMANDS:
+        assert re.search(rf"^  {name} +\w", text, re.MULTILINE)
+
+
+def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["--version"]) == 0
+    assert __version__ in capsys.readouterr().out
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = (
+        "import sys\nfrom pipeline.cli.root import run_command\n"
+        "run_command(['--help'])\nrun_command(['run', '--help'])\n"
+        "heavy = {'numpy', 'pydantic', 'pandas', 'numba', 'cv2', 'rich', 'pyarrow', 'scipy'}\n"
+        "sys.exit(','.join(heavy & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.stderr.strip() == ""
+    assert done.returncode == 0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["nothing"],
+        ["run"],
+        ["run", "x", "--only", "nothing"],
+        ["run", "x", "--only", "fuse", "--to", "fuse"],
+        ["run", "x", "--from", "export", "--to", "sync"],
+        ["run", "x", "--set", "fuse.nothing=1"],
+        ["run", "x", "--config", "nothing.toml"],
+        ["simulate"],
+    ],
+)
+def test_wrong_usage_is_2(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(words) == 2
+    captured = capsys.readouterr()
+    assert captured.err.strip()
+    assert "Traceback" not in captured.err
+
+
+@pytest.mark.usefixtures("fake")
+def test_a_run_shows_its_stages_and_the_summary(
+    drive: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command(["run", str(drive)]) == 0
+    text = capsys.readouterr().out
+    assert re.search(r"ingest +ran .*2 lines +\(never ran\)", text)
+    assert "warning: doubling is not an estimate" in text
+    assert "drive: 3 of 3 stages ran in " in text
+    assert run_command(["run", str(drive), "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.usefixtures("fake")
+def test_json_is_one_object(drive: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["run", str(drive), str(drive.parent / "none"), "--json"]) == 3
+    captured = capsys.readouterr()
+    summary = json.loads(captured.out)
+    assert summary["exit_code"] == 3
+    assert [entry["exit_code"] for entry in summary["drives"]] == [0, 3]
+    assert summary["drives"][0]["metrics"] == {"n_lines": 2}
+    assert "none" in summary["drives"][1]["error"]
+    assert captured.err.count("\n") == 1
+
+
+@pytest.mark.usefixtures("fake")
+def test_a_dry_run_shows_reasons(drive: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["run", str(drive), "--dry-run"]) == 0
+    assert re.search(r"detect +would run .*\(stage ingest would run again", capsys.readouterr().out)
+
+
+def failing(error: BaseException) -> list[object]:
+    def action(context: StageContext) -> None:
+        raise error
+
+    return [reader(action)]
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "sentence"),
+    [
+        (InputError("imu.csv is\nempty"), 3, "error: imu.csv is empty\n"),
+        (ValueError("what"), 4, "run with --debug"),
+    ],
+)
+def test_a_failure_is_a_sentence_and_debug_adds_the_traceback(
+    drive: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    error: BaseException,
+    code: int,
+    sentence: str,
+) -> None:
+    monkeypatch.setattr(registry, "load_stages", lambda names: failing(error))
+    assert run_command(["run", str(drive)]) == code
+    captured = capsys.readouterr()
+    assert sentence in captured.err
+    assert "Traceback" not in captured.err
+    for words in (["--debug", "run", str(drive)], ["run", str(drive), "--debug"]):
+        assert run_command(words) == code
+        assert "Traceback" in capsys.readouterr().err
+
+
+def test_an_interrupt_is_130(
+    drive: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(registry, "load_stages", lambda names: failing(KeyboardInterrupt()))
+    assert run_command(["run", str(drive)]) == 130
+    assert "interrupted" in capsys.readouterr().err
+
+
+def test_an_unexpected_failure_of_a_command_is_4(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    @click.command("run")
+    def broken() -> None:
+        raise RuntimeError("no idea")
+
+    monkeypatch.setattr(cli, "get_command", lambda ctx, name: broken)
+    assert run_command(["run"]) == 4
+    captured = capsys.readouterr()
+    assert captured.err.count("\n") == 1
+    assert "no idea" in captured.err
+
+
+def test_a_requirement_not_met_is_5(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import pipeline.evaluate
+
+    monkeypatch.setattr(pipeline.evaluate, "evaluate_run", lambda *a: {"signs": {"n": 3.0}})
+    words = ["evaluate", str(tmp_path)]
+    assert run_command([*words, "--require", "signs.n>2"]) == 0
+    assert run_command([*words, "--require", "signs.n>4"]) == 5
+    assert "signs.n" in capsys.readouterr().err
+    assert run_command([*words, "--require", "signs.m>4"]) == 2
