@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -102,3 +104,14 @@ class Terminal:
             self._bar.stop()
         self._bar = None
         self._task = None
+
+
+@contextmanager
+def progress_bar(name: str) -> Iterator[Callable[[float, str], None]]:
+    """The progress of one long piece of work: call what it yields with fraction and text."""
+    terminal = Terminal()
+    terminal.stage_started(name, "")
+    try:
+        yield lambda fraction, text: terminal.stage_progress(name, fraction, text)
+    finally:
+        terminal.close()

@@ -28,14 +28,8 @@ Examples:
 def command(source: Path, out: Path) -> None:
     """Find road signs in a video, a folder of images or a drive."""
     from pipeline.detect import detect_to_csv
-    from pipeline.terminal import Terminal
+    from pipeline.terminal import progress_bar
 
-    terminal = Terminal()
-    terminal.stage_started("detect", "")
-    try:
-        detect_to_csv(
-            source, out, lambda fraction, text: terminal.stage_progress("detect", fraction, text)
-        )
-    finally:
-        terminal.close()
+    with progress_bar("detect") as progress:
+        detect_to_csv(source, out, progress)
     click.echo(str(out))

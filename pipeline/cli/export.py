@@ -10,22 +10,31 @@ from pipeline.cli.command import Command
 
 _EPILOG = """\b
 Example:
-  automap export data/sample-drive/_automap --format kml
+  automap export data/sample-drive/_automap --format csv
 """
 
 
 @click.command("export", cls=Command, epilog=_EPILOG, short_help="Write a map in another format.")
 @click.argument("out", type=click.Path(path_type=Path))
-@click.option("--format", "form", required=True, metavar="F", help="geojson, kml, gpkg or parquet.")
+@click.option(
+    "--format",
+    "form",
+    required=True,
+    metavar="F",
+    help="geojson, kml, gpkg, parquet, flatgeobuf or csv.",
+)
 @click.option(
     "-o",
     "--output",
     "target",
     type=click.Path(path_type=Path),
-    help="File to write. Default: the contract's name in OUT.",
+    help="File to write. Default: the format's own name in OUT.",
 )
 def command(out: Path, form: str, target: Path | None) -> None:
     """Write the map in OUT in one more format."""
     from pipeline.export import export_run
 
-    click.echo(str(export_run(out, form, target)))
+    path, warnings = export_run(out, form, target)
+    for text in warnings:
+        click.echo(f"warning: {text}", err=True)
+    click.echo(str(path))

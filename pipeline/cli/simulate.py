@@ -31,6 +31,8 @@ def command(scenario: str, out: Path, seed: int | None) -> None:
     SCENARIO is a TOML file or the name of one that comes with automap.
     """
     from pipeline.simulate import simulate
+    from pipeline.terminal import progress_bar
 
-    simulate(scenario, out, seed)
+    with progress_bar("simulate") as progress:
+        simulate(scenario, out, seed, progress)
     click.echo(str(out))
