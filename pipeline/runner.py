@@ -6,7 +6,7 @@ import logging
 import shlex
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -59,6 +59,11 @@ class _Run:
     def save(self) -> None:
         merge_stages(self.record)
         write_json(self.out / names.RUN, self.record)
+
+    def close(self, started: float) -> None:
+        self.record.update(finished=utc_now(), seconds=round(time.perf_counter() - started, 3))
+        self.save()
+        self.digests.save()
 
     def finish(self, line: StageLine) -> None:
         self.lines.append(line)
@@ -121,24 +126,16 @@ def _prepared(path: Path, out: Path, request: Request, reporter: Reporter) -> It
         record["status"] = "interrupted"
         try:
             yield run
-            record["status"] = "done"
-        except Exception as failure:
-            log.error("%s", failure, exc_info=not isinstance(failure, AutoMapError))
-            record.update(status="failed", error=str(failure))
+        except BaseException as failure:
+            if isinstance(failure, Exception):
+                log.error("%s", failure, exc_info=not isinstance(failure, AutoMapError))
+                record.update(status="failed", error=str(failure))
+            # what ended the run matters more to the user than a record that cannot be written
+            with suppress(AutoMapError):
+                run.close(started)
             raise
-        finally:
-            record.update(finished=utc_now(), seconds=round(time.perf_counter() - started, 3))
-            _save_quietly(run)
-
-
-def _save_quietly(run: _Run) -> None:
-    # what ended the run matters more to the user than a record that cannot be written
-    try:
-        run.save()
-        run.digests.save()
-    except AutoMapError as failure:
-        log.error("%s", failure)
-        run.reporter.note(str(failure))
+        record["status"] = "done"
+        run.close(started)
 
 
 def _check_selection(run: _Run) -> None:
@@ -280,10 +277,22 @@ def _is_used(stage: Stage, request: Request) -> bool:
     return any(output in needed for output in stage.outputs)
 
 
+class _LogFile(logging.FileHandler):
+    """A log file that lets the run go on when the disk is full."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Pass over a line that cannot be written; the run itself says what is wrong."""
+
+    def close(self) -> None:
+        """Close the file, whether or not its last lines can be written."""
+        with suppress(OSError):
+            super().close()
+
+
 @contextmanager
 def _logging_to(path: Path) -> Iterator[None]:
     try:
-        handler = logging.FileHandler(path, encoding="utf-8", delay=False)
+        handler = _LogFile(path, encoding="utf-8")
     except OSError as error:
         raise write_failure(path, error) from error
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -157,6 +158,33 @@ def test_an_interrupt_is_130(
     monkeypatch.setattr(registry, "load_stages", lambda names: failing(KeyboardInterrupt()))
     assert run_command(["run", str(drive)]) == 130
     assert "interrupted" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_run_cleanly(drive: Path, number: signal.Signals) -> None:
+    code = (
+        "import time\nfrom pipeline.cli import main\nfrom pipeline.stages import registry\n"
+        "from tests.unit.fake_stages import reader\n"
+        "def wait(context): print('waiting', flush=True); time.sleep(60)\n"
+        "registry.load_stages = lambda names: [reader(wait)]\n"
+        f"main(['run', {str(drive)!r}, '--quiet'])\n"
+    )
+    child = subprocess.Popen(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert child.stdout is not None
+    assert child.stdout.readline() == "waiting\n"
+    child.send_signal(number)
+    _, told = child.communicate(timeout=30)
+    assert child.returncode == 130
+    assert told.strip() == "interrupted; the same command resumes"
+    out = drive / "_automap"
+    assert json.loads((out / "run.json").read_text())["status"] == "interrupted"
+    assert not (out / "ingest.tmp").exists()
 
 
 def test_an_unexpected_failure_of_a_command_is_4(

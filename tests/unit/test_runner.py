@@ -232,6 +232,23 @@ def test_a_failure_is_one_sentence_and_leaves_nothing_half_written(
     assert reasons(again)["detect"] == "failed last time"
 
 
+def test_a_full_disk_is_told(drive: Path, out: Path) -> None:
+    def fill(context: StageContext) -> None:
+        with Path("/dev/full").open("w") as stream:
+            stream.write("x")
+
+    failed = run_drive(drive, out, request((reader(), doubler(fill))))
+    assert failed.exit_code == 4
+    assert "the disk is full" in str(failed.error)
+    assert "detect.tmp" not in visible(out)
+
+
+def test_a_log_that_cannot_be_written_does_not_stop_a_run(drive: Path, out: Path) -> None:
+    out.mkdir()
+    (out / "automap.log").symlink_to("/dev/full")
+    assert run_drive(drive, out, request()).exit_code == 0
+
+
 def test_an_interrupt_leaves_and_the_next_run_resumes(drive: Path, out: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         run_drive(drive, out, request((reader(), fail_with(KeyboardInterrupt()), teller())))
