@@ -1,8 +1,10 @@
 """The driven path as few points with what a map shows of them."""
 
 from __future__ import annotations
+
 import itertools
 from dataclasses import dataclass
+
 import numpy as np
 
 from automap.export.clock import TimeArray, utc_of_gps
@@ -17,7 +19,7 @@ POINT_LIMIT = 20_000
 @dataclass(frozen=True)
 class Path:
     """Points [n] of a trajectory: ``row`` in it, longitude, latitude (deg), ellipsoidal height
-    (m), ``rpy_deg`` [n, 3], speed (m/s), horizontal sigma (m, the larger of north and east),
+    (m), ``rpy_deg`` [n, 3], speed (m/s), horizontal sigma (m, north and east together),
     vertical sigma, host stamp and UTC (NaT when unknown)."""
 
     row: IntArray
@@ -79,7 +81,7 @@ def _take(trajectory: Trajectory, rows: IntArray) -> Path:
         height_m=trajectory.height_m[rows],
         rpy_deg=np.degrees(trajectory.rpy[rows]),
         speed_m_s=np.sqrt((np.nan_to_num(trajectory.vel_ned[rows]) ** 2).sum(axis=1)),
-        sd_h_m=np.maximum(sd[:, 0], sd[:, 1]),
+        sd_h_m=np.hypot(sd[:, 0], sd[:, 1]),
         sd_d_m=sd[:, 2],
         t_ns=trajectory.t_ns[rows],
         utc=utc_of_gps(trajectory.gps_s[rows]),

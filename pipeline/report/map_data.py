@@ -1,0 +1,199 @@
+"""What the page's map draws: path, fixes and signs in metres around one origin, as JSON."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from automap.export.fields import SIGN_FIELDS
+from automap.export.kml import class_colours
+from automap.export.path import simplified_path
+from automap.export.sign_columns import SignColumns
+from automap.export.uncertainty import CHI2_95_2, principal_axes
+from automap.records import FixType, FloatArray
+from pipeline.products import RunProducts
+from pipeline.report.outages import outages
+
+FIX_LIMIT = 6000
+SIGN_LIMIT = 5000
+SIGMA_CLASSES = 5
+
+
+def map_data(products: RunProducts, signs: SignColumns) -> dict[str, Any] | None:
+    """Content of the map, None when there is nothing to draw.
+
+    Positions are metres east and north of ``origin`` (degrees) on the local tangent plane,
+    rounded to centimetres. ``notes`` are sentences about what was left out to keep it small.
+    """
+    origin = _origin(products, signs)
+    if origin is None:
+        return None
+    notes: list[str] = []
+    data: dict[str, Any] = {
+        "origin": [round(origin[1], 9), round(origin[0], 9)],
+        "fields": [
+            {"name": f.name, "unit": f.unit, "meaning": f.meaning, "kind": f.kind}
+            for f in SIGN_FIELDS
+        ],
+        "path": _path(products, origin),
+        "fixes": _fixes(products, origin, notes),
+        "signs": _signs(signs, origin, notes),
+    }
+    data["notes"] = notes
+    return data
+
+
+def embedded_json(value: Any) -> str:
+    """JSON that can stand inside a script element whatever text it holds."""
+    text = json.dumps(value, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    for character in "<>&":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text
+
+
+def _origin(products: RunProducts, signs: SignColumns) -> tuple[float, float] | None:
+    trajectory, fixes = products.trajectory, products.fixes
+    candidates: list[tuple[FloatArray, FloatArray]] = []
+    if trajectory is not None:
+        candidates.append((np.degrees(trajectory.lat_rad), np.degrees(trajectory.lon_rad)))
+    if fixes is not None:
+        candidates.append((np.degrees(fixes.lat_rad), np.degrees(fixes.lon_rad)))
+    candidates.append((signs.lat_deg, signs.lon_deg))
+    for lat, lon in candidates:
+        good = np.flatnonzero(np.isfinite(lat) & np.isfinite(lon) & (np.abs(lat) <= 90))
+        if len(good):
+            middle = good[len(good) // 2]
+            return float(lat[middle]), float(lon[middle])
+    return None
+
+
+def _metres(lat_deg: FloatArray, lon_deg: FloatArray, origin: tuple[float, float]) -> FloatArray:
+    """East and north [n, 2] of an origin by the radii of curvature at its latitude."""
+    from automap.earth import metres_per_radian
+
+    north, east = metres_per_radian(np.radians(origin[0]), 0.0)
+    turned = np.mod(lon_deg - origin[1] + 180.0, 360.0) - 180.0
+    return np.column_stack(
+        [np.radians(turned) * float(east), np.radians(lat_deg - origin[0]) * float(north)]
+    )
+
+
+def _pairs(metres: FloatArray) -> list[list[float]]:
+    rounded: list[list[float]] = np.round(metres, 2).tolist()
+    return rounded
+
+
+def _path(products: RunProducts, origin: tuple[float, float]) -> dict[str, Any] | None:
+    if products.trajectory is None:
+        return None
+    path = simplified_path(products.trajectory, tolerance_m=0.15)
+    if len(path) < 2:
+        return None
+    points = _metres(path.lat_deg, path.lon_deg, origin)
+    classes, labels = sigma_classes(path.sd_h_m)
+    runs: list[dict[str, Any]] = []
+    edges = [0, *(np.flatnonzero(np.diff(classes[:-1])) + 1).tolist(), len(path) - 1]
+    for a, b in itertools.pairwise(edges):
+        # runs share a point, so that the line is in one piece
+        runs.append({"c": int(classes[a]), "p": _pairs(points[a : b + 1])})
+    silent = []
+    if products.fixes is not None and products.clock is not None:
+        gps_s = products.trajectory.gps_s[path.row]
+        for start, end in outages(products.fixes):
+            inside = np.flatnonzero((gps_s >= start) & (gps_s <= end))
+            if len(inside) > 1:
+                silent.append(_pairs(points[inside]))
+    return {"runs": runs, "labels": labels, "outages": silent}
+
+
+def sigma_classes(sigma: FloatArray) -> tuple[np.ndarray, list[str]]:
+    """Number of the colour class [n] of each sigma and the labels of the classes.
+
+    The limits are round numbers between the 2nd and the 98th percentile; -1 is unknown.
+    """
+    known = np.isfinite(sigma)
+    classes = np.full(len(sigma), -1, np.int64)
+    if not known.any():
+        return classes, []
+    low, high = np.percentile(sigma[known], [2, 98])
+    if high <= 1.15 * low:
+        classes[known] = 0
+        return classes, [f"about {_metre_text(float(np.median(sigma[known])))} m"]
+    limits = np.geomspace(max(low, high / 1e3), high, SIGMA_CLASSES + 1)[1:-1]
+    limits = np.unique([float(f"{limit:.2g}") for limit in limits])
+    classes[known] = np.searchsorted(limits, sigma[known], "right")
+    texts = [_metre_text(limit) for limit in limits]
+    inner = [f"{a} to {b} m" for a, b in itertools.pairwise(texts)]
+    return classes, [f"below {texts[0]} m", *inner, f"above {texts[-1]} m"]
+
+
+def _metre_text(value: float) -> str:
+    return f"{value:.2g}" if value < 10 else f"{value:.0f}"
+
+
+def _fixes(products: RunProducts, origin: tuple[float, float], notes: list[str]) -> Any:
+    fixes = products.fixes
+    if fixes is None:
+        return []
+    good = np.flatnonzero(
+        np.isfinite(fixes.lat_rad)
+        & np.isfinite(fixes.lon_rad)
+        & (fixes.fix_type != int(FixType.NONE))
+    )
+    step = max(1, -(-len(good) // FIX_LIMIT))
+    if step > 1:
+        notes.append(f"One in {step} of {len(good)} fixes is drawn.")
+    good = good[::step]
+    lat, lon = np.degrees(fixes.lat_rad[good]), np.degrees(fixes.lon_rad[good])
+    return _pairs(_metres(lat, lon, origin))
+
+
+def _signs(columns: SignColumns, origin: tuple[float, float], notes: list[str]) -> Any:
+    rows = np.flatnonzero(columns.located)
+    if len(rows) > SIGN_LIMIT:
+        notes.append(
+            f"The first {SIGN_LIMIT} of {len(rows)} signs are drawn; signs.geojson has all."
+        )
+        rows = rows[:SIGN_LIMIT]
+    values = columns.values
+    major, minor, azimuth = principal_axes(
+        values["cov_ee_m2"][rows], values["cov_en_m2"][rows], values["cov_nn_m2"][rows]
+    )
+    scale = float(np.sqrt(CHI2_95_2))
+    colours = class_colours(values["class"])
+    return {
+        "xy": _pairs(_metres(columns.lat_deg[rows], columns.lon_deg[rows], origin)),
+        "lonlat": np.round(
+            np.column_stack([columns.lon_deg[rows], columns.lat_deg[rows]]), 7
+        ).tolist(),
+        "height_m": _numbers(columns.height_m[rows], 2),
+        "ellipse": [
+            _numbers(scale * major, 3),
+            _numbers(scale * minor, 3),
+            _numbers(azimuth, 4),
+        ],
+        "colours": colours,
+        "rows": [
+            [_value(field.kind, values[field.name][row], field.decimals) for field in SIGN_FIELDS]
+            for row in rows.tolist()
+        ],
+    }
+
+
+def _numbers(values: FloatArray, decimals: int) -> Sequence[float | None]:
+    return [round(v, decimals) if np.isfinite(v) else None for v in values.tolist()]
+
+
+def _value(kind: str, value: Any, decimals: int | None) -> Any:
+    if kind == "real":
+        number = float(value)
+        if not np.isfinite(number):
+            return None
+        return round(number, decimals) if decimals is not None else float(f"{number:.4g}")
+    if kind == "integer":
+        return int(value)
+    return value

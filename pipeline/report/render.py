@@ -1,0 +1,193 @@
+"""Putting the page together: everything it needs stands in the one file."""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+from typing import Any
+
+from automap import __version__
+from automap.export.clock import iso_texts, utc_of_gps
+from automap.export.fields import SIGN_FIELDS
+from automap.export.sign_columns import SignColumns, sign_columns
+from automap.io import names
+from pipeline.products import RunProducts
+from pipeline.report.figures import duration_text, key_figures, metres_text
+from pipeline.report.map_data import embedded_json, map_data
+from pipeline.report.sections import (
+    innovation_section,
+    motion_section,
+    sensor_section,
+    uncertainty_section,
+)
+from pipeline.report.sync_section import sync_section
+
+TABLE_LIMIT = 1000
+
+
+def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str:
+    """The page for a run named ``name``; ``record`` is run.json as it stands.
+
+    All text of the recording is escaped by the template engine or passed as JSON and set as
+    text by the script; the page's security policy forbids every request.
+    """
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    signs = sign_columns(products.signs or [], products.clock)
+    sections = {
+        "sync": sync_section(products),
+        "innovations": innovation_section(products),
+        "uncertainty": uncertainty_section(products),
+        "sensors": sensor_section(products),
+        "motion": motion_section(products.trajectory),
+    }
+    content = map_data(products, signs)
+    environment = Environment(autoescape=True, undefined=StrictUndefined)
+    environment.trim_blocks = environment.lstrip_blocks = True
+    template = environment.from_string(_asset("report.html.j2"))
+    return template.render(
+        name=name,
+        version=__version__,
+        when=_when(products),
+        figures=key_figures(products, signs),
+        warnings=_warnings(products, record),
+        sections=sections,
+        sign_table=_sign_table(signs),
+        has_map=content is not None,
+        map_json=Markup(embedded_json(content)) if content is not None else "",
+        map_notes=content["notes"] if content is not None else [],
+        stages=_stages(record),
+        settings=_flat_rows(record.get("settings")),
+        metrics=_flat_rows(record.get("metrics")),
+        versions=_versions(record),
+        facts=_facts(products, record),
+        style=Markup(_style()),
+        script=Markup(_asset("report.js")),
+        leaflet=Markup(_leaflet_script()) if content is not None else "",
+    )
+
+
+def _asset(name: str) -> str:
+    return (resources.files("pipeline") / "templates" / name).read_text(encoding="utf-8")
+
+
+def _leaflet_script() -> str:
+    # the map of its source would be another file
+    return re.sub(r"\n//# sourceMappingURL=.*", "", _asset("leaflet/leaflet.js"))
+
+
+def _style() -> str:
+    # pictures of controls that the page does not have
+    leaflet = re.sub(r"url\([^)]*\)", "none", _asset("leaflet/leaflet.css"))
+    leaflet = re.sub(r"/\*.*?\*/", "", leaflet, flags=re.DOTALL)
+    return leaflet + _asset("report.css")
+
+
+def _when(products: RunProducts) -> str:
+    trajectory = products.trajectory
+    if trajectory is None:
+        return ""
+    first, last = iso_texts(utc_of_gps(trajectory.gps_s[[0, -1]]))
+    if first is None or last is None:
+        return ""
+    day, start = first[:10], first[11:19]
+    end = last[11:19] if last[:10] == day else f"{last[:10]} {last[11:19]}"
+    return f"{day}, {start} to {end} UTC"
+
+
+def _warnings(products: RunProducts, record: dict[str, Any]) -> list[str]:
+    warnings = record.get("warnings")
+    texts = [str(text) for text in warnings] if isinstance(warnings, list) else []
+    stages = record.get("stages")
+    for stage in stages.values() if isinstance(stages, dict) else ():
+        texts += [str(text) for text in _mapping(stage).get("warnings") or ()]
+    return list(dict.fromkeys(texts + products.problems))
+
+
+def _mapping(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _stages(record: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
+    rows = []
+    for name, value in _mapping(record.get("stages")).items():
+        stage = _mapping(value)
+        seconds = stage.get("seconds")
+        took = f"{seconds:.2f} s" if isinstance(seconds, int | float) else ""
+        state = str(stage.get("status", ""))
+        if state == "done" and stage.get("ran") is False:
+            state = "kept"
+        # the report is being written while its own stage runs
+        state = "writing" if state == "running" else state
+        rows.append(
+            (str(name), state, took, str(stage.get("result", "")), str(stage.get("reason", "")))
+        )
+    return rows
+
+
+def _flat_rows(value: Any, prefix: str = "") -> list[tuple[str, str]]:
+    if not isinstance(value, dict):
+        return []
+    rows: list[tuple[str, str]] = []
+    for key, item in value.items():
+        name = f"{prefix}{key}"
+        if isinstance(item, dict):
+            rows += _flat_rows(item, f"{name}.")
+        elif isinstance(item, list):
+            rows.append((name, ", ".join(_text(part) for part in item)))
+        else:
+            rows.append((name, _text(item)))
+    return rows
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}" if abs(value) < 1e6 else f"{value:.3f}"
+    return "" if value is None else str(value)
+
+
+def _versions(record: dict[str, Any]) -> list[tuple[str, str]]:
+    rows = [("automap", str(record.get("automap", __version__)))]
+    rows += [(key, str(record[key])) for key in ("python", "platform") if key in record]
+    return rows + [(k, str(v)) for k, v in _mapping(record.get("packages")).items()]
+
+
+def _facts(products: RunProducts, record: dict[str, Any]) -> list[tuple[str, str]]:
+    rows = []
+    command = record.get("command")
+    if command:
+        rows.append(("command", str(command)))
+    drive = _mapping(record.get("drive"))
+    if drive.get("path"):
+        rows.append(("drive folder", str(drive["path"])))
+    if record.get("started"):
+        rows.append(("run started", str(record["started"])))
+    for key, value in _flat_rows(products.json(names.INGEST)):
+        rows.append((f"read: {key}", value))
+    for key, value in _flat_rows(products.json(names.FUSION)):
+        rows.append((f"fused: {key}", value))
+    return [(key, value) for key, value in rows if len(value) < 400]
+
+
+def _sign_table(signs: SignColumns) -> dict[str, Any]:
+    shown = {"id", "class", "confidence", "n_views", "ce95_m", "side", "height_above_road_m",
+             "size_m", "facing_deg", "status"}  # fmt: skip
+    fields = [field for field in SIGN_FIELDS if field.name in shown]
+    rows = []
+    for row in range(min(len(signs), TABLE_LIMIT)):
+        cells = []
+        for field in fields:
+            value = signs.values[field.name][row]
+            if field.kind == "real":
+                value = "" if value != value else f"{value:.{field.decimals}f}"
+            cells.append(str(value))
+        rows.append(cells)
+    heads = [
+        (field.name.removesuffix("_m").removesuffix("_deg").replace("_", " "), field)
+        for field in fields
+    ]
+    return {"heads": heads, "rows": rows, "left_out": max(0, len(signs) - TABLE_LIMIT)}
+
+
+__all__ = ["duration_text", "metres_text", "report_html"]

@@ -1,0 +1,262 @@
+"""The plotted sections of the page: clocks, innovations, uncertainty, sensor errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from automap.io import names
+from automap.records import FloatArray, Trajectory
+from pipeline.products import RunProducts
+from pipeline.report.svg_plot import Series, plot, thin_dots, time_unit
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Plot:
+    """One plot: its SVG text, its title and what each series is (label, colour class)."""
+
+    title: str
+    svg: str
+    legend: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass
+class Section:
+    """Sentences, plots and a table for one part of the page; ``absent`` says why it is empty."""
+
+    sentences: list[str] = field(default_factory=list)
+    plots: list[Plot] = field(default_factory=list)
+    header: tuple[str, ...] = ()
+    rows: list[tuple[str, ...]] = field(default_factory=list)
+    verdicts: list[tuple[Literal["good", "fair", "bad"], str]] = field(default_factory=list)
+    absent: str = ""
+
+
+def draw(
+    title: str,
+    series: list[Series],
+    y_label: str,
+    seconds: float,
+    include: tuple[float, ...] = (),
+    log: bool = False,
+) -> list[Plot]:
+    """A plot over time as a list of one, or an empty list when there is nothing to draw.
+
+    ``series`` have seconds for x; they are shown in the unit that suits ``seconds``, the span.
+    """
+    scale, unit = time_unit(seconds)
+    scaled = [
+        Series(s.label, s.x / scale, s.y, s.kind, s.colour, s.upper) for s in series if len(s.x)
+    ]
+    svg = plot(scaled, title, y_label, f"time, {unit}", log=log, include=include)
+    if not svg:
+        return []
+    legend = tuple(
+        (s.label, f"c{s.colour}" if isinstance(s.colour, int) else s.colour)
+        for s in scaled
+        if s.label
+    )
+    return [Plot(title, svg, legend if len(legend) > 1 else ())]
+
+
+def uncertainty_section(products: RunProducts) -> Section:
+    """One-sigma of position, velocity and attitude over the drive."""
+    section = Section()
+    trajectory = products.trajectory
+    if trajectory is None:
+        section.absent = "There is no trajectory."
+        return section
+    seconds = (trajectory.t_ns - trajectory.t_ns[0]) * 1e-9
+    degrees = np.degrees(trajectory.sd_rpy)
+    triples = (
+        ("Position", "σ, m", trajectory.sd_pos_ned, ("north", "east", "down")),
+        ("Velocity", "σ, m/s", trajectory.sd_vel_ned, ("north", "east", "down")),
+        ("Attitude", "σ, deg", degrees, ("roll", "pitch", "yaw")),
+    )
+    for title, label, values, parts in triples:
+        section.plots += _three_lines(title, label, seconds, values, parts)
+        spread = [_spread_text(values[:, i]) for i in range(3)]
+        if any(spread):
+            section.rows.append((title, label.removeprefix("σ, "), *spread))
+    section.header = ("one σ: median (95 % below)", "unit", "north / roll", "east / pitch",
+                      "down / yaw")  # fmt: skip
+    if not section.plots:
+        section.absent = "The trajectory tells no uncertainty."
+    return section
+
+
+def motion_section(trajectory: Trajectory | None) -> Section:
+    """Speed, height and attitude over the drive."""
+    section = Section()
+    if trajectory is None:
+        section.absent = "There is no trajectory."
+        return section
+    seconds = (trajectory.t_ns - trajectory.t_ns[0]) * 1e-9
+    span = float(seconds[-1])
+    speed = np.hypot(trajectory.vel_ned[:, 0], trajectory.vel_ned[:, 1]) * 3.6
+    section.plots += draw("Speed", [Series("", seconds, speed)], "km/h", span, (0.0,))
+    height = Series("", seconds, trajectory.height_m)
+    section.plots += draw("Ellipsoidal height", [height], "m", span)
+    roll, pitch, _ = np.degrees(trajectory.rpy).T
+    tilt = [Series("roll", seconds, roll, colour=0), Series("pitch", seconds, pitch, colour=1)]
+    section.plots += draw("Roll and pitch", tilt, "deg", span)
+    return section
+
+
+def _three_lines(
+    title: str, label: str, seconds: FloatArray, values: FloatArray, parts: tuple[str, ...]
+) -> list[Plot]:
+    known = values[np.isfinite(values) & (values > 0)]
+    if len(known) == 0:
+        return []
+    # an alignment that starts at degrees would flatten everything after it
+    log = bool(np.percentile(known, 99.9) > 15 * np.median(known))
+    series = [Series(part, seconds, values[:, i], colour=i) for i, part in enumerate(parts)]
+    include = () if log else (0.0,)
+    return draw(f"{title} {label.split(',')[0]}", series, label, float(seconds[-1]), include, log)
+
+
+def _spread_text(values: FloatArray) -> str:
+    known = values[np.isfinite(values)]
+    if len(known) == 0:
+        return ""
+    return f"{np.median(known):.3g} ({np.percentile(known, 95):.3g})"
+
+
+def sensor_section(products: RunProducts) -> Section:
+    """Estimated sensor errors with their uncertainty over time."""
+    from automap.effects.catalogue import CATALOGUE
+
+    section = Section(header=("sensor error", "unit", "at the end", "σ at the end"))
+    table = products.table(names.IMU_ERRORS, ("t_ns",))
+    if table is None or table.num_rows == 0:
+        section.absent = "No sensor errors were estimated."
+        return section
+    stamps = np.asarray(table.column("t_ns").to_numpy(), np.int64)
+    seconds = (stamps - stamps[0]) * 1e-9
+    groups: dict[str, list[str]] = {}
+    for column in table.column_names:
+        if column != "t_ns" and not column.startswith("sd_"):
+            groups.setdefault(_effect_of(column, tuple(CATALOGUE)), []).append(column)
+    for effect, columns in groups.items():
+        units = (
+            {p.name: p.unit for p in CATALOGUE[effect].parameters} if effect in CATALOGUE else {}
+        )
+        parameters = [column.removeprefix(f"{effect}_") for column in columns]
+        unit = next((units[p] for p in parameters if p in units), "")
+        series: list[Series] = []
+        for number, (column, parameter) in enumerate(zip(columns, parameters, strict=True)):
+            value, sd = _column(table, column), _column(table, f"sd_{column}")
+            colour = number % 8
+            if sd is not None and value is not None:
+                band = Series("", seconds, value - sd, "band", colour, upper=value + sd)
+                series.append(band)
+            if value is not None:
+                series.append(Series(parameter, seconds, value, colour=colour))
+                final_sd = "" if sd is None else f"{sd[-1]:.2g}"
+                section.rows.append((column, unit, f"{value[-1]:.4g}", final_sd))
+        title = effect.replace("_", " ")
+        section.plots += draw(title, series, unit or "1", float(seconds[-1]))
+    return section
+
+
+def _effect_of(column: str, effects: tuple[str, ...]) -> str:
+    fitting = [name for name in effects if column == name or column.startswith(f"{name}_")]
+    return max(fitting, key=len) if fitting else column.rpartition("_")[0] or column
+
+
+def _column(table: pa.Table, name: str) -> FloatArray | None:
+    if name not in table.column_names:
+        return None
+    return np.asarray(table.column(name).to_numpy(), np.float64)
+
+
+DOTS_PER_CHANNEL = 1500
+
+
+def innovation_section(products: RunProducts) -> Section:
+    """How well each kind of measurement agreed with the filter's prediction."""
+    section = Section(
+        header=("measurement", "number", "accepted", "mean / σ", "rms / σ", "mean NIS", "verdict")
+    )
+    required = ("t_ns", "channel", "innovation", "sd", "nis", "accepted")
+    table = products.table(names.INNOVATIONS, required)
+    if table is None or table.num_rows == 0:
+        section.absent = "No measurements were compared with a prediction."
+        return section
+    channels = np.asarray(table.column("channel").to_pylist(), object)
+    stamps = np.asarray(table.column("t_ns").to_numpy(), np.int64)
+    seconds = (stamps - stamps.min()) * 1e-9
+    innovation, sd, nis = (
+        np.asarray(table.column(name).to_numpy(), np.float64)
+        for name in ("innovation", "sd", "nis")
+    )
+    accepted = np.asarray(table.column("accepted").to_numpy(zero_copy_only=False), bool)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(sd > 0, innovation / sd, np.nan)
+    span = float(seconds.max())
+    for channel in sorted(set(channels.tolist())):
+        rows = np.flatnonzero(channels == channel)
+        good, bad = rows[accepted[rows]], rows[~accepted[rows]]
+        section.rows.append(_channel_row(channel, ratio, nis, good, bad, section))
+        shown = good[thin_dots(len(good), DOTS_PER_CHANNEL)]
+        refused = bad[thin_dots(len(bad), DOTS_PER_CHANNEL)]
+        series = [
+            Series("accepted", seconds[shown], ratio[shown], "dots", 0),
+            Series("rejected", seconds[refused], np.clip(ratio[refused], -8, 8), "dots", "bad"),
+        ]
+        section.plots += draw(str(channel), series, "innovation / σ", span, (-3.0, 3.0))
+    share = float(accepted.mean())
+    section.sentences.append(
+        f"{share:.1%} of {len(accepted):,} measurements were accepted. An innovation is what a "
+        "measurement added to the prediction; divided by its predicted σ it should scatter with "
+        "an rms of 1 about zero."
+    )
+    shares = f"Up to {DOTS_PER_CHANNEL} points are drawn of each kind; rejected ones are cut at 8."
+    section.sentences.append(shares)
+    return section
+
+
+def _channel_row(
+    channel: Any,
+    ratio: FloatArray,
+    nis: FloatArray,
+    good: np.ndarray,
+    bad: np.ndarray,
+    section: Section,
+) -> tuple[str, ...]:
+    total = len(good) + len(bad)
+    share = len(good) / total
+    used = ratio[good][np.isfinite(ratio[good])]
+    used_nis = nis[good][np.isfinite(nis[good])]
+    if len(used) == 0:
+        return (str(channel), f"{total:,}", f"{share:.1%}", "", "", "", "nothing accepted")
+    rms, mean = float(np.sqrt(np.mean(used**2))), float(np.mean(used))
+    words = innovation_verdict(rms, mean, share)
+    if words != "as expected":
+        grade: Literal["fair", "bad"] = "bad" if share < 0.8 or rms > 2.0 else "fair"
+        section.verdicts.append((grade, f"{channel}: {words}."))
+    mean_nis = f"{np.mean(used_nis):.2f}" if len(used_nis) else ""
+    numbers = (f"{total:,}", f"{share:.1%}", f"{mean:+.2f}", f"{rms:.2f}", mean_nis)
+    return (str(channel), *numbers, words)
+
+
+def innovation_verdict(rms: float, mean: float, accepted: float) -> str:
+    """What rms and mean of normalised innovations and the accepted share say, in words."""
+    words = []
+    if accepted < 0.95:
+        words.append(f"{1 - accepted:.0%} were rejected as outliers")
+    if rms > 1.5:
+        words.append("scatters more than assumed, so σ are too small")
+    elif rms < 0.5:
+        words.append("scatters less than assumed, so σ are cautious")
+    if abs(mean) > 0.3 and abs(mean) > 0.3 * rms:
+        words.append("is off to one side")
+    return "; ".join(words) or "as expected"
