@@ -78,13 +78,17 @@ class _Layout:
 
 
 def read_columns(
-    path: Path, required: Mapping[str, Kind], optional: Mapping[str, Kind] | None = None
+    path: Path,
+    required: Mapping[str, Kind],
+    optional: Mapping[str, Kind] | None = None,
+    *,
+    may_be_empty: bool = False,
 ) -> CsvColumns:
     """Read columns by name, in any order, whatever else the file has.
 
     Comma, semicolon, tab or blanks may separate; names are compared without case. Raises
     InputError for a file that is missing, empty, binary, has no header, no rows, or lacks a
-    required column.
+    required column. A header without rows is no error when ``may_be_empty``.
     """
     layout = _layout(path, required)
     present = {name.lower(): name for name in layout.names}
@@ -103,7 +107,7 @@ def read_columns(
         table = CsvColumns(path, columns, extra, header_line=layout.header_line)
     else:
         table = _careful(path, layout, wanted, present, extra)
-    if len(table) == 0:
+    if len(table) == 0 and not may_be_empty:
         why = f"; the first unreadable is {table.first_bad}" if table.bad_rows else ""
         raise InputError(f"{path} has a header but not one usable row{why}.")
     return table

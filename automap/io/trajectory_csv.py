@@ -1,0 +1,167 @@
+"""A finished trajectory from other software, ``trajectory.csv``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from automap.earth import metres_per_radian
+from automap.errors import InputError
+from automap.io.csv_columns import CsvColumns, read_columns
+from automap.io.stamps import order_stamps
+from automap.io.trajectory_table import COLUMNS
+from automap.records import FloatArray, IntArray, Trajectory
+
+DEFAULT_SD_M = 0.1
+DEFAULT_SD_M_S = 0.1
+DEFAULT_SD_DEG = 0.1
+_COURSE_SD_DEG = 3.0
+"""For a heading taken from the course and a vehicle taken as level."""
+_SLOWEST_M_S = 1.0
+"""Below this the course says nothing about the heading."""
+
+
+@dataclass(frozen=True)
+class FinishedTrajectory:
+    """A trajectory as given; ``time`` says which stamps the file had: "t_ns", "gps_s" or
+    "both". The missing kind is ``gps_s`` NaN, or ``t_ns`` made from ``gps_s`` (nanoseconds
+    of GPS time)."""
+
+    data: Trajectory
+    time: str
+    warnings: tuple[str, ...]
+
+
+def read_trajectory_csv(path: Path) -> FinishedTrajectory:
+    """Read the columns of ``trajectory.parquet`` from CSV.
+
+    ``lat_deg``, ``lon_deg`` and ``t_ns`` or ``gps_s`` are required. Without sd columns
+    0.1 m, 0.1 m/s and 0.1 deg are taken. Missing velocities are differenced from the
+    positions; missing attitude is taken from the course, level; a missing height is 0: each
+    with a warning. Raises InputError when the file cannot be used.
+    """
+    table = read_columns(
+        path,
+        {"lat_deg": "float", "lon_deg": "float"},
+        {"t_ns": "int", **{name: "float" for name in COLUMNS if name not in ("t_ns",)}},
+    )
+    warnings = table.warnings()
+    t_ns, gps_s, time = _stamps(path, table)
+    lat, lon = np.radians(table.floats("lat_deg")), np.radians(table.floats("lon_deg"))
+    usable = np.isfinite(lat) & np.isfinite(lon) & (np.abs(lat) <= np.pi / 2)
+    usable &= np.abs(lon) <= 2 * np.pi
+    if time != "t_ns":
+        usable &= np.isfinite(gps_s)
+    rows = np.flatnonzero(usable)
+    order = order_stamps(t_ns[rows]) if len(rows) else None
+    if order is None or len(order.keep) < 2:
+        raise InputError(
+            f"{path} has fewer than two rows with a time and a position on Earth; export the "
+            "trajectory again."
+        )
+    rows = rows[order.keep]
+    if len(rows) < len(table):
+        warnings.append(
+            f"{path}: {len(table) - len(rows)} rows without a position, or whose time repeats or "
+            "jumps, left out"
+        )
+    t_ns, gps_s, lat, lon = t_ns[rows], gps_s[rows], lat[rows], lon[rows]
+    seconds = (t_ns - t_ns[0]) * 1e-9
+    height = _height(path, table, rows, warnings)
+    velocity = _velocity(path, table, rows, warnings, seconds, lat, lon, height)
+    rpy, rpy_sd = _attitude(path, table, rows, warnings, velocity)
+    data = Trajectory(
+        t_ns=t_ns,
+        gps_s=gps_s,
+        lat_rad=lat,
+        lon_rad=lon,
+        height_m=height,
+        vel_ned=velocity,
+        rpy=rpy,
+        sd_pos_ned=_sd(table, rows, ("sd_n_m", "sd_e_m", "sd_d_m"), DEFAULT_SD_M),
+        sd_vel_ned=_sd(table, rows, ("sd_vn", "sd_ve", "sd_vd"), DEFAULT_SD_M_S),
+        sd_rpy=np.radians(_sd(table, rows, ("sd_roll_deg", "sd_pitch_deg", "sd_yaw_deg"), rpy_sd)),
+    )
+    return FinishedTrajectory(data, time, tuple(warnings))
+
+
+def _stamps(path: Path, table: CsvColumns) -> tuple[IntArray, FloatArray, str]:
+    gps_s = table.floats("gps_s")
+    if "t_ns" in table.columns:
+        time = "both" if "gps_s" in table.columns else "t_ns"
+        return np.asarray(table.columns["t_ns"], dtype=np.int64), gps_s, time
+    if "gps_s" not in table.columns:
+        raise InputError(
+            f"{path}: line {table.header_line} names neither t_ns nor gps_s; add one of them."
+        )
+    filled = np.where(np.isfinite(gps_s), gps_s, 0.0)
+    return np.rint(filled * 1e9).astype(np.int64), gps_s, "gps_s"
+
+
+def _columns(table: CsvColumns, rows: IntArray, columns: tuple[str, ...]) -> FloatArray | None:
+    """Columns as [n, k], None unless all are there with finite values."""
+    if any(name not in table.columns for name in columns):
+        return None
+    values = np.column_stack([table.floats(name)[rows] for name in columns])
+    return values if np.all(np.isfinite(values)) else None
+
+
+def _height(path: Path, table: CsvColumns, rows: IntArray, warnings: list[str]) -> FloatArray:
+    height = _columns(table, rows, ("height_m",))
+    if height is not None:
+        return height[:, 0]
+    warnings.append(f"{path} has no complete column height_m (ellipsoidal); 0 is taken")
+    return np.zeros(len(rows))
+
+
+def _velocity(
+    path: Path,
+    table: CsvColumns,
+    rows: IntArray,
+    warnings: list[str],
+    seconds: FloatArray,
+    lat: FloatArray,
+    lon: FloatArray,
+    height: FloatArray,
+) -> FloatArray:
+    velocity = _columns(table, rows, ("vn", "ve", "vd"))
+    if velocity is not None:
+        return velocity
+    warnings.append(f"{path} has no complete velocity; it is differenced from the positions")
+    north, east = metres_per_radian(lat, height)
+    lon = np.unwrap(lon)
+    rates = [np.gradient(values, seconds) for values in (lat, lon, height)]
+    return np.column_stack([rates[0] * north, rates[1] * east, -rates[2]])
+
+
+def _attitude(
+    path: Path, table: CsvColumns, rows: IntArray, warnings: list[str], velocity: FloatArray
+) -> tuple[FloatArray, float]:
+    """Roll, pitch, yaw [n, 3] rad and the sd in degrees to take where the file has none."""
+    rpy = _columns(table, rows, ("roll_deg", "pitch_deg", "yaw_deg"))
+    if rpy is not None:
+        return np.radians(rpy), DEFAULT_SD_DEG
+    warnings.append(
+        f"{path} has no complete attitude; the vehicle is taken as level and heading along its "
+        f"course, to {_COURSE_SD_DEG:g} deg"
+    )
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    moving = np.flatnonzero(speed > _SLOWEST_M_S)
+    if not len(moving):
+        raise InputError(
+            f"{path} has no attitude and never moves faster than {_SLOWEST_M_S:g} m/s, so the "
+            "heading is unknown; add roll_deg, pitch_deg, yaw_deg."
+        )
+    course = np.unwrap(np.arctan2(velocity[moving, 1], velocity[moving, 0]))
+    yaw = np.interp(np.arange(len(rows)), moving, course)
+    yaw = (yaw + np.pi) % (2 * np.pi) - np.pi
+    return np.column_stack([np.zeros(len(rows)), np.zeros(len(rows)), yaw]), _COURSE_SD_DEG
+
+
+def _sd(table: CsvColumns, rows: IntArray, columns: tuple[str, ...], default: float) -> FloatArray:
+    """One-sigma columns [n, 3]; the default where a value is missing or not positive."""
+    values = np.column_stack([table.floats(name)[rows] for name in columns])
+    with np.errstate(invalid="ignore"):
+        return np.where(values > 0, values, default)
