@@ -1,0 +1,1 @@
+"""Drives made by calculation: trajectory, sensors and a rendered video, with their truth."""

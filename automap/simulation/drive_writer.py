@@ -1,0 +1,260 @@
+"""Write a simulated drive as a drive folder with its truth."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from automap import timebase
+from automap.errors import ConfigError
+from automap.io import names
+from automap.records import ClockModel, Fixes, FloatArray, ImuData, IntArray
+from automap.simulation.camera import Painter, camera_views, principal_point
+from automap.simulation.gnss import arrivals, receive
+from automap.simulation.imu import check_errors, record_imu
+from automap.simulation.scenario import CameraSetup, Gnss, Scenario
+from automap.simulation.scene import Scene, build_scene
+from automap.simulation.trajectory import DriveMotion, Motion, drive_motion
+from automap.simulation.ubx_writer import nav_pvt
+from automap.vision.vocabulary import load_vocabulary
+
+Progress = Callable[[float, str], None]
+
+_VIDEO_CLOCK = 90_000
+
+
+def write_drive(
+    scenario: Scenario,
+    folder: Path,
+    seed: int | None = None,
+    progress: Progress = lambda fraction, text: None,
+) -> None:
+    """Simulate a scenario into an existing empty folder, in the layout of ``automap.drive/1``.
+
+    Each sensor draws from its own random stream, so that changing one leaves the others as
+    they were. ``seed`` replaces the scenario's. Raises ConfigError for effects or sign
+    classes that do not exist, OSError when the folder cannot be written.
+    """
+    check_errors(scenario.errors)
+    _check_signs(scenario)
+    streams = np.random.SeedSequence(scenario.seed if seed is None else seed).spawn(5)
+    road, imu_rng, gnss_rng, scene_rng, camera_rng = (np.random.default_rng(s) for s in streams)
+    progress(0.0, "trajectory")
+    drive = drive_motion(scenario, road)
+    begin = float(timebase.unix_to_gps(scenario.start.utc.timestamp()))
+    clock = ClockModel(
+        ref_ns=scenario.clock.start_ns,
+        ref_gps_s=begin,
+        drift=scenario.clock.drift_ppm * 1e-6,
+        sd_offset_s=0.0,
+        sd_drift=0.0,
+        method="simulated",
+    )
+    t_ns, motion = _imu_epochs(scenario, drive, imu_rng)
+    imu = record_imu(t_ns, motion, scenario.imu, scenario.errors, imu_rng)
+    _write_imu(folder / "imu.csv", imu)
+    truth = folder / names.TRUTH_DIR
+    truth.mkdir()
+    _write_truth(truth / names.TRUTH_TRAJECTORY, motion, t_ns, begin)
+    if scenario.gnss is not None:
+        fixes = receive(drive, scenario.gnss, begin, gnss_rng)
+        _write_gnss(folder, fixes, scenario.gnss, clock, gnss_rng)
+    scene = build_scene(scenario, drive, scene_rng)
+    _write_signs(truth / names.TRUTH_SIGNS, scene)
+    if scenario.camera is not None:
+        (folder / "video").mkdir()
+        _write_video(folder / "video", scenario, drive, scene, camera_rng, progress)
+    (folder / names.MANIFEST).write_text(_manifest(scenario), encoding="utf-8")
+
+
+def _check_signs(scenario: Scenario) -> None:
+    known = load_vocabulary().classes
+    for placed in scenario.signs:
+        if placed.sign not in known:
+            raise ConfigError(
+                f"the scenario has a sign '{placed.sign}' at {placed.at_m} m that is not in the "
+                "vocabulary; use a name of automap/vision/data/vocabulary.toml"
+            )
+
+
+def _seconds(t_ns: IntArray, scenario: Scenario) -> FloatArray:
+    """True seconds since the drive's begin of host stamps."""
+    rate = 1.0 + scenario.clock.drift_ppm * 1e-6
+    return np.asarray((t_ns - scenario.clock.start_ns) * 1e-9 * rate)
+
+
+def _imu_epochs(
+    scenario: Scenario, drive: DriveMotion, rng: np.random.Generator
+) -> tuple[IntArray, Motion]:
+    setup = scenario.imu
+    count = int(np.floor(drive.duration_s * setup.rate_hz))
+    jitter = rng.standard_normal(count) * setup.stamp_jitter_s
+    limit = 0.4 / setup.rate_hz
+    grid = np.arange(count) / setup.rate_hz + np.abs(np.clip(jitter, -limit, limit))
+    t_ns = scenario.clock.start_ns + np.rint(grid * 1e9).astype(np.int64)
+    return t_ns, drive.at(np.minimum(_seconds(t_ns, scenario), drive.duration_s))
+
+
+def _write_imu(path: Path, imu: ImuData) -> None:
+    with path.open("w", encoding="utf-8", newline="\n") as out:
+        out.write("t_ns,gx,gy,gz,ax,ay,az\n")
+        for t, g, a in zip(imu.t_ns, imu.gyro, imu.accel, strict=True):
+            out.write(f"{t},{g[0]:.7f},{g[1]:.7f},{g[2]:.7f},{a[0]:.5f},{a[1]:.5f},{a[2]:.5f}\n")
+
+
+def _write_truth(path: Path, motion: Motion, t_ns: IntArray, begin_gps_s: float) -> None:
+    degrees = np.degrees(motion.rpy)
+    degrees[:, 2] %= 360.0
+    with path.open("w", encoding="utf-8", newline="\n") as out:
+        out.write("t_ns,gps_s,lat_deg,lon_deg,height_m,vn,ve,vd,roll_deg,pitch_deg,yaw_deg\n")
+        for i in range(len(t_ns)):
+            v, a = motion.vel_ned[i], degrees[i]
+            out.write(
+                f"{t_ns[i]},{begin_gps_s + motion.t_s[i]:.6f},"
+                f"{np.degrees(motion.lat_rad[i]):.9f},{np.degrees(motion.lon_rad[i]):.9f},"
+                f"{motion.height_m[i]:.4f},{v[0]:.5f},{v[1]:.5f},{v[2]:.5f},"
+                f"{a[0]:.5f},{a[1]:.5f},{a[2]:.5f}\n"
+            )
+
+
+def _write_gnss(
+    folder: Path, fixes: Fixes, setup: Gnss, clock: ClockModel, rng: np.random.Generator
+) -> None:
+    messages = nav_pvt(fixes)
+    stamps = arrivals(fixes.gps_s, setup, clock.t_ns, rng)
+    (folder / "gnss.ubx").write_bytes(b"".join(messages))
+    offsets = np.cumsum([0] + [len(m) for m in messages[:-1]])
+    lines = [f"{o},{t}\n" for o, t in zip(offsets, stamps, strict=True)]
+    text = "offset,t_ns\n" + "".join(lines)
+    (folder / "gnss_arrival.csv").write_text(text, encoding="utf-8", newline="\n")
+
+
+def _write_signs(path: Path, scene: Scene) -> None:
+    from automap import earth
+
+    features = []
+    for number, sign in enumerate(scene.signs):
+        lat, lon, height = earth.from_local_ned(sign.centre, scene.ref)
+        features.append(
+            {
+                "type": "Feature",
+                "id": f"sign-{number + 1}",
+                "geometry": {
+                    "type": "Point",
+                    "coordinates": [
+                        round(float(np.degrees(lon)), 9),
+                        round(float(np.degrees(lat)), 9),
+                        round(float(height), 3),
+                    ],
+                },
+                "properties": {
+                    "class": sign.name,
+                    "facing_deg": round(float(np.degrees(sign.facing_rad) % 360.0), 2),
+                    "height_above_road_m": round(float(sign.foot[2] - sign.centre[2]), 3),
+                    "size_m": sign.size_m,
+                    "sd_m": 0.0,
+                },
+            }
+        )
+    collection = {"type": "FeatureCollection", "features": features}
+    path.write_text(json.dumps(collection, indent=1) + "\n", encoding="utf-8", newline="\n")
+
+
+def _write_video(
+    folder: Path,
+    scenario: Scenario,
+    drive: DriveMotion,
+    scene: Scene,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> None:
+    """Frames at jittered true times; the container's stamps are exact, the table's are noisy."""
+    import av
+
+    setup = scenario.camera
+    assert setup is not None
+    period = 1.0 / setup.frame_rate_hz
+    count = int((drive.duration_s - 0.2) / period)
+    times = 0.1 + np.arange(count) * period
+    times += np.clip(rng.standard_normal(count) * setup.frame_jitter_s, -period / 3, period / 3)
+    painter = Painter(scene, setup, scenario.scenery.brightness, rng)
+    views = camera_views(drive, setup, times, scene.ref)
+    with av.open(str(folder / "front.mp4"), "w") as container:
+        stream = container.add_stream("libx264", rate=Fraction(setup.frame_rate_hz))
+        stream.width, stream.height, stream.pix_fmt = setup.width, setup.height, "yuv420p"
+        stream.time_base = stream.codec_context.time_base = Fraction(1, _VIDEO_CLOCK)
+        # one thread: the same file on every machine
+        stream.codec_context.thread_count = 1
+        stream.options = {"crf": str(setup.quality), "preset": "fast"}
+        for i, (view, t) in enumerate(zip(views, times, strict=True)):
+            frame = av.VideoFrame.from_ndarray(painter.paint(view), format="bgr24")
+            frame.pts = int(round((t - times[0]) * _VIDEO_CLOCK))
+            frame.time_base = Fraction(1, _VIDEO_CLOCK)
+            container.mux(stream.encode(frame))
+            if i % 10 == 0:
+                progress(i / count, f"frame {i} of {count}")
+        container.mux(stream.encode())
+    rate = 1.0 + scenario.clock.drift_ppm * 1e-6
+    stamps = times + rng.standard_normal(count) * setup.stamp_noise_s
+    t_ns = scenario.clock.start_ns + np.rint(stamps / rate * 1e9).astype(np.int64)
+    text = "frame,t_ns\n" + "".join(f"{i},{t}\n" for i, t in enumerate(t_ns))
+    (folder / "front_frames.csv").write_text(text, encoding="utf-8", newline="\n")
+
+
+def _manifest(scenario: Scenario) -> str:
+    lines = [
+        'schema = "automap.drive/1"',
+        f'name = "{scenario.name}"',
+        "",
+        "[imu]",
+        'file = "imu.csv"',
+        'axes = "FRD"',
+        'time = "boot_ns"',
+        'gyro_unit = "rad/s"',
+        'accel_unit = "m/s^2"',
+    ]
+    if scenario.gnss is not None:
+        lines += [
+            "",
+            "[gnss]",
+            'file = "gnss.ubx"',
+            'arrival = "gnss_arrival.csv"',
+            'arrival_time = "boot_ns"',
+            f"output_delay_s = {scenario.gnss.output_delay_s}",
+            f"lever_arm_m = {list(scenario.gnss.lever_arm_m)}",
+        ]
+    if scenario.camera is not None:
+        lines += _video_section(scenario.camera)
+    lines += [
+        "",
+        "[site]",
+        f'country = "{scenario.site.country}"',
+        f'traffic_side = "{scenario.site.traffic_side}"',
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _video_section(setup: CameraSetup) -> list[str]:
+    cx, cy = principal_point(setup)
+    f = setup.focal_px
+    mount = np.array(setup.mount_rpy_deg) + np.array(setup.mount_error_deg)
+    return [
+        "",
+        "[video.front]",
+        'files = ["video/front.mp4"]',
+        'frames = "video/front_frames.csv"',
+        'time = "boot_ns"',
+        f"width = {setup.width}",
+        f"height = {setup.height}",
+        f"camera_matrix = [[{f}, 0.0, {cx}], [0.0, {f}, {cy}], [0.0, 0.0, 1.0]]",
+        "distortion = [0.0, 0.0, 0.0, 0.0, 0.0]",
+        f"lever_arm_m = {list(setup.lever_arm_m)}",
+        f"mount_rpy_deg = {[round(float(a), 6) for a in mount]}",
+        f"mount_rpy_sigma_deg = {setup.mount_rpy_sigma_deg}",
+        "time_offset_s = 0.0",
+        f"time_offset_sigma_s = {setup.time_offset_sigma_s}",
+    ]

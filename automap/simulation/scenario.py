@@ -1,0 +1,236 @@
+"""What a simulated drive is made of: the scenario file, ``automap.scenario/1``.
+
+Lengths in metres, angles in degrees where the key says so, everything else SI. Sensor
+errors carry the names and units of the effects (errors of the reading).
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from automap.errors import ConfigError
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Vector = tuple[float, float, float]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Start(_Part):
+    """Where and when the drive begins, heading clockwise from north."""
+
+    utc: datetime
+    lat_deg: Annotated[float, Field(ge=-89, le=89)]
+    lon_deg: Annotated[float, Field(ge=-180, le=180)]
+    height_m: float = 0.0
+    heading_deg: float = 0.0
+    standstill_s: NonNegative = 5.0
+
+
+class Vehicle(_Part):
+    """How the vehicle moves; suspension angles are per m/s^2 of acceleration."""
+
+    accel: Positive = 1.6
+    brake: Positive = 2.0
+    lateral_accel: Positive = 2.2
+    roll_per_accel_deg: float = 0.45
+    pitch_per_accel_deg: float = 0.4
+    road_roughness_deg: NonNegative = 0.12
+    imu_height_m: Positive = 0.5
+
+
+class Leg(_Part):
+    """One piece of the route: a straight when ``turn_deg`` is 0, else an arc (right positive).
+
+    Adjoining curvatures are joined by smooth transitions of some ``transition_m``.
+    """
+
+    length_m: Annotated[float, Field(ge=0)] = 0.0
+    turn_deg: float = 0.0
+    radius_m: Positive | None = None
+    grade_percent: Annotated[float, Field(gt=-30, lt=30)] = 0.0
+    bank_deg: Annotated[float, Field(gt=-30, lt=30)] = 0.0
+    speed_m_s: Positive = 12.0
+
+    @model_validator(mode="after")
+    def _straight_or_arc(self) -> Leg:
+        if (self.radius_m is None) != (self.turn_deg == 0.0):
+            raise ValueError("an arc has radius_m and turn_deg, a straight has neither")
+        if (self.radius_m is None) != (self.length_m > 0.0):
+            raise ValueError("a straight has length_m above 0, an arc has none")
+        return self
+
+
+class Stop(_Part):
+    """A halt at a distance along the route."""
+
+    at_m: NonNegative
+    hold_s: Positive
+
+
+class Route(_Part):
+    """The legs driven, one after the other, with the halts on them."""
+
+    legs: Annotated[list[Leg], Field(min_length=1)]
+    stops: list[Stop] = []
+    transition_m: Positive = 14.0
+    end_standstill_s: NonNegative = 3.0
+
+
+class Clock(_Part):
+    """Host clock against GPS: stamp of the drive's begin, and its rate error."""
+
+    start_ns: Annotated[int, Field(ge=0)] = 1_000_000_000_000
+    drift_ppm: float = 8.0
+
+
+class Imu(_Part):
+    """Sampling and white noise (densities, per square root of hertz)."""
+
+    rate_hz: Positive = 100.0
+    gyro_noise: NonNegative = 1.0e-4
+    accel_noise: NonNegative = 1.5e-3
+    stamp_jitter_s: NonNegative = 2.0e-5
+
+
+class Gnss(_Part):
+    """Receiver: rate, antenna, errors (one sigma per axis), dropouts, output delay."""
+
+    rate_hz: Positive = 5.0
+    lever_arm_m: Vector = (0.0, 0.0, 0.0)
+    sigma_correlated_m: Vector = (0.8, 0.8, 1.4)
+    correlation_s: Positive = 60.0
+    sigma_white_m: Vector = (0.25, 0.25, 0.5)
+    sigma_velocity: Vector = (0.06, 0.06, 0.09)
+    dropouts: list[tuple[NonNegative, NonNegative]] = []
+    geoid_separation_m: float = 0.0
+    output_delay_s: NonNegative = 0.07
+    arrival_jitter_s: NonNegative = 0.008
+    burst_probability: Annotated[float, Field(ge=0, le=1)] = 0.02
+    burst_s: NonNegative = 0.12
+
+
+class CameraSetup(_Part):
+    """Camera on the vehicle; ``mount_rpy_deg`` is true, the manifest's differs by the error."""
+
+    width: Annotated[int, Field(ge=64, le=4096)] = 1280
+    height: Annotated[int, Field(ge=64, le=4096)] = 720
+    focal_px: Positive = 1000.0
+    frame_rate_hz: Positive = 10.0
+    lever_arm_m: Vector = (1.2, 0.0, -0.9)
+    mount_rpy_deg: Vector = (0.0, 0.0, 0.0)
+    mount_error_deg: Vector = (0.0, 0.0, 0.0)
+    mount_rpy_sigma_deg: Positive = 1.0
+    frame_jitter_s: NonNegative = 0.004
+    stamp_noise_s: NonNegative = 0.001
+    time_offset_sigma_s: Positive = 0.02
+    image_noise: NonNegative = 2.5
+    blur_px: NonNegative = 0.6
+    quality: Annotated[int, Field(ge=0, le=51)] = 27
+
+
+class SignPlacement(_Part):
+    """A sign by the road: ``offset_m`` from the path, right positive; ``height_m`` of its centre
+    above the road; ``turned_deg`` away from facing the oncoming driver squarely."""
+
+    at_m: float
+    sign: str
+    offset_m: float
+    height_m: Positive = 2.2
+    size_m: Positive | None = None
+    turned_deg: Annotated[float, Field(ge=-75, le=75)] = 0.0
+
+
+class Scenery(_Part):
+    """What stands along the road besides signs, and the light."""
+
+    road_half_width_m: Positive = 4.0
+    lane_centre_m: float = 2.0
+    buildings: bool = True
+    trees: bool = True
+    parked_cars: bool = True
+    billboards: bool = True
+    brightness: Positive = 1.0
+
+
+class Site(_Part):
+    """Where the drive takes place, for the manifest."""
+
+    country: str = "AU"
+    traffic_side: Literal["left", "right"] = "left"
+
+
+class Scenario(_Part):
+    """A whole simulated drive; ``errors`` maps effect names to their parameters."""
+
+    schema_: Literal["automap.scenario/1"] = Field(alias="schema")
+    name: str
+    seed: Annotated[int, Field(ge=0)] = 1
+    start: Start
+    vehicle: Vehicle = Vehicle()
+    route: Route
+    clock: Clock = Clock()
+    imu: Imu = Imu()
+    errors: dict[str, dict[str, float]] = {}
+    gnss: Gnss | None = None
+    camera: CameraSetup | None = None
+    signs: list[SignPlacement] = []
+    scenery: Scenery = Scenery()
+    site: Site = Site()
+
+
+def load_scenario(path: Path) -> Scenario:
+    """Read and check a scenario file.
+
+    Raises ConfigError naming the file, the key and, for an unknown key, the nearest one.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: there is no such scenario file; check the path") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}; correct that place") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+    try:
+        return Scenario.model_validate(data)
+    except ValidationError as error:
+        raise ConfigError(f"{path}: {_first_reason(error)}") from None
+
+
+def _first_reason(error: ValidationError) -> str:
+    first = error.errors(include_url=False)[0]
+    place = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "extra_forbidden":
+        word = str(first["loc"][-1])
+        near = difflib.get_close_matches(word, sorted(_all_keys(Scenario)), n=1, cutoff=0.6)
+        advice = f"did you mean {near[0]}?" if near else "remove it"
+        return f"unknown key {place}; {advice}"
+    if first["type"] == "missing":
+        return f"the key {place} is missing; add it"
+    reason = first["msg"].removeprefix("Value error, ")
+    return f"{place} is not accepted: {reason}"
+
+
+def _all_keys(model: type[BaseModel]) -> set[str]:
+    keys: set[str] = set()
+    for name, info in model.model_fields.items():
+        keys.add(info.alias or name)
+        for part in _models_in(info.annotation):
+            keys |= _all_keys(part)
+    return keys
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [m for a in getattr(annotation, "__args__", ()) for m in _models_in(a)]

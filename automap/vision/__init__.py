@@ -1,0 +1,1 @@
+"""Signs in images: what they look like, and where they are."""
