@@ -1,0 +1,180 @@
+"""From fixes and standstill to nodes: what the filter observes, when, and how well."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.fusion.layout import (
+    CH_NHC,
+    CH_POS,
+    CH_ZARU,
+    CH_ZUPT,
+    HAS_POS_H,
+    HAS_POS_V,
+    HAS_VEL_H,
+    HAS_VEL_V,
+    MAX_SCALARS,
+    NHC,
+    STANDSTILL,
+)
+from automap.fusion.model import FusionOptions
+from automap.records import Fixes, FixType, FloatArray, IntArray
+
+MAX_NODE_SPACING_S = 0.5
+"""No stretch between nodes is longer, so that interpolated uncertainty stays true."""
+
+# how much worse than its own figure a fix of this type is taken
+_TYPE_FACTOR = {
+    FixType.DEAD_RECKONING: 5.0,
+    FixType.TWO_D: 2.0,
+    FixType.THREE_D: 1.0,
+    FixType.DGNSS: 1.0,
+    FixType.FLOAT: 1.0,
+    FixType.FIXED: 1.0,
+}
+
+
+@dataclass(frozen=True)
+class FixModel:
+    """Fixes with the error model the filter uses.
+
+    ``t`` [m] seconds on the IMU's time axis without any delay, ``flags`` [m], ``values`` [m, 6]
+    latitude, longitude (rad), height, velocity NED, ``white_var`` [m, 6], ``wander_sd`` [m, 3],
+    ``row`` [m] the fix's row in its table.
+    """
+
+    t: FloatArray
+    flags: IntArray
+    values: FloatArray
+    white_var: FloatArray
+    wander_sd: FloatArray
+    row: IntArray
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """The filter's nodes in time order; arrays as ``run_forward`` takes them.
+
+    ``fix_row`` [k] the row of the fix table that was used, -1 for none.
+    """
+
+    t: FloatArray
+    flags: IntArray
+    values: FloatArray
+    var: FloatArray
+    wander_sd: FloatArray
+    fix_row: IntArray
+
+
+def model_fixes(fixes: Fixes, t: FloatArray, options: FusionOptions) -> FixModel:
+    """Give every usable fix its error model; ``t`` [n] are the fixes' times in s.
+
+    The receiver's accuracy figure is taken as the size of its slowly wandering error; its
+    white part is a share of that. Carrier-phase solutions are short-term as good as they say.
+    Without a figure: HDOP times a consumer receiver's range error.
+    """
+    kind = fixes.fix_type
+    has_h = np.isfinite(fixes.lat_rad) & np.isfinite(fixes.lon_rad) & (kind > FixType.NONE)
+    has_v = has_h & np.isfinite(fixes.height_m) & (kind != FixType.TWO_D)
+    valid_vel = (kind > FixType.NONE) & np.isfinite(t)
+    vel_h = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1) & valid_vel
+    vel_v = np.isfinite(fixes.vel_ned[:, 2]) & vel_h
+    flags = has_h * HAS_POS_H + has_v * HAS_POS_V + vel_h * HAS_VEL_H + vel_v * HAS_VEL_V
+    use = np.isfinite(t) & (flags > 0)
+
+    hdop = np.where(np.isfinite(fixes.hdop) & (fixes.hdop > 0), fixes.hdop, 1.0)
+    fallback = np.stack([hdop, hdop, hdop], axis=1) * np.array(
+        [options.horizontal_sd_m, options.horizontal_sd_m, options.vertical_sd_m]
+    )
+    sd = np.where(np.isfinite(fixes.sd_pos_ned) & (fixes.sd_pos_ned > 0), fixes.sd_pos_ned, fallback)
+    factor = np.ones(len(fixes))
+    for fix_type, value in _TYPE_FACTOR.items():
+        factor[kind == fix_type] = value
+    sd = np.maximum(sd * factor[:, None], options.min_position_sd_m)
+    carrier = (kind == FixType.FIXED) | (kind == FixType.FLOAT)
+    white = np.where(carrier[:, None], sd, np.maximum(options.white_share * sd, 0.02))
+    sd_vel = np.where(
+        np.isfinite(fixes.sd_vel_ned) & (fixes.sd_vel_ned > 0),
+        fixes.sd_vel_ned,
+        options.velocity_sd * np.array([1.0, 1.0, 1.5]),
+    )
+    sd_vel = np.maximum(sd_vel * factor[:, None], options.min_velocity_sd)
+    height = np.where(has_v, fixes.height_m, np.nan)
+    values = np.column_stack([fixes.lat_rad, fixes.lon_rad, height, fixes.vel_ned])
+    rows = np.flatnonzero(use)
+    order = rows[np.argsort(t[rows], kind="stable")]
+    return FixModel(
+        t[order],
+        flags[order].astype(np.int64),
+        np.nan_to_num(values[order]),
+        np.concatenate([white, sd_vel], axis=1)[order] ** 2,
+        options.wander_share * sd[order],
+        order.astype(np.int64),
+    )
+
+
+def build_nodes(
+    model: FixModel,
+    delay_s: float,
+    span: tuple[float, float],
+    standstill: list[tuple[float, float]],
+    speed_t: FloatArray,
+    speed: FloatArray,
+    options: FusionOptions,
+    constrained: bool,
+) -> Nodes:
+    """Merge fixes (shifted by ``delay_s`` onto IMU stamps), standstill and filler instants.
+
+    ``span`` the first and last instant of the trajectory in s; fixes outside it are left out.
+    ``standstill`` intervals in s; ``speed`` at ``speed_t`` in m/s decides where the vehicle
+    constraint holds (with ``constrained``).
+    """
+    fix_t = model.t + delay_s
+    inside = (fix_t >= span[0]) & (fix_t <= span[1])
+    times = np.concatenate([[span[0]], fix_t[inside], [span[1]]])
+    gaps = np.diff(times)
+    pieces = np.ceil(gaps / MAX_NODE_SPACING_S - 1e-9).astype(int)
+    filler = [
+        np.linspace(times[i], times[i + 1], pieces[i] + 1)[1:-1]
+        for i in np.flatnonzero(pieces > 1)
+    ]
+    t = np.concatenate([fix_t[inside], [span[0], span[1]], *filler])
+    row = np.concatenate([np.flatnonzero(inside), np.full(len(t) - int(inside.sum()), -1)])
+    order = np.lexsort((-row, t))
+    t, row = t[order], row[order].astype(np.int64)
+    keep = np.concatenate([[True], (np.diff(t) > 1e-6) | (row[1:] >= 0)])
+    t, row = t[keep], row[keep]
+
+    n = len(t)
+    flags = np.zeros(n, dtype=np.int64)
+    values = np.zeros((n, 6))
+    var = np.ones((n, MAX_SCALARS))
+    wander = np.ones((n, 3))
+    has = row >= 0
+    flags[has] = model.flags[row[has]]
+    values[has] = model.values[row[has]]
+    var[has, CH_POS : CH_POS + 6] = model.white_var[row[has]]
+    wander[has] = model.wander_sd[row[has]]
+
+    spacing = np.diff(t, prepend=t[0] - MAX_NODE_SPACING_S)
+    spacing = np.clip(spacing, 0.01, 1.0)
+    still = np.zeros(n, dtype=bool)
+    for start, stop in standstill:
+        still |= (t >= start) & (t <= stop)
+    flags[still] |= STANDSTILL
+    # errors of these pseudo-measurements last about a second: the information is per second
+    var[:, CH_ZUPT : CH_ZUPT + 3] = (options.zero_velocity_sd**2 / spacing)[:, None]
+    var[:, CH_ZARU : CH_ZARU + 3] = (options.zero_rate_sd**2 / spacing)[:, None]
+    if constrained and len(speed_t):
+        v = np.interp(t, speed_t, speed)
+        moving = (v > options.nhc_min_speed) & ~still
+        flags[moving] |= NHC
+        sd = options.nhc_sd * (1.0 + 0.05 * v)
+        var[:, CH_NHC] = sd**2 / spacing
+        var[:, CH_NHC + 1] = (2.0 * sd) ** 2 / spacing
+    fix_row = np.where(has, model.row[np.maximum(row, 0)] if len(model.row) else -1, -1)
+    return Nodes(t, flags, values, var, wander, fix_row.astype(np.int64))
+
+

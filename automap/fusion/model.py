@@ -1,0 +1,167 @@
+"""The filter's model of a drive: which effects are states, their priors and noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from automap.effects import CATALOGUE, ImuTerm, imu_terms
+from automap.errors import ConfigError
+from automap.fusion.layout import (
+    BLOCK_SIZE,
+    DELAY,
+    LEVER,
+    MOUNT,
+    N_BLOCKS,
+    N_NAV,
+    VEL_LATENCY,
+    WANDER,
+    WHEEL,
+)
+from automap.records import FloatArray, IntArray
+
+_BLOCK_OF_EFFECT = {
+    "gnss_lever_arm": LEVER,
+    "imu_time_offset": DELAY,
+    "gnss_velocity_latency": VEL_LATENCY,
+    "gnss_correlated_noise": WANDER,
+    "imu_mounting": MOUNT,
+    "nhc_lever_arm": WHEEL,
+}
+_WALK_OF_EFFECT = {"accel_bias": "accel_bias_walk", "gyro_bias": "gyro_bias_walk"}
+
+DEFAULT_EFFECTS = (
+    "accel_bias",
+    "gyro_bias",
+    "accel_scale",
+    "gyro_scale",
+    "imu_time_offset",
+    "gnss_velocity_latency",
+    "gnss_correlated_noise",
+    "imu_mounting",
+    "nhc_lever_arm",
+)
+
+
+@dataclass(frozen=True)
+class FusionOptions:
+    """Noise figures, priors and switches of the fusion, SI units.
+
+    ``accel_noise`` m/s^2/sqrt(Hz), ``gyro_noise`` rad/s/sqrt(Hz): white noise including what
+    vibration the sampling folds down. ``prior_sd`` replaces catalogue priors: effect ->
+    parameter -> sd (parameter "*" for all). ``wander_tau_s`` and ``wander_share``: the
+    Gauss-Markov part of a fix's error relative to the receiver's own accuracy figure,
+    ``white_share`` the white part.
+    """
+
+    effects: tuple[str, ...] = DEFAULT_EFFECTS
+    prior_sd: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    accel_noise: float = 0.01
+    gyro_noise: float = 4e-4
+    accel_bias_walk: float = 4e-4
+    gyro_bias_walk: float = 1e-5
+    wander_tau_s: float = 60.0
+    wander_share: float = 1.0
+    white_share: float = 0.25
+    horizontal_sd_m: float = 1.2
+    vertical_sd_m: float = 2.4
+    velocity_sd: float = 0.1
+    min_position_sd_m: float = 0.01
+    min_velocity_sd: float = 0.03
+    nhc_sd: float = 0.1
+    nhc_min_speed: float = 3.0
+    zero_velocity_sd: float = 0.03
+    zero_rate_sd: float = 0.001
+    gap_factor: float = 2.5
+    gap_force_sd: float = 1.0
+    gap_rate_sd: float = 0.1
+    gate_probability: float = 1e-3
+    passes: int = 3
+    earth_rotation: bool = True
+
+
+@dataclass(frozen=True)
+class StateModel:
+    """The error state of one run: terms, offsets, priors, process noise.
+
+    ``terms`` the inertial parameters in order, ``term_table`` [m, 3] their codes, ``offsets``
+    [N_BLOCKS] of the measurement-side blocks (-1 off), ``names`` of the states after the nine
+    navigation errors, ``prior_mean`` and ``prior_sd`` [n - 9], ``tau`` and ``walk`` [n].
+    """
+
+    terms: tuple[ImuTerm, ...]
+    term_table: IntArray
+    offsets: IntArray
+    names: tuple[str, ...]
+    prior_mean: FloatArray
+    prior_sd: FloatArray
+    tau: FloatArray
+    walk: FloatArray
+
+    @property
+    def size(self) -> int:
+        return N_NAV + len(self.names)
+
+    def index(self, name: str) -> int:
+        """Row of a named parameter in the error state."""
+        return N_NAV + self.names.index(name)
+
+
+def build_state_model(
+    options: FusionOptions,
+    means: Mapping[str, float] | None = None,
+    sds: Mapping[str, float] | None = None,
+) -> StateModel:
+    """Lay out the error state of the options' effects.
+
+    ``means`` and ``sds`` give prior means and one-sigma by full parameter name (for instance
+    ``gyro_bias_x``), over the options' and the catalogue's.
+
+    Raises:
+        ConfigError: an effect that the filter has no states for.
+    """
+    imu_names = [e for e in options.effects if e in CATALOGUE and CATALOGUE[e].family == "imu"]
+    terms = tuple(imu_terms(imu_names))
+    names = [t.name for t in terms]
+    sd = [_prior(options, t.effect, t.parameter.name, t.parameter.prior_sd) for t in terms]
+    offsets = np.full(N_BLOCKS, -1, dtype=np.int64)
+    for effect in options.effects:
+        if effect in imu_names:
+            continue
+        block = _BLOCK_OF_EFFECT.get(effect)
+        if block is None:
+            raise ConfigError(
+                f"fuse.effects: '{effect}' cannot be estimated by the filter; choose from "
+                + ", ".join([e for e in CATALOGUE if CATALOGUE[e].family == "imu"])
+                + ", "
+                + ", ".join(_BLOCK_OF_EFFECT)
+            )
+        offsets[block] = N_NAV + len(names)
+        if block == WANDER:
+            names += [f"{effect}_{a}" for a in "ned"]
+            sd += [1.0, 1.0, 1.0]
+            continue
+        for parameter in CATALOGUE[effect].parameters[: BLOCK_SIZE[block]]:
+            names.append(f"{effect}_{parameter.name}")
+            sd.append(_prior(options, effect, parameter.name, parameter.prior_sd))
+    n = N_NAV + len(names)
+    tau = np.zeros(n)
+    walk = np.zeros(n)
+    for i, term in enumerate(terms):
+        if term.effect in _WALK_OF_EFFECT:
+            walk[N_NAV + i] = getattr(options, _WALK_OF_EFFECT[term.effect]) ** 2
+    if offsets[WANDER] >= 0:
+        block_rows = slice(int(offsets[WANDER]), int(offsets[WANDER]) + 3)
+        tau[block_rows] = options.wander_tau_s
+        walk[block_rows] = 1.0
+    mean = np.array([(means or {}).get(name, 0.0) for name in names])
+    spread = np.array([(sds or {}).get(name, s) for name, s in zip(names, sd, strict=True)])
+    table = np.array([(t.sensor, t.axis, t.basis) for t in terms], dtype=np.int64).reshape(-1, 3)
+    return StateModel(terms, table, offsets, tuple(names), mean, spread, tau, walk)
+
+
+def _prior(options: FusionOptions, effect: str, parameter: str, default: float) -> float:
+    given = options.prior_sd.get(effect, {})
+    return float(given.get(parameter, given.get("*", default)))

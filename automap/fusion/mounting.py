@@ -1,0 +1,110 @@
+"""How the sensor sits in the vehicle, from a trajectory fused in the sensor's own axes.
+
+Forward is where the vehicle goes; down is the axis about which it turns and, on average,
+where gravity pulls. No assumption is made about the angles: upside down is fine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.errors import StageError
+from automap.frames import matrix_to_rpy
+from automap.records import FloatArray
+
+MIN_SPEED = 3.0
+MIN_MOVING_S = 10.0
+TURN_RATE = 0.08
+ROAD_ROLL_SD = 0.02
+"""Mean cross-fall and suspension lean of a drive, rad, one sigma."""
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """``C_vehicle_sensor`` [3, 3], its ZYX angles [3] and their one-sigma [3] in rad."""
+
+    matrix: FloatArray
+    rpy: FloatArray
+    sd: FloatArray
+
+
+def estimate_mounting(
+    t: FloatArray, vel_ned: FloatArray, c_n_s: FloatArray, rate: FloatArray, accel_long: FloatArray
+) -> Mounting:
+    """Mounting from velocity [n, 3], sensor attitude [n, 3, 3] and corrected rate [n, 3].
+
+    ``accel_long`` [n] speed change in m/s^2: epochs of hard braking or acceleration pitch the
+    body and are left out.
+
+    Raises:
+        StageError: the vehicle hardly moved, so that forward is unknown.
+    """
+    speed = np.linalg.norm(vel_ned, axis=1)
+    yaw_rate = np.linalg.norm(rate, axis=1)
+    dt = float(np.median(np.diff(t)))
+    straight = (speed > MIN_SPEED) & (yaw_rate < 0.1) & (np.abs(accel_long) < 1.0)
+    if straight.sum() * dt < MIN_MOVING_S:
+        straight = speed > MIN_SPEED
+    if straight.sum() * dt < MIN_MOVING_S:
+        raise StageError(
+            'the mounting of the IMU (axes = "unknown") cannot be found: the vehicle moved for '
+            f"only {straight.sum() * dt:.0f} s above {MIN_SPEED:.0f} m/s; give axes in drive.toml "
+            "or use a longer drive"
+        )
+    v_s = np.einsum("nji,nj->ni", c_n_s[straight], vel_ned[straight])
+    forward = _robust_direction(v_s / speed[straight, None])
+    spread = v_s / speed[straight, None] - forward
+    blocks = max(straight.sum() * dt / 5.0, 1.0)
+    sd_forward = float(np.sqrt((spread**2).sum(axis=1).mean() / 2.0 / blocks)) + 0.003
+
+    # down: gravity seen in the sensor, averaged over the drive, and the axis of turning
+    moving = speed > MIN_SPEED
+    gravity_dir = c_n_s[moving][:, 2, :].mean(axis=0)
+    down_gravity = _across(gravity_dir, forward)
+    turning = moving & (yaw_rate > TURN_RATE)
+    roll_gravity, var_gravity = 0.0, ROAD_ROLL_SD**2
+    roll = roll_gravity
+    var = var_gravity
+    right = np.cross(down_gravity, forward)
+    if turning.sum() * dt > 3.0:
+        signed = rate[turning] * np.sign(
+            np.einsum("ni,ni->n", rate[turning], c_n_s[turning][:, 2, :])
+        )[:, None]
+        axis = _across(signed.sum(axis=0), forward)
+        roll_turn = float(np.arctan2(-(axis @ right), axis @ down_gravity))
+        # the axis of turning leans with the body roll and the grade of the road
+        var_turn = 0.02**2 + (0.1**2) / max(turning.sum() * dt, 1.0)
+        weight = var_gravity / (var_gravity + var_turn)
+        if abs(roll_turn) < 0.2:
+            roll = weight * roll_turn
+            var = var_gravity * var_turn / (var_gravity + var_turn)
+    down = np.cos(roll) * down_gravity - np.sin(roll) * right
+    matrix = np.stack([forward, np.cross(down, forward), down])
+    sd = np.array([np.sqrt(var), sd_forward, sd_forward])
+    return Mounting(matrix, matrix_to_rpy(matrix), sd)
+
+
+def _robust_direction(units: FloatArray) -> FloatArray:
+    """Mean direction [3] of unit vectors [n, 3] with outliers trimmed.
+
+    The first mean is signed by the majority, so that reversing does not cancel driving.
+    """
+    _, vectors = np.linalg.eigh(units.T @ units)
+    axis = vectors[:, -1]
+    if (units @ axis > 0).mean() < 0.5:
+        axis = -axis
+    for _ in range(5):
+        angle = np.arccos(np.clip(units @ axis, -1.0, 1.0))
+        ahead = angle < np.pi / 2
+        limit = max(3.0 * float(np.median(angle[ahead])), 0.02)
+        axis = units[angle < limit].mean(axis=0)
+        axis /= np.linalg.norm(axis)
+    return np.asarray(axis)
+
+
+def _across(vector: FloatArray, forward: FloatArray) -> FloatArray:
+    """Unit part of a vector perpendicular to ``forward``."""
+    rest = vector - forward * float(vector @ forward)
+    return np.asarray(rest / np.linalg.norm(rest))

@@ -1,0 +1,118 @@
+"""From nodes to tables: trajectory at IMU rate, parameters over time, innovations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.frames import matrix_to_rpy, quat_to_matrix, rpy_sd_from_tilt
+from automap.fusion.layout import CHANNELS, N_NAV, PHI_ID
+from automap.fusion.measurements import Nodes
+from automap.fusion.problem import ForwardRun, Problem, SmoothRun, run_dense
+from automap.records import ClockModel, FloatArray, IntArray, Trajectory
+
+
+@dataclass(frozen=True)
+class ParameterHistory:
+    """Estimated parameters [k, p] with sd [k, p] at instants ``t_ns`` [k], named ``names``."""
+
+    t_ns: IntArray
+    names: tuple[str, ...]
+    values: FloatArray
+    sd: FloatArray
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """One row per scalar measurement: stamp, channel name, innovation, its sd, block NIS."""
+
+    t_ns: IntArray
+    channel: npt.NDArray[np.object_]
+    innovation: FloatArray
+    sd: FloatArray
+    nis: FloatArray
+    accepted: npt.NDArray[np.bool_]
+
+
+def node_trajectory(
+    problem: Problem,
+    nodes: Nodes,
+    nominal: FloatArray,
+    params: FloatArray,
+    cov: FloatArray,
+    t_ns: IntArray,
+    clock: ClockModel,
+    delay: float,
+    turn: FloatArray,
+    turn_sd: FloatArray,
+    blend: bool,
+) -> Trajectory:
+    """Trajectory at the IMU epochs ``t_ns`` of nodes' states.
+
+    ``turn`` [3, 3] takes sensor axes (as filtered) to the vehicle's, with ``turn_sd`` [3] rad.
+    ``delay`` is how much later than the truth the stamps are, in s.
+    """
+    dense, _ = run_dense(problem, nodes, nominal, params, blend)
+    good = np.isfinite(dense).all(axis=1)
+    dense = _hold_ends(dense, good)
+    matrix = quat_to_matrix(dense[:, 6:10]) @ turn.T
+    rpy = matrix_to_rpy(matrix)
+    t = problem.t
+    variance = np.stack(
+        [np.interp(t, nodes.t, np.maximum(cov[:, i, i], 0.0)) for i in range(6)], axis=1
+    )
+    tilt = np.empty((len(t), 3, 3))
+    for i in range(3):
+        for j in range(3):
+            tilt[:, i, j] = np.interp(t, nodes.t, cov[:, PHI_ID + i, PHI_ID + j])
+    tilt += (matrix * (turn_sd**2)[None, None, :]) @ np.swapaxes(matrix, 1, 2)
+    return Trajectory(
+        t_ns=t_ns,
+        gps_s=clock.gps_s(t_ns) - delay,
+        lat_rad=dense[:, 0],
+        lon_rad=(dense[:, 1] + np.pi) % (2 * np.pi) - np.pi,
+        height_m=dense[:, 2],
+        vel_ned=dense[:, 3:6],
+        rpy=rpy,
+        sd_pos_ned=np.sqrt(variance[:, :3]),
+        sd_vel_ned=np.sqrt(variance[:, 3:6]),
+        sd_rpy=rpy_sd_from_tilt(rpy, tilt),
+    )
+
+
+def _hold_ends(dense: FloatArray, good: npt.NDArray[np.bool_]) -> FloatArray:
+    """Fill rows that rounding left outside the nodes with the nearest good row."""
+    if good.all() or not good.any():
+        return dense
+    index = np.flatnonzero(good)
+    nearest = index[np.clip(np.searchsorted(index, np.arange(len(dense))), 0, len(index) - 1)]
+    return np.where(good[:, None], dense, dense[nearest])
+
+
+def parameter_history(
+    problem: Problem, smooth: SmoothRun, base_ns: int, delay_shift: float
+) -> ParameterHistory:
+    """All parameters at the nodes, in the unit of their effect."""
+    names = problem.model.names
+    values = smooth.params.copy()
+    if "imu_time_offset_s" in names:
+        values[:, names.index("imu_time_offset_s")] += delay_shift
+    sd = np.sqrt(np.maximum(np.einsum("kii->ki", smooth.cov)[:, N_NAV:], 0.0))
+    t_ns = base_ns + np.rint(smooth.nodes.t * 1e9).astype(np.int64)
+    return ParameterHistory(t_ns, names, values, sd)
+
+
+def innovations(forward: ForwardRun, base_ns: int) -> Innovations:
+    """The innovation table of a forward run."""
+    node, channel = forward.sc_info[:, 0], forward.sc_info[:, 1]
+    names = np.array(CHANNELS, dtype=object)
+    return Innovations(
+        base_ns + np.rint(forward.nodes.t[node] * 1e9).astype(np.int64),
+        names[channel],
+        forward.sc_nu,
+        np.sqrt(forward.sc_s),
+        forward.nis[node, channel],
+        forward.sc_info[:, 2] > 0,
+    )

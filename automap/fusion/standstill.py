@@ -1,0 +1,81 @@
+"""When the vehicle stands still, from the IMU's quietness and the receiver's speed.
+
+A generalised likelihood ratio in spirit (Skog et al. 2010, "Zero-velocity detection: an
+algorithm evaluation"), with the noise level taken from the recording itself: windows are
+compared with the quietest ones of the drive, and only where the receiver agrees.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.records import FloatArray
+
+WINDOW_S = 0.5
+MIN_LENGTH_S = 1.0
+QUIET_FACTOR = 3.0
+
+
+def find_standstill(
+    t: FloatArray,
+    gyro: FloatArray,
+    accel: FloatArray,
+    fix_t: FloatArray,
+    fix_speed: FloatArray,
+    fix_speed_sd: FloatArray,
+) -> list[tuple[float, float]]:
+    """Intervals (start, stop) in s during which the vehicle stands.
+
+    ``t`` [n], ``gyro`` and ``accel`` [n, 3] readings; ``fix_t`` [m], ``fix_speed`` [m] the
+    receiver's horizontal speed with ``fix_speed_sd`` [m]. The receiver's speed must be
+    compatible with zero throughout; then the windowed spread of the readings must be within
+    a factor of the quietest such windows, which keeps slow creeping out.
+    """
+    if len(t) < 10 or len(fix_t) == 0:
+        return []
+    dt = float(np.median(np.diff(t)))
+    width = max(int(round(WINDOW_S / dt)), 5)
+    spread_a = _rolling_sd(accel, width)
+    spread_g = _rolling_sd(gyro, width)
+    speed = np.interp(t, fix_t, fix_speed)
+    limit = np.interp(t, fix_t, np.maximum(3.0 * fix_speed_sd, 0.15))
+    nearest = np.abs(t - fix_t[np.clip(np.searchsorted(fix_t, t), 0, len(fix_t) - 1)])
+    before = np.abs(t - fix_t[np.clip(np.searchsorted(fix_t, t) - 1, 0, len(fix_t) - 1)])
+    slow = (speed < np.minimum(limit, 0.5)) & (np.minimum(nearest, before) < 1.5)
+    if not slow.any():
+        return []
+    # quiet means: like the quietest of the slow windows, and clearly quieter than driving
+    floor_a = float(np.percentile(spread_a[slow], 10))
+    floor_g = float(np.percentile(spread_g[slow], 10))
+    moving = speed > 3.0
+    if moving.any():
+        floor_a = min(floor_a, 0.3 * float(np.median(spread_a[moving])))
+        floor_g = min(floor_g, 0.5 * float(np.median(spread_g[moving])))
+    quiet = slow & (spread_a < QUIET_FACTOR * floor_a) & (spread_g < QUIET_FACTOR * floor_g)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]])))
+    out = []
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        a, b = float(t[start]) + 0.5 * WINDOW_S, float(t[stop - 1]) - 0.5 * WINDOW_S
+        if b - a >= MIN_LENGTH_S - WINDOW_S:
+            out.append((a, b))
+    return out
+
+
+def rest_gyro_bias(
+    t: FloatArray, gyro: FloatArray, standstill: list[tuple[float, float]]
+) -> FloatArray | None:
+    """Mean reading [3] at rest in rad/s over all standstill, None without any."""
+    mask = np.zeros(len(t), dtype=bool)
+    for start, stop in standstill:
+        mask |= (t >= start) & (t <= stop)
+    return gyro[mask].mean(axis=0) if mask.any() else None
+
+
+def _rolling_sd(values: FloatArray, width: int) -> FloatArray:
+    """Norm over axes of the centred moving standard deviation [n]."""
+    from scipy.ndimage import uniform_filter1d
+
+    mean = uniform_filter1d(values, width, axis=0, mode="nearest")
+    square = uniform_filter1d((values - values.mean(axis=0)) ** 2, width, axis=0, mode="nearest")
+    var = square - (mean - values.mean(axis=0)) ** 2
+    return np.asarray(np.sqrt(np.maximum(var, 0.0).sum(axis=1)))
