@@ -1,0 +1,90 @@
+"""What is imported is declared, what is declared is pinned, and the layers stay apart."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+OWN = {"automap", "pipeline", "tests"}
+
+
+def imported(folder: str) -> Iterator[tuple[Path, str]]:
+    """The top-level names that the sources below a folder import, with the file."""
+    for path in sorted((ROOT / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            modules = []
+            if isinstance(node, ast.Import):
+                modules = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                modules = [node.module]
+            for module in modules:
+                yield path.relative_to(ROOT), module.split(".")[0]
+
+
+def normal(name: str) -> str:
+    """A package name as the index compares it."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def required(requirements: list[str]) -> set[str]:
+    """Names in a list of requirements."""
+    return {normal(re.split(r"[<>=!~;\[ ]", text, maxsplit=1)[0]) for text in requirements}
+
+
+def locked(name: str) -> dict[str, str]:
+    """Names and versions in a lock file."""
+    lines = (ROOT / name).read_text(encoding="utf-8").splitlines()
+    pairs = [line.split("==") for line in lines if line and not line.startswith("#")]
+    return {normal(package): version for package, version in pairs}
+
+
+RUNTIME = required(PROJECT["dependencies"])
+DEV = required(PROJECT["optional-dependencies"]["dev"])
+
+
+@pytest.mark.parametrize(
+    ("folder", "allowed"), [("automap", RUNTIME), ("pipeline", RUNTIME), ("tests", RUNTIME | DEV)]
+)
+def test_every_import_is_declared(folder: str, allowed: set[str]) -> None:
+    distributions = metadata.packages_distributions()
+    missing = []
+    for path, module in imported(folder):
+        if module in sys.stdlib_module_names or module in OWN:
+            continue
+        owners = {normal(name) for name in distributions.get(module, [module])}
+        if not owners & allowed:
+            missing.append(f"{path}: {module}")
+    assert missing == []
+
+
+def test_what_is_declared_is_pinned() -> None:
+    runtime, dev = locked("requirements.lock"), locked("requirements-dev.lock")
+    assert RUNTIME - runtime.keys() == set()
+    assert DEV - dev.keys() - runtime.keys() == set()
+    assert runtime.keys() & dev.keys() == set()
+
+
+@pytest.mark.parametrize("name", ["requirements.lock", "requirements-dev.lock"])
+def test_the_pins_are_complete(name: str) -> None:
+    everything = locked("requirements.lock") | locked(name)
+    for package in locked(name):
+        try:
+            needs = metadata.requires(package) or []
+        except metadata.PackageNotFoundError:
+            pytest.skip(f"{package} is not installed")
+        # extras and other systems' needs carry a marker; these are not pinned
+        plain = [text for text in needs if ";" not in text]
+        assert required(plain) - everything.keys() == set(), package
+
+
+def test_the_library_does_not_know_the_application() -> None:
+    assert [str(path) for path, module in imported("automap") if module == "pipeline"] == []
