@@ -123,10 +123,10 @@ def _prepared(path: Path, out: Path, request: Request, reporter: Reporter) -> It
         }
         run = _Run(request, drive, out, record, DigestCache(out), reporter)
         started = time.perf_counter()
-        record["status"] = "interrupted"
         try:
             yield run
         except BaseException as failure:
+            record["status"] = "interrupted"
             if isinstance(failure, Exception):
                 log.error("%s", failure, exc_info=not isinstance(failure, AutoMapError))
                 record.update(status="failed", error=str(failure))
