@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 from automap.errors import AutoMapError, ConfigError, StageError
 from automap.io import names
-from automap.io.atomic import make_folder, write_failure, write_json
+from automap.io.atomic import make_folder, write_json
 from pipeline.cache import Ingredients, gather, why_run
 from pipeline.digests import DigestCache
 from pipeline.execute import execute, remove_leftovers, work_folder
 from pipeline.lock import locked
+from pipeline.log_file import logging_to
 from pipeline.progress import Outcome, Reporter, Silent, StageLine
 from pipeline.run_record import merge_stages, new_record, read_record, utc_now
 from pipeline.stage import Stage, StageContext
@@ -114,7 +115,7 @@ def _prepared(path: Path, out: Path, request: Request, reporter: Reporter) -> It
         yield _Run(request, drive, out, read_record(out), DigestCache(out), reporter)
         return
     make_folder(out)
-    with locked(out), _logging_to(out / LOG_FILE):
+    with locked(out), logging_to(out / LOG_FILE):
         earlier = read_record(out)
         remove_leftovers(out, tuple(stage.name for stage in request.stages))
         record = new_record(path, drive.name, shlex.join(request.command), request.settings.echo())
@@ -275,38 +276,3 @@ def _producers(stages: Sequence[Stage]) -> dict[str, str]:
 def _is_used(stage: Stage, request: Request) -> bool:
     needed = {n for s in request.stages if s.name in request.selected for n in s.needs}
     return any(output in needed for output in stage.outputs)
-
-
-class _LogFile(logging.FileHandler):
-    """A log file that lets the run go on when the disk is full."""
-
-    def handleError(self, record: logging.LogRecord) -> None:
-        """Pass over a line that cannot be written; the run itself says what is wrong."""
-
-    def close(self) -> None:
-        """Close the file, whether or not its last lines can be written."""
-        with suppress(OSError):
-            super().close()
-
-
-@contextmanager
-def _logging_to(path: Path) -> Iterator[None]:
-    try:
-        handler = _LogFile(path, encoding="utf-8")
-    except OSError as error:
-        raise write_failure(path, error) from error
-    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-    loggers = [logging.getLogger(name) for name in ("automap", "pipeline", "py.warnings")]
-    levels = [logger.level for logger in loggers]
-    logging.captureWarnings(True)
-    for logger in loggers:
-        logger.setLevel(logging.INFO)
-        logger.addHandler(handler)
-    try:
-        yield
-    finally:
-        logging.captureWarnings(False)
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.removeHandler(handler)
-            logger.setLevel(level)
-        handler.close()
