@@ -11,7 +11,9 @@ import numpy.typing as npt
 
 from automap.records import Camera, FloatArray
 
-_AGREEMENT_PX = 0.5
+_AGREEMENT_PX = 0.01
+_MAX_ITERATIONS = 30
+_STEP = 1e-6
 
 
 def normalise(camera: Camera, pixels: FloatArray) -> FloatArray:
@@ -25,16 +27,50 @@ def normalise(camera: Camera, pixels: FloatArray) -> FloatArray:
         return points.copy()
     if not np.any(camera.distortion):
         return _pinhole_inverse(camera, points)
+    return _newton_inverse(camera, points)
+
+
+def _newton_inverse(camera: Camera, pixels: FloatArray) -> FloatArray:
+    """Invert the distortion by Newton's method from the undistorted start.
+
+    OpenCV's own inverse is a fixed-point iteration that does not converge at the edge of a
+    wide lens. A root where the model folds over (Jacobian not positive) is no solution.
+    """
+    rays = _pinhole_inverse(camera, pixels)
+    scale = camera.matrix[0, 0] * camera.matrix[1, 1]
+    determinant = np.ones(len(rays))
+    for _ in range(_MAX_ITERATIONS):
+        missing = pixels - _distorted(camera, rays)
+        columns = []
+        for axis in range(2):
+            step = np.zeros(2)
+            step[axis] = _STEP
+            difference = _distorted(camera, rays + step) - _distorted(camera, rays - step)
+            columns.append(difference / (2.0 * _STEP))
+        (a, c), (b, d) = columns[0].T, columns[1].T
+        determinant = a * d - b * c
+        with np.errstate(all="ignore"):
+            change = np.column_stack(
+                [d * missing[:, 0] - b * missing[:, 1], a * missing[:, 1] - c * missing[:, 0]]
+            )
+            change /= determinant[:, None]
+        change = np.clip(np.nan_to_num(change), -0.5, 0.5)
+        rays = rays + change
+        if np.abs(change).max() < 1e-12:
+            break
+    error = np.linalg.norm(_distorted(camera, rays) - pixels, axis=1)
+    rays[~((error < _AGREEMENT_PX) & (determinant > 1e-3 * scale))] = np.nan
+    return rays
+
+
+def _distorted(camera: Camera, normalised: FloatArray) -> FloatArray:
+    """Pixels [n, 2] of normalised coordinates [n, 2]."""
     import cv2
 
-    stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
-    rays = cv2.undistortPointsIter(
-        points[:, None], camera.matrix, camera.distortion, np.eye(3), np.eye(3), stop
-    ).reshape(-1, 2)
-    back = project(camera, np.column_stack([np.ones(len(rays)), rays]))
-    wrong = ~(np.linalg.norm(back - points, axis=1) < _AGREEMENT_PX)
-    rays[wrong] = np.nan
-    return np.asarray(rays, np.float64)
+    points = np.column_stack([normalised, np.ones(len(normalised))])
+    zero = np.zeros(3)
+    pixels, _ = cv2.projectPoints(points[:, None], zero, zero, camera.matrix, camera.distortion)
+    return np.asarray(pixels, np.float64).reshape(-1, 2)
 
 
 def _pinhole_inverse(camera: Camera, points: FloatArray) -> FloatArray:
@@ -52,12 +88,7 @@ def project(camera: Camera, directions: FloatArray) -> FloatArray:
     forward = np.where(directions[:, 0] > 0.0, directions[:, 0], np.nan)
     normalised = directions[:, 1:] / forward[:, None]
     if np.any(camera.distortion):
-        import cv2
-
-        points = np.column_stack([normalised, np.ones(len(normalised))])
-        zero = np.zeros(3)
-        pixels, _ = cv2.projectPoints(points[:, None], zero, zero, camera.matrix, camera.distortion)
-        return np.asarray(pixels.reshape(-1, 2), np.float64)
+        return _distorted(camera, normalised)
     k = camera.matrix
     return np.column_stack(
         [

@@ -90,7 +90,7 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
     rows = np.asarray(rows, np.int64)
     anchor = int(rows[np.argmax(views.measured[rows, 2])])
     M, b = relative_views(views, rows, anchor)
-    drift = views.speed_sd[rows] * np.abs(views.t_ns[rows] - views.t_ns[anchor]) * 1e-9
+    drift = view_drift(views, rows, anchor)
     measured, sd = views.measured[rows], views.sd[rows]
     prior_mean, prior_sd = float(np.log(prior.size_m)), prior.log_sd
     by_size = prior_mean - views.measured[anchor, 2]
@@ -129,12 +129,25 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
     )
 
 
+def view_drift(views: Views, rows: IntArray, anchor: int) -> FloatArray:
+    """One-sigma error [n] in metres of each camera centre relative to the anchor's."""
+    elapsed = np.abs(views.t_ns[rows] - views.t_ns[anchor]) * 1e-9
+    return np.asarray(views.speed_sd[rows] * elapsed, np.float64)
+
+
 def relative_views(views: Views, rows: IntArray, anchor: int) -> tuple[FloatArray, FloatArray]:
     """``M`` [n, 3, 3] and ``b`` [n, 3] with q_view = M q_anchor + b for any point."""
     C_anchor = views.C_cam_ref[anchor]
     M = views.C_cam_ref[rows] @ C_anchor.T
     b = np.einsum("nij,nj->ni", views.C_cam_ref[rows], views.centre[anchor] - views.centre[rows])
     return np.ascontiguousarray(M), np.ascontiguousarray(b)
+
+
+def direction_residuals(views: Views, landmark: Landmark) -> FloatArray:
+    """Measured minus expected direction [n, 2] (right / forward, down / forward) of each view."""
+    rows = landmark.rows
+    q = np.einsum("nij,nj->ni", views.C_cam_ref[rows], landmark.position - views.centre[rows])
+    return np.asarray(views.measured[rows, :2] - q[:, 1:] / q[:, :1])
 
 
 def position_jacobian(views: Views, landmark: Landmark) -> FloatArray:

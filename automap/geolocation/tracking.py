@@ -9,6 +9,7 @@ always two signs (global nearest neighbour: Blackman and Popoli, Modern Tracking
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -53,18 +54,27 @@ class _Track:
             self.numbers.add(int(views.track[row]))
 
 
-def link_views(views: Views, prior: SizePrior, rules: TrackingRules) -> list[IntArray]:
-    """Group the views into tracks; every view belongs to exactly one, alone if need be.
+def link_views(
+    views: Views,
+    prior: SizePrior,
+    rules: TrackingRules,
+    rows: IntArray | None = None,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> list[IntArray]:
+    """Group the views (or those of ``rows``, ascending) into tracks.
 
-    Returns the rows of each track in the order of time, tracks in the order of first sight.
+    Every view belongs to exactly one track, alone if need be. Returns the rows of each track
+    in the order of time, tracks in the order of first sight.
     """
+    chosen = np.arange(len(views)) if rows is None else np.asarray(rows, np.int64)
     active: list[_Track] = []
     ended: list[_Track] = []
-    boundaries = np.flatnonzero(np.diff(views.frame)) + 1
-    for frame_rows in np.split(np.arange(len(views)), boundaries):
+    boundaries = np.flatnonzero(np.diff(views.frame[chosen])) + 1
+    for frame_rows in np.split(chosen, boundaries):
         if len(frame_rows) == 0:
             continue
         now = int(views.t_ns[frame_rows[0]])
+        progress(float(frame_rows[0]) / len(views))
         still: list[_Track] = []
         for track in active:
             silence = (now - int(views.t_ns[track.rows[-1]])) * 1e-9

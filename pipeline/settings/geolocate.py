@@ -12,3 +12,17 @@ class GeolocateSettings(Section):
 
     pixel_sd: float = Field(default=1.5, gt=0)
     """One sigma of a box centre, pixels."""
+    box_fraction: float = Field(default=0.05, ge=0, le=1)
+    """One sigma of centre and height of a box, as part of its height."""
+    sign_size_m: float = Field(default=0.7, gt=0)
+    """Median height of a sign, m."""
+    sign_size_log_sd: float = Field(default=0.4, gt=0)
+    """Spread of the logarithm of sign heights (0.4: two thirds lie within -33 and +49 %)."""
+    max_silence_s: float = Field(default=20.0, gt=0)
+    """A sign not seen for so long starts a new track, s."""
+    estimate_camera: bool = True
+    """Estimate the camera's turn and time offset from all signs together."""
+    max_single_view_m: float = Field(default=60.0, gt=0)
+    """Greatest distance of a sign seen once, judged by its size, m."""
+    imu_above_road_m: float = Field(default=1.0, ge=0)
+    """Height of the IMU above the road, m."""

@@ -1,0 +1,121 @@
+"""From grouped sightings to the signs of the map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.earth import from_local_ned
+from automap.geolocation.merging import combine, member_rows
+from automap.geolocation.path_relation import Path, relate, side_of_path
+from automap.geolocation.sightings import Sighting
+from automap.geolocation.views import Views, tangent_rotation
+from automap.records import FloatArray, Sign
+
+C_ENU_NED: FloatArray = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+
+_WEAK_DEPTH_LOG_SD = 0.25
+_VIEW_EVIDENCE = 0.5
+_SD_SCALE_M = 3.0
+
+
+@dataclass(frozen=True)
+class AssemblyRules:
+    """``imu_above_road_m`` height of the IMU above the road; ``far_m`` distance of the nearest
+    view beyond which a sign is called far; ``size_limits_m`` and ``height_limits_m`` (above
+    the road) outside which it is called implausible; ``drive`` the drive's name."""
+
+    imu_above_road_m: float = 1.0
+    far_m: float = 60.0
+    size_limits_m: tuple[float, float] = (0.15, 6.0)
+    height_limits_m: tuple[float, float] = (-2.0, 15.0)
+    drive: str = ""
+
+
+def assemble_sign(
+    views: Views,
+    sightings: Sequence[Sighting],
+    path: Path,
+    number: int,
+    rules: AssemblyRules,
+) -> Sign:
+    """One sign from its sightings (at least one), seen from the views.
+
+    The height above the road is the height above the path of the IMU at the point nearest in
+    plan plus the given height of the IMU above the road. The sign faces the mean direction in
+    plan from it to the cameras. Confidence is the probability that at least one of the boxes
+    is right, a box of score s being right with s / 2, reduced by the uncertainty of the place:
+    (1 - prod(1 - s_i / 2)) / sqrt(1 + (sd / 3 m)^2).
+    """
+    position, cov_ned = combine(sightings)
+    rows = member_rows(sightings)
+    lat, lon, height = (float(v) for v in from_local_ned(position, views.origin))
+    to_ned_here = tangent_rotation(np.array([lat]), np.array([lon]), views.origin)[0].T
+    C = C_ENU_NED @ to_ned_here
+    cov_enu = C @ cov_ned @ C.T
+
+    best = min(sightings, key=lambda s: float(np.trace(s.covariance)))
+    seen = views.t_ns[best.landmark.rows]
+    lateral, above = relate(path, position, int(seen.min()), int(seen.max()))
+    above_road = above + rules.imu_above_road_m
+    facing = np.sum([s.facing for s in sightings], axis=0)
+    facing_north = float(to_ned_here[0, 0] * facing[0] + to_ned_here[0, 1] * facing[1])
+    facing_east = float(to_ned_here[1, 0] * facing[0] + to_ned_here[1, 1] * facing[1])
+    size_weights = np.array([1.0 / s.landmark.covariance[3, 3] for s in sightings])
+    log_sizes = np.array([s.landmark.parameters[3] for s in sightings])
+    size = float(np.exp(np.sum(size_weights * log_sizes) / size_weights.sum()))
+
+    scores: dict[str, float] = {}
+    for sighting in sightings:
+        for name, score in sighting.class_score.items():
+            scores[name] = scores.get(name, 0.0) + score
+    status = _status(sightings, size, above_road, len(rows), rules)
+    return Sign(
+        id=f"s{number:04d}",
+        class_name=max(sorted(scores), key=scores.__getitem__),
+        lat_rad=lat,
+        lon_rad=lon,
+        height_m=height,
+        cov_enu=0.5 * (cov_enu + cov_enu.T),
+        confidence=_confidence(views.score[rows], cov_enu, status),
+        n_views=len(rows),
+        first_seen_ns=int(views.t_ns[rows].min()),
+        last_seen_ns=int(views.t_ns[rows].max()),
+        height_above_road_m=above_road,
+        facing_rad=float(np.arctan2(facing_east, facing_north) % (2.0 * np.pi)),
+        size_m=size,
+        side=side_of_path(lateral, above_road),
+        status=status,
+        drives=(rules.drive,) if rules.drive else (),
+        detection_rows=np.sort(views.row[rows]),
+    )
+
+
+def _status(
+    sightings: Sequence[Sighting],
+    size: float,
+    above_road: float,
+    n_views: int,
+    rules: AssemblyRules,
+) -> str:
+    """What a user should know first: implausible, single_view, far, weak_geometry or ok."""
+    low, high = rules.size_limits_m
+    lowest, highest = rules.height_limits_m
+    if not (low <= size <= high and lowest <= above_road <= highest):
+        return "implausible"
+    if n_views == 1:
+        return "single_view"
+    if min(s.landmark.depth_m for s in sightings) > rules.far_m:
+        return "far"
+    if min(s.landmark.depth_log_sd for s in sightings) > _WEAK_DEPTH_LOG_SD:
+        return "weak_geometry"
+    return "ok"
+
+
+def _confidence(scores: FloatArray, cov_enu: FloatArray, status: str) -> float:
+    wrong = float(np.prod(1.0 - _VIEW_EVIDENCE * np.clip(scores, 0.0, 1.0)))
+    variance = 0.5 * float(cov_enu[0, 0] + cov_enu[1, 1])
+    value = (1.0 - wrong) / np.sqrt(1.0 + variance / _SD_SCALE_M**2)
+    return float(value * (0.3 if status == "implausible" else 1.0))

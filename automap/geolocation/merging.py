@@ -1,0 +1,113 @@
+"""One sign seen in several passes: which sightings belong together, and their mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from automap.geolocation.sightings import Sighting
+from automap.geolocation.views import Views
+from automap.records import FloatArray, IntArray
+
+PATH_CORRELATION_S = 60.0
+"""Time constant of the trajectory's position error (satellite errors wander for minutes)."""
+
+MAX_DISTANCE_M = 10.0
+_GATE = 16.3  # chi-square, three coordinates, 99.9 %
+_OTHER_CLASS = 9.0
+_MIN_FACING_COSINE = 0.0
+
+
+def _difference_covariance(a: Sighting, b: Sighting) -> FloatArray:
+    """Covariance [3, 3] of the difference of two sightings' positions."""
+    shared = np.exp(-abs(a.time_s - b.time_s) / PATH_CORRELATION_S)
+    path = a.path_sd**2 + b.path_sd**2 - 2.0 * shared * a.path_sd * b.path_sd
+    total = a.own_cov + b.own_cov + a.pass_cov + b.pass_cov + np.diag(path)
+    if a.camera == b.camera:
+        effect = a.camera_effect - b.camera_effect
+        return np.asarray(total + effect @ a.camera_cov @ effect.T)
+    for sighting in (a, b):
+        total = total + sighting.camera_effect @ sighting.camera_cov @ sighting.camera_effect.T
+    return np.asarray(total)
+
+
+def _link_cost(a: Sighting, b: Sighting) -> float:
+    """Squared distance in sigmas, with what a different class costs; infinite when impossible."""
+    difference = a.position - b.position
+    if float(np.linalg.norm(difference)) > MAX_DISTANCE_M:
+        return np.inf
+    if float(a.facing @ b.facing) < _MIN_FACING_COSINE:
+        return np.inf  # the other face of a sign is another sign
+    # positions of one place agree to no better than the extent of the sign
+    covariance = _difference_covariance(a, b) + 0.1**2 * np.eye(3)
+    cost = float(difference @ np.linalg.solve(covariance, difference))
+    if a.class_name != b.class_name:
+        cost += _OTHER_CLASS
+    return cost
+
+
+def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[int]]:
+    """Indices of the sightings of each sign, in the order of first sight.
+
+    Sightings that share a frame are different signs, and so are any two of their groups; the
+    closest pair is joined first, until none is left within the gate.
+    """
+    from scipy.spatial import cKDTree
+
+    groups = {k: [k] for k in range(len(sightings))}
+    if len(sightings) > 1:
+        tree = cKDTree(np.array([s.position for s in sightings]))
+        near = tree.query_pairs(MAX_DISTANCE_M, output_type="ndarray")
+        frames = [set(views.frame[s.landmark.rows].tolist()) for s in sightings]
+        costs = sorted(
+            (cost, int(i), int(j))
+            for i, j in near
+            if (cost := _link_cost(sightings[i], sightings[j])) < _GATE
+        )
+        owner = list(range(len(sightings)))
+        for _, i, j in costs:
+            a, b = owner[i], owner[j]
+            if a == b or frames[a] & frames[b]:
+                continue
+            # every member must agree with every other, else chains of signs would collapse
+            if any(
+                not _link_cost(sightings[m], sightings[n]) < _GATE
+                for m in groups[a]
+                for n in groups[b]
+            ):
+                continue
+            groups[a] += groups.pop(b)
+            frames[a] |= frames[b]
+            for member in groups[a]:
+                owner[member] = a
+    first = {k: min(int(sightings[m].landmark.rows[0]) for m in g) for k, g in groups.items()}
+    return [sorted(groups[k]) for k in sorted(groups, key=first.__getitem__)]
+
+
+def combine(sightings: Sequence[Sighting]) -> tuple[FloatArray, FloatArray]:
+    """Mean position [3] of one sign's sightings and its total covariance [3, 3].
+
+    Weights are the inverse covariances. The trajectory's error is correlated between passes
+    that follow one another closely, the camera's effect between all passes of one camera:
+    neither is averaged down as if it were new.
+    """
+    weights = [np.linalg.inv(s.covariance + 1e-6 * np.eye(3)) for s in sightings]
+    inverse = np.linalg.inv(np.sum(weights, axis=0))
+    shares = [inverse @ w for w in weights]
+    mean = np.sum([share @ s.position for share, s in zip(shares, sightings, strict=True)], axis=0)
+    covariance = np.zeros((3, 3))
+    for share_a, a in zip(shares, sightings, strict=True):
+        covariance += share_a @ (a.own_cov + a.pass_cov) @ share_a.T
+        for share_b, b in zip(shares, sightings, strict=True):
+            shared = np.exp(-abs(a.time_s - b.time_s) / PATH_CORRELATION_S)
+            both = np.diag(shared * a.path_sd * b.path_sd)
+            if a.camera == b.camera:
+                both = both + a.camera_effect @ a.camera_cov @ b.camera_effect.T
+            covariance += share_a @ both @ share_b.T
+    return mean, 0.5 * (covariance + covariance.T)
+
+
+def member_rows(sightings: Sequence[Sighting]) -> IntArray:
+    """Rows of all views of one sign, ascending."""
+    return np.sort(np.concatenate([s.landmark.rows for s in sightings]))

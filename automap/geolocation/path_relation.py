@@ -1,0 +1,71 @@
+"""Where a sign stands relative to the vehicle's path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.earth import local_ned
+from automap.records import FloatArray, IntArray, Trajectory
+
+_AFTER_S = 15.0
+_MIN_SPEED = 0.5
+_STEP_S = 0.05
+OVERHEAD_HEIGHT_M = 4.5
+OVERHEAD_LATERAL_M = 5.0
+
+
+@dataclass(frozen=True)
+class Path:
+    """The trajectory thinned to some 20 rows a second, in the local frame (NED).
+
+    ``t_ns`` [n], ``position`` [n, 3] m, ``course`` [n] rad (of the velocity, at standstill of
+    the vehicle's axis).
+    """
+
+    t_ns: IntArray
+    position: FloatArray
+    course: FloatArray
+
+
+def make_path(trajectory: Trajectory, origin: tuple[float, float, float]) -> Path:
+    """The path of the IMU origin."""
+    step = 1
+    if len(trajectory) > 2:
+        interval = float(np.median(np.diff(trajectory.t_ns))) * 1e-9
+        step = max(1, int(_STEP_S / max(interval, 1e-9)))
+    rows = np.arange(0, len(trajectory), step)
+    height = np.where(np.isfinite(trajectory.height_m), trajectory.height_m, origin[2])[rows]
+    velocity = trajectory.vel_ned[rows]
+    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > _MIN_SPEED
+    course = np.arctan2(velocity[:, 1], velocity[:, 0])
+    return Path(
+        t_ns=trajectory.t_ns[rows],
+        position=local_ned(trajectory.lat_rad[rows], trajectory.lon_rad[rows], height, origin),
+        course=np.where(moving, course, trajectory.rpy[rows, 2]),
+    )
+
+
+def relate(path: Path, position: FloatArray, first_ns: int, last_ns: int) -> tuple[float, float]:
+    """Offset to the right of the path and height above it, m, of a ``position`` [3].
+
+    Both at the point of the path nearest in plan, among those passed while the sign was in
+    view or shortly after: other passes of the same street do not count.
+    """
+    start = int(np.searchsorted(path.t_ns, first_ns))
+    stop = int(np.searchsorted(path.t_ns, last_ns + int(_AFTER_S * 1e9), side="right"))
+    start = max(0, min(start, len(path.t_ns) - 1))
+    near = path.position[start : max(stop, start + 1)]
+    offset = position - near
+    k = int(np.argmin(np.hypot(offset[:, 0], offset[:, 1])))
+    course = path.course[start + k]
+    lateral = -np.sin(course) * offset[k, 0] + np.cos(course) * offset[k, 1]
+    return float(lateral), float(-offset[k, 2])
+
+
+def side_of_path(lateral_m: float, height_above_road_m: float) -> str:
+    """ "left", "right" or "overhead" as seen along the direction of travel."""
+    if height_above_road_m > OVERHEAD_HEIGHT_M and abs(lateral_m) < OVERHEAD_LATERAL_M:
+        return "overhead"
+    return "right" if lateral_m >= 0.0 else "left"

@@ -1,0 +1,79 @@
+"""One sign seen in one pass: place, total covariance, facing, size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.geolocation.boresight import pass_covariance
+from automap.geolocation.landmark import Landmark, position_jacobian
+from automap.geolocation.views import Views
+from automap.records import FloatArray
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """A landmark with what the map needs of it; vectors in the local frame (NED).
+
+    ``own_cov`` [3, 3] from its boxes alone; ``camera_effect`` [3, 4] derivative of the
+    position by the camera's turn and time offset, with ``camera_cov`` [4, 4]; ``pass_cov``
+    [3, 3] effect of what is common to this pass (attitude of the trajectory, frame stamps); ``path_sd`` [3] the trajectory's position
+    error at the nearest view, m; ``time_s`` the middle of the pass; ``facing`` [2] unit vector
+    (north, east) from the sign towards the cameras; ``class_score`` sum of scores by class.
+    """
+
+    landmark: Landmark
+    camera: int
+    position: FloatArray
+    own_cov: FloatArray
+    camera_effect: FloatArray
+    camera_cov: FloatArray
+    pass_cov: FloatArray
+    path_sd: FloatArray
+    time_s: float
+    facing: FloatArray
+    class_score: dict[str, float]
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Total covariance [3, 3] of the position."""
+        camera = self.camera_effect @ self.camera_cov @ self.camera_effect.T
+        return np.asarray(self.own_cov + self.pass_cov + camera + np.diag(self.path_sd**2))
+
+    @property
+    def class_name(self) -> str:
+        """The class with the highest sum of scores; the alphabet decides between equals."""
+        return max(sorted(self.class_score), key=self.class_score.__getitem__)
+
+
+def make_sighting(
+    views: Views, landmark: Landmark, camera_covariances: Sequence[FloatArray]
+) -> Sighting:
+    """Turn a landmark into a sighting; ``camera_covariances`` [4, 4] one per camera."""
+    rows = landmark.rows
+    J = position_jacobian(views, landmark)
+    effect = J @ landmark.common
+    anchor = landmark.anchor
+    camera = int(views.camera[anchor])
+    pass_cov = effect @ pass_covariance(views, rows) @ effect.T
+    towards = views.centre[rows, :2] - landmark.position[:2]
+    distance = np.linalg.norm(towards, axis=1)
+    mean = (towards / np.maximum(distance, 1e-6)[:, None]).mean(axis=0)
+    scores: dict[str, float] = {}
+    for name, score in zip(views.class_name[rows], views.score[rows], strict=True):
+        scores[str(name)] = scores.get(str(name), 0.0) + float(max(score, 1e-3))
+    return Sighting(
+        landmark=landmark,
+        camera=camera,
+        position=landmark.position,
+        own_cov=J @ landmark.covariance @ J.T,
+        camera_effect=effect,
+        camera_cov=camera_covariances[camera],
+        pass_cov=pass_cov,
+        path_sd=views.pose_sd[anchor],
+        time_s=float(views.t_ns[rows].mean() * 1e-9),
+        facing=mean / max(float(np.linalg.norm(mean)), 1e-6),
+        class_score=scores,
+    )

@@ -1,0 +1,75 @@
+"""``observations.parquet``: every detection with its track, its sign and its residual."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.io.atomic import atomic_path
+from automap.io.tables import floats, ints, read_table
+from automap.records import Detections, IntArray
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_BOX = ("x_min", "y_min", "x_max", "y_max")
+_REQUIRED = ("camera", "frame", "t_ns", "class", *_BOX, "score")
+
+
+def read_detection_rows(path: Path) -> tuple[pa.Table, list[tuple[Detections, IntArray]]]:
+    """The detections' table as it is, and its content by camera.
+
+    For every camera, in the order of first appearance, the record and the rows [n] of the
+    table that it came from. Raises InputError when the file is missing or damaged.
+    """
+    table = read_table(path, _REQUIRED)
+    camera = np.asarray(table["camera"].to_pylist(), np.object_)
+    names = np.asarray(table["class"].to_pylist(), np.object_)
+    box = np.column_stack([floats(table, name) for name in _BOX])
+    track = (
+        ints(table, "track") if "track" in table.column_names else np.full(len(table), -1, np.int64)
+    )
+    parts = []
+    for name in dict.fromkeys(camera.tolist()):
+        rows = np.flatnonzero(camera == name).astype(np.int64)
+        record = Detections(
+            frame=ints(table, "frame")[rows],
+            t_ns=ints(table, "t_ns")[rows],
+            class_name=names[rows],
+            box=box[rows],
+            score=floats(table, "score")[rows],
+            track=track[rows],
+            camera=str(name),
+        )
+        parts.append((record, rows))
+    return table, parts
+
+
+def write_observations(
+    path: Path, detections: pa.Table, results: Mapping[str, npt.NDArray[Any]]
+) -> None:
+    """Write the detections' table with further columns [n]; "" and NaN become null.
+
+    A column of the same name is replaced; the detector's own ``track`` is kept as
+    ``detector_track``.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    names = ["detector_track" if n == "track" else n for n in detections.column_names]
+    table = detections.rename_columns(names)
+    for name, values in results.items():
+        if values.dtype == np.object_:
+            column = pa.array([v or None for v in values], pa.string())
+        else:
+            column = pa.array(values, from_pandas=True)
+        if name in table.column_names:
+            table = table.set_column(table.column_names.index(name), name, column)
+        else:
+            table = table.append_column(name, column)
+    with atomic_path(path) as temporary:
+        pq.write_table(table, temporary, compression="zstd")

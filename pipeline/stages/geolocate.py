@@ -1,0 +1,208 @@
+"""Stage geolocate: where the detected signs stand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from automap.io import names
+from pipeline.stage import Stage, StageContext
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+    import pyarrow as pa
+
+    from automap.geolocation.locate import GeolocationResult, GeolocationRules
+    from automap.io.drive import Drive
+    from automap.records import Detections, IntArray, Trajectory
+    from pipeline.settings.geolocate import GeolocateSettings
+
+_LISTED = 3
+
+
+def run(context: StageContext) -> None:
+    """Write signs_raw.parquet and observations.parquet; empty ones where there is nothing."""
+    from automap.io.observations_table import read_detection_rows
+    from automap.io.signs_table import write_signs
+
+    detections_file = context.out / names.DETECTIONS
+    if not detections_file.is_file():
+        context.warn("There are no detections, so the map has no signs.")
+        write_signs(context.work / names.SIGNS_RAW, [])
+        context.result = "no detections"
+        return
+    table, parts = read_detection_rows(detections_file)
+    trajectory = _trajectory(context)
+    cameras = context.drive.cameras()
+    known = [part for part in parts if part[0].camera in cameras]
+    for record, rows in parts:
+        if record.camera not in cameras:
+            context.warn(
+                f"{len(rows)} detections of the camera {record.camera} were left out: the "
+                "manifest has no such camera; add a section [video."
+                f"{record.camera}] with its camera_matrix."
+            )
+    if trajectory is None or len(trajectory) < 2:
+        if len(table):
+            context.warn("Without a trajectory the detections cannot be placed on the map.")
+        known = []
+    if not known or trajectory is None:
+        _write_nothing(context, table)
+        return
+    _locate(context, trajectory, table, known)
+
+
+def _trajectory(context: StageContext) -> Trajectory | None:
+    from automap.io.trajectory_table import read_trajectory
+
+    path = context.out / names.TRAJECTORY
+    return read_trajectory(path) if path.is_file() else None
+
+
+def rules_from(settings: GeolocateSettings, drive: str) -> GeolocationRules:
+    """The library's rules from the stage's settings."""
+    from automap.geolocation.assembly import AssemblyRules
+    from automap.geolocation.landmark import SizePrior
+    from automap.geolocation.locate import GeolocationRules
+    from automap.geolocation.tracking import TrackingRules
+    from automap.geolocation.views import MeasurementNoise
+
+    return GeolocationRules(
+        noise=MeasurementNoise(pixel_sd=settings.pixel_sd, box_fraction=settings.box_fraction),
+        size=SizePrior(size_m=settings.sign_size_m, log_sd=settings.sign_size_log_sd),
+        tracking=TrackingRules(max_silence_s=settings.max_silence_s),
+        assembly=AssemblyRules(imu_above_road_m=settings.imu_above_road_m, drive=drive),
+        estimate_camera=settings.estimate_camera,
+        max_single_view_m=settings.max_single_view_m,
+    )
+
+
+def _locate(
+    context: StageContext,
+    trajectory: Trajectory,
+    table: pa.Table,
+    parts: list[tuple[Detections, IntArray]],
+) -> None:
+    import numpy as np
+
+    from automap.geolocation.locate import locate_signs
+    from automap.io.signs_table import write_signs
+
+    settings = context.settings.geolocate
+    result = locate_signs(
+        trajectory,
+        [record for record, _ in parts],
+        context.drive.cameras(),
+        rules_from(settings, context.drive.name),
+        lambda fraction: context.progress(fraction, "linking detections"),
+    )
+    rows = np.concatenate([rows for _, rows in parts])
+    signs = [
+        replace(sign, detection_rows=np.sort(rows[sign.detection_rows])) for sign in result.signs
+    ]
+    write_signs(context.work / names.SIGNS_RAW, signs)
+    _write_observations(context.work / names.OBSERVATIONS, table, rows, result)
+    for text in result.warnings:
+        context.warn(text)
+    _report(context, result)
+
+
+def _write_observations(
+    path: Path, table: pa.Table, rows: IntArray, result: GeolocationResult
+) -> None:
+    import numpy as np
+
+    from automap.io.observations_table import write_observations
+
+    def spread(values: npt.NDArray[Any], missing: Any) -> npt.NDArray[Any]:
+        column: np.ndarray[Any, Any] = np.full(len(table), missing, values.dtype)
+        column[rows] = values
+        return column
+
+    fate = result.observations
+    results = {
+        "track": spread(fate.track, -1),
+        "sign_id": spread(fate.sign_id, ""),
+        "residual_x_px": spread(fate.residual_px[:, 0], np.nan),
+        "residual_y_px": spread(fate.residual_px[:, 1], np.nan),
+        "range_m": spread(fate.range_m, np.nan),
+        "used": spread(fate.used, False),
+        "note": spread(fate.note, "no_camera"),
+    }
+    write_observations(path, table, results)
+
+
+def _write_nothing(context: StageContext, table: pa.Table) -> None:
+    """No signs; every detection is still listed, unused."""
+    import numpy as np
+
+    from automap.io.observations_table import write_observations
+    from automap.io.signs_table import write_signs
+
+    n = len(table)
+    unknown = np.full(n, np.nan)
+    columns = {
+        "track": np.full(n, -1, np.int64),
+        "sign_id": np.full(n, "", np.object_),
+        "residual_x_px": unknown,
+        "residual_y_px": unknown,
+        "range_m": unknown,
+        "used": np.zeros(n, np.bool_),
+        "note": np.full(n, "no_pose", np.object_),
+    }
+    write_observations(context.work / names.OBSERVATIONS, table, columns)
+    write_signs(context.work / names.SIGNS_RAW, [])
+    context.metric("detections", n)
+    context.metric("detections_used", 0)
+    context.result = f"0 signs from {n} detections"
+
+
+def _report(context: StageContext, result: GeolocationResult) -> None:
+    import numpy as np
+
+    signs, fate = result.signs, result.observations
+    context.metric("detections", len(fate.used))
+    context.metric("detections_used", int(fate.used.sum()))
+    statuses = sorted({s.status for s in signs})
+    context.metric("sign_status", {k: sum(s.status == k for s in signs) for k in statuses})
+    for name, found in result.corrections.items():
+        sd = np.sqrt(np.diag(found.covariance))
+        context.metric(
+            f"camera_{name}",
+            {
+                "boresight_rpy_deg": np.degrees(found.turn).tolist(),
+                "boresight_rpy_sd_deg": np.degrees(sd[:3]).tolist(),
+                "time_offset_s": found.time_s,
+                "time_offset_sd_s": float(sd[3]),
+            },
+        )
+    context.result = f"{len(signs)} signs from {len(fate.used)} detections"
+    if signs:
+        sd = np.sqrt([0.5 * (s.cov_enu[0, 0] + s.cov_enu[1, 1]) for s in signs])
+        context.result += f", median sd {float(np.median(sd)):.1f} m"
+        residual = fate.residual_px[fate.used]
+        if len(residual):
+            context.metric("residual_rms_px", float(np.sqrt(np.mean(residual**2))))
+    flagged = [s for s in signs if s.status != "ok"]
+    if flagged:
+        some = ", ".join(f"{s.id} {s.status}" for s in flagged[:_LISTED])
+        more = f" and {len(flagged) - _LISTED} more" if len(flagged) > _LISTED else ""
+        context.warn(f"{len(flagged)} of {len(signs)} signs are placed uncertainly: {some}{more}.")
+
+
+def _inputs(drive: Drive) -> list[Path]:
+    return []
+
+
+STAGE = Stage(
+    name="geolocate",
+    version=1,
+    run=run,
+    inputs=_inputs,
+    needs=(names.TRAJECTORY, names.DETECTIONS),
+    outputs=(names.SIGNS_RAW, names.OBSERVATIONS),
+    settings=("geolocate",),
+    manifest=("name", "video"),
+)
