@@ -19,9 +19,10 @@ class Sighting:
 
     ``own_cov`` [3, 3] from its boxes alone; ``camera_effect`` [3, 4] derivative of the
     position by the camera's turn and time offset, with ``camera_cov`` [4, 4]; ``pass_cov``
-    [3, 3] effect of what is common to this pass (attitude of the trajectory, frame stamps); ``path_sd`` [3] the trajectory's position
-    error at the nearest view, m; ``time_s`` the middle of the pass; ``facing`` [2] unit vector
-    (north, east) from the sign towards the cameras; ``class_score`` sum of scores by class.
+    [3, 3] effect of what is common to this pass (attitude of the trajectory, frame stamps);
+    ``path_sd`` [3] the trajectory's position error at the nearest view, m; ``time_s`` the
+    middle of the pass; ``facing`` [2] unit vector (north, east) from the sign towards the
+    cameras; ``class_score`` sum of scores by class.
     """
 
     landmark: Landmark
