@@ -1,0 +1,198 @@
+"""Which way leads from the stamps of a drive to GPS time, and what the motions say of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.errors import InputError
+from automap.records import NO_TIME, ClockModel, Fixes, FloatArray, ImuData, IntArray
+from automap.sync.arrival import fit_arrival_clock
+from automap.sync.coarse import CoarseOffset, find_offset
+from automap.sync.correlation import Lag, refine_lag
+from automap.sync.motion import ImuMotion, imu_motion
+from automap.sync.motion_clock import (
+    LAG_REACH_S,
+    correlation_clock,
+    gnss_motions,
+    in_imu_time,
+)
+from automap.sync.result import SyncResult
+from automap.timebase import gps_to_iso, leap_seconds_at_gps, unix_to_gps
+
+_GPS_SD_S = 1e-3
+_UNIX_SD_S = 0.1  # a computer set over the network, now and then
+_WRONG_CLOCK_NATS = 40.0
+
+
+def synchronise(
+    imu: ImuData | None,
+    fixes: Fixes | None,
+    imu_time: str = "boot_ns",
+    arrival_time: str = "boot_ns",
+    output_delay_s: float | None = None,
+    drift_sd: float = 50e-6,
+) -> SyncResult:
+    """Find the clock of a drive from what was recorded.
+
+    ``imu_time`` and ``arrival_time`` name the clocks of the IMU stamps and of
+    ``fixes.arrival_ns``: "boot_ns" (the host's own), "gps_ns" or "unix_ns". The model is
+    that of the IMU stamps; without an IMU that of the arrival times, and without those that
+    of GPS time in nanoseconds. Ways, in this order: stamps that are GPS time; arrival times
+    in the clock of the stamps; UNIX time by the table of leap seconds; the motions that IMU
+    and receiver both saw.
+
+    Raises InputError when the clocks contradict one another, and says what was seen.
+    """
+    has_fixes = fixes is not None and bool(np.isfinite(fixes.gps_s).any())
+    if imu is None or len(imu) == 0:
+        return _without_imu(fixes if has_fixes else None, arrival_time, output_delay_s, drift_sd)
+    if imu_time == "gps_ns":
+        result = SyncResult(gps_clock(imu.t_ns))
+    elif fixes is not None and has_fixes and _has_arrival(fixes) and arrival_time == imu_time:
+        fit = fit_arrival_clock(fixes.arrival_ns, fixes.gps_s, output_delay_s, drift_sd)
+        result = SyncResult(fit.clock, fit=fit, warnings=list(fit.warnings))
+    elif imu_time == "unix_ns":
+        result = SyncResult(unix_clock(imu.t_ns))
+    elif fixes is not None and has_fixes:
+        return correlation_clock(imu, fixes, drift_sd)
+    else:
+        return SyncResult(
+            _unknown_clock(imu.t_ns),
+            warnings=["no receiver and no absolute clock: times are the host's, not GPS time"],
+        )
+    if fixes is None or not has_fixes:
+        return result
+    check_overlap(result.clock, imu.t_ns, fixes.gps_s)
+    return _compare_motions(result, imu, fixes)
+
+
+def stated_clock(t_ns: IntArray, time_base: str) -> ClockModel:
+    """The clock of stamps [n] that the manifest states to be "gps_ns" or "unix_ns"."""
+    return gps_clock(t_ns) if time_base == "gps_ns" else unix_clock(t_ns)
+
+
+def gps_clock(t_ns: IntArray) -> ClockModel:
+    """The clock of stamps [n] that are GPS time in nanoseconds."""
+    ref = int(t_ns[0]) if len(t_ns) else 0
+    return ClockModel(ref, ref * 1e-9, 0.0, _GPS_SD_S, 1e-9, "identity", 0.0)
+
+
+def unix_clock(t_ns: IntArray) -> ClockModel:
+    """The clock of stamps [n] that are UNIX time in nanoseconds, set as computers are."""
+    ref = int(np.median(t_ns).astype(np.int64)) if len(t_ns) else 0
+    return ClockModel(ref, float(unix_to_gps(ref * 1e-9)), 0.0, _UNIX_SD_S, 1e-6, "unix", None)
+
+
+def _unknown_clock(t_ns: IntArray) -> ClockModel:
+    ref = int(t_ns[0])
+    return ClockModel(ref, ref * 1e-9, 0.0, float("inf"), 50e-6, "none", None)
+
+
+def check_overlap(clock: ClockModel, t_ns: IntArray, gps_s: FloatArray) -> None:
+    """InputError when stamps [n] and epochs [m] share no time under a clock; says both spans."""
+    first, last = (float(value) for value in clock.gps_s(t_ns[[0, -1]]))
+    start, end = float(np.nanmin(gps_s)), float(np.nanmax(gps_s))
+    if first <= end and start <= last:
+        return
+    apart = start - last if start > last else end - first
+    leap = float(leap_seconds_at_gps(start))
+    unix_shift = float(unix_to_gps(0.0))
+    hints = {
+        "the IMU stamps look like UNIX time": first - (start + unix_shift - leap),
+        "the IMU stamps look like GPS time": first + unix_shift - start,
+    }
+    hint = next(
+        (f" {text}: check [imu] time." for text, value in hints.items() if abs(value) < 7200.0), ""
+    )
+    raise InputError(
+        f"IMU and receiver do not overlap in time: the IMU runs from {_utc(first)} to "
+        f"{_utc(last)}, the receiver from {_utc(start)} to {_utc(end)}, {abs(apart):.0f} s apart. "
+        f"Check that both files are of the same drive and [imu] time in drive.toml.{hint}"
+    )
+
+
+def _utc(gps_s: float) -> str:
+    if not np.isfinite(gps_s) or not 0.0 <= gps_s < 4e9:
+        return f"GPS second {gps_s:.0f}"
+    return gps_to_iso(gps_s)
+
+
+def _has_arrival(fixes: Fixes) -> bool:
+    return bool((fixes.arrival_ns != NO_TIME).any())
+
+
+def _without_imu(
+    fixes: Fixes | None, arrival_time: str, output_delay_s: float | None, drift_sd: float
+) -> SyncResult:
+    if fixes is None:
+        return SyncResult(ClockModel(0, 0.0, 0.0, 0.0, 0.0, "identity", 0.0))
+    if arrival_time != "gps_ns" and _has_arrival(fixes):
+        fit = fit_arrival_clock(fixes.arrival_ns, fixes.gps_s, output_delay_s, drift_sd)
+        return SyncResult(fit.clock, fit=fit, warnings=list(fit.warnings))
+    known = fixes.gps_s[np.isfinite(fixes.gps_s)]
+    return SyncResult(gps_clock(np.rint(known[:1] * 1e9).astype(np.int64)))
+
+
+def _compare_motions(result: SyncResult, imu: ImuData, fixes: Fixes) -> SyncResult:
+    """Add the lag to a result, and refuse a clock that the motions contradict."""
+    motion = imu_motion(imu)
+    lags: dict[str, Lag] = {}
+    coarse = None
+    for source, gnss in gnss_motions(fixes):
+        own = in_imu_time(gnss, result.clock, imu)
+        if source == "velocity" or coarse is None:
+            coarse = find_offset(motion, own, reach_s=60.0) or coarse
+        lag = refine_lag(motion, own, 0.0, LAG_REACH_S)
+        if lag is not None:
+            lags[source] = lag
+    warnings = list(result.warnings)
+    if coarse is not None and coarse.certain and abs(coarse.offset_s) > 1.0:
+        _refuse(result.clock, coarse, _near_zero(motion, result.clock, imu, fixes), warnings)
+    source, lag = _best_lag(lags)
+    return SyncResult(result.clock, result.fit, lag, source, lags, coarse, warnings)
+
+
+def _near_zero(
+    motion: ImuMotion, clock: ClockModel, imu: ImuData, fixes: Fixes
+) -> CoarseOffset | None:
+    for _, gnss in gnss_motions(fixes):
+        near = find_offset(motion, in_imu_time(gnss, clock, imu), reach_s=1.0)
+        if near is not None:
+            return near
+    return None
+
+
+def _refuse(
+    clock: ClockModel, coarse: CoarseOffset, near: CoarseOffset | None, warnings: list[str]
+) -> None:
+    """An offset of seconds that the motions leave no doubt of is an error, else a warning."""
+    better = coarse.score_nats - (near.score_nats if near is not None else 0.0)
+    leap = float(leap_seconds_at_gps(clock.ref_gps_s))
+    hint = ""
+    if abs(abs(coarse.offset_s) - leap) < 1.0:
+        hint = f", the {leap:.0f} leap seconds between GPS time and UTC"
+    elif abs(coarse.offset_s - round(coarse.offset_s)) < 0.3:
+        hint = ", nearly whole seconds"
+    seen = (
+        f"the IMU stamps read {coarse.offset_s:+.1f} s against the receiver's motion{hint} "
+        f"(clock by {clock.method})"
+    )
+    if better > _WRONG_CLOCK_NATS:
+        raise InputError(
+            f"{seen}: the two clocks contradict one another. Check [imu] time and [gnss] "
+            "arrival_time in drive.toml, and that both files are of the same drive."
+        )
+    if better > 10.0:
+        warnings.append(f"{seen}, though the evidence is weak; check [imu] time in drive.toml")
+
+
+def _best_lag(lags: dict[str, Lag]) -> tuple[str | None, Lag | None]:
+    """The lag behind the positions where they tell it well, else behind the velocities."""
+    position, velocity = lags.get("position"), lags.get("velocity")
+    if position is not None and (
+        velocity is None or position.sd_s < max(0.05, 1.5 * velocity.sd_s)
+    ):
+        return "position", position
+    if velocity is not None:
+        return "velocity", velocity
+    return None, None

@@ -1,0 +1,171 @@
+"""The lag between IMU stamps and receiver epochs, by comparing the motions they saw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.records import FloatArray
+from automap.sync.motion import GnssMotion, ImuMotion
+
+_LEAST_INTERVALS = 20
+_MOST_INTERVALS = 4000
+_COARSE_S = 0.04
+_FINE_S = 0.012
+_MODEL_SD_S = 0.01  # springs and tyres
+_ARM_SD_M = 1.5  # antenna ahead of the rear axle
+_SLIP_SD = 0.003  # rad/(m/s^2), sideslip by lateral acceleration
+
+
+@dataclass(frozen=True)
+class Lag:
+    """IMU stamps read ``lag_s`` more than the GPS time of the same motion, one sigma ``sd_s``.
+
+    ``gain_nats`` is how much better the best lag explains the motion than none of the lags
+    searched would on average; ``intervals`` how many were compared.
+    """
+
+    lag_s: float
+    sd_s: float
+    gain_nats: float
+    intervals: int
+
+
+def refine_lag(imu: ImuMotion, gnss: GnssMotion, offset_s: float, half_s: float) -> Lag | None:
+    """The lag about ``offset_s`` (IMU seconds = GPS seconds + lag) within ``half_s``.
+
+    For every lag searched the receiver's turn and surge increments are regressed on the
+    IMU's increments of heading and horizontal specific force; azimuth, scale and bias of the
+    IMU are free, so the mounting need not be known. The lag of least residual is an
+    M-estimate; its sd is the sandwich form with the residuals' own correlation (Newey and
+    West, Econometrica 55(3), 1987) and 10 ms for what springs and tyres add. How far the
+    antenna is ahead of the rear axle, which shifts the course in time by that distance over
+    the speed, and the slip of the tyres are estimated along from the varying speed. None when
+    there is too little common motion or the best lag lies at the end of the search.
+    """
+    lags = offset_s + np.arange(-half_s, half_s + 0.5 * _COARSE_S, _COARSE_S)
+    channels = _channels(imu, gnss, float(lags[0]), float(lags[-1]))
+    if not channels:
+        return None
+    for _ in range(2):
+        scores = np.sum([channel.scores(lags) for channel in channels], axis=0)
+        best = int(np.argmin(scores))
+        for channel in channels:
+            channel.reweight(float(lags[best]))
+    scores = np.sum([channel.scores(lags) for channel in channels], axis=0)
+    best = int(np.argmin(scores))
+    if best in (0, len(lags) - 1):
+        return None
+    gain = 0.5 * float(np.median(scores) - scores[best])
+
+    lags = lags[best] + _FINE_S * np.arange(-5, 6)
+    scores = np.sum([channel.scores(lags) for channel in channels], axis=0)
+    curve = np.polyfit(lags - lags[5], scores, 2)
+    if curve[0] <= 0.0:
+        return None
+    reach = 5.0 * _FINE_S
+    lag = float(lags[5]) + float(np.clip(-curve[1] / (2.0 * curve[0]), -reach, reach))
+    information, variance = np.sum([channel.sandwich(lag, _FINE_S) for channel in channels], axis=0)
+    if information <= 0.0:
+        return None
+    sd = float(np.hypot(np.sqrt(variance) / information, _MODEL_SD_S))
+    return Lag(lag, sd, gain, int(sum(len(channel.target) for channel in channels)))
+
+
+def _channels(imu: ImuMotion, gnss: GnssMotion, first: float, last: float) -> list[_Channel]:
+    """The receiver's quantities over intervals that the IMU covers at all lags searched."""
+    covered = np.isfinite(imu.between(gnss.start + first, gnss.end + last)[:, 0])
+    channels = []
+    for is_turn in (True, False):
+        target = gnss.turn if is_turn else gnss.surge
+        usable = np.isfinite(target) & (is_turn | (gnss.speed > 0.3))
+        rows = np.flatnonzero(covered & usable)
+        if len(rows) >= _LEAST_INTERVALS:
+            rows = rows[:: -(-len(rows) // _MOST_INTERVALS)]
+            window = (gnss.start[rows], gnss.end[rows])
+            channels.append(_Channel(imu, *window, gnss.speed[rows], target[rows], is_turn))
+    return channels
+
+
+class _Channel:
+    """One receiver quantity, explained by the IMU's increments at a lag."""
+
+    def __init__(
+        self,
+        imu: ImuMotion,
+        start: FloatArray,
+        end: FloatArray,
+        speed: FloatArray,
+        target: FloatArray,
+        is_turn: bool,
+    ) -> None:
+        self.imu = imu
+        self.start, self.end, self.speed, self.target = start, end, speed, target
+        self.is_turn = is_turn
+        self.weight = np.ones(len(start))
+        self.noise = 0.1  # m/s of the target, better known after the first pass
+
+    def scores(self, lags: FloatArray) -> FloatArray:
+        """-2 log likelihood [lags] up to a constant."""
+        squares = [float(self.weight @ self._fit(lag)[0] ** 2) for lag in lags]
+        return float(self.weight.sum()) * np.log(np.maximum(squares, 1e-12))
+
+    def reweight(self, lag: float) -> None:
+        """Huber weights from the residuals at ``lag``: a fix that jumped must not decide."""
+        residual = np.abs(self._fit(lag)[0])
+        scale = 1.4826 * float(np.median(residual)) + 1e-9
+        self.noise = scale
+        self.weight = np.minimum(1.0, 2.0 * scale / np.maximum(residual, 1e-12))
+
+    def sandwich(self, lag: float, step: float) -> tuple[float, float]:
+        """Information about the lag and the variance of the score, both in 1/s^2."""
+        residual, design, beta = self._fit(lag)
+        ahead, behind = self._design(lag + step) @ beta, self._design(lag - step) @ beta
+        slope = (ahead - behind) / (2.0 * step)
+        # only what azimuth, scale and bias cannot imitate tells the lag
+        free = slope - design @ self._solve(design, slope)
+        variance = float(self.weight @ residual**2) / max(float(self.weight.sum()), 1.0)
+        if variance <= 0.0:
+            return 0.0, 0.0
+        score = self.weight * free * residual
+        reach = self._reach()
+        total = float(score @ score)
+        for shift in range(1, min(reach, len(score) - 1)):
+            overlap = float(score[:-shift] @ score[shift:])
+            total += 2.0 * (1.0 - shift / reach) * overlap
+        information = float((self.weight * slope) @ free) / variance
+        # negative sums come from few intervals; never claim more than white residuals would
+        return information, max(total / variance**2, information)
+
+    def _reach(self) -> int:
+        """Intervals over which residuals may be correlated: ten seconds' worth."""
+        spacing = float(np.median(np.diff(self.start))) if len(self.start) > 1 else 1.0
+        return int(np.clip(10.0 / max(spacing, 1e-3), 2, 400))
+
+    def _fit(self, lag: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        design = self._design(lag)
+        beta = self._solve(design, self.target)
+        return self.target - design @ beta, design, beta
+
+    def _design(self, lag: float) -> FloatArray:
+        seen = np.nan_to_num(self.imu.between(self.start + lag, self.end + lag))
+        ones = np.ones(len(seen))
+        if self.is_turn:
+            turned = self.speed * seen[:, 0]
+            # the course leads the heading by arm * rate / speed ahead of the rear axle, and
+            # trails it by the slip of the tyres, in proportion to rate * speed
+            swing = self.imu.rate(self.end + lag) - self.imu.rate(self.start + lag)
+            slip = self.speed**2 * swing
+            return np.column_stack([swing, slip, turned, self.speed, seen[:, 1], seen[:, 2], ones])
+        return np.column_stack([seen[:, 1], seen[:, 2], ones])
+
+    def _solve(self, design: FloatArray, target: FloatArray) -> FloatArray:
+        weighted = design * self.weight[:, None]
+        normal = design.T @ weighted
+        normal[np.diag_indices_from(normal)] *= 1.0 + 1e-9
+        normal[np.diag_indices_from(normal)] += 1e-9
+        if self.is_turn:
+            normal[0, 0] += (self.noise / _ARM_SD_M) ** 2
+            normal[1, 1] += (self.noise / _SLIP_SD) ** 2
+        return np.asarray(np.linalg.solve(normal, weighted.T @ target))

@@ -1,0 +1,147 @@
+"""What an IMU and a receiver both see of a motion, whatever way the IMU is mounted.
+
+Only the direction of gravity is needed: it turns the gyro into a rate of heading and the
+accelerometer into two horizontal components of unknown azimuth. Everything is compared as
+increments over an interval, integrals of the IMU against differences of the receiver's
+velocity, so that neither side is low-pass filtered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.records import Fixes, FixType, FloatArray, ImuData
+
+_GAP_S = 0.25
+_SLOW_M_S = 2.5
+
+
+@dataclass(frozen=True)
+class ImuMotion:
+    """Running integrals of the IMU at times ``t_s`` [n] after its first stamp.
+
+    ``integral`` [n, 4]: heading (rad, clockwise from above), two horizontal components of
+    the specific force (m/s), and the seconds lost in gaps.
+    """
+
+    t_s: FloatArray
+    integral: FloatArray
+
+    def rate(self, t_s: FloatArray) -> FloatArray:
+        """Rate of heading at times [m], rad/s, the mean over a tenth of a second."""
+        ahead = np.interp(t_s + 0.05, self.t_s, self.integral[:, 0])
+        return np.asarray((ahead - np.interp(t_s - 0.05, self.t_s, self.integral[:, 0])) / 0.1)
+
+    def between(self, start: FloatArray, end: FloatArray) -> FloatArray:
+        """Increments [m, 3] over intervals [m]; NaN outside the recording and across gaps."""
+        steps = np.empty((len(start), 4))
+        for column in range(4):
+            values = self.integral[:, column]
+            steps[:, column] = np.interp(end, self.t_s, values) - np.interp(start, self.t_s, values)
+        lost = (start < self.t_s[0]) | (end > self.t_s[-1]) | (steps[:, 3] > 1e-9)
+        steps[lost] = np.nan
+        return steps[:, :3]
+
+
+@dataclass(frozen=True)
+class GnssMotion:
+    """Changes of the receiver's velocity over intervals [n] of GPS time.
+
+    ``turn`` is the change of course times the mean speed (m/s, NaN when too slow), ``surge``
+    the change of speed (m/s), ``speed`` the mean speed.
+    """
+
+    start: FloatArray
+    end: FloatArray
+    turn: FloatArray
+    surge: FloatArray
+    speed: FloatArray
+
+    def shifted(self, seconds: float) -> GnssMotion:
+        """The same motion dated ``seconds`` later."""
+        return replace(self, start=self.start + seconds, end=self.end + seconds)
+
+    def part(self, first: float, last: float) -> GnssMotion:
+        """The intervals that start in ``first`` to ``last``."""
+        rows = (self.start >= first) & (self.start < last)
+        return GnssMotion(*(getattr(self, item.name)[rows] for item in fields(self)))
+
+
+def imu_motion(imu: ImuData) -> ImuMotion:
+    """Integrals of an IMU recording; its axes need not be known."""
+    t = (imu.t_ns - imu.t_ns[0]) * 1e-9
+    down = -np.median(imu.accel, axis=0)
+    norm = float(np.linalg.norm(down))
+    down = down / norm if norm > 0.0 else np.array([0.0, 0.0, 1.0])
+    # any two directions square to down and to one another
+    helper = np.eye(3)[int(np.argmin(np.abs(down)))]
+    first = np.cross(down, helper)
+    first /= np.linalg.norm(first)
+    axes = np.column_stack([first, np.cross(down, first)])
+    rates = np.column_stack([imu.gyro @ down, imu.accel @ axes])
+    rates -= np.median(rates, axis=0)
+    dt = np.diff(t)
+    gap = dt > max(_GAP_S, 3.0 * float(np.median(dt)) if len(dt) else _GAP_S)
+    steps = np.column_stack([0.5 * (rates[1:] + rates[:-1]) * dt[:, None], np.where(gap, dt, 0.0)])
+    integral = np.concatenate([np.zeros((1, 4)), np.cumsum(steps, axis=0)])
+    return ImuMotion(t_s=t, integral=integral)
+
+
+def velocity_motion(fixes: Fixes, window_s: float = 1.0) -> GnssMotion:
+    """Increments of the receiver's own (Doppler) velocity."""
+    good = (fixes.fix_type >= FixType.TWO_D) & np.isfinite(fixes.gps_s)
+    velocity = fixes.vel_ned[:, :2]
+    good &= np.isfinite(velocity).all(axis=1)
+    return _increments(fixes.gps_s[good], velocity[good], window_s)
+
+
+def position_motion(fixes: Fixes, window_s: float = 1.0) -> GnssMotion:
+    """Increments of the velocity that the receiver's positions give by difference.
+
+    A difference of two positions is the mean velocity between them and is dated at the
+    middle, so that its delay is the positions' and not that of the Doppler velocity.
+    """
+    good = (fixes.fix_type >= FixType.TWO_D) & np.isfinite(fixes.gps_s + fixes.lat_rad)
+    good &= np.isfinite(fixes.lon_rad)
+    order = np.flatnonzero(good)[np.argsort(fixes.gps_s[good], kind="stable")]
+    t, lat, lon = fixes.gps_s[order], fixes.lat_rad[order], fixes.lon_rad[order]
+    dt = np.diff(t)
+    # scale errors of a spherical Earth (0.5 %) do not matter, the comparison has a free scale
+    north = np.diff(lat) * 6.371e6
+    east = np.diff(np.unwrap(lon)) * 6.371e6 * np.cos(0.5 * (lat[1:] + lat[:-1]))
+    usable = (dt > 1e-3) & (dt < 2.5)
+    velocity = np.column_stack([north, east])[usable] / dt[usable, None]
+    return _increments((t[:-1] + 0.5 * dt)[usable], velocity, window_s)
+
+
+def _increments(t: FloatArray, velocity: FloatArray, window_s: float) -> GnssMotion:
+    order = np.argsort(t, kind="stable")
+    t, velocity = t[order], velocity[order]
+    distinct = np.concatenate([[True], np.diff(t) > 1e-3]) if len(t) else np.zeros(0, np.bool_)
+    t, velocity = t[distinct], velocity[distinct]
+    if len(t) < 3:
+        nothing = np.zeros(0)
+        return GnssMotion(nothing, nothing, nothing, nothing, nothing)
+    stride = max(1, round(window_s / float(np.median(np.diff(t)))))
+    start, end = t[:-stride], t[stride:]
+    v0, v1 = velocity[:-stride], velocity[stride:]
+    speed0, speed1 = np.hypot(*v0.T), np.hypot(*v1.T)
+    speed = 0.5 * (speed0 + speed1)
+    course = np.arctan2(velocity[:, 1], velocity[:, 0])
+    turned = _wrap(course[stride:] - course[:-stride])
+    turn = np.where(np.minimum(speed0, speed1) > _SLOW_M_S, turned * speed, np.nan)
+    keep = (end - start < 1.6 * window_s + 0.2) & (speed < 150.0)
+    return GnssMotion(
+        start=start[keep],
+        end=end[keep],
+        turn=turn[keep],
+        surge=(speed1 - speed0)[keep],
+        speed=speed[keep],
+    )
+
+
+def _wrap(angle: npt.NDArray[np.float64]) -> FloatArray:
+    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

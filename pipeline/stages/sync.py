@@ -1,0 +1,139 @@
+"""Stage sync: the clock that leads from the drive's stamps to GPS time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from automap.io import names
+from pipeline.stage import Stage, StageContext
+
+if TYPE_CHECKING:
+    from automap.io.drive import Drive
+    from automap.records import Fixes, ImuData
+    from automap.sync.result import SyncResult
+
+
+def run(context: StageContext) -> None:
+    """Write sync.json and, for a clock from arrival times, sync_delays.parquet."""
+    from automap.io.clock_json import write_clock
+    from automap.io.tables import read_fixes, read_imu
+
+    imu_path, fixes_path = context.out / names.IMU, context.out / names.FIXES
+    imu = read_imu(imu_path) if imu_path.exists() else None
+    fixes = read_fixes(fixes_path) if fixes_path.exists() else None
+    result = _find_clock(context, imu, fixes)
+    for text in result.warnings:
+        context.warn(text)
+    write_clock(context.work / names.SYNC, result.clock, _diagnostics(result))
+    if result.fit is not None and fixes is not None:
+        _write_delays(context.work / names.SYNC_DELAYS, result, fixes)
+    _metrics(context, result)
+
+
+def _find_clock(context: StageContext, imu: ImuData | None, fixes: Fixes | None) -> SyncResult:
+    from automap.sync.clock import stated_clock, synchronise
+    from automap.sync.finished import trajectory_clock
+    from automap.sync.result import SyncResult
+
+    drive = context.drive
+    drift_sd = context.settings.sync.drift_sd_ppm * 1e-6
+    if drive.trajectory_file is not None:
+        from automap.io.trajectory_csv import read_trajectory_csv
+
+        finished = read_trajectory_csv(drive.trajectory_file)
+        if finished.time == "both":
+            return SyncResult(trajectory_clock(finished.data.t_ns, finished.data.gps_s))
+        stamps = "gps_ns" if finished.time == "gps_s" else drive.imu.time
+        if stamps != "boot_ns":
+            return SyncResult(stated_clock(finished.data.t_ns, stamps))
+    return synchronise(
+        imu,
+        fixes,
+        imu_time=drive.imu.time if drive.imu_file is not None else drive.gnss.arrival_time,
+        arrival_time=drive.gnss.arrival_time,
+        output_delay_s=drive.gnss.output_delay_s,
+        drift_sd=drift_sd,
+    )
+
+
+def _diagnostics(result: SyncResult) -> dict[str, Any]:
+    fit, lag = result.fit, result.lag
+    content: dict[str, Any] = {
+        "offset_s": result.clock.ref_gps_s - result.clock.ref_ns * 1e-9,
+        "drift_ppm": result.clock.drift * 1e6,
+        "imu_delay_s": lag.lag_s if lag is not None else None,
+        "imu_delay_sd_s": lag.sd_s if lag is not None else None,
+        "imu_delay_source": result.lag_source,
+    }
+    for source, item in result.lags.items():
+        content[f"imu_delay_{source}_s"] = item.lag_s
+        content[f"imu_delay_{source}_sd_s"] = item.sd_s
+    if result.coarse is not None:
+        content["motion_offset_s"] = result.coarse.offset_s
+        content["motion_score_nats"] = result.coarse.score_nats
+        content["motion_runner_up_nats"] = result.coarse.runner_up_nats
+    if fit is not None:
+        content |= {
+            "epochs": len(fit.used),
+            "epochs_used": int(fit.used.sum()),
+            "epochs_early": fit.early,
+            "waiting_median_s": fit.waiting_s,
+            "waiting_shape": fit.shape,
+            "clock_wander_s": fit.wander_s,
+        }
+    return content
+
+
+def _write_delays(path: Path, result: SyncResult, fixes: Fixes) -> None:
+    """Delay of every epoch that has an arrival time, and the line below them."""
+    import numpy as np
+
+    from automap.io.tables import write_columns
+
+    assert result.fit is not None
+    rows = np.flatnonzero(np.isfinite(result.fit.delay_s))
+    least = result.clock.output_delay_s or 0.0
+    write_columns(
+        path,
+        {
+            "t_ns": fixes.arrival_ns[rows],
+            "gps_s": fixes.gps_s[rows],
+            "delay_s": result.fit.delay_s[rows],
+            "envelope_s": np.full(len(rows), least),
+            "used": result.fit.used[rows],
+        },
+    )
+
+
+def _metrics(context: StageContext, result: SyncResult) -> None:
+    clock = result.clock
+    context.metric("sync_method", clock.method)
+    context.metric("sync_offset_s", clock.ref_gps_s - clock.ref_ns * 1e-9)
+    context.metric("sync_offset_sd_s", clock.sd_offset_s)
+    context.metric("sync_drift_ppm", clock.drift * 1e6)
+    context.metric("sync_drift_sd_ppm", clock.sd_drift * 1e6)
+    context.metric("sync_output_delay_s", clock.output_delay_s)
+    if result.fit is not None:
+        context.metric("sync_waiting_median_s", result.fit.waiting_s)
+    if result.lag is not None:
+        context.metric("sync_imu_delay_s", result.lag.lag_s)
+        context.metric("sync_imu_delay_sd_s", result.lag.sd_s)
+
+
+def _inputs(drive: Drive) -> list[Path]:
+    files = [drive.manifest_file]
+    if drive.trajectory_file is not None:
+        files.append(drive.trajectory_file)
+    return files
+
+
+STAGE = Stage(
+    name="sync",
+    version=1,
+    run=run,
+    inputs=_inputs,
+    needs=(names.IMU, names.FIXES, names.INGEST),
+    outputs=(names.SYNC, names.SYNC_DELAYS),
+    settings=("sync",),
+)
