@@ -74,8 +74,8 @@ def fit_arrival_clock(
     rows = np.flatnonzero(known)
     ref_ns = int(np.median(arrival_ns[rows]).astype(np.int64))
     ref_gps = float(np.median(gps_s[rows]))
-    x = (arrival_ns[rows] - ref_ns) * 1e-9
-    y = x - (gps_s[rows] - ref_gps)
+    x: FloatArray = np.asarray((arrival_ns[rows] - ref_ns) * 1e-9, np.float64)
+    y: FloatArray = x - (gps_s[rows] - ref_gps)
 
     warnings: list[str] = []
     consistent = np.ones(len(rows), np.bool_)
@@ -202,5 +202,6 @@ def _wander(x: FloatArray, above: FloatArray, envelope: Envelope) -> float:
         return 0.0
     order = np.argsort(x, kind="stable")
     gaps = np.array([np.quantile(above[part], 0.02) for part in np.array_split(order, parts)])
-    spacing = envelope.width * (envelope.points / parts) ** (-1.0 / max(envelope.shape, 1.0))
+    exponent = -1.0 / max(envelope.shape, 1.0)
+    spacing = envelope.width * float((envelope.points / parts) ** exponent)
     return max(0.0, float(np.quantile(np.abs(gaps), 0.75)) - 4.0 * spacing)

@@ -142,14 +142,14 @@ def _compare_motions(result: SyncResult, imu: ImuData, fixes: Fixes) -> SyncResu
         own = in_imu_time(gnss, result.clock, imu)
         if source == "velocity" or coarse is None:
             coarse = find_offset(motion, own, reach_s=60.0) or coarse
-        lag = refine_lag(motion, own, 0.0, LAG_REACH_S)
-        if lag is not None:
-            lags[source] = lag
+        seen = refine_lag(motion, own, 0.0, LAG_REACH_S)
+        if seen is not None:
+            lags[source] = seen
     warnings = list(result.warnings)
     if coarse is not None and coarse.certain and abs(coarse.offset_s) > 1.0:
         _refuse(result.clock, coarse, _near_zero(motion, result.clock, imu, fixes), warnings)
-    source, lag = _best_lag(lags)
-    return SyncResult(result.clock, result.fit, lag, source, lags, coarse, warnings)
+    best, lag = _best_lag(lags)
+    return SyncResult(result.clock, result.fit, lag, best, lags, coarse, warnings)
 
 
 def _near_zero(

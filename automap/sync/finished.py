@@ -26,8 +26,8 @@ def trajectory_clock(t_ns: IntArray, gps_s: FloatArray) -> ClockModel:
     if abs(rate) > MAX_RATE or residual > 0.5:
         raise InputError(
             f"trajectory.csv: gps_s and t_ns run apart by {rate * 1e6:+.0f} ppm and scatter by "
-            f"{residual:.3f} s, so they are not two clocks of one drive; correct one of the columns "
-            "or leave it out."
+            f"{residual:.3f} s, so they are not two clocks of one drive; correct one of the "
+            "columns or leave it out."
         )
     edge_ns = ref_ns + round(x0 * 1e9)
     sd = float(np.hypot(residual / np.sqrt(len(x)), 1e-6))

@@ -110,7 +110,7 @@ def in_imu_time(gnss: GnssMotion, clock: ClockModel, imu: ImuData) -> GnssMotion
     """Receiver intervals in seconds after the first IMU stamp."""
 
     def seconds(gps_s: FloatArray) -> FloatArray:
-        return (clock.t_ns(gps_s) - imu.t_ns[0]) * 1e-9
+        return np.asarray((clock.t_ns(gps_s) - imu.t_ns[0]) * 1e-9, np.float64)
 
     return GnssMotion(seconds(gnss.start), seconds(gnss.end), gnss.turn, gnss.surge, gnss.speed)
 

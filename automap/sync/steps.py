@@ -37,19 +37,19 @@ def find_step(x: FloatArray, y: FloatArray) -> ClockStep | None:
     slopes = _candidate_slopes(bin_x, bin_y)
     z = bin_y[None, :] - slopes[:, None] * bin_x[None, :]  # [slopes, bins]
     single = float(_cost(z).min())
-    best = (np.inf, 0, 0)
+    least, best_split, best_slope = np.inf, 0, 0
     for split in range(_SIDE_BINS, count - _SIDE_BINS + 1):
         cost = _cost(z[:, :split]) + _cost(z[:, split:])
         index = int(np.argmin(cost))
-        if cost[index] < best[0]:
-            best = (float(cost[index]), split, index)
-    cost, split, index = best
-    before, after = z[index, :split], z[index, split:]
+        if cost[index] < least:
+            least, best_split, best_slope = float(cost[index]), split, index
+    before, after = z[best_slope, :best_split], z[best_slope, best_split:]
     size = float(np.median(after) - np.median(before))
-    scatter = cost / count
-    if cost > 0.4 * single or abs(size) < max(_LEAST_STEP_S, 8.0 * scatter):
+    scatter = least / count
+    if least > 0.4 * single or abs(size) < max(_LEAST_STEP_S, 8.0 * scatter):
         return None
-    return ClockStep(x=_boundary(x, y - slopes[index] * x, bin_x, split, before, after), size=size)
+    level = y - slopes[best_slope] * x
+    return ClockStep(x=_boundary(x, level, bin_x, best_split, before, after), size=size)
 
 
 def _candidate_slopes(x: FloatArray, y: FloatArray) -> FloatArray:
