@@ -429,11 +429,15 @@ def decode_ubx(data: bytes | Bytes) -> dict[str, Table]:
     return decode_scan(scan_bytes(data))[0]
 
 
-def physical(name: str, table: Table, field: str) -> FloatArray:
-    """A field [m] of a table of type ``name`` in its unit (s, deg, m, m/s) as float64."""
+def physical(name: str, table: Table, field: str, rows: IntArray | None = None) -> FloatArray:
+    """A field [m] of a table of type ``name`` in its unit (s, deg, m, m/s) as float64.
+
+    With ``rows`` only those, without copying the table.
+    """
     scale = next(scale for known, _, scale in LAYOUTS[name].fields if known == field)
-    values: npt.NDArray[Any] = table[field]
-    if scale == 1.0:
-        return values.astype(np.float64)
-    # dividing by the exact power of ten rounds correctly, multiplying would not
-    return np.asarray(values.astype(np.float64) / round(1.0 / scale), np.float64)
+    column: npt.NDArray[Any] = table[field]
+    values = (column if rows is None else column[rows]).astype(np.float64)
+    if scale != 1.0:
+        # dividing by the exact power of ten rounds correctly, multiplying would not
+        values /= round(1.0 / scale)
+    return values
