@@ -1,0 +1,294 @@
+"""Receiver logs of any kind, told apart by their content."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from automap import timebase as tb
+from automap.errors import InputError
+from automap.io import nmea as nmea_format
+from automap.io import rtklib
+from automap.io import ubx as ubx_format
+from automap.io.byte_scan import Scan, key_address, key_is_rtcm, key_is_ubx, scan_bytes
+from automap.io.epoch_fixes import build_fixes
+from automap.io.epoch_join import EARLIEST_GPS_S, Joined, join_epochs
+from automap.io.esf import ReceiverImu, read_esf
+from automap.io.nmea import NmeaTable
+from automap.io.ubx import Table
+from automap.records import NO_TIME, Fixes, FixType
+
+_SNIFF_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class ReceiverLog:
+    """What a receiver log holds.
+
+    ``fixes`` one row an epoch, without arrival times; ``imu`` the receiver's own inertial
+    sensors. ``messages`` counts by name ("UBX-NAV-PVT", "NMEA-GNGGA", "UBX-0x27-0x03").
+    ``garbage_bytes`` belong to no message (blank and ``#`` lines apart); ``truncated`` says
+    what the end of the file cut off. ``kind`` is "ubx", "nmea", "mixed" or "rtklib".
+    ``ubx`` and ``nmea`` are the decoded tables by type.
+    """
+
+    fixes: Fixes
+    imu: ReceiverImu | None
+    messages: dict[str, int]
+    bad_checksums: int
+    garbage_bytes: int
+    truncated: str | None
+    warnings: list[str]
+    kind: str
+    ubx: dict[str, Table] = field(default_factory=dict)
+    nmea: dict[str, NmeaTable] = field(default_factory=dict)
+
+
+def sniff(data: bytes) -> str | None:
+    """Kind of a log by its content: ubx, nmea, mixed, rtklib; None when it is none of them."""
+    if rtklib.looks_like_pos(data):
+        return "rtklib"
+    kind = _stream_kind(scan_bytes(data[:_SNIFF_BYTES]))
+    if kind is None and len(data) > _SNIFF_BYTES:
+        kind = _stream_kind(scan_bytes(data))
+    return kind
+
+
+def read_receiver_log(path: Path, not_before_gps_s: float = EARLIEST_GPS_S) -> ReceiverLog:
+    """Read a u-blox, NMEA, mixed or RTKLIB log.
+
+    ``not_before_gps_s``: dates before it are taken for ones of a past 1024-week era and moved.
+    Raises InputError when the file cannot be read, is empty, or holds no message that this
+    reader knows and can use.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    return read_receiver_bytes(data, str(path), not_before_gps_s)
+
+
+def read_receiver_bytes(
+    data: bytes, name: str, not_before_gps_s: float = EARLIEST_GPS_S
+) -> ReceiverLog:
+    """As :func:`read_receiver_log`, of bytes; ``name`` stands for the file in messages."""
+    if not data.strip(b" \t\r\n\0"):
+        raise InputError(f"{name}: is empty; record the receiver's output again")
+    if rtklib.looks_like_pos(data):
+        return _read_rtklib(data, name)
+    scan = scan_bytes(data)
+    kind = _stream_kind(scan)
+    if kind is None:
+        found = scan.bad_nmea + scan.bad_ubx
+        why = f"; all {found} message starts have a wrong checksum" if found else ""
+        raise InputError(
+            f"{name}: no UBX, NMEA or RTKLIB content in its {len(data)} bytes{why}; "
+            "check that this is the receiver's raw output (and the baud rate it was taken with)"
+        )
+    return _read_stream(scan, kind, name, not_before_gps_s)
+
+
+def _stream_kind(scan: Scan) -> str | None:
+    """Kind of a scanned stream; sentences without checksum count when they are known ones."""
+    has_ubx = any(key_is_ubx(key) for key in scan.keys)
+    has_nmea = any(
+        verified or nmea_format.sentence_type(key_address(key))[0] in nmea_format.SENTENCES
+        for key, verified in zip(scan.keys, scan.verified, strict=True)
+        if not key_is_ubx(key) and not key_is_rtcm(key)
+    )
+    if has_ubx and has_nmea:
+        return "mixed"
+    return "ubx" if has_ubx else "nmea" if has_nmea else None
+
+
+def _read_rtklib(data: bytes, name: str) -> ReceiverLog:
+    fixes, warnings, truncated, bad_rows = rtklib.decode_pos(data, name)
+    warnings += _epoch_warnings(fixes)
+    if truncated:
+        warnings.append(truncated)
+    return ReceiverLog(
+        fixes=fixes,
+        imu=None,
+        messages={"RTKLIB row": len(fixes)}
+        | ({"RTKLIB row not read": bad_rows} if bad_rows else {}),
+        bad_checksums=0,
+        garbage_bytes=0,
+        truncated=truncated,
+        warnings=warnings,
+        kind="rtklib",
+    )
+
+
+def _read_stream(scan: Scan, kind: str, name: str, not_before_gps_s: float) -> ReceiverLog:
+    ubx, short = ubx_format.decode_scan(scan)
+    use, leave = nmea_format.sentence_kinds(scan)
+    nmea = nmea_format.decode_scan(scan, use)
+    messages = _message_counts(scan)
+    joined = join_epochs(ubx, nmea, not_before_gps_s)
+    fixes = build_fixes(joined, ubx, nmea) if joined is not None else _no_fixes()
+    imu, warnings = read_esf(ubx, fixes)
+    if len(fixes) == 0 and imu is None:
+        seen = ", ".join(f"{count} {what}" for what, count in list(messages.items())[:4])
+        raise InputError(
+            f"{name}: no message with a position or velocity ({seen}); "
+            "switch on NAV-PVT or GGA and RMC in the receiver, "
+            "or solve raw measurements with RTKLIB and give its .pos file"
+        )
+    truncated = _cut_text(scan)
+    warnings += _stream_warnings(scan, short, use, leave, truncated)
+    if joined is not None:
+        warnings += _join_warnings(joined, fixes)
+    warnings += _epoch_warnings(fixes)
+    warnings += _height_warnings(fixes, nmea)
+    return ReceiverLog(
+        fixes=fixes,
+        imu=imu,
+        messages=messages,
+        bad_checksums=scan.bad_ubx + scan.bad_nmea,
+        garbage_bytes=scan.garbage_bytes,
+        truncated=truncated,
+        warnings=warnings,
+        kind=kind,
+        ubx=ubx,
+        nmea=nmea,
+    )
+
+
+def _kind_name(key: int) -> str:
+    if key_is_ubx(key):
+        return ubx_format.message_name(key)
+    return f"RTCM3-{key & 0xFFF}" if key_is_rtcm(key) else f"NMEA-{key_address(key)}"
+
+
+def _message_counts(scan: Scan) -> dict[str, int]:
+    counts: dict[str, int] = {}
+    for kind, key in enumerate(scan.keys):
+        name = _kind_name(key) + ("" if scan.verified[kind] else " without checksum")
+        counts[name] = counts.get(name, 0) + scan.count(kind)
+    return counts
+
+
+def _cut_text(scan: Scan) -> str | None:
+    """What the end of the stream cut off, as a sentence; None when it ends with a message."""
+    if scan.cut_offset < 0:
+        return None
+    start = scan.data[scan.cut_offset : scan.cut_offset + 16].tobytes()
+    present = len(scan.data) - scan.cut_offset
+    if start.startswith(b"\xb5\x62") and len(start) >= 4:
+        what = ubx_format.message_name(start[2] * 256 + start[3])
+    elif start.startswith(b"$"):
+        what = "the sentence " + start.split(b",")[0].decode("ascii", "replace")
+    else:
+        what = "a message"
+    missing = f", at least {scan.cut_missing} missing" if scan.cut_missing else ""
+    return f"the file ends inside {what} at byte {scan.cut_offset} ({present} bytes of it{missing})"
+
+
+def _stream_warnings(
+    scan: Scan, short: dict[str, int], use: list[int], leave: list[int], truncated: str | None
+) -> list[str]:
+    warnings = []
+    if scan.bad_ubx + scan.bad_nmea:
+        warnings.append(
+            f"{scan.bad_ubx} UBX and {scan.bad_nmea} NMEA messages have a wrong checksum "
+            "and are left out"
+        )
+    if scan.garbage_bytes:
+        share = 100.0 * scan.garbage_bytes / len(scan.data)
+        warnings.append(f"{scan.garbage_bytes} bytes ({share:.2g} %) belong to no message")
+    for name, count in short.items():
+        warnings.append(f"{count} {name} messages are shorter than any known version")
+    accepted = sum(scan.count(k) for k in use if not scan.verified[k])
+    if accepted:
+        warnings.append(f"{accepted} sentences carry no checksum and are taken as they are")
+    left = sum(scan.count(k) for k in leave)
+    if left:
+        warnings.append(f"{left} sentences lack the checksum that others have and are left out")
+    if truncated:
+        warnings.append(truncated)
+    return warnings
+
+
+def _join_warnings(joined: Joined, fixes: Fixes) -> list[str]:
+    warnings = []
+    if joined.no_navigation:
+        warnings.append(
+            f"{joined.no_navigation} epochs have a time but no message with a position or velocity"
+        )
+    if joined.untimed:
+        warnings.append(f"{joined.untimed} messages belong to no epoch, having no readable time")
+    if not joined.dated:
+        warnings.append(
+            "no message tells the date or GPS week: times count from the first day or week of 1980"
+        )
+    if joined.moved_eras:
+        first = tb.gps_to_iso(float(np.nanmin(fixes.gps_s))) if len(fixes) else "unknown"
+        warnings.append(
+            "the receiver's date lies in a past era of the ten-bit week and is moved on by "
+            f"1024 weeks: the log starts at {first}"
+        )
+    return warnings
+
+
+def _epoch_warnings(fixes: Fixes) -> list[str]:
+    warnings = []
+    n = len(fixes)
+    without = int(np.count_nonzero(fixes.fix_type == FixType.NONE))
+    if without:
+        warnings.append(f"{without} of {n} epochs have no valid position")
+    steps = np.diff(fixes.gps_s)
+    back = np.flatnonzero(steps < 0.0)
+    if len(back):
+        warnings.append(
+            f"time runs backwards {len(back)} times, first by {-steps[back[0]]:.3f} s "
+            f"at byte {fixes.offset[back[0] + 1]}"
+        )
+    repeated = int(np.count_nonzero(steps == 0.0))
+    if repeated:
+        warnings.append(f"{repeated} epochs repeat the time of the one before")
+    return warnings
+
+
+def _height_warnings(fixes: Fixes, nmea: dict[str, NmeaTable]) -> list[str]:
+    """What has to be said of heights above sea level and of positions that are no fixes."""
+    warnings = []
+    gga = nmea.get("GGA")
+    if gga is not None:
+        quality = gga["quality"]
+        simulated, manual = np.count_nonzero(quality == 8), np.count_nonzero(quality == 7)
+        if simulated:
+            warnings.append(f"{simulated} GGA positions come from a simulator by their own word")
+        if manual:
+            warnings.append(f"{manual} GGA positions were typed in by hand and are not used")
+    heights = np.isfinite(fixes.height_m)
+    if gga is not None and heights.any() and not np.isfinite(fixes.geoid_sep_m).any():
+        known = np.isfinite(gga["sep"]).any() if len(gga["sep"]) else False
+        if not known and "PUBX00" not in nmea:
+            warnings.append(
+                "heights are above sea level and no sentence gives the geoid separation; "
+                "they are taken as ellipsoidal"
+            )
+    return warnings
+
+
+def _no_fixes() -> Fixes:
+    none = np.zeros(0)
+    rows = np.zeros((0, 3))
+    whole = np.zeros(0, np.int64)
+    return Fixes(
+        gps_s=none,
+        lat_rad=none,
+        lon_rad=none,
+        height_m=none,
+        vel_ned=rows,
+        sd_pos_ned=rows,
+        sd_vel_ned=rows,
+        fix_type=whole,
+        n_sats=whole,
+        hdop=none,
+        geoid_sep_m=none,
+        offset=whole,
+        arrival_ns=np.full(0, NO_TIME, np.int64),
+    )
