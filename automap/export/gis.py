@@ -19,7 +19,6 @@ from automap.export.sign_columns import SignColumns
 from automap.io.atomic import atomic_path
 
 WGS84_3D = "EPSG:4979"
-DRIVERS = {".gpkg": "GPKG", ".fgb": "FlatGeobuf", ".shp": "ESRI Shapefile"}
 
 
 def write_layers(path: Path, layers: Sequence[Layer], driver: str = "GPKG") -> None:
@@ -27,11 +26,13 @@ def write_layers(path: Path, layers: Sequence[Layer], driver: str = "GPKG") -> N
 
     Raises StageError when GDAL cannot write the file.
     """
-    from pyogrio.errors import DataSourceError
+    from pyogrio.errors import DataLayerError, DataSourceError
     from pyogrio.raw import write
 
     with atomic_path(path) as temporary:
         for number, layer in enumerate(layers):
+            # a FlatGeobuf file with an index cannot hold features without a position
+            unindexed = driver == "FlatGeobuf" and any(wkb is None for wkb in layer.wkb)
             masks = [layer.missing.get(name) for name in layer.columns]
             try:
                 write(
@@ -46,13 +47,14 @@ def write_layers(path: Path, layers: Sequence[Layer], driver: str = "GPKG") -> N
                     crs=WGS84_3D,
                     append=number > 0,
                     nan_as_null=True,
+                    layer_options={"SPATIAL_INDEX": "NO"} if unindexed else None,
                     gdal_tz_offsets={
                         name: np.full(len(layer), 100, np.int64)
                         for name, values in layer.columns.items()
                         if values.dtype.kind == "M"
                     },
                 )
-            except DataSourceError as error:
+            except (DataSourceError, DataLayerError) as error:
                 raise StageError(f"cannot write layer {layer.name} of {path}: {error}.") from error
 
 

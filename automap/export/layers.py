@@ -43,7 +43,9 @@ def sign_layer(columns: SignColumns) -> Layer:
 
     The two times are UTC (null without a known clock); the host stamps stand beside them.
     """
-    return _of_signs("signs", "Point Z", point_wkb(columns), columns)
+    heights = np.isfinite(columns.height_m[columns.located])
+    geometry_type = "Point Z" if heights.all() else "Unknown" if heights.any() else "Point"
+    return _of_signs("signs", geometry_type, point_wkb(columns), columns)
 
 
 def ellipse_layer(columns: SignColumns) -> Layer:

@@ -29,7 +29,10 @@ class Plot:
 
 @dataclass
 class Section:
-    """Sentences, plots and a table for one part of the page; ``absent`` says why it is empty."""
+    """Sentences, plots and a table for one part of the page.
+
+    ``absent`` says why the section is empty; with ``folded`` the table hides under that title.
+    """
 
     sentences: list[str] = field(default_factory=list)
     plots: list[Plot] = field(default_factory=list)
@@ -37,6 +40,7 @@ class Section:
     rows: list[tuple[str, ...]] = field(default_factory=list)
     verdicts: list[tuple[Literal["good", "fair", "bad"], str]] = field(default_factory=list)
     absent: str = ""
+    folded: str = ""
 
 
 def draw(

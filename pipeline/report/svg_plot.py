@@ -16,9 +16,9 @@ import numpy as np
 
 from automap.records import FloatArray, IntArray
 
-WIDTH, HEIGHT = 560, 210
-LEFT, RIGHT, TOP, BOTTOM = 56, 10, 10, 34
-COLUMNS = 360
+WIDTH, HEIGHT = 400, 190
+LEFT, RIGHT, TOP, BOTTOM = 52, 8, 8, 32
+COLUMNS = 300
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def ticks(low: float, high: float, count: int = 5) -> FloatArray:
     """Round values in [low, high], about ``count`` of them, steps of 1, 2 or 5."""
     raw = (high - low) / count
     power = 10.0 ** np.floor(np.log10(raw))
-    step = power * next(m for m in (1, 2, 5, 10) if m * power >= raw * 0.999)
+    step = power * next(m for m in (1, 2, 5, 10) if m * power >= raw * 0.7)
     return np.asarray(np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step)
 
 

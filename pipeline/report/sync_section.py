@@ -25,7 +25,7 @@ DELAY_DOTS = 4000
 
 def sync_section(products: RunProducts) -> Section:
     """Offset, drift and their uncertainty in words, all figures, and the delays."""
-    section = Section(header=("figure", "value"))
+    section = Section(header=("figure", "value"), folded="All figures")
     content = products.json(names.SYNC)
     clock = products.clock
     if not content or clock is None:

@@ -30,7 +30,7 @@
   }
   if (data.path) {
     for (const run of data.path.outages) {
-      L.polyline(run.map(at), { color: css("--bad"), weight: 11, opacity: 0.25, interactive: false }).addTo(map);
+      L.polyline(run.map(at), { color: css("--c3"), weight: 12, opacity: 0.35, interactive: false }).addTo(map);
     }
     for (const run of data.path.runs) {
       L.polyline(run.p.map(at), { color: colourOf(run.c), weight: 3.5, interactive: false }).addTo(map);
@@ -154,7 +154,7 @@
   if (data.path) {
     element("h4", "Path, horizontal σ", legend);
     data.path.labels.forEach((label, c) => entry("swatch", colourOf(c), label));
-    if (data.path.outages.length) entry("swatch", css("--bad"), "no GPS (broad line)");
+    if (data.path.outages.length) entry("swatch", css("--c3"), "no GPS (broad line)");
   }
   if (data.fixes.length) entry("dot", css("--soft"), "GPS fix");
   if (signs.rows.length) {

@@ -1,0 +1,114 @@
+"""The export stage and command on whole, partial and damaged OUT folders."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+from export_inputs import HOSTILE, write_run
+
+from automap.errors import ConfigError, InputError
+from automap.io import names
+from pipeline.export import FORMATS, export_run
+from pipeline.products import geoid_separation, load_products
+from pipeline.stage import StageContext
+from pipeline.stages.export import STAGE
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_run(tmp_path_factory.mktemp("run") / "out", name=HOSTILE)
+
+
+@pytest.fixture
+def out(finished: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(finished, tmp_path / "out"))
+
+
+def run_stage(out: Path) -> tuple[Path, StageContext]:
+    work = out / "export.tmp"
+    work.mkdir()
+    drive: Any = SimpleNamespace(name="demo")
+    settings: Any = None
+    context = StageContext(drive=drive, out=out, work=work, settings=settings)
+    STAGE.run(context)
+    return work, context
+
+
+def test_stage_writes_all_declared_files(out: Path) -> None:
+    work, context = run_stage(out)
+    assert sorted(p.name for p in work.iterdir()) == sorted(STAGE.outputs)
+    assert context.warnings == []
+    assert context.metrics["signs"] == 12
+    features = json.loads((work / names.SIGNS_GEOJSON).read_text())["features"]
+    assert len(features) == pq.read_metadata(work / names.SIGNS_TABLE).num_rows == 12
+    assert "absolute" in (work / names.KML).read_text()
+
+
+@pytest.mark.parametrize("missing", STAGE.needs)
+def test_any_input_may_be_missing(out: Path, missing: str) -> None:
+    (out / missing).unlink(missing_ok=True)
+    work, _ = run_stage(out)
+    assert sorted(p.name for p in work.iterdir()) == sorted(STAGE.outputs)
+
+
+@pytest.mark.parametrize("damaged", STAGE.needs)
+def test_a_damaged_input_is_said_and_left_out(out: Path, damaged: str) -> None:
+    (out / damaged).write_bytes(b"PAR1 not really")
+    work, context = run_stage(out)
+    assert sorted(p.name for p in work.iterdir()) == sorted(STAGE.outputs)
+    assert any(damaged in text for text in context.warnings), context.warnings
+
+
+def test_empty_folder_gives_an_empty_map_and_says_so(tmp_path: Path) -> None:
+    work, context = run_stage(tmp_path)
+    assert json.loads((work / names.SIGNS_GEOJSON).read_text())["features"] == []
+    assert any("no trajectory" in text for text in context.warnings)
+    assert any("signs" in text for text in context.warnings)
+
+
+@pytest.mark.parametrize("fmt", FORMATS)
+def test_every_format_of_the_command(out: Path, tmp_path: Path, fmt: str) -> None:
+    path, warnings = export_run(out, fmt)
+    assert path.parent == out
+    assert path.stat().st_size > 500
+    assert warnings == []
+    target = tmp_path / "elsewhere" / path.name
+    assert export_run(out, fmt, target)[0] == target
+    assert target.stat().st_size == pytest.approx(path.stat().st_size, rel=0.01)
+
+
+def test_wrong_format_and_wrong_folder_are_named(out: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="geojson"):
+        export_run(out, "dxf")
+    with pytest.raises(InputError, match="nowhere"):
+        export_run(tmp_path / "nowhere", "kml")
+    (tmp_path / "bare").mkdir()
+    with pytest.raises(InputError, match="neither"):
+        export_run(tmp_path / "bare", "kml")
+
+
+def test_geoid_comes_from_the_fixes(out: Path) -> None:
+    products = load_products(out)
+    assert products.trajectory is not None
+    separation = geoid_separation(products, products.trajectory.t_ns[::100])
+    assert separation is not None
+    assert set(separation.tolist()) == {48.0}
+    (out / names.FIXES).unlink()
+    assert geoid_separation(load_products(out), products.trajectory.t_ns[:3]) is None
+
+
+def test_clock_falls_back_on_the_trajectory(out: Path) -> None:
+    exact = load_products(out).clock
+    (out / names.SYNC).unlink()
+    fallback = load_products(out).clock
+    assert exact is not None
+    assert fallback is not None
+    assert fallback.method == "trajectory"
+    stamp = exact.t_ns([exact.ref_gps_s + 60.0])
+    assert fallback.gps_s(stamp)[0] == pytest.approx(exact.ref_gps_s + 60.0, abs=1e-5)
