@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
+from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -131,6 +132,48 @@ def read_chapter(path: Path) -> Chapter:
             count=max(len(pts), promised),
             warnings=tuple(warnings),
         )
+
+
+@dataclass(frozen=True)
+class VideoHeader:
+    """What a video file says of itself, read without going through its frames.
+
+    ``created_s`` is its creation time, UNIX seconds, NaN when absent; ``first_frame`` whether
+    the first picture could be decoded.
+    """
+
+    width: int
+    height: int
+    codec: str
+    duration_s: float
+    frames: int
+    created_s: float
+    first_frame: bool
+
+
+def read_header(path: Path) -> VideoHeader:
+    """The header of a video file of any length, at once; InputError when it is unreadable."""
+    import av
+
+    with _open(path) as container:
+        stream = _video_stream(container, path)
+        duration = container.duration * 1e-6 if container.duration else float("nan")
+        created = container.metadata.get("creation_time", "")
+        header: dict[str, Any] = {
+            "width": int(stream.codec_context.width),
+            "height": int(stream.codec_context.height),
+            "codec": str(stream.codec_context.name),
+            "frames": int(stream.frames),
+        }
+        try:
+            first_frame = next(container.decode(stream), None) is not None
+        except av.FFmpegError:
+            first_frame = False
+    try:
+        created_s = datetime.fromisoformat(created.replace("Z", "+00:00")).timestamp()
+    except ValueError:
+        created_s = float("nan")
+    return VideoHeader(**header, duration_s=duration, created_s=created_s, first_frame=first_frame)
 
 
 def video_chapters(video: VideoInput) -> tuple[list[Chapter], list[str]]:

@@ -1,0 +1,209 @@
+"""What ``automap check`` says of a drive folder: what is there, what looks wrong, what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from automap.errors import AutoMapError, InputError
+from automap.io import names
+from automap.io.drive import Drive, load_drive
+from automap.plausibility import Finding, Severity
+from pipeline.checks import camera, gnss, imu, timing
+
+_MARKS = {"ok": "ok", "info": "info", "warning": "WARNING", "error": "ERROR"}
+
+
+@dataclass(frozen=True)
+class FileFinding:
+    """One finding about one file of the drive."""
+
+    file: str
+    severity: Severity
+    text: str
+    advice: str = ""
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """All findings on a drive; ``usable`` is whether it can be run as it is."""
+
+    drive: str
+    name: str
+    usable: bool
+    findings: tuple[FileFinding, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The report in JSON's types."""
+        return {
+            "drive": self.drive,
+            "name": self.name,
+            "usable": self.usable,
+            "findings": [vars(finding) for finding in self.findings],
+        }
+
+    def text(self) -> str:
+        """The report for a terminal: a block for each file, then the verdict."""
+        lines = [f"{self.name}  ({self.drive})"]
+        file = None
+        for finding in self.findings:
+            if finding.file != file:
+                file = finding.file
+                lines.append(f"  {file}")
+            lines.append(f"    {_MARKS[finding.severity]:8}{finding.text}")
+            if finding.advice:
+                lines.append(f"    {'':8}-> {finding.advice}")
+        count = {s: sum(f.severity == s for f in self.findings) for s in ("error", "warning")}
+        verdict = "usable" if self.usable else "not usable as it is"
+        lines.append(f"  {verdict}: {count['error']} errors, {count['warning']} warnings")
+        return "\n".join(lines)
+
+
+class _Collector:
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.findings: list[FileFinding] = []
+
+    def add(self, path: Path | str, findings: Iterable[Finding]) -> None:
+        for finding in findings:
+            text = self._short(finding.text)
+            self.findings.append(
+                FileFinding(self.label(path), finding.severity, text, finding.advice)
+            )
+
+    def label(self, path: Path | str) -> str:
+        path = Path(path)
+        return str(path.relative_to(self.folder)) if path.is_relative_to(self.folder) else str(path)
+
+    def _short(self, text: str) -> str:
+        """Without the folder, which stands above all findings."""
+        return text.replace(f"{self.folder}/", "").rstrip(".")
+
+
+def check_drive(path: Path | str) -> CheckReport:
+    """Look into every file of a drive folder and say what was found.
+
+    Never raises for a bad drive: what is wrong is a finding, and ``usable`` is False when a
+    run would fail or its result would be wrong.
+    """
+    folder = Path(path)
+    try:
+        drive = load_drive(folder)
+    except AutoMapError as error:
+        finding = FileFinding(names.MANIFEST, "error", str(error).rstrip("."))
+        return CheckReport(str(folder), folder.resolve().name, False, (finding,))
+    collector = _Collector(drive.path)
+    collector.add(drive.manifest_file, _manifest(drive))
+    fatal = _recordings(drive, collector)
+    for video in drive.videos.values():
+        for file, findings in camera.check(drive, video):
+            collector.add(file, findings)
+    other = _finished(drive, collector)
+    if drive.truth_dir is not None:
+        collector.add(drive.truth_dir, [Finding("info", "truth is there, for evaluate alone")])
+    usable = not fatal if other is None else other
+    return CheckReport(str(drive.path), drive.name, usable, tuple(collector.findings))
+
+
+def _manifest(drive: Drive) -> list[Finding]:
+    findings = [Finding("ok", f"drive {drive.name}, {len(drive.input_files()) - 1} input files")]
+    findings += [Finding("warning", text) for text in drive.warnings]
+    site = drive.site
+    if site.country is None and site.traffic_side is None:
+        findings.append(
+            Finding(
+                "info",
+                "no [site]",
+                "add country and traffic_side for the right sign faces and sides",
+            )
+        )
+    return findings
+
+
+def _recordings(drive: Drive, collector: _Collector) -> bool:
+    """Check IMU and receiver log, alone and together; whether a run would be spoilt."""
+    from automap.io.recording import read_recording
+
+    try:
+        recording = read_recording(drive)
+    except AutoMapError as error:
+        collector.add(drive.manifest_file, [Finding("error", str(error))])
+        return True
+    failed = _by_file(drive, recording.failures)
+    warned = _by_file(drive, recording.warnings)
+    spoilt = False
+    if drive.imu_file is not None or recording.imu is not None:
+        file = drive.imu_file or drive.gnss_file or drive.manifest_file
+        findings = [Finding("error", text) for text in failed.get(drive.imu_file, [])]
+        findings += [Finding("warning", text) for text in warned.get(drive.imu_file, [])]
+        if recording.imu is not None:
+            measured = imu.check(drive, recording)
+            spoilt |= any(finding.severity == "error" for finding in measured)
+            findings += measured
+        collector.add(file, findings)
+    else:
+        collector.add(names.MANIFEST, [Finding(*imu.ABSENT)])
+    if drive.gnss_file is not None:
+        findings = [Finding("error", text) for text in failed.get(drive.gnss_file, [])]
+        findings += [Finding("warning", text) for text in warned.get(drive.gnss_file, [])]
+        if recording.log is not None:
+            findings += gnss.check(drive, recording)
+        collector.add(drive.gnss_file, findings)
+        clock = timing.check(drive, recording)
+        spoilt |= any(finding.severity == "error" for finding in clock)
+        arrival = [Finding("error", text) for text in failed.get(drive.arrival_file, [])]
+        collector.add(drive.arrival_file or drive.gnss_file, [*arrival, *clock])
+    else:
+        collector.add(names.MANIFEST, [Finding(*gnss.ABSENT)])
+    collector.add(drive.manifest_file, gnss.lever_arm(drive))
+    return spoilt or not gnss.has_fix(recording)
+
+
+def _by_file(drive: Drive, sentences: Iterable[str]) -> dict[Path | None, list[str]]:
+    """Sentences under the file that each begins with."""
+    sorted_out: dict[Path | None, list[str]] = {}
+    files = sorted(drive.input_files(), key=lambda path: -len(str(path)))
+    for text in sentences:
+        file = next((path for path in files if text.startswith(str(path))), drive.gnss_file)
+        body = text.removeprefix(str(file)).removeprefix(":").strip()
+        sorted_out.setdefault(file, []).append(body)
+    return sorted_out
+
+
+def _finished(drive: Drive, collector: _Collector) -> bool | None:
+    """Check a finished trajectory and bearings; whether they make the drive usable, None when
+    there are none."""
+    usable = None
+    if drive.trajectory_file is not None:
+        from automap.io.trajectory_csv import read_trajectory_csv
+
+        try:
+            finished = read_trajectory_csv(drive.trajectory_file)
+        except InputError as error:
+            collector.add(drive.trajectory_file, [Finding("error", str(error))])
+            usable = False
+        else:
+            text = f"{len(finished.data)} rows; used instead of the IMU and the receiver"
+            findings = [Finding("ok", text)]
+            findings += [Finding("warning", text) for text in finished.warnings]
+            collector.add(drive.trajectory_file, findings)
+            usable = True
+    if drive.bearings_file is not None:
+        from automap.io.csv_columns import read_columns
+
+        try:
+            table = read_columns(
+                drive.bearings_file,
+                {"lat_deg": "float", "lon_deg": "float", "bearing_deg": "float"},
+            )
+        except InputError as error:
+            collector.add(drive.bearings_file, [Finding("error", str(error))])
+            usable = bool(usable)
+        else:
+            findings = [Finding("ok", f"{len(table)} bearings")]
+            findings += [Finding("warning", text) for text in table.warnings()]
+            collector.add(drive.bearings_file, findings)
+            usable = True
+    return usable

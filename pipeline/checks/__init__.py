@@ -1,0 +1,1 @@
+"""The checks of one kind of file each; ``pipeline.check`` puts them together."""

@@ -1,0 +1,187 @@
+"""Checks of video, its stamps, the camera's numbers and external detections."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from automap.errors import InputError
+from automap.io.drive import Drive, VideoInput
+from automap.io.video import VideoHeader, read_header
+from automap.plausibility import Finding
+
+_SAME_START_S = 3.0
+
+
+def check(drive: Drive, video: VideoInput) -> Iterator[tuple[Path | str, list[Finding]]]:
+    """Findings on one camera, file by file."""
+    headers: list[VideoHeader] = []
+    for path in video.chapters:
+        try:
+            header = read_header(path)
+        except InputError as error:
+            yield path, [Finding("warning", str(error))]
+            continue
+        headers.append(header)
+        yield path, _chapter(video, header)
+    yield drive.manifest_file, _geometry(drive, video, headers)
+    if headers and video.frames is None:
+        yield drive.manifest_file, _start(video, headers)
+    if not headers and video.detections is None:
+        section = f"[video.{video.name}]"
+        yield (
+            drive.manifest_file,
+            [Finding("warning", f"{section} has neither a readable video nor detections")],
+        )
+    yield from _listed(video)
+
+
+def _chapter(video: VideoInput, header: VideoHeader) -> list[Finding]:
+    text = (
+        f"{header.codec} {header.width}x{header.height}, {header.frames} frames, "
+        f"{header.duration_s:.1f} s"
+    )
+    findings = [Finding("ok", text)]
+    if not header.first_frame:
+        findings.append(
+            Finding("warning", "its first picture cannot be decoded", "copy the file again")
+        )
+    width, height = video.section.width, video.section.height
+    if (
+        width is not None
+        and height is not None
+        and (width, height) != (header.width, header.height)
+    ):
+        scale = header.width / width
+        findings.append(
+            Finding(
+                "error",
+                f"the manifest says {width}x{height}, the video has {header.width}x{header.height}",
+                f"correct width and height, and multiply the camera_matrix by {scale:.4g} if it "
+                "was measured at the other size",
+            )
+        )
+    return findings
+
+
+def _geometry(drive: Drive, video: VideoInput, headers: list[VideoHeader]) -> list[Finding]:
+    section = video.section
+    findings = [
+        Finding("warning", text)
+        for text in drive.camera_warnings()
+        if f"[video.{video.name}]" in text
+    ]
+    arm = float(np.linalg.norm(section.lever_arm_m))
+    if arm > 5.0:
+        findings.append(
+            Finding(
+                "warning",
+                f"[video.{video.name}] lever_arm_m is {arm:.1f} m long",
+                "it is in metres, from IMU to camera, forward, right, down",
+            )
+        )
+    if section.camera_matrix is None:
+        return findings
+    (fx, _, cx), (_, fy, cy), _ = section.camera_matrix
+    width = section.width or (headers[0].width if headers else None)
+    height = section.height or (headers[0].height if headers else None)
+    if width is None or height is None:
+        return findings
+    view = float(np.degrees(2.0 * np.arctan(0.5 * width / fx)))
+    shown = f"[video.{video.name}] camera_matrix: {view:.0f} deg of horizontal view"
+    off_centre = max(abs(cx / width - 0.5), abs(cy / height - 0.5))
+    if off_centre > 0.2:
+        findings.append(
+            Finding(
+                "error",
+                f"{shown}, its centre ({cx:.0f}, {cy:.0f}) is far from that of {width}x{height}",
+                "the matrix belongs to another resolution or its rows are mixed up",
+            )
+        )
+    elif not 20.0 < view < 150.0:
+        findings.append(Finding("warning", shown, "check fx: it is in pixels of this resolution"))
+    elif abs(fx / fy - 1.0) > 0.1:
+        findings.append(
+            Finding("warning", f"{shown}, fx and fy differ by {100 * abs(fx / fy - 1):.0f} %")
+        )
+    else:
+        findings.append(Finding("ok", shown))
+    return findings
+
+
+def _start(video: VideoInput, headers: list[VideoHeader]) -> list[Finding]:
+    """Where the stamps begin: the creation time of a file is often its end."""
+    start_ns = video.section.start_ns
+    name = f"[video.{video.name}]"
+    if start_ns is None:
+        return [
+            Finding(
+                "warning",
+                f"{name} has neither start_ns nor a frames file; 0 is taken",
+                "add start_ns, the time of the first frame in the clock that time names",
+            )
+        ]
+    created = headers[0].created_s
+    if video.section.time != "unix_ns" or not np.isfinite(created):
+        return []
+    if abs(start_ns * 1e-9 - created) < _SAME_START_S:
+        return [
+            Finding(
+                "warning",
+                f"{name} start_ns equals the creation time in the file",
+                f"many cameras write the end there: if so, subtract {headers[0].duration_s:.1f} s; "
+                "whole seconds are not enough either way",
+            )
+        ]
+    return []
+
+
+def _listed(video: VideoInput) -> Iterator[tuple[Path, list[Finding]]]:
+    """The frames file and the detections."""
+    from automap.io.detections_csv import read_detections_csv
+    from automap.io.video import FrameTimes, frame_times
+
+    times: FrameTimes | None = None
+    if video.frames is not None:
+        try:
+            times = frame_times(video)
+        except InputError as error:
+            yield video.frames, [Finding("error", str(error))]
+        else:
+            span = float(times.t_ns[-1] - times.t_ns[0]) * 1e-9
+            findings = [Finding("ok", f"stamps of {len(times)} frames over {span:.1f} s")]
+            yield video.frames, findings + [Finding("warning", text) for text in times.warnings]
+    if video.detections is None:
+        return
+    if times is None and video.chapters:
+        try:
+            times = frame_times(video)
+        except InputError:
+            times = None
+    if times is None or not len(times):
+        yield (
+            video.detections,
+            [
+                Finding(
+                    "error",
+                    "detections without the times of their frames",
+                    f"add {video.name}_frames.csv (frame, t_ns) or the video",
+                )
+            ],
+        )
+        return
+    size = None
+    if video.section.width is not None and video.section.height is not None:
+        size = (video.section.width, video.section.height)
+    try:
+        found = read_detections_csv(video.detections, times, video.name, size)
+    except InputError as error:
+        yield video.detections, [Finding("error", str(error))]
+        return
+    classes = len(set(found.data.class_name.tolist()))
+    frames = len(np.unique(found.data.frame))
+    text = f"{len(found.data)} detections of {classes} classes in {frames} frames"
+    findings = [Finding("ok", text)]
+    yield video.detections, findings + [Finding("warning", text) for text in found.warnings]

@@ -1,0 +1,169 @@
+"""Checks of the receiver log and the antenna."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.io.drive import Drive
+from automap.io.recording import Recording
+from automap.plausibility import Finding, Severity
+from automap.records import FixType
+from automap.timebase import gps_to_iso
+
+ABSENT: tuple[Severity, str, str] = (
+    "error",
+    "no receiver log",
+    "without fixes there is no position on Earth: add gnss.ubx, gnss.nmea or gnss.pos",
+)
+_LONG_ARM_M = 5.0
+_FASTEST_M_S = 70.0
+
+
+def has_fix(recording: Recording) -> bool:
+    """Whether there is any position at all."""
+    fixes = recording.fixes
+    return fixes is not None and bool(np.any(fixes.fix_type >= FixType.TWO_D))
+
+
+def check(drive: Drive, recording: Recording) -> list[Finding]:
+    """What the log holds: messages, epochs, quality of the fixes, damage."""
+    fixes, log = recording.fixes, recording.log
+    assert fixes is not None
+    assert log is not None
+    most = sorted(log.messages.items(), key=lambda item: -item[1])[:6]
+    shown = ", ".join(f"{count} {name}" for name, count in most)
+    findings = [Finding("ok", f"{log.kind} log: {shown}")]
+    if log.bad_checksums:
+        findings.append(
+            Finding("warning", f"{log.bad_checksums} messages with a wrong checksum passed over")
+        )
+    if log.garbage_bytes:
+        findings.append(Finding("info", f"{log.garbage_bytes} bytes that belong to no message"))
+    good = fixes.fix_type >= FixType.TWO_D
+    if not np.any(good):
+        findings.append(
+            Finding(
+                "error",
+                f"no fix in {len(fixes)} epochs",
+                "give the antenna an open sky and wait for a fix before driving",
+            )
+        )
+        return findings
+    findings += _quality(recording, good)
+    findings += _jumps(recording, good)
+    return findings
+
+
+def _quality(recording: Recording, good: np.ndarray) -> list[Finding]:
+    fixes = recording.fixes
+    assert fixes is not None
+    t = fixes.gps_s[good & np.isfinite(fixes.gps_s)]
+    findings = []
+    if len(t) > 1:
+        step = float(np.median(np.diff(t)))
+        rate = 1.0 / step if step > 0 else float("nan")
+        text = (
+            f"{np.count_nonzero(good)} fixes of {len(fixes)} epochs, {rate:.3g} Hz, "
+            f"{gps_to_iso(float(t[0]))} to {gps_to_iso(float(t[-1]))}"
+        )
+        findings.append(Finding("ok", text))
+        gaps = np.diff(t)
+        if np.any(gaps > max(5.0, 5.0 * step)):
+            findings.append(
+                Finding("info", f"longest time without a fix {float(gaps.max()):.1f} s")
+            )
+        if np.any(gaps < 0):
+            findings.append(
+                Finding("warning", "the time of the fixes runs back", "is it one log or several?")
+            )
+    lost = 1.0 - np.count_nonzero(good) / len(fixes)
+    if lost > 0.2:
+        findings.append(
+            Finding("warning", f"{100 * lost:.0f} % of the epochs have no fix", "check the antenna")
+        )
+    velocity = np.isfinite(fixes.vel_ned[good, :2]).all(axis=1)
+    if not velocity.all():
+        findings.append(
+            Finding(
+                "warning",
+                f"{np.count_nonzero(~velocity)} fixes without velocity",
+                "let the receiver send NAV-PVT, RMC or VTG; velocity carries most of the accuracy",
+            )
+        )
+    height = np.isfinite(fixes.height_m[good])
+    if not height.all():
+        findings.append(
+            Finding(
+                "warning",
+                f"{np.count_nonzero(~height)} fixes without ellipsoidal height",
+                "let the receiver send GGA with the geoid separation, or NAV-PVT",
+            )
+        )
+    if np.any(fixes.fix_type >= FixType.FLOAT):
+        findings.append(
+            Finding(
+                "info",
+                "corrected (RTK) positions are in the datum of the correction service "
+                "(GDA2020, ETRS89, NAD83 ...), which lies up to 1.4 m off WGS-84",
+                "state it when you compare the map with another",
+            )
+        )
+    return findings
+
+
+def _jumps(recording: Recording, good: np.ndarray) -> list[Finding]:
+    from automap.earth import local_ned
+
+    fixes = recording.fixes
+    assert fixes is not None
+    rows = np.flatnonzero(good & np.isfinite(fixes.lat_rad) & np.isfinite(fixes.gps_s))
+    if len(rows) < 2:
+        return []
+    ref = (float(fixes.lat_rad[rows[0]]), float(fixes.lon_rad[rows[0]]), 0.0)
+    position = local_ned(fixes.lat_rad[rows], fixes.lon_rad[rows], np.zeros(len(rows)), ref)
+    steps = np.diff(fixes.gps_s[rows])
+    moving = steps > 0
+    speed = np.linalg.norm(np.diff(position[:, :2], axis=0), axis=1)[moving] / steps[moving]
+    wild = int(np.count_nonzero(speed > _FASTEST_M_S))
+    if not wild:
+        return []
+    return [
+        Finding(
+            "warning",
+            f"the position jumps {wild} times faster than {_FASTEST_M_S:g} m/s",
+            "single wild fixes are gated out; many mean a bad antenna place",
+        )
+    ]
+
+
+def lever_arm(drive: Drive) -> list[Finding]:
+    """Whether the antenna's place looks like one on a car."""
+    if drive.gnss_file is None:
+        return []
+    arm = drive.gnss.lever_arm_m
+    if arm is None:
+        return [
+            Finding(
+                "info",
+                "lever_arm_m is not given and taken as zero",
+                "measure IMU to antenna (forward, right, down) and add it to [gnss]",
+            )
+        ]
+    length = float(np.linalg.norm(arm))
+    if length > _LONG_ARM_M:
+        return [
+            Finding(
+                "warning",
+                f"lever_arm_m is {length:.1f} m long",
+                "it is in metres, from IMU to antenna, in the vehicle's forward, right, down",
+            )
+        ]
+    if arm[2] > 0.5:
+        return [
+            Finding(
+                "warning",
+                f"lever_arm_m puts the antenna {arm[2]:.2f} m below the IMU",
+                "down is positive: an antenna on the roof has a negative third number",
+            )
+        ]
+    return [Finding("ok", f"lever arm {length:.2f} m")]

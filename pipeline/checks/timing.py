@@ -1,0 +1,107 @@
+"""Checks of the clocks: whether IMU, receiver and video speak of the same time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.errors import InputError
+from automap.io.drive import Drive
+from automap.io.recording import Recording
+from automap.plausibility import Finding, overlap_s
+from automap.records import NO_TIME, FloatArray
+from automap.timebase import gps_to_iso, unix_to_gps
+
+_SHORT_OVERLAP = 0.5
+
+
+def imu_gps_time(drive: Drive, recording: Recording) -> FloatArray | None:
+    """GPS time [n] of the readings, good to some tenths of a second, None when unknown."""
+    imu, fixes = recording.imu, recording.fixes
+    if imu is None:
+        return None
+    if drive.imu.time == "gps_ns":
+        return np.asarray(imu.t_ns * 1e-9)
+    if drive.imu.time == "unix_ns":
+        return unix_to_gps(imu.t_ns * 1e-9)
+    if fixes is None or drive.gnss.arrival_time != "boot_ns":
+        return None
+    known = (fixes.arrival_ns != NO_TIME) & np.isfinite(fixes.gps_s)
+    if not np.any(known):
+        return None
+    offset = float(np.median(fixes.gps_s[known] - fixes.arrival_ns[known] * 1e-9))
+    # arrival lies some tenths of a second behind the epoch
+    return np.asarray(imu.t_ns * 1e-9 + offset + (drive.gnss.output_delay_s or 0.1))
+
+
+def check(drive: Drive, recording: Recording) -> list[Finding]:
+    """Arrival times, clock rate, and whether IMU and fixes overlap."""
+    fixes = recording.fixes
+    if fixes is None or not len(fixes):
+        return []
+    findings = _arrivals(drive, recording)
+    gps_s = imu_gps_time(drive, recording)
+    dated = fixes.gps_s[np.isfinite(fixes.gps_s)]
+    if gps_s is None or len(dated) < 2:
+        return findings
+    span = np.array([dated.min(), dated.max()])
+    shared = overlap_s(gps_s, span)
+    shorter = min(gps_s[-1] - gps_s[0], span[1] - span[0])
+    spans = (
+        f"IMU {gps_to_iso(float(gps_s[0]))} to {gps_to_iso(float(gps_s[-1]))}, "
+        f"fixes {gps_to_iso(float(span[0]))} to {gps_to_iso(float(span[1]))}"
+    )
+    if shared <= 0:
+        advice = f"they are not of one drive, or time = {drive.imu.time!r} in [imu] is wrong"
+        findings.append(Finding("error", f"IMU and fixes do not overlap in time: {spans}", advice))
+    elif shared < _SHORT_OVERLAP * shorter:
+        findings.append(
+            Finding("warning", f"IMU and fixes overlap for {shared:.1f} s only: {spans}")
+        )
+    else:
+        findings.append(Finding("ok", f"IMU and fixes overlap for {shared:.1f} s"))
+    return findings
+
+
+def _arrivals(drive: Drive, recording: Recording) -> list[Finding]:
+    fixes = recording.fixes
+    assert fixes is not None
+    if recording.imu is None:
+        return []
+    if drive.arrival_file is None:
+        if drive.imu.time == "boot_ns":
+            return [
+                Finding(
+                    "warning",
+                    "no arrival times, and the IMU is on the host's clock",
+                    "the offset is found by correlating the two, to some 10 ms; record "
+                    "gnss_arrival.csv next time",
+                )
+            ]
+        return []
+    known = fixes.arrival_ns != NO_TIME
+    if not np.any(known):
+        return [
+            Finding(
+                "warning",
+                "the arrival times belong to none of the epochs",
+                "offset counts the bytes of the log from 0; were both made in one recording?",
+            )
+        ]
+    from automap.sync.arrival import fit_arrival_clock
+
+    try:
+        fit = fit_arrival_clock(fixes.arrival_ns, fixes.gps_s, drive.gnss.output_delay_s)
+    except InputError as error:
+        return [Finding("error", str(error).rstrip("."))]
+    text = (
+        f"arrival times of {np.count_nonzero(known)} of {len(fixes)} epochs, median "
+        f"{1e3 * fit.waiting_s:.0f} ms beyond the least, host clock off in rate by "
+        f"{1e6 * fit.clock.drift:+.1f} ppm"
+    )
+    findings = [Finding("ok", text)]
+    findings += [Finding("warning", warning) for warning in fit.warnings]
+    if drive.gnss.output_delay_s is None:
+        findings.append(
+            Finding("info", "output_delay_s is not given; it is estimated with the trajectory")
+        )
+    return findings
