@@ -18,6 +18,7 @@ from automap.io.epoch_join import EARLIEST_GPS_S, Joined, join_epochs
 from automap.io.esf import ReceiverImu, read_esf
 from automap.io.nmea import NmeaTable
 from automap.io.ubx import Table
+from automap.io.ubx_names import message_name
 from automap.records import NO_TIME, Fixes, FixType
 
 _SNIFF_BYTES = 1 << 20
@@ -136,7 +137,7 @@ def _read_stream(scan: Scan, kind: str, name: str, not_before_gps_s: float) -> R
             "switch on NAV-PVT or GGA and RMC in the receiver, "
             "or solve raw measurements with RTKLIB and give its .pos file"
         )
-    truncated = _cut_text(scan)
+    truncated = _cut_text(scan, leave)
     warnings += _stream_warnings(scan, short, use, leave, truncated)
     if joined is not None:
         warnings += _join_warnings(joined, fixes)
@@ -158,7 +159,7 @@ def _read_stream(scan: Scan, kind: str, name: str, not_before_gps_s: float) -> R
 
 def _kind_name(key: int) -> str:
     if key_is_ubx(key):
-        return ubx_format.message_name(key)
+        return message_name(key)
     return f"RTCM3-{key & 0xFFF}" if key_is_rtcm(key) else f"NMEA-{key_address(key)}"
 
 
@@ -170,14 +171,19 @@ def _message_counts(scan: Scan) -> dict[str, int]:
     return counts
 
 
-def _cut_text(scan: Scan) -> str | None:
+def _cut_text(scan: Scan, leave: list[int]) -> str | None:
     """What the end of the stream cut off, as a sentence; None when it ends with a message."""
     if scan.cut_offset < 0:
-        return None
+        last = len(scan) - 1
+        if last < 0 or int(scan.kind[last]) not in leave:
+            return None
+        return (
+            f"the file ends inside a sentence at byte {scan.offset[last]} (its checksum is missing)"
+        )
     start = scan.data[scan.cut_offset : scan.cut_offset + 16].tobytes()
     present = len(scan.data) - scan.cut_offset
     if start.startswith(b"\xb5\x62") and len(start) >= 4:
-        what = ubx_format.message_name(start[2] * 256 + start[3])
+        what = message_name(start[2] * 256 + start[3])
     elif start.startswith(b"$"):
         what = "the sentence " + start.split(b",")[0].decode("ascii", "replace")
     else:

@@ -22,107 +22,6 @@ from automap.records import FloatArray, IntArray
 
 Table = npt.NDArray[np.void]
 
-CLASSES = {
-    0x01: "NAV",
-    0x02: "RXM",
-    0x04: "INF",
-    0x05: "ACK",
-    0x06: "CFG",
-    0x09: "UPD",
-    0x0A: "MON",
-    0x0B: "AID",
-    0x0D: "TIM",
-    0x10: "ESF",
-    0x13: "MGA",
-    0x21: "LOG",
-    0x27: "SEC",
-    0x28: "HNR",
-    0x29: "NAV2",
-}
-
-MESSAGES = {
-    0x0101: "POSECEF",
-    0x0102: "POSLLH",
-    0x0103: "STATUS",
-    0x0104: "DOP",
-    0x0105: "ATT",
-    0x0106: "SOL",
-    0x0107: "PVT",
-    0x0109: "ODO",
-    0x0110: "RESETODO",
-    0x0111: "VELECEF",
-    0x0112: "VELNED",
-    0x0113: "HPPOSECEF",
-    0x0114: "HPPOSLLH",
-    0x0115: "TIMETRUSTED",
-    0x0116: "COV-OLD",
-    0x0119: "PVAT",
-    0x0120: "TIMEGPS",
-    0x0121: "TIMEUTC",
-    0x0122: "CLOCK",
-    0x0123: "TIMEGLO",
-    0x0124: "TIMEBDS",
-    0x0125: "TIMEGAL",
-    0x0126: "TIMELS",
-    0x0127: "TIMEQZSS",
-    0x0130: "SVINFO",
-    0x0131: "DGPS",
-    0x0132: "SBAS",
-    0x0134: "ORB",
-    0x0135: "SAT",
-    0x0136: "COV",
-    0x0139: "GEOFENCE",
-    0x013B: "SVIN",
-    0x013C: "RELPOSNED",
-    0x013D: "EELL",
-    0x0142: "SLAS",
-    0x0143: "SIG",
-    0x0160: "AOPSTATUS",
-    0x0161: "EOE",
-    0x0162: "PL",
-    0x0210: "RAW",
-    0x0211: "SFRB",
-    0x0213: "SFRBX",
-    0x0214: "MEASX",
-    0x0215: "RAWX",
-    0x0220: "SVSI",
-    0x0232: "RTCM",
-    0x0400: "ERROR",
-    0x0401: "WARNING",
-    0x0402: "NOTICE",
-    0x0403: "TEST",
-    0x0404: "DEBUG",
-    0x0500: "ACK-NAK",
-    0x0501: "ACK-ACK",
-    0x0A02: "IO",
-    0x0A04: "VER",
-    0x0A06: "MSGPP",
-    0x0A07: "RXBUF",
-    0x0A08: "TXBUF",
-    0x0A09: "HW",
-    0x0A0B: "HW2",
-    0x0A21: "RXR",
-    0x0A31: "SPAN",
-    0x0A36: "COMMS",
-    0x0A37: "HW3",
-    0x0A38: "RF",
-    0x0A39: "SYS",
-    0x0D01: "TP",
-    0x0D03: "TM2",
-    0x0D06: "VRFY",
-    0x1002: "MEAS",
-    0x1003: "RAW",
-    0x1010: "STATUS",
-    0x1014: "ALG",
-    0x1015: "INS",
-    0x2703: "UNIQID",
-    0x2709: "SIG",
-    0x2800: "PVT",
-    0x2801: "ATT",
-    0x2802: "INS",
-}
-"""Names of message ids (class * 256 + id) without their class."""
-
 
 @dataclass(frozen=True)
 class Layout:
@@ -323,15 +222,6 @@ ESF_DTYPE = np.dtype(
 """One sensor reading: ``tag`` its time tag (ms in ESF-MEAS, counts in ESF-RAW), ``header``
 the first word of ESF-RAW or the flags and source id of ESF-MEAS, ``value`` a signed 24-bit
 count of the kind ``type``."""
-
-
-def message_name(key: int) -> str:
-    """Name of a UBX message, such as ``UBX-NAV-PVT`` or, unknown, ``UBX-0x27-0x03``."""
-    group = CLASSES.get(key >> 8)
-    name = MESSAGES.get(key)
-    if group is None or name is None:
-        return f"UBX-0x{key >> 8:02X}-0x{key & 255:02X}"
-    return f"UBX-{name}" if name.startswith("ACK-") else f"UBX-{group}-{name}"
 
 
 @njit(cache=True)
