@@ -33,5 +33,6 @@ def command(kind: str, source: Path, out: Path) -> None:
     """Make a drive folder of a recording in another form (KIND: comma2k19)."""
     from pipeline import importers
 
-    getattr(importers, _IMPORTERS[kind])(source, out)
+    for text in getattr(importers, _IMPORTERS[kind])(source, out):
+        click.echo(f"warning: {text}", err=True)
     click.echo(str(out))
