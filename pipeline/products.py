@@ -60,8 +60,12 @@ class RunProducts:
         try:
             return read(path)
         except (AutoMapError, OSError, ValueError, TypeError, KeyError) as error:
-            self.problems.append(f"{name} is left out: {error}")
+            self._note(f"{name} is left out: {error}")
             return None
+
+    def _note(self, problem: str) -> None:
+        if problem not in self.problems:
+            self.problems.append(problem)
 
 
 def load_products(out: Path) -> RunProducts:
@@ -90,26 +94,12 @@ def load_products(out: Path) -> RunProducts:
 
 def _clock(products: RunProducts) -> ClockModel | None:
     from automap.export.clock import clock_from_trajectory
+    from automap.io.clock_json import read_clock
 
-    content = products.json(names.SYNC)
-    keys = ("ref_ns", "ref_gps_s", "drift")
-    values = [content.get(key) for key in keys]
-    if all(isinstance(value, int | float) for value in values):
-        return ClockModel(
-            ref_ns=int(content["ref_ns"]),
-            ref_gps_s=float(content["ref_gps_s"]),
-            drift=float(content["drift"]),
-            sd_offset_s=_number(content.get("sd_offset_s")),
-            sd_drift=_number(content.get("sd_drift")),
-            method=str(content.get("method", "")),
-        )
-    if products.trajectory is not None:
+    clock = products.attempt(names.SYNC, read_clock)
+    if clock is None and products.trajectory is not None:
         return clock_from_trajectory(products.trajectory)
-    return None
-
-
-def _number(value: Any) -> float:
-    return float(value) if isinstance(value, int | float) else float("nan")
+    return clock
 
 
 def geoid_separation(products: RunProducts, t_ns: np.ndarray) -> np.ndarray | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.export.sign_columns import SignColumns
+from automap.io import names
 from automap.records import FixType, FloatArray, Trajectory
 from pipeline.products import RunProducts
 from pipeline.report.outages import outages
@@ -25,7 +26,7 @@ def key_figures(products: RunProducts, signs: SignColumns) -> list[Figure]:
     """Distance, signs, horizontal uncertainty of the path and of the signs, GPS coverage."""
     return [
         _distance(products.trajectory),
-        _sign_count(signs, products.signs is not None),
+        _sign_count(signs, (products.out / names.DETECTIONS).is_file() or len(signs) > 0),
         _path_sigma(products.trajectory),
         _sign_radius(signs),
         _coverage(products),
@@ -67,7 +68,7 @@ def _distance(trajectory: Trajectory | None) -> Figure:
 
 def _sign_count(signs: SignColumns, looked: bool) -> Figure:
     if not looked:
-        return Figure("none", "signs", "there was nothing to find them in")
+        return Figure("none", "signs", "there are no detections")
     statuses = signs.values["status"]
     good = sum(status == "ok" for status in statuses)
     classes = len(set(signs.values["class"]))

@@ -43,6 +43,7 @@ def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str
         "motion": motion_section(products.trajectory),
     }
     content = map_data(products, signs)
+    facts = _facts(products, record)
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     environment.trim_blocks = environment.lstrip_blocks = True
     template = environment.from_string(_asset("report.html.j2"))
@@ -51,6 +52,7 @@ def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str
         version=__version__,
         when=_when(products),
         figures=key_figures(products, signs),
+        # last of all that reads, so that it knows every file that could not be read
         warnings=_warnings(products, record),
         sections=sections,
         sign_table=_sign_table(signs),
@@ -61,7 +63,7 @@ def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str
         settings=_flat_rows(record.get("settings")),
         metrics=_flat_rows(record.get("metrics")),
         versions=_versions(record),
-        facts=_facts(products, record),
+        facts=facts,
         style=Markup(_style()),
         script=Markup(_asset("report.js")),
         leaflet=Markup(_leaflet_script()) if content is not None else "",

@@ -101,20 +101,30 @@ def _finite(series: Series) -> Series:
 def _x_axis(series: Sequence[Series]) -> Axis:
     low = min(float(s.x.min()) for s in series)
     high = max(float(s.x.max()) for s in series)
-    return Axis(low, high if high > low else low + 1.0, LEFT, WIDTH - RIGHT)
+    if high - low < _least_span(low, high):
+        high = low + max(abs(low), 1.0)
+    return Axis(low, high, LEFT, WIDTH - RIGHT)
+
+
+def _least_span(low: float, high: float) -> float:
+    """Spans below this cannot be told from rounding."""
+    return max(1e-9 * max(abs(high), abs(low)), 1e-30)
 
 
 def _y_axis(series: Sequence[Series], include: Sequence[float], log: bool) -> Axis:
     values = [s.y for s in series] + [s.upper for s in series if s.upper is not None]
     everything = np.concatenate([*values, np.asarray(include, np.float64)])
     if log:
-        positive = everything[everything > 0]
-        low, high = (float(positive.min()), float(positive.max())) if len(positive) else (0.1, 1.0)
+        high = max(float(everything.max()), 1e-30)
+        # more than eight decades would show nothing
+        low = float(everything[everything >= 1e-8 * high].min(initial=high))
         low, high = 10 ** np.floor(np.log10(low)), 10 ** np.ceil(np.log10(high))
         return Axis(low, high if high > low else 10 * low, HEIGHT - BOTTOM, TOP, log=True)
     low, high = float(everything.min()), float(everything.max())
-    if high - low < 1e-12 * max(abs(high), abs(low), 1e-300):
-        low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
+    if high - low < _least_span(low, high):
+        half = 0.5 * max(abs(low), abs(high))
+        half = half if half > 1e-30 else 0.5
+        low, high = low - half, high + half
     margin = 0.04 * (high - low)
     floor = low if low == 0.0 else low - margin
     return Axis(floor, high + margin, HEIGHT - BOTTOM, TOP)

@@ -44,6 +44,13 @@ def sync_section(products: RunProducts) -> Section:
         section.sentences.append(
             "The receiver's own output delay is not given; the fusion estimates it."
         )
+    imu_delay, imu_sd = content.get("imu_delay_s"), content.get("imu_delay_sd_s")
+    if isinstance(imu_delay, int | float) and isinstance(imu_sd, int | float):
+        what = {"velocity": "velocities"}.get(str(content.get("imu_delay_source")), "positions")
+        section.sentences.append(
+            f"By the motion that both saw, the IMU's stamps lie {imu_delay * 1e3:.0f} ms "
+            f"(σ {imu_sd * 1e3:.0f} ms) behind the receiver's {what}; the fusion refines this."
+        )
     section.rows = [(key.replace("_", " "), text) for key, text in _flat(content)]
     section.plots = _delay_plot(products)
     return section
@@ -54,7 +61,10 @@ def _accuracy(sd_offset_s: float, drift: float, sd_drift: float) -> str:
     if np.isfinite(sd_drift):
         rate += f" (σ {sd_drift * 1e6:.2f} ppm)"
     if not np.isfinite(sd_offset_s):
-        return f"{rate}; how well its offset is known was not estimated."
+        return (
+            f"{rate}; how well its offset is known depends on the receiver's output delay, which "
+            "is not known."
+        )
     moved = f"at 20 m/s that is {sd_offset_s * 20:.2g} m along the road"
     return f"{rate}; its offset is known to {sd_offset_s * 1e3:.2g} ms (1 σ): {moved}."
 

@@ -1,0 +1,211 @@
+"""report.html: complete, offline, safe, and there whatever is missing."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from export_inputs import CLOCK, HOSTILE, fixes, sign, trajectory, write_run
+from lxml import html
+
+from automap.export.sign_columns import sign_columns
+from automap.io import names
+from automap.io.signs_table import write_signs
+from pipeline.products import RunProducts, load_products
+from pipeline.report.figures import distance_m, duration_text, metres_text
+from pipeline.report.map_data import embedded_json, map_data, sigma_classes
+from pipeline.report.outages import outages
+from pipeline.report.render import report_html
+from pipeline.stage import StageContext
+from pipeline.stages.report import STAGE
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_run(tmp_path_factory.mktemp("run") / "out")
+
+
+@pytest.fixture
+def out(finished: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(finished, tmp_path / "out"))
+
+
+def run_stage(out: Path, name: str = "demo") -> tuple[str, StageContext]:
+    work = out / "report.tmp"
+    work.mkdir()
+    drive: Any = SimpleNamespace(name=name)
+    settings: Any = None
+    context = StageContext(drive=drive, out=out, work=work, settings=settings)
+    STAGE.run(context)
+    assert [p.name for p in work.iterdir()] == [names.REPORT]
+    return (work / names.REPORT).read_text(encoding="utf-8"), context
+
+
+def embedded(page: str) -> Any:
+    (text,) = html.fromstring(page).xpath('//script[@id="map-data"]/text()')
+    return json.loads(text)
+
+
+def own_parts(page: str) -> str:
+    """The page without the vendored library."""
+    return re.sub(r"<script>/\* @preserve.*?</script>", "", page, flags=re.DOTALL)
+
+
+def test_whole_run_shows_every_section(out: Path) -> None:
+    page, context = run_stage(out)
+    tree = html.fromstring(page)
+    assert context.warnings == []
+    assert tree.xpath("//h1/text()") == ["demo"]
+    assert len(tree.xpath('//section[@class="figures"]/div')) == 5
+    assert not [
+        p.text for p in tree.xpath('//p[@class="absent"]') if p.getparent().tag != "noscript"
+    ]
+    assert len(tree.xpath("//figure/svg")) >= 14
+    text = tree.text_content()
+    for words in ("lever arm is not measured", "position_n", "never ran", "pixel_sd", "gyro bias"):
+        assert words in text, words
+    assert len(tree.xpath('//table[@id="sign-table"]/tbody/tr')) == 12
+
+
+def test_nothing_is_requested_from_the_network(out: Path) -> None:
+    page, _ = run_stage(out)
+    tree = html.fromstring(page)
+    (policy,) = tree.xpath('//meta[@http-equiv="Content-Security-Policy"]/@content')
+    assert policy.startswith("default-src 'none'")
+    links = tree.xpath("//@src | //@href | //@action | //@data | //@srcset | //@poster")
+    assert [link for link in links if not link.startswith("#")] == []
+    assert tree.xpath("//link | //iframe | //object | //embed | //base") == []
+    assert "url(" not in page.replace("url(#", "")
+    assert "@import" not in page
+    assert "http" not in own_parts(page).replace("http-equiv", "")
+    assert "sourceMappingURL" not in page
+
+
+@pytest.mark.parametrize("missing", [name for name in STAGE.needs if name != names.OBSERVATIONS])
+def test_any_input_may_be_missing_or_damaged(out: Path, missing: str) -> None:
+    (out / missing).unlink(missing_ok=True)
+    page, context = run_stage(out)
+    assert context.warnings == []
+    assert len(html.fromstring(page).xpath("//section[@id]")) == 8
+    shutil.rmtree(out / "report.tmp")
+    (out / missing).write_bytes(b"{broken")
+    page, context = run_stage(out)
+    assert any(missing in text for text in context.warnings)
+    assert missing in html.fromstring(page).text_content()
+
+
+def test_empty_folder_still_gives_a_page_that_says_so(tmp_path: Path) -> None:
+    page, _ = run_stage(tmp_path)
+    text = html.fromstring(page).text_content()
+    for words in ("neither a path nor a sign", "No signs were located", "no trajectory"):
+        assert words in text
+    assert "map-data" not in own_parts(page).replace('getElementById("map-data")', "")
+
+
+def test_hostile_text_appears_as_text_only(out: Path) -> None:
+    bad = [
+        sign(
+            i, id=f"{HOSTILE}{i}", class_name=name, side=HOSTILE, status=HOSTILE, drives=(HOSTILE,)
+        )
+        for i, name in enumerate((HOSTILE, "__proto__", "constructor", "{{ 7*7 }}"))
+    ]
+    write_signs(out / names.SIGNS_RAW, bad)
+    record = json.loads((out / names.RUN).read_text())
+    record["warnings"] = [HOSTILE]
+    record["settings"] = {HOSTILE: {HOSTILE: [HOSTILE]}}
+    record["stages"] = {HOSTILE: {"status": HOSTILE, "reason": HOSTILE, "result": HOSTILE}}
+    record["command"] = HOSTILE
+    (out / names.RUN).write_text(json.dumps(record))
+    page, _ = run_stage(out, HOSTILE)
+    tree = html.fromstring(page.replace("\x07", "\ufffd"))
+    assert tree.xpath("//img") == []
+    assert len(tree.xpath("//script")) == 3
+    assert not [e for e in tree.iter() if any(a.startswith("on") for a in e.attrib)]
+    assert tree.xpath("//h1/text()") == [HOSTILE.replace("\x07", "\ufffd")]
+    assert "{{ 7*7 }}" in tree.text_content()
+    assert HOSTILE in embedded(page)["signs"]["colours"]
+
+
+@pytest.mark.parametrize("value", [HOSTILE, "\u2028\u2029", "<!--<script>", {"a": ["]]>"]}])
+def test_embedded_json_cannot_leave_its_script(value: object) -> None:
+    text = embedded_json(value)
+    assert not set("<>&\u2028\u2029") & set(text)
+    assert json.loads(text) == value
+
+
+def test_map_positions_are_true_metres(out: Path) -> None:
+    page, _ = run_stage(out)
+    content = embedded(page)
+    products = load_products(out)
+    assert products.trajectory is not None
+    path = np.array([p for run in content["path"]["runs"] for p in run["p"]])
+    length = np.hypot(*np.diff(path, axis=0).T).sum()
+    assert length == pytest.approx(distance_m(products.trajectory), rel=0.005)
+    lon0, lat0 = content["origin"]
+    from pymap3d import geodetic2enu
+
+    first = sign(1)
+    east, north, _ = geodetic2enu(
+        np.degrees(first.lat_rad), np.degrees(first.lon_rad), 0, lat0, lon0, 0
+    )
+    # the page's plane bends away from the tangent plane by centimetres over a kilometre
+    assert content["signs"]["xy"][0] == pytest.approx([east, north], abs=0.2)
+    assert content["path"]["outages"], "the hole in the fixes is drawn"
+
+
+def test_map_is_in_one_piece_over_the_date_line(tmp_path: Path) -> None:
+    near = [sign(i, lon_rad=np.radians(lon)) for i, lon in enumerate((179.999, -179.999), 1)]
+    content = map_data(RunProducts(tmp_path), sign_columns(near, CLOCK))
+    assert content is not None
+    (x0, _), (x1, _) = content["signs"]["xy"]
+    assert abs(x1 - x0) == pytest.approx(0.002 * 111_320 * np.cos(np.radians(48.97)), rel=0.01)
+
+
+def test_sigma_classes() -> None:
+    classes, labels = sigma_classes(np.array([0.5, 1.0, 2.0, 4.0, np.nan]))
+    assert classes[-1] == -1
+    assert (np.diff(classes[:-1]) >= 0).all()
+    assert len(labels) > max(classes)
+    same, one = sigma_classes(np.full(5, 1.2))
+    assert same.tolist() == [0] * 5
+    assert one == ["about 1.2 m"]
+    assert sigma_classes(np.full(3, np.nan))[1] == []
+
+
+def test_outages_and_figures() -> None:
+    path = trajectory()
+    (hole,) = outages(fixes(path))
+    assert hole[1] - hole[0] == pytest.approx(12.0, abs=0.01)
+    assert distance_m(path) == pytest.approx(12.0 * 120, rel=0.01)
+    assert [duration_text(s) for s in (12.3, 61.0, 3725.0)] == ["12 s", "1 min 01 s", "1 h 02 min"]
+    assert [metres_text(v) for v in (0.012, 0.5, 12.4, 2341.0)] == [
+        "1.2 cm",
+        "0.50 m",
+        "12 m",
+        "2.34 km",
+    ]
+
+
+def test_numbers_without_a_meaning_do_not_stop_the_page(out: Path) -> None:
+    nan = float("nan")
+    empty = np.full((3, 3), nan)
+    write_signs(
+        out / names.SIGNS_RAW, [sign(1, cov_enu=empty, facing_rad=nan), sign(2, lat_rad=nan)]
+    )
+    (out / names.RUN).write_text(json.dumps({"stages": [1], "warnings": "x", "settings": None}))
+    page, _ = run_stage(out)
+    content = embedded(page)
+    assert len(content["signs"]["rows"]) == 1
+    assert content["signs"]["ellipse"][0] == [None]
+
+
+def test_report_of_a_run_is_the_same_twice(out: Path) -> None:
+    products = load_products(out)
+    record = products.json(names.RUN)
+    assert report_html(products, "a", record) == report_html(load_products(out), "a", record)
