@@ -14,7 +14,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-OWN = {"automap", "pipeline", "tests"}
+# modules of the tests are also imported from beside the test that uses them
+OWN = {"automap", "pipeline", "tests"} | {path.stem for path in (ROOT / "tests").rglob("*.py")}
 
 
 def imported(folder: str) -> Iterator[tuple[Path, str]]:
