@@ -11,13 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from automap.geolocation.landmark import (
-    Landmark,
-    SizePrior,
-    normal_equations,
-    relative_views,
-    view_drift,
-)
+from automap.geolocation.landmark import Landmark, SizePrior, relative_views, view_drift
+from automap.geolocation.landmark_kernels import normal_equations
 from automap.geolocation.views import CameraCorrection, Views
 from automap.records import Camera, FloatArray, IntArray
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
-from automap.geolocation.tracking import TrackingRules, link_views, squared_distance
+from automap.geolocation.landmark import Landmark, SizePrior, distances_to, fit_landmark
+from automap.geolocation.tracking import TrackingRules, link_views
 from automap.geolocation.views import Views
 from automap.records import IntArray
 
@@ -46,18 +46,19 @@ def _adopt(
     views: Views, row: int, landmarks: list[Landmark], prior: SizePrior, rules: TrackingRules
 ) -> bool:
     """Give a loose box to the landmark that expects it best and has none in its frame."""
+    distances = distances_to(views, landmarks, np.array([row]), rules.slack_rad)[0]
     best, best_distance = -1, rules.gate
-    for index, landmark in enumerate(landmarks):
+    for index in np.flatnonzero(distances < rules.gate):
+        landmark, distance = landmarks[index], float(distances[index])
         if (views.frame[landmark.rows] == views.frame[row]).any():
             continue
         silence = np.abs(views.t_ns[landmark.rows] - views.t_ns[row]).min() * 1e-9
         if silence > rules.max_silence_s:
             continue
-        distance = squared_distance(views, landmark, row, rules.slack_rad)
         if not (views.class_name[landmark.rows] == views.class_name[row]).any():
             distance += rules.other_class
         if distance < best_distance:
-            best, best_distance = index, distance
+            best, best_distance = int(index), distance
     if best < 0:
         return False
     grown = fit_landmark(views, np.append(landmarks[best].rows, row), prior)
@@ -105,11 +106,15 @@ def _joined(
         return None
     one, other = (a, b) if len(a.rows) >= len(b.rows) else (b, a)
     # a cheap look first: does the longer track expect any box of the shorter one?
-    if not any(
-        squared_distance(views, one, int(row), rules.slack_rad) < rules.gate
-        or squared_distance(views, other, int(one.rows[0]), rules.slack_rad) < rules.gate
-        for row in other.rows[[0, -1]]
-    ):
+    nearest = [
+        distances_to(views, [mark], mark_rows, rules.slack_rad).min()
+        for mark, mark_rows in (
+            (one, other.rows[:1]),
+            (one, other.rows[-1:]),
+            (other, one.rows[:1]),
+        )
+    ]
+    if not min(nearest) < rules.gate:
         return None
     both = fit_landmark(views, np.sort(np.concatenate([a.rows, b.rows])), prior)
     if not both.ok or both.weight.min() < _MIN_WEIGHT:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark, predict, relative_views
+from automap.geolocation.landmark import Landmark, SizePrior, distances_to, fit_landmark
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 
@@ -103,7 +103,7 @@ def _assign(
         return taken
     from scipy.optimize import linear_sum_assignment
 
-    cost = np.array([[_link_cost(views, t, int(r), rules) for t in active] for r in frame_rows])
+    cost = _link_costs(views, active, frame_rows, rules)
     # a row of its own for every box lets it start a new track at the price of the gate
     alone = np.full((len(frame_rows), len(frame_rows)), _IMPOSSIBLE)
     np.fill_diagonal(alone, rules.gate)
@@ -114,30 +114,18 @@ def _assign(
     return taken
 
 
-def _link_cost(views: Views, track: _Track, row: int, rules: TrackingRules) -> float:
-    distance = squared_distance(views, track.landmark, row, rules.slack_rad)
-    if not distance < rules.gate:
-        return _IMPOSSIBLE
-    name = str(views.class_name[row])
-    total = sum(track.class_score.values())
-    distance += rules.other_class * (1.0 - track.class_score.get(name, 0.0) / total)
-    if views.track[row] >= 0 and track.numbers:
-        same = int(views.track[row]) in track.numbers
-        distance += -rules.same_track if same else rules.other_track
-    return float(distance)
-
-
-def squared_distance(views: Views, landmark: Landmark, row: int, slack_rad: float) -> float:
-    """Squared distance in sigmas of a box from where a landmark is expected in its frame.
-
-    Infinite when the landmark is not in front of that camera.
-    """
-    M, b = relative_views(views, np.array([row]), landmark.anchor)
-    expected, S, possible = predict(landmark.parameters, landmark.covariance, M[0], b[0])
-    if not possible:
-        return np.inf
-    R: FloatArray = np.diag(views.sd[row] ** 2)
-    R[0, 0] += slack_rad**2
-    R[1, 1] += slack_rad**2
-    difference = views.measured[row] - expected
-    return float(difference @ np.linalg.solve(S + R, difference))
+def _link_costs(
+    views: Views, active: list[_Track], frame_rows: IntArray, rules: TrackingRules
+) -> FloatArray:
+    """Costs [boxes, tracks] of continuing a track with a box of the frame."""
+    marks = [track.landmark for track in active]
+    cost = distances_to(views, marks, frame_rows, rules.slack_rad)
+    cost[~(cost < rules.gate)] = _IMPOSSIBLE
+    for i, j in np.argwhere(cost < rules.gate):
+        track, row = active[j], frame_rows[i]
+        share = track.class_score.get(str(views.class_name[row]), 0.0)
+        cost[i, j] += rules.other_class * (1.0 - share / sum(track.class_score.values()))
+        if views.track[row] >= 0 and track.numbers:
+            same = int(views.track[row]) in track.numbers
+            cost[i, j] += -rules.same_track if same else rules.other_track
+    return cost

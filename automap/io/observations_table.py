@@ -10,14 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.io.atomic import atomic_path
-from automap.io.tables import floats, ints, read_table
+from automap.io.detections_table import COLUMNS, read_detections
+from automap.io.tables import read_table
 from automap.records import Detections, IntArray
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-_BOX = ("x_min", "y_min", "x_max", "y_max")
-_REQUIRED = ("camera", "frame", "t_ns", "class", *_BOX, "score")
 
 
 def read_detection_rows(path: Path) -> tuple[pa.Table, list[tuple[Detections, IntArray]]]:
@@ -26,27 +24,12 @@ def read_detection_rows(path: Path) -> tuple[pa.Table, list[tuple[Detections, In
     For every camera, in the order of first appearance, the record and the rows [n] of the
     table that it came from. Raises InputError when the file is missing or damaged.
     """
-    table = read_table(path, _REQUIRED)
+    table = read_table(path, COLUMNS)
     camera = np.asarray(table["camera"].to_pylist(), np.object_)
-    names = np.asarray(table["class"].to_pylist(), np.object_)
-    box = np.column_stack([floats(table, name) for name in _BOX])
-    track = (
-        ints(table, "track") if "track" in table.column_names else np.full(len(table), -1, np.int64)
-    )
-    parts = []
-    for name in dict.fromkeys(camera.tolist()):
-        rows = np.flatnonzero(camera == name).astype(np.int64)
-        record = Detections(
-            frame=ints(table, "frame")[rows],
-            t_ns=ints(table, "t_ns")[rows],
-            class_name=names[rows],
-            box=box[rows],
-            score=floats(table, "score")[rows],
-            track=track[rows],
-            camera=str(name),
-        )
-        parts.append((record, rows))
-    return table, parts
+    return table, [
+        (record, np.flatnonzero(camera == name).astype(np.int64))
+        for name, record in read_detections(path).items()
+    ]
 
 
 def write_observations(

@@ -1,0 +1,330 @@
+"""Signs located in an exact world with noisy boxes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from geolocation_scene import ORIGIN, Scene, boxes, camera, drive_path, roadside
+
+from automap.earth import local_ned
+from automap.geolocation.landmark import (
+    SizePrior,
+    fit_landmark,
+    position_jacobian,
+    relative_views,
+    view_drift,
+)
+from automap.geolocation.landmark_kernels import normal_equations
+from automap.geolocation.locate import GeolocationResult, GeolocationRules, locate_signs
+from automap.geolocation.tracking import TrackingRules, link_views
+from automap.geolocation.views import CameraCorrection, MeasurementNoise, build_views
+from automap.records import Detections, Trajectory
+
+
+def positions(result: GeolocationResult) -> np.ndarray:
+    """Signs [n, 3] in the tangent plane of the scene."""
+    signs = result.signs
+    return local_ned(
+        np.array([s.lat_rad for s in signs]),
+        np.array([s.lon_rad for s in signs]),
+        np.array([s.height_m for s in signs]),
+        ORIGIN,
+    )
+
+
+def nearest_errors(result: GeolocationResult, scene: Scene) -> np.ndarray:
+    """Distance [n] of every true sign to the nearest located one."""
+    found = positions(result)
+    return np.linalg.norm(scene.position[:, None] - found[None], axis=2).min(axis=1)
+
+
+def take(detections: Detections, rows: np.ndarray) -> Detections:
+    return Detections(
+        frame=detections.frame[rows],
+        t_ns=detections.t_ns[rows],
+        class_name=detections.class_name[rows],
+        box=detections.box[rows],
+        score=detections.score[rows],
+        track=detections.track[rows],
+    )
+
+
+@pytest.fixture(scope="module")
+def world() -> tuple[Trajectory, Scene, Detections, np.ndarray]:
+    path = drive_path()
+    scene = roadside(path)
+    found, owner = boxes(path, scene, camera(), np.random.default_rng(3))
+    return path, scene, found, owner
+
+
+def test_every_sign_is_found_once_and_in_place(world) -> None:
+    path, scene, found, owner = world
+    seen = np.unique(owner)
+    result = locate_signs(path, [found], {"front": camera()})
+    assert len(result.signs) == len(seen)
+    errors = nearest_errors(result, replace(scene, position=scene.position[seen]))
+    assert errors.max() < 1.0
+    assert np.median(errors) < 0.3
+    assert [s.id for s in result.signs] == [f"s{k:04d}" for k in range(1, len(seen) + 1)]
+
+
+def test_what_is_said_about_a_sign(world) -> None:
+    path, scene, found, _ = world
+    result = locate_signs(path, [found], {"front": camera()})
+    place = positions(result)
+    for sign, p in zip(result.signs, place, strict=True):
+        k = int(np.linalg.norm(scene.position - p, axis=1).argmin())
+        assert sign.class_name == scene.class_name[k]
+        assert sign.side == ("right" if k % 2 == 0 else "left")
+        assert sign.status == "ok"
+        assert sign.size_m == pytest.approx(0.75, abs=0.08)
+        assert sign.height_above_road_m == pytest.approx(3.2, abs=0.4)
+        # the sign faces the oncoming car: against the course of the path beside it
+        row = 600 + 400 * k
+        course = path.rpy[min(row, len(path) - 1), 2]
+        off = (sign.facing_rad - course - np.pi + np.pi) % (2 * np.pi) - np.pi
+        assert abs(off) < 0.6
+        assert 0.0 < sign.confidence <= 1.0
+        assert np.linalg.eigvalsh(sign.cov_enu)[0] > 0.0
+
+
+def test_every_detection_is_accounted_for(world) -> None:
+    path, _, found, owner = world
+    result = locate_signs(path, [found], {"front": camera()})
+    fate = result.observations
+    assert fate.used.mean() > 0.97
+    for sign in result.signs:
+        rows = sign.detection_rows
+        assert (fate.sign_id[rows] == sign.id).all()
+        assert len(np.unique(owner[rows])) == 1
+    assert (fate.note[fate.used] == "").all()
+    assert (fate.note[~fate.used] != "").all()
+    assert np.sqrt(np.nanmean(fate.residual_px**2)) == pytest.approx(1.0, abs=0.3)
+
+
+def test_covariance_fits_the_error() -> None:
+    """Errors drawn as the model takes them: boxes, attitude from frame to frame, and for each
+    sign a turn and an offset of the stamps of its own."""
+    path = drive_path(sd_m=1e-3)
+    scene = roadside(path, every_s=3.0)
+    squares = []
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        found, owner = boxes(path, scene, camera(), rng, noise_px=2.5)
+        n = len(scene.position)
+        shift = np.tile(rng.normal(0.0, 5.0, (n, 2)), (1, 2))[owner]
+        stamp = found.t_ns + (rng.normal(0.0, 0.02, n)[owner] * 1e9).astype(np.int64)
+        order = np.argsort(stamp, kind="stable")
+        noisy = take(replace(found, box=found.box + shift, t_ns=stamp), order)
+        result = locate_signs(path, [noisy], {"front": camera()})
+        for sign, p in zip(result.signs, positions(result), strict=True):
+            error = scene.position - p
+            error = error[np.linalg.norm(error, axis=1).argmin()]
+            enu = np.array([error[1], error[0]])
+            squares.append(enu @ np.linalg.solve(sign.cov_enu[:2, :2], enu))
+    assert np.mean(np.array(squares) < 5.99) > 0.85
+    assert 0.7 < np.mean(squares) < 4.0  # two degrees of freedom
+
+
+def test_the_trajectory_error_is_not_averaged_away(world) -> None:
+    path, _, found, _ = world
+    result = locate_signs(path, [found], {"front": camera()})
+    for sign in result.signs:
+        assert min(sign.cov_enu[0, 0], sign.cov_enu[1, 1]) > 0.5**2
+
+
+def test_two_signs_on_one_post_stay_two() -> None:
+    path = drive_path(duration_s=12.0)
+    one = roadside(path, every_s=100.0)
+    above = one.position - np.array([0.0, 0.0, 0.9])
+    pair = Scene(np.vstack([one.position, above]), np.full(2, 0.75), ("a", "a"))
+    found, _ = boxes(path, pair, camera(), np.random.default_rng(1))
+    result = locate_signs(path, [found], {"front": camera()})
+    assert len(result.signs) == 2
+    assert nearest_errors(result, pair).max() < 1.0
+
+
+def test_class_noise_and_missing_boxes_do_not_break_tracks(world) -> None:
+    path, _, found, owner = world
+    rng = np.random.default_rng(9)
+    keep = rng.random(len(found)) > 0.3
+    names = found.class_name.copy()
+    names[rng.random(len(found)) < 0.15] = "another"
+    thinned = take(replace(found, class_name=names), np.flatnonzero(keep))
+    result = locate_signs(path, [thinned], {"front": camera()})
+    seen = np.unique(owner[keep])
+    assert len(result.signs) == len(seen)
+    classes = {s.class_name for s in result.signs}
+    assert "another" not in classes
+
+
+def test_false_boxes_do_not_pull_signs_away(world) -> None:
+    path, scene, found, owner = world
+    rng = np.random.default_rng(5)
+    box = found.box.copy()
+    wild = rng.choice(len(found), 12, replace=False)
+    box[wild] += rng.uniform(40.0, 120.0, (12, 1)) * rng.choice([-1.0, 1.0], (12, 1))
+    result = locate_signs(path, [replace(found, box=box)], {"front": camera()})
+    seen = np.unique(owner)
+    errors = nearest_errors(result, replace(scene, position=scene.position[seen]))
+    assert errors.max() < 1.5
+    good = [s for s in result.signs if s.status == "ok" and s.n_views > 3]
+    assert len(good) == len(seen)
+
+
+def test_a_turned_camera_is_found_out() -> None:
+    path = drive_path(duration_s=60.0)
+    scene = roadside(path, every_s=2.5)
+    truth = camera()
+    found, _ = boxes(path, scene, truth, np.random.default_rng(2))
+    turn = np.radians([0.0, 0.0, 1.5])
+    believed = camera(mount_rpy=truth.mount_rpy + turn, mount_sd=np.radians(2.0))
+    result = locate_signs(path, [found], {"front": believed})
+    correction = result.corrections["front"]
+    sd = np.sqrt(np.diag(correction.covariance))
+    assert np.degrees(correction.turn[2]) == pytest.approx(-1.5, abs=0.3)
+    assert abs(correction.turn[2] + turn[2]) < 3.0 * sd[2]
+    fixed = GeolocationRules(estimate_camera=False)
+    without = locate_signs(path, [found], {"front": believed}, fixed)
+    assert np.median(nearest_errors(result, scene)) < 0.6 * np.median(
+        nearest_errors(without, scene)
+    )
+
+
+def test_a_sign_seen_once_is_placed_by_its_size_and_flagged(world) -> None:
+    path, scene, found, owner = world
+    first = np.flatnonzero(owner == owner[0])[-1:]
+    result = locate_signs(path, [take(found, first)], {"front": camera()})
+    (sign,) = result.signs
+    assert sign.status == "single_view"
+    error = np.linalg.norm(positions(result)[0] - scene.position[owner[0]])
+    assert error < 3.0 * np.sqrt(np.trace(sign.cov_enu))
+    assert np.sqrt(np.trace(sign.cov_enu)) > 1.0
+
+
+def test_a_distant_single_box_is_counted_and_left_out(world) -> None:
+    path, _, found, _ = world
+    tiny = take(found, np.array([0]))
+    x, y = tiny.box[0, :2]
+    tiny = replace(tiny, box=np.array([[x, y, x + 3.0, y + 3.0]]))
+    result = locate_signs(path, [tiny], {"front": camera()})
+    assert result.signs == []
+    assert result.observations.note[0] == "too_far"
+    assert "1 of 1 detections" in result.warnings[0]
+
+
+def test_frames_outside_the_trajectory_are_counted(world) -> None:
+    path, _, found, _ = world
+    shifted = replace(found, t_ns=found.t_ns + np.int64(30e9))
+    result = locate_signs(path, [shifted], {"front": camera()})
+    late = shifted.t_ns > path.t_ns[-1]
+    assert (result.observations.note[late] == "no_pose").all()
+    assert any("outside the trajectory" in text for text in result.warnings)
+
+
+@pytest.mark.parametrize("n", [0, 1])
+def test_nothing_in_gives_nothing_out(world, n: int) -> None:
+    path, _, found, _ = world
+    result = locate_signs(path, [take(found, np.arange(0))] * n, {"front": camera()})
+    assert result.signs == []
+    assert result.warnings == []
+
+
+def test_broken_boxes_are_left_out_not_fatal(world) -> None:
+    path, _, found, _ = world
+    box = found.box.copy()
+    box[0] = np.nan
+    box[1, 3] = box[1, 1]
+    box[2, 3] = box[2, 1] - 5.0
+    result = locate_signs(path, [replace(found, box=box)], {"front": camera()})
+    assert (result.observations.note[:3] == "no_direction").all()
+    assert len(result.signs) > 5
+
+
+def test_two_passes_of_one_street_are_one_sign() -> None:
+    """The same boxes an hour later, by a trajectory that has moved two metres sideways."""
+    path = drive_path(sd_m=1.5)
+    scene = roadside(path)
+    found, owner = boxes(path, scene, camera(), np.random.default_rng(3))
+    later = np.int64(3600e9)
+    again = replace(path, t_ns=path.t_ns + later, gps_s=path.gps_s + 3600.0)
+    again = replace(again, lat_rad=again.lat_rad + 2.0 / 6.36e6)
+    joined = Trajectory(
+        **{
+            name: np.concatenate([getattr(path, name), getattr(again, name)])
+            for name in Trajectory.__dataclass_fields__
+        }
+    )
+    both = Detections(
+        frame=np.concatenate([found.frame, found.frame + 100000]),
+        t_ns=np.concatenate([found.t_ns, found.t_ns + later]),
+        class_name=np.tile(found.class_name, 2),
+        box=np.tile(found.box, (2, 1)),
+        score=np.tile(found.score, 2),
+        track=np.tile(found.track, 2),
+    )
+    result = locate_signs(joined, [both], {"front": camera()})
+    assert len(result.signs) == len(np.unique(owner))
+    once = locate_signs(path, [found], {"front": camera()})
+    # half way between the passes, and surer than one of them
+    shift = np.median(positions(result)[:, 0] - positions(once)[:, 0])
+    assert shift == pytest.approx(1.0, abs=0.3)
+    assert result.signs[0].cov_enu[0, 0] < once.signs[0].cov_enu[0, 0]
+
+
+def test_track_numbers_of_a_detector_are_used(world) -> None:
+    path, _, found, owner = world
+    views = build_views(
+        path, [replace(found, track=owner)], {"front": camera()}, MeasurementNoise()
+    )
+    tracks = link_views(views, SizePrior(), TrackingRules())
+    assert len(tracks) == len(np.unique(owner))
+    for rows in tracks:
+        assert len(np.unique(views.track[rows])) == 1
+
+
+def test_derivatives_against_differences(world) -> None:
+    """The effect of the camera's turn and time offset, against a camera turned and delayed."""
+    path, _, found, owner = world
+    rows = np.flatnonzero(owner == np.bincount(owner).argmax())
+    view = camera()
+    noise = MeasurementNoise()
+    views = build_views(path, [take(found, rows)], {"front": view}, noise)
+    landmark = fit_landmark(views, np.arange(len(views)), SizePrior(), robust=False)
+
+    def shifted(turn: np.ndarray, time_s: float) -> np.ndarray:
+        correction = CameraCorrection(turn, time_s, np.eye(4))
+        moved = build_views(
+            path, [take(found, rows)], {"front": view}, noise, {"front": correction}
+        )
+        fit = fit_landmark(moved, np.arange(len(moved)), SizePrior(), robust=False)
+        return fit.position
+
+    steps = [2e-4, 2e-4, 2e-4, 2e-3]
+    for k, step in enumerate(steps):
+        change = np.zeros(4)
+        change[k] = step
+        up = shifted(change[:3], change[3])
+        down = shifted(-change[:3], -change[3])
+        numeric = (up - down) / (2.0 * step)
+        effect = position_jacobian(views, landmark) @ landmark.common[:, k]
+        np.testing.assert_allclose(effect, numeric, atol=0.02 * np.abs(numeric).max())
+
+
+def test_gradient_vanishes_at_the_solution(world) -> None:
+    path, _, found, owner = world
+    rows = np.flatnonzero(owner == 1)
+    views = build_views(path, [take(found, rows)], {"front": camera()}, MeasurementNoise())
+    every = np.arange(len(views))
+    prior = SizePrior()
+    landmark = fit_landmark(views, every, prior)
+    M, b = relative_views(views, every, landmark.anchor)
+    N, _, shared, _, _, _ = normal_equations(
+        *(landmark.parameters, M, b, views.measured, views.sd),
+        *(view_drift(views, every, landmark.anchor), views.rate, views.velocity),
+        *(float(np.log(prior.size_m)), prior.log_sd, True),
+    )
+    step = np.linalg.solve(N, shared[4:, 4])
+    assert np.abs(step).max() < 1e-2 * np.sqrt(np.diag(landmark.covariance)).max()
