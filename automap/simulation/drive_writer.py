@@ -192,7 +192,7 @@ def _write_video(
         stream.options = {"crf": str(setup.quality), "preset": "fast"}
         for i, (view, t) in enumerate(zip(views, times, strict=True)):
             frame = av.VideoFrame.from_ndarray(painter.paint(view), format="bgr24")
-            frame.pts = int(round((t - times[0]) * _VIDEO_CLOCK))
+            frame.pts = round((t - times[0]) * _VIDEO_CLOCK)
             frame.time_base = Fraction(1, _VIDEO_CLOCK)
             container.mux(stream.encode(frame))
             if i % 10 == 0:

@@ -64,7 +64,7 @@ def _reachable_speed(
     square = limit**2
     square[[0, -1]] = 0.0
     for stop in route.stops:
-        square[min(int(round(stop.at_m / STEP_M)), len(s) - 1)] = 0.0
+        square[min(round(stop.at_m / STEP_M), len(s) - 1)] = 0.0
     gain, loss = 2.0 * vehicle.accel * STEP_M, 2.0 * vehicle.brake * STEP_M
     # v^2 <= v0^2 + 2 a s forwards and backwards: a running minimum of v^2 - 2 a s
     ramp = np.arange(len(s))
@@ -87,7 +87,7 @@ def distance_over_time(
     held = 0.0
     first = 0
     for stop in sorted(route.stops, key=lambda stop: stop.at_m):
-        index = min(int(round(stop.at_m / STEP_M)), len(v) - 1)
+        index = min(round(stop.at_m / STEP_M), len(v) - 1)
         times.extend(t[first : index + 1] + held)
         speeds.extend(v[first : index + 1])
         held += stop.hold_s

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -151,7 +152,7 @@ def _ground(scenario: Scenario, line: RoadLine, rng: np.random.Generator) -> tup
                             line.s[-1] + np.arange(10.0, 130.0, 10.0)])  # fmt: skip
     patches: list[Patch] = []
     for left, right, colour in bands:
-        for i, (a, b) in enumerate(zip(ahead[:-1], ahead[1:], strict=True)):
+        for i, (a, b) in enumerate(itertools.pairwise(ahead)):
             shade = 1.0 + 0.05 * rng.standard_normal()
             tone = tuple(int(np.clip(c * shade, 0, 255)) for c in colour)
             bend = line.curvature[min(max(i - 2, 0), len(line.s) - 1)]

@@ -35,13 +35,13 @@ def _frame(kind: int, number: int, payload: bytes) -> bytes:
 
 
 def _pvt_payload(fixes: Fixes, i: int) -> bytes:
-    ms = int(round(float(fixes.gps_s[i]) * 1e3))
+    ms = round(float(fixes.gps_s[i]) * 1e3)
     utc = _GPS_EPOCH + timedelta(milliseconds=ms)
     utc -= timedelta(seconds=float(leap_seconds_at_gps(ms * 1e-3)))
     # the calendar fields are rounded to the nearest second, nano is the signed rest
     second = utc + timedelta(microseconds=500_000)
     second = second.replace(microsecond=0)
-    nano = int(round((utc - second).total_seconds() * 1e9))
+    nano = round((utc - second).total_seconds() * 1e9)
     good = fixes.fix_type[i] >= FixType.TWO_D
     vel = np.rint(fixes.vel_ned[i] * 1e3).astype(int)
     ground = float(np.hypot(*fixes.vel_ned[i, :2]))
@@ -60,17 +60,17 @@ def _pvt_payload(fixes: Fixes, i: int) -> bytes:
         0x01 if good else 0x00,
         0xEA if good else 0xE2,
         int(fixes.n_sats[i]),
-        int(round(np.degrees(fixes.lon_rad[i]) * 1e7)),
-        int(round(np.degrees(fixes.lat_rad[i]) * 1e7)),
-        int(round(height)),
-        int(round(height - float(fixes.geoid_sep_m[i]) * 1e3)),
-        int(round(h_acc)),
-        int(round(float(fixes.sd_pos_ned[i, 2]) * 1e3)),
+        round(np.degrees(fixes.lon_rad[i]) * 1e7),
+        round(np.degrees(fixes.lat_rad[i]) * 1e7),
+        round(height),
+        round(height - float(fixes.geoid_sep_m[i]) * 1e3),
+        round(h_acc),
+        round(float(fixes.sd_pos_ned[i, 2]) * 1e3),
         int(vel[0]), int(vel[1]), int(vel[2]),
-        int(round(ground * 1e3)),
-        int(round(heading * 1e5)),
-        int(round(s_acc)),
-        int(round(min(head_acc, 180.0) * 1e5)),
-        int(round(float(fixes.hdop[i]) * 160.0)),  # PDOP, typically 1.6 HDOP, times 100
+        round(ground * 1e3),
+        round(heading * 1e5),
+        round(s_acc),
+        round(min(head_acc, 180.0) * 1e5),
+        round(float(fixes.hdop[i]) * 160.0),  # PDOP, typically 1.6 HDOP, times 100
         0, 0, 0, 0, 0,
     )  # fmt: skip

@@ -11,9 +11,9 @@ COLOURS = ("red", "blue", "yellow")
 
 # levels at which a map is cut: a sign in haze is found at a low one, a sign before a
 # background of its own colour parts from it at a high one
-LEVELS = {"red": (26, 46, 75, 110), "blue": (32, 60, 95, 130), "yellow": (40, 70, 105)}
+LEVELS = {"red": (16, 26, 46, 75, 110), "blue": (32, 60, 95, 130), "yellow": (40, 70, 105)}
 
-_FLOOR = 24
+_FLOOR = 20
 
 
 def colour_maps(image: Image) -> dict[str, Image]:
@@ -32,7 +32,8 @@ def colour_maps(image: Image) -> dict[str, Image]:
         "red": cv2.subtract(red, cv2.max(green, blue)),
         # cyan and sky have green near blue, a blue face has not
         "blue": cv2.subtract(blue, cv2.addWeighted(red, 0.5, green, 0.5, 0.0)),
-        "yellow": cv2.subtract(cv2.min(red, green), blue),
+        # leaves and grass are greener than red, a yellow face is not
+        "yellow": cv2.subtract(cv2.subtract(cv2.min(red, green), blue), cv2.subtract(green, red)),
     }
     # lead / sum * 255 = lead * 85 / mean
     return {name: cv2.divide(lead, mean, scale=85.0) for name, lead in leads.items()}

@@ -116,7 +116,7 @@ def _polygon(canvas: Image, points: Any, colour: tuple[int, ...]) -> None:
 
 def _stroke(canvas: Image, points: Any, width: float, colour: tuple[int, ...]) -> None:
     n = canvas.shape[0]
-    thickness = max(1, int(round(width * n)))
+    thickness = max(1, round(width * n))
     cv2.polylines(canvas, [_fixed(points, n)], False, colour, thickness, cv2.LINE_AA, _SHIFT)
 
 

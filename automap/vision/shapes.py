@@ -7,12 +7,14 @@ from functools import cache
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from automap.records import FloatArray
 from automap.vision.faces import outline_points
 from automap.vision.vocabulary import SHAPES
 
-_GRID = 40
+_GRID = 48
+_REACH = 3.0
 _SHIFT = 4
 
 
@@ -47,13 +49,20 @@ def shape_moments(shape: str) -> ShapeMoments:
 
 
 @cache
-def _shape_masks() -> np.ndarray:  # type: ignore[type-arg]
-    return np.stack([_mask(boxed_outline(shape)) for shape in SHAPES])
+def _shape_masks() -> npt.NDArray[np.bool_]:
+    masks = []
+    for shape in SHAPES:
+        m = shape_moments(shape)
+        centred = boxed_outline(shape) - [m.centre_x, m.centre_y]
+        masks.append(_mask(centred / np.sqrt([m.var_x, m.var_y])))
+    return np.stack(masks)
 
 
-def _mask(points: FloatArray) -> np.ndarray:  # type: ignore[type-arg]
+def _mask(points: FloatArray) -> npt.NDArray[np.bool_]:
+    """Cells within a polygon [k, 2] given in standard deviations about its centroid."""
     mask = np.zeros((_GRID, _GRID), np.uint8)
-    fixed = np.rint((points * _GRID - 0.5) * (1 << _SHIFT)).astype(np.int32)
+    cells = (points / (2.0 * _REACH) + 0.5) * _GRID - 0.5
+    fixed = np.rint(cells * (1 << _SHIFT)).astype(np.int32)
     cv2.fillPoly(mask, [fixed], 1, cv2.LINE_8, _SHIFT)
     return mask.astype(bool)
 
@@ -61,15 +70,15 @@ def _mask(points: FloatArray) -> np.ndarray:  # type: ignore[type-arg]
 def match_shapes(hull: FloatArray) -> dict[str, float]:
     """Overlap (intersection over union, 0..1) of a hull [k, 2] px with every outline.
 
-    Both are stretched to their bounding box, which takes out size and most of a turn about
-    the vertical.
+    Both are brought to the same centroid and variances, which takes out place, size and most
+    of a turn about the vertical, and hardly depends on corners that blur has rounded off.
     """
-    low, high = hull.min(axis=0) - 0.5, hull.max(axis=0) + 0.5
-    # contours run through pixel centres: the blob reaches half a pixel further
-    middle = (low + high) / 2.0
-    extent = high - low
-    grown = middle + (hull - middle) * (extent / np.maximum(extent - 1.0, 1.0))
-    mask = _mask((grown - low) / extent)
+    m = cv2.moments(hull.astype(np.float32))
+    if m["m00"] <= 0.0:
+        return dict.fromkeys(SHAPES, 0.0)
+    centre = np.array([m["m10"], m["m01"]]) / m["m00"]
+    spread = np.sqrt(np.array([m["mu20"], m["mu02"]]) / m["m00"])
+    mask = _mask((hull - centre) / np.maximum(spread, 1e-6))
     masks = _shape_masks()
     both = (masks & mask).sum(axis=(1, 2))
     either = (masks | mask).sum(axis=(1, 2))

@@ -1,0 +1,75 @@
+"""Boxes of signs as a Parquet table: ``detections.parquet``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from automap.io.tables import read_table, write_columns
+from automap.records import Detections
+
+COLUMNS = (
+    "camera",
+    "frame",
+    "t_ns",
+    "class",
+    "x_min",
+    "y_min",
+    "x_max",
+    "y_max",
+    "score",
+    "track",
+)
+
+
+def write_detections(path: Path, cameras: Sequence[Detections]) -> None:
+    """Write the boxes of one or more cameras as one table, atomically; none give no rows."""
+    import pyarrow as pa
+
+    boxes = np.concatenate([d.box.reshape(-1, 4) for d in cameras] or [np.zeros((0, 4))])
+    names = [str(c) for d in cameras for c in d.class_name]
+    owner = [d.camera for d in cameras for _ in range(len(d))]
+
+    def joined(arrays: list[np.ndarray], kind: type) -> np.ndarray:  # type: ignore[type-arg]
+        return np.concatenate(arrays).astype(kind) if arrays else np.zeros(0, kind)
+
+    write_columns(
+        path,
+        {
+            "camera": pa.array(owner, pa.string()),
+            "frame": joined([d.frame for d in cameras], np.int64),
+            "t_ns": joined([d.t_ns for d in cameras], np.int64),
+            "class": pa.array(names, pa.string()),
+            "x_min": boxes[:, 0],
+            "y_min": boxes[:, 1],
+            "x_max": boxes[:, 2],
+            "y_max": boxes[:, 3],
+            "score": joined([d.score for d in cameras], np.float64),
+            "track": joined([d.track for d in cameras], np.int64),
+        },
+    )
+
+
+def read_detections(path: Path) -> dict[str, Detections]:
+    """The boxes by camera, rows in the order of the table.
+
+    Raises InputError when the file is missing, damaged or lacks a column.
+    """
+    table = read_table(path, COLUMNS)
+    columns = {name: table.column(name).to_numpy() for name in COLUMNS}
+    camera = columns["camera"].astype(object)
+    found = {}
+    for name in dict.fromkeys(camera.tolist()):
+        rows = camera == name
+        found[str(name)] = Detections(
+            frame=columns["frame"][rows].astype(np.int64),
+            t_ns=columns["t_ns"][rows].astype(np.int64),
+            class_name=columns["class"][rows].astype(object),
+            box=np.stack([columns[c][rows] for c in COLUMNS[4:8]], axis=1).astype(np.float64),
+            score=columns["score"][rows].astype(np.float64),
+            track=columns["track"][rows].astype(np.int64),
+            camera=str(name),
+        )
+    return found
