@@ -57,7 +57,8 @@ class CheckReport:
                 lines.append(f"    {'':8}-> {finding.advice}")
         count = {s: sum(f.severity == s for f in self.findings) for s in ("error", "warning")}
         verdict = "usable" if self.usable else "not usable as it is"
-        lines.append(f"  {verdict}: {count['error']} errors, {count['warning']} warnings")
+        counts = [f"{n} {what}{'s' if n != 1 else ''}" for what, n in count.items()]
+        lines.append(f"  {verdict}: {', '.join(counts)}")
         return "\n".join(lines)
 
 
@@ -72,6 +73,11 @@ class _Collector:
             self.findings.append(
                 FileFinding(self.label(path), finding.severity, text, finding.advice)
             )
+
+    def by_file(self) -> tuple[FileFinding, ...]:
+        """All findings, those of one file together."""
+        files = list(dict.fromkeys(finding.file for finding in self.findings))
+        return tuple(sorted(self.findings, key=lambda finding: files.index(finding.file)))
 
     def label(self, path: Path | str) -> str:
         path = Path(path)
@@ -104,7 +110,7 @@ def check_drive(path: Path | str) -> CheckReport:
     if drive.truth_dir is not None:
         collector.add(drive.truth_dir, [Finding("info", "truth is there, for evaluate alone")])
     usable = not fatal if other is None else other
-    return CheckReport(str(drive.path), drive.name, usable, tuple(collector.findings))
+    return CheckReport(str(drive.path), drive.name, usable, collector.by_file())
 
 
 def _manifest(drive: Drive) -> list[Finding]:
@@ -137,7 +143,10 @@ def _recordings(drive: Drive, collector: _Collector) -> bool:
     if drive.imu_file is not None or recording.imu is not None:
         file = drive.imu_file or drive.gnss_file or drive.manifest_file
         findings = [Finding("error", text) for text in failed.get(drive.imu_file, [])]
-        findings += [Finding("warning", text) for text in warned.get(drive.imu_file, [])]
+        findings += [
+            Finding("info" if imu.is_harmless(recording, text) else "warning", text)
+            for text in warned.get(drive.imu_file, [])
+        ]
         if recording.imu is not None:
             measured = imu.check(drive, recording)
             spoilt |= any(finding.severity == "error" for finding in measured)

@@ -198,15 +198,14 @@ def _warnings(
             f"{path}: {_count(quality.not_finite)} without a finite reading left out, the first "
             f"in line {line}"
         )
-    if quality.reordered:
-        found.append(f"{path}: {_count(quality.reordered)} came late and were sorted in by t_ns")
-    if quality.repeats:
-        share = quality.repeats / quality.rows
-        advice = "; the stamps are too coarse for the rate, record finer ones"
+    if quality.repeats > 0.2 * quality.rows:
         found.append(
-            f"{path}: {_count(quality.repeats)} with a t_ns that another row has left out"
-            + (advice if share > 0.2 else "")
+            f"{path}: {_count(quality.repeats)} bear a t_ns that another row has; the stamps are "
+            "too coarse for the rate, record finer ones"
         )
+    mended = _mended(quality)
+    if mended:
+        found.append(f"{path}: {mended}")
     if order.stepped_back:
         found.append(
             f"{path}: the clock was set back, {_count(order.stepped_back)} left out until it "
@@ -223,14 +222,24 @@ def _warnings(
         )
     if len(order.lost) > 5:
         found.append(f"{path}: {len(order.lost) - 5} more stretches with wrong stamps left out")
-    if quality.gaps:
-        longest = max(length for _, length in quality.gaps)
-        n = len(quality.gaps)
-        found.append(
-            f"{path}: {n} gap{'s' if n > 1 else ''}, the longest {longest:.2f} s, "
-            f"{sum(length for _, length in quality.gaps):.2f} s in all"
-        )
     return found
+
+
+def _mended(quality: ImuQuality) -> str:
+    """Late rows, copies and gaps, which a recording over USB always has some of."""
+    parts = []
+    if quality.reordered:
+        parts.append(f"{_count(quality.reordered)} came late and sorted in by t_ns")
+    if quality.repeats:
+        parts.append(f"{_count(quality.repeats)} with a t_ns that another row has left out")
+    if quality.gaps:
+        n = len(quality.gaps)
+        lengths = [length for _, length in quality.gaps]
+        parts.append(
+            f"{n} gap{'s' if n > 1 else ''}, the longest {max(lengths):.2f} s, "
+            f"{sum(lengths):.2f} s in all"
+        )
+    return ", ".join(parts)
 
 
 def _count(rows: int) -> str:

@@ -10,9 +10,11 @@ import numpy as np
 from automap.errors import InputError
 from automap.io.drive import Drive
 from automap.io.imu_csv import ImuRecording, imu_format, read_imu_csv
-from automap.records import Fixes, ImuData
+from automap.io.stamps import order_stamps
+from automap.records import NO_TIME, Fixes, ImuData
 
 if TYPE_CHECKING:
+    from automap.io.esf import ReceiverImu
     from automap.io.receiver import ReceiverLog
 
 
@@ -78,29 +80,51 @@ def _with_log(
             failures.append(str(error))
     recording = replace(recording, log=log, fixes=fixes)
     if recording.imu is None and log.imu is not None and drive.imu_file is None:
-        imu = receiver_imu(drive, log)
+        imu = receiver_imu(drive, log.imu, fixes)
         if imu is not None:
             recording = replace(recording, imu=imu, imu_source="receiver")
+            warnings.append(
+                f"{drive.gnss_file}: the receiver's own sensors ({log.imu.source}) serve as the "
+                f"IMU, tied to GPS time to {log.imu.tie_sd_s:g} s"
+            )
     return recording
 
 
-def receiver_imu(drive: Drive, log: ReceiverLog) -> ImuData | None:
-    """The receiver's own sensors as an IMU, None when they are not six complete axes.
+def receiver_imu(drive: Drive, own: ReceiverImu, fixes: Fixes) -> ImuData | None:
+    """The receiver's own sensors as an IMU, None when nothing ties them to GPS time.
 
-    Stamps are those of the log, in the clock that it gives them; axes as the manifest says,
+    Stamps are in the clock of the arrival times where the drive has those, otherwise
+    nanoseconds of GPS time; either way good to ``own.tie_sd_s``. Axes as the manifest says,
     for the receiver is the IMU then.
     """
-    own = log.imu
-    if own is None or len(own.t_ns) < 2:
+    if own.gps_s is None:
         return None
+    stamps_s = own.gps_s
+    known = (fixes.arrival_ns != NO_TIME) & np.isfinite(fixes.gps_s)
+    if np.any(known):
+        stamps_s = own.gps_s + float(np.median(fixes.arrival_ns[known] * 1e-9 - fixes.gps_s[known]))
+    t_ns = np.rint(stamps_s * 1e9).astype(np.int64)
+    order = order_stamps(t_ns)
+    if order is None or len(order.keep) < 2:
+        return None
+    rows = order.keep
+    gyro, accel = own.gyro[rows], own.accel[rows]
     C = drive.imu_axes
-    gyro, accel = own.gyro, own.accel
     if C is not None:
         gyro, accel = gyro @ C.T, accel @ C.T
     return ImuData(
-        t_ns=own.t_ns,
+        t_ns=t_ns[rows],
         gyro=np.ascontiguousarray(gyro),
         accel=np.ascontiguousarray(accel),
-        temp_c=own.temp_c,
+        temp_c=None if own.temp_c is None else own.temp_c[rows],
         axes_known=C is not None,
     )
+
+
+def imu_time(drive: Drive, recording: Recording) -> str:
+    """The clock of the IMU's stamps: "boot_ns", "gps_ns" or "unix_ns"."""
+    if recording.imu_source != "receiver":
+        return drive.imu.time
+    fixes = recording.fixes
+    arrived = fixes is not None and bool(np.any(fixes.arrival_ns != NO_TIME))
+    return drive.gnss.arrival_time if arrived else "gps_ns"

@@ -32,7 +32,8 @@ class Chapter:
 
     ``pts_ns`` [n] presentation times of its frames in the order shown, in the container's
     own time; ``end_ns`` the time at which the last frame ends. ``count`` is the number of
-    frames that the file promises, more than n when it was cut short.
+    frames that the file promises, more than n when it was cut short. ``keys`` [k, 2] are the
+    key frames: presentation time in ns, decoding time in the container's ticks.
     """
 
     path: Path
@@ -42,6 +43,7 @@ class Chapter:
     end_ns: int
     codec: str
     count: int
+    keys: IntArray
     warnings: tuple[str, ...] = ()
 
 
@@ -91,6 +93,7 @@ def read_chapter(path: Path) -> Chapter:
         stream = _video_stream(container, path)
         tick = float(stream.time_base) * 1e9
         stamps: list[int] = []
+        keys: list[tuple[int, int]] = []
         undated = 0
         last_end = 0
         size = path.stat().st_size
@@ -105,6 +108,8 @@ def read_chapter(path: Path) -> Chapter:
                     warnings.append(f"{path} ends in the middle of a frame; it was cut short")
                     break
                 stamps.append(packet.pts)
+                if packet.is_keyframe and packet.dts is not None:
+                    keys.append((round(packet.pts * tick), packet.dts))
                 last_end = max(last_end, packet.pts + (packet.duration or 0))
         except av.FFmpegError as error:
             warnings.append(f"{path} is damaged ({error.strerror}); read up to there")
@@ -130,6 +135,7 @@ def read_chapter(path: Path) -> Chapter:
             end_ns=round(max(last_end, int(pts[-1])) * tick),
             codec=str(stream.codec_context.name),
             count=max(len(pts), promised),
+            keys=np.array(sorted(keys), dtype=np.int64).reshape(-1, 2),
             warnings=tuple(warnings),
         )
 
@@ -326,8 +332,10 @@ def _decode(
         stream = _video_stream(container, chapter.path)
         stream.thread_type = "AUTO"
         tick = float(stream.time_base) * 1e9
-        if numbers[0] > 0:
-            container.seek(int(chapter.pts_ns[numbers[0]] / tick), stream=stream, backward=True)
+        before = int(np.searchsorted(chapter.keys[:, 0], chapter.pts_ns[numbers[0]], "right"))
+        if before > 1:
+            # containers look for decoding times, which run ahead of what is shown
+            container.seek(int(chapter.keys[before - 1, 1]), stream=stream, backward=True)
         done = False
         packets = container.demux(stream)
         while not done:

@@ -41,8 +41,8 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
             findings.append(
                 Finding(
                     "warning",
-                    f"{len(long)} gaps longer than {_LONG_GAP_S:g} s; the longest, {length:.1f} s, "
-                    f"after t_ns {at}",
+                    f"{len(long)} of the gaps are longer than {_LONG_GAP_S:g} s; the longest, "
+                    f"{length:.1f} s, after t_ns {at}",
                     "the position drifts there; look for a slow disk or a loose cable",
                 )
             )
@@ -61,3 +61,13 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
         if gps_s is not None and recording.fixes is not None:
             findings += plausibility.driving_axes(imu, recording.fixes, gps_s)
     return findings
+
+
+def is_harmless(recording: Recording, text: str) -> bool:
+    """Whether a warning of the reader speaks of what every recording has a little of."""
+    if recording.imu_file is None or (" gap" not in text and " t_ns" not in text):
+        return False
+    quality = recording.imu_file.quality
+    longest = max((length for _, length in quality.gaps), default=0.0)
+    left_out = quality.rows - quality.used
+    return longest <= _LONG_GAP_S and left_out <= 0.02 * quality.rows

@@ -6,7 +6,7 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.io.drive import Drive
-from automap.io.recording import Recording
+from automap.io.recording import Recording, imu_time
 from automap.plausibility import Finding, overlap_s
 from automap.records import NO_TIME, FloatArray
 from automap.timebase import gps_to_iso, unix_to_gps
@@ -19,11 +19,12 @@ def imu_gps_time(drive: Drive, recording: Recording) -> FloatArray | None:
     imu, fixes = recording.imu, recording.fixes
     if imu is None:
         return None
-    if drive.imu.time == "gps_ns":
+    time = imu_time(drive, recording)
+    if time == "gps_ns":
         return np.asarray(imu.t_ns * 1e-9)
-    if drive.imu.time == "unix_ns":
+    if time == "unix_ns":
         return unix_to_gps(imu.t_ns * 1e-9)
-    if fixes is None or drive.gnss.arrival_time != "boot_ns":
+    if fixes is None or drive.gnss.arrival_time != time:
         return None
     known = (fixes.arrival_ns != NO_TIME) & np.isfinite(fixes.gps_s)
     if not np.any(known):
@@ -68,7 +69,7 @@ def _arrivals(drive: Drive, recording: Recording) -> list[Finding]:
     if recording.imu is None:
         return []
     if drive.arrival_file is None:
-        if drive.imu.time == "boot_ns":
+        if imu_time(drive, recording) == "boot_ns":
             return [
                 Finding(
                     "warning",

@@ -41,7 +41,7 @@ def run(context: StageContext) -> None:
     if recording.imu is not None:
         _refuse_implausible(drive, recording)
         write_imu(context.work / names.IMU, recording.imu)
-        summary["imu"] = _imu_summary(recording)
+        summary["imu"] = _imu_summary(drive, recording)
         context.metric("imu_rate_hz", summary["imu"]["rate_hz"])
         parts.append(f"{len(recording.imu)} IMU rows at {summary['imu']['rate_hz']:.0f} Hz")
         usable = True
@@ -100,13 +100,16 @@ def _check_trajectory(
     return {"file": path.name, "rows": len(finished.data), "time": finished.time}
 
 
-def _imu_summary(recording: Recording) -> dict[str, Any]:
+def _imu_summary(drive: Drive, recording: Recording) -> dict[str, Any]:
     import numpy as np
+
+    from automap.io.recording import imu_time
 
     imu = recording.imu
     assert imu is not None
     summary: dict[str, Any] = {
         "source": recording.imu_source,
+        "time": imu_time(drive, recording),
         "used": len(imu),
         "axes_known": imu.axes_known,
         "first_ns": int(imu.t_ns[0]),

@@ -1,0 +1,249 @@
+"""The drive folder, its manifest, and tables that appear whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from automap.errors import ConfigError, InputError, StageError
+from automap.io.atomic import atomic_path, write_json, write_text
+from automap.io.axes import axes_matrix
+from automap.io.drive import load_drive
+from automap.io.tables import read_fixes, read_imu, write_fixes, write_imu
+from automap.io.trajectory_table import COLUMNS, read_trajectory, write_trajectory
+from automap.records import NO_TIME, Fixes, ImuData, Trajectory
+
+_SCHEMA = 'schema = "automap.drive/1"\n'
+
+
+def _drive(folder: Path, manifest: str = "", *files: str) -> Path:
+    (folder / "drive.toml").write_text(_SCHEMA + manifest)
+    for name in files:
+        path = folder / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("x")
+    return folder
+
+
+def test_files_are_found_by_their_usual_names(tmp_path: Path) -> None:
+    _drive(
+        tmp_path,
+        "",
+        "imu.csv",
+        "gnss.nmea",
+        "gnss_arrival.csv",
+        "video/front.mp4",
+        "video/front_2.mp4",
+        "video/front_10.mp4",
+        "video/front_frames.csv",
+        "video/rear_detections.csv",
+    )
+    drive = load_drive(tmp_path)
+    assert drive.name == tmp_path.name
+    assert drive.gnss_file == tmp_path / "gnss.nmea"
+    assert drive.arrival_file == tmp_path / "gnss_arrival.csv"
+    assert list(drive.videos) == ["front", "rear"]
+    assert [path.stem for path in drive.videos["front"].chapters] == [
+        "front",
+        "front_2",
+        "front_10",
+    ]
+    assert len(drive.input_files()) == 9
+    assert load_drive(tmp_path / "drive.toml").name == drive.name
+
+
+def test_a_named_file_that_is_not_there_is_a_warning(tmp_path: Path) -> None:
+    _drive(tmp_path, '[imu]\nfile = "imv.csv"\n', "imu.csv", "gnss.ubx")
+    drive = load_drive(tmp_path)
+    assert drive.imu_file is None
+    assert "imv.csv" in drive.warnings[0]
+    assert "is imu.csv meant?" in drive.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("manifest", "said"),
+    [
+        ('[imu]\naxis = "FRD"', "line 3: unknown key imu.axis; did you mean axes?"),
+        ("[video.front]\nwidht = 3", "line 3: unknown key video.front.widht; did you mean width?"),
+        ("[gps]\nx = 1", "line 2: unknown key gps; did you mean gnss?"),
+        ('[imu]\ntime = "boot"', "line 3: imu.time is 'boot'; it must be 'boot_ns'"),
+        ('[imu]\naxes = "FRU"', 'left-handed, which no sensor is; probably it is "FRD"'),
+        ('[imu]\naxes = "NED"', "axes of the Earth"),
+        ('[imu]\naxes = "FFD"', "one direction twice"),
+        ("[imu]\naxes = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]", "mirrors"),
+        ("[imu]\naxes = [[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]", "no rotation"),
+        ("[imu]\naxes = [[1, 0, 0], [0, 1]]", "three rows"),
+        ("[imu]\naxes = 3", "line 3: imu.axes"),
+        ("[gnss]\nlever_arm_m = [1, 2]", "line 3: gnss.lever_arm_m"),
+        ("[gnss]\nlever_arm_m = [1, 2, nan]", "finite"),
+        ("[gnss]\noutput_delay_s = -1", "line 3: gnss.output_delay_s"),
+        ('imu = "imu.csv"', "write it as [imu]"),
+        ('[imu]\nfile = "../imu.csv"', "leads out of the drive"),
+        ('[imu]\naccel_unit = "counts"', "names no sensor"),
+        ("[video.front]\ncamera_matrix = [[1, 0, 3], [4, 5, 6], [0, 0, 1]]", "camera_matrix"),
+        ("[video.front]\ndistortion = [0, 0, 0]", "4, 5, 8, 12 or 14"),
+        ("[imu", "not valid TOML"),
+    ],
+)
+def test_a_wrong_manifest_is_one_sentence_with_its_place(
+    tmp_path: Path, manifest: str, said: str
+) -> None:
+    _drive(tmp_path, manifest, "imu.csv")
+    with pytest.raises(ConfigError) as caught:
+        load_drive(tmp_path)
+    text = str(caught.value)
+    assert said in text
+    assert "\n" not in text
+    assert str(tmp_path / "drive.toml") in text
+
+
+@pytest.mark.parametrize("manifest", ["", 'schema = "automap.drive/9"', "name = 'x'"])
+def test_a_manifest_without_a_known_schema_says_what_to_write(
+    tmp_path: Path, manifest: str
+) -> None:
+    (tmp_path / "drive.toml").write_text(manifest)
+    with pytest.raises(ConfigError, match=r'schema = "automap\.drive/1"'):
+        load_drive(tmp_path)
+
+
+def test_a_folder_that_is_no_drive(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such drive folder"):
+        load_drive(tmp_path / "nowhere")
+    with pytest.raises(InputError, match="at least the line schema"):
+        load_drive(tmp_path)
+    with pytest.raises(InputError, match="holds no recording"):
+        load_drive(_drive(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("axes", "reading", "vehicle"),
+    [
+        ("FRD", [1, 2, 3], [1, 2, 3]),
+        ("FLU", [1, 2, 3], [1, -2, -3]),
+        ("rfu", [1, 2, 3], [2, 1, -3]),
+        ("DRB", [1, 2, 3], [-3, 2, 1]),
+        ([[0, 1, 0], [-1, 0, 0], [0, 0, 1]], [1, 2, 3], [2, -1, 3]),
+    ],
+)
+def test_axes(axes: str | list[list[float]], reading: list[float], vehicle: list[float]) -> None:
+    C = axes_matrix(axes)
+    assert C is not None
+    np.testing.assert_allclose(C @ reading, vehicle)
+    assert axes_matrix("unknown") is None
+
+
+def test_cameras_take_what_the_manifest_lacks_from_elsewhere(tmp_path: Path) -> None:
+    matrix = "camera_matrix = [[700.0, 0.0, 320.0], [0.0, 700.0, 240.0], [0.0, 0.0, 1.0]]"
+    _drive(
+        tmp_path,
+        f"[video.front]\n{matrix}\n[video.rear]\n[video.left]\nwidth = 800\n"
+        "height = 600\nmount_rpy_deg = [0.0, 0.0, 90.0]",
+        "imu.csv",
+    )
+    drive = load_drive(tmp_path)
+    cameras = drive.cameras()
+    assert (cameras["front"].width, cameras["front"].height) == (640, 480)
+    assert "rear" not in cameras
+    np.testing.assert_allclose(cameras["left"].mount_rpy, [0, 0, np.pi / 2])
+    # 60 degrees of view: half the width over its tangent
+    np.testing.assert_allclose(cameras["left"].matrix[0, 0], 400 / np.tan(np.pi / 6))
+    assert len(drive.camera_warnings()) == 2
+
+
+def _write_half(path: Path, error: BaseException) -> None:
+    with atomic_path(path) as temporary:
+        temporary.write_text("half")
+        raise error
+
+
+def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    write_json(path, {"x": np.array([1.0, np.nan]), "n": np.int64(3)})
+    assert path.read_text().split() == ["{", '"x":', "[", "1.0,", "null", "],", '"n":', "3", "}"]
+    with pytest.raises(KeyboardInterrupt):
+        _write_half(path, KeyboardInterrupt())
+    assert path.read_text().startswith("{")
+    assert [item.name for item in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_a_full_disk_and_a_file_in_the_way_are_one_sentence(tmp_path: Path) -> None:
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    with pytest.raises(StageError, match="disk is full"):
+        _write_half(tmp_path / "a", full)
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(StageError, match="cannot write"):
+        write_text(tmp_path / "file" / "b", "x")
+
+
+def _random(*shape: int) -> np.ndarray:
+    return np.random.default_rng(sum(shape)).normal(size=shape)
+
+
+@pytest.mark.parametrize("temperature", [False, True])
+def test_readings_come_back_bit_for_bit(tmp_path: Path, temperature: bool) -> None:
+    imu = ImuData(
+        np.arange(50) + 2**60,
+        _random(50, 3),
+        _random(50, 3),
+        _random(50) if temperature else None,
+        axes_known=not temperature,
+    )
+    write_imu(tmp_path / "imu.parquet", imu)
+    back = read_imu(tmp_path / "imu.parquet")
+    np.testing.assert_array_equal(back.t_ns, imu.t_ns)
+    np.testing.assert_array_equal(back.gyro, imu.gyro)
+    np.testing.assert_array_equal(back.accel, imu.accel)
+    assert back.axes_known == imu.axes_known
+    assert (back.temp_c is None) == (imu.temp_c is None)
+
+
+def test_epochs_come_back_bit_for_bit(tmp_path: Path) -> None:
+    n = 20
+    vectors = [_random(n, 3) for _ in range(3)]
+    vectors[0][3, 2] = np.nan
+    fixes = Fixes(
+        _random(n) + 1.4e9,
+        _random(n),
+        _random(n),
+        _random(n),
+        *vectors,
+        np.arange(n) % 7,
+        np.full(n, -1),
+        _random(n),
+        np.full(n, np.nan),
+        np.arange(n) * 100,
+        np.full(n, NO_TIME),
+    )
+    write_fixes(tmp_path / "fixes.parquet", fixes)
+    back = read_fixes(tmp_path / "fixes.parquet")
+    for name, value in vars(fixes).items():
+        np.testing.assert_array_equal(getattr(back, name), value, err_msg=name)
+
+
+def test_a_trajectory_is_stored_in_degrees(tmp_path: Path) -> None:
+    import pyarrow.parquet as pq
+
+    n = 30
+    data = [_random(n) for _ in range(4)] + [_random(n, 3) for _ in range(5)]
+    trajectory = Trajectory(np.arange(n), *data)
+    write_trajectory(tmp_path / "t.parquet", trajectory)
+    table = pq.read_table(tmp_path / "t.parquet")
+    assert tuple(table.column_names) == COLUMNS
+    np.testing.assert_allclose(table["lat_deg"].to_numpy(), np.degrees(trajectory.lat_rad))
+    back = read_trajectory(tmp_path / "t.parquet")
+    for name, value in vars(trajectory).items():
+        np.testing.assert_allclose(getattr(back, name), value, rtol=1e-14, err_msg=name)
+
+
+def test_a_damaged_table_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "imu.parquet"
+    with pytest.raises(InputError, match="is missing"):
+        read_imu(path)
+    path.write_bytes(b"PAR1 but not really")
+    with pytest.raises(InputError, match="not a readable Parquet file"):
+        read_imu(path)
