@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
@@ -24,6 +24,9 @@ from automap.records import FloatArray
 
 _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _KML_TYPES = {"real": "double", "integer": "int", "text": "string", "time": "string"}
+
+_RING_POINTS = 24
+_RING = " ".join(["%.7f,%.7f"] * (_RING_POINTS + 1))
 
 CLASS_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#6a3d9a")
 """Colours that colour-blind eyes tell apart (Okabe and Ito), handed to classes in turn."""
@@ -168,25 +171,68 @@ def _altitude(geoid: FloatArray | None, height: FloatArray) -> FloatArray:
 def _signs(
     columns: SignColumns, style_of: dict[str, str], geoid: FloatArray | None
 ) -> Iterator[str]:
-    rows = list(zip(*_plain_values(columns), strict=True))
+    plain = _plain_values(columns)
+    data = _rows([_data_cells(*pair) for pair in zip(SIGN_FIELDS, plain, strict=True)])
+    cells = _rows([_balloon_cells(*pair) for pair in zip(SIGN_FIELDS, plain, strict=True)])
     altitude = _altitude(geoid, columns.height_m).tolist()
     located = columns.located.tolist()
-    classes = columns.values["class"]
-    positions = zip(columns.lon_deg.tolist(), columns.lat_deg.tolist(), strict=True)
-    for number, (lon, lat) in enumerate(positions):
-        data = "".join(
-            f'<SimpleData name="{field.name}">{xml_text(value)}</SimpleData>'
-            for field, value in zip(SIGN_FIELDS, rows[number], strict=True)
-            if value is not None
-        )
+    heads = {name: xml_text(f"<h3>{_html_text(name)}</h3><table>") for name in style_of}
+    end = xml_text("</table>")
+    rows = zip(
+        columns.values["id"],
+        columns.values["class"],
+        columns.lon_deg.tolist(),
+        columns.lat_deg.tolist(),
+        strict=True,
+    )
+    for number, (name, class_name, lon, lat) in enumerate(rows):
         point = _point(lon, lat, altitude[number]) if located[number] else ""
         yield (
-            f"<Placemark><name>{xml_text(columns.values['id'][number])}</name>"
-            f"<snippet/><description>{xml_text(_balloon(classes[number], rows[number]))}"
-            f"</description><styleUrl>#{style_of[classes[number]]}</styleUrl>"
-            f'<ExtendedData><SchemaData schemaUrl="#sign">{data}</SchemaData></ExtendedData>'
-            f"{point}</Placemark>"
+            f"<Placemark><name>{xml_text(name)}</name><snippet/>"
+            f"<description>{heads[class_name]}{cells[number]}{end}</description>"
+            f"<styleUrl>#{style_of[class_name]}</styleUrl>"
+            f'<ExtendedData><SchemaData schemaUrl="#sign">{data[number]}</SchemaData>'
+            f"</ExtendedData>{point}</Placemark>"
         )
+
+
+def _rows(cells: list[list[str]]) -> list[str]:
+    return ["".join(row) for row in zip(*cells, strict=True)]
+
+
+def _data_cells(field: Field, values: list[str | None]) -> list[str]:
+    """A field's SimpleData elements, empty where the value is unknown."""
+    head, end = f'<SimpleData name="{field.name}">', "</SimpleData>"
+    text = _each_once(xml_text)
+    return ["" if value is None else f"{head}{text(value)}{end}" for value in values]
+
+
+def _balloon_cells(field: Field, values: list[str | None]) -> list[str]:
+    """A field's rows of the balloon's table, as XML text."""
+    head = xml_text(f"<tr><td>{_html_text(_label(field))}</td><td>")
+    end = xml_text("</td></tr>")
+    text = _each_once(lambda value: xml_text(_html_text(value)))
+    return ["" if value is None else f"{head}{text(value)}{end}" for value in values]
+
+
+def _html_text(text: str) -> str:
+    """Text as HTML of a balloon, so that hostile text stays text.
+
+    The dollar sign is spelled as an entity, else ``$[...]`` in a value would be replaced by
+    another field.
+    """
+    return html.escape(_ILLEGAL.sub("\ufffd", text)).replace("$", "&#36;")
+
+
+def _each_once(convert: Callable[[str], str]) -> Callable[[str], str]:
+    known: dict[str, str] = {}
+
+    def converted(value: str) -> str:
+        if value not in known:
+            known[value] = convert(value)
+        return known[value]
+
+    return converted
 
 
 def _point(lon: float, lat: float, altitude: float) -> str:
@@ -201,28 +247,10 @@ def _point(lon: float, lat: float, altitude: float) -> str:
     )
 
 
-def _balloon(class_name: str, values: tuple[str | None, ...]) -> str:
-    """HTML of the balloon; hostile text in a value stays text.
-
-    The dollar sign is spelled as an entity, else ``$[...]`` in a value would be replaced by
-    another field.
-    """
-
-    def safe(text: str) -> str:
-        return html.escape(_ILLEGAL.sub("\ufffd", text)).replace("$", "&#36;")
-
-    cells = "".join(
-        f"<tr><td>{safe(_label(field))}</td><td>{safe(value)}</td></tr>"
-        for field, value in zip(SIGN_FIELDS, values, strict=True)
-        if value is not None
-    )
-    return f"<h3>{safe(class_name)}</h3><table>{cells}</table>"
-
-
 def _ellipses(columns: SignColumns) -> Iterator[str]:
     if len(columns) == 0:
         return
-    rings = ellipse_rings(columns)
+    rings = ellipse_rings(columns, _RING_POINTS)
     drawable = columns.located & np.isfinite(rings).all(axis=(1, 2))
     for number in np.flatnonzero(drawable).tolist():
         polygons = "".join(_polygons(rings[number]))
@@ -235,13 +263,12 @@ def _ellipses(columns: SignColumns) -> Iterator[str]:
 
 def _polygons(ring: FloatArray) -> Iterator[str]:
     # longitudes must stay in -180..180, so a ring on the date line becomes two
-    for turn in (-360.0, 0.0, 360.0):
+    inside = abs(ring[0, 0]) < 179.0
+    for turn in (0.0,) if inside else (-360.0, 0.0, 360.0):
         lon = np.clip(ring[:, 0] + turn, -180.0, 180.0)
         if lon.min() == lon.max() and abs(lon[0]) == 180.0:
             continue
-        corners = " ".join(
-            f"{x:.7f},{y:.7f}" for x, y in zip(lon.tolist(), ring[:, 1].tolist(), strict=True)
-        )
+        corners = _RING % tuple(np.column_stack([lon, ring[:, 1]]).ravel().tolist())
         yield (
             "<Polygon><altitudeMode>clampToGround</altitudeMode><outerBoundaryIs><LinearRing>"
             f"<coordinates>{corners}</coordinates></LinearRing></outerBoundaryIs></Polygon>"

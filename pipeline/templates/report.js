@@ -33,7 +33,7 @@
       L.polyline(run.map(at), { color: css("--c3"), weight: 12, opacity: 0.35, interactive: false }).addTo(map);
     }
     for (const run of data.path.runs) {
-      L.polyline(run.p.map(at), { color: colourOf(run.c), weight: 3.5, interactive: false }).addTo(map);
+      L.polyline(run.p.map(at), { color: colourOf(run.c), weight: 3.5, smoothFactor: 0.5, interactive: false }).addTo(map);
     }
   }
   function colourOf(c) {
@@ -53,7 +53,7 @@
     const colour = signs.colours[row[column["class"]]] || UNKNOWN;
     const [major, minor, azimuth] = signs.ellipse.map((values) => values[i]);
     if (major !== null && azimuth !== null) {
-      L.polygon(ellipse(p, major, minor, azimuth), { color: colour, weight: 1, opacity: 0.7, fillOpacity: 0.08, interactive: false }).addTo(map);
+      L.polygon(ellipse(p, major, minor, azimuth), { color: colour, weight: 1, opacity: 0.7, fillOpacity: 0.08, smoothFactor: 0.3, interactive: false }).addTo(map);
     }
     const sure = row[column.status] === "ok";
     const marker = L.circleMarker(at(p), {
@@ -126,7 +126,8 @@
       if (field.name === "id" || field.name === "class" || row[k] === null || row[k] === "") return;
       const value = Array.isArray(row[k]) ? row[k].join(", ") : String(row[k]);
       const unit = field.unit && field.unit !== "UTC" ? " " + field.unit : "";
-      if (value) line(field.name.replace(/_(m|deg|m2)$/, "").replace(/_/g, " "), value + unit, field.meaning);
+      if (field.kind === "time") line(field.name.replace(/_/g, " "), value.replace("T", " ").replace("Z", " UTC"), field.meaning);
+      else if (value) line(field.name.replace(/_(m|deg|m2)$/, "").replace(/_/g, " "), value + unit, field.meaning);
     });
     markers.forEach((marker, k) => marker.setRadius(k === i ? 9 : 6));
     if (table) Array.from(table.rows).forEach((r) => r.classList.toggle("on", r.cells[0].textContent === row[column.id]));
