@@ -17,7 +17,7 @@ from automap.sync.motion_clock import (
     in_imu_time,
 )
 from automap.sync.result import SyncResult
-from automap.timebase import gps_to_iso, leap_seconds_at_gps, unix_to_gps
+from automap.timebase import gps_to_iso, gps_to_unix, leap_seconds_at_gps, unix_to_gps
 
 _GPS_SD_S = 1e-3
 _UNIX_SD_S = 0.1  # a computer set over the network, now and then
@@ -95,15 +95,12 @@ def check_overlap(clock: ClockModel, t_ns: IntArray, gps_s: FloatArray) -> None:
     if first <= end and start <= last:
         return
     apart = start - last if start > last else end - first
-    leap = float(leap_seconds_at_gps(start))
-    unix_shift = float(unix_to_gps(0.0))
+    unix_epoch = start - float(gps_to_unix(start))
     hints = {
-        "the IMU stamps look like UNIX time": first - (start + unix_shift - leap),
-        "the IMU stamps look like GPS time": first + unix_shift - start,
+        "The IMU stamps look like UNIX time": first - start + unix_epoch,
+        "The IMU stamps look like GPS time": first - start - unix_epoch,
     }
-    hint = next(
-        (f" {text}: check [imu] time." for text, value in hints.items() if abs(value) < 7200.0), ""
-    )
+    hint = next((f" {text}." for text, value in hints.items() if abs(value) < 7200.0), "")
     raise InputError(
         f"IMU and receiver do not overlap in time: the IMU runs from {_utc(first)} to "
         f"{_utc(last)}, the receiver from {_utc(start)} to {_utc(end)}, {abs(apart):.0f} s apart. "

@@ -104,11 +104,12 @@ class _Channel:
         self.start, self.end, self.speed, self.target = start, end, speed, target
         self.is_turn = is_turn
         self.weight = np.ones(len(start))
+        self._designs: dict[float, FloatArray] = {}
         self.noise = 0.1  # m/s of the target, better known after the first pass
 
     def scores(self, lags: FloatArray) -> FloatArray:
         """-2 log likelihood [lags] up to a constant."""
-        squares = [float(self.weight @ self._fit(lag)[0] ** 2) for lag in lags]
+        squares = [float(self.weight @ self._fit(lag)[0] ** 2) for lag in lags.tolist()]
         return float(self.weight.sum()) * np.log(np.maximum(squares, 1e-12))
 
     def reweight(self, lag: float) -> None:
@@ -149,6 +150,13 @@ class _Channel:
         return self.target - design @ beta, design, beta
 
     def _design(self, lag: float) -> FloatArray:
+        """Regressors [n, k] at a lag; kept, for every pass needs the same ones."""
+        design = self._designs.get(lag)
+        if design is None:
+            design = self._designs[lag] = self._regressors(lag)
+        return design
+
+    def _regressors(self, lag: float) -> FloatArray:
         seen = np.nan_to_num(self.imu.between(self.start + lag, self.end + lag))
         ones = np.ones(len(seen))
         if self.is_turn:

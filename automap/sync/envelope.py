@@ -25,9 +25,10 @@ from automap.records import FloatArray
 
 _BACKGROUND = 0.01  # fraction of points with a wrong tag, before the data are seen
 _BACKGROUND_RANGE_S = 1.0
-_SHAPES = np.geomspace(0.6, 3.5, 15)
+_SHAPES = np.geomspace(0.6, 3.5, 10)
 _SHAPE_SPREAD = 0.4  # of ln k about k = 1
-_MAX_POINTS = 160
+_MAX_POINTS = 120
+_GRID = (33, 27)
 _BEND = 0.2  # of the width, from simulated gamma, Rayleigh and lognormal waiting
 _FLOOR_S = 2e-5  # no host stamps bytes better than this
 
@@ -135,7 +136,7 @@ def lower_envelope(
 
 
 def _lowest(residual: FloatArray, floor: float) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Indices of the points that speak about the edge: the lowest fifth, 12 to 160 of them."""
+    """Indices of the points that speak about the edge: the lowest fifth, 12 to 120 of them."""
     count = int(np.clip(0.2 * len(residual), min(12, len(residual)), _MAX_POINTS))
     order = np.argsort(residual, kind="stable")
     return np.asarray(order[:count], np.int64)
@@ -152,9 +153,9 @@ def _posterior(
     slope_sd: float,
 ) -> tuple[FloatArray, FloatArray, float]:
     """Posterior mean [2], covariance [2, 2] and mean shape on a grid about ``centre``."""
-    a = centre[0] + half[0] * np.linspace(-1.0, 1.0, 41)
-    b = centre[1] + half[1] * np.linspace(-1.0, 1.0, 31)
-    edge = a[:, None, None] + b[None, :, None] * x  # [41, 31, m]
+    a = centre[0] + half[0] * np.linspace(-1.0, 1.0, _GRID[0])
+    b = centre[1] + half[1] * np.linspace(-1.0, 1.0, _GRID[1])
+    edge = a[:, None, None] + b[None, :, None] * x  # [a, b, m]
     above = r - edge
     width = np.maximum(top - edge, floor)
     inside = above > 0.0
@@ -174,7 +175,7 @@ def _posterior(
     mean = np.array([pa @ a, pb @ b])
     da, db = a - mean[0], b - mean[1]
     cross = float(da @ p.sum(axis=0) @ db)
-    step = (2.0 * half / np.array([40.0, 30.0])) ** 2 / 12.0  # of the grid itself
+    step = (2.0 * half / (np.array(_GRID) - 1.0)) ** 2 / 12.0  # of the grid itself
     covariance = np.array(
         [[pa @ da**2 + step[0], cross], [cross, pb @ db**2 + step[1]]], dtype=np.float64
     )
