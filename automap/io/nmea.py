@@ -29,11 +29,7 @@ _SKIP, _NUMBER, _TIME, _ANGLE, _SIDE, _TEXT, _HEX = range(7)
 
 @dataclass(frozen=True)
 class Sentence:
-    """Fields of a sentence type after its address: (column, what it is).
-
-    ``group`` columns repeat as often as the sentence is long, up to ``repeats`` times, and
-    are followed by ``tail``.
-    """
+    """Fields of a sentence type after its address: (column, what it is)."""
 
     fields: tuple[tuple[str, int], ...]
 
@@ -229,16 +225,18 @@ def decode_sentences(
     return dict(zip(names, out, strict=True)), n_fields.astype(np.int64)
 
 
-def _move_signal_id(table: NmeaTable, n_fields: IntArray) -> None:
+def _move_signal_id(scan: Scan, rows: IntArray, table: NmeaTable, n_fields: IntArray) -> None:
     """In a GSV sentence with fewer than four satellites the signal id stands earlier."""
     for satellites in range(4):
-        rows = np.flatnonzero(n_fields == _GSV_FIXED + 4 * satellites + 1)
-        if len(rows) == 0:
+        place = _GSV_FIXED + 4 * satellites
+        short = np.flatnonzero(n_fields == place + 1)
+        if len(short) == 0:
             continue
-        place = f"svid_{satellites + 1}"
-        digits = table[place][rows]
-        table["signalID"][rows] = digits
-        table[place][rows] = np.nan
+        layout = Sentence((("", _SKIP),) * place + (("signalID", _HEX),))
+        messages = rows[short]
+        again, _ = decode_sentences(scan.data, scan.offset[messages], scan.length[messages], layout)
+        table["signalID"][short] = again["signalID"]
+        table[f"svid_{satellites + 1}"][short] = np.nan
 
 
 def decode_scan(scan: Scan, kinds: list[int]) -> dict[str, NmeaTable]:
@@ -260,7 +258,7 @@ def decode_scan(scan: Scan, kinds: list[int]) -> dict[str, NmeaTable]:
         offset = scan.offset[rows]
         table, n_fields = decode_sentences(scan.data, offset, scan.length[rows], SENTENCES[name])
         if name == "GSV":
-            _move_signal_id(table, n_fields)
+            _move_signal_id(scan, rows, table, n_fields)
         tables[name] = {"offset": offset, "talker": talkers, **table}
     return tables
 

@@ -36,6 +36,11 @@ class Layout:
     shortest: int = 0
 
     @property
+    def size(self) -> int:
+        """Bytes of the payload."""
+        return int(self.dtype.itemsize)
+
+    @property
     def dtype(self) -> np.dtype[np.void]:
         """Packed numpy type of the payload."""
         return np.dtype(_described(self))
@@ -326,7 +331,8 @@ def physical(name: str, table: Table, field: str, rows: IntArray | None = None) 
     """
     scale = next(scale for known, _, scale in LAYOUTS[name].fields if known == field)
     column: npt.NDArray[Any] = table[field]
-    values = (column if rows is None else column[rows]).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN like any other
+        values = (column if rows is None else column[rows]).astype(np.float64)
     if scale != 1.0:
         # dividing by the exact power of ten rounds correctly, multiplying would not
         values /= round(1.0 / scale)
