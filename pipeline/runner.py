@@ -172,9 +172,9 @@ def _run_stages(run: _Run) -> None:
             if reason is not None and before is not None and _is_used(stage, run.request):
                 run.reporter.note(f"stage {stage.name} is out of date, but not selected: {reason}")
         elif reason is None and not run.request.force:
-            seconds = before.get("seconds") if before else None
-            result = before.get("result", "") if before else ""
-            run.finish(StageLine(stage.name, "kept", "", seconds, result))
+            kept = before or {}
+            warnings = tuple(kept.get("warnings", ()))
+            run.finish(StageLine(stage.name, "kept", "", None, kept.get("result", ""), warnings))
         elif run.request.dry_run:
             run.finish(StageLine(stage.name, "would run", reason or "--force"))
             run.ran.append(stage.name)
