@@ -45,6 +45,14 @@ def accel_unit(accel: FloatArray, rate_hz: float) -> Finding:
     if abs(size / GRAVITY - 1.0) < _GRAVITY_TOLERANCE:
         return Finding("ok", f"specific force is {size:.2f} m/s^2 in the median, as gravity is")
     shown = f"specific force is {size:.4g} m/s^2 in the median where gravity is 9.81"
+    steady = float(np.linalg.norm(np.median(accel, axis=0)))
+    if steady < 0.5 * size:
+        return Finding(
+            "error",
+            f"{shown}, and has no steady direction",
+            "gravity was taken out or the sensor turned freely: record the raw specific force "
+            "of a sensor fixed to the car",
+        )
     guesses = (
         (1.0, 'the file is in g: write accel_unit = "g" in [imu]'),
         (1e3, 'the file is in milli-g: divide by 1000 and write accel_unit = "g"'),
@@ -58,12 +66,6 @@ def accel_unit(accel: FloatArray, rate_hz: float) -> Finding:
     for expected, advice in guesses:
         if abs(size / expected - 1.0) < _GRAVITY_TOLERANCE:
             return Finding("error", shown, advice)
-    if size < 0.4 * GRAVITY:
-        return Finding(
-            "error",
-            shown,
-            "gravity was taken out or the unit is wrong: record the raw specific force",
-        )
     return Finding("error", shown, "correct accel_unit, the sensor file or the calibration")
 
 

@@ -69,10 +69,9 @@ class _Collector:
 
     def add(self, path: Path | str, findings: Iterable[Finding]) -> None:
         for finding in findings:
-            text = self._short(finding.text)
-            self.findings.append(
-                FileFinding(self.label(path), finding.severity, text, finding.advice)
-            )
+            label = self.label(path)
+            text = self._short(finding.text).removeprefix(f"{label}: ")
+            self.findings.append(FileFinding(label, finding.severity, text, finding.advice))
 
     def by_file(self) -> tuple[FileFinding, ...]:
         """All findings, those of one file together."""

@@ -1,0 +1,269 @@
+"""Stage ingest and check, on a drive written from formulas with one thing wrong at a time."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from input_drive import START, motion, write_drive, write_imu_rows
+
+from automap.errors import InputError
+from automap.io import names
+from automap.io.drive import load_drive
+from automap.io.tables import read_fixes, read_imu
+from automap.timebase import unix_to_gps
+from pipeline.check import CheckReport, check_drive
+from pipeline.config import Settings
+from pipeline.stage import StageContext
+from pipeline.stages import ingest
+
+
+def _ingest(drive: Path, work: Path) -> StageContext:
+    work.mkdir(exist_ok=True)
+    context = StageContext(load_drive(drive), drive / "_automap", work, Settings())
+    ingest.run(context)
+    return context
+
+
+def _edit(drive: Path, old: str, new: str) -> None:
+    path = drive / "drive.toml"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+def _rewrite(drive: Path, gyro: np.ndarray, accel: np.ndarray) -> None:
+    write_imu_rows(drive, gyro, accel, motion().t)
+
+
+def _errors(report: CheckReport) -> str:
+    return "\n".join(
+        f"{f.file}: {f.text} -> {f.advice}" for f in report.findings if f.severity == "error"
+    )
+
+
+@pytest.fixture
+def drive(tmp_path: Path) -> Path:
+    return write_drive(tmp_path / "formula")
+
+
+def test_ingest_writes_readings_and_epochs(drive: Path, tmp_path: Path) -> None:
+    context = _ingest(drive, tmp_path / "work")
+    imu = read_imu(tmp_path / "work" / names.IMU)
+    np.testing.assert_allclose(imu.accel, motion().accel, rtol=1e-6)
+    fixes = read_fixes(tmp_path / "work" / names.FIXES)
+    assert len(fixes) == 90
+    assert abs(fixes.gps_s[0] - float(unix_to_gps(START.timestamp()))) < 1e-6
+    # the first epoch arrived 60 ms and a little after it was valid
+    assert 0.06 <= (fixes.arrival_ns[0] - imu.t_ns[0]) * 1e-9 < 0.2
+    summary = json.loads((tmp_path / "work" / names.INGEST).read_text())
+    assert summary["imu"]["used"] == len(imu)
+    assert summary["gnss"]["fix_types"] == {"THREE_D": 90}
+    assert context.warnings == []
+    assert "90 fixes" in context.result
+
+
+def test_a_good_drive_has_no_findings(drive: Path) -> None:
+    report = check_drive(drive)
+    assert report.usable, report.text()
+    assert {f.severity for f in report.findings} <= {"ok", "info"}, report.text()
+    assert "usable: 0 errors, 0 warnings" in report.text()
+    assert json.loads(json.dumps(report.as_dict()))["usable"] is True
+    said = report.text()
+    for part in (
+        "50.0 Hz",
+        "90 fixes of 90 epochs",
+        "overlap",
+        "forward force to +",
+        "on the down axis",
+    ):
+        assert part in said
+
+
+@pytest.mark.parametrize(
+    ("gyro_factor", "accel_factor", "advice"),
+    [
+        (1.0, 1 / 9.81, 'accel_unit = "g"'),
+        (1.0, 9.81, 'accel_unit = "m/s^2"'),
+        (1.0, 1 / 50, "velocity increments"),
+        (1.0, 1000 / 9.81, "milli-g"),
+        (1.0, 3.0, "correct accel_unit"),
+        (57.3, 1.0, 'gyro_unit = "deg/s"'),
+        (1 / 57.3, 1.0, 'gyro_unit = "rad/s"'),
+    ],
+)
+def test_a_wrong_unit_is_found_and_stops_the_run(
+    drive: Path, tmp_path: Path, gyro_factor: float, accel_factor: float, advice: str
+) -> None:
+    move = motion()
+    _rewrite(drive, move.gyro * gyro_factor, move.accel * accel_factor)
+    report = check_drive(drive)
+    assert not report.usable
+    assert advice in _errors(report)
+    with pytest.raises(InputError) as caught:
+        _ingest(drive, tmp_path / "work")
+    assert advice in str(caught.value)
+    assert list((tmp_path / "work").iterdir()) == []
+
+
+def test_gravity_taken_out_is_not_mistaken_for_a_unit(drive: Path) -> None:
+    move = motion()
+    _rewrite(drive, move.gyro, move.accel + np.array([0, 0, 9.81]))
+    assert "gravity was taken out" in _errors(check_drive(drive))
+
+
+@pytest.mark.parametrize(
+    ("axes", "said"),
+    [
+        ("FLU", "axes must have D in place 3"),
+        ("RBD", "turned by a quarter"),
+        ("BLD", "forward axis points back"),
+        ("DRB", "off the down axis"),
+    ],
+)
+def test_wrong_axes_are_found(drive: Path, axes: str, said: str) -> None:
+    _edit(drive, "[imu]\n", f'[imu]\naxes = "{axes}"\n')
+    report = check_drive(drive)
+    assert not report.usable
+    assert said in _errors(report)
+
+
+def test_a_gyro_of_the_wrong_sign_is_found(drive: Path) -> None:
+    move = motion()
+    _rewrite(drive, -move.gyro, move.accel)
+    assert "turns the other way" in _errors(check_drive(drive))
+
+
+def test_unknown_axes_are_fine(drive: Path) -> None:
+    _edit(drive, "[imu]\n", '[imu]\naxes = "unknown"\n')
+    move = motion()
+    _rewrite(drive, move.gyro[:, [2, 0, 1]], move.accel[:, [2, 0, 1]])
+    assert check_drive(drive).usable
+
+
+def test_recordings_of_different_times_are_refused(drive: Path) -> None:
+    _edit(drive, "[imu]\n", '[imu]\ntime = "gps_ns"\n')
+    report = check_drive(drive)
+    assert not report.usable
+    assert "do not overlap in time" in _errors(report)
+    assert "1980-01-06" in _errors(report)
+
+
+@pytest.mark.parametrize(
+    ("arm", "said"), [("[12.0, 0.0, -1.0]", "12.0 m long"), ("[0.0, 0.0, 1.4]", "below the IMU")]
+)
+def test_a_strange_lever_arm_is_a_warning(drive: Path, arm: str, said: str) -> None:
+    _edit(drive, "[0.2, 0.0, -1.0]", arm)
+    report = check_drive(drive)
+    assert report.usable
+    assert said in report.text()
+
+
+def test_a_stuck_axis_is_found(drive: Path) -> None:
+    move = motion()
+    accel = move.accel.copy()
+    accel[:, 1] = 0.25
+    _rewrite(drive, move.gyro, accel)
+    assert "ay never changes" in _errors(check_drive(drive))
+
+
+@pytest.mark.parametrize("content", ["", "t_ns,gx,gy,gz,ax,ay,az\n"])
+def test_an_imu_file_without_rows_leaves_the_fixes(
+    drive: Path, tmp_path: Path, content: str
+) -> None:
+    (drive / "imu.csv").write_text(content)
+    assert check_drive(drive).usable
+    context = _ingest(drive, tmp_path / "work")
+    assert not (tmp_path / "work" / names.IMU).exists()
+    assert (tmp_path / "work" / names.FIXES).exists()
+    said = " ".join(context.warnings)
+    assert "imu.csv" in said
+    assert "from the fixes alone" in said
+
+
+def test_without_any_usable_file_the_run_stops(drive: Path, tmp_path: Path) -> None:
+    (drive / "imu.csv").write_text("")
+    (drive / "gnss.nmea").write_bytes(b"")
+    report = check_drive(drive)
+    assert not report.usable
+    with pytest.raises(InputError, match=r"imu\.csv is empty"):
+        _ingest(drive, tmp_path / "work")
+
+
+def test_a_receiver_that_never_had_a_fix(drive: Path, tmp_path: Path) -> None:
+    text = (drive / "gnss.nmea").read_text()
+    lines = [line for line in text.splitlines() if "RMC" in line]
+    (drive / "gnss.nmea").write_text(
+        "".join(_resum(line.replace(",A,", ",V,", 1)) for line in lines)
+    )
+    report = check_drive(drive)
+    assert not report.usable
+    assert "no fix in 90 epochs" in _errors(report)
+    (drive / "imu.csv").unlink()
+    with pytest.raises(InputError, match="never had a fix"):
+        _ingest(drive, tmp_path / "work")
+
+
+def _resum(line: str) -> str:
+    body = line[1:].split("*")[0]
+    checksum = 0
+    for character in body.encode():
+        checksum ^= character
+    return f"${body}*{checksum:02X}\r\n"
+
+
+def test_a_drive_of_bearings_alone_passes(tmp_path: Path) -> None:
+    drive = tmp_path / "d"
+    drive.mkdir()
+    (drive / "drive.toml").write_text('schema = "automap.drive/1"\n')
+    (drive / "bearings.csv").write_text("lat_deg,lon_deg,bearing_deg\n51.5,-0.1,20\n")
+    assert check_drive(drive).usable
+    context = _ingest(drive, tmp_path / "work")
+    assert context.result == "bearings only"
+
+
+def test_a_finished_trajectory_passes(tmp_path: Path) -> None:
+    drive = tmp_path / "d"
+    drive.mkdir()
+    (drive / "drive.toml").write_text('schema = "automap.drive/1"\n')
+    rows = "".join(f"{i}000000000,51.5,{0.0001 * i},10\n" for i in range(9))
+    (drive / "trajectory.csv").write_text("t_ns,lat_deg,lon_deg,height_m\n" + rows)
+    report = check_drive(drive)
+    assert report.usable
+    context = _ingest(drive, tmp_path / "work")
+    summary: dict[str, Any] = json.loads((tmp_path / "work" / names.INGEST).read_text())
+    assert summary["trajectory"]["rows"] == 9
+    assert any("no complete attitude" in text for text in context.warnings)
+
+
+def test_a_camera_that_does_not_fit_its_video(drive: Path) -> None:
+    from test_inputs_video import _make
+
+    (drive / "video").mkdir()
+    _make(drive / "video" / "front.mp4", list(range(0, 2000, 40)))
+    manifest = drive / "drive.toml"
+    manifest.write_text(
+        manifest.read_text() + "[video.front]\nstart_ns = 0\nwidth = 192\nheight = 128\n"
+        "camera_matrix = [[150.0, 0.0, 96.0], [0.0, 150.0, 64.0], [0.0, 0.0, 1.0]]\n"
+    )
+    assert "192x128, the video has 96x64" in _errors(check_drive(drive))
+    _edit(drive, "192", "96")
+    _edit(drive, "height = 128", "height = 64")
+    assert "another resolution" in _errors(check_drive(drive))
+
+
+def test_a_folder_that_is_no_drive_is_a_finding(tmp_path: Path) -> None:
+    report = check_drive(tmp_path)
+    assert not report.usable
+    assert "drive.toml" in report.text()
+
+
+def test_counts_bring_their_sensor_file_into_the_key(drive: Path) -> None:
+    assert ingest.sensor_input(load_drive(drive)) is None
+    _edit(drive, "[imu]\n", '[imu]\naccel_unit = "counts"\nsensor = "mpu9150"\n')
+    found = ingest.sensor_input(load_drive(drive))
+    assert found is not None
+    assert found in ingest.STAGE.inputs(load_drive(drive))
