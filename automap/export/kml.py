@@ -25,8 +25,13 @@ from automap.records import FloatArray
 _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _KML_TYPES = {"real": "double", "integer": "int", "text": "string", "time": "string"}
 
+_NUMBERS = ("real", "integer")
 _RING_POINTS = 24
-_RING = " ".join(["%.7f,%.7f"] * (_RING_POINTS + 1))
+_POLYGON = (
+    "<Polygon><altitudeMode>clampToGround</altitudeMode><outerBoundaryIs><LinearRing>"
+    f"<coordinates>{' '.join(['%.7f,%.7f'] * (_RING_POINTS + 1))}</coordinates>"
+    "</LinearRing></outerBoundaryIs></Polygon>"
+)
 
 CLASS_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#6a3d9a")
 """Colours that colour-blind eyes tell apart (Okabe and Ito), handed to classes in turn."""
@@ -203,7 +208,7 @@ def _rows(cells: list[list[str]]) -> list[str]:
 def _data_cells(field: Field, values: list[str | None]) -> list[str]:
     """A field's SimpleData elements, empty where the value is unknown."""
     head, end = f'<SimpleData name="{field.name}">', "</SimpleData>"
-    text = _each_once(xml_text)
+    text = str if field.kind in _NUMBERS else _each_once(xml_text)
     return ["" if value is None else f"{head}{text(value)}{end}" for value in values]
 
 
@@ -211,7 +216,8 @@ def _balloon_cells(field: Field, values: list[str | None]) -> list[str]:
     """A field's rows of the balloon's table, as XML text."""
     head = xml_text(f"<tr><td>{_html_text(_label(field))}</td><td>")
     end = xml_text("</td></tr>")
-    text = _each_once(lambda value: xml_text(_html_text(value)))
+    safe = _each_once(lambda value: xml_text(_html_text(value)))
+    text = str if field.kind in _NUMBERS else safe
     return ["" if value is None else f"{head}{text(value)}{end}" for value in values]
 
 
@@ -252,27 +258,27 @@ def _ellipses(columns: SignColumns) -> Iterator[str]:
         return
     rings = ellipse_rings(columns, _RING_POINTS)
     drawable = columns.located & np.isfinite(rings).all(axis=(1, 2))
+    flat = rings.reshape(len(rings), -1).tolist()
+    near_date_line = (np.abs(rings[:, :, 0]).max(axis=1) > 180.0).tolist()
+    ids = columns.values["id"]
     for number in np.flatnonzero(drawable).tolist():
-        polygons = "".join(_polygons(rings[number]))
+        parts = _cut_at_date_line(rings[number]) if near_date_line[number] else [flat[number]]
+        polygons = "".join([_POLYGON % tuple(part) for part in parts])
         yield (
-            f"<Placemark><name>{xml_text(columns.values['id'][number])}</name>"
+            f"<Placemark><name>{xml_text(ids[number])}</name>"
             "<visibility>0</visibility><styleUrl>#ellipse</styleUrl>"
             f"<MultiGeometry>{polygons}</MultiGeometry></Placemark>"
         )
 
 
-def _polygons(ring: FloatArray) -> Iterator[str]:
+def _cut_at_date_line(ring: FloatArray) -> list[list[float]]:
     # longitudes must stay in -180..180, so a ring on the date line becomes two
-    inside = abs(ring[0, 0]) < 179.0
-    for turn in (0.0,) if inside else (-360.0, 0.0, 360.0):
+    parts = []
+    for turn in (-360.0, 0.0, 360.0):
         lon = np.clip(ring[:, 0] + turn, -180.0, 180.0)
-        if lon.min() == lon.max() and abs(lon[0]) == 180.0:
-            continue
-        corners = _RING % tuple(np.column_stack([lon, ring[:, 1]]).ravel().tolist())
-        yield (
-            "<Polygon><altitudeMode>clampToGround</altitudeMode><outerBoundaryIs><LinearRing>"
-            f"<coordinates>{corners}</coordinates></LinearRing></outerBoundaryIs></Polygon>"
-        )
+        if lon.min() < lon.max():
+            parts.append(np.column_stack([lon, ring[:, 1]]).ravel().tolist())
+    return parts
 
 
 def _track(path: Path, geoid: FloatArray | None) -> Iterator[str]:

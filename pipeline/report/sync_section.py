@@ -9,6 +9,7 @@ import numpy as np
 from automap.io import names
 from automap.records import FloatArray
 from pipeline.products import RunProducts
+from pipeline.report.figures import metres_text
 from pipeline.report.sections import Section, draw
 from pipeline.report.svg_plot import Series, thin_dots
 
@@ -47,10 +48,7 @@ def sync_section(products: RunProducts) -> Section:
     imu_delay, imu_sd = content.get("imu_delay_s"), content.get("imu_delay_sd_s")
     if isinstance(imu_delay, int | float) and isinstance(imu_sd, int | float):
         what = {"velocity": "velocities"}.get(str(content.get("imu_delay_source")), "positions")
-        section.sentences.append(
-            f"By the motion that both saw, the IMU's stamps lie {imu_delay * 1e3:.0f} ms "
-            f"(σ {imu_sd * 1e3:.0f} ms) behind the receiver's {what}; the fusion refines this."
-        )
+        section.sentences.append(_imu_delay(imu_delay, imu_sd, what))
     section.rows = [(key.replace("_", " "), text) for key, text in _flat(content)]
     section.plots = _delay_plot(products)
     return section
@@ -65,8 +63,21 @@ def _accuracy(sd_offset_s: float, drift: float, sd_drift: float) -> str:
             f"{rate}; how well its offset is known depends on the receiver's output delay, which "
             "is not known."
         )
-    moved = f"at 20 m/s that is {sd_offset_s * 20:.2g} m along the road"
+    moved = f"at 20 m/s that is {metres_text(sd_offset_s * 20)} along the road"
     return f"{rate}; its offset is known to {sd_offset_s * 1e3:.2g} ms (1 σ): {moved}."
+
+
+def _imu_delay(delay_s: float, sd_s: float, what: str) -> str:
+    if abs(delay_s) < 2.0 * sd_s:
+        return (
+            f"By the motion that both saw, no delay between the IMU's stamps and the receiver's "
+            f"{what} can be told from zero ({delay_s * 1e3:.0f} ms, σ {sd_s * 1e3:.0f} ms)."
+        )
+    return (
+        f"By the motion that both saw, the IMU's stamps are {abs(delay_s) * 1e3:.0f} ms "
+        f"(σ {sd_s * 1e3:.0f} ms) {'later' if delay_s > 0 else 'earlier'} than the receiver's "
+        f"{what}; the fusion refines this."
+    )
 
 
 def _flat(content: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
