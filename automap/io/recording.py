@@ -71,7 +71,7 @@ def _with_log(
     except InputError as error:
         failures.append(str(error))
         return recording
-    warnings += log.warnings
+    warnings += [f"{drive.gnss_file}: {text}" for text in log.warnings]
     fixes = log.fixes
     if drive.arrival_file is not None and len(fixes):
         try:
@@ -95,7 +95,7 @@ def receiver_imu(drive: Drive, own: ReceiverImu, fixes: Fixes) -> ImuData | None
 
     Stamps are in the clock of the arrival times where the drive has those, otherwise
     nanoseconds of GPS time; either way good to ``own.tie_sd_s``. Axes as the manifest says,
-    for the receiver is the IMU then.
+    for the receiver is the IMU then; where it says nothing they are unknown.
     """
     if own.gps_s is None:
         return None
@@ -109,7 +109,7 @@ def receiver_imu(drive: Drive, own: ReceiverImu, fixes: Fixes) -> ImuData | None
         return None
     rows = order.keep
     gyro, accel = own.gyro[rows], own.accel[rows]
-    C = drive.imu_axes
+    C = drive.imu_axes if "axes" in drive.imu.model_fields_set else None
     if C is not None:
         gyro, accel = gyro @ C.T, accel @ C.T
     return ImuData(

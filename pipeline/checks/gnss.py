@@ -33,12 +33,6 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
     most = sorted(log.messages.items(), key=lambda item: -item[1])[:6]
     shown = ", ".join(f"{count} {name}" for name, count in most)
     findings = [Finding("ok", f"{log.kind} log: {shown}")]
-    if log.bad_checksums:
-        findings.append(
-            Finding("warning", f"{log.bad_checksums} messages with a wrong checksum passed over")
-        )
-    if log.garbage_bytes:
-        findings.append(Finding("info", f"{log.garbage_bytes} bytes that belong to no message"))
     good = fixes.fix_type >= FixType.TWO_D
     if not np.any(good):
         findings.append(

@@ -52,7 +52,7 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
     unit = plausibility.accel_unit(imu.accel, rate)
     findings += [unit, plausibility.gyro_unit(imu, recording.fixes)]
     findings += plausibility.stuck_readings(imu)
-    C = drive.imu_axes
+    C = drive.imu_axes if imu.axes_known else None
     if C is None:
         findings.append(Finding("info", "axes unknown: the mounting is estimated from the drive"))
     elif unit.severity == "ok":

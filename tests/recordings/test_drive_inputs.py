@@ -10,7 +10,7 @@ import pytest
 from automap.io import names
 from automap.io.drive import VideoInput, load_drive
 from automap.io.manifest import VideoSection
-from automap.io.recording import read_recording
+from automap.io.recording import imu_time, read_recording
 from automap.io.tables import read_fixes, read_imu
 from automap.io.video import frame_times, iter_frames, read_chapter
 from pipeline.check import check_drive
@@ -93,3 +93,25 @@ def test_selected_frames_are_the_ones_of_a_full_decode(shared_data: Path) -> Non
         np.testing.assert_array_equal(frame.image, full.pop(frame.frame))
         assert frame.t_ns == times.t_ns[frame.frame]
     assert full == {}
+
+
+@pytest.mark.parametrize(
+    ("log", "rate_hz"), [("ublox-neo-m8u.log", 100.0), ("ublox-neo-m8l.log", 11.0)]
+)
+def test_a_receiver_with_its_own_sensors_is_the_imu(
+    shared_data: Path, tmp_path: Path, log: str, rate_hz: float
+) -> None:
+    (tmp_path / "drive.toml").write_text('schema = "automap.drive/1"\n')
+    source = shared_data / "gnss_logs" / "gpsd" / log
+    (tmp_path / "gnss.ubx").write_bytes(source.read_bytes())
+    drive = load_drive(tmp_path)
+    recording = read_recording(drive)
+    imu, fixes = recording.imu, recording.fixes
+    assert imu is not None
+    assert fixes is not None
+    assert not imu.axes_known
+    assert imu_time(drive, recording) == "gps_ns"
+    assert abs(1e9 / np.median(np.diff(imu.t_ns)) - rate_hz) < 1.0
+    assert abs(imu.t_ns[0] * 1e-9 - fixes.gps_s[0]) < 3.0
+    assert abs(np.median(np.linalg.norm(imu.accel, axis=1)) - 9.8) < 0.5
+    assert check_drive(tmp_path).usable
