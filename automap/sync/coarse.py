@@ -46,7 +46,7 @@ def find_offset(
     Image Processing 21(5), 2012, in one dimension). None when the recordings share too
     little motion.
     """
-    if len(gnss.start) < 10:
+    if len(gnss.start) < 10 or len(imu.t_s) < 10:
         return None
     g_turn, g_surge, g_start = _gnss_series(gnss)
     i_series, i_start = _imu_series(imu)

@@ -44,6 +44,8 @@ def refine_lag(imu: ImuMotion, gnss: GnssMotion, offset_s: float, half_s: float)
     the speed, and the slip of the tyres are estimated along from the varying speed. None when
     there is too little common motion or the best lag lies at the end of the search.
     """
+    if len(imu.t_s) < 2 or len(gnss.start) < 2:
+        return None
     lags = offset_s + np.arange(-half_s, half_s + 0.5 * _COARSE_S, _COARSE_S)
     channels = _channels(imu, gnss, float(lags[0]), float(lags[-1]))
     if not channels:

@@ -30,17 +30,21 @@ class ImuMotion:
     t_s: FloatArray
     integral: FloatArray
 
+    def at(self, t_s: FloatArray) -> FloatArray:
+        """The integrals [m, 4] at times [m]; those at the ends beyond them."""
+        right = np.clip(np.searchsorted(self.t_s, t_s), 1, len(self.t_s) - 1)
+        before, after = self.t_s[right - 1], self.t_s[right]
+        part = np.clip((t_s - before) / (after - before), 0.0, 1.0)[:, None]
+        return np.asarray((1.0 - part) * self.integral[right - 1] + part * self.integral[right])
+
     def rate(self, t_s: FloatArray) -> FloatArray:
         """Rate of heading at times [m], rad/s, the mean over a tenth of a second."""
-        ahead = np.interp(t_s + 0.05, self.t_s, self.integral[:, 0])
-        return np.asarray((ahead - np.interp(t_s - 0.05, self.t_s, self.integral[:, 0])) / 0.1)
+        turned = self.at(t_s + 0.05)[:, 0] - self.at(t_s - 0.05)[:, 0]
+        return np.asarray(turned / 0.1)
 
     def between(self, start: FloatArray, end: FloatArray) -> FloatArray:
         """Increments [m, 3] over intervals [m]; NaN outside the recording and across gaps."""
-        steps = np.empty((len(start), 4))
-        for column in range(4):
-            values = self.integral[:, column]
-            steps[:, column] = np.interp(end, self.t_s, values) - np.interp(start, self.t_s, values)
+        steps = self.at(end) - self.at(start)
         lost = (start < self.t_s[0]) | (end > self.t_s[-1]) | (steps[:, 3] > 1e-9)
         steps[lost] = np.nan
         return steps[:, :3]
