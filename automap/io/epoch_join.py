@@ -57,20 +57,6 @@ _FIX_OK = 1
 
 
 @dataclass(frozen=True)
-class Events:
-    """Messages of an epoch's types in log order, [n] each.
-
-    ``code`` index into SOURCES, ``row`` in that type's table, ``gps_s`` the resolved GPS time
-    (NaN for types without a time).
-    """
-
-    offset: IntArray
-    code: npt.NDArray[np.int8]
-    row: IntArray
-    gps_s: FloatArray
-
-
-@dataclass(frozen=True)
 class Joined:
     """Epochs [m] in log order.
 
@@ -276,13 +262,57 @@ def _join_kernel(
     return count
 
 
+@njit(cache=True)
 def _forward_fill(values: FloatArray) -> FloatArray:
     """NaN replaced by the value before it, at the start by the first one [n]."""
-    known = np.flatnonzero(np.isfinite(values))
-    if len(known) == 0:
-        return values
-    before = np.searchsorted(known, np.arange(len(values)), "right") - 1
-    return np.asarray(values[known[np.maximum(before, 0)]], np.float64)
+    filled = values.copy()
+    last = np.nan
+    for i in range(len(values)):
+        if not np.isnan(values[i]):
+            last = values[i]
+            break
+    for i in range(len(values)):
+        if np.isnan(values[i]):
+            filled[i] = last
+        else:
+            last = values[i]
+    return filled
+
+
+@njit(cache=True)
+def _fill_kernel(
+    code: npt.NDArray[np.int8],
+    row: IntArray,
+    offset: IntArray,
+    gps: FloatArray,
+    fine: FloatArray,
+    full: FloatArray,
+    is_utc: npt.NDArray[np.bool_],
+    epoch: IntArray,
+    rows: npt.NDArray[np.int32],
+    epoch_offset: IntArray,
+    epoch_gps: FloatArray,
+) -> None:
+    """Write each message [n] into its epoch [m]: the first of a type and the best time stay.
+
+    Times go by rank: a bare time of day, one with its date, UBX, UBX with its fraction of
+    a millisecond; within a rank the first message's counts.
+    """
+    rank_of = np.full(len(epoch_gps), -1, np.int8)
+    for i in range(len(code)):
+        e = epoch[i]
+        if e < 0:
+            continue
+        if rows[code[i], e] < 0:
+            rows[code[i], e] = row[i]
+        if epoch_offset[e] < 0 or offset[i] < epoch_offset[e]:
+            epoch_offset[e] = offset[i]
+        if np.isnan(gps[i]):
+            continue
+        rank = int(not np.isnan(full[i])) if is_utc[i] else 2 + int(fine[i] != 0.0)
+        if rank > rank_of[e]:
+            rank_of[e] = rank
+            epoch_gps[e] = gps[i] + fine[i]
 
 
 def join_epochs(
@@ -352,14 +382,19 @@ def join_epochs(
     epoch = np.empty(len(codes), np.int64)
     n_epochs = _join_kernel(codes, gps, _UNTIMED[0], _EOE, epoch)
     fine = gather([clock.fine for _, _, clock, _ in parts])
-    return _epoch_table(
-        Events(offset[order], codes, row, gps),
-        epoch,
-        n_epochs,
-        fine,
-        np.isfinite(full),
-        is_utc,
-        moved,
+    rows = np.full((len(SOURCES), n_epochs), -1, np.int32)
+    first = np.full(n_epochs, -1, np.int64)
+    time = np.full(n_epochs, np.nan)
+    _fill_kernel(codes, row, offset[order], gps, fine, full, is_utc, epoch, rows, first, time)
+    keep = (rows[:_N_NAVIGATION] >= 0).any(axis=0) | (rows[CODE["VTG"]] >= 0)
+    return Joined(
+        rows=rows[:, keep],
+        gps_s=time[keep],
+        offset=first[keep],
+        no_navigation=int(np.count_nonzero(~keep)),
+        untimed=int(np.count_nonzero(epoch < 0)),
+        dated=bool(np.isfinite(full).any()),
+        moved_eras=moved,
     )
 
 
@@ -373,38 +408,3 @@ def _fix_state(
         n = len(clock.partial)
         states.append(np.full(n, np.nan) if state is None else state.astype(np.float64))
     return _forward_fill(np.concatenate(states)[order])
-
-
-def _epoch_table(
-    events: Events,
-    epoch: IntArray,
-    n_epochs: int,
-    fine: FloatArray,
-    full: npt.NDArray[np.bool_],
-    is_utc: npt.NDArray[np.bool_],
-    moved: bool,
-) -> Joined:
-    rows = np.full((len(SOURCES), n_epochs), -1, np.int32)
-    offset = np.full(n_epochs, -1, np.int64)
-    gps = np.full(n_epochs, np.nan)
-    member = epoch >= 0
-    timed = member & np.isfinite(events.gps_s)
-    # written backwards, so that the first message of an epoch is the one that stays
-    back = np.flatnonzero(member)[::-1]
-    rows[events.code[back], epoch[back]] = events.row[back]
-    offset[epoch[back]] = events.offset[back]
-    # the later a group is written, the more its time counts: UBX, and there the finest
-    for group in (is_utc & ~full, is_utc & full, ~is_utc, ~is_utc & (fine != 0.0)):
-        chosen = np.flatnonzero(timed & group)[::-1]
-        gps[epoch[chosen]] = events.gps_s[chosen] + fine[chosen]
-    keep = (rows[:_N_NAVIGATION] >= 0).any(axis=0) | (rows[CODE["VTG"]] >= 0)
-    untimed = int(np.count_nonzero(~member))
-    return Joined(
-        rows=rows[:, keep],
-        gps_s=gps[keep],
-        offset=offset[keep],
-        no_navigation=int(np.count_nonzero(~keep)),
-        untimed=untimed,
-        dated=bool(full.any()),
-        moved_eras=moved,
-    )
