@@ -24,6 +24,8 @@ def run(context: StageContext) -> None:
         context.progress(number / len(STANDARD_FORMATS), file_name)
         write(content, context.work / file_name)
     context.metric("signs", len(content.signs))
+    points = 0 if content.path is None else len(content.path)
+    context.result = f"{len(content.signs)} signs and a path of {points} points in 4 formats"
 
 
 def _inputs(drive: Drive) -> list[Path]:
