@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.errors import InputError
+from automap.io.arrow_columns import column_to_numpy
 from automap.records import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -196,7 +197,7 @@ def _to_numpy(column: pa.ChunkedArray, kind: Kind) -> np.ndarray:
     if kind == "text":
         return np.array([value or "" for value in column.to_pylist()], dtype=object)
     dtype = np.int64 if kind == "int" else np.float64
-    return np.ascontiguousarray(column.to_numpy(), dtype=dtype)
+    return np.array(column_to_numpy(column), dtype=dtype)
 
 
 def _careful(

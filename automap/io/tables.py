@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from automap.errors import InputError
+from automap.io.arrow_columns import column_to_numpy, numpy_to_array
 from automap.io.atomic import atomic_path
 from automap.records import Fixes, FloatArray, ImuData, IntArray
 
@@ -39,7 +40,7 @@ def write_columns(
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    table = pa.table({name: pa.array(values) for name, values in columns.items()})
+    table = pa.table({name: numpy_to_array(values) for name, values in columns.items()})
     if metadata:
         table = table.replace_schema_metadata(dict(metadata))
     with atomic_path(path) as temporary:
@@ -68,14 +69,13 @@ def read_table(path: Path, required: tuple[str, ...] = ()) -> pa.Table:
 
 
 def floats(table: pa.Table, name: str) -> FloatArray:
-    """One column as float64 [n]; nulls become NaN."""
-    values = table.column(name).to_numpy()
-    return np.ascontiguousarray(values, dtype=np.float64)
+    """One column as float64 [n], a copy that may be written to; nulls become NaN."""
+    return np.array(column_to_numpy(table.column(name)), dtype=np.float64)
 
 
 def ints(table: pa.Table, name: str) -> IntArray:
     """One column as int64 [n]."""
-    return np.ascontiguousarray(table.column(name).to_numpy(), dtype=np.int64)
+    return np.array(column_to_numpy(table.column(name)), dtype=np.int64)
 
 
 def _vector(table: pa.Table, names: tuple[str, ...]) -> FloatArray:

@@ -240,6 +240,18 @@ def test_a_trajectory_is_stored_in_degrees(tmp_path: Path) -> None:
         np.testing.assert_allclose(getattr(back, name), value, rtol=1e-14, err_msg=name)
 
 
+def test_columns_with_nulls_and_several_chunks(tmp_path: Path) -> None:
+    import pyarrow as pa
+
+    from automap.io.arrow_columns import column_to_numpy
+
+    column = pa.chunked_array([[1.0, None, 3.0], [], [None, 5.0]], pa.float64())
+    np.testing.assert_array_equal(column_to_numpy(column), [1, np.nan, 3, np.nan, 5])
+    np.testing.assert_array_equal(column_to_numpy(column.slice(1, 3)), [np.nan, 3, np.nan])
+    whole = pa.chunked_array([list(range(20))], pa.int64()).slice(3, 9)
+    np.testing.assert_array_equal(column_to_numpy(whole), np.arange(3, 12))
+
+
 def test_a_damaged_table_is_one_sentence(tmp_path: Path) -> None:
     path = tmp_path / "imu.parquet"
     with pytest.raises(InputError, match="is missing"):
