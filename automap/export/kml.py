@@ -7,25 +7,25 @@ everything is clamped to the ground. Nothing refers to the network.
 
 from __future__ import annotations
 
-import html
-import re
-from collections.abc import Callable, Iterator
-from typing import Any
-from xml.sax.saxutils import escape, quoteattr
+from collections.abc import Iterator
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from automap.export.clock import iso_texts
-from automap.export.fields import SIGN_FIELDS, Field
-from automap.export.geojson import json_tokens
+from automap.export.fields import SIGN_FIELDS
+from automap.export.kml_cells import (
+    balloon_cells,
+    data_cells,
+    html_text,
+    plain_values,
+    sign_schema,
+    xml_text,
+)
 from automap.export.path import Path, split_at_date_line
 from automap.export.sign_columns import SignColumns, ellipse_rings
 from automap.records import FloatArray
 
-_ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-_KML_TYPES = {"real": "double", "integer": "int", "text": "string", "time": "string"}
-
-_NUMBERS = ("real", "integer")
 _RING_POINTS = 24
 _POLYGON = (
     "<Polygon><altitudeMode>clampToGround</altitudeMode><outerBoundaryIs><LinearRing>"
@@ -60,11 +60,6 @@ def map_kml(
     return "\n".join(_document(name, columns, path, sign_geoid_m, path_geoid_m)) + "\n"
 
 
-def xml_text(value: Any) -> str:
-    """Text for an element: markup escaped, characters that XML 1.0 forbids replaced."""
-    return escape(_ILLEGAL.sub("\ufffd", str(value)))
-
-
 def _document(
     name: str,
     columns: SignColumns,
@@ -85,7 +80,7 @@ def _document(
         yield _sign_style(style, colours[cls])
     yield _line_style("track", "#1f6feb", 3)
     yield _line_style("ellipse", "#444444", 1, fill="#888888")
-    yield _schema()
+    yield sign_schema()
     yield "<Folder><name>Signs</name><open>0</open>"
     yield from _signs(columns, style_of, sign_geoid)
     yield "</Folder>"
@@ -139,34 +134,6 @@ def _line_style(style: str, colour: str, width: int, fill: str | None = None) ->
     )
 
 
-def _schema() -> str:
-    fields = "".join(
-        f'<SimpleField name="{field.name}" type="{_KML_TYPES.get(field.kind, "string")}">'
-        f"<displayName>{xml_text(_label(field))}</displayName></SimpleField>"
-        for field in SIGN_FIELDS
-    )
-    return f'<Schema name="sign" id="sign">{fields}</Schema>'
-
-
-def _label(field: Field) -> str:
-    return f"{field.meaning} ({field.unit})" if field.unit else field.meaning
-
-
-def _plain_values(columns: SignColumns) -> list[list[str | None]]:
-    """Every field as plain text, None where unknown; one list a field."""
-    texts: list[list[str | None]] = []
-    for field in SIGN_FIELDS:
-        values = columns.values[field.name]
-        if field.kind in ("real", "integer"):
-            tokens = json_tokens(field, values)
-            texts.append([None if token == "null" else token for token in tokens])
-        elif field.kind == "list":
-            texts.append([", ".join(value) or None for value in values])
-        else:
-            texts.append([None if value in (None, "") else str(value) for value in values])
-    return texts
-
-
 def _altitude(geoid: FloatArray | None, height: FloatArray) -> FloatArray:
     if geoid is None:
         return np.full(len(height), np.nan)
@@ -176,12 +143,12 @@ def _altitude(geoid: FloatArray | None, height: FloatArray) -> FloatArray:
 def _signs(
     columns: SignColumns, style_of: dict[str, str], geoid: FloatArray | None
 ) -> Iterator[str]:
-    plain = _plain_values(columns)
-    data = _rows([_data_cells(*pair) for pair in zip(SIGN_FIELDS, plain, strict=True)])
-    cells = _rows([_balloon_cells(*pair) for pair in zip(SIGN_FIELDS, plain, strict=True)])
+    plain = plain_values(columns)
+    data = _rows([data_cells(*pair) for pair in zip(SIGN_FIELDS, plain, strict=True)])
+    cells = _rows([balloon_cells(*pair) for pair in zip(SIGN_FIELDS, plain, strict=True)])
     altitude = _altitude(geoid, columns.height_m).tolist()
     located = columns.located.tolist()
-    heads = {name: xml_text(f"<h3>{_html_text(name)}</h3><table>") for name in style_of}
+    heads = {name: xml_text(f"<h3>{html_text(name)}</h3><table>") for name in style_of}
     end = xml_text("</table>")
     rows = zip(
         columns.values["id"],
@@ -203,42 +170,6 @@ def _signs(
 
 def _rows(cells: list[list[str]]) -> list[str]:
     return ["".join(row) for row in zip(*cells, strict=True)]
-
-
-def _data_cells(field: Field, values: list[str | None]) -> list[str]:
-    """A field's SimpleData elements, empty where the value is unknown."""
-    head, end = f'<SimpleData name="{field.name}">', "</SimpleData>"
-    text = str if field.kind in _NUMBERS else _each_once(xml_text)
-    return ["" if value is None else f"{head}{text(value)}{end}" for value in values]
-
-
-def _balloon_cells(field: Field, values: list[str | None]) -> list[str]:
-    """A field's rows of the balloon's table, as XML text."""
-    head = xml_text(f"<tr><td>{_html_text(_label(field))}</td><td>")
-    end = xml_text("</td></tr>")
-    safe = _each_once(lambda value: xml_text(_html_text(value)))
-    text = str if field.kind in _NUMBERS else safe
-    return ["" if value is None else f"{head}{text(value)}{end}" for value in values]
-
-
-def _html_text(text: str) -> str:
-    """Text as HTML of a balloon, so that hostile text stays text.
-
-    The dollar sign is spelled as an entity, else ``$[...]`` in a value would be replaced by
-    another field.
-    """
-    return html.escape(_ILLEGAL.sub("\ufffd", text)).replace("$", "&#36;")
-
-
-def _each_once(convert: Callable[[str], str]) -> Callable[[str], str]:
-    known: dict[str, str] = {}
-
-    def converted(value: str) -> str:
-        if value not in known:
-            known[value] = convert(value)
-        return known[value]
-
-    return converted
 
 
 def _point(lon: float, lat: float, altitude: float) -> str:

@@ -12,7 +12,7 @@ from automap.export.fields import SIGN_FIELDS
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
 from pipeline.products import RunProducts
-from pipeline.report.figures import duration_text, key_figures, metres_text
+from pipeline.report.figures import key_figures
 from pipeline.report.map_data import embedded_json, map_data
 from pipeline.report.sections import (
     innovation_section,
@@ -47,7 +47,7 @@ def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     environment.trim_blocks = environment.lstrip_blocks = True
     template = environment.from_string(_asset("report.html.j2"))
-    return template.render(
+    page = template.render(
         name=name,
         version=__version__,
         when=_when(products),
@@ -68,6 +68,8 @@ def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str
         script=Markup(_asset("report.js")),
         leaflet=Markup(_leaflet_script()) if content is not None else "",
     )
+    # a folder's name that is no UTF-8 cannot be written as it is
+    return page.encode("utf-8", "replace").decode("utf-8")
 
 
 def _asset(name: str) -> str:
@@ -190,6 +192,3 @@ def _sign_table(signs: SignColumns) -> dict[str, Any]:
         for field in fields
     ]
     return {"heads": heads, "rows": rows, "left_out": max(0, len(signs) - TABLE_LIMIT)}
-
-
-__all__ = ["duration_text", "metres_text", "report_html"]

@@ -205,6 +205,11 @@ def test_numbers_without_a_meaning_do_not_stop_the_page(out: Path) -> None:
     assert content["signs"]["ellipse"][0] == [None]
 
 
+def test_a_folder_name_that_is_no_utf8(out: Path) -> None:
+    page, _ = run_stage(out, "caf\udce9")
+    assert html.fromstring(page).xpath("//h1/text()") == ["caf?"]
+
+
 def test_report_of_a_run_is_the_same_twice(out: Path) -> None:
     products = load_products(out)
     record = products.json(names.RUN)
