@@ -19,6 +19,10 @@ MAX_RATE = 1e-3
 _STEP_ERROR_S = 0.1
 _STEP_SHARE = 0.1
 _EARLY_S = 0.005
+_UNSEEN = 0.04
+"""Part of the median waiting by which the least delay may lie below all that was seen: with
+lognormal waiting the lower edge is so thin that no few hundred epochs show it."""
+
 _FEW = 4
 _FEW_SD_S = 0.05
 
@@ -108,6 +112,8 @@ def fit_arrival_clock(
             f"{early} of {len(rows)} receiver epochs arrived before they can have been sent; "
             "taken as wrong tags and left out of the clock"
         )
+    waiting = float(np.median(above[consistent]))
+    unseen = _UNSEEN * max(waiting, 0.0)
     least = output_delay_s or 0.0
     # at host time x_ref an epoch of the least delay has just arrived
     edge_ns = ref_ns + round(envelope.x_ref * 1e9)
@@ -116,7 +122,7 @@ def fit_arrival_clock(
         ref_ns=edge_ns,
         ref_gps_s=edge_gps,
         drift=-envelope.slope,
-        sd_offset_s=float(np.hypot(sd_offset, 0.5 * wander)),
+        sd_offset_s=float(np.sqrt(sd_offset**2 + (0.5 * wander) ** 2 + unseen**2)),
         sd_drift=float(sd_drift),
         method="arrival",
         output_delay_s=output_delay_s,
@@ -129,7 +135,7 @@ def fit_arrival_clock(
         clock=clock,
         delay_s=delay,
         used=used,
-        waiting_s=float(np.median(above[consistent])),
+        waiting_s=waiting,
         shape=envelope.shape,
         wander_s=wander,
         early=early,

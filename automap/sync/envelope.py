@@ -25,7 +25,7 @@ from automap.records import FloatArray
 
 _BACKGROUND = 0.01  # fraction of points with a wrong tag, before the data are seen
 _BACKGROUND_RANGE_S = 1.0
-_SHAPES = np.geomspace(0.6, 3.5, 10)
+_SHAPES = np.geomspace(0.9, 3.5, 9)
 _SHAPE_SPREAD = 0.4  # of ln k about k = 1
 _MAX_POINTS = 120
 _GRID = (33, 27)
