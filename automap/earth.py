@@ -1,17 +1,16 @@
 """WGS-84: constants, radii, gravity, local metres.
 
-The scalar functions are numba kernels so that the mechanisation can call them; the array
-functions below them serve everything else. Book: Groves, chapter 2.4; gravity by Somigliana
-with the free-air terms of NIMA TR8350.2.
+``radii`` and ``gravity`` take scalars or arrays and compile as they are, so the filter's
+kernels use the same definition. Book: Groves, chapter 2.4; gravity by Somigliana with the
+free-air terms of NIMA TR8350.2.
 """
 
 from __future__ import annotations
 
-import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from automap.records import FloatArray
 
@@ -28,20 +27,17 @@ _K = 0.00193185265241
 _M = RATE**2 * A**2 * _B / GM
 
 
-@njit(cache=True)
-def radii(lat: float) -> tuple[float, float]:
+def radii(lat: Any) -> Any:
     """Meridian and transverse radius of curvature in m at a latitude in rad."""
-    s2 = math.sin(lat) ** 2
-    w = 1.0 - E2 * s2
-    root = math.sqrt(w)
+    w = 1.0 - E2 * np.sin(lat) ** 2
+    root = np.sqrt(w)
     return A * (1.0 - E2) / (w * root), A / root
 
 
-@njit(cache=True)
-def gravity(lat: float, height: float) -> float:
+def gravity(lat: Any, height: Any) -> Any:
     """Local gravity in m/s^2, positive down, at latitude in rad and ellipsoidal height in m."""
-    s2 = math.sin(lat) ** 2
-    g0 = _GE * (1.0 + _K * s2) / math.sqrt(1.0 - E2 * s2)
+    s2 = np.sin(lat) ** 2
+    g0 = _GE * (1.0 + _K * s2) / np.sqrt(1.0 - E2 * s2)
     factor = 1.0 - 2.0 / A * (1.0 + F * (1.0 - 2.0 * s2) + _M) * height
     return g0 * (factor + 3.0 * height * height / (A * A))
 
@@ -52,10 +48,8 @@ def metres_per_radian(
     """Metres north per radian of latitude and metres east per radian of longitude, [n] each."""
     lat = np.asarray(lat_rad, np.float64)
     h = np.asarray(height_m, np.float64)
-    w = 1.0 - E2 * np.sin(lat) ** 2
-    north = A * (1.0 - E2) / w**1.5 + h
-    east = (A / np.sqrt(w) + h) * np.cos(lat)
-    return np.asarray(north), np.asarray(east)
+    meridian, transverse = radii(lat)
+    return np.asarray(meridian + h), np.asarray((transverse + h) * np.cos(lat))
 
 
 def local_ned(

@@ -15,7 +15,7 @@ import numpy as np
 
 from automap import earth
 from automap.frames import matrix_to_quat, rotation_vector_to_matrix
-from automap.fusion.measurements import FixModel, Nodes
+from automap.fusion.measurements import FixModel, Nodes, Shift
 from automap.fusion.problem import Problem, Start, run_forward
 from automap.records import FloatArray
 
@@ -97,7 +97,7 @@ def align(
     fixes: FixModel,
     nodes: Nodes,
     gyro_bias: FloatArray,
-    delay_shift: float,
+    shift: Shift,
 ) -> Alignment:
     """Choose the starting attitude by the likelihood of the first part of the drive."""
     t0 = float(nodes.t[0])
@@ -109,7 +109,7 @@ def align(
     for j in range(N_HEADINGS):
         attitude = rotation_vector_to_matrix(j * step * free) @ tilt
         start = start_state(problem, fixes, t0, attitude, sd_attitude)
-        score = run_forward(problem, trial, start, delay_shift, store=False).score
+        score = run_forward(problem, trial, start, shift, store=False).score
         runs.append((score if np.isfinite(score) else -np.inf, j, start))
     runs.sort(key=lambda item: -item[0])
     best_score, best, start = runs[0]

@@ -15,7 +15,7 @@ from automap.frames import (
     rotation_vector_to_matrix,
 )
 from automap.fusion.alignment import Alignment, align
-from automap.fusion.measurements import FixModel, Nodes, build_nodes, model_fixes
+from automap.fusion.measurements import FixModel, Nodes, Shift, build_nodes, model_fixes
 from automap.fusion.model import FusionOptions, StateModel, build_state_model
 from automap.fusion.mounting import Mounting, estimate_mounting
 from automap.fusion.output import (
@@ -26,10 +26,15 @@ from automap.fusion.output import (
     parameter_history,
 )
 from automap.fusion.problem import (
+    DELAY_STATE as DELAY,
+)
+from automap.fusion.problem import (
+    VEL_LATENCY_STATE,
     ForwardRun,
     Problem,
     SmoothRun,
     Start,
+    filtered_states,
     make_problem,
     run_dense,
     run_forward,
@@ -38,8 +43,8 @@ from automap.fusion.problem import (
 from automap.fusion.standstill import find_standstill, rest_gyro_bias
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 
-DELAY = "imu_time_offset_s"
-DELAY_CONVERGED_S = 0.003
+DELAY_CONVERGED_S = 0.002
+MAX_VEL_LATENCY_S = 1.0
 _NO_NHC = ("imu_mounting", "nhc_lever_arm")
 
 
@@ -94,7 +99,7 @@ class _Pass:
     nodes: Nodes
     forward: ForwardRun
     smooth: SmoothRun
-    shift: float
+    shift: Shift
 
 
 def fuse_imu_gnss(
@@ -191,7 +196,7 @@ def _passes(
     options = session.options
     model = build_state_model(options, session.means, session.sds)
     speed_t, speed, _ = _fix_speed(session.fixes)
-    shift = session.means[DELAY] if DELAY in model.names else 0.0
+    shift = Shift(session.means[DELAY] if DELAY in model.names else 0.0)
     problem = make_problem(session.imu, model, options)
     margin = np.inf
     last: _Pass | None = None
@@ -213,26 +218,39 @@ def _passes(
         forward = run_forward(problem, nodes, start, shift)
         smooth = run_smoother(problem, forward)
         last = _Pass(problem, nodes, forward, smooth, shift)
+        following = _next_shift(model, smooth, shift)
         if number == options.passes - 1:
             break
-        step = _delay_step(model, smooth)
         # begin again at the smoothed start, as unsure as before: only the linearisation gains
         start = Start(smooth.nominal[0].copy(), start.sd)
         speed_t = nodes.t
         speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
-        if number > 0 and abs(step) < DELAY_CONVERGED_S:
+        if number > 0 and _close(following, shift):
             break
-        shift += step
+        shift = following
     assert last is not None
     assert start is not None
+    for _ in range(options.iterations):
+        forward = run_forward(problem, last.nodes, start, shift, about=last.smooth)
+        last = _Pass(problem, last.nodes, forward, run_smoother(problem, forward), shift)
     return last, Alignment(start, margin)
 
 
-def _delay_step(model: StateModel, smooth: SmoothRun) -> float:
-    """Remaining delay in s that the nodes' times do not contain yet."""
-    if DELAY not in model.names:
-        return 0.0
-    return float(smooth.params[-1, model.names.index(DELAY)])
+def _next_shift(model: StateModel, smooth: SmoothRun, shift: Shift) -> Shift:
+    """The delays found so far, for the nodes' times of the next pass."""
+    found = dict(zip(model.names, smooth.params[-1], strict=True))
+    latency = shift.vel_latency_s + float(found.get(VEL_LATENCY_STATE, 0.0))
+    return Shift(
+        shift.delay_s + float(found.get(DELAY, 0.0)),
+        float(np.clip(latency, -MAX_VEL_LATENCY_S, MAX_VEL_LATENCY_S)),
+    )
+
+
+def _close(a: Shift, b: Shift) -> bool:
+    return (
+        abs(a.delay_s - b.delay_s) < DELAY_CONVERGED_S
+        and abs(a.vel_latency_s - b.vel_latency_s) < 2 * DELAY_CONVERGED_S
+    )
 
 
 def _mounting_of(last: _Pass) -> Mounting:
@@ -282,7 +300,7 @@ def _assemble(
     delay = Prior(0.0, 0.0)
     if DELAY in model.names:
         i = model.names.index(DELAY)
-        delay = Prior(float(final[i]) + last.shift, float(spread[9 + i]))
+        delay = Prior(float(final[i]) + last.shift.delay_s, float(spread[9 + i]))
     residual = np.zeros(3)
     residual_sd = np.zeros(3)
     if "imu_mounting_roll" in model.names:
@@ -301,7 +319,7 @@ def _assemble(
         session.imu.t_ns, clock, delay.mean, turn, residual_sd, blend=True,
     )
     filtered = node_trajectory(
-        last.problem, last.nodes, last.forward.nominal, last.forward.params, last.forward.cov,
+        last.problem, last.nodes, *filtered_states(last.forward), last.forward.cov,
         session.imu.t_ns, clock, delay.mean, turn, residual_sd, blend=False,
     )
     params = parameter_history(last.problem, last.smooth, int(session.imu.t_ns[0]), last.shift)

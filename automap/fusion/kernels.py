@@ -429,6 +429,7 @@ def run_forward(
     imu_t,
     readings,
     extra,
+    force,
     terms,
     off,
     node_t,
@@ -446,8 +447,11 @@ def run_forward(
     gate,
     earth_on,
     store,
+    about,
+    about_params,
     nominal,
     params,
+    mean,
     trans,
     cov,
     sc_count,
@@ -461,14 +465,18 @@ def run_forward(
     """Filter from the first node to the last; returns the robust log-likelihood.
 
     Inputs: ``imu_t`` [n] s, ``readings`` [n, 6] raw rates and forces, ``extra`` [n, e] extra
-    basis signals, ``terms`` [m, 3], ``off`` [N_BLOCKS], ``node_t`` [k] s within ``imu_t``,
+    basis signals, ``force`` [n, 3] the forces freed of vibration without delay, ``terms`` [m, 3], ``off`` [N_BLOCKS], ``node_t`` [k] s within ``imu_t``,
     ``node_flags`` [k], ``node_fix`` [k, 6] lat, lon, height, velocity NED, ``node_var`` [k, 14]
     variances by channel, ``node_wander`` [k, 3] sigma of the wander in m, ``x0`` [10] and
     ``xi0`` [n - 9] the nominal start, ``p0`` [n, n], ``tau`` [n] correlation time of Gauss-Markov
     states (0: none), ``walk`` [n] random-walk PSD, ``noise`` (qa, qg), ``gap`` (longest normal
     step s, force sd m/s^2, rate sd rad/s inside a gap), ``gate`` (NIS per rows 1..3 and limit).
-    Outputs (preallocated; with ``store`` only): ``nominal`` [k, 10], ``params`` [k, n - 9]
-    after the update, ``trans`` [k, 9, n], ``cov`` [k, n, n], ``sc_*`` the scalars in order of
+    ``about`` [k, 10], ``about_params`` [k, n - 9]: states to linearise about (an iteration of
+    the smoother), or empty: then about the filter's own running estimate.
+    Outputs (preallocated; with ``store`` only): ``nominal`` [k, 10], ``params`` [k, n - 9] the
+    states linearised about and ``mean`` [k, n] the error estimate relative to them after the
+    update (zero where it was moved into the state), ``trans`` [k, 9, n], ``cov`` [k, n, n],
+    ``sc_*`` the scalars in order of
     processing with ``sc_count`` [k] the running total, ``nis_table`` [k, 14] block NIS before
     inflation (NaN where not measured).
     """
@@ -497,10 +505,17 @@ def run_forward(
     k_gain = np.zeros(n)
     mean_rate = np.zeros(3)
     acc = np.zeros(3)
-    v_before = np.zeros(3)
+    step = np.zeros(n)
     score = 0.0
     total = 0
     n_imu = imu_t.shape[0]
+    relinearise = about.shape[0] > 0
+    if relinearise:
+        # the prior, relative to the first state linearised about
+        subtract(pos, vel, q, about[0], dx)
+        for j in range(n - N_NAV):
+            dx[N_NAV + j] = xi[j] - about_params[0, j]
+        load_state(about[0], about_params[0], pos, vel, q, c, xi)
     i = 0
     while i < n_imu - 2 and imu_t[i + 1] <= node_t[0]:
         i += 1
@@ -509,11 +524,6 @@ def run_forward(
     t = node_t[0]
     for a in range(3):
         mean_rate[a] = ra[a]
-    g0 = gravity(pos[0], pos[2])
-    for a in range(3):
-        acc[a] = c[a, 0] * ra[3] + c[a, 1] * ra[4] + c[a, 2] * ra[5]
-    acc[2] += g0
-
     for k in range(node_t.shape[0]):
         t_end = node_t[k]
         span = t_end - t
@@ -529,9 +539,6 @@ def run_forward(
             # readings change with the parameters: refresh the start of the interval
             interpolate_reading(imu_t, readings, i, t, raw)
             correct_reading(raw, extra[i], terms, xi, ra)
-            acc_t = t
-            for a in range(3):
-                v_before[a] = vel[a]
             while t < t_end:
                 nxt = imu_t[i + 1]
                 wide = nxt - imu_t[i] > gap[0]
@@ -547,10 +554,6 @@ def run_forward(
                 else:
                     interpolate_reading(imu_t, readings, i, nxt, raw)
                     correct_reading(raw, extra[i], terms, xi, rb)
-                if t_end - t < 0.1 and t_end - acc_t > 0.1:
-                    acc_t = t
-                    for a in range(3):
-                        v_before[a] = vel[a]
                 for a in range(6):
                     rm_[a] = 0.5 * (ra[a] + rb[a])
                 for a in range(extra.shape[1]):
@@ -575,7 +578,6 @@ def run_forward(
             for a in range(3):
                 phi[a, V_ID + a] = span
                 mean_rate[a] /= span
-                acc[a] = (vel[a] - v_before[a]) / max(t_end - acc_t, 1e-9)
             for j in range(N_NAV, n):
                 if tau[j] > 0.0:
                     d = math.exp(-span / tau[j])
@@ -585,6 +587,12 @@ def run_forward(
                 else:
                     decay[j] = 1.0
                     q_state[j] = walk[j] * span
+            if relinearise:
+                carry_mean(dx, phi, decay, xi, about_params[k])
+                subtract(pos, vel, q, about[k], step)
+                for a in range(N_NAV):
+                    dx[a] += step[a]
+                load_state(about[k], about_params[k], pos, vel, q, c, xi)
             propagate_covariance(p, phi, qn, decay, q_state, work)
             if store:
                 for a in range(N_NAV):
@@ -593,9 +601,11 @@ def run_forward(
         elif k > 0 and store:
             for a in range(N_NAV):
                 trans[k, a, a] = 1.0
-        for j in range(n):
-            dx[j] = 0.0
+        if not relinearise:
+            for j in range(n):
+                dx[j] = 0.0
         flags = node_flags[k]
+        acceleration(imu_t, force, i, t_end, pos, c, acc)
         for block in range(5):
             rows = 0
             first = 0
@@ -666,8 +676,12 @@ def run_forward(
                     sc_info[total, 1] = first + start + a
                     sc_info[total, 2] = 1 if factor < gate[4] else 0
                     total += 1
-        inject(pos, vel, q, c, xi, dx)
+        if not relinearise:
+            inject(pos, vel, q, c, xi, dx)
         if store:
+            if relinearise:
+                for j in range(n):
+                    mean[k, j] = dx[j]
             sc_count[k] = total
             for a in range(3):
                 nominal[k, a] = pos[a]
@@ -680,6 +694,77 @@ def run_forward(
                 for b in range(n):
                     cov[k, a, b] = p[a, b]
     return score
+
+
+@njit(cache=True)
+def acceleration(imu_t, force, i, t, pos, c, out):
+    """Acceleration over ground NED [3] at ``t`` between samples i and i + 1, to first order."""
+    s = (t - imu_t[i]) / (imu_t[i + 1] - imu_t[i])
+    s = min(max(s, 0.0), 1.0)
+    f0 = force[i, 0] + s * (force[i + 1, 0] - force[i, 0])
+    f1 = force[i, 1] + s * (force[i + 1, 1] - force[i, 1])
+    f2 = force[i, 2] + s * (force[i + 1, 2] - force[i, 2])
+    for a in range(3):
+        out[a] = c[a, 0] * f0 + c[a, 1] * f1 + c[a, 2] * f2
+    out[2] += gravity(pos[0], pos[2])
+
+
+@njit(cache=True)
+def load_state(row, row_params, pos, vel, q, c, xi):
+    """Set the nominal state from a stored row [10] and its parameters."""
+    for a in range(3):
+        pos[a] = row[a]
+        vel[a] = row[3 + a]
+    for a in range(4):
+        q[a] = row[6 + a]
+    quat_to_dcm(q, c)
+    for j in range(xi.shape[0]):
+        xi[j] = row_params[j]
+
+
+@njit(cache=True)
+def subtract(pos, vel, q, row, out):
+    """Navigation error ``out`` [0:9] of a state against a stored row [10]: state minus row."""
+    rm, rn = radii(row[0])
+    out[0] = (pos[0] - row[0]) * (rm + row[2])
+    dlon = pos[1] - row[1]
+    if dlon > math.pi:
+        dlon -= 2 * math.pi
+    elif dlon < -math.pi:
+        dlon += 2 * math.pi
+    out[1] = dlon * (rn + row[2]) * math.cos(row[0])
+    out[2] = row[2] - pos[2]
+    for a in range(3):
+        out[V_ID + a] = vel[a] - row[3 + a]
+    # rotation vector of q row^-1, a left rotation
+    w0, x0, y0, z0 = q[0], q[1], q[2], q[3]
+    w1, x1, y1, z1 = row[6], -row[7], -row[8], -row[9]
+    w = w0 * w1 - x0 * x1 - y0 * y1 - z0 * z1
+    x = w0 * x1 + x0 * w1 + y0 * z1 - z0 * y1
+    y = w0 * y1 - x0 * z1 + y0 * w1 + z0 * x1
+    z = w0 * z1 + x0 * y1 - y0 * x1 + z0 * w1
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    s = math.sqrt(x * x + y * y + z * z)
+    scale = 2.0 if s < 1e-9 else 2.0 * math.atan2(s, w) / s
+    out[PHI_ID], out[PHI_ID + 1], out[PHI_ID + 2] = scale * x, scale * y, scale * z
+
+
+@njit(cache=True)
+def carry_mean(dx, phi, decay, xi, next_params):
+    """Carry an error estimate [n] over an interval, towards the next state's parameters."""
+    n = dx.shape[0]
+    nav = np.zeros(N_NAV)
+    for i in range(N_NAV):
+        s = 0.0
+        for j in range(n):
+            s += phi[i, j] * dx[j]
+        nav[i] = s
+    for i in range(N_NAV):
+        dx[i] = nav[i]
+    for j in range(N_NAV, n):
+        # xi has already decayed
+        dx[j] = decay[j] * dx[j] + xi[j - N_NAV] - next_params[j - N_NAV]
 
 
 @njit(cache=True)
@@ -890,30 +975,10 @@ def run_dense(
                     break
                 i += 1
         if blend:
+            subtract(pos, vel, q, nominal[k + 1], miss)
+            for a in range(9):
+                miss[a] = -miss[a]
             rm, rn = radii(pos[0])
-            miss[0] = (nominal[k + 1, 0] - pos[0]) * (rm + pos[2])
-            dlon = nominal[k + 1, 1] - pos[1]
-            if dlon > math.pi:
-                dlon -= 2 * math.pi
-            elif dlon < -math.pi:
-                dlon += 2 * math.pi
-            miss[1] = dlon * (rn + pos[2]) * math.cos(pos[0])
-            miss[2] = pos[2] - nominal[k + 1, 2]
-            for a in range(3):
-                miss[3 + a] = nominal[k + 1, 3 + a] - vel[a]
-            # vector of q_node q^-1, a left rotation
-            w0, x0, y0, z0 = (
-                nominal[k + 1, 6],
-                nominal[k + 1, 7],
-                nominal[k + 1, 8],
-                nominal[k + 1, 9],
-            )
-            w1, x1, y1, z1 = q[0], -q[1], -q[2], -q[3]
-            sw = w0 * w1 - x0 * x1 - y0 * y1 - z0 * z1
-            sign = 2.0 if sw >= 0 else -2.0
-            miss[6] = sign * (w0 * x1 + x0 * w1 + y0 * z1 - z0 * y1)
-            miss[7] = sign * (w0 * y1 - x0 * z1 + y0 * w1 + z0 * x1)
-            miss[8] = sign * (w0 * z1 + x0 * y1 - y0 * x1 + z0 * w1)
             last = i + 1 if imu_t[i + 1] <= t1 else i
             for j in range(i_first, last + 1):
                 s = (imu_t[j] - t0) / (t1 - t0)

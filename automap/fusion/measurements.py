@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,6 +34,19 @@ _TYPE_FACTOR = {
     FixType.FLOAT: 1.0,
     FixType.FIXED: 1.0,
 }
+
+
+MIN_SPLIT_S = 0.004
+"""Velocities get nodes of their own from this distance to their position."""
+
+
+@dataclass(frozen=True)
+class Shift:
+    """What the nodes' times contain: IMU stamps late by ``delay_s`` against the fixes, and
+    velocities older than the positions by ``vel_latency_s``."""
+
+    delay_s: float = 0.0
+    vel_latency_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -117,7 +130,7 @@ def model_fixes(fixes: Fixes, t: FloatArray, options: FusionOptions) -> FixModel
 
 def build_nodes(
     model: FixModel,
-    delay_s: float,
+    shift: Shift,
     span: tuple[float, float],
     standstill: list[tuple[float, float]],
     speed_t: FloatArray,
@@ -125,13 +138,14 @@ def build_nodes(
     options: FusionOptions,
     constrained: bool,
 ) -> Nodes:
-    """Merge fixes (shifted by ``delay_s`` onto IMU stamps), standstill and filler instants.
+    """Merge fixes (shifted onto IMU stamps), standstill and filler instants.
 
     ``span`` the first and last instant of the trajectory in s; fixes outside it are left out.
     ``standstill`` intervals in s; ``speed`` at ``speed_t`` in m/s decides where the vehicle
     constraint holds (with ``constrained``).
     """
-    fix_t = model.t + delay_s
+    model = _split(model, shift)
+    fix_t = model.t
     inside = (fix_t >= span[0]) & (fix_t <= span[1])
     times = np.concatenate([[span[0]], fix_t[inside], [span[1]]])
     gaps = np.diff(times)
@@ -178,3 +192,29 @@ def build_nodes(
     return Nodes(t, flags, values, var, wander, fix_row.astype(np.int64))
 
 
+
+
+def _split(model: FixModel, shift: Shift) -> FixModel:
+    """Fixes on IMU stamps, velocities apart from positions where they belong to another time."""
+    t = model.t + shift.delay_s
+    if abs(shift.vel_latency_s) < MIN_SPLIT_S:
+        return replace(model, t=t)
+    position = (model.flags & (HAS_POS_H | HAS_POS_V)) > 0
+    velocity = (model.flags & (HAS_VEL_H | HAS_VEL_V)) > 0
+    rows = np.concatenate([np.flatnonzero(position), np.flatnonzero(velocity)])
+    n_pos = int(position.sum())
+    flags = model.flags[rows].copy()
+    flags[:n_pos] &= HAS_POS_H | HAS_POS_V
+    flags[n_pos:] &= HAS_VEL_H | HAS_VEL_V
+    times = t[rows].copy()
+    times[n_pos:] -= shift.vel_latency_s
+    order = np.argsort(times, kind="stable")
+    rows = rows[order]
+    return FixModel(
+        times[order],
+        flags[order],
+        model.values[rows],
+        model.white_var[rows],
+        model.wander_sd[rows],
+        model.row[rows],
+    )

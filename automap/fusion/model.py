@@ -79,6 +79,7 @@ class FusionOptions:
     gap_rate_sd: float = 0.1
     gate_probability: float = 1e-3
     passes: int = 3
+    iterations: int = 1
     earth_rotation: bool = True
 
 

@@ -9,8 +9,15 @@ import numpy.typing as npt
 
 from automap.frames import matrix_to_rpy, quat_to_matrix, rpy_sd_from_tilt
 from automap.fusion.layout import CHANNELS, N_NAV, PHI_ID
-from automap.fusion.measurements import Nodes
-from automap.fusion.problem import ForwardRun, Problem, SmoothRun, run_dense
+from automap.fusion.measurements import Nodes, Shift
+from automap.fusion.problem import (
+    DELAY_STATE,
+    VEL_LATENCY_STATE,
+    ForwardRun,
+    Problem,
+    SmoothRun,
+    run_dense,
+)
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory
 
 
@@ -92,13 +99,14 @@ def _hold_ends(dense: FloatArray, good: npt.NDArray[np.bool_]) -> FloatArray:
 
 
 def parameter_history(
-    problem: Problem, smooth: SmoothRun, base_ns: int, delay_shift: float
+    problem: Problem, smooth: SmoothRun, base_ns: int, shift: Shift
 ) -> ParameterHistory:
     """All parameters at the nodes, in the unit of their effect."""
     names = problem.model.names
     values = smooth.params.copy()
-    if "imu_time_offset_s" in names:
-        values[:, names.index("imu_time_offset_s")] += delay_shift
+    for name, value in ((DELAY_STATE, shift.delay_s), (VEL_LATENCY_STATE, shift.vel_latency_s)):
+        if name in names:
+            values[:, names.index(name)] += value
     sd = np.sqrt(np.maximum(np.einsum("kii->ki", smooth.cov)[:, N_NAV:], 0.0))
     t_ns = base_ns + np.rint(smooth.nodes.t * 1e9).astype(np.int64)
     return ParameterHistory(t_ns, names, values, sd)

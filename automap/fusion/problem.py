@@ -9,9 +9,12 @@ import numpy as np
 from automap.effects import extra_basis
 from automap.fusion import kernels
 from automap.fusion.layout import MAX_SCALARS, N_NAV, PHI_ID, V_ID
-from automap.fusion.measurements import Nodes
+from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.model import FusionOptions, StateModel
 from automap.records import FloatArray, ImuData, IntArray
+
+DELAY_STATE = "imu_time_offset_s"
+VEL_LATENCY_STATE = "gnss_velocity_latency_s"
 
 
 @dataclass(frozen=True)
@@ -19,12 +22,13 @@ class Problem:
     """Readings and model in the form the kernels take.
 
     ``t`` [n] seconds from the first sample, ``readings`` [n, 6] raw rates and forces,
-    ``extra`` [n, e] extra basis signals.
+    ``extra`` [n, e] extra basis signals, ``force`` [n, 3] the forces low-passed without delay.
     """
 
     t: FloatArray
     readings: FloatArray
     extra: FloatArray
+    force: FloatArray
     model: StateModel
     options: FusionOptions
     gap: FloatArray
@@ -41,11 +45,16 @@ class Start:
 
 @dataclass(frozen=True)
 class ForwardRun:
-    """What the forward filter leaves for the smoother and the tables."""
+    """What the forward filter leaves for the smoother and the tables.
+
+    ``nominal`` [k, 10] and ``params`` [k, n - 9] are the states it linearised about, ``mean``
+    [k, n] its error estimate relative to them.
+    """
 
     nodes: Nodes
     nominal: FloatArray
     params: FloatArray
+    mean: FloatArray
     trans: FloatArray
     cov: FloatArray
     sc_count: IntArray
@@ -75,6 +84,7 @@ def make_problem(
     speed: FloatArray | None = None,
 ) -> Problem:
     """Problem of a recording; ``speed`` [n] m/s feeds effects that grow with it."""
+    from scipy.ndimage import uniform_filter1d
     from scipy.stats import chi2
 
     t = (imu.t_ns - imu.t_ns[0]) * 1e-9
@@ -85,7 +95,9 @@ def make_problem(
     p = 1.0 - options.gate_probability
     # thresholds for 1, 2, 3 rows, largest inflation, and the inflation that counts as refused
     gate = np.array([chi2.ppf(p, 1), chi2.ppf(p, 2), chi2.ppf(p, 3), 1e6, 9.0])
-    return Problem(t, readings, extra, model, options, gap, gate)
+    width = max(2 * round(0.05 / step) + 1, 1)
+    force = uniform_filter1d(imu.accel, width, axis=0, mode="nearest")
+    return Problem(t, readings, extra, force, model, options, gap, gate)
 
 
 def initial_covariance(problem: Problem, start: Start) -> FloatArray:
@@ -94,12 +106,16 @@ def initial_covariance(problem: Problem, start: Start) -> FloatArray:
 
 
 def run_forward(
-    problem: Problem, nodes: Nodes, start: Start, delay_shift: float, store: bool = True
+    problem: Problem,
+    nodes: Nodes,
+    start: Start,
+    shift: Shift,
+    store: bool = True,
+    about: SmoothRun | None = None,
 ) -> ForwardRun:
-    """Run the forward filter over the nodes.
+    """Run the forward filter over the nodes, linearised about ``about`` if given.
 
-    ``delay_shift`` is what the nodes' times already contain of the delay; the delay state
-    holds the remainder.
+    ``shift`` is what the nodes' times already contain of the delays; the states hold the rest.
     """
     model = problem.model
     n, k = model.size, len(nodes.t)
@@ -109,12 +125,14 @@ def run_forward(
     total = int(per_node.sum()) if store else 0
     size = k if store else 0
     xi0 = model.prior_mean.copy()
-    if "imu_time_offset_s" in model.names:
-        xi0[model.names.index("imu_time_offset_s")] -= delay_shift
+    for name, value in ((DELAY_STATE, shift.delay_s), (VEL_LATENCY_STATE, shift.vel_latency_s)):
+        if name in model.names:
+            xi0[model.names.index(name)] -= value
     out = ForwardRun(
         nodes,
         np.zeros((size, 10)),
         np.zeros((size, n - N_NAV)),
+        np.zeros((size, n)),
         np.zeros((size, N_NAV, n)),
         np.zeros((size, n, n)),
         np.zeros(size, dtype=np.int64),
@@ -132,6 +150,7 @@ def run_forward(
         problem.t,
         problem.readings,
         problem.extra,
+        problem.force,
         model.term_table,
         model.offsets,
         nodes.t,
@@ -149,8 +168,11 @@ def run_forward(
         problem.gate,
         options.earth_rotation,
         store,
+        np.zeros((0, 10)) if about is None else about.nominal,
+        np.zeros((0, n - N_NAV)) if about is None else about.params,
         out.nominal,
         out.params,
+        out.mean,
         out.trans,
         out.cov,
         out.sc_count,
@@ -184,8 +206,15 @@ def run_smoother(problem: Problem, forward: ForwardRun) -> SmoothRun:
         cov,
     )
     nominal, params = forward.nominal.copy(), forward.params.copy()
-    kernels.apply_correction(nominal, params, dx)
+    kernels.apply_correction(nominal, params, forward.mean + dx)
     return SmoothRun(forward.nodes, nominal, params, cov)
+
+
+def filtered_states(forward: ForwardRun) -> tuple[FloatArray, FloatArray]:
+    """The forward filter's own states [k, 10] and parameters [k, n - 9] after each update."""
+    nominal, params = forward.nominal.copy(), forward.params.copy()
+    kernels.apply_correction(nominal, params, forward.mean)
+    return nominal, params
 
 
 def run_dense(
