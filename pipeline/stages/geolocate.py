@@ -27,6 +27,9 @@ def run(context: StageContext) -> None:
     from automap.io.observations_table import read_detection_rows
     from automap.io.signs_table import write_signs
 
+    if context.drive.bearings_file is not None:
+        _locate_bearings(context, context.drive.bearings_file)
+        return
     detections_file = context.out / names.DETECTIONS
     if not detections_file.is_file():
         context.warn("There are no detections, so the map has no signs.")
@@ -52,6 +55,44 @@ def run(context: StageContext) -> None:
         _write_nothing(context, table)
         return
     _locate(context, trajectory, table, known)
+
+
+def _locate_bearings(context: StageContext, path: Path) -> None:
+    """Signs of a drive that brings finished sightings in place of detections."""
+    import numpy as np
+
+    from automap.geolocation.bearings import locate_from_bearings
+    from automap.io.bearings_csv import read_bearings
+    from automap.io.signs_table import write_signs
+    from automap.io.tables import write_columns
+
+    bearings, sentences = read_bearings(path)
+    for text in sentences:
+        context.warn(text)
+    if (context.out / names.DETECTIONS).is_file() and context.drive.videos:
+        context.warn(f"{path} is used for the map; the detections in the video are not.")
+    signs, index = locate_from_bearings(bearings, drive=context.drive.name)
+    write_signs(context.work / names.SIGNS_RAW, signs)
+    ids = np.array([sign.id for sign in signs] + [""], np.object_)
+    columns = {
+        "lat_deg": np.degrees(bearings.lat_rad),
+        "lon_deg": np.degrees(bearings.lon_rad),
+        "bearing_deg": np.degrees(bearings.bearing_rad),
+        "depth_m": bearings.depth_m,
+        "class": bearings.class_name.astype(str),
+        "sign_id": ids[index].astype(str),
+        "used": index >= 0,
+    }
+    write_columns(context.work / names.OBSERVATIONS, columns)
+    unused = int((index < 0).sum())
+    if unused:
+        context.warn(f"{unused} of {len(bearings)} sightings meet no other and have no object.")
+    alone = sum(sign.status == "single_view" for sign in signs)
+    if alone:
+        context.warn(f"{alone} of {len(signs)} objects rest on one sighting and its depth alone.")
+    context.metric("detections", len(bearings))
+    context.metric("detections_used", len(bearings) - unused)
+    context.result = f"{len(signs)} signs from {len(bearings)} sightings"
 
 
 def _trajectory(context: StageContext) -> Trajectory | None:
@@ -193,7 +234,7 @@ def _report(context: StageContext, result: GeolocationResult) -> None:
 
 
 def _inputs(drive: Drive) -> list[Path]:
-    return []
+    return [] if drive.bearings_file is None else [drive.bearings_file]
 
 
 STAGE = Stage(

@@ -1,0 +1,155 @@
+"""The geolocate stage and its tables: what goes in, what comes out, what may be missing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from geolocation_scene import ORIGIN, boxes, camera, drive_path, roadside
+
+from automap.earth import from_local_ned
+from automap.errors import InputError
+from automap.io import names
+from automap.io.detections_table import write_detections
+from automap.io.drive import load_drive
+from automap.io.signs_table import read_signs, write_signs
+from automap.io.trajectory_table import write_trajectory
+from automap.records import Detections, Sign
+from pipeline.config import load_settings
+from pipeline.stage import StageContext
+from pipeline.stages.geolocate import STAGE
+
+MANIFEST = """
+schema = "automap.drive/1"
+name = "loop"
+[video.front]
+width = 1280
+height = 720
+camera_matrix = [[1000.0, 0.0, 640.0], [0.0, 1000.0, 360.0], [0.0, 0.0, 1.0]]
+lever_arm_m = [1.4, 0.1, -0.6]
+mount_rpy_deg = [0.5, -1.0, 2.0]
+mount_rpy_sigma_deg = 0.2
+time_offset_sigma_s = 0.005
+"""
+
+
+@pytest.fixture
+def context(tmp_path: Path) -> StageContext:
+    drive = tmp_path / "drive"
+    out, work = tmp_path / "out", tmp_path / "work"
+    for folder in (drive, out, work):
+        folder.mkdir()
+    (drive / "drive.toml").write_text(MANIFEST)
+    (drive / names.FINISHED_TRAJECTORY).write_text("t_ns,lat_deg,lon_deg,height_m\n")
+    return StageContext(load_drive(drive), out, work, load_settings())
+
+
+def seen(camera_name: str = "front") -> Detections:
+    path = drive_path(duration_s=14.0)
+    found, _ = boxes(path, roadside(path), camera(), np.random.default_rng(0))
+    return replace(found, camera=camera_name)
+
+
+def test_signs_and_observations(context: StageContext) -> None:
+    found = seen()
+    write_trajectory(context.out / names.TRAJECTORY, drive_path(duration_s=14.0))
+    write_detections(context.out / names.DETECTIONS, [found])
+    STAGE.run(context)
+    signs = read_signs(context.work / names.SIGNS_RAW)
+    table = pq.read_table(context.work / names.OBSERVATIONS)
+    assert [s.id for s in signs] == ["s0001", "s0002"]
+    assert signs[0].drives == ("loop",)
+    assert len(table) == len(found)
+    ids = table["sign_id"].to_pylist()
+    for sign in signs:
+        assert {ids[row] for row in sign.detection_rows} == {sign.id}
+        assert sign.n_views == len(sign.detection_rows)
+    assert context.metrics["detections_used"] == table["used"].to_pylist().count(True)
+    assert "2 signs" in context.result
+
+
+def test_detections_of_an_unknown_camera_are_listed_but_not_used(context: StageContext) -> None:
+    write_trajectory(context.out / names.TRAJECTORY, drive_path(duration_s=14.0))
+    write_detections(context.out / names.DETECTIONS, [seen("rear"), seen()])
+    STAGE.run(context)
+    table = pq.read_table(context.work / names.OBSERVATIONS).to_pydict()
+    rear = [k for k, name in enumerate(table["camera"]) if name == "rear"]
+    assert {table["note"][k] for k in rear} == {"no_camera"}
+    assert any("[video.rear]" in text for text in context.warnings)
+    for sign in read_signs(context.work / names.SIGNS_RAW):
+        assert not set(sign.detection_rows.tolist()) & set(rear)
+
+
+@pytest.mark.parametrize("missing", ["detections", "trajectory", "boxes"])
+def test_without_something_the_map_is_empty_and_says_so(
+    context: StageContext, missing: str
+) -> None:
+    found = seen()
+    if missing == "boxes":
+        found = replace(
+            found,
+            **{n: getattr(found, n)[:0] for n in ("frame", "t_ns", "class_name", "score", "track")},
+            box=np.zeros((0, 4)),
+        )
+    if missing != "trajectory":
+        write_trajectory(context.out / names.TRAJECTORY, drive_path(duration_s=14.0))
+    if missing != "detections":
+        write_detections(context.out / names.DETECTIONS, [found])
+    STAGE.run(context)
+    assert read_signs(context.work / names.SIGNS_RAW) == []
+    if missing != "boxes":
+        assert context.warnings
+
+
+def test_a_damaged_table_is_one_sentence(context: StageContext) -> None:
+    write_trajectory(context.out / names.TRAJECTORY, drive_path(duration_s=14.0))
+    (context.out / names.DETECTIONS).write_bytes(b"PAR1 nothing")
+    with pytest.raises(InputError, match=r"detections\.parquet"):
+        STAGE.run(context)
+
+
+def test_a_drive_of_sightings(tmp_path: Path) -> None:
+    drive, out = tmp_path / "sightings", tmp_path / "out"
+    drive.mkdir()
+    out.mkdir()
+    (drive / "drive.toml").write_text('schema = "automap.drive/1"\n')
+    lamp = np.array([20.0, 8.0])
+    cameras = np.array([[0.0, 0.0], [10.0, 0.0], [30.0, 0.0]])
+    lat, lon, _ = from_local_ned(np.column_stack([cameras, np.zeros(3)]), (*ORIGIN[:2], 0.0))
+    bearing = np.degrees(np.arctan2(lamp[1] - cameras[:, 1], lamp[0] - cameras[:, 0]))
+    rows = zip(np.degrees(lat), np.degrees(lon), bearing, strict=True)
+    (drive / names.BEARINGS).write_text(
+        "lat_deg,lon_deg,bearing_deg\n" + "".join(f"{a:.9f},{b:.9f},{c:.6f}\n" for a, b, c in rows)
+    )
+    context = StageContext(load_drive(drive), out, out, load_settings())
+    STAGE.run(context)
+    (sign,) = read_signs(out / names.SIGNS_RAW)
+    want = from_local_ned(np.array([*lamp, 0.0]), (*ORIGIN[:2], 0.0))
+    assert sign.lat_rad == pytest.approx(float(want[0]), abs=1e-7)
+    assert sign.lon_rad == pytest.approx(float(want[1]), abs=1e-7)
+    assert pq.read_table(out / names.OBSERVATIONS)["sign_id"].to_pylist() == ["s0001"] * 3
+
+
+def test_signs_survive_the_table(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(3, 3))
+    sign = Sign(
+        *("s0001", "regulatory--stop--g1", -0.6, 2.6, float("nan"), A @ A.T, 0.9, 3, -5, 7),
+        *(2.5, 1.0, 0.7, "overhead", "weak_geometry", ("a", "b"), np.array([4, 9, 11])),
+    )
+    write_signs(tmp_path / "signs.parquet", [sign])
+    (back,) = read_signs(tmp_path / "signs.parquet")
+    for name in Sign.__dataclass_fields__:
+        np.testing.assert_array_equal(getattr(back, name), getattr(sign, name))
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no parquet"])
+def test_unreadable_signs_are_one_sentence(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "signs.parquet"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=r"signs\.parquet"):
+        read_signs(path)
