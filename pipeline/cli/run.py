@@ -67,7 +67,6 @@ def command(
     """
     from pipeline.batch import run_drives
     from pipeline.config import load_settings
-    from pipeline.kernel_cache import ensure_kernel_cache
     from pipeline.progress import Silent
     from pipeline.runner import Request
     from pipeline.stages import registry
@@ -86,7 +85,6 @@ def command(
         command=["automap", *sys.argv[1:]],
     )
     signal.signal(signal.SIGTERM, _interrupt)
-    ensure_kernel_cache()
     reporter = Silent() if quiet or as_json else Terminal()
     outcomes = run_drives(drives, out, request, reporter)
     for outcome in outcomes:
