@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from automap.geolocation.landmark import Landmark, SizePrior, relative_views, view_drift
+from automap.geolocation.landmark import Landmark, SizePrior, relative_views, view_drift, view_sd
 from automap.geolocation.landmark_kernels import normal_equations
 from automap.geolocation.views import CameraCorrection, Views
 from automap.records import Camera, FloatArray, IntArray
@@ -74,7 +74,13 @@ def _evidence(views: Views, landmark: Landmark, prior: SizePrior) -> tuple[Float
     M, b = relative_views(views, rows, landmark.anchor)
     N, A, shared, _, _, chi2 = normal_equations(
         landmark.parameters,
-        *(M, b, views.measured[rows], views.sd[rows], view_drift(views, rows, landmark.anchor)),
+        *(
+            M,
+            b,
+            views.measured[rows],
+            view_sd(views, rows),
+            view_drift(views, rows, landmark.anchor),
+        ),
         *(views.rate[rows], views.velocity[rows]),
         float(np.log(prior.size_m)),
         prior.log_sd,

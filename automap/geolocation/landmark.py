@@ -30,6 +30,9 @@ from automap.geolocation.landmark_kernels import (
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 
+SAME_PLACE_M = 0.25
+"""Cameras nearer to one another than this see the same picture."""
+
 
 @dataclass(frozen=True)
 class SizePrior:
@@ -90,7 +93,7 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
     anchor = int(rows[np.argmax(views.measured[rows, 2])])
     M, b = relative_views(views, rows, anchor)
     drift = view_drift(views, rows, anchor)
-    measured, sd = views.measured[rows], views.sd[rows]
+    measured, sd = views.measured[rows], view_sd(views, rows)
     prior_mean, prior_sd = float(np.log(prior.size_m)), prior.log_sd
     starts = [prior_mean - views.measured[anchor, 2]]
     if len(rows) > 1:
@@ -127,6 +130,21 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
         dof=dof,
         ok=bool(np.isfinite(cost)),
     )
+
+
+def view_sd(views: Views, rows: IntArray) -> FloatArray:
+    """One-sigma errors [n, 3] of views of one sign.
+
+    Views from one place (at a standstill) repeat one another's errors: n of them count as one.
+    """
+    order = np.argsort(views.t_ns[rows], kind="stable")
+    centre = views.centre[rows[order]]
+    step = np.linalg.norm(np.diff(centre, axis=0, prepend=centre[:1]), axis=1)
+    cell = np.floor(np.cumsum(step) / SAME_PLACE_M).astype(np.int64)
+    _, member, count = np.unique(cell, return_inverse=True, return_counts=True)
+    crowd = np.empty(len(rows))
+    crowd[order] = np.sqrt(count[member])
+    return np.asarray(views.sd[rows] * crowd[:, None])
 
 
 def view_drift(views: Views, rows: IntArray, anchor: int) -> FloatArray:

@@ -14,7 +14,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from automap.geolocation.landmark import Landmark, SizePrior, distances_to, fit_landmark
+from automap.geolocation.landmark import (
+    SAME_PLACE_M,
+    Landmark,
+    SizePrior,
+    distances_to,
+    fit_landmark,
+)
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 
@@ -44,6 +50,7 @@ class TrackingRules:
 class _Track:
     rows: list[int]
     landmark: Landmark
+    fitted: int
     class_score: dict[str, float] = field(default_factory=dict)
     numbers: set[int] = field(default_factory=set)
 
@@ -83,12 +90,16 @@ def link_views(
         taken = _assign(views, frame_rows, active, rules)
         for row, index in taken.items():
             if index < 0:
-                track = _Track([row], fit_landmark(views, np.array([row]), prior))
+                track = _Track([row], fit_landmark(views, np.array([row]), prior), row)
                 active.append(track)
             else:
                 track = active[index]
                 track.rows.append(row)
-                track.landmark = fit_landmark(views, np.array(track.rows), prior)
+                # at a standstill the thousandth view of a sign adds nothing but time
+                moved = np.linalg.norm(views.centre[row] - views.centre[track.fitted])
+                if moved >= SAME_PLACE_M:
+                    track.landmark = fit_landmark(views, np.array(track.rows), prior)
+                    track.fitted = row
             track.add(views, row)
     tracks = [np.array(t.rows, np.int64) for t in (*ended, *active)]
     return sorted(tracks, key=lambda rows: int(rows[0]))

@@ -15,6 +15,7 @@ from automap.geolocation.landmark import (
     position_jacobian,
     relative_views,
     view_drift,
+    view_sd,
 )
 from automap.geolocation.landmark_kernels import normal_equations
 from automap.geolocation.locate import GeolocationResult, GeolocationRules, locate_signs
@@ -274,6 +275,24 @@ def test_two_passes_of_one_street_are_one_sign() -> None:
     assert result.signs[0].cov_enu[0, 0] < once.signs[0].cov_enu[0, 0]
 
 
+def test_a_long_wait_adds_no_certainty() -> None:
+    """A car that waits in sight of a sign sees the same error again and again."""
+    path = drive_path(duration_s=9.0, sd_m=1e-3)
+    found, owner = boxes(path, roadside(path), camera(), np.random.default_rng(0))
+    first = take(found, np.flatnonzero(owner == owner[0])[:2])
+    n = 2000
+    waiting = take(first, np.zeros(n, np.int64))
+    box = waiting.box + np.random.default_rng(1).normal(0.0, 1.0, (n, 4))
+    path = drive_path(duration_s=300.0, speed=0.0, turn_rate=0.0, sd_m=1e-3)
+    stamps = path.t_ns[0] + np.arange(n) * np.int64(1e8)
+    waiting = replace(waiting, box=box, t_ns=stamps, frame=np.arange(n))
+    fixed = GeolocationRules(estimate_camera=False)
+    (long,) = locate_signs(path, [waiting], {"front": camera()}, fixed).signs
+    (short,) = locate_signs(path, [take(waiting, np.arange(3))], {"front": camera()}, fixed).signs
+    assert long.n_views == n
+    assert np.trace(long.cov_enu) == pytest.approx(np.trace(short.cov_enu), rel=0.3)
+
+
 def test_track_numbers_of_a_detector_are_used(world) -> None:
     path, _, found, owner = world
     views = build_views(
@@ -322,7 +341,7 @@ def test_gradient_vanishes_at_the_solution(world) -> None:
     landmark = fit_landmark(views, every, prior)
     M, b = relative_views(views, every, landmark.anchor)
     N, _, shared, _, _, _ = normal_equations(
-        *(landmark.parameters, M, b, views.measured, views.sd),
+        *(landmark.parameters, M, b, views.measured, view_sd(views, every)),
         *(view_drift(views, every, landmark.anchor), views.rate, views.velocity),
         *(float(np.log(prior.size_m)), prior.log_sd, True),
     )
