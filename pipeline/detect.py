@@ -22,18 +22,22 @@ _IMAGES = {".bmp", ".jpeg", ".jpg", ".png", ".ppm", ".tif", ".tiff", ".webp"}
 _BOX = ("x_min", "y_min", "x_max", "y_max")
 
 
+def _say(text: str) -> None:
+    print(f"warning: {text}", file=sys.stderr)
+
+
 def detect_to_csv(
     source: Path,
     out: Path,
     progress: Progress = lambda fraction, text: None,
-    warn: Callable[[str], None] = lambda text: print(f"warning: {text}", file=sys.stderr),
+    warn: Callable[[str], None] = _say,
 ) -> int:
     """Write the boxes found in ``source`` and return their number.
 
     A drive or a video gives ``frame, class, x_min, y_min, x_max, y_max, score``, as
     ``front_detections.csv`` has it (a drive with several cameras: one file each, named
-    ``OUT_CAMERA.csv``); a folder of images gives ``image`` with the file name instead of ``frame``. Every
-    frame is searched. The file appears whole or not at all.
+    ``OUT_CAMERA.csv``); a folder of images gives ``image`` with the file name instead of
+    ``frame``. Every frame is searched. The file appears whole or not at all.
 
     Raises InputError when there is nothing to search, StageError when ``out`` cannot be
     written.
@@ -108,6 +112,7 @@ def _image_rows(
     images: list[Path], progress: Progress, warn: Callable[[str], None]
 ) -> Iterator[Row]:
     import cv2
+    import numpy as np
 
     from automap.vision.classical import ClassicalDetector
     from pipeline.settings.detect import DetectSettings
@@ -118,7 +123,7 @@ def _image_rows(
         if picture is None:
             warn(f"{path} is no readable image; it is left out")
         else:
-            yield from _rows(path.name, detector.detect(picture), least)
+            yield from _rows(path.name, detector.detect(np.asarray(picture, np.uint8)), least)
         progress((i + 1) / len(images), f"image {i + 1} of {len(images)}")
 
 

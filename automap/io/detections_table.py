@@ -32,7 +32,7 @@ def write_detections(path: Path, cameras: Sequence[Detections]) -> None:
     names = [str(c) for d in cameras for c in d.class_name]
     owner = [d.camera for d in cameras for _ in range(len(d))]
 
-    def joined(arrays: list[np.ndarray], kind: type) -> np.ndarray:  # type: ignore[type-arg]
+    def joined(arrays: list[np.ndarray], kind: type) -> np.ndarray:
         return np.concatenate(arrays).astype(kind) if arrays else np.zeros(0, kind)
 
     write_columns(

@@ -113,18 +113,19 @@ class Painter:
         y = (np.arange(h) - view.cy) / self.setup.focal_px
         elevation = -(down[0] + x[None, :] * down[1] + y[:, None] * down[2])
         haze = np.clip(elevation * 3.0, 0.0, 1.0)[:, :, None].astype(np.float32)
-        near, top = np.float32([228, 222, 212]), np.float32([215, 165, 115])
-        image = (near + haze * (top - near)).astype(np.uint8)
+        near = np.array([228, 222, 212], np.float32)
+        top = np.array([215, 165, 115], np.float32)
+        image: Image = (near + haze * (top - near)).astype(np.uint8)
         image[elevation < 0.0] = (88, 120, 108)
         return image
 
     def _expose(self, image: Image) -> Image:
         if self.setup.blur_px > 0.0:
-            image = cv2.GaussianBlur(image, (0, 0), self.setup.blur_px)
+            image = np.asarray(cv2.GaussianBlur(image, (0, 0), self.setup.blur_px), np.uint8)
         gain = self.brightness * (1.0 + 0.01 * self.rng.standard_normal())
         noise = self.noise[self.rng.integers(len(self.noise))]
         noise = np.roll(noise, tuple(self.rng.integers(0, noise.shape[:2])), axis=(0, 1))
-        exposed = image.astype(np.int16) if gain == 1.0 else np.rint(image * np.float32(gain))
+        exposed = np.rint(image * np.float32(gain))
         return np.asarray(np.clip(exposed + noise, 0, 255).astype(np.uint8))
 
 
@@ -143,7 +144,7 @@ def _clipped(cam: FloatArray) -> FloatArray:
     return np.array(out).reshape(-1, 3)
 
 
-def _fixed(pixels: FloatArray) -> np.ndarray:  # type: ignore[type-arg]
+def _fixed(pixels: FloatArray) -> np.ndarray:
     return np.rint(np.clip(pixels, -2e4, 2e4) * (1 << _SHIFT)).astype(np.int32)
 
 

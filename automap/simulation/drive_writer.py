@@ -179,7 +179,7 @@ def _write_video(
     assert setup is not None
     period = 1.0 / setup.frame_rate_hz
     count = int((drive.duration_s - 0.2) / period)
-    times = 0.1 + np.arange(count) * period
+    times: FloatArray = 0.1 + np.arange(count) * np.float64(period)
     times += np.clip(rng.standard_normal(count) * setup.frame_jitter_s, -period / 3, period / 3)
     painter = Painter(scene, setup, scenario.scenery.brightness, rng)
     views = camera_views(drive, setup, times, scene.ref)

@@ -39,7 +39,7 @@ def receive(drive: DriveMotion, setup: Gnss, begin_gps_s: float, rng: np.random.
     step = 1.0 / setup.rate_hz
     first = int(np.ceil(begin_gps_s / step - 1e-6))
     count = int(np.floor((begin_gps_s + drive.duration_s) / step)) - first + 1
-    gps_s = (first + np.arange(count)) * step
+    gps_s: FloatArray = np.arange(first, first + count) * np.float64(step)
     motion = drive.at(np.clip(gps_s - begin_gps_s, 0.0, drive.duration_s))
     lever = np.asarray(setup.lever_arm_m)
     offset, velocity = antenna(motion, lever)

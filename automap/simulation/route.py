@@ -70,7 +70,7 @@ def _reachable_speed(
     ramp = np.arange(len(s))
     square = np.minimum.accumulate(square - gain * ramp) + gain * ramp
     square = (np.minimum.accumulate((square - loss * ramp[::-1])[::-1]) + loss * ramp)[::-1]
-    return np.sqrt(np.maximum(square, 0.0))
+    return np.asarray(np.sqrt(np.maximum(square, 0.0)))
 
 
 def distance_over_time(

@@ -111,7 +111,7 @@ def drive_motion(scenario: Scenario, rng: np.random.Generator) -> DriveMotion:
     profile = profile_route(scenario.route, vehicle)
     knots_t, knots_v = distance_over_time(profile, scenario.route, start.standstill_s)
     duration = float(np.floor(knots_t[-1] / _KNOT_S) * _KNOT_S)
-    t = np.arange(round(duration / _KNOT_S) + 1) * _KNOT_S
+    t: FloatArray = np.arange(round(duration / _KNOT_S) + 1) * np.float64(_KNOT_S)
     speed = gaussian_filter1d(
         np.interp(t, knots_t, knots_v), _JERK_WIDTH_S / _KNOT_S, mode="constant"
     )

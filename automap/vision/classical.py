@@ -12,8 +12,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from cv2.typing import MatLike
 
 from automap.records import FloatArray
+from automap.vision.align import align_face
 from automap.vision.colour import COLOURS, LEVELS, colour_maps
 from automap.vision.detector import FoundSigns, Image
 from automap.vision.evidence import looks_like_plate
@@ -43,9 +45,9 @@ class ClassicalRules:
 
     Sizes in pixels; ``largest`` as a fraction of the picture's height. ``solidity`` of a
     filled blob against its hull, or ``rim_share`` of an open ring; ``overlap`` of the hull with
-    its ideal outline, less for a known face; ``correlation`` from which a face takes a class's name, and
-    ``lead`` it must have over the second best; ``smallest_named`` the size from which
-    faces are told apart at all.
+    its ideal outline, less for a known face; ``correlation`` from which a face takes a class's
+    name, and ``lead`` it must have over the second best; ``smallest_named`` the size from
+    which faces are told apart at all.
     """
 
     smallest: float = 11.0
@@ -61,6 +63,19 @@ class ClassicalRules:
     octagon_correlation: float = 0.45
     smallest_named: float = 16.0
     same_sign: float = 0.45
+
+
+@dataclass(frozen=True)
+class _Blob:
+    """A compact blob: hull [k, 2] px, its overlap with every outline, its box [4]."""
+
+    hull: FloatArray
+    overlaps: dict[str, float]
+    box: FloatArray
+
+    @property
+    def best(self) -> float:
+        return max(self.overlaps.values())
 
 
 @dataclass(frozen=True)
@@ -88,11 +103,17 @@ class ClassicalDetector:
         candidates: list[_Candidate] = []
         maps = colour_maps(image)
         for colour in COLOURS:
-            for level in LEVELS[colour]:
-                for hull in self._blobs(maps[colour], level):
-                    candidate = self._judge(image, maps[colour], colour, hull)
-                    if candidate is not None:
-                        candidates.append(candidate)
+            blobs = [
+                _Blob(
+                    hull, match_shapes(hull), np.concatenate([hull.min(axis=0), hull.max(axis=0)])
+                )
+                for level in LEVELS[colour]
+                for hull in self._blobs(maps[colour], level)
+            ]
+            for blob in _clearest(blobs):
+                candidate = self._judge(image, maps[colour], colour, blob)
+                if candidate is not None:
+                    candidates.append(candidate)
         return _distinct(candidates, self.rules.same_sign)
 
     def _blobs(self, colour_map: Image, level: int) -> list[FloatArray]:
@@ -124,17 +145,16 @@ class ClassicalDetector:
         return hulls
 
     def _judge(
-        self, image: Image, colour_map: Image, colour: str, hull: FloatArray
+        self, image: Image, colour_map: Image, colour: str, blob: _Blob
     ) -> _Candidate | None:
-        overlaps = match_shapes(hull)
-        clear = max(self.rules.overlap, max(overlaps.values()) - _ALIKE)
+        clear = max(self.rules.overlap, blob.best - _ALIKE)
         found: list[_Candidate] = []
-        for shape, overlap in overlaps.items():
+        for shape, overlap in blob.overlaps.items():
             group = _GROUPS.get((colour, shape))
             if group is None or overlap < self.rules.overlap_of_known:
                 continue
             candidate = self._name(
-                image, colour_map, hull, shape, group, overlap, known_only=overlap < clear
+                image, colour_map, blob.hull, shape, group, overlap, known_only=overlap < clear
             )
             if candidate is not None:
                 found.append(candidate)
@@ -167,6 +187,7 @@ class ClassicalDetector:
         # 0 at the least overlap that is accepted, 1 for a perfect outline
         form = (overlap - rules.overlap_of_known) / (1.0 - rules.overlap_of_known)
         if certain and match.name is not None:
+            box = align_face(image, box, match.name)
             return _Candidate(box, match.name, 0.55 + 0.35 * match.correlation + 0.1 * form)
         if group == "red-octagon" and match.correlation < rules.octagon_correlation:
             # every octagon says STOP; a red blob of that form that says nothing is a lamp
@@ -178,7 +199,17 @@ class ClassicalDetector:
         return _Candidate(box, name, 0.2 + 0.2 * likeness + 0.2 * form)
 
 
-def _rim_share(binary: Image, hull: Image) -> float:
+def _clearest(blobs: list[_Blob]) -> list[_Blob]:
+    """Of blobs that are nearly the same at several levels, the one with the clearest form."""
+    kept: list[_Blob] = []
+    for blob in sorted(blobs, key=lambda b: -b.best):
+        near = 0.12 * float((blob.box[2:] - blob.box[:2]).max())
+        if all(np.abs(blob.box - other.box).max() > near for other in kept):
+            kept.append(blob)
+    return kept
+
+
+def _rim_share(binary: MatLike, hull: MatLike) -> float:
     """The share of a hull's edge along which its blob is present: 1 for a closed ring."""
     x, y, w, h = cv2.boundingRect(hull)
     edge = np.zeros((h, w), np.uint8)

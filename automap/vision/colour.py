@@ -36,4 +36,7 @@ def colour_maps(image: Image) -> dict[str, Image]:
         "yellow": cv2.subtract(cv2.subtract(cv2.min(red, green), blue), cv2.subtract(green, red)),
     }
     # lead / sum * 255 = lead * 85 / mean
-    return {name: cv2.divide(lead, mean, scale=85.0) for name, lead in leads.items()}
+    return {
+        name: np.asarray(cv2.divide(lead, mean, scale=85.0), np.uint8)
+        for name, lead in leads.items()
+    }

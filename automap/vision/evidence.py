@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from automap.records import FloatArray
@@ -11,6 +10,12 @@ from automap.vision.templates import face_patch
 
 _RING = (0.80, 0.97)
 _INSIDE = 0.62
+_LUMA = np.array([0.114, 0.587, 0.299], np.float32)
+"""Weights of blue, green and red, ITU-R BT.601."""
+_CLOSED = 0.75
+# glass and shaded walls reflect the sky: weakly blue is no paint
+_LEAST_TINT = {"red": 15.0, "blue": 45.0, "yellow": 40.0}
+_MARKED = (0.06, 0.75)
 
 
 def looks_like_plate(
@@ -18,11 +23,11 @@ def looks_like_plate(
 ) -> bool:
     """Judge the inside of a blob in ``box`` [4] px.
 
-    A red rim encloses something pale or dark that is not red; a red octagon, a blue or a
-    yellow plate carries a mark that contrasts with it. Plain coloured areas, such as cars,
-    awnings and lamps, have neither.
+    The rim has the colour all around. A red one encloses something that is not red; a red
+    octagon or a blue plate carries a paler mark, a yellow one a darker. Plain coloured areas,
+    such as cars, awnings and lamps, have neither.
     """
-    luma = face_patch(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), box, shape)
+    luma = face_patch(image, box, shape) @ _LUMA
     tint = face_patch(colour_map, box, shape)
     n = luma.shape[0]
     axis = (np.arange(n) - (n - 1) / 2.0) / ((n - 8) / 2.0)
@@ -37,18 +42,20 @@ def looks_like_plate(
     ring = (reach > _RING[0]) & (reach < _RING[1])
     inside = reach < _INSIDE
     rim_tint = float(np.median(tint[ring]))
-    if rim_tint < 15.0:
+    if rim_tint < _LEAST_TINT[group.partition("-")[0]]:
+        return False
+    around = float((tint[ring] > 0.5 * rim_tint).mean())
+    if around < _CLOSED:
         return False
     if group in ("red-circle", "red-triangle-up", "red-triangle-down"):
-        # a ring all around, and a middle of another colour
-        around = float((tint[ring] > 0.5 * rim_tint).mean())
-        free = float((tint[inside] < 0.5 * rim_tint).mean())
-        return around > 0.75 and free > 0.5
+        # a middle of another colour
+        return float((tint[inside] < 0.5 * rim_tint).mean()) > 0.5
     plate = float(np.median(luma[ring]))
-    spread = np.abs(luma[inside] - plate)
     contrast = max(25.0, 0.25 * plate)
-    marked = float((spread > contrast).mean())
-    return 0.06 < marked < 0.75
+    # marks are black on yellow and white on the others
+    towards = -1.0 if group == "yellow-diamond" else 1.0
+    marked = float((towards * (luma[inside] - plate) > contrast).mean())
+    return _MARKED[0] < marked < _MARKED[1]
 
 
 def _triangle_reach(axis: FloatArray, up: bool) -> FloatArray:

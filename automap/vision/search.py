@@ -38,7 +38,11 @@ def search_video(
     detector: Detector | None = None,
 ) -> Detections:
     """Search a camera's video; ``warn`` receives a sentence for every trouble with the files."""
-    chapters, _ = video_chapters(video)
+    chapters, troubles = video_chapters(video)
+    if not chapters:
+        for text in troubles:
+            warn(text)
+        return collect([], min_score, video.name)
     chosen = choose_frames(frame_times(video, chapters), per_second)
     return search_frames(
         iter_frames(video, chosen, warn),
@@ -63,12 +67,10 @@ def search_frames(
     Memory grows with the boxes found, not with the frames.
     """
     rows: list[tuple[int, int, FoundSigns]] = []
-    done = 0
-    for picture in frames:
+    for done, picture in enumerate(frames, 1):
         found = detector.detect(picture.image)
         if len(found):
             rows.append((picture.frame, picture.t_ns, found))
-        done += 1
         if done % 5 == 0:
             progress(min(done / max(count, 1), 1.0), f"{done} of {count} frames")
     return collect(rows, min_score, camera)

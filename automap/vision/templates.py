@@ -16,9 +16,11 @@ from automap.vision.vocabulary import load_vocabulary
 
 Patch = npt.NDArray[np.float32]
 
-_SIZE = 48
-_SEARCH = 4
-_SCALES = (0.94, 1.0, 1.06)
+_SIZE = 36
+_SEARCH = 3
+_SCALES = (0.94, 1.06)
+_HOPELESS = 0.4
+"""A face that correlates less than this is not worth trying at other scales."""
 
 # the part of a face, in its unit square x0, y0, x1, y1, that holds what tells it from others
 # of its group and lies inside the outline
@@ -64,19 +66,18 @@ def match_face(image: Image, box: FloatArray, shape: str, group: str) -> Match:
     Normalised correlation of the inner part in all three channels, over small shifts and
     scales; templates are drawn as coarsely as the picture shows the face.
     """
-    found: list[tuple[float, str]] = []
     width, height = (int(v) for v in np.clip(np.rint(box[2:] - box[:2]), 6, _SIZE))
-    patches = [face_patch(image, box, shape, scale) for scale in _SCALES]
-    for sign in load_vocabulary().classes.values():
-        if sign.group != group:
-            continue
-        template = _template(sign.name, width, height)
-        best = max(
-            float(cv2.matchTemplate(patch, template, cv2.TM_CCOEFF_NORMED)[_window(sign.outline)]
-                  .max())
-            for patch in patches
-        )  # fmt: skip
-        found.append((best, sign.name))
+    signs = [c for c in load_vocabulary().classes.values() if c.group == group]
+    window = _window(shape)
+    patch = np.ascontiguousarray(face_patch(image, box, shape)[window])
+    found = [(_correlation(patch, _template(c.name, width, height)), c.name) for c in signs]
+    if max(found, default=(0.0, ""))[0] >= _HOPELESS:
+        for scale in _SCALES:
+            patch = np.ascontiguousarray(face_patch(image, box, shape, scale)[window])
+            found = [
+                (max(best, _correlation(patch, _template(name, width, height))), name)
+                for best, name in found
+            ]
     found.sort(reverse=True)
     if not found:
         return Match(None, -1.0, -1.0)
@@ -89,9 +90,13 @@ def _core_pixels(shape: str) -> tuple[int, int, int, int]:
 
 
 def _window(shape: str) -> tuple[slice, slice]:
-    """Where in a map of correlations the core may lie: its place, give or take the search."""
-    x0, y0, _, _ = _core_pixels(shape)
-    return slice(y0, y0 + 2 * _SEARCH + 1), slice(x0, x0 + 2 * _SEARCH + 1)
+    """The part of a patch over which the core may be shifted by the search."""
+    x0, y0, x1, y1 = _core_pixels(shape)
+    return slice(y0, y1 + 2 * _SEARCH), slice(x0, x1 + 2 * _SEARCH)
+
+
+def _correlation(patch: Patch, template: Patch) -> float:
+    return float(cv2.matchTemplate(patch, template, cv2.TM_CCOEFF_NORMED).max())
 
 
 @lru_cache(maxsize=2048)

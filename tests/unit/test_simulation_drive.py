@@ -152,7 +152,7 @@ def test_mistakes_in_a_scenario_are_named(tmp_path: Path, old: str, new: str, sa
 
 
 def test_a_scenario_that_does_not_exist_is_named() -> None:
-    with pytest.raises(ConfigError, match="no scenario 'sampel'; .*sample"):
+    with pytest.raises(ConfigError, match=r"no scenario 'sampel'; .*sample"):
         simulate("sampel", Path("nowhere"))
 
 
