@@ -35,6 +35,8 @@ _GROUPS = {
 }
 # shapes whose overlap is so alike that a small blob may be either: the face decides
 _ALIKE = 0.05
+_RIM = 1.28
+"""A red ring is this much wider than what it encloses."""
 _WHITE_RIM = 1.05
 """A face with a white rim is this much wider than its coloured area."""
 
@@ -44,16 +46,18 @@ class ClassicalRules:
     """Limits of the classical detector.
 
     Sizes in pixels; ``largest`` as a fraction of the picture's height. ``solidity`` of a
-    filled blob against its hull, or ``rim_share`` of an open ring; ``overlap`` of the hull with
-    its ideal outline, less for a known face; ``correlation`` from which a face takes a class's
-    name, and ``lead`` it must have over the second best; ``smallest_named`` the size from
-    which faces are told apart at all.
+    filled blob against its hull, or ``rim_share`` of an open ring. ``overlap`` of the hull with
+    its ideal outline, less for a known face, more for the inside of a ring; ``correlation``
+    from which a face takes a class's name, and ``lead`` it must have over the second best;
+    ``smallest_named`` the size from which faces are told apart at all.
     """
 
     smallest: float = 11.0
+    smallest_hole: float = 16.0
     largest: float = 0.5
     overlap_of_known: float = 0.78
     overlap: float = 0.86
+    overlap_of_hole: float = 0.93
     solidity: float = 0.86
     rim_share: float = 0.85
     narrowest: float = 0.45
@@ -108,7 +112,7 @@ class ClassicalDetector:
                     hull, match_shapes(hull), np.concatenate([hull.min(axis=0), hull.max(axis=0)])
                 )
                 for level in LEVELS[colour]
-                for hull in self._blobs(maps[colour], level)
+                for hull in self._blobs(maps[colour], level, rings=colour == "red")
             ]
             for blob in _clearest(blobs):
                 candidate = self._judge(image, maps[colour], colour, blob)
@@ -116,33 +120,46 @@ class ClassicalDetector:
                     candidates.append(candidate)
         return _distinct(candidates, self.rules.same_sign)
 
-    def _blobs(self, colour_map: Image, level: int) -> list[FloatArray]:
-        """Hulls [k, 2] px of the compact blobs above a level, wholly within the picture."""
-        rules = self.rules
-        height, width = colour_map.shape
+    def _blobs(self, colour_map: Image, level: int, rings: bool) -> list[FloatArray]:
+        """Hulls [k, 2] px of the compact blobs above a level, wholly within the picture.
+
+        With ``rings`` a hole stands for the rim around it too: the rims of signs on one pole
+        touch, but their insides do not.
+        """
         _, binary = cv2.threshold(colour_map, level, 255, cv2.THRESH_BINARY)
         # a thin rim breaks where compression has taken its colour
         binary = cv2.morphologyEx(binary, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-        contours, _ = cv2.findContours(binary, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        mode = cv2.RETR_CCOMP if rings else cv2.RETR_EXTERNAL
+        contours, tree = cv2.findContours(binary, mode, cv2.CHAIN_APPROX_SIMPLE)
         hulls = []
-        for contour in contours:
-            if len(contour) < 4:
-                continue
-            x, y, w, h = cv2.boundingRect(contour)
-            inside = x > 0 and y > 0 and x + w < width and y + h < height
-            sized = min(w, h) >= rules.smallest * rules.narrowest and h <= rules.largest * height
-            if not (inside and sized and max(w, h) >= rules.smallest):
-                continue
-            if not rules.narrowest <= w / h <= rules.widest:
+        for number, contour in enumerate(contours):
+            hole = bool(tree[0][number][3] >= 0)
+            if len(contour) < 4 or not self._fits(contour, colour_map, hole):
                 continue
             hull = cv2.convexHull(contour)
             # areas of contours through pixel centres, each grown by half a pixel all around
             area = cv2.contourArea(contour) + 0.5 * cv2.arcLength(hull, True)
             hull_area = cv2.contourArea(hull) + 0.5 * cv2.arcLength(hull, True)
-            filled = area >= rules.solidity * hull_area
-            if filled or _rim_share(binary, hull) >= rules.rim_share:
+            filled = area >= self.rules.solidity * hull_area
+            if hole and filled:
+                inside = hull[:, 0, :].astype(np.float64)
+                # gaps between red things are holes as well: a sign's inside is neat and not tiny
+                if max(match_shapes(inside).values()) >= self.rules.overlap_of_hole:
+                    hulls.append(_around(inside, _RIM))
+            elif not hole and (filled or _rim_share(binary, hull) >= self.rules.rim_share):
                 hulls.append(hull[:, 0, :].astype(np.float64))
         return hulls
+
+    def _fits(self, contour: MatLike, colour_map: Image, hole: bool) -> bool:
+        """Whether a contour has a sign's size and proportions and does not touch the edge."""
+        rules = self.rules
+        height, width = colour_map.shape
+        x, y, w, h = cv2.boundingRect(contour)
+        inside = x > 0 and y > 0 and x + w < width and y + h < height
+        smallest = rules.smallest_hole if hole else rules.smallest
+        sized = max(w, h) >= smallest and min(w, h) >= smallest * rules.narrowest
+        slim = rules.narrowest <= w / h <= rules.widest
+        return inside and sized and slim and h <= rules.largest * height
 
     def _judge(
         self, image: Image, colour_map: Image, colour: str, blob: _Blob
@@ -216,6 +233,11 @@ def _rim_share(binary: MatLike, hull: MatLike) -> float:
     cv2.polylines(edge, [hull - [x, y]], True, 1)
     near = cv2.dilate(binary[y : y + h, x : x + w], np.ones((3, 3), np.uint8))
     return float((near[edge == 1] > 0).mean())
+
+
+def _around(hull: FloatArray, factor: float) -> FloatArray:
+    middle = (hull.min(axis=0) + hull.max(axis=0)) / 2.0
+    return np.asarray(middle + (hull - middle) * factor)
 
 
 def _scaled(box: FloatArray, factor: float) -> FloatArray:
