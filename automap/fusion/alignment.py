@@ -128,14 +128,7 @@ def _trial_part(nodes: Nodes) -> Nodes:
     stop = int(enough[0]) if len(enough) else len(nodes.t)
     stop = min(stop, int(np.searchsorted(nodes.t, nodes.t[0] + TRIAL_MAX_S)))
     stop = max(stop, min(len(nodes.t), 2))
-    return Nodes(
-        nodes.t[:stop],
-        nodes.flags[:stop],
-        nodes.values[:stop],
-        nodes.var[:stop],
-        nodes.wander_sd[:stop],
-        nodes.fix_row[:stop],
-    )
+    return nodes.first(stop)
 
 
 def _shortest_rotation(source: FloatArray, target: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ from automap.frames import (
     quat_to_matrix,
     rotation_vector_to_matrix,
 )
+from automap.fusion.adapt import LEVELS, adapt_noise, scale_nodes, scaled_options
 from automap.fusion.alignment import Alignment, align
 from automap.fusion.measurements import FixModel, Nodes, Shift, build_nodes, model_fixes
 from automap.fusion.model import FusionOptions, StateModel, build_state_model
@@ -64,7 +65,8 @@ class FusionResult:
     the estimated sensor errors over time, smoothed; ``innovations`` of the last forward pass;
     ``delay`` of the IMU stamps against the fixes (imu_time_offset > 0: stamps later than the
     truth) with sd; ``mounting`` sensor to vehicle; ``standstill`` intervals in s from the
-    first sample; ``align_margin`` in nats; ``fix_row`` used rows of the fix table.
+    first sample; ``align_margin`` in nats; ``noise_factors`` what the
+    drive made of the noise levels.
     """
 
     trajectory: Trajectory
@@ -77,6 +79,7 @@ class FusionResult:
     align_margin: float
     n_nodes: int
     n_fixes_used: int
+    noise_factors: dict[str, float]
     warnings: list[str] = field(default_factory=list)
 
 
@@ -100,6 +103,7 @@ class _Pass:
     forward: ForwardRun
     smooth: SmoothRun
     shift: Shift
+    factors: dict[str, float]
 
 
 def fuse_imu_gnss(
@@ -110,13 +114,17 @@ def fuse_imu_gnss(
     delay: Prior,
     lever_arm: FloatArray | None = None,
     lever_arm_sd: float = 0.05,
+    delay_is_clock: bool = False,
     progress: Callable[[float, str], None] = lambda fraction, text: None,
 ) -> FusionResult:
     """Fuse inertial readings and fixes of one drive.
 
     ``imu`` in vehicle axes or, with ``axes_known`` False, in the sensor's own: then the
-    mounting is estimated. ``delay`` is the prior of imu_time_offset minus any unknown output
-    delay of the receiver. ``lever_arm`` [3] IMU to antenna in body axes, None if unknown (it
+    mounting is estimated. ``delay`` is the prior of how much later than the fixes' clock the
+    IMU stamps run: imu_time_offset minus any unknown output delay of the receiver. With
+    ``delay_is_clock`` that delay is an error of the clock model and corrects ``gps_s``;
+    otherwise the stamps are instants of a right clock at which late samples were noted, and
+    each row of the output is the vehicle's state at its stamp's instant. ``lever_arm`` [3] IMU to antenna in body axes, None if unknown (it
     is then estimated).
 
     Raises:
@@ -136,9 +144,7 @@ def fuse_imu_gnss(
             f"({span[1]:.0f} s); check the clocks with 'automap check'"
         )
     speed_t, speed, speed_sd = _fix_speed(model)
-    standstill = find_standstill(
-        t_imu - delay.mean, imu.gyro, imu.accel, speed_t, speed, speed_sd
-    )
+    standstill = find_standstill(t_imu - delay.mean, imu.gyro, imu.accel, speed_t, speed, speed_sd)
     standstill = [(a + delay.mean, b + delay.mean) for a, b in standstill]
     rest_bias = rest_gyro_bias(t_imu, imu.gyro, standstill)
     means = {DELAY: delay.mean}
@@ -179,7 +185,9 @@ def fuse_imu_gnss(
             "direction, so headings and sideways positions of signs may be off"
         )
     progress(0.8, "writing the trajectory at IMU rate")
-    return _assemble(session, last, clock, mounting, margin, warnings, imu.axes_known)
+    return _assemble(
+        session, last, clock, mounting, margin, warnings, imu.axes_known, delay_is_clock
+    )
 
 
 def _fix_speed(model: FixModel) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -189,18 +197,18 @@ def _fix_speed(model: FixModel) -> tuple[FloatArray, FloatArray, FloatArray]:
     return model.t[has], speed, np.sqrt(model.white_var[has, 3] + model.white_var[has, 4])
 
 
-def _passes(
-    session: _Session, start: Start | None, constrained: bool
-) -> tuple[_Pass, Alignment]:
-    """Align if there is no start, then filter and smooth until the delay has settled."""
+def _passes(session: _Session, start: Start | None, constrained: bool) -> tuple[_Pass, Alignment]:
+    """Align if there is no start, filter and smooth until the delays have settled, adapt the
+    noise levels once in between, and iterate about the result."""
     options = session.options
     model = build_state_model(options, session.means, session.sds)
     speed_t, speed, _ = _fix_speed(session.fixes)
     shift = Shift(session.means[DELAY] if DELAY in model.names else 0.0)
     problem = make_problem(session.imu, model, options)
     margin = np.inf
+    factors = dict.fromkeys(LEVELS, 1.0)
     last: _Pass | None = None
-    for number in range(max(options.passes, 1)):
+    for number in range(max(options.passes, 2)):
         nodes = build_nodes(
             session.fixes,
             shift,
@@ -215,24 +223,26 @@ def _passes(
             bias = np.array([session.means.get(f"gyro_bias_{a}", 0.0) for a in "xyz"])
             found = align(problem, session.fixes, nodes, bias, shift)
             start, margin = found.start, found.margin
+        elif number == 1 and options.adapt:
+            factors = adapt_noise(problem, nodes, start, shift)
+            problem = replace(problem, options=scaled_options(problem, factors))
+        nodes = scale_nodes(nodes, factors)
         forward = run_forward(problem, nodes, start, shift)
         smooth = run_smoother(problem, forward)
-        last = _Pass(problem, nodes, forward, smooth, shift)
-        following = _next_shift(model, smooth, shift)
-        if number == options.passes - 1:
-            break
+        last = _Pass(problem, nodes, forward, smooth, shift, factors)
         # begin again at the smoothed start, as unsure as before: only the linearisation gains
         start = Start(smooth.nominal[0].copy(), start.sd)
         speed_t = nodes.t
         speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
+        following = _next_shift(model, smooth, shift)
         if number > 0 and _close(following, shift):
             break
         shift = following
     assert last is not None
     assert start is not None
     for _ in range(options.iterations):
-        forward = run_forward(problem, last.nodes, start, shift, about=last.smooth)
-        last = _Pass(problem, last.nodes, forward, run_smoother(problem, forward), shift)
+        forward = run_forward(problem, last.nodes, start, last.shift, about=last.smooth)
+        last = replace(last, forward=forward, smooth=run_smoother(problem, forward))
     return last, Alignment(start, margin)
 
 
@@ -293,6 +303,7 @@ def _assemble(
     margin: float,
     warnings: list[str],
     axes_known: bool,
+    delay_is_clock: bool,
 ) -> FusionResult:
     model = last.problem.model
     final = last.smooth.params[-1]
@@ -315,12 +326,31 @@ def _assemble(
         sd[1:] = np.maximum(residual_sd[1:], 0.002)
     mounted = Mounting(total, matrix_to_rpy(total), sd)
     smoothed = node_trajectory(
-        last.problem, last.nodes, last.smooth.nominal, last.smooth.params, last.smooth.cov,
-        session.imu.t_ns, clock, delay.mean, turn, residual_sd, blend=True,
+        last.problem,
+        last.nodes,
+        last.smooth.nominal,
+        last.smooth.params,
+        last.smooth.cov,
+        session.imu.t_ns,
+        clock,
+        delay.mean,
+        delay_is_clock,
+        turn,
+        residual_sd,
+        blend=True,
     )
     filtered = node_trajectory(
-        last.problem, last.nodes, *filtered_states(last.forward), last.forward.cov,
-        session.imu.t_ns, clock, delay.mean, turn, residual_sd, blend=False,
+        last.problem,
+        last.nodes,
+        *filtered_states(last.forward),
+        last.forward.cov,
+        session.imu.t_ns,
+        clock,
+        delay.mean,
+        delay_is_clock,
+        turn,
+        residual_sd,
+        blend=False,
     )
     params = parameter_history(last.problem, last.smooth, int(session.imu.t_ns[0]), last.shift)
     return FusionResult(
@@ -334,5 +364,6 @@ def _assemble(
         margin,
         len(last.nodes.t),
         int((last.nodes.fix_row >= 0).sum()),
+        last.factors,
         warnings,
     )

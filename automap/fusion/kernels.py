@@ -988,5 +988,3 @@ def run_dense(
                 for a in range(3):
                     out[j, 3 + a] += s * miss[3 + a]
                 rotate_left(out[j, 6:10], s * miss[6], s * miss[7], s * miss[8])
-
-

@@ -80,6 +80,17 @@ class Nodes:
     wander_sd: FloatArray
     fix_row: IntArray
 
+    def first(self, count: int) -> Nodes:
+        """The first nodes alone."""
+        return Nodes(
+            self.t[:count],
+            self.flags[:count],
+            self.values[:count],
+            self.var[:count],
+            self.wander_sd[:count],
+            self.fix_row[:count],
+        )
+
 
 def model_fixes(fixes: Fixes, t: FloatArray, options: FusionOptions) -> FixModel:
     """Give every usable fix its error model; ``t`` [n] are the fixes' times in s.
@@ -101,7 +112,9 @@ def model_fixes(fixes: Fixes, t: FloatArray, options: FusionOptions) -> FixModel
     fallback = np.stack([hdop, hdop, hdop], axis=1) * np.array(
         [options.horizontal_sd_m, options.horizontal_sd_m, options.vertical_sd_m]
     )
-    sd = np.where(np.isfinite(fixes.sd_pos_ned) & (fixes.sd_pos_ned > 0), fixes.sd_pos_ned, fallback)
+    sd = np.where(
+        np.isfinite(fixes.sd_pos_ned) & (fixes.sd_pos_ned > 0), fixes.sd_pos_ned, fallback
+    )
     factor = np.ones(len(fixes))
     for fix_type, value in _TYPE_FACTOR.items():
         factor[kind == fix_type] = value
@@ -151,8 +164,7 @@ def build_nodes(
     gaps = np.diff(times)
     pieces = np.ceil(gaps / MAX_NODE_SPACING_S - 1e-9).astype(int)
     filler = [
-        np.linspace(times[i], times[i + 1], pieces[i] + 1)[1:-1]
-        for i in np.flatnonzero(pieces > 1)
+        np.linspace(times[i], times[i + 1], pieces[i] + 1)[1:-1] for i in np.flatnonzero(pieces > 1)
     ]
     t = np.concatenate([fix_t[inside], [span[0], span[1]], *filler])
     row = np.concatenate([np.flatnonzero(inside), np.full(len(t) - int(inside.sum()), -1)])
@@ -190,8 +202,6 @@ def build_nodes(
         var[:, CH_NHC + 1] = (2.0 * sd) ** 2 / spacing
     fix_row = np.where(has, model.row[np.maximum(row, 0)] if len(model.row) else -1, -1)
     return Nodes(t, flags, values, var, wander, fix_row.astype(np.int64))
-
-
 
 
 def _split(model: FixModel, shift: Shift) -> FixModel:

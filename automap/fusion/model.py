@@ -53,7 +53,9 @@ class FusionOptions:
     vibration the sampling folds down. ``prior_sd`` replaces catalogue priors: effect ->
     parameter -> sd (parameter "*" for all). ``wander_tau_s`` and ``wander_share``: the
     Gauss-Markov part of a fix's error relative to the receiver's own accuracy figure,
-    ``white_share`` the white part.
+    ``white_share`` the white part. ``passes`` at most that many to settle the delays,
+    ``iterations`` of the smoother about its own result after that. With ``adapt`` the white
+    levels are starting values that the drive's own innovations correct.
     """
 
     effects: tuple[str, ...] = DEFAULT_EFFECTS
@@ -78,8 +80,9 @@ class FusionOptions:
     gap_force_sd: float = 1.0
     gap_rate_sd: float = 0.1
     gate_probability: float = 1e-3
-    passes: int = 3
+    passes: int = 6
     iterations: int = 1
+    adapt: bool = True
     earth_rotation: bool = True
 
 

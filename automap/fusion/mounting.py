@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from automap.errors import StageError
 from automap.frames import matrix_to_rpy
@@ -17,6 +18,10 @@ from automap.records import FloatArray
 MIN_SPEED = 3.0
 MIN_MOVING_S = 10.0
 TURN_RATE = 0.08
+MAX_TURN_ROLL = 0.2
+LEAN_SD = 0.03
+GRADE_SD = 0.1
+"""Lean of the body in turns, and change of grade over a corner of 90 deg, rad."""
 ROAD_ROLL_SD = 0.02
 """Mean cross-fall and suspension lean of a drive, rad, one sigma."""
 
@@ -63,27 +68,45 @@ def estimate_mounting(
     moving = speed > MIN_SPEED
     gravity_dir = c_n_s[moving][:, 2, :].mean(axis=0)
     down_gravity = _across(gravity_dir, forward)
-    turning = moving & (yaw_rate > TURN_RATE)
-    roll_gravity, var_gravity = 0.0, ROAD_ROLL_SD**2
-    roll = roll_gravity
-    var = var_gravity
+    turn_rate = np.einsum("ni,ni->n", rate, c_n_s[:, 2, :])
     right = np.cross(down_gravity, forward)
-    if turning.sum() * dt > 3.0:
-        signed = rate[turning] * np.sign(
-            np.einsum("ni,ni->n", rate[turning], c_n_s[turning][:, 2, :])
-        )[:, None]
-        axis = _across(signed.sum(axis=0), forward)
-        roll_turn = float(np.arctan2(-(axis @ right), axis @ down_gravity))
-        # the axis of turning leans with the body roll and the grade of the road
-        var_turn = 0.02**2 + (0.1**2) / max(turning.sum() * dt, 1.0)
-        weight = var_gravity / (var_gravity + var_turn)
-        if abs(roll_turn) < 0.2:
-            roll = weight * roll_turn
-            var = var_gravity * var_turn / (var_gravity + var_turn)
+    roll, var = 0.0, ROAD_ROLL_SD**2
+    turn_roll, turn_var = _roll_from_turns(rate, turn_rate, moving, forward, right, dt)
+    if abs(turn_roll) < MAX_TURN_ROLL:
+        weight = var / (var + turn_var)
+        roll, var = weight * turn_roll, weight * turn_var
     down = np.cos(roll) * down_gravity - np.sin(roll) * right
     matrix = np.stack([forward, np.cross(down, forward), down])
     sd = np.array([np.sqrt(var), sd_forward, sd_forward])
     return Mounting(matrix, matrix_to_rpy(matrix), sd)
+
+
+def _roll_from_turns(
+    rate: FloatArray,
+    turn_rate: FloatArray,
+    moving: npt.NDArray[np.bool_],
+    forward: FloatArray,
+    right: FloatArray,
+    dt: float,
+) -> tuple[float, float]:
+    """Roll in rad of the axis of turning against the level guess, and its variance.
+
+    The body leans outwards: left and right turns lean opposite ways, so each side counts
+    the same and one side alone is trusted less.
+    """
+    rolls, variances = [], []
+    down = np.cross(forward, right)
+    for side in (1.0, -1.0):
+        use = moving & (side * turn_rate > TURN_RATE)
+        angle = float(np.abs(turn_rate[use]).sum()) * dt
+        if angle < 0.5:
+            continue
+        axis = _across(side * rate[use].sum(axis=0), forward)
+        rolls.append(float(np.arctan2(-(axis @ right), axis @ down)))
+        variances.append(LEAN_SD**2 + GRADE_SD**2 * (0.5 * np.pi / angle))
+    if not rolls:
+        return 0.0, np.inf
+    return float(np.mean(rolls)), float(np.sum(variances)) / len(rolls) ** 2
 
 
 def _robust_direction(units: FloatArray) -> FloatArray:

@@ -18,6 +18,7 @@ from automap.fusion.problem import (
     SmoothRun,
     run_dense,
 )
+from automap.fusion.resample import shift_states
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory
 
 
@@ -52,6 +53,7 @@ def node_trajectory(
     t_ns: IntArray,
     clock: ClockModel,
     delay: float,
+    delay_is_clock: bool,
     turn: FloatArray,
     turn_sd: FloatArray,
     blend: bool,
@@ -59,11 +61,14 @@ def node_trajectory(
     """Trajectory at the IMU epochs ``t_ns`` of nodes' states.
 
     ``turn`` [3, 3] takes sensor axes (as filtered) to the vehicle's, with ``turn_sd`` [3] rad.
-    ``delay`` is how much later than the truth the stamps are, in s.
+    ``delay`` is how much later than the fixes' clock the stamps run, in s: an error of the
+    clock, or of the samples, which then belong to ``delay`` earlier than their stamp.
     """
     dense, _ = run_dense(problem, nodes, nominal, params, blend)
     good = np.isfinite(dense).all(axis=1)
     dense = _hold_ends(dense, good)
+    if not delay_is_clock:
+        dense = shift_states(problem.t, dense, delay)
     matrix = quat_to_matrix(dense[:, 6:10]) @ turn.T
     rpy = matrix_to_rpy(matrix)
     t = problem.t
@@ -77,7 +82,7 @@ def node_trajectory(
     tilt += (matrix * (turn_sd**2)[None, None, :]) @ np.swapaxes(matrix, 1, 2)
     return Trajectory(
         t_ns=t_ns,
-        gps_s=clock.gps_s(t_ns) - delay,
+        gps_s=clock.gps_s(t_ns) - (delay if delay_is_clock else 0.0),
         lat_rad=dense[:, 0],
         lon_rad=(dense[:, 1] + np.pi) % (2 * np.pi) - np.pi,
         height_m=dense[:, 2],

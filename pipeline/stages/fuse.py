@@ -1,0 +1,242 @@
+"""Stage fuse: the trajectory, from whatever the drive has."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from automap.errors import InputError
+from automap.io import names
+from pipeline.stage import Stage, StageContext
+
+if TYPE_CHECKING:
+    from automap.fusion.engine import FusionResult, Prior
+    from automap.io.drive import Drive
+    from automap.records import ClockModel, Trajectory
+
+SEPARATE_CLOCK_SD_S = 0.1
+"""IMU stamps already in GPS time carry the recorder's own delay, s."""
+OUTPUT_DELAY = (0.1, 0.1)
+"""Least output delay of a receiver that nobody measured: mean and one sigma, s."""
+
+
+def run(context: StageContext) -> None:
+    """Write the trajectories, sensor errors, innovations and fusion.json."""
+    from automap.io.clock_json import read_clock
+
+    drive = context.drive
+    if drive.trajectory_file is not None:
+        _take_finished(context)
+        return
+    if not (context.out / names.FIXES).exists():
+        if drive.bearings_file is not None:
+            _write_summary(context, {"method": "none"})
+            return
+        raise InputError(
+            f"{drive.path}: there are no fixes, and without GPS nothing can be placed on a map; "
+            "add the receiver's log (gnss.ubx or gnss.nmea) or a finished trajectory.csv"
+        )
+    clock = read_clock(context.out / names.SYNC)
+    if (context.out / names.IMU).exists():
+        _fuse(context, clock)
+    else:
+        _smooth_fixes(context, clock)
+
+
+def _take_finished(context: StageContext) -> None:
+    """A trajectory from other software, completed and passed on."""
+    from automap.io.clock_json import read_clock
+    from automap.io.trajectory_csv import read_trajectory_csv
+
+    assert context.drive.trajectory_file is not None
+    finished = read_trajectory_csv(context.drive.trajectory_file)
+    trajectory = finished.data
+    if finished.time == "t_ns" and (context.out / names.SYNC).exists():
+        clock = read_clock(context.out / names.SYNC)
+        trajectory = replace(trajectory, gps_s=clock.gps_s(trajectory.t_ns))
+    for text in finished.warnings:
+        context.warn(text)
+    _write_trajectory(context, trajectory, names.TRAJECTORY)
+    _write_summary(context, {"method": "finished trajectory"})
+
+
+def _smooth_fixes(context: StageContext, clock: ClockModel) -> None:
+    from automap.fusion.gnss_only import smooth_fixes
+    from automap.io.tables import read_fixes
+
+    context.warn(
+        "no IMU recording: the trajectory is the smoothed GPS track alone, with headings from "
+        "the course; positions of signs will be less sure"
+    )
+    fixes = read_fixes(context.out / names.FIXES)
+    trajectory = smooth_fixes(fixes, clock, context.settings.fuse.options())
+    _write_trajectory(context, trajectory, names.TRAJECTORY)
+    _write_summary(context, {"method": "gnss only", "epochs": len(trajectory)})
+
+
+def _fuse(context: StageContext, clock: ClockModel) -> None:
+    from automap.fusion.engine import fuse_imu_gnss
+    from automap.io.tables import read_fixes, read_imu
+
+    imu = read_imu(context.out / names.IMU)
+    fixes = read_fixes(context.out / names.FIXES)
+    settings = context.settings.fuse
+    delay, is_clock = _delay_prior(clock, settings.imu_delay_sd_s)
+    arm = context.drive.gnss.lever_arm_m
+    result = fuse_imu_gnss(
+        imu,
+        fixes,
+        clock,
+        settings.options(),
+        delay,
+        lever_arm=None if arm is None else context.drive.lever_arm,
+        delay_is_clock=is_clock,
+        progress=context.progress,
+    )
+    for text in result.warnings:
+        context.warn(text)
+    _write_trajectory(context, result.trajectory, names.TRAJECTORY)
+    _write_trajectory(context, result.filtered, names.TRAJECTORY_FILTER)
+    _write_parameters(context, result)
+    _write_innovations(context, result)
+    _report(context, result, is_clock)
+    metrics = context.metrics
+    context.result = (
+        f"{len(result.trajectory)} epochs from {result.n_fixes_used} fixes, horizontal sd "
+        f"{metrics['horizontal_sd_m']:.2f} m, IMU delay {1e3 * result.delay.mean:.0f} ms"
+    )
+
+
+def _delay_prior(clock: ClockModel, shared_sd: float) -> tuple[Prior, bool]:
+    """Prior of the delay between IMU stamps and fixes, and whether it is the clock's error."""
+    from automap.fusion.engine import Prior
+
+    if clock.method == "identity":
+        return Prior(0.0, SEPARATE_CLOCK_SD_S), False
+    if clock.method == "arrival" and clock.output_delay_s is None:
+        mean, sd = OUTPUT_DELAY
+        return Prior(-mean, sd), True
+    sd_offset = min(clock.sd_offset_s, 1.0)
+    if clock.method == "arrival":
+        return Prior(0.0, (shared_sd**2 + sd_offset**2) ** 0.5), False
+    return Prior(0.0, max(SEPARATE_CLOCK_SD_S, sd_offset)), True
+
+
+def _write_trajectory(context: StageContext, trajectory: Trajectory, name: str) -> None:
+    from automap.io.trajectory_table import write_trajectory
+
+    write_trajectory(context.work / name, trajectory)
+
+
+def _write_parameters(context: StageContext, result: FusionResult) -> None:
+    from automap.io.tables import write_columns
+
+    history = result.parameters
+    columns: dict[str, Any] = {"t_ns": history.t_ns}
+    for i, name in enumerate(history.names):
+        columns[name] = history.values[:, i]
+        columns[f"sd_{name}"] = history.sd[:, i]
+    write_columns(context.work / names.IMU_ERRORS, columns)
+
+
+def _write_innovations(context: StageContext, result: FusionResult) -> None:
+    from automap.io.tables import write_columns
+
+    table = result.innovations
+    write_columns(
+        context.work / names.INNOVATIONS,
+        {
+            "t_ns": table.t_ns,
+            "channel": table.channel,
+            "innovation": table.innovation,
+            "sd": table.sd,
+            "nis": table.nis,
+            "accepted": table.accepted,
+        },
+    )
+
+
+def _report(context: StageContext, result: FusionResult, is_clock: bool) -> None:
+    """Figures for run.json and fusion.json."""
+    import numpy as np
+
+    table = result.innovations
+    channels = {}
+    for name in sorted(set(table.channel)):
+        rows = table.channel == name
+        ratio = table.innovation[rows] / table.sd[rows]
+        channels[str(name)] = {
+            "count": int(rows.sum()),
+            "normalised_rms": float(np.sqrt(np.mean(ratio**2))),
+            "accepted_share": float(table.accepted[rows].mean()),
+        }
+    refused = 1.0 - float(table.accepted.mean()) if len(table.accepted) else 0.0
+    if refused > 0.2:
+        context.warn(
+            f"{100 * refused:.0f} % of the measurements contradict the others and were trusted "
+            "less; look at the innovations in the report"
+        )
+    rest = sum(stop - start for start, stop in result.standstill)
+    context.metric("imu_delay_s", result.delay.mean)
+    context.metric("imu_delay_sd_s", result.delay.sd)
+    if is_clock:
+        context.metric("output_delay_s", -result.delay.mean)
+        context.metric("output_delay_sd_s", result.delay.sd)
+    context.metric("mounting_rpy_deg", [float(a) for a in np.degrees(result.mounting.rpy)])
+    context.metric("mounting_rpy_sd_deg", [float(a) for a in np.degrees(result.mounting.sd)])
+    context.metric("standstill_s", rest)
+    context.metric("fixes_used", result.n_fixes_used)
+    moments = result.trajectory
+    context.metric(
+        "horizontal_sd_m",
+        float(np.median(np.hypot(moments.sd_pos_ned[:, 0], moments.sd_pos_ned[:, 1]))),
+    )
+    _write_summary(
+        context,
+        {
+            "method": "inertial",
+            "imu_delay_s": result.delay.mean,
+            "imu_delay_sd_s": result.delay.sd,
+            "delay_is_clock": is_clock,
+            "mounting_rpy_deg": [float(a) for a in np.degrees(result.mounting.rpy)],
+            "mounting_rpy_sd_deg": [float(a) for a in np.degrees(result.mounting.sd)],
+            "align_margin_nats": float(result.align_margin),
+            "noise_factors": result.noise_factors,
+            "nodes": result.n_nodes,
+            "fixes_used": result.n_fixes_used,
+            "refused_share": refused,
+            "standstill": [[float(a), float(b)] for a, b in result.standstill],
+            "channels": channels,
+        },
+    )
+
+
+def _write_summary(context: StageContext, content: dict[str, Any]) -> None:
+    from automap.io.atomic import write_json
+
+    write_json(context.work / names.FUSION, content)
+
+
+def _inputs(drive: Drive) -> list[Path]:
+    files = [drive.manifest_file]
+    if drive.trajectory_file is not None:
+        files.append(drive.trajectory_file)
+    return files
+
+
+STAGE = Stage(
+    name="fuse",
+    version=1,
+    run=run,
+    inputs=_inputs,
+    needs=(names.IMU, names.FIXES, names.SYNC),
+    outputs=(
+        names.TRAJECTORY,
+        names.TRAJECTORY_FILTER,
+        names.IMU_ERRORS,
+        names.INNOVATIONS,
+        names.FUSION,
+    ),
+    settings=("fuse",),
+)
