@@ -48,6 +48,40 @@ class ImuData:
 
 
 @dataclass(frozen=True)
+class RawImu:
+    """Inertial readings as logged, in the sensor's own axes and units, for calibration.
+
+    ``t_ns`` [n] strictly increases; ``gyro``, ``accel`` [n, 3] are in ``gyro_unit`` ("rad/s",
+    "deg/s", "counts") and ``accel_unit`` ("m/s^2", "g", "counts"). ``temp_c`` [n] or None.
+    ``gyro_scale``, ``accel_scale`` [3] are the data sheet's SI value of one reading unit, None
+    for counts of an unknown sensor. ``name`` is what messages call the log.
+    """
+
+    t_ns: IntArray
+    gyro: FloatArray
+    accel: FloatArray
+    gyro_unit: str = "rad/s"
+    accel_unit: str = "m/s^2"
+    gyro_scale: FloatArray | None = None
+    accel_scale: FloatArray | None = None
+    temp_c: FloatArray | None = None
+    name: str = "the log"
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    @property
+    def t_s(self) -> FloatArray:
+        """Seconds [n] since the first sample."""
+        return np.asarray((self.t_ns - self.t_ns[0]) * 1e-9)
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples a second, by the median step."""
+        return float(1e9 / np.median(np.diff(self.t_ns)))
+
+
+@dataclass(frozen=True)
 class Fixes:
     """Receiver epochs, one row each, in the order of the log.
 
