@@ -1,0 +1,137 @@
+"""Rest intervals of a recording, against a noise floor that the recording itself shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.errors import InputError
+from automap.records import FloatArray, IntArray, RawImu
+
+WINDOW_S = 0.5
+"""Movement is looked for in windows of this length: longer than the swing of a hand tremor."""
+LEAST_REST_S = 1.0
+FLOOR_QUANTILE = 0.05
+"""The quietest twentieth of all windows is taken for the sensor's own noise."""
+THRESHOLDS = tuple(1.5 * 2.0 ** (k / 2) for k in range(16))
+"""Candidate limits on windowed variance over noise floor, from 1.5 to 270."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Mean readings over one rest interval, in the log's units.
+
+    Rows ``start`` to ``stop`` (exclusive) of log number ``log``. ``accel``, ``gyro`` [3] are
+    means, ``accel_var``, ``gyro_var`` [3] the variances of these means.
+    """
+
+    log: int
+    start: int
+    stop: int
+    middle_s: float
+    length_s: float
+    accel: FloatArray
+    gyro: FloatArray
+    accel_var: FloatArray
+    gyro_var: FloatArray
+
+
+def movement(log: RawImu) -> FloatArray:
+    """How much each sample's surroundings move [n]: 1 at rest, more in motion.
+
+    The variance in a sliding window over the noise floor, averaged over the six axes.
+
+    Raises:
+        InputError: too few samples, or too low a rate, to tell rest from motion.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    rate = log.rate_hz
+    window = round(WINDOW_S * rate) | 1
+    if window < 5:
+        raise InputError(
+            f"{log.name} has {rate:.3g} samples a second, too few to tell rest from motion; "
+            "record at 10 Hz or more, or correct the time column or --rate."
+        )
+    if len(log) < 4 * window:
+        raise InputError(
+            f"{log.name} lasts {len(log) / rate:.3g} s; record at least a minute, several poses."
+        )
+    values = np.hstack([log.accel, log.gyro])
+    values = values - values.mean(axis=0)
+    mean = uniform_filter1d(values, window, axis=0)
+    variance = np.maximum(uniform_filter1d(values**2, window, axis=0) - mean**2, 0.0)
+    floor = np.maximum(
+        np.quantile(variance, FLOOR_QUANTILE, axis=0), quantisation_step(values) ** 2 / 12.0
+    )
+    floor[floor == 0.0] = np.inf  # an axis that never changes says nothing about movement
+    return np.asarray((variance / floor).mean(axis=1))
+
+
+def quantisation_step(values: FloatArray) -> FloatArray:
+    """The smallest difference between neighbouring samples that occurs, per column [k]."""
+    steps = np.abs(np.diff(values, axis=0))
+    steps[steps < 1e-9 * np.ptp(values, axis=0)] = np.inf
+    least = steps.min(axis=0)
+    return np.where(np.isfinite(least), least, 0.0)
+
+
+def rests_below(logs: list[RawImu], movements: list[FloatArray], limit: float) -> list[Rest]:
+    """All intervals of at least LEAST_REST_S in which the movement stays below ``limit``."""
+    found = []
+    for number, (log, moved) in enumerate(zip(logs, movements, strict=True)):
+        t_s = log.t_s
+        step = float(np.median(np.diff(t_s)))
+        still = moved < limit
+        # a hole in the recording ends an interval
+        still[1:] &= np.diff(t_s) < 10.0 * step
+        for start, stop in _runs(still):
+            if t_s[stop - 1] - t_s[start] >= LEAST_REST_S:
+                rest = _summary(log, number, start, stop)
+                if found and _same_pose(log, found[-1], rest):
+                    rest = _summary(log, number, found.pop().start, stop)
+                found.append(rest)
+    return found
+
+
+def _same_pose(log: RawImu, first: Rest, second: Rest) -> bool:
+    """Whether two rests are one that a fluctuation of the noise has cut in two."""
+    if first.log != second.log:
+        return False
+    gap_s = float(log.t_ns[second.start] - log.t_ns[first.stop - 1]) * 1e-9
+    moved = np.linalg.norm(second.accel - first.accel)
+    span = np.linalg.norm(np.ptp(log.accel, axis=0))
+    return bool(gap_s <= 2.0 * WINDOW_S and moved < 0.003 * span)
+
+
+def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
+    edges = np.diff(np.concatenate([[0], flags.astype(np.int8), [0]]))
+    starts: IntArray = np.flatnonzero(edges == 1)
+    stops: IntArray = np.flatnonzero(edges == -1)
+    return list(zip(starts.tolist(), stops.tolist(), strict=True))
+
+
+def _summary(log: RawImu, number: int, start: int, stop: int) -> Rest:
+    t_s = log.t_s[start:stop]
+    accel, gyro = log.accel[start:stop], log.gyro[start:stop]
+    return Rest(
+        log=number,
+        start=start,
+        stop=stop,
+        middle_s=float(t_s.mean()),
+        length_s=float(t_s[-1] - t_s[0]),
+        accel=accel.mean(axis=0),
+        gyro=gyro.mean(axis=0),
+        accel_var=_variance_of_mean(accel),
+        gyro_var=_variance_of_mean(gyro),
+    )
+
+
+def _variance_of_mean(values: FloatArray) -> FloatArray:
+    """Variance [3] of the mean of correlated samples [n, 3], by the means of ten batches."""
+    batches = np.array([part.mean(axis=0) for part in np.array_split(values, 10)])
+    # never less than white noise would leave: ten batches alone may agree by chance
+    white = values.var(axis=0, ddof=1) / len(values)
+    step = quantisation_step(values)
+    return np.maximum(np.maximum(batches.var(axis=0, ddof=1) / 10.0, white), step**2 / 1200.0)
