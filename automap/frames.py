@@ -1,4 +1,4 @@
-"""Attitude: rotation matrices, quaternions, Euler angles, axis conventions.
+"""Attitude: rotation matrices, quaternions, Euler angles.
 
 All functions take one rotation or a stack along the leading axes. ``C_a_b`` takes
 components in b to components in a. Quaternions are scalar-first and unit. Euler angles
@@ -12,43 +12,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automap.errors import ConfigError
 from automap.records import FloatArray
-
-_LETTER_TO_FRD = {
-    "F": (1.0, 0.0, 0.0),
-    "B": (-1.0, 0.0, 0.0),
-    "R": (0.0, 1.0, 0.0),
-    "L": (0.0, -1.0, 0.0),
-    "D": (0.0, 0.0, 1.0),
-    "U": (0.0, 0.0, -1.0),
-}
-
-
-def axes_matrix(axes: str) -> FloatArray:
-    """Matrix sensor to vehicle (FRD) of a three-letter axis convention.
-
-    The letters say where the sensor's x, y and z point: F/B forward or backward, R/L right
-    or left, D/U down or up, e.g. "FRD", "FLU", "RFU".
-
-    Raises:
-        ConfigError: not three perpendicular directions, or a left-handed triple.
-    """
-    letters = axes.strip().upper()
-    if len(letters) != 3 or any(c not in _LETTER_TO_FRD for c in letters):
-        raise ConfigError(
-            f'axes = "{axes}" is not an axis convention; write three of F, B, R, L, D, U such as '
-            '"FRD" or "FLU", a 3x3 matrix sensor to vehicle, or "unknown"'
-        )
-    matrix = np.array([_LETTER_TO_FRD[c] for c in letters]).T
-    det = float(np.linalg.det(matrix))
-    if abs(det) < 0.5:
-        raise ConfigError(f'axes = "{axes}" names the same direction twice')
-    if det < 0:
-        raise ConfigError(
-            f'axes = "{axes}" is a left-handed set of axes; one of the letters is reversed'
-        )
-    return matrix
 
 
 def rpy_to_matrix(rpy: npt.ArrayLike) -> FloatArray:

@@ -25,11 +25,6 @@ BASIS_RATE = 1
 BASIS_FORCE = 4
 BASIS_EXTRA = 7
 
-_EXTRA_SIGNALS = (
-    "abs_rate_x abs_rate_y abs_rate_z abs_force_x abs_force_y abs_force_z "
-    "sq_force_x sq_force_y sq_force_z temperature speed_squared"
-).split()
-
 
 @dataclass(frozen=True)
 class ImuTerm:

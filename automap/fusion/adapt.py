@@ -14,9 +14,9 @@ import numpy as np
 from automap.fusion.layout import CH_POS, CH_VEL
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.model import FusionOptions
-from automap.fusion.problem import Problem, Start, run_forward
+from automap.fusion.problem import Problem, Start, run_forward, with_options
 
-MAX_PART_S = 600.0
+MAX_PART_S = 300.0
 MIN_GAIN_NATS = 3.0
 FACTOR = 2.0
 MAX_STEPS = 4
@@ -24,17 +24,18 @@ LEVELS = ("accel", "gyro", "position_h", "position_v", "velocity_h", "velocity_v
 
 
 def adapt_noise(problem: Problem, nodes: Nodes, start: Start, shift: Shift) -> dict[str, float]:
-    """Factors on the noise levels that the first ten minutes of a drive ask for.
+    """Factors on the noise levels that the first five minutes of a drive ask for.
 
     Returns a factor for the accelerometer's and gyro's white noise and for the white parts of
-    position and velocity, horizontal and vertical; 1.0 where the likelihood does not prefer another by three nats.
+    position and velocity, horizontal and vertical; 1.0 where the likelihood does not prefer
+    another by three nats.
     """
     stop = int(np.searchsorted(nodes.t, nodes.t[0] + MAX_PART_S))
     part = nodes.first(max(stop, 2))
     factors = dict.fromkeys(LEVELS, 1.0)
 
     def score(trial: dict[str, float]) -> float:
-        scaled = replace(problem, options=scaled_options(problem, trial))
+        scaled = with_options(problem, scaled_options(problem, trial))
         value = run_forward(scaled, scale_nodes(part, trial), start, shift, store=False).score
         return value if np.isfinite(value) else -np.inf
 

@@ -74,8 +74,8 @@ def level(
         mask = np.arange(len(problem.t)) < 2
     t = problem.t[mask]
     dt = np.minimum(np.diff(t, prepend=t[0]), 0.1)
-    rate = problem.readings[mask, :3] - gyro_bias
-    force = problem.readings[mask, 3:]
+    rate = problem.samples.raw[mask, :3] - gyro_bias
+    force = problem.samples.raw[mask, 3:]
     turns = rotation_vector_to_matrix(rate * dt[:, None])
     turn = np.eye(3)
     total = np.zeros(3)

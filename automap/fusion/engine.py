@@ -14,10 +14,9 @@ from automap.frames import (
     quat_to_matrix,
     rotation_vector_to_matrix,
 )
-from automap.fusion.adapt import LEVELS, adapt_noise, scale_nodes, scaled_options
-from automap.fusion.alignment import Alignment, align
-from automap.fusion.measurements import FixModel, Nodes, Shift, build_nodes, model_fixes
-from automap.fusion.model import FusionOptions, StateModel, build_state_model
+from automap.fusion.layout import HAS_POS_H, N_NAV
+from automap.fusion.measurements import model_fixes
+from automap.fusion.model import FusionOptions
 from automap.fusion.mounting import Mounting, estimate_mounting
 from automap.fusion.output import (
     Innovations,
@@ -26,26 +25,14 @@ from automap.fusion.output import (
     node_trajectory,
     parameter_history,
 )
-from automap.fusion.problem import (
-    DELAY_STATE as DELAY,
-)
-from automap.fusion.problem import (
-    VEL_LATENCY_STATE,
-    ForwardRun,
-    Problem,
-    SmoothRun,
-    Start,
-    filtered_states,
-    make_problem,
-    run_dense,
-    run_forward,
-    run_smoother,
-)
+from automap.fusion.passes import Pass, Session, fix_speed, run_passes
+from automap.fusion.problem import DELAY_STATE, Start, filtered_states, run_dense
 from automap.fusion.standstill import find_standstill, rest_gyro_bias
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 
-DELAY_CONVERGED_S = 0.002
-MAX_VEL_LATENCY_S = 1.0
+KNOWN_ROLL_SD = 1e-3
+"""The roll of a mounting that the manifest states, rad."""
+FORWARD_SD = 0.002
 _NO_NHC = ("imu_mounting", "nhc_lever_arm")
 
 
@@ -83,29 +70,6 @@ class FusionResult:
     warnings: list[str] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
-class _Session:
-    """What stays the same over the passes of one run."""
-
-    imu: ImuData
-    fixes: FixModel
-    options: FusionOptions
-    standstill: list[tuple[float, float]]
-    means: dict[str, float]
-    sds: dict[str, float]
-    span: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class _Pass:
-    problem: Problem
-    nodes: Nodes
-    forward: ForwardRun
-    smooth: SmoothRun
-    shift: Shift
-    factors: dict[str, float]
-
-
 def fuse_imu_gnss(
     imu: ImuData,
     fixes: Fixes,
@@ -124,8 +88,8 @@ def fuse_imu_gnss(
     IMU stamps run: imu_time_offset minus any unknown output delay of the receiver. With
     ``delay_is_clock`` that delay is an error of the clock model and corrects ``gps_s``;
     otherwise the stamps are instants of a right clock at which late samples were noted, and
-    each row of the output is the vehicle's state at its stamp's instant. ``lever_arm`` [3] IMU to antenna in body axes, None if unknown (it
-    is then estimated).
+    each row of the output is the vehicle's state at its stamp's instant. ``lever_arm`` [3] IMU
+    to antenna in body axes, None if unknown (it is then estimated).
 
     Raises:
         InputError: fewer than two usable fixes within the IMU's span, or hardly any samples.
@@ -135,48 +99,53 @@ def fuse_imu_gnss(
     base_ns = int(imu.t_ns[0])
     fix_t = (clock.t_ns(fixes.gps_s) - base_ns) * 1e-9
     model = model_fixes(fixes, np.asarray(fix_t), options)
-    t_imu = (imu.t_ns - base_ns) * 1e-9
+    t_imu = np.asarray((imu.t_ns - base_ns) * 1e-9)
     span = (0.0, float(t_imu[-1]))
-    inside = (model.t > span[0] - 1.0) & (model.t < span[1] + 1.0) & ((model.flags & 1) > 0)
+    inside = (model.t > span[0] - 1.0) & (model.t < span[1] + 1.0) & ((model.flags & HAS_POS_H) > 0)
     if int(inside.sum()) < 2:
         raise InputError(
             f"only {int(inside.sum())} usable fixes fall within the IMU recording "
             f"({span[1]:.0f} s); check the clocks with 'automap check'"
         )
-    speed_t, speed, speed_sd = _fix_speed(model)
+    speed_t, speed, speed_sd = fix_speed(model)
     standstill = find_standstill(t_imu - delay.mean, imu.gyro, imu.accel, speed_t, speed, speed_sd)
     standstill = [(a + delay.mean, b + delay.mean) for a, b in standstill]
     rest_bias = rest_gyro_bias(t_imu, imu.gyro, standstill)
-    means = {DELAY: delay.mean}
-    sds = {DELAY: delay.sd}
+    means = {DELAY_STATE: delay.mean}
+    sds = {DELAY_STATE: delay.sd}
     effects = tuple(options.effects)
     if "gnss_lever_arm" not in effects:
         effects = (*effects, "gnss_lever_arm")
-    if lever_arm is not None:
-        for axis, value in zip("xyz", lever_arm, strict=True):
-            means[f"gnss_lever_arm_{axis}"] = float(value)
-            sds[f"gnss_lever_arm_{axis}"] = lever_arm_sd
     if rest_bias is not None:
         for axis, value in zip("xyz", rest_bias, strict=True):
             means[f"gyro_bias_{axis}"] = float(value)
             sds[f"gyro_bias_{axis}"] = 2e-3
     options = replace(options, effects=effects)
-    session = _Session(imu, model, options, standstill, means, sds, span)
+    session = Session(imu, model, options, standstill, means, sds, span)
     warnings: list[str] = []
 
     mounting = Mounting(np.eye(3), np.zeros(3), np.zeros(3))
     start: Start | None = None
     margin = np.inf
+    # level is what the IMU says it is: the constraint cannot tell the roll of the mounting
+    known_sds = {"imu_mounting_roll": KNOWN_ROLL_SD}
+    known_means: dict[str, float] = {}
+    if lever_arm is not None:
+        known_means |= {
+            f"gnss_lever_arm_{a}": float(v) for a, v in zip("xyz", lever_arm, strict=True)
+        }
+        known_sds |= dict.fromkeys(known_means, lever_arm_sd)
     if not imu.axes_known:
         free = replace(options, effects=tuple(e for e in effects if e not in _NO_NHC))
         loose = replace(session, options=free)
         progress(0.05, "fusing in sensor axes to find the mounting")
-        last, found = _passes(loose, None, constrained=False)
+        last, found = run_passes(loose, None, constrained=False)
         margin = found.margin
         mounting = _mounting_of(last)
         session, start = _turn(session, last, mounting)
+    session = replace(session, means=session.means | known_means, sds=session.sds | known_sds)
     progress(0.3, "fusing")
-    last, found = _passes(session, start, constrained=True)
+    last, found = run_passes(session, start, constrained=True)
     margin = min(margin, found.margin)
     if margin < 5.0:
         warnings.append(
@@ -190,80 +159,7 @@ def fuse_imu_gnss(
     )
 
 
-def _fix_speed(model: FixModel) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Times, horizontal speeds and their sd of the fixes that have velocity."""
-    has = (model.flags & 4) > 0
-    speed = np.hypot(model.values[has, 3], model.values[has, 4])
-    return model.t[has], speed, np.sqrt(model.white_var[has, 3] + model.white_var[has, 4])
-
-
-def _passes(session: _Session, start: Start | None, constrained: bool) -> tuple[_Pass, Alignment]:
-    """Align if there is no start, filter and smooth until the delays have settled, adapt the
-    noise levels once in between, and iterate about the result."""
-    options = session.options
-    model = build_state_model(options, session.means, session.sds)
-    speed_t, speed, _ = _fix_speed(session.fixes)
-    shift = Shift(session.means[DELAY] if DELAY in model.names else 0.0)
-    problem = make_problem(session.imu, model, options)
-    margin = np.inf
-    factors = dict.fromkeys(LEVELS, 1.0)
-    last: _Pass | None = None
-    for number in range(max(options.passes, 2)):
-        nodes = build_nodes(
-            session.fixes,
-            shift,
-            session.span,
-            session.standstill,
-            speed_t,
-            speed,
-            options,
-            constrained,
-        )
-        if start is None:
-            bias = np.array([session.means.get(f"gyro_bias_{a}", 0.0) for a in "xyz"])
-            found = align(problem, session.fixes, nodes, bias, shift)
-            start, margin = found.start, found.margin
-        elif number == 1 and options.adapt:
-            factors = adapt_noise(problem, nodes, start, shift)
-            problem = replace(problem, options=scaled_options(problem, factors))
-        nodes = scale_nodes(nodes, factors)
-        forward = run_forward(problem, nodes, start, shift)
-        smooth = run_smoother(problem, forward)
-        last = _Pass(problem, nodes, forward, smooth, shift, factors)
-        # begin again at the smoothed start, as unsure as before: only the linearisation gains
-        start = Start(smooth.nominal[0].copy(), start.sd)
-        speed_t = nodes.t
-        speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
-        following = _next_shift(model, smooth, shift)
-        if number > 0 and _close(following, shift):
-            break
-        shift = following
-    assert last is not None
-    assert start is not None
-    for _ in range(options.iterations):
-        forward = run_forward(problem, last.nodes, start, last.shift, about=last.smooth)
-        last = replace(last, forward=forward, smooth=run_smoother(problem, forward))
-    return last, Alignment(start, margin)
-
-
-def _next_shift(model: StateModel, smooth: SmoothRun, shift: Shift) -> Shift:
-    """The delays found so far, for the nodes' times of the next pass."""
-    found = dict(zip(model.names, smooth.params[-1], strict=True))
-    latency = shift.vel_latency_s + float(found.get(VEL_LATENCY_STATE, 0.0))
-    return Shift(
-        shift.delay_s + float(found.get(DELAY, 0.0)),
-        float(np.clip(latency, -MAX_VEL_LATENCY_S, MAX_VEL_LATENCY_S)),
-    )
-
-
-def _close(a: Shift, b: Shift) -> bool:
-    return (
-        abs(a.delay_s - b.delay_s) < DELAY_CONVERGED_S
-        and abs(a.vel_latency_s - b.vel_latency_s) < 2 * DELAY_CONVERGED_S
-    )
-
-
-def _mounting_of(last: _Pass) -> Mounting:
+def _mounting_of(last: Pass) -> Mounting:
     """Mounting from a run in sensor axes."""
     problem = last.problem
     dense, rates = run_dense(
@@ -278,17 +174,16 @@ def _mounting_of(last: _Pass) -> Mounting:
     return estimate_mounting(t, dense[:, 3:6], quat_to_matrix(dense[:, 6:10]), rates[:, :3], along)
 
 
-def _turn(session: _Session, last: _Pass, mounting: Mounting) -> tuple[_Session, Start]:
+def _turn(session: Session, last: Pass, mounting: Mounting) -> tuple[Session, Start]:
     """Turn readings, priors and the start from sensor into vehicle axes."""
     c = mounting.matrix
     imu = replace(
         session.imu, gyro=session.imu.gyro @ c.T, accel=session.imu.accel @ c.T, axes_known=True
     )
     means = dict(session.means)
-    for stem in ("gyro_bias_", "gnss_lever_arm_"):
-        if stem + "x" in means:
-            turned = c @ np.array([means[stem + a] for a in "xyz"])
-            means.update({stem + a: float(v) for a, v in zip("xyz", turned, strict=True)})
+    if "gyro_bias_x" in means:
+        turned = c @ np.array([means[f"gyro_bias_{a}"] for a in "xyz"])
+        means |= {f"gyro_bias_{a}": float(v) for a, v in zip("xyz", turned, strict=True)}
     nominal = last.smooth.nominal[0].copy()
     nominal[6:10] = matrix_to_quat(quat_to_matrix(nominal[6:10]) @ c.T)
     sd = np.concatenate([np.full(3, 10.0), np.full(3, 2.0), [0.12, 0.12, 0.3]])
@@ -296,8 +191,8 @@ def _turn(session: _Session, last: _Pass, mounting: Mounting) -> tuple[_Session,
 
 
 def _assemble(
-    session: _Session,
-    last: _Pass,
+    session: Session,
+    last: Pass,
     clock: ClockModel,
     mounting: Mounting,
     margin: float,
@@ -309,21 +204,21 @@ def _assemble(
     final = last.smooth.params[-1]
     spread = np.sqrt(np.maximum(np.einsum("ii->i", last.smooth.cov[-1]), 0.0))
     delay = Prior(0.0, 0.0)
-    if DELAY in model.names:
-        i = model.names.index(DELAY)
-        delay = Prior(float(final[i]) + last.shift.delay_s, float(spread[9 + i]))
+    if DELAY_STATE in model.names:
+        i = model.names.index(DELAY_STATE)
+        delay = Prior(float(final[i]) + last.shift.delay_s, float(spread[N_NAV + i]))
     residual = np.zeros(3)
     residual_sd = np.zeros(3)
     if "imu_mounting_roll" in model.names:
         i = model.names.index("imu_mounting_roll")
         residual = final[i : i + 3]
-        residual_sd = spread[9 + i : 12 + i]
+        residual_sd = spread[N_NAV + i : N_NAV + 3 + i]
     turn = rotation_vector_to_matrix(residual)
     total = turn @ mounting.matrix
     sd = residual_sd.copy()
     if not axes_known:
-        sd[0] = max(float(np.hypot(mounting.sd[0], 0.0)), float(residual_sd[0]))
-        sd[1:] = np.maximum(residual_sd[1:], 0.002)
+        sd[0] = float(np.hypot(mounting.sd[0], sd[0]))
+        sd[1:] = np.maximum(sd[1:], FORWARD_SD)
     mounted = Mounting(total, matrix_to_rpy(total), sd)
     smoothed = node_trajectory(
         last.problem,
@@ -336,20 +231,18 @@ def _assemble(
         delay.mean,
         delay_is_clock,
         turn,
-        residual_sd,
         blend=True,
     )
     filtered = node_trajectory(
         last.problem,
         last.nodes,
         *filtered_states(last.forward),
-        last.forward.cov,
+        last.forward.store.cov,
         session.imu.t_ns,
         clock,
         delay.mean,
         delay_is_clock,
         turn,
-        residual_sd,
         blend=False,
     )
     params = parameter_history(last.problem, last.smooth, int(session.imu.t_ns[0]), last.shift)

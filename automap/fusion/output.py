@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.frames import matrix_to_rpy, quat_to_matrix, rpy_sd_from_tilt
-from automap.fusion.layout import CHANNELS, N_NAV, PHI_ID
+from automap.fusion.layout import CHANNELS, MOUNT, N_NAV, PHI_ID
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.problem import (
     DELAY_STATE,
@@ -55,17 +55,16 @@ def node_trajectory(
     delay: float,
     delay_is_clock: bool,
     turn: FloatArray,
-    turn_sd: FloatArray,
     blend: bool,
 ) -> Trajectory:
     """Trajectory at the IMU epochs ``t_ns`` of nodes' states.
 
-    ``turn`` [3, 3] takes sensor axes (as filtered) to the vehicle's, with ``turn_sd`` [3] rad.
+    ``turn`` [3, 3] takes sensor axes (as filtered) to the vehicle's.
     ``delay`` is how much later than the fixes' clock the stamps run, in s: an error of the
     clock, or of the samples, which then belong to ``delay`` earlier than their stamp.
     """
     dense, _ = run_dense(problem, nodes, nominal, params, blend)
-    good = np.isfinite(dense).all(axis=1)
+    good = np.asarray(np.isfinite(dense).all(axis=1))
     dense = _hold_ends(dense, good)
     if not delay_is_clock:
         dense = shift_states(problem.t, dense, delay)
@@ -75,11 +74,11 @@ def node_trajectory(
     variance = np.stack(
         [np.interp(t, nodes.t, np.maximum(cov[:, i, i], 0.0)) for i in range(6)], axis=1
     )
+    node_tilt = vehicle_tilt(problem, nominal, cov, turn)
     tilt = np.empty((len(t), 3, 3))
     for i in range(3):
         for j in range(3):
-            tilt[:, i, j] = np.interp(t, nodes.t, cov[:, PHI_ID + i, PHI_ID + j])
-    tilt += (matrix * (turn_sd**2)[None, None, :]) @ np.swapaxes(matrix, 1, 2)
+            tilt[:, i, j] = np.interp(t, nodes.t, node_tilt[:, i, j])
     return Trajectory(
         t_ns=t_ns,
         gps_s=clock.gps_s(t_ns) - (delay if delay_is_clock else 0.0),
@@ -92,6 +91,26 @@ def node_trajectory(
         sd_vel_ned=np.sqrt(variance[:, 3:6]),
         sd_rpy=rpy_sd_from_tilt(rpy, tilt),
     )
+
+
+def vehicle_tilt(
+    problem: Problem, nominal: FloatArray, cov: FloatArray, turn: FloatArray
+) -> FloatArray:
+    """Covariance [k, 3, 3] of the vehicle's attitude error in NED at nodes.
+
+    C_n_vehicle = C_n_sensor M': errors of sensor attitude phi and mounting m combine to
+    phi - C_n_vehicle m, and they are correlated, since both come from the same motion.
+    """
+    phi = slice(PHI_ID, PHI_ID + 3)
+    tilt = cov[:, phi, phi].copy()
+    offset = int(problem.model.offsets[MOUNT])
+    if offset >= 0:
+        mount = slice(offset, offset + 3)
+        c = quat_to_matrix(nominal[:, 6:10]) @ turn.T
+        cross = c @ cov[:, mount, phi]
+        tilt += c @ cov[:, mount, mount] @ np.swapaxes(c, 1, 2)
+        tilt -= cross + np.swapaxes(cross, 1, 2)
+    return tilt
 
 
 def _hold_ends(dense: FloatArray, good: npt.NDArray[np.bool_]) -> FloatArray:
@@ -119,13 +138,14 @@ def parameter_history(
 
 def innovations(forward: ForwardRun, base_ns: int) -> Innovations:
     """The innovation table of a forward run."""
-    node, channel = forward.sc_info[:, 0], forward.sc_info[:, 1]
+    store = forward.store
+    node, channel = store.info[:, 0], store.info[:, 1]
     names = np.array(CHANNELS, dtype=object)
     return Innovations(
         base_ns + np.rint(forward.nodes.t[node] * 1e9).astype(np.int64),
         names[channel],
-        forward.sc_nu,
-        np.sqrt(forward.sc_s),
-        forward.nis[node, channel],
-        forward.sc_info[:, 2] > 0,
+        store.nu,
+        np.sqrt(store.var),
+        store.nis[node, channel],
+        store.info[:, 2] > 0,
     )

@@ -34,7 +34,7 @@ def find_standstill(
     if len(t) < 10 or len(fix_t) == 0:
         return []
     dt = float(np.median(np.diff(t)))
-    width = max(int(round(WINDOW_S / dt)), 5)
+    width = max(round(WINDOW_S / dt), 5)
     spread_a = _rolling_sd(accel, width)
     spread_g = _rolling_sd(gyro, width)
     speed = np.interp(t, fix_t, fix_speed)

@@ -17,7 +17,7 @@ class FuseSettings(Section):
 
     effects: tuple[str, ...] = DEFAULT_EFFECTS
     """Effects that are estimated, by name."""
-    prior_sd: dict[str, dict[str, PositiveFloat]] = {}
+    prior_sd: dict[str, dict[str, PositiveFloat]] = Field(default_factory=dict)
     """One sigma of parameters before the drive: effect, parameter ("*" for all)."""
     accel_noise: PositiveFloat = _D.accel_noise
     """White noise of the accelerometer in a car, m/s^2/sqrt(Hz)."""

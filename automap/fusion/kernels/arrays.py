@@ -1,0 +1,69 @@
+"""The arrays that kernels take, grouped. Named tuples compile; dataclasses do not."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from automap.records import FloatArray, IntArray
+
+
+class Samples(NamedTuple):
+    """Samples: ``t`` [n] s, ``raw`` [n, 6] rates and forces, ``extra`` [n, e] extra basis
+    signals, ``force`` [n, 3] the forces low-passed without delay."""
+
+    t: FloatArray
+    raw: FloatArray
+    extra: FloatArray
+    force: FloatArray
+
+
+class ModelArrays(NamedTuple):
+    """``terms`` [m, 3] sensor, axis, basis; ``offsets`` [N_BLOCKS]; ``tau`` [n] correlation
+    times s (0: none); ``walk`` [n] random-walk PSD, or variance of a correlated state;
+    ``noise`` [2] PSD of force and rate; ``gap`` [3] longest normal step s, force sd m/s^2 and
+    rate sd rad/s inside a gap; ``gate`` [5] NIS thresholds for 1..3 rows, largest inflation,
+    inflation that counts as refused; ``earth_on``."""
+
+    terms: IntArray
+    offsets: IntArray
+    tau: FloatArray
+    walk: FloatArray
+    noise: FloatArray
+    gap: FloatArray
+    gate: FloatArray
+    earth_on: bool
+
+
+class NodeArrays(NamedTuple):
+    """``t`` [k] s within the samples, ``flags`` [k], ``fix`` [k, 6] latitude, longitude,
+    height, velocity NED, ``var`` [k, 14] variances by channel, ``wander`` [k, 3] m."""
+
+    t: FloatArray
+    flags: IntArray
+    fix: FloatArray
+    var: FloatArray
+    wander: FloatArray
+
+
+class ForwardStore(NamedTuple):
+    """What the forward pass leaves, preallocated; empty arrays where only a score is wanted.
+
+    ``nominal`` [k, 10], ``params`` [k, n - 9] the states linearised about, ``mean`` [k, n] the
+    error estimate relative to them after the update, ``trans`` [k, 9, n], ``cov`` [k, n, n],
+    ``scalars`` [k] running total of scalars; of each scalar in order of processing ``h``, ``gain``
+    [s, n], ``nu``, ``var`` [s], ``info`` [s, 3] node, channel, accepted; ``nis`` [k, 14] block
+    NIS before inflation (NaN where not measured).
+    """
+
+    nominal: FloatArray
+    params: FloatArray
+    mean: FloatArray
+    trans: FloatArray
+    cov: FloatArray
+    scalars: IntArray
+    h: FloatArray
+    gain: FloatArray
+    nu: FloatArray
+    var: FloatArray
+    info: IntArray
+    nis: FloatArray

@@ -1,0 +1,310 @@
+"""The forward filter over all nodes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from automap.fusion.kernels.arrays import ForwardStore, ModelArrays, NodeArrays, Samples
+from automap.fusion.kernels.observations import (
+    acceleration,
+    constraint_block,
+    position_block,
+    standstill_rate_rows,
+    velocity_block,
+    zero_velocity_rows,
+)
+from automap.fusion.kernels.readings import correct, correction_of, raw_at
+from automap.fusion.kernels.state import inject, load_state, subtract
+from automap.fusion.kernels.transition import (
+    N_NOISE,
+    add_noise,
+    add_transition,
+    carry_mean,
+    end_interval,
+    expand_noise,
+    propagate_covariance,
+    start_interval,
+)
+from automap.fusion.kernels.update import inflate, update_scalar
+from automap.fusion.layout import (
+    CH_NHC,
+    CH_POS,
+    CH_VEL,
+    CH_ZARU,
+    CH_ZUPT,
+    HAS_POS_H,
+    HAS_POS_V,
+    HAS_VEL_H,
+    HAS_VEL_V,
+    N_NAV,
+    NHC,
+    STANDSTILL,
+)
+from automap.fusion.mechanisation import N_EARTH, earth_terms, quat_to_dcm, strapdown_step
+from automap.records import FloatArray
+
+GAP_STEP_S = 0.02
+"""Inside a gap of the samples the integration takes steps of this length."""
+
+
+@njit(cache=True)
+def integrate(
+    samples: Samples,
+    model: ModelArrays,
+    i: int,
+    t: float,
+    t_end: float,
+    pos: FloatArray,
+    vel: FloatArray,
+    q: FloatArray,
+    c: FloatArray,
+    xi: FloatArray,
+    place: FloatArray,
+    phi: FloatArray,
+    noise: FloatArray,
+    rate: FloatArray,
+    mid: FloatArray,
+) -> int:
+    """Carry the nominal state from ``t`` to ``t_end`` with transition rows and noise.
+
+    ``i`` the sample at or before ``t``; returns the one at or before ``t_end``. ``rate`` [3]
+    receives the mean corrected rate, ``mid`` [6 + e] the last corrected reading and extra
+    signals.
+    """
+    n_imu = samples.t.shape[0]
+    matrix = np.empty((6, 6))
+    shift = np.empty(6)
+    raw = np.empty(6)
+    ra = np.empty(6)
+    rb = np.empty(6)
+    dvn = np.empty(3)
+    c_mid = np.empty((3, 3))
+    n_extra = samples.extra.shape[1]
+    correction_of(model.terms, xi, samples.extra[i], matrix, shift)
+    raw_at(samples, i, t, raw)
+    correct(raw, matrix, shift, ra)
+    start = t
+    for a in range(3):
+        rate[a] = 0.0
+    while t < t_end:
+        following = samples.t[i + 1]
+        width = following - samples.t[i]
+        wide = width > model.gap[0]
+        nxt = following
+        if nxt > t_end or i == n_imu - 2:
+            nxt = t_end
+        if wide and nxt - t > GAP_STEP_S:
+            nxt = t + GAP_STEP_S
+        if n_extra > 0:
+            correction_of(model.terms, xi, samples.extra[i], matrix, shift)
+        if nxt == following:
+            correct(samples.raw[i + 1], matrix, shift, rb)
+        else:
+            raw_at(samples, i, nxt, raw)
+            correct(raw, matrix, shift, rb)
+        dt = nxt - t
+        for a in range(6):
+            mid[a] = 0.5 * (ra[a] + rb[a])
+        for a in range(n_extra):
+            mid[6 + a] = samples.extra[i, a]
+        if dt > 0.0:
+            for a in range(3):
+                for b in range(3):
+                    c_mid[a, b] = 0.5 * c[a, b]
+            strapdown_step(pos, vel, q, c, ra, rb, dt, place, dvn)
+            for a in range(3):
+                for b in range(3):
+                    c_mid[a, b] += 0.5 * c[a, b]
+            add_transition(phi, model.terms, c_mid, mid, dvn, dt)
+            qa, qg = model.noise[0], model.noise[1]
+            if wide:
+                qa += model.gap[1] * model.gap[1] * width
+                qg += model.gap[2] * model.gap[2] * width
+            add_noise(noise, dvn, dt, qa, qg)
+        for a in range(3):
+            rate[a] += mid[a] * dt
+        for a in range(6):
+            ra[a] = rb[a]
+        t = nxt
+        if i < n_imu - 2 and t >= following:
+            i += 1
+    for a in range(3):
+        rate[a] /= max(t_end - start, 1e-9)
+    return i
+
+
+@njit(cache=True)
+def observe(
+    block: int,
+    nodes: NodeArrays,
+    model: ModelArrays,
+    k: int,
+    pos: FloatArray,
+    vel: FloatArray,
+    c: FloatArray,
+    xi: FloatArray,
+    place: FloatArray,
+    rate: FloatArray,
+    acc: FloatArray,
+    mid: FloatArray,
+    h: FloatArray,
+    z: FloatArray,
+) -> tuple[int, int]:
+    """Rows and residuals of one block of a node: number of rows, first channel.
+
+    Blocks: 0 position, 1 velocity, 2 vehicle constraint, 3 zero velocity, 4 zero rate.
+    """
+    flags = nodes.flags[k]
+    off = model.offsets
+    if block < 2:
+        horizontal = (flags & (HAS_POS_H if block == 0 else HAS_VEL_H)) != 0
+        vertical = (flags & (HAS_POS_V if block == 0 else HAS_VEL_V)) != 0
+        if not (horizontal or vertical):
+            return 0, 0
+        if block == 0:
+            position_block(h, z, nodes.fix[k, 0:3], pos, vel, c, xi, off, nodes.wander[k])
+        else:
+            velocity_block(h, z, nodes.fix[k, 3:6], vel, c, rate, acc, xi, off)
+        first = CH_POS if block == 0 else CH_VEL
+        if horizontal:
+            return (3 if vertical else 2), first
+        z[0] = z[2]
+        h[0, :] = h[2, :]
+        return 1, first + 2
+    if block == 2:
+        if (flags & NHC) == 0:
+            return 0, 0
+        constraint_block(h, z, vel, c, rate, xi, off)
+        return 2, CH_NHC
+    if (flags & STANDSTILL) == 0:
+        return 0, 0
+    if block == 3:
+        zero_velocity_rows(h, z, vel)
+        return 3, CH_ZUPT
+    standstill_rate_rows(h, z, rate, place, c, mid, model.terms)
+    return 3, CH_ZARU
+
+
+@njit(cache=True)
+def run_forward(
+    samples: Samples,
+    model: ModelArrays,
+    nodes: NodeArrays,
+    x0: FloatArray,
+    xi0: FloatArray,
+    p0: FloatArray,
+    about: FloatArray,
+    about_params: FloatArray,
+    store: ForwardStore,
+) -> float:
+    """Filter from the first node to the last; returns the robust log-likelihood.
+
+    ``x0`` [10] and ``xi0`` [n - 9] the nominal start, ``p0`` [n, n] its covariance. ``about``
+    [k, 10], ``about_params`` [k, n - 9]: states to linearise about (an iteration of the
+    smoother), or empty: then about the filter's own running estimate. With an empty ``store``
+    only the likelihood is computed.
+    """
+    n = p0.shape[0]
+    keep = store.nominal.shape[0] > 0
+    relinearise = about.shape[0] > 0
+    pos = x0[0:3].copy()
+    vel = x0[3:6].copy()
+    q = x0[6:10].copy()
+    xi = xi0.copy()
+    c = np.zeros((3, 3))
+    quat_to_dcm(q, c)
+    p = p0.copy()
+    phi = np.zeros((N_NAV, n))
+    noise = np.zeros(N_NOISE)
+    qn = np.zeros((N_NAV, N_NAV))
+    work = np.zeros((N_NAV, n))
+    decay = np.ones(n)
+    q_state = np.zeros(n)
+    place = np.zeros(N_EARTH)
+    rate = np.zeros(3)
+    acc = np.zeros(3)
+    mid = np.zeros(6 + samples.extra.shape[1])
+    h = np.zeros((3, n))
+    z = np.zeros(3)
+    zz = np.zeros(3)
+    var = np.zeros(3)
+    dx = np.zeros(n)
+    step = np.zeros(n)
+    gain = np.zeros(n)
+    score = 0.0
+    total = 0
+    if relinearise:
+        # the prior, relative to the first state linearised about
+        subtract(pos, vel, q, about[0], dx)
+        for j in range(n - N_NAV):
+            dx[N_NAV + j] = xi[j] - about_params[0, j]
+        load_state(about[0], about_params[0], pos, vel, q, c, xi)
+    i = 0
+    while i < samples.t.shape[0] - 2 and samples.t[i + 1] <= nodes.t[0]:
+        i += 1
+    t = nodes.t[0]
+    earth_terms(pos, model.earth_on, place)
+    for k in range(nodes.t.shape[0]):
+        span = nodes.t[k] - t
+        start_interval(phi, noise)
+        if k > 0:
+            earth_terms(pos, model.earth_on, place)
+            i = integrate(
+                samples, model, i, t, nodes.t[k], pos, vel, q, c, xi, place, phi, noise, rate, mid
+            )
+            t = nodes.t[k]
+            end_interval(phi, span, model.tau, model.walk, decay, q_state, xi)
+            if relinearise:
+                carry_mean(dx, phi, decay, xi, about_params[k], step)
+                subtract(pos, vel, q, about[k], step)
+                for a in range(N_NAV):
+                    dx[a] += step[a]
+                load_state(about[k], about_params[k], pos, vel, q, c, xi)
+            expand_noise(noise, qn)
+            propagate_covariance(p, phi, qn, decay, q_state, work)
+        if not relinearise:
+            dx[:] = 0.0
+        acceleration(samples, i, t, place[2], c, acc)
+        for block in range(5):
+            rows, first = observe(
+                block, nodes, model, k, pos, vel, c, xi, place, rate, acc, mid, h, z
+            )
+            if rows == 0:
+                continue
+            # residuals were taken against the nominal state; blocks before moved dx
+            for a in range(rows):
+                var[a] = nodes.var[k, first + a]
+                s = z[a]
+                for j in range(n):
+                    s -= h[a, j] * dx[j]
+                zz[a] = s
+            factor, nis = inflate(p, h, zz, var, rows, model.gate[rows - 1], model.gate[3])
+            for a in range(rows):
+                nu, s = update_scalar(p, h[a], z[a], var[a] * factor, dx, gain)
+                score -= 0.5 * (nu * nu / s + math.log(s))
+                if keep:
+                    store.nis[k, first + a] = nis
+                    store.h[total, :] = h[a]
+                    store.gain[total, :] = gain
+                    store.nu[total] = nu
+                    store.var[total] = s
+                    store.info[total, 0] = k
+                    store.info[total, 1] = first + a
+                    store.info[total, 2] = 1 if factor < model.gate[4] else 0
+                    total += 1
+        if not relinearise:
+            inject(pos, vel, q, c, xi, dx)
+        if keep:
+            if relinearise:
+                store.mean[k, :] = dx
+            store.scalars[k] = total
+            store.nominal[k, 0:3] = pos
+            store.nominal[k, 3:6] = vel
+            store.nominal[k, 6:10] = q
+            store.params[k, :] = xi
+            store.trans[k, :, :] = phi
+            store.cov[k, :, :] = p
+    return score

@@ -1,0 +1,249 @@
+"""What a node observes: residuals and rows of the measurement matrix."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from automap.fusion.kernels.arrays import Samples
+from automap.fusion.layout import (
+    DELAY,
+    LEVER,
+    MOUNT,
+    N_NAV,
+    PHI_ID,
+    V_ID,
+    VEL_LATENCY,
+    WANDER,
+    WHEEL,
+)
+from automap.fusion.mechanisation import radii
+from automap.records import FloatArray, IntArray
+
+
+@njit(cache=True)
+def _lever_rows(h: FloatArray, phi_row: int, cl: FloatArray, sign: float) -> None:
+    """h[0:3, 6:9] := -sign [cl x]."""
+    h[0, phi_row + 1] = sign * cl[2]
+    h[0, phi_row + 2] = -sign * cl[1]
+    h[1, phi_row] = -sign * cl[2]
+    h[1, phi_row + 2] = sign * cl[0]
+    h[2, phi_row] = sign * cl[1]
+    h[2, phi_row + 1] = -sign * cl[0]
+
+
+@njit(cache=True)
+def position_block(
+    h: FloatArray,
+    z: FloatArray,
+    fix: FloatArray,
+    pos: FloatArray,
+    vel: FloatArray,
+    c: FloatArray,
+    xi: FloatArray,
+    off: IntArray,
+    wander_scale: FloatArray,
+) -> None:
+    """Residual ``z`` [3] in metres NED and rows ``h`` [3, n] of an antenna position.
+
+    ``fix`` [3] latitude, longitude, height. Predicted: p + C l + wander, at the fix's time
+    shifted by the remaining delay (p + v delay).
+    """
+    n = h.shape[1]
+    lever = np.zeros(3)
+    if off[LEVER] >= 0:
+        for a in range(3):
+            lever[a] = xi[off[LEVER] - N_NAV + a]
+    cl = np.zeros(3)
+    for a in range(3):
+        cl[a] = c[a, 0] * lever[0] + c[a, 1] * lever[1] + c[a, 2] * lever[2]
+    rm, rn = radii(pos[0])
+    dlon = fix[1] - pos[1]
+    if dlon > math.pi:
+        dlon -= 2 * math.pi
+    elif dlon < -math.pi:
+        dlon += 2 * math.pi
+    z[0] = (fix[0] - pos[0]) * (rm + pos[2]) - cl[0]
+    z[1] = dlon * (rn + pos[2]) * math.cos(pos[0]) - cl[1]
+    z[2] = -(fix[2] - pos[2]) - cl[2]
+    for a in range(3):
+        for j in range(n):
+            h[a, j] = 0.0
+        h[a, a] = 1.0
+    _lever_rows(h, PHI_ID, cl, 1.0)
+    if off[LEVER] >= 0:
+        for a in range(3):
+            for b in range(3):
+                h[a, off[LEVER] + b] = c[a, b]
+    if off[DELAY] >= 0:
+        d = xi[off[DELAY] - N_NAV]
+        for a in range(3):
+            z[a] -= vel[a] * d
+            h[a, off[DELAY]] = vel[a]
+    if off[WANDER] >= 0:
+        for a in range(3):
+            z[a] -= wander_scale[a] * xi[off[WANDER] - N_NAV + a]
+            h[a, off[WANDER] + a] = wander_scale[a]
+
+
+@njit(cache=True)
+def velocity_block(
+    h: FloatArray,
+    z: FloatArray,
+    fix_vel: FloatArray,
+    vel: FloatArray,
+    c: FloatArray,
+    rate: FloatArray,
+    acc: FloatArray,
+    xi: FloatArray,
+    off: IntArray,
+) -> None:
+    """Residual and rows of an antenna velocity NED; ``rate`` [3] body, ``acc`` [3] NED."""
+    n = h.shape[1]
+    lever = np.zeros(3)
+    if off[LEVER] >= 0:
+        for a in range(3):
+            lever[a] = xi[off[LEVER] - N_NAV + a]
+    b0 = rate[1] * lever[2] - rate[2] * lever[1]
+    b1 = rate[2] * lever[0] - rate[0] * lever[2]
+    b2 = rate[0] * lever[1] - rate[1] * lever[0]
+    cv = np.zeros(3)
+    for a in range(3):
+        cv[a] = c[a, 0] * b0 + c[a, 1] * b1 + c[a, 2] * b2
+    for a in range(3):
+        z[a] = fix_vel[a] - vel[a] - cv[a]
+        for j in range(n):
+            h[a, j] = 0.0
+        h[a, V_ID + a] = 1.0
+    _lever_rows(h, PHI_ID, cv, 1.0)
+    if off[LEVER] >= 0:
+        for a in range(3):
+            # C [omega x]
+            h[a, off[LEVER]] = c[a, 1] * rate[2] - c[a, 2] * rate[1]
+            h[a, off[LEVER] + 1] = c[a, 2] * rate[0] - c[a, 0] * rate[2]
+            h[a, off[LEVER] + 2] = c[a, 0] * rate[1] - c[a, 1] * rate[0]
+    if off[DELAY] >= 0:
+        d = xi[off[DELAY] - N_NAV]
+        for a in range(3):
+            z[a] -= acc[a] * d
+            h[a, off[DELAY]] = acc[a]
+    if off[VEL_LATENCY] >= 0:
+        d = xi[off[VEL_LATENCY] - N_NAV]
+        for a in range(3):
+            z[a] += acc[a] * d
+            h[a, off[VEL_LATENCY]] = -acc[a]
+
+
+@njit(cache=True)
+def constraint_block(
+    h: FloatArray,
+    z: FloatArray,
+    vel: FloatArray,
+    c: FloatArray,
+    rate: FloatArray,
+    xi: FloatArray,
+    off: IntArray,
+) -> None:
+    """Rows [2, n] of the non-holonomic constraint: no lateral or vertical speed of the vehicle.
+
+    At the point that does not slide: u = C' v + omega x r, turned into the vehicle by the
+    mounting m (small): (I + [m x]) u, components y and z are zero.
+    """
+    n = h.shape[1]
+    r = np.zeros(3)
+    if off[WHEEL] >= 0:
+        for a in range(3):
+            r[a] = xi[off[WHEEL] - N_NAV + a]
+    m = np.zeros(3)
+    if off[MOUNT] >= 0:
+        for a in range(3):
+            m[a] = xi[off[MOUNT] - N_NAV + a]
+    u = np.zeros(3)
+    for a in range(3):
+        u[a] = c[0, a] * vel[0] + c[1, a] * vel[1] + c[2, a] * vel[2]
+    u[0] += rate[1] * r[2] - rate[2] * r[1]
+    u[1] += rate[2] * r[0] - rate[0] * r[2]
+    u[2] += rate[0] * r[1] - rate[1] * r[0]
+    # rows 1 and 2 of I + [m x]
+    w = np.zeros((2, 3))
+    w[0, 0], w[0, 1], w[0, 2] = m[2], 1.0, -m[0]
+    w[1, 0], w[1, 1], w[1, 2] = -m[1], m[0], 1.0
+    cross = np.zeros((3, 3))
+    cross[0, 1], cross[0, 2] = -rate[2], rate[1]
+    cross[1, 0], cross[1, 2] = rate[2], -rate[0]
+    cross[2, 0], cross[2, 1] = -rate[1], rate[0]
+    for i in range(2):
+        z[i] = -(w[i, 0] * u[0] + w[i, 1] * u[1] + w[i, 2] * u[2])
+        for j in range(n):
+            h[i, j] = 0.0
+        g = np.zeros(3)
+        for a in range(3):
+            g[a] = w[i, 0] * c[a, 0] + w[i, 1] * c[a, 1] + w[i, 2] * c[a, 2]
+            h[i, V_ID + a] = g[a]
+        # d(C' v)/dphi = C' [v x]
+        h[i, PHI_ID] = g[1] * vel[2] - g[2] * vel[1]
+        h[i, PHI_ID + 1] = g[2] * vel[0] - g[0] * vel[2]
+        h[i, PHI_ID + 2] = g[0] * vel[1] - g[1] * vel[0]
+        if off[WHEEL] >= 0:
+            for b in range(3):
+                s = 0.0
+                for a in range(3):
+                    s += w[i, a] * cross[a, b]
+                h[i, off[WHEEL] + b] = s
+    if off[MOUNT] >= 0:
+        o = off[MOUNT]
+        h[0, o], h[0, o + 2] = -u[2], u[0]
+        h[1, o], h[1, o + 1] = u[1], -u[0]
+
+
+@njit(cache=True)
+def zero_velocity_rows(h: FloatArray, z: FloatArray, vel: FloatArray) -> None:
+    """Rows [3, n] of the zero-velocity update."""
+    for a in range(3):
+        for j in range(h.shape[1]):
+            h[a, j] = 0.0
+        h[a, V_ID + a] = 1.0
+        z[a] = -vel[a]
+
+
+@njit(cache=True)
+def standstill_rate_rows(
+    h: FloatArray,
+    z: FloatArray,
+    rate: FloatArray,
+    e: FloatArray,
+    c: FloatArray,
+    mid: FloatArray,
+    terms: IntArray,
+) -> None:
+    """Rows [3, n] of the zero-rate update: the body turns with the Earth only.
+
+    ``rate`` [3] mean over the interval, ``mid`` [6 + e] a corrected reading and the extra
+    signals, ``e`` [9] the terms of the place.
+    """
+    for a in range(3):
+        for j in range(h.shape[1]):
+            h[a, j] = 0.0
+        z[a] = c[0, a] * e[6] + c[2, a] * e[7] - rate[a]
+    for m in range(terms.shape[0]):
+        if terms[m, 0] == 0:
+            b = terms[m, 2]
+            h[terms[m, 1], N_NAV + m] = -(1.0 if b == 0 else mid[b - 1])
+
+
+@njit(cache=True)
+def acceleration(
+    samples: Samples, i: int, t: float, gravity: float, c: FloatArray, out: FloatArray
+) -> None:
+    """Acceleration over ground NED [3] at ``t`` between samples i and i + 1, to first order."""
+    s = (t - samples.t[i]) / (samples.t[i + 1] - samples.t[i])
+    s = min(max(s, 0.0), 1.0)
+    f = samples.force
+    f0 = f[i, 0] + s * (f[i + 1, 0] - f[i, 0])
+    f1 = f[i, 1] + s * (f[i + 1, 1] - f[i, 1])
+    f2 = f[i, 2] + s * (f[i + 1, 2] - f[i, 2])
+    for a in range(3):
+        out[a] = c[a, 0] * f0 + c[a, 1] * f1 + c[a, 2] * f2
+    out[2] += gravity

@@ -1,0 +1,73 @@
+"""Corrected rates and forces at samples and between them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from automap.fusion.kernels.arrays import Samples
+from automap.records import FloatArray, IntArray
+
+
+@njit(cache=True)
+def raw_at(samples: Samples, i: int, t: float, out: FloatArray) -> None:
+    """Raw reading [6] at time ``t`` between samples i and i + 1."""
+    span = samples.t[i + 1] - samples.t[i]
+    s = (t - samples.t[i]) / span
+    for k in range(6):
+        out[k] = samples.raw[i, k] + s * (samples.raw[i + 1, k] - samples.raw[i, k])
+
+
+@njit(cache=True)
+def correction_of(
+    terms: IntArray, theta: FloatArray, extra: FloatArray, matrix: FloatArray, shift: FloatArray
+) -> None:
+    """Write the inverse error model: true = matrix reading - shift, [6, 6] and [6].
+
+    reading = true + sum theta phi(true). Constant terms and those on the rates and forces
+    themselves form an affine map that is inverted exactly; ``extra`` [e] are the other basis
+    signals, which change slowly.
+    """
+    a = np.zeros((6, 7))
+    for i in range(6):
+        a[i, i] = 1.0
+    for m in range(terms.shape[0]):
+        row = terms[m, 1] + (3 if terms[m, 0] == 1 else 0)
+        b = terms[m, 2]
+        if b == 0:
+            a[row, 6] += theta[m]
+        elif b < 7:
+            a[row, b - 1] += theta[m]
+        else:
+            a[row, 6] += theta[m] * extra[b - 7]
+    inverse = np.zeros((6, 6))
+    for i in range(6):
+        inverse[i, i] = 1.0
+    # near identity: elimination without pivoting
+    for i in range(6):
+        d = 1.0 / a[i, i]
+        for j in range(6):
+            a[i, j] *= d
+            inverse[i, j] *= d
+        for r in range(6):
+            if r != i and a[r, i] != 0.0:
+                f = a[r, i]
+                for j in range(6):
+                    a[r, j] -= f * a[i, j]
+                    inverse[r, j] -= f * inverse[i, j]
+    for i in range(6):
+        s = 0.0
+        for j in range(6):
+            matrix[i, j] = inverse[i, j]
+            s += inverse[i, j] * a[j, 6]
+        shift[i] = s
+
+
+@njit(cache=True)
+def correct(raw: FloatArray, matrix: FloatArray, shift: FloatArray, out: FloatArray) -> None:
+    """out [6] := matrix raw - shift."""
+    for i in range(6):
+        s = -shift[i]
+        for j in range(6):
+            s += matrix[i, j] * raw[j]
+        out[i] = s

@@ -1,0 +1,114 @@
+"""Kalman updates by scalars, and how far to trust a surprising block."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from automap.records import FloatArray
+
+
+@njit(cache=True)
+def inflate(
+    p: FloatArray,
+    h: FloatArray,
+    z: FloatArray,
+    var: FloatArray,
+    rows: int,
+    threshold: float,
+    limit: float,
+) -> tuple[float, float]:
+    """Factor on ``var`` that brings the block's NIS to ``threshold``, and the NIS before.
+
+    The first answer to a surprising measurement is to trust it less; nothing is thrown away,
+    so a wrong state cannot lock the truth out, and an outlier's pull falls with its size.
+    """
+    n = p.shape[0]
+    hph = np.zeros((rows, rows))
+    tmp = np.zeros(n)
+    for i in range(rows):
+        for j in range(n):
+            tmp[j] = 0.0
+        for k in range(n):
+            a = h[i, k]
+            if a != 0.0:
+                for j in range(n):
+                    tmp[j] += a * p[k, j]
+        for i2 in range(rows):
+            s = 0.0
+            for j in range(n):
+                s += tmp[j] * h[i2, j]
+            hph[i, i2] = s
+    first = -1.0
+    factor = 1.0
+    while True:
+        nis = _quadratic(hph, z, var, rows, factor)
+        if first < 0.0:
+            first = nis
+        if nis <= threshold or factor >= limit:
+            return factor, first
+        factor *= max(1.3, min(nis / threshold, 10.0))
+
+
+@njit(cache=True)
+def _quadratic(hph: FloatArray, z: FloatArray, var: FloatArray, rows: int, factor: float) -> float:
+    """z' (hph + factor diag(var))^-1 z by Cholesky on the first ``rows``."""
+    low = np.zeros((rows, rows))
+    y = np.zeros(rows)
+    total = 0.0
+    for i in range(rows):
+        for j in range(i + 1):
+            s = hph[i, j]
+            if i == j:
+                s += factor * var[i]
+            for k in range(j):
+                s -= low[i, k] * low[j, k]
+            if i == j:
+                low[i, i] = math.sqrt(max(s, 1e-300))
+            else:
+                low[i, j] = s / low[j, j]
+        s = z[i]
+        for k in range(i):
+            s -= low[i, k] * y[k]
+        y[i] = s / low[i, i]
+        total += y[i] * y[i]
+    return total
+
+
+@njit(cache=True)
+def update_scalar(
+    p: FloatArray, h: FloatArray, z: float, var: float, dx: FloatArray, k_out: FloatArray
+) -> tuple[float, float]:
+    """One scalar Kalman update of ``p`` [n, n] and ``dx`` [n]; returns innovation and its variance.
+
+    ``z`` is the residual against the nominal state; ``dx`` the correction so far. The gain is
+    left in ``k_out`` [n].
+    """
+    n = p.shape[0]
+    for j in range(n):
+        k_out[j] = 0.0
+    for i in range(n):
+        a = h[i]
+        if a != 0.0:
+            for j in range(n):
+                k_out[j] += a * p[i, j]
+    s = var
+    nu = z
+    for i in range(n):
+        a = h[i]
+        if a != 0.0:
+            s += a * k_out[i]
+            nu -= a * dx[i]
+    inv = 1.0 / s
+    for i in range(n):
+        ki = k_out[i] * inv
+        for j in range(i, n):
+            v = p[i, j] - ki * k_out[j]
+            p[i, j] = v
+            p[j, i] = v
+    for j in range(n):
+        k_out[j] *= inv
+        dx[j] += k_out[j] * nu
+    return nu, s

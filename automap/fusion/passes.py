@@ -1,0 +1,134 @@
+"""The passes of a run: align, filter, smooth, settle the delays, adapt, iterate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from automap.fusion.adapt import LEVELS, adapt_noise, scale_nodes, scaled_options
+from automap.fusion.alignment import Alignment, align
+from automap.fusion.layout import HAS_VEL_H
+from automap.fusion.measurements import FixModel, Nodes, Shift, build_nodes
+from automap.fusion.model import FusionOptions, StateModel, build_state_model
+from automap.fusion.problem import (
+    DELAY_STATE,
+    VEL_LATENCY_STATE,
+    ForwardRun,
+    Problem,
+    SmoothRun,
+    Start,
+    make_problem,
+    run_forward,
+    run_smoother,
+    with_options,
+)
+from automap.records import FloatArray, ImuData
+
+DELAY_CONVERGED_S = 0.002
+MAX_VEL_LATENCY_S = 1.0
+
+
+@dataclass(frozen=True)
+class Session:
+    """What stays the same over the passes of one run.
+
+    ``means`` and ``sds`` are priors by parameter name, ``standstill`` intervals and ``span`` in
+    s from the first sample.
+    """
+
+    imu: ImuData
+    fixes: FixModel
+    options: FusionOptions
+    standstill: list[tuple[float, float]]
+    means: dict[str, float]
+    sds: dict[str, float]
+    span: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One pass: the filter's run over the nodes and its smoothed form.
+
+    ``shift`` the delays that the nodes' times contain, ``factors`` on the noise levels.
+    """
+
+    problem: Problem
+    nodes: Nodes
+    forward: ForwardRun
+    smooth: SmoothRun
+    shift: Shift
+    factors: dict[str, float]
+
+
+def fix_speed(model: FixModel) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times, horizontal speeds and their sd of the fixes that have velocity."""
+    has = (model.flags & HAS_VEL_H) > 0
+    speed = np.hypot(model.values[has, 3], model.values[has, 4])
+    return model.t[has], speed, np.sqrt(model.white_var[has, 3] + model.white_var[has, 4])
+
+
+def run_passes(session: Session, start: Start | None, constrained: bool) -> tuple[Pass, Alignment]:
+    """Align if there is no start, filter and smooth until the delays have settled, adapt the
+    noise levels once in between, and iterate about the result."""
+    options = session.options
+    model = build_state_model(options, session.means, session.sds)
+    speed_t, speed, _ = fix_speed(session.fixes)
+    shift = Shift(session.means[DELAY_STATE] if DELAY_STATE in model.names else 0.0)
+    problem = make_problem(session.imu, model, options)
+    margin = np.inf
+    factors = dict.fromkeys(LEVELS, 1.0)
+    last: Pass | None = None
+    for number in range(max(options.passes, 2)):
+        nodes = build_nodes(
+            session.fixes,
+            shift,
+            session.span,
+            session.standstill,
+            speed_t,
+            speed,
+            options,
+            constrained,
+        )
+        if start is None:
+            bias = np.array([session.means.get(f"gyro_bias_{a}", 0.0) for a in "xyz"])
+            found = align(problem, session.fixes, nodes, bias, shift)
+            start, margin = found.start, found.margin
+        elif number == 1 and options.adapt:
+            factors = adapt_noise(problem, nodes, start, shift)
+            problem = with_options(problem, scaled_options(problem, factors))
+        nodes = scale_nodes(nodes, factors)
+        forward = run_forward(problem, nodes, start, shift)
+        smooth = run_smoother(problem, forward)
+        last = Pass(problem, nodes, forward, smooth, shift, factors)
+        # begin again at the smoothed start, as unsure as before: only the linearisation gains
+        start = Start(smooth.nominal[0].copy(), start.sd)
+        speed_t = nodes.t
+        speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
+        following = _next_shift(model, smooth, shift)
+        if number > 0 and _close(following, shift):
+            break
+        shift = following
+    assert last is not None
+    assert start is not None
+    for _ in range(options.iterations):
+        forward = run_forward(problem, last.nodes, start, last.shift, about=last.smooth)
+        last = replace(last, forward=forward, smooth=run_smoother(problem, forward))
+    return last, Alignment(start, margin)
+
+
+def _next_shift(model: StateModel, smooth: SmoothRun, shift: Shift) -> Shift:
+    """The delays found so far, for the nodes' times of the next pass."""
+    found = dict(zip(model.names, smooth.params[-1], strict=True))
+    latency = shift.vel_latency_s + float(found.get(VEL_LATENCY_STATE, 0.0))
+    return Shift(
+        shift.delay_s + float(found.get(DELAY_STATE, 0.0)),
+        float(np.clip(latency, -MAX_VEL_LATENCY_S, MAX_VEL_LATENCY_S)),
+    )
+
+
+def _close(a: Shift, b: Shift) -> bool:
+    return (
+        abs(a.delay_s - b.delay_s) < DELAY_CONVERGED_S
+        and abs(a.vel_latency_s - b.vel_latency_s) < 2 * DELAY_CONVERGED_S
+    )
