@@ -151,7 +151,7 @@ def _recordings(drive: Drive, collector: _Collector) -> bool:
             spoilt |= any(finding.severity == "error" for finding in measured)
             findings += measured
         collector.add(file, findings)
-    else:
+    elif not _has_other_positions(drive):
         collector.add(names.MANIFEST, [Finding(*imu.ABSENT)])
     if drive.gnss_file is not None:
         findings = [Finding("error", text) for text in failed.get(drive.gnss_file, [])]
@@ -163,10 +163,14 @@ def _recordings(drive: Drive, collector: _Collector) -> bool:
         spoilt |= any(finding.severity == "error" for finding in clock)
         arrival = [Finding("error", text) for text in failed.get(drive.arrival_file, [])]
         collector.add(drive.arrival_file or drive.gnss_file, [*arrival, *clock])
-    else:
+    elif not _has_other_positions(drive):
         collector.add(names.MANIFEST, [Finding(*gnss.ABSENT)])
     collector.add(drive.manifest_file, gnss.lever_arm(drive))
     return spoilt or not gnss.has_fix(recording)
+
+
+def _has_other_positions(drive: Drive) -> bool:
+    return drive.trajectory_file is not None or drive.bearings_file is not None
 
 
 def _by_file(drive: Drive, sentences: Iterable[str]) -> dict[Path | None, list[str]]:
@@ -199,19 +203,16 @@ def _finished(drive: Drive, collector: _Collector) -> bool | None:
             collector.add(drive.trajectory_file, findings)
             usable = True
     if drive.bearings_file is not None:
-        from automap.io.csv_columns import read_columns
+        from automap.io.bearings_csv import read_bearings
 
         try:
-            table = read_columns(
-                drive.bearings_file,
-                {"lat_deg": "float", "lon_deg": "float", "bearing_deg": "float"},
-            )
+            bearings, sentences = read_bearings(drive.bearings_file)
         except InputError as error:
             collector.add(drive.bearings_file, [Finding("error", str(error))])
             usable = bool(usable)
         else:
-            findings = [Finding("ok", f"{len(table)} bearings")]
-            findings += [Finding("warning", text) for text in table.warnings()]
+            findings = [Finding("ok" if len(bearings) else "warning", f"{len(bearings)} bearings")]
+            findings += [Finding("warning", text) for text in sentences]
             collector.add(drive.bearings_file, findings)
             usable = True
     return usable

@@ -26,6 +26,8 @@ def read_arrival(path: Path) -> tuple[IntArray, IntArray]:
         raise InputError(
             f"{path}: byte {error.start} is no text; a CSV with the columns offset,t_ns is needed"
         ) from error
+    if not text.strip():
+        raise InputError(f"{path} is empty; remove `arrival` from drive.toml or record it again")
     lines = text.split("\n")
     names = [name.strip() for name in lines[0].split(",")]
     for name in ("offset", "t_ns"):
@@ -56,9 +58,7 @@ def read_arrival(path: Path) -> tuple[IntArray, IntArray]:
         times_ns.append(pair[1])
         numbers.append(number)
     if not offset:
-        raise InputError(
-            f"{path}: has no rows; remove `arrival` from drive.toml or record it again"
-        )
+        raise InputError(f"{path} has no rows; remove `arrival` from drive.toml or record it again")
     try:
         offsets, times = np.asarray(offset, np.int64), np.asarray(times_ns, np.int64)
     except OverflowError as error:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from automap.errors import InputError
 from automap.io.atomic import write_json
 from automap.records import ClockModel
+from automap.sync.stamps import DriveClocks
+
+_T = TypeVar("_T")
 
 
 def write_clock(path: Path, clock: ClockModel, diagnostics: dict[str, Any] | None = None) -> None:
@@ -22,19 +26,50 @@ def read_clock(path: Path) -> ClockModel:
 
     A null sd stands for one that is infinite.
     """
+    return _read(path, _clock)
+
+
+def write_clocks(path: Path, clocks: DriveClocks, diagnostics: dict[str, Any]) -> None:
+    """Write the drive's clock as ``write_clock`` does, with the names of all its clocks."""
+    named: dict[str, Any] = {"time_base": clocks.time_base}
+    if clocks.arrival is not None:
+        named["arrival_clock"] = asdict(clocks.arrival)
+        named["arrival_time_base"] = clocks.arrival_time_base
+    write_clock(path, clocks.clock, named | diagnostics)
+
+
+def read_clocks(path: Path) -> DriveClocks:
+    """Read what ``write_clocks`` wrote; InputError when it is missing or damaged."""
+    return _read(path, _clocks)
+
+
+def _read(path: Path, parse: Callable[[dict[str, Any]], _T]) -> _T:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        sd_offset, delay = content["sd_offset_s"], content["output_delay_s"]
-        return ClockModel(
-            ref_ns=int(content["ref_ns"]),
-            ref_gps_s=float(content["ref_gps_s"]),
-            drift=float(content["drift"]),
-            sd_offset_s=float("inf") if sd_offset is None else float(sd_offset),
-            sd_drift=float(content["sd_drift"]),
-            method=str(content["method"]),
-            output_delay_s=None if delay is None else float(delay),
-        )
+        return parse(json.loads(path.read_text(encoding="utf-8")))
     except FileNotFoundError:
         raise InputError(f"{path} is missing; run the sync stage.") from None
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} is damaged ({error}); run again with --force.") from error
+
+
+def _clock(content: dict[str, Any]) -> ClockModel:
+    sd_offset, delay = content["sd_offset_s"], content["output_delay_s"]
+    return ClockModel(
+        ref_ns=int(content["ref_ns"]),
+        ref_gps_s=float(content["ref_gps_s"]),
+        drift=float(content["drift"]),
+        sd_offset_s=float("inf") if sd_offset is None else float(sd_offset),
+        sd_drift=float(content["sd_drift"]),
+        method=str(content["method"]),
+        output_delay_s=None if delay is None else float(delay),
+    )
+
+
+def _clocks(content: dict[str, Any]) -> DriveClocks:
+    arrival = content.get("arrival_clock")
+    return DriveClocks(
+        clock=_clock(content),
+        time_base=str(content["time_base"]),
+        arrival=None if arrival is None else _clock(arrival),
+        arrival_time_base=None if arrival is None else str(content["arrival_time_base"]),
+    )

@@ -47,8 +47,9 @@ class VideoInput:
 class Drive:
     """A drive folder as found: a path is None where the drive has no such file.
 
-    ``warnings`` holds one sentence for every file that the manifest names and the folder
-    lacks; a drive goes on with what there is.
+    ``warnings`` holds one sentence for every file of minor importance (arrival times,
+    calibration, video) that the manifest names and the folder lacks; the drive goes on with
+    what there is.
     """
 
     path: Path
@@ -152,9 +153,10 @@ class Drive:
 def load_drive(path: Path | str) -> Drive:
     """Read the manifest of a drive folder (or of a path to its drive.toml) and find its files.
 
-    A file named in the manifest that is not there becomes a warning. Raises InputError when
-    the folder or its manifest is missing or no input file at all is found, ConfigError when
-    the manifest is wrong.
+    A file named in the manifest that is not there becomes a warning, but for the recordings
+    of IMU and receiver: a wrong name there would quietly give a far worse map. Raises
+    InputError for those, when the folder or its manifest is missing, or when no input file at
+    all is found; ConfigError when the manifest is wrong.
     """
     folder = Path(path)
     if folder.name == names.MANIFEST and folder.is_file():
@@ -170,9 +172,9 @@ def load_drive(path: Path | str) -> Drive:
         path=folder,
         name=manifest.name or folder.resolve().name,
         manifest=manifest,
-        imu_file=finder.find(manifest.imu.file, "imu.file", (_IMU_FILE,)),
+        imu_file=finder.require(manifest.imu.file, "imu.file", (_IMU_FILE,)),
         imu_calibration=finder.find(manifest.imu.calibration, "imu.calibration"),
-        gnss_file=finder.find(manifest.gnss.file, "gnss.file", _GNSS_FILES),
+        gnss_file=finder.require(manifest.gnss.file, "gnss.file", _GNSS_FILES),
         arrival_file=finder.find(manifest.gnss.arrival, "gnss.arrival", (_ARRIVAL_FILE,)),
         trajectory_file=finder.find(None, "", (names.FINISHED_TRAJECTORY,)),
         bearings_file=finder.find(None, "", (names.BEARINGS,)),
@@ -203,14 +205,26 @@ class _Finder:
         path = self._inside(named, key)
         if path.is_file():
             return path
+        self.warnings.append(f"{self._absent(path, named, key)}; the drive goes on without it")
+        return None
+
+    def require(self, named: str | None, key: str, defaults: tuple[str, ...]) -> Path | None:
+        """As ``find``, but a file that is named must be there."""
+        path = None if named is None else self._inside(named, key)
+        if named is None or path is None or path.is_file():
+            return self.find(named, key, defaults)
+        raise InputError(
+            f"{self._absent(path, named, key)}; correct the name, or take the line out to go on "
+            "without that recording."
+        )
+
+    def _absent(self, path: Path, named: str, key: str) -> str:
+        where = f"{self.folder / names.MANIFEST}: {key} names {named}"
+        if path.exists():
+            return f"{where}, which is no file"
         present = [item.name for item in path.parent.glob("*")] if path.parent.is_dir() else []
         near = difflib.get_close_matches(path.name, present, n=1, cutoff=0.6)
-        advice = f" (is {near[0]} meant?)" if near else ""
-        self.warnings.append(
-            f"{self.folder / names.MANIFEST}: {key} names {named}, which is not there{advice}; "
-            "the drive goes on without it"
-        )
-        return None
+        return f"{where}, which is not there" + (f" (is {near[0]} meant?)" if near else "")
 
     def _inside(self, named: str, key: str) -> Path:
         given = Path(named)

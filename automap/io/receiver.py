@@ -76,7 +76,7 @@ def read_receiver_bytes(
 ) -> ReceiverLog:
     """As :func:`read_receiver_log`, of bytes; ``name`` stands for the file in messages."""
     if not data.strip(b" \t\r\n\0"):
-        raise InputError(f"{name}: is empty; record the receiver's output again")
+        raise InputError(f"{name} is empty; record the receiver's output again")
     if rtklib.looks_like_pos(data):
         return _read_rtklib(data, name)
     scan = scan_bytes(data)

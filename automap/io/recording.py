@@ -78,6 +78,12 @@ def _with_log(
             fixes = attach_arrival(fixes, *read_arrival(drive.arrival_file))
         except InputError as error:
             failures.append(str(error))
+        else:
+            if not np.any(fixes.arrival_ns != NO_TIME):
+                warnings.append(
+                    f"{drive.arrival_file}: the arrival times belong to none of the epochs and "
+                    "are not used; offset counts the bytes of the log from 0"
+                )
     recording = replace(recording, log=log, fixes=fixes)
     if recording.imu is None and log.imu is not None and drive.imu_file is None:
         imu = receiver_imu(drive, log.imu, fixes)

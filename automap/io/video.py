@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from datetime import datetime
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -251,10 +251,7 @@ def frame_times(video: VideoInput, chapters: list[Chapter] | None = None) -> Fra
 
 def _first_frames(chapters: list[Chapter]) -> list[int]:
     """The number of each chapter's first frame."""
-    firsts = [0]
-    for chapter in chapters[:-1]:
-        firsts.append(firsts[-1] + chapter.count)
-    return firsts
+    return list(accumulate((chapter.count for chapter in chapters), initial=0))[:-1]
 
 
 def _chapter_starts(chapters: list[Chapter]) -> IntArray:

@@ -48,7 +48,7 @@ def synchronise(
         return _without_imu(fixes if has_fixes else None, arrival_time, output_delay_s, drift_sd)
     if imu_time == "gps_ns":
         result = SyncResult(gps_clock(imu.t_ns))
-    elif fixes is not None and has_fixes and _has_arrival(fixes) and arrival_time == imu_time:
+    elif fixes is not None and has_fixes and has_arrival(fixes) and arrival_time == imu_time:
         fit = fit_arrival_clock(fixes.arrival_ns, fixes.gps_s, output_delay_s, drift_sd)
         result = SyncResult(fit.clock, fit=fit, warnings=list(fit.warnings))
     elif imu_time == "unix_ns":
@@ -56,10 +56,7 @@ def synchronise(
     elif fixes is not None and has_fixes:
         return correlation_clock(imu, fixes, drift_sd)
     else:
-        return SyncResult(
-            _unknown_clock(imu.t_ns),
-            warnings=["no receiver and no absolute clock: times are the host's, not GPS time"],
-        )
+        return unknown_clock(imu.t_ns)
     if fixes is None or not has_fixes:
         return result
     check_overlap(result.clock, imu.t_ns, fixes.gps_s)
@@ -83,9 +80,13 @@ def unix_clock(t_ns: IntArray) -> ClockModel:
     return ClockModel(ref, float(unix_to_gps(ref * 1e-9)), 0.0, _UNIX_SD_S, 1e-6, "unix", None)
 
 
-def _unknown_clock(t_ns: IntArray) -> ClockModel:
+def unknown_clock(t_ns: IntArray) -> SyncResult:
+    """Host stamps [n] that nothing ties to GPS time: taken as they are, and said."""
     ref = int(t_ns[0])
-    return ClockModel(ref, ref * 1e-9, 0.0, float("inf"), 50e-6, "none", None)
+    return SyncResult(
+        ClockModel(ref, ref * 1e-9, 0.0, float("inf"), 50e-6, "none", None),
+        warnings=["no receiver and no absolute clock: times are the host's, not GPS time"],
+    )
 
 
 def check_overlap(clock: ClockModel, t_ns: IntArray, gps_s: FloatArray) -> None:
@@ -114,8 +115,9 @@ def _utc(gps_s: float) -> str:
     return gps_to_iso(gps_s)
 
 
-def _has_arrival(fixes: Fixes) -> bool:
-    return bool((fixes.arrival_ns != NO_TIME).any())
+def has_arrival(fixes: Fixes | None) -> bool:
+    """Whether any epoch has an arrival time."""
+    return fixes is not None and bool((fixes.arrival_ns != NO_TIME).any())
 
 
 def _without_imu(
@@ -123,7 +125,7 @@ def _without_imu(
 ) -> SyncResult:
     if fixes is None:
         return SyncResult(ClockModel(0, 0.0, 0.0, 0.0, 0.0, "identity", 0.0))
-    if arrival_time != "gps_ns" and _has_arrival(fixes):
+    if arrival_time != "gps_ns" and has_arrival(fixes):
         fit = fit_arrival_clock(fixes.arrival_ns, fixes.gps_s, output_delay_s, drift_sd)
         return SyncResult(fit.clock, fit=fit, warnings=list(fit.warnings))
     known = fixes.gps_s[np.isfinite(fixes.gps_s)]

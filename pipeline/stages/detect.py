@@ -35,7 +35,7 @@ def run(context: StageContext) -> None:
             continue
         if part is not None:
             found.append(part)
-    if not found:
+    if not found and context.drive.bearings_file is None:
         context.warn(
             "The drive has neither a readable video nor detections, so no signs are found; the "
             "trajectory is all there is."
@@ -44,7 +44,7 @@ def run(context: StageContext) -> None:
     total = sum(len(part) for part in found)
     context.metric("n_detections", total)
     context.metric("n_detection_frames", sum(len(set(part.frame.tolist())) for part in found))
-    context.result = f"{total} detections" if found else "no video"
+    context.result = f"{total} detections" if found else "no video and no detections"
 
 
 def _camera(

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from automap.errors import InputError
 from automap.io import names
 from pipeline.stage import Stage, StageContext
 
@@ -37,6 +38,7 @@ def run(context: StageContext) -> None:
         context.result = "no detections"
         return
     table, parts = read_detection_rows(detections_file)
+    parts = _in_trajectory_time(context, parts)
     trajectory = _trajectory(context)
     cameras = context.drive.cameras()
     known = [part for part in parts if part[0].camera in cameras]
@@ -102,6 +104,36 @@ def _trajectory(context: StageContext) -> Trajectory | None:
     return read_trajectory(path) if path.is_file() else None
 
 
+def _in_trajectory_time(
+    context: StageContext, parts: list[tuple[Detections, IntArray]]
+) -> list[tuple[Detections, IntArray]]:
+    """The detections with stamps of the trajectory's clock; a camera whose clock nothing ties
+    to it is left out, and said."""
+    from automap.io.clock_json import read_clocks
+    from automap.sync.stamps import in_trajectory_time
+
+    path = context.out / names.SYNC
+    if not path.is_file() or not (context.out / names.TRAJECTORY).is_file():
+        return parts
+    clocks = read_clocks(path)
+    converted = []
+    for record, rows in parts:
+        video = context.drive.videos.get(record.camera)
+        if video is None:
+            converted.append((record, rows))
+            continue
+        try:
+            t_ns = in_trajectory_time(record.t_ns, video.section.time, clocks)
+        except InputError as error:
+            context.warn(
+                f"{context.drive.manifest_file}: [video.{record.camera}]: the {len(rows)} "
+                f"detections of this camera cannot be placed: {error}."
+            )
+            continue
+        converted.append((replace(record, t_ns=t_ns), rows))
+    return converted
+
+
 def rules_from(settings: GeolocateSettings, drive: str) -> GeolocationRules:
     """The library's rules from the stage's settings."""
     from automap.geolocation.assembly import AssemblyRules
@@ -144,18 +176,23 @@ def _locate(
         replace(sign, detection_rows=np.sort(rows[sign.detection_rows])) for sign in result.signs
     ]
     write_signs(context.work / names.SIGNS_RAW, signs)
-    _write_observations(context.work / names.OBSERVATIONS, table, rows, result)
+    _write_observations(context.work / names.OBSERVATIONS, table, parts, result)
     for text in result.warnings:
         context.warn(text)
     _report(context, result)
 
 
 def _write_observations(
-    path: Path, table: pa.Table, rows: IntArray, result: GeolocationResult
+    path: Path,
+    table: pa.Table,
+    parts: list[tuple[Detections, IntArray]],
+    result: GeolocationResult,
 ) -> None:
     import numpy as np
 
     from automap.io.observations_table import write_observations
+
+    rows = np.concatenate([own for _, own in parts])
 
     def spread(values: npt.NDArray[Any], missing: Any) -> npt.NDArray[Any]:
         column: np.ndarray[Any, Any] = np.full(len(table), missing, values.dtype)
@@ -163,7 +200,11 @@ def _write_observations(
         return column
 
     fate = result.observations
+    t_ns = table["t_ns"].to_numpy().copy()
+    for record, own in parts:
+        t_ns[own] = record.t_ns
     results = {
+        "t_ns": t_ns,
         "track": spread(fate.track, -1),
         "sign_id": spread(fate.sign_id, ""),
         "residual_x_px": spread(fate.residual_px[:, 0], np.nan),
@@ -239,10 +280,10 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="geolocate",
-    version=1,
+    version=2,
     run=run,
     inputs=_inputs,
-    needs=(names.TRAJECTORY, names.DETECTIONS),
+    needs=(names.TRAJECTORY, names.DETECTIONS, names.SYNC),
     outputs=(names.SIGNS_RAW, names.OBSERVATIONS),
     settings=("geolocate",),
     manifest=("name", "video"),

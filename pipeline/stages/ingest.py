@@ -19,8 +19,8 @@ _MAX_GAPS = 1000
 def run(context: StageContext) -> None:
     """Write imu.parquet, fixes.parquet (each where the drive has such data) and ingest.json.
 
-    A file that cannot be used is a warning as long as the drive has another source of the
-    trajectory. Raises InputError when it has none, and for readings in a wrong unit.
+    A file that cannot be used is a warning as long as the drive has another source of
+    positions. Raises InputError when it has none, and for readings in a wrong unit.
     """
     from automap.io.atomic import write_json
     from automap.io.recording import read_recording
@@ -44,7 +44,6 @@ def run(context: StageContext) -> None:
         summary["imu"] = _imu_summary(drive, recording)
         context.metric("imu_rate_hz", summary["imu"]["rate_hz"])
         parts.append(f"{len(recording.imu)} IMU rows at {summary['imu']['rate_hz']:.0f} Hz")
-        usable = True
     if recording.fixes is not None:
         write_fixes(context.work / names.FIXES, recording.fixes)
         summary["gnss"] = _gnss_summary(drive, recording)
@@ -58,13 +57,25 @@ def run(context: StageContext) -> None:
                 f"{len(recording.fixes)} epochs; give it an open sky before driving."
             )
     if not usable:
-        raise InputError(failures[0] if failures else f"{drive.path} holds no recording.")
+        raise InputError(_without_positions(drive, failures))
     for text in failures:
         context.warn(f"{text.rstrip('.')}; the drive goes on without it")
     _say_what_is_missing(context, drive, recording)
     summary["warnings"] = context.warnings
     write_json(context.work / names.INGEST, summary)
     context.result = ", ".join(parts) or "bearings only"
+
+
+def _without_positions(drive: Drive, failures: list[str]) -> str:
+    """Why nothing of the drive can be placed: what is wrong with its sources of positions."""
+    sources = (drive.gnss_file, drive.trajectory_file)
+    reasons = [text for path in sources for text in failures if path and text.startswith(str(path))]
+    if reasons:
+        return reasons[0]
+    return (
+        f"{drive.path} has no receiver log, and without GPS nothing can be placed on a map; add "
+        "gnss.ubx, gnss.nmea or gnss.pos, or a finished trajectory.csv."
+    )
 
 
 def _refuse_implausible(drive: Drive, recording: Recording) -> None:
@@ -158,17 +169,12 @@ def _gnss_summary(drive: Drive, recording: Recording) -> dict[str, Any]:
 
 
 def _say_what_is_missing(context: StageContext, drive: Drive, recording: Recording) -> None:
-    if drive.trajectory_file is not None or (recording.imu is None and recording.fixes is None):
+    if drive.trajectory_file is not None or recording.fixes is None:
         return
     if recording.imu is None:
         context.warn(
             f"{drive.path} has no usable IMU recording; the trajectory is made from the fixes "
             "alone, smoothed, without attitude from a gyro"
-        )
-    if recording.fixes is None:
-        context.warn(
-            f"{drive.path} has no usable receiver log; without fixes there is no position on "
-            "Earth and no map"
         )
 
 
@@ -195,7 +201,7 @@ def sensor_input(drive: Drive) -> Path | None:
 
 STAGE = Stage(
     name="ingest",
-    version=1,
+    version=2,
     run=run,
     inputs=_inputs,
     needs=(),

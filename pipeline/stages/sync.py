@@ -5,34 +5,43 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from automap.errors import InputError
 from automap.io import names
 from pipeline.stage import Stage, StageContext
 
 if TYPE_CHECKING:
     from automap.io.drive import Drive
-    from automap.records import Fixes, ImuData
+    from automap.records import ClockModel, Fixes, ImuData
     from automap.sync.result import SyncResult
 
 
 def run(context: StageContext) -> None:
     """Write sync.json and, for a clock from arrival times, sync_delays.parquet."""
-    from automap.io.clock_json import write_clock
+    from automap.io.clock_json import write_clocks
     from automap.io.tables import read_fixes, read_imu
+    from automap.sync.stamps import DriveClocks
 
     imu_path, fixes_path = context.out / names.IMU, context.out / names.FIXES
     imu = read_imu(imu_path) if imu_path.exists() else None
     fixes = read_fixes(fixes_path) if fixes_path.exists() else None
-    result = _find_clock(context, imu, fixes)
+    base, result = _find_clock(context, imu, fixes)
     for text in result.warnings:
         context.warn(text)
-    write_clock(context.work / names.SYNC, result.clock, _diagnostics(result))
+    arrival = _arrival_clock(context, base, fixes)
+    arrival_base = None if arrival is None else context.drive.gnss.arrival_time
+    clocks = DriveClocks(result.clock, base, arrival, arrival_base)
+    write_clocks(context.work / names.SYNC, clocks, _diagnostics(result))
     if result.fit is not None and fixes is not None:
         _write_delays(context.work / names.SYNC_DELAYS, result, fixes)
     _metrics(context, result)
+    context.result = _in_words(result)
 
 
-def _find_clock(context: StageContext, imu: ImuData | None, fixes: Fixes | None) -> SyncResult:
-    from automap.sync.clock import stated_clock, synchronise
+def _find_clock(
+    context: StageContext, imu: ImuData | None, fixes: Fixes | None
+) -> tuple[str, SyncResult]:
+    """The name of the clock of the trajectory's stamps, and how it leads to GPS time."""
+    from automap.sync.clock import has_arrival, stated_clock, synchronise, unknown_clock
     from automap.sync.finished import trajectory_clock
     from automap.sync.result import SyncResult
 
@@ -42,19 +51,81 @@ def _find_clock(context: StageContext, imu: ImuData | None, fixes: Fixes | None)
         from automap.io.trajectory_csv import read_trajectory_csv
 
         finished = read_trajectory_csv(drive.trajectory_file)
+        t_ns = finished.data.t_ns
         if finished.time == "both":
-            return SyncResult(trajectory_clock(finished.data.t_ns, finished.data.gps_s))
+            return drive.imu.time, SyncResult(trajectory_clock(t_ns, finished.data.gps_s))
         stamps = "gps_ns" if finished.time == "gps_s" else drive.imu.time
         if stamps != "boot_ns":
-            return SyncResult(stated_clock(finished.data.t_ns, stamps))
-    return synchronise(
+            return stamps, SyncResult(stated_clock(t_ns, stamps))
+        if imu is None and not (has_arrival(fixes) and drive.gnss.arrival_time == stamps):
+            return stamps, unknown_clock(t_ns)
+    base: str = drive.gnss.arrival_time if has_arrival(fixes) else "gps_ns"
+    if imu is not None:
+        base = _imu_time(context)
+    result = synchronise(
         imu,
         fixes,
-        imu_time=drive.imu.time if drive.imu_file is not None else drive.gnss.arrival_time,
+        imu_time=base,
         arrival_time=drive.gnss.arrival_time,
         output_delay_s=drive.gnss.output_delay_s,
         drift_sd=drift_sd,
     )
+    return base, result
+
+
+def _imu_time(context: StageContext) -> str:
+    """The clock of the IMU stamps: the manifest's, unless they are the receiver's own."""
+    import json
+
+    path = context.out / names.INGEST
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return context.drive.imu.time
+    except ValueError as error:
+        raise InputError(f"{path} is damaged ({error}); run again with --force.") from error
+    summary = found.get("imu") or {}
+    return str(summary.get("time", context.drive.imu.time))
+
+
+def _arrival_clock(context: StageContext, base: str, fixes: Fixes | None) -> ClockModel | None:
+    """The clock of the arrival times where it is not that of the trajectory.
+
+    Cameras stamped by the same host need it. A fit that fails is no harm without a camera.
+    """
+    from automap.sync.arrival import fit_arrival_clock
+    from automap.sync.clock import has_arrival
+
+    gnss = context.drive.gnss
+    if fixes is None or not has_arrival(fixes) or gnss.arrival_time == base:
+        return None
+    try:
+        fit = fit_arrival_clock(fixes.arrival_ns, fixes.gps_s, gnss.output_delay_s)
+    except InputError as error:
+        context.warn(f"{context.drive.arrival_file}: {error}")
+        return None
+    return fit.clock
+
+
+_WAYS = {
+    "identity": "stamps are GPS time",
+    "arrival": "clock by arrival times",
+    "unix": "clock by UNIX time",
+    "correlation": "clock by comparing motions",
+    "trajectory": "clock of the trajectory itself",
+    "none": "no way to GPS time",
+}
+
+
+def _in_words(result: SyncResult) -> str:
+    clock = result.clock
+    words = _WAYS.get(clock.method, clock.method)
+    if clock.method in ("none", "identity"):
+        return words
+    text = f"{words}, good to {1e3 * clock.sd_offset_s:.2g} ms"
+    if clock.sd_drift < abs(clock.drift):
+        text += f", rate off by {1e6 * clock.drift:+.1f} ppm"
+    return text
 
 
 def _diagnostics(result: SyncResult) -> dict[str, Any]:
@@ -130,7 +201,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="sync",
-    version=1,
+    version=2,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.INGEST),

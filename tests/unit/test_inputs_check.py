@@ -189,7 +189,7 @@ def test_without_any_usable_file_the_run_stops(drive: Path, tmp_path: Path) -> N
     (drive / "gnss.nmea").write_bytes(b"")
     report = check_drive(drive)
     assert not report.usable
-    with pytest.raises(InputError, match=r"imu\.csv is empty"):
+    with pytest.raises(InputError, match=r"gnss\.nmea is empty"):
         _ingest(drive, tmp_path / "work")
 
 

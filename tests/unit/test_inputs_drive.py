@@ -56,12 +56,29 @@ def test_files_are_found_by_their_usual_names(tmp_path: Path) -> None:
     assert load_drive(tmp_path / "drive.toml").name == drive.name
 
 
-def test_a_named_file_that_is_not_there_is_a_warning(tmp_path: Path) -> None:
-    _drive(tmp_path, '[imu]\nfile = "imv.csv"\n', "imu.csv", "gnss.ubx")
+@pytest.mark.parametrize(
+    ("manifest", "said"),
+    [
+        ('[imu]\nfile = "imv.csv"', r"imu\.file names imv\.csv, which is not there \(is imu\.csv"),
+        (
+            '[gnss]\nfile = "receiver.log"',
+            r"gnss\.file names receiver\.log, which is not there; correct",
+        ),
+        ('[imu]\nfile = "video"', r"imu\.file names video, which is no file"),
+    ],
+)
+def test_a_recording_named_wrongly_is_an_error(tmp_path: Path, manifest: str, said: str) -> None:
+    _drive(tmp_path, manifest, "imu.csv", "gnss.ubx", "video/front.mp4")
+    with pytest.raises(InputError, match=said):
+        load_drive(tmp_path)
+
+
+def test_a_lesser_file_named_wrongly_is_a_warning(tmp_path: Path) -> None:
+    _drive(tmp_path, '[gnss]\narrival = "gnss_arival.csv"\n', "gnss_arrival.csv", "gnss.ubx")
     drive = load_drive(tmp_path)
-    assert drive.imu_file is None
-    assert "imv.csv" in drive.warnings[0]
-    assert "is imu.csv meant?" in drive.warnings[0]
+    assert drive.arrival_file is None
+    assert "gnss_arival.csv" in drive.warnings[0]
+    assert "is gnss_arrival.csv meant?" in drive.warnings[0]
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def test_a_cut_last_line_is_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "line 1 names no column offset"),
+        ("", "is empty"),
         ("offset,time\n0,1\n", "line 1 names no column t_ns"),
         ("offset,t_ns\n", "has no rows"),
         ("offset,t_ns\n0,1\nx,2\n", "line 3"),
