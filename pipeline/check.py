@@ -162,6 +162,8 @@ def _recordings(drive: Drive, collector: _Collector) -> bool:
         clock = timing.check(drive, recording)
         spoilt |= any(finding.severity == "error" for finding in clock)
         arrival = [Finding("error", text) for text in failed.get(drive.arrival_file, [])]
+        if drive.arrival_file is not None:
+            arrival += [Finding("warning", text) for text in warned.get(drive.arrival_file, [])]
         collector.add(drive.arrival_file or drive.gnss_file, [*arrival, *clock])
     elif not _has_other_positions(drive):
         collector.add(names.MANIFEST, [Finding(*gnss.ABSENT)])

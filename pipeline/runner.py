@@ -210,7 +210,7 @@ def _run_stage(run: _Run, stage: Stage, now: Ingredients, reason: str) -> None:
         record.update(
             status="done" if state == "ran" else state,
             seconds=round(seconds, 3),
-            result=context.result or _brief(context.metrics),
+            result=context.result or (_brief(context.metrics) if state == "ran" else ""),
             warnings=list(context.warnings),
             metrics=dict(context.metrics),
         )

@@ -211,7 +211,12 @@ def _warnings(
     for note, text in reasons.items():
         n = int(np.count_nonzero(fate.note == note))
         if n:
-            sentences.append(f"{n} of {len(fate.note)} detections {text}; they were left out.")
+            advice = ""
+            if note == "no_pose" and n == len(fate.note):
+                advice = " Check the clock of the frames: time and start_ns in [video], t_ns."
+            sentences.append(
+                f"{n} of {len(fate.note)} detections {text}; they were left out.{advice}"
+            )
     for name, correction in corrections.items():
         sd = np.sqrt(np.diag(prior_covariance(cameras[name])))
         values = np.array([*correction.turn, correction.time_s])

@@ -32,6 +32,7 @@ def run(context: StageContext) -> None:
     if not (context.out / names.FIXES).exists():
         if drive.bearings_file is not None:
             _write_summary(context, {"method": "none"})
+            context.result = "no trajectory"
             return
         raise InputError(
             f"{drive.path}: there are no fixes, and without GPS nothing can be placed on a map; "
@@ -55,10 +56,10 @@ def _take_finished(context: StageContext) -> None:
     if finished.time == "t_ns" and (context.out / names.SYNC).exists():
         clock = read_clock(context.out / names.SYNC)
         trajectory = replace(trajectory, gps_s=clock.gps_s(trajectory.t_ns))
-    for text in finished.warnings:
-        context.warn(text)
+    # what is wrong with the file was said by ingest
     _write_trajectory(context, trajectory, names.TRAJECTORY)
     _write_summary(context, {"method": "finished trajectory"})
+    context.result = f"{len(trajectory)} rows of the finished trajectory"
 
 
 def _smooth_fixes(context: StageContext, clock: ClockModel) -> None:
@@ -73,6 +74,7 @@ def _smooth_fixes(context: StageContext, clock: ClockModel) -> None:
     trajectory = smooth_fixes(fixes, clock, context.settings.fuse.options())
     _write_trajectory(context, trajectory, names.TRAJECTORY)
     _write_summary(context, {"method": "gnss only", "epochs": len(trajectory)})
+    context.result = f"{len(trajectory)} epochs from GPS alone, smoothed"
 
 
 def _fuse(context: StageContext, clock: ClockModel) -> None:

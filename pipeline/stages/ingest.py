@@ -60,7 +60,6 @@ def run(context: StageContext) -> None:
         raise InputError(_without_positions(drive, failures))
     for text in failures:
         context.warn(f"{text.rstrip('.')}; the drive goes on without it")
-    _say_what_is_missing(context, drive, recording)
     summary["warnings"] = context.warnings
     write_json(context.work / names.INGEST, summary)
     context.result = ", ".join(parts) or "bearings only"
@@ -166,16 +165,6 @@ def _gnss_summary(drive: Drive, recording: Recording) -> dict[str, Any]:
         "arrival": drive.arrival_file is not None,
         "with_arrival": int(np.count_nonzero(fixes.arrival_ns != NO_TIME)),
     }
-
-
-def _say_what_is_missing(context: StageContext, drive: Drive, recording: Recording) -> None:
-    if drive.trajectory_file is not None or recording.fixes is None:
-        return
-    if recording.imu is None:
-        context.warn(
-            f"{drive.path} has no usable IMU recording; the trajectory is made from the fixes "
-            "alone, smoothed, without attitude from a gyro"
-        )
 
 
 def _inputs(drive: Drive) -> list[Path]:

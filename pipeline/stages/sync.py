@@ -121,7 +121,7 @@ def _in_words(result: SyncResult) -> str:
     clock = result.clock
     words = _WAYS.get(clock.method, clock.method)
     if clock.method in ("none", "identity"):
-        return words
+        return words if clock.ref_ns else "nothing to synchronise"
     text = f"{words}, good to {1e3 * clock.sd_offset_s:.2g} ms"
     if clock.sd_drift < abs(clock.drift):
         text += f", rate off by {1e6 * clock.drift:+.1f} ppm"
