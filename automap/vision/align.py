@@ -44,15 +44,17 @@ def align_face(image: Image, box: FloatArray, name: str) -> FloatArray:
     shape = region.shape[:2]
     for _ in range(_ROUNDS):
         drawn, cover = _draw(name, place, shape)
-        inside = cover > 0.999
-        if int(inside.sum()) < 20:
+        rows, columns = np.nonzero(cover[1:-1, 1:-1] > 0.999)
+        rows, columns = rows + 1, columns + 1
+        if len(rows) < 20:
             return box
         # moving or stretching the face shifts its gradients
-        down, across = np.gradient(drawn, axis=(0, 1))
-        x = ((np.arange(shape[1]) - place[0]) / place[2])[None, :, None]
-        y = ((np.arange(shape[0]) - place[1]) / place[3])[:, None, None]
+        across = (drawn[rows, columns + 1] - drawn[rows, columns - 1]) / 2
+        down = (drawn[rows + 1, columns] - drawn[rows - 1, columns]) / 2
+        x = ((columns - place[0]) / place[2])[:, None]
+        y = ((rows - place[1]) / place[3])[:, None]
         slopes = np.stack([-across, -down, -x * across, -y * down], axis=-1)
-        move = _step(region[inside], drawn[inside], slopes[inside])
+        move = _step(region[rows, columns], drawn[rows, columns], slopes)
         place += move
         off = np.abs(place - first) / np.maximum(first[[2, 3, 2, 3]], 12.0)
         if not np.isfinite(place).all() or off.max() > _FARTHEST:
@@ -66,18 +68,17 @@ def align_face(image: Image, box: FloatArray, name: str) -> FloatArray:
 
 def _step(picture: Floats, drawn: Floats, slopes: Floats) -> Floats:
     """One least-squares step [4] of pixels [n, 3] against a drawing [n, 3] with slopes
-    [n, 3, 4]; gain and offset of each channel are solved along."""
-    n, channels = picture.shape
-    blocks, rest = [], []
-    for c in range(channels):
-        basis = np.stack([drawn[:, c], np.ones(n)], axis=1)
-        fit, *_ = np.linalg.lstsq(basis, picture[:, c], rcond=None)
-        slope = fit[0] * slopes[:, c]
-        # what gain and offset can explain is taken out of the slopes as well
-        own, *_ = np.linalg.lstsq(basis, slope, rcond=None)
-        blocks.append(slope - basis @ own)
-        rest.append(picture[:, c] - basis @ fit)
-    jac, residual = np.concatenate(blocks), np.concatenate(rest)
+    [n, 3, 4]; gain and offset of each channel are solved along, in closed form."""
+    drawn = drawn - drawn.mean(axis=0)
+    picture = picture - picture.mean(axis=0)
+    power = np.maximum((drawn * drawn).sum(axis=0), 1e-9)
+    gain = (drawn * picture).sum(axis=0) / power
+    residual = (picture - gain * drawn).ravel()
+    slopes = slopes * gain[:, None]
+    slopes -= slopes.mean(axis=0)
+    # what gain and offset can explain is taken out of the slopes as well
+    shared = np.einsum("nc,nck->ck", drawn, slopes) / power[:, None]
+    jac = (slopes - drawn[:, :, None] * shared).reshape(-1, 4)
     normal = jac.T @ jac
     # a face that says nothing along one axis stays where it is there
     normal += np.eye(4) * (1e-3 * np.trace(normal) / 4 + 1e-9)

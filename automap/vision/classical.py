@@ -19,7 +19,7 @@ from automap.vision.align import align_face
 from automap.vision.colour import COLOURS, LEVELS, colour_maps
 from automap.vision.detector import FoundSigns, Image
 from automap.vision.evidence import looks_like_plate
-from automap.vision.refine import refine_box
+from automap.vision.refine import BlobMoments, blob_moments, moments_box
 from automap.vision.shapes import match_shapes
 from automap.vision.templates import match_face
 from automap.vision.vocabulary import load_vocabulary
@@ -107,12 +107,16 @@ class ClassicalDetector:
         candidates: list[_Candidate] = []
         maps = colour_maps(image)
         for colour in COLOURS:
+            # a thin rim breaks where compression has taken its colour; closing the map
+            # closes what is above any of its levels
+            near = np.ones((3, 3), np.uint8)
+            closed = np.asarray(cv2.morphologyEx(maps[colour], cv2.MORPH_CLOSE, near), np.uint8)
             blobs = [
                 _Blob(
                     hull, match_shapes(hull), np.concatenate([hull.min(axis=0), hull.max(axis=0)])
                 )
                 for level in LEVELS[colour]
-                for hull in self._blobs(maps[colour], level, rings=colour == "red")
+                for hull in self._blobs(closed, level, rings=colour == "red")
             ]
             for blob in _clearest(blobs):
                 candidate = self._judge(image, maps[colour], colour, blob)
@@ -127,10 +131,13 @@ class ClassicalDetector:
         touch, but their insides do not.
         """
         _, binary = cv2.threshold(colour_map, level, 255, cv2.THRESH_BINARY)
-        # a thin rim breaks where compression has taken its colour
-        binary = cv2.morphologyEx(binary, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+        x, y, w, h = cv2.boundingRect(binary)
+        if max(w, h) < self.rules.smallest:
+            return []
         mode = cv2.RETR_CCOMP if rings else cv2.RETR_EXTERNAL
-        contours, tree = cv2.findContours(binary, mode, cv2.CHAIN_APPROX_SIMPLE)
+        contours, tree = cv2.findContours(
+            binary[y : y + h, x : x + w], mode, cv2.CHAIN_APPROX_SIMPLE, offset=(x, y)
+        )
         hulls = []
         for number, contour in enumerate(contours):
             hole = bool(tree[0][number][3] >= 0)
@@ -165,13 +172,18 @@ class ClassicalDetector:
         self, image: Image, colour_map: Image, colour: str, blob: _Blob
     ) -> _Candidate | None:
         clear = max(self.rules.overlap, blob.best - _ALIKE)
+        shapes = [
+            (shape, _GROUPS[colour, shape], overlap)
+            for shape, overlap in blob.overlaps.items()
+            if (colour, shape) in _GROUPS and overlap >= self.rules.overlap_of_known
+        ]
+        moments = blob_moments(colour_map, blob.hull) if shapes else None
+        if moments is None:
+            return None
         found: list[_Candidate] = []
-        for shape, overlap in blob.overlaps.items():
-            group = _GROUPS.get((colour, shape))
-            if group is None or overlap < self.rules.overlap_of_known:
-                continue
+        for shape, group, overlap in shapes:
             candidate = self._name(
-                image, colour_map, blob.hull, shape, group, overlap, known_only=overlap < clear
+                image, colour_map, moments, shape, group, overlap, known_only=overlap < clear
             )
             if candidate is not None:
                 found.append(candidate)
@@ -181,16 +193,14 @@ class ClassicalDetector:
         self,
         image: Image,
         colour_map: Image,
-        hull: FloatArray,
+        moments: BlobMoments,
         shape: str,
         group: str,
         overlap: float,
         known_only: bool,
     ) -> _Candidate | None:
         rules = self.rules
-        box = refine_box(colour_map, hull, shape)
-        if box is None:
-            return None
+        box = moments_box(moments, shape)
         if group in ("red-octagon", "blue-circle", "blue-square"):
             box = _scaled(box, _WHITE_RIM)
         size = float((box[2:] - box[:2]).max())
@@ -219,9 +229,12 @@ class ClassicalDetector:
 def _clearest(blobs: list[_Blob]) -> list[_Blob]:
     """Of blobs that are nearly the same at several levels, the one with the clearest form."""
     kept: list[_Blob] = []
+    boxes = np.empty((len(blobs), 4))
     for blob in sorted(blobs, key=lambda b: -b.best):
         near = 0.12 * float((blob.box[2:] - blob.box[:2]).max())
-        if all(np.abs(blob.box - other.box).max() > near for other in kept):
+        others = boxes[: len(kept)]
+        if not (np.abs(others - blob.box).max(axis=1) <= near).any():
+            boxes[len(kept)] = blob.box
             kept.append(blob)
     return kept
 

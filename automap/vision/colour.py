@@ -26,7 +26,7 @@ def colour_maps(image: Image) -> dict[str, Image]:
     """
     blue, green, red = cv2.split(image)
     # the mean of the three channels: a third of the sum, in 8 bits
-    mean = cv2.transform(image, np.full((1, 3), 1.0 / 3.0, np.float32))
+    mean = cv2.addWeighted(cv2.addWeighted(blue, 0.5, red, 0.5, 0.0), 2 / 3, green, 1 / 3, 0.0)
     mean = cv2.max(mean, np.full_like(mean, _FLOOR))
     leads = {
         "red": cv2.subtract(red, cv2.max(green, blue)),

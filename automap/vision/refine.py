@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
@@ -10,8 +12,26 @@ from automap.vision.detector import Image
 from automap.vision.shapes import shape_moments
 
 
-def refine_box(colour_map: Image, hull: FloatArray, shape: str) -> FloatArray | None:
-    """Box [4] px of the outline ``shape`` whose coloured blob has the hull [k, 2].
+@dataclass(frozen=True)
+class BlobMoments:
+    """Centroid and standard deviations of a blob's filled area, px."""
+
+    mean_x: float
+    mean_y: float
+    sd_x: float
+    sd_y: float
+
+
+def moments_box(moments: BlobMoments, shape: str) -> FloatArray:
+    """Box [4] px of the outline ``shape`` that has these moments."""
+    ideal = shape_moments(shape)
+    w, h = moments.sd_x / np.sqrt(ideal.var_x), moments.sd_y / np.sqrt(ideal.var_y)
+    left, top = moments.mean_x - ideal.centre_x * w, moments.mean_y - ideal.centre_y * h
+    return np.array([left, top, left + w, top + h])
+
+
+def blob_moments(colour_map: Image, hull: FloatArray) -> BlobMoments | None:
+    """Moments of the coloured blob whose hull is [k, 2] px.
 
     Each pixel counts by how far its colour lies between the background's and the blob's;
     the interior counts fully whatever is painted there. Centroid and variances of that mask
@@ -36,7 +56,9 @@ def refine_box(colour_map: Image, hull: FloatArray, shape: str) -> FloatArray | 
     if not outside.any() or not rim.any():
         return None
     background = float(np.median(region[outside]))
-    colour = float(np.percentile(region[rim], 80))
+    edge = region[rim]
+    bright = int(0.8 * (len(edge) - 1))
+    colour = float(np.partition(edge, bright)[bright])
     if colour - background < 12.0:
         return None
     soft = np.clip((region - background) / (colour - background), 0.0, 1.0)
@@ -49,7 +71,4 @@ def refine_box(colour_map: Image, hull: FloatArray, shape: str) -> FloatArray | 
     # a pixel is a square of its own variance
     vx = float(along_x @ (xs - mx) ** 2) + 1.0 / 12.0
     vy = float(along_y @ (ys - my) ** 2) + 1.0 / 12.0
-    ideal = shape_moments(shape)
-    w, h = np.sqrt(vx / ideal.var_x), np.sqrt(vy / ideal.var_y)
-    left, top = mx - ideal.centre_x * w, my - ideal.centre_y * h
-    return np.array([left, top, left + w, top + h])
+    return BlobMoments(mx, my, float(np.sqrt(vx)), float(np.sqrt(vy)))

@@ -11,6 +11,7 @@ from automap.io.video import FrameTimes, VideoFrame, frame_times, iter_frames, v
 from automap.records import Detections, IntArray
 from automap.vision.classical import ClassicalDetector
 from automap.vision.detector import Detector, FoundSigns
+from automap.vision.parallel import detections, worker_count
 
 # stamps jitter: a frame this much of a period early still counts as the next one
 _EARLY = 0.3
@@ -51,6 +52,7 @@ def search_video(
         video.name,
         len(chosen),
         progress,
+        worker_count(len(chosen)),
     )
 
 
@@ -61,14 +63,15 @@ def search_frames(
     camera: str,
     count: int,
     progress: Callable[[float, str], None] = lambda fraction, text: None,
+    workers: int = 1,
 ) -> Detections:
     """Signs with at least ``min_score`` in the frames, in their order; ``count`` is for progress.
 
-    Memory grows with the boxes found, not with the frames.
+    With ``workers`` above 1 so many processes search, and the result is the same. Memory grows with
+    the boxes found, not with the frames.
     """
     rows: list[tuple[int, int, FoundSigns]] = []
-    for done, picture in enumerate(frames, 1):
-        found = detector.detect(picture.image)
+    for done, (picture, found) in enumerate(detections(frames, detector, workers), 1):
         if len(found):
             rows.append((picture.frame, picture.t_ns, found))
         if done % 5 == 0:

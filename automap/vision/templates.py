@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import cv2
 import numpy as np
@@ -18,6 +18,10 @@ Patch = npt.NDArray[np.float32]
 
 _SIZE = 36
 _SEARCH = 3
+_COARSENESS = (6, 7, 8, 9, 10, 12, 14, 16, 18, 20, 24, 28, 32, _SIZE)
+"""Sizes in px at which templates are kept."""
+_FLAT = 0.01
+"""A patch whose values vary less than this, squared and on average, shows nothing."""
 _SCALES = (0.94, 1.06)
 _HOPELESS = 0.4
 """A face that correlates less than this is not worth trying at other scales."""
@@ -66,22 +70,24 @@ def match_face(image: Image, box: FloatArray, shape: str, group: str) -> Match:
     Normalised correlation of the inner part in all three channels, over small shifts and
     scales; templates are drawn as coarsely as the picture shows the face.
     """
-    width, height = (int(v) for v in np.clip(np.rint(box[2:] - box[:2]), 6, _SIZE))
-    signs = [c for c in load_vocabulary().classes.values() if c.group == group]
-    window = _window(shape)
-    patch = np.ascontiguousarray(face_patch(image, box, shape)[window])
-    found = [(_correlation(patch, _template(c.name, width, height)), c.name) for c in signs]
-    if max(found, default=(0.0, ""))[0] >= _HOPELESS:
-        for scale in _SCALES:
-            patch = np.ascontiguousarray(face_patch(image, box, shape, scale)[window])
-            found = [
-                (max(best, _correlation(patch, _template(name, width, height))), name)
-                for best, name in found
-            ]
-    found.sort(reverse=True)
-    if not found:
+    width, height = (_nearest_size(v) for v in (box[2:] - box[:2]).tolist())
+    names, templates = _templates(group, width, height)
+    if not names:
         return Match(None, -1.0, -1.0)
-    return Match(found[0][1], found[0][0], found[1][0] if len(found) > 1 else -1.0)
+    window = _window(shape)
+    best = _correlations(face_patch(image, box, shape)[window], shape, templates)
+    if best.max() >= _HOPELESS:
+        for scale in _SCALES:
+            patch = face_patch(image, box, shape, scale)[window]
+            best = np.maximum(best, _correlations(patch, shape, templates))
+    order = np.argsort(-best, kind="stable")
+    second = float(best[order[1]]) if len(names) > 1 else -1.0
+    return Match(names[order[0]], float(best[order[0]]), second)
+
+
+def _nearest_size(length: float) -> int:
+    """The size of ``_COARSENESS`` next to a length in px."""
+    return min(_COARSENESS, key=lambda size: abs(size - length))
 
 
 def _core_pixels(shape: str) -> tuple[int, int, int, int]:
@@ -95,18 +101,46 @@ def _window(shape: str) -> tuple[slice, slice]:
     return slice(y0, y1 + 2 * _SEARCH), slice(x0, x1 + 2 * _SEARCH)
 
 
-def _correlation(patch: Patch, template: Patch) -> float:
-    return float(cv2.matchTemplate(patch, template, cv2.TM_CCOEFF_NORMED).max())
+def _correlations(patch: Patch, shape: str, templates: Patch) -> Patch:
+    """Best normalised correlation [k] of each template [k, n] over all shifts of a patch.
+
+    The mean of every channel is taken out, as cv2's TM_CCOEFF_NORMED does; one matrix product
+    serves all shifts and templates, where cv2 would transform each pair.
+    """
+    x0, y0, x1, y1 = _core_pixels(shape)
+    wide, high = x1 - x0, y1 - y0
+    centred = patch - patch.mean(axis=(0, 1))
+    valid = (slice(high // 2, high // 2 + 2 * _SEARCH + 1),
+             slice(wide // 2, wide // 2 + 2 * _SEARCH + 1))  # fmt: skip
+    mean = cv2.boxFilter(centred, -1, (wide, high))[valid]
+    square = cv2.sqrBoxFilter(centred, -1, (wide, high))[valid]
+    power = (square - mean**2).sum(axis=2).ravel() * (wide * high)
+    windows = np.lib.stride_tricks.sliding_window_view(centred, (high, wide), axis=(0, 1))
+    products = windows.reshape(len(power), -1) @ templates.T
+    flat = power < _FLAT * templates.shape[1]
+    ratio = products / np.sqrt(np.where(flat, np.inf, power))[:, None]
+    return np.asarray(ratio.max(axis=0))
 
 
-@lru_cache(maxsize=2048)
-def _template(name: str, width: int, height: int) -> Patch:
-    shape = load_vocabulary().classes[name].outline
+@lru_cache(maxsize=192)
+def _templates(group: str, width: int, height: int) -> tuple[tuple[str, ...], Patch]:
+    """Names of a group's classes and their cores [k, n], each channel without its mean, of
+    norm 1, as coarse as a face of that size in px."""
+    signs = [c for c in load_vocabulary().classes.values() if c.group == group]
+    rows = []
+    for sign in signs:
+        small = cv2.resize(_on_grey(sign.name), (width, height), interpolation=cv2.INTER_AREA)
+        patch = cv2.resize(small, (_SIZE, _SIZE), interpolation=cv2.INTER_LINEAR)
+        x0, y0, x1, y1 = _core_pixels(sign.outline)
+        core = patch[y0:y1, x0:x1]
+        core = (core - core.mean(axis=(0, 1))).transpose(2, 0, 1).ravel()
+        rows.append(core / max(float(np.linalg.norm(core)), 1e-6))
+    return tuple(c.name for c in signs), np.array(rows, np.float32)
+
+
+@cache
+def _on_grey(name: str) -> Patch:
     face = draw_face(name, 2 * _SIZE)
     # outside the outline stands a middle grey: what is behind a sign is unknown
     cover = face[:, :, 3:].astype(np.float32) / 255.0
-    picture = face[:, :, :3] * cover + 110.0 * (1.0 - cover)
-    small = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
-    patch = cv2.resize(small, (_SIZE, _SIZE), interpolation=cv2.INTER_LINEAR)
-    x0, y0, x1, y1 = _core_pixels(shape)
-    return np.ascontiguousarray(patch[y0:y1, x0:x1])
+    return np.asarray(face[:, :, :3] * cover + 110.0 * (1.0 - cover), np.float32)
