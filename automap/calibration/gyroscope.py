@@ -118,10 +118,13 @@ def fit_gyro(
     forces: list[FloatArray],
     rests: list[Rest],
     turns: list[Turn],
+    rest_forces: FloatArray,
     gravity: float,
     with_g: bool = False,
 ) -> GyroFit:
     """Fit 12 parameters, or 21 with g-sensitivity, to turns and rests.
+
+    ``forces`` [n, 3] of each log and ``rest_forces`` [k, 3] of the rests are calibrated.
 
     Raises:
         InputError: the gyro does not follow the turns of gravity, so its axes are not those
@@ -130,7 +133,6 @@ def fit_gyro(
     offset = np.median([rest.gyro for rest in rests], axis=0)
     unit = np.maximum(np.concatenate([log.gyro - offset for log in logs]).std(axis=0), 1e-300)
     scaled = [_scaled(turn, offset, unit) for turn in turns]
-    rest_forces = np.array([forces[r.log][r.start : r.stop].mean(axis=0) for r in rests])
     rest_signals = _signals(
         (np.array([r.gyro for r in rests]) - offset) / unit, rest_forces, gravity
     )

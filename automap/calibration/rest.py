@@ -12,6 +12,8 @@ from automap.records import FloatArray, IntArray, RawImu
 WINDOW_S = 0.5
 """Movement is looked for in windows of this length: longer than the swing of a hand tremor."""
 LEAST_REST_S = 1.0
+SAME_POSE = 0.002
+"""Neighbouring rests nearer than this, against the span of the readings, are one pose."""
 FLOOR_QUANTILE = 0.05
 """The quietest twentieth of all windows is taken for the sensor's own noise."""
 THRESHOLDS = tuple(1.5 * 2.0 ** (k / 2) for k in range(16))
@@ -90,19 +92,37 @@ def rests_below(logs: list[RawImu], movements: list[FloatArray], limit: float) -
             if t_s[stop - 1] - t_s[start] >= LEAST_REST_S:
                 rest = _summary(log, number, start, stop)
                 if found and _same_pose(log, found[-1], rest):
-                    rest = _summary(log, number, found.pop().start, stop)
+                    rest = _joined(found.pop(), rest)
                 found.append(rest)
     return found
 
 
 def _same_pose(log: RawImu, first: Rest, second: Rest) -> bool:
-    """Whether two rests are one that a fluctuation of the noise has cut in two."""
+    """Whether two rests are one that a bump or a fluctuation of the noise has cut in two."""
     if first.log != second.log:
         return False
     gap_s = float(log.t_ns[second.start] - log.t_ns[first.stop - 1]) * 1e-9
     moved = np.linalg.norm(second.accel - first.accel)
-    span = np.linalg.norm(np.ptp(log.accel, axis=0))
-    return bool(gap_s <= 2.0 * WINDOW_S and moved < 0.003 * span)
+    # some 3 g in readings, whatever their unit
+    span = np.linalg.norm(np.diff(np.quantile(log.accel, [0.05, 0.95], axis=0), axis=0))
+    return bool(gap_s <= 2.0 * WINDOW_S and moved < SAME_POSE * span)
+
+
+def _joined(first: Rest, second: Rest) -> Rest:
+    """One rest of two; what lies between them does not count for the means."""
+    length = first.length_s + second.length_s
+    a, b = first.length_s / length, second.length_s / length
+    return Rest(
+        log=first.log,
+        start=first.start,
+        stop=second.stop,
+        middle_s=a * first.middle_s + b * second.middle_s,
+        length_s=length,
+        accel=a * first.accel + b * second.accel,
+        gyro=a * first.gyro + b * second.gyro,
+        accel_var=a**2 * first.accel_var + b**2 * second.accel_var,
+        gyro_var=a**2 * first.gyro_var + b**2 * second.gyro_var,
+    )
 
 
 def _runs(flags: np.ndarray) -> list[tuple[int, int]]:

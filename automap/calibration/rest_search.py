@@ -14,42 +14,46 @@ from automap.records import FloatArray, RawImu
 
 @dataclass(frozen=True)
 class RestSearch:
-    """The rests found at the best limit, ``tried`` (limit, number of rests, log of the mean
-    half width) for each limit, and ``outliers``, rests left out because their norm contradicts
-    all others."""
+    """The rests found.
+
+    ``rests`` for the accelerometer, at its best ``limit``; ``gyro_rests`` for the gyro, which
+    feels a hand's tremor more, at ``gyro_limit``. ``tried`` is (limit, number of rests) for
+    each limit. ``outliers`` are rests left out of the first because their norm contradicts all
+    others. ``determined`` is False when no limit gave poses enough; then ``rests`` are the
+    most that were found.
+    """
 
     rests: list[Rest]
+    gyro_rests: list[Rest]
     limit: float
-    tried: tuple[tuple[float, int, float], ...]
+    gyro_limit: float
+    tried: tuple[tuple[float, int], ...]
     outliers: tuple[Rest, ...] = ()
+    determined: bool = True
 
 
 def find_rests(logs: list[RawImu], gravity: float, n_parameters: int) -> RestSearch:
-    """Rest intervals at the limit that leaves the calibration's intervals narrowest.
+    """Rest intervals at the limits that leave the calibration's intervals narrowest.
 
     A low limit loses poses, a high one lets motion in, and either widens the confidence
-    intervals of the accelerometer's parameters and of the gyro's bias. So no threshold needs
-    tuning: the limit with the least mean logarithm of the half widths is taken. The idea of
-    scanning is IMU-TK's (Tedaldi, Pretto and Menegatti, ICRA 2014), which takes the least
-    residual.
+    intervals of the parameters. So no threshold needs tuning: the limit with the least mean
+    logarithm of the half widths is taken, of scale and angles for the accelerometer, of these
+    and the gyro's bias for the gyro. The idea of scanning is IMU-TK's (Tedaldi, Pretto and
+    Menegatti, ICRA 2014), which takes the least residual.
     """
     movements = [movement(log) for log in logs]
-    best: list[Rest] | None = None
-    best_score, best_limit = np.inf, THRESHOLDS[0]
-    most: list[Rest] = []
-    tried = []
-    for limit in THRESHOLDS:
-        rests = rests_below(logs, movements, limit)
-        if len(rests) > len(most):
-            most = rests
-        score = _score(rests, gravity, n_parameters)
-        tried.append((limit, len(rests), score))
-        if score < best_score:
-            best, best_score, best_limit = rests, score, limit
-    if best is None:
-        return RestSearch(most, best_limit, tuple(tried))
-    kept, outliers = _without_outliers(best, gravity, n_parameters)
-    return RestSearch(kept, best_limit, tuple(tried), tuple(outliers))
+    found = [rests_below(logs, movements, limit) for limit in THRESHOLDS]
+    tried = tuple((limit, len(rests)) for limit, rests in zip(THRESHOLDS, found, strict=True))
+    widths = [_log_widths(rests, gravity, n_parameters) for rests in found]
+    best = int(np.argmin([np.mean(w) for w in widths]))
+    if not np.isfinite(np.mean(widths[best])):
+        most = max(found, key=len)
+        limit = THRESHOLDS[found.index(most)]
+        return RestSearch(most, most, limit, limit, tried, determined=False)
+    both = [np.mean(np.concatenate([w, _log_bias(r)])) for w, r in zip(widths, found, strict=True)]
+    gyro = int(np.argmin(both))
+    kept, outliers = _without_outliers(found[best], gravity, n_parameters)
+    return RestSearch(kept, found[gyro], THRESHOLDS[best], THRESHOLDS[gyro], tried, tuple(outliers))
 
 
 def pose_means(rests: list[Rest]) -> tuple[FloatArray, FloatArray]:
@@ -66,21 +70,24 @@ def directions_of(fit: AccelFit, means: FloatArray) -> FloatArray:
     return np.asarray(force / np.linalg.norm(force, axis=1)[:, None])
 
 
-def _score(rests: list[Rest], gravity: float, n_parameters: int) -> float:
+def _log_widths(rests: list[Rest], gravity: float, n_parameters: int) -> FloatArray:
+    """Logarithms of the relative half widths of scale and angles; infinite when undetermined."""
     if len(rests) <= n_parameters:
-        return np.inf
+        return np.full(3, np.inf)
     means, variances = pose_means(rests)
     fit = fit_accelerometer(means, variances, gravity, n_parameters)
     if determination(directions_of(fit, means), n_parameters) < LEAST_SINGULAR:
-        return np.inf
-    width = fit.half_width[:n_parameters] * np.concatenate(
-        [1.0 / np.abs(fit.scale), np.ones(n_parameters - 3)]
-    )
-    # the offsets' own intervals at the zero of the readings mean little; scale and angles do
-    kept = np.concatenate([width[:3], width[N_SIX:]])
-    gyro = np.array([r.gyro for r in rests])
-    bias = gyro.std(axis=0) / np.sqrt(len(rests))
-    return float(np.mean(np.log(np.concatenate([kept, bias]) + 1e-300)))
+        return np.full(3, np.inf)
+    width = np.concatenate([fit.half_width[:3] / np.abs(fit.scale), fit.half_width[N_SIX:]])
+    return np.asarray(np.log(width[: n_parameters - 3] + 1e-300))
+
+
+def _log_bias(rests: list[Rest]) -> FloatArray:
+    """Logarithms [3] of the standard error of the gyro's mean over the rests."""
+    gyro = np.array([r.gyro for r in rests]).reshape(-1, 3)
+    if len(gyro) < 2:
+        return np.full(3, np.inf)
+    return np.asarray(np.log(gyro.std(axis=0) / np.sqrt(len(gyro)) + 1e-300))
 
 
 def _without_outliers(

@@ -1,0 +1,90 @@
+"""Logs that no calibration can use: saturated axes and units that cannot be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.errors import InputError
+from automap.records import FloatArray, RawImu
+
+_SURE = 1e-6
+"""Chance of a run of equal extreme readings below which it is taken for saturation."""
+_LEAST_RUN = 4
+
+
+def refuse_saturation(log: RawImu) -> None:
+    """Raise when an axis stays at its extreme for longer than chance and resolution explain."""
+    for sensor, values in (("accelerometer", log.accel), ("gyro", log.gyro)):
+        for i, axis in enumerate("xyz"):
+            place = _saturated(values[:, i])
+            if place is None:
+                continue
+            row, length, value = place
+            raise InputError(
+                f"{log.name}: the {sensor}'s {axis} axis is saturated: from "
+                f"{log.t_s[row]:.2f} s on it reads its extreme {value:.6g} for {length} samples; "
+                "turn it more slowly or set a wider range, and record again."
+            )
+
+
+def _saturated(x: FloatArray) -> tuple[int, int, float] | None:
+    """First row, length and value of a run at the largest or least reading, if any."""
+    low, high = float(x.min()), float(x.max())
+    if high == low:
+        return None
+    same = np.diff(x) == 0.0
+    # how often neighbours agree by resolution alone: away from the two extremes
+    inner = (x[1:] > low) & (x[1:] < high)
+    agree = (np.count_nonzero(same & inner) + 1.0) / (np.count_nonzero(inner) + 2.0)
+    for value in (high, low):
+        at = np.concatenate([[0], (x == value).astype(np.int8), [0]])
+        starts, stops = np.flatnonzero(np.diff(at) == 1), np.flatnonzero(np.diff(at) == -1)
+        lengths = stops - starts
+        longest = int(lengths.argmax())
+        length = int(lengths[longest])
+        chance = len(x) * agree ** (length - 1)
+        # a sensor at rest may sit at its extreme; one that is cut off arrives there in a rush
+        if length >= _LEAST_RUN and chance < _SURE and _cut_off(x, starts[longest], length):
+            return int(starts[longest]), length, value
+    return None
+
+
+def _cut_off(x: FloatArray, start: int, length: int) -> bool:
+    """Whether the run's neighbourhood moves far more than the run itself."""
+    around = x[max(0, start - 2 * length) : start + 3 * length]
+    return bool(np.ptp(around) > 0.05 * np.ptp(x))
+
+
+def refuse_wrong_accel_unit(log: RawImu, scale: FloatArray) -> None:
+    """Raise when gravity's size in the readings belies their unit."""
+    if log.accel_scale is not None:
+        _refuse(log.name, "accelerometer", "--accel-unit", log.accel_unit, scale / log.accel_scale,
+                (("g", 9.80665), ("milli-g", 9.80665e-3), ("m/s^2", 1.0 / 9.80665)))  # fmt: skip
+
+
+def refuse_wrong_gyro_unit(log: RawImu, scale: FloatArray) -> None:
+    """Raise when the turns of gravity belie the unit of the gyro's readings."""
+    if log.gyro_scale is not None:
+        _refuse(log.name, "gyro", "--gyro-unit", log.gyro_unit, scale / log.gyro_scale,
+                (("deg/s", np.pi / 180.0), ("rad/s", 180.0 / np.pi)))  # fmt: skip
+
+
+def _refuse(
+    name: str, sensor: str, option: str, unit: str, ratio: FloatArray,
+    others: tuple[tuple[str, float], ...],
+) -> None:  # fmt: skip
+    """``ratio`` [3] of found to stated scale; ``others`` what it is for other units."""
+    middle = float(np.median(ratio))
+    if 0.8 < middle < 1.25:
+        return
+    near = [text for text, value in others if 0.8 < middle / value < 1.25 and text != unit]
+    if near:
+        advice = f"it fits {near[0]}, so say {option} {near[0]}"
+    elif sensor == "gyro":
+        advice = f"correct {option}, the time column or --rate"
+    else:
+        advice = f"correct {option}, or give counts with {option} counts"
+    raise InputError(
+        f"{name}: the {sensor}'s readings cannot be in {unit}: they are {1.0 / middle:.4g} times "
+        f"what gravity demands; {advice}."
+    )
