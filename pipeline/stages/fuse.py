@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from automap.errors import InputError
+from automap.errors import InputError, StageError
 from automap.io import names
 from pipeline.stage import Stage, StageContext
 
@@ -39,10 +39,27 @@ def run(context: StageContext) -> None:
             "add the receiver's log (gnss.ubx or gnss.nmea) or a finished trajectory.csv"
         )
     clock = read_clock(context.out / names.SYNC)
-    if (context.out / names.IMU).exists():
+    if not (context.out / names.IMU).exists():
+        _smooth_fixes(context, clock, "no IMU recording")
+        return
+    try:
         _fuse(context, clock)
-    else:
-        _smooth_fixes(context, clock)
+    except StageError as error:
+        # nobody asked for the receiver's own sensors: without them there is still its track
+        if not _is_receivers_own(context):
+            raise
+        context.metrics.clear()
+        context.warn(f"{error} (the receiver's own sensors served as the IMU)")
+        _smooth_fixes(context, clock, "the receiver's own sensors are left out")
+
+
+def _is_receivers_own(context: StageContext) -> bool:
+    import json
+
+    path = context.out / names.INGEST
+    if not path.exists():
+        return False
+    return bool(json.loads(path.read_text(encoding="utf-8"))["imu"]["source"] == "receiver")
 
 
 def _take_finished(context: StageContext) -> None:
@@ -62,13 +79,13 @@ def _take_finished(context: StageContext) -> None:
     context.result = f"{len(trajectory)} rows of the finished trajectory"
 
 
-def _smooth_fixes(context: StageContext, clock: ClockModel) -> None:
+def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None:
     from automap.fusion.gnss_only import smooth_fixes
     from automap.io.tables import read_fixes
 
     context.warn(
-        "no IMU recording: the trajectory is the smoothed GPS track alone, with headings from "
-        "the course; positions of signs will be less sure"
+        f"{reason}: the trajectory is the smoothed GPS track alone, with headings from the "
+        "course; positions of signs will be less sure"
     )
     fixes = read_fixes(context.out / names.FIXES)
     trajectory = smooth_fixes(fixes, clock, context.settings.fuse.options())
@@ -232,7 +249,7 @@ STAGE = Stage(
     version=1,
     run=run,
     inputs=_inputs,
-    needs=(names.IMU, names.FIXES, names.SYNC),
+    needs=(names.IMU, names.FIXES, names.SYNC, names.INGEST),
     outputs=(
         names.TRAJECTORY,
         names.TRAJECTORY_FILTER,

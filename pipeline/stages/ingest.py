@@ -45,13 +45,14 @@ def run(context: StageContext) -> None:
         context.metric("imu_rate_hz", summary["imu"]["rate_hz"])
         parts.append(f"{len(recording.imu)} IMU rows at {summary['imu']['rate_hz']:.0f} Hz")
     if recording.fixes is not None:
-        write_fixes(context.work / names.FIXES, recording.fixes)
         summary["gnss"] = _gnss_summary(drive, recording)
         fixed = summary["gnss"]["fixes"]
         context.metric("fixes", fixed)
         parts.append(f"{fixed} fixes")
         usable |= fixed > 0
-        if fixed == 0:
+        if fixed:
+            write_fixes(context.work / names.FIXES, recording.fixes)
+        else:
             failures.append(
                 f"{drive.gnss_file}: the receiver never had a fix in "
                 f"{len(recording.fixes)} epochs; give it an open sky before driving."
