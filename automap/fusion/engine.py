@@ -14,7 +14,7 @@ from automap.frames import (
     quat_to_matrix,
     rotation_vector_to_matrix,
 )
-from automap.fusion.layout import HAS_POS_H, N_NAV
+from automap.fusion.layout import HAS_POS_H
 from automap.fusion.measurements import model_fixes
 from automap.fusion.model import FusionOptions
 from automap.fusion.mounting import Mounting, estimate_mounting
@@ -202,17 +202,18 @@ def _assemble(
 ) -> FusionResult:
     model = last.problem.model
     final = last.smooth.params[-1]
-    spread = np.sqrt(np.maximum(np.einsum("ii->i", last.smooth.cov[-1]), 0.0))
+    noted = np.flatnonzero(np.isfinite(last.smooth.param_var).all(axis=1))[-1]
+    spread = np.sqrt(np.maximum(last.smooth.param_var[noted], 0.0))
     delay = Prior(0.0, 0.0)
     if DELAY_STATE in model.names:
         i = model.names.index(DELAY_STATE)
-        delay = Prior(float(final[i]) + last.shift.delay_s, float(spread[N_NAV + i]))
+        delay = Prior(float(final[i]) + last.shift.delay_s, float(spread[i]))
     residual = np.zeros(3)
     residual_sd = np.zeros(3)
     if "imu_mounting_roll" in model.names:
         i = model.names.index("imu_mounting_roll")
         residual = final[i : i + 3]
-        residual_sd = spread[N_NAV + i : N_NAV + 3 + i]
+        residual_sd = spread[i : i + 3]
     turn = rotation_vector_to_matrix(residual)
     total = turn @ mounting.matrix
     sd = residual_sd.copy()
@@ -236,8 +237,7 @@ def _assemble(
     filtered = node_trajectory(
         last.problem,
         last.nodes,
-        *filtered_states(last.forward),
-        last.forward.store.cov,
+        *filtered_states(last.problem, last.forward),
         session.imu.t_ns,
         clock,
         delay.mean,

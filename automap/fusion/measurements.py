@@ -36,7 +36,7 @@ _TYPE_FACTOR = {
 }
 
 
-MIN_SPLIT_S = 0.004
+MIN_SPLIT_S = 0.02
 """Velocities get nodes of their own from this distance to their position."""
 
 

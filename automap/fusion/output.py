@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.frames import matrix_to_rpy, quat_to_matrix, rpy_sd_from_tilt
-from automap.fusion.layout import CHANNELS, MOUNT, N_NAV, PHI_ID
+from automap.fusion.layout import CHANNELS, N_NAV, PHI_ID
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.problem import (
     DELAY_STATE,
@@ -74,7 +74,7 @@ def node_trajectory(
     variance = np.stack(
         [np.interp(t, nodes.t, np.maximum(cov[:, i, i], 0.0)) for i in range(6)], axis=1
     )
-    node_tilt = vehicle_tilt(problem, nominal, cov, turn)
+    node_tilt = vehicle_tilt(nominal, cov, turn)
     tilt = np.empty((len(t), 3, 3))
     for i in range(3):
         for j in range(3):
@@ -93,19 +93,17 @@ def node_trajectory(
     )
 
 
-def vehicle_tilt(
-    problem: Problem, nominal: FloatArray, cov: FloatArray, turn: FloatArray
-) -> FloatArray:
+def vehicle_tilt(nominal: FloatArray, cov: FloatArray, turn: FloatArray) -> FloatArray:
     """Covariance [k, 3, 3] of the vehicle's attitude error in NED at nodes.
 
     C_n_vehicle = C_n_sensor M': errors of sensor attitude phi and mounting m combine to
-    phi - C_n_vehicle m, and they are correlated, since both come from the same motion.
+    phi - C_n_vehicle m, and they are correlated, since both come from the same motion. ``cov``
+    [k, 9 or 12, 9 or 12] navigation errors and mounting.
     """
     phi = slice(PHI_ID, PHI_ID + 3)
     tilt = cov[:, phi, phi].copy()
-    offset = int(problem.model.offsets[MOUNT])
-    if offset >= 0:
-        mount = slice(offset, offset + 3)
+    if cov.shape[1] > N_NAV:
+        mount = slice(N_NAV, N_NAV + 3)
         c = quat_to_matrix(nominal[:, 6:10]) @ turn.T
         cross = c @ cov[:, mount, phi]
         tilt += c @ cov[:, mount, mount] @ np.swapaxes(c, 1, 2)
@@ -125,15 +123,16 @@ def _hold_ends(dense: FloatArray, good: npt.NDArray[np.bool_]) -> FloatArray:
 def parameter_history(
     problem: Problem, smooth: SmoothRun, base_ns: int, shift: Shift
 ) -> ParameterHistory:
-    """All parameters at the nodes, in the unit of their effect."""
+    """All parameters about once a second, in the unit of their effect."""
     names = problem.model.names
     values = smooth.params.copy()
     for name, value in ((DELAY_STATE, shift.delay_s), (VEL_LATENCY_STATE, shift.vel_latency_s)):
         if name in names:
             values[:, names.index(name)] += value
-    sd = np.sqrt(np.maximum(np.einsum("kii->ki", smooth.cov)[:, N_NAV:], 0.0))
-    t_ns = base_ns + np.rint(smooth.nodes.t * 1e9).astype(np.int64)
-    return ParameterHistory(t_ns, names, values, sd)
+    noted = np.isfinite(smooth.param_var).all(axis=1)
+    sd = np.sqrt(np.maximum(smooth.param_var[noted], 0.0))
+    t_ns = base_ns + np.rint(smooth.nodes.t[noted] * 1e9).astype(np.int64)
+    return ParameterHistory(t_ns, names, values[noted], sd)
 
 
 def innovations(forward: ForwardRun, base_ns: int) -> Innovations:

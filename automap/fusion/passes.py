@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -98,9 +98,11 @@ def run_passes(session: Session, start: Start | None, constrained: bool) -> tupl
             factors = adapt_noise(problem, nodes, start, shift)
             problem = with_options(problem, scaled_options(problem, factors))
         nodes = scale_nodes(nodes, factors)
+        last = None
         forward = run_forward(problem, nodes, start, shift)
         smooth = run_smoother(problem, forward)
         last = Pass(problem, nodes, forward, smooth, shift, factors)
+        del forward
         # begin again at the smoothed start, as unsure as before: only the linearisation gains
         start = Start(smooth.nominal[0].copy(), start.sd)
         speed_t = nodes.t
@@ -112,8 +114,11 @@ def run_passes(session: Session, start: Start | None, constrained: bool) -> tupl
     assert last is not None
     assert start is not None
     for _ in range(options.iterations):
-        forward = run_forward(problem, last.nodes, start, last.shift, about=last.smooth)
-        last = replace(last, forward=forward, smooth=run_smoother(problem, forward))
+        about = last.smooth
+        nodes, shift = last.nodes, last.shift
+        del last
+        forward = run_forward(problem, nodes, start, shift, about=about)
+        last = Pass(problem, nodes, forward, run_smoother(problem, forward), shift, factors)
     return last, Alignment(start, margin)
 
 

@@ -15,17 +15,20 @@ from automap.fusion.layout import (
     HAS_VEL_H,
     HAS_VEL_V,
     MAX_SCALARS,
+    MOUNT,
     N_NAV,
     NHC,
     STANDSTILL,
 )
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.model import FusionOptions, StateModel
-from automap.records import FloatArray, ImuData
+from automap.records import FloatArray, ImuData, IntArray
 
 FORCE_WINDOW_S = 0.1
 """Over this time forces are averaged where the acceleration of the vehicle is wanted."""
 MAX_INFLATION = 1e6
+PARAMETER_STEP_S = 1.0
+"""How often the uncertainty of parameters is noted."""
 REFUSED_INFLATION = 9.0
 """A measurement whose variance had to grow beyond this counts as refused."""
 _ROWS_OF_FLAG = (
@@ -74,12 +77,17 @@ class ForwardRun:
 
 @dataclass(frozen=True)
 class SmoothRun:
-    """Smoothed nodes: ``nominal`` [k, 10], ``params`` [k, n - 9], ``cov`` [k, n, n]."""
+    """Smoothed nodes.
+
+    ``nominal`` [k, 10], ``params`` [k, n - 9]; ``cov`` [k, r, r] the covariance of navigation
+    errors and mounting (see ``reported_rows``); ``param_var`` [k, n - 9] with NaN at most nodes.
+    """
 
     nodes: Nodes
     nominal: FloatArray
     params: FloatArray
     cov: FloatArray
+    param_var: FloatArray
 
 
 def make_problem(
@@ -198,20 +206,39 @@ def _empty_store(nodes: Nodes, n: int) -> ForwardStore:
 def run_smoother(problem: Problem, forward: ForwardRun) -> SmoothRun:
     """Smooth a stored forward run."""
     store = forward.store
+    rows = reported_rows(problem.model)
     k, n = store.mean.shape
-    dx = np.zeros((k, n))
-    cov = np.zeros((k, n, n))
-    kernels.run_smoother(forward.nodes.t, problem.model.tau, store, dx, cov)
+    dx = np.empty((k, n))
+    cov = np.empty((k, len(rows), len(rows)))
+    variances = np.empty((k, n - N_NAV))
+    kernels.run_smoother(
+        forward.nodes.t, problem.model.tau, store, rows, PARAMETER_STEP_S, dx, cov, variances
+    )
+    dx += store.mean
     nominal, params = store.nominal.copy(), store.params.copy()
-    kernels.apply_correction(nominal, params, store.mean + dx)
-    return SmoothRun(forward.nodes, nominal, params, cov)
+    kernels.apply_correction(nominal, params, dx)
+    return SmoothRun(forward.nodes, nominal, params, cov, variances)
 
 
-def filtered_states(forward: ForwardRun) -> tuple[FloatArray, FloatArray]:
-    """The forward filter's own states [k, 10] and parameters [k, n - 9] after each update."""
+def reported_rows(model: StateModel) -> IntArray:
+    """States whose covariance is kept per node: navigation, and the mounting if estimated."""
+    rows = list(range(N_NAV))
+    offset = int(model.offsets[MOUNT])
+    if offset >= 0:
+        rows += [offset, offset + 1, offset + 2]
+    return np.array(rows, dtype=np.int64)
+
+
+def filtered_states(
+    problem: Problem, forward: ForwardRun
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The forward filter's own states [k, 10], parameters [k, n - 9] and covariance [k, r, r]
+    of navigation errors and mounting after each update."""
+    rows = reported_rows(problem.model)
+    cov = forward.store.cov[:, rows[:, None], rows[None, :]]
     nominal, params = forward.store.nominal.copy(), forward.store.params.copy()
     kernels.apply_correction(nominal, params, forward.store.mean)
-    return nominal, params
+    return nominal, params, cov
 
 
 def run_dense(

@@ -7,12 +7,12 @@ import math
 import numpy as np
 from numba import njit
 
-from automap.fusion.kernels.arrays import ForwardStore
+from automap.fusion.kernels.arrays import FAST, ForwardStore
 from automap.fusion.layout import N_NAV
-from automap.records import FloatArray
+from automap.records import FloatArray, IntArray
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def _undo_scalar(
     lam: FloatArray,
     big: FloatArray,
@@ -21,12 +21,17 @@ def _undo_scalar(
     nu: float,
     var: float,
     work: FloatArray,
+    where: IntArray,
 ) -> None:
-    """Carry the adjoint ``lam`` [n] and its covariance ``big`` [n, n] back over an update."""
+    """Carry the adjoint ``lam`` [n] and its covariance ``big`` [n, n] back over an update.
+
+    big := (I - K h)' big (I - K h) + h' h / var; a row ``h`` is mostly zero.
+    """
     n = lam.shape[0]
     inv = 1.0 / var
     kl = 0.0
     klk = 0.0
+    used = 0
     for i in range(n):
         kl += gain[i] * lam[i]
         s = 0.0
@@ -34,21 +39,26 @@ def _undo_scalar(
             s += big[i, j] * gain[j]
         work[i] = s
         klk += s * gain[i]
+        if h[i] != 0.0:
+            where[used] = i
+            used += 1
     g = kl + nu * inv
     w = klk + inv
-    for i in range(n):
+    for m in range(used):
+        i = where[m]
         hi = h[i]
-        wi = work[i]
-        if hi != 0.0:
-            lam[i] -= hi * g
-            for j in range(n):
-                big[i, j] += h[j] * (hi * w - wi) - hi * work[j]
-        else:
-            for j in range(n):
-                big[i, j] -= wi * h[j]
+        lam[i] -= hi * g
+        for j in range(n):
+            big[i, j] -= hi * work[j]
+            big[j, i] -= hi * work[j]
+    for m in range(used):
+        i = where[m]
+        for r in range(used):
+            j = where[r]
+            big[i, j] += h[i] * h[j] * w
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def _undo_interval(
     lam: FloatArray,
     big: FloatArray,
@@ -60,10 +70,10 @@ def _undo_interval(
     """Carry the adjoint back over an interval: lam := F' lam, big := F' big F."""
     n = lam.shape[0]
     for j in range(n):
-        s = decay[j] * lam[j] if j >= N_NAV else 0.0
-        for m in range(N_NAV):
-            s += phi[m, j] * lam[m]
-        work[j] = s
+        work[j] = decay[j] * lam[j] if j >= N_NAV else 0.0
+    for m in range(N_NAV):
+        for j in range(n):
+            work[j] += phi[m, j] * lam[m]
     for j in range(n):
         lam[j] = work[j]
     for i in range(n):
@@ -76,56 +86,81 @@ def _undo_interval(
             for j in range(n):
                 u[i, j] += a * phi[m, j]
     for i in range(n):
-        for j in range(n):
-            big[i, j] = decay[i] * u[i, j] if i >= N_NAV else 0.0
+        d = decay[i] if i >= N_NAV else 0.0
+        for j in range(i, n):
+            big[i, j] = d * u[i, j]
         for m in range(N_NAV):
             a = phi[m, i]
             if a != 0.0:
-                for j in range(n):
+                for j in range(i, n):
                     big[i, j] += a * u[m, j]
-    # rounding must not make it unsymmetric
     for i in range(n):
         for j in range(i):
-            v = 0.5 * (big[i, j] + big[j, i])
-            big[i, j] = v
-            big[j, i] = v
+            big[i, j] = big[j, i]
 
 
-@njit(cache=True)
-def _smoothed_covariance(cov: FloatArray, big: FloatArray, u: FloatArray, out: FloatArray) -> None:
-    """out := cov - cov big cov, symmetric."""
-    n = cov.shape[0]
-    for i in range(n):
-        for j in range(n):
-            u[i, j] = 0.0
-        for m in range(n):
-            a = cov[i, m]
-            if a != 0.0:
-                for j in range(n):
-                    u[i, j] += a * big[m, j]
-    for i in range(n):
-        for j in range(i, n):
-            s = cov[i, j]
-            for m in range(n):
-                s -= u[i, m] * cov[j, m]
-            out[i, j] = s
-            out[j, i] = s
-
-
-@njit(cache=True)
-def run_smoother(
-    node_t: FloatArray, tau: FloatArray, store: ForwardStore, dx: FloatArray, p_s: FloatArray
+@njit(cache=True, fastmath=FAST)
+def _smoothed_rows(
+    cov: FloatArray, big: FloatArray, rows: IntArray, u: FloatArray, out: FloatArray
 ) -> None:
-    """Corrections ``dx`` [k, n] to the forward estimates, covariances ``p_s`` [k, n, n].
+    """out := rows and columns ``rows`` of cov - cov big cov, symmetric."""
+    n = cov.shape[0]
+    for r in range(rows.shape[0]):
+        for j in range(n):
+            u[r, j] = 0.0
+        for m in range(n):
+            a = cov[rows[r], m]
+            for j in range(n):
+                u[r, j] += a * big[m, j]
+    for r in range(rows.shape[0]):
+        for c in range(r, rows.shape[0]):
+            s = 0.0
+            for m in range(n):
+                s += u[r, m] * cov[rows[c], m]
+            v = cov[rows[r], rows[c]] - s
+            out[r, c] = v
+            out[c, r] = v
 
-    They refer to the state after the update of each node.
+
+@njit(cache=True, fastmath=FAST)
+def _smoothed_variances(cov: FloatArray, big: FloatArray, out: FloatArray) -> None:
+    """out [n - 9] := the parameters' part of the diagonal of cov - cov big cov."""
+    n = cov.shape[0]
+    for i in range(N_NAV, n):
+        s = 0.0
+        for m in range(n):
+            t = 0.0
+            for j in range(n):
+                t += big[m, j] * cov[i, j]
+            s += t * cov[i, m]
+        out[i - N_NAV] = cov[i, i] - s
+
+
+@njit(cache=True, fastmath=FAST)
+def run_smoother(
+    node_t: FloatArray,
+    tau: FloatArray,
+    store: ForwardStore,
+    rows: IntArray,
+    every_s: float,
+    dx: FloatArray,
+    cov_rows: FloatArray,
+    variances: FloatArray,
+) -> None:
+    """Corrections ``dx`` [k, n] to the forward estimates, with their covariances.
+
+    They refer to the state after the update of each node. ``cov_rows`` [k, r, r] receives the
+    covariance of the states ``rows`` [r]; ``variances`` [k, n - 9] those of the parameters, at
+    least every ``every_s`` seconds (NaN between).
     """
     n_nodes, n = dx.shape
     lam = np.zeros(n)
     big = np.zeros((n, n))
     u = np.zeros((n, n))
     work = np.zeros(n)
+    where = np.zeros(n, dtype=np.int64)
     decay = np.ones(n)
+    noted = np.inf
     for k in range(n_nodes - 1, -1, -1):
         cov = store.cov[k]
         for i in range(n):
@@ -133,10 +168,17 @@ def run_smoother(
             for j in range(n):
                 s += cov[i, j] * lam[j]
             dx[k, i] = -s
-        _smoothed_covariance(cov, big, u, p_s[k])
+        _smoothed_rows(cov, big, rows, u, cov_rows[k])
+        if k == 0 or noted - node_t[k] >= every_s:
+            _smoothed_variances(cov, big, variances[k])
+            noted = node_t[k]
+        else:
+            variances[k, :] = np.nan
         first = store.scalars[k - 1] if k > 0 else 0
         for r in range(store.scalars[k] - 1, first - 1, -1):
-            _undo_scalar(lam, big, store.h[r], store.gain[r], store.nu[r], store.var[r], work)
+            _undo_scalar(
+                lam, big, store.h[r], store.gain[r], store.nu[r], store.var[r], work, where
+            )
         if k > 0:
             span = node_t[k] - node_t[k - 1]
             for j in range(N_NAV, n):

@@ -6,6 +6,7 @@ import math
 
 from numba import njit
 
+from automap.fusion.kernels.arrays import FAST
 from automap.fusion.layout import N_NAV, V_ID
 from automap.records import FloatArray, IntArray
 
@@ -13,7 +14,7 @@ from automap.records import FloatArray, IntArray
 N_NOISE = 29
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def start_interval(phi: FloatArray, noise: FloatArray) -> None:
     """Identity transition rows [9, n] and no noise."""
     phi[:, :] = 0.0
@@ -22,7 +23,7 @@ def start_interval(phi: FloatArray, noise: FloatArray) -> None:
     noise[:] = 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def add_transition(
     phi: FloatArray, terms: IntArray, c: FloatArray, r: FloatArray, dvn: FloatArray, dt: float
 ) -> None:
@@ -54,7 +55,7 @@ def add_transition(
             phi[5, j] -= cd
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def _advance_column(phi: FloatArray, j: int, fn: float, fe: float, fd: float, dt: float) -> None:
     x, y, z = phi[6, j], phi[7, j], phi[8, j]
     dn = fd * y - fe * z
@@ -68,7 +69,7 @@ def _advance_column(phi: FloatArray, j: int, fn: float, fe: float, fd: float, dt
     phi[5, j] += dd
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def add_noise(s: FloatArray, dvn: FloatArray, dt: float, qa: float, qg: float) -> None:
     """Advance the process noise over one step.
 
@@ -119,7 +120,7 @@ def add_noise(s: FloatArray, dvn: FloatArray, dt: float, qa: float, qg: float) -
     s[0] += qg * dt
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def expand_noise(s: FloatArray, out: FloatArray) -> None:
     """The full symmetric matrix [9, 9] of the compact noise."""
     out[:, :] = 0.0
@@ -141,7 +142,7 @@ def expand_noise(s: FloatArray, out: FloatArray) -> None:
             out[i, j] = out[j, i]
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def end_interval(
     phi: FloatArray,
     span: float,
@@ -166,7 +167,7 @@ def end_interval(
             q_state[j] = walk[j] * span
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def propagate_covariance(
     p: FloatArray,
     phi: FloatArray,
@@ -205,7 +206,7 @@ def propagate_covariance(
         p[i, i] += q_state[i]
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def carry_mean(
     dx: FloatArray,
     phi: FloatArray,

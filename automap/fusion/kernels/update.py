@@ -7,10 +7,11 @@ import math
 import numpy as np
 from numba import njit
 
+from automap.fusion.kernels.arrays import FAST
 from automap.records import FloatArray
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def inflate(
     p: FloatArray,
     h: FloatArray,
@@ -52,7 +53,7 @@ def inflate(
         factor *= max(1.3, min(nis / threshold, 10.0))
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def _quadratic(hph: FloatArray, z: FloatArray, var: FloatArray, rows: int, factor: float) -> float:
     """z' (hph + factor diag(var))^-1 z by Cholesky on the first ``rows``."""
     low = np.zeros((rows, rows))
@@ -77,7 +78,7 @@ def _quadratic(hph: FloatArray, z: FloatArray, var: FloatArray, rows: int, facto
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def update_scalar(
     p: FloatArray, h: FloatArray, z: float, var: float, dx: FloatArray, k_out: FloatArray
 ) -> tuple[float, float]:
