@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,6 +110,8 @@ def check_drive(path: Path | str) -> CheckReport:
     if drive.truth_dir is not None:
         collector.add(drive.truth_dir, [Finding("info", "truth is there, for evaluate alone")])
     usable = not fatal if other is None else other
+    # what reading them gave is among the findings; a run stops at such a file
+    usable &= all(os.access(file, os.R_OK) for file in drive.input_files())
     return CheckReport(str(drive.path), drive.name, usable, collector.by_file())
 
 

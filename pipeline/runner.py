@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from automap.errors import AutoMapError, ConfigError, StageError
+from automap.errors import AutoMapError, ConfigError, InputError, StageError
 from automap.io import names
 from automap.io.atomic import make_folder, write_json
 from pipeline.cache import Ingredients, gather, why_run
@@ -257,7 +257,9 @@ def _gather(run: _Run, stage: Stage, earlier: Sequence[dict[str, Any]]) -> Ingre
     try:
         return gather(stage, run.drive, run.out, run.request.settings, run.digests, earlier)
     except OSError as error:
-        raise StageError(
+        in_out = Path(error.filename or run.out).is_relative_to(run.out)
+        kind = StageError if in_out else InputError
+        raise kind(
             f"{error.filename}: cannot be read ({error.strerror}); check the file and its rights"
         ) from error
 

@@ -158,7 +158,16 @@ def load_drive(path: Path | str) -> Drive:
     InputError for those, when the folder or its manifest is missing, or when no input file at
     all is found; ConfigError when the manifest is wrong.
     """
-    folder = Path(path)
+    try:
+        return _load(Path(path))
+    except PermissionError as error:
+        raise InputError(
+            f"{error.filename or path} cannot be read ({error.strerror}); change its rights or "
+            "copy the drive."
+        ) from error
+
+
+def _load(folder: Path) -> Drive:
     if folder.name == names.MANIFEST and folder.is_file():
         folder = folder.parent
     if not folder.exists():
