@@ -59,6 +59,32 @@ def quat_to_matrix(quat: npt.ArrayLike) -> FloatArray:
     return out
 
 
+def quat_to_rpy(quat: npt.ArrayLike) -> FloatArray:
+    """Roll, pitch, yaw [..., 3] in rad of a unit quaternion [..., 4], scalar first."""
+    q = np.asarray(quat, dtype=np.float64)
+    w, x, y, z = (q[..., i] for i in range(4))
+    roll = np.arctan2(2 * (y * z + w * x), w * w - x * x - y * y + z * z)
+    pitch = -np.arcsin(np.clip(2 * (x * z - w * y), -1.0, 1.0))
+    yaw = np.arctan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z)
+    return np.stack([roll, pitch, yaw], axis=-1)
+
+
+def quat_multiply(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
+    """Product [..., 4] of quaternions, scalar first: the rotation b, then a."""
+    p, q = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    w0, x0, y0, z0 = (p[..., i] for i in range(4))
+    w1, x1, y1, z1 = (q[..., i] for i in range(4))
+    return np.stack(
+        [
+            w0 * w1 - x0 * x1 - y0 * y1 - z0 * z1,
+            w0 * x1 + x0 * w1 + y0 * z1 - z0 * y1,
+            w0 * y1 - x0 * z1 + y0 * w1 + z0 * x1,
+            w0 * z1 + x0 * y1 - y0 * x1 + z0 * w1,
+        ],
+        axis=-1,
+    )
+
+
 def matrix_to_quat(matrix: npt.ArrayLike) -> FloatArray:
     """Unit quaternion [..., 4], scalar first and non-negative, of a matrix [..., 3, 3]."""
     from scipy.spatial.transform import Rotation

@@ -207,7 +207,7 @@ def build_nodes(
 def _split(model: FixModel, shift: Shift) -> FixModel:
     """Fixes on IMU stamps, velocities apart from positions where they belong to another time."""
     t = model.t + shift.delay_s
-    if abs(shift.vel_latency_s) < MIN_SPLIT_S:
+    if shift.vel_latency_s == 0.0:
         return replace(model, t=t)
     position = (model.flags & (HAS_POS_H | HAS_POS_V)) > 0
     velocity = (model.flags & (HAS_VEL_H | HAS_VEL_V)) > 0

@@ -7,7 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automap.frames import matrix_to_rpy, quat_to_matrix, rpy_sd_from_tilt
+from automap.frames import (
+    matrix_to_quat,
+    quat_multiply,
+    quat_to_matrix,
+    quat_to_rpy,
+    rpy_sd_from_tilt,
+)
 from automap.fusion.layout import CHANNELS, N_NAV, PHI_ID
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.problem import (
@@ -68,17 +74,13 @@ def node_trajectory(
     dense = _hold_ends(dense, good)
     if not delay_is_clock:
         dense = shift_states(problem.t, dense, delay)
-    matrix = quat_to_matrix(dense[:, 6:10]) @ turn.T
-    rpy = matrix_to_rpy(matrix)
+    vehicle = quat_multiply(dense[:, 6:10], matrix_to_quat(turn.T))
     t = problem.t
     variance = np.stack(
         [np.interp(t, nodes.t, np.maximum(cov[:, i, i], 0.0)) for i in range(6)], axis=1
     )
-    node_tilt = vehicle_tilt(nominal, cov, turn)
-    tilt = np.empty((len(t), 3, 3))
-    for i in range(3):
-        for j in range(3):
-            tilt[:, i, j] = np.interp(t, nodes.t, node_tilt[:, i, j])
+    node_rpy = quat_to_rpy(quat_multiply(nominal[:, 6:10], matrix_to_quat(turn.T)))
+    node_sd = rpy_sd_from_tilt(node_rpy, vehicle_tilt(nominal, cov, turn))
     return Trajectory(
         t_ns=t_ns,
         gps_s=clock.gps_s(t_ns) - (delay if delay_is_clock else 0.0),
@@ -86,10 +88,10 @@ def node_trajectory(
         lon_rad=(dense[:, 1] + np.pi) % (2 * np.pi) - np.pi,
         height_m=dense[:, 2],
         vel_ned=dense[:, 3:6],
-        rpy=rpy,
+        rpy=quat_to_rpy(vehicle),
         sd_pos_ned=np.sqrt(variance[:, :3]),
         sd_vel_ned=np.sqrt(variance[:, 3:6]),
-        sd_rpy=rpy_sd_from_tilt(rpy, tilt),
+        sd_rpy=np.stack([np.interp(t, nodes.t, node_sd[:, i]) for i in range(3)], axis=1),
     )
 
 

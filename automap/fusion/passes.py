@@ -9,7 +9,7 @@ import numpy as np
 from automap.fusion.adapt import LEVELS, adapt_noise, scale_nodes, scaled_options
 from automap.fusion.alignment import Alignment, align
 from automap.fusion.layout import HAS_VEL_H
-from automap.fusion.measurements import FixModel, Nodes, Shift, build_nodes
+from automap.fusion.measurements import MIN_SPLIT_S, FixModel, Nodes, Shift, build_nodes
 from automap.fusion.model import FusionOptions, StateModel, build_state_model
 from automap.fusion.problem import (
     DELAY_STATE,
@@ -108,7 +108,7 @@ def run_passes(session: Session, start: Start | None, constrained: bool) -> tupl
         speed_t = nodes.t
         speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
         following = _next_shift(model, smooth, shift)
-        if number > 0 and _close(following, shift):
+        if number > 0 and _settled(model, smooth, following, shift):
             break
         shift = following
     assert last is not None
@@ -123,17 +123,31 @@ def run_passes(session: Session, start: Start | None, constrained: bool) -> tupl
 
 
 def _next_shift(model: StateModel, smooth: SmoothRun, shift: Shift) -> Shift:
-    """The delays found so far, for the nodes' times of the next pass."""
+    """The delays found so far, for the nodes' times of the next pass.
+
+    A small velocity latency stays a state: to first order that is enough, and velocities
+    share the nodes of their positions.
+    """
     found = dict(zip(model.names, smooth.params[-1], strict=True))
     latency = shift.vel_latency_s + float(found.get(VEL_LATENCY_STATE, 0.0))
+    if abs(latency) < MIN_SPLIT_S:
+        latency = 0.0
     return Shift(
         shift.delay_s + float(found.get(DELAY_STATE, 0.0)),
         float(np.clip(latency, -MAX_VEL_LATENCY_S, MAX_VEL_LATENCY_S)),
     )
 
 
-def _close(a: Shift, b: Shift) -> bool:
-    return (
-        abs(a.delay_s - b.delay_s) < DELAY_CONVERGED_S
-        and abs(a.vel_latency_s - b.vel_latency_s) < 2 * DELAY_CONVERGED_S
-    )
+def _settled(model: StateModel, smooth: SmoothRun, a: Shift, b: Shift) -> bool:
+    """Whether the delays moved by no more than what does not matter."""
+    noted = np.flatnonzero(np.isfinite(smooth.param_var).all(axis=1))[-1]
+    sd = np.sqrt(np.maximum(smooth.param_var[noted], 0.0))
+    for name, step in (
+        (DELAY_STATE, a.delay_s - b.delay_s),
+        (VEL_LATENCY_STATE, a.vel_latency_s - b.vel_latency_s),
+    ):
+        if name in model.names:
+            limit = max(DELAY_CONVERGED_S, 0.2 * float(sd[model.names.index(name)]))
+            if abs(step) > limit:
+                return False
+    return True
