@@ -156,6 +156,12 @@ def _to_readings(
     )
 
 
+def directions_of(fit: AccelFit, means: FloatArray) -> FloatArray:
+    """Unit vectors [k, 3] of the specific force in sensor axes."""
+    force = fit.apply(means)
+    return np.asarray(force / np.linalg.norm(force, axis=1)[:, None])
+
+
 @dataclass(frozen=True)
 class LeftOut:
     """What leaving out one pose after the other does to an accelerometer fit.

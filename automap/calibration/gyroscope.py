@@ -9,10 +9,11 @@ and at rest the rate is zero. The Earth's turn is 0.004 deg/s and goes into the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.calibration.accelerometer import N_NINE, AccelFit, directions_of
 from automap.calibration.gravity_kernel import N_SIGNALS, carry_direction
 from automap.calibration.least_squares import Fit, fit_with_floor
 from automap.calibration.rest import Rest
@@ -28,7 +29,8 @@ class Turn:
     """The samples from the last of one rest to the first of the next.
 
     ``signals`` [n, 7], ``dt`` [n - 1] s, ``start``, ``end`` [3] unit gravity directions in
-    body axes, ``variance`` [3] of their difference from the noise of the two rests.
+    body axes, ``variance`` [3] of their difference from the noise of the two rests, of which
+    the earlier is number ``first``.
     """
 
     signals: FloatArray
@@ -36,6 +38,7 @@ class Turn:
     start: FloatArray
     end: FloatArray
     variance: FloatArray
+    first: int
 
     @property
     def seconds(self) -> float:
@@ -104,6 +107,7 @@ def turns_between(
                 start=directions[i],
                 end=directions[i + 1],
                 variance=direction_var[i] + direction_var[i + 1],
+                first=i,
             )
         )
     return turns
@@ -118,13 +122,14 @@ def fit_gyro(
     forces: list[FloatArray],
     rests: list[Rest],
     turns: list[Turn],
-    rest_forces: FloatArray,
+    accel: AccelFit,
     gravity: float,
     with_g: bool = False,
 ) -> GyroFit:
     """Fit 12 parameters, or 21 with g-sensitivity, to turns and rests.
 
-    ``forces`` [n, 3] of each log and ``rest_forces`` [k, 3] of the rests are calibrated.
+    ``forces`` [n, 3] of each log are those that ``accel`` gives; the uncertainty of that
+    calibration, common to all turns, goes into the gyro's.
 
     Raises:
         InputError: the gyro does not follow the turns of gravity, so its axes are not those
@@ -133,6 +138,7 @@ def fit_gyro(
     offset = np.median([rest.gyro for rest in rests], axis=0)
     unit = np.maximum(np.concatenate([log.gyro - offset for log in logs]).std(axis=0), 1e-300)
     scaled = [_scaled(turn, offset, unit) for turn in turns]
+    rest_forces = accel.apply(np.array([r.accel for r in rests]))
     rest_signals = _signals(
         (np.array([r.gyro for r in rests]) - offset) / unit, rest_forces, gravity
     )
@@ -142,6 +148,7 @@ def fit_gyro(
     used = np.zeros((3, N_SIGNALS), dtype=bool)
     used[:, : N_SIGNALS if with_g else 4] = True
     fit = _fit(scaled, rests, rest_signals, K, used, unit)
+    fit = _with_accel_uncertainty(fit, scaled, rests, accel, used)
     errors = 2.0 * np.arcsin(
         np.clip(0.5 * np.linalg.norm(fit.residuals[: 3 * len(turns)].reshape(-1, 3), axis=1), 0, 1)
     )
@@ -155,7 +162,7 @@ def fit_gyro(
 def _scaled(turn: Turn, offset: FloatArray, unit: FloatArray) -> Turn:
     signals = turn.signals.copy()
     signals[:, 1:4] = (signals[:, 1:4] - offset) / unit
-    return Turn(signals, turn.dt, turn.start, turn.end, turn.variance)
+    return replace(turn, signals=signals)
 
 
 def _fit(
@@ -191,6 +198,37 @@ def _fit(
     group = np.concatenate([np.zeros(3 * n, np.int64), np.ones(3 * k, np.int64)])
     share = np.concatenate([np.full(3 * n, 2.0 / 3.0), np.ones(3 * k)])
     return fit_with_floor(model, K[used], variance, group, share)
+
+
+def _with_accel_uncertainty(
+    fit: Fit, turns: list[Turn], rests: list[Rest], accel: AccelFit, used: np.ndarray
+) -> Fit:
+    """The fit with the accelerometer's covariance carried into its own, to first order."""
+    full = np.zeros(_N)
+    full[used.ravel()] = fit.parameters
+    K = full.reshape(3, N_SIGNALS)
+    end, sensitivity = np.empty(3), np.empty((3, 3, N_SIGNALS))
+    means = np.array([rest.accel for rest in rests])
+    at = directions_of(accel, means)
+    A = fit.jacobian / fit.sd[:, None]
+    effect = np.zeros((len(fit.parameters), N_NINE))
+    sd = np.sqrt(np.diag(accel.covariance))
+    for p in np.flatnonzero(sd > 0):
+        moved = directions_of(_perturbed(accel, int(p), sd[p]), means) - at
+        change = np.zeros(len(fit.residuals))
+        for i, turn in enumerate(turns):
+            carry_direction(
+                turn.signals @ K.T, turn.signals, turn.dt, moved[turn.first], end, sensitivity
+            )
+            change[3 * i : 3 * i + 3] = end - moved[turn.first + 1]
+        effect[:, p] = -fit.covariance @ (A.T @ (change / fit.sd)) / sd[p]
+    return replace(fit, covariance=fit.covariance + effect @ accel.covariance @ effect.T)
+
+
+def _perturbed(accel: AccelFit, parameter: int, step: float) -> AccelFit:
+    values = np.concatenate([accel.scale, accel.bias, accel.misalignment])
+    values[parameter] += step
+    return replace(accel, scale=values[:3], bias=values[3:6], misalignment=values[6:])
 
 
 def _linear_start(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +25,8 @@ class Rest:
     """Mean readings over one rest interval, in the log's units.
 
     Rows ``start`` to ``stop`` (exclusive) of log number ``log``. ``accel``, ``gyro`` [3] are
-    means, ``accel_var``, ``gyro_var`` [3] the variances of these means.
+    means, ``accel_var``, ``gyro_var`` [3] the variances of these means; the ``batch_var`` are
+    those that the means of ten batches show.
     """
 
     log: int
@@ -37,6 +38,8 @@ class Rest:
     gyro: FloatArray
     accel_var: FloatArray
     gyro_var: FloatArray
+    accel_batch_var: FloatArray
+    gyro_batch_var: FloatArray
 
 
 def movement(log: RawImu) -> FloatArray:
@@ -94,7 +97,7 @@ def rests_below(logs: list[RawImu], movements: list[FloatArray], limit: float) -
                 if found and _same_pose(log, found[-1], rest):
                     rest = _joined(found.pop(), rest)
                 found.append(rest)
-    return found
+    return _with_correlation(found)
 
 
 def _same_pose(log: RawImu, first: Rest, second: Rest) -> bool:
@@ -122,6 +125,8 @@ def _joined(first: Rest, second: Rest) -> Rest:
         gyro=a * first.gyro + b * second.gyro,
         accel_var=a**2 * first.accel_var + b**2 * second.accel_var,
         gyro_var=a**2 * first.gyro_var + b**2 * second.gyro_var,
+        accel_batch_var=a**2 * first.accel_batch_var + b**2 * second.accel_batch_var,
+        gyro_batch_var=a**2 * first.gyro_batch_var + b**2 * second.gyro_batch_var,
     )
 
 
@@ -135,6 +140,8 @@ def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
 def _summary(log: RawImu, number: int, start: int, stop: int) -> Rest:
     t_s = log.t_s[start:stop]
     accel, gyro = log.accel[start:stop], log.gyro[start:stop]
+    accel_var, accel_batch_var = _variance_of_mean(accel)
+    gyro_var, gyro_batch_var = _variance_of_mean(gyro)
     return Rest(
         log=number,
         start=start,
@@ -143,15 +150,38 @@ def _summary(log: RawImu, number: int, start: int, stop: int) -> Rest:
         length_s=float(t_s[-1] - t_s[0]),
         accel=accel.mean(axis=0),
         gyro=gyro.mean(axis=0),
-        accel_var=_variance_of_mean(accel),
-        gyro_var=_variance_of_mean(gyro),
+        accel_var=accel_var,
+        gyro_var=gyro_var,
+        accel_batch_var=accel_batch_var,
+        gyro_batch_var=gyro_batch_var,
     )
 
 
-def _variance_of_mean(values: FloatArray) -> FloatArray:
-    """Variance [3] of the mean of correlated samples [n, 3], by the means of ten batches."""
+def _variance_of_mean(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Variance [3] of the mean of samples [n, 3]: were they white, and by ten batches."""
     batches = np.array([part.mean(axis=0) for part in np.array_split(values, 10)])
-    # never less than white noise would leave: ten batches alone may agree by chance
-    white = values.var(axis=0, ddof=1) / len(values)
-    step = quantisation_step(values)
-    return np.maximum(np.maximum(batches.var(axis=0, ddof=1) / 10.0, white), step**2 / 1200.0)
+    white = values.var(axis=0, ddof=1)
+    white = np.maximum(white, quantisation_step(values) ** 2 / 12.0) / len(values)
+    return white, batches.var(axis=0, ddof=1) / 10.0
+
+
+def _with_correlation(rests: list[Rest]) -> list[Rest]:
+    """The rests with their variances raised for the correlation of the noise.
+
+    Ten batches of one rest tell it badly, those of all rests together well: the white
+    variances of all are multiplied by the mean ratio of both, never by less than one.
+    """
+    if not rests:
+        return rests
+    factors = {
+        name: np.maximum(
+            np.sum([getattr(r, f"{name}_batch_var") for r in rests], axis=0)
+            / (np.sum([getattr(r, f"{name}_var") for r in rests], axis=0) + 1e-300),
+            1.0,
+        )
+        for name in ("accel", "gyro")
+    }
+    return [
+        replace(r, accel_var=r.accel_var * factors["accel"], gyro_var=r.gyro_var * factors["gyro"])
+        for r in rests
+    ]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.calibration.accelerometer import N_SIX, AccelFit, fit_accelerometer
+from automap.calibration.accelerometer import N_SIX, directions_of, fit_accelerometer
 from automap.calibration.poses import LEAST_SINGULAR, determination
 from automap.calibration.rest import THRESHOLDS, Rest, movement, rests_below
 from automap.records import FloatArray, RawImu
@@ -62,12 +62,6 @@ def pose_means(rests: list[Rest]) -> tuple[FloatArray, FloatArray]:
         np.array([r.accel for r in rests]).reshape(-1, 3),
         np.array([r.accel_var for r in rests]).reshape(-1, 3),
     )
-
-
-def directions_of(fit: AccelFit, means: FloatArray) -> FloatArray:
-    """Unit vectors [k, 3] of the specific force in sensor axes."""
-    force = fit.apply(means)
-    return np.asarray(force / np.linalg.norm(force, axis=1)[:, None])
 
 
 def _log_widths(rests: list[Rest], gravity: float, n_parameters: int) -> FloatArray:

@@ -11,6 +11,7 @@ from automap.calibration.accelerometer import (
     N_SIX,
     AccelFit,
     LeftOut,
+    directions_of,
     fit_accelerometer,
     leave_one_out,
 )
@@ -22,7 +23,7 @@ from automap.calibration.plausible import (
 )
 from automap.calibration.poses import LEAST_SINGULAR, determination, helpful_poses
 from automap.calibration.rest import Rest
-from automap.calibration.rest_search import RestSearch, directions_of, find_rests, pose_means
+from automap.calibration.rest_search import RestSearch, find_rests, pose_means
 from automap.errors import InputError
 from automap.records import FloatArray, RawImu
 
@@ -203,7 +204,7 @@ def _gyro(
     sheet = logs[0].gyro_scale
     reason = "fewer than six turns between rests" if len(turns) < 6 else ""
     if not reason:
-        fit = fit_gyro(logs, forces, rests, turns, accel.apply(means), gravity)
+        fit = fit_gyro(logs, forces, rests, turns, accel, gravity)
         loose = [
             axis
             for axis, width, scale in zip("xyz", fit.half_width[:3], fit.scale, strict=True)
@@ -213,7 +214,7 @@ def _gyro(
             refuse_wrong_gyro_unit(logs[0], fit.scale)
             with_g = None
             if len(turns) >= 8:
-                with_g = fit_gyro(logs, forces, rests, turns, accel.apply(means), gravity, True)
+                with_g = fit_gyro(logs, forces, rests, turns, accel, gravity, True)
             return fit, with_g, fit.scale, fit.bias, len(turns)
         reason = f"turns that leave the scale about {', '.join(loose)} open"
     if sheet is None:

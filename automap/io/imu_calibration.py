@@ -1,15 +1,18 @@
-"""Calibration files of an inertial sensor, ``imu_calibration.toml``, and how they apply."""
+"""Calibration files of an inertial sensor, ``imu_calibration.toml``: read, applied, written."""
 
 from __future__ import annotations
 
+import json
 import tomllib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from automap.errors import ConfigError
+from automap.io.atomic import write_text
 from automap.records import FloatArray
 
 SCHEMA = "automap.imu-calibration/1"
@@ -34,12 +37,19 @@ class TriadCalibration:
 @dataclass(frozen=True)
 class ImuCalibration:
     """Both triads; ``accel_unit`` and ``gyro_unit`` are those of the log that was used to
-    calibrate, None when the file does not say."""
+    calibrate, None when the file does not say. ``g_sensitivity`` [3, 3] (rad/s)/(m/s^2) is
+    what the gyro reads of specific force, in the accelerometer's axes."""
 
     accel: TriadCalibration
     gyro: TriadCalibration
     accel_unit: str | None = None
     gyro_unit: str | None = None
+    g_sensitivity: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+
+    def apply(self, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rates [n, 3] rad/s and forces [n, 3] m/s^2 of readings [n, 3] in the log's units."""
+        force = self.accel.apply(accel)
+        return self.gyro.apply(gyro) - force @ self.g_sensitivity.T, force
 
 
 def read_imu_calibration(path: Path) -> ImuCalibration:
@@ -69,7 +79,38 @@ def read_imu_calibration(path: Path) -> ImuCalibration:
         ),
         accel_unit=conditions.get("accel_unit"),
         gyro_unit=conditions.get("gyro_unit"),
+        g_sensitivity=_numbers(path, data, "gyro", "g_sensitivity", (3, 3), np.zeros((3, 3))),
     )
+
+
+def write_imu_calibration(path: Path, sections: Mapping[str, Mapping[str, Any]]) -> None:
+    """Write the sections (``accel``, ``gyro``, ``conditions``, ...) whole or not at all.
+
+    Values are texts, numbers, truth values and arrays of any depth; numbers keep all digits.
+    """
+    lines = [f'schema = "{SCHEMA}"']
+    for name, table in sections.items():
+        lines += ["", f"[{name}]"]
+        lines += [f"{key} = {_toml(value)}" for key, value in table.items() if value is not None]
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        # JSON's escapes are TOML's; half characters of odd file names have none
+        return json.dumps(value.encode("utf-8", "replace").decode("utf-8"), ensure_ascii=False)
+    if isinstance(value, Mapping):
+        inside = ", ".join(f"{_toml(str(k))} = {_toml(v)}" for k, v in value.items())
+        return "{ " + inside + " }" if inside else "{}"
+    if isinstance(value, list | tuple):
+        if value and isinstance(value[0], list | tuple):
+            return "[\n" + "".join(f"  {_toml(row)},\n" for row in value) + "]"
+        return "[" + ", ".join(_toml(item) for item in value) + "]"
+    return repr(value)
 
 
 def _scale(path: Path, data: dict[str, Any], section: str) -> FloatArray:

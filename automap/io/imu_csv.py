@@ -125,8 +125,11 @@ def read_imu_csv(
     if len(kept) < 2:
         raise InputError(f"{path}: all rows bear the same t_ns; record with a running clock.")
     stamps = t_ns[kept]
-    gyro = _to_si(gyro_raw[kept], "gyro", form)
-    accel = _to_si(accel_raw[kept], "accel", form)
+    if form.calibration is not None:
+        gyro, accel = form.calibration.apply(gyro_raw[kept], accel_raw[kept])
+    else:
+        gyro = _to_si(gyro_raw[kept], "gyro", form)
+        accel = _to_si(accel_raw[kept], "accel", form)
     C = form.C_vehicle_sensor
     if C is not None:
         gyro, accel = gyro @ C.T, accel @ C.T
@@ -163,9 +166,6 @@ def read_imu_csv(
 
 
 def _to_si(reading: FloatArray, triad: str, form: ImuFormat) -> FloatArray:
-    if form.calibration is not None:
-        calibration = form.calibration.gyro if triad == "gyro" else form.calibration.accel
-        return calibration.apply(reading)
     unit = form.gyro_unit if triad == "gyro" else form.accel_unit
     if unit == "counts":
         if form.sensor is None:
