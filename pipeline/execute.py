@@ -6,10 +6,11 @@ import errno
 import logging
 import os
 import shutil
+from contextlib import suppress
 from pathlib import Path
 
 from automap.errors import AutoMapError, StageError
-from automap.io.atomic import make_folder, write_failure
+from automap.io.atomic import is_temporary, make_folder, write_failure
 from pipeline.stage import Stage, StageContext
 
 log = logging.getLogger(__name__)
@@ -26,6 +27,10 @@ def remove_leftovers(out: Path, stages: tuple[str, ...]) -> None:
     """Delete what a killed run left behind."""
     for name in stages:
         shutil.rmtree(work_folder(out, name), ignore_errors=True)
+    for path in out.glob(".*.tmp*"):
+        if is_temporary(path):
+            with suppress(OSError):
+                path.unlink()
 
 
 def execute(stage: Stage, context: StageContext) -> list[str]:
