@@ -18,6 +18,7 @@ _PAD = 24
 _FINE = 3
 _ROUNDS = 8
 _FARTHEST = 0.2
+_ENOUGH = 1500
 
 Floats = npt.NDArray[np.float64]
 
@@ -45,7 +46,9 @@ def align_face(image: Image, box: FloatArray, name: str) -> FloatArray:
     for _ in range(_ROUNDS):
         drawn, cover = _draw(name, place, shape)
         rows, columns = np.nonzero(cover[1:-1, 1:-1] > 0.999)
-        rows, columns = rows + 1, columns + 1
+        # a large face has more pixels than its four numbers need
+        some = slice(None, None, 1 + len(rows) // _ENOUGH)
+        rows, columns = rows[some] + 1, columns[some] + 1
         if len(rows) < 20:
             return box
         # moving or stretching the face shifts its gradients
@@ -53,7 +56,7 @@ def align_face(image: Image, box: FloatArray, name: str) -> FloatArray:
         down = (drawn[rows + 1, columns] - drawn[rows - 1, columns]) / 2
         x = ((columns - place[0]) / place[2])[:, None]
         y = ((rows - place[1]) / place[3])[:, None]
-        slopes = np.stack([-across, -down, -x * across, -y * down], axis=-1)
+        slopes = np.stack([-across, -down, -x * across, -y * down])
         move = _step(region[rows, columns], drawn[rows, columns], slopes)
         place += move
         off = np.abs(place - first) / np.maximum(first[[2, 3, 2, 3]], 12.0)
@@ -68,21 +71,20 @@ def align_face(image: Image, box: FloatArray, name: str) -> FloatArray:
 
 def _step(picture: Floats, drawn: Floats, slopes: Floats) -> Floats:
     """One least-squares step [4] of pixels [n, 3] against a drawing [n, 3] with slopes
-    [n, 3, 4]; gain and offset of each channel are solved along, in closed form."""
-    drawn = drawn - drawn.mean(axis=0)
-    picture = picture - picture.mean(axis=0)
-    power = np.maximum((drawn * drawn).sum(axis=0), 1e-9)
-    gain = (drawn * picture).sum(axis=0) / power
-    residual = (picture - gain * drawn).ravel()
-    slopes = slopes * gain[:, None]
-    slopes -= slopes.mean(axis=0)
-    # what gain and offset can explain is taken out of the slopes as well
-    shared = np.einsum("nc,nck->ck", drawn, slopes) / power[:, None]
-    jac = (slopes - drawn[:, :, None] * shared).reshape(-1, 4)
-    normal = jac.T @ jac
+    [4, n, 3]; gain and offset of each channel are solved along."""
+    normal, right = np.zeros((4, 4)), np.zeros(4)
+    for c in range(picture.shape[1]):
+        columns = np.vstack([slopes[:, :, c], drawn[:, c], picture[:, c]])
+        columns -= columns.mean(axis=1, keepdims=True)
+        # all products at once; then what the gain can explain is taken out of the others
+        gram = columns @ columns.T
+        power = max(gram[4, 4], 1e-9)
+        gain = gram[4, 5] / power
+        normal += gain**2 * (gram[:4, :4] - np.outer(gram[:4, 4], gram[4, :4]) / power)
+        right += gain * (gram[:4, 5] - gram[:4, 4] * gain)
     # a face that says nothing along one axis stays where it is there
     normal += np.eye(4) * (1e-3 * np.trace(normal) / 4 + 1e-9)
-    return np.asarray(np.linalg.solve(normal, jac.T @ residual))
+    return np.asarray(np.linalg.solve(normal, right))
 
 
 def _draw(name: str, place: Floats, shape: tuple[int, int]) -> tuple[Floats, Floats]:
