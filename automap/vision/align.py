@@ -18,7 +18,7 @@ _PAD = 24
 _FINE = 3
 _ROUNDS = 8
 _FARTHEST = 0.2
-_ENOUGH = 1500
+_ENOUGH = 4000
 
 Floats = npt.NDArray[np.float64]
 
