@@ -1,0 +1,345 @@
+"""Drives with known truth for the fusion's tests, built apart from the project's simulator.
+
+The motion is given on the tangent plane of the start, in Earth-fixed axes; readings follow
+from Newton's law in that plane. No transport rate and no navigation-frame formula enters, so
+that a sign shared by simulator and filter cannot hide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pymap3d
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+from automap.earth import gravity
+from automap.records import NO_TIME, ClockModel, Fixes, FixType, FloatArray, ImuData, Trajectory
+
+EARTH_RATE = 7.292115e-5
+GRID_S = 0.02
+GPS0 = 1_400_000_000.0
+BASE_NS = 5_000_000_000
+CLOCK = ClockModel(BASE_NS, GPS0, 0.0, 1e-4, 1e-9, "identity")
+
+
+def _rot_e_ned(lat: FloatArray, lon: FloatArray) -> FloatArray:
+    """C_e_n [n, 3, 3] of the local NED at latitude and longitude in rad."""
+    s, c, sl, cl = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
+    zero = np.zeros_like(s)
+    north = np.stack([-s * cl, -s * sl, c], axis=-1)
+    east = np.stack([-sl, cl, zero], axis=-1)
+    down = np.stack([-c * cl, -c * sl, -s], axis=-1)
+    return np.stack([north, east, down], axis=-1)
+
+
+def _euler(roll: FloatArray, pitch: FloatArray, yaw: FloatArray) -> FloatArray:
+    sr, cr, sp, cp, sy, cy = (f(a) for a in (roll, pitch, yaw) for f in (np.sin, np.cos))
+    return np.stack(
+        [
+            np.stack([cp * cy, sr * sp * cy - cr * sy, cr * sp * cy + sr * sy], axis=-1),
+            np.stack([cp * sy, sr * sp * sy + cr * cy, cr * sp * sy - sr * cy], axis=-1),
+            np.stack([-sp, sr * cp, cr * cp], axis=-1),
+        ],
+        axis=-2,
+    )
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Motion at times ``t`` [n]: geodetic position (rad, m), velocity and attitude in NED,
+    perfect readings in vehicle axes, rate against the Earth in vehicle axes."""
+
+    t: FloatArray
+    lat: FloatArray
+    lon: FloatArray
+    height: FloatArray
+    vel: FloatArray
+    c_n_b: FloatArray
+    gyro: FloatArray
+    accel: FloatArray
+    turn: FloatArray
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A drive as splines on the tangent plane of ``origin`` (lat, lon rad, height m)."""
+
+    duration: float
+    origin: tuple[float, float, float]
+    velocity: CubicSpline
+    angles: CubicSpline
+
+    def at(self, t: FloatArray) -> Truth:
+        t = np.asarray(t, np.float64)
+        vel_t = self.velocity(t)
+        acc_t = self.velocity(t, 1)
+        pos_t = self._position()(t)
+        roll, pitch, yaw = self.angles(t).T
+        rates = self.angles(t, 1)
+        c_t_b = _euler(roll, pitch, yaw)
+        place = pymap3d.ned2geodetic(*pos_t.T, *self.origin, deg=False)
+        # a single instant comes back as a scalar
+        lat, lon, height = (np.atleast_1d(p) for p in place)
+        c_e_t = _rot_e_ned(np.array(self.origin[0]), np.array(self.origin[1]))
+        c_n_t = np.swapaxes(_rot_e_ned(lat, lon), 1, 2) @ c_e_t
+        g = np.zeros((len(t), 3))
+        g[:, 2] = gravity(lat, height)
+        g_t = np.einsum("nji,nj->ni", c_n_t, g)
+        w_t = c_e_t.T @ np.array([0.0, 0.0, EARTH_RATE])
+        force_t = acc_t + 2.0 * np.cross(w_t, vel_t) - g_t
+        turn = np.stack(
+            [
+                rates[:, 0] - np.sin(pitch) * rates[:, 2],
+                np.cos(roll) * rates[:, 1] + np.sin(roll) * np.cos(pitch) * rates[:, 2],
+                -np.sin(roll) * rates[:, 1] + np.cos(roll) * np.cos(pitch) * rates[:, 2],
+            ],
+            axis=1,
+        )
+        return Truth(
+            t,
+            lat,
+            lon,
+            height,
+            np.einsum("nij,nj->ni", c_n_t, vel_t),
+            c_n_t @ c_t_b,
+            turn + np.einsum("nji,j->ni", c_t_b, w_t),
+            np.einsum("nji,nj->ni", c_t_b, force_t),
+            turn,
+        )
+
+    def _position(self) -> object:
+        return self.velocity.antiderivative()
+
+
+def make_motion(
+    speed: Sequence[tuple[float, float]],
+    turns: Sequence[tuple[float, float, float]],
+    duration: float,
+    origin_deg: tuple[float, float, float] = (-35.28, 149.13, 580.0),
+    heading_deg: float = 30.0,
+    slope: float = 0.03,
+) -> Motion:
+    """A drive of ``duration`` s.
+
+    ``speed`` knots (time s, m/s), negative in reverse; ``turns`` (begin s, length s, angle
+    deg). Corners are rounded over half a second; the body leans and the road rises gently.
+    """
+    pad = 5.0
+    t = np.arange(-round(pad / GRID_S), round((duration + pad) / GRID_S) + 1) * GRID_S
+    smooth = 0.5 / GRID_S
+    knots = np.array(speed, float)
+    v = gaussian_filter1d(np.interp(t, knots[:, 0], knots[:, 1]), smooth, mode="nearest")
+    yaw = np.full_like(t, np.radians(heading_deg))
+    for begin, length, angle in turns:
+        yaw += np.radians(angle) * np.clip((t - begin) / length, 0.0, 1.0)
+    yaw = gaussian_filter1d(yaw, smooth, mode="nearest")
+    way = np.cumsum(v) * GRID_S
+    pitch = slope * np.sin(way / 150.0)
+    lateral = v * np.gradient(yaw, t)
+    roll = -0.006 * gaussian_filter1d(lateral, smooth)
+    vel = v[:, None] * np.stack(
+        [np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), -np.sin(pitch)], axis=1
+    )
+    lat, lon, height = origin_deg
+    return Motion(
+        duration,
+        (np.radians(lat), np.radians(lon), height),
+        CubicSpline(t, vel),
+        CubicSpline(t, np.stack([roll, pitch, yaw], axis=1)),
+    )
+
+
+def city_drive(
+    duration: float,
+    seed: int,
+    rest_s: float = 8.0,
+    origin_deg: tuple[float, float, float] = (-35.28, 149.13, 580.0),
+    start_speed: float = 0.0,
+) -> Motion:
+    """Stops, bends and straights at random; at rest for ``rest_s`` unless it starts moving."""
+    rng = np.random.default_rng(seed)
+    speed = [(0.0, start_speed), (0.0 if start_speed else rest_s, start_speed)]
+    now, v = speed[-1]
+    while now < duration:
+        want = 0.0 if rng.random() < 0.2 and v > 0 else rng.uniform(6.0, 18.0)
+        now += abs(want - v) / rng.uniform(1.0, 2.2) + 0.2
+        speed.append((now, want))
+        now += rng.uniform(3.0, 8.0) if want == 0.0 else rng.uniform(6.0, 20.0)
+        speed.append((now, want))
+        v = want
+    knots = np.array(speed)
+    turns, now = [], rest_s + 6.0
+    while now < duration - 10.0:
+        length = rng.uniform(4.0, 8.0)
+        typical = float(np.interp(now + 0.5 * length, knots[:, 0], knots[:, 1]))
+        slowest = float(np.interp(np.linspace(now, now + length, 9), *knots.T).min())
+        if slowest > 4.0:
+            angle = rng.choice([-90.0, 90.0, -45.0, 45.0, 25.0]) * min(1.0, 12.0 / typical)
+            turns.append((now, length, float(angle)))
+            now += length
+        now += rng.uniform(3.0, 15.0)
+    return make_motion(
+        speed, turns, duration, origin_deg, heading_deg=float(rng.uniform(-180.0, 180.0))
+    )
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Errors of an inertial sensor in SI units; densities per root hertz."""
+
+    gyro_noise: float = 3e-4
+    accel_noise: float = 3e-3
+    gyro_bias: tuple[float, float, float] = (0.006, -0.004, 0.003)
+    accel_bias: tuple[float, float, float] = (0.10, -0.08, 0.05)
+    gyro_scale: tuple[float, float, float] = (0.004, -0.003, 0.005)
+    accel_scale: tuple[float, float, float] = (-0.003, 0.004, 0.002)
+    gyro_walk: float = 1e-5
+    accel_walk: float = 2e-4
+
+
+PERFECT = Sensor(0.0, 0.0, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, 0.0, 0.0)
+
+
+def record(
+    motion: Motion,
+    sensor: Sensor,
+    seed: int,
+    rate: float = 100.0,
+    delay_s: float = 0.0,
+    c_v_s: FloatArray | None = None,
+    lost: Sequence[tuple[float, float]] = (),
+) -> ImuData:
+    """Readings stamped ``delay_s`` late, in sensor axes where ``c_v_s`` [3, 3] is given."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(int(motion.duration * rate) + 1) / rate
+    true = motion.at(t)
+    out = []
+    for signal, bias, scale, noise, walk in (
+        (true.gyro, sensor.gyro_bias, sensor.gyro_scale, sensor.gyro_noise, sensor.gyro_walk),
+        (true.accel, sensor.accel_bias, sensor.accel_scale, sensor.accel_noise, sensor.accel_walk),
+    ):
+        drift = np.cumsum(rng.standard_normal(signal.shape), axis=0) * walk / np.sqrt(rate)
+        white = rng.standard_normal(signal.shape) * noise * np.sqrt(rate)
+        out.append(signal * (1.0 + np.array(scale)) + np.array(bias) + drift + white)
+    gyro, accel = out
+    if c_v_s is not None:
+        gyro, accel = gyro @ c_v_s, accel @ c_v_s
+    keep = np.ones(len(t), bool)
+    for begin, length in lost:
+        keep &= (t < begin) | (t >= begin + length)
+    t_ns = BASE_NS + np.rint((t + delay_s) * 1e9).astype(np.int64)
+    return ImuData(t_ns[keep], gyro[keep], accel[keep], axes_known=c_v_s is None)
+
+
+@dataclass(frozen=True)
+class Receiver:
+    """A receiver's errors: 1-sigma per axis NED, correlation time s, delays s."""
+
+    rate: float = 5.0
+    wander: tuple[float, float, float] = (1.0, 1.0, 1.8)
+    tau: float = 60.0
+    white: tuple[float, float, float] = (0.25, 0.25, 0.45)
+    velocity: float = 0.07
+    lever: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    latency: float = 0.0
+    vel_latency: float = 0.0
+
+
+def gauss_markov(n: int, step: float, tau: float, sd: FloatArray, rng: np.random.Generator):
+    """First-order Gauss-Markov sequences [n, 3], stationary from the start."""
+    from scipy.signal import lfilter
+
+    d = np.exp(-step / tau)
+    drive = rng.standard_normal((n, 3)) * np.sqrt(1.0 - d * d)
+    drive[0] = rng.standard_normal(3)
+    return lfilter([1.0], [1.0, -d], drive, axis=0) * sd
+
+
+def receive(
+    motion: Motion, receiver: Receiver, seed: int, begin: float = 0.0, end: float | None = None
+) -> Fixes:
+    """Fixes over ``begin`` to ``end`` s of the motion."""
+    rng = np.random.default_rng(seed)
+    stop = motion.duration if end is None else end
+    t = begin + np.arange(int((stop - begin) * receiver.rate) + 1) / receiver.rate
+    lever = np.array(receiver.lever)
+    place = motion.at(t - receiver.latency)
+    moving = motion.at(t - receiver.latency - receiver.vel_latency)
+    n = len(t)
+    wander, white = np.array(receiver.wander), np.array(receiver.white)
+    error = gauss_markov(n, 1.0 / receiver.rate, receiver.tau, wander, rng)
+    error = error + rng.standard_normal((n, 3)) * white
+    offset = place.c_n_b @ lever + error
+    lat, lon, height = pymap3d.ned2geodetic(
+        *offset.T, place.lat, place.lon, place.height, deg=False
+    )
+    vel = moving.vel + np.einsum("nij,nj->ni", moving.c_n_b, np.cross(moving.turn, lever))
+    vel = vel + rng.standard_normal((n, 3)) * receiver.velocity
+    return Fixes(
+        gps_s=GPS0 + t,
+        lat_rad=lat,
+        lon_rad=(lon + np.pi) % (2 * np.pi) - np.pi,
+        height_m=height,
+        vel_ned=vel,
+        sd_pos_ned=np.tile(np.maximum(wander, white), (n, 1)),
+        sd_vel_ned=np.full((n, 3), receiver.velocity),
+        fix_type=np.full(n, FixType.THREE_D, np.int64),
+        n_sats=np.full(n, 12, np.int64),
+        hdop=np.ones(n),
+        geoid_sep_m=np.zeros(n),
+        offset=np.full(n, -1, np.int64),
+        arrival_ns=np.full(n, NO_TIME, np.int64),
+    )
+
+
+def select(fixes: Fixes, rows: FloatArray) -> Fixes:
+    """The fixes of a mask or index."""
+    return Fixes(**{k: v[rows] for k, v in vars(fixes).items()})
+
+
+def shifted(fixes: Fixes, metres_ned: FloatArray) -> Fixes:
+    """Fixes moved by metres [n, 3]."""
+    lat, lon, height = pymap3d.ned2geodetic(
+        *metres_ned.T, fixes.lat_rad, fixes.lon_rad, fixes.height_m, deg=False
+    )
+    return replace(fixes, lat_rad=lat, lon_rad=lon, height_m=height)
+
+
+def errors(estimate: Trajectory, motion: Motion, late_s: float = 0.0) -> FloatArray:
+    """Position (m NED), velocity and rotation (rad NED) errors [n, 9] at the estimate's rows.
+
+    The rows' stamps are ``late_s`` later than the instants whose truth is compared.
+    """
+    t = (estimate.t_ns - BASE_NS) * 1e-9 - late_s
+    true = motion.at(t)
+    pos = np.stack(
+        pymap3d.geodetic2ned(
+            estimate.lat_rad,
+            estimate.lon_rad,
+            estimate.height_m,
+            true.lat,
+            true.lon,
+            true.height,
+            deg=False,
+        ),
+        axis=1,
+    )
+    c = _euler(*estimate.rpy.T)
+    turn = c @ np.swapaxes(true.c_n_b, 1, 2)
+    phi = 0.5 * np.stack(
+        [
+            turn[:, 2, 1] - turn[:, 1, 2],
+            turn[:, 0, 2] - turn[:, 2, 0],
+            turn[:, 1, 0] - turn[:, 0, 1],
+        ],
+        axis=1,
+    )
+    return np.concatenate([pos, estimate.vel_ned - true.vel, phi], axis=1)
+
+
+def horizontal_rms(error: FloatArray) -> float:
+    """RMS of the horizontal position error over rows [n, >= 2]."""
+    return float(np.sqrt(np.mean(error[:, 0] ** 2 + error[:, 1] ** 2)))

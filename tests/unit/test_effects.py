@@ -1,0 +1,140 @@
+"""The sensor model's names, and that estimator and simulator use one definition."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from automap.effects import CATALOGUE, distort_imu, effect_named, extra_basis, imu_terms
+from automap.errors import ConfigError
+from automap.fusion.kernels.readings import correct, correction_of
+
+XYZ = "x y z"
+NAMES = {
+    "accel_bias": XYZ,
+    "gyro_bias": XYZ,
+    "accel_scale": XYZ,
+    "gyro_scale": XYZ,
+    "accel_bias_walk": XYZ,
+    "gyro_bias_walk": XYZ,
+    "accel_misalignment": "yx zx zy",
+    "gyro_misalignment": "xy xz yx yz zx zy",
+    "accel_scale_asymmetry": XYZ,
+    "gyro_scale_asymmetry": XYZ,
+    "accel_quadratic": XYZ,
+    "gyro_g_sensitivity": "xx xy xz yx yy yz zx zy zz",
+    "accel_temperature": XYZ,
+    "gyro_temperature": XYZ,
+    "imu_mounting": "roll pitch yaw",
+    "imu_time_offset": None,
+    "imu_clock_skew": None,
+    "earth_rotation": "",
+    "speed_vibration": XYZ,
+    "gnss_lever_arm": XYZ,
+    "gnss_latency": None,
+    "gnss_velocity_latency": None,
+    "gnss_velocity_lag": None,
+    "gnss_correlated_noise": "sigma tau",
+    "gnss_noise_scale": None,
+    "gnss_outliers": None,
+    "gnss_datum_shift": "n e d",
+    "vehicle_sideslip": None,
+    "nhc_lever_arm": XYZ,
+    "camera_boresight": "roll pitch yaw",
+    "camera_time_offset": None,
+    "rolling_shutter": None,
+    "camera_focal": None,
+    "camera_distortion": "k1 k2",
+    "camera_lever_arm": XYZ,
+}
+"""The published names. Parameters of None: one number whose name is free."""
+INERTIAL = [n for n, e in CATALOGUE.items() if e.family == "imu"]
+
+
+def test_every_published_effect_exists_and_no_other() -> None:
+    assert set(CATALOGUE) == set(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_parameters_have_the_published_names(name: str) -> None:
+    parameters = effect_named(name).parameters
+    expected = NAMES[name]
+    if expected is None:
+        assert len(parameters) == 1
+    else:
+        assert [p.name for p in parameters] == expected.split()
+    assert all(p.prior_sd > 0 for p in parameters)
+
+
+def test_a_wrong_name_is_answered_with_the_nearest() -> None:
+    with pytest.raises(ConfigError, match="did you mean 'gyro_scale'"):
+        effect_named("gyro_scal")
+    with pytest.raises(ConfigError, match="does not act on inertial readings"):
+        imu_terms(["gnss_latency"])
+
+
+def _signals(n: int = 40) -> tuple[np.ndarray, ...]:
+    rng = np.random.default_rng(7)
+    gyro = rng.normal(0.0, 0.4, (n, 3))
+    accel = rng.normal(0.0, 2.0, (n, 3)) + [0.0, 0.0, -9.8]
+    return gyro, accel, rng.uniform(5.0, 45.0, n), rng.uniform(0.0, 30.0, n)
+
+
+@pytest.mark.parametrize("name", INERTIAL)
+def test_each_parameter_adds_its_own_signal(name: str) -> None:
+    """Against formulas written out here."""
+    gyro, accel, temp, speed = _signals()
+    source = accel if name.startswith(("accel", "speed")) else gyro
+    for parameter in effect_named(name).parameters:
+        theta = 0.01
+        rates, forces = distort_imu(
+            gyro, accel, {name: {parameter.name: theta}}, temp, speed, temp_ref_c=20.0
+        )
+        out = "xyz".index(parameter.name[0])
+        other = "xyz".index(parameter.name[-1])
+        phi = {
+            "bias": 1.0,
+            "scale": source[:, out],
+            "misalignment": source[:, other],
+            "scale_asymmetry": np.abs(source[:, out]),
+            "quadratic": accel[:, out] ** 2,
+            "g_sensitivity": accel[:, other],
+            "temperature": temp - 20.0,
+            "vibration": speed**2,
+        }[name.split("_", 1)[1]]
+        expected = np.zeros_like(gyro)
+        expected[:, out] = theta * phi
+        change = (forces - accel, rates - gyro)
+        hit, still = change if source is accel else change[::-1]
+        assert hit == pytest.approx(expected, abs=1e-12)
+        assert np.abs(still).max() == 0.0
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_filter_takes_out_what_the_simulator_puts_in(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    gyro, accel, temp, speed = _signals()
+    names = [n for n in INERTIAL if rng.random() < 0.6] or ["gyro_bias"]
+    terms = imu_terms(names)
+    theta = np.array([rng.normal(0.0, t.parameter.prior_sd) for t in terms])
+    values: dict[str, dict[str, float]] = {n: {} for n in names}
+    for term, value in zip(terms, theta, strict=True):
+        values[term.effect][term.parameter.name] = float(value)
+    rates, forces = distort_imu(gyro, accel, values, temp, speed)
+    table = np.array([(t.sensor, t.axis, t.basis) for t in terms], dtype=np.int64)
+    extra = extra_basis(terms, gyro, accel, temp, speed)
+    raw = np.concatenate([rates, forces], axis=1)
+    matrix, shift, out = np.empty((6, 6)), np.empty(6), np.empty(6)
+    for i in range(len(raw)):
+        correction_of(table, theta, extra[i], matrix, shift)
+        correct(raw[i], matrix, shift, out)
+        assert out == pytest.approx(np.concatenate([gyro[i], accel[i]]), abs=1e-11)
+
+
+def test_signals_without_a_source_are_zero() -> None:
+    gyro, accel, _, _ = _signals()
+    terms = imu_terms(["accel_temperature", "speed_vibration"])
+    assert np.abs(extra_basis(terms, gyro, accel)).max() == 0.0
