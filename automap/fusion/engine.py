@@ -15,18 +15,19 @@ from automap.frames import (
     rotation_vector_to_matrix,
 )
 from automap.fusion.layout import HAS_POS_H
-from automap.fusion.measurements import model_fixes
+from automap.fusion.measurements import Nodes, model_fixes
 from automap.fusion.model import FusionOptions
 from automap.fusion.mounting import Mounting, estimate_mounting
 from automap.fusion.output import (
     Innovations,
+    NodeStates,
     ParameterHistory,
     innovations,
     node_trajectory,
     parameter_history,
 )
 from automap.fusion.passes import Pass, Session, fix_speed, run_passes
-from automap.fusion.problem import DELAY_STATE, Start, filtered_states, run_dense
+from automap.fusion.problem import DELAY_STATE, Problem, Start, filtered_states, run_dense
 from automap.fusion.standstill import find_standstill, rest_gyro_bias
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 
@@ -154,8 +155,10 @@ def fuse_imu_gnss(
             "direction, so headings and sideways positions of signs may be off"
         )
     progress(0.8, "writing the trajectory at IMU rate")
+    outcome = _harvest(last, int(imu.t_ns[0]))
+    del last, found
     return _assemble(
-        session, last, clock, mounting, margin, warnings, imu.axes_known, delay_is_clock
+        session, outcome, clock, mounting, margin, warnings, imu.axes_known, delay_is_clock
     )
 
 
@@ -190,9 +193,35 @@ def _turn(session: Session, last: Pass, mounting: Mounting) -> tuple[Session, St
     return replace(session, imu=imu, means=means), Start(nominal, sd)
 
 
+@dataclass(frozen=True)
+class _Outcome:
+    """What the tables need of the last pass; the filter's store is large and goes."""
+
+    problem: Problem
+    nodes: Nodes
+    smoothed: NodeStates
+    filtered: NodeStates
+    parameters: ParameterHistory
+    innovations: Innovations
+    factors: dict[str, float]
+
+
+def _harvest(last: Pass, base_ns: int) -> _Outcome:
+    smooth = last.smooth
+    return _Outcome(
+        last.problem,
+        last.nodes,
+        NodeStates(smooth.nominal, smooth.params, smooth.cov),
+        NodeStates(*filtered_states(last.problem, last.forward)),
+        parameter_history(last.problem, smooth, base_ns, last.shift),
+        innovations(last.forward, base_ns),
+        last.factors,
+    )
+
+
 def _assemble(
     session: Session,
-    last: Pass,
+    outcome: _Outcome,
     clock: ClockModel,
     mounting: Mounting,
     margin: float,
@@ -200,63 +229,42 @@ def _assemble(
     axes_known: bool,
     delay_is_clock: bool,
 ) -> FusionResult:
-    model = last.problem.model
-    final = last.smooth.params[-1]
-    noted = np.flatnonzero(np.isfinite(last.smooth.param_var).all(axis=1))[-1]
-    spread = np.sqrt(np.maximum(last.smooth.param_var[noted], 0.0))
-    delay = Prior(0.0, 0.0)
-    if DELAY_STATE in model.names:
-        i = model.names.index(DELAY_STATE)
-        delay = Prior(float(final[i]) + last.shift.delay_s, float(spread[i]))
-    residual = np.zeros(3)
-    residual_sd = np.zeros(3)
-    if "imu_mounting_roll" in model.names:
-        i = model.names.index("imu_mounting_roll")
-        residual = final[i : i + 3]
-        residual_sd = spread[i : i + 3]
-    turn = rotation_vector_to_matrix(residual)
-    total = turn @ mounting.matrix
-    sd = residual_sd.copy()
+    history = outcome.parameters
+    final = dict(zip(history.names, history.values[-1], strict=True))
+    spread = dict(zip(history.names, history.sd[-1], strict=True))
+    delay = Prior(float(final.get(DELAY_STATE, 0.0)), float(spread.get(DELAY_STATE, 0.0)))
+    angles = [f"imu_mounting_{a}" for a in ("roll", "pitch", "yaw")]
+    turn = rotation_vector_to_matrix(np.array([final.get(name, 0.0) for name in angles]))
+    sd = np.array([spread.get(name, 0.0) for name in angles])
     if not axes_known:
         sd[0] = float(np.hypot(mounting.sd[0], sd[0]))
         sd[1:] = np.maximum(sd[1:], FORWARD_SD)
-    mounted = Mounting(total, matrix_to_rpy(total), sd)
-    smoothed = node_trajectory(
-        last.problem,
-        last.nodes,
-        last.smooth.nominal,
-        last.smooth.params,
-        last.smooth.cov,
-        session.imu.t_ns,
-        clock,
-        delay.mean,
-        delay_is_clock,
-        turn,
-        blend=True,
+    total = turn @ mounting.matrix
+    smoothed, filtered = (
+        node_trajectory(
+            outcome.problem,
+            outcome.nodes,
+            states,
+            session.imu.t_ns,
+            clock,
+            delay.mean,
+            delay_is_clock,
+            turn,
+            blend,
+        )
+        for states, blend in ((outcome.smoothed, True), (outcome.filtered, False))
     )
-    filtered = node_trajectory(
-        last.problem,
-        last.nodes,
-        *filtered_states(last.problem, last.forward),
-        session.imu.t_ns,
-        clock,
-        delay.mean,
-        delay_is_clock,
-        turn,
-        blend=False,
-    )
-    params = parameter_history(last.problem, last.smooth, int(session.imu.t_ns[0]), last.shift)
     return FusionResult(
         smoothed,
         filtered,
-        params,
-        innovations(last.forward, int(session.imu.t_ns[0])),
+        history,
+        outcome.innovations,
         delay,
-        mounted,
+        Mounting(total, matrix_to_rpy(total), sd),
         session.standstill,
         margin,
-        len(last.nodes.t),
-        int((last.nodes.fix_row >= 0).sum()),
-        last.factors,
+        len(outcome.nodes.t),
+        int((outcome.nodes.fix_row >= 0).sum()),
+        outcome.factors,
         warnings,
     )

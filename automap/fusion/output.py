@@ -39,6 +39,15 @@ class ParameterHistory:
 
 
 @dataclass(frozen=True)
+class NodeStates:
+    """States [k, 10], parameters [k, p] and reported covariance [k, r, r] at the nodes."""
+
+    nominal: FloatArray
+    params: FloatArray
+    cov: FloatArray
+
+
+@dataclass(frozen=True)
 class Innovations:
     """One row per scalar measurement: stamp, channel name, innovation, its sd, block NIS."""
 
@@ -53,9 +62,7 @@ class Innovations:
 def node_trajectory(
     problem: Problem,
     nodes: Nodes,
-    nominal: FloatArray,
-    params: FloatArray,
-    cov: FloatArray,
+    states: NodeStates,
     t_ns: IntArray,
     clock: ClockModel,
     delay: float,
@@ -69,7 +76,8 @@ def node_trajectory(
     ``delay`` is how much later than the fixes' clock the stamps run, in s: an error of the
     clock, or of the samples, which then belong to ``delay`` earlier than their stamp.
     """
-    dense, _ = run_dense(problem, nodes, nominal, params, blend)
+    nominal, cov = states.nominal, states.cov
+    dense, _ = run_dense(problem, nodes, nominal, states.params, blend)
     good = np.asarray(np.isfinite(dense).all(axis=1))
     dense = _hold_ends(dense, good)
     if not delay_is_clock:

@@ -27,6 +27,8 @@ from automap.records import FloatArray, ImuData
 
 DELAY_CONVERGED_S = 0.002
 MAX_VEL_LATENCY_S = 1.0
+HEAD_S = 900.0
+"""The first pass goes no further than this into the drive."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,9 @@ def run_passes(session: Session, start: Start | None, constrained: bool) -> tupl
             factors = adapt_noise(problem, nodes, start, shift)
             problem = with_options(problem, scaled_options(problem, factors))
         nodes = scale_nodes(nodes, factors)
+        if number == 0:
+            # enough to settle start, delays and noise; the whole drive comes after
+            nodes = nodes.first(int(np.searchsorted(nodes.t, nodes.t[0] + HEAD_S)) + 1)
         last = None
         forward = run_forward(problem, nodes, start, shift)
         smooth = run_smoother(problem, forward)
@@ -105,8 +110,9 @@ def run_passes(session: Session, start: Start | None, constrained: bool) -> tupl
         del forward
         # begin again at the smoothed start, as unsure as before: only the linearisation gains
         start = Start(smooth.nominal[0].copy(), start.sd)
-        speed_t = nodes.t
-        speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
+        if number > 0:
+            speed_t = nodes.t
+            speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
         following = _next_shift(model, smooth, shift)
         if number > 0 and _settled(model, smooth, following, shift):
             break

@@ -137,6 +137,29 @@ def integrate(
 
 
 @njit(cache=True)
+def reading_at(
+    samples: Samples,
+    model: ModelArrays,
+    i: int,
+    t: float,
+    xi: FloatArray,
+    rate: FloatArray,
+    mid: FloatArray,
+) -> None:
+    """Corrected rate [3] and reading with extra signals [6 + e] at one instant."""
+    matrix = np.empty((6, 6))
+    shift = np.empty(6)
+    raw = np.empty(6)
+    correction_of(model.terms, xi, samples.extra[i], matrix, shift)
+    raw_at(samples, i, t, raw)
+    correct(raw, matrix, shift, mid)
+    for a in range(3):
+        rate[a] = mid[a]
+    for a in range(samples.extra.shape[1]):
+        mid[6 + a] = samples.extra[i, a]
+
+
+@njit(cache=True)
 def observe(
     block: int,
     nodes: NodeArrays,
@@ -248,13 +271,31 @@ def run_forward(
     t = nodes.t[0]
     earth_terms(pos, model.earth_on, place)
     for k in range(nodes.t.shape[0]):
+        # nodes at one instant share its reading: nothing to integrate
         span = nodes.t[k] - t
         start_interval(phi, noise)
-        if k > 0:
+        if k == 0:
+            reading_at(samples, model, i, t, xi, rate, mid)
+        else:
             earth_terms(pos, model.earth_on, place)
-            i = integrate(
-                samples, model, i, t, nodes.t[k], pos, vel, q, c, xi, place, phi, noise, rate, mid
-            )
+            if span > 0.0:
+                i = integrate(
+                    samples,
+                    model,
+                    i,
+                    t,
+                    nodes.t[k],
+                    pos,
+                    vel,
+                    q,
+                    c,
+                    xi,
+                    place,
+                    phi,
+                    noise,
+                    rate,
+                    mid,
+                )
             t = nodes.t[k]
             end_interval(phi, span, model.tau, model.walk, decay, q_state, xi)
             if relinearise:

@@ -42,10 +42,14 @@ def add_transition(
         u = (1.0 if b == 0 else r[b - 1]) * dt
         cn, ce, cd = c[0, axis] * u, c[1, axis] * u, c[2, axis] * u
         if terms[m, 0] == 0:
+            # the attitude error grows over the step: half of it turns the force on average
+            phi[6, j] -= 0.5 * cn
+            phi[7, j] -= 0.5 * ce
+            phi[8, j] -= 0.5 * cd
             _advance_column(phi, j, fn, fe, fd, dt)
-            phi[6, j] -= cn
-            phi[7, j] -= ce
-            phi[8, j] -= cd
+            phi[6, j] -= 0.5 * cn
+            phi[7, j] -= 0.5 * ce
+            phi[8, j] -= 0.5 * cd
         else:
             phi[0, j] += (phi[3, j] - 0.5 * cn) * dt
             phi[1, j] += (phi[4, j] - 0.5 * ce) * dt
