@@ -18,6 +18,7 @@ MAX_RATE = 1e-3
 
 _STEP_ERROR_S = 0.1
 _STEP_SHARE = 0.1
+_WANDER_ERROR_S = 1.0
 _EARLY_S = 0.005
 _UNSEEN = 0.04
 """Part of the median waiting by which the least delay may lie below all that was seen: with
@@ -64,8 +65,8 @@ def fit_arrival_clock(
     ``sd_offset_s`` is the uncertainty of that edge; it says nothing about the least delay
     itself. ``drift_sd`` is the rate error expected of the clock, s/s.
 
-    Raises InputError when no epoch has an arrival time, when the clock stepped, or when its
-    rate is off by more than 1000 ppm.
+    Raises InputError when no epoch has an arrival time, when the clock stepped or wandered by
+    more than a second, or when its rate is off by more than 1000 ppm.
     """
     arrival_ns = np.asarray(arrival_ns, np.int64)
     gps_s = np.asarray(gps_s, np.float64)
@@ -100,6 +101,12 @@ def fit_arrival_clock(
 
     above = y - envelope.at(x)
     wander = _wander(x[consistent], above[consistent], envelope)
+    if wander > _WANDER_ERROR_S:
+        raise InputError(
+            f"the arrival times depart from a straight line by {wander:.1f} s against GPS time: "
+            "check that they belong to this log, that the log is one recording, and that the "
+            "host's clock was not set during the drive."
+        )
     if wander > 0.01:
         warnings.append(
             f"the host clock departs from a straight line by {wander * 1e3:.0f} ms against GPS "

@@ -26,7 +26,7 @@ def check(drive: Drive, video: VideoInput) -> Iterator[tuple[Path | str, list[Fi
             continue
         headers.append(header)
         yield path, _chapter(video, header)
-    yield drive.manifest_file, _geometry(drive, video, headers)
+    yield drive.manifest_file, geometry(drive, video, headers)
     if headers and video.frames is None:
         yield drive.manifest_file, _start(video, headers)
     if not headers and video.detections is None:
@@ -48,25 +48,25 @@ def _chapter(video: VideoInput, header: VideoHeader) -> list[Finding]:
         findings.append(
             Finding("warning", "its first picture cannot be decoded", "copy the file again")
         )
+    mismatch = size_mismatch(video, header.width, header.height)
+    return findings if mismatch is None else [*findings, mismatch]
+
+
+def size_mismatch(video: VideoInput, wide: int, high: int) -> Finding | None:
+    """An error when the manifest gives another image size than that of the video."""
     width, height = video.section.width, video.section.height
-    if (
-        width is not None
-        and height is not None
-        and (width, height) != (header.width, header.height)
-    ):
-        scale = header.width / width
-        findings.append(
-            Finding(
-                "error",
-                f"the manifest says {width}x{height}, the video has {header.width}x{header.height}",
-                f"correct width and height, and multiply the camera_matrix by {scale:.4g} if it "
-                "was measured at the other size",
-            )
-        )
-    return findings
+    if width is None or height is None or (width, height) == (wide, high):
+        return None
+    return Finding(
+        "error",
+        f"the manifest says {width}x{height}, the video has {wide}x{high}",
+        f"correct width and height, and multiply the camera_matrix by {wide / width:.4g} if it "
+        "was measured at the other size",
+    )
 
 
-def _geometry(drive: Drive, video: VideoInput, headers: list[VideoHeader]) -> list[Finding]:
+def geometry(drive: Drive, video: VideoInput, headers: list[VideoHeader]) -> list[Finding]:
+    """Findings on what the manifest says of a camera's optics and place."""
     section = video.section
     findings = [
         Finding("warning", text)

@@ -49,6 +49,8 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
         if recording.imu_file.extra_columns:
             columns = ", ".join(recording.imu_file.extra_columns)
             findings.append(Finding("info", f"columns that nothing reads: {columns}"))
+    stamps = plausibility.stamp_unit(rate)
+    findings += [] if stamps is None else [stamps]
     unit = plausibility.accel_unit(imu.accel, rate)
     findings += [unit, plausibility.gyro_unit(imu, recording.fixes)]
     findings += plausibility.stuck_readings(imu)

@@ -53,6 +53,7 @@ def _camera(
     from automap.io.detections_csv import read_detections_csv
     from automap.io.video import frame_times
 
+    _warn_of_geometry(context, video)
     if video.detections is not None:
         times = frame_times(video)
         camera = context.drive.cameras().get(video.name)
@@ -67,6 +68,21 @@ def _camera(
 
     settings = context.settings.detect
     return search_video(video, settings.frames_per_s, settings.min_score, context.warn, progress)
+
+
+def _warn_of_geometry(context: StageContext, video: VideoInput) -> None:
+    """Numbers of the camera that would put every sign in the wrong place."""
+    from automap.io.video import image_size
+    from pipeline.checks.camera import geometry, size_mismatch
+
+    manifest = context.drive.manifest_file
+    for finding in geometry(context.drive, video, []):
+        if finding.severity == "error":
+            context.warn(f"{manifest}: {finding.sentence()}")
+    size = image_size(video.chapters)
+    mismatch = None if size is None else size_mismatch(video, *size)
+    if mismatch is not None:
+        context.warn(f"{video.chapters[0]}: {mismatch.sentence()}")
 
 
 def _inputs(drive: Drive) -> list[Path]:

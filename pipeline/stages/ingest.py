@@ -39,7 +39,7 @@ def run(context: StageContext) -> None:
         usable |= summary["trajectory"] is not None
         parts.append("finished trajectory")
     if recording.imu is not None:
-        _refuse_implausible(drive, recording)
+        _refuse_implausible(context, recording)
         write_imu(context.work / names.IMU, recording.imu)
         summary["imu"] = _imu_summary(drive, recording)
         context.metric("imu_rate_hz", summary["imu"]["rate_hz"])
@@ -78,22 +78,35 @@ def _without_positions(drive: Drive, failures: list[str]) -> str:
     )
 
 
-def _refuse_implausible(drive: Drive, recording: Recording) -> None:
-    """A wrong unit spoils everything after it: stop here, with the advice."""
+def _refuse_implausible(context: StageContext, recording: Recording) -> None:
+    """A wrong unit or a dead sensor spoils everything after it: stop here, with the advice.
+
+    Wrong axes are a warning, for the mounting is estimated.
+    """
     import numpy as np
 
     from automap import plausibility
 
-    imu = recording.imu
+    drive, imu = context.drive, recording.imu
     assert imu is not None
     rate_hz = 1e9 / float(np.median(np.diff(imu.t_ns)))
     source = drive.imu_file if recording.imu_source == "csv" else drive.gnss_file
+    stamps = plausibility.stamp_unit(rate_hz)
     for finding in (
+        *([] if stamps is None else [stamps]),
         plausibility.accel_unit(imu.accel, rate_hz),
         plausibility.gyro_unit(imu, recording.fixes),
+        *plausibility.stuck_readings(imu),
     ):
         if finding.severity == "error":
             raise InputError(f"{source}: {finding.sentence()}.")
+        if finding.severity == "warning":
+            context.warn(f"{source}: {finding.sentence()}")
+    axes = drive.imu_axes if imu.axes_known else None
+    if axes is not None:
+        gravity = plausibility.gravity_direction(imu.accel, axes)
+        if gravity.severity == "error":
+            context.warn(f"{source}: {gravity.sentence()}")
 
 
 def _check_trajectory(
