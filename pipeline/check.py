@@ -6,13 +6,16 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from automap.errors import AutoMapError, InputError
 from automap.io import names
 from automap.io.drive import Drive, load_drive
 from automap.plausibility import Finding, Severity
 from pipeline.checks import camera, gnss, imu, timing
+
+if TYPE_CHECKING:
+    from automap.io.recording import Recording
 
 _MARKS = {"ok": "ok", "info": "info", "warning": "WARNING", "error": "ERROR"}
 
@@ -102,10 +105,12 @@ def check_drive(path: Path | str) -> CheckReport:
         return CheckReport(str(folder), folder.resolve().name, False, (finding,))
     collector = _Collector(drive.path)
     collector.add(drive.manifest_file, _manifest(drive))
-    fatal = _recordings(drive, collector)
+    fatal, recording = _recordings(drive, collector)
     for video in drive.videos.values():
         for file, findings in camera.check(drive, video):
             collector.add(file, findings)
+        if recording is not None and drive.trajectory_file is None:
+            collector.add(drive.manifest_file, timing.camera_clock(drive, recording, video))
     other = _finished(drive, collector)
     if drive.truth_dir is not None:
         collector.add(drive.truth_dir, [Finding("info", "truth is there, for evaluate alone")])
@@ -130,7 +135,7 @@ def _manifest(drive: Drive) -> list[Finding]:
     return findings
 
 
-def _recordings(drive: Drive, collector: _Collector) -> bool:
+def _recordings(drive: Drive, collector: _Collector) -> tuple[bool, Recording | None]:
     """Check IMU and receiver log, alone and together; whether a run would be spoilt."""
     from automap.io.recording import read_recording
 
@@ -138,7 +143,7 @@ def _recordings(drive: Drive, collector: _Collector) -> bool:
         recording = read_recording(drive)
     except AutoMapError as error:
         collector.add(drive.manifest_file, [Finding("error", str(error))])
-        return True
+        return True, None
     failed = _by_file(drive, recording.failures)
     warned = _by_file(drive, recording.warnings)
     spoilt = False
@@ -171,7 +176,7 @@ def _recordings(drive: Drive, collector: _Collector) -> bool:
     elif not _has_other_positions(drive):
         collector.add(names.MANIFEST, [Finding(*gnss.ABSENT)])
     collector.add(drive.manifest_file, gnss.lever_arm(drive))
-    return spoilt or not gnss.has_fix(recording)
+    return spoilt or not gnss.has_fix(recording), recording
 
 
 def _has_other_positions(drive: Drive) -> bool:

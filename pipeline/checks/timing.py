@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from automap.errors import InputError
-from automap.io.drive import Drive
+from automap.io.drive import Drive, VideoInput
 from automap.io.recording import Recording, imu_time
 from automap.plausibility import Finding, overlap_s
 from automap.records import NO_TIME, FloatArray
@@ -61,6 +61,30 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
     else:
         findings.append(Finding("ok", f"IMU and fixes overlap for {shared:.1f} s"))
     return findings
+
+
+def camera_clock(drive: Drive, recording: Recording, video: VideoInput) -> list[Finding]:
+    """Whether the frame stamps of a camera can be brought to the clock of the trajectory."""
+    fixes = recording.fixes
+    arrived = fixes is not None and bool(np.any(fixes.arrival_ns != NO_TIME))
+    if recording.imu is not None:
+        base = imu_time(drive, recording)
+    else:
+        base = drive.gnss.arrival_time if arrived else "gps_ns"
+    own = video.section.time
+    if fixes is None or own == base:
+        return []
+    section = f"[video.{video.name}] time = {own!r}"
+    if own == "boot_ns" and not (arrived and drive.gnss.arrival_time == own):
+        return [
+            Finding(
+                "warning",
+                f"{section} and the trajectory's {base!r} have nothing in common",
+                "its signs cannot be placed: write the clock that the stamps are in as time, or "
+                "record gnss_arrival.csv",
+            )
+        ]
+    return [Finding("info", f"{section} is brought to the trajectory's {base!r}")]
 
 
 def _arrivals(drive: Drive, recording: Recording) -> list[Finding]:
