@@ -21,6 +21,7 @@ from pipeline.report.outages import outages
 FIX_LIMIT = 6000
 SIGN_LIMIT = 5000
 SIGMA_CLASSES = 5
+FACE_PX = 64
 
 
 def map_data(products: RunProducts, signs: SignColumns) -> dict[str, Any] | None:
@@ -42,6 +43,7 @@ def map_data(products: RunProducts, signs: SignColumns) -> dict[str, Any] | None
         "path": _path(products, origin),
         "fixes": _fixes(products, origin, notes),
         "signs": _signs(signs, origin, notes),
+        "faces": sign_faces({str(name) for name in signs.values["class"]}),
     }
     data["notes"] = notes
     return data
@@ -53,6 +55,29 @@ def embedded_json(value: Any) -> str:
     for character in "<>&":
         text = text.replace(character, f"\\u{ord(character):04x}")
     return text
+
+
+def sign_faces(classes: set[str]) -> dict[str, str]:
+    """Small pictures, as data URIs, of those classes whose faces the vocabulary draws."""
+    import base64
+
+    from automap.vision.vocabulary import load_vocabulary
+
+    known = sorted(classes & load_vocabulary().classes.keys())
+    if not known:
+        return {}
+    import cv2
+
+    from automap.vision.faces import draw_face
+
+    faces: dict[str, str] = {}
+    for name in known:
+        good, picture = cv2.imencode(
+            ".png", draw_face(name, FACE_PX), [cv2.IMWRITE_PNG_COMPRESSION, 9]
+        )
+        if good:
+            faces[name] = "data:image/png;base64," + base64.b64encode(picture.tobytes()).decode()
+    return faces
 
 
 def _origin(products: RunProducts, signs: SignColumns) -> tuple[float, float] | None:

@@ -12,7 +12,9 @@ from automap.export.fields import SIGN_FIELDS
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
 from pipeline.products import RunProducts
+from pipeline.report.evaluation_section import evaluation_section
 from pipeline.report.figures import key_figures
+from pipeline.report.fusion_section import fusion_section
 from pipeline.report.map_data import embedded_json, map_data
 from pipeline.report.sections import (
     innovation_section,
@@ -36,11 +38,13 @@ def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str
 
     signs = sign_columns(products.signs or [], products.clock)
     sections = {
+        "fusion": fusion_section(products),
+        "evaluation": evaluation_section(products),
         "sync": sync_section(products),
         "innovations": innovation_section(products),
         "uncertainty": uncertainty_section(products),
         "sensors": sensor_section(products),
-        "motion": motion_section(products.trajectory),
+        "motion": motion_section(products),
     }
     content = map_data(products, signs)
     facts = _facts(products, record)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from automap.io import names
-from automap.records import FloatArray, Trajectory
+from automap.records import FloatArray
 from pipeline.products import RunProducts
+from pipeline.report.channels import channel_name, channel_order, is_rule
 from pipeline.report.svg_plot import Series, plot, thin_dots, time_unit
 
 if TYPE_CHECKING:
@@ -96,22 +97,38 @@ def uncertainty_section(products: RunProducts) -> Section:
     return section
 
 
-def motion_section(trajectory: Trajectory | None) -> Section:
-    """Speed, height and attitude over the drive."""
+def motion_section(products: RunProducts) -> Section:
+    """Speed, with the standstill found, height and attitude over the drive."""
     section = Section()
+    trajectory = products.trajectory
     if trajectory is None:
         section.absent = "There is no trajectory."
         return section
     seconds = (trajectory.t_ns - trajectory.t_ns[0]) * 1e-9
     span = float(seconds[-1])
     speed = np.hypot(trajectory.vel_ned[:, 0], trajectory.vel_ned[:, 1]) * 3.6
-    section.plots += draw("Speed", [Series("", seconds, speed)], "km/h", span, (0.0,))
+    top = float(np.nanmax(speed, initial=1.0))
+    shades = _standstill(products, span, top)
+    lines = [*shades, Series("speed" if shades else "", seconds, speed)]
+    section.plots += draw("Speed", lines, "km/h", span, (0.0,))
     height = Series("", seconds, trajectory.height_m)
     section.plots += draw("Ellipsoidal height", [height], "m", span)
     roll, pitch, _ = np.degrees(trajectory.rpy).T
     tilt = [Series("roll", seconds, roll, colour=0), Series("pitch", seconds, pitch, colour=1)]
     section.plots += draw("Roll and pitch", tilt, "deg", span)
     return section
+
+
+def _standstill(products: RunProducts, span: float, top: float) -> list[Series]:
+    """A shade from 0 to ``top`` for every time in s at which the fusion saw the vehicle rest."""
+    spans = products.json(names.FUSION).get("standstill")
+    shades: list[Series] = []
+    for item in spans if isinstance(spans, list) else []:
+        if isinstance(item, list) and len(item) == 2 and 0 <= item[0] < item[1] <= span + 1:
+            x = np.asarray(item, np.float64)
+            label = "" if shades else "standing still"
+            shades.append(Series(label, x, np.zeros(2), "band", 2, upper=np.full(2, top)))
+    return shades
 
 
 def _three_lines(
@@ -206,17 +223,23 @@ def innovation_section(products: RunProducts) -> Section:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(sd > 0, innovation / sd, np.nan)
     span = float(seconds.max())
-    for channel in sorted(set(channels.tolist())):
+    loose: list[str] = []
+    for channel in sorted(set(map(str, channels.tolist())), key=channel_order):
         rows = np.flatnonzero(channels == channel)
         good, bad = rows[accepted[rows]], rows[~accepted[rows]]
-        section.rows.append(_channel_row(channel, ratio, nis, good, bad, section))
+        section.rows.append(_channel_row(channel, ratio, nis, good, bad, section, loose))
         shown = good[thin_dots(len(good), DOTS_PER_CHANNEL)]
         refused = bad[thin_dots(len(bad), DOTS_PER_CHANNEL)]
         series = [
             Series("accepted", seconds[shown], ratio[shown], "dots", 0),
             Series("rejected", seconds[refused], np.clip(ratio[refused], -8, 8), "dots", "bad"),
         ]
-        section.plots += draw(str(channel), series, "innovation / σ", span, (-3.0, 3.0))
+        section.plots += draw(channel_name(channel), series, "innovation / σ", span, (-3.0, 3.0))
+    if loose:
+        section.verdicts.append(
+            ("good", f"Held better than assumed, which is meant to be so: {', '.join(loose)}. "
+             "These are rules of how cars move, taken loosely because they are never exact.")
+        )  # fmt: skip
     share = float(accepted.mean())
     section.sentences.append(
         f"{share:.1%} of {len(accepted):,} measurements were accepted. An innovation is what a "
@@ -229,27 +252,35 @@ def innovation_section(products: RunProducts) -> Section:
 
 
 def _channel_row(
-    channel: Any,
+    channel: str,
     ratio: FloatArray,
     nis: FloatArray,
     good: np.ndarray,
     bad: np.ndarray,
     section: Section,
+    loose: list[str],
 ) -> tuple[str, ...]:
+    title = channel_name(channel)
     total = len(good) + len(bad)
     share = len(good) / total
     used = ratio[good][np.isfinite(ratio[good])]
     used_nis = nis[good][np.isfinite(nis[good])]
     if len(used) == 0:
-        return (str(channel), f"{total:,}", f"{share:.1%}", "", "", "", "nothing accepted")
+        return (title, f"{total:,}", f"{share:.1%}", "", "", "", "nothing accepted")
     rms, mean = float(np.sqrt(np.mean(used**2))), float(np.mean(used))
     words = innovation_verdict(rms, mean, share)
-    if words != "as expected":
+    if is_rule(channel) and words == _CAUTIOUS:
+        words = "held better than assumed"
+        loose.append(title[0].lower() + title[1:])
+    elif words != "as expected":
         grade: Literal["fair", "bad"] = "bad" if share < 0.8 or rms > 2.0 else "fair"
-        section.verdicts.append((grade, f"{channel}: {words}."))
+        section.verdicts.append((grade, f"{title}: {words}."))
     mean_nis = f"{np.mean(used_nis):.2f}" if len(used_nis) else ""
     numbers = (f"{total:,}", f"{share:.1%}", f"{mean:+.2f}", f"{rms:.2f}", mean_nis)
-    return (str(channel), *numbers, words)
+    return (title, *numbers, words)
+
+
+_CAUTIOUS = "scatters less than assumed, so σ are cautious"
 
 
 def innovation_verdict(rms: float, mean: float, accepted: float) -> str:
@@ -260,7 +291,7 @@ def innovation_verdict(rms: float, mean: float, accepted: float) -> str:
     if rms > 1.5:
         words.append("scatters more than assumed, so σ are too small")
     elif rms < 0.5:
-        words.append("scatters less than assumed, so σ are cautious")
+        words.append(_CAUTIOUS)
     if abs(mean) > 0.3 and abs(mean) > 0.3 * rms:
         words.append("is off to one side")
     return "; ".join(words) or "as expected"

@@ -34,7 +34,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="report",
-    version=1,
+    version=2,
     run=run,
     inputs=_inputs,
     needs=(
@@ -50,6 +50,7 @@ STAGE = Stage(
         names.INNOVATIONS,
         names.SIGNS_RAW,
         names.OBSERVATIONS,
+        names.EVALUATION,
     ),
     outputs=(names.REPORT,),
     settings=("report",),

@@ -42,7 +42,13 @@
     return SIGMA[n > 1 ? Math.round(c * (SIGMA.length - 1) / (n - 1)) : 0];
   }
 
-  // signs
+  // signs: faces where they are known and few enough for the page, else dots
+  const words = (name) => {
+    const parts = name.split("--").filter((part) => !/^g\d+$/.test(part));
+    return (parts.length > 1 ? parts.slice(1) : parts).join(" ").replace(/-/g, " ");
+  };
+  const faceOf = (name) => (Object.hasOwn(data.faces, name) ? data.faces[name] : null);
+  const FACE = 24, FACE_CHOSEN = 38, MANY = 300;
   const column = {};
   data.fields.forEach((field, i) => { column[field.name] = i; });
   const signs = data.signs;
@@ -56,13 +62,25 @@
       L.polygon(ellipse(p, major, minor, azimuth), { color: colour, weight: 1, opacity: 0.7, fillOpacity: 0.08, smoothFactor: 0.3, interactive: false }).addTo(map);
     }
     const sure = row[column.status] === "ok";
-    const marker = L.circleMarker(at(p), {
+    const face = signs.xy.length <= MANY ? faceOf(row[column["class"]]) : null;
+    const marker = face ? L.marker(at(p), {
+      icon: icon(face, FACE), opacity: sure ? 1 : 0.55, alt: words(row[column["class"]]),
+      title: words(row[column["class"]]) + ", " + row[column.id], riseOnHover: true,
+    }) : L.circleMarker(at(p), {
       radius: 6, color: sure ? css("--card") : colour, weight: sure ? 1.5 : 2,
-      fillColor: colour, fillOpacity: sure ? 0.95 : 0.25,
+      fillColor: colour, fillOpacity: sure ? 0.95 : 0.35,
     });
     marker.on("click", () => show(i, false));
     markers.push(marker.addTo(map));
   });
+  function icon(url, size) {
+    return L.icon({ iconUrl: url, iconSize: [size, size], className: "face" });
+  }
+  function mark(i, chosen) {
+    const face = faceOf(signs.rows[i][column["class"]]);
+    if (markers[i].setRadius) markers[i].setRadius(chosen ? 9 : 6);
+    else markers[i].setIcon(icon(face, chosen ? FACE_CHOSEN : FACE)).setZIndexOffset(chosen ? 1000 : 0);
+  }
   function ellipse(p, major, minor, azimuth) {
     const points = [], s = Math.sin(azimuth), c = Math.cos(azimuth);
     for (let k = 0; k < 40; k++) {
@@ -80,13 +98,14 @@
       const facing = signs.rows[i][column.facing_deg];
       if (facing === null || !view.contains(at(p))) return;
       const a = facing * Math.PI / 180;
-      const tip = [p[0] + 19 * metre * Math.sin(a), p[1] + 19 * metre * Math.cos(a)];
+      const reach = markers[i].setRadius ? 19 : 27;
+      const tip = [p[0] + reach * metre * Math.sin(a), p[1] + reach * metre * Math.cos(a)];
       const side = (turn) => [tip[0] - 6 * metre * Math.sin(a + turn), tip[1] - 6 * metre * Math.cos(a + turn)];
       L.polyline([at(p), at(tip), at(side(0.5)), at(tip), at(side(-0.5))], {
         color: signs.colours[signs.rows[i][column["class"]]] || UNKNOWN, weight: 1.6, interactive: false,
       }).addTo(arrows);
     });
-    markers.forEach((marker) => marker.bringToFront());
+    markers.forEach((marker) => { if (marker.bringToFront) marker.bringToFront(); });
   }
   function drawGrid() {
     grid.clearLayers();
@@ -112,7 +131,13 @@
     const box = document.getElementById("sign");
     box.replaceChildren();
     const row = signs.rows[i];
-    element("h3", row[column["class"]] + ", " + row[column.id], box);
+    const face = faceOf(row[column["class"]]);
+    if (face) {
+      const picture = element("img", undefined, box);
+      picture.src = face;
+      picture.alt = "";
+    }
+    element("h3", words(row[column["class"]]) + ", " + row[column.id], box);
     const list = element("dl", undefined, box);
     const line = (name, value, title) => {
       const term = element("dt", name, list);
@@ -123,13 +148,13 @@
     line("latitude", signs.lonlat[i][1].toFixed(7) + "°");
     if (signs.height_m[i] !== null) line("height", signs.height_m[i].toFixed(2) + " m", "height above the ellipsoid");
     data.fields.forEach((field, k) => {
-      if (field.name === "id" || field.name === "class" || row[k] === null || row[k] === "") return;
+      if (field.name === "id" || row[k] === null || row[k] === "") return;
       const value = Array.isArray(row[k]) ? row[k].join(", ") : String(row[k]);
       const unit = field.unit && field.unit !== "UTC" ? " " + field.unit : "";
       if (field.kind === "time") line(field.name.replace(/_/g, " "), value.replace("T", " ").replace("Z", " UTC"), field.meaning);
       else if (value) line(field.name.replace(/_(m|deg|m2)$/, "").replace(/_/g, " "), value + unit, field.meaning);
     });
-    markers.forEach((marker, k) => marker.setRadius(k === i ? 9 : 6));
+    markers.forEach((_, k) => mark(k, k === i));
     if (table) Array.from(table.rows).forEach((r) => r.classList.toggle("on", r.cells[0].textContent === row[column.id]));
     if (move) map.setView(at(signs.xy[i]), Math.max(map.getZoom(), 2));
   }
@@ -145,8 +170,15 @@
 
   // legend
   const legend = document.getElementById("legend");
-  const entry = (shape, colour, text) => {
+  const entry = (shape, colour, text, face) => {
     const line = element("div", undefined, legend);
+    if (face) {
+      const picture = element("img", undefined, line);
+      picture.src = face;
+      picture.alt = "";
+      element("span", text, line);
+      return;
+    }
     const mark = element("span", undefined, line);
     mark.className = shape;
     mark.style.background = colour;
@@ -159,11 +191,11 @@
   }
   if (data.fixes.length) entry("dot", css("--soft"), "GPS fix");
   if (signs.rows.length) {
-    element("h4", "Signs (hollow: with reservation)", legend);
+    element("h4", "Signs (pale: with reservation)", legend);
     const counts = new Map();
     signs.rows.forEach((row) => counts.set(row[column["class"]], (counts.get(row[column["class"]]) || 0) + 1));
     const names = [...counts.keys()].sort((a, b) => counts.get(b) - counts.get(a));
-    names.slice(0, 14).forEach((name) => entry("dot", signs.colours[name] || UNKNOWN, name + " (" + counts.get(name) + ")"));
+    names.slice(0, 14).forEach((name) => entry("dot", signs.colours[name] || UNKNOWN, words(name) + " (" + counts.get(name) + ")", faceOf(name)));
     if (names.length > 14) element("div", "and " + (names.length - 14) + " more classes", legend);
   }
 

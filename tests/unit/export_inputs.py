@@ -128,6 +128,7 @@ def write_run(out: Path, signs: int = 12, name: str = "demo", seconds: float = 1
         {"t_ns": arrival, "delay_s": delay, "envelope_s": np.full(len(arrival), 0.07)},
     )
     _write_fusion(out, path, rng)
+    (out / names.FUSION).write_text(json.dumps(FUSION))
     record = {
         "schema": "automap.run/1",
         "automap": "0.1.0",
@@ -139,6 +140,27 @@ def write_run(out: Path, signs: int = 12, name: str = "demo", seconds: float = 1
     }
     (out / names.RUN).write_text(json.dumps(record))
     return out
+
+
+FUSION = {
+    "method": "inertial",
+    "imu_delay_s": 0.125,
+    "imu_delay_sd_s": 0.004,
+    "delay_is_clock": False,
+    "mounting_rpy_deg": [179.0, 6.8, 185.0],
+    "mounting_rpy_sd_deg": [2.7, 0.1, 0.2],
+    "align_margin_nats": 300.0,
+    "noise_factors": {"gyro": 4.0, "position_h": 0.5, "accel": 1.0},
+    "fixes_used": 120,
+    "refused_share": 0.0,
+    "standstill": [[0.5, 3.0], [4.0, 5.0]],
+    "channels": {
+        "position_n": {"count": 60, "normalised_rms": 1.04, "accepted_share": 1.0},
+        "position_e": {"count": 60, "normalised_rms": 2.4, "accepted_share": 1.0},
+        "nhc_y": {"count": 60, "normalised_rms": 0.1, "accepted_share": 1.0},
+    },
+}
+"""What the fuse stage says of a sensor upside down and a filter too sure of the east."""
 
 
 def _write_fusion(out: Path, path: Trajectory, rng: np.random.Generator) -> None:
