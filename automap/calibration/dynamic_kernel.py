@@ -2,9 +2,10 @@
 
 States: velocity (3, NED), attitude (3, rotation of the navigation side), accelerometer bias,
 gyro bias, accelerometer scale, gyro scale (3 each), in correction form, equations (10), (11):
-a = (1 + S_a) abar + beta_a, omega = (1 + S_g) omegabar + beta_g. The measurement is the
-pseudo-velocity, equations (26) to (28). The error-state form is to first order the filter of
-(12) to (28) without the trouble of a quaternion's covariance.
+a = (1 + S_a) abar + beta_a, omega = (1 + S_g) omegabar + beta_g; and position (3), because the
+hand not only moves about zero velocity but stays in one place. The measurements are the
+pseudo-velocity, equations (26) to (28), and a pseudo-position. The error-state form is to first
+order the filter of (12) to (28) without the trouble of a quaternion's covariance.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from numba import njit
 
 from automap.fusion.mechanisation import quat_to_dcm, rotate_left, rotate_right
 
-VEL, PHI, BA, BG, SA, SG = 0, 3, 6, 9, 12, 15
-N_STATES = 18
+VEL, PHI, BA, BG, SA, SG, POS = 0, 3, 6, 9, 12, 15, 18
+N_STATES = 21
 N_ERRORS = 12
 
 
@@ -24,14 +25,16 @@ def run_filter(dt, gyro, accel, gravity, quat, errors, P, q, every, variance, wa
     """Filter conditioned readings [n, 3]; returns the number of measurements.
 
     ``dt`` [n - 1] s; ``quat`` [4] initial attitude, ``errors`` [12] (biases, then scales,
-    accelerometer first) and ``P`` [18, 18] are changed in place. ``q`` [2] white noise
+    accelerometer first) and ``P`` [21, 21] are changed in place. ``q`` [2] white noise
     densities squared of accelerometer and gyro, ``walk`` [12] those of the errors. A
-    pseudo-velocity of ``variance`` [n] is taken every ``every`` samples. ``out`` [n, 28]
-    receives quaternion, errors and the errors' one-sigma; ``innov`` [n, 7] per measurement
-    the row, the three innovations and their one-sigma.
+    pseudo-velocity and a pseudo-position with the columns of ``variance`` [n, 2] are taken every
+    ``every`` samples. ``out`` [n, 28]
+    receives quaternion, errors and the errors' one-sigma; ``innov`` [n, 10] per measurement
+    the row, the innovations of velocity, their one-sigma, and those of position.
     """
     n = gyro.shape[0]
     v = np.zeros(3)
+    place = np.zeros(3)
     c = np.empty((3, 3))
     f = np.empty(3)
     w = np.empty(3)
@@ -48,7 +51,11 @@ def run_filter(dt, gyro, accel, gravity, quat, errors, P, q, every, variance, wa
             f[i] = (1.0 + errors[6 + i]) * fa + errors[i]
             w[i] = (1.0 + errors[9 + i]) * wa + errors[3 + i]
         _propagate_covariance(P, c, f, accel, gyro, k, h, F, FP)
+        for i in range(3):
+            place[i] += 0.5 * v[i] * h
         _propagate(v, quat, c, f, w, h, gravity)
+        for i in range(3):
+            place[i] += 0.5 * v[i] * h
         for i in range(3):
             P[VEL + i, VEL + i] += q[0] * h
             P[PHI + i, PHI + i] += q[1] * h
@@ -57,10 +64,13 @@ def run_filter(dt, gyro, accel, gravity, quat, errors, P, q, every, variance, wa
         if k % every == 0:
             innov[count, 0] = k
             for axis in range(3):
-                s = P[axis, axis] + variance[k]
+                s = P[axis, axis] + variance[k, 0]
                 innov[count, 1 + axis] = -v[axis]
                 innov[count, 4 + axis] = np.sqrt(s)
-                _update(axis, s, v, quat, errors, P)
+                innov[count, 7 + axis] = -place[axis]
+                _update(axis, -v[axis], s, v, place, quat, errors, P)
+                s = P[POS + axis, POS + axis] + variance[k, 1]
+                _update(POS + axis, -place[axis], s, v, place, quat, errors, P)
             quat_to_dcm(quat, c)
             count += 1
         _store(k, quat, errors, P, out)
@@ -103,10 +113,17 @@ def _propagate_covariance(P, c, f, accel, gyro, k, h, F, FP):
             F[VEL + i, SA + j] = c[i, j] * fa * h
             F[PHI + i, BG + j] = c[i, j] * h
             F[PHI + i, SG + j] = c[i, j] * wa * h
+    # position first, with the velocity of the step's start
+    for i in range(3):
+        for j in range(N_STATES):
+            P[POS + i, j] += h * P[VEL + i, j]
+    for i in range(3):
+        for j in range(N_STATES):
+            P[j, POS + i] += h * P[j, VEL + i]
     for i in range(6):
         for j in range(N_STATES):
             s = 0.0
-            for m in range(PHI, N_STATES):
+            for m in range(PHI, POS):
                 s += F[i, m] * P[m, j]
             FP[i, j] = s
     for i in range(6):
@@ -116,7 +133,7 @@ def _propagate_covariance(P, c, f, accel, gyro, k, h, F, FP):
     for j in range(N_STATES):
         for i in range(6):
             s = 0.0
-            for m in range(PHI, N_STATES):
+            for m in range(PHI, POS):
                 s += F[i, m] * P[j, m]
             FP[i, j] = s
     for i in range(6):
@@ -125,16 +142,16 @@ def _propagate_covariance(P, c, f, accel, gyro, k, h, F, FP):
 
 
 @njit(cache=True)
-def _update(axis, s, v, quat, errors, P):
-    """One component of the pseudo-velocity: z = 0 = v + noise."""
+def _update(state, y, s, v, place, quat, errors, P):
+    """One component of velocity or position, innovation ``y`` = 0 - state, variance ``s``."""
     gain = np.empty(N_STATES)
     row = np.empty(N_STATES)
     for j in range(N_STATES):
-        gain[j] = P[j, axis] / s
-        row[j] = P[axis, j]
-    y = -v[axis]
+        gain[j] = P[j, state] / s
+        row[j] = P[state, j]
     for i in range(3):
         v[i] += gain[i] * y
+        place[i] += gain[POS + i] * y
     rotate_left(quat, gain[PHI] * y, gain[PHI + 1] * y, gain[PHI + 2] * y)
     norm = np.sqrt(quat[0] ** 2 + quat[1] ** 2 + quat[2] ** 2 + quat[3] ** 2)
     for i in range(4):

@@ -18,7 +18,8 @@ class Fit:
     """Parameters [p] with covariance [p, p], residuals [m] and their one-sigma [m].
 
     ``floor`` is the part of the residuals' one-sigma that the known variances do not explain,
-    one value per group.
+    one value per group. ``dof`` are degrees of freedom of the residuals' variance: more, the
+    less of it had to be estimated as floor (Satterthwaite).
     """
 
     parameters: FloatArray
@@ -102,7 +103,7 @@ def fit_with_floor(
         sd=sd,
         jacobian=J,
         floor=np.sqrt(floor),
-        dof=float(dof_share.sum() - len(x)),
+        dof=float(dof_share.sum() - len(x)) / max(float(np.mean(floor[group] / sd**2)), 0.03) ** 2,
     )
 
 

@@ -16,6 +16,9 @@ SAME_POSE = 0.002
 """Neighbouring rests nearer than this, against the span of the readings, are one pose."""
 FLOOR_QUANTILE = 0.05
 """The quietest twentieth of all windows is taken for the sensor's own noise."""
+SMOOTH = 3.0
+"""Variance over that by second differences: 1 for white noise, up to 2 behind a sensor's own
+low-pass, hundreds for motion."""
 THRESHOLDS = tuple(1.5 * 2.0 ** (k / 2) for k in range(16))
 """Candidate limits on windowed variance over noise floor, from 1.5 to 270."""
 
@@ -50,6 +53,18 @@ def movement(log: RawImu) -> FloatArray:
     Raises:
         InputError: too few samples, or too low a rate, to tell rest from motion.
     """
+    variance, floor = _windowed(log)
+    floor = np.where(floor == 0.0, np.inf, floor)  # an axis that never changes says nothing
+    return np.asarray((variance / floor).mean(axis=1))
+
+
+def noise_density(log: RawImu) -> FloatArray:
+    """White noise [6] of accelerometer and gyro in the quietest windows, units/sqrt(Hz)."""
+    return np.asarray(np.sqrt(_windowed(log)[1] / log.rate_hz))
+
+
+def _windowed(log: RawImu) -> tuple[FloatArray, FloatArray]:
+    """Variance in a sliding window [n, 6], accelerometer first, and its floor [6]."""
     from scipy.ndimage import uniform_filter1d
 
     rate = log.rate_hz
@@ -67,11 +82,13 @@ def movement(log: RawImu) -> FloatArray:
     values = values - values.mean(axis=0)
     mean = uniform_filter1d(values, window, axis=0)
     variance = np.maximum(uniform_filter1d(values**2, window, axis=0) - mean**2, 0.0)
-    floor = np.maximum(
-        np.quantile(variance, FLOOR_QUANTILE, axis=0), quantisation_step(values) ** 2 / 12.0
-    )
-    floor[floor == 0.0] = np.inf  # an axis that never changes says nothing about movement
-    return np.asarray((variance / floor).mean(axis=1))
+    # the variance about the mean of so few samples is too small by that one
+    variance *= window / (window - 1.0)
+    floor = np.quantile(variance, FLOOR_QUANTILE, axis=0)
+    # where even the quietest windows are smooth motion, second differences show the noise
+    rough = uniform_filter1d(np.diff(values, 2, axis=0) ** 2 / 6.0, window, axis=0)
+    floor = np.minimum(floor, SMOOTH * np.quantile(rough, FLOOR_QUANTILE, axis=0))
+    return variance, np.maximum(floor, quantisation_step(values) ** 2 / 12.0)
 
 
 def quantisation_step(values: FloatArray) -> FloatArray:
@@ -84,7 +101,7 @@ def quantisation_step(values: FloatArray) -> FloatArray:
 
 def rests_below(logs: list[RawImu], movements: list[FloatArray], limit: float) -> list[Rest]:
     """All intervals of at least LEAST_REST_S in which the movement stays below ``limit``."""
-    found = []
+    found: list[Rest] = []
     for number, (log, moved) in enumerate(zip(logs, movements, strict=True)):
         t_s = log.t_s
         step = float(np.median(np.diff(t_s)))

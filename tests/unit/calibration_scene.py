@@ -91,23 +91,24 @@ def turned_by_hand(
             speed = (1.0 - np.cos(2 * np.pi * x)) / (n / RATE)
             rates.append(speed[:, None] * angle)
             attitudes.append(C @ rotation_vector_to_matrix(part[:, None] * angle))
-            moving.append(np.sin(np.pi * x) ** 2)
+            moving.append(np.sin(np.pi * x) ** 2 if rest_s else np.ones(n))
     rate, C = np.concatenate(rates), np.concatenate(attitudes)
     t_s = np.arange(len(rate)) / RATE
-    acceleration = _sway(rng, len(t_s), amplitude_m, sway_hz) * np.concatenate(moving)[:, None]
+    place = _sway(rng, t_s, amplitude_m, sway_hz) * np.concatenate(moving)[:, None]
+    velocity = np.gradient(place, 1.0 / RATE, axis=0)
+    acceleration = np.gradient(velocity, 1.0 / RATE, axis=0)
     force_n = acceleration - np.array([0.0, 0.0, GRAVITY])
     return Motion(t_s, C, rate, np.einsum("nji,nj->ni", C, force_n))
 
 
-def _sway(rng: np.random.Generator, n: int, amplitude_m: float, hertz: float) -> FloatArray:
-    """Accelerations [n, 3] of a bounded random translation, as a sum of sines."""
-    t = np.arange(n) / RATE
-    out = np.zeros((n, 3))
+def _sway(rng: np.random.Generator, t_s: FloatArray, amplitude_m: float, hz: float) -> FloatArray:
+    """A bounded random translation [n, 3] in metres, as a sum of sines."""
+    out = np.zeros((len(t_s), 3))
     for _ in range(12):
-        w = 2 * np.pi * rng.uniform(0.3, 1.5) * hertz
+        w = 2 * np.pi * rng.uniform(0.3, 1.5) * hz
         phase = rng.uniform(0, 2 * np.pi, 3)
         size = amplitude_m * np.sqrt(2.0 / 12.0) * rng.normal(0, 1, 3)
-        out -= size * w * w * np.sin(w * t[:, None] + phase)
+        out += size * np.sin(w * t_s[:, None] + phase)
     return out
 
 

@@ -1,0 +1,216 @@
+"""Dynamic calibration: remaining errors of a sensor that is turned by hand.
+
+The sensor is turned about several axes without being carried about, so its velocity is zero
+but for the hand: the pseudo-velocity of equations (26) to (28). A hand also stays in one place,
+which says far more of slow errors: a pseudo-position. How much the hand moved is estimated from
+the innovations, with the time over which that motion stays the same, and the noise of both
+measurements set accordingly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.calibration.dynamic_kernel import N_ERRORS, N_STATES, PHI, run_filter
+from automap.calibration.rest import LEAST_REST_S, movement, noise_density
+from automap.errors import InputError
+from automap.frames import matrix_to_quat, rpy_to_matrix
+from automap.records import FloatArray, RawImu
+
+ERROR_NAMES = tuple(
+    f"{effect}_{axis}"
+    for effect in ("accel_bias", "gyro_bias", "accel_scale", "gyro_scale")
+    for axis in "xyz"
+)
+PRIOR_SD = np.repeat([0.3, 0.02, 0.01, 0.01], 3)
+"""One sigma of the errors before: of the catalogue of effects (m/s^2, rad/s, and relative)."""
+WALK = np.repeat([1e-4, 1e-5, 0.0, 0.0], 3)
+"""Random walk of the errors, per square root of a second."""
+UPDATE_S = 0.1
+STILL_LIMIT = 8.0
+"""Movement (variance over noise floor) below which the pseudo-velocity counts as exact."""
+STILL_SD = 0.003
+LEAST_TURN = np.radians(270.0)
+"""A sensor turned less than this about an axis tells little of that axis."""
+MUCH_TRANSLATION = 0.5
+"""RMS velocity of the hand, m/s, above which the result is poor."""
+WELL_KNOWN = 0.5
+"""An error is determined when its sigma falls below this part of the prior's."""
+
+
+@dataclass(frozen=True)
+class DynamicCalibration:
+    """The errors over time, in correction form: true = (1 + scale) * reading + bias.
+
+    ``t_s`` [n], ``quat`` [n, 4], ``errors``, ``sd`` [n, 12] in the order of ERROR_NAMES;
+    ``covariance`` [12, 12] at the end. ``hand_velocity`` m/s and ``hand_place`` m,
+    RMS. ``turned`` [3] rad in all about each axis. ``innovations`` [m, 10]:
+    row, innovation of velocity [3], its sd [3], innovation of position [3].
+    """
+
+    t_s: FloatArray
+    quat: FloatArray
+    errors: FloatArray
+    sd: FloatArray
+    covariance: FloatArray
+    hand_velocity: float
+    hand_place: float
+    turned: FloatArray
+    innovations: FloatArray
+    warnings: tuple[str, ...]
+
+    @property
+    def final(self) -> FloatArray:
+        """The errors [12] at the end."""
+        return np.asarray(self.errors[-1])
+
+
+def calibrate_dynamic(
+    log: RawImu, gyro: FloatArray, accel: FloatArray, gravity: float
+) -> DynamicCalibration:
+    """Estimate the twelve errors of conditioned readings [n, 3] in rad/s and m/s^2.
+
+    ``log`` are the readings as logged (for the noise floor), ``gravity`` in m/s^2.
+
+    Raises:
+        InputError: the log is too short or the filter finds no consistent motion.
+    """
+    t_s = log.t_s
+    if t_s[-1] < 10.0:
+        raise InputError(
+            f"{log.name} lasts {t_s[-1]:.3g} s; turn the sensor by hand for a minute or two."
+        )
+    norm = float(np.median(np.linalg.norm(accel, axis=1)))
+    if not 0.8 < norm / gravity < 1.25:
+        raise InputError(
+            f"{log.name}: the median specific force is {norm:.4g} m/s^2 where gravity is "
+            f"{gravity:.4g}; correct --accel-unit, or calibrate statically first."
+        )
+    still = movement(log) < STILL_LIMIT
+    density = noise_density(log)
+    # twice the noise at rest: in motion there is more, of kinds the model does not have
+    q = np.array(
+        [
+            4.0 * np.mean((density[:3] * _unit(accel, log.accel)) ** 2),
+            4.0 * np.mean((density[3:] * _unit(gyro, log.gyro)) ** 2),
+        ]
+    )
+    quat0, P0 = _start(log, gyro, accel, bool(still[: int(log.rate_hz)].all()))
+    every = max(1, round(UPDATE_S * log.rate_hz))
+    dt = np.diff(t_s)
+    hand, tau = np.array([0.2, 0.1]), np.array([0.3, 0.5])
+    step = every / log.rate_hz
+    out = np.empty((len(t_s), 4 + 2 * N_ERRORS))
+    innovations = np.empty((len(t_s) // every + 1, 10))
+    P, errors, count = P0.copy(), np.zeros(N_ERRORS), 0
+    for _ in range(4):
+        # noise that lasts is no new information every time
+        moving = hand**2 * np.maximum(1.0, 2.0 * tau / step)
+        variance = np.tile(moving, (len(t_s), 1))
+        variance[still, 0] = STILL_SD**2
+        # about the last pass's errors, so that the model is linear where it matters
+        P = P0.copy()
+        count = run_filter(
+            dt, np.ascontiguousarray(gyro), np.ascontiguousarray(accel), gravity, quat0.copy(),
+            errors, P, q, every, variance, WALK**2, out, innovations,
+        )  # fmt: skip
+        hand, tau = _hand(innovations[:count], still, step)
+    if not np.all(np.isfinite(out[-1])):
+        raise InputError(f"{log.name}: the filter diverged; check units and axes, record again.")
+    turned = np.sum(np.abs(0.5 * (gyro[1:] + gyro[:-1])) * dt[:, None], axis=0)
+    result = DynamicCalibration(
+        t_s=t_s,
+        quat=out[:, :4].copy(),
+        errors=out[:, 4 : 4 + N_ERRORS].copy(),
+        sd=out[:, 4 + N_ERRORS :].copy(),
+        covariance=P[6:18, 6:18].copy(),
+        hand_velocity=float(hand[0]),
+        hand_place=float(hand[1]),
+        turned=turned,
+        innovations=innovations[:count].copy(),
+        warnings=(),
+    )
+    return _judged(result, log)
+
+
+def _unit(si: FloatArray, raw: FloatArray) -> float:
+    """SI value of a reading unit, by the spread of both."""
+    return float(np.median(si.std(axis=0) / (raw.std(axis=0) + 1e-300)))
+
+
+def _start(
+    log: RawImu, gyro: FloatArray, accel: FloatArray, at_rest: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Initial quaternion [4] by levelling the first second, and covariance [21, 21]."""
+    rows = slice(0, max(2, round(LEAST_REST_S * log.rate_hz)))
+    f = accel[rows].mean(axis=0)
+    roll, pitch = np.arctan2(-f[1], -f[2]), np.arctan2(f[0], np.hypot(f[1], f[2]))
+    quat = matrix_to_quat(rpy_to_matrix(np.array([roll, pitch, 0.0])))
+    level = np.radians(2.0 if at_rest else 15.0)
+    sd = np.zeros(N_STATES)
+    sd[:3] = 0.02 if at_rest else 0.3
+    # heading cannot be seen and does not matter
+    sd[PHI : PHI + 3] = (level, level, 1e-6)
+    sd[6:18] = PRIOR_SD
+    sd[18:] = 0.3
+    return quat, np.diag(sd**2)
+
+
+def _hand(innovations: FloatArray, still: np.ndarray, step: float) -> tuple[FloatArray, FloatArray]:
+    """RMS velocity and displacement of the hand [2], m/s and m, and the correlation times
+    [2] of both in s, from the innovations."""
+    rows = innovations[:, 0].astype(np.int64)
+    moving = ~still[rows]
+    # the first tenth still shows the errors that the filter has not yet learnt
+    begun = np.arange(len(moving)) >= len(moving) // 10
+    found = [
+        _spread(innovations[:, 1:4], moving & begun, step, 0.05),
+        _spread(innovations[:, 7:10], begun, step, 0.05),
+    ]
+    return np.array([f[0] for f in found]), np.array([f[1] for f in found])
+
+
+def _spread(y: FloatArray, used: np.ndarray, step: float, least: float) -> tuple[float, float]:
+    """RMS of the used rows of ``y`` [m, 3] and the time over which they stay the same."""
+    count = np.count_nonzero(used)
+    if count < 10:
+        return least, 0.3
+    y = np.where(used[:, None], y, 0.0)
+    total = float(np.sum(y**2)) + 1e-300
+    area = 0.5
+    for lag in range(1, min(len(y) // 4, round(5.0 / step))):
+        correlation = float(np.sum(y[lag:] * y[:-lag])) / total
+        if correlation <= 0.0:
+            break
+        area += correlation
+    return max(float(np.sqrt(total / (3.0 * count))), 0.2 * least), area * step
+
+
+def _judged(result: DynamicCalibration, log: RawImu) -> DynamicCalibration:
+    """The result with a sentence for everything that the motion leaves open."""
+    from dataclasses import replace
+
+    found = []
+    for axis, angle in zip("xyz", result.turned, strict=True):
+        if angle < LEAST_TURN:
+            found.append(
+                f"{log.name}: turned by only {np.degrees(angle):.0f} deg in all about {axis}; turn "
+                f"the sensor to and fro about its {axis} axis by 90 degrees or more, several times"
+            )
+    if result.hand_velocity > MUCH_TRANSLATION:
+        found.append(
+            f"{log.name}: the sensor was carried about at {result.hand_velocity:.2f} m/s RMS, too "
+            "much for a pseudo-velocity of zero; turn it in place"
+        )
+    open_ones = [
+        name
+        for name, sd, prior in zip(ERROR_NAMES, result.sd[-1], PRIOR_SD, strict=True)
+        if sd > WELL_KNOWN * prior and "bias" in name
+    ]
+    if open_ones:
+        found.append(
+            f"{log.name}: {', '.join(open_ones)} stay open; turn the sensor through more attitudes"
+        )
+    return replace(result, warnings=tuple(found))
