@@ -14,9 +14,21 @@ PHI_ID = 6
 N_NAV = 9
 
 # columns of the offsets row handed to the kernels
-LEVER, DELAY, VEL_LATENCY, WANDER, MOUNT, WHEEL = range(6)
-N_BLOCKS = 6
-BLOCK_SIZE = (3, 1, 1, 3, 3, 3)
+(
+    LEVER,
+    DELAY,
+    VEL_LATENCY,
+    WANDER,
+    MOUNT,
+    WHEEL,
+    LATENCY,
+    VEL_LAG,
+    SKEW,
+    DATUM,
+    SIDESLIP,
+) = range(11)
+N_BLOCKS = 11
+BLOCK_SIZE = (3, 1, 1, 3, 3, 3, 1, 1, 1, 3, 1)
 
 # bits of a node's flags
 HAS_POS_H = 1

@@ -7,15 +7,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from automap.effects import CATALOGUE, ImuTerm, imu_terms
+from automap.effects import CATALOGUE, ImuTerm, effect_named, imu_terms
 from automap.errors import ConfigError
 from automap.fusion.layout import (
     BLOCK_SIZE,
+    DATUM,
     DELAY,
+    LATENCY,
     LEVER,
     MOUNT,
     N_BLOCKS,
     N_NAV,
+    SIDESLIP,
+    SKEW,
+    VEL_LAG,
     VEL_LATENCY,
     WANDER,
     WHEEL,
@@ -29,6 +34,18 @@ _BLOCK_OF_EFFECT = {
     "gnss_correlated_noise": WANDER,
     "imu_mounting": MOUNT,
     "nhc_lever_arm": WHEEL,
+    "gnss_latency": LATENCY,
+    "gnss_velocity_lag": VEL_LAG,
+    "imu_clock_skew": SKEW,
+    "gnss_datum_shift": DATUM,
+    "vehicle_sideslip": SIDESLIP,
+}
+_SETTINGS_OF_EFFECT = {
+    "accel_bias_walk": "fuse.accel_bias_walk",
+    "gyro_bias_walk": "fuse.gyro_bias_walk",
+    "earth_rotation": "fuse.earth_rotation",
+    "gnss_noise_scale": "fuse.adapt",
+    "gnss_outliers": "fuse.gate_probability",
 }
 _WALK_OF_EFFECT = {"accel_bias": "accel_bias_walk", "gyro_bias": "gyro_bias_walk"}
 
@@ -51,7 +68,8 @@ class FusionOptions:
 
     ``accel_noise`` m/s^2/sqrt(Hz), ``gyro_noise`` rad/s/sqrt(Hz): white noise including what
     vibration the sampling folds down. ``prior_sd`` replaces catalogue priors: effect ->
-    parameter -> sd (parameter "*" for all). ``wander_tau_s`` and ``wander_share``: the
+    parameter -> sd (parameter "*" for all). ``fixed``: effects that are not estimated but have
+    these values (parameters not named are zero). ``wander_tau_s`` and ``wander_share``: the
     Gauss-Markov part of a fix's error relative to the receiver's own accuracy figure,
     ``white_share`` the white part. ``passes`` at most that many to settle the delays,
     ``iterations`` of the smoother about its own result after that. With ``adapt`` the white
@@ -60,6 +78,7 @@ class FusionOptions:
 
     effects: tuple[str, ...] = DEFAULT_EFFECTS
     prior_sd: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    fixed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     accel_noise: float = 0.01
     gyro_noise: float = 4e-4
     accel_bias_walk: float = 4e-4
@@ -126,22 +145,16 @@ def build_state_model(
     Raises:
         ConfigError: an effect that the filter has no states for.
     """
-    imu_names = [e for e in options.effects if e in CATALOGUE and CATALOGUE[e].family == "imu"]
+    chosen = [*options.effects, *(e for e in options.fixed if e not in options.effects)]
+    imu_names = [e for e in chosen if effect_named(e).family == "imu"]
     terms = tuple(imu_terms(imu_names))
     names = [t.name for t in terms]
     sd = [_prior(options, t.effect, t.parameter.name, t.parameter.prior_sd) for t in terms]
     offsets = np.full(N_BLOCKS, -1, dtype=np.int64)
-    for effect in options.effects:
+    for effect in chosen:
         if effect in imu_names:
             continue
-        block = _BLOCK_OF_EFFECT.get(effect)
-        if block is None:
-            raise ConfigError(
-                f"fuse.effects: '{effect}' cannot be estimated by the filter; choose from "
-                + ", ".join([e for e in CATALOGUE if CATALOGUE[e].family == "imu"])
-                + ", "
-                + ", ".join(_BLOCK_OF_EFFECT)
-            )
+        block = _block_of(effect)
         offsets[block] = N_NAV + len(names)
         if block == WANDER:
             names += [f"{effect}_{a}" for a in "ned"]
@@ -150,18 +163,21 @@ def build_state_model(
         for parameter in CATALOGUE[effect].parameters[: BLOCK_SIZE[block]]:
             names.append(f"{effect}_{parameter.name}")
             sd.append(_prior(options, effect, parameter.name, parameter.prior_sd))
+    given = _fixed_values(options)
+    means = {**(means or {}), **given}
+    sds = {**(sds or {}), **dict.fromkeys(given, 0.0)}
     n = N_NAV + len(names)
     tau = np.zeros(n)
     walk = np.zeros(n)
     for i, term in enumerate(terms):
-        if term.effect in _WALK_OF_EFFECT:
+        if term.effect in _WALK_OF_EFFECT and term.effect not in options.fixed:
             walk[N_NAV + i] = getattr(options, _WALK_OF_EFFECT[term.effect]) ** 2
     if offsets[WANDER] >= 0:
         block_rows = slice(int(offsets[WANDER]), int(offsets[WANDER]) + 3)
         tau[block_rows] = options.wander_tau_s
         walk[block_rows] = 1.0
-    mean = np.array([(means or {}).get(name, 0.0) for name in names])
-    spread = np.array([(sds or {}).get(name, s) for name, s in zip(names, sd, strict=True)])
+    mean = np.array([means.get(name, 0.0) for name in names])
+    spread = np.array([sds.get(name, s) for name, s in zip(names, sd, strict=True)])
     table = np.array([(t.sensor, t.axis, t.basis) for t in terms], dtype=np.int64).reshape(-1, 3)
     return StateModel(terms, table, offsets, tuple(names), mean, spread, tau, walk)
 
@@ -169,3 +185,33 @@ def build_state_model(
 def _prior(options: FusionOptions, effect: str, parameter: str, default: float) -> float:
     given = options.prior_sd.get(effect, {})
     return float(given.get(parameter, given.get("*", default)))
+
+
+def _block_of(effect: str) -> int:
+    """Block of a measurement-side effect; raises ConfigError where the filter has none."""
+    if effect in _BLOCK_OF_EFFECT:
+        return _BLOCK_OF_EFFECT[effect]
+    if effect in _SETTINGS_OF_EFFECT:
+        raise ConfigError(
+            f"fuse.effects: '{effect}' is no state; it is set by {_SETTINGS_OF_EFFECT[effect]}"
+        )
+    states = [e for e in CATALOGUE if CATALOGUE[e].family == "imu"] + list(_BLOCK_OF_EFFECT)
+    raise ConfigError(
+        f"fuse.effects: '{effect}' cannot be estimated by the filter; choose from "
+        + ", ".join(states)
+    )
+
+
+def _fixed_values(options: FusionOptions) -> dict[str, float]:
+    """Values of fixed effects by full parameter name, zero where not named."""
+    values: dict[str, float] = {}
+    for effect, given in options.fixed.items():
+        known = [p.name for p in effect_named(effect).parameters]
+        for parameter in given:
+            if parameter not in known:
+                raise ConfigError(
+                    f"fuse.fixed: '{effect}' has no parameter '{parameter}'; it has "
+                    + ", ".join(known)
+                )
+        values |= {f"{effect}_{name}": float(given.get(name, 0.0)) for name in known}
+    return values

@@ -77,7 +77,9 @@ def run_passes(session: Session, start: Start | None, constrained: bool) -> tupl
     model = build_state_model(options, session.means, session.sds)
     speed_t, speed, _ = fix_speed(session.fixes)
     shift = Shift(session.means[DELAY_STATE] if DELAY_STATE in model.names else 0.0)
-    problem = make_problem(session.imu, model, options)
+    t_imu = np.asarray((session.imu.t_ns - session.imu.t_ns[0]) * 1e-9)
+    along = np.interp(t_imu, speed_t, speed) if len(speed_t) else None
+    problem = make_problem(session.imu, model, options, along)
     margin = np.inf
     factors = dict.fromkeys(LEVELS, 1.0)
     last: Pass | None = None

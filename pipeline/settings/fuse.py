@@ -19,6 +19,8 @@ class FuseSettings(Section):
     """Effects that are estimated, by name."""
     prior_sd: dict[str, dict[str, PositiveFloat]] = Field(default_factory=dict)
     """One sigma of parameters before the drive: effect, parameter ("*" for all)."""
+    fixed: dict[str, dict[str, float]] = Field(default_factory=dict)
+    """Effects with known values: effect, parameter, value."""
     accel_noise: PositiveFloat = _D.accel_noise
     """White noise of the accelerometer in a car, m/s^2/sqrt(Hz)."""
     gyro_noise: PositiveFloat = _D.gyro_noise

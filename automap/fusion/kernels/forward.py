@@ -188,9 +188,11 @@ def observe(
         if not (horizontal or vertical):
             return 0, 0
         if block == 0:
-            position_block(h, z, nodes.fix[k, 0:3], pos, vel, c, xi, off, nodes.wander[k])
+            position_block(
+                h, z, nodes.fix[k, 0:3], pos, vel, c, xi, off, nodes.wander[k], nodes.t[k]
+            )
         else:
-            velocity_block(h, z, nodes.fix[k, 3:6], vel, c, rate, acc, xi, off)
+            velocity_block(h, z, nodes.fix[k, 3:6], vel, c, rate, acc, xi, off, nodes.t[k])
         first = CH_POS if block == 0 else CH_VEL
         if horizontal:
             return (3 if vertical else 2), first
@@ -200,7 +202,7 @@ def observe(
     if block == 2:
         if (flags & NHC) == 0:
             return 0, 0
-        constraint_block(h, z, vel, c, rate, xi, off)
+        constraint_block(h, z, vel, c, rate, acc, xi, off)
         return 2, CH_NHC
     if (flags & STANDSTILL) == 0:
         return 0, 0

@@ -9,12 +9,17 @@ from numba import njit
 
 from automap.fusion.kernels.arrays import Samples
 from automap.fusion.layout import (
+    DATUM,
     DELAY,
+    LATENCY,
     LEVER,
     MOUNT,
     N_NAV,
     PHI_ID,
+    SIDESLIP,
+    SKEW,
     V_ID,
+    VEL_LAG,
     VEL_LATENCY,
     WANDER,
     WHEEL,
@@ -35,6 +40,19 @@ def _lever_rows(h: FloatArray, phi_row: int, cl: FloatArray, sign: float) -> Non
 
 
 @njit(cache=True)
+def _shift_in_time(
+    h: FloatArray, z: FloatArray, slope: FloatArray, xi: FloatArray, offset: int, factor: float
+) -> None:
+    """A parameter that moves the observed instant: slope [3] per second times ``factor``."""
+    if offset < 0:
+        return
+    d = factor * xi[offset - N_NAV]
+    for a in range(3):
+        z[a] -= slope[a] * d
+        h[a, offset] = slope[a] * factor
+
+
+@njit(cache=True)
 def position_block(
     h: FloatArray,
     z: FloatArray,
@@ -45,6 +63,7 @@ def position_block(
     xi: FloatArray,
     off: IntArray,
     wander_scale: FloatArray,
+    t: float,
 ) -> None:
     """Residual ``z`` [3] in metres NED and rows ``h`` [3, n] of an antenna position.
 
@@ -77,11 +96,13 @@ def position_block(
         for a in range(3):
             for b in range(3):
                 h[a, off[LEVER] + b] = c[a, b]
-    if off[DELAY] >= 0:
-        d = xi[off[DELAY] - N_NAV]
+    _shift_in_time(h, z, vel, xi, off[DELAY], 1.0)
+    _shift_in_time(h, z, vel, xi, off[SKEW], t)
+    _shift_in_time(h, z, vel, xi, off[LATENCY], -1.0)
+    if off[DATUM] >= 0:
         for a in range(3):
-            z[a] -= vel[a] * d
-            h[a, off[DELAY]] = vel[a]
+            z[a] -= xi[off[DATUM] - N_NAV + a]
+            h[a, off[DATUM] + a] = 1.0
     if off[WANDER] >= 0:
         for a in range(3):
             z[a] -= wander_scale[a] * xi[off[WANDER] - N_NAV + a]
@@ -99,6 +120,7 @@ def velocity_block(
     acc: FloatArray,
     xi: FloatArray,
     off: IntArray,
+    t: float,
 ) -> None:
     """Residual and rows of an antenna velocity NED; ``rate`` [3] body, ``acc`` [3] NED."""
     n = h.shape[1]
@@ -124,16 +146,12 @@ def velocity_block(
             h[a, off[LEVER]] = c[a, 1] * rate[2] - c[a, 2] * rate[1]
             h[a, off[LEVER] + 1] = c[a, 2] * rate[0] - c[a, 0] * rate[2]
             h[a, off[LEVER] + 2] = c[a, 0] * rate[1] - c[a, 1] * rate[0]
-    if off[DELAY] >= 0:
-        d = xi[off[DELAY] - N_NAV]
-        for a in range(3):
-            z[a] -= acc[a] * d
-            h[a, off[DELAY]] = acc[a]
-    if off[VEL_LATENCY] >= 0:
-        d = xi[off[VEL_LATENCY] - N_NAV]
-        for a in range(3):
-            z[a] += acc[a] * d
-            h[a, off[VEL_LATENCY]] = -acc[a]
+    _shift_in_time(h, z, acc, xi, off[DELAY], 1.0)
+    _shift_in_time(h, z, acc, xi, off[SKEW], t)
+    _shift_in_time(h, z, acc, xi, off[LATENCY], -1.0)
+    _shift_in_time(h, z, acc, xi, off[VEL_LATENCY], -1.0)
+    # a first-order low-pass delays by its time constant, to first order
+    _shift_in_time(h, z, acc, xi, off[VEL_LAG], -1.0)
 
 
 @njit(cache=True)
@@ -143,6 +161,7 @@ def constraint_block(
     vel: FloatArray,
     c: FloatArray,
     rate: FloatArray,
+    acc: FloatArray,
     xi: FloatArray,
     off: IntArray,
 ) -> None:
@@ -192,6 +211,11 @@ def constraint_block(
                 for a in range(3):
                     s += w[i, a] * cross[a, b]
                 h[i, off[WHEEL] + b] = s
+    if off[SIDESLIP] >= 0:
+        # the car drifts outwards by an angle that grows with the lateral acceleration
+        lateral = c[0, 1] * acc[0] + c[1, 1] * acc[1] + c[2, 1] * acc[2]
+        z[0] -= xi[off[SIDESLIP] - N_NAV] * lateral * u[0]
+        h[0, off[SIDESLIP]] = lateral * u[0]
     if off[MOUNT] >= 0:
         o = off[MOUNT]
         h[0, o], h[0, o + 2] = -u[2], u[0]
