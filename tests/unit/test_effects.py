@@ -78,7 +78,7 @@ def test_a_wrong_name_is_answered_with_the_nearest() -> None:
 def _signals(n: int = 40) -> tuple[np.ndarray, ...]:
     rng = np.random.default_rng(7)
     gyro = rng.normal(0.0, 0.4, (n, 3))
-    accel = rng.normal(0.0, 2.0, (n, 3)) + [0.0, 0.0, -9.8]
+    accel = rng.normal(0.0, 2.0, (n, 3)) + np.array([0.0, 0.0, -9.8])
     return gyro, accel, rng.uniform(5.0, 45.0, n), rng.uniform(0.0, 30.0, n)
 
 

@@ -104,14 +104,9 @@ def test_transition_rows_are_the_derivative_of_the_integration() -> None:
         high = _subtract(end(delta)[0], base)
         low = _subtract(end(-delta)[0], base)
         numeric[:, j] = (high - low) / (2.0 * size[j])
-    # Earth and transport rate couple the errors by 1e-4 rad/s, which the rows leave out; the
-    # columns of gyro terms are good to a sample in the interval
+    # Earth and transport rate couple the errors by 1e-4 rad/s, which the rows leave out
     scale = np.maximum(np.abs(numeric).max(axis=0), 1e-3)
-    miss = np.abs((trans - numeric) / scale).max(axis=0)
-    gyro = np.zeros(model.size, bool)
-    gyro[9 : 9 + len(model.terms)] = model.term_table[:, 0] == 0
-    assert miss[~gyro].max() < 4e-3
-    assert miss[gyro].max() < 3e-2
+    assert np.abs((trans - numeric) / scale).max() < 5e-3
 
 
 def test_compact_noise_is_the_dense_recursion() -> None:
@@ -119,7 +114,7 @@ def test_compact_noise_is_the_dense_recursion() -> None:
     qa, qg, dt = 1e-4, 1.6e-7, 0.01
     compact, dense = np.zeros(N_NOISE), np.zeros((9, 9))
     for _ in range(120):
-        d = (rng.normal(0.0, 3.0, 3) + [0.0, 0.0, -9.8]) * dt
+        d = (rng.normal(0.0, 3.0, 3) + np.array([0.0, 0.0, -9.8])) * dt
         cross = np.array([[0, -d[2], d[1]], [d[2], 0, -d[0]], [-d[1], d[0], 0]])
         f = np.eye(9)
         f[0:3, 3:6] = dt * np.eye(3)

@@ -96,7 +96,7 @@ def _assert_rows(
 
 
 def test_position_rows(model: StateModel, state: np.ndarray) -> None:
-    fix = state[:3] + [2e-7, -3e-7, 1.0]
+    fix = state[:3] + np.array([2e-7, -3e-7, 1.0])
 
     def block(h, z, pos, vel, c, xi):  # type: ignore[no-untyped-def]
         position_block(h, z, fix, pos, vel, c, xi, model.offsets, WANDER_SD)

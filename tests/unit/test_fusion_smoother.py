@@ -155,7 +155,7 @@ def test_iterations_from_two_starts_meet() -> None:
         c, s = np.cos(turn / 2), np.sin(turn / 2)
         nominal[6:10] = [c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w]
         nominal[0] += turn * 1e-5
-        away = replace(start, nominal=nominal, sd=start.sd + [0.0] * 8 + [turn])
+        away = replace(start, nominal=nominal, sd=start.sd + turn * np.eye(9)[8])
         about = smooth(problem, run_forward(problem, forward.nodes, away, Shift()))
         for _ in range(4):
             run = run_forward(problem, forward.nodes, start, Shift(), about=about)
