@@ -1,78 +1,122 @@
-"""Noise levels by the likelihood of the innovations, by factors of two.
+"""Noise levels by the likelihood of the innovations.
 
 A sensor's data sheet says little about its noise in a car: vibration folds down, the mount
-flexes. So the filter asks the drive itself. Each level is moved up or down while that makes
-the measurements more likely; a level that does not matter stays where it is.
+flexes. So the filter asks the drive itself. Each level is moved up or down by a factor while
+that makes the measurements more likely; a level that does not matter stays where it is.
+``adapt_noise`` does so coarsely for the white levels in every run; ``tune_noise`` finely and
+for random walks and the receiver's slow error too.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.fusion.layout import CH_POS, CH_VEL
+from automap.fusion.layout import CH_POS, CH_VEL, WANDER
+from automap.fusion.levels import LEVELS, WHITE_LEVELS
 from automap.fusion.measurements import Nodes, Shift
-from automap.fusion.model import FusionOptions
 from automap.fusion.problem import Problem, Start, run_forward, with_options
 
-MAX_PART_S = 300.0
-MIN_GAIN_NATS = 3.0
-FACTOR = 2.0
-MAX_STEPS = 4
-LEVELS = ("accel", "gyro", "position_h", "position_v", "velocity_h", "velocity_v")
+
+@dataclass(frozen=True)
+class Search:
+    """How finely to search: levels, step factor, largest total factor, seconds of the drive
+    that are used, sweeps, and the gain in nats that a step must bring."""
+
+    levels: Sequence[str]
+    factor: float
+    limit: float
+    part_s: float
+    sweeps: int
+    gain: float
 
 
-def adapt_noise(problem: Problem, nodes: Nodes, start: Start, shift: Shift) -> dict[str, float]:
-    """Factors on the noise levels that the first five minutes of a drive ask for.
+COARSE = Search(WHITE_LEVELS, 2.0, 16.0, 240.0, 2, 3.0)
+FINE = Search(LEVELS, 2.0**0.5, 64.0, 1800.0, 6, 1.0)
 
-    Returns a factor for the accelerometer's and gyro's white noise and for the white parts of
-    position and velocity, horizontal and vertical; 1.0 where the likelihood does not prefer
-    another by three nats.
+
+def adapt_noise(
+    problem: Problem,
+    nodes: Nodes,
+    start: Start,
+    shift: Shift,
+    initial: Mapping[str, float],
+    search: Search = COARSE,
+    progress: Callable[[str], None] = lambda text: None,
+) -> dict[str, float]:
+    """Factors on the levels that the first part of a drive asks for, from ``initial`` ones.
+
+    Returns a factor for every one of ``LEVELS``, unchanged where the likelihood does not care:
+    white noise of accelerometer and gyro, white parts of position and velocity, horizontal and
+    vertical, random walks of the biases, size and correlation time of the receiver's wander.
     """
-    stop = int(np.searchsorted(nodes.t, nodes.t[0] + MAX_PART_S))
+    stop = int(np.searchsorted(nodes.t, nodes.t[0] + search.part_s))
     part = nodes.first(max(stop, 2))
-    factors = dict.fromkeys(LEVELS, 1.0)
+    factors = dict(initial)
 
     def score(trial: dict[str, float]) -> float:
-        scaled = with_options(problem, scaled_options(problem, trial))
+        scaled = scale_problem(problem, trial)
         value = run_forward(scaled, scale_nodes(part, trial), start, shift, store=False).score
         return value if np.isfinite(value) else -np.inf
 
     best = score(factors)
-    for _ in range(2):
+    for sweep in range(search.sweeps):
         before = best
-        for level in LEVELS:
-            for direction in (FACTOR, 1.0 / FACTOR):
-                moved = False
-                while abs(np.log(factors[level] * direction)) <= MAX_STEPS * np.log(FACTOR) + 1e-9:
-                    trial = factors | {level: factors[level] * direction}
-                    value = score(trial)
-                    if value < best + MIN_GAIN_NATS:
-                        break
-                    best, factors, moved = value, trial, True
-                if moved:
-                    break
-        if best - before < MIN_GAIN_NATS:
+        for level in search.levels:
+            progress(f"noise levels, sweep {sweep + 1}: {level}")
+            best, factors = _climb(level, best, factors, score, search)
+        if best - before < search.gain:
             break
     return factors
 
 
-def scaled_options(problem: Problem, factors: dict[str, float]) -> FusionOptions:
-    """The options with inertial noise scaled."""
-    options = problem.options
-    return replace(
-        options,
-        accel_noise=options.accel_noise * factors["accel"],
-        gyro_noise=options.gyro_noise * factors["gyro"],
+def _climb(
+    level: str,
+    best: float,
+    factors: dict[str, float],
+    score: Callable[[dict[str, float]], float],
+    search: Search,
+) -> tuple[float, dict[str, float]]:
+    """Move one level as far as it pays, up or else down."""
+    for step in (search.factor, 1.0 / search.factor):
+        moved = False
+        while 1.0 / search.limit <= factors[level] * step <= search.limit:
+            trial = factors | {level: factors[level] * step}
+            value = score(trial)
+            if value < best + search.gain:
+                break
+            best, factors, moved = value, trial, True
+        if moved:
+            break
+    return best, factors
+
+
+def scale_problem(problem: Problem, factors: Mapping[str, float]) -> Problem:
+    """The problem with scaled inertial noise, random walks and wander time."""
+    options = replace(
+        problem.options,
+        accel_noise=problem.options.accel_noise * factors["accel"],
+        gyro_noise=problem.options.gyro_noise * factors["gyro"],
     )
+    model = problem.model
+    walk, tau = model.walk.copy(), model.tau.copy()
+    for name in ("accel_bias", "gyro_bias"):
+        for axis in "xyz":
+            if f"{name}_{axis}" in model.names:
+                walk[model.index(f"{name}_{axis}")] *= factors[f"{name}_walk"] ** 2
+    offset = int(model.offsets[WANDER])
+    if offset >= 0:
+        tau[offset : offset + 3] *= factors["wander_tau"]
+    return with_options(replace(problem, model=replace(model, walk=walk, tau=tau)), options)
 
 
-def scale_nodes(nodes: Nodes, factors: dict[str, float]) -> Nodes:
-    """Nodes with the white variances of position and velocity scaled."""
+def scale_nodes(nodes: Nodes, factors: Mapping[str, float]) -> Nodes:
+    """Nodes with scaled errors of position and velocity."""
     var = nodes.var.copy()
     var[:, CH_POS : CH_POS + 2] *= factors["position_h"] ** 2
     var[:, CH_POS + 2] *= factors["position_v"] ** 2
     var[:, CH_VEL : CH_VEL + 2] *= factors["velocity_h"] ** 2
     var[:, CH_VEL + 2] *= factors["velocity_v"] ** 2
-    return replace(nodes, var=var)
+    return replace(nodes, var=var, wander_sd=nodes.wander_sd * factors["wander"])

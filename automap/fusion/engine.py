@@ -146,7 +146,9 @@ def fuse_imu_gnss(
         session, start = _turn(session, last, mounting)
     session = replace(session, means=session.means | known_means, sds=session.sds | known_sds)
     progress(0.3, "fusing")
-    last, found = run_passes(session, start, constrained=True)
+    last, found = run_passes(
+        session, start, constrained=True, progress=lambda text: progress(0.5, text)
+    )
     margin = min(margin, found.margin)
     if margin < 5.0:
         warnings.append(
@@ -264,7 +266,7 @@ def _assemble(
         session.standstill,
         margin,
         len(outcome.nodes.t),
-        int((outcome.nodes.fix_row >= 0).sum()),
+        len(np.unique(outcome.nodes.fix_row[outcome.nodes.fix_row >= 0])),
         outcome.factors,
         warnings,
     )

@@ -73,7 +73,8 @@ class FusionOptions:
     Gauss-Markov part of a fix's error relative to the receiver's own accuracy figure,
     ``white_share`` the white part. ``passes`` at most that many to settle the delays,
     ``iterations`` of the smoother about its own result after that. With ``adapt`` the white
-    levels are starting values that the drive's own innovations correct.
+    levels are starting values that the drive's own innovations correct, with ``tune`` all
+    levels, finely; ``factors`` on the levels are where that begins (see ``adapt.LEVELS``).
     """
 
     effects: tuple[str, ...] = DEFAULT_EFFECTS
@@ -102,6 +103,8 @@ class FusionOptions:
     passes: int = 6
     iterations: int = 1
     adapt: bool = True
+    tune: bool = False
+    factors: Mapping[str, float] = field(default_factory=dict)
     earth_rotation: bool = True
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from automap.fusion.adapt import LEVELS, adapt_noise, scale_nodes, scaled_options
+from automap.fusion.adapt import COARSE, FINE, adapt_noise, scale_nodes, scale_problem
 from automap.fusion.alignment import Alignment, align
 from automap.fusion.layout import HAS_VEL_H
+from automap.fusion.levels import LEVELS
 from automap.fusion.measurements import MIN_SPLIT_S, FixModel, Nodes, Shift, build_nodes
 from automap.fusion.model import FusionOptions, StateModel, build_state_model
 from automap.fusion.problem import (
@@ -21,7 +23,6 @@ from automap.fusion.problem import (
     make_problem,
     run_forward,
     run_smoother,
-    with_options,
 )
 from automap.records import FloatArray, ImuData
 
@@ -70,7 +71,12 @@ def fix_speed(model: FixModel) -> tuple[FloatArray, FloatArray, FloatArray]:
     return model.t[has], speed, np.sqrt(model.white_var[has, 3] + model.white_var[has, 4])
 
 
-def run_passes(session: Session, start: Start | None, constrained: bool) -> tuple[Pass, Alignment]:
+def run_passes(
+    session: Session,
+    start: Start | None,
+    constrained: bool,
+    progress: Callable[[str], None] = lambda text: None,
+) -> tuple[Pass, Alignment]:
     """Align if there is no start, filter and smooth until the delays have settled, adapt the
     noise levels once in between, and iterate about the result."""
     options = session.options
@@ -81,7 +87,9 @@ def run_passes(session: Session, start: Start | None, constrained: bool) -> tupl
     along = np.interp(t_imu, speed_t, speed) if len(speed_t) else None
     problem = make_problem(session.imu, model, options, along)
     margin = np.inf
-    factors = dict.fromkeys(LEVELS, 1.0)
+    factors = dict.fromkeys(LEVELS, 1.0) | dict(options.factors)
+    base = problem
+    problem = scale_problem(base, factors)
     last: Pass | None = None
     for number in range(max(options.passes, 2)):
         nodes = build_nodes(
@@ -98,9 +106,10 @@ def run_passes(session: Session, start: Start | None, constrained: bool) -> tupl
             bias = np.array([session.means.get(f"gyro_bias_{a}", 0.0) for a in "xyz"])
             found = align(problem, session.fixes, nodes, bias, shift)
             start, margin = found.start, found.margin
-        elif number == 1 and options.adapt:
-            factors = adapt_noise(problem, nodes, start, shift)
-            problem = with_options(problem, scaled_options(problem, factors))
+        elif number == 1 and (options.adapt or options.tune):
+            search = FINE if options.tune and constrained else COARSE
+            factors = adapt_noise(base, nodes, start, shift, factors, search, progress)
+            problem = scale_problem(base, factors)
         nodes = scale_nodes(nodes, factors)
         if number == 0:
             # enough to settle start, delays and noise; the whole drive comes after

@@ -9,6 +9,7 @@ INGEST = "ingest.json"
 SYNC = "sync.json"
 SYNC_DELAYS = "sync_delays.parquet"
 FUSION = "fusion.json"
+TUNED = "tuned.toml"
 DETECTIONS = "detections.parquet"
 SIGNS_RAW = "signs_raw.parquet"
 

@@ -44,6 +44,9 @@ Examples:
 @click.option("--to", "last", type=click.Choice(ORDER), help="End with this stage.")
 @click.option("--force", is_flag=True, help="Run the stages even where nothing has changed.")
 @click.option("--dry-run", is_flag=True, help="Say which stages would run and why; run none.")
+@click.option(
+    "--tune", is_flag=True, help="Find the noise levels of the fusion by likelihood, finely."
+)
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object at the end.")
 def command(
@@ -56,6 +59,7 @@ def command(
     last: str | None,
     force: bool,
     dry_run: bool,
+    tune: bool,
     quiet: bool,
     as_json: bool,
 ) -> int:
@@ -73,6 +77,8 @@ def command(
     from pipeline.summary import as_dict
     from pipeline.terminal import Terminal
 
+    if tune:
+        assignments = (*assignments, "fuse.tune=true")
     settings = load_settings(config, assignments)
     selected = registry.select(only, first, last)
     last_index = ORDER.index(selected[-1])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat
+from pydantic import Field, NonNegativeFloat, PositiveFloat, field_validator
 
 from automap.fusion.model import DEFAULT_EFFECTS, FusionOptions
 from pipeline.settings.section import Section
@@ -57,10 +57,24 @@ class FuseSettings(Section):
     """Iterations of the smoother about its own result."""
     adapt: bool = _D.adapt
     """Correct the white noise levels by the drive's own innovations."""
+    tune: bool = _D.tune
+    """Find all noise levels by likelihood, finely; the command line's --tune."""
+    factors: dict[str, PositiveFloat] = Field(default_factory=dict)
+    """Factors on the noise levels, as --tune writes them."""
     earth_rotation: bool = _D.earth_rotation
     """The Earth turns under the sensor."""
     imu_delay_sd_s: PositiveFloat = 0.05
     """IMU stamps against a clock shared with the receiver, s."""
+
+    @field_validator("factors")
+    @classmethod
+    def _levels_exist(cls, value: dict[str, float]) -> dict[str, float]:
+        from automap.fusion.levels import LEVELS
+
+        wrong = sorted(set(value) - set(LEVELS))
+        if wrong:
+            raise ValueError(f"no noise level '{wrong[0]}'; there are " + ", ".join(LEVELS))
+        return value
 
     def options(self) -> FusionOptions:
         """The library's form of these settings."""

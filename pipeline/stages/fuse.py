@@ -120,6 +120,8 @@ def _fuse(context: StageContext, clock: ClockModel) -> None:
     _write_parameters(context, result)
     _write_innovations(context, result)
     _report(context, result, is_clock)
+    if settings.tune:
+        _write_tuned(context, result)
     metrics = context.metrics
     context.result = (
         f"{len(result.trajectory)} epochs from {result.n_fixes_used} fixes, horizontal sd "
@@ -176,20 +178,30 @@ def _write_innovations(context: StageContext, result: FusionResult) -> None:
     )
 
 
+def _write_tuned(context: StageContext, result: FusionResult) -> None:
+    """The noise levels that were found, as a file for --config."""
+    from automap.io.atomic import write_text
+
+    lines = [
+        "# Noise levels found by likelihood on this drive; use them with --config on others.",
+        "[fuse]",
+        "adapt = false",
+        "[fuse.factors]",
+        *(f"{name} = {value:.6g}" for name, value in result.noise_factors.items()),
+    ]
+    write_text(context.work / names.TUNED, "\n".join(lines) + "\n")
+
+
 def _report(context: StageContext, result: FusionResult, is_clock: bool) -> None:
     """Figures for run.json and fusion.json."""
+    from dataclasses import asdict
+
     import numpy as np
 
+    from automap.fusion.consistency import channel_consistency, verdict
+
     table = result.innovations
-    channels = {}
-    for name in sorted(set(table.channel)):
-        rows = table.channel == name
-        ratio = table.innovation[rows] / table.sd[rows]
-        channels[str(name)] = {
-            "count": int(rows.sum()),
-            "normalised_rms": float(np.sqrt(np.mean(ratio**2))),
-            "accepted_share": float(table.accepted[rows].mean()),
-        }
+    channels = channel_consistency(table)
     refused = 1.0 - float(table.accepted.mean()) if len(table.accepted) else 0.0
     if refused > 0.2:
         context.warn(
@@ -226,7 +238,8 @@ def _report(context: StageContext, result: FusionResult, is_clock: bool) -> None
             "fixes_used": result.n_fixes_used,
             "refused_share": refused,
             "standstill": [[float(a), float(b)] for a, b in result.standstill],
-            "channels": channels,
+            "channels": {name: asdict(item) for name, item in channels.items()},
+            "verdict": verdict(channels),
         },
     )
 
@@ -256,6 +269,7 @@ STAGE = Stage(
         names.IMU_ERRORS,
         names.INNOVATIONS,
         names.FUSION,
+        names.TUNED,
     ),
     settings=("fuse",),
 )

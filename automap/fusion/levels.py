@@ -1,0 +1,7 @@
+"""Names of the noise levels that a drive can correct."""
+
+from __future__ import annotations
+
+WHITE_LEVELS = ("accel", "gyro", "position_h", "position_v", "velocity_h", "velocity_v")
+SLOW_LEVELS = ("accel_bias_walk", "gyro_bias_walk", "wander", "wander_tau")
+LEVELS = WHITE_LEVELS + SLOW_LEVELS
