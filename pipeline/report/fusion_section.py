@@ -65,10 +65,11 @@ def _triple(value: Any) -> Sequence[float] | None:
 
 
 def _start(content: dict[str, Any]) -> list[str]:
-    used, refused = _number(content.get("fixes_used")), _number(content.get("refused_share"))
-    text = "The path joins the inertial sensor with the receiver"
-    if used is not None:
-        text += f"'s {used:,.0f} fixes"
+    refused = _number(content.get("refused_share"))
+    text = "The path joins the inertial sensor with the receiver's "
+    text += (
+        f"{_count(content, 'position_n')}positions and {_count(content, 'velocity_n')}velocities"
+    )
     text += ", filtered forwards and smoothed backwards"
     if refused is not None:
         share = "none" if refused == 0 else f"{refused:.1%}"
@@ -87,6 +88,13 @@ def _start(content: dict[str, Any]) -> list[str]:
             f"{margin:,.0f} nats of log-likelihood; {_CLEAR_NATS:.0f} are plenty)."
         )
     return texts
+
+
+def _count(content: dict[str, Any], channel: str) -> str:
+    channels = content.get("channels")
+    entry = channels.get(channel) if isinstance(channels, dict) else None
+    count = _number(entry.get("count")) if isinstance(entry, dict) else None
+    return "" if count is None else f"{count:,.0f} "
 
 
 def _delay(content: dict[str, Any]) -> list[str]:
@@ -121,13 +129,10 @@ def _mounting(content: dict[str, Any], section: Section) -> list[str]:
     if all(abs(a) < max(2 * s, 0.5) for a, s in zip(angles, sds, strict=True)):
         text = "The sensor sits in the vehicle as the manifest says, as far as can be told."
     else:
-        text = f"The sensor is turned by {turn:.1f} deg against the axes of the manifest"
-        text += "." if turn < 45 else ", which is a mounting of its own and was taken into account."
+        text = f"The sensor is turned by {turn:.1f} deg against the axes of the manifest, and the "
+        text += "readings were turned back."
     if sds[0] > 1.0:
-        text += (
-            " Its roll can hardly be told from a cambered road, so the vehicle's roll is no "
-            "better known."
-        )
+        text += f" Its roll is the least certain (σ {sds[0]:.1f} deg): driving shows it hardly."
     return [text]
 
 

@@ -21,7 +21,8 @@
   data.fixes.forEach((p) => bounds.extend(at(p)));
   data.signs.xy.forEach((p) => bounds.extend(at(p)));
   if (data.path) data.path.runs.forEach((run) => run.p.forEach((p) => bounds.extend(at(p))));
-  map.fitBounds(bounds.isValid() ? bounds.pad(0.04) : [[-50, -50], [50, 50]], { animate: false, maxZoom: 3 });
+  const whole = () => map.fitBounds(bounds.isValid() ? bounds.pad(0.04) : [[-50, -50], [50, 50]], { animate: false, maxZoom: 3 });
+  whole();
 
   // path, gaps of the receiver, fixes
   const fixes = L.layerGroup().addTo(map);
@@ -168,6 +169,8 @@
     }
   }
 
+  if (!signs.rows.length) document.getElementById("sign").remove();
+
   // legend
   const legend = document.getElementById("legend");
   const entry = (shape, colour, text, face) => {
@@ -198,6 +201,17 @@
     names.slice(0, 14).forEach((name) => entry("dot", signs.colours[name] || UNKNOWN, words(name) + " (" + counts.get(name) + ")", faceOf(name)));
     if (names.length > 14) element("div", "and " + (names.length - 14) + " more classes", legend);
   }
+
+  // on paper the map is narrower
+  const frame = map.getContainer();
+  const refit = (width, height) => {
+    frame.style.width = width;
+    frame.style.height = height;
+    map.invalidateSize({ animate: false });
+    whole();
+  };
+  addEventListener("beforeprint", () => refit("480px", "380px"));
+  addEventListener("afterprint", () => refit("", ""));
 
   drawGrid();
   drawArrows();

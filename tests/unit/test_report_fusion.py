@@ -1,0 +1,107 @@
+"""What the page says of the fusion and of the truth."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from export_inputs import FUSION
+
+from automap.io import names
+from pipeline.products import RunProducts
+from pipeline.report.channels import channel_name, channel_order, is_rule
+from pipeline.report.evaluation_section import evaluation_section
+from pipeline.report.fusion_section import fusion_section
+from pipeline.report.map_data import sign_faces
+
+EVALUATION = {
+    "position_rms_m": {"n": 0.5, "e": 0.3, "d": 0.9, "horizontal": 0.6},
+    "raw_position_rms_m": {"n": 0.8, "e": 0.4, "d": 1.6, "horizontal": 0.9},
+    "sigma_ratio": {"n": 1.1, "e": 0.5},
+    "signs": {
+        "gates": {"1": {"recall": 0.75, "precision": 0.9}, "5": {"recall": 1.0, "precision": 1.0}},
+        "median_error_m": 0.64,
+        "p95_error_m": 1.3,
+        "coverage95": 0.93,
+    },
+}
+
+
+def said(out: Path, content: Any) -> str:
+    (out / names.FUSION).write_text(json.dumps(content))
+    section = fusion_section(RunProducts(out))
+    return " ".join([*section.sentences, *(text for _, text in section.verdicts)])
+
+
+def test_a_turned_sensor_its_delay_noise_and_consistency_are_told(tmp_path: Path) -> None:
+    text = said(tmp_path, FUSION)
+    assert "125 ms (σ 4 ms) later than the positions show" in text
+    assert "turned by 17" in text
+    assert "stood still 2 times" in text
+    assert "gyro noise 4 times the setting" in text
+    assert "accelerometer" not in text
+    assert "More scatter than σ allows in GPS position east (2.40)" in text
+    assert "position north" not in text
+    assert "sideways" not in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"imu_delay_s": -0.08, "delay_is_clock": True}, "handed its positions out 80 ms"),
+        ({"imu_delay_s": 0.003}, "no more than its σ explains"),
+        ({"align_margin_nats": 1.0}, "doubtful"),
+        ({"noise_factors": {"gyro": 1.0}}, "as the settings and the receiver state it"),
+        ({"mounting_rpy_deg": [0.1, 0.0, 0.2]}, "as the manifest says"),
+        ({"standstill": []}, "never stood still"),
+        ({"method": "gnss only"}, "fixes alone, smoothed"),
+        ({"method": "finished trajectory"}, "nothing was fused"),
+    ],
+)
+def test_other_cases_have_other_words(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
+    assert words in said(tmp_path, {**FUSION, **changes})
+
+
+def test_values_of_another_kind_are_passed_over(tmp_path: Path) -> None:
+    strange = {key: "?" for key in FUSION} | {"method": "inertial"}
+    assert "The path joins" in said(tmp_path, strange)
+    assert fusion_section(RunProducts(tmp_path / "none")).absent
+
+
+def test_the_truth_is_shown_once_it_was_compared(tmp_path: Path) -> None:
+    assert evaluation_section(RunProducts(tmp_path)).absent
+    path = tmp_path / names.EVALUATION
+    path.write_text(json.dumps(EVALUATION))
+    section = evaluation_section(RunProducts(tmp_path))
+    text = " ".join(section.sentences)
+    assert "0.6 m rms from the truth horizontally, the receiver's own fixes 0.9 m" in text
+    assert "within 1 m 75% and 90%, within 5 m 100% and 100%" in text
+    assert section.rows[0][2:] == ("0.5", "0.3", "0.9", "0.6")
+    assert "older" not in text
+
+
+def test_a_comparison_older_than_the_results_says_so(tmp_path: Path) -> None:
+    (tmp_path / names.EVALUATION).write_text(json.dumps(EVALUATION))
+    (tmp_path / names.SIGNS_GEOJSON).write_text("{}")
+    os.utime(tmp_path / names.EVALUATION, (1e9, 1e9))
+    assert "older than the results" in " ".join(evaluation_section(RunProducts(tmp_path)).sentences)
+
+
+def test_channels_have_names_and_an_order() -> None:
+    channels = ["nhc_y", "zupt_e", "velocity_d", "position_e", "position_n", "odometer"]
+    assert sorted(channels, key=channel_order) == [
+        *("position_n", "position_e", "velocity_d", "zupt_e", "nhc_y", "odometer")
+    ]
+    assert channel_name("position_e") == "GPS position east"
+    assert channel_name("odometer") == "odometer"
+    assert is_rule("zaru_x")
+    assert not is_rule("position_n")
+
+
+def test_faces_are_drawn_for_known_classes_only() -> None:
+    faces = sign_faces({"regulatory--stop--g1", "<script>"})
+    assert list(faces) == ["regulatory--stop--g1"]
+    assert faces["regulatory--stop--g1"].startswith("data:image/png;base64,")
