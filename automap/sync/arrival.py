@@ -19,6 +19,7 @@ MAX_RATE = 1e-3
 _STEP_ERROR_S = 0.1
 _STEP_SHARE = 0.1
 _WANDER_ERROR_S = 1.0
+_LONG_WAIT_S = 1.0
 _EARLY_S = 0.005
 _UNSEEN = 0.04
 """Part of the median waiting by which the least delay may lie below all that was seen: with
@@ -120,6 +121,11 @@ def fit_arrival_clock(
             "taken as wrong tags and left out of the clock"
         )
     waiting = float(np.median(above[consistent]))
+    if waiting > _LONG_WAIT_S:
+        warnings.append(
+            f"half of the receiver epochs arrived {waiting:.1f} s or more later than they could "
+            "have; the clock rests on the others: look for a host clock that was set, or a buffer"
+        )
     unseen = _UNSEEN * max(waiting, 0.0)
     least = output_delay_s or 0.0
     # at host time x_ref an epoch of the least delay has just arrived

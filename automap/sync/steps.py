@@ -28,8 +28,6 @@ def find_step(x: FloatArray, y: FloatArray) -> ClockStep | None:
     reported when that is far better than one level, and when the step is well above both
     the scatter of the levels and 20 ms.
     """
-    if len(x) < 40:
-        return None
     bin_x, bin_y = bin_quantiles(x, y, 0.2)
     count = len(bin_x)
     if count < 2 * _SIDE_BINS:

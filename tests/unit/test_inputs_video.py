@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -105,6 +106,19 @@ def test_an_unreadable_chapter_ends_the_numbering(clip: Path, tmp_path: Path) ->
     times = frame_times(_video(clip, broken, clip))
     assert len(times) == 12
     assert any("left out too" in text for text in times.warnings)
+
+
+@pytest.mark.parametrize("stamps", ["", "frame,t_ns\n0,5\n1,6\n"])
+def test_a_camera_without_a_readable_chapter_has_no_frames(tmp_path: Path, stamps: str) -> None:
+    broken = tmp_path / "front.mp4"
+    broken.write_bytes(b"no video")
+    video = _video(broken)
+    if stamps:
+        (tmp_path / "frames.csv").write_text(stamps)
+        video = replace(video, frames=tmp_path / "frames.csv")
+    warnings: list[str] = []
+    assert list(iter_frames(video, warn=warnings.append)) == []
+    assert "no readable video" in warnings[0]
 
 
 def test_a_cut_video_gives_what_is_there(tmp_path: Path) -> None:

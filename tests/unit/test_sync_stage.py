@@ -11,10 +11,11 @@ import pytest
 
 from automap.errors import InputError
 from automap.io import names
-from automap.io.clock_json import read_clock, write_clock
+from automap.io.clock_json import read_clock, read_clocks, write_clock
 from automap.io.drive import load_drive
 from automap.io.tables import read_table, write_fixes, write_imu
 from automap.records import ClockModel
+from automap.sync.stamps import in_trajectory_time
 from pipeline.config import Settings
 from pipeline.stage import StageContext
 from pipeline.stages.sync import STAGE
@@ -64,6 +65,35 @@ def test_drive_without_receiver_says_that_times_are_the_hosts(context: StageCont
     assert clock.method == "none"
     assert clock.sd_offset_s == np.inf
     assert context.warnings
+
+
+def test_the_receivers_own_sensors_bring_their_clock(context: StageContext) -> None:
+    t, gyro, accel, motion = drive(60.0)
+    write_imu(context.out / names.IMU, imu_of(t, gyro, accel, round(GPS_START * 1e9)))
+    write_fixes(context.out / names.FIXES, fixes_of(t, motion))
+    # the manifest says boot_ns, for there is no [imu] in it; what ingest made is GPS time
+    (context.out / names.INGEST).write_text('{"imu": {"source": "receiver", "time": "gps_ns"}}')
+    STAGE.run(context)
+    clock = read_clock(context.work / names.SYNC)
+    assert clock.method == "identity"
+    assert clock.gps_s(np.array([10**18]))[0] == pytest.approx(1e9, abs=1e-3)
+    assert read_clocks(context.work / names.SYNC).time_base == "gps_ns"
+    assert context.result == "stamps are GPS time"
+
+
+def test_arrival_times_of_another_clock_are_kept_for_the_cameras(context: StageContext) -> None:
+    t, gyro, accel, motion = drive(60.0)
+    fixes = fixes_of(t, motion)
+    arrival = 10**11 + np.rint((fixes.gps_s - GPS_START + 0.07) * 1e9).astype(np.int64)
+    write_imu(context.out / names.IMU, imu_of(t, gyro, accel, round(GPS_START * 1e9)))
+    write_fixes(context.out / names.FIXES, replace(fixes, arrival_ns=arrival))
+    (context.out / names.INGEST).write_text('{"imu": {"source": "csv", "time": "gps_ns"}}')
+    STAGE.run(context)
+    clocks = read_clocks(context.work / names.SYNC)
+    assert (clocks.time_base, clocks.arrival_time_base) == ("gps_ns", "boot_ns")
+    frame = np.array([10**11 + 5 * 10**9])
+    seen = in_trajectory_time(frame, "boot_ns", clocks)[0] * 1e-9
+    assert seen == pytest.approx(GPS_START + 5.0, abs=2e-3)
 
 
 def test_drive_without_anything_passes_through(context: StageContext) -> None:
