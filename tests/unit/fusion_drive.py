@@ -121,8 +121,10 @@ def make_motion(
     origin_deg: tuple[float, float, float] = (-35.28, 149.13, 580.0),
     heading_deg: float = 30.0,
     slope: float = 0.03,
+    slip_seed: int | None = None,
 ) -> Motion:
-    """A drive of ``duration`` s.
+    """A drive of ``duration`` s. With ``slip_seed`` it slides sideways and bounces at random,
+    0.1 m/s and 0.2 m/s (more when fast) over one second.
 
     ``speed`` knots (time s, m/s), negative in reverse; ``turns`` (begin s, length s, angle
     deg). Corners are rounded over half a second; the body leans and the road rises gently.
@@ -143,6 +145,14 @@ def make_motion(
     vel = v[:, None] * np.stack(
         [np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), -np.sin(pitch)], axis=1
     )
+    if slip_seed is not None:
+        rng = np.random.default_rng(slip_seed)
+        slide = gaussian_filter1d(rng.standard_normal((2, len(t))), smooth, axis=1)
+        # the filtered noise's density is that of the white noise: one over the grid step
+        slide *= 0.1 * (1.0 + 0.05 * np.abs(v)) / np.sqrt(GRID_S) * np.minimum(np.abs(v) / 3, 1)
+        zero = np.zeros_like(roll)
+        body = np.stack([zero, slide[0], 2.0 * slide[1]], axis=1)
+        vel = vel + np.einsum("nij,nj->ni", _euler(roll, pitch, yaw), body)
     lat, lon, height = origin_deg
     return Motion(
         duration,
@@ -158,6 +168,7 @@ def city_drive(
     rest_s: float = 8.0,
     origin_deg: tuple[float, float, float] = (-35.28, 149.13, 580.0),
     start_speed: float = 0.0,
+    slip: bool = False,
 ) -> Motion:
     """Stops, bends and straights at random; at rest for ``rest_s`` unless it starts moving."""
     rng = np.random.default_rng(seed)
@@ -182,13 +193,19 @@ def city_drive(
             now += length
         now += rng.uniform(3.0, 15.0)
     return make_motion(
-        speed, turns, duration, origin_deg, heading_deg=float(rng.uniform(-180.0, 180.0))
+        speed,
+        turns,
+        duration,
+        origin_deg,
+        heading_deg=float(rng.uniform(-180.0, 180.0)),
+        slip_seed=seed if slip else None,
     )
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """Errors of an inertial sensor in SI units; densities per root hertz."""
+    """Errors of an inertial sensor in SI units; densities per root hertz. ``vibration`` of the
+    moving car in m/s^2, which tells driving from standing."""
 
     gyro_noise: float = 3e-4
     accel_noise: float = 3e-3
@@ -198,9 +215,10 @@ class Sensor:
     accel_scale: tuple[float, float, float] = (-0.003, 0.004, 0.002)
     gyro_walk: float = 1e-5
     accel_walk: float = 2e-4
+    vibration: float = 0.04
 
 
-PERFECT = Sensor(0.0, 0.0, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, 0.0, 0.0)
+PERFECT = Sensor(0.0, 0.0, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, 0.0, 0.0, 0.0)
 
 
 def record(
@@ -225,6 +243,8 @@ def record(
         white = rng.standard_normal(signal.shape) * noise * np.sqrt(rate)
         out.append(signal * (1.0 + np.array(scale)) + np.array(bias) + drift + white)
     gyro, accel = out
+    lively = np.minimum(np.linalg.norm(true.vel, axis=1) / 8.0, 1.0)[:, None]
+    accel = accel + rng.standard_normal(accel.shape) * sensor.vibration * lively
     if c_v_s is not None:
         gyro, accel = gyro @ c_v_s, accel @ c_v_s
     keep = np.ones(len(t), bool)
