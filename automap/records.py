@@ -54,7 +54,8 @@ class RawImu:
     ``t_ns`` [n] strictly increases; ``gyro``, ``accel`` [n, 3] are in ``gyro_unit`` ("rad/s",
     "deg/s", "counts") and ``accel_unit`` ("m/s^2", "g", "counts"). ``temp_c`` [n] or None.
     ``gyro_scale``, ``accel_scale`` [3] are the data sheet's SI value of one reading unit, None
-    for counts of an unknown sensor. ``name`` is what messages call the log.
+    for counts of an unknown sensor; ``gyro_zero``, ``accel_zero`` [3] its reading at zero input,
+    None for zero. ``name`` is what messages call the log.
     """
 
     t_ns: IntArray
@@ -64,6 +65,8 @@ class RawImu:
     accel_unit: str = "m/s^2"
     gyro_scale: FloatArray | None = None
     accel_scale: FloatArray | None = None
+    gyro_zero: FloatArray | None = None
+    accel_zero: FloatArray | None = None
     temp_c: FloatArray | None = None
     name: str = "the log"
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.calibration.dynamic_kernel import N_ERRORS, N_STATES, PHI, run_filter
+from automap.calibration.dynamic_kernel import BA, N_ERRORS, N_STATES, PHI, POS, run_filter
 from automap.calibration.rest import LEAST_REST_S, movement, noise_density
 from automap.errors import InputError
 from automap.frames import matrix_to_quat, rpy_to_matrix
@@ -26,6 +26,9 @@ ERROR_NAMES = tuple(
 )
 PRIOR_SD = np.repeat([0.3, 0.02, 0.01, 0.01], 3)
 """One sigma of the errors before: of the catalogue of effects (m/s^2, rad/s, and relative)."""
+TURN_ON_SD = np.repeat([0.03, 0.01, 0.001, 0.002], 3)
+"""The same for a sensor that was calibrated statically: what changes from one turn-on to the
+next (5 mm/s^2 and 0.1 deg/s are usual for consumer sensors; several times that is allowed)."""
 WALK = np.repeat([1e-4, 1e-5, 0.0, 0.0], 3)
 """Random walk of the errors, per square root of a second."""
 UPDATE_S = 0.1
@@ -68,11 +71,16 @@ class DynamicCalibration:
 
 
 def calibrate_dynamic(
-    log: RawImu, gyro: FloatArray, accel: FloatArray, gravity: float
+    log: RawImu,
+    gyro: FloatArray,
+    accel: FloatArray,
+    gravity: float,
+    prior_sd: FloatArray = PRIOR_SD,
 ) -> DynamicCalibration:
     """Estimate the twelve errors of conditioned readings [n, 3] in rad/s and m/s^2.
 
-    ``log`` are the readings as logged (for the noise floor), ``gravity`` in m/s^2.
+    ``log`` are the readings as logged (for the noise floor), ``gravity`` in m/s^2, ``prior_sd``
+    [12] what is known of the errors before (TURN_ON_SD after a static calibration).
 
     Raises:
         InputError: the log is too short or the filter finds no consistent motion.
@@ -97,23 +105,23 @@ def calibrate_dynamic(
             4.0 * np.mean((density[3:] * _unit(gyro, log.gyro)) ** 2),
         ]
     )
-    quat0, P0 = _start(log, gyro, accel, bool(still[: int(log.rate_hz)].all()))
+    at_rest = bool(still[: round(log.rate_hz)].all())
     every = max(1, round(UPDATE_S * log.rate_hz))
     dt = np.diff(t_s)
     hand, tau = np.array([0.2, 0.1]), np.array([0.3, 0.5])
     step = every / log.rate_hz
     out = np.empty((len(t_s), 4 + 2 * N_ERRORS))
     innovations = np.empty((len(t_s) // every + 1, 10))
-    P, errors, count = P0.copy(), np.zeros(N_ERRORS), 0
+    P, errors, count = np.zeros((N_STATES, N_STATES)), np.zeros(N_ERRORS), 0
     for _ in range(4):
         # noise that lasts is no new information every time
         moving = hand**2 * np.maximum(1.0, 2.0 * tau / step)
         variance = np.tile(moving, (len(t_s), 1))
         variance[still, 0] = STILL_SD**2
         # about the last pass's errors, so that the model is linear where it matters
-        P = P0.copy()
+        quat, P = _start(log, accel, errors, at_rest, gravity, prior_sd)
         count = run_filter(
-            dt, np.ascontiguousarray(gyro), np.ascontiguousarray(accel), gravity, quat0.copy(),
+            dt, np.ascontiguousarray(gyro), np.ascontiguousarray(accel), gravity, quat,
             errors, P, q, every, variance, WALK**2, out, innovations,
         )  # fmt: skip
         hand, tau = _hand(innovations[:count], still, step)
@@ -125,14 +133,14 @@ def calibrate_dynamic(
         quat=out[:, :4].copy(),
         errors=out[:, 4 : 4 + N_ERRORS].copy(),
         sd=out[:, 4 + N_ERRORS :].copy(),
-        covariance=P[6:18, 6:18].copy(),
+        covariance=P[BA:POS, BA:POS].copy(),
         hand_velocity=float(hand[0]),
         hand_place=float(hand[1]),
         turned=turned,
         innovations=innovations[:count].copy(),
         warnings=(),
     )
-    return _judged(result, log)
+    return _judged(result, log, prior_sd)
 
 
 def _unit(si: FloatArray, raw: FloatArray) -> float:
@@ -141,21 +149,34 @@ def _unit(si: FloatArray, raw: FloatArray) -> float:
 
 
 def _start(
-    log: RawImu, gyro: FloatArray, accel: FloatArray, at_rest: bool
+    log: RawImu,
+    accel: FloatArray,
+    errors: FloatArray,
+    at_rest: bool,
+    gravity: float,
+    prior_sd: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Initial quaternion [4] by levelling the first second, and covariance [21, 21]."""
     rows = slice(0, max(2, round(LEAST_REST_S * log.rate_hz)))
-    f = accel[rows].mean(axis=0)
+    f = (1.0 + errors[6:9]) * accel[rows].mean(axis=0) + errors[:3]
     roll, pitch = np.arctan2(-f[1], -f[2]), np.arctan2(f[0], np.hypot(f[1], f[2]))
-    quat = matrix_to_quat(rpy_to_matrix(np.array([roll, pitch, 0.0])))
-    level = np.radians(2.0 if at_rest else 15.0)
-    sd = np.zeros(N_STATES)
-    sd[:3] = 0.02 if at_rest else 0.3
+    C = rpy_to_matrix(np.array([roll, pitch, 0.0]))
+    # a biased accelerometer levels wrongly by just what hides its bias: phi = level @ errors
+    level = np.zeros((3, N_ERRORS))
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) / gravity
+    level[:, :3] = turn @ C
+    level[:, 6:9] = turn @ C * f
+    prior = np.diag(prior_sd**2)
+    tilt_sd = np.radians(0.05 if at_rest else 15.0)
+    P = np.zeros((N_STATES, N_STATES))
+    P[:3, :3] = (0.005 if at_rest else 0.3) ** 2 * np.eye(3)
     # heading cannot be seen and does not matter
-    sd[PHI : PHI + 3] = (level, level, 1e-6)
-    sd[6:18] = PRIOR_SD
-    sd[18:] = 0.3
-    return quat, np.diag(sd**2)
+    P[PHI:BA, PHI:BA] = level @ prior @ level.T + np.diag([tilt_sd**2, tilt_sd**2, 1e-12])
+    P[PHI:BA, BA:POS] = level @ prior
+    P[BA:POS, PHI:BA] = prior @ level.T
+    P[BA:POS, BA:POS] = prior
+    P[POS:, POS:] = 0.3**2 * np.eye(3)
+    return matrix_to_quat(C), P
 
 
 def _hand(innovations: FloatArray, still: np.ndarray, step: float) -> tuple[FloatArray, FloatArray]:
@@ -188,7 +209,7 @@ def _spread(y: FloatArray, used: np.ndarray, step: float, least: float) -> tuple
     return max(float(np.sqrt(total / (3.0 * count))), 0.2 * least), area * step
 
 
-def _judged(result: DynamicCalibration, log: RawImu) -> DynamicCalibration:
+def _judged(result: DynamicCalibration, log: RawImu, prior_sd: FloatArray) -> DynamicCalibration:
     """The result with a sentence for everything that the motion leaves open."""
     from dataclasses import replace
 
@@ -206,7 +227,7 @@ def _judged(result: DynamicCalibration, log: RawImu) -> DynamicCalibration:
         )
     open_ones = [
         name
-        for name, sd, prior in zip(ERROR_NAMES, result.sd[-1], PRIOR_SD, strict=True)
+        for name, sd, prior in zip(ERROR_NAMES, result.sd[-1], prior_sd, strict=True)
         if sd > WELL_KNOWN * prior and "bias" in name
     ]
     if open_ones:

@@ -75,7 +75,8 @@ def read_imu_pair(accel: Path, gyro: Path, form: LogFormat) -> ImuLog:
     Where the two have different stamps the gyro is interpolated to the accelerometer's.
     """
     columns = form.columns or ("t_s", "x", "y", "z")
-    tables, warnings = [], []
+    tables: list[dict[str, FloatArray]] = []
+    warnings: list[str] = []
     for path in (accel, gyro):
         numbers = read_numbers(path, len(columns))
         table = {name: numbers.values[:, i] for i, name in enumerate(columns) if name != SKIP}
@@ -182,7 +183,7 @@ def _stamps(name: str, columns: dict[str, np.ndarray], n: int, rate: float | Non
         return np.rint(np.arange(n) * (1e9 / rate)).astype(np.int64)
     values = columns[time]
     if values.dtype == np.int64:
-        return values - int(values.min())
+        return np.asarray(values - int(values.min()), dtype=np.int64)
     finite = np.isfinite(values)
     if not finite.any():
         raise InputError(f"{name}: the column {time} holds no number; correct --columns.")
@@ -193,17 +194,14 @@ def _stamps(name: str, columns: dict[str, np.ndarray], n: int, rate: float | Non
 def _with_units(raw: RawImu, form: LogFormat) -> RawImu:
     gyro_unit, accel_unit = form.gyro_unit or "rad/s", form.accel_unit or "m/s^2"
     sensor = form.sensor
+    counts = {
+        key: None if sensor is None or unit != "counts" else getattr(sensor, key)
+        for key, unit in (("gyro", gyro_unit), ("accel", accel_unit))
+    }
     scales: dict[str, FloatArray | None] = {}
     for key, unit in (("gyro", gyro_unit), ("accel", accel_unit)):
-        if unit != "counts":
-            scales[key] = np.full(3, _UNITS[unit])
-        else:
-            triad = None if sensor is None else (sensor.gyro if key == "gyro" else sensor.accel)
-            scales[key] = None if triad is None else triad.scale
-    return replace(
-        raw,
-        gyro_unit=gyro_unit,
-        accel_unit=accel_unit,
-        gyro_scale=scales["gyro"],
-        accel_scale=scales["accel"],
-    )
+        triad = counts[key]
+        known = None if triad is None else triad.scale
+        scales[f"{key}_scale"] = known if unit == "counts" else np.full(3, _UNITS[unit])
+        scales[f"{key}_zero"] = None if triad is None else triad.zero
+    return replace(raw, gyro_unit=gyro_unit, accel_unit=accel_unit, **scales)  # type: ignore[arg-type]

@@ -22,6 +22,7 @@ _COMMANDS = {
     "import": "pipeline.cli.import_drive",
     "simulate": "pipeline.cli.simulate",
     "detect": "pipeline.cli.detect",
+    "calibrate": "pipeline.cli.calibrate",
 }
 
 _EPILOG = """\b
