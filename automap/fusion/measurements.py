@@ -148,14 +148,15 @@ def build_nodes(
     standstill: list[tuple[float, float]],
     speed_t: FloatArray,
     speed: FloatArray,
+    lateral: FloatArray,
     options: FusionOptions,
     constrained: bool,
 ) -> Nodes:
     """Merge fixes (shifted onto IMU stamps), standstill and filler instants.
 
     ``span`` the first and last instant of the trajectory in s; fixes outside it are left out.
-    ``standstill`` intervals in s; ``speed`` at ``speed_t`` in m/s decides where the vehicle
-    constraint holds (with ``constrained``).
+    ``standstill`` intervals in s; ``speed`` and ``lateral`` acceleration at ``speed_t`` in
+    m/s and m/s^2 decide where and how well the vehicle constraint holds (with ``constrained``).
     """
     model = _split(model, shift)
     fix_t = model.t
@@ -197,7 +198,8 @@ def build_nodes(
         v = np.interp(t, speed_t, speed)
         moving = (v > options.nhc_min_speed) & ~still
         flags[moving] |= NHC
-        sd = options.nhc_sd * (1.0 + 0.05 * v)
+        # tyres slip with the lateral acceleration, springs move with any
+        sd = np.hypot(options.nhc_sd, options.nhc_slip * np.interp(t, speed_t, lateral))
         var[:, CH_NHC] = sd**2 / spacing
         var[:, CH_NHC + 1] = (2.0 * sd) ** 2 / spacing
     fix_row = np.where(has, model.row[np.maximum(row, 0)] if len(model.row) else -1, -1)

@@ -92,7 +92,8 @@ class FusionOptions:
     velocity_sd: float = 0.1
     min_position_sd_m: float = 0.01
     min_velocity_sd: float = 0.03
-    nhc_sd: float = 0.1
+    nhc_sd: float = 0.04
+    nhc_slip: float = 0.03
     nhc_min_speed: float = 3.0
     zero_velocity_sd: float = 0.03
     zero_rate_sd: float = 0.001

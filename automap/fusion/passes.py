@@ -28,6 +28,7 @@ from automap.records import FloatArray, ImuData
 
 DELAY_CONVERGED_S = 0.002
 MAX_VEL_LATENCY_S = 1.0
+TURN_WINDOW_S = 0.5
 HEAD_S = 900.0
 """The first pass goes no further than this into the drive."""
 
@@ -71,6 +72,19 @@ def fix_speed(model: FixModel) -> tuple[FloatArray, FloatArray, FloatArray]:
     return model.t[has], speed, np.sqrt(model.white_var[has, 3] + model.white_var[has, 4])
 
 
+def lateral_acceleration(
+    imu: ImuData, t_imu: FloatArray, speed_t: FloatArray, speed: FloatArray
+) -> FloatArray:
+    """Size of the lateral acceleration in m/s^2 at ``speed_t``: speed times rate of turn."""
+    if len(speed_t) == 0:
+        return np.zeros(0)
+    step = max(float(np.median(np.diff(t_imu))), 1e-4)
+    rate = np.linalg.norm(imu.gyro - np.median(imu.gyro, axis=0), axis=1)
+    width = max(round(TURN_WINDOW_S / step), 1)
+    smooth = np.convolve(rate, np.full(width, 1.0 / width), mode="same")
+    return np.asarray(speed * np.interp(speed_t, t_imu, smooth))
+
+
 def run_passes(
     session: Session,
     start: Start | None,
@@ -99,6 +113,7 @@ def run_passes(
             session.standstill,
             speed_t,
             speed,
+            lateral_acceleration(session.imu, t_imu, speed_t, speed),
             options,
             constrained,
         )

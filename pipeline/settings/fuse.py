@@ -43,6 +43,8 @@ class FuseSettings(Section):
     """Velocity error per axis where the receiver gives none, m/s."""
     nhc_sd: PositiveFloat = _D.nhc_sd
     """Sideways speed of the vehicle over one second, m/s."""
+    nhc_slip: NonNegativeFloat = _D.nhc_slip
+    """The same per lateral acceleration, (m/s)/(m/s^2)."""
     nhc_min_speed: PositiveFloat = _D.nhc_min_speed
     """The vehicle constraint holds above this speed, m/s."""
     zero_velocity_sd: PositiveFloat = _D.zero_velocity_sd
