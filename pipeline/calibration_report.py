@@ -81,8 +81,9 @@ def _accel_section(result: StaticCalibration) -> Section:
         )
     if result.left_out is not None:
         section.sentences.append(
-            f"Leaving out one pose changes a scale by at most {100 * result.left_out.scale_change:.4f} "
-            f"%, an angle by {1e3 * result.left_out.misalignment_change:.2f} mrad, a bias by "
+            "Leaving out one pose changes a scale by at most "
+            f"{100 * result.left_out.scale_change:.4f} %, an angle by "
+            f"{1e3 * result.left_out.misalignment_change:.2f} mrad, a bias by "
             f"{1e3 * result.left_out.bias_change:.2f} mm/s²."
         )
     for i, axis in enumerate(AXES):
@@ -111,8 +112,8 @@ def _gyro_section(result: StaticCalibration) -> Section:
     series = [Series("scale and misalignment", number, _DEG * gyro.turn_errors, "dots", 0)]
     section = Section(header=("", "value", "95 % ±", "unit"))
     section.sentences.append(
-        f"Leaving out one turn changes a scale by at most {100 * gyro.scale_change:.3f} %, an angle "
-        f"by {1e3 * gyro.matrix_change:.2f} mrad."
+        f"Leaving out one turn changes a scale by at most {100 * gyro.scale_change:.3f} %, an "
+        f"angle by {1e3 * gyro.matrix_change:.2f} mrad."
     )
     if with_g is not None:
         series.append(Series("with g-sensitivity", number, _DEG * with_g.turn_errors, "dots", 1))
@@ -120,7 +121,7 @@ def _gyro_section(result: StaticCalibration) -> Section:
         width = _DEG * 9.80665 * float(with_g.half_width[12:].max())
         section.sentences.append(
             f"With g-sensitivity (largest term {largest:.4f} ± {width:.4f} deg/s per g) gravity "
-            f"arrives within {_DEG * with_g.turn_rms:.3f} deg instead of {_DEG * gyro.turn_rms:.3f}."
+            f"arrives within {_DEG * with_g.turn_rms:.3f} deg, not {_DEG * gyro.turn_rms:.3f}."
         )
     section.plots += _over("Gravity carried through a turn, off by", series, "deg", "turn", (0.0,))
     for i, axis in enumerate(AXES):
@@ -179,9 +180,10 @@ def dynamic_report(
     from automap.calibration.dynamic import ERROR_NAMES
 
     final, sd = result.final, result.sd[-1]
+    accel_bias, gyro_bias = (float(np.abs(final[k : k + 3]).max()) for k in (0, 3))
     figures = [
-        Figure(f"{_DEG * float(np.abs(final[3:6]).max()):.3f} °/s", "largest gyro bias", "correction"),
-        Figure(f"{float(np.abs(final[:3]).max()):.3f} m/s²", "largest accelerometer bias", "correction"),
+        Figure(f"{_DEG * gyro_bias:.3f} °/s", "largest gyro bias", "correction"),
+        Figure(f"{accel_bias:.3f} m/s²", "largest accelerometer bias", "correction"),
         Figure(f"{result.hand_velocity:.2f} m/s", "velocity of the hand, RMS", "should be small"),
         Figure(f"{_DEG * float(result.turned.min()):.0f}°", "least turned axis", "in all"),
     ]  # fmt: skip

@@ -19,8 +19,8 @@ class RestSearch:
     ``rests`` for the accelerometer, at its best ``limit``; ``gyro_rests`` for the gyro, which
     feels a hand's tremor more, at ``gyro_limit``. ``tried`` is (limit, number of rests) for
     each limit. ``outliers`` are rests left out of the first because their norm contradicts all
-    others. ``determined`` is False when no limit gave poses enough; then ``rests`` are the
-    most that were found.
+    others. ``determined`` is False when no limit gave poses enough; then ``rests`` are
+    those of a middle limit.
     """
 
     rests: list[Rest]
@@ -47,13 +47,18 @@ def find_rests(logs: list[RawImu], gravity: float, n_parameters: int) -> RestSea
     widths = [_log_widths(rests, gravity, n_parameters) for rests in found]
     best = int(np.argmin([np.mean(w) for w in widths]))
     if not np.isfinite(np.mean(widths[best])):
-        most = max(found, key=len)
-        limit = THRESHOLDS[found.index(most)]
-        return RestSearch(most, most, limit, limit, tried, determined=False)
+        usual = len(THRESHOLDS) // 2
+        rests, limit = found[usual], THRESHOLDS[usual]
+        return RestSearch(rests, rests, limit, limit, tried, determined=False)
     both = [np.mean(np.concatenate([w, _log_bias(r)])) for w, r in zip(widths, found, strict=True)]
     gyro = int(np.argmin(both))
     kept, outliers = _without_outliers(found[best], gravity, n_parameters)
     return RestSearch(kept, found[gyro], THRESHOLDS[best], THRESHOLDS[gyro], tried, tuple(outliers))
+
+
+def least_poses(n_parameters: int) -> int:
+    """Rest poses needed: six for the paper's model, one to spare for the longer one."""
+    return N_SIX if n_parameters == N_SIX else n_parameters + 1
 
 
 def pose_means(rests: list[Rest]) -> tuple[FloatArray, FloatArray]:
@@ -66,7 +71,7 @@ def pose_means(rests: list[Rest]) -> tuple[FloatArray, FloatArray]:
 
 def _log_widths(rests: list[Rest], gravity: float, n_parameters: int) -> FloatArray:
     """Logarithms of the relative half widths of scale and angles; infinite when undetermined."""
-    if len(rests) <= n_parameters:
+    if len(rests) < least_poses(n_parameters):
         return np.full(3, np.inf)
     means, variances = pose_means(rests)
     fit = fit_accelerometer(means, variances, gravity, n_parameters)

@@ -23,7 +23,7 @@ from automap.calibration.plausible import (
 )
 from automap.calibration.poses import LEAST_SINGULAR, determination, helpful_poses
 from automap.calibration.rest import Rest
-from automap.calibration.rest_search import RestSearch, find_rests, pose_means
+from automap.calibration.rest_search import RestSearch, find_rests, least_poses, pose_means
 from automap.errors import InputError
 from automap.records import FloatArray, RawImu
 
@@ -80,9 +80,9 @@ def calibrate_static(
         search = find_rests(logs, gravity, N_SIX)
         if search.determined:
             wanted = N_SIX
-            warnings.append(_six_only(nine, gravity))
+            warnings.append(_six_only(nine))
     if not search.determined:
-        raise InputError(_too_few(logs, search, gravity, N_SIX if wanted == N_SIX else wanted))
+        raise InputError(_too_few(logs, search, n_parameters or N_SIX))
     means, variances = pose_means(search.rests)
     accel = fit_accelerometer(means, variances, gravity, wanted)
     refuse_wrong_accel_unit(logs[0], accel.scale)
@@ -114,22 +114,22 @@ def _names(logs: list[RawImu]) -> str:
     return ", ".join(log.name for log in logs)
 
 
-def _too_few(logs: list[RawImu], search: RestSearch, gravity: float, n_parameters: int) -> str:
+def _too_few(logs: list[RawImu], search: RestSearch, n_parameters: int) -> str:
     """Why no limit gave poses enough, and which would help."""
     rests = search.rests
     if len(rests) < 2:
         found = "no rest" if not rests else "only one rest"
         return (
             f"{_names(logs)}: {found} of a second or more was found; hold the sensor still for "
-            f"some seconds in each of {n_parameters + 1} or more poses, better 12."
+            f"some seconds in each of {least_poses(n_parameters)} or more poses, better 12."
         )
     poses = helpful_poses(_rough_directions(rests), n_parameters)
     missing = "; ".join(poses) if poses else "any that differ from these"
     count = f"{len(rests)} rest pose{'s' if len(rests) > 1 else ''}"
-    if len(rests) <= n_parameters:
+    if len(rests) < least_poses(n_parameters):
         return (
             f"{_names(logs)}: {count} found, too few for {n_parameters} parameters; hold the "
-            f"sensor still in at least {n_parameters + 1}, better 12. Add: {missing}."
+            f"sensor still in at least {least_poses(n_parameters)}, better 12. Add: {missing}."
         )
     return (
         f"{_names(logs)}: the {count} leave an accelerometer parameter open, as when all lie in "
@@ -152,7 +152,7 @@ def _rough_directions(rests: list[Rest]) -> FloatArray:
     return np.asarray(vectors / (np.linalg.norm(vectors, axis=1)[:, None] + 1e-300))
 
 
-def _six_only(nine: RestSearch, gravity: float) -> str:
+def _six_only(nine: RestSearch) -> str:
     poses = helpful_poses(_rough_directions(nine.rests), N_NINE)
     advice = f" Add: {'; '.join(poses)}." if poses else " Add more poses."
     return (

@@ -64,7 +64,7 @@ def _log_options(function: F) -> F:
                      help="Default: the drive's, else rad/s."),
         click.option("--accel-unit", type=click.Choice(["m/s^2", "g", "counts"]),
                      help="Default: the drive's, else m/s^2."),
-        click.option("--sensor", metavar="NAME", help="Data sheet for counts, from configs/sensors."),
+        click.option("--sensor", metavar="NAME", help="Data sheet of counts, in configs/sensors."),
         click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False),
                      metavar="DIR", help="Folder for imu_calibration.toml and the report."),
     ]  # fmt: skip
