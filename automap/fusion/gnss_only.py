@@ -11,9 +11,10 @@ import numpy as np
 
 from automap.earth import from_local_ned, local_ned
 from automap.errors import InputError
+from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.measurements import model_fixes
 from automap.fusion.model import FusionOptions
-from automap.records import ClockModel, Fixes, FloatArray, Trajectory
+from automap.records import BoolArray, ClockModel, Fixes, FloatArray, Trajectory
 
 ACCELERATION_PSD = (1.0, 1.0, 0.1)
 """White acceleration of road traffic north, east, down, (m/s^2)^2/Hz."""
@@ -50,19 +51,18 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
     sd_pos, sd_vel = np.zeros((len(t), 3)), np.zeros((len(t), 3))
     for axis in range(3):
         bit = 1 if axis < 2 else 2
-        axis_result = _smooth_axis(
+        out = np.zeros((len(t), 4))
+        smooth_axis(
             t,
-            ned[:, axis],
-            (flags & bit) > 0,
-            values[:, 3 + axis],
-            (flags & (4 * bit)) > 0,
-            model.white_var[rows, axis],
-            model.white_var[rows, 3 + axis],
+            np.column_stack([ned[:, axis], values[:, 3 + axis]]),
+            np.column_stack([(flags & bit) > 0, (flags & (4 * bit)) > 0]),
+            model.white_var[rows][:, [axis, 3 + axis]],
             model.wander_sd[rows, axis],
             ACCELERATION_PSD[axis],
             options.wander_tau_s,
+            out,
         )
-        position[:, axis], velocity[:, axis], sd_pos[:, axis], sd_vel[:, axis] = axis_result
+        position[:, axis], velocity[:, axis], sd_pos[:, axis], sd_vel[:, axis] = out.T
     lat, lon, h = from_local_ned(position, ref)
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     rpy = np.zeros((len(t), 3))
@@ -87,54 +87,7 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
     )
 
 
-def _smooth_axis(
-    t: FloatArray,
-    z_pos: FloatArray,
-    use_pos: np.ndarray,
-    z_vel: FloatArray,
-    use_vel: np.ndarray,
-    var_pos: FloatArray,
-    var_vel: FloatArray,
-    wander: FloatArray,
-    psd: float,
-    tau: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Forward filter and RTS smoother of one axis; position, velocity and their sd."""
-    n = len(t)
-    x = np.array([z_pos[np.flatnonzero(use_pos)[0]] if use_pos.any() else 0.0, 0.0, 0.0])
-    p = np.diag([100.0**2, 30.0**2, 1.0])
-    xs, ps = np.zeros((n, 3)), np.zeros((n, 3, 3))
-    xp, pp, fs = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3, 3))
-    for k in range(n):
-        dt = t[k] - t[k - 1] if k else 0.0
-        d = np.exp(-dt / tau)
-        f = np.array([[1.0, dt, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, d]])
-        q = np.diag([0.0, 0.0, 1.0 - d * d])
-        q[:2, :2] = psd * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-        x, p = f @ x, f @ p @ f.T + q
-        xp[k], pp[k], fs[k] = x, p, f
-        for used, h, z, var in (
-            (use_pos[k], np.array([1.0, 0.0, wander[k]]), z_pos[k], var_pos[k]),
-            (use_vel[k], np.array([0.0, 1.0, 0.0]), z_vel[k], var_vel[k]),
-        ):
-            if not used:
-                continue
-            ph = p @ h
-            nu = z - h @ x
-            # a surprising fix is trusted less, as in the inertial filter
-            s = max(float(h @ ph + var), float(nu * nu / 10.8))
-            x = x + ph * (nu / s)
-            p = p - np.outer(ph, ph) / s
-        xs[k], ps[k] = x, p
-    for k in range(n - 2, -1, -1):
-        gain = np.linalg.solve(pp[k + 1].T, (ps[k] @ fs[k + 1].T).T).T
-        xs[k] = xs[k] + gain @ (xs[k + 1] - xp[k + 1])
-        ps[k] = ps[k] + gain @ (ps[k + 1] - pp[k + 1]) @ gain.T
-    sd = np.sqrt(np.maximum(np.einsum("kii->ki", ps), 0.0))
-    return xs[:, 0], xs[:, 1], sd[:, 0], sd[:, 1]
-
-
-def _hold(angle: FloatArray, valid: np.ndarray) -> FloatArray:
+def _hold(angle: FloatArray, valid: BoolArray) -> FloatArray:
     """Angles with invalid ones replaced by the last valid, or the first where there is none."""
     if not valid.any():
         return np.zeros_like(angle)
