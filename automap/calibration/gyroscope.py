@@ -260,9 +260,11 @@ def _linear_start(
         changes.append((u[rows + window] - u[rows]).ravel())
     X, y = np.concatenate(blocks), np.concatenate(changes)
     weight = np.ones(len(y))
-    solution = np.zeros(9)
+    solution: FloatArray = np.zeros(9)
+    tiny = 1e-12 * np.eye(9) * np.sum(X**2)
     for _ in range(15):
-        solution = np.linalg.lstsq(X * weight[:, None], y * weight, rcond=None)[0]
+        weighted = X * (weight**2)[:, None]
+        solution = np.asarray(np.linalg.solve(weighted.T @ X + tiny, weighted.T @ y))
         r = y - X @ solution
         sd = 1.4826 * float(np.median(np.abs(r))) + 1e-12
         weight = 1.0 / np.sqrt(1.0 + (r / (2.0 * sd)) ** 2)

@@ -106,25 +106,27 @@ def rests_below(logs: list[RawImu], movements: list[FloatArray], limit: float) -
         t_s = log.t_s
         step = float(np.median(np.diff(t_s)))
         still = moved < limit
+        # some 3 g in readings, whatever their unit; every tenth sample tells it
+        span = float(
+            np.linalg.norm(np.ptp(np.quantile(log.accel[::10], [0.05, 0.95], axis=0), axis=0))
+        )
         # a hole in the recording ends an interval
         still[1:] &= np.diff(t_s) < 10.0 * step
         for start, stop in _runs(still):
             if t_s[stop - 1] - t_s[start] >= LEAST_REST_S:
                 rest = _summary(log, number, start, stop)
-                if found and _same_pose(log, found[-1], rest):
+                if found and _same_pose(log, found[-1], rest, span):
                     rest = _joined(found.pop(), rest)
                 found.append(rest)
     return _with_correlation(found)
 
 
-def _same_pose(log: RawImu, first: Rest, second: Rest) -> bool:
+def _same_pose(log: RawImu, first: Rest, second: Rest, span: float) -> bool:
     """Whether two rests are one that a bump or a fluctuation of the noise has cut in two."""
     if first.log != second.log:
         return False
     gap_s = float(log.t_ns[second.start] - log.t_ns[first.stop - 1]) * 1e-9
     moved = np.linalg.norm(second.accel - first.accel)
-    # some 3 g in readings, whatever their unit
-    span = np.linalg.norm(np.diff(np.quantile(log.accel, [0.05, 0.95], axis=0), axis=0))
     return bool(gap_s <= 2.0 * WINDOW_S and moved < SAME_POSE * span)
 
 

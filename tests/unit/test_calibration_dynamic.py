@@ -84,7 +84,7 @@ def test_a_log_in_another_unit_is_refused() -> None:
 
 def test_the_papers_filter_agrees() -> None:
     """The literal 19 states of (12) to (28) against the product's error states."""
-    coarse, truth, motion = hand_turned(4, 15.0)
+    coarse, truth, motion = hand_turned(4, 12.0)
     # Euler's steps need short ones: the same signal at four times the rate
     t_s = np.arange(4 * len(coarse) - 3) / 400.0
     gyro, accel = (
@@ -114,9 +114,9 @@ def test_the_papers_filter_agrees() -> None:
         if k % every == 0:
             paper.update(variance)
     sigma = out[-1, 16:]
-    # two discretisations of the same filter: apart by a small part of their own uncertainty
-    assert np.all(np.abs(paper.errors - errors) < 0.35 * sigma)
-    np.testing.assert_allclose(paper.error_sd, sigma, rtol=0.1)
+    # Euler's error, a small part of the uncertainty; it falls with the step as it should
+    assert np.all(np.abs(paper.errors - errors) < 0.25 * sigma)
+    np.testing.assert_allclose(paper.error_sd, sigma, rtol=0.03)
     C = quat_to_matrix(paper.x[3:7]) @ quat_to_matrix(out[-1, :4]).T
     assert np.degrees(np.arccos(np.clip((np.trace(C) - 1) / 2, -1, 1))) < 0.5
     assert np.all(np.abs(errors - truth) < 4.0 * sigma)
