@@ -284,7 +284,8 @@ STAGE = Stage(
     run=run,
     inputs=_inputs,
     needs=(names.TRAJECTORY, names.DETECTIONS, names.SYNC),
-    outputs=(names.SIGNS_RAW, names.OBSERVATIONS),
+    # the adjusted trajectory is written by a geolocation that moves the vehicle as well
+    outputs=(names.SIGNS_RAW, names.OBSERVATIONS, names.TRAJECTORY_ADJUSTED),
     settings=("geolocate",),
     manifest=("name", "video"),
 )
