@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from automap.fusion.mechanisation import quat_to_dcm, rotate_left, rotate_right
+from automap.records import FloatArray
 
 VEL, PHI, BA, BG, SA, SG, POS = 0, 3, 6, 9, 12, 15, 18
 N_STATES = 21
@@ -21,7 +22,21 @@ N_ERRORS = 12
 
 
 @njit(cache=True)
-def run_filter(dt, gyro, accel, gravity, quat, errors, P, q, every, variance, walk, out, innov):
+def run_filter(
+    dt: FloatArray,
+    gyro: FloatArray,
+    accel: FloatArray,
+    gravity: float,
+    quat: FloatArray,
+    errors: FloatArray,
+    P: FloatArray,
+    q: FloatArray,
+    every: int,
+    variance: FloatArray,
+    walk: FloatArray,
+    out: FloatArray,
+    innov: FloatArray,
+) -> int:
     """Filter conditioned readings [n, 3]; returns the number of measurements.
 
     ``dt`` [n - 1] s; ``quat`` [4] initial attitude, ``errors`` [12] (biases, then scales,
@@ -78,7 +93,15 @@ def run_filter(dt, gyro, accel, gravity, quat, errors, P, q, every, variance, wa
 
 
 @njit(cache=True)
-def _propagate(v, quat, c, f, w, h, gravity):
+def _propagate(
+    v: FloatArray,
+    quat: FloatArray,
+    c: FloatArray,
+    f: FloatArray,
+    w: FloatArray,
+    h: float,
+    gravity: float,
+) -> None:
     """Velocity and attitude over a step of ``h`` seconds at mean force and rate."""
     x, y, z = w[0] * h, w[1] * h, w[2] * h
     # the increment seen from the start of the step: the body turns by half of it on average
@@ -93,7 +116,17 @@ def _propagate(v, quat, c, f, w, h, gravity):
 
 
 @njit(cache=True)
-def _propagate_covariance(P, c, f, accel, gyro, k, h, F, FP):
+def _propagate_covariance(
+    P: FloatArray,
+    c: FloatArray,
+    f: FloatArray,
+    accel: FloatArray,
+    gyro: FloatArray,
+    k: int,
+    h: float,
+    F: FloatArray,
+    FP: FloatArray,
+) -> None:
     """P := (1 + F h) P (1 + F h)^T; only the first six rows of F are not zero."""
     fn0 = c[0, 0] * f[0] + c[0, 1] * f[1] + c[0, 2] * f[2]
     fn1 = c[1, 0] * f[0] + c[1, 1] * f[1] + c[1, 2] * f[2]
@@ -142,7 +175,16 @@ def _propagate_covariance(P, c, f, accel, gyro, k, h, F, FP):
 
 
 @njit(cache=True)
-def _update(state, y, s, v, place, quat, errors, P):
+def _update(
+    state: int,
+    y: float,
+    s: float,
+    v: FloatArray,
+    place: FloatArray,
+    quat: FloatArray,
+    errors: FloatArray,
+    P: FloatArray,
+) -> None:
     """One component of velocity or position, innovation ``y`` = 0 - state, variance ``s``."""
     gain = np.empty(N_STATES)
     row = np.empty(N_STATES)
@@ -169,7 +211,7 @@ def _update(state, y, s, v, place, quat, errors, P):
 
 
 @njit(cache=True)
-def _store(k, quat, errors, P, out):
+def _store(k: int, quat: FloatArray, errors: FloatArray, P: FloatArray, out: FloatArray) -> None:
     for i in range(4):
         out[k, i] = quat[i]
     for i in range(N_ERRORS):

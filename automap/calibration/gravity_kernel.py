@@ -7,12 +7,21 @@ import math
 import numpy as np
 from numba import njit
 
+from automap.records import FloatArray
+
 N_SIGNALS = 7
 """Basis signals of an angular rate: 1, reading x y z, specific force x y z."""
 
 
 @njit(cache=True)
-def carry_direction(rate, signals, dt, direction, end, sensitivity):
+def carry_direction(
+    rate: FloatArray,
+    signals: FloatArray,
+    dt: FloatArray,
+    direction: FloatArray,
+    end: FloatArray,
+    sensitivity: FloatArray,
+) -> None:
     """Carry a fixed direction through a turn in body axes.
 
     ``rate`` [n, 3] rad/s true angular rate, ``signals`` [n, 7] basis signals, ``dt`` [n - 1] s,
@@ -53,7 +62,7 @@ def carry_direction(rate, signals, dt, direction, end, sensitivity):
 
 
 @njit(cache=True)
-def _transposed_rotation(x, y, z, r):
+def _transposed_rotation(x: float, y: float, z: float, r: FloatArray) -> None:
     """Write exp(-[(x, y, z) x]) into ``r`` [3, 3]."""
     n2 = x * x + y * y + z * z
     s = 1.0 - n2 / 6.0
@@ -74,7 +83,7 @@ def _transposed_rotation(x, y, z, r):
 
 
 @njit(cache=True)
-def _add_variation(u, signal, h, sensitivity):
+def _add_variation(u: FloatArray, signal: FloatArray, h: float, sensitivity: FloatArray) -> None:
     """Add u x (e_a signal_j) h to ``sensitivity`` [3, 3, 7]."""
     for j in range(N_SIGNALS):
         s = signal[j] * h

@@ -259,7 +259,7 @@ def _linear_start(
         blocks.append(block.reshape(-1, 9))
         changes.append((u[rows + window] - u[rows]).ravel())
     X, y = np.concatenate(blocks), np.concatenate(changes)
-    weight = np.ones(len(y))
+    weight: FloatArray = np.ones(len(y))
     solution: FloatArray = np.zeros(9)
     tiny = 1e-12 * np.eye(9) * np.sum(X**2)
     for _ in range(15):

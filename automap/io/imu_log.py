@@ -180,7 +180,7 @@ def _stamps(name: str, columns: dict[str, np.ndarray], n: int, rate: float | Non
     if time is None:
         if rate is None:
             raise ConfigError(f"{name} has no time column; give its rate with --rate HZ.")
-        return np.rint(np.arange(n) * (1e9 / rate)).astype(np.int64)
+        return np.asarray(np.rint(np.arange(n) * (1e9 / rate)), dtype=np.int64)
     values = columns[time]
     if values.dtype == np.int64:
         return np.asarray(values - int(values.min()), dtype=np.int64)
@@ -188,7 +188,7 @@ def _stamps(name: str, columns: dict[str, np.ndarray], n: int, rate: float | Non
     if not finite.any():
         raise InputError(f"{name}: the column {time} holds no number; correct --columns.")
     since = np.where(finite, values - values[finite].min(), -1.0)
-    return np.rint(since * _TIMES[time]).astype(np.int64)
+    return np.asarray(np.rint(since * _TIMES[time]), dtype=np.int64)
 
 
 def _with_units(raw: RawImu, form: LogFormat) -> RawImu:
