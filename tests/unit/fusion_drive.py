@@ -123,8 +123,8 @@ def make_motion(
     slope: float = 0.03,
     slip_seed: int | None = None,
 ) -> Motion:
-    """A drive of ``duration`` s. With ``slip_seed`` it slides sideways and bounces at random,
-    0.1 m/s and 0.2 m/s (more when fast) over one second.
+    """A drive of ``duration`` s. With ``slip_seed`` it slides sideways at random, 0.04 m/s over one
+    second and 0.03 m/s more for each m/s^2 of lateral acceleration, and bounces twice as much.
 
     ``speed`` knots (time s, m/s), negative in reverse; ``turns`` (begin s, length s, angle
     deg). Corners are rounded over half a second; the body leans and the road rises gently.
@@ -148,8 +148,9 @@ def make_motion(
     if slip_seed is not None:
         rng = np.random.default_rng(slip_seed)
         slide = gaussian_filter1d(rng.standard_normal((2, len(t))), smooth, axis=1)
-        # the filtered noise's density is that of the white noise: one over the grid step
-        slide *= 0.1 * (1.0 + 0.05 * np.abs(v)) / np.sqrt(GRID_S) * np.minimum(np.abs(v) / 3, 1)
+        # the filtered noise keeps the white noise's density, one over the grid step
+        density = np.hypot(0.04, 0.03 * gaussian_filter1d(lateral, smooth))
+        slide *= density / np.sqrt(GRID_S) * np.minimum(np.abs(v) / 3.0, 1.0)
         zero = np.zeros_like(roll)
         body = np.stack([zero, slide[0], 2.0 * slide[1]], axis=1)
         vel = vel + np.einsum("nij,nj->ni", _euler(roll, pitch, yaw), body)
