@@ -24,6 +24,11 @@ def fences(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
 
 
+def scripts() -> list[str]:
+    """The Python blocks, which rest on the commands before them."""
+    return fences("python")
+
+
 def commands() -> list[str]:
     """The command lines of the shell blocks."""
     return [line for block in fences("sh") for line in block.splitlines() if line.strip()]
@@ -60,6 +65,17 @@ def test_every_automap_command_runs(tmp_path: Path) -> None:
             check=False,
         )
         assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
+    for script in scripts():
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, f"{script}\n{done.stderr}"
+        assert done.stdout.strip(), script
 
 
 @pytest.mark.slow
@@ -69,6 +85,13 @@ def test_every_make_target_exists() -> None:
     assert {"demo", "test"} <= targets
     for target in targets:
         subprocess.run(["make", "--dry-run", target], cwd=ROOT, check=True, capture_output=True)
+
+
+def test_every_linked_file_exists() -> None:
+    links = re.findall(r"\]\(([^)#]+)\)", README)
+    assert len(links) >= 2
+    for link in links:
+        assert (ROOT / link).is_file(), link
 
 
 def test_every_kind_of_command_is_known() -> None:
