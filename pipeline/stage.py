@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from pipeline.config import Settings
 
 
+Progress = Callable[[float, str], None]
+"""Told how far a long step is, 0 to 1, and what it does."""
+
+
 @dataclass
 class StageContext:
     """What a running stage sees.
@@ -29,7 +33,7 @@ class StageContext:
     warnings: list[str] = field(default_factory=list)
     metrics: dict[str, Any] = field(default_factory=dict)
     result: str = ""
-    progress: Callable[[float, str], None] = lambda fraction, text: None
+    progress: Progress = lambda fraction, text: None
 
     def warn(self, text: str) -> None:
         """Record one sentence for the user; it goes to the terminal, run.json and the report."""

@@ -23,6 +23,7 @@ _COMMANDS = {
     "simulate": "pipeline.cli.simulate",
     "detect": "pipeline.cli.detect",
     "calibrate": "pipeline.cli.calibrate",
+    "experiment": "pipeline.cli.experiment",
 }
 
 _EPILOG = """\b

@@ -11,14 +11,9 @@ from automap.io import names
 from pipeline.stage import Stage, StageContext
 
 if TYPE_CHECKING:
-    from automap.fusion.engine import FusionResult, Prior
+    from automap.fusion.engine import FusionResult
     from automap.io.drive import Drive
     from automap.records import ClockModel, Trajectory
-
-SEPARATE_CLOCK_SD_S = 0.1
-"""IMU stamps already in GPS time carry the recorder's own delay, s."""
-OUTPUT_DELAY = (0.1, 0.1)
-"""Least output delay of a receiver that nobody measured: mean and one sigma, s."""
 
 
 def run(context: StageContext) -> None:
@@ -43,7 +38,7 @@ def run(context: StageContext) -> None:
         _smooth_fixes(context, clock, "no IMU recording")
         return
     try:
-        _fuse(context, clock)
+        _fuse(context)
     except StageError as error:
         # nobody asked for the receiver's own sensors: without them there is still its track
         if not _is_receivers_own(context):
@@ -94,32 +89,19 @@ def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None
     context.result = f"{len(trajectory)} epochs from GPS alone, smoothed"
 
 
-def _fuse(context: StageContext, clock: ClockModel) -> None:
-    from automap.fusion.engine import fuse_imu_gnss
-    from automap.io.tables import read_fixes, read_imu
+def _fuse(context: StageContext) -> None:
+    from pipeline.fusion_inputs import read_inputs
 
-    imu = read_imu(context.out / names.IMU)
-    fixes = read_fixes(context.out / names.FIXES)
     settings = context.settings.fuse
-    delay, is_clock = _delay_prior(clock, settings.imu_delay_sd_s)
-    arm = context.drive.gnss.lever_arm_m
-    result = fuse_imu_gnss(
-        imu,
-        fixes,
-        clock,
-        settings.options(),
-        delay,
-        lever_arm=None if arm is None else context.drive.lever_arm,
-        delay_is_clock=is_clock,
-        progress=context.progress,
-    )
+    inputs = read_inputs(context.drive, context.out, settings.imu_delay_sd_s)
+    result = inputs.fuse(settings.options(), progress=context.progress)
     for text in result.warnings:
         context.warn(text)
     _write_trajectory(context, result.trajectory, names.TRAJECTORY)
     _write_trajectory(context, result.filtered, names.TRAJECTORY_FILTER)
     _write_parameters(context, result)
     _write_innovations(context, result)
-    _report(context, result, is_clock)
+    _report(context, result, inputs.delay_is_clock)
     if settings.tune:
         _write_tuned(context, result)
     metrics = context.metrics
@@ -127,21 +109,6 @@ def _fuse(context: StageContext, clock: ClockModel) -> None:
         f"{len(result.trajectory)} epochs from {result.n_fixes_used} fixes, horizontal sd "
         f"{metrics['horizontal_sd_m']:.2f} m, IMU delay {1e3 * result.delay.mean:.0f} ms"
     )
-
-
-def _delay_prior(clock: ClockModel, shared_sd: float) -> tuple[Prior, bool]:
-    """Prior of the delay between IMU stamps and fixes, and whether it is the clock's error."""
-    from automap.fusion.engine import Prior
-
-    if clock.method == "identity":
-        return Prior(0.0, SEPARATE_CLOCK_SD_S), False
-    if clock.method == "arrival" and clock.output_delay_s is None:
-        mean, sd = OUTPUT_DELAY
-        return Prior(-mean, sd), True
-    sd_offset = min(clock.sd_offset_s, 1.0)
-    if clock.method == "arrival":
-        return Prior(0.0, (shared_sd**2 + sd_offset**2) ** 0.5), False
-    return Prior(0.0, max(SEPARATE_CLOCK_SD_S, sd_offset)), True
 
 
 def _write_trajectory(context: StageContext, trajectory: Trajectory, name: str) -> None:

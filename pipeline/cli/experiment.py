@@ -1,0 +1,61 @@
+"""``automap experiment``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from pipeline.cli.command import Command
+
+KINDS = ("calibration", "biases", "nis", "dropout")
+_EPILOG = """\b
+Examples:
+  automap experiment dropout drives/golf-03 -o experiments --outage 15 --every 45
+  automap experiment biases drives/golf-03 -o experiments
+"""
+
+
+@click.command(
+    "experiment",
+    cls=Command,
+    epilog=_EPILOG,
+    short_help="Plot what calibration and smoothing do on a drive.",
+)
+@click.argument("kind", type=click.Choice(KINDS))
+@click.argument("drive", type=click.Path(path_type=Path))
+@click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False))
+@click.option("--config", type=click.Path(path_type=Path), help="TOML file with settings.")
+@click.option("--outage", type=click.FloatRange(1.0), default=15.0, help="Seconds without GPS.")
+@click.option("--every", type=click.FloatRange(5.0), default=45.0, help="Seconds between starts.")
+def command(
+    kind: str, drive: Path, out: Path, config: Path | None, outage: float, every: float
+) -> None:
+    """Repeat one of the paper's experiments on DRIVE; writes KIND.png and KIND.json.
+
+    calibration: forward filter through GPS outages with and without estimated sensor errors.
+    biases: sensor biases over time with sigma. nis: are the innovations as large as the filter
+    says. dropout: GPS cut off, with and without smoothing.
+    """
+    from automap.errors import ConfigError
+    from pipeline.config import load_settings
+    from pipeline.experiments import biases, calibration, dropout, nis
+    from pipeline.experiments.base import prepare
+
+    if every < outage + 5.0:
+        raise ConfigError(
+            f"--every {every:g} leaves less than 5 s of GPS between outages of {outage:g} s; "
+            "choose a longer period"
+        )
+    experiment = prepare(drive, out, load_settings(config))
+    if kind == "calibration":
+        result = calibration.run(experiment, outage, every)
+    elif kind == "biases":
+        result = biases.run(experiment)
+    elif kind == "nis":
+        result = nis.run(experiment)
+    else:
+        result = dropout.run(experiment, outage, every)
+    for name, value in result.items():
+        click.echo(f"{name:32s} {value if not isinstance(value, float) else f'{value:.4g}'}")
+    click.echo(f"{out / (kind + '.png')}")

@@ -1,0 +1,116 @@
+"""What the experiments share: a prepared drive, cut fixes, comparison, figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from automap.earth import local_ned
+from automap.errors import InputError
+from automap.io import names
+from automap.io.atomic import atomic_path, make_folder, write_json
+from automap.records import Fixes, FloatArray, Trajectory
+from pipeline.config import Settings
+from pipeline.fusion_inputs import FusionInputs, read_inputs
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A drive that went through ingest and sync, and where the results go."""
+
+    inputs: FusionInputs
+    settings: Settings
+    out: Path
+
+    def save(self, name: str, figure: Figure, figures: dict[str, Any]) -> None:
+        """Write NAME.png and NAME.json."""
+        with atomic_path(self.out / f"{name}.png") as path:
+            figure.savefig(path, format="png", dpi=120, bbox_inches="tight")
+        write_json(self.out / f"{name}.json", figures)
+
+
+def prepare(drive_path: Path, out: Path, settings: Settings) -> Experiment:
+    """Run ingest and sync of a drive into OUT/run.
+
+    Raises:
+        InputError: the drive has no IMU or no fixes.
+    """
+    from automap.io.drive import load_drive
+    from pipeline.runner import Request, run_drive
+    from pipeline.stages import registry
+
+    make_folder(out)
+    run_out = out / "run"
+    stages = registry.ORDER[:2]
+    request = Request(registry.load_stages(stages), stages, settings)
+    outcome = run_drive(drive_path, run_out, request)
+    if outcome.error is not None:
+        raise outcome.error
+    for name, what in ((names.IMU, "an IMU recording"), (names.FIXES, "GPS fixes")):
+        if not (run_out / name).exists():
+            raise InputError(f"{drive_path}: the experiment needs {what}, and the drive has none")
+    inputs = read_inputs(load_drive(drive_path), run_out, settings.fuse.imu_delay_sd_s)
+    return Experiment(inputs, settings, out)
+
+
+def outage_windows(
+    fixes: Fixes, off_s: float, every_s: float, start_s: float
+) -> list[tuple[float, float]]:
+    """GPS intervals of ``off_s`` in every ``every_s``, the first ``start_s`` after the start."""
+    usable = fixes.gps_s[np.isfinite(fixes.gps_s) & (fixes.fix_type > 0)]
+    if len(usable) == 0:
+        return []
+    begin, end = float(usable.min()), float(usable.max())
+    starts = np.arange(begin + start_s, end - off_s - 5.0, every_s)
+    return [(float(s), float(s) + off_s) for s in starts]
+
+
+def without(fixes: Fixes, windows: Sequence[tuple[float, float]]) -> Fixes:
+    """The fixes outside the windows."""
+    keep = np.ones(len(fixes), dtype=bool)
+    for start, stop in windows:
+        keep &= ~((fixes.gps_s >= start) & (fixes.gps_s < stop))
+    return replace(fixes, **{f.name: getattr(fixes, f.name)[keep] for f in fields(fixes)})
+
+
+def horizontal_distance(a: Trajectory, b: Trajectory) -> FloatArray:
+    """Horizontal distance [n] in m of two trajectories with the same epochs."""
+    ref = (float(a.lat_rad[0]), float(a.lon_rad[0]), float(a.height_m[0]))
+    difference = plane(a, ref) - plane(b, ref)
+    return np.asarray(np.hypot(difference[:, 0], difference[:, 1]))
+
+
+def plane(trajectory: Trajectory, ref: tuple[float, float, float]) -> FloatArray:
+    """Positions [n, 3] in metres NED of a reference."""
+    return local_ned(trajectory.lat_rad, trajectory.lon_rad, trajectory.height_m, ref)
+
+
+def largest_in(
+    distance: FloatArray, gps_s: FloatArray, windows: Sequence[tuple[float, float]]
+) -> FloatArray:
+    """Largest distance [w] within each window."""
+    return np.array(
+        [float(distance[(gps_s >= a) & (gps_s < b)].max(initial=0.0)) for a, b in windows]
+    )
+
+
+def rms(values: FloatArray) -> float:
+    """Root mean square, 0 of nothing."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def new_figure(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, Any]:
+    """A matplotlib figure off screen, with its axes."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot
+
+    return pyplot.subplots(rows, columns, figsize=size, squeeze=False)

@@ -1,0 +1,52 @@
+"""NIS monitoring: are the innovations as large as the filter says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pipeline.experiments.base import Experiment, new_figure
+
+WINDOW = 50
+_BLOCKS = ("position", "velocity")
+
+
+def run(experiment: Experiment) -> dict[str, Any]:
+    """Plot the moving mean of the normalised innovation squared with its 95 % band."""
+    from scipy.stats import chi2
+
+    from automap.fusion.consistency import channel_consistency, verdict
+
+    table = experiment.inputs.fuse(experiment.settings.fuse.options()).innovations
+    figure, axes = new_figure(2, 1, (10, 7))
+    result: dict[str, Any] = {"verdict": verdict(channel_consistency(table))}
+    for row, block in enumerate(_BLOCKS):
+        names = sorted({str(c) for c in table.channel if str(c).startswith(block)})
+        if not names:
+            continue
+        # scalars were decorrelated by processing them in turn: squares add up
+        square = (table.innovation / table.sd) ** 2
+        member = np.isin(table.channel.astype(str), names)
+        stamps, inverse = np.unique(table.t_ns[member], return_inverse=True)
+        total = np.bincount(inverse, square[member])
+        count = np.bincount(inverse)
+        t = (stamps - stamps[0]) * 1e-9
+        width = min(WINDOW, len(total))
+        kernel = np.full(width, 1.0)
+        ratio = np.convolve(total, kernel, "valid") / np.convolve(count, kernel, "valid")
+        dof = float(np.median(count)) * width
+        plot = axes[row, 0]
+        plot.plot(t[: len(ratio)] + 0.5 * (t[width - 1] - t[0]), ratio, "C0", lw=1)
+        low, high = (float(chi2.ppf(p, dof)) / dof for p in (0.025, 0.975))
+        plot.axhspan(low, high, color="0.88", label="95 % if the model is right")
+        plot.axhline(1.0, color="k", lw=0.5)
+        plot.set(ylabel=f"{block}: NIS per degree of freedom", xlabel="time, s")
+        plot.legend()
+        inside = (ratio > low) & (ratio < high)
+        result[block] = {
+            "mean": float(total.sum() / count.sum()),
+            "share_inside_95": float(inside.mean()),
+        }
+    experiment.save("nis", figure, result)
+    return result
