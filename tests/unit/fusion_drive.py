@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import pymap3d
@@ -222,6 +223,12 @@ class Sensor:
 PERFECT = Sensor(0.0, 0.0, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, 0.0, 0.0, 0.0)
 
 
+class _Readings(NamedTuple):
+    gyro: FloatArray
+    accel: FloatArray
+    speed: FloatArray
+
+
 def record(
     motion: Motion,
     sensor: Sensor,
@@ -234,18 +241,25 @@ def record(
     """Readings stamped ``delay_s`` late, in sensor axes where ``c_v_s`` [3, 3] is given."""
     rng = np.random.default_rng(seed)
     t = np.arange(int(motion.duration * rate) + 1) / rate
-    true = motion.at(t)
+    # in pieces: a long drive's attitude matrices would fill the memory
+    pieces = [
+        _Readings(true.gyro, true.accel, np.linalg.norm(true.vel, axis=1))
+        for true in (motion.at(part) for part in np.array_split(t, len(t) // 100_000 + 1))
+    ]
+    true_gyro = np.concatenate([p.gyro for p in pieces])
+    true_accel = np.concatenate([p.accel for p in pieces])
+    lively = np.concatenate([np.minimum(p.speed / 8.0, 1.0) for p in pieces])
+    del pieces
     out = []
     for signal, bias, scale, noise, walk in (
-        (true.gyro, sensor.gyro_bias, sensor.gyro_scale, sensor.gyro_noise, sensor.gyro_walk),
-        (true.accel, sensor.accel_bias, sensor.accel_scale, sensor.accel_noise, sensor.accel_walk),
+        (true_gyro, sensor.gyro_bias, sensor.gyro_scale, sensor.gyro_noise, sensor.gyro_walk),
+        (true_accel, sensor.accel_bias, sensor.accel_scale, sensor.accel_noise, sensor.accel_walk),
     ):
         drift = np.cumsum(rng.standard_normal(signal.shape), axis=0) * walk / np.sqrt(rate)
         white = rng.standard_normal(signal.shape) * noise * np.sqrt(rate)
         out.append(signal * (1.0 + np.array(scale)) + np.array(bias) + drift + white)
     gyro, accel = out
-    lively = np.minimum(np.linalg.norm(true.vel, axis=1) / 8.0, 1.0)[:, None]
-    accel = accel + rng.standard_normal(accel.shape) * sensor.vibration * lively
+    accel = accel + rng.standard_normal(accel.shape) * sensor.vibration * lively[:, None]
     if c_v_s is not None:
         gyro, accel = gyro @ c_v_s, accel @ c_v_s
     keep = np.ones(len(t), bool)
