@@ -82,4 +82,17 @@ def from_local_ned(
 
     p = np.asarray(ned, np.float64)
     lat, lon, h = ned2geodetic(p[..., 0], p[..., 1], p[..., 2], *ref, deg=False)
-    return np.asarray(lat), np.asarray(lon), np.asarray(h)
+    # pymap3d drops the axis of a single row
+    shape = p.shape[:-1]
+    return tuple(np.asarray(v, dtype=np.float64).reshape(shape) for v in (lat, lon, h))  # type: ignore[return-value]
+
+
+def ecef_axes(lat_rad: npt.ArrayLike, lon_rad: npt.ArrayLike) -> FloatArray:
+    """Matrices ``C_e_n`` [n, 3, 3], NED to Earth-fixed axes, at latitudes and longitudes [n]."""
+    lat, lon = np.atleast_1d(lat_rad).astype(float), np.atleast_1d(lon_rad).astype(float)
+    sa, ca, so, co = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
+    zero = np.zeros_like(lat)
+    north = np.stack([-sa * co, -sa * so, ca], axis=-1)
+    east = np.stack([-so, co, zero], axis=-1)
+    down = np.stack([-ca * co, -ca * so, -sa], axis=-1)
+    return np.stack([north, east, down], axis=-1)

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from automap.errors import ConfigError, InputError
-from automap.export import geojson, kml
+from automap.export import geojson, kml, trajectory_formats
 from automap.export.path import Path as MapPath
 from automap.export.path import simplified_path
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
 from automap.io.atomic import write_text
-from automap.records import NO_TIME
+from automap.records import NO_TIME, Trajectory
 from pipeline.products import RunProducts, geoid_separation, load_products
 
 
@@ -113,6 +113,38 @@ def write_csv(content: MapContent, path: Path) -> None:
     write_text(path, gis.signs_csv(content.signs))
 
 
+def _trajectory(content: MapContent) -> Trajectory:
+    trajectory = content.products.trajectory
+    if trajectory is None or len(trajectory) == 0:
+        raise InputError("there is no trajectory in OUT; run the drive first.")
+    return trajectory
+
+
+def write_trajectory_csv(content: MapContent, path: Path) -> None:
+    """Write the trajectory as CSV."""
+    write_text(path, trajectory_formats.trajectory_csv(_trajectory(content)))
+
+
+def write_pos(content: MapContent, path: Path) -> None:
+    """Write the trajectory as an RTKLIB solution."""
+    write_text(path, trajectory_formats.rtklib_pos(_trajectory(content)))
+
+
+def write_tum(content: MapContent, path: Path) -> None:
+    """Write the trajectory as TUM poses."""
+    write_text(path, trajectory_formats.tum_poses(_trajectory(content)))
+
+
+def write_kitti(content: MapContent, path: Path) -> None:
+    """Write the trajectory as KITTI poses."""
+    write_text(path, trajectory_formats.kitti_poses(_trajectory(content)))
+
+
+def write_gpx(content: MapContent, path: Path) -> None:
+    """Write the trajectory as a GPX track."""
+    write_text(path, trajectory_formats.gpx_track(_trajectory(content), content.name))
+
+
 Writer = Callable[[MapContent, Path], None]
 
 FORMATS: dict[str, tuple[str, Writer]] = {
@@ -122,6 +154,11 @@ FORMATS: dict[str, tuple[str, Writer]] = {
     "parquet": (names.SIGNS_TABLE, write_geoparquet),
     "flatgeobuf": ("signs.fgb", write_flatgeobuf),
     "csv": ("signs.csv", write_csv),
+    "trajectory-csv": ("trajectory.csv", write_trajectory_csv),
+    "pos": ("trajectory.pos", write_pos),
+    "tum": ("trajectory.tum", write_tum),
+    "kitti": ("trajectory.kitti", write_kitti),
+    "gpx": ("trajectory.gpx", write_gpx),
 }
 """Format: the file's name in OUT and what writes it."""
 

@@ -21,7 +21,8 @@ Example:
     "form",
     required=True,
     metavar="F",
-    help="geojson, kml, gpkg, parquet, flatgeobuf or csv.",
+    help="Signs: geojson, kml, gpkg, parquet, flatgeobuf, csv. "
+    "Trajectory: trajectory-csv, pos, tum, kitti, gpx.",
 )
 @click.option(
     "-o",

@@ -1,0 +1,123 @@
+"""The trajectory as other tools read it: CSV, RTKLIB .pos, TUM and KITTI poses, GPX.
+
+TUM: GPS seconds, position in metres east, north, up of the first pose, quaternion x y z w of
+the vehicle's forward-left-up axes (the axes of ROS and of evo). KITTI: rows of [R | t] from
+the vehicle's right-down-forward axes to those of the first pose.
+"""
+
+from __future__ import annotations
+
+from io import StringIO
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from automap.earth import ecef_axes, local_ned
+from automap.frames import matrix_to_quat, rpy_to_matrix
+from automap.records import FloatArray, Trajectory
+from automap.timebase import gps_to_iso
+
+GPX_STEP_S = 1.0
+_NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+_FRD_TO_FLU = np.diag([1.0, -1.0, -1.0])
+# columns: right, down, forward in body axes forward, right, down
+_CAMERA_AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+def trajectory_csv(trajectory: Trajectory) -> str:
+    """All columns of the trajectory table, with their units in the names."""
+    from automap.io.trajectory_table import to_columns
+
+    columns = to_columns(trajectory)
+    decimals = {"gps_s": 6, "lat_deg": 10, "lon_deg": 10}
+    formats = ["%d" if n == "t_ns" else f"%.{decimals.get(n, 5)}f" for n in columns]
+    rows = [tuple(row) for row in zip(*columns.values(), strict=True)]
+    template = ",".join(formats)
+    return "\n".join([",".join(columns), *(template % row for row in rows)]) + "\n"
+
+
+def rtklib_pos(trajectory: Trajectory) -> str:
+    """RTKLIB solution file in GPS time with ellipsoidal heights, velocities and sigmas."""
+    header = (
+        "% program   : automap\n"
+        "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,"
+        "ns=# of satellites)\n"
+        "%  GPST                      latitude(deg) longitude(deg)  height(m)   Q  ns"
+        "   sdn(m)   sde(m)   sdu(m)  sdne(m)  sdeu(m)  sdun(m) age(s)  ratio"
+        "    vn(m/s)    ve(m/s)    vu(m/s)      sdvn     sdve     sdvu    sdvne    sdveu"
+        "    sdvun\n"
+    )
+    t = trajectory
+    stamps = _gpst(t.gps_s)
+    text = StringIO()
+    text.write(header)
+    lat, lon = np.degrees(t.lat_rad), np.degrees(t.lon_rad)
+    for i, stamp in enumerate(stamps):
+        sp, sv, v = t.sd_pos_ned[i], t.sd_vel_ned[i], t.vel_ned[i]
+        text.write(
+            f"{stamp} {lat[i]:14.9f} {lon[i]:14.9f} {t.height_m[i]:10.4f}   5   0"
+            f" {sp[0]:8.4f} {sp[1]:8.4f} {sp[2]:8.4f}   0.0000   0.0000   0.0000   0.00    0.0"
+            f" {v[0]:10.5f} {v[1]:10.5f} {-v[2]:10.5f}"
+            f" {sv[0]:9.5f} {sv[1]:8.5f} {sv[2]:8.5f}  0.00000  0.00000  0.00000\n"
+        )
+    return text.getvalue()
+
+
+def tum_poses(trajectory: Trajectory) -> str:
+    """TUM pose file: one ``t x y z qx qy qz qw`` a row."""
+    position, attitude = _local(trajectory)
+    world = _NED_TO_ENU @ attitude @ _FRD_TO_FLU
+    quat = matrix_to_quat(world)
+    table = np.column_stack([trajectory.gps_s, position @ _NED_TO_ENU.T, quat[:, 1:], quat[:, :1]])
+    return _rows(table, ["%.6f"] + ["%.5f"] * 3 + ["%.9f"] * 4)
+
+
+def kitti_poses(trajectory: Trajectory) -> str:
+    """KITTI pose file: twelve numbers a row, the 3x4 matrix relative to the first pose."""
+    position, attitude = _local(trajectory)
+    axes = attitude @ _CAMERA_AXES
+    first = axes[0].T
+    rotation = first @ axes
+    moved = position @ first.T
+    table = np.concatenate([rotation, moved[:, :, None]], axis=2).reshape(len(position), 12)
+    return _rows(table, ["%.9e"] * 12)
+
+
+def gpx_track(trajectory: Trajectory, name: str) -> str:
+    """GPX 1.1 track at about one point a second, heights above the ellipsoid."""
+    gps_s = trajectory.gps_s
+    keep = np.unique(np.searchsorted(gps_s, np.arange(gps_s[0], gps_s[-1] + 1e-9, GPX_STEP_S)))
+    keep = np.append(keep[keep < len(gps_s) - 1], len(gps_s) - 1)
+    lat, lon = np.degrees(trajectory.lat_rad[keep]), np.degrees(trajectory.lon_rad[keep])
+    points = "\n".join(
+        f'<trkpt lat="{a:.9f}" lon="{b:.9f}"><ele>{h:.3f}</ele><time>{gps_to_iso(float(s))}</time>'
+        "</trkpt>"
+        for a, b, h, s in zip(lat, lon, trajectory.height_m[keep], gps_s[keep], strict=True)
+    )
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        '<gpx version="1.1" creator="AutoMap" xmlns="http://www.topografix.com/GPX/1/1">\n'
+        f"<trk><name>{escape(name)}</name><trkseg>\n{points}\n</trkseg></trk>\n</gpx>\n"
+    )
+
+
+def _local(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
+    """Positions [n, 3] NED of the first and attitudes [n, 3, 3] body to that NED frame."""
+    t = trajectory
+    ref = (float(t.lat_rad[0]), float(t.lon_rad[0]), float(t.height_m[0]))
+    position = local_ned(t.lat_rad, t.lon_rad, t.height_m, ref).reshape(-1, 3)
+    # north turns on the way: through the Earth's axes to those of the first pose
+    axes = ecef_axes(t.lat_rad, t.lon_rad)
+    return position, axes[0].T @ axes @ rpy_to_matrix(t.rpy)
+
+
+def _gpst(gps_s: FloatArray) -> list[str]:
+    """GPS time as RTKLIB writes it, to the millisecond."""
+    stamps = np.datetime64("1980-01-06", "ms") + np.rint(gps_s * 1e3).astype("timedelta64[ms]")
+    return [str(s).replace("-", "/").replace("T", " ") for s in stamps]
+
+
+def _rows(table: FloatArray, formats: list[str]) -> str:
+    text = StringIO()
+    np.savetxt(text, table, fmt=formats)
+    return text.getvalue()
