@@ -68,7 +68,13 @@ def test_whole_run_shows_every_section(out: Path) -> None:
     ]
     assert len(tree.xpath("//figure/svg")) >= 14
     text = tree.text_content()
-    for words in ("lever arm is not measured", "GPS position north", "never ran", "pixel_sd", "gyro bias"):
+    for words in (
+        "lever arm is not measured",
+        "GPS position north",
+        "never ran",
+        "pixel_sd",
+        "gyro bias",
+    ):
         assert words in text, words
     assert len(tree.xpath('//table[@id="sign-table"]/tbody/tr')) == 12
 
