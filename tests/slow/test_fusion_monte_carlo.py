@@ -1,0 +1,58 @@
+"""Many simulated drives: near the optimum, and honest about the error."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.benchmarks.fusion_monte_carlo import (
+    COMPONENTS,
+    DriveOutcome,
+    nees,
+    pooled,
+    run_drive,
+    sigma_ratios,
+)
+from tests.benchmarks.fusion_outages import rms, synthetic
+
+DRIVES = 20
+SECONDS = 600.0
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def outcomes() -> list[DriveOutcome]:
+    return [run_drive(100 + seed, SECONDS) for seed in range(DRIVES)]
+
+
+def test_smoothing_is_near_the_exact_optimum(outcomes: list[DriveOutcome]) -> None:
+    """Within 1.15 of a smoother that knows every noise level and the true linearisation."""
+    ours = pooled([o.smoothed for o in outcomes])
+    assert ours <= 1.15 * pooled([o.optimal for o in outcomes])
+    assert ours <= 1.15 * pooled([o.optimal_constrained for o in outcomes])
+    assert ours < 0.9 * pooled([o.filtered for o in outcomes])
+
+
+def test_errors_are_as_large_as_their_sd(outcomes: list[DriveOutcome]) -> None:
+    """A receiver's wander leaves some ten independent position errors a drive: their ratio
+    over all drives scatters by a tenth, that of velocity and attitude by less."""
+    ratio = dict(zip(COMPONENTS, sigma_ratios(outcomes), strict=True))
+    for name in COMPONENTS[:3]:
+        assert 0.75 < ratio[name] < 1.25, ratio
+    for name in COMPONENTS[3:]:
+        assert 0.85 < ratio[name] < 1.15, ratio
+
+
+def test_mean_nees_lies_in_its_band(outcomes: list[DriveOutcome]) -> None:
+    mean, inside = nees(outcomes)
+    assert (mean[1:] > 0.8).all()
+    assert (mean[1:] < 1.2).all()
+    assert (inside > 0.7).all()
+
+
+def test_outages_of_a_minute() -> None:
+    """Fixes off for 60 s in every 180 s, MEMS sensor: at most 8 m forward, 2 m smoothed."""
+    drifts = [synthetic(seed) for seed in range(5)]
+    assert rms(list(np.concatenate([forward for forward, _ in drifts]))) < 8.0
+    assert rms(list(np.concatenate([smoothed for _, smoothed in drifts]))) < 2.0
