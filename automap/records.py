@@ -117,6 +117,17 @@ class Fixes:
         return len(self.gps_s)
 
 
+@dataclass(frozen=True)
+class WheelSpeed:
+    """Speed of the wheels or of the CAN bus: ``t_ns`` [n] increasing, ``speed`` [n] m/s."""
+
+    t_ns: IntArray
+    speed: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+
 NO_TIME = np.iinfo(np.int64).min
 """Marks an unknown int64 time stamp."""
 

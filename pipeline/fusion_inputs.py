@@ -10,8 +10,8 @@ from automap.fusion.model import FusionOptions
 from automap.io import names
 from automap.io.clock_json import read_clock
 from automap.io.drive import Drive
-from automap.io.tables import read_fixes, read_imu
-from automap.records import ClockModel, Fixes, FloatArray, ImuData
+from automap.io.tables import read_fixes, read_imu, read_odometer
+from automap.records import ClockModel, Fixes, FloatArray, ImuData, WheelSpeed
 from pipeline.stage import Progress
 
 SEPARATE_CLOCK_SD_S = 0.1
@@ -34,6 +34,7 @@ class FusionInputs:
     delay: Prior
     delay_is_clock: bool
     lever_arm: FloatArray | None
+    odometer: WheelSpeed | None = None
 
     def fuse(
         self,
@@ -50,6 +51,7 @@ class FusionInputs:
             self.delay,
             lever_arm=self.lever_arm,
             delay_is_clock=self.delay_is_clock,
+            odometer=self.odometer,
             progress=progress,
         )
 
@@ -63,7 +65,9 @@ def read_inputs(drive: Drive, out: Path, shared_clock_sd_s: float) -> FusionInpu
     delay, is_clock = _delay_prior(clock, shared_clock_sd_s)
     arm = None if drive.gnss.lever_arm_m is None else drive.lever_arm
     imu, fixes = read_imu(out / names.IMU), read_fixes(out / names.FIXES)
-    return FusionInputs(imu, fixes, clock, delay, is_clock, arm)
+    wheels = out / names.ODOMETER
+    odometer = read_odometer(wheels) if wheels.exists() else None
+    return FusionInputs(imu, fixes, clock, delay, is_clock, arm, odometer)
 
 
 def _delay_prior(clock: ClockModel, shared_sd: float) -> tuple[Prior, bool]:

@@ -44,6 +44,9 @@ accel_unit = "m/s^2"
 file = "gnss.nmea"
 arrival = "gnss_arrival.csv"
 arrival_time = "boot_ns"
+
+[odometer]
+file = "can_speed.csv"
 """
 
 _VIDEO = """

@@ -123,6 +123,7 @@ _EFFECTS = (
         _xyz("m", 1.5),
         "from the IMU to the point that does not slide sideways",
     ),
+    Effect("odometer_scale", "vehicle", _named("relative", "", 0.03), "wheels turn too fast"),
     Effect("camera_boresight", "camera", _named("roll pitch yaw", "rad", 0.03), "camera turned"),
     Effect("camera_time_offset", "camera", _named("s", "s", 0.1), "frame stamps off"),
     Effect("rolling_shutter", "camera", _named("s", "s/image height", 0.03), "rows read in turn"),

@@ -15,7 +15,7 @@ from automap.frames import (
     rotation_vector_to_matrix,
 )
 from automap.fusion.layout import HAS_POS_H
-from automap.fusion.measurements import Nodes, model_fixes
+from automap.fusion.measurements import Nodes, Odometer, model_fixes
 from automap.fusion.model import FusionOptions
 from automap.fusion.mounting import Mounting, estimate_mounting
 from automap.fusion.output import (
@@ -29,7 +29,7 @@ from automap.fusion.output import (
 from automap.fusion.passes import Pass, Session, fix_speed, run_passes
 from automap.fusion.problem import DELAY_STATE, Problem, Start, filtered_states, run_dense
 from automap.fusion.standstill import find_standstill, rest_gyro_bias
-from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
+from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory, WheelSpeed
 
 KNOWN_ROLL_SD = 1e-3
 """The roll of a mounting that the manifest states, rad."""
@@ -80,6 +80,7 @@ def fuse_imu_gnss(
     lever_arm: FloatArray | None = None,
     lever_arm_sd: float = 0.05,
     delay_is_clock: bool = False,
+    odometer: WheelSpeed | None = None,
     progress: Callable[[float, str], None] = lambda fraction, text: None,
 ) -> FusionResult:
     """Fuse inertial readings and fixes of one drive.
@@ -90,7 +91,8 @@ def fuse_imu_gnss(
     ``delay_is_clock`` that delay is an error of the clock model and corrects ``gps_s``;
     otherwise the stamps are instants of a right clock at which late samples were noted, and
     each row of the output is the vehicle's state at its stamp's instant. ``lever_arm`` [3] IMU
-    to antenna in body axes, None if unknown (it is then estimated).
+    to antenna in body axes, None if unknown (it is then estimated). ``odometer`` the speed of
+    the wheels, stamped by the IMU's clock.
 
     Raises:
         InputError: fewer than two usable fixes within the IMU's span, or hardly any samples.
@@ -121,8 +123,13 @@ def fuse_imu_gnss(
         for axis, value in zip("xyz", rest_bias, strict=True):
             means[f"gyro_bias_{axis}"] = float(value)
             sds[f"gyro_bias_{axis}"] = 2e-3
+    wheels = None
+    if odometer is not None and len(odometer) > 1:
+        wheels = Odometer(np.asarray((odometer.t_ns - base_ns) * 1e-9), odometer.speed)
+        if "odometer_scale" not in effects:
+            effects = (*effects, "odometer_scale")
     options = replace(options, effects=effects)
-    session = Session(imu, model, options, standstill, means, sds, span)
+    session = Session(imu, model, options, standstill, means, sds, span, wheels)
     warnings: list[str] = []
 
     mounting = Mounting(np.eye(3), np.zeros(3), np.zeros(3))

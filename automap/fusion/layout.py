@@ -26,9 +26,10 @@ N_NAV = 9
     SKEW,
     DATUM,
     SIDESLIP,
-) = range(11)
-N_BLOCKS = 11
-BLOCK_SIZE = (3, 1, 1, 3, 3, 3, 1, 1, 1, 3, 1)
+    ODOMETER_SCALE,
+) = range(12)
+N_BLOCKS = 12
+BLOCK_SIZE = (3, 1, 1, 3, 3, 3, 1, 1, 1, 3, 1, 1)
 
 # bits of a node's flags
 HAS_POS_H = 1
@@ -37,6 +38,7 @@ HAS_VEL_H = 4
 HAS_VEL_V = 8
 STANDSTILL = 16
 NHC = 32
+ODOMETER = 64
 
 # channels in innovation tables, by code
 CHANNELS = (
@@ -54,6 +56,7 @@ CHANNELS = (
     "zaru_x",
     "zaru_y",
     "zaru_z",
+    "odometer",
 )
-CH_POS, CH_VEL, CH_NHC, CH_ZUPT, CH_ZARU = 0, 3, 6, 8, 11
-MAX_SCALARS = 14
+CH_POS, CH_VEL, CH_NHC, CH_ZUPT, CH_ZARU, CH_ODOMETER = 0, 3, 6, 8, 11, 14
+MAX_SCALARS = 15

@@ -8,6 +8,7 @@ import numpy as np
 
 from automap.fusion.layout import (
     CH_NHC,
+    CH_ODOMETER,
     CH_POS,
     CH_ZARU,
     CH_ZUPT,
@@ -17,10 +18,11 @@ from automap.fusion.layout import (
     HAS_VEL_V,
     MAX_SCALARS,
     NHC,
+    ODOMETER,
     STANDSTILL,
 )
 from automap.fusion.model import FusionOptions
-from automap.records import Fixes, FixType, FloatArray, IntArray
+from automap.records import BoolArray, Fixes, FixType, FloatArray, IntArray
 
 MAX_NODE_SPACING_S = 0.5
 """No stretch between nodes is longer, so that interpolated uncertainty stays true."""
@@ -36,6 +38,8 @@ _TYPE_FACTOR = {
 }
 
 
+ODOMETER_GAP_S = 0.5
+ODOMETER_LAG_S = 0.1
 MIN_SPLIT_S = 0.02
 """Velocities get nodes of their own from this distance to their position."""
 
@@ -64,6 +68,20 @@ class FixModel:
     white_var: FloatArray
     wander_sd: FloatArray
     row: IntArray
+
+
+@dataclass(frozen=True)
+class Odometer:
+    """Wheel or CAN speed: ``t`` [m] seconds on the fixes' time axis, ``speed`` [m] m/s."""
+
+    t: FloatArray
+    speed: FloatArray
+
+    def near(self, t: FloatArray) -> BoolArray:
+        """Which instants [n] lie between samples that are close together."""
+        i = np.clip(np.searchsorted(self.t, t), 1, len(self.t) - 1)
+        inside = (t >= self.t[0]) & (t <= self.t[-1])
+        return np.asarray(inside & (self.t[i] - self.t[i - 1] < ODOMETER_GAP_S))
 
 
 @dataclass(frozen=True)
@@ -149,6 +167,7 @@ def build_nodes(
     speed_t: FloatArray,
     speed: FloatArray,
     lateral: FloatArray,
+    odometer: Odometer | None,
     options: FusionOptions,
     constrained: bool,
 ) -> Nodes:
@@ -176,12 +195,12 @@ def build_nodes(
 
     n = len(t)
     flags = np.zeros(n, dtype=np.int64)
-    values = np.zeros((n, 6))
+    values = np.zeros((n, 7))
     var = np.ones((n, MAX_SCALARS))
     wander = np.ones((n, 3))
     has = row >= 0
     flags[has] = model.flags[row[has]]
-    values[has] = model.values[row[has]]
+    values[has, :6] = model.values[row[has]]
     var[has, CH_POS : CH_POS + 6] = model.white_var[row[has]]
     wander[has] = model.wander_sd[row[has]]
 
@@ -202,6 +221,14 @@ def build_nodes(
         sd = np.hypot(options.nhc_sd, options.nhc_slip * np.interp(t, speed_t, lateral))
         var[:, CH_NHC] = sd**2 / spacing
         var[:, CH_NHC + 1] = (2.0 * sd) ** 2 / spacing
+    if odometer is not None and constrained:
+        near = odometer.near(t - shift.delay_s)
+        flags[near] |= ODOMETER
+        values[near, 6] = np.interp(t[near] - shift.delay_s, odometer.t, odometer.speed)
+        # wheel sensors report late by a time nobody states: less sure while the speed changes
+        slope = np.abs(np.gradient(odometer.speed, odometer.t))
+        late = ODOMETER_LAG_S * np.interp(t - shift.delay_s, odometer.t, slope)
+        var[:, CH_ODOMETER] = (options.odometer_sd**2 + late**2) / spacing
     fix_row = np.where(has, model.row[np.maximum(row, 0)] if len(model.row) else -1, -1)
     return Nodes(t, flags, values, var, wander, fix_row.astype(np.int64))
 

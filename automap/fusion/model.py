@@ -18,6 +18,7 @@ from automap.fusion.layout import (
     MOUNT,
     N_BLOCKS,
     N_NAV,
+    ODOMETER_SCALE,
     SIDESLIP,
     SKEW,
     VEL_LAG,
@@ -39,6 +40,7 @@ _BLOCK_OF_EFFECT = {
     "imu_clock_skew": SKEW,
     "gnss_datum_shift": DATUM,
     "vehicle_sideslip": SIDESLIP,
+    "odometer_scale": ODOMETER_SCALE,
 }
 _SETTINGS_OF_EFFECT = {
     "accel_bias_walk": "fuse.accel_bias_walk",
@@ -95,6 +97,7 @@ class FusionOptions:
     nhc_sd: float = 0.04
     nhc_slip: float = 0.03
     nhc_min_speed: float = 3.0
+    odometer_sd: float = 0.05
     zero_velocity_sd: float = 0.03
     zero_rate_sd: float = 0.001
     gap_factor: float = 2.5

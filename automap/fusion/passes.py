@@ -11,7 +11,7 @@ from automap.fusion.adapt import COARSE, FINE, adapt_noise, scale_nodes, scale_p
 from automap.fusion.alignment import Alignment, align
 from automap.fusion.layout import HAS_VEL_H
 from automap.fusion.levels import LEVELS
-from automap.fusion.measurements import MIN_SPLIT_S, FixModel, Nodes, Shift, build_nodes
+from automap.fusion.measurements import MIN_SPLIT_S, FixModel, Nodes, Odometer, Shift, build_nodes
 from automap.fusion.model import FusionOptions, StateModel, build_state_model
 from automap.fusion.problem import (
     DELAY_STATE,
@@ -48,6 +48,7 @@ class Session:
     means: dict[str, float]
     sds: dict[str, float]
     span: tuple[float, float]
+    odometer: Odometer | None = None
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,7 @@ def run_passes(
             speed_t,
             speed,
             lateral_acceleration(session.imu, t_imu, speed_t, speed),
+            session.odometer,
             options,
             constrained,
         )

@@ -18,6 +18,7 @@ from automap.fusion.layout import (
     MOUNT,
     N_NAV,
     NHC,
+    ODOMETER,
     STANDSTILL,
 )
 from automap.fusion.measurements import Nodes, Shift
@@ -37,6 +38,7 @@ _ROWS_OF_FLAG = (
     (HAS_VEL_H, 2),
     (HAS_VEL_V, 1),
     (NHC, 2),
+    (ODOMETER, 1),
     (STANDSTILL, 6),
 )
 DELAY_STATE = "imu_time_offset_s"

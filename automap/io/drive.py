@@ -24,6 +24,7 @@ from automap.records import Camera, FloatArray
 
 _IMU_FILE = "imu.csv"
 _GNSS_FILES = ("gnss.ubx", "gnss.nmea", "gnss.pos")
+_ODOMETER_FILE = "odometer.csv"
 _ARRIVAL_FILE = "gnss_arrival.csv"
 _VIDEO_DIR = "video"
 _VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".m4v", ".ts", ".360")
@@ -59,6 +60,7 @@ class Drive:
     imu_calibration: Path | None = None
     gnss_file: Path | None = None
     arrival_file: Path | None = None
+    odometer_file: Path | None = None
     trajectory_file: Path | None = None
     bearings_file: Path | None = None
     truth_dir: Path | None = None
@@ -140,6 +142,7 @@ class Drive:
             self.imu_calibration,
             self.gnss_file,
             self.arrival_file,
+            self.odometer_file,
             self.trajectory_file,
             self.bearings_file,
         )
@@ -185,6 +188,7 @@ def _load(folder: Path) -> Drive:
         imu_calibration=finder.find(manifest.imu.calibration, "imu.calibration"),
         gnss_file=finder.require(manifest.gnss.file, "gnss.file", _GNSS_FILES),
         arrival_file=finder.find(manifest.gnss.arrival, "gnss.arrival", (_ARRIVAL_FILE,)),
+        odometer_file=finder.find(manifest.odometer.file, "odometer.file", (_ODOMETER_FILE,)),
         trajectory_file=finder.find(None, "", (names.FINISHED_TRAJECTORY,)),
         bearings_file=finder.find(None, "", (names.BEARINGS,)),
         truth_dir=folder / names.TRUTH_DIR if (folder / names.TRUTH_DIR).is_dir() else None,

@@ -50,13 +50,19 @@ class ImuSection(Section):
 
 
 class GnssSection(Section):
-    """``[gnss]``. No ``lever_arm_m``: not measured, taken as zero."""
+    """``[gnss]``. No ``lever_arm_m``: not measured, the fusion estimates it."""
 
     file: str | None = None
     arrival: str | None = None
     arrival_time: TimeBase = "boot_ns"
     output_delay_s: Annotated[FiniteFloat, Field(ge=0, le=2)] | None = None
     lever_arm_m: Triple | None = None
+
+
+class OdometerSection(Section):
+    """``[odometer]``: wheel or CAN speed, stamped by the IMU's clock."""
+
+    file: str | None = None
 
 
 class VideoSection(Section):
@@ -111,6 +117,7 @@ class Manifest(Section):
     name: str | None = None
     imu: ImuSection = ImuSection()
     gnss: GnssSection = GnssSection()
+    odometer: OdometerSection = OdometerSection()
     video: dict[str, VideoSection] = {}
     site: SiteSection = SiteSection()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 # intermediate products, read by later stages
 IMU = "imu.parquet"
 FIXES = "fixes.parquet"
+ODOMETER = "odometer.parquet"
 INGEST = "ingest.json"
 SYNC = "sync.json"
 SYNC_DELAYS = "sync_delays.parquet"

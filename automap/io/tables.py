@@ -15,7 +15,7 @@ import numpy as np
 from automap.errors import InputError
 from automap.io.arrow_columns import column_to_numpy, numpy_to_array
 from automap.io.atomic import atomic_path
-from automap.records import Fixes, FloatArray, ImuData, IntArray
+from automap.records import Fixes, FloatArray, ImuData, IntArray, WheelSpeed
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -112,6 +112,17 @@ def write_fixes(path: Path, fixes: Fixes) -> None:
         columns |= {name: getattr(fixes, field)[:, i] for i, name in enumerate(names)}
     columns |= {name: np.asarray(getattr(fixes, name), np.int64) for name in _INTS}
     write_columns(path, columns)
+
+
+def write_odometer(path: Path, wheels: WheelSpeed) -> None:
+    """Write wheel speeds; columns ``t_ns`` and ``speed_m_s``."""
+    write_columns(path, {"t_ns": wheels.t_ns, "speed_m_s": wheels.speed})
+
+
+def read_odometer(path: Path) -> WheelSpeed:
+    """Read what ``write_odometer`` wrote; InputError when it is missing or damaged."""
+    table = read_table(path, ("t_ns", "speed_m_s"))
+    return WheelSpeed(ints(table, "t_ns"), floats(table, "speed_m_s"))
 
 
 def read_fixes(path: Path) -> Fixes:

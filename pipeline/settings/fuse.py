@@ -47,6 +47,8 @@ class FuseSettings(Section):
     """The same per lateral acceleration, (m/s)/(m/s^2)."""
     nhc_min_speed: PositiveFloat = _D.nhc_min_speed
     """The vehicle constraint holds above this speed, m/s."""
+    odometer_sd: PositiveFloat = _D.odometer_sd
+    """Wheel speed over one second, m/s."""
     zero_velocity_sd: PositiveFloat = _D.zero_velocity_sd
     """Speed left at standstill over one second, m/s."""
     zero_rate_sd: PositiveFloat = _D.zero_rate_sd

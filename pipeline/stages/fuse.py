@@ -229,7 +229,7 @@ STAGE = Stage(
     version=1,
     run=run,
     inputs=_inputs,
-    needs=(names.IMU, names.FIXES, names.SYNC, names.INGEST),
+    needs=(names.IMU, names.FIXES, names.ODOMETER, names.SYNC, names.INGEST),
     outputs=(
         names.TRAJECTORY,
         names.TRAJECTORY_FILTER,

@@ -57,6 +57,8 @@ def run(context: StageContext) -> None:
                 f"{drive.gnss_file}: the receiver never had a fix in "
                 f"{len(recording.fixes)} epochs; give it an open sky before driving."
             )
+    if drive.odometer_file is not None:
+        _ingest_odometer(context, drive.odometer_file, failures, parts)
     if not usable:
         raise InputError(_without_positions(drive, failures))
     for text in failures:
@@ -64,6 +66,24 @@ def run(context: StageContext) -> None:
     summary["warnings"] = context.warnings
     write_json(context.work / names.INGEST, summary)
     context.result = ", ".join(parts) or "bearings only"
+
+
+def _ingest_odometer(
+    context: StageContext, path: Path, failures: list[str], parts: list[str]
+) -> None:
+    """Wheel speeds help where they are good; a bad file is left out with a warning."""
+    from automap.io.odometer_csv import read_odometer_csv
+    from automap.io.tables import write_odometer
+
+    try:
+        wheels, warnings = read_odometer_csv(path)
+    except InputError as error:
+        failures.append(str(error))
+        return
+    for text in warnings:
+        context.warn(text)
+    write_odometer(context.work / names.ODOMETER, wheels)
+    parts.append(f"{len(wheels)} wheel speeds")
 
 
 def _without_positions(drive: Drive, failures: list[str]) -> str:
@@ -188,6 +208,7 @@ def _inputs(drive: Drive) -> list[Path]:
         sensor_input(drive),
         drive.gnss_file,
         drive.arrival_file,
+        drive.odometer_file,
         drive.trajectory_file,
     )
     return [path for path in files if path is not None]
@@ -204,11 +225,11 @@ def sensor_input(drive: Drive) -> Path | None:
 
 STAGE = Stage(
     name="ingest",
-    version=2,
+    version=3,
     run=run,
     inputs=_inputs,
     needs=(),
-    outputs=(names.IMU, names.FIXES, names.INGEST),
+    outputs=(names.IMU, names.FIXES, names.ODOMETER, names.INGEST),
     settings=("ingest",),
     # the manifest's sections on the camera and the antenna's place change nothing here, but
     # the names of files in any section may

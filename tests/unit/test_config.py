@@ -32,8 +32,10 @@ def test_every_setting_stands_in_the_file_of_defaults_with_a_comment() -> None:
 
 
 def test_every_setting_is_used() -> None:
-    package = Path(__file__).parents[2] / "pipeline"
-    sources = [p for p in package.rglob("*.py") if p.parent.name != "settings"]
+    root = Path(__file__).parents[2]
+    sources = [p for p in (root / "pipeline").rglob("*.py") if p.parent.name != "settings"]
+    # the fuse section becomes the fusion's options as a whole
+    sources += (root / "automap" / "fusion").rglob("*.py")
     text = "\n".join(p.read_text(encoding="utf-8") for p in sources)
     unused = [key for key in known_keys() if "." in key and f".{key.rsplit('.', 1)[1]}" not in text]
     assert unused == []

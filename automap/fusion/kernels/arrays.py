@@ -39,8 +39,8 @@ class ModelArrays(NamedTuple):
 
 
 class NodeArrays(NamedTuple):
-    """``t`` [k] s within the samples, ``flags`` [k], ``fix`` [k, 6] latitude, longitude,
-    height, velocity NED, ``var`` [k, 14] variances by channel, ``wander`` [k, 3] m."""
+    """``t`` [k] s within the samples, ``flags`` [k], ``fix`` [k, 7] latitude, longitude,
+    height, velocity NED, wheel speed, ``var`` [k, 15] variances by channel, ``wander`` [k, 3] m."""
 
     t: FloatArray
     flags: IntArray
@@ -55,7 +55,7 @@ class ForwardStore(NamedTuple):
     ``nominal`` [k, 10], ``params`` [k, n - 9] the states linearised about, ``mean`` [k, n] the
     error estimate relative to them after the update, ``trans`` [k, 9, n], ``cov`` [k, n, n],
     ``scalars`` [k] running total of scalars; of each scalar in order of processing ``h``, ``gain``
-    [s, n], ``nu``, ``var`` [s], ``info`` [s, 3] node, channel, accepted; ``nis`` [k, 14] block
+    [s, n], ``nu``, ``var`` [s], ``info`` [s, 3] node, channel, accepted; ``nis`` [k, 15] block
     NIS before inflation (NaN where not measured).
     """
 

@@ -11,6 +11,7 @@ from automap.fusion.kernels.arrays import ForwardStore, ModelArrays, NodeArrays,
 from automap.fusion.kernels.observations import (
     acceleration,
     constraint_block,
+    odometer_row,
     position_block,
     standstill_rate_rows,
     velocity_block,
@@ -31,6 +32,7 @@ from automap.fusion.kernels.transition import (
 from automap.fusion.kernels.update import inflate, update_scalar
 from automap.fusion.layout import (
     CH_NHC,
+    CH_ODOMETER,
     CH_POS,
     CH_VEL,
     CH_ZARU,
@@ -41,6 +43,7 @@ from automap.fusion.layout import (
     HAS_VEL_V,
     N_NAV,
     NHC,
+    ODOMETER,
     STANDSTILL,
 )
 from automap.fusion.mechanisation import N_EARTH, earth_terms, quat_to_dcm, strapdown_step
@@ -178,7 +181,8 @@ def observe(
 ) -> tuple[int, int]:
     """Rows and residuals of one block of a node: number of rows, first channel.
 
-    Blocks: 0 position, 1 velocity, 2 vehicle constraint, 3 zero velocity, 4 zero rate.
+    Blocks: 0 position, 1 velocity, 2 vehicle constraint, 3 odometer, 4 zero velocity, 5 zero
+    rate.
     """
     flags = nodes.flags[k]
     off = model.offsets
@@ -204,9 +208,14 @@ def observe(
             return 0, 0
         constraint_block(h, z, vel, c, rate, acc, xi, off)
         return 2, CH_NHC
+    if block == 3:
+        if (flags & ODOMETER) == 0:
+            return 0, 0
+        odometer_row(h, z, nodes.fix[k, 6], vel, c, rate, xi, off)
+        return 1, CH_ODOMETER
     if (flags & STANDSTILL) == 0:
         return 0, 0
-    if block == 3:
+    if block == 4:
         zero_velocity_rows(h, z, vel)
         return 3, CH_ZUPT
     standstill_rate_rows(h, z, rate, place, c, mid, model.terms)
@@ -311,7 +320,7 @@ def run_forward(
         if not relinearise:
             dx[:] = 0.0
         acceleration(samples, i, t, place[2], c, acc)
-        for block in range(5):
+        for block in range(6):
             rows, first = observe(
                 block, nodes, model, k, pos, vel, c, xi, place, rate, acc, mid, h, z
             )

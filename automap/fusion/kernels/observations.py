@@ -15,6 +15,7 @@ from automap.fusion.layout import (
     LEVER,
     MOUNT,
     N_NAV,
+    ODOMETER_SCALE,
     PHI_ID,
     SIDESLIP,
     SKEW,
@@ -220,6 +221,57 @@ def constraint_block(
         o = off[MOUNT]
         h[0, o], h[0, o + 2] = -u[2], u[0]
         h[1, o], h[1, o + 1] = u[1], -u[0]
+
+
+@njit(cache=True)
+def odometer_row(
+    h: FloatArray,
+    z: FloatArray,
+    speed: float,
+    vel: FloatArray,
+    c: FloatArray,
+    rate: FloatArray,
+    xi: FloatArray,
+    off: IntArray,
+) -> None:
+    """Row [1, n] of a wheel speed in m/s: (1 + scale) times the forward speed of the vehicle.
+
+    The forward speed is that of the point that does not slide, as in ``constraint_block``.
+    """
+    r = np.zeros(3)
+    m = np.zeros(3)
+    for a in range(3):
+        if off[WHEEL] >= 0:
+            r[a] = xi[off[WHEEL] - N_NAV + a]
+        if off[MOUNT] >= 0:
+            m[a] = xi[off[MOUNT] - N_NAV + a]
+    scale = 1.0 + (xi[off[ODOMETER_SCALE] - N_NAV] if off[ODOMETER_SCALE] >= 0 else 0.0)
+    u = np.zeros(3)
+    for a in range(3):
+        u[a] = c[0, a] * vel[0] + c[1, a] * vel[1] + c[2, a] * vel[2]
+    u[0] += rate[1] * r[2] - rate[2] * r[1]
+    u[1] += rate[2] * r[0] - rate[0] * r[2]
+    u[2] += rate[0] * r[1] - rate[1] * r[0]
+    forward = u[0] - m[2] * u[1] + m[1] * u[2]
+    z[0] = speed - scale * forward
+    h[0, :] = 0.0
+    g = np.zeros(3)
+    for a in range(3):
+        g[a] = scale * (c[a, 0] - m[2] * c[a, 1] + m[1] * c[a, 2])
+        h[0, V_ID + a] = g[a]
+    h[0, PHI_ID] = g[1] * vel[2] - g[2] * vel[1]
+    h[0, PHI_ID + 1] = g[2] * vel[0] - g[0] * vel[2]
+    h[0, PHI_ID + 2] = g[0] * vel[1] - g[1] * vel[0]
+    if off[WHEEL] >= 0:
+        o = off[WHEEL]
+        h[0, o] = scale * (-m[2] * rate[2] - m[1] * rate[1])
+        h[0, o + 1] = scale * (-rate[2] + m[1] * rate[0])
+        h[0, o + 2] = scale * (rate[1] + m[2] * rate[0])
+    if off[MOUNT] >= 0:
+        h[0, off[MOUNT] + 1] = scale * u[2]
+        h[0, off[MOUNT] + 2] = -scale * u[1]
+    if off[ODOMETER_SCALE] >= 0:
+        h[0, off[ODOMETER_SCALE]] = forward
 
 
 @njit(cache=True)
