@@ -11,10 +11,11 @@ the share of instants at which the mean NEES lies within the 95 % band.
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.frames import rotation_vector_to_matrix
 from automap.fusion.engine import Prior, fuse_imu_gnss
 from automap.fusion.model import FusionOptions
 from automap.records import FloatArray
@@ -34,6 +35,8 @@ from tests.unit.fusion_drive import (
 
 COMPONENTS = ("n", "e", "d", "vn", "ve", "vd", "phi_n", "phi_e", "phi_d")
 EPOCH_S = 5.0
+LEVER_SD, DELAY_SD = 0.05, 0.02
+MOUNTING_SD = np.array([1e-3, 0.02, 0.02])
 
 
 @dataclass(frozen=True)
@@ -75,16 +78,26 @@ def run_drive(seed: int, seconds: float, compare: bool = True) -> DriveOutcome:
     rng = np.random.default_rng(1000 + seed)
     motion = city_drive(seconds, seed, slip=True)
     sensor, receiver = draw_sensor(rng), Receiver()
-    imu, fixes = record(motion, sensor, 2000 + seed), receive(motion, receiver, 3000 + seed)
+    lever, delay = rng.normal(0.0, LEVER_SD, 3), float(rng.normal(0.0, DELAY_SD))
+    mounting = rotation_vector_to_matrix(rng.normal(0.0, 1.0, 3) * MOUNTING_SD)
+    mounted = record(motion, sensor, 2000 + seed, delay_s=delay, c_v_s=mounting)
     result = fuse_imu_gnss(
-        imu, fixes, CLOCK, FusionOptions(), Prior(0.0, 0.02), lever_arm=np.zeros(3)
+        replace(mounted, axes_known=True),
+        receive(motion, replace(receiver, lever=tuple(lever)), 3000 + seed),
+        CLOCK,
+        FusionOptions(),
+        Prior(0.0, DELAY_SD),
+        lever_arm=np.zeros(3),
+        lever_arm_sd=LEVER_SD,
     )
+    # the optimum gets the same noise without what it does not model
+    imu, fixes = record(motion, sensor, 2000 + seed), receive(motion, receiver, 3000 + seed)
     error = errors(result.trajectory, motion)
     sd = np.concatenate(
         [result.trajectory.sd_pos_ned, result.trajectory.sd_vel_ned, _tilt_sd(result.trajectory)],
         axis=1,
     )
-    t = (imu.t_ns - BASE_NS) * 1e-9
+    t = (result.trajectory.t_ns - BASE_NS) * 1e-9
     rows = np.searchsorted(t, np.arange(EPOCH_S, seconds - 1.0, EPOCH_S))
     optimal = constrained = np.nan
     if compare:

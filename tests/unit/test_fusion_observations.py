@@ -18,7 +18,19 @@ from automap.fusion.kernels.observations import (
     zero_velocity_rows,
 )
 from automap.fusion.kernels.readings import correct, correction_of
-from automap.fusion.layout import DELAY, LEVER, MOUNT, N_NAV, VEL_LATENCY, WANDER, WHEEL
+from automap.fusion.layout import (
+    DELAY,
+    LATENCY,
+    LEVER,
+    MOUNT,
+    N_NAV,
+    SIDESLIP,
+    SKEW,
+    VEL_LAG,
+    VEL_LATENCY,
+    WANDER,
+    WHEEL,
+)
 from automap.fusion.mechanisation import N_EARTH, earth_terms, quat_to_dcm
 from automap.fusion.model import FusionOptions, StateModel, build_state_model
 from tests.unit.fusion_drive import Receiver, make_motion, receive
@@ -36,7 +48,14 @@ EFFECTS = (
     "gnss_correlated_noise",
     "imu_mounting",
     "nhc_lever_arm",
+    "gnss_latency",
+    "gnss_velocity_lag",
+    "imu_clock_skew",
+    "gnss_datum_shift",
+    "vehicle_sideslip",
 )
+SHIFTS = (DELAY, VEL_LATENCY, LATENCY, VEL_LAG, SKEW, SIDESLIP)
+T = 12.0
 RATE = np.array([0.05, -0.03, 0.4])
 ACC = np.array([0.7, -1.9, 0.3])
 WANDER_SD = np.array([1.5, 1.2, 2.5])
@@ -58,7 +77,7 @@ def state() -> np.ndarray:
 def _params(model: StateModel) -> np.ndarray:
     params = 0.3 * model.prior_sd * np.random.default_rng(3).standard_normal(len(model.prior_sd))
     # the blocks are exact where the delays have settled
-    for block in (DELAY, VEL_LATENCY):
+    for block in SHIFTS:
         params[model.offsets[block] - N_NAV] = 0.0
     return params
 
@@ -99,7 +118,7 @@ def test_position_rows(model: StateModel, state: np.ndarray) -> None:
     fix = state[:3] + np.array([2e-7, -3e-7, 1.0])
 
     def block(h, z, pos, vel, c, xi):  # type: ignore[no-untyped-def]
-        position_block(h, z, fix, pos, vel, c, xi, model.offsets, WANDER_SD)
+        position_block(h, z, fix, pos, vel, c, xi, model.offsets, WANDER_SD, T)
 
     h = _assert_rows(block, 3, state, model)
     assert h[:, model.offsets[DELAY]] == pytest.approx(state[3:6])
@@ -109,16 +128,27 @@ def test_position_rows(model: StateModel, state: np.ndarray) -> None:
 
 def test_velocity_rows(model: StateModel, state: np.ndarray) -> None:
     def block(h, z, pos, vel, c, xi):  # type: ignore[no-untyped-def]
-        velocity_block(h, z, state[3:6] + 0.3, vel, c, RATE, ACC, xi, model.offsets)
+        velocity_block(h, z, state[3:6] + 0.3, vel, c, RATE, ACC, xi, model.offsets, T)
 
     h = _assert_rows(block, 3, state, model)
     assert h[:, model.offsets[DELAY]] == pytest.approx(ACC)
     assert h[:, model.offsets[VEL_LATENCY]] == pytest.approx(-ACC)
+    assert h[:, model.offsets[SKEW]] == pytest.approx(ACC * T)
+
+
+def test_a_car_that_drifts_outwards(model: StateModel) -> None:
+    """In a right-hand bend the velocity points to the left of the nose."""
+    params = np.zeros(len(model.names))
+    params[model.offsets[SIDESLIP] - N_NAV] = 0.003
+    vel, acc = np.array([12.0, -0.003 * 4.0 * 12.0, 0.0]), np.array([0.0, 4.0, 0.0])
+    h, z = np.empty((3, model.size)), np.empty(3)
+    constraint_block(h, z, vel, np.eye(3), np.zeros(3), acc, params, model.offsets)
+    assert z[0] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_constraint_rows(model: StateModel, state: np.ndarray) -> None:
     def block(h, z, pos, vel, c, xi):  # type: ignore[no-untyped-def]
-        constraint_block(h, z, vel, c, RATE, xi, model.offsets)
+        constraint_block(h, z, vel, c, RATE, ACC, xi, model.offsets)
 
     h = _assert_rows(block, 2, state, model)
     assert np.abs(h[:, model.offsets[MOUNT]]).max() < 2.0
@@ -170,7 +200,7 @@ def test_earth_rate_is_all_that_a_gyro_at_rest_reads(model: StateModel) -> None:
 @pytest.mark.parametrize("lon", [149.13, 179.9999, -179.9999])
 def test_residuals_of_the_truth_are_the_injected_errors(lon: float) -> None:
     """Fixes with lever arm, delays and no noise, computed on the tangent plane and by pymap3d."""
-    effects = EFFECTS[5:]
+    effects = EFFECTS[5:9]
     model = build_state_model(FusionOptions(effects=effects))
     motion = make_motion(
         [(0.0, 9.0), (4.0, 15.0)], [(0.0, 4.0, 70.0)], 5.0, origin_deg=(-35.0, lon, 100.0)
@@ -199,11 +229,11 @@ def test_residuals_of_the_truth_are_the_injected_errors(lon: float) -> None:
         quat_to_dcm(nominal[k, 6:10], c)
         fix = np.array([fixes.lat_rad[k], fixes.lon_rad[k], fixes.height_m[k]])
         args = (nominal[k, 0:3], nominal[k, 3:6], c)
-        position_block(h, z, fix, *args, params, model.offsets, WANDER_SD)
+        position_block(h, z, fix, *args, params, model.offsets, WANDER_SD, T)
         assert np.abs(z).max() < 3e-3
         fix_vel = fixes.vel_ned[k]
         velocity_block(
-            h, z, fix_vel, nominal[k, 3:6], c, true.turn[k], acc[k], params, model.offsets
+            h, z, fix_vel, nominal[k, 3:6], c, true.turn[k], acc[k], params, model.offsets, T
         )
         assert np.abs(z).max() < 6e-3
         offset = pymap3d.geodetic2ned(*fix, true.lat[k], true.lon[k], true.height[k], deg=False)
@@ -225,7 +255,8 @@ def test_a_car_that_does_not_slide_meets_the_constraint(model: StateModel) -> No
     params[model.offsets[MOUNT] - N_NAV :][:3] = mount
     params[model.offsets[WHEEL] - N_NAV :][:3] = wheel
     h, z = np.empty((3, model.size)), np.empty(3)
-    constraint_block(h, z, vel, c_n_s, rate, params, model.offsets)
+    constraint_block(h, z, vel, c_n_s, rate, np.zeros(3), params, model.offsets)
     assert np.abs(z[:2]).max() < 2e-3
-    constraint_block(h, z, vel, c_n_s, rate, np.zeros(len(model.names)), model.offsets)
+    zero = np.zeros(len(model.names))
+    constraint_block(h, z, vel, c_n_s, rate, np.zeros(3), zero, model.offsets)
     assert np.abs(z[:2]).max() > 0.05

@@ -1,0 +1,102 @@
+"""The optimal linear smoother on the fixes of recorded drives with a reference.
+
+    python tests/benchmarks/recorded_optimum.py DRIVES OUTS
+
+``DRIVES`` is the folder of the drive folders, ``OUTS`` that of their results (fixes.parquet,
+trajectory.parquet). The smoother knows the reference's motion but for what it is to estimate:
+its position error moves by the integrated velocity noise of the fixes, or not at all (relative
+motion known exactly), and each fix carries a Gauss-Markov and a white error. Nothing that has
+to find the motion from the same fixes and an inertial sensor can be much better. Printed: the
+horizontal RMS by drive and pooled by length, of the fixes, of both optima and of ours.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from automap.evaluation.trajectory_errors import path_length, trajectory_errors
+from automap.interpolation import poses_at_gps
+from automap.io.tables import read_fixes
+from automap.io.trajectory_table import read_trajectory
+from automap.io.truth_trajectory import read_truth_trajectory
+from automap.records import FloatArray
+
+WANDER_SD, TAU_S, WHITE_SD, VELOCITY_SD = 1.0, 60.0, 0.3, 0.07
+
+
+def smooth_axis(t: FloatArray, z: FloatArray, move: FloatArray, move_sd: float) -> FloatArray:
+    """Smoothed position errors [k] of one axis.
+
+    ``z`` [k] errors of the fixes in m; between epochs the estimate moves by ``move`` [k] m
+    against the truth, known to ``move_sd`` m per root of the steps.
+    """
+    k = len(t)
+    x, p = np.zeros(2), np.diag([100.0**2, WANDER_SD**2])
+    xs, ps, xp, pp = np.zeros((k, 2)), np.zeros((k, 2, 2)), np.zeros((k, 2)), np.zeros((k, 2, 2))
+    f = np.zeros((k, 2, 2))
+    h = np.ones(2)
+    for i in range(k):
+        d = np.exp(-(t[i] - t[i - 1]) / TAU_S) if i else 1.0
+        f[i] = np.diag([1.0, d])
+        x = f[i] @ x + np.array([move[i] if i else 0.0, 0.0])
+        p = f[i] @ p @ f[i] + np.diag([move_sd**2 if i else 0.0, (1 - d * d) * WANDER_SD**2])
+        xp[i], pp[i] = x, p
+        ph = p @ h
+        s = float(h @ ph) + WHITE_SD**2
+        x, p = x + ph * (z[i] - h @ x) / s, p - np.outer(ph, ph) / s
+        xs[i], ps[i] = x, p
+    for i in range(k - 2, -1, -1):
+        gain = np.linalg.solve(pp[i + 1], f[i + 1] @ ps[i]).T
+        xs[i] += gain @ (xs[i + 1] - xp[i + 1])
+    return xs[:, 0]
+
+
+def drive_figures(drive: Path, out: Path) -> tuple[float, list[float]]:
+    """Length in m, and horizontal RMS of fixes, optimum, exact-motion optimum, ours."""
+    truth = read_truth_trajectory(drive / "truth" / "trajectory.csv")
+    fixes = read_fixes(out / "fixes.parquet")
+    poses = poses_at_gps(truth, fixes.gps_s)
+    use = poses.covered & np.isfinite(fixes.lat_rad)
+    t = fixes.gps_s[use]
+    north = (fixes.lat_rad[use] - poses.lat_rad[use]) * 6.37e6
+    east = (fixes.lon_rad[use] - poses.lon_rad[use]) * 6.38e6 * np.cos(poses.lat_rad[use])
+    noise = np.nan_to_num(fixes.vel_ned[use, :2] - poses.vel_ned[use, :2])
+    step = np.diff(t, prepend=t[0])[:, None]
+    move = 0.5 * step * (noise + np.roll(noise, 1, axis=0))
+    rms = []
+    for moves, sd in ((move, VELOCITY_SD * float(np.median(step[1:]))), (0.0 * move, 0.0)):
+        axes = [smooth_axis(t, z, moves[:, i], sd) for i, z in enumerate((north, east))]
+        rms.append(float(np.sqrt(np.mean(axes[0] ** 2 + axes[1] ** 2))))
+    ours = trajectory_errors(read_trajectory(out / "trajectory.parquet"), truth).error
+    own = float(np.sqrt(np.nanmean(ours[:, 0] ** 2 + ours[:, 1] ** 2)))
+    raw = float(np.sqrt(np.mean(north**2 + east**2)))
+    return path_length(truth), [raw, *rms, own]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("drives", type=Path)
+    parser.add_argument("outs", type=Path)
+    options = parser.parse_args()
+    lengths, rows = [], []
+    for drive in sorted(options.drives.glob("kitti-*")):
+        length, row = drive_figures(drive, options.outs / drive.name)
+        lengths.append(length)
+        rows.append(row)
+        print(
+            f"{drive.name}: "
+            + "fixes {:.2f}, optimum {:.2f}, with exact motion {:.2f}, ours {:.2f} m".format(*row)
+        )
+    weight = np.array(lengths)[:, None]
+    raw, optimum, exact, ours = np.sqrt(np.sum(weight * np.square(rows), axis=0) / weight.sum())
+    print(
+        f"pooled: fixes {raw:.3f}, optimum {optimum:.3f}, with exact motion {exact:.3f}, ours "
+        f"{ours:.3f} m; ratio {ours / optimum:.3f} (target 1.2)"
+    )
+
+
+if __name__ == "__main__":
+    main()
