@@ -58,7 +58,7 @@ class FusionResult:
     """
 
     trajectory: Trajectory
-    filtered: Trajectory
+    filter_run: Callable[[], Trajectory]
     parameters: ParameterHistory
     innovations: Innovations
     delay: Prior
@@ -69,6 +69,11 @@ class FusionResult:
     n_fixes_used: int
     noise_factors: dict[str, float]
     warnings: list[str] = field(default_factory=list)
+
+    @property
+    def filtered(self) -> Trajectory:
+        """The forward filter's trajectory; made anew at each call, for it is as large again."""
+        return self.filter_run()
 
 
 def fuse_imu_gnss(
@@ -175,7 +180,7 @@ def _mounting_of(last: Pass) -> Mounting:
     """Mounting from a run in sensor axes."""
     problem = last.problem
     dense, rates = run_dense(
-        problem, last.nodes, last.smooth.nominal, last.smooth.params, blend=True
+        problem, last.nodes, last.smooth.nominal, last.smooth.params, blend=True, with_rates=True
     )
     ok = np.isfinite(dense).all(axis=1)
     t = problem.t[ok]
@@ -249,8 +254,9 @@ def _assemble(
         sd[0] = float(np.hypot(mounting.sd[0], sd[0]))
         sd[1:] = np.maximum(sd[1:], FORWARD_SD)
     total = turn @ mounting.matrix
-    smoothed, filtered = (
-        node_trajectory(
+
+    def trajectory(states: NodeStates, blend: bool) -> Trajectory:
+        return node_trajectory(
             outcome.problem,
             outcome.nodes,
             states,
@@ -261,11 +267,10 @@ def _assemble(
             turn,
             blend,
         )
-        for states, blend in ((outcome.smoothed, True), (outcome.filtered, False))
-    )
+
     return FusionResult(
-        smoothed,
-        filtered,
+        trajectory(outcome.smoothed, True),
+        lambda: trajectory(outcome.filtered, False),
         history,
         outcome.innovations,
         delay,

@@ -194,7 +194,7 @@ def _empty_store(nodes: Nodes, n: int) -> ForwardStore:
         params=np.zeros((k, n - N_NAV)),
         mean=np.zeros((k, n)),
         trans=np.zeros((k, N_NAV, n)),
-        cov=np.zeros((k, n, n)),
+        cov=np.zeros((k, n * (n + 1) // 2)),
         scalars=np.zeros(k, dtype=np.int64),
         h=np.zeros((total, n)),
         gain=np.zeros((total, n)),
@@ -237,17 +237,26 @@ def filtered_states(
     """The forward filter's own states [k, 10], parameters [k, n - 9] and covariance [k, r, r]
     of navigation errors and mounting after each update."""
     rows = reported_rows(problem.model)
-    cov = forward.store.cov[:, rows[:, None], rows[None, :]]
+    n = problem.model.size
+    low = np.minimum(rows[:, None], rows[None, :])
+    high = np.maximum(rows[:, None], rows[None, :])
+    # place of an element in the packed upper triangle
+    cov = forward.store.cov[:, low * n - low * (low - 1) // 2 + high - low]
     nominal, params = forward.store.nominal.copy(), forward.store.params.copy()
     kernels.apply_correction(nominal, params, forward.store.mean)
     return nominal, params, cov
 
 
 def run_dense(
-    problem: Problem, nodes: Nodes, nominal: FloatArray, params: FloatArray, blend: bool
+    problem: Problem,
+    nodes: Nodes,
+    nominal: FloatArray,
+    params: FloatArray,
+    blend: bool,
+    with_rates: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
-    """States [n, 10] and corrected readings [n, 6] at every IMU epoch."""
+    """States [n, 10] at every IMU epoch and, ``with_rates``, corrected readings [n, 6]."""
     out = np.full((len(problem.t), 10), np.nan)
-    rates = np.full((len(problem.t), 6), np.nan)
+    rates = np.full((len(problem.t) if with_rates else 0, 6), np.nan)
     kernels.run_dense(problem.samples, problem.arrays, nodes.t, nominal, params, blend, out, rates)
     return out, rates

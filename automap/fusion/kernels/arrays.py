@@ -53,10 +53,10 @@ class ForwardStore(NamedTuple):
     """What the forward pass leaves, preallocated; empty arrays where only a score is wanted.
 
     ``nominal`` [k, 10], ``params`` [k, n - 9] the states linearised about, ``mean`` [k, n] the
-    error estimate relative to them after the update, ``trans`` [k, 9, n], ``cov`` [k, n, n],
-    ``scalars`` [k] running total of scalars; of each scalar in order of processing ``h``, ``gain``
-    [s, n], ``nu``, ``var`` [s], ``info`` [s, 3] node, channel, accepted; ``nis`` [k, 15] block
-    NIS before inflation (NaN where not measured).
+    error estimate relative to them after the update, ``trans`` [k, 9, n], ``cov``
+    [k, n (n + 1) / 2] packed, ``scalars`` [k] running total of scalars; of each scalar in order
+    of processing ``h``, ``gain`` [s, n], ``nu``, ``var`` [s], ``info`` [s, 3] node, channel,
+    accepted; ``nis`` [k, 15] block NIS before inflation (NaN where not measured).
     """
 
     nominal: FloatArray

@@ -56,7 +56,8 @@ def run_dense(
     out: FloatArray,
     rates: FloatArray,
 ) -> None:
-    """States ``out`` [n, 10] and corrected readings ``rates`` [n, 6] at every sample.
+    """States ``out`` [n, 10] and corrected readings ``rates`` [n, 6] (or empty) at
+    every sample.
 
     ``nominal`` [k, 10], ``params`` [k, n - 9] the states at the nodes. With ``blend`` the
     mismatch at the next node (process noise that the smoother assigned) is spread over the
@@ -82,7 +83,8 @@ def run_dense(
     if samples.t[i] == node_t[0]:
         out[i, :] = nominal[0]
         correction_of(model.terms, params[0], samples.extra[i], matrix, shift)
-        correct(samples.raw[i], matrix, shift, rates[i])
+        if rates.shape[0] > 0:
+            correct(samples.raw[i], matrix, shift, rates[i])
     for k in range(node_t.shape[0] - 1):
         t0, t1 = node_t[k], node_t[k + 1]
         if t1 <= t0:
@@ -121,7 +123,8 @@ def run_dense(
                 out[i + 1, 0:3] = pos
                 out[i + 1, 3:6] = vel
                 out[i + 1, 6:10] = q
-                rates[i + 1, :] = ra
+                if rates.shape[0] > 0:
+                    rates[i + 1, :] = ra
                 if i == n_imu - 2:
                     break
                 i += 1

@@ -29,7 +29,7 @@ from automap.fusion.kernels.transition import (
     propagate_covariance,
     start_interval,
 )
-from automap.fusion.kernels.update import inflate, update_scalar
+from automap.fusion.kernels.update import inflate, pack, update_scalar
 from automap.fusion.layout import (
     CH_NHC,
     CH_ODOMETER,
@@ -268,6 +268,8 @@ def run_forward(
     dx = np.zeros(n)
     step = np.zeros(n)
     gain = np.zeros(n)
+    p_before = np.zeros((n, n))
+    dx_before = np.zeros(n)
     score = 0.0
     total = 0
     if relinearise:
@@ -326,23 +328,40 @@ def run_forward(
             )
             if rows == 0:
                 continue
-            # residuals were taken against the nominal state; blocks before moved dx
-            for a in range(rows):
-                var[a] = nodes.var[k, first + a]
-                s = z[a]
-                for j in range(n):
-                    s -= h[a, j] * dx[j]
-                zz[a] = s
-            factor, nis = inflate(p, h, zz, var, rows, model.gate[rows - 1], model.gate[3])
-            for a in range(rows):
-                nu, s = update_scalar(p, h[a], z[a], var[a] * factor, dx, gain)
-                score -= 0.5 * (nu * nu / s + math.log(s))
-                if keep:
+            # first as it is; the scalars' innovations add up to the block's NIS
+            p_before[:, :] = p
+            dx_before[:] = dx
+            factor = 1.0
+            nis = 0.0
+            for attempt in range(2):
+                gained = 0.0
+                at = total
+                for a in range(rows):
+                    nu, s = update_scalar(p, h[a], z[a], nodes.var[k, first + a] * factor, dx, gain)
+                    gained -= 0.5 * (nu * nu / s + math.log(s))
+                    if attempt == 0:
+                        nis += nu * nu / s
+                    if keep:
+                        store.h[at, :] = h[a]
+                        store.gain[at, :] = gain
+                        store.nu[at] = nu
+                        store.var[at] = s
+                        at += 1
+                if attempt == 1 or nis <= model.gate[rows - 1]:
+                    break
+                p[:, :] = p_before
+                dx[:] = dx_before
+                for a in range(rows):
+                    var[a] = nodes.var[k, first + a]
+                    s = z[a]
+                    for j in range(n):
+                        s -= h[a, j] * dx[j]
+                    zz[a] = s
+                factor = inflate(p, h, zz, var, rows, model.gate[rows - 1], model.gate[3])
+            score += gained
+            if keep:
+                for a in range(rows):
                     store.nis[k, first + a] = nis
-                    store.h[total, :] = h[a]
-                    store.gain[total, :] = gain
-                    store.nu[total] = nu
-                    store.var[total] = s
                     store.info[total, 0] = k
                     store.info[total, 1] = first + a
                     store.info[total, 2] = 1 if factor < model.gate[4] else 0
@@ -358,5 +377,5 @@ def run_forward(
             store.nominal[k, 6:10] = q
             store.params[k, :] = xi
             store.trans[k, :, :] = phi
-            store.cov[k, :, :] = p
+            pack(p, store.cov[k])
     return score

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from automap.fusion.kernels.arrays import FAST, ForwardStore
+from automap.fusion.kernels.update import unpack
 from automap.fusion.layout import N_NAV
 from automap.records import FloatArray, IntArray
 
@@ -157,12 +158,13 @@ def run_smoother(
     lam = np.zeros(n)
     big = np.zeros((n, n))
     u = np.zeros((n, n))
+    cov = np.zeros((n, n))
     work = np.zeros(n)
     where = np.zeros(n, dtype=np.int64)
     decay = np.ones(n)
     noted = np.inf
     for k in range(n_nodes - 1, -1, -1):
-        cov = store.cov[k]
+        unpack(store.cov[k], cov)
         for i in range(n):
             s = 0.0
             for j in range(n):

@@ -11,6 +11,30 @@ from automap.fusion.kernels.arrays import FAST
 from automap.records import FloatArray
 
 
+@njit(cache=True)
+def pack(p: FloatArray, out: FloatArray) -> None:
+    """Upper triangle of a symmetric matrix [n, n] as a row [n (n + 1) / 2]."""
+    n = p.shape[0]
+    m = 0
+    for i in range(n):
+        for j in range(i, n):
+            out[m] = p[i, j]
+            m += 1
+
+
+@njit(cache=True)
+def unpack(row: FloatArray, p: FloatArray) -> None:
+    """The symmetric matrix [n, n] of its packed upper triangle."""
+    n = p.shape[0]
+    m = 0
+    for i in range(n):
+        for j in range(i, n):
+            v = row[m]
+            p[i, j] = v
+            p[j, i] = v
+            m += 1
+
+
 @njit(cache=True, fastmath=FAST)
 def inflate(
     p: FloatArray,
@@ -20,8 +44,8 @@ def inflate(
     rows: int,
     threshold: float,
     limit: float,
-) -> tuple[float, float]:
-    """Factor on ``var`` that brings the block's NIS to ``threshold``, and the NIS before.
+) -> float:
+    """Factor on ``var`` that brings the block's NIS to ``threshold``.
 
     The first answer to a surprising measurement is to trust it less; nothing is thrown away,
     so a wrong state cannot lock the truth out, and an outlier's pull falls with its size.
@@ -42,14 +66,11 @@ def inflate(
             for j in range(n):
                 s += tmp[j] * h[i2, j]
             hph[i, i2] = s
-    first = -1.0
     factor = 1.0
     while True:
         nis = _quadratic(hph, z, var, rows, factor)
-        if first < 0.0:
-            first = nis
         if nis <= threshold or factor >= limit:
-            return factor, first
+            return factor
         factor *= max(1.3, min(nis / threshold, 10.0))
 
 
