@@ -116,55 +116,79 @@ def strapdown_step(
     ``rb`` [6] are corrected angular rates and specific forces at start and end; ``e`` [9] the
     terms of the place; ``dvn`` [3] receives the specific-force velocity increment in NED.
     """
-    wx, wy, wz = 0.5 * (ra[0] + rb[0]) * dt, 0.5 * (ra[1] + rb[1]) * dt, 0.5 * (ra[2] + rb[2]) * dt
-    fx, fy, fz = 0.5 * (ra[3] + rb[3]) * dt, 0.5 * (ra[4] + rb[4]) * dt, 0.5 * (ra[5] + rb[5]) * dt
+    # everything in locals: the compiler cannot know that the arrays do not overlap
+    p0, p1, p2 = ra[0], ra[1], ra[2]
+    f0, f1, f2 = ra[3], ra[4], ra[5]
+    r0, r1, r2 = rb[0], rb[1], rb[2]
+    g0, g1, g2 = rb[3], rb[4], rb[5]
+    lat, lon, height = pos[0], pos[1], pos[2]
+    v0, v1, v2 = vel[0], vel[1], vel[2]
+    w0, x0, y0, z0 = q[0], q[1], q[2], q[3]
+    half = 0.5 * dt
+    wx, wy, wz = half * (p0 + r0), half * (p1 + r1), half * (p2 + r2)
+    fx, fy, fz = half * (f0 + g0), half * (f1 + g1), half * (f2 + g2)
     k = dt * dt / 12.0
     # rotation of the velocity increment, and sculling
-    bx = fx + 0.5 * (wy * fz - wz * fy)
-    by = fy + 0.5 * (wz * fx - wx * fz)
-    bz = fz + 0.5 * (wx * fy - wy * fx)
-    bx += k * (ra[1] * rb[5] - ra[2] * rb[4] + ra[4] * rb[2] - ra[5] * rb[1])
-    by += k * (ra[2] * rb[3] - ra[0] * rb[5] + ra[5] * rb[0] - ra[3] * rb[2])
-    bz += k * (ra[0] * rb[4] - ra[1] * rb[3] + ra[3] * rb[1] - ra[4] * rb[0])
+    bx = fx + 0.5 * (wy * fz - wz * fy) + k * (p1 * g2 - p2 * g1 + f1 * r2 - f2 * r1)
+    by = fy + 0.5 * (wz * fx - wx * fz) + k * (p2 * g0 - p0 * g2 + f2 * r0 - f0 * r2)
+    bz = fz + 0.5 * (wx * fy - wy * fx) + k * (p0 * g1 - p1 * g0 + f0 * r1 - f1 * r0)
     # coning
-    wx += k * (ra[1] * rb[2] - ra[2] * rb[1])
-    wy += k * (ra[2] * rb[0] - ra[0] * rb[2])
-    wz += k * (ra[0] * rb[1] - ra[1] * rb[0])
+    wx += k * (p1 * r2 - p2 * r1)
+    wy += k * (p2 * r0 - p0 * r2)
+    wz += k * (p0 * r1 - p1 * r0)
 
-    rise = pos[2] - e[3]
-    rm, rn = e[0] + pos[2], e[1] + pos[2]
-    g = e[2] - GRAVITY_GRADIENT * rise
+    g = e[2] - GRAVITY_GRADIENT * (height - e[3])
+    inv_rm, inv_rn = 1.0 / (e[0] + height), 1.0 / (e[1] + height)
+    inv_cos = 1.0 / e[5]
     ien, ied = e[6], e[7]
-    enn = vel[1] / rn
-    ene = -vel[0] / rm
-    end = -vel[1] * e[4] / (e[5] * rn)
+    enn = v1 * inv_rn
+    ene = -v0 * inv_rm
+    end = -v1 * e[4] * inv_cos * inv_rn
     zn, ze, zd = (ien + enn) * dt, ene * dt, (ied + end) * dt
 
     an = c[0, 0] * bx + c[0, 1] * by + c[0, 2] * bz
     ae = c[1, 0] * bx + c[1, 1] * by + c[1, 2] * bz
     ad = c[2, 0] * bx + c[2, 1] * by + c[2, 2] * bz
     # the frame turns by zeta during the step: half of it on average
-    dvn[0] = an - 0.5 * (ze * ad - zd * ae)
-    dvn[1] = ae - 0.5 * (zd * an - zn * ad)
-    dvn[2] = ad - 0.5 * (zn * ae - ze * an)
+    dn = an - 0.5 * (ze * ad - zd * ae)
+    de = ae - 0.5 * (zd * an - zn * ad)
+    dd = ad - 0.5 * (zn * ae - ze * an)
 
-    v0, v1, v2 = vel[0], vel[1], vel[2]
-    vn = v0 + 0.5 * dvn[0]
-    ve = v1 + 0.5 * dvn[1]
-    vd = v2 + 0.5 * (dvn[2] + g * dt)
+    vn, ve, vd = v0 + 0.5 * dn, v1 + 0.5 * de, v2 + 0.5 * (dd + g * dt)
     cn, ce, cd = 2 * ien + enn, ene, 2 * ied + end
-    vel[0] += dvn[0] - (ce * vd - cd * ve) * dt
-    vel[1] += dvn[1] - (cd * vn - cn * vd) * dt
-    vel[2] += dvn[2] + g * dt - (cn * ve - ce * vn) * dt
+    u0 = v0 + dn - (ce * vd - cd * ve) * dt
+    u1 = v1 + de - (cd * vn - cn * vd) * dt
+    u2 = v2 + dd + g * dt - (cn * ve - ce * vn) * dt
 
-    dn = 0.5 * (v0 + vel[0]) * dt
-    pos[2] -= 0.5 * (v2 + vel[2]) * dt
-    pos[0] += dn / rm
-    # cosine of the latitude in the middle of the step, from the place's own
-    north = (pos[0] - e[8]) - 0.5 * dn / rm
-    cos_lat = e[5] - e[4] * north
-    pos[1] += 0.5 * (v1 + vel[1]) * dt / (rn * cos_lat)
+    north = half * (v0 + u0) * inv_rm
+    # one over the cosine of the latitude in the middle of the step, from the place's own
+    off = (lat + 0.5 * north - e[8]) * e[4] * inv_cos
+    pos[0] = lat + north
+    pos[1] = lon + half * (v1 + u1) * inv_rn * inv_cos * (1.0 + off + off * off)
+    pos[2] = height - half * (v2 + u2)
+    vel[0], vel[1], vel[2] = u0, u1, u2
+    dvn[0], dvn[1], dvn[2] = dn, de, dd
 
-    rotate_right(q, wx, wy, wz)
-    rotate_left(q, -zn, -ze, -zd)
-    quat_to_dcm(q, c)
+    # q := exp(-zeta) q exp(w)
+    s, m = _half_turn(wx * wx + wy * wy + wz * wz)
+    a, b, d = s * wx, s * wy, s * wz
+    w1 = m * w0 - a * x0 - b * y0 - d * z0
+    x1 = m * x0 + a * w0 + d * y0 - b * z0
+    y1 = m * y0 + b * w0 + a * z0 - d * x0
+    z1 = m * z0 + d * w0 + b * x0 - a * y0
+    # the frame's turn over a step is below a millionth: its half angles need no sine
+    a, b, d = -0.5 * zn, -0.5 * ze, -0.5 * zd
+    w2 = w1 - a * x1 - b * y1 - d * z1
+    x2 = x1 + a * w1 + b * z1 - d * y1
+    y2 = y1 - a * z1 + b * w1 + d * x1
+    z2 = z1 + a * y1 - b * x1 + d * w1
+    # one Newton step keeps the norm, which is one to rounding
+    r = 1.5 - 0.5 * (w2 * w2 + x2 * x2 + y2 * y2 + z2 * z2)
+    w2, x2, y2, z2 = w2 * r, x2 * r, y2 * r, z2 * r
+    q[0], q[1], q[2], q[3] = w2, x2, y2, z2
+    ww, xx, yy, zz = w2 * w2, x2 * x2, y2 * y2, z2 * z2
+    wx2, wy2, wz2 = 2 * w2 * x2, 2 * w2 * y2, 2 * w2 * z2
+    xy2, xz2, yz2 = 2 * x2 * y2, 2 * x2 * z2, 2 * y2 * z2
+    c[0, 0], c[0, 1], c[0, 2] = ww + xx - yy - zz, xy2 - wz2, xz2 + wy2
+    c[1, 0], c[1, 1], c[1, 2] = xy2 + wz2, ww - xx + yy - zz, yz2 - wx2
+    c[2, 0], c[2, 1], c[2, 2] = xz2 - wy2, yz2 + wx2, ww - xx - yy + zz

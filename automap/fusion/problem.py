@@ -222,6 +222,15 @@ def run_smoother(problem: Problem, forward: ForwardRun) -> SmoothRun:
     return SmoothRun(forward.nodes, nominal, params, cov, variances)
 
 
+def full_covariance(packed: FloatArray, n: int) -> FloatArray:
+    """Symmetric matrices [k, n, n] of packed upper triangles [k, n (n + 1) / 2]."""
+    out = np.empty((len(packed), n, n))
+    rows, columns = np.triu_indices(n)
+    out[:, rows, columns] = packed
+    out[:, columns, rows] = packed
+    return out
+
+
 def reported_rows(model: StateModel) -> IntArray:
     """States whose covariance is kept per node: navigation, and the mounting if estimated."""
     rows = list(range(N_NAV))

@@ -13,7 +13,13 @@ from automap.frames import matrix_to_quat, matrix_to_rpy, quat_to_matrix, rpy_to
 from automap.fusion.layout import MAX_SCALARS
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.model import FusionOptions, build_state_model
-from automap.fusion.problem import Start, filtered_states, make_problem, run_forward
+from automap.fusion.problem import (
+    Start,
+    filtered_states,
+    full_covariance,
+    make_problem,
+    run_forward,
+)
 from automap.io.receiver import read_receiver_log
 from automap.records import FloatArray, ImuData
 
@@ -71,7 +77,10 @@ def white_noise(shared_data: Path) -> Comparison:
     )
     run = run_forward(problem, nodes, start, Shift())
     at = nodes.fix_row < 0
-    states, cov = filtered_states(problem, run)[0][at], run.store.cov[at]
+    states, cov = (
+        filtered_states(problem, run)[0][at],
+        full_covariance(run.store.cov, problem.model.size)[at],
+    )
     ours = np.column_stack(
         [np.degrees(states[:, :2]), states[:, 2:6], np.degrees(_rpy(states[:, 6:10]))]
     )

@@ -19,7 +19,14 @@ from automap.fusion.layout import (
 )
 from automap.fusion.measurements import Shift
 from automap.fusion.model import FusionOptions, build_state_model
-from automap.fusion.problem import ForwardRun, Problem, Start, make_problem, run_forward
+from automap.fusion.problem import (
+    ForwardRun,
+    Problem,
+    Start,
+    full_covariance,
+    make_problem,
+    run_forward,
+)
 from automap.fusion.problem import run_smoother as smooth
 from tests.unit.fusion_drive import GPS0, Receiver, Sensor, city_drive, receive, record
 from tests.unit.fusion_problem import full_transition, make_nodes, true_start
@@ -56,18 +63,19 @@ def _problem(seconds: float, gate: float) -> tuple[Problem, ForwardRun, Start]:
 def _rts(problem: Problem, forward: ForwardRun) -> tuple[np.ndarray, np.ndarray]:
     """Rauch-Tung-Striebel with full matrices: corrections [k, n] and covariances."""
     store, t = forward.store, forward.nodes.t
+    covs = full_covariance(store.cov, problem.model.size)
     k, n = store.mean.shape
-    scale = np.sqrt(np.diag(store.cov[0]))
-    dx, cov = np.zeros((k, n)), store.cov.copy()
+    scale = np.sqrt(np.diag(covs[0]))
+    dx, cov = np.zeros((k, n)), covs.copy()
     for i in range(k - 2, -1, -1):
         rows = slice(store.scalars[i], store.scalars[i + 1])
         gain, nu, var = store.gain[rows], store.nu[rows], store.var[rows]
-        before = store.cov[i + 1] + (gain.T * var) @ gain
+        before = covs[i + 1] + (gain.T * var) @ gain
         full = full_transition(store.trans[i + 1], t[i + 1] - t[i], problem.model.tau)
         scaled = before / np.outer(scale, scale)
-        g = np.linalg.solve(scaled, (full @ store.cov[i]) / scale[:, None]).T / scale
+        g = np.linalg.solve(scaled, (full @ covs[i]) / scale[:, None]).T / scale
         dx[i] = g @ (dx[i + 1] + gain.T @ nu)
-        cov[i] = store.cov[i] + g @ (cov[i + 1] - before) @ g.T
+        cov[i] = covs[i] + g @ (cov[i + 1] - before) @ g.T
     return dx, cov
 
 
@@ -95,12 +103,13 @@ def test_the_estimate_is_the_minimum_of_the_batch_least_squares() -> None:
     """All nodes at once: prior, dynamics and measurements stacked and solved."""
     problem, forward, _ = _problem(12.0, gate=1e-12)
     store, t = forward.store, forward.nodes.t
+    covs = full_covariance(store.cov, problem.model.size)
     k, n = store.mean.shape
     dx, cov = _rts(problem, forward)
     # the first node's state before its updates, then P := F P F' + Q gives the noises
     rows = slice(0, store.scalars[0])
     gain, var = store.gain[rows], store.var[rows]
-    prior = store.cov[0] + (gain.T * var) @ gain
+    prior = covs[0] + (gain.T * var) @ gain
     information, vector = np.zeros((k * n, k * n)), np.zeros(k * n)
     # unknowns: errors relative to the nominal after each node's update
     miss = [gain.T @ store.nu[rows]]
@@ -111,9 +120,9 @@ def test_the_estimate_is_the_minimum_of_the_batch_least_squares() -> None:
         gain, var = store.gain[rows], store.var[rows]
         miss.append(gain.T @ store.nu[rows])
         full = full_transition(store.trans[i], t[i] - t[i - 1], problem.model.tau)
-        noise = store.cov[i] + (gain.T * var) @ gain - full @ store.cov[i - 1] @ full.T
+        noise = covs[i] + (gain.T * var) @ gain - full @ covs[i - 1] @ full.T
         # constants have no noise of their own: a trace of it makes the matrix regular
-        noise += np.diag(1e-10 * np.diag(store.cov[i]))
+        noise += np.diag(1e-10 * np.diag(covs[i]))
         weight = np.linalg.inv(noise)
         both = np.hstack([-full, np.eye(n)])
         at = slice((i - 1) * n, (i + 1) * n)
@@ -127,7 +136,7 @@ def test_the_estimate_is_the_minimum_of_the_batch_least_squares() -> None:
             if p is None:
                 first = slice(previous, store.scalars[i])
                 g, v = store.gain[first], store.var[first]
-                p = store.cov[i] + (g.T * v) @ g
+                p = covs[i] + (g.T * v) @ g
             noise_var = s - h @ p @ h
             at = slice(i * n, (i + 1) * n)
             # residual against the nominal before the update: innovation plus what moved it
@@ -137,7 +146,7 @@ def test_the_estimate_is_the_minimum_of_the_batch_least_squares() -> None:
             move = move + store.gain[r] * store.nu[r]
             p = p - np.outer(store.gain[r], store.gain[r]) * s
         previous = store.scalars[i]
-    size = np.tile(np.sqrt(np.diag(store.cov[0])), k)
+    size = np.tile(np.sqrt(np.diag(covs[0])), k)
     solution = np.linalg.solve(information * np.outer(size, size), vector * size) * size
     batch = np.linalg.inv(information * np.outer(size, size)) * np.outer(size, size)
     sd = np.sqrt(np.einsum("kii->ki", cov))
@@ -172,7 +181,9 @@ def test_iterations_from_two_starts_meet() -> None:
 def test_smoothing_never_loses_certainty_and_meets_the_filter_at_the_end() -> None:
     problem, forward, _ = _problem(60.0, gate=1e-3)
     smoothed = smooth(problem, forward)
-    filtered = np.einsum("kii->ki", forward.store.cov)[:, :N_NAV]
+    filtered = np.einsum("kii->ki", full_covariance(forward.store.cov, problem.model.size))[
+        :, :N_NAV
+    ]
     variances = np.einsum("kii->ki", smoothed.cov)[:, :N_NAV]
     assert (variances <= filtered * (1 + 1e-9)).all()
     assert variances[-1] == pytest.approx(filtered[-1], rel=1e-9)
