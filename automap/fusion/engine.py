@@ -156,6 +156,8 @@ def fuse_imu_gnss(
         margin = found.margin
         mounting = _mounting_of(last)
         session, start = _turn(session, last, mounting)
+        # what gravity and turns left open stays open, also in the vehicle's roll
+        known_sds["imu_mounting_roll"] = float(mounting.sd[0])
     session = replace(session, means=session.means | known_means, sds=session.sds | known_sds)
     progress(0.3, "fusing")
     last, found = run_passes(
@@ -251,7 +253,6 @@ def _assemble(
     turn = rotation_vector_to_matrix(np.array([final.get(name, 0.0) for name in angles]))
     sd = np.array([spread.get(name, 0.0) for name in angles])
     if not axes_known:
-        sd[0] = float(np.hypot(mounting.sd[0], sd[0]))
         sd[1:] = np.maximum(sd[1:], FORWARD_SD)
     total = turn @ mounting.matrix
 
