@@ -20,6 +20,10 @@ from automap.fusion.problem import Problem, Start, run_forward
 from automap.records import FloatArray
 
 N_HEADINGS = 12
+SURE_MARGIN_NATS = 5.0
+UNKNOWN_HEADING_SD = 1.8
+"""Spread of a heading that may be any, rad."""
+UNKNOWN_HEIGHT_SD_M = 1000.0
 LEVEL_WINDOW_S = 10.0
 TRIAL_MOVING_S = 45.0
 TRIAL_MAX_S = 600.0
@@ -56,6 +60,9 @@ def start_state(
         nominal[1] -= nominal[4] * wait / (earth.A * np.cos(nominal[0]))
     nominal[6:10] = matrix_to_quat(attitude)
     sd_position = 3.0 * fixes.wander_sd[first] + 5.0 + 3.0 * wait
+    sd_position += np.sqrt(fixes.white_var[first, :3])
+    if len(has_height) == 0:
+        sd_position[2] = UNKNOWN_HEIGHT_SD_M
     sd = np.concatenate([sd_position, [speed_sd] * 3, sd_attitude])
     return Start(nominal, sd)
 
@@ -115,7 +122,11 @@ def align(
     best_score, best, start = runs[0]
     # neighbours converge to the same answer; the margin is against the others
     far = [s for s, j, _ in runs if min((j - best) % N_HEADINGS, (best - j) % N_HEADINGS) > 2]
-    return Alignment(start, float(best_score - max(far)))
+    margin = float(best_score - max(far))
+    if margin < SURE_MARGIN_NATS:
+        # nothing tells the heading: say so
+        start = Start(start.nominal, np.concatenate([start.sd[:8], [UNKNOWN_HEADING_SD]]))
+    return Alignment(start, margin)
 
 
 def _trial_part(nodes: Nodes) -> Nodes:

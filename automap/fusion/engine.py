@@ -14,6 +14,7 @@ from automap.frames import (
     quat_to_matrix,
     rotation_vector_to_matrix,
 )
+from automap.fusion.alignment import SURE_MARGIN_NATS
 from automap.fusion.layout import HAS_POS_H
 from automap.fusion.measurements import Nodes, Odometer, model_fixes
 from automap.fusion.model import FusionOptions
@@ -28,6 +29,7 @@ from automap.fusion.output import (
 )
 from automap.fusion.passes import Pass, Session, fix_speed, run_passes
 from automap.fusion.problem import DELAY_STATE, Problem, Start, filtered_states, run_dense
+from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory, WheelSpeed
 
@@ -107,6 +109,8 @@ def fuse_imu_gnss(
     base_ns = int(imu.t_ns[0])
     fix_t = (clock.t_ns(fixes.gps_s) - base_ns) * 1e-9
     model = model_fixes(fixes, np.asarray(fix_t), options)
+    screened = screen_fixes(model, options.wander_tau_s)
+    model = screened.fixes
     t_imu = np.asarray((imu.t_ns - base_ns) * 1e-9)
     span = (0.0, float(t_imu[-1]))
     inside = (model.t > span[0] - 1.0) & (model.t < span[1] + 1.0) & ((model.flags & HAS_POS_H) > 0)
@@ -136,6 +140,11 @@ def fuse_imu_gnss(
     options = replace(options, effects=effects)
     session = Session(imu, model, options, standstill, means, sds, span, wheels)
     warnings: list[str] = []
+    if screened.n_wild:
+        warnings.append(
+            f"{screened.n_wild} fixes lie up to {screened.largest_m:.0f} m off the path that the "
+            "others and the velocities show; they were trusted less"
+        )
 
     mounting = Mounting(np.eye(3), np.zeros(3), np.zeros(3))
     start: Start | None = None
@@ -164,7 +173,7 @@ def fuse_imu_gnss(
         session, start, constrained=True, progress=lambda text: progress(0.5, text)
     )
     margin = min(margin, found.margin)
-    if margin < 5.0:
+    if margin < SURE_MARGIN_NATS:
         warnings.append(
             "the heading at the start is weakly determined "
             f"(likelihood margin {margin:.1f} nats): the drive has little change of speed or "

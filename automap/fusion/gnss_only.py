@@ -14,10 +14,13 @@ from automap.errors import InputError
 from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.measurements import model_fixes
 from automap.fusion.model import FusionOptions
+from automap.fusion.screening import screen_fixes
 from automap.records import BoolArray, ClockModel, Fixes, FloatArray, Trajectory
 
 ACCELERATION_PSD = (1.0, 1.0, 0.1)
 """White acceleration of road traffic north, east, down, (m/s^2)^2/Hz."""
+SURPRISE = 10.8
+"""A squared innovation beyond this is trusted less (chi-square, 1 in 1000)."""
 COURSE_SPEED = 1.0
 """Below this speed in m/s a course means nothing and the last heading is kept."""
 
@@ -32,6 +35,7 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
     """
     t_all = fixes.gps_s - np.nanmin(fixes.gps_s) if len(fixes) else np.zeros(0)
     model = model_fixes(fixes, np.asarray(t_all), options)
+    model = screen_fixes(model, options.wander_tau_s).fixes
     has = (model.flags & 1) > 0
     if int(has.sum()) < 2:
         raise InputError(
@@ -60,6 +64,7 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
             model.wander_sd[rows, axis],
             ACCELERATION_PSD[axis],
             options.wander_tau_s,
+            SURPRISE,
             out,
         )
         position[:, axis], velocity[:, axis], sd_pos[:, axis], sd_vel[:, axis] = out.T

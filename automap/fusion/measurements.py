@@ -40,6 +40,7 @@ _TYPE_FACTOR = {
 
 ODOMETER_GAP_S = 0.5
 ODOMETER_LAG_S = 0.1
+HOLD_LOG = float(np.log(1.25))
 MIN_SPLIT_S = 0.02
 """Velocities get nodes of their own from this distance to their position."""
 
@@ -88,7 +89,8 @@ class Odometer:
 class Nodes:
     """The filter's nodes in time order; arrays as ``run_forward`` takes them.
 
-    ``fix_row`` [k] the row of the fix table that was used, -1 for none.
+    ``fix_row`` [k] the row of the fix table that was used, -1 for none; ``wander_keep`` [k, 3] how
+    much of the normalised wander outlasts the step to a node where its size has changed.
     """
 
     t: FloatArray
@@ -97,6 +99,7 @@ class Nodes:
     var: FloatArray
     wander_sd: FloatArray
     fix_row: IntArray
+    wander_keep: FloatArray
 
     def first(self, count: int) -> Nodes:
         """The first nodes alone."""
@@ -107,6 +110,7 @@ class Nodes:
             self.var[:count],
             self.wander_sd[:count],
             self.fix_row[:count],
+            self.wander_keep[:count],
         )
 
 
@@ -154,7 +158,7 @@ def model_fixes(fixes: Fixes, t: FloatArray, options: FusionOptions) -> FixModel
         flags[order].astype(np.int64),
         np.nan_to_num(values[order]),
         np.concatenate([white, sd_vel], axis=1)[order] ** 2,
-        options.wander_share * sd[order],
+        options.wander_share * hold_figure(sd[order]),
         order.astype(np.int64),
     )
 
@@ -202,7 +206,12 @@ def build_nodes(
     flags[has] = model.flags[row[has]]
     values[has, :6] = model.values[row[has]]
     var[has, CH_POS : CH_POS + 6] = model.white_var[row[has]]
-    wander[has] = model.wander_sd[row[has]]
+    if has.any():
+        latest = np.maximum.accumulate(np.where(has, np.arange(n), -1))
+        latest = np.where(latest < 0, int(np.flatnonzero(has)[0]), latest)
+        wander = model.wander_sd[row[latest]]
+    before = np.concatenate([wander[:1], wander[:-1]])
+    keep_share = np.minimum(before / wander, wander / before)
 
     spacing = np.diff(t, prepend=t[0] - MAX_NODE_SPACING_S)
     spacing = np.clip(spacing, 0.01, 1.0)
@@ -230,7 +239,7 @@ def build_nodes(
         late = ODOMETER_LAG_S * np.interp(t - shift.delay_s, odometer.t, slope)
         var[:, CH_ODOMETER] = (options.odometer_sd**2 + late**2) / spacing
     fix_row = np.where(has, model.row[np.maximum(row, 0)] if len(model.row) else -1, -1)
-    return Nodes(t, flags, values, var, wander, fix_row.astype(np.int64))
+    return Nodes(t, flags, values, var, wander, fix_row.astype(np.int64), keep_share)
 
 
 def _split(model: FixModel, shift: Shift) -> FixModel:
@@ -257,3 +266,24 @@ def _split(model: FixModel, shift: Shift) -> FixModel:
         model.wander_sd[rows],
         model.row[rows],
     )
+
+
+def hold_figure(sd: FloatArray) -> FloatArray:
+    """Accuracy figures [m, 3] that follow real changes and not the jitter of the reports.
+
+    A figure is held until the reported one differs by a quarter.
+    """
+    if len(sd) == 0:
+        return sd
+    out = np.empty_like(sd)
+    for axis in range(sd.shape[1]):
+        log = np.log(sd[:, axis])
+        held = log.copy()
+        start = 0
+        while start < len(log):
+            away = np.flatnonzero(np.abs(log[start:] - log[start]) > HOLD_LOG)
+            stop = start + int(away[0]) if len(away) else len(log)
+            held[start:stop] = log[start]
+            start = stop
+        out[:, axis] = np.exp(held)
+    return out

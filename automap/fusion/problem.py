@@ -20,6 +20,7 @@ from automap.fusion.layout import (
     NHC,
     ODOMETER,
     STANDSTILL,
+    WANDER,
 )
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.model import FusionOptions, StateModel
@@ -172,7 +173,9 @@ def run_forward(
     score = kernels.run_forward(
         problem.samples,
         problem.arrays,
-        NodeArrays(nodes.t, nodes.flags, nodes.values, nodes.var, nodes.wander_sd),
+        NodeArrays(
+            nodes.t, nodes.flags, nodes.values, nodes.var, nodes.wander_sd, nodes.wander_keep
+        ),
         start.nominal,
         xi0,
         p0,
@@ -214,7 +217,16 @@ def run_smoother(problem: Problem, forward: ForwardRun) -> SmoothRun:
     cov = np.empty((k, len(rows), len(rows)))
     variances = np.empty((k, n - N_NAV))
     kernels.run_smoother(
-        forward.nodes.t, problem.model.tau, store, rows, PARAMETER_STEP_S, dx, cov, variances
+        forward.nodes.t,
+        forward.nodes.wander_keep,
+        int(problem.model.offsets[WANDER]),
+        problem.model.tau,
+        store,
+        rows,
+        PARAMETER_STEP_S,
+        dx,
+        cov,
+        variances,
     )
     dx += store.mean
     nominal, params = store.nominal.copy(), store.params.copy()

@@ -40,13 +40,15 @@ class ModelArrays(NamedTuple):
 
 class NodeArrays(NamedTuple):
     """``t`` [k] s within the samples, ``flags`` [k], ``fix`` [k, 7] latitude, longitude,
-    height, velocity NED, wheel speed, ``var`` [k, 15] variances by channel, ``wander`` [k, 3] m."""
+    height, velocity NED, wheel speed, ``var`` [k, 15] variances by channel, ``wander`` [k, 3] m;
+    ``keep`` [k, 3] the share of the normalised wander that outlasts a change of its size."""
 
     t: FloatArray
     flags: IntArray
     fix: FloatArray
     var: FloatArray
     wander: FloatArray
+    keep: FloatArray
 
 
 class ForwardStore(NamedTuple):

@@ -9,9 +9,6 @@ from numba import njit
 
 from automap.records import BoolArray, FloatArray
 
-SURPRISE = 10.8
-"""A squared innovation beyond this many variances is trusted less (chi-square, 1 in 1000)."""
-
 
 @njit(cache=True)
 def smooth_axis(
@@ -22,13 +19,15 @@ def smooth_axis(
     wander: FloatArray,
     psd: float,
     tau: float,
+    surprise: float,
     out: FloatArray,
 ) -> None:
     """Filter and smooth (modified Bryson-Frazier) the fixes of one axis.
 
     ``t`` [n] s, ``z`` [n, 2] position m and velocity m/s, ``used`` [n, 2] which of them are
     there, ``var`` [n, 2] white variances, ``wander`` [n] sigma of the slow error m, ``psd`` of
-    the white acceleration, ``tau`` s. ``out`` [n, 4] receives position, velocity and their sd.
+    the white acceleration, ``tau`` s; a squared innovation beyond ``surprise`` variances is
+    trusted less. ``out`` [n, 4] receives position, velocity and their sd.
     """
     n = t.shape[0]
     x = np.zeros(3)
@@ -62,7 +61,7 @@ def smooth_axis(
             for i in range(3):
                 s += h[i] * ph[i]
                 nu -= h[i] * x[i]
-            s = max(s, nu * nu / SURPRISE)
+            s = max(s, nu * nu / surprise)
             for i in range(3):
                 x[i] += ph[i] * nu / s
                 gains[k, m, i] = ph[i] / s

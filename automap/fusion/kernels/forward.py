@@ -45,6 +45,7 @@ from automap.fusion.layout import (
     NHC,
     ODOMETER,
     STANDSTILL,
+    WANDER,
 )
 from automap.fusion.mechanisation import N_EARTH, earth_terms, quat_to_dcm, strapdown_step
 from automap.records import FloatArray
@@ -310,7 +311,17 @@ def run_forward(
                     mid,
                 )
             t = nodes.t[k]
-            end_interval(phi, span, model.tau, model.walk, decay, q_state, xi)
+            end_interval(
+                phi,
+                span,
+                model.tau,
+                model.walk,
+                decay,
+                q_state,
+                xi,
+                model.offsets[WANDER],
+                nodes.keep[k],
+            )
             if relinearise:
                 carry_mean(dx, phi, decay, xi, about_params[k], step)
                 subtract(pos, vel, q, about[k], step)

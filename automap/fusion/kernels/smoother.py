@@ -140,6 +140,8 @@ def _smoothed_variances(cov: FloatArray, big: FloatArray, out: FloatArray) -> No
 @njit(cache=True, fastmath=FAST)
 def run_smoother(
     node_t: FloatArray,
+    keep: FloatArray,
+    wander: int,
     tau: FloatArray,
     store: ForwardStore,
     rows: IntArray,
@@ -150,7 +152,8 @@ def run_smoother(
 ) -> None:
     """Corrections ``dx`` [k, n] to the forward estimates, with their covariances.
 
-    They refer to the state after the update of each node. ``cov_rows`` [k, r, r] receives the
+    ``keep`` [k, 3] and ``wander`` as in the forward pass. They refer to the state after the
+    update of each node. ``cov_rows`` [k, r, r] receives the
     covariance of the states ``rows`` [r]; ``variances`` [k, n - 9] those of the parameters, at
     least every ``every_s`` seconds (NaN between).
     """
@@ -185,4 +188,7 @@ def run_smoother(
             span = node_t[k] - node_t[k - 1]
             for j in range(N_NAV, n):
                 decay[j] = math.exp(-span / tau[j]) if tau[j] > 0.0 else 1.0
+            if wander >= 0:
+                for a in range(3):
+                    decay[wander + a] *= keep[k, a]
             _undo_interval(lam, big, store.trans[k], decay, u, work)

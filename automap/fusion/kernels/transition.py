@@ -155,14 +155,22 @@ def end_interval(
     decay: FloatArray,
     q_state: FloatArray,
     xi: FloatArray,
+    wander: int,
+    keep: FloatArray,
 ) -> None:
-    """Close an interval of ``span`` s: velocity columns, decay and noise of the parameters."""
+    """Close an interval of ``span`` s: velocity columns, decay and noise of the parameters.
+
+    ``wander`` the offset of the normalised wander (-1 none), ``keep`` [3] what of it outlasts a
+    change of its size.
+    """
     n = phi.shape[1]
     for a in range(3):
         phi[a, V_ID + a] = span
     for j in range(N_NAV, n):
         if tau[j] > 0.0:
             d = math.exp(-span / tau[j])
+            if wander >= 0 and wander <= j < wander + 3:
+                d *= keep[j - wander]
             decay[j] = d
             q_state[j] = (1.0 - d * d) * walk[j]
             xi[j - N_NAV] *= d

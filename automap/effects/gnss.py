@@ -1,0 +1,86 @@
+"""Effects on fixes, as they distort an ideal receiver's epochs.
+
+The simulator's side of what the filter's measurement rows are the derivatives of. Values map
+effect to parameter to value, in the catalogue's names and units; what is not given is zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.effects.vehicle import Values, parameter, parameters
+from automap.records import FloatArray
+
+OUTLIER_M = 25.0
+"""How far off, in a random horizontal direction, a position of ``gnss_outliers`` is."""
+
+
+def data_instants(t_s: FloatArray, values: Values) -> tuple[FloatArray, FloatArray]:
+    """Instants [n] whose position and whose velocity the epochs tagged ``t_s`` [n] hold.
+
+    ``gnss_latency`` makes both older than the tag, ``gnss_velocity_latency`` the velocity
+    older still.
+    """
+    position = t_s - parameter(values, "gnss_latency")
+    return position, position - parameter(values, "gnss_velocity_latency")
+
+
+def low_pass(signal: FloatArray, step_s: float, tau_s: float) -> FloatArray:
+    """``gnss_velocity_lag``: a signal [n, k] after a first-order low-pass at rest in its start.
+
+    tau y' = x - y, exact for a signal that is linear between its samples ``step_s`` apart.
+    """
+    if tau_s <= 0.0:
+        return signal.copy()
+    from scipy.signal import lfilter
+
+    decay = np.exp(-step_s / tau_s)
+    gain = tau_s / step_s * (1.0 - decay)
+    now, before = 1.0 - gain, gain - decay
+    state = ((before + decay) * signal[0])[None]
+    out, _ = lfilter([now, before], [1.0, -decay], signal, axis=0, zi=state)
+    return np.asarray(out)
+
+
+def gauss_markov(
+    n: int, sigma: FloatArray, step_over_tau: float, rng: np.random.Generator
+) -> FloatArray:
+    """First-order Gauss-Markov sequences [n, k] that start in their stationary state."""
+    decay = np.exp(-step_over_tau)
+    drive = rng.standard_normal((n, len(sigma))) * sigma
+    drive[1:] *= np.sqrt(1.0 - decay**2)
+    out = np.empty_like(drive)
+    out[0] = drive[0]
+    for i in range(1, n):
+        out[i] = decay * out[i - 1] + drive[i]
+    return out
+
+
+def outliers(n: int, values: Values, rng: np.random.Generator) -> FloatArray:
+    """Errors NED [n, 3] in m of ``gnss_outliers``: that fraction of epochs is ``OUTLIER_M`` off."""
+    wild = rng.random(n) < parameter(values, "gnss_outliers")
+    bearing = rng.uniform(0.0, 2.0 * np.pi, n)
+    length = OUTLIER_M * wild
+    return np.stack([length * np.cos(bearing), length * np.sin(bearing), np.zeros(n)], axis=1)
+
+
+def datum_shift(values: Values) -> FloatArray:
+    """What ``gnss_datum_shift`` adds to every position, NED [3] in m."""
+    return parameters(values, "gnss_datum_shift")
+
+
+def noise_factor(values: Values) -> float:
+    """True noise over reported, ``gnss_noise_scale``; 1 where it is not given."""
+    return float(values.get("gnss_noise_scale", {}).get("factor", 1.0))
+
+
+def wander(
+    sigma_m: FloatArray, tau_s: float, values: Values
+) -> tuple[FloatArray, float]:
+    """Sigma NED [3] and time constant of the wandering position error.
+
+    ``gnss_correlated_noise`` takes the place of the receiver's own ``sigma_m`` [3], ``tau_s``.
+    """
+    given = values.get("gnss_correlated_noise", {})
+    sigma = np.full(3, given["sigma"]) if "sigma" in given else sigma_m
+    return sigma, float(given.get("tau", tau_s))

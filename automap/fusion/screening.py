@@ -1,0 +1,83 @@
+"""Wild fixes found before the filter sees them, by the majority of the drive's fixes.
+
+A filter that meets wrong fixes first believes them and then distrusts the right ones. Seen
+over the whole drive, positions that contradict all others, linked by the receiver's
+velocities, stand out however many there are in a row. Iteratively reweighted smoothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from automap.earth import local_ned
+from automap.fusion.kernels.axis import smooth_axis
+from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H
+from automap.fusion.measurements import FixModel
+
+ROUNDS = 6
+LIMIT_SQUARED = 16.0
+"""A squared distance of so many variances is wild (two axes: three in ten thousand)."""
+ACCELERATION_PSD = 1.0
+NEVER = 1e12
+
+
+@dataclass(frozen=True)
+class Screening:
+    """Fixes with the wild ones' variances raised; how many, and the largest distance in m."""
+
+    fixes: FixModel
+    n_wild: int
+    largest_m: float
+
+
+def screen_fixes(model: FixModel, tau_s: float) -> Screening:
+    """Raise the white position variance of fixes that contradict the drive's majority.
+
+    ``tau_s`` correlation time of the receiver's slow error. The distance of a fix from the
+    smoothed path of all others counts against its white and slow error together.
+    """
+    use = np.flatnonzero((model.flags & HAS_POS_H) > 0)
+    use = use[np.concatenate([[True], np.diff(model.t[use]) > 0])] if len(use) else use
+    if len(use) < 4:
+        return Screening(model, 0, 0.0)
+    t = model.t[use]
+    first = model.values[use[0]]
+    has_height = (model.flags[use] & HAS_POS_V) > 0
+    height = np.where(has_height, model.values[use, 2], first[2])
+    ned = local_ned(
+        model.values[use, 0], model.values[use, 1], height, (first[0], first[1], float(height[0]))
+    ).reshape(-1, 3)
+    has_velocity = (model.flags[use] & HAS_VEL_H) > 0
+    expected = model.white_var[use, :3] + model.wander_sd[use] ** 2
+    extra = np.zeros(len(use))
+    distance = np.zeros(len(use))
+    for _ in range(ROUNDS):
+        miss = np.zeros((len(use), 2))
+        for axis in range(2):
+            out = np.zeros((len(use), 4))
+            smooth_axis(
+                t,
+                np.column_stack([ned[:, axis], model.values[use, 3 + axis]]),
+                np.column_stack([np.ones(len(use), dtype=bool), has_velocity]),
+                np.column_stack([expected[:, axis] + extra, model.white_var[use, 3 + axis]]),
+                np.zeros(len(use)),
+                ACCELERATION_PSD,
+                tau_s,
+                NEVER,
+                out,
+            )
+            miss[:, axis] = ned[:, axis] - out[:, 0]
+        squared = (miss**2 / expected[:, :2]).sum(axis=1)
+        distance = np.hypot(miss[:, 0], miss[:, 1])
+        before = extra
+        extra = np.where(squared > LIMIT_SQUARED, 4.0 * distance**2, 0.0)
+        if np.array_equal(extra > 0, before > 0):
+            break
+    wild = extra > 0
+    if not wild.any():
+        return Screening(model, 0, 0.0)
+    var = model.white_var.copy()
+    var[use[wild], :3] += extra[wild][:, None]
+    return Screening(replace(model, white_var=var), int(wild.sum()), float(distance[wild].max()))
