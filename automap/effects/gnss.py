@@ -74,9 +74,7 @@ def noise_factor(values: Values) -> float:
     return float(values.get("gnss_noise_scale", {}).get("factor", 1.0))
 
 
-def wander(
-    sigma_m: FloatArray, tau_s: float, values: Values
-) -> tuple[FloatArray, float]:
+def wander(sigma_m: FloatArray, tau_s: float, values: Values) -> tuple[FloatArray, float]:
     """Sigma NED [3] and time constant of the wandering position error.
 
     ``gnss_correlated_noise`` takes the place of the receiver's own ``sigma_m`` [3], ``tau_s``.

@@ -9,22 +9,23 @@ from pathlib import Path
 
 import numpy as np
 
-from automap import timebase
 from automap.errors import ConfigError
 from automap.io import names
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, IntArray
 from automap.simulation.camera import Painter, camera_views, principal_point
-from automap.simulation.gnss import arrivals, receive
-from automap.simulation.imu import check_errors, record_imu
+from automap.simulation.gnss import arrivals
+from automap.simulation.odometer import write_odometer_csv
 from automap.simulation.scenario import CameraSetup, Gnss, Scenario
 from automap.simulation.scene import Scene, build_scene
-from automap.simulation.trajectory import DriveMotion, Motion, drive_motion
+from automap.simulation.sensors import random_streams, simulate_sensors
+from automap.simulation.trajectory import DriveMotion, Motion
 from automap.simulation.ubx_writer import nav_pvt
 from automap.vision.vocabulary import load_vocabulary
 
 Progress = Callable[[float, str], None]
 
 _VIDEO_CLOCK = 90_000
+ODOMETER_FILE = "odometer.csv"
 
 
 def write_drive(
@@ -39,35 +40,25 @@ def write_drive(
     they were. ``seed`` replaces the scenario's. Raises ConfigError for effects or sign
     classes that do not exist, OSError when the folder cannot be written.
     """
-    check_errors(scenario.errors)
     _check_signs(scenario)
-    streams = np.random.SeedSequence(scenario.seed if seed is None else seed).spawn(5)
-    road, imu_rng, gnss_rng, scene_rng, camera_rng = (np.random.default_rng(s) for s in streams)
-    progress(0.0, "trajectory")
-    drive = drive_motion(scenario, road)
-    begin = float(timebase.unix_to_gps(scenario.start.utc.timestamp()))
-    clock = ClockModel(
-        ref_ns=scenario.clock.start_ns,
-        ref_gps_s=begin,
-        drift=scenario.clock.drift_ppm * 1e-6,
-        sd_offset_s=0.0,
-        sd_drift=0.0,
-        method="simulated",
-    )
-    t_ns, motion = _imu_epochs(scenario, drive, imu_rng)
-    imu = record_imu(t_ns, motion, scenario.imu, scenario.errors, imu_rng)
+    streams = random_streams(scenario.seed if seed is None else seed)
+    sensors = simulate_sensors(scenario, streams, progress)
+    drive, imu = sensors.drive, sensors.imu
     _write_imu(folder / "imu.csv", imu)
     truth = folder / names.TRUTH_DIR
     truth.mkdir()
-    _write_truth(truth / names.TRUTH_TRAJECTORY, motion, t_ns, begin)
-    if scenario.gnss is not None:
-        fixes = receive(drive, scenario.gnss, begin, gnss_rng)
-        _write_gnss(folder, fixes, scenario.gnss, clock, gnss_rng)
-    scene = build_scene(scenario, drive, scene_rng)
+    # the vehicle's state at the instants of the stamps, whatever is wrong with these
+    motion = drive.at(sensors.seconds(imu.t_ns))
+    _write_truth(truth / names.TRUTH_TRAJECTORY, motion, imu.t_ns, sensors.begin_gps_s)
+    if sensors.fixes is not None and scenario.gnss is not None:
+        _write_gnss(folder, sensors.fixes, scenario.gnss, sensors.clock, streams.gnss)
+    if sensors.odometer is not None:
+        write_odometer_csv(folder / ODOMETER_FILE, sensors.odometer)
+    scene = build_scene(scenario, drive, streams.scene)
     _write_signs(truth / names.TRUTH_SIGNS, scene)
     if scenario.camera is not None:
         (folder / "video").mkdir()
-        _write_video(folder / "video", scenario, drive, scene, camera_rng, progress)
+        _write_video(folder / "video", scenario, drive, scene, streams.camera, progress)
     (folder / names.MANIFEST).write_text(_manifest(scenario), encoding="utf-8")
 
 
@@ -81,29 +72,13 @@ def _check_signs(scenario: Scenario) -> None:
             )
 
 
-def _seconds(t_ns: IntArray, scenario: Scenario) -> FloatArray:
-    """True seconds since the drive's begin of host stamps."""
-    rate = 1.0 + scenario.clock.drift_ppm * 1e-6
-    return np.asarray((t_ns - scenario.clock.start_ns) * 1e-9 * rate)
-
-
-def _imu_epochs(
-    scenario: Scenario, drive: DriveMotion, rng: np.random.Generator
-) -> tuple[IntArray, Motion]:
-    setup = scenario.imu
-    count = int(np.floor(drive.duration_s * setup.rate_hz))
-    jitter = rng.standard_normal(count) * setup.stamp_jitter_s
-    limit = 0.4 / setup.rate_hz
-    grid = np.arange(count) / setup.rate_hz + np.abs(np.clip(jitter, -limit, limit))
-    t_ns = scenario.clock.start_ns + np.rint(grid * 1e9).astype(np.int64)
-    return t_ns, drive.at(np.minimum(_seconds(t_ns, scenario), drive.duration_s))
-
-
 def _write_imu(path: Path, imu: ImuData) -> None:
+    warm = imu.temp_c
     with path.open("w", encoding="utf-8", newline="\n") as out:
-        out.write("t_ns,gx,gy,gz,ax,ay,az\n")
-        for t, g, a in zip(imu.t_ns, imu.gyro, imu.accel, strict=True):
-            out.write(f"{t},{g[0]:.7f},{g[1]:.7f},{g[2]:.7f},{a[0]:.5f},{a[1]:.5f},{a[2]:.5f}\n")
+        out.write("t_ns,gx,gy,gz,ax,ay,az" + ("\n" if warm is None else ",temp_c\n"))
+        for i, (t, g, a) in enumerate(zip(imu.t_ns, imu.gyro, imu.accel, strict=True)):
+            out.write(f"{t},{g[0]:.7f},{g[1]:.7f},{g[2]:.7f},{a[0]:.5f},{a[1]:.5f},{a[2]:.5f}")
+            out.write("\n" if warm is None else f",{warm[i]:.3f}\n")
 
 
 def _write_truth(path: Path, motion: Motion, t_ns: IntArray, begin_gps_s: float) -> None:
@@ -232,6 +207,8 @@ def _manifest(scenario: Scenario) -> str:
             f"output_delay_s = {scenario.gnss.output_delay_s}",
             f"lever_arm_m = {list(scenario.gnss.lever_arm_m)}",
         ]
+    if scenario.odometer is not None:
+        lines += ["", "[odometer]", f'file = "{ODOMETER_FILE}"']
     if scenario.camera is not None:
         lines += _video_section(scenario.camera)
     lines += [

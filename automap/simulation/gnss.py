@@ -7,53 +7,92 @@ from collections.abc import Callable
 import numpy as np
 
 from automap import earth
+from automap.effects.gnss import (
+    data_instants,
+    datum_shift,
+    gauss_markov,
+    low_pass,
+    noise_factor,
+    outliers,
+    wander,
+)
+from automap.effects.vehicle import Values, lever_arm_motion, parameter, parameters
 from automap.records import NO_TIME, Fixes, FixType, FloatArray, IntArray
 from automap.simulation.scenario import Gnss
-from automap.simulation.trajectory import DriveMotion, Motion
+from automap.simulation.trajectory import DriveMotion
+
+_FINE_S = 0.01
+"""Steps at which a velocity that passes a low-pass is sampled."""
 
 
-def antenna(motion: Motion, lever_arm_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Offset of the antenna from the IMU and its velocity, both NED [n, 3] (m, m/s)."""
-    offset = motion.C_n_b @ lever_arm_m
-    swing = np.einsum("nij,nj->ni", motion.C_n_b, np.cross(motion.turn_rate, lever_arm_m))
-    return offset, motion.vel_ned + swing
+def ideal_epochs(
+    drive: DriveMotion, setup: Gnss, t_s: FloatArray, errors: Values
+) -> tuple[FloatArray, FloatArray]:
+    """Antenna positions (rad, rad, m) and velocities NED [n, 3] without noise of the epochs
+    tagged ``t_s`` [n], in seconds of the drive.
+
+    The antenna stands ``gnss_lever_arm`` away from where the setup says it is.
+    """
+    arm = np.asarray(setup.lever_arm_m) + parameters(errors, "gnss_lever_arm")
+    at_position, at_velocity = data_instants(t_s, errors)
+    motion = drive.at(np.clip(at_position, 0.0, drive.duration_s))
+    offset, swing = lever_arm_motion(motion.C_n_b, motion.turn_rate, arm)
+    offset = offset + datum_shift(errors)
+    north, east = earth.metres_per_radian(motion.lat_rad, motion.height_m)
+    place = np.stack(
+        [
+            motion.lat_rad + offset[:, 0] / north,
+            motion.lon_rad + offset[:, 1] / east,
+            motion.height_m - offset[:, 2],
+        ],
+        axis=1,
+    )
+    lag = parameter(errors, "gnss_velocity_lag")
+    if lag > 0.0:
+        fine = np.linspace(0.0, drive.duration_s, round(drive.duration_s / _FINE_S) + 1)
+        step = float(fine[1])
+        passed = low_pass(_antenna_velocity(drive, fine, arm), step, lag)
+        velocity = np.stack([np.interp(at_velocity, fine, v) for v in passed.T], axis=1)
+    elif np.array_equal(at_velocity, at_position):
+        velocity = motion.vel_ned + swing
+    else:
+        velocity = _antenna_velocity(drive, np.clip(at_velocity, 0.0, drive.duration_s), arm)
+    return place, velocity
 
 
-def gauss_markov(
-    n: int, sigma: FloatArray, step_over_tau: float, rng: np.random.Generator
-) -> FloatArray:
-    """First-order Gauss-Markov sequences [n, k] that start in their stationary state."""
-    decay = np.exp(-step_over_tau)
-    drive = rng.standard_normal((n, len(sigma))) * sigma
-    drive[1:] *= np.sqrt(1.0 - decay**2)
-    out = np.empty_like(drive)
-    out[0] = drive[0]
-    for i in range(1, n):
-        out[i] = decay * out[i - 1] + drive[i]
-    return out
+def _antenna_velocity(drive: DriveMotion, t_s: FloatArray, arm: FloatArray) -> FloatArray:
+    motion = drive.at(t_s)
+    return motion.vel_ned + lever_arm_motion(motion.C_n_b, motion.turn_rate, arm)[1]
 
 
-def receive(drive: DriveMotion, setup: Gnss, begin_gps_s: float, rng: np.random.Generator) -> Fixes:
+def receive(
+    drive: DriveMotion,
+    setup: Gnss,
+    begin_gps_s: float,
+    rng: np.random.Generator,
+    errors: Values | None = None,
+) -> Fixes:
     """Epochs at whole multiples of the rate in GPS time; a dropout repeats the last position
-    and says that there is no fix, as receivers do."""
+    and says that there is no fix, as receivers do. ``errors`` are those of the effects."""
+    errors = errors or {}
     step = 1.0 / setup.rate_hz
     first = int(np.ceil(begin_gps_s / step - 1e-6))
     count = int(np.floor((begin_gps_s + drive.duration_s) / step)) - first + 1
     gps_s: FloatArray = np.arange(first, first + count) * np.float64(step)
-    motion = drive.at(np.clip(gps_s - begin_gps_s, 0.0, drive.duration_s))
-    lever = np.asarray(setup.lever_arm_m)
-    offset, velocity = antenna(motion, lever)
-    wander, white = np.asarray(setup.sigma_correlated_m), np.asarray(setup.sigma_white_m)
-    error = gauss_markov(count, wander, step / setup.correlation_s, rng)
+    place, velocity = ideal_epochs(drive, setup, gps_s - begin_gps_s, errors)
+    wild_rng = rng.spawn(1)[0]
+    sigma, tau = wander(np.asarray(setup.sigma_correlated_m), setup.correlation_s, errors)
+    white, factor = np.asarray(setup.sigma_white_m), noise_factor(errors)
+    error = gauss_markov(count, sigma, step / tau, rng)
     error += rng.standard_normal((count, 3)) * white
-    sd_pos = np.tile(np.hypot(wander, white), (count, 1))
+    error = factor * error + outliers(count, errors, wild_rng)
+    sd_pos = np.tile(np.hypot(sigma, white), (count, 1))
     sd_vel = np.tile(np.asarray(setup.sigma_velocity), (count, 1))
-    velocity = velocity + rng.standard_normal((count, 3)) * setup.sigma_velocity
-    shift = offset + error
-    north, east = earth.metres_per_radian(motion.lat_rad, motion.height_m)
-    lat = motion.lat_rad + shift[:, 0] / north
-    lon = motion.lon_rad + shift[:, 1] / east
-    height = motion.height_m - shift[:, 2]
+    velocity = velocity + rng.standard_normal((count, 3)) * setup.sigma_velocity * factor
+    north, east = earth.metres_per_radian(place[:, 0], place[:, 2])
+    lat = place[:, 0] + error[:, 0] / north
+    lon = place[:, 1] + error[:, 1] / east
+    height = place[:, 2] - error[:, 2]
 
     n_sats = np.clip(np.rint(14 + gauss_markov(count, np.ones(1), step / 20.0, rng)[:, 0]), 6, 30)
     lost = np.zeros(count, bool)

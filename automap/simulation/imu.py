@@ -4,50 +4,51 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.effects import distort_imu, effect_named
-from automap.errors import ConfigError
+from automap.effects import distort_imu
+from automap.effects.vehicle import Values, sensor_to_vehicle
 from automap.records import FloatArray, ImuData, IntArray
-from automap.simulation.scenario import Imu
+from automap.simulation.errors import TEMPERATURE
+from automap.simulation.scenario import Imu, Scenario, WarmUp
 from automap.simulation.trajectory import Motion
 
-_SIMULATED = ("imu", "noise")
 
-
-def check_errors(errors: dict[str, dict[str, float]]) -> None:
-    """Refuse effects or parameters that the inertial simulation does not have (ConfigError)."""
-    for name, values in errors.items():
-        effect = effect_named(name)
-        if effect.family not in _SIMULATED:
-            raise ConfigError(f"effect '{name}' cannot be given under [errors]; remove it")
-        known = [p.name for p in effect.parameters]
-        for parameter in values:
-            if parameter not in known:
-                raise ConfigError(
-                    f"effect '{name}' has no parameter '{parameter}'; it has {', '.join(known)}"
-                )
+def temperature(scenario: Scenario, t_s: FloatArray) -> FloatArray | None:
+    """The sensor's temperature [n] in deg C as it warms up, None where nothing asks for it."""
+    curve = scenario.imu.warm_up
+    if curve is None:
+        if not any(name in scenario.errors for name in TEMPERATURE):
+            return None
+        curve = WarmUp()
+    rise = curve.rise_k * (1.0 - np.exp(-t_s / curve.time_constant_s))
+    return np.asarray(curve.start_c + rise)
 
 
 def record_imu(
     t_ns: IntArray,
     motion: Motion,
     setup: Imu,
-    errors: dict[str, dict[str, float]],
+    errors: Values,
     rng: np.random.Generator,
+    temp_c: FloatArray | None = None,
 ) -> ImuData:
-    """Readings in body axes at ``motion``'s times, stamped ``t_ns`` [n].
+    """Readings at ``motion``'s times, stamped ``t_ns`` [n], at ``temp_c`` [n] deg C.
 
-    The effects of family "imu" come from the one sensor model; bias walks are integrated
-    white noise from zero; white noise has the setup's density over the Nyquist band.
+    They are in the sensor's axes, which ``imu_mounting`` turns into the vehicle's. The effects
+    of family "imu" come from the one sensor model; bias walks are integrated white noise from
+    zero; white noise has the setup's density over the Nyquist band.
     """
     speed = np.linalg.norm(motion.vel_ned, axis=1)
-    gyro, accel = distort_imu(motion.angular_rate, motion.specific_force, errors, speed=speed)
+    C_v_s = sensor_to_vehicle(errors)
+    rates, forces = motion.angular_rate @ C_v_s, motion.specific_force @ C_v_s
+    given = {name: dict(values) for name, values in errors.items()}
+    gyro, accel = distort_imu(rates, forces, given, temp_c=temp_c, speed=speed)
     steps = np.diff(motion.t_s, prepend=motion.t_s[:1])
-    gyro += _walk(errors.get("gyro_bias_walk", {}), steps, rng)
-    accel += _walk(errors.get("accel_bias_walk", {}), steps, rng)
+    gyro += _walk(given.get("gyro_bias_walk", {}), steps, rng)
+    accel += _walk(given.get("accel_bias_walk", {}), steps, rng)
     root_rate = np.sqrt(setup.rate_hz)
     gyro += rng.standard_normal(gyro.shape) * setup.gyro_noise * root_rate
     accel += rng.standard_normal(accel.shape) * setup.accel_noise * root_rate
-    return ImuData(t_ns=t_ns, gyro=gyro, accel=accel)
+    return ImuData(t_ns=t_ns, gyro=gyro, accel=accel, temp_c=temp_c)
 
 
 def _walk(intensity: dict[str, float], steps: FloatArray, rng: np.random.Generator) -> FloatArray:

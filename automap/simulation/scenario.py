@@ -93,13 +93,25 @@ class Clock(_Part):
     drift_ppm: float = 8.0
 
 
+class WarmUp(_Part):
+    """The IMU's temperature after switching on: from ``start_c`` up by ``rise_k`` in the end."""
+
+    start_c: float = 20.0
+    rise_k: float = 15.0
+    time_constant_s: Positive = 120.0
+
+
 class Imu(_Part):
-    """Sampling and white noise (densities, per square root of hertz)."""
+    """Sampling and white noise (densities, per square root of hertz).
+
+    With ``warm_up`` the recording has a temperature; an effect that follows it brings it too.
+    """
 
     rate_hz: Positive = 100.0
     gyro_noise: NonNegative = 1.0e-4
     accel_noise: NonNegative = 1.5e-3
     stamp_jitter_s: NonNegative = 2.0e-5
+    warm_up: WarmUp | None = None
 
 
 class Gnss(_Part):
@@ -117,6 +129,14 @@ class Gnss(_Part):
     arrival_jitter_s: NonNegative = 0.008
     burst_probability: Annotated[float, Field(ge=0, le=1)] = 0.02
     burst_s: NonNegative = 0.12
+
+
+class Odometer(_Part):
+    """Wheel speed in ``odometer.csv``: rate, white noise and resolution in m/s."""
+
+    rate_hz: Positive = 20.0
+    noise: NonNegative = 0.02
+    resolution: NonNegative = 0.0
 
 
 class CameraSetup(_Part):
@@ -170,7 +190,11 @@ class Site(_Part):
 
 
 class Scenario(_Part):
-    """A whole simulated drive; ``errors`` maps effect names to their parameters."""
+    """A whole simulated drive.
+
+    ``errors`` maps effect names to their parameters, ``earth_rotation`` to true or false;
+    what they are added to is what the manifest says.
+    """
 
     schema_: Literal["automap.scenario/1"] = Field(alias="schema")
     name: str
@@ -180,8 +204,9 @@ class Scenario(_Part):
     route: Route
     clock: Clock = Clock()
     imu: Imu = Imu()
-    errors: dict[str, dict[str, float]] = {}
+    errors: dict[str, bool | dict[str, float]] = {}
     gnss: Gnss | None = None
+    odometer: Odometer | None = None
     camera: CameraSetup | None = None
     signs: list[SignPlacement] = []
     scenery: Scenery = Scenery()

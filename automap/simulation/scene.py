@@ -127,6 +127,9 @@ def _road_line(scenario: Scenario, drive: DriveMotion, ref: tuple[float, float, 
     keep = np.concatenate([[True], np.diff(s) > 1e-6])
     motion = drive.at(np.interp(grid, s[keep], t[keep]))
     ned = earth.local_ned(motion.lat_rad, motion.lon_rad, motion.height_m, ref)
+    if drive.axle_m.any():
+        # the point that does not slide follows the road, not the IMU
+        ned[:, :2] += (motion.C_n_b @ drive.axle_m)[:, :2]
     ned[:, 2] += scenario.vehicle.imu_height_m
     curvature = np.interp(grid, drive.profile.s, drive.profile.curvature)
     return RoadLine(grid, ned, motion.rpy[:, 2], curvature)

@@ -13,7 +13,9 @@ from scipy.interpolate import BSpline, CubicSpline, PPoly, make_interp_spline
 from scipy.ndimage import gaussian_filter1d
 
 from automap import earth, frames
+from automap.effects.vehicle import Values, lever_arm_motion, parameters, slip_yaw
 from automap.records import FloatArray
+from automap.simulation.errors import earth_rotates, error_values
 from automap.simulation.route import RouteProfile, distance_over_time, profile_route
 from automap.simulation.scenario import Scenario
 
@@ -49,7 +51,11 @@ class Motion:
 
 @dataclass(frozen=True)
 class DriveMotion:
-    """Splines of a whole drive over the seconds since its begin."""
+    """Splines of a whole drive over the seconds since its begin.
+
+    ``axle_m`` [3] from the IMU to the point that follows the road without sliding, in body
+    axes; ``earth_rate`` rad/s.
+    """
 
     duration_s: float
     lat0_rad: float
@@ -60,6 +66,8 @@ class DriveMotion:
     rpy: BSpline
     distance: PPoly
     profile: RouteProfile
+    axle_m: FloatArray
+    earth_rate: float = earth.RATE
 
     def at(self, t_s: FloatArray) -> Motion:
         """The motion at times ``t_s`` [n] in 0..duration_s."""
@@ -85,7 +93,7 @@ class DriveMotion:
         rpy = self.rpy(t)
         C_n_b = frames.rpy_to_matrix(rpy)
         turn = _body_rate(rpy, self.rpy(t, 1))
-        w_ie = earth.RATE * np.stack([cos, np.zeros_like(lat), -sin], axis=-1)
+        w_ie = self.earth_rate * np.stack([cos, np.zeros_like(lat), -sin], axis=-1)
         w_en = np.stack([cos * lon1, -lat1, -sin * lon1], axis=-1)
         gravity = np.zeros_like(vel)
         gravity[:, 2] = np.vectorize(earth.gravity)(lat, h)
@@ -106,7 +114,11 @@ class DriveMotion:
 
 
 def drive_motion(scenario: Scenario, rng: np.random.Generator) -> DriveMotion:
-    """Drive the scenario's route; ``rng`` gives the road's roughness."""
+    """Drive the scenario's route; ``rng`` gives the road's roughness.
+
+    Of the scenario's errors those of the vehicle act here: ``vehicle_sideslip`` turns the nose
+    against the path, ``nhc_lever_arm`` is where the point that follows it stands from the IMU.
+    """
     vehicle, start = scenario.vehicle, scenario.start
     profile = profile_route(scenario.route, vehicle)
     knots_t, knots_v = distance_over_time(profile, scenario.route, start.standstill_s)
@@ -120,17 +132,31 @@ def drive_motion(scenario: Scenario, rng: np.random.Generator) -> DriveMotion:
 
     heading = np.deg2rad(start.heading_deg) + _integral(profile.s, profile.curvature, s)
     slope = np.interp(s, profile.s, profile.slope)
+    errors = error_values(scenario.errors)
+    rpy = _attitude(scenario, profile, t, s, speed, heading, slope, errors, rng)
+    axle = parameters(errors, "nhc_lever_arm")
     level, climb = speed * np.cos(slope), speed * np.sin(slope)
+    north, east = level * np.cos(heading), level * np.sin(heading)
+    start_ned = np.zeros(3)
+    if axle.any():
+        angles = rpy(t)
+        offset, swing = lever_arm_motion(
+            frames.rpy_to_matrix(angles), _body_rate(angles, rpy(t, 1)), axle
+        )
+        north, east, climb = north - swing[:, 0], east - swing[:, 1], climb + swing[:, 2]
+        start_ned = -offset[0]
     height = CubicSpline(t, climb).antiderivative()
-    height.c[-1] += start.height_m
+    height.c[-1] += start.height_m - start_ned[2]
     lat0, lon0 = np.deg2rad(start.lat_deg), np.deg2rad(start.lon_deg)
+    if axle.any():
+        lat0, lon0, _ = earth.from_local_ned(start_ned, (lat0, lon0, start.height_m))
     # the radii depend so weakly on latitude that two rounds settle them to rounding
     lat = np.full_like(t, lat0)
     for _ in range(3):
         rm, rn = _radii(lat)
-        dlat = CubicSpline(t, level * np.cos(heading) / (rm + height(t))).antiderivative()
+        dlat = CubicSpline(t, north / (rm + height(t))).antiderivative()
         lat = lat0 + dlat(t)
-    rate_lon = level * np.sin(heading) / ((rn + height(t)) * np.cos(lat))
+    rate_lon = east / ((rn + height(t)) * np.cos(lat))
     return DriveMotion(
         duration_s=duration,
         lat0_rad=float(lat0),
@@ -138,9 +164,11 @@ def drive_motion(scenario: Scenario, rng: np.random.Generator) -> DriveMotion:
         dlat=dlat,
         dlon=CubicSpline(t, rate_lon).antiderivative(),
         height=height,
-        rpy=_attitude(scenario, profile, t, s, speed, heading, slope, rng),
+        rpy=rpy,
         distance=distance,
         profile=profile,
+        axle_m=axle,
+        earth_rate=earth.RATE if earth_rotates(scenario.errors) else 0.0,
     )
 
 
@@ -152,6 +180,7 @@ def _attitude(
     speed: FloatArray,
     heading: FloatArray,
     slope: FloatArray,
+    errors: Values,
     rng: np.random.Generator,
 ) -> BSpline:
     vehicle = scenario.vehicle
@@ -171,7 +200,8 @@ def _attitude(
     pitch = slope + np.deg2rad(vehicle.pitch_per_accel_deg) * gaussian_filter1d(
         forward, _SUSPENSION_WIDTH_S / _KNOT_S, mode="nearest"
     )
-    rpy = np.stack([roll + roughness[0], pitch + roughness[1], heading], axis=1)
+    yaw = heading + slip_yaw(sideways, errors)
+    rpy = np.stack([roll + roughness[0], pitch + roughness[1], yaw], axis=1)
     return make_interp_spline(t, rpy, k=5)
 
 

@@ -1,0 +1,83 @@
+"""The errors that a scenario gives its sensors and its vehicle: effects by name."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping
+
+from automap.effects import effect_named
+from automap.errors import ConfigError
+
+Errors = Mapping[str, Mapping[str, float] | bool]
+EARTH = "earth_rotation"
+TEMPERATURE = ("accel_temperature", "gyro_temperature")
+_SIMULATED = ("imu", "noise", "clock", "gnss", "vehicle")
+_NOT_NEGATIVE = (
+    "accel_bias_walk",
+    "gyro_bias_walk",
+    "gnss_velocity_lag",
+    "gnss_correlated_noise",
+    "gnss_noise_scale",
+    "gnss_outliers",
+)
+
+
+def check_errors(errors: Errors, has_gnss: bool = True, has_odometer: bool = True) -> None:
+    """Refuse what cannot be simulated.
+
+    Raises:
+        ConfigError: an effect or a parameter that does not exist (the nearest is named), one of
+            the camera, one of a sensor that the scenario does not have, or an impossible value.
+    """
+    for name, values in errors.items():
+        effect = effect_named(name)
+        if name == EARTH:
+            if not isinstance(values, bool):
+                raise ConfigError(f"errors.{EARTH} is on or off; give true or false")
+            continue
+        if effect.family not in _SIMULATED:
+            raise ConfigError(
+                f"effect '{name}' cannot be given under [errors]; remove it and describe the "
+                "camera under [camera]"
+            )
+        known = [p.name for p in effect.parameters]
+        if isinstance(values, bool):
+            raise ConfigError(
+                f"errors.{name} needs values, for instance {name} = {{ {known[0]} = 0.01 }}"
+            )
+        for parameter, value in values.items():
+            if parameter not in known:
+                near = difflib.get_close_matches(parameter, known, n=1)
+                hint = f"; did you mean '{near[0]}'?" if near else ""
+                raise ConfigError(
+                    f"effect '{name}' has no parameter '{parameter}'; it has "
+                    f"{', '.join(known)}{hint}"
+                )
+            _check_value(name, parameter, value)
+        if effect.family == "gnss" and not has_gnss:
+            raise ConfigError(f"effect '{name}' needs a receiver; add a [gnss] section")
+        if name == "odometer_scale" and not has_odometer:
+            raise ConfigError(f"effect '{name}' needs wheels that count; add an [odometer] section")
+
+
+def _check_value(effect: str, parameter: str, value: float) -> None:
+    place = f"errors.{effect}.{parameter}"
+    if not math.isfinite(value):
+        raise ConfigError(f"{place} is {value}; give a number")
+    if effect in _NOT_NEGATIVE and value < 0.0:
+        raise ConfigError(f"{place} is {value}; it cannot be negative")
+    if effect == "gnss_outliers" and value > 1.0:
+        raise ConfigError(f"{place} is {value}; a fraction lies between 0 and 1")
+    if effect == "gnss_correlated_noise" and parameter == "tau" and value == 0.0:
+        raise ConfigError(f"{place} is 0; give a time constant above 0 s")
+
+
+def error_values(errors: Errors) -> dict[str, dict[str, float]]:
+    """The errors that are numbers, without the switches."""
+    return {n: dict(v) for n, v in errors.items() if not isinstance(v, bool)}
+
+
+def earth_rotates(errors: Errors) -> bool:
+    """Whether the simulated Earth turns; it does unless ``earth_rotation = false``."""
+    return bool(errors.get(EARTH, True))
