@@ -31,7 +31,15 @@ from automap.fusion.passes import Pass, Session, fix_speed, run_passes
 from automap.fusion.problem import DELAY_STATE, Problem, Start, filtered_states, run_dense
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias
-from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory, WheelSpeed
+from automap.records import (
+    ClockModel,
+    Fixes,
+    FloatArray,
+    ImuData,
+    IntArray,
+    Trajectory,
+    WheelSpeed,
+)
 
 KNOWN_ROLL_SD = 1e-3
 """The roll of a mounting that the manifest states, rad."""
@@ -180,7 +188,7 @@ def fuse_imu_gnss(
             "direction, so headings and sideways positions of signs may be off"
         )
     progress(0.8, "writing the trajectory at IMU rate")
-    outcome = _harvest(last, int(imu.t_ns[0]))
+    outcome = _harvest(last, int(imu.t_ns[0]), screened.wild)
     del last, found
     return _assemble(
         session, outcome, clock, mounting, margin, warnings, imu.axes_known, delay_is_clock
@@ -231,7 +239,7 @@ class _Outcome:
     factors: dict[str, float]
 
 
-def _harvest(last: Pass, base_ns: int) -> _Outcome:
+def _harvest(last: Pass, base_ns: int, wild: IntArray) -> _Outcome:
     smooth = last.smooth
     return _Outcome(
         last.problem,
@@ -239,7 +247,7 @@ def _harvest(last: Pass, base_ns: int) -> _Outcome:
         NodeStates(smooth.nominal, smooth.params, smooth.cov),
         NodeStates(*filtered_states(last.problem, last.forward)),
         parameter_history(last.problem, smooth, base_ns, last.shift),
-        innovations(last.forward, base_ns),
+        innovations(last.forward, base_ns, wild),
         last.factors,
     )
 

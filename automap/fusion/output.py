@@ -14,7 +14,7 @@ from automap.frames import (
     quat_to_rpy,
     rpy_sd_from_tilt,
 )
-from automap.fusion.layout import CHANNELS, N_NAV, PHI_ID
+from automap.fusion.layout import CH_VEL, CHANNELS, N_NAV, PHI_ID
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.problem import (
     DELAY_STATE,
@@ -145,16 +145,17 @@ def parameter_history(
     return ParameterHistory(t_ns, names, values[noted], sd)
 
 
-def innovations(forward: ForwardRun, base_ns: int) -> Innovations:
-    """The innovation table of a forward run."""
+def innovations(forward: ForwardRun, base_ns: int, wild: IntArray) -> Innovations:
+    """The innovation table of a forward run; positions of ``wild`` fixes count as refused."""
     store = forward.store
     node, channel = store.info[:, 0], store.info[:, 1]
     names = np.array(CHANNELS, dtype=object)
+    suspect = np.isin(forward.nodes.fix_row[node], wild) & (channel < CH_VEL)
     return Innovations(
         base_ns + np.rint(forward.nodes.t[node] * 1e9).astype(np.int64),
         names[channel],
         store.nu,
         np.sqrt(store.var),
         store.nis[node, channel],
-        store.info[:, 2] > 0,
+        (store.info[:, 2] > 0) & ~suspect,
     )

@@ -15,21 +15,29 @@ from automap.earth import local_ned
 from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H
 from automap.fusion.measurements import FixModel
+from automap.records import IntArray
 
 ROUNDS = 6
 LIMIT_SQUARED = 16.0
 """A squared distance of so many variances is wild (two axes: three in ten thousand)."""
 ACCELERATION_PSD = 1.0
 NEVER = 1e12
+NONE = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
 class Screening:
-    """Fixes with the wild ones' variances raised; how many, and the largest distance in m."""
+    """Fixes with the wild ones' variances raised; rows of the wild ones in the fix table, and
+    the largest distance in m."""
 
     fixes: FixModel
-    n_wild: int
+    wild: IntArray
     largest_m: float
+
+    @property
+    def n_wild(self) -> int:
+        """How many fixes are wild."""
+        return len(self.wild)
 
 
 def screen_fixes(model: FixModel, tau_s: float) -> Screening:
@@ -41,7 +49,7 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
     use = np.flatnonzero((model.flags & HAS_POS_H) > 0)
     use = use[np.concatenate([[True], np.diff(model.t[use]) > 0])] if len(use) else use
     if len(use) < 4:
-        return Screening(model, 0, 0.0)
+        return Screening(model, NONE, 0.0)
     t = model.t[use]
     first = model.values[use[0]]
     has_height = (model.flags[use] & HAS_POS_V) > 0
@@ -77,7 +85,9 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
             break
     wild = extra > 0
     if not wild.any():
-        return Screening(model, 0, 0.0)
+        return Screening(model, NONE, 0.0)
     var = model.white_var.copy()
     var[use[wild], :3] += extra[wild][:, None]
-    return Screening(replace(model, white_var=var), int(wild.sum()), float(distance[wild].max()))
+    return Screening(
+        replace(model, white_var=var), model.row[use[wild]], float(distance[wild].max())
+    )

@@ -130,6 +130,7 @@ def _nodes(t_fix: FloatArray, fixes, epochs: FloatArray) -> Nodes:  # type: igno
         var,
         np.ones((len(times), 3)),
         row.astype(np.int64),
+        np.ones((len(times), 3)),
     )
 
 

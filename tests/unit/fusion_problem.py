@@ -24,10 +24,11 @@ def make_nodes(
     return Nodes(
         np.asarray(t, np.float64),
         np.zeros(k, np.int64) if flags is None else flags.astype(np.int64),
-        np.zeros((k, 6)) if values is None else values,
+        np.zeros((k, 7)) if values is None else values,
         np.ones((k, MAX_SCALARS)) if var is None else var,
         np.ones((k, 3)) if wander_sd is None else wander_sd,
         np.full(k, -1, np.int64),
+        np.ones((k, 3)),
     )
 
 
