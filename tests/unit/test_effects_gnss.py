@@ -1,0 +1,231 @@
+"""Effects on fixes, vehicle and clocks: the simulator distorts by what the filter's rows say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from automap import earth
+from automap.effects import CATALOGUE
+from automap.effects.gnss import (
+    OUTLIER_M,
+    data_instants,
+    datum_shift,
+    gauss_markov,
+    low_pass,
+    noise_factor,
+    outliers,
+    wander,
+)
+from automap.effects.vehicle import (
+    Values,
+    parameters,
+    sensor_to_vehicle,
+    slip_yaw,
+    stamp_error_s,
+    wheel_speed,
+)
+from automap.fusion.kernels.observations import (
+    constraint_block,
+    odometer_row,
+    position_block,
+    velocity_block,
+)
+from automap.fusion.layout import N_NAV
+from automap.fusion.model import FusionOptions, StateModel, build_state_model
+from automap.simulation.gnss import ideal_epochs
+from automap.simulation.odometer import forward_speed
+from automap.simulation.scenario import Gnss, Leg, Route, Scenario, Start, Vehicle
+from automap.simulation.trajectory import DriveMotion, drive_motion
+
+EFFECTS = (
+    "gnss_lever_arm",
+    "gnss_latency",
+    "gnss_velocity_latency",
+    "gnss_velocity_lag",
+    "gnss_datum_shift",
+    "imu_time_offset",
+    "imu_clock_skew",
+    "imu_mounting",
+    "nhc_lever_arm",
+    "vehicle_sideslip",
+    "odometer_scale",
+)
+STEP = {"m": 0.02, "s": 2e-3, "s/s": 1e-5, "rad": 1e-3, "rad/(m/s^2)": 2e-4, "": 1e-3}
+CASES = [(e, p.name, p.unit) for e in EFFECTS for p in CATALOGUE[e].parameters]
+INSTANTS = np.array([9.0, 15.5, 17.2, 20.4])
+"""Gathering speed, into a bend, in it, and out of it again."""
+ON_WHEELS = ("imu_mounting", "nhc_lever_arm", "vehicle_sideslip", "odometer_scale")
+
+
+def _drive(errors: Values) -> DriveMotion:
+    start = Start(
+        utc=datetime(2026, 3, 14, 9, 20, tzinfo=UTC),
+        lat_deg=-35.28,
+        lon_deg=149.13,
+        heading_deg=62.0,
+    )
+    legs = [
+        Leg(length_m=120.0, speed_m_s=13.0, grade_percent=2.0),
+        Leg(turn_deg=-80.0, radius_m=25.0, speed_m_s=9.0),
+        Leg(length_m=60.0, speed_m_s=13.0),
+    ]
+    scenario = Scenario(
+        schema="automap.scenario/1",
+        name="short",
+        start=start,
+        route=Route(legs=legs),
+        vehicle=Vehicle(road_roughness_deg=0.0),
+        errors={name: dict(values) for name, values in errors.items()},
+    )
+    return drive_motion(scenario, np.random.default_rng(1))
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Residuals [k, 9] of a filter that knows of no effect, and rows [k, 9, n]: position,
+    velocity, vehicle constraint, odometer."""
+
+    z: np.ndarray
+    h: np.ndarray
+
+
+def _seen(errors: Values, model: StateModel) -> Seen:
+    """What is left when the truth of a drive with these errors is taken for error-free."""
+    drive = _drive(errors)
+    place, velocity = ideal_epochs(drive, Gnss(), INSTANTS, errors)
+    wheels = wheel_speed(forward_speed(drive, INSTANTS), errors)
+    # nodes stand on IMU stamps: there the vehicle is where it was when the sample was taken
+    motion = drive.at(INSTANTS - stamp_error_s(INSTANTS, errors))
+    C_v_s = sensor_to_vehicle(errors)
+    xi = np.zeros(model.size - N_NAV)
+    off, one = model.offsets, np.ones(3)
+    z_all, h_all = [], []
+    for k, t in enumerate(INSTANTS):
+        z, h = np.zeros((4, 3)), np.zeros((4, 3, model.size))
+        c = np.ascontiguousarray(motion.C_n_b[k] @ C_v_s)
+        pos = np.array([motion.lat_rad[k], motion.lon_rad[k], motion.height_m[k]])
+        vel, acc, rate = motion.vel_ned[k], motion.accel_ned[k], motion.turn_rate[k] @ C_v_s
+        position_block(h[0], z[0], place[k], pos, vel, c, xi, off, one, t)
+        velocity_block(h[1], z[1], velocity[k], vel, c, rate, acc, xi, off, t)
+        constraint_block(h[2], z[2], vel, c, rate, acc, xi, off)
+        odometer_row(h[3], z[3], wheels[k], vel, c, rate, xi, off)
+        rows = [0, 1, 2, 3, 4, 5, 6, 7, 9]
+        z_all.append(z.reshape(-1)[rows])
+        h_all.append(h.reshape(12, -1)[rows])
+    return Seen(np.array(z_all), np.array(h_all))
+
+
+@pytest.fixture(scope="module")
+def model() -> StateModel:
+    return build_state_model(FusionOptions(effects=EFFECTS))
+
+
+@pytest.fixture(scope="module")
+def plain(model: StateModel) -> Seen:
+    return _seen({}, model)
+
+
+@pytest.mark.parametrize(("effect", "parameter", "unit"), CASES)
+def test_distortion_has_the_derivative_that_the_filter_takes(
+    effect: str, parameter: str, unit: str, model: StateModel, plain: Seen
+) -> None:
+    step = STEP[unit]
+    above = _seen({effect: {parameter: step}}, model).z
+    # a time constant cannot be negative
+    one_sided = effect == "gnss_velocity_lag"
+    below = plain.z if one_sided else _seen({effect: {parameter: -step}}, model).z
+    numeric = (above - below) / (step if one_sided else 2.0 * step)
+    row = plain.h[:, :, model.index(f"{effect}_{parameter}")].copy()
+    if effect in ("imu_time_offset", "imu_clock_skew"):
+        # the constraint and the wheels do not ask for the time
+        numeric[:, 6:] = row[:, 6:] = 0.0
+    scale = np.abs(row).max()
+    assert scale > 5e-3
+    # a leaning car slips a little downwards too, which the filter leaves out
+    tolerance = 0.03 if one_sided or effect == "vehicle_sideslip" else 0.01
+    assert np.abs(numeric - row).max() < tolerance * scale
+
+
+@pytest.mark.parametrize("effect", ON_WHEELS)
+def test_effects_on_the_vehicle_leave_the_fixes_of_the_imu_alone(
+    effect: str, model: StateModel
+) -> None:
+    errors = {effect: {p.name: 0.01 for p in CATALOGUE[effect].parameters}}
+    assert np.abs(_seen(errors, model).z[:, :6]).max() < 1e-6
+
+
+def test_data_are_older_than_their_tag() -> None:
+    t = np.array([5.0, 6.0])
+    errors = {"gnss_latency": {"s": 0.1}, "gnss_velocity_latency": {"s": 0.05}}
+    position, velocity = data_instants(t, errors)
+    assert position == pytest.approx([4.9, 5.9])
+    assert velocity == pytest.approx([4.85, 5.85])
+
+
+def test_stamps_run_late_and_fast() -> None:
+    errors = {"imu_time_offset": {"s": 0.02}, "imu_clock_skew": {"skew": 1e-4}}
+    assert stamp_error_s(np.array([0.0, 100.0]), errors) == pytest.approx([0.02, 0.03])
+
+
+def test_a_low_pass_follows_a_ramp_by_its_time_constant_and_damps_a_wave() -> None:
+    step, tau = 0.01, 0.2
+    t = np.arange(0.0, 20.0, step)
+    ramp = low_pass(np.stack([3.0 + 2.0 * t, np.full_like(t, 5.0)], axis=1), step, tau)
+    assert ramp[0] == pytest.approx([3.0, 5.0])
+    assert ramp[500:, 0] == pytest.approx(3.0 + 2.0 * (t[500:] - tau))
+    assert ramp[:, 1] == pytest.approx(5.0)
+    w = 4.0
+    wave = low_pass(np.sin(w * t)[:, None], step, tau)[500:, 0]
+    gain = 1.0 / np.hypot(1.0, w * tau)
+    assert wave == pytest.approx(gain * np.sin(w * t[500:] - np.arctan(w * tau)), abs=2e-4)
+    assert low_pass(ramp, step, 0.0) == pytest.approx(ramp)
+
+
+def test_outliers_are_as_many_and_as_far_as_said() -> None:
+    rng = np.random.default_rng(3)
+    off = np.linalg.norm(outliers(20_000, {"gnss_outliers": {"fraction": 0.05}}, rng), axis=1)
+    assert (off > 0).mean() == pytest.approx(0.05, abs=0.006)
+    assert off[off > 0] == pytest.approx(OUTLIER_M)
+    assert not outliers(50, {}, rng).any()
+
+
+def test_correlated_noise_takes_the_place_of_the_receivers_own() -> None:
+    own = np.array([0.8, 0.8, 1.4])
+    assert wander(own, 60.0, {})[0] is own
+    sigma, tau = wander(own, 60.0, {"gnss_correlated_noise": {"sigma": 2.0, "tau": 20.0}})
+    assert sigma == pytest.approx([2.0, 2.0, 2.0])
+    assert tau == 20.0
+    x = gauss_markov(200_000, sigma[:1], 0.2 / tau, np.random.default_rng(5))[:, 0]
+    assert x.std() == pytest.approx(2.0, rel=0.07)
+    assert np.corrcoef(x[:-100], x[100:])[0, 1] == pytest.approx(np.exp(-1.0), abs=0.06)
+
+
+def test_values_that_are_not_given_change_nothing() -> None:
+    assert noise_factor({}) == 1.0
+    assert noise_factor({"gnss_noise_scale": {"factor": 1.8}}) == 1.8
+    assert not datum_shift({}).any()
+    assert sensor_to_vehicle({}) == pytest.approx(np.eye(3))
+    assert parameters({"imu_mounting": {"yaw": 0.1}}, "imu_mounting") == pytest.approx([0, 0, 0.1])
+
+
+def test_a_car_in_a_right_hand_bend_points_inwards() -> None:
+    assert slip_yaw(np.array([2.0]), {"vehicle_sideslip": {"coefficient": 0.01}})[0] == 0.02
+
+
+def test_the_point_that_does_not_slide_stays_on_the_path() -> None:
+    """With an axle behind the IMU, the IMU swings out and the axle does not."""
+    axle = {"x": -1.4, "y": 0.1, "z": 0.4}
+    with_axle, without = _drive({"nhc_lever_arm": axle}), _drive({})
+    t = np.linspace(0.5, without.duration_s - 0.5, 300)
+    imu, path = with_axle.at(t), without.at(t)
+    ref = (float(path.lat_rad[0]), float(path.lon_rad[0]), float(path.height_m[0]))
+    offset = imu.C_n_b @ np.array([axle[a] for a in "xyz"])
+    at_axle = earth.local_ned(imu.lat_rad, imu.lon_rad, imu.height_m, ref) + offset
+    on_path = earth.local_ned(path.lat_rad, path.lon_rad, path.height_m, ref)
+    assert np.abs(at_axle - on_path).max() < 2e-3
+    lateral = np.einsum("nj,nj->n", imu.C_n_b[:, :, 1], imu.vel_ned)
+    assert np.abs(lateral).max() > 0.3
