@@ -22,7 +22,7 @@ from automap.fusion.problem import Problem, Start, run_forward, with_options
 
 @dataclass(frozen=True)
 class Search:
-    """How finely to search: levels, step factor, largest total factor, seconds of the drive
+    """How finely to search: levels, step factor, largest total factor, seconds of driving
     that are used, sweeps, and the gain in nats that a step must bring."""
 
     levels: Sequence[str]
@@ -33,7 +33,9 @@ class Search:
     gain: float
 
 
-COARSE = Search(WHITE_LEVELS, 2.0, 16.0, 240.0, 2, 3.0)
+MAX_PART = 4.0
+"""Standing counts at most so many times the driving that is wanted."""
+COARSE = Search(WHITE_LEVELS, 2.0, 16.0, 180.0, 2, 3.0)
 FINE = Search(LEVELS, 2.0**0.5, 64.0, 1800.0, 6, 1.0)
 
 
@@ -52,8 +54,7 @@ def adapt_noise(
     white noise of accelerometer and gyro, white parts of position and velocity, horizontal and
     vertical, random walks of the biases, size and correlation time of the receiver's wander.
     """
-    stop = int(np.searchsorted(nodes.t, nodes.t[0] + search.part_s))
-    part = nodes.first(max(stop, 2))
+    part = nodes.first_moving(search.part_s, MAX_PART * search.part_s)
     factors = dict(initial)
 
     def score(trial: dict[str, float]) -> float:

@@ -109,7 +109,7 @@ def align(
     """Choose the starting attitude by the likelihood of the first part of the drive."""
     t0 = float(nodes.t[0])
     tilt, free = level(problem, fixes, t0, gyro_bias)
-    trial = _trial_part(nodes)
+    trial = nodes.first_moving(TRIAL_MOVING_S, TRIAL_MAX_S)
     step = 2.0 * np.pi / N_HEADINGS
     sd_attitude = np.array([0.12, 0.12, 0.6 * step])
     runs = []
@@ -127,19 +127,6 @@ def align(
         # nothing tells the heading: say so
         start = Start(start.nominal, np.concatenate([start.sd[:8], [UNKNOWN_HEADING_SD]]))
     return Alignment(start, margin)
-
-
-def _trial_part(nodes: Nodes) -> Nodes:
-    """The first nodes: until enough movement was seen."""
-    moving = (nodes.flags & 4) > 0
-    speed = np.where(moving, np.hypot(nodes.values[:, 3], nodes.values[:, 4]), 0.0)
-    spacing = np.diff(nodes.t, prepend=nodes.t[0])
-    travelled = np.cumsum(np.where(speed > 2.0, spacing, 0.0))
-    enough = np.flatnonzero(travelled > TRIAL_MOVING_S)
-    stop = int(enough[0]) if len(enough) else len(nodes.t)
-    stop = min(stop, int(np.searchsorted(nodes.t, nodes.t[0] + TRIAL_MAX_S)))
-    stop = max(stop, min(len(nodes.t), 2))
-    return nodes.first(stop)
 
 
 def _shortest_rotation(source: FloatArray, target: FloatArray) -> FloatArray:

@@ -40,6 +40,7 @@ _TYPE_FACTOR = {
 
 ODOMETER_GAP_S = 0.5
 ODOMETER_LAG_S = 0.1
+MOVING_SPEED = 2.0
 HOLD_LOG = float(np.log(1.25))
 MIN_SPLIT_S = 0.02
 """Velocities get nodes of their own from this distance to their position."""
@@ -112,6 +113,18 @@ class Nodes:
             self.fix_row[:count],
             self.wander_keep[:count],
         )
+
+    def first_moving(self, moving_s: float, most_s: float) -> Nodes:
+        """The first nodes, until the vehicle was seen moving for ``moving_s`` seconds; no more
+        than ``most_s`` seconds of them."""
+        has = (self.flags & HAS_VEL_H) > 0
+        speed = np.where(has, np.hypot(self.values[:, 3], self.values[:, 4]), 0.0)
+        spacing = np.diff(self.t, prepend=self.t[0])
+        travelled = np.cumsum(np.where(speed > MOVING_SPEED, spacing, 0.0))
+        enough = np.flatnonzero(travelled > moving_s)
+        stop = int(enough[0]) if len(enough) else len(self.t)
+        stop = min(stop, int(np.searchsorted(self.t, self.t[0] + most_s)))
+        return self.first(max(stop, min(len(self.t), 2)))
 
 
 def model_fixes(fixes: Fixes, t: FloatArray, options: FusionOptions) -> FixModel:

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from automap import earth
+from automap.fusion.jit import kernel
 from automap.records import FloatArray
 
-radii = njit(cache=True)(earth.radii)
-gravity = njit(cache=True)(earth.gravity)
+radii = kernel(earth.radii)
+gravity = kernel(earth.gravity)
 EARTH_RATE = earth.RATE
 GRAVITY_GRADIENT = 3.086e-6
 """Decrease of gravity per metre of height, 1/s^2."""
@@ -26,7 +25,7 @@ N_NOMINAL = 10
 N_EARTH = 9
 
 
-@njit(cache=True)
+@kernel
 def earth_terms(pos: FloatArray, earth_on: bool, out: FloatArray) -> None:
     """Write the terms of a place [9]: radii m, gravity, height m, sine and cosine of the
     latitude, Earth rate north and down, latitude.
@@ -48,7 +47,7 @@ def earth_terms(pos: FloatArray, earth_on: bool, out: FloatArray) -> None:
     out[8] = lat
 
 
-@njit(cache=True)
+@kernel
 def quat_to_dcm(q: FloatArray, c: FloatArray) -> None:
     """Write the matrix [3, 3] of the unit quaternion ``q`` [4] into ``c``."""
     w, x, y, z = q[0], q[1], q[2], q[3]
@@ -63,7 +62,7 @@ def quat_to_dcm(q: FloatArray, c: FloatArray) -> None:
     c[2, 2] = w * w - x * x - y * y + z * z
 
 
-@njit(cache=True)
+@kernel
 def _half_turn(n2: float) -> tuple[float, float]:
     """sin(n/2)/n and cos(n/2) of a squared angle."""
     if n2 < 1e-4:
@@ -72,7 +71,7 @@ def _half_turn(n2: float) -> tuple[float, float]:
     return math.sin(0.5 * n) / n, math.cos(0.5 * n)
 
 
-@njit(cache=True)
+@kernel
 def rotate_left(q: FloatArray, x: float, y: float, z: float) -> None:
     """q := exp((x, y, z)) q: turn the navigation side by a rotation vector in rad."""
     s, c = _half_turn(x * x + y * y + z * z)
@@ -84,7 +83,7 @@ def rotate_left(q: FloatArray, x: float, y: float, z: float) -> None:
     q[3] = c * z0 + a * y0 - b * x0 + d * w0
 
 
-@njit(cache=True)
+@kernel
 def rotate_right(q: FloatArray, x: float, y: float, z: float) -> None:
     """q := q exp((x, y, z)): turn the body by a rotation vector in rad; renormalises."""
     s, c = _half_turn(x * x + y * y + z * z)
@@ -98,7 +97,7 @@ def rotate_right(q: FloatArray, x: float, y: float, z: float) -> None:
     q[0], q[1], q[2], q[3] = w1 * r, x1 * r, y1 * r, z1 * r
 
 
-@njit(cache=True)
+@kernel
 def strapdown_step(
     pos: FloatArray,
     vel: FloatArray,

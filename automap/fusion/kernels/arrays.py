@@ -6,10 +6,6 @@ from typing import NamedTuple
 
 from automap.records import FloatArray, IntArray
 
-FAST = {"reassoc", "contract", "nsz", "arcp"}
-"""Sums may be taken in any order (then they are vector code); NaN and infinity keep their
-meaning."""
-
 
 class Samples(NamedTuple):
     """Samples: ``t`` [n] s, ``raw`` [n, 6] rates and forces, ``extra`` [n, e] extra basis

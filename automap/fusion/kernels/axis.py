@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from automap.fusion.jit import kernel
 from automap.records import BoolArray, FloatArray
 
 
-@njit(cache=True)
+@kernel
 def smooth_axis(
     t: FloatArray,
     z: FloatArray,
@@ -74,7 +74,7 @@ def smooth_axis(
     _backward(t, used, wander, tau, states, covs, gains, nus, variances, out)
 
 
-@njit(cache=True)
+@kernel
 def _predict(x: FloatArray, p: FloatArray, dt: float, d: float, psd: float) -> None:
     x[0] += dt * x[1]
     x[2] *= d
@@ -92,7 +92,7 @@ def _predict(x: FloatArray, p: FloatArray, dt: float, d: float, psd: float) -> N
     p[2, 2] += 1.0 - d * d
 
 
-@njit(cache=True)
+@kernel
 def _backward(
     t: FloatArray,
     used: BoolArray,
@@ -150,7 +150,7 @@ def _backward(
             _transposed_times(a, lam)
 
 
-@njit(cache=True)
+@kernel
 def _sandwich(a: FloatArray, m: FloatArray, work: FloatArray) -> None:
     """m := a' m a."""
     for i in range(3):
@@ -161,7 +161,7 @@ def _sandwich(a: FloatArray, m: FloatArray, work: FloatArray) -> None:
             m[i, j] = a[0, i] * work[0, j] + a[1, i] * work[1, j] + a[2, i] * work[2, j]
 
 
-@njit(cache=True)
+@kernel
 def _transposed_times(a: FloatArray, v: FloatArray) -> None:
     """v := a' v."""
     x, y, z = v[0], v[1], v[2]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from automap.fusion.jit import kernel
 from automap.fusion.kernels.arrays import ModelArrays, Samples
 from automap.fusion.kernels.forward import GAP_STEP_S
 from automap.fusion.kernels.readings import correct, correction_of, raw_at
@@ -22,7 +22,7 @@ from automap.fusion.mechanisation import (
 from automap.records import FloatArray
 
 
-@njit(cache=True)
+@kernel
 def _spread(
     samples: Samples,
     first: int,
@@ -45,7 +45,7 @@ def _spread(
         rotate_left(out[j, 6:10], s * miss[6], s * miss[7], s * miss[8])
 
 
-@njit(cache=True)
+@kernel
 def run_dense(
     samples: Samples,
     model: ModelArrays,

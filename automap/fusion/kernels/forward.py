@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from automap.fusion.jit import kernel
 from automap.fusion.kernels.arrays import ForwardStore, ModelArrays, NodeArrays, Samples
 from automap.fusion.kernels.observations import (
     acceleration,
@@ -54,7 +54,7 @@ GAP_STEP_S = 0.02
 """Inside a gap of the samples the integration takes steps of this length."""
 
 
-@njit(cache=True)
+@kernel
 def integrate(
     samples: Samples,
     model: ModelArrays,
@@ -78,7 +78,12 @@ def integrate(
     receives the mean corrected rate, ``mid`` [6 + e] the last corrected reading and extra
     signals.
     """
-    n_imu = samples.t.shape[0]
+    # taken out of the tuples once: in the loop that would count references at every access
+    times, readings, extra = samples.t, samples.raw, samples.extra
+    terms, gap = model.terms, model.gap
+    qa0, qg0 = model.noise[0], model.noise[1]
+    n_imu = times.shape[0]
+    full = np.empty(6)
     matrix = np.empty((6, 6))
     shift = np.empty(6)
     raw = np.empty(6)
@@ -86,7 +91,7 @@ def integrate(
     rb = np.empty(6)
     dvn = np.empty(3)
     c_mid = np.empty((3, 3))
-    n_extra = samples.extra.shape[1]
+    n_extra = extra.shape[1]
     correction_of(model.terms, xi, samples.extra[i], matrix, shift)
     raw_at(samples, i, t, raw)
     correct(raw, matrix, shift, ra)
@@ -94,18 +99,20 @@ def integrate(
     for a in range(3):
         rate[a] = 0.0
     while t < t_end:
-        following = samples.t[i + 1]
-        width = following - samples.t[i]
-        wide = width > model.gap[0]
+        following = times[i + 1]
+        width = following - times[i]
+        wide = width > gap[0]
         nxt = following
         if nxt > t_end or i == n_imu - 2:
             nxt = t_end
         if wide and nxt - t > GAP_STEP_S:
             nxt = t + GAP_STEP_S
         if n_extra > 0:
-            correction_of(model.terms, xi, samples.extra[i], matrix, shift)
+            correction_of(terms, xi, extra[i], matrix, shift)
         if nxt == following:
-            correct(samples.raw[i + 1], matrix, shift, rb)
+            for a in range(6):
+                full[a] = readings[i + 1, a]
+            correct(full, matrix, shift, rb)
         else:
             raw_at(samples, i, nxt, raw)
             correct(raw, matrix, shift, rb)
@@ -113,7 +120,7 @@ def integrate(
         for a in range(6):
             mid[a] = 0.5 * (ra[a] + rb[a])
         for a in range(n_extra):
-            mid[6 + a] = samples.extra[i, a]
+            mid[6 + a] = extra[i, a]
         if dt > 0.0:
             for a in range(3):
                 for b in range(3):
@@ -122,11 +129,11 @@ def integrate(
             for a in range(3):
                 for b in range(3):
                     c_mid[a, b] += 0.5 * c[a, b]
-            add_transition(phi, model.terms, c_mid, mid, dvn, dt)
-            qa, qg = model.noise[0], model.noise[1]
+            add_transition(phi, terms, c_mid, mid, dvn, dt)
+            qa, qg = qa0, qg0
             if wide:
-                qa += model.gap[1] * model.gap[1] * width
-                qg += model.gap[2] * model.gap[2] * width
+                qa += gap[1] * gap[1] * width
+                qg += gap[2] * gap[2] * width
             add_noise(noise, dvn, dt, qa, qg)
         for a in range(3):
             rate[a] += mid[a] * dt
@@ -140,7 +147,7 @@ def integrate(
     return i
 
 
-@njit(cache=True)
+@kernel
 def reading_at(
     samples: Samples,
     model: ModelArrays,
@@ -163,7 +170,7 @@ def reading_at(
         mid[6 + a] = samples.extra[i, a]
 
 
-@njit(cache=True)
+@kernel
 def observe(
     block: int,
     nodes: NodeArrays,
@@ -223,7 +230,7 @@ def observe(
     return 3, CH_ZARU
 
 
-@njit(cache=True)
+@kernel
 def run_forward(
     samples: Samples,
     model: ModelArrays,

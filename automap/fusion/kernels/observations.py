@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from automap.fusion.jit import kernel
 from automap.fusion.kernels.arrays import Samples
 from automap.fusion.layout import (
     DATUM,
@@ -29,7 +29,7 @@ from automap.fusion.mechanisation import radii
 from automap.records import FloatArray, IntArray
 
 
-@njit(cache=True)
+@kernel
 def _lever_rows(h: FloatArray, phi_row: int, cl: FloatArray, sign: float) -> None:
     """h[0:3, 6:9] := -sign [cl x]."""
     h[0, phi_row + 1] = sign * cl[2]
@@ -40,7 +40,7 @@ def _lever_rows(h: FloatArray, phi_row: int, cl: FloatArray, sign: float) -> Non
     h[2, phi_row + 1] = -sign * cl[0]
 
 
-@njit(cache=True)
+@kernel
 def _shift_in_time(
     h: FloatArray, z: FloatArray, slope: FloatArray, xi: FloatArray, offset: int, factor: float
 ) -> None:
@@ -53,7 +53,7 @@ def _shift_in_time(
         h[a, offset] = slope[a] * factor
 
 
-@njit(cache=True)
+@kernel
 def position_block(
     h: FloatArray,
     z: FloatArray,
@@ -110,7 +110,7 @@ def position_block(
             h[a, off[WANDER] + a] = wander_scale[a]
 
 
-@njit(cache=True)
+@kernel
 def velocity_block(
     h: FloatArray,
     z: FloatArray,
@@ -155,7 +155,7 @@ def velocity_block(
     _shift_in_time(h, z, acc, xi, off[VEL_LAG], -1.0)
 
 
-@njit(cache=True)
+@kernel
 def constraint_block(
     h: FloatArray,
     z: FloatArray,
@@ -223,7 +223,7 @@ def constraint_block(
         h[1, o], h[1, o + 1] = u[1], -u[0]
 
 
-@njit(cache=True)
+@kernel
 def odometer_row(
     h: FloatArray,
     z: FloatArray,
@@ -274,7 +274,7 @@ def odometer_row(
         h[0, off[ODOMETER_SCALE]] = forward
 
 
-@njit(cache=True)
+@kernel
 def zero_velocity_rows(h: FloatArray, z: FloatArray, vel: FloatArray) -> None:
     """Rows [3, n] of the zero-velocity update."""
     for a in range(3):
@@ -284,7 +284,7 @@ def zero_velocity_rows(h: FloatArray, z: FloatArray, vel: FloatArray) -> None:
         z[a] = -vel[a]
 
 
-@njit(cache=True)
+@kernel
 def standstill_rate_rows(
     h: FloatArray,
     z: FloatArray,
@@ -309,7 +309,7 @@ def standstill_rate_rows(
             h[terms[m, 1], N_NAV + m] = -(1.0 if b == 0 else mid[b - 1])
 
 
-@njit(cache=True)
+@kernel
 def acceleration(
     samples: Samples, i: int, t: float, gravity: float, c: FloatArray, out: FloatArray
 ) -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from automap.fusion.jit import kernel
 from automap.fusion.kernels.arrays import Samples
 from automap.records import FloatArray, IntArray
 
 
-@njit(cache=True)
+@kernel
 def raw_at(samples: Samples, i: int, t: float, out: FloatArray) -> None:
     """Raw reading [6] at time ``t`` between samples i and i + 1."""
     span = samples.t[i + 1] - samples.t[i]
@@ -18,7 +18,7 @@ def raw_at(samples: Samples, i: int, t: float, out: FloatArray) -> None:
         out[k] = samples.raw[i, k] + s * (samples.raw[i + 1, k] - samples.raw[i, k])
 
 
-@njit(cache=True)
+@kernel
 def correction_of(
     terms: IntArray, theta: FloatArray, extra: FloatArray, matrix: FloatArray, shift: FloatArray
 ) -> None:
@@ -63,7 +63,7 @@ def correction_of(
         shift[i] = s
 
 
-@njit(cache=True)
+@kernel
 def correct(raw: FloatArray, matrix: FloatArray, shift: FloatArray, out: FloatArray) -> None:
     """out [6] := matrix raw - shift."""
     for i in range(6):

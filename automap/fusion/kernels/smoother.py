@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from automap.fusion.kernels.arrays import FAST, ForwardStore
+from automap.fusion.jit import kernel
+from automap.fusion.kernels.arrays import ForwardStore
 from automap.fusion.kernels.update import unpack
 from automap.fusion.layout import N_NAV
 from automap.records import FloatArray, IntArray
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def _undo_scalar(
     lam: FloatArray,
     big: FloatArray,
@@ -59,7 +59,7 @@ def _undo_scalar(
             big[i, j] += h[i] * h[j] * w
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def _undo_interval(
     lam: FloatArray,
     big: FloatArray,
@@ -100,7 +100,7 @@ def _undo_interval(
             big[i, j] = big[j, i]
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def _smoothed_rows(
     cov: FloatArray, big: FloatArray, rows: IntArray, u: FloatArray, out: FloatArray
 ) -> None:
@@ -123,7 +123,7 @@ def _smoothed_rows(
             out[c, r] = v
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def _smoothed_variances(cov: FloatArray, big: FloatArray, out: FloatArray) -> None:
     """out [n - 9] := the parameters' part of the diagonal of cov - cov big cov."""
     n = cov.shape[0]
@@ -137,7 +137,7 @@ def _smoothed_variances(cov: FloatArray, big: FloatArray, out: FloatArray) -> No
         out[i - N_NAV] = cov[i, i] - s
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def run_smoother(
     node_t: FloatArray,
     keep: FloatArray,

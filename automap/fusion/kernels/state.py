@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from automap.fusion.jit import kernel
 from automap.fusion.layout import N_NAV, PHI_ID, V_ID
 from automap.fusion.mechanisation import quat_to_dcm, radii, rotate_left
 from automap.records import FloatArray
 
 
-@njit(cache=True)
+@kernel
 def load_state(
     row: FloatArray,
     row_params: FloatArray,
@@ -33,7 +33,7 @@ def load_state(
         xi[j] = row_params[j]
 
 
-@njit(cache=True)
+@kernel
 def subtract(
     pos: FloatArray, vel: FloatArray, q: FloatArray, row: FloatArray, out: FloatArray
 ) -> None:
@@ -63,7 +63,7 @@ def subtract(
     out[PHI_ID], out[PHI_ID + 1], out[PHI_ID + 2] = scale * x, scale * y, scale * z
 
 
-@njit(cache=True)
+@kernel
 def inject(
     pos: FloatArray,
     vel: FloatArray,
@@ -88,7 +88,7 @@ def inject(
         xi[j] += dx[N_NAV + j]
 
 
-@njit(cache=True)
+@kernel
 def apply_correction(nominal: FloatArray, params: FloatArray, dx: FloatArray) -> None:
     """Add errors [k, n] to states [k, 10] and parameters [k, n - 9] in place."""
     pos = np.zeros(3)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
-from automap.fusion.kernels.arrays import FAST
+from automap.fusion.jit import kernel
 from automap.fusion.layout import N_NAV, V_ID
 from automap.records import FloatArray, IntArray
 
@@ -14,7 +12,7 @@ from automap.records import FloatArray, IntArray
 N_NOISE = 29
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def start_interval(phi: FloatArray, noise: FloatArray) -> None:
     """Identity transition rows [9, n] and no noise."""
     phi[:, :] = 0.0
@@ -23,7 +21,7 @@ def start_interval(phi: FloatArray, noise: FloatArray) -> None:
     noise[:] = 0.0
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def add_transition(
     phi: FloatArray, terms: IntArray, c: FloatArray, r: FloatArray, dvn: FloatArray, dt: float
 ) -> None:
@@ -59,7 +57,7 @@ def add_transition(
             phi[5, j] -= cd
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def _advance_column(phi: FloatArray, j: int, fn: float, fe: float, fd: float, dt: float) -> None:
     x, y, z = phi[6, j], phi[7, j], phi[8, j]
     dn = fd * y - fe * z
@@ -73,7 +71,7 @@ def _advance_column(phi: FloatArray, j: int, fn: float, fe: float, fd: float, dt
     phi[5, j] += dd
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def add_noise(s: FloatArray, dvn: FloatArray, dt: float, qa: float, qg: float) -> None:
     """Advance the process noise over one step.
 
@@ -124,7 +122,7 @@ def add_noise(s: FloatArray, dvn: FloatArray, dt: float, qa: float, qg: float) -
     s[0] += qg * dt
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def expand_noise(s: FloatArray, out: FloatArray) -> None:
     """The full symmetric matrix [9, 9] of the compact noise."""
     out[:, :] = 0.0
@@ -146,7 +144,7 @@ def expand_noise(s: FloatArray, out: FloatArray) -> None:
             out[i, j] = out[j, i]
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def end_interval(
     phi: FloatArray,
     span: float,
@@ -179,7 +177,7 @@ def end_interval(
             q_state[j] = walk[j] * span
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def propagate_covariance(
     p: FloatArray,
     phi: FloatArray,
@@ -218,7 +216,7 @@ def propagate_covariance(
         p[i, i] += q_state[i]
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def carry_mean(
     dx: FloatArray,
     phi: FloatArray,

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from automap.fusion.kernels.arrays import FAST
+from automap.fusion.jit import kernel
 from automap.records import FloatArray
 
 
-@njit(cache=True)
+@kernel
 def pack(p: FloatArray, out: FloatArray) -> None:
     """Upper triangle of a symmetric matrix [n, n] as a row [n (n + 1) / 2]."""
     n = p.shape[0]
@@ -22,7 +21,7 @@ def pack(p: FloatArray, out: FloatArray) -> None:
             m += 1
 
 
-@njit(cache=True)
+@kernel
 def unpack(row: FloatArray, p: FloatArray) -> None:
     """The symmetric matrix [n, n] of its packed upper triangle."""
     n = p.shape[0]
@@ -35,7 +34,7 @@ def unpack(row: FloatArray, p: FloatArray) -> None:
             m += 1
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def inflate(
     p: FloatArray,
     h: FloatArray,
@@ -74,7 +73,7 @@ def inflate(
         factor *= max(1.3, min(nis / threshold, 10.0))
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def _quadratic(hph: FloatArray, z: FloatArray, var: FloatArray, rows: int, factor: float) -> float:
     """z' (hph + factor diag(var))^-1 z by Cholesky on the first ``rows``."""
     low = np.zeros((rows, rows))
@@ -99,7 +98,7 @@ def _quadratic(hph: FloatArray, z: FloatArray, var: FloatArray, rows: int, facto
     return total
 
 
-@njit(cache=True, fastmath=FAST)
+@kernel
 def update_scalar(
     p: FloatArray, h: FloatArray, z: float, var: float, dx: FloatArray, k_out: FloatArray
 ) -> tuple[float, float]:
