@@ -192,8 +192,9 @@ class Site(_Part):
 class Scenario(_Part):
     """A whole simulated drive.
 
-    ``errors`` maps effect names to their parameters, ``earth_rotation`` to true or false;
-    what they are added to is what the manifest says.
+    ``errors`` maps effect names to their parameters, ``earth_rotation`` to true or false. The
+    manifest knows nothing of them: it gives the antenna's lever arm of ``gnss``, for instance,
+    and ``gnss_lever_arm`` is how far the antenna stands from there.
     """
 
     schema_: Literal["automap.scenario/1"] = Field(alias="schema")

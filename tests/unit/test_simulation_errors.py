@@ -16,9 +16,18 @@ from automap.io.drive import load_drive
 from automap.io.odometer_csv import read_odometer_csv
 from automap.simulation.drive_writer import write_drive
 from automap.simulation.errors import check_errors
-from automap.simulation.scenario import Gnss, Leg, Odometer, Route, Scenario, Start
+from automap.simulation.scenario import (
+    Gnss,
+    Leg,
+    Odometer,
+    Route,
+    Scenario,
+    Start,
+    load_scenario,
+)
 from automap.simulation.sensors import SimulatedSensors, random_streams, simulate_sensors
 
+SCENARIOS = Path(__file__).resolve().parents[2] / "configs" / "scenarios"
 QUIET = Gnss(sigma_correlated_m=(0, 0, 0), sigma_white_m=(0, 0, 0), sigma_velocity=(0, 0, 0))
 NOISY = Gnss(sigma_correlated_m=(0, 0, 0), rate_hz=20.0)
 
@@ -71,6 +80,13 @@ def plain() -> SimulatedSensors:
 def test_mistakes_are_named(errors: dict[str, Any], said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         check_errors(errors)
+
+
+@pytest.mark.parametrize("file", sorted(SCENARIOS.glob("*.toml")), ids=lambda f: f.stem)
+def test_scenarios_that_come_along_are_sound(file: Path) -> None:
+    given = load_scenario(file)
+    check_errors(given.errors, given.gnss is not None, given.odometer is not None)
+    assert given.errors
 
 
 def test_errors_need_their_sensor() -> None:
