@@ -72,13 +72,17 @@ def _scenario(errors: dict[str, Any]) -> Scenario:
     )
 
 
-def _fuse(errors: dict[str, Any], prior_sd: float | None, seed: int = 1) -> FusionResult:
+def _fuse(
+    errors: dict[str, Any], prior_sd: float | None, seed: int = 1, noise_only: bool = False
+) -> FusionResult:
+    """The drive with these errors, which are estimated unless they only make noise."""
     sensors = simulate_sensors(_scenario(errors), random_streams(seed))
     assert sensors.fixes is not None
     hidden = {INSTEAD[e] for e in errors if e in INSTEAD}
     effects = tuple(e for e in DEFAULT_EFFECTS if e not in hidden)
     own = ("odometer_scale", "gnss_lever_arm")
-    effects += tuple(e for e in errors if e not in effects and e not in own)
+    if not noise_only:
+        effects += tuple(e for e in errors if e not in effects and e not in own)
     options = FusionOptions(
         effects=effects,
         prior_sd={} if prior_sd is None else {e: {"*": prior_sd} for e in errors},
@@ -131,6 +135,13 @@ def test_an_injected_effect_is_found_again(
         assert abs(found - true) < 4.0 * sd, parameter
         # and not because nothing is known
         assert sd < 0.3 * abs(true), parameter
+
+
+def test_fixes_noisier_than_they_say_are_noticed() -> None:
+    plain = _fuse({}, None).noise_factors
+    noisy = _fuse({"gnss_noise_scale": {"factor": 2.0}}, None, noise_only=True).noise_factors
+    for level in ("position_h", "velocity_h"):
+        assert 1.4 <= noisy[level] / plain[level] <= 2.9, level
 
 
 def test_a_drive_without_the_effects_has_none() -> None:
