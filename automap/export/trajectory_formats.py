@@ -26,14 +26,14 @@ _CAMERA_AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 def trajectory_csv(trajectory: Trajectory) -> str:
     """All columns of the trajectory table, with their units in the names."""
+    import pandas as pd
+
     from automap.io.trajectory_table import to_columns
 
-    columns = to_columns(trajectory)
     decimals = {"gps_s": 6, "lat_deg": 10, "lon_deg": 10}
-    formats = ["%d" if n == "t_ns" else f"%.{decimals.get(n, 5)}f" for n in columns]
-    rows = [tuple(row) for row in zip(*columns.values(), strict=True)]
-    template = ",".join(formats)
-    return "\n".join([",".join(columns), *(template % row for row in rows)]) + "\n"
+    table = pd.DataFrame(to_columns(trajectory))
+    table = table.round({name: decimals.get(name, 5) for name in table if name != "t_ns"})
+    return str(table.to_csv(index=False, lineterminator="\n"))
 
 
 def rtklib_pos(trajectory: Trajectory) -> str:
