@@ -32,7 +32,7 @@ def trajectory_csv(trajectory: Trajectory) -> str:
 
     decimals = {"gps_s": 6, "lat_deg": 10, "lon_deg": 10}
     table = pd.DataFrame(to_columns(trajectory))
-    table = table.round({name: decimals.get(name, 5) for name in table if name != "t_ns"})
+    table = table.round({name: decimals.get(str(name), 5) for name in table if name != "t_ns"})
     return str(table.to_csv(index=False, lineterminator="\n"))
 
 
