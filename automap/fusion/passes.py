@@ -26,7 +26,7 @@ from automap.fusion.problem import (
 )
 from automap.records import FloatArray, ImuData
 
-DELAY_CONVERGED_S = 0.002
+DELAY_CONVERGED_S = 0.0005
 MAX_VEL_LATENCY_S = 1.0
 TURN_WINDOW_S = 0.5
 HEAD_S = 900.0
@@ -181,7 +181,7 @@ def _settled(model: StateModel, smooth: SmoothRun, a: Shift, b: Shift) -> bool:
         (VEL_LATENCY_STATE, a.vel_latency_s - b.vel_latency_s),
     ):
         if name in model.names:
-            limit = max(DELAY_CONVERGED_S, 0.2 * float(sd[model.names.index(name)]))
+            limit = max(DELAY_CONVERGED_S, 0.1 * float(sd[model.names.index(name)]))
             if abs(step) > limit:
                 return False
     return True

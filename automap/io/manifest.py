@@ -60,7 +60,7 @@ class GnssSection(Section):
 
 
 class OdometerSection(Section):
-    """``[odometer]``: wheel or CAN speed, stamped by the IMU's clock."""
+    """``[odometer]``: wheel or CAN speed, stamped by the host clock of the drive."""
 
     file: str | None = None
 

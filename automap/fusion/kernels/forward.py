@@ -70,13 +70,14 @@ def integrate(
     phi: FloatArray,
     noise: FloatArray,
     rate: FloatArray,
+    rate_now: FloatArray,
     mid: FloatArray,
 ) -> int:
     """Carry the nominal state from ``t`` to ``t_end`` with transition rows and noise.
 
     ``i`` the sample at or before ``t``; returns the one at or before ``t_end``. ``rate`` [3]
-    receives the mean corrected rate, ``mid`` [6 + e] the last corrected reading and extra
-    signals.
+    receives the mean corrected rate, ``rate_now`` [3] that at the end, ``mid`` [6 + e] the last
+    corrected reading and extra signals.
     """
     # taken out of the tuples once: in the loop that would count references at every access
     times, readings, extra = samples.t, samples.raw, samples.extra
@@ -144,6 +145,7 @@ def integrate(
             i += 1
     for a in range(3):
         rate[a] /= max(t_end - start, 1e-9)
+        rate_now[a] = ra[a]
     return i
 
 
@@ -182,12 +184,15 @@ def observe(
     xi: FloatArray,
     place: FloatArray,
     rate: FloatArray,
+    rate_now: FloatArray,
     acc: FloatArray,
     mid: FloatArray,
     h: FloatArray,
     z: FloatArray,
 ) -> tuple[int, int]:
     """Rows and residuals of one block of a node: number of rows, first channel.
+
+    ``rate`` [3] is the mean over the interval, for standstill; ``rate_now`` that at the node.
 
     Blocks: 0 position, 1 velocity, 2 vehicle constraint, 3 odometer, 4 zero velocity, 5 zero
     rate.
@@ -204,7 +209,7 @@ def observe(
                 h, z, nodes.fix[k, 0:3], pos, vel, c, xi, off, nodes.wander[k], nodes.t[k]
             )
         else:
-            velocity_block(h, z, nodes.fix[k, 3:6], vel, c, rate, acc, xi, off, nodes.t[k])
+            velocity_block(h, z, nodes.fix[k, 3:6], vel, c, rate_now, acc, xi, off, nodes.t[k])
         first = CH_POS if block == 0 else CH_VEL
         if horizontal:
             return (3 if vertical else 2), first
@@ -214,12 +219,12 @@ def observe(
     if block == 2:
         if (flags & NHC) == 0:
             return 0, 0
-        constraint_block(h, z, vel, c, rate, acc, xi, off)
+        constraint_block(h, z, vel, c, rate_now, acc, xi, off)
         return 2, CH_NHC
     if block == 3:
         if (flags & ODOMETER) == 0:
             return 0, 0
-        odometer_row(h, z, nodes.fix[k, 6], vel, c, rate, xi, off)
+        odometer_row(h, z, nodes.fix[k, 6], vel, c, rate_now, xi, off)
         return 1, CH_ODOMETER
     if (flags & STANDSTILL) == 0:
         return 0, 0
@@ -267,6 +272,7 @@ def run_forward(
     q_state = np.zeros(n)
     place = np.zeros(N_EARTH)
     rate = np.zeros(3)
+    rate_now = np.zeros(3)
     acc = np.zeros(3)
     mid = np.zeros(6 + samples.extra.shape[1])
     h = np.zeros((3, n))
@@ -297,6 +303,7 @@ def run_forward(
         start_interval(phi, noise)
         if k == 0:
             reading_at(samples, model, i, t, xi, rate, mid)
+            rate_now[:] = rate
         else:
             earth_terms(pos, model.earth_on, place)
             if span > 0.0:
@@ -315,6 +322,7 @@ def run_forward(
                     phi,
                     noise,
                     rate,
+                    rate_now,
                     mid,
                 )
             t = nodes.t[k]
@@ -342,7 +350,7 @@ def run_forward(
         acceleration(samples, i, t, place[2], c, acc)
         for block in range(6):
             rows, first = observe(
-                block, nodes, model, k, pos, vel, c, xi, place, rate, acc, mid, h, z
+                block, nodes, model, k, pos, vel, c, xi, place, rate, rate_now, acc, mid, h, z
             )
             if rows == 0:
                 continue
