@@ -92,7 +92,7 @@ class FusionOptions:
     horizontal_sd_m: float = 1.2
     vertical_sd_m: float = 2.4
     velocity_sd: float = 0.1
-    min_position_sd_m: float = 0.02
+    min_position_sd_m: float = 0.01
     min_velocity_sd: float = 0.03
     nhc_sd: float = 0.04
     nhc_slip: float = 0.03
