@@ -62,12 +62,20 @@ def adapt_noise(
         value = run_forward(scaled, scale_nodes(part, trial), start, shift, store=False).score
         return value if np.isfinite(value) else -np.inf
 
-    best = score(factors)
+    scores: dict[tuple[float, ...], float] = {}
+
+    def cached(trial: dict[str, float]) -> float:
+        key = tuple(trial[level] for level in LEVELS)
+        if key not in scores:
+            scores[key] = score(trial)
+        return scores[key]
+
+    best = cached(factors)
     for sweep in range(search.sweeps):
         before = best
         for level in search.levels:
             progress(f"noise levels, sweep {sweep + 1}: {level}")
-            best, factors = _climb(level, best, factors, score, search)
+            best, factors = _climb(level, best, factors, cached, search)
         if best - before < search.gain:
             break
     return factors

@@ -9,7 +9,7 @@ import numpy as np
 from automap.fusion.jit import kernel
 from automap.fusion.kernels.arrays import ModelArrays, Samples
 from automap.fusion.kernels.forward import GAP_STEP_S
-from automap.fusion.kernels.readings import correct, correction_of, raw_at
+from automap.fusion.kernels.readings import correct, correction_of, raw_at, shift_of
 from automap.fusion.kernels.state import subtract
 from automap.fusion.mechanisation import (
     N_EARTH,
@@ -108,7 +108,7 @@ def run_dense(
             if wide and nxt - t > GAP_STEP_S:
                 nxt = t + GAP_STEP_S
             if samples.extra.shape[1] > 0:
-                correction_of(model.terms, params[k], samples.extra[i], matrix, shift)
+                shift_of(model.terms, params[k], samples.extra[i], matrix, shift)
             if nxt == following:
                 correct(samples.raw[i + 1], matrix, shift, rb)
             else:

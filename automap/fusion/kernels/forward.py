@@ -17,7 +17,7 @@ from automap.fusion.kernels.observations import (
     velocity_block,
     zero_velocity_rows,
 )
-from automap.fusion.kernels.readings import correct, correction_of, raw_at
+from automap.fusion.kernels.readings import correct, correction_of, raw_at, shift_of
 from automap.fusion.kernels.state import inject, load_state, subtract
 from automap.fusion.kernels.transition import (
     N_NOISE,
@@ -109,7 +109,7 @@ def integrate(
         if wide and nxt - t > GAP_STEP_S:
             nxt = t + GAP_STEP_S
         if n_extra > 0:
-            correction_of(terms, xi, extra[i], matrix, shift)
+            shift_of(terms, xi, extra[i], matrix, shift)
         if nxt == following:
             for a in range(6):
                 full[a] = readings[i + 1, a]

@@ -26,20 +26,15 @@ def correction_of(
 
     reading = true + sum theta phi(true). Constant terms and those on the rates and forces
     themselves form an affine map that is inverted exactly; ``extra`` [e] are the other basis
-    signals, which change slowly.
+    signals at one sample (see ``shift_of``).
     """
-    a = np.zeros((6, 7))
+    a = np.zeros((6, 6))
     for i in range(6):
         a[i, i] = 1.0
     for m in range(terms.shape[0]):
-        row = terms[m, 1] + (3 if terms[m, 0] == 1 else 0)
         b = terms[m, 2]
-        if b == 0:
-            a[row, 6] += theta[m]
-        elif b < 7:
-            a[row, b - 1] += theta[m]
-        else:
-            a[row, 6] += theta[m] * extra[b - 7]
+        if 0 < b < 7:
+            a[terms[m, 1] + (3 if terms[m, 0] == 1 else 0), b - 1] += theta[m]
     inverse = np.zeros((6, 6))
     for i in range(6):
         inverse[i, i] = 1.0
@@ -55,11 +50,29 @@ def correction_of(
                 for j in range(6):
                     a[r, j] -= f * a[i, j]
                     inverse[r, j] -= f * inverse[i, j]
+    matrix[:, :] = inverse
+    shift_of(terms, theta, extra, matrix, shift)
+
+
+@kernel
+def shift_of(
+    terms: IntArray, theta: FloatArray, extra: FloatArray, matrix: FloatArray, shift: FloatArray
+) -> None:
+    """The ``shift`` [6] of ``correction_of`` alone, for the extra signals of another sample."""
+    raw = np.zeros(6)
+    for m in range(terms.shape[0]):
+        b = terms[m, 2]
+        if 0 < b < 7:
+            continue
+        first = 3 if terms[m, 0] == 1 else 0
+        if b == 0:
+            raw[first + terms[m, 1]] += theta[m]
+        else:
+            raw[first + terms[m, 1]] += theta[m] * extra[b - 7]
     for i in range(6):
         s = 0.0
         for j in range(6):
-            matrix[i, j] = inverse[i, j]
-            s += inverse[i, j] * a[j, 6]
+            s += matrix[i, j] * raw[j]
         shift[i] = s
 
 
