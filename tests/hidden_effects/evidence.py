@@ -12,6 +12,7 @@ estimation of jumps in linear systems, IEEE TAC 21 (1976); Groves, 2nd edition, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,15 +124,19 @@ def whiten(
     gnss: GnssNoise,
     accel_walk: Array,
     gyro_walk: Array,
+    without: Sequence[str] = (),
 ) -> Whitened:
     """Run the base model's filter over ``shifts``; ``accel_walk``, ``gyro_walk`` [3] densities
-    of the in-run drift."""
+    of the in-run drift; ``without`` accel_scale or gyro_scale the filter takes those as exact."""
     blocks = _intervals(scene, shifts)
     k = shifts.pos.shape[-1]
     x = np.zeros((N_STATES, k))
     prior = PRIOR_SD.copy()
     axes = np.array([1.0, 1.0, gnss.vertical])
     prior[_W] = gnss.wander * axes + 1e-6
+    for name, block in (("accel_scale", _SA), ("gyro_scale", _SG)):
+        if name in without:
+            prior[block] = 1e-9
     P = np.diag(prior**2)
     pos_sd, vel_sd = gnss.white * axes, np.hypot(gnss.velocity, gnss.velocity_wander) * axes
     nus: list[Array] = []

@@ -1,0 +1,364 @@
+"""The list of hidden cases: what is wrong, how large, on which drives, and what it should show."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from tests.hidden_effects.evidence import Scene, make_scene, shifts_of, whiten
+from tests.hidden_effects.formulas import KINDS, Formula, draw_formula
+from tests.hidden_effects.geodesy import Array
+from tests.hidden_effects.gnss import draw_tags, record_gnss
+from tests.hidden_effects.imu import record_imu
+from tests.hidden_effects.motion import Motion
+from tests.hidden_effects.noise import GnssNoise, ImuNoise, draw_noise
+from tests.hidden_effects.route import draw_plan, draw_style
+from tests.hidden_effects.sizes import (
+    NULLS,
+    SCALES,
+    STOCHASTIC,
+    DrawnEffect,
+    draw_effect,
+    draw_sheet,
+)
+from tests.hidden_effects.write import write_drive
+
+BASE = ("accel_bias", "gyro_bias", "accel_scale", "gyro_scale", "gnss_correlated_noise")
+"""What the model under test holds from the start; a hidden scale factor is taken out of it."""
+ENOUGH_NATS = 60.0
+FORMULA_NATS = (150.0, 2000.0)
+LEVEL_ORDER = ("usual", "quiet", "dirty", "usual", "poor")
+TRIES = 12
+
+
+@dataclass(frozen=True)
+class Case:
+    """One hidden case.
+
+    ``kind`` null, effect, removed, triple or formula; ``effects`` what is wrong, with values;
+    ``evidence`` nats expected for each of them, the others being known; ``left_out`` effects
+    that the library under test must do without; ``switches`` settings of the base model;
+    ``alike`` for each effect the library's effects that would explain it nearly as well, with
+    the nats that they fall short.
+    """
+
+    id: str
+    kind: str
+    level: str
+    seconds: float
+    effects: dict[str, DrawnEffect]
+    evidence: dict[str, float]
+    base: tuple[str, ...] = BASE
+    switches: dict[str, object] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+    formula: str = ""
+    formula_terms: tuple[str, ...] = ()
+    formula_channel: str = ""
+    alike: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    def as_json(self) -> str:
+        """One line."""
+        return json.dumps(asdict(self))
+
+
+@dataclass(frozen=True)
+class _Setting:
+    """What all drives of a case share: car, sensors, place, level of noise."""
+
+    seconds: float
+    level: str
+    imu: ImuNoise
+    gnss: GnssNoise
+    lever_arm: Array
+    warm_up: tuple[float, float, float]
+    sheet: dict[str, DrawnEffect]
+
+
+def case_ids(kind: str, count: int) -> list[str]:
+    """Names of the first ``count`` cases of a kind; effects and formulas take turns."""
+    if kind == "effect":
+        names = list(SCALES)
+        return [f"effect-{names[i % len(names)]}-{i // len(names)}" for i in range(count)]
+    if kind == "removed":
+        names = [name for name in SCALES if name not in ("accel_scale", "gyro_scale")]
+        return [f"removed-{names[i % len(names)]}-{i // len(names)}" for i in range(count)]
+    if kind == "formula":
+        return [f"formula-{KINDS[i % len(KINDS)]}-{i // len(KINDS)}" for i in range(count)]
+    return [f"{kind}-{i}" for i in range(count)]
+
+
+def make_case(case_id: str, folder: Path) -> tuple[Case, Path, Path]:
+    """Draw a case and write its drive and its held-out drive under ``folder``.
+
+    The same ``case_id`` always gives the same drives.
+    """
+    kind, *name = case_id.split("-")[:-1]
+    number = int(case_id.rsplit("-", 1)[1])
+    seed = zlib.crc32(case_id.encode())
+    hidden = _HIDDEN[kind]
+    for attempt in range(TRIES):
+        rng = np.random.default_rng([seed, attempt])
+        setting = _draw_setting(rng, kind, number)
+        effects, formula, wanted = hidden(rng, setting, name[0] if name else "", number)
+        setting = _without(setting, effects)
+        motion = _motion(rng, setting, effects)
+        scene = make_scene(motion, draw_tags(setting.seconds, setting.gnss, rng), setting.lever_arm)
+        size, effects, evidence = _sized(rng, scene, setting, effects, formula, wanted)
+        if min(evidence.values(), default=np.inf) >= wanted:
+            break
+    base = tuple(name for name in BASE if name not in effects)
+    switches: dict[str, object] = {}
+    if "earth_rotation" in effects:
+        switches["earth_rotation"] = False
+    case = Case(
+        id=case_id,
+        kind=kind,
+        level=setting.level,
+        seconds=setting.seconds,
+        effects=effects,
+        evidence=evidence,
+        base=base,
+        switches=switches,
+        left_out=tuple(effects) if kind == "removed" else (),
+        formula="" if formula is None else f"{formula.text}, k = {size:.4g}",
+        formula_terms=() if formula is None else formula.terms,
+        formula_channel="" if formula is None else formula.channel,
+    )
+    train, held_out = folder / "drive", folder / "holdout"
+    gps0 = int(rng.integers(1_250_000_000, 1_430_000_000))
+    _write(train, gps0, rng, motion, setting, effects, formula, size, scene.tag)
+    again = _again(rng, setting)
+    _write(
+        held_out,
+        gps0 + 86_400,
+        rng,
+        _motion(rng, again, effects),
+        again,
+        effects,
+        formula,
+        size,
+        None,
+    )
+    (folder / "case.json").write_text(case.as_json() + "\n", encoding="utf-8")
+    return case, train, held_out
+
+
+def _draw_setting(rng: np.random.Generator, kind: str, number: int) -> _Setting:
+    level = LEVEL_ORDER[number % len(LEVEL_ORDER)]
+    imu, gnss = draw_noise(rng, level)
+    seconds = 120.0 if kind == "null" else float(np.round(np.exp(rng.uniform(*np.log([150, 600])))))
+    arm = np.round(rng.uniform([-1.5, -0.6, -1.6], [1.5, 0.6, -0.3]), 3)
+    warm_up = (
+        float(rng.uniform(5.0, 30.0)),
+        float(rng.uniform(8.0, 25.0)),
+        float(rng.uniform(0.15, 0.7) * seconds),
+    )
+    return _Setting(seconds, level, imu, gnss, arm, warm_up, draw_sheet(rng))
+
+
+def _without(setting: _Setting, effects: Mapping[str, DrawnEffect]) -> _Setting:
+    sheet = {name: value for name, value in setting.sheet.items() if name not in effects}
+    return _Setting(**{**setting.__dict__, "sheet": sheet})
+
+
+def _again(rng: np.random.Generator, setting: _Setting) -> _Setting:
+    """The same car on another day: new turn-on biases, another warm-up, a shorter drive."""
+    sheet = setting.sheet | {
+        name: draw_effect(rng, NULLS[name]) for name in ("accel_bias", "gyro_bias")
+    }
+    start, rise, constant = setting.warm_up
+    return _Setting(
+        **{
+            **setting.__dict__,
+            "sheet": sheet,
+            "seconds": float(np.round(rng.uniform(120.0, 200.0))),
+            "warm_up": (start + float(rng.uniform(-5.0, 5.0)), rise, constant),
+        }
+    )
+
+
+Hidden = tuple[dict[str, DrawnEffect], Formula | None, float]
+
+
+def _no_effect(rng: np.random.Generator, setting: _Setting, name: str, number: int) -> Hidden:
+    # a datum that lies elsewhere shows in no drive of its own: as null as no error at all
+    datum = {axis: float(rng.normal(0.0, 1.0)) for axis in "ned"}
+    return ({"gnss_datum_shift": datum} if number % 4 == 3 else {}), None, 0.0
+
+
+def _one_effect(rng: np.random.Generator, setting: _Setting, name: str, number: int) -> Hidden:
+    # the last of five seeds is as small as it comes
+    wanted = 0.0 if number % 5 == 4 else ENOUGH_NATS
+    return {name: draw_effect(rng, SCALES[name])}, None, wanted
+
+
+def _removed(rng: np.random.Generator, setting: _Setting, name: str, number: int) -> Hidden:
+    return {name: draw_effect(rng, SCALES[name])}, None, ENOUGH_NATS
+
+
+ALIKE_GROUPS = (
+    ("imu_time_offset", "gnss_latency"),
+    ("gnss_velocity_latency", "gnss_velocity_lag"),
+)
+"""Together these are one error seen from two sides, so a triple has one of them at most."""
+
+
+def _three_effects(rng: np.random.Generator, setting: _Setting, name: str, number: int) -> Hidden:
+    pool = [
+        effect
+        for effect in SCALES
+        if effect not in STOCHASTIC
+        and effect not in ("accel_scale", "gyro_scale", "earth_rotation")
+    ]
+    while True:
+        names = rng.choice(pool, 3, replace=False).tolist()
+        if all(sum(effect in group for effect in names) < 2 for group in ALIKE_GROUPS):
+            return {n: draw_effect(rng, SCALES[n]) for n in names}, None, ENOUGH_NATS
+
+
+def _formula(rng: np.random.Generator, setting: _Setting, name: str, number: int) -> Hidden:
+    return {}, draw_formula(name, rng, setting.seconds), 0.0
+
+
+_HIDDEN = {
+    "null": _no_effect,
+    "effect": _one_effect,
+    "removed": _removed,
+    "triple": _three_effects,
+    "formula": _formula,
+}
+
+
+def _motion(
+    rng: np.random.Generator, setting: _Setting, effects: Mapping[str, DrawnEffect]
+) -> Motion:
+    style = draw_style(rng, rough=setting.level == "dirty")
+    slip = sum(effects.get("vehicle_sideslip", {}).values())
+    if slip:
+        # on a level road the slip per lateral acceleration is the slip per lateral force
+        style = type(style)(**{**style.__dict__, "bank": 1e-4, "roll_gradient": 0.0})
+    axle = effects.get("nhc_lever_arm")
+    place = (
+        float(np.radians(rng.uniform(-60.0, 65.0))),
+        float(np.radians(rng.uniform(-170.0, 170.0))),
+        float(rng.uniform(0.0, 900.0)),
+    )
+    return Motion(
+        draw_plan(rng, style, setting.seconds),
+        place,
+        setting.seconds,
+        rng,
+        axle=None if axle is None else np.array([axle.get(a, 0.0) for a in "xyz"]),
+        sideslip=slip,
+    )
+
+
+def _walks(setting: _Setting) -> tuple[Array, Array]:
+    accel, gyro = (
+        np.array([setting.sheet.get(name, {}).get(axis, 0.0) for axis in "xyz"])
+        for name in ("accel_bias_walk", "gyro_bias_walk")
+    )
+    return accel, gyro
+
+
+def _information(
+    scene: Scene,
+    setting: _Setting,
+    cases: Sequence[Mapping[str, DrawnEffect]],
+    formula: Formula | None,
+    size: float,
+    without: Sequence[str],
+) -> Array:
+    """Twice the nats [k, k] between errors, beyond what the base model absorbs."""
+    shifts = shifts_of(
+        scene,
+        list(cases),
+        setting.warm_up,
+        None if formula is None else formula.imu_errors(size),
+        None if formula is None else formula.fix_errors(size),
+    )
+    walks = _walks(setting)
+    return whiten(scene, shifts, setting.imu, setting.gnss, *walks, without=without).gram()
+
+
+def _sized(
+    rng: np.random.Generator,
+    scene: Scene,
+    setting: _Setting,
+    effects: dict[str, DrawnEffect],
+    formula: Formula | None,
+    wanted: float,
+) -> tuple[float, dict[str, DrawnEffect], dict[str, float]]:
+    """Size of the formula, effects and the evidence for each."""
+    if formula is not None:
+        unit = _information(scene, setting, [{}], formula, formula.unit, ())[0, 0] / 2.0
+        nats = float(np.exp(rng.uniform(*np.log(FORMULA_NATS))))
+        size = formula.unit * float(np.sqrt(nats / unit)) * float(rng.choice([-1.0, 1.0]))
+        return size, effects, {"formula": nats}
+    measured = [name for name in effects if name in SCALES and name not in STOCHASTIC]
+    if not measured:
+        return (
+            0.0,
+            effects,
+            {
+                name: _noise_nats(name, effects[name], setting)
+                for name in effects
+                if name in STOCHASTIC
+            },
+        )
+    without = [name for name in ("accel_scale", "gyro_scale") if name in effects]
+    cases = [{name: effects[name]} for name in measured]
+    info = _information(scene, setting, cases, None, 0.0, without)
+    # each beside the others, whose sizes are unknown
+    nats = 0.5 / np.diag(np.linalg.pinv(info))
+    return 0.0, effects, {name: float(n) for name, n in zip(measured, nats, strict=True)}
+
+
+def _noise_nats(name: str, values: DrawnEffect, setting: _Setting) -> float:
+    """Expected gain in log-likelihood of a noise that the base model does not have, roughly."""
+    fixes = setting.seconds * setting.gnss.rate_hz
+    if name == "gnss_noise_scale":
+        a2 = values["factor"] ** 2
+        return float(3.0 * fixes * (0.5 * (a2 - 1.0) - 0.5 * np.log(a2)))
+    if name == "gnss_outliers":
+        return float(fixes * values["fraction"] * 30.0)
+    # a drift of the bias over a minute against what the filter sees of it in that time
+    over_minute = np.array([values[axis] for axis in "xyz"]) * np.sqrt(60.0)
+    if name == "accel_bias_walk":
+        seen = setting.gnss.velocity / 60.0 + setting.imu.accel / np.sqrt(60.0)
+    else:
+        seen = setting.gnss.velocity / (9.8 * 60.0) + setting.imu.gyro / np.sqrt(60.0)
+    ratio2 = (over_minute / seen) ** 2
+    return float(setting.seconds / 60.0 * np.sum(0.5 * np.log1p(ratio2)))
+
+
+def _write(
+    folder: Path,
+    gps0: int,
+    rng: np.random.Generator,
+    motion: Motion,
+    setting: _Setting,
+    effects: Mapping[str, DrawnEffect],
+    formula: Formula | None,
+    size: float,
+    tag: Array | None,
+) -> None:
+    wrong = {**setting.sheet, **effects}
+    imu_extra = None if formula is None else formula.imu_errors(size)
+    fix_extra = None if formula is None else formula.fix_errors(size)
+    imu = record_imu(motion, wrong, setting.imu, rng, setting.warm_up, imu_extra)
+    gnss = record_gnss(motion, wrong, setting.gnss, rng, setting.lever_arm, fix_extra, tag)
+    write_drive(folder, gps0, imu, gnss, setting.lever_arm, motion.at(imu.stamp[::10]))
+
+
+def base_settings(case: Case) -> str:
+    """The base model as a file for ``--config``."""
+    names = ", ".join(f'"{name}"' for name in case.base)
+    lines = ["[fuse]", f"effects = [{names}]"]
+    lines += [f"{key} = {json.dumps(value)}" for key, value in case.switches.items()]
+    return "\n".join(lines) + "\n"
