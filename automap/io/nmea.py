@@ -17,14 +17,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
-from automap.io.byte_scan import Bytes, Scan, key_address, key_is_rtcm, key_is_ubx, scan_bytes
-from automap.records import FloatArray, IntArray
+from automap.io import nmea_kernel as nk
+from automap.io.byte_scan import Scan, key_address, key_is_rtcm, key_is_ubx, scan_bytes
+from automap.io.scan_kernel import Bytes
+from automap.records import IntArray
 
 NmeaTable = dict[str, npt.NDArray[Any]]
-
-_SKIP, _NUMBER, _TIME, _ANGLE, _SIDE, _TEXT, _HEX = range(7)
 
 
 @dataclass(frozen=True)
@@ -40,11 +39,11 @@ def _fields(text: str) -> Sentence:
     Kinds: t time of day in s, a angle ddmm.mm in deg, s side letter that gives the sign of the
     angle before it, x text, h hexadecimal number.
     """
-    kinds = {"t": _TIME, "a": _ANGLE, "s": _SIDE, "x": _TEXT, "h": _HEX}
+    kinds = {"t": nk.TIME, "a": nk.ANGLE, "s": nk.SIDE, "x": nk.TEXT, "h": nk.HEX}
     fields = []
     for word in text.split():
         name, _, kind = word.partition(":")
-        fields.append(("", _SKIP) if name == "-" else (name, kinds.get(kind, _NUMBER)))
+        fields.append(("", nk.SKIP) if name == "-" else (name, kinds.get(kind, nk.NUMBER)))
     return Sentence(tuple(fields))
 
 
@@ -81,117 +80,6 @@ SENTENCES = {
 _GSV_FIXED = 3
 
 
-_POWERS = np.asarray([10**k for k in range(19)], np.int64)
-
-
-@njit(cache=True)
-def _decode_kernel(
-    data: Bytes,
-    offset: IntArray,
-    length: npt.NDArray[np.int32],
-    ops: npt.NDArray[np.int8],
-    columns: IntArray,
-    powers: IntArray,
-    out: FloatArray,
-    n_fields: npt.NDArray[np.int32],
-) -> None:
-    """Split each sentence at its commas and read field k as ``ops[k]`` into ``out[columns[k]]``.
-
-    ``out`` [c, m] is NaN beforehand, 0 in text columns. ``n_fields`` [m] counts the fields
-    that the sentence has after its address. A number is read as an integer of up to 18 digits
-    and a power of ten; their quotient is the nearest float64 up to 15 digits, as every
-    receiver's number has.
-    """
-    n_ops = len(ops)
-    for row in range(len(offset)):
-        i = offset[row]
-        stop = i + length[row]
-        while data[i] != 44:
-            i += 1
-        i += 1
-        k = 0
-        while True:
-            start = i
-            mantissa = 0
-            digits = 0
-            decimals = 0
-            dropped = 0
-            point = False
-            number = True
-            while i < stop:
-                c = data[i]
-                digit = int(c) - 48
-                if 0 <= digit <= 9:
-                    if digits < 18:
-                        mantissa = mantissa * 10 + digit
-                        digits += 1
-                        if point:
-                            decimals += 1
-                    elif not point:
-                        dropped += 1
-                elif c == 44 or c == 42 or c == 13 or c == 10:
-                    break
-                elif c == 46 and not point:
-                    point = True
-                elif not (c == 45 and i == start):
-                    number = False
-                i += 1
-            if k < n_ops and i > start and ops[k] != 0:
-                op = ops[k]
-                column = columns[k]
-                scale = powers[decimals]
-                if op == 1:
-                    if number and digits > 0:
-                        value = float(mantissa)
-                        if decimals > 0:
-                            value /= float(scale)
-                        if dropped > 0:
-                            value *= 10.0**dropped
-                        out[column, row] = -value if data[start] == 45 else value
-                elif op == 2:
-                    if number and digits >= 6 and data[start] != 45:
-                        hours = mantissa // (10000 * scale)
-                        mantissa -= hours * 10000 * scale
-                        minutes = mantissa // (100 * scale)
-                        seconds = float(mantissa - minutes * 100 * scale) / float(scale)
-                        if hours < 24 and minutes < 60 and seconds < 61.0:
-                            out[column, row] = float(hours * 3600 + minutes * 60) + seconds
-                elif op == 3:
-                    if number and digits - decimals >= 3 and decimals <= 13 and dropped == 0:
-                        degrees = mantissa // (100 * scale)
-                        minute = float(mantissa - degrees * 100 * scale) / float(scale)
-                        if degrees <= 180 and minute < 60.0 and data[start] != 45:
-                            out[column, row] = float(degrees) + minute / 60.0
-                elif op == 4:
-                    if data[start] == 83 or data[start] == 87:
-                        out[column, row] = -out[column, row]
-                    elif data[start] != 78 and data[start] != 69:
-                        out[column, row] = np.nan
-                elif op == 5:
-                    packed = 0
-                    for j in range(start, min(i, start + 6)):
-                        packed = packed * 256 + int(data[j])
-                    out[column, row] = float(packed)
-                else:
-                    code = 0
-                    for j in range(start, min(i, start + 8)):
-                        c = data[j]
-                        if 48 <= c <= 57:
-                            code = code * 16 + (int(c) - 48)
-                        elif 65 <= c <= 70 or 97 <= c <= 102:
-                            code = code * 16 + ((int(c) & 7) + 9)
-                        else:
-                            code = -1
-                            break
-                    if code >= 0:
-                        out[column, row] = float(code)
-            k += 1
-            if i >= stop or data[i] != 44:
-                break
-            i += 1
-        n_fields[row] = k
-
-
 def sentence_type(address: str) -> tuple[str, str]:
     """Sentence type and talker of an address: ``GNGGA`` is (``GGA``, ``GN``)."""
     if address.startswith("PUBX"):
@@ -200,41 +88,52 @@ def sentence_type(address: str) -> tuple[str, str]:
 
 
 def decode_sentences(
-    data: Bytes, offset: IntArray, length: npt.NDArray[np.int32], layout: Sentence
-) -> tuple[NmeaTable, IntArray]:
-    """Columns of sentences of one type, and the number of fields [m] of each sentence.
+    scan: Scan, rows: IntArray, layout: Sentence
+) -> tuple[NmeaTable, npt.NDArray[np.int32]]:
+    """Columns of the sentences ``rows`` [m], all of one type, and how many fields [m] each has.
 
     A side letter is applied to its angle and has no column of its own.
     """
     names: list[str] = []
     ops = np.zeros(len(layout.fields), np.int8)
     columns = np.zeros(len(layout.fields), np.int64)
-    text: list[bool] = []
+    missing = np.full(len(layout.fields), np.nan)
     for k, (name, op) in enumerate(layout.fields):
         ops[k] = op
-        if op == _SIDE:
+        if op == nk.SIDE:
             columns[k] = len(names) - 1
-        elif op != _SKIP:
+        elif op != nk.SKIP:
             columns[k] = len(names)
             names.append(name)
-            text.append(op == _TEXT)
-    out = np.empty((len(names), len(offset)))
-    out[:] = np.where(text, 0.0, np.nan)[:, None]
-    n_fields = np.zeros(len(offset), np.int32)
-    _decode_kernel(data, offset, length, ops, columns, _POWERS, out, n_fields)
-    return dict(zip(names, out, strict=True)), n_fields.astype(np.int64)
+            if op == nk.TEXT:
+                missing[k] = 0.0
+    out = np.empty((len(names), len(rows)))
+    n_fields = np.empty(len(rows), np.int32)
+    nk.decode_kernel.run(
+        len(scan.data),
+        scan.data,
+        scan.offset[rows],
+        ops,
+        columns,
+        missing,
+        nk.POWERS,
+        out,
+        n_fields,
+    )
+    return dict(zip(names, out, strict=True)), n_fields
 
 
-def _move_signal_id(scan: Scan, rows: IntArray, table: NmeaTable, n_fields: IntArray) -> None:
+def _move_signal_id(
+    scan: Scan, rows: IntArray, table: NmeaTable, n_fields: npt.NDArray[np.int32]
+) -> None:
     """In a GSV sentence with fewer than four satellites the signal id stands earlier."""
     for satellites in range(4):
         place = _GSV_FIXED + 4 * satellites
         short = np.flatnonzero(n_fields == place + 1)
         if len(short) == 0:
             continue
-        layout = Sentence((("", _SKIP),) * place + (("signalID", _HEX),))
-        messages = rows[short]
-        again, _ = decode_sentences(scan.data, scan.offset[messages], scan.length[messages], layout)
+        layout = Sentence((("", nk.SKIP),) * place + (("signalID", nk.HEX),))
+        again, _ = decode_sentences(scan, rows[short], layout)
         table["signalID"][short] = again["signalID"]
         table[f"svid_{satellites + 1}"][short] = np.nan
 
@@ -248,18 +147,19 @@ def decode_scan(scan: Scan, kinds: list[int]) -> dict[str, NmeaTable]:
             groups.setdefault(name, []).append((kind, talker))
     tables: dict[str, NmeaTable] = {}
     for name, members in groups.items():
-        rows = np.concatenate([scan.rows(kind) for kind, _ in members])
-        talkers = np.concatenate(
-            [np.full(scan.count(kind), talker, "U2") for kind, talker in members]
-        )
-        if len(members) > 1:
-            order = np.argsort(rows, kind="stable")
-            rows, talkers = rows[order], talkers[order]
-        offset = scan.offset[rows]
-        table, n_fields = decode_sentences(scan.data, offset, scan.length[rows], SENTENCES[name])
+        talkers = np.full(len(scan.keys), "", "U2")
+        for kind, talker in members:
+            talkers[kind] = talker
+        if len(members) == 1:
+            rows = scan.rows(members[0][0])
+        else:
+            among = np.zeros(len(scan.keys), bool)
+            among[[kind for kind, _ in members]] = True
+            rows = np.flatnonzero(among[scan.kind])
+        table, n_fields = decode_sentences(scan, rows, SENTENCES[name])
         if name == "GSV":
             _move_signal_id(scan, rows, table, n_fields)
-        tables[name] = {"offset": offset, "talker": talkers, **table}
+        tables[name] = {"offset": scan.offset[rows], "talker": talkers[scan.kind[rows]], **table}
     return tables
 
 

@@ -15,7 +15,7 @@ from numba import njit
 
 from automap import timebase as tb
 from automap.errors import InputError
-from automap.io.byte_scan import Bytes
+from automap.io.scan_kernel import Bytes
 from automap.records import NO_TIME, Fixes, FixType, FloatArray, IntArray
 
 _MAX_TOKENS = 40

@@ -1,8 +1,8 @@
 """u-blox UBX messages: layouts, names, and vectorised decoding.
 
-A decoded table is a structured array, one row a message, with the fields named and scaled
-to integers as the receiver sends them, and ``offset``, the byte offset of the message in
-the stream. :func:`physical` gives a field in its unit as float64.
+A decoded table has a column for each field, named and scaled to integers as the receiver
+sends them, and ``offset``, the byte offset of the message in the stream; one row a message.
+:func:`physical` gives a field in its unit as float64.
 
 References: u-blox 5 receiver protocol specification (GPS.G5-X-07036), u-blox 8/M8 receiver
 description (UBX-13003221), u-blox F9 HPG 1.32 interface description (UBX-22008968).
@@ -15,12 +15,26 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
-from automap.io.byte_scan import Bytes, Scan, key_is_ubx, scan_bytes
+from automap.io.byte_scan import Scan, key_is_ubx, scan_bytes
+from automap.io.scan_kernel import Bytes
 from automap.records import FloatArray, IntArray
 
-Table = npt.NDArray[np.void]
+_BLOCK = 4096
+"""Messages taken apart at once, few enough to stay in the processor's cache."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Messages of one type: a column [m] for each field."""
+
+    columns: dict[str, npt.NDArray[Any]]
+
+    def __getitem__(self, field: str) -> npt.NDArray[Any]:
+        return self.columns[field]
+
+    def __len__(self) -> int:
+        return len(self.columns["offset"])
 
 
 @dataclass(frozen=True)
@@ -221,45 +235,45 @@ LAYOUTS = {
 }
 
 ESF_MEAS, ESF_RAW = 0x1002, 0x1003
-ESF_DTYPE = np.dtype(
-    [("offset", "<i8"), ("tag", "<u4"), ("header", "<u4"), ("type", "<u1"), ("value", "<i4")]
-)
-"""One sensor reading: ``tag`` its time tag (ms in ESF-MEAS, counts in ESF-RAW), ``header``
-the first word of ESF-RAW or the flags and source id of ESF-MEAS, ``value`` a signed 24-bit
-count of the kind ``type``."""
 
 
-@njit(cache=True)
-def _gather_kernel(data: Bytes, start: IntArray, size: IntArray, column: int, out: Bytes) -> None:
-    """Copy ``size[i]`` bytes of the stream from ``start[i]`` into row i of ``out`` [m, k]."""
-    for i in range(len(start)):
-        # slices, so that the compiler sees contiguous memory and copies whole vectors
-        source = data[start[i] : start[i] + size[i]]
-        target = out[i, column : column + size[i]]
-        for j in range(len(source)):
-            target[j] = source[j]
+def _payloads(data: Bytes, start: IntArray, size: int) -> npt.NDArray[np.void]:
+    """``size`` bytes of the stream from each ``start`` [m], as items of no type."""
+    # an item at every byte, of which the wanted ones are copied whole
+    return np.ndarray((max(len(data) - size + 1, 0),), f"V{size}", data, strides=(1,))[start]
 
 
-def payload_rows(data: Bytes, start: IntArray, size: int) -> Bytes:
-    """Bytes [m, size] of the stream from each ``start`` [m]."""
-    out = np.empty((len(start), size), np.uint8)
-    _gather_kernel(data, start, np.full(len(start), size, np.int64), 0, out)
-    return out
+def _of_length(
+    data: Bytes, start: IntArray, length: npt.NDArray[np.int32], dtype: np.dtype[np.void]
+) -> npt.NDArray[np.void]:
+    """Payloads [m] of ``length`` [m] as ``dtype``: cut, or filled with zeros, to its size."""
+    size = dtype.itemsize
+    if (length >= size).all():
+        return _payloads(data, start, size).view(dtype)
+    raw = np.zeros((len(start), size), np.uint8)
+    for known in np.unique(np.minimum(length, size)):
+        rows = np.flatnonzero(np.minimum(length, size) == known)
+        part = _payloads(data, start[rows], int(known))
+        raw[rows, :known] = part.view(np.uint8).reshape(len(rows), int(known))
+    return raw.view(dtype)[:, 0]
 
 
 def decode_table(scan: Scan, rows: IntArray, layout: Layout) -> tuple[Table, int]:
-    """Messages of one type as a structured array [m], and how many were too short for it."""
-    size = layout.dtype.itemsize
-    payload = scan.length[rows].astype(np.int64) - 8
-    good = payload >= (layout.shortest or size)
-    if not good.all():
-        rows, payload = rows[good], payload[good]
-    table = np.zeros(len(rows), np.dtype([("offset", "<i8"), *_described(layout)]))
+    """Messages of one type [m], and how many were too short for it."""
+    dtype = layout.dtype
+    length = scan.length[rows] - 8
+    good = length >= (layout.shortest or dtype.itemsize)
+    n_short = len(rows) - int(np.count_nonzero(good))
+    if n_short:
+        rows, length = rows[good], length[good]
     offset = scan.offset[rows]
-    raw = table.view(np.uint8).reshape(len(rows), size + 8)
-    _gather_kernel(scan.data, offset + 6, np.minimum(payload, size), 8, raw)
-    table["offset"] = offset
-    return table, int(np.count_nonzero(~good))
+    columns = {name: np.empty(len(rows), dtype[name]) for name in dtype.names or ()}
+    for first in range(0, len(rows), _BLOCK):
+        part = slice(first, first + _BLOCK)
+        block = _of_length(scan.data, offset[part] + 6, length[part], dtype)
+        for name, column in columns.items():
+            column[part] = block[name]
+    return Table({"offset": offset, **columns}), n_short
 
 
 def _described(layout: Layout) -> list[tuple[str, str]]:
@@ -269,15 +283,17 @@ def _described(layout: Layout) -> list[tuple[str, str]]:
 def decode_esf(scan: Scan, rows: IntArray, key: int) -> Table:
     """Readings of ESF-MEAS or ESF-RAW messages, one row each, in log order.
 
-    Rows are ordered by message and by place within it. A calibrated time tag at the end of
-    an ESF-MEAS message is no reading and left out.
+    ``tag`` is the time tag (ms in ESF-MEAS, counts in ESF-RAW), ``header`` the first word of
+    ESF-RAW or the flags and source id of ESF-MEAS, ``value`` a signed 24-bit count of the kind
+    ``type``. Rows are ordered by message and by place within it. A calibrated time tag at the
+    end of an ESF-MEAS message is no reading and left out.
     """
     offset = scan.offset[rows]
     payload = scan.length[rows].astype(np.int64) - 8
     head, step = (8, 4) if key == ESF_MEAS else (4, 8)
     good = payload >= head
     offset, payload = offset[good], payload[good]
-    header = payload_rows(scan.data, offset + 6, head).view("<u4")
+    header = _payloads(scan.data, offset + 6, head).view("<u4").reshape(-1, head // 4)
     room = (payload - head) // step
     if key == ESF_MEAS:
         # numMeas is zero in old firmware, which filled the message to its end
@@ -289,15 +305,18 @@ def decode_esf(scan: Scan, rows: IntArray, key: int) -> Table:
     message = np.repeat(np.arange(len(offset)), count)
     first = np.cumsum(count) - count
     place = np.arange(len(message)) - first[message]
-    words = payload_rows(scan.data, offset[message] + 6 + head + step * place, step).view("<u4")
-    table = np.zeros(len(message), ESF_DTYPE)
-    table["offset"] = offset[message]
-    table["tag"] = words[:, 1] if key == ESF_RAW else header[message, 0]
-    table["header"] = header[message, 0] if key == ESF_RAW else header[message, 1]
-    table["type"] = words[:, 0] >> 24 & (63 if key == ESF_MEAS else 255)
+    start = offset[message] + 6 + head + step * place
+    words = _payloads(scan.data, start, step).view("<u4").reshape(-1, step // 4)
     low = (words[:, 0] & 0xFFFFFF).astype(np.int32)
-    table["value"] = low - ((low & 0x800000) << 1)
-    return table
+    return Table(
+        {
+            "offset": offset[message],
+            "tag": words[:, 1].copy() if key == ESF_RAW else header[message, 0],
+            "header": header[message, 0] if key == ESF_RAW else header[message, 1],
+            "type": (words[:, 0] >> 24 & (63 if key == ESF_MEAS else 255)).astype(np.uint8),
+            "value": low - ((low & 0x800000) << 1),
+        }
+    )
 
 
 def decode_scan(scan: Scan) -> tuple[dict[str, Table], dict[str, int]]:
@@ -324,13 +343,15 @@ def decode_ubx(data: bytes | Bytes) -> dict[str, Table]:
     return decode_scan(scan_bytes(data))[0]
 
 
-def physical(name: str, table: Table, field: str, rows: IntArray | None = None) -> FloatArray:
+def physical(
+    name: str, table: Table, field: str, rows: IntArray | slice | None = None
+) -> FloatArray:
     """A field [m] of a table of type ``name`` in its unit (s, deg, m, m/s) as float64.
 
-    With ``rows`` only those, without copying the table.
+    With ``rows`` only those.
     """
     scale = next(scale for known, _, scale in LAYOUTS[name].fields if known == field)
-    column: npt.NDArray[Any] = table[field]
+    column = table[field]
     with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN like any other
         values = (column if rows is None else column[rows]).astype(np.float64)
     if scale != 1.0:
