@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.fusion.layout import CH_POS, CH_VEL, WANDER
-from automap.fusion.levels import LEVELS, WHITE_LEVELS
+from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, WANDER
+from automap.fusion.levels import LEVELS, VEHICLE_LEVELS, WHITE_LEVELS
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.problem import Problem, Start, run_forward, with_options
 
@@ -122,10 +122,12 @@ def scale_problem(problem: Problem, factors: Mapping[str, float]) -> Problem:
 
 
 def scale_nodes(nodes: Nodes, factors: Mapping[str, float]) -> Nodes:
-    """Nodes with scaled errors of position and velocity."""
+    """Nodes with scaled errors of position, velocity and vehicle constraint."""
     var = nodes.var.copy()
     var[:, CH_POS : CH_POS + 2] *= factors["position_h"] ** 2
     var[:, CH_POS + 2] *= factors["position_v"] ** 2
     var[:, CH_VEL : CH_VEL + 2] *= factors["velocity_h"] ** 2
     var[:, CH_VEL + 2] *= factors["velocity_v"] ** 2
+    for row, level in enumerate(VEHICLE_LEVELS):
+        var[:, CH_NHC + row] *= factors.get(level, 1.0) ** 2
     return replace(nodes, var=var, wander_sd=nodes.wander_sd * factors["wander"])

@@ -5,3 +5,6 @@ from __future__ import annotations
 WHITE_LEVELS = ("accel", "gyro", "position_h", "position_v", "velocity_h", "velocity_v")
 SLOW_LEVELS = ("accel_bias_walk", "gyro_bias_walk", "wander", "wander_tau")
 LEVELS = WHITE_LEVELS + SLOW_LEVELS
+VEHICLE_LEVELS = ("nhc_y", "nhc_z")
+"""How far the vehicle slips and how far its springs move: fitted by the gap finder alone."""
+ALL_LEVELS = LEVELS + VEHICLE_LEVELS

@@ -73,11 +73,11 @@ class FuseSettings(Section):
     @field_validator("factors")
     @classmethod
     def _levels_exist(cls, value: dict[str, float]) -> dict[str, float]:
-        from automap.fusion.levels import LEVELS
+        from automap.fusion.levels import ALL_LEVELS
 
-        wrong = sorted(set(value) - set(LEVELS))
+        wrong = sorted(set(value) - set(ALL_LEVELS))
         if wrong:
-            raise ValueError(f"no noise level '{wrong[0]}'; there are " + ", ".join(LEVELS))
+            raise ValueError(f"no noise level '{wrong[0]}'; there are " + ", ".join(ALL_LEVELS))
         return value
 
     def options(self) -> FusionOptions:

@@ -1,0 +1,182 @@
+"""Evidence for candidates from whitened innovations and sensitivities.
+
+With score g = Phi' w, information I = Phi' Phi and prior covariance S, the log Bayes factor of
+a candidate against nothing is 1/2 g' (I + S^-1)^-1 g - 1/2 log det(1 + S I): Laplace's
+approximation, exact for a linear model with Gaussian noise (MacKay 2003, chapter 28). It pays
+for every parameter that the drive shows, and for none that it does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.gap.whitening import WhiteRows
+from automap.records import FloatArray, IntArray
+
+PRIOR_SCALES = (1.0, 5.0)
+"""Effects beyond their usual size cost the logarithm of the factor a parameter, and log 2."""
+BLOCK_S = 8.0
+SHRINK_BLOCKS = 12.0
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Score [c], information [c, c] of all columns; ``blocks`` [b, c] the scores of stretches of
+    ``BLOCK_S`` s, ``block_info`` [b, c, c] their information."""
+
+    score: FloatArray
+    info: FloatArray
+    blocks: FloatArray
+    block_info: FloatArray
+
+    def __add__(self, other: Scores) -> Scores:
+        return Scores(
+            self.score + other.score,
+            self.info + other.info,
+            np.concatenate([self.blocks, other.blocks]),
+            np.concatenate([self.block_info, other.block_info]),
+        )
+
+
+def scores_of(rows: WhiteRows) -> Scores:
+    """Sum the rows of one drive."""
+    c = rows.phi.shape[1]
+    if len(rows.t) == 0:
+        return Scores(np.zeros(c), np.zeros((c, c)), np.zeros((0, c)), np.zeros((0, c, c)))
+    index = ((rows.t - rows.t[0]) / BLOCK_S).astype(np.int64)
+    edges = np.flatnonzero(np.diff(index, prepend=-1))
+    stops = np.append(edges[1:], len(index))
+    blocks = np.stack([rows.phi[a:b].T @ rows.w[a:b] for a, b in zip(edges, stops, strict=True)])
+    infos = np.stack([rows.phi[a:b].T @ rows.phi[a:b] for a, b in zip(edges, stops, strict=True)])
+    return Scores(blocks.sum(axis=0), infos.sum(axis=0), blocks, infos)
+
+
+def without(scores: Scores, nuisances: IntArray, prior_sd: FloatArray) -> Scores:
+    """Scores with nuisance columns [q] of prior sds [q] marginalised (they stay, with nothing)."""
+    if len(nuisances) == 0:
+        return scores
+    inner = scores.info[np.ix_(nuisances, nuisances)] + np.diag(prior_sd**-2.0)
+    a = np.linalg.solve(inner, scores.info[nuisances]).T
+    info = scores.info - a @ scores.info[nuisances]
+    blocks = scores.blocks - scores.blocks[:, nuisances] @ a.T
+    cross = np.einsum("ci,bij->bcj", a, scores.block_info[:, nuisances])
+    inside = scores.block_info[:, nuisances][:, :, nuisances]
+    block_info = scores.block_info - cross - np.swapaxes(cross, 1, 2)
+    block_info = block_info + np.einsum("ci,bij,dj->bcd", a, inside, a)
+    out = Scores(
+        scores.score - a @ scores.score[nuisances], 0.5 * (info + info.T), blocks, block_info
+    )
+    for array in (out.score, out.info, out.info.T):
+        array[nuisances] = 0.0
+    return out
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Of one candidate: log Bayes factor in nats, estimate [p] and sd [p], factor on the prior,
+    factor by which the score scatters more than it should."""
+
+    nats: float
+    estimate: FloatArray
+    sd: FloatArray
+    scale: float
+    excess: float
+
+
+def evidence(scores: Scores, columns: IntArray, prior_sd: FloatArray) -> Evidence:
+    """Evidence of the candidate with these columns [p] and prior sds [p]."""
+    g = scores.score[columns]
+    info = scores.info[np.ix_(columns, columns)]
+    best: Evidence | None = None
+    for scale in PRIOR_SCALES:
+        sd = scale * prior_sd
+        h = sd * g
+        b = info * np.outer(sd, sd)
+        root = np.linalg.cholesky(b + np.eye(len(g)))
+        y = np.linalg.solve(root, h)
+        nats = 0.5 * float(y @ y) - float(np.log(np.diag(root)).sum())
+        if scale > 1.0:
+            nats -= np.log(2.0)
+        if best is None or nats > best.nats + 1e-9:
+            inverse = np.linalg.inv(root)
+            cov = inverse.T @ inverse
+            estimate = sd * (cov @ h)
+            best = Evidence(nats, estimate, sd * np.sqrt(np.diag(cov)), scale, 1.0)
+    assert best is not None
+    excess = _excess(scores, columns, best.estimate)
+    if excess > 1.0:
+        fixed = 0.5 * float(best.estimate @ g)
+        best = Evidence(
+            best.nats - fixed * (1.0 - 1.0 / excess),
+            best.estimate,
+            best.sd * np.sqrt(excess),
+            best.scale,
+            excess,
+        )
+    return best
+
+
+def _excess(scores: Scores, columns: IntArray, theta: FloatArray) -> float:
+    """How much more the score along ``theta`` scatters from stretch to stretch than it should.
+
+    The sandwich of White (1980) with stretches as clusters, shrunk towards one where there
+    are few of them.
+    """
+    if not theta.any() or len(scores.blocks) < 4:
+        return 1.0
+    along = scores.blocks[:, columns] @ theta
+    infos = scores.block_info[:, columns][:, :, columns]
+    expected = np.einsum("bij,i,j->b", infos, theta, theta)
+    total = float(expected.sum())
+    if total <= 0.0:
+        return 1.0
+    # along = expected + noise of variance expected
+    slope = float(along.sum()) / total
+    ratio = float(np.sum((along - slope * expected) ** 2)) / total
+    # in stretches that count
+    count = total**2 / max(float(np.sum(expected**2)), 1e-300)
+    return max(1.0, (count * ratio + SHRINK_BLOCKS) / (count + SHRINK_BLOCKS))
+
+
+def null_maxima(
+    scores: Scores, groups: list[tuple[IntArray, FloatArray]], draws: int, seed: int = 1
+) -> FloatArray:
+    """The largest evidence [draws] over all candidates where none acts, sorted.
+
+    Scores are drawn from their own covariance, so the overlap of the candidates counts.
+    """
+    rng = np.random.default_rng(seed)
+    values, vectors = np.linalg.eigh(scores.info / _norm(scores.info))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    unit = np.sqrt(np.maximum(np.diag(scores.info), 0.0))
+    g = (rng.standard_normal((draws, len(unit))) @ root.T) * unit
+    best = np.full(draws, -np.inf)
+    for columns, prior_sd in groups:
+        info = scores.info[np.ix_(columns, columns)]
+        for scale in PRIOR_SCALES:
+            sd = scale * prior_sd
+            low = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(sd)))
+            y = np.linalg.solve(low, (g[:, columns] * sd).T)
+            nats = 0.5 * (y**2).sum(axis=0) - np.log(np.diag(low)).sum()
+            best = np.maximum(best, nats - (np.log(2.0) if scale > 1.0 else 0.0))
+    return np.sort(best)
+
+
+def _norm(info: FloatArray) -> FloatArray:
+    unit = np.sqrt(np.maximum(np.diag(info), 1e-300))
+    return np.outer(unit, unit)
+
+
+def p_value(nats: float, maxima: FloatArray) -> float:
+    """Share of ``maxima`` [draws], sorted, that reach ``nats``; beyond them by their exponential
+    tail (Pickands' theorem with shape zero)."""
+    n = len(maxima)
+    above = n - int(np.searchsorted(maxima, nats))
+    top = max(n // 50, 10)
+    if above >= top:
+        return above / n
+    threshold = float(maxima[n - top])
+    mean_excess = max(float(np.mean(maxima[n - top :] - threshold)), 1e-3)
+    return float(top / n * np.exp(-(nats - threshold) / mean_excess))

@@ -1,0 +1,169 @@
+"""``find_gaps``: from drives to findings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+
+from automap.effects import CATALOGUE
+from automap.errors import InputError
+from automap.fusion.model import FusionOptions
+from automap.gap.drive import GapDrive, in_vehicle_axes, open_drive
+from automap.gap.fit import Fit
+from automap.gap.heldout import channel_gaps, epochs, fit_held_out, remaining_gap, total_score
+from automap.gap.model import GapModel, base_model
+from automap.gap.result import Finding, GapResult, ParameterValue
+from automap.gap.scoring import whitener_of
+from automap.gap.search import MAX_FINDINGS, Say, State, begin, eliminate, step, values_of
+
+FIT_SHARE = 2.0 / 3.0
+"""Without a held-out drive, so much of each drive is fitted; the rest is held out."""
+MIN_PART_S = 8.0
+
+
+def find_gaps(
+    drives: Sequence[GapDrive],
+    holdout: Sequence[GapDrive] = (),
+    model: GapModel | None = None,
+    exclude: Collection[str] = (),
+    say: Say = lambda text: None,
+) -> GapResult:
+    """Find what the model of the drives is missing, name it, and show the gap shrink.
+
+    ``drives`` recordings that are fitted, ``holdout`` others that are not (without any, the last
+    third of each drive is held out); ``model`` whose gap is wanted, default ``base_model()``;
+    ``exclude`` effects that the library is to do without; ``say`` receives what is going on.
+
+    Raises:
+        InputError: no drive, or one that has too little data.
+    """
+    if not drives:
+        raise InputError("no drive to look at; give at least one")
+    model = model or base_model()
+    turned = [in_vehicle_axes(d, _turning_options(model.options)) for d in drives]
+    held = [in_vehicle_axes(d, _turning_options(model.options)) for d in holdout]
+    if not held:
+        turned, held = _split(turned)
+    opened = [open_drive(d, model.options) for d in turned]
+    kept = [open_drive(d, model.options) for d in held]
+    state = begin(opened, kept, model, say)
+    base = state.model
+    stages: list[tuple[GapModel, Mapping[str, Mapping[str, float]]]] = [(base, {})]
+    while len(state.accepted) < MAX_FINDINGS:
+        found = step(state, exclude, say)
+        if found is None:
+            break
+        stages.append((state.model, _values(state)))
+    joint = eliminate(state, say)
+    say("measuring the gap on held-out data")
+    return _result(state, base, stages, joint, model)
+
+
+def _values(state: State) -> dict[str, dict[str, float]]:
+    from automap.gap.search import joint_of
+
+    joint = joint_of(state.model, state.accepted, state.fits, [0.0] * len(state.fits))
+    return values_of(joint, state.accepted)
+
+
+def _turning_options(options: FusionOptions) -> FusionOptions:
+    """Options for the ordinary run that finds unknown axes."""
+    return replace(FusionOptions(), earth_rotation=options.earth_rotation)
+
+
+def _split(drives: Sequence[GapDrive]) -> tuple[list[GapDrive], list[GapDrive]]:
+    fit, held = [], []
+    for drive in drives:
+        length = drive.length_s
+        cut = FIT_SHARE * length
+        if length - cut < MIN_PART_S:
+            raise InputError(
+                f"{drive.name}: {length:.0f} s are too short to hold out a part; "
+                "give another drive with --holdout"
+            )
+        fit.append(drive.part(0.0, cut, drive.name))
+        held.append(drive.part(cut, length, f"{drive.name} (held out)"))
+    return fit, held
+
+
+def _result(
+    state: State,
+    base: GapModel,
+    stages: Sequence[tuple[GapModel, Mapping[str, Mapping[str, float]]]],
+    joint: object,
+    asked: GapModel,
+) -> GapResult:
+    from automap.gap.scoring import Joint
+
+    assert isinstance(joint, Joint)
+    final_values = values_of(joint, state.accepted)
+    final = fit_held_out(state.held_out, state.model, final_values)
+    whitener = whitener_of(state.fits[0])
+    count = epochs(final)
+    rest = remaining_gap(final)
+    reference = total_score(final, whitener)
+
+    def gap(fits: Sequence[Fit]) -> float:
+        return rest + (reference - total_score(fits, whitener)) / count
+
+    trail = []
+    first: list[Fit] = final
+    for number, (model, values) in enumerate(stages):
+        fits = fit_held_out(state.held_out, model, values)
+        if number == 0:
+            first = fits
+        trail.append(gap(fits))
+    findings = []
+    for trial in state.trials:
+        number = list(_order(stages)).index(trial.effect) + 1
+        units = {p.name: p.unit for p in CATALOGUE[trial.effect].parameters}
+        parameters = {
+            p: ParameterValue(v, sd, units[p]) for p, (v, sd) in joint.of(trial.effect).items()
+        }
+        findings.append(
+            Finding(
+                trial.effect,
+                parameters,
+                trial.nats,
+                trial.p_value,
+                trail[number - 1],
+                trail[number],
+                state.rivals.get(trial.effect, ()),
+            )
+        )
+    model = replace(state.model, values={**state.model.values, **final_values})
+    return GapResult(
+        trail[0],
+        rest,
+        channel_gaps(first, final, {}),
+        tuple(findings),
+        dict(state.model.factors),
+        None,
+        _verdict(findings, trail[0], rest),
+        model,
+        base,
+        warnings=tuple(state.warnings),
+    )
+
+
+def _order(
+    stages: Sequence[tuple[GapModel, Mapping[str, Mapping[str, float]]]],
+) -> list[str]:
+    """Names in the order in which they were accepted."""
+    out: list[str] = []
+    for _, values in stages:
+        out += [e for e in values if e not in out]
+    return out
+
+
+def _verdict(findings: Sequence[Finding], before: float, after: float) -> str:
+    if not findings:
+        return "nothing is missing from the model as far as these drives can show"
+    names = ", ".join(f.effect for f in findings)
+    return (
+        f"missing from the model: {names}; with it the gap on held-out data falls from "
+        f"{before:.3g} to {after:.3g} nats an epoch"
+    )
+
+
+Progress = Callable[[float, str], None]

@@ -1,0 +1,117 @@
+"""The model whose gap is measured: nuisances, values carried over, noise levels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from automap.effects import CATALOGUE
+from automap.fusion.levels import ALL_LEVELS
+from automap.fusion.model import FusionOptions
+from automap.fusion.passes import Session
+from automap.fusion.problem import DELAY_STATE
+from automap.gap.drive import OpenDrive
+
+Values = Mapping[str, Mapping[str, float]]
+
+BASE_NUISANCES = ("accel_bias", "gyro_bias", "gnss_correlated_noise")
+"""What the base model estimates on every drive anew."""
+
+STATE_OF = {
+    "gnss_velocity_latency": ("gnss_velocity_lag", 1.0),
+    "imu_time_offset": ("gnss_latency", -1.0),
+}
+"""Effects that the filter sees, to first order, as another one: that one, and the sign."""
+
+
+@dataclass(frozen=True)
+class GapModel:
+    """``options`` with the nuisances as effects; ``values`` of the named effects, carried over
+    from drive to drive; ``factors`` on the noise levels ``ALL_LEVELS``."""
+
+    options: FusionOptions
+    values: Values = field(default_factory=dict)
+    factors: Mapping[str, float] = field(default_factory=lambda: dict.fromkeys(ALL_LEVELS, 1.0))
+
+    @property
+    def settled(self) -> frozenset[str]:
+        """Effects that the model has, as nuisance or with a value."""
+        return frozenset(self.options.effects) | frozenset(self.values)
+
+
+def base_model(options: FusionOptions | None = None) -> GapModel:
+    """The model that is taken where nobody gives another: biases, their drift, a receiver whose
+    error wanders, the vehicle constraint at the IMU, noise as ``options`` say."""
+    options = options or FusionOptions(effects=BASE_NUISANCES)
+    return GapModel(plain_options(options), {e: dict(v) for e, v in options.fixed.items()})
+
+
+def plain_options(options: FusionOptions) -> FusionOptions:
+    """The options for passes whose noise is given, not adapted."""
+    return replace(options, adapt=False, tune=False, fixed={})
+
+
+def prior_sd(options: FusionOptions, effect: str, parameter: str) -> float:
+    """One sigma of a parameter before the drive: the options', else the catalogue's."""
+    given = options.prior_sd.get(effect, {})
+    known = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
+    return float(given.get(parameter, given.get("*", known[parameter])))
+
+
+def parameter_names(effect: str) -> list[str]:
+    """Parameter names of an effect in the catalogue's order."""
+    return [p.name for p in CATALOGUE[effect].parameters]
+
+
+def session_with(
+    opened: OpenDrive, model: GapModel, estimate: Mapping[str, float]
+) -> tuple[Session, dict[str, dict[str, tuple[str, float]]]]:
+    """The drive's session under a model, with the effects ``estimate`` as states.
+
+    ``estimate`` maps effect to a factor on its prior sd. Returned with it: effect -> parameter
+    -> (name of its state, sign).
+    """
+    drive, session = opened.drive, opened.session
+    options = model.options
+    effects = [e for e in options.effects if e not in model.values]
+    means, sds = dict(session.means), dict(session.sds)
+    stated = np.zeros(3) if drive.lever_arm is None else np.asarray(drive.lever_arm)
+    if drive.delay.sd > 0.0 or drive.delay.mean != 0.0:
+        effects.append("imu_time_offset")
+        means[DELAY_STATE], sds[DELAY_STATE] = drive.delay.mean, drive.delay.sd
+    if drive.mounting_sd.any() and "imu_mounting" not in effects:
+        effects.append("imu_mounting")
+        for a, sd in zip(("roll", "pitch", "yaw"), drive.mounting_sd, strict=True):
+            sds[f"imu_mounting_{a}"] = float(sd)
+    where: dict[str, dict[str, tuple[str, float]]] = {}
+    for effect in dict.fromkeys([*model.values, *estimate]):
+        state, sign = STATE_OF.get(effect, (effect, 1.0))
+        if state not in effects:
+            effects.append(state)
+        place = {}
+        state_parameters = parameter_names(state)
+        for i, parameter in enumerate(parameter_names(effect)):
+            name = f"{state}_{state_parameters[i]}"
+            place[parameter] = (name, sign)
+            means[name] = means.get(name, 0.0) + sign * float(
+                model.values.get(effect, {}).get(parameter, 0.0)
+            )
+            sd = estimate.get(effect, 0.0) * prior_sd(options, effect, parameter)
+            sds[name] = float(np.hypot(sds.get(name, 0.0), sd))
+        where[effect] = place
+    if stated.any() or "gnss_lever_arm" in effects:
+        if "gnss_lever_arm" not in effects:
+            effects.append("gnss_lever_arm")
+        for a, value in zip("xyz", stated, strict=True):
+            name = f"gnss_lever_arm_{a}"
+            means[name] = means.get(name, 0.0) + float(value)
+            if "gnss_lever_arm" not in where and "gnss_lever_arm" not in options.effects:
+                sds[name] = 0.0
+    scaled = replace(
+        options,
+        effects=tuple(effects),
+        factors=dict(model.factors),
+    )
+    return replace(session, options=scaled, means=means, sds=sds), where

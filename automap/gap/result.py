@@ -1,0 +1,83 @@
+"""What the gap finder says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from automap.gap.model import GapModel
+
+
+@dataclass(frozen=True)
+class ParameterValue:
+    """A number of an effect with one sigma and unit."""
+
+    value: float
+    sd: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A missing effect by name.
+
+    ``evidence_nats`` log Bayes factor against the model without it; ``p_value`` chance that the
+    strongest of all candidates reaches as much where nothing is missing; gaps before and after
+    it was added, nats an epoch on held-out data; ``confusable_with`` effects that this data
+    cannot tell from it; ``advice`` the manoeuvre that would.
+    """
+
+    effect: str
+    parameters: Mapping[str, ParameterValue]
+    evidence_nats: float
+    p_value: float
+    gap_before: float
+    gap_after: float
+    confusable_with: tuple[str, ...] = ()
+    advice: str = ""
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """Something that no effect of the library explains: channel, formula, coefficient with sd."""
+
+    channel: str
+    formula: str
+    coefficient: float
+    sd: float
+    evidence_nats: float
+    p_value: float
+    resembles: str | None = None
+
+
+@dataclass(frozen=True)
+class ChannelGap:
+    """One channel on held-out data: its gap before and after in nats a measurement, normalised
+    rms and lag-one correlation before and after, and where it is worst."""
+
+    channel: str
+    gap_before: float
+    gap_after: float
+    rms_before: float
+    rms_after: float
+    correlation_before: float
+    correlation_after: float
+    worst_manoeuvre: str = ""
+
+
+@dataclass(frozen=True)
+class GapResult:
+    """Everything that a search found; ``model`` is the new one."""
+
+    gap_before: float
+    gap_after: float
+    channels: tuple[ChannelGap, ...]
+    findings: tuple[Finding, ...]
+    noise: Mapping[str, float]
+    unexplained: Unexplained | None
+    verdict: str
+    model: GapModel
+    base: GapModel
+    confident: bool = True
+    sync: Mapping[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()

@@ -1,0 +1,82 @@
+"""How well a fitted model foretells its measurements, robustly, in nats.
+
+Models are compared scalar by scalar on the same measurements, whitened by the same spread and
+autoregression, so that coloured noise and a few wild values decide nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.gap.fit import Fit
+from automap.gap.screening import whitened_innovations
+from automap.gap.whitening import HUBER, Whitener, filtered, fit_whitener
+from automap.records import FloatArray
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Estimated parameters of all drives together: ``values`` [p], ``cov`` [p, p], the log Bayes
+    factor in nats against the model without them."""
+
+    names: tuple[tuple[str, str], ...]
+    values: FloatArray
+    cov: FloatArray
+    nats: float
+
+    def of(self, effect: str) -> dict[str, tuple[float, float]]:
+        """Parameter -> value and sd of one effect."""
+        sd = np.sqrt(np.maximum(np.diag(self.cov), 0.0))
+        rows = zip(self.names, self.values, sd, strict=True)
+        return {p: (float(v), float(s)) for (e, p), v, s in rows if e == effect}
+
+
+def whitener_of(fit: Fit) -> Whitener:
+    """Spread and autoregression of a fit's own innovations."""
+    whitened, _, channel = whitened_innovations(fit)
+    return fit_whitener(whitened, channel)
+
+
+def robust_score(fit: Fit, whitener: Whitener) -> float:
+    """Log-likelihood of the measurements in nats, up to a constant of the whitener."""
+    whitened, _, channel = whitened_innovations(fit)
+    total = -0.5 * float(np.log(fit.last.forward.store.var).sum())
+    for c, spread in whitener.spread.items():
+        rows = whitened[channel == c]
+        total -= float(_rho(filtered(rows[:, None], whitener.ar[c])[:, 0] / spread).sum())
+    return total
+
+
+def _rho(u: FloatArray) -> FloatArray:
+    """Huber's loss."""
+    size = np.abs(u)
+    return np.asarray(np.where(size < HUBER, 0.5 * u**2, HUBER * size - 0.5 * HUBER**2))
+
+
+def combine(fits: Sequence[Fit], gains: Sequence[float], prior_sd: FloatArray) -> Joint:
+    """Estimates of several drives as one, as if they had been filtered in a row.
+
+    ``gains``: each drive's log Bayes factor under its own prior ``prior_sd`` [p].
+    """
+    names = fits[0].names
+    p = len(names)
+    if p == 0:
+        return Joint((), np.zeros(0), np.zeros((0, 0)), float(sum(gains)))
+    info, eta, nats = np.eye(p), np.zeros(p), 0.0
+    for fit, gain in zip(fits, gains, strict=True):
+        cov = fit.cov / np.outer(prior_sd, prior_sd)
+        cov = 0.5 * (cov + cov.T) + 1e-12 * np.eye(p)
+        own = np.linalg.inv(cov)
+        value = fit.values / prior_sd
+        info += own - np.eye(p)
+        eta += own @ value
+        nats += gain - 0.5 * float(value @ own @ value) + 0.5 * np.linalg.slogdet(own)[1]
+    info = 0.5 * (info + info.T)
+    cov = np.linalg.inv(info)
+    value = cov @ eta
+    nats += 0.5 * float(value @ eta) - 0.5 * np.linalg.slogdet(info)[1]
+    scale = np.outer(prior_sd, prior_sd)
+    return Joint(names, value * prior_sd, cov * scale, float(nats))

@@ -1,0 +1,357 @@
+"""The search: name one missing effect after another until nothing stands out any more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from automap.gap.drive import OpenDrive
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.heldout import fit_held_out, total_score
+from automap.gap.library import SAME_STATE, library
+from automap.gap.model import GapModel, parameter_names, prior_sd
+from automap.gap.noise import fit_noise
+from automap.gap.scoring import Joint, combine, robust_score, whitener_of
+from automap.gap.screening import Candidate, Screening, screen
+from automap.gap.whitening import Whitener
+from automap.records import FloatArray
+
+MIN_NATS = 7.0
+MAX_P = 1e-3
+"""An effect needs this much evidence, and this little chance, to be named."""
+CLOSE_NATS = 3.0
+CLOSE_SHARE = 0.03
+"""Rivals within so many nats, or this share of the evidence, are said to be confusable."""
+SHORTLIST = 5
+SHORTLIST_SHARE = 0.3
+MAX_FINDINGS = 8
+HELD_OUT_SLACK = 3.0
+SURE_NATS = 20.0
+COARSE_STEPS = (2.0, 2.0**0.5, 2.0**0.25)
+FINE_STEPS = (2.0**0.5, 2.0**0.25)
+WALKS = ("accel_bias_walk", "gyro_bias_walk")
+LOW_WALK = 0.1
+SLOW_EFFECTS = (
+    "accel_temperature",
+    "gyro_temperature",
+    "speed_vibration",
+    "accel_quadratic",
+    "gyro_g_sensitivity",
+    "accel_scale_asymmetry",
+    "gyro_scale_asymmetry",
+    "accel_misalignment",
+    "accel_scale",
+)
+"""Effects that a random walk of the bias can stand in for."""
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate that was fitted: joint estimate of all estimated effects, evidence in nats,
+    p-value, the model it was fitted under."""
+
+    effect: str
+    joint: Joint
+    fits: tuple[Fit, ...]
+    model: GapModel
+    nats: float
+    p_value: float
+    screened: float
+    scale: float
+
+
+@dataclass
+class State:
+    """Where a search stands: fits of the drives under ``model`` with the accepted effects."""
+
+    drives: list[OpenDrive]
+    held_out: list[OpenDrive]
+    model: GapModel
+    fits: list[Fit]
+    accepted: dict[str, float] = field(default_factory=dict)
+    trials: list[Trial] = field(default_factory=list)
+    rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    refused: set[str] = field(default_factory=set)
+    warnings: list[str] = field(default_factory=list)
+
+
+def begin(
+    drives: Sequence[OpenDrive], held_out: Sequence[OpenDrive], model: GapModel, say: Say
+) -> State:
+    """Fit the base model, its noise first."""
+    say("fitting the base model")
+    fits = [fit_drive(d, model) for d in drives]
+    for steps in (COARSE_STEPS, FINE_STEPS):
+        say("fitting the noise")
+        model = replace(model, factors=fit_noise(fits, steps=steps))
+        fits = [fit_drive(d, model, start=f.start) for d, f in zip(drives, fits, strict=True)]
+    return State(list(drives), list(held_out), model, fits)
+
+
+def candidates_of(state: State, exclude: Collection[str]) -> list[str]:
+    """Effects that may be missing and were not refused already."""
+    has_wheels = any(d.session.odometer is not None for d in state.drives)
+    settled = state.model.settled | set(state.accepted) | state.refused | set(exclude)
+    for opened in state.drives:
+        if opened.drive.mounting_sd.any():
+            settled |= {"imu_mounting"}
+        if opened.drive.delay.sd > 0.02:
+            # a free offset between the clocks is the same thing
+            settled |= {"gnss_latency"}
+    return library(frozenset(settled), has_wheels, state.model.options.earth_rotation)
+
+
+def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
+    """Name the next missing effect, or None. The state moves on when one is named."""
+    effects = candidates_of(state, exclude)
+    if not effects:
+        return None
+    say("screening the library")
+    screening = screen(state.fits, effects)
+    trials = _trials(state, screening, say)
+    trials += _slow_trials(state, effects, say)
+    trials = _by_sign(trials, effects)
+    trials.sort(key=lambda t: -t.nats)
+    if not trials:
+        return None
+    best = trials[0]
+    if best.nats < MIN_NATS or best.p_value > MAX_P:
+        return None
+    close = max(CLOSE_NATS, CLOSE_SHARE * best.nats)
+    rivals = [t.effect for t in trials[1:] if best.nats - t.nats < close]
+    for pair in SAME_STATE:
+        if best.effect in pair:
+            rivals += [e for e in pair if e != best.effect and e in effects]
+    if not _helps(state, best, say):
+        state.refused.add(best.effect)
+        state.warnings.append(
+            f"{best.effect} would explain {best.nats:.0f} nats of the fitted data, but the "
+            "held-out data do not confirm it; it is not named"
+        )
+        return step(state, exclude, say)
+    state.rivals[best.effect] = tuple(dict.fromkeys(rivals))
+    state.accepted[best.effect] = best.scale
+    state.trials.append(best)
+    refit(state, best, say)
+    return best
+
+
+def refit(state: State, trial: Trial, say: Say) -> None:
+    """Bring the fits and the noise up to date with what was accepted."""
+    state.model = replace(trial.model, values=state.model.values)
+    state.fits = list(trial.fits)
+    say("fitting the noise")
+    state.model = replace(state.model, factors=fit_noise(state.fits, steps=FINE_STEPS))
+    state.fits = fit_all(state, state.model, state.accepted)
+
+
+def fit_all(state: State, model: GapModel, estimate: Mapping[str, float]) -> list[Fit]:
+    """All drives under a model with effects as states."""
+    return [
+        fit_drive(d, model, estimate, start=f.start)
+        for d, f in zip(state.drives, state.fits, strict=True)
+    ]
+
+
+def prior_of(model: GapModel, estimate: Mapping[str, float]) -> FloatArray:
+    """Prior sds [p] of the estimated effects' parameters in order."""
+    return np.array(
+        [
+            scale * prior_sd(model.options, effect, parameter)
+            for effect, scale in estimate.items()
+            for parameter in parameter_names(effect)
+        ]
+    )
+
+
+def joint_of(
+    model: GapModel, estimate: Mapping[str, float], fits: Sequence[Fit], gains: Sequence[float]
+) -> Joint:
+    """The drives' estimates as one."""
+    return combine(fits, gains, prior_of(model, estimate))
+
+
+def _trials(state: State, screening: Screening, say: Say) -> list[Trial]:
+    """Refit the strongest candidates of a screening."""
+    shortlist = _shortlist(screening.candidates)
+    return [_try(state, c, state.model, None, say) for c in shortlist]
+
+
+def _shortlist(candidates: Sequence[Candidate]) -> list[Candidate]:
+    if not candidates or candidates[0].evidence.nats < 0.5 * MIN_NATS:
+        return []
+    least = max(0.25 * MIN_NATS, SHORTLIST_SHARE * candidates[0].evidence.nats)
+    strong = [c for c in candidates if c.evidence.nats >= least]
+    out: list[Candidate] = []
+    for c in strong:
+        twin = {e for pair in SAME_STATE[:1] if c.effect in pair for e in pair}
+        if any(o.effect in twin for o in out):
+            continue
+        out.append(c)
+    return out[:SHORTLIST]
+
+
+def _try(
+    state: State,
+    candidate: Candidate,
+    model: GapModel,
+    baseline: Sequence[float] | None,
+    say: Say,
+) -> Trial:
+    """Fit one candidate as a state next to what was accepted."""
+    say(f"trying {candidate.effect}")
+    estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
+    fits = fit_all(state, model, estimate)
+    gains = []
+    for i, (before, after) in enumerate(zip(state.fits, fits, strict=True)):
+        whitener = whitener_of(after)
+        old = robust_score(before, whitener) if baseline is None else baseline[i]
+        gains.append(robust_score(after, whitener) - old)
+    joint = joint_of(model, estimate, fits, gains)
+    screened = candidate.evidence.nats
+    # the screening knows colour and clusters, the refit knows what is not linear
+    nats = joint.nats
+    excess = candidate.evidence.excess
+    if excess > 1.0 and nats > 0.0:
+        nats /= np.sqrt(excess)
+    return Trial(
+        candidate.effect,
+        joint,
+        tuple(fits),
+        model,
+        float(nats),
+        candidate.p_value,
+        screened,
+        candidate.evidence.scale,
+    )
+
+
+def _slow_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
+    """Candidates that make a fitted random walk unnecessary.
+
+    A slow effect that is missing has already been taken for drift of the biases when the noise
+    was fitted. So the screening is repeated with little drift, and what stands out there is
+    fitted so and compared with the model that drifts.
+    """
+    raised = [w for w in WALKS if state.model.factors[w] > 1.3]
+    slow = [e for e in effects if e in SLOW_EFFECTS]
+    if not raised or not slow:
+        return []
+    say("screening with little drift")
+    low = replace(state.model, factors={**state.model.factors, **dict.fromkeys(raised, LOW_WALK)})
+    fits = fit_all(state, low, state.accepted)
+    screening = screen(fits, slow)
+    out = []
+    for candidate in _shortlist(screening.candidates)[:3]:
+        found = _try_low(state, candidate, low, say)
+        if found is not None:
+            out.append(found)
+    return out
+
+
+def _try_low(state: State, candidate: Candidate, low: GapModel, say: Say) -> Trial | None:
+    say(f"trying {candidate.effect} in place of drift")
+    estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
+    fits = fit_all(state, low, estimate)
+    model = replace(low, factors=fit_noise(fits, levels=WALKS, steps=(2.0,)))
+    fits = fit_all(state, model, estimate)
+    gains = []
+    for before, after in zip(state.fits, fits, strict=True):
+        whitener = whitener_of(after)
+        gains.append(robust_score(after, whitener) - robust_score(before, whitener))
+    joint = joint_of(model, estimate, fits, gains)
+    p = candidate.p_value if joint.nats > MIN_NATS else 1.0
+    p = max(p, float(np.exp(-max(joint.nats, 0.0))))
+    return Trial(
+        candidate.effect,
+        joint,
+        tuple(fits),
+        model,
+        joint.nats,
+        p,
+        candidate.evidence.nats,
+        candidate.evidence.scale,
+    )
+
+
+def _by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
+    """Give effects that differ in sign alone the name that makes physical sense.
+
+    Fixes come late and stamps are late; neither is early. A low-pass has a positive constant.
+    """
+    out: dict[str, Trial] = {}
+    for trial in trials:
+        effect = trial.effect
+        value = next(iter(trial.joint.of(effect).values()))[0]
+        if effect in ("gnss_latency", "imu_time_offset") and value < 0.0:
+            other = "imu_time_offset" if effect == "gnss_latency" else "gnss_latency"
+            if other in effects:
+                trial = _renamed(trial, other)
+        if effect == "gnss_velocity_lag" and value <= 0.0:
+            continue
+        known = out.get(trial.effect)
+        if known is None or trial.nats > known.nats:
+            out[trial.effect] = trial
+    return list(out.values())
+
+
+def _renamed(trial: Trial, effect: str) -> Trial:
+    """The same trial told as the effect of opposite sign."""
+
+    def swap(names: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+        return tuple((effect, p) if e == trial.effect else (e, p) for e, p in names)
+
+    def sign(names: Sequence[tuple[str, str]]) -> FloatArray:
+        return np.array([-1.0 if e == trial.effect else 1.0 for e, _ in names])
+
+    joint = trial.joint
+    s = sign(joint.names)
+    joint = Joint(swap(joint.names), joint.values * s, joint.cov * np.outer(s, s), joint.nats)
+    fits = []
+    for fit in trial.fits:
+        s = sign(fit.names)
+        fits.append(
+            replace(fit, names=swap(fit.names), values=fit.values * s, cov=fit.cov * np.outer(s, s))
+        )
+    return replace(trial, effect=effect, joint=joint, fits=tuple(fits))
+
+
+def _helps(state: State, trial: Trial, say: Say) -> bool:
+    """Whether the held-out data are more likely with the effect than without."""
+    if not state.held_out:
+        return True
+    say(f"checking {trial.effect} on held-out data")
+    before = values_of(state.trials[-1].joint, state.accepted) if state.trials else {}
+    after = values_of(trial.joint, [*state.accepted, trial.effect])
+    new = fit_held_out(state.held_out, trial.model, after)
+    old = fit_held_out(state.held_out, state.model, before)
+    whitener: Whitener = whitener_of(trial.fits[0])
+    gain = total_score(new, whitener) - total_score(old, whitener)
+    return gain > (-HELD_OUT_SLACK if trial.nats > SURE_NATS else 0.0)
+
+
+def values_of(joint: Joint, effects: Collection[str]) -> dict[str, dict[str, float]]:
+    """Effect -> parameter -> value out of a joint estimate."""
+    return {e: {p: v for p, (v, _) in joint.of(e).items()} for e in effects}
+
+
+def eliminate(state: State, say: Say) -> Joint:
+    """Drop effects that others, accepted later, have made unnecessary; returns the estimate."""
+    zeros = [0.0] * len(state.fits)
+    for effect in list(state.accepted) if len(state.accepted) > 1 else []:
+        say(f"checking whether {effect} is still needed")
+        fewer = {e: s for e, s in state.accepted.items() if e != effect}
+        fits = fit_all(state, state.model, fewer)
+        whitener = whitener_of(state.fits[0])
+        loss = sum(
+            robust_score(a, whitener) - robust_score(b, whitener)
+            for a, b in zip(state.fits, fits, strict=True)
+        )
+        if loss < CLOSE_NATS:
+            state.accepted, state.fits = fewer, fits
+            state.trials = [t for t in state.trials if t.effect != effect]
+    return joint_of(state.model, state.accepted, state.fits, zeros)
