@@ -16,14 +16,7 @@ from automap.frames import (
 )
 from automap.fusion.layout import CH_VEL, CHANNELS, N_NAV, PHI_ID
 from automap.fusion.measurements import Nodes, Shift
-from automap.fusion.problem import (
-    DELAY_STATE,
-    VEL_LATENCY_STATE,
-    ForwardRun,
-    Problem,
-    SmoothRun,
-    run_dense,
-)
+from automap.fusion.problem import ForwardRun, Problem, SmoothRun, contained, run_dense
 from automap.fusion.resample import shift_states
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory
 
@@ -136,7 +129,7 @@ def parameter_history(
     """All parameters about once a second, in the unit of their effect."""
     names = problem.model.names
     values = smooth.params.copy()
-    for name, value in ((DELAY_STATE, shift.delay_s), (VEL_LATENCY_STATE, shift.vel_latency_s)):
+    for name, value in contained(shift):
         if name in names:
             values[:, names.index(name)] += value
     noted = np.isfinite(smooth.param_var).all(axis=1)

@@ -20,9 +20,11 @@ from automap.fusion.problem import (
     Problem,
     SmoothRun,
     Start,
+    contained,
     make_problem,
     run_forward,
     run_smoother,
+    states_about,
 )
 from automap.records import FloatArray, ImuData
 
@@ -92,8 +94,12 @@ def run_passes(
     constrained: bool,
     progress: Callable[[str], None] = lambda text: None,
 ) -> tuple[Pass, Alignment]:
-    """Align if there is no start, filter and smooth until the delays have settled, adapt the
-    noise levels once in between, and iterate about the result."""
+    """Align if there is no start, filter and smooth until the delays have settled.
+
+    The first pass looks at the head of the drive; then the noise levels are adapted. The second
+    linearises about the filter's own estimate, all others about the smoothed path of the one
+    before, at times that contain the delays found there.
+    """
     options = session.options
     model = build_state_model(options, session.means, session.sds)
     speed_t, speed, _ = fix_speed(session.fixes)
@@ -106,7 +112,8 @@ def run_passes(
     base = problem
     problem = scale_problem(base, factors)
     last: Pass | None = None
-    for number in range(max(options.passes, 2)):
+    relinearised = 0
+    for number in range(max(options.passes, 2 + options.iterations)):
         nodes = build_nodes(
             session.fixes,
             shift,
@@ -128,11 +135,20 @@ def run_passes(
             factors = adapt_noise(base, nodes, start, shift, factors, search, progress)
             problem = scale_problem(base, factors)
         nodes = scale_nodes(nodes, factors)
+        about = None
         if number == 0:
             # enough to settle start, delays and noise; the whole drive comes after
             nodes = nodes.first(int(np.searchsorted(nodes.t, nodes.t[0] + HEAD_S)) + 1)
+        elif number > 1 and options.iterations > 0:
+            assert last is not None
+            before, smoothed = last.shift, last.smooth
+            last = None
+            about = states_about(problem, smoothed, nodes, before, shift)
+            del smoothed
+            relinearised += 1
         last = None
-        forward = run_forward(problem, nodes, start, shift)
+        forward = run_forward(problem, nodes, start, shift, about=about)
+        del about
         smooth = run_smoother(problem, forward)
         last = Pass(problem, nodes, forward, smooth, shift, factors)
         del forward
@@ -142,17 +158,12 @@ def run_passes(
             speed_t = nodes.t
             speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
         following = _next_shift(model, smooth, shift)
-        if number > 0 and _settled(model, smooth, following, shift):
+        settled = number > 0 and _settled(model, smooth, following, shift)
+        if settled and relinearised >= options.iterations:
             break
         shift = following
     assert last is not None
     assert start is not None
-    for _ in range(options.iterations):
-        about = last.smooth
-        nodes, shift = last.nodes, last.shift
-        del last
-        forward = run_forward(problem, nodes, start, shift, about=about)
-        last = Pass(problem, nodes, forward, run_smoother(problem, forward), shift, factors)
     return last, Alignment(start, margin)
 
 
@@ -176,12 +187,9 @@ def _settled(model: StateModel, smooth: SmoothRun, a: Shift, b: Shift) -> bool:
     """Whether the delays moved by no more than what does not matter."""
     noted = np.flatnonzero(np.isfinite(smooth.param_var).all(axis=1))[-1]
     sd = np.sqrt(np.maximum(smooth.param_var[noted], 0.0))
-    for name, step in (
-        (DELAY_STATE, a.delay_s - b.delay_s),
-        (VEL_LATENCY_STATE, a.vel_latency_s - b.vel_latency_s),
-    ):
+    for (name, now), (_, was) in zip(contained(a), contained(b), strict=True):
         if name in model.names:
             limit = max(DELAY_CONVERGED_S, 0.1 * float(sd[model.names.index(name)]))
-            if abs(step) > limit:
+            if abs(now - was) > limit:
                 return False
     return True

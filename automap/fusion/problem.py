@@ -24,10 +24,12 @@ from automap.fusion.layout import (
 )
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.model import FusionOptions, StateModel
+from automap.fusion.resample import states_at
 from automap.records import FloatArray, ImuData, IntArray
 
-FORCE_WINDOW_S = 0.1
-"""Over this time forces are averaged where the acceleration of the vehicle is wanted."""
+FORCE_WINDOW_S = 0.2
+"""Over this time forces are averaged where the acceleration of the vehicle is wanted. Vibration
+left in it would count as slope that a delay explains, and hold the delay back."""
 MAX_INFLATION = 1e6
 PARAMETER_STEP_S = 1.0
 """How often the uncertainty of parameters is noted."""
@@ -44,6 +46,11 @@ _ROWS_OF_FLAG = (
 )
 DELAY_STATE = "imu_time_offset_s"
 VEL_LATENCY_STATE = "gnss_velocity_latency_s"
+
+
+def contained(shift: Shift) -> tuple[tuple[str, float], ...]:
+    """States of which the nodes' times contain a part, and that part."""
+    return ((DELAY_STATE, shift.delay_s), (VEL_LATENCY_STATE, shift.vel_latency_s))
 
 
 @dataclass(frozen=True)
@@ -79,16 +86,22 @@ class ForwardRun:
 
 
 @dataclass(frozen=True)
-class SmoothRun:
+class PathStates:
+    """States along the path to linearise about: ``nominal`` [k, 10], ``params`` [k, n - 9]."""
+
+    nominal: FloatArray
+    params: FloatArray
+
+
+@dataclass(frozen=True)
+class SmoothRun(PathStates):
     """Smoothed nodes.
 
-    ``nominal`` [k, 10], ``params`` [k, n - 9]; ``cov`` [k, r, r] the covariance of navigation
-    errors and mounting (see ``reported_rows``); ``param_var`` [k, n - 9] with NaN at most nodes.
+    ``cov`` [k, r, r] the covariance of navigation errors and mounting (see ``reported_rows``);
+    ``param_var`` [k, n - 9] with NaN at most nodes.
     """
 
     nodes: Nodes
-    nominal: FloatArray
-    params: FloatArray
     cov: FloatArray
     param_var: FloatArray
 
@@ -134,10 +147,9 @@ def _for_linear_steps(readings: FloatArray, t: FloatArray, step: float) -> Float
 
 
 def _model_arrays(model: StateModel, options: FusionOptions, step: float) -> ModelArrays:
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
-    p = 1.0 - options.gate_probability
-    thresholds = [float(chi2.ppf(p, rows)) for rows in (1, 2, 3)]
+    thresholds = [float(chdtri(rows, options.gate_probability)) for rows in (1, 2, 3)]
     return ModelArrays(
         terms=model.term_table,
         offsets=model.offsets,
@@ -156,7 +168,7 @@ def run_forward(
     start: Start,
     shift: Shift,
     store: bool = True,
-    about: SmoothRun | None = None,
+    about: PathStates | None = None,
 ) -> ForwardRun:
     """Run the forward filter over the nodes, linearised about ``about`` if given.
 
@@ -165,7 +177,7 @@ def run_forward(
     model = problem.model
     n = model.size
     xi0 = model.prior_mean.copy()
-    for name, value in ((DELAY_STATE, shift.delay_s), (VEL_LATENCY_STATE, shift.vel_latency_s)):
+    for name, value in contained(shift):
         if name in model.names:
             xi0[model.names.index(name)] -= value
     p0 = np.diag(np.concatenate([start.sd, model.prior_sd]) ** 2)
@@ -184,6 +196,23 @@ def run_forward(
         out,
     )
     return ForwardRun(nodes, out, float(score))
+
+
+def states_about(
+    problem: Problem, smooth: SmoothRun, nodes: Nodes, before: Shift, now: Shift
+) -> PathStates:
+    """Smoothed states at the instants of other ``nodes``, whose times contain ``now``."""
+    params = np.stack(
+        [np.interp(nodes.t, smooth.nodes.t, column) for column in smooth.params.T], axis=1
+    )
+    for (name, old), (_, new) in zip(contained(before), contained(now), strict=True):
+        if name in problem.model.names:
+            params[:, problem.model.names.index(name)] += old - new
+    if np.array_equal(nodes.t, smooth.nodes.t):
+        return PathStates(smooth.nominal, params)
+    dense, _ = run_dense(problem, smooth.nodes, smooth.nominal, smooth.params, blend=True)
+    good = np.isfinite(dense).all(axis=1)
+    return PathStates(states_at(problem.t[good], dense[good], nodes.t), params)
 
 
 def _empty_store(nodes: Nodes, n: int) -> ForwardStore:
@@ -231,7 +260,7 @@ def run_smoother(problem: Problem, forward: ForwardRun) -> SmoothRun:
     dx += store.mean
     nominal, params = store.nominal.copy(), store.params.copy()
     kernels.apply_correction(nominal, params, dx)
-    return SmoothRun(forward.nodes, nominal, params, cov, variances)
+    return SmoothRun(nominal, params, forward.nodes, cov, variances)
 
 
 def full_covariance(packed: FloatArray, n: int) -> FloatArray:
