@@ -41,11 +41,29 @@ def _chunk_to_numpy(chunk: pa.Array, dtype: np.dtype[Any]) -> np.ndarray[Any, An
 
 
 def numpy_to_array(values: np.ndarray[Any, Any]) -> pa.Array:
-    """An array [n] of numbers as an Arrow array; NaN stays NaN."""
+    """An array [n] of numbers, truths or texts as an Arrow array; NaN stays NaN."""
     import pyarrow as pa
 
     values = np.ascontiguousarray(values)
+    if values.ndim == 1 and values.dtype == np.bool_:
+        bits = np.packbits(values, bitorder="little")
+        return pa.Array.from_buffers(pa.bool_(), len(values), [None, pa.py_buffer(bits)])
+    if values.ndim == 1 and values.dtype.kind in "OU":
+        texts = values.tolist()
+        if all(type(text) is str for text in texts):
+            return _text_array(texts)
     if values.ndim != 1 or values.dtype not in _PLAIN:
         return pa.array(values)
     kind = pa.from_numpy_dtype(values.dtype)
     return pa.Array.from_buffers(kind, len(values), [None, pa.py_buffer(values)])
+
+
+def _text_array(texts: list[str]) -> pa.Array:
+    import pyarrow as pa
+
+    encoded = [text.encode() for text in texts]
+    ends = np.cumsum([0, *map(len, encoded)], dtype=np.int64)
+    if ends[-1] > np.iinfo(np.int32).max:
+        return pa.array(texts, pa.large_string())
+    buffers = [None, pa.py_buffer(ends.astype(np.int32)), pa.py_buffer(b"".join(encoded))]
+    return pa.Array.from_buffers(pa.string(), len(texts), buffers)

@@ -54,7 +54,9 @@ def read_table(path: Path, required: tuple[str, ...] = ()) -> pa.Table:
     import pyarrow.parquet as pq
 
     try:
-        table = pq.read_table(path)
+        # pq.read_table would import the whole dataset machinery for one file
+        with pq.ParquetFile(path) as file:
+            table = file.read()
     except FileNotFoundError:
         raise InputError(f"{path} is missing; run the stage that writes it.") from None
     except (pa.ArrowException, OSError) as error:
