@@ -100,7 +100,7 @@ def shifts_of(
         axle = np.array([effects.get("nhc_lever_arm", {}).get(axis, 0.0) for axis in "xyz"])
         nhc = np.cross(state.rate_nav, np.broadcast_to(axle, state.rate_nav.shape))[:, 1:]
         slip = sum(effects.get("vehicle_sideslip", {}).values())
-        nhc[:, 0] -= slip * state.rate_nav[:, 2] * state.speed**2
+        nhc[:, 0] += slip * state.rate_nav[:, 2] * state.speed**2
         parts.append((imu.accel - imu.clean_accel, gyro, gnss.error_pos, gnss.error_vel, nhc))
     return Shifts(*(np.stack(list(part), axis=-1) for part in zip(*parts, strict=True)))
 
@@ -250,7 +250,8 @@ def _measurements(
             rows = 8
         elif float(scene.state.speed[span].max()) < 1e-3:
             H[6:9, _V], H[9:12, _BG] = np.eye(3), np.eye(3)
-            y += [np.zeros_like(shifts.vel[i]), shifts.gyro[span].mean(axis=0)]
+            # a bias state takes away what the readings have too much
+            y += [np.zeros_like(shifts.vel[i]), -shifts.gyro[span].mean(axis=0)]
             R += [np.full(3, REST_SPEED_SD**2), np.full(3, REST_RATE_SD**2)]
             rows = 12
     return H[:rows], np.concatenate(y), np.concatenate(R)

@@ -47,15 +47,15 @@ class ImuRecord:
     clean_accel: Array
 
 
-def sample_times(stamp: Array, effects: Effects, middle: float) -> Array:
+def sample_times(stamp: Array, effects: Effects) -> Array:
     """True instants of samples with the stamps ``stamp`` [n].
 
     ``imu_time_offset``: the stamp is later than the truth. ``imu_clock_skew``: the sensor's
-    clock runs fast by that share; it agrees with the truth at ``middle``.
+    clock runs fast by that share, from zero on.
     """
     offset = effects.get("imu_time_offset", {}).get("s", 0.0)
     skew = effects.get("imu_clock_skew", {}).get("s_per_s", 0.0)
-    return np.asarray(middle + (stamp - offset - middle) / (1.0 + skew))
+    return np.asarray((stamp - offset) / (1.0 + skew))
 
 
 def record_imu(
@@ -73,7 +73,7 @@ def record_imu(
     errors (gyro [n, 3], accel [n, 3]) of a formula that no library holds.
     """
     stamp = np.arange(round(motion.seconds * rate_hz) + 1) / rate_hz
-    true_t = sample_times(stamp, effects, 0.5 * motion.seconds)
+    true_t = sample_times(stamp, effects)
     state = motion.at(true_t)
     angles = effects.get("imu_mounting", {})
     C_vehicle_sensor = rotation(

@@ -66,7 +66,7 @@ class Motion:
 
     ``origin`` latitude, longitude (rad) and height (m) of the rear axle at the start; ``axle``
     [3] m from the IMU to the rear axle, vehicle axes; ``sideslip`` rad/(m/s^2) of side-slip
-    angle per lateral acceleration at the axle.
+    angle at the axle, outwards, per lateral acceleration.
     """
 
     def __init__(
@@ -174,9 +174,9 @@ class Motion:
         kappa, gamma = self._curvature(s), self._grade(s)
         psi = self._psi0 + self._heading(s)
         psi_rate, gamma_rate = kappa * v, self._grade_slope(s) * v
-        slip = self.sideslip * kappa * v**2
-        slip_rate = self.sideslip * (self._curvature_slope(s) * v**3 + 2.0 * kappa * v * a)
-        # a velocity to the right of the nose by the slip angle
+        slip = -self.sideslip * kappa * v**2
+        slip_rate = -self.sideslip * (self._curvature_slope(s) * v**3 + 2.0 * kappa * v * a)
+        # the axle slips out of the bend: the nose points further in than the path
         rpy = np.column_stack(
             [
                 self._bank(s) + self._body[0](t),
