@@ -10,6 +10,7 @@ import numpy as np
 from automap.earth import gravity
 from automap.effects.gnss import low_pass
 from automap.frames import quat_to_matrix
+from automap.fusion.layout import N_NAV
 from automap.fusion.measurements import FixModel
 from automap.fusion.mechanisation import radii
 from automap.fusion.passes import Pass, run_passes
@@ -106,11 +107,10 @@ def fit_drive(
             signs.append(sign)
     final = last.smooth.params[-1]
     sign_row = np.array(signs)
-    stated = _stated(opened, names)
-    values = sign_row * final[rows] - stated if rows else np.zeros(0)
+    at = np.array(rows, dtype=np.int64)
+    values = sign_row * final[at] - _stated(opened, names)
     cov = full_covariance(last.forward.store.cov[-1:], n)[0]
-    at = np.array(rows, dtype=np.int64) + 9
-    part = cov[np.ix_(at, at)] * np.outer(sign_row, sign_row) if rows else np.zeros((0, 0))
+    part = cov[np.ix_(at + N_NAV, at + N_NAV)] * np.outer(sign_row, sign_row)
     return Fit(opened, model, last, start, tuple(names), values, part, float(last.forward.score))
 
 

@@ -19,6 +19,9 @@ Values = Mapping[str, Mapping[str, float]]
 BASE_NUISANCES = ("accel_bias", "gyro_bias", "gnss_correlated_noise")
 """What the base model estimates on every drive anew."""
 
+EARTH = "earth_rotation"
+"""On or off: an effect without parameters."""
+
 STATE_OF = {
     "gnss_velocity_latency": ("gnss_velocity_lag", 1.0),
     "imu_time_offset": ("gnss_latency", -1.0),
@@ -45,7 +48,9 @@ def base_model(options: FusionOptions | None = None) -> GapModel:
     """The model that is taken where nobody gives another: biases, their drift, a receiver whose
     error wanders, the vehicle constraint at the IMU, noise as ``options`` say."""
     options = options or FusionOptions(effects=BASE_NUISANCES)
-    return GapModel(plain_options(options), {e: dict(v) for e, v in options.fixed.items()})
+    values = {e: dict(v) for e, v in options.fixed.items() if e != "gnss_lever_arm"}
+    factors = dict.fromkeys(ALL_LEVELS, 1.0) | dict(options.factors)
+    return GapModel(plain_options(options), values, factors)
 
 
 def plain_options(options: FusionOptions) -> FusionOptions:
@@ -86,7 +91,11 @@ def session_with(
         for a, sd in zip(("roll", "pitch", "yaw"), drive.mounting_sd, strict=True):
             sds[f"imu_mounting_{a}"] = float(sd)
     where: dict[str, dict[str, tuple[str, float]]] = {}
+    earth = options.earth_rotation or EARTH in model.values or EARTH in estimate
     for effect in dict.fromkeys([*model.values, *estimate]):
+        if effect == EARTH:
+            where[effect] = {}
+            continue
         state, sign = STATE_OF.get(effect, (effect, 1.0))
         if state not in effects:
             effects.append(state)
@@ -113,5 +122,6 @@ def session_with(
         options,
         effects=tuple(effects),
         factors=dict(model.factors),
+        earth_rotation=earth,
     )
     return replace(session, options=scaled, means=means, sds=sds), where

@@ -286,7 +286,7 @@ def _by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
     out: dict[str, Trial] = {}
     for trial in trials:
         effect = trial.effect
-        value = next(iter(trial.joint.of(effect).values()))[0]
+        value = next(iter(trial.joint.of(effect).values()), (0.0, 0.0))[0]
         if effect in ("gnss_latency", "imu_time_offset") and value < 0.0:
             other = "imu_time_offset" if effect == "gnss_latency" else "gnss_latency"
             if other in effects:

@@ -24,6 +24,7 @@ _COMMANDS = {
     "detect": "pipeline.cli.detect",
     "calibrate": "pipeline.cli.calibrate",
     "experiment": "pipeline.cli.experiment",
+    "gap": "pipeline.cli.gap",
 }
 
 _EPILOG = """\b

@@ -1,0 +1,146 @@
+"""``automap gap``: drives in; gap.json, model.toml and gap.html out."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from automap.errors import ConfigError
+
+if TYPE_CHECKING:
+    from automap.gap import GapResult
+    from pipeline.stage import Progress
+
+GAP = "gap.json"
+MODEL = "model.toml"
+REPORT = "gap.html"
+
+
+@dataclass(frozen=True)
+class GapOutcome:
+    """What to tell, and the files."""
+
+    lines: tuple[str, ...]
+    files: tuple[Path, ...]
+
+
+def find(
+    drives: Sequence[Path],
+    holdout: Sequence[Path],
+    config: Path | None,
+    without: Sequence[str],
+    out: Path,
+    progress: Progress = lambda fraction, text: None,
+) -> GapOutcome:
+    """Search the drives and write the three files into ``out``.
+
+    Raises ConfigError for a model or an effect that does not exist, InputError for a drive
+    that cannot be used.
+    """
+    from automap.effects import effect_named
+    from automap.gap import find_gaps
+    from automap.io.atomic import make_folder, write_json, write_text
+    from pipeline.gap_inputs import gap_drives, gap_model
+    from pipeline.gap_model import model_toml
+
+    for name in without:
+        effect_named(name)
+    _check_distinct([*drives, *holdout])
+    model, settings = gap_model(config)
+    make_folder(out)
+    progress(0.02, "reading")
+    fitted = gap_drives(drives, out / "runs", settings)
+    held = gap_drives(holdout, out / "runs", settings)
+    done = 0
+
+    def say(text: str) -> None:
+        nonlocal done
+        done += 1
+        # nobody knows how many effects there will be
+        progress(1.0 - 0.9 * 0.97**done, text)
+
+    result = find_gaps(fitted, held, model, without, say)
+    for text in result.warnings:
+        print(f"warning: {text}", file=sys.stderr)
+    write_json(out / GAP, as_json(result))
+    write_text(out / MODEL, model_toml(result, fitted, config))
+    progress(1.0, "done")
+    return GapOutcome(tuple(_lines(result)), (out / GAP, out / MODEL))
+
+
+def _check_distinct(drives: Sequence[Path]) -> None:
+    resolved = [d.resolve() for d in drives]
+    for i, path in enumerate(resolved):
+        if path in resolved[:i]:
+            raise ConfigError(f"{drives[i]} is given twice; leave out one of them")
+
+
+def as_json(result: GapResult) -> dict[str, Any]:
+    """The content of gap.json."""
+    unexplained = result.unexplained
+    return {
+        "schema": "automap.gap/1",
+        "gap_before": result.gap_before,
+        "gap_after": result.gap_after,
+        "unit": "nats an epoch of fixes, on held-out data",
+        "channels": [
+            {
+                "channel": c.channel,
+                "gap_before": c.gap_before,
+                "gap_after": c.gap_after,
+                "rms_before": c.rms_before,
+                "rms_after": c.rms_after,
+                "correlation_before": c.correlation_before,
+                "correlation_after": c.correlation_after,
+                "worst": c.worst_manoeuvre,
+            }
+            for c in result.channels
+        ],
+        "findings": [
+            {
+                "effect": f.effect,
+                "parameters": {
+                    p: {"value": v.value, "sd": v.sd, "unit": v.unit}
+                    for p, v in f.parameters.items()
+                },
+                "evidence_nats": f.evidence_nats,
+                "p_value": f.p_value,
+                "gap_before": f.gap_before,
+                "gap_after": f.gap_after,
+                "confusable_with": list(f.confusable_with),
+                "advice": f.advice,
+            }
+            for f in result.findings
+        ],
+        "noise": dict(result.noise),
+        "sync": dict(result.sync),
+        "unexplained": None
+        if unexplained is None
+        else {
+            "channel": unexplained.channel,
+            "formula": unexplained.formula,
+            "coefficient": unexplained.coefficient,
+            "sd": unexplained.sd,
+            "evidence_nats": unexplained.evidence_nats,
+            "p_value": unexplained.p_value,
+            "resembles": unexplained.resembles,
+        },
+        "verdict": result.verdict,
+        "warnings": list(result.warnings),
+    }
+
+
+def _lines(result: GapResult) -> list[str]:
+    lines = [result.verdict]
+    for f in result.findings:
+        numbers = ", ".join(
+            f"{p} {v.value:.3g} ± {v.sd:.2g} {v.unit}".rstrip() for p, v in f.parameters.items()
+        )
+        line = f"  {f.effect}: {numbers} ({f.evidence_nats:.0f} nats, p {f.p_value:.0e})"
+        if f.confusable_with:
+            line += f"; not to be told from {', '.join(f.confusable_with)}"
+        lines.append(line)
+    return lines
