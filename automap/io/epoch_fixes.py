@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automap.io.epoch_join import CODE, Joined
+from automap.io.epoch_join import Joined
 from automap.io.nmea import NmeaTable, pack_text
 from automap.io.ubx import Table, physical
 from automap.records import NO_TIME, Fixes, FixType, FloatArray, IntArray
@@ -67,7 +67,7 @@ class _Rows:
         self, name: str, joined: Joined, ubx: dict[str, Table], nmea: dict[str, NmeaTable]
     ) -> None:
         self.name = name
-        self.row = joined.rows[CODE[name]]
+        self.row = joined.rows[name]
         self.has: BoolArray = self.row >= 0
         self._ubx = ubx.get(name)
         self._nmea = nmea.get(name)
@@ -91,7 +91,7 @@ def build_fixes(joined: Joined, ubx: dict[str, Table], nmea: dict[str, NmeaTable
     An epoch without a valid position stays as a row of type NONE whose values are NaN.
     """
     n = len(joined.gps_s)
-    sources = {name: _Rows(name, joined, ubx, nmea) for name in CODE}
+    sources = {name: _Rows(name, joined, ubx, nmea) for name in joined.rows}
     sources = {name: rows for name, rows in sources.items() if rows.has.any()}
     fix_type = _fix_types(sources, n)
     lat, lon, height, sep = (np.full(n, np.nan) for _ in range(4))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from automap.io.ubx_names import message_name
 from automap.records import NO_TIME, Fixes, FixType
 
 _SNIFF_BYTES = 1 << 20
+_CONTENT = re.compile(rb"[^ \t\r\n\0]")
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ def read_receiver_bytes(
     data: bytes, name: str, not_before_gps_s: float = EARLIEST_GPS_S
 ) -> ReceiverLog:
     """As :func:`read_receiver_log`, of bytes; ``name`` stands for the file in messages."""
-    if not data.strip(b" \t\r\n\0"):
+    if _CONTENT.search(data) is None:
         raise InputError(f"{name} is empty; record the receiver's output again")
     if rtklib.looks_like_pos(data):
         return _read_rtklib(data, name)
@@ -127,7 +129,7 @@ def _read_stream(scan: Scan, kind: str, name: str, not_before_gps_s: float) -> R
     use, leave = nmea_format.sentence_kinds(scan)
     nmea = nmea_format.decode_scan(scan, use)
     messages = _message_counts(scan)
-    joined = join_epochs(ubx, nmea, not_before_gps_s)
+    joined = join_epochs(ubx, nmea, len(scan.data), not_before_gps_s)
     fixes = build_fixes(joined, ubx, nmea) if joined is not None else _no_fixes()
     imu, warnings = read_esf(ubx, fixes)
     if len(fixes) == 0 and imu is None:
