@@ -42,9 +42,7 @@ class Case:
 
     ``kind`` null, effect, removed, triple or formula; ``effects`` what is wrong, with values;
     ``evidence`` nats expected for each of them, the others being known; ``left_out`` effects
-    that the library under test must do without; ``switches`` settings of the base model;
-    ``alike`` for each effect the library's effects that would explain it nearly as well, with
-    the nats that they fall short.
+    that the library under test must do without; ``switches`` settings of the base model.
     """
 
     id: str
@@ -57,9 +55,7 @@ class Case:
     switches: dict[str, object] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
     formula: str = ""
-    formula_terms: tuple[str, ...] = ()
-    formula_channel: str = ""
-    alike: dict[str, dict[str, float]] = field(default_factory=dict)
+    formula_kind: str = ""
 
     def as_json(self) -> str:
         """One line."""
@@ -67,7 +63,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class _Setting:
+class Setting:
     """What all drives of a case share: car, sensors, place, level of noise."""
 
     seconds: float
@@ -92,11 +88,27 @@ def case_ids(kind: str, count: int) -> list[str]:
     return [f"{kind}-{i}" for i in range(count)]
 
 
-def make_case(case_id: str, folder: Path) -> tuple[Case, Path, Path]:
-    """Draw a case and write its drive and its held-out drive under ``folder``.
+@dataclass(frozen=True)
+class Drawn:
+    """A case with its drives still in memory.
 
-    The same ``case_id`` always gives the same drives.
+    ``scene`` and ``held_out`` are the ideal motions; ``again`` the setting of the held-out day;
+    ``size`` the coefficient of ``formula``; ``seed`` that of the noise.
     """
+
+    case: Case
+    setting: Setting
+    again: Setting
+    scene: Scene
+    held_out: Scene
+    formula: Formula | None
+    size: float
+    gps0: int
+    seed: tuple[int, ...]
+
+
+def draw_case(case_id: str) -> Drawn:
+    """Everything about a case; the same ``case_id`` always gives the same."""
     kind, *name = case_id.split("-")[:-1]
     number = int(case_id.rsplit("-", 1)[1])
     seed = zlib.crc32(case_id.encode())
@@ -106,15 +118,11 @@ def make_case(case_id: str, folder: Path) -> tuple[Case, Path, Path]:
         setting = _draw_setting(rng, kind, number)
         effects, formula, wanted = hidden(rng, setting, name[0] if name else "", number)
         setting = _without(setting, effects)
-        motion = _motion(rng, setting, effects)
-        scene = make_scene(motion, draw_tags(setting.seconds, setting.gnss, rng), setting.lever_arm)
-        size, effects, evidence = _sized(rng, scene, setting, effects, formula, wanted)
+        scene = _scene(rng, setting, effects)
+        size, evidence = _evidence(rng, scene, setting, effects, formula)
         if min(evidence.values(), default=np.inf) >= wanted:
             break
-    base = tuple(name for name in BASE if name not in effects)
-    switches: dict[str, object] = {}
-    if "earth_rotation" in effects:
-        switches["earth_rotation"] = False
+    again = _again(rng, setting)
     case = Case(
         id=case_id,
         kind=kind,
@@ -122,33 +130,39 @@ def make_case(case_id: str, folder: Path) -> tuple[Case, Path, Path]:
         seconds=setting.seconds,
         effects=effects,
         evidence=evidence,
-        base=base,
-        switches=switches,
+        base=tuple(name for name in BASE if name not in effects),
+        switches={"earth_rotation": False} if "earth_rotation" in effects else {},
         left_out=tuple(effects) if kind == "removed" else (),
         formula="" if formula is None else f"{formula.text}, k = {size:.4g}",
-        formula_terms=() if formula is None else formula.terms,
-        formula_channel="" if formula is None else formula.channel,
+        formula_kind="" if formula is None else formula.kind,
     )
+    return Drawn(
+        case=case,
+        setting=setting,
+        again=again,
+        scene=scene,
+        held_out=_scene(rng, again, effects),
+        formula=formula,
+        size=size,
+        gps0=int(rng.integers(1_250_000_000, 1_430_000_000)),
+        seed=(seed, TRIES),
+    )
+
+
+def write_case(drawn: Drawn, folder: Path) -> tuple[Path, Path, Path]:
+    """Write ``drive``, ``holdout``, ``base.toml`` and ``case.json`` under ``folder``; returns the
+    first three paths."""
+    rng = np.random.default_rng(drawn.seed)
     train, held_out = folder / "drive", folder / "holdout"
-    gps0 = int(rng.integers(1_250_000_000, 1_430_000_000))
-    _write(train, gps0, rng, motion, setting, effects, formula, size, scene.tag)
-    again = _again(rng, setting)
-    _write(
-        held_out,
-        gps0 + 86_400,
-        rng,
-        _motion(rng, again, effects),
-        again,
-        effects,
-        formula,
-        size,
-        None,
-    )
-    (folder / "case.json").write_text(case.as_json() + "\n", encoding="utf-8")
-    return case, train, held_out
+    _write(train, drawn.gps0, rng, drawn, drawn.scene, drawn.setting)
+    _write(held_out, drawn.gps0 + 86_400, rng, drawn, drawn.held_out, drawn.again)
+    config = folder / "base.toml"
+    config.write_text(base_settings(drawn.case), encoding="utf-8")
+    (folder / "case.json").write_text(drawn.case.as_json() + "\n", encoding="utf-8")
+    return train, held_out, config
 
 
-def _draw_setting(rng: np.random.Generator, kind: str, number: int) -> _Setting:
+def _draw_setting(rng: np.random.Generator, kind: str, number: int) -> Setting:
     level = LEVEL_ORDER[number % len(LEVEL_ORDER)]
     imu, gnss = draw_noise(rng, level)
     seconds = 120.0 if kind == "null" else float(np.round(np.exp(rng.uniform(*np.log([150, 600])))))
@@ -158,21 +172,21 @@ def _draw_setting(rng: np.random.Generator, kind: str, number: int) -> _Setting:
         float(rng.uniform(8.0, 25.0)),
         float(rng.uniform(0.15, 0.7) * seconds),
     )
-    return _Setting(seconds, level, imu, gnss, arm, warm_up, draw_sheet(rng))
+    return Setting(seconds, level, imu, gnss, arm, warm_up, draw_sheet(rng))
 
 
-def _without(setting: _Setting, effects: Mapping[str, DrawnEffect]) -> _Setting:
+def _without(setting: Setting, effects: Mapping[str, DrawnEffect]) -> Setting:
     sheet = {name: value for name, value in setting.sheet.items() if name not in effects}
-    return _Setting(**{**setting.__dict__, "sheet": sheet})
+    return Setting(**{**setting.__dict__, "sheet": sheet})
 
 
-def _again(rng: np.random.Generator, setting: _Setting) -> _Setting:
+def _again(rng: np.random.Generator, setting: Setting) -> Setting:
     """The same car on another day: new turn-on biases, another warm-up, a shorter drive."""
     sheet = setting.sheet | {
         name: draw_effect(rng, NULLS[name]) for name in ("accel_bias", "gyro_bias")
     }
     start, rise, constant = setting.warm_up
-    return _Setting(
+    return Setting(
         **{
             **setting.__dict__,
             "sheet": sheet,
@@ -185,19 +199,19 @@ def _again(rng: np.random.Generator, setting: _Setting) -> _Setting:
 Hidden = tuple[dict[str, DrawnEffect], Formula | None, float]
 
 
-def _no_effect(rng: np.random.Generator, setting: _Setting, name: str, number: int) -> Hidden:
+def _no_effect(rng: np.random.Generator, setting: Setting, name: str, number: int) -> Hidden:
     # a datum that lies elsewhere shows in no drive of its own: as null as no error at all
     datum = {axis: float(rng.normal(0.0, 1.0)) for axis in "ned"}
     return ({"gnss_datum_shift": datum} if number % 4 == 3 else {}), None, 0.0
 
 
-def _one_effect(rng: np.random.Generator, setting: _Setting, name: str, number: int) -> Hidden:
+def _one_effect(rng: np.random.Generator, setting: Setting, name: str, number: int) -> Hidden:
     # the last of five seeds is as small as it comes
     wanted = 0.0 if number % 5 == 4 else ENOUGH_NATS
     return {name: draw_effect(rng, SCALES[name])}, None, wanted
 
 
-def _removed(rng: np.random.Generator, setting: _Setting, name: str, number: int) -> Hidden:
+def _removed(rng: np.random.Generator, setting: Setting, name: str, number: int) -> Hidden:
     return {name: draw_effect(rng, SCALES[name])}, None, ENOUGH_NATS
 
 
@@ -208,7 +222,7 @@ ALIKE_GROUPS = (
 """Together these are one error seen from two sides, so a triple has one of them at most."""
 
 
-def _three_effects(rng: np.random.Generator, setting: _Setting, name: str, number: int) -> Hidden:
+def _three_effects(rng: np.random.Generator, setting: Setting, name: str, number: int) -> Hidden:
     pool = [
         effect
         for effect in SCALES
@@ -221,7 +235,7 @@ def _three_effects(rng: np.random.Generator, setting: _Setting, name: str, numbe
             return {n: draw_effect(rng, SCALES[n]) for n in names}, None, ENOUGH_NATS
 
 
-def _formula(rng: np.random.Generator, setting: _Setting, name: str, number: int) -> Hidden:
+def _formula(rng: np.random.Generator, setting: Setting, name: str, number: int) -> Hidden:
     return {}, draw_formula(name, rng, setting.seconds), 0.0
 
 
@@ -234,9 +248,7 @@ _HIDDEN = {
 }
 
 
-def _motion(
-    rng: np.random.Generator, setting: _Setting, effects: Mapping[str, DrawnEffect]
-) -> Motion:
+def _scene(rng: np.random.Generator, setting: Setting, effects: Mapping[str, DrawnEffect]) -> Scene:
     style = draw_style(rng, rough=setting.level == "dirty")
     slip = sum(effects.get("vehicle_sideslip", {}).values())
     if slip:
@@ -248,7 +260,7 @@ def _motion(
         float(np.radians(rng.uniform(-170.0, 170.0))),
         float(rng.uniform(0.0, 900.0)),
     )
-    return Motion(
+    motion = Motion(
         draw_plan(rng, style, setting.seconds),
         place,
         setting.seconds,
@@ -256,9 +268,10 @@ def _motion(
         axle=None if axle is None else np.array([axle.get(a, 0.0) for a in "xyz"]),
         sideslip=slip,
     )
+    return make_scene(motion, draw_tags(setting.seconds, setting.gnss, rng), setting.lever_arm)
 
 
-def _walks(setting: _Setting) -> tuple[Array, Array]:
+def _walks(setting: Setting) -> tuple[Array, Array]:
     accel, gyro = (
         np.array([setting.sheet.get(name, {}).get(axis, 0.0) for axis in "xyz"])
         for name in ("accel_bias_walk", "gyro_bias_walk")
@@ -266,15 +279,18 @@ def _walks(setting: _Setting) -> tuple[Array, Array]:
     return accel, gyro
 
 
-def _information(
+def information(
     scene: Scene,
-    setting: _Setting,
+    setting: Setting,
     cases: Sequence[Mapping[str, DrawnEffect]],
-    formula: Formula | None,
-    size: float,
-    without: Sequence[str],
+    hidden: Sequence[str],
+    formula: Formula | None = None,
+    size: float = 0.0,
 ) -> Array:
-    """Twice the nats [k, k] between errors, beyond what the base model absorbs."""
+    """Twice the nats [k, k] between errors, beyond what the base model absorbs.
+
+    ``hidden`` effects are not in the base model, where it would have them otherwise.
+    """
     shifts = shifts_of(
         scene,
         list(cases),
@@ -283,43 +299,35 @@ def _information(
         None if formula is None else formula.fix_errors(size),
     )
     walks = _walks(setting)
-    return whiten(scene, shifts, setting.imu, setting.gnss, *walks, without=without).gram()
+    return whiten(scene, shifts, setting.imu, setting.gnss, *walks, without=hidden).gram()
 
 
-def _sized(
+def _evidence(
     rng: np.random.Generator,
     scene: Scene,
-    setting: _Setting,
-    effects: dict[str, DrawnEffect],
+    setting: Setting,
+    effects: Mapping[str, DrawnEffect],
     formula: Formula | None,
-    wanted: float,
-) -> tuple[float, dict[str, DrawnEffect], dict[str, float]]:
-    """Size of the formula, effects and the evidence for each."""
+) -> tuple[float, dict[str, float]]:
+    """Size of the formula, and the nats that each effect carries beside the others."""
     if formula is not None:
-        unit = _information(scene, setting, [{}], formula, formula.unit, ())[0, 0] / 2.0
+        unit = 0.5 * information(scene, setting, [{}], (), formula, formula.unit)[0, 0]
         nats = float(np.exp(rng.uniform(*np.log(FORMULA_NATS))))
         size = formula.unit * float(np.sqrt(nats / unit)) * float(rng.choice([-1.0, 1.0]))
-        return size, effects, {"formula": nats}
+        return size, {"formula": nats}
+    out = {
+        name: _noise_nats(name, effects[name], setting) for name in effects if name in STOCHASTIC
+    }
     measured = [name for name in effects if name in SCALES and name not in STOCHASTIC]
-    if not measured:
-        return (
-            0.0,
-            effects,
-            {
-                name: _noise_nats(name, effects[name], setting)
-                for name in effects
-                if name in STOCHASTIC
-            },
-        )
-    without = [name for name in ("accel_scale", "gyro_scale") if name in effects]
-    cases = [{name: effects[name]} for name in measured]
-    info = _information(scene, setting, cases, None, 0.0, without)
-    # each beside the others, whose sizes are unknown
-    nats = 0.5 / np.diag(np.linalg.pinv(info))
-    return 0.0, effects, {name: float(n) for name, n in zip(measured, nats, strict=True)}
+    if measured:
+        cases = [{name: effects[name]} for name in measured]
+        # each with the sizes of the others unknown
+        nats = 0.5 / np.diag(np.linalg.pinv(information(scene, setting, cases, measured)))
+        out |= {name: float(n) for name, n in zip(measured, nats, strict=True)}
+    return 0.0, out
 
 
-def _noise_nats(name: str, values: DrawnEffect, setting: _Setting) -> float:
+def _noise_nats(name: str, values: DrawnEffect, setting: Setting) -> float:
     """Expected gain in log-likelihood of a noise that the base model does not have, roughly."""
     fixes = setting.seconds * setting.gnss.rate_hz
     if name == "gnss_noise_scale":
@@ -338,21 +346,14 @@ def _noise_nats(name: str, values: DrawnEffect, setting: _Setting) -> float:
 
 
 def _write(
-    folder: Path,
-    gps0: int,
-    rng: np.random.Generator,
-    motion: Motion,
-    setting: _Setting,
-    effects: Mapping[str, DrawnEffect],
-    formula: Formula | None,
-    size: float,
-    tag: Array | None,
+    folder: Path, gps0: int, rng: np.random.Generator, drawn: Drawn, scene: Scene, setting: Setting
 ) -> None:
-    wrong = {**setting.sheet, **effects}
-    imu_extra = None if formula is None else formula.imu_errors(size)
-    fix_extra = None if formula is None else formula.fix_errors(size)
+    wrong = {**setting.sheet, **drawn.case.effects}
+    formula, motion = drawn.formula, scene.motion
+    imu_extra = None if formula is None else formula.imu_errors(drawn.size)
+    fix_extra = None if formula is None else formula.fix_errors(drawn.size)
     imu = record_imu(motion, wrong, setting.imu, rng, setting.warm_up, imu_extra)
-    gnss = record_gnss(motion, wrong, setting.gnss, rng, setting.lever_arm, fix_extra, tag)
+    gnss = record_gnss(motion, wrong, setting.gnss, rng, setting.lever_arm, fix_extra, scene.tag)
     write_drive(folder, gps0, imu, gnss, setting.lever_arm, motion.at(imu.stamp[::10]))
 
 
