@@ -56,5 +56,5 @@ class Kernel(Generic[P, R]):
         if log_bytes >= INTERPRET_BELOW:
             return self.compiled(*args)
         # a memoryview gives Python's numbers, which numpy's scalars are slow beside
-        views: list[Any] = [memoryview(a) if isinstance(a, np.ndarray) else a for a in args]
-        return self.function(*views)
+        function: Callable[..., R] = self.function
+        return function(*(memoryview(a.data) if isinstance(a, np.ndarray) else a for a in args))
