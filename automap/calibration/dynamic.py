@@ -3,8 +3,8 @@
 The sensor is turned about several axes without being carried about, so its velocity is zero
 but for the hand: the pseudo-velocity of equations (26) to (28). A hand also stays in one place,
 which says far more of slow errors: a pseudo-position. How much the hand moved is estimated from
-the innovations, with the time over which that motion stays the same, and the noise of both
-measurements set accordingly.
+the innovations, and the noise of both measurements set accordingly; the covariance is that
+under the hand's motion as it was.
 """
 
 from __future__ import annotations
@@ -14,6 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.calibration.dynamic_kernel import BA, N_ERRORS, N_STATES, PHI, POS, run_filter
+from automap.calibration.hand_motion import (
+    UNKNOWN_HAND,
+    final_response,
+    hand_motion,
+    honest_covariance,
+    honest_history,
+)
 from automap.calibration.rest import LEAST_REST_S, movement, noise_density
 from automap.errors import InputError
 from automap.frames import matrix_to_quat, rpy_to_matrix
@@ -29,9 +36,13 @@ PRIOR_SD = np.repeat([0.3, 0.02, 0.01, 0.01], 3)
 TURN_ON_SD = np.repeat([0.03, 0.01, 0.001, 0.002], 3)
 """The same for a sensor that was calibrated statically: what changes from one turn-on to the
 next (5 mm/s^2 and 0.1 deg/s are usual for consumer sensors; several times that is allowed)."""
-WALK = np.repeat([1e-4, 1e-5, 0.0, 0.0], 3)
-"""Random walk of the errors, per square root of a second."""
+WALK = np.repeat([5e-5, 5e-6, 0.0, 0.0], 3)
+"""Random walk of the errors, per square root of a second: in the two minutes of a log it comes
+to what consumer sensors have as bias instability, some 50 micro-g and 10 deg/h."""
 UPDATE_S = 0.1
+MOST_UPDATES = 12_000
+"""Measurements are taken more rarely in logs of hours."""
+PASSES = 4
 STILL_LIMIT = 8.0
 """Movement (variance over noise floor) below which the pseudo-velocity counts as exact."""
 STILL_SD = 0.003
@@ -97,45 +108,56 @@ def calibrate_dynamic(
             f"{gravity:.4g}; correct --accel-unit, or calibrate statically first."
         )
     still = movement(log) < STILL_LIMIT
-    density = noise_density(log)
-    # twice the noise at rest: in motion there is more, of kinds the model does not have
+    density = noise_density(log, STILL_LIMIT)
     q = np.array(
         [
-            4.0 * np.mean((density[:3] * _unit(accel, log.accel)) ** 2),
-            4.0 * np.mean((density[3:] * _unit(gyro, log.gyro)) ** 2),
+            np.mean((density[:3] * _unit(accel, log.accel)) ** 2),
+            np.mean((density[3:] * _unit(gyro, log.gyro)) ** 2),
         ]
     )
     at_rest = bool(still[: round(log.rate_hz)].all())
-    every = max(1, round(UPDATE_S * log.rate_hz))
+    every = max(1, round(UPDATE_S * log.rate_hz), len(t_s) // MOST_UPDATES)
     dt = np.diff(t_s)
-    hand, tau = np.array([0.2, 0.1]), np.array([0.3, 0.5])
+    hand = UNKNOWN_HAND
     step = every / log.rate_hz
     out = np.empty((len(t_s), 4 + 2 * N_ERRORS))
     innovations = np.empty((len(t_s) // every + 1, 10))
     P, errors, count = np.zeros((N_STATES, N_STATES)), np.zeros(N_ERRORS), 0
-    for _ in range(4):
-        # noise that lasts is no new information every time
-        moving = hand**2 * np.maximum(1.0, 2.0 * tau / step)
-        variance = np.tile(moving, (len(t_s), 1))
+    variance = np.empty((len(t_s), 2))
+    response = np.empty((0, N_STATES, N_STATES + 6))
+    for number in range(PASSES):
+        variance[:] = hand.variance
         variance[still, 0] = STILL_SD**2
         # about the last pass's errors, so that the model is linear where it matters
         quat, P = _start(log, accel, errors, at_rest, gravity, prior_sd)
+        if number == PASSES - 1:
+            response = np.empty((len(innovations), N_STATES, N_STATES + 6))
         count = run_filter(
             dt, np.ascontiguousarray(gyro), np.ascontiguousarray(accel), gravity, quat,
             errors, P, q, every, variance, WALK**2, out, innovations,
+            response,
         )  # fmt: skip
-        hand, tau = _hand(innovations[:count], still, step)
+        rows = innovations[:count, 0].astype(np.int64)
+        hand = hand_motion(innovations[:count], ~still[rows], step)
     if not np.all(np.isfinite(out[-1])):
         raise InputError(f"{log.name}: the filter diverged; check units and axes, record again.")
+    covariance = honest_covariance(
+        P[BA:POS, BA:POS],
+        final_response(response[:count]),
+        variance[rows],
+        innovations[:count],
+        ~still[rows],
+        step,
+    )
     turned = np.sum(np.abs(0.5 * (gyro[1:] + gyro[:-1])) * dt[:, None], axis=0)
     result = DynamicCalibration(
         t_s=t_s,
         quat=out[:, :4].copy(),
         errors=out[:, 4 : 4 + N_ERRORS].copy(),
-        sd=out[:, 4 + N_ERRORS :].copy(),
-        covariance=P[BA:POS, BA:POS].copy(),
-        hand_velocity=float(hand[0]),
-        hand_place=float(hand[1]),
+        sd=honest_history(out[:, 4 + N_ERRORS :], prior_sd, np.sqrt(np.diag(covariance))),
+        covariance=covariance,
+        hand_velocity=hand.velocity,
+        hand_place=hand.place,
         turned=turned,
         innovations=innovations[:count].copy(),
         warnings=(),
@@ -177,36 +199,6 @@ def _start(
     P[BA:POS, BA:POS] = prior
     P[POS:, POS:] = 0.3**2 * np.eye(3)
     return matrix_to_quat(C), P
-
-
-def _hand(innovations: FloatArray, still: np.ndarray, step: float) -> tuple[FloatArray, FloatArray]:
-    """RMS velocity and displacement of the hand [2], m/s and m, and the correlation times
-    [2] of both in s, from the innovations."""
-    rows = innovations[:, 0].astype(np.int64)
-    moving = ~still[rows]
-    # the first tenth still shows the errors that the filter has not yet learnt
-    begun = np.arange(len(moving)) >= len(moving) // 10
-    found = [
-        _spread(innovations[:, 1:4], moving & begun, step, 0.05),
-        _spread(innovations[:, 7:10], begun, step, 0.05),
-    ]
-    return np.array([f[0] for f in found]), np.array([f[1] for f in found])
-
-
-def _spread(y: FloatArray, used: np.ndarray, step: float, least: float) -> tuple[float, float]:
-    """RMS of the used rows of ``y`` [m, 3] and the time over which they stay the same."""
-    count = np.count_nonzero(used)
-    if count < 10:
-        return least, 0.3
-    y = np.where(used[:, None], y, 0.0)
-    total = float(np.sum(y**2)) + 1e-300
-    area = 0.5
-    for lag in range(1, min(len(y) // 4, round(5.0 / step))):
-        correlation = float(np.sum(y[lag:] * y[:-lag])) / total
-        if correlation <= 0.0:
-            break
-        area += correlation
-    return max(float(np.sqrt(total / (3.0 * count))), 0.2 * least), area * step
 
 
 def _judged(result: DynamicCalibration, log: RawImu, prior_sd: FloatArray) -> DynamicCalibration:

@@ -36,6 +36,7 @@ def run_filter(
     walk: FloatArray,
     out: FloatArray,
     innov: FloatArray,
+    response: FloatArray,
 ) -> int:
     """Filter conditioned readings [n, 3]; returns the number of measurements.
 
@@ -46,6 +47,9 @@ def run_filter(
     ``every`` samples. ``out`` [n, 28]
     receives quaternion, errors and the errors' one-sigma; ``innov`` [n, 10] per measurement
     the row, the innovations of velocity, their one-sigma, and those of position.
+    ``response`` [m, 21, 27], unless it is empty, receives per measurement how the state after
+    it follows from the state after the one before (21 columns) and from what was measured:
+    velocity and position of north, of east, of down.
     """
     n = gyro.shape[0]
     v = np.zeros(3)
@@ -55,6 +59,9 @@ def run_filter(
     w = np.empty(3)
     F = np.empty((6, N_STATES))
     FP = np.empty((6, N_STATES))
+    T = np.empty((N_STATES, N_STATES + 6))
+    followed = response.shape[0] > 0
+    _identity(T)
     count = 0
     quat_to_dcm(quat, c)
     _store(0, quat, errors, P, out)
@@ -66,6 +73,8 @@ def run_filter(
             f[i] = (1.0 + errors[6 + i]) * fa + errors[i]
             w[i] = (1.0 + errors[9 + i]) * wa + errors[3 + i]
         _propagate_covariance(P, c, f, accel, gyro, k, h, F, FP)
+        if followed:
+            _propagate_response(T, F, h)
         for i in range(3):
             place[i] += 0.5 * v[i] * h
         _propagate(v, quat, c, f, w, h, gravity)
@@ -83,10 +92,17 @@ def run_filter(
                 innov[count, 1 + axis] = -v[axis]
                 innov[count, 4 + axis] = np.sqrt(s)
                 innov[count, 7 + axis] = -place[axis]
+                if followed:
+                    _update_response(T, P, axis, s, N_STATES + 2 * axis)
                 _update(axis, -v[axis], s, v, place, quat, errors, P)
                 s = P[POS + axis, POS + axis] + variance[k, 1]
+                if followed:
+                    _update_response(T, P, POS + axis, s, N_STATES + 2 * axis + 1)
                 _update(POS + axis, -place[axis], s, v, place, quat, errors, P)
             quat_to_dcm(quat, c)
+            if followed:
+                response[count] = T
+                _identity(T)
             count += 1
         _store(k, quat, errors, P, out)
     return count
@@ -208,6 +224,41 @@ def _update(
             m = 0.5 * (P[i, j] + P[j, i])
             P[i, j] = m
             P[j, i] = m
+
+
+@njit(cache=True)
+def _identity(T: FloatArray) -> None:
+    for i in range(T.shape[0]):
+        for j in range(T.shape[1]):
+            T[i, j] = 0.0
+        T[i, i] = 1.0
+
+
+@njit(cache=True)
+def _propagate_response(T: FloatArray, F: FloatArray, h: float) -> None:
+    """T := (1 + F h) T with the ``F`` of _propagate_covariance, position first."""
+    row = np.empty(6)
+    for j in range(T.shape[1]):
+        for i in range(3):
+            T[POS + i, j] += h * T[VEL + i, j]
+        for i in range(6):
+            s = 0.0
+            for m in range(PHI, POS):
+                s += F[i, m] * T[m, j]
+            row[i] = s
+        for i in range(6):
+            T[i, j] += row[i]
+
+
+@njit(cache=True)
+def _update_response(T: FloatArray, P: FloatArray, state: int, s: float, column: int) -> None:
+    """T := (1 - K H) T, and what is measured enters by K; ``P`` is that before the update."""
+    for j in range(T.shape[1]):
+        left = T[state, j] / s
+        for i in range(T.shape[0]):
+            T[i, j] -= P[i, state] * left
+    for i in range(T.shape[0]):
+        T[i, column] += P[i, state] / s
 
 
 @njit(cache=True)

@@ -12,6 +12,8 @@ from automap.records import FloatArray, IntArray, RawImu
 WINDOW_S = 0.5
 """Movement is looked for in windows of this length: longer than the swing of a hand tremor."""
 LEAST_REST_S = 1.0
+MANY_RESTS_S = 10.0
+"""Rests of this length in all show whether the noise is correlated."""
 SAME_POSE = 0.002
 """Neighbouring rests nearer than this, against the span of the readings, are one pose."""
 FLOOR_QUANTILE = 0.05
@@ -58,9 +60,30 @@ def movement(log: RawImu) -> FloatArray:
     return np.asarray((variance / floor).mean(axis=1))
 
 
-def noise_density(log: RawImu) -> FloatArray:
-    """White noise [6] of accelerometer and gyro in the quietest windows, units/sqrt(Hz)."""
-    return np.asarray(np.sqrt(_windowed(log)[1] / log.rate_hz))
+def noise_density(log: RawImu, limit: float) -> FloatArray:
+    """Noise [6] of accelerometer and gyro, units/sqrt(Hz), for averages over seconds.
+
+    It is taken from what lies well inside rests (movement below ``limit``); with many of them
+    the correlation of the noise counts as well. Without a rest the quietest windows must do,
+    which says rather too much.
+    """
+    moved = movement(log)
+    inside = round(WINDOW_S * log.rate_hz)
+    rests = []
+    for rest in rests_below([log], [moved], limit):
+        # a window at the edge of a rest reaches into motion
+        start = rest.start + inside * (rest.start > 0)
+        stop = rest.stop - inside * (rest.stop < len(log))
+        if stop - start >= 20 and float(moved[start:stop].max()) < limit:
+            rests.append(_summary(log, rest.log, start, stop))
+    seconds = sum(rest.length_s for rest in rests)
+    if seconds < LEAST_REST_S:
+        return np.asarray(np.sqrt(_windowed(log)[1] / log.rate_hz))
+    if seconds > MANY_RESTS_S:
+        rests = _with_correlation(rests)
+    # the median: a single rest may hold what movement does not show
+    power = np.array([np.concatenate([r.accel_var, r.gyro_var]) * r.length_s for r in rests])
+    return np.asarray(np.sqrt(np.median(power, axis=0)))
 
 
 def _windowed(log: RawImu) -> tuple[FloatArray, FloatArray]:

@@ -91,7 +91,9 @@ def turned_by_hand(
             speed = (1.0 - np.cos(2 * np.pi * x)) / (n / RATE)
             rates.append(speed[:, None] * angle)
             attitudes.append(C @ rotation_vector_to_matrix(part[:, None] * angle))
-            moving.append(np.sin(np.pi * x) ** 2 if rest_s else np.ones(n))
+            # without rests between, the hand sets out gently and goes on
+            gently = np.sin(0.5 * np.pi * x) ** 2 if i == 0 else np.ones(n)
+            moving.append(np.sin(np.pi * x) ** 2 if rest_s else gently)
     rate, C = np.concatenate(rates), np.concatenate(attitudes)
     t_s = np.arange(len(rate)) / RATE
     place = _sway(rng, t_s, amplitude_m, sway_hz) * np.concatenate(moving)[:, None]
@@ -110,6 +112,11 @@ def _sway(rng: np.random.Generator, t_s: FloatArray, amplitude_m: float, hz: flo
         size = amplitude_m * np.sqrt(2.0 / 12.0) * rng.normal(0, 1, 3)
         out += size * np.sin(w * t_s[:, None] + phase)
     return out
+
+
+def random_walk(rng: np.random.Generator, n: int, density: FloatArray) -> FloatArray:
+    """Random walks [n, k] from zero, ``density`` [k] per square root of a second."""
+    return np.cumsum(rng.normal(0, density / np.sqrt(RATE), (n, len(density))), axis=0)
 
 
 def random_poses(rng: np.random.Generator, count: int) -> FloatArray:
@@ -131,9 +138,15 @@ def recorded(
     gyro_noise: float = 1e-4,
     accel_noise: float = 1e-3,
     temp_c: FloatArray | None = None,
+    drift: FloatArray | None = None,
 ) -> RawImu:
-    """The log of a sensor with these errors and white noise (rad/s/sqrt(Hz) and so on)."""
+    """The log of a sensor with these errors and white noise (rad/s/sqrt(Hz) and so on).
+
+    ``drift`` [n, 6] is added to the readings, accelerometer first.
+    """
     gyro, accel = errors.readings(motion.rate, motion.force)
+    if drift is not None:
+        accel, gyro = accel + drift[:, :3], gyro + drift[:, 3:]
     root = np.sqrt(RATE)
     return RawImu(
         t_ns=np.rint(motion.t_s * 1e9).astype(np.int64),

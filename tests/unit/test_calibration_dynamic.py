@@ -107,7 +107,7 @@ def test_the_papers_filter_agrees() -> None:
     noise = np.column_stack([np.full(len(log), variance), np.full(len(log), 1e12)])
     run_filter(
         dt, log.gyro, log.accel, GRAVITY, quat.copy(), errors, P, q, every, noise, walk, out,
-        innovations,
+        innovations, np.empty((0, N_STATES, N_STATES + 6)),
     )  # fmt: skip
     for k in range(1, len(log)):
         paper.predict(log.gyro[k - 1], log.accel[k - 1], dt[k - 1])
