@@ -41,8 +41,8 @@ INSTEAD = {
 """Effects that look alike: one is estimated in place of the other."""
 
 
-def _scenario(errors: dict[str, Any]) -> Scenario:
-    """Some three minutes through a town, with two halts."""
+def _scenario(errors: dict[str, Any], roughness_deg: float = 0.05) -> Scenario:
+    """Some three minutes through a town, with two halts, on a road that rocks the car so much."""
     legs = []
     for side in (-1.0, 1.0, -1.0):
         legs += [
@@ -63,7 +63,7 @@ def _scenario(errors: dict[str, Any]) -> Scenario:
             height_m=580.0,
             heading_deg=62.0,
         ),
-        vehicle=Vehicle(road_roughness_deg=0.05, pitch_per_accel_deg=0.1),
+        vehicle=Vehicle(road_roughness_deg=roughness_deg, pitch_per_accel_deg=0.1),
         route=Route(legs=legs, stops=[Stop(at_m=500.0, hold_s=6.0), Stop(at_m=900.0, hold_s=5.0)]),
         imu=Imu(),
         gnss=Gnss(),
@@ -73,10 +73,14 @@ def _scenario(errors: dict[str, Any]) -> Scenario:
 
 
 def _fuse(
-    errors: dict[str, Any], prior_sd: float | None, seed: int = 1, noise_only: bool = False
+    errors: dict[str, Any],
+    prior_sd: float | None,
+    seed: int = 1,
+    noise_only: bool = False,
+    roughness_deg: float = 0.05,
 ) -> FusionResult:
     """The drive with these errors, which are estimated unless they only make noise."""
-    sensors = simulate_sensors(_scenario(errors), random_streams(seed))
+    sensors = simulate_sensors(_scenario(errors, roughness_deg), random_streams(seed))
     assert sensors.fixes is not None
     hidden = {INSTEAD[e] for e in errors if e in INSTEAD}
     effects = tuple(e for e in DEFAULT_EFFECTS if e not in hidden)
@@ -135,6 +139,14 @@ def test_an_injected_effect_is_found_again(
         assert abs(found - true) < 4.0 * sd, parameter
         # and not because nothing is known
         assert sd < 0.3 * abs(true), parameter
+
+
+def test_the_height_of_the_antenna_shows_where_the_road_rocks_the_car() -> None:
+    history = _fuse({"gnss_lever_arm": {"z": -1.2}}, None, roughness_deg=0.2).parameters
+    i = history.names.index("gnss_lever_arm_z")
+    found, sd = history.values[-1, i], history.sd[-1, i]
+    assert abs(found + 1.2) < 4.0 * sd
+    assert sd < 0.3 * 1.2
 
 
 def test_fixes_noisier_than_they_say_are_noticed() -> None:
