@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.io import scan_kernel as sk
-from automap.io.kernel import INTERPRET_BELOW
+from automap.io.kernel import worth_compiling
 from automap.io.scan_kernel import Bytes, Words
 from automap.records import IntArray
 
@@ -146,6 +146,5 @@ def scan_bytes(data: bytes | Bytes) -> Scan:
 
 def _words(raw: Bytes) -> Words:
     """The eight bytes from each byte [n] on as a number [n - 7], for the compiled kernel alone."""
-    if len(raw) < INTERPRET_BELOW:
-        return np.zeros(0, np.uint64)
-    return np.ndarray((len(raw) - 7,), np.uint64, raw, strides=(1,))
+    count = len(raw) - 7 if worth_compiling(len(raw)) else 0
+    return np.ndarray((max(count, 0),), np.uint64, raw, strides=(1,))

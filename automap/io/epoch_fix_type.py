@@ -131,7 +131,7 @@ def _fix_of(source: Source, epochs: Epochs) -> Kinds:
         pvt = name == "NAV-PVT"
         number = np.minimum(source.counts("fixType" if pvt else "gpsFix", epochs), 5)
         place = number.astype(np.int16) * 256 + source.counts("flags", epochs)
-        fix = _ubx_table(carrier=pvt)[place]
+        fix = np.asarray(_ubx_table(carrier=pvt)[place], np.uint8)
         if pvt:
             invalid = source.counts("flags3", epochs) & 1 != 0
             fix[invalid] = FixType.NONE
@@ -156,7 +156,7 @@ def _fix_of(source: Source, epochs: Epochs) -> Kinds:
         return fix
     if name in ("RMC", "GLL"):
         letter_code = np.fmin(source.value("posMode", epochs), 256.0).astype(np.int16)
-        fix = _mode_table()[letter_code]
+        fix = np.asarray(_mode_table()[letter_code], np.uint8)
         fix[source.value("status", epochs) != ord("A")] = FixType.NONE
         return fix
     # a position that says nothing of its validity: u-blox reports a huge accuracy without a fix

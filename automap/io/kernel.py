@@ -21,6 +21,11 @@ INTERPRET_BELOW = 1_000_000
 """Bytes of a log under which interpreting is faster than waiting for the compiler's start."""
 
 
+def worth_compiling(log_bytes: int) -> bool:
+    """Whether a log of so many bytes is large enough for compiled kernels."""
+    return log_bytes >= INTERPRET_BELOW
+
+
 class Kernel(Generic[P, R]):
     """A function of arrays and numbers that numba can compile.
 
@@ -53,7 +58,7 @@ class Kernel(Generic[P, R]):
     def run(self, log_bytes: int, *args: Any) -> R:
         """Result for ``args`` (contiguous or strided arrays, numbers), of which those that the
         kernel writes to are changed; ``log_bytes`` is the size of the log that they are of."""
-        if log_bytes >= INTERPRET_BELOW:
+        if worth_compiling(log_bytes):
             return self.compiled(*args)
         # a memoryview gives Python's numbers, which numpy's scalars are slow beside
         function: Callable[..., R] = self.function

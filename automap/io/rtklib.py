@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from automap import timebase as tb
 from automap.errors import InputError
+from automap.io.kernel import Kernel
 from automap.io.scan_kernel import Bytes
 from automap.records import NO_TIME, Fixes, FixType, FloatArray, IntArray
 
@@ -59,15 +59,15 @@ class _Form:
     reference: tuple[float, float, float] | None  # rad, rad, m
 
 
-@njit(cache=True)
+@Kernel
 def _tokens_kernel(
     data: Bytes, values: FloatArray, count: npt.NDArray[np.int32], offset: IntArray
 ) -> int:
     """Numbers of each row that is no comment; returns the number of rows.
 
-    Blanks, tabs, commas and semicolons separate, and so do the slashes and colons of a
-    calendar time. What is no number becomes NaN. The sign of -0 is kept, as an angle of
-    -0 degrees and some minutes needs it.
+    Blanks, control characters, commas and semicolons separate, and so do the slashes and
+    colons of a calendar time. What is no number becomes NaN. The sign of -0 is kept, as an
+    angle of -0 degrees and some minutes needs it.
     """
     n = len(data)
     i = 0
@@ -89,7 +89,7 @@ def _tokens_kernel(
         tokens = 0
         while i < n and data[i] != 10:
             c = data[i]
-            if c == 32 or c == 9 or c == 13 or c == 44 or c == 59 or c == 47 or c == 58:
+            if c <= 32 or c == 44 or c == 59 or c == 47 or c == 58:
                 i += 1
                 continue
             mantissa = 0.0
@@ -103,7 +103,7 @@ def _tokens_kernel(
                 c = data[i]
                 if c <= 32 or c == 44 or c == 59 or c == 47 or c == 58:
                     break
-                digit = int(c) - 48
+                digit = c - 48
                 if 0 <= digit <= 9:
                     if digits < 17:
                         mantissa = mantissa * 10.0 + digit
@@ -119,7 +119,7 @@ def _tokens_kernel(
                 else:
                     number = False
                 i += 1
-            if tokens < values.shape[1]:
+            if tokens < _MAX_TOKENS:
                 if number and digits > 0:
                     value = mantissa / scale
                     values[row, tokens] = -value if negative else value
@@ -142,7 +142,7 @@ def decode_pos(data: bytes, name: str) -> tuple[Fixes, list[str], str | None, in
     values = np.full((capacity, _MAX_TOKENS), np.nan)
     count = np.zeros(capacity, np.int32)
     offset = np.zeros(capacity, np.int64)
-    rows = _tokens_kernel(raw, values, count, offset)
+    rows = _tokens_kernel.run(len(raw), raw, values, count, offset)
     if rows == 0:
         raise InputError(
             f"{name}: an RTKLIB solution without any position; "

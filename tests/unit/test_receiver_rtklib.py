@@ -156,6 +156,15 @@ def test_cut_and_damaged_rows() -> None:
     assert any("line 5" in w for w in log.warnings)
 
 
+@pytest.mark.parametrize("byte", [b"\0", b"\x0b", b"\x1f", b"\xff"])
+def test_stray_bytes_in_a_row(byte: bytes) -> None:
+    data = file_of("GPST", "llh")
+    place = data.index(b"-0.0099")
+    for damaged in (data[:place] + byte + data[place:], data + byte):
+        log = read_receiver_bytes(damaged, "x.pos")
+        assert len(log.fixes) >= 7
+
+
 def test_geodetic_heights_are_pointed_out() -> None:
     data = file_of("GPST", "llh").replace(b"ellipsoidal", b"geodetic")
     log = read_receiver_bytes(data, "x.pos")
