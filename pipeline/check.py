@@ -123,6 +123,7 @@ def check_drive(path: Path | str) -> CheckReport:
 def _manifest(drive: Drive) -> list[Finding]:
     findings = [Finding("ok", f"drive {drive.name}, {len(drive.input_files()) - 1} input files")]
     findings += [Finding("warning", text) for text in drive.warnings]
+    findings += _presets(drive)
     site = drive.site
     if site.country is None and site.traffic_side is None:
         findings.append(
@@ -133,6 +134,21 @@ def _manifest(drive: Drive) -> list[Finding]:
             )
         )
     return findings
+
+
+def _presets(drive: Drive) -> list[Finding]:
+    """The named sensor and receiver, whose figures the fusion will use."""
+    from pipeline.config import load_settings
+    from pipeline.presets import fusion_options
+
+    try:
+        _, presets = fusion_options(drive, load_settings().fuse)
+    except AutoMapError as error:
+        return [Finding("error", str(error).rstrip("."))]
+    return [
+        Finding("ok", f"{'sensor' if p.role == 'imu' else 'receiver'} {p.file.stem}: {p.name}")
+        for p in presets
+    ]
 
 
 def _recordings(drive: Drive, collector: _Collector) -> tuple[bool, Recording | None]:

@@ -59,17 +59,27 @@ def load_settings(path: Path | None = None, assignments: Sequence[str] = ()) -> 
     """
     merged = read_toml(configs_dir() / "default.toml")
     _check_keys(merged, "configs/default.toml")
+    own: dict[str, Any] = {}
     if path is not None:
         overlay = read_toml(path)
         _check_keys(overlay, str(path))
-        merged = _overlay(merged, overlay)
+        merged, own = _overlay(merged, overlay), _overlay(own, overlay)
         _build(merged, str(path))
     for text in assignments:
         overlay = _assignment(text)
         _check_keys(overlay, f"--set {text}")
-        merged = _overlay(merged, overlay)
+        merged, own = _overlay(merged, overlay), _overlay(own, overlay)
         _build(merged, f"--set {text}")
-    return _build(merged, "configs/default.toml")
+    return _build(_overlay(merged, _stated(merged, own)), "configs/default.toml")
+
+
+def _stated(merged: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """What the user set himself in the fusion's section: no preset may replace it."""
+    from automap.io.receiver_file import FIGURES
+
+    of_sensors = {"accel_noise", "gyro_noise", "accel_bias_walk", "gyro_bias_walk"}
+    given = (of_sensors | set(FIGURES)) & set(own.get("fuse", {}))
+    return {"fuse": {"stated": sorted(given | set(merged["fuse"]["stated"]))}}
 
 
 def read_toml(path: Path) -> dict[str, Any]:

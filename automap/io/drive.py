@@ -20,6 +20,8 @@ from automap.io.manifest import (
     VideoSection,
     read_manifest,
 )
+from automap.io.receiver_file import find_receiver
+from automap.io.sensor_file import find_sensor
 from automap.records import Camera, FloatArray
 
 _IMU_FILE = "imu.csv"
@@ -178,7 +180,7 @@ def _load(folder: Path) -> Drive:
     if not folder.is_dir():
         raise InputError(f"{folder} is a file; give the drive folder that holds {names.MANIFEST}.")
     manifest = read_manifest(folder / names.MANIFEST)
-    _check_sensor(folder / names.MANIFEST, manifest.imu)
+    _check_presets(folder, manifest)
     finder = _Finder(folder)
     drive = Drive(
         path=folder,
@@ -252,12 +254,23 @@ class _Finder:
         return self.folder / given
 
 
-def _check_sensor(manifest_file: Path, imu: ImuSection) -> None:
+def _check_presets(folder: Path, manifest: Manifest) -> None:
+    """Whether counts can be converted, and whether sensor and receiver are known by name."""
+    imu, manifest_file = manifest.imu, folder / names.MANIFEST
     if "counts" in (imu.gyro_unit, imu.accel_unit) and not (imu.sensor or imu.calibration):
         raise ConfigError(
             f"{manifest_file}: [imu] is in counts but names no sensor; add sensor = "
             '"thinimu-micro" (a file in configs/sensors/) or calibration = "imu_calibration.toml".'
         )
+    for key, name, find in (
+        ("imu.sensor", imu.sensor, find_sensor),
+        ("gnss.receiver", manifest.gnss.receiver, find_receiver),
+    ):
+        if name is not None:
+            try:
+                find(name, folder)
+            except ConfigError as error:
+                raise ConfigError(f"{manifest_file}: {key}: {error}") from None
 
 
 def _videos(finder: _Finder, manifest: Manifest) -> dict[str, VideoInput]:

@@ -50,9 +50,11 @@ class ImuSection(Section):
 
 
 class GnssSection(Section):
-    """``[gnss]``. No ``lever_arm_m``: not measured, the fusion estimates it."""
+    """``[gnss]``. No ``lever_arm_m``: not measured, the fusion estimates it. ``receiver`` names a
+    file of ``configs/sensors/``."""
 
     file: str | None = None
+    receiver: str | None = None
     arrival: str | None = None
     arrival_time: TimeBase = "boot_ns"
     output_delay_s: Annotated[FiniteFloat, Field(ge=0, le=2)] | None = None

@@ -1,4 +1,4 @@
-"""Sensor files: what one count of an inertial sensor is worth, from its data sheet."""
+"""Sensor files: what one count of an inertial sensor is worth and how well it measures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,18 @@ from automap.records import FloatArray
 SCHEMA = "automap.sensor/1"
 STANDARD_GRAVITY = 9.80665
 _TRIAD_KEYS = frozenset(
-    {"bits", "adc_span_v", "sensitivity_v", "counts_per_unit", "zero_counts", "noise_density"}
+    {
+        "bits",
+        "adc_span_v",
+        "sensitivity_v",
+        "counts_per_unit",
+        "zero_counts",
+        "noise_density",
+        "bias_walk",
+        "bias_sd",
+        "scale_sd",
+        "misalignment_sd",
+    }
 )
 _TOP_KEYS = frozenset({"schema", "name", "gyro", "accel"})
 
@@ -25,13 +36,19 @@ _TOP_KEYS = frozenset({"schema", "name", "gyro", "accel"})
 class Triad:
     """Three axes: reading = (counts - zero) * scale.
 
-    ``scale`` [3] rad/s or m/s^2 per count, ``zero`` [3] counts; ``noise_density`` in
-    rad/s/sqrt(Hz) or m/s^2/sqrt(Hz), NaN when the file gives none.
+    ``scale`` [3] rad/s or m/s^2 per count, ``zero`` [3] counts. What follows is NaN where the
+    file does not give it: ``noise_density`` in rad/s/sqrt(Hz) or m/s^2/sqrt(Hz), ``bias_walk``
+    the same per second, and one sigma over many sensors of ``bias`` in rad/s or m/s^2, of
+    ``scale`` (relative) and of ``misalignment`` in rad.
     """
 
     scale: FloatArray
     zero: FloatArray
     noise_density: float
+    bias_walk: float = float("nan")
+    bias_sd: float = float("nan")
+    scale_sd: float = float("nan")
+    misalignment_sd: float = float("nan")
 
     def from_counts(self, counts: FloatArray) -> FloatArray:
         """Counts [n, 3] to SI units [n, 3]."""
@@ -61,17 +78,29 @@ def find_sensor(name: str, drive: Path | None = None) -> Path:
 
     Raises ConfigError naming the nearest known sensor.
     """
+    return find_preset(name, drive, SCHEMA, "sensor")
+
+
+def find_preset(name: str, drive: Path | None, schema: str, kind: str) -> Path:
+    """As ``find_sensor``, for files of one schema; ``kind`` is what messages call them."""
     file_name = name if name.endswith(".toml") else f"{name}.toml"
     folders = [folder for folder in (drive, sensors_dir()) if folder is not None]
     for folder in folders:
         if (folder / file_name).is_file():
             return folder / file_name
-    known = sorted(path.stem for folder in folders[-1:] for path in folder.glob("*.toml"))
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+    known = preset_names(schema)
+    near = difflib.get_close_matches(name.removesuffix(".toml"), known, n=1, cutoff=0.4)
     advice = f"did you mean {near[0]}?" if near else f"known are {', '.join(known) or 'none'}."
     raise ConfigError(
-        f"there is no sensor file {file_name} in configs/sensors/ or the drive; {advice}"
+        f"there is no {kind} file {file_name} in configs/sensors/ or the drive; {advice}"
     )
+
+
+def preset_names(schema: str) -> list[str]:
+    """Names of the files of a schema that come along."""
+    folder = sensors_dir()
+    paths = sorted(folder.glob("*.toml")) if folder is not None else []
+    return [path.stem for path in paths if f'"{schema}"' in path.read_text(encoding="utf-8")]
 
 
 def read_sensor(path: Path) -> SensorModel:
@@ -93,15 +122,8 @@ def read_sensor(path: Path) -> SensorModel:
 
     Raises ConfigError with the file and the key.
     """
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} cannot be read as UTF-8 text: {error}.") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}; correct that place.") from None
-    if data.get("schema") != SCHEMA:
-        raise ConfigError(f'{path}: the line schema = "{SCHEMA}" is missing; add it.')
-    _refuse_unknown(path, data, _TOP_KEYS, "")
+    data = read_preset(path, SCHEMA)
+    refuse_unknown(path, data, _TOP_KEYS, "")
     return SensorModel(
         name=str(data.get("name", path.stem)),
         gyro=_triad(path, data, "gyro", np.pi / 180.0),
@@ -109,7 +131,21 @@ def read_sensor(path: Path) -> SensorModel:
     )
 
 
-def _refuse_unknown(path: Path, table: dict[str, Any], known: frozenset[str], prefix: str) -> None:
+def read_preset(path: Path, schema: str) -> dict[str, Any]:
+    """The content of a file of a schema; raises ConfigError."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} cannot be read as UTF-8 text: {error}.") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}; correct that place.") from None
+    if data.get("schema") != schema:
+        raise ConfigError(f'{path}: the line schema = "{schema}" is missing; add it.')
+    return data
+
+
+def refuse_unknown(path: Path, table: dict[str, Any], known: frozenset[str], prefix: str) -> None:
+    """Raise ConfigError for a key that does not exist, naming the nearest that does."""
     for key in table:
         if key not in known:
             near = difflib.get_close_matches(key, sorted(known), n=1, cutoff=0.4)
@@ -123,7 +159,7 @@ def _triad(path: Path, data: dict[str, Any], name: str, unit: float) -> Triad:
     table = data.get(name)
     if not isinstance(table, dict):
         raise ConfigError(f"{path}: the section [{name}] is missing; add it.")
-    _refuse_unknown(path, table, _TRIAD_KEYS, f"{name}.")
+    refuse_unknown(path, table, _TRIAD_KEYS, f"{name}.")
     if "counts_per_unit" in table:
         scale = unit / _axes(path, table, f"{name}.counts_per_unit")
     else:
@@ -138,10 +174,30 @@ def _triad(path: Path, data: dict[str, Any], name: str, unit: float) -> Triad:
     zero = np.zeros(3)
     if "zero_counts" in table:
         zero = _axes(path, table, f"{name}.zero_counts", nonzero=False)
-    density = table.get("noise_density", float("nan"))
-    if not isinstance(density, int | float) or density < 0:
-        raise ConfigError(f"{path}: {name}.noise_density must be a number, not negative.")
-    return Triad(scale=scale, zero=zero, noise_density=float(density) * unit)
+
+    def figure(key: str, factor: float) -> float:
+        return positive_number(path, table, name, key) * factor
+
+    return Triad(
+        scale=scale,
+        zero=zero,
+        noise_density=figure("noise_density", unit),
+        bias_walk=figure("bias_walk", unit),
+        bias_sd=figure("bias_sd", unit),
+        scale_sd=figure("scale_sd", 1.0),
+        misalignment_sd=figure("misalignment_sd", 1.0),
+    )
+
+
+def positive_number(path: Path, table: dict[str, Any], section: str, key: str) -> float:
+    """A figure of a file's section, NaN where it is not given; ConfigError unless positive."""
+    if key not in table:
+        return float("nan")
+    value = table[key]
+    good = isinstance(value, int | float) and not isinstance(value, bool)
+    if not good or not 0.0 < value < float("inf"):
+        raise ConfigError(f"{path}: {section}.{key} must be a number above 0.")
+    return float(value)
 
 
 def _axes(path: Path, table: dict[str, Any], key: str, *, nonzero: bool = True) -> FloatArray:

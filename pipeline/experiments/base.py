@@ -11,11 +11,13 @@ import numpy as np
 
 from automap.earth import local_ned
 from automap.errors import InputError
+from automap.fusion.model import FusionOptions
 from automap.io import names
 from automap.io.atomic import atomic_path, make_folder, write_json
 from automap.records import Fixes, FloatArray, Trajectory
 from pipeline.config import Settings
 from pipeline.fusion_inputs import FusionInputs, read_inputs
+from pipeline.presets import fusion_options
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,17 +25,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A drive that went through ingest and sync, and where the results go."""
+    """A drive that went through ingest and sync, how to fuse it, and where the results go."""
 
     inputs: FusionInputs
-    settings: Settings
+    options: FusionOptions
     out: Path
 
     def save(self, name: str, figure: Figure, figures: dict[str, Any]) -> None:
         """Write NAME.png and NAME.json."""
-        with atomic_path(self.out / f"{name}.png") as path:
-            figure.savefig(path, format="png", dpi=120, bbox_inches="tight")
-        write_json(self.out / f"{name}.json", figures)
+        save(self.out, name, figure, figures)
+
+
+def save(out: Path, name: str, figure: Figure, figures: dict[str, Any]) -> None:
+    """Write NAME.png and NAME.json into a folder."""
+    with atomic_path(out / f"{name}.png") as path:
+        figure.savefig(path, format="png", dpi=120, bbox_inches="tight")
+    write_json(out / f"{name}.json", figures)
 
 
 def prepare(drive_path: Path, out: Path, settings: Settings) -> Experiment:
@@ -56,8 +63,10 @@ def prepare(drive_path: Path, out: Path, settings: Settings) -> Experiment:
     for name, what in ((names.IMU, "an IMU recording"), (names.FIXES, "GPS fixes")):
         if not (run_out / name).exists():
             raise InputError(f"{drive_path}: the experiment needs {what}, and the drive has none")
-    inputs = read_inputs(load_drive(drive_path), run_out, settings.fuse.imu_delay_sd_s)
-    return Experiment(inputs, settings, out)
+    drive = load_drive(drive_path)
+    inputs = read_inputs(drive, run_out, settings.fuse.imu_delay_sd_s)
+    options, _ = fusion_options(drive, settings.fuse)
+    return Experiment(inputs, options, out)
 
 
 def outage_windows(

@@ -9,7 +9,7 @@ from pipeline.experiments.base import Experiment, new_figure
 
 def run(experiment: Experiment) -> dict[str, Any]:
     """Plot smoothed biases with three-sigma bands."""
-    history = experiment.inputs.fuse(experiment.settings.fuse.options()).parameters
+    history = experiment.inputs.fuse(experiment.options).parameters
     t = (history.t_ns - history.t_ns[0]) * 1e-9
     figure, axes = new_figure(3, 2, (11, 8))
     result: dict[str, Any] = {}

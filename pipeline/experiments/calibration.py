@@ -27,7 +27,7 @@ IMU_ERRORS = ("accel_bias", "gyro_bias", "accel_scale", "gyro_scale")
 
 def run(experiment: Experiment, off_s: float, every_s: float) -> dict[str, Any]:
     """Fuse with and without estimated IMU errors through outages; plot and compare."""
-    inputs, options = experiment.inputs, experiment.settings.fuse.options()
+    inputs, options = experiment.inputs, experiment.options
     windows = outage_windows(inputs.fixes, off_s, every_s, every_s - off_s)
     cut = without(inputs.fixes, windows)
     reference = inputs.fuse(options).trajectory

@@ -19,7 +19,7 @@ from pipeline.experiments.base import (
 
 def run(experiment: Experiment, off_s: float, every_s: float) -> dict[str, Any]:
     """Cut the fixes, fuse, and compare filter and smoother with the run on all fixes."""
-    inputs, options = experiment.inputs, experiment.settings.fuse.options()
+    inputs, options = experiment.inputs, experiment.options
     windows = outage_windows(inputs.fixes, off_s, every_s, every_s - off_s)
     reference = inputs.fuse(options).trajectory
     cut = inputs.fuse(options, without(inputs.fixes, windows))

@@ -14,11 +14,11 @@ _BLOCKS = ("position", "velocity")
 
 def run(experiment: Experiment) -> dict[str, Any]:
     """Plot the moving mean of the normalised innovation squared with its 95 % band."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
     from automap.fusion.consistency import channel_consistency, verdict
 
-    table = experiment.inputs.fuse(experiment.settings.fuse.options()).innovations
+    table = experiment.inputs.fuse(experiment.options).innovations
     figure, axes = new_figure(2, 1, (10, 7))
     result: dict[str, Any] = {"verdict": verdict(channel_consistency(table))}
     for row, block in enumerate(_BLOCKS):
@@ -38,7 +38,7 @@ def run(experiment: Experiment) -> dict[str, Any]:
         dof = float(np.median(count)) * width
         plot = axes[row, 0]
         plot.plot(t[: len(ratio)] + 0.5 * (t[width - 1] - t[0]), ratio, "C0", lw=1)
-        low, high = (float(chi2.ppf(p, dof)) / dof for p in (0.025, 0.975))
+        low, high = (float(chdtri(dof, p)) / dof for p in (0.975, 0.025))
         plot.axhspan(low, high, color="0.88", label="95 % if the model is right")
         plot.axhline(1.0, color="k", lw=0.5)
         plot.set(ylabel=f"{block}: NIS per degree of freedom", xlabel="time, s")

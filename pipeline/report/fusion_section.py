@@ -44,6 +44,7 @@ def fusion_section(products: RunProducts) -> Section:
         section.sentences.append(_METHODS.get(str(method), f"The path was found by: {method}."))
         return section
     section.sentences += _start(content)
+    section.sentences += _presets(content)
     section.sentences += _delay(content)
     section.sentences += _mounting(content, section)
     section.sentences += _standstill(content)
@@ -95,6 +96,22 @@ def _count(content: dict[str, Any], channel: str) -> str:
     entry = channels.get(channel) if isinstance(channels, dict) else None
     count = _number(entry.get("count")) if isinstance(entry, dict) else None
     return "" if count is None else f"{count:,.0f} "
+
+
+def _presets(content: dict[str, Any]) -> list[str]:
+    presets = content.get("presets")
+    if not isinstance(presets, dict):
+        return []
+    told = [
+        f"{what} of type {entry['name']}"
+        for role, what in (("imu", "the inertial sensor is"), ("gnss", "the receiver is"))
+        if isinstance(entry := presets.get(role), dict) and "name" in entry
+    ]
+    if not told:
+        return []
+    text = " and ".join(told)
+    return [f"{text[0].upper()}{text[1:]}: its data sheet gave the noise and the spread of its "
+            "errors that the fusion began with."]  # fmt: skip
 
 
 def _delay(content: dict[str, Any]) -> list[str]:

@@ -70,6 +70,10 @@ class FuseSettings(Section):
     imu_delay_sd_s: PositiveFloat = 0.05
     """IMU stamps against a clock shared with the receiver, s."""
 
+    stated: tuple[str, ...] = ()
+    """Settings of this section that a preset of sensor or receiver leaves as they are; those of
+    ``--config`` and ``--set`` are added."""
+
     @field_validator("factors")
     @classmethod
     def _levels_exist(cls, value: dict[str, float]) -> dict[str, float]:
@@ -82,5 +86,5 @@ class FuseSettings(Section):
 
     def options(self) -> FusionOptions:
         """The library's form of these settings."""
-        values = self.model_dump(exclude={"imu_delay_sd_s"})
+        values = self.model_dump(exclude={"imu_delay_sd_s", "stated"})
         return FusionOptions(**values)

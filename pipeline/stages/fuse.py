@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from automap.fusion.engine import FusionResult
     from automap.io.drive import Drive
     from automap.records import ClockModel, Trajectory
+    from pipeline.presets import Preset
 
 
 def run(context: StageContext) -> None:
@@ -77,31 +78,36 @@ def _take_finished(context: StageContext) -> None:
 def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None:
     from automap.fusion.gnss_only import smooth_fixes
     from automap.io.tables import read_fixes
+    from pipeline.presets import fusion_options
 
     context.warn(
         f"{reason}: the trajectory is the smoothed GPS track alone, with headings from the "
         "course; positions of signs will be less sure"
     )
     fixes = read_fixes(context.out / names.FIXES)
-    trajectory = smooth_fixes(fixes, clock, context.settings.fuse.options())
+    options, presets = fusion_options(context.drive, context.settings.fuse)
+    trajectory = smooth_fixes(fixes, clock, options)
     _write_trajectory(context, trajectory, names.TRAJECTORY)
-    _write_summary(context, {"method": "gnss only", "epochs": len(trajectory)})
+    content = {"method": "gnss only", "epochs": len(trajectory)}
+    _write_summary(context, content | {"presets": _note_presets(context, presets)})
     context.result = f"{len(trajectory)} epochs from GPS alone, smoothed"
 
 
 def _fuse(context: StageContext) -> None:
     from pipeline.fusion_inputs import read_inputs
+    from pipeline.presets import fusion_options
 
     settings = context.settings.fuse
     inputs = read_inputs(context.drive, context.out, settings.imu_delay_sd_s)
-    result = inputs.fuse(settings.options(), progress=context.progress)
+    options, presets = fusion_options(context.drive, settings)
+    result = inputs.fuse(options, progress=context.progress)
     for text in result.warnings:
         context.warn(text)
     _write_trajectory(context, result.trajectory, names.TRAJECTORY)
     _write_trajectory(context, result.filtered, names.TRAJECTORY_FILTER)
     _write_parameters(context, result)
     _write_innovations(context, result)
-    _report(context, result, inputs.delay_is_clock)
+    _report(context, result, inputs.delay_is_clock, _note_presets(context, presets))
     if settings.tune:
         _write_tuned(context, result)
     metrics = context.metrics
@@ -159,7 +165,16 @@ def _write_tuned(context: StageContext, result: FusionResult) -> None:
     write_text(context.work / names.TUNED, "\n".join(lines) + "\n")
 
 
-def _report(context: StageContext, result: FusionResult, is_clock: bool) -> None:
+def _note_presets(context: StageContext, presets: list[Preset]) -> dict[str, Any]:
+    """The presets in use, as metrics and for fusion.json."""
+    for preset in presets:
+        context.metric(f"{preset.role}_preset", preset.file.stem)
+    return {preset.role: preset.as_dict() for preset in presets}
+
+
+def _report(
+    context: StageContext, result: FusionResult, is_clock: bool, presets: dict[str, Any]
+) -> None:
     """Figures for run.json and fusion.json."""
     from dataclasses import asdict
 
@@ -194,6 +209,7 @@ def _report(context: StageContext, result: FusionResult, is_clock: bool) -> None
         context,
         {
             "method": "inertial",
+            "presets": presets,
             "imu_delay_s": result.delay.mean,
             "imu_delay_sd_s": result.delay.sd,
             "delay_is_clock": is_clock,
@@ -218,7 +234,9 @@ def _write_summary(context: StageContext, content: dict[str, Any]) -> None:
 
 
 def _inputs(drive: Drive) -> list[Path]:
-    files = [drive.manifest_file]
+    from pipeline.presets import preset_files
+
+    files = [drive.manifest_file, *preset_files(drive)]
     if drive.trajectory_file is not None:
         files.append(drive.trajectory_file)
     return files
@@ -226,7 +244,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="fuse",
-    version=1,
+    version=2,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.ODOMETER, names.SYNC, names.INGEST),

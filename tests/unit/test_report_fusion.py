@@ -30,6 +30,12 @@ EVALUATION = {
 }
 
 
+def test_the_presets_in_use_are_told(tmp_path: Path) -> None:
+    presets = {"imu": {"preset": "mpu9150", "name": "MPU-9150"}, "gnss": {"name": "u-blox M8"}}
+    text = said(tmp_path, {**FUSION, "presets": presets})
+    assert "The inertial sensor is of type MPU-9150 and the receiver is of type u-blox M8: " in text
+
+
 def said(out: Path, content: Any) -> str:
     (out / names.FUSION).write_text(json.dumps(content))
     section = fusion_section(RunProducts(out))
