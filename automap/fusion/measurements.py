@@ -104,14 +104,19 @@ class Nodes:
 
     def first(self, count: int) -> Nodes:
         """The first nodes alone."""
+        return self.between(0, count)
+
+    def between(self, start: int, stop: int) -> Nodes:
+        """The nodes from ``start`` to before ``stop``."""
+        part = slice(start, stop)
         return Nodes(
-            self.t[:count],
-            self.flags[:count],
-            self.values[:count],
-            self.var[:count],
-            self.wander_sd[:count],
-            self.fix_row[:count],
-            self.wander_keep[:count],
+            self.t[part],
+            self.flags[part],
+            self.values[part],
+            self.var[part],
+            self.wander_sd[part],
+            self.fix_row[part],
+            self.wander_keep[part],
         )
 
     def first_moving(self, moving_s: float, most_s: float) -> Nodes:

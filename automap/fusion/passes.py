@@ -22,10 +22,9 @@ from automap.fusion.problem import (
     Start,
     contained,
     make_problem,
-    run_forward,
-    run_smoother,
     states_about,
 )
+from automap.fusion.sections import filter_and_smooth
 from automap.records import FloatArray, ImuData
 
 DELAY_CONVERGED_S = 0.0005
@@ -147,9 +146,12 @@ def run_passes(
             del smoothed
             relinearised += 1
         last = None
-        forward = run_forward(problem, nodes, start, shift, about=about)
+        # only a relinearised pass can be the last
+        final = number > 1 or options.iterations == 0
+        forward, smooth = filter_and_smooth(
+            problem, nodes, start, shift, about=about, with_cov=final
+        )
         del about
-        smooth = run_smoother(problem, forward)
         last = Pass(problem, nodes, forward, smooth, shift, factors)
         del forward
         # begin again at the smoothed start, as unsure as before: only the linearisation gains

@@ -78,11 +78,16 @@ class Start:
 
 @dataclass(frozen=True)
 class ForwardRun:
-    """What the forward filter leaves for the smoother and the tables."""
+    """What the forward filter leaves for the smoother and the tables.
+
+    ``cov`` [k, r, r] of the reported rows where the run went in sections: then ``store`` has
+    no covariances, transitions, rows and gains.
+    """
 
     nodes: Nodes
     store: ForwardStore
     score: float
+    cov: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -174,28 +179,53 @@ def run_forward(
 
     ``shift`` is what the nodes' times already contain of the delays; the states hold the rest.
     """
+    out = empty_store(nodes if store else nodes.first(0), problem.model.size)
+    score = filter_into(out, problem, nodes, first_state(problem, start, shift), about)
+    return ForwardRun(nodes, out, score)
+
+
+@dataclass(frozen=True)
+class FilterState:
+    """Where a filter stands: nominal state [10], parameters [n - 9], covariance [n, n]."""
+
+    nominal: FloatArray
+    params: FloatArray
+    cov: FloatArray
+
+
+def first_state(problem: Problem, start: Start, shift: Shift) -> FilterState:
+    """The state before anything was measured."""
     model = problem.model
-    n = model.size
-    xi0 = model.prior_mean.copy()
+    params = model.prior_mean.copy()
     for name, value in contained(shift):
         if name in model.names:
-            xi0[model.names.index(name)] -= value
-    p0 = np.diag(np.concatenate([start.sd, model.prior_sd]) ** 2)
-    out = _empty_store(nodes if store else nodes.first(0), n)
+            params[model.names.index(name)] -= value
+    cov = np.diag(np.concatenate([start.sd, model.prior_sd]) ** 2)
+    return FilterState(start.nominal, params, cov)
+
+
+def filter_into(
+    store: ForwardStore,
+    problem: Problem,
+    nodes: Nodes,
+    state: FilterState,
+    about: PathStates | None,
+) -> float:
+    """Filter over the nodes from ``state`` at the first of them; returns the score."""
     score = kernels.run_forward(
         problem.samples,
         problem.arrays,
         NodeArrays(
             nodes.t, nodes.flags, nodes.values, nodes.var, nodes.wander_sd, nodes.wander_keep
         ),
-        start.nominal,
-        xi0,
-        p0,
+        state.nominal,
+        state.params,
+        state.cov,
         np.zeros((0, 10)) if about is None else about.nominal,
-        np.zeros((0, n - N_NAV)) if about is None else about.params,
-        out,
+        np.zeros((0, problem.model.size - N_NAV)) if about is None else about.params,
+        store,
     )
-    return ForwardRun(nodes, out, float(score))
+    return float(score)
 
 
 def states_about(
@@ -215,7 +245,8 @@ def states_about(
     return PathStates(states_at(problem.t[good], dense[good], nodes.t), params)
 
 
-def _empty_store(nodes: Nodes, n: int) -> ForwardStore:
+def empty_store(nodes: Nodes, n: int) -> ForwardStore:
+    """Room for what a run over the nodes leaves, with ``n`` states."""
     k = len(nodes.t)
     per_node = np.zeros(k, dtype=np.int64)
     for bit, rows in _ROWS_OF_FLAG:
@@ -237,13 +268,35 @@ def _empty_store(nodes: Nodes, n: int) -> ForwardStore:
     )
 
 
-def run_smoother(problem: Problem, forward: ForwardRun) -> SmoothRun:
-    """Smooth a stored forward run."""
+@dataclass(frozen=True)
+class Adjoint:
+    """What all later measurements say: [n] and [n, n], changed in place."""
+
+    lam: FloatArray
+    big: FloatArray
+
+
+def no_adjoint(n: int) -> Adjoint:
+    """The adjoint at the end of a drive."""
+    return Adjoint(np.zeros(n), np.zeros((n, n)))
+
+
+def run_smoother(
+    problem: Problem,
+    forward: ForwardRun,
+    adjoint: Adjoint | None = None,
+    with_cov: bool = True,
+) -> SmoothRun:
+    """Smooth a stored forward run, back from ``adjoint`` (default: the end of the drive).
+
+    Without ``with_cov`` the covariances per node are left out.
+    """
     store = forward.store
     rows = reported_rows(problem.model)
     k, n = store.mean.shape
+    adjoint = adjoint or no_adjoint(n)
     dx = np.empty((k, n))
-    cov = np.empty((k, len(rows), len(rows)))
+    cov = np.empty((k if with_cov else 0, len(rows), len(rows)))
     variances = np.empty((k, n - N_NAV))
     kernels.run_smoother(
         forward.nodes.t,
@@ -253,6 +306,8 @@ def run_smoother(problem: Problem, forward: ForwardRun) -> SmoothRun:
         store,
         rows,
         PARAMETER_STEP_S,
+        adjoint.lam,
+        adjoint.big,
         dx,
         cov,
         variances,
@@ -286,15 +341,21 @@ def filtered_states(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The forward filter's own states [k, 10], parameters [k, n - 9] and covariance [k, r, r]
     of navigation errors and mounting after each update."""
+    nominal, params = forward.store.nominal.copy(), forward.store.params.copy()
+    kernels.apply_correction(nominal, params, forward.store.mean)
+    return nominal, params, reported_cov(problem, forward)
+
+
+def reported_cov(problem: Problem, forward: ForwardRun) -> FloatArray:
+    """The filter's covariance [k, r, r] of the reported rows after each update."""
+    if forward.cov is not None:
+        return forward.cov
     rows = reported_rows(problem.model)
     n = problem.model.size
     low = np.minimum(rows[:, None], rows[None, :])
     high = np.maximum(rows[:, None], rows[None, :])
     # place of an element in the packed upper triangle
-    cov = forward.store.cov[:, low * n - low * (low - 1) // 2 + high - low]
-    nominal, params = forward.store.nominal.copy(), forward.store.params.copy()
-    kernels.apply_correction(nominal, params, forward.store.mean)
-    return nominal, params, cov
+    return np.asarray(forward.store.cov[:, low * n - low * (low - 1) // 2 + high - low])
 
 
 def run_dense(

@@ -146,20 +146,23 @@ def run_smoother(
     store: ForwardStore,
     rows: IntArray,
     every_s: float,
+    lam: FloatArray,
+    big: FloatArray,
     dx: FloatArray,
     cov_rows: FloatArray,
     variances: FloatArray,
 ) -> None:
     """Corrections ``dx`` [k, n] to the forward estimates, with their covariances.
 
+    ``lam`` [n] and ``big`` [n, n] the adjoint after the last node, zero at the end of a drive;
+    they are left as they are before the first.
+
     ``keep`` [k, 3] and ``wander`` as in the forward pass. They refer to the state after the
     update of each node. ``cov_rows`` [k, r, r] receives the
-    covariance of the states ``rows`` [r]; ``variances`` [k, n - 9] those of the parameters, at
-    least every ``every_s`` seconds (NaN between).
+    covariance of the states ``rows`` [r], or is empty; ``variances`` [k, n - 9] those of the
+    parameters, at least every ``every_s`` seconds (NaN between).
     """
     n_nodes, n = dx.shape
-    lam = np.zeros(n)
-    big = np.zeros((n, n))
     u = np.zeros((n, n))
     cov = np.zeros((n, n))
     work = np.zeros(n)
@@ -173,7 +176,8 @@ def run_smoother(
             for j in range(n):
                 s += cov[i, j] * lam[j]
             dx[k, i] = -s
-        _smoothed_rows(cov, big, rows, u, cov_rows[k])
+        if cov_rows.shape[0] > 0:
+            _smoothed_rows(cov, big, rows, u, cov_rows[k])
         if k == 0 or noted - node_t[k] >= every_s:
             _smoothed_variances(cov, big, variances[k])
             noted = node_t[k]

@@ -122,14 +122,15 @@ def update_scalar(
         if a != 0.0:
             s += a * k_out[i]
             nu -= a * dx[i]
-    inv = 1.0 / s
-    for i in range(n):
-        ki = k_out[i] * inv
-        for j in range(i, n):
-            v = p[i, j] - ki * k_out[j]
-            p[i, j] = v
-            p[j, i] = v
+    root = 1.0 / math.sqrt(s)
     for j in range(n):
-        k_out[j] *= inv
+        k_out[j] *= root
+    # whole rows: twice the work of a triangle, yet faster, and exactly symmetric
+    for i in range(n):
+        ki = k_out[i]
+        for j in range(n):
+            p[i, j] -= ki * k_out[j]
+    for j in range(n):
+        k_out[j] *= root
         dx[j] += k_out[j] * nu
     return nu, s

@@ -1,0 +1,168 @@
+"""Filter and smoother over long drives, section by section, in bounded memory.
+
+What the smoother needs of a node is some twelve kilobytes. So a first forward run keeps that
+only for one section at a time, and of the others the state at their first node; going back,
+each section is filtered once more. The result is that of a run in one piece.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from automap.fusion import kernels
+from automap.fusion.kernels import ForwardStore
+from automap.fusion.measurements import Nodes, Shift
+from automap.fusion.problem import (
+    FilterState,
+    ForwardRun,
+    PathStates,
+    Problem,
+    SmoothRun,
+    Start,
+    empty_store,
+    filter_into,
+    first_state,
+    full_covariance,
+    no_adjoint,
+    reported_cov,
+    run_forward,
+    run_smoother,
+)
+
+SECTION_NODES = 24_000
+"""Longest stretch whose details are kept at once; over an hour of fixes five times a second."""
+
+
+def filter_and_smooth(
+    problem: Problem,
+    nodes: Nodes,
+    start: Start,
+    shift: Shift,
+    about: PathStates | None = None,
+    with_cov: bool = True,
+    section_nodes: int = SECTION_NODES,
+) -> tuple[ForwardRun, SmoothRun]:
+    """Filter forward and smooth back over all nodes (see ``run_forward``, ``run_smoother``)."""
+    bounds = _bounds(nodes, section_nodes)
+    if len(bounds) == 2:
+        forward = run_forward(problem, nodes, start, shift, about=about)
+        return forward, run_smoother(problem, forward, with_cov=with_cov)
+    state = first_state(problem, start, shift)
+    states: list[FilterState] = []
+    parts: list[ForwardRun] = []
+    for a, b in pairwise(bounds):
+        states.append(state)
+        run = _filter_section(problem, nodes, a, b, state, about)
+        state = _state_after(problem, run)
+        parts.append(_light(problem, run))
+    adjoint = no_adjoint(problem.model.size)
+    smoothed: list[SmoothRun] = []
+    for number in range(len(parts) - 1, -1, -1):
+        a, b = bounds[number], bounds[number + 1]
+        if number < len(parts) - 1:
+            del run
+            run = _filter_section(problem, nodes, a, b, states[number], about)
+        smoothed.append(run_smoother(problem, run, adjoint, with_cov))
+    del run
+    return _join_forward(nodes, parts), _join_smooth(nodes, smoothed[::-1])
+
+
+def _bounds(nodes: Nodes, section_nodes: int) -> list[int]:
+    """First nodes of the sections, and the last node of all; time passes after each."""
+    last = len(nodes.t) - 1
+    bounds = [0]
+    while last - bounds[-1] > section_nodes:
+        cut = bounds[-1] + section_nodes
+        while cut < last and nodes.t[cut + 1] <= nodes.t[cut]:
+            cut += 1
+        bounds.append(cut)
+    if bounds[-1] < last or len(bounds) == 1:
+        bounds.append(last)
+    return bounds
+
+
+def _filter_section(
+    problem: Problem,
+    nodes: Nodes,
+    a: int,
+    b: int,
+    state: FilterState,
+    about: PathStates | None,
+) -> ForwardRun:
+    """Filter from node ``a``, whose own measurements ``state`` already has (but for the first
+    of all), to node ``b``."""
+    part = nodes.between(a, b + 1)
+    if a > 0:
+        flags = part.flags.copy()
+        flags[0] = 0
+        part = replace(part, flags=flags)
+    store = empty_store(part, problem.model.size)
+    path = None
+    if about is not None:
+        path = PathStates(about.nominal[a : b + 1], about.params[a : b + 1])
+    return ForwardRun(part, store, filter_into(store, problem, part, state, path))
+
+
+def _state_after(problem: Problem, run: ForwardRun) -> FilterState:
+    store = run.store
+    nominal, params = store.nominal[-1:].copy(), store.params[-1:].copy()
+    kernels.apply_correction(nominal, params, store.mean[-1:])
+    cov = full_covariance(store.cov[-1:], problem.model.size)[0]
+    return FilterState(nominal[0], params[0], cov)
+
+
+def _light(problem: Problem, run: ForwardRun) -> ForwardRun:
+    """The run without what only the smoother needs."""
+    n = problem.model.size
+    store = run.store._replace(
+        trans=np.zeros((0, 9, n)),
+        cov=np.zeros((0, n * (n + 1) // 2)),
+        h=np.zeros((0, n)),
+        gain=np.zeros((0, n)),
+    )
+    return ForwardRun(run.nodes, store, run.score, reported_cov(problem, run))
+
+
+def _join_forward(nodes: Nodes, parts: list[ForwardRun]) -> ForwardRun:
+    """One run of its sections; a section's first node is the last of the one before."""
+    node, scalar = 0, 0
+    scalars, info = [], []
+    for i, part in enumerate(parts):
+        rows = part.store.info.copy()
+        rows[:, 0] += node
+        info.append(rows)
+        scalars.append(part.store.scalars[min(i, 1) :] + scalar)
+        node += len(part.nodes.t) - 1
+        scalar += len(rows)
+
+    def joined(name: str) -> np.ndarray:
+        return np.concatenate([getattr(p.store, name)[min(i, 1) :] for i, p in enumerate(parts)])
+
+    first = parts[0].store
+    store = ForwardStore(
+        nominal=joined("nominal"),
+        params=joined("params"),
+        mean=joined("mean"),
+        trans=first.trans,
+        cov=first.cov,
+        scalars=np.concatenate(scalars),
+        h=first.h,
+        gain=first.gain,
+        nu=np.concatenate([p.store.nu for p in parts]),
+        var=np.concatenate([p.store.var for p in parts]),
+        info=np.concatenate(info),
+        nis=joined("nis"),
+    )
+    covs = [p.cov for p in parts if p.cov is not None]
+    cov = np.concatenate([c[min(i, 1) :] for i, c in enumerate(covs)])
+    return ForwardRun(nodes, store, sum(p.score for p in parts), cov)
+
+
+def _join_smooth(nodes: Nodes, parts: list[SmoothRun]) -> SmoothRun:
+    def joined(name: str) -> np.ndarray:
+        return np.concatenate([getattr(p, name)[min(i, 1) :] for i, p in enumerate(parts)])
+
+    return SmoothRun(joined("nominal"), joined("params"), nodes, joined("cov"), joined("param_var"))
