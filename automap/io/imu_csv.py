@@ -125,14 +125,16 @@ def read_imu_csv(
     if len(kept) < 2:
         raise InputError(f"{path}: all rows bear the same t_ns; record with a running clock.")
     stamps = t_ns[kept]
+    if len(kept) < len(table) or order.reordered:
+        gyro_raw, accel_raw = gyro_raw[kept], accel_raw[kept]
     if form.calibration is not None:
-        gyro, accel = form.calibration.apply(gyro_raw[kept], accel_raw[kept])
+        gyro, accel = form.calibration.apply(gyro_raw, accel_raw)
     else:
-        gyro = _to_si(gyro_raw[kept], "gyro", form)
-        accel = _to_si(accel_raw[kept], "accel", form)
+        gyro, accel = _to_si(gyro_raw, "gyro", form), _to_si(accel_raw, "accel", form)
     C = form.C_vehicle_sensor
     if C is not None:
-        gyro, accel = gyro @ C.T, accel @ C.T
+        # not with @, which starts the linear algebra's threads for three columns
+        gyro, accel = (np.einsum("ij,nj->ni", C, triad) for triad in (gyro, accel))
     temp = None
     if "temp_c" in table.columns:
         temp = _fill(table.floats("temp_c")[kept])

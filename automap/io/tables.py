@@ -35,8 +35,14 @@ def write_columns(
     path: Path,
     columns: Mapping[str, np.ndarray],
     metadata: Mapping[str, str] | None = None,
+    *,
+    split: tuple[str, ...] = (),
 ) -> None:
-    """Write named columns [n] as one Parquet file, atomically, with file metadata."""
+    """Write named columns [n] as one Parquet file, atomically, with file metadata.
+
+    The float columns named in ``split`` are stored with their like bytes together, which
+    packs noisy signals in half the time; readers older than Parquet 2.8 do not know it.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -45,7 +51,13 @@ def write_columns(
         table = table.replace_schema_metadata(dict(metadata))
     with atomic_path(path) as temporary:
         # dictionary encoding of noise costs time and gains nothing
-        pq.write_table(table, temporary, compression="zstd", use_dictionary=False)
+        pq.write_table(
+            table,
+            temporary,
+            compression="zstd",
+            use_dictionary=False,
+            use_byte_stream_split=list(split),
+        )
 
 
 def read_table(path: Path, required: tuple[str, ...] = ()) -> pa.Table:
@@ -91,7 +103,8 @@ def write_imu(path: Path, imu: ImuData) -> None:
         columns |= {name: values[:, i] for i, name in enumerate(names)}
     if imu.temp_c is not None:
         columns["temp_c"] = imu.temp_c
-    write_columns(path, columns, {"axes_known": "true" if imu.axes_known else "false"})
+    metadata = {"axes_known": "true" if imu.axes_known else "false"}
+    write_columns(path, columns, metadata, split=(*_IMU_GYRO, *_IMU_ACCEL))
 
 
 def read_imu(path: Path) -> ImuData:
