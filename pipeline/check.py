@@ -215,10 +215,10 @@ def _finished(drive: Drive, collector: _Collector) -> bool | None:
     there are none."""
     usable = None
     if drive.trajectory_file is not None:
-        from automap.io.trajectory_csv import read_trajectory_csv
+        from automap.io.finished import read_finished
 
         try:
-            finished = read_trajectory_csv(drive.trajectory_file)
+            finished = read_finished(drive.trajectory_file)
         except InputError as error:
             collector.add(drive.trajectory_file, [Finding("error", str(error))])
             usable = False
@@ -226,6 +226,9 @@ def _finished(drive: Drive, collector: _Collector) -> bool | None:
             text = f"{len(finished.data)} rows; used instead of the IMU and the receiver"
             findings = [Finding("ok", text)]
             findings += [Finding("warning", text) for text in finished.warnings]
+            if drive.trajectory_file.suffix == ".pos" and drive.lever_arm.any():
+                text = "positions are taken as the IMU's; lever_arm_m is not applied to them"
+                findings.append(Finding("info", text))
             collector.add(drive.trajectory_file, findings)
             usable = True
     if drive.bearings_file is not None:

@@ -191,7 +191,7 @@ def _load(folder: Path) -> Drive:
         gnss_file=finder.require(manifest.gnss.file, "gnss.file", _GNSS_FILES),
         arrival_file=finder.find(manifest.gnss.arrival, "gnss.arrival", (_ARRIVAL_FILE,)),
         odometer_file=finder.find(manifest.odometer.file, "odometer.file", (_ODOMETER_FILE,)),
-        trajectory_file=finder.find(None, "", (names.FINISHED_TRAJECTORY,)),
+        trajectory_file=finder.find(None, "", names.FINISHED_TRAJECTORIES),
         bearings_file=finder.find(None, "", (names.BEARINGS,)),
         truth_dir=folder / names.TRUTH_DIR if (folder / names.TRUTH_DIR).is_dir() else None,
         videos=_videos(finder, manifest),
@@ -201,7 +201,8 @@ def _load(folder: Path) -> Drive:
         missing = "".join(f" {text}." for text in finder.warnings)
         raise InputError(
             f"{folder} holds no recording.{missing} Put imu.csv and gnss.ubx (or "
-            f"trajectory.csv, or bearings.csv) beside {names.MANIFEST}, or name the files in it."
+            f"trajectory.csv or .pos, or bearings.csv) beside {names.MANIFEST}, or name the files "
+            "in it."
         )
     return drive
 

@@ -34,5 +34,5 @@ MANIFEST = "drive.toml"
 TRUTH_DIR = "truth"
 TRUTH_TRAJECTORY = "trajectory.csv"
 TRUTH_SIGNS = "signs.geojson"
-FINISHED_TRAJECTORY = "trajectory.csv"
+FINISHED_TRAJECTORIES = ("trajectory.csv", "trajectory.pos")
 BEARINGS = "bearings.csv"

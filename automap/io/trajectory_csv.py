@@ -1,37 +1,25 @@
-"""A finished trajectory from other software, ``trajectory.csv``."""
+"""A finished trajectory from other software as CSV, ``trajectory.csv``."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from automap.earth import metres_per_radian
 from automap.errors import InputError
 from automap.io.csv_columns import CsvColumns, read_columns
+from automap.io.finished import (
+    DEFAULT_SD_DEG,
+    DEFAULT_SD_M,
+    DEFAULT_SD_M_S,
+    FinishedTrajectory,
+    course_attitude,
+    differenced_velocity,
+    given_or,
+)
 from automap.io.stamps import order_stamps
 from automap.io.trajectory_table import COLUMNS
 from automap.records import FloatArray, IntArray, Trajectory
-
-DEFAULT_SD_M = 0.1
-DEFAULT_SD_M_S = 0.1
-DEFAULT_SD_DEG = 0.1
-_COURSE_SD_DEG = 3.0
-"""For a heading taken from the course and a vehicle taken as level."""
-_SLOWEST_M_S = 1.0
-"""Below this the course says nothing about the heading."""
-
-
-@dataclass(frozen=True)
-class FinishedTrajectory:
-    """A trajectory as given; ``time`` says which stamps the file had: "t_ns", "gps_s" or
-    "both". The missing kind is ``gps_s`` NaN, or ``t_ns`` made from ``gps_s`` (nanoseconds
-    of GPS time)."""
-
-    data: Trajectory
-    time: str
-    warnings: tuple[str, ...]
 
 
 def read_trajectory_csv(path: Path) -> FinishedTrajectory:
@@ -71,7 +59,8 @@ def read_trajectory_csv(path: Path) -> FinishedTrajectory:
     seconds = (t_ns - t_ns[0]) * 1e-9
     height = _height(path, table, rows, warnings)
     velocity = _velocity(path, table, rows, warnings, seconds, lat, lon, height)
-    rpy, rpy_sd = _attitude(path, table, rows, warnings, velocity)
+    velocity_sd = _sd(table, rows, ("sd_vn", "sd_ve", "sd_vd"), DEFAULT_SD_M_S)
+    rpy, rpy_sd = _attitude(path, table, rows, warnings, velocity, velocity_sd)
     data = Trajectory(
         t_ns=t_ns,
         gps_s=gps_s,
@@ -81,8 +70,8 @@ def read_trajectory_csv(path: Path) -> FinishedTrajectory:
         vel_ned=velocity,
         rpy=rpy,
         sd_pos_ned=_sd(table, rows, ("sd_n_m", "sd_e_m", "sd_d_m"), DEFAULT_SD_M),
-        sd_vel_ned=_sd(table, rows, ("sd_vn", "sd_ve", "sd_vd"), DEFAULT_SD_M_S),
-        sd_rpy=np.radians(_sd(table, rows, ("sd_roll_deg", "sd_pitch_deg", "sd_yaw_deg"), rpy_sd)),
+        sd_vel_ned=velocity_sd,
+        sd_rpy=rpy_sd,
     )
     return FinishedTrajectory(data, time, tuple(warnings))
 
@@ -130,38 +119,28 @@ def _velocity(
     if velocity is not None:
         return velocity
     warnings.append(f"{path} has no complete velocity; it is differenced from the positions")
-    north, east = metres_per_radian(lat, height)
-    lon = np.unwrap(lon)
-    rates = [np.gradient(values, seconds) for values in (lat, lon, height)]
-    return np.column_stack([rates[0] * north, rates[1] * east, -rates[2]])
+    return differenced_velocity(seconds, lat, lon, height)
 
 
 def _attitude(
-    path: Path, table: CsvColumns, rows: IntArray, warnings: list[str], velocity: FloatArray
-) -> tuple[FloatArray, float]:
-    """Roll, pitch, yaw [n, 3] rad and the sd in degrees to take where the file has none."""
+    path: Path,
+    table: CsvColumns,
+    rows: IntArray,
+    warnings: list[str],
+    velocity: FloatArray,
+    velocity_sd: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Roll, pitch, yaw [n, 3] and their sd [n, 3], rad."""
+    columns = ("sd_roll_deg", "sd_pitch_deg", "sd_yaw_deg")
     rpy = _columns(table, rows, ("roll_deg", "pitch_deg", "yaw_deg"))
     if rpy is not None:
-        return np.radians(rpy), DEFAULT_SD_DEG
-    warnings.append(
-        f"{path} has no complete attitude; the vehicle is taken as level and heading along its "
-        f"course, to {_COURSE_SD_DEG:g} deg"
-    )
-    speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    moving = np.flatnonzero(speed > _SLOWEST_M_S)
-    if not len(moving):
-        raise InputError(
-            f"{path} has no attitude and never moves faster than {_SLOWEST_M_S:g} m/s, so the "
-            "heading is unknown; add roll_deg, pitch_deg, yaw_deg."
-        )
-    course = np.unwrap(np.arctan2(velocity[moving, 1], velocity[moving, 0]))
-    yaw = np.interp(np.arange(len(rows)), moving, course)
-    yaw = (yaw + np.pi) % (2 * np.pi) - np.pi
-    return np.column_stack([np.zeros(len(rows)), np.zeros(len(rows)), yaw]), _COURSE_SD_DEG
+        return np.radians(rpy), np.radians(_sd(table, rows, columns, DEFAULT_SD_DEG))
+    found, sd, warning = course_attitude(path, velocity, velocity_sd)
+    warnings.append(warning)
+    return found, sd
 
 
 def _sd(table: CsvColumns, rows: IntArray, columns: tuple[str, ...], default: float) -> FloatArray:
     """One-sigma columns [n, 3]; the default where a value is missing or not positive."""
     values = np.column_stack([table.floats(name)[rows] for name in columns])
-    with np.errstate(invalid="ignore"):
-        return np.where(values > 0, values, default)
+    return given_or(values, default)

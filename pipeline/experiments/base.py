@@ -22,6 +22,9 @@ from pipeline.presets import fusion_options
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+OWN_GAP_S = 2.0
+"""A recording without a fix for longer is marked."""
+
 
 @dataclass(frozen=True)
 class Experiment:
@@ -39,7 +42,7 @@ class Experiment:
 def save(out: Path, name: str, figure: Figure, figures: dict[str, Any]) -> None:
     """Write NAME.png and NAME.json into a folder."""
     with atomic_path(out / f"{name}.png") as path:
-        figure.savefig(path, format="png", dpi=120, bbox_inches="tight")
+        figure.savefig(path, format="png", dpi=120)
     write_json(out / f"{name}.json", figures)
 
 
@@ -122,4 +125,21 @@ def new_figure(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figu
     mpl.use("Agg")
     from matplotlib import pyplot
 
-    return pyplot.subplots(rows, columns, figsize=size, squeeze=False)
+    return pyplot.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
+
+
+def shade_outages(
+    plot: Any, cut: Fixes, windows: Sequence[tuple[float, float]], begin: float
+) -> None:
+    """Grey where GPS was cut off, hatched where the recording itself has none; ``cut`` are the
+    fixes that were left, ``begin`` the GPS time at which the plot's axis begins."""
+    for start, stop in windows:
+        plot.axvspan(start - begin, stop - begin, color="0.9")
+    usable = np.sort(cut.gps_s[np.isfinite(cut.gps_s) & (cut.fix_type > 0)])
+    for row in np.flatnonzero(np.diff(usable) > OWN_GAP_S):
+        start, stop = float(usable[row]), float(usable[row + 1])
+        inside = sum(max(0.0, min(stop, b) - max(start, a)) for a, b in windows)
+        if stop - start - inside > OWN_GAP_S:
+            plot.axvspan(
+                start - begin, stop - begin, facecolor="none", edgecolor="0.8", hatch="//", lw=0
+            )

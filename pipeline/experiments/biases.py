@@ -25,6 +25,8 @@ def run(experiment: Experiment) -> dict[str, Any]:
             plot.plot(t, value, "C0")
             plot.set(ylabel=f"{name}, {unit}", xlabel="time, s" if row == 2 else "")
             result[name] = {"end": float(value[-1]), "sd": float(sd[-1])}
-    axes[0, 0].set_title("estimate and three sigma")
+    for plot in axes.flat:
+        plot.margins(x=0.0)
+    figure.suptitle("smoothed sensor biases, grey: three sigma")
     experiment.save("biases", figure, result)
     return result

@@ -9,8 +9,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from pipeline.experiments.base import (
     Experiment,
     horizontal_distance,
@@ -19,6 +17,7 @@ from pipeline.experiments.base import (
     outage_windows,
     plane,
     rms,
+    shade_outages,
     without,
 )
 
@@ -59,21 +58,21 @@ def run(experiment: Experiment, off_s: float, every_s: float) -> dict[str, Any]:
         track = plane(trajectory, ref)
         axes[0, 0].plot(track[:, 1], track[:, 0], colour, lw=1, label=name)
         axes[0, 1].plot(t, distance, colour, lw=1, label=name)
-    for start, stop in windows:
-        axes[0, 1].axvspan(start - reference.gps_s[0], stop - reference.gps_s[0], color="0.9")
-    reach = float(np.abs(path[:, :2]).max()) * 1.1 + 10.0
+    shade_outages(axes[0, 1], cut, windows, float(reference.gps_s[0]))
+    low, high = path[:, :2].min(axis=0), path[:, :2].max(axis=0)
+    (north, east), reach = 0.5 * (low + high), 0.6 * float((high - low).max()) + 10.0
     axes[0, 0].set(
         xlabel="east, m",
         ylabel="north, m",
         aspect="equal",
-        xlim=(-reach, reach),
-        ylim=(-reach, reach),
+        xlim=(east - reach, east + reach),
+        ylim=(north - reach, north + reach),
         title="forward filter through GPS outages",
     )
     axes[0, 1].set(
         xlabel="time, s",
         ylabel="horizontal distance to the reference, m",
-        title=f"outages of {off_s:.0f} s (grey)",
+        title=f"outages of {off_s:.0f} s (grey; hatched: none recorded)",
         yscale="symlog",
     )
     axes[0, 0].legend()

@@ -32,7 +32,8 @@ def run(context: StageContext) -> None:
             return
         raise InputError(
             f"{drive.path}: there are no fixes, and without GPS nothing can be placed on a map; "
-            "add the receiver's log (gnss.ubx or gnss.nmea) or a finished trajectory.csv"
+            "add the receiver's log (gnss.ubx or gnss.nmea) or a finished trajectory "
+            "(trajectory.csv or trajectory.pos)"
         )
     clock = read_clock(context.out / names.SYNC)
     if not (context.out / names.IMU).exists():
@@ -61,10 +62,10 @@ def _is_receivers_own(context: StageContext) -> bool:
 def _take_finished(context: StageContext) -> None:
     """A trajectory from other software, completed and passed on."""
     from automap.io.clock_json import read_clock
-    from automap.io.trajectory_csv import read_trajectory_csv
+    from automap.io.finished import read_finished
 
     assert context.drive.trajectory_file is not None
-    finished = read_trajectory_csv(context.drive.trajectory_file)
+    finished = read_finished(context.drive.trajectory_file)
     trajectory = finished.data
     if finished.time == "t_ns" and (context.out / names.SYNC).exists():
         clock = read_clock(context.out / names.SYNC)

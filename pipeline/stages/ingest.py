@@ -94,7 +94,7 @@ def _without_positions(drive: Drive, failures: list[str]) -> str:
         return reasons[0]
     return (
         f"{drive.path} has no receiver log, and without GPS nothing can be placed on a map; add "
-        "gnss.ubx, gnss.nmea or gnss.pos, or a finished trajectory.csv."
+        "gnss.ubx, gnss.nmea or gnss.pos, or a finished trajectory.csv or trajectory.pos."
     )
 
 
@@ -132,10 +132,10 @@ def _refuse_implausible(context: StageContext, recording: Recording) -> None:
 def _check_trajectory(
     context: StageContext, path: Path, failures: list[str]
 ) -> dict[str, Any] | None:
-    from automap.io.trajectory_csv import read_trajectory_csv
+    from automap.io.finished import read_finished
 
     try:
-        finished = read_trajectory_csv(path)
+        finished = read_finished(path)
     except InputError as error:
         failures.append(str(error))
         return None

@@ -48,9 +48,9 @@ def _find_clock(
     drive = context.drive
     drift_sd = context.settings.sync.drift_sd_ppm * 1e-6
     if drive.trajectory_file is not None:
-        from automap.io.trajectory_csv import read_trajectory_csv
+        from automap.io.finished import read_finished
 
-        finished = read_trajectory_csv(drive.trajectory_file)
+        finished = read_finished(drive.trajectory_file)
         t_ns = finished.data.t_ns
         if finished.time == "both":
             return drive.imu.time, SyncResult(trajectory_clock(t_ns, finished.data.gps_s))

@@ -43,7 +43,7 @@ def context(tmp_path: Path) -> StageContext:
     for folder in (drive, out, work):
         folder.mkdir()
     (drive / "drive.toml").write_text(MANIFEST)
-    (drive / names.FINISHED_TRAJECTORY).write_text("t_ns,lat_deg,lon_deg,height_m\n")
+    (drive / names.FINISHED_TRAJECTORIES[0]).write_text("t_ns,lat_deg,lon_deg,height_m\n")
     return StageContext(load_drive(drive), out, work, load_settings())
 
 
