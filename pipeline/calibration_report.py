@@ -220,7 +220,7 @@ def _attitude_section(
 ) -> Section:
     """Figure 2 of the paper on the rests of this log."""
     from automap.calibration.rest import movement, rests_below
-    from automap.calibration.rest_attitude import rest_attitude
+    from automap.calibration.rest_attitude import rest_attitude, roll_pitch_since_start
 
     rests = rests_below([log.data], [movement(log.data)], 8.0)
     rests = sorted(rests, key=lambda r: r.length_s)[-10:]
@@ -236,7 +236,7 @@ def _attitude_section(
         drifts = []
         for key, (w, f) in (("without", (gyro, accel)), ("with", after)):
             attitude = rest_attitude(t_s, w[rows], f[rows])
-            turned = _DEG * (attitude.roll_pitch - attitude.roll_pitch[0])
+            turned = _DEG * roll_pitch_since_start(attitude.down)
             for i in range(2):
                 series[key].append(Series("", attitude.t_s, turned[:, i], "line", k % 8))
             drifts.append(f"{_DEG * attitude.drift:.3f}")

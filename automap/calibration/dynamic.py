@@ -43,6 +43,7 @@ UPDATE_S = 0.1
 MOST_UPDATES = 12_000
 """Measurements are taken more rarely in logs of hours."""
 PASSES = 4
+LEAST_LOG_S = 10.0
 STILL_LIMIT = 8.0
 """Movement (variance over noise floor) below which the pseudo-velocity counts as exact."""
 STILL_SD = 0.003
@@ -87,17 +88,19 @@ def calibrate_dynamic(
     accel: FloatArray,
     gravity: float,
     prior_sd: FloatArray = PRIOR_SD,
+    least_s: float = LEAST_LOG_S,
 ) -> DynamicCalibration:
     """Estimate the twelve errors of conditioned readings [n, 3] in rad/s and m/s^2.
 
     ``log`` are the readings as logged (for the noise floor), ``gravity`` in m/s^2, ``prior_sd``
-    [12] what is known of the errors before (TURN_ON_SD after a static calibration).
+    [12] what is known of the errors before (TURN_ON_SD after a static calibration); shorter
+    logs than ``least_s`` are refused.
 
     Raises:
         InputError: the log is too short or the filter finds no consistent motion.
     """
     t_s = log.t_s
-    if t_s[-1] < 10.0:
+    if t_s[-1] < least_s:
         raise InputError(
             f"{log.name} lasts {t_s[-1]:.3g} s; turn the sensor by hand for a minute or two."
         )
@@ -128,7 +131,10 @@ def calibrate_dynamic(
     for number in range(PASSES):
         variance[:] = hand.variance
         variance[still, 0] = STILL_SD**2
-        # about the last pass's errors, so that the model is linear where it matters
+        # about the last pass's errors, so that the model is linear where it matters; but what
+        # that pass did not learn stays at the prior's zero, or the prior would count less with
+        # every pass
+        errors -= P[BA:POS, BA:POS] @ (errors / prior_sd**2)
         quat, P = _start(log, accel, errors, at_rest, gravity, prior_sd)
         if number == PASSES - 1:
             response = np.empty((len(innovations), N_STATES, N_STATES + 6))

@@ -17,16 +17,35 @@ from automap.records import FloatArray
 
 @dataclass(frozen=True)
 class RestAttitude:
-    """Roll and pitch [n, 2] in rad at ``t_s`` [n], integrated from the levelled start."""
+    """The unit vector of gravity in body axes, ``down`` [n, 3], at ``t_s`` [n], carried by the
+    gyro from the levelled start."""
 
     t_s: FloatArray
-    roll_pitch: FloatArray
+    down: FloatArray
 
     @property
     def drift(self) -> float:
         """Largest angle between the gravity direction carried and that of the start, rad."""
-        start, now = _down(self.roll_pitch[0]), _down(self.roll_pitch)
-        return float(np.max(np.arccos(np.clip(now @ start, -1.0, 1.0))))
+        return largest_turn(self.down)
+
+
+def largest_turn(down: FloatArray) -> float:
+    """Largest angle, rad, between unit vectors [n, 3] and the first of them."""
+    chord = np.linalg.norm(down - down[0], axis=1)
+    return float(2.0 * np.arcsin(np.clip(0.5 * chord.max(), 0.0, 1.0)))
+
+
+def roll_pitch_since_start(down: FloatArray) -> FloatArray:
+    """Roll and pitch [n, 2] in rad by which gravity [n, 3] in body axes has turned since its
+    first: from there as level, so that they mean the same in every attitude."""
+    z = down[0]
+    aside = np.eye(3)[int(np.abs(z).argmin())]
+    y = np.cross(z, aside)
+    y /= np.linalg.norm(y)
+    x = np.cross(y, z)
+    return np.column_stack(
+        [np.arctan2(down @ y, down @ z), np.arctan2(-down @ x, np.hypot(down @ y, down @ z))]
+    )
 
 
 def rest_attitude(
@@ -47,15 +66,4 @@ def rest_attitude(
     for a, b in itertools.pairwise(marks):
         carry_direction(gyro[a : b + 1], signals[a : b + 1], dt[a:b], found[-1], end, sensitivity)
         found.append(end / np.linalg.norm(end))
-    d = np.array(found)
-    roll = np.arctan2(d[:, 1], d[:, 2])
-    pitch = np.arctan2(-d[:, 0], np.hypot(d[:, 1], d[:, 2]))
-    return RestAttitude(t_s[marks] - t_s[0], np.column_stack([roll, pitch]))
-
-
-def _down(roll_pitch: FloatArray) -> FloatArray:
-    """Unit vectors [..., 3] of gravity in body axes."""
-    roll, pitch = roll_pitch[..., 0], roll_pitch[..., 1]
-    return np.stack(
-        [-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=-1
-    )
+    return RestAttitude(t_s[marks] - t_s[0], np.array(found))

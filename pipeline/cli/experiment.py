@@ -8,11 +8,12 @@ import click
 
 from pipeline.cli.command import Command
 
-KINDS = ("calibration", "biases", "nis", "dropout")
+KINDS = ("calibration", "biases", "nis", "dropout", "rest")
 _EPILOG = """\b
 Examples:
   automap experiment dropout drives/golf-03 -o experiments --outage 15 --every 45
   automap experiment biases drives/golf-03 -o experiments
+  automap experiment rest calibration/desk_corrected.csv -o experiments --bias-at 444
 """
 
 
@@ -28,16 +29,34 @@ Examples:
 @click.option("--config", type=click.Path(path_type=Path), help="TOML file with settings.")
 @click.option("--outage", type=click.FloatRange(1.0), default=15.0, help="Seconds without GPS.")
 @click.option("--every", type=click.FloatRange(5.0), default=45.0, help="Seconds between starts.")
+@click.option("--bias-at", type=float, metavar="S", help="For rest: the second whose rest gives "
+              "the gyro bias; default: the last.")  # fmt: skip
 def command(
-    kind: str, drive: Path, out: Path, config: Path | None, outage: float, every: float
+    kind: str,
+    drive: Path,
+    out: Path,
+    config: Path | None,
+    outage: float,
+    every: float,
+    bias_at: float | None,
 ) -> None:
     """Repeat one of the paper's experiments on DRIVE; writes KIND.png and KIND.json.
 
     calibration: forward filter through GPS outages with and without estimated sensor errors.
     biases: sensor biases over time with sigma. nis: are the innovations as large as the filter
-    says. dropout: GPS cut off, with and without smoothing.
+    says. dropout: GPS cut off, with and without smoothing. rest: roll and pitch of a resting
+    sensor with and without dynamic calibration, simulated and in the rests of DRIVE, which
+    may also be a log of an IMU alone, in units.
     """
     from automap.errors import ConfigError
+
+    if kind == "rest":
+        from pipeline.experiments import rest
+
+        for line in rest.table(rest.run(drive, out, bias_at)):
+            click.echo(line)
+        click.echo(f"{out / 'rest.png'}")
+        return
     from pipeline.config import load_settings
     from pipeline.experiments import biases, calibration, dropout, nis
     from pipeline.experiments.base import prepare

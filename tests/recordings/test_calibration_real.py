@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -72,6 +73,25 @@ def test_figure_2_on_the_xsens(xsens: tuple[RawImu, StaticCalibration]) -> None:
     dynamic = calibrate_dynamic(part, gyro, accel, GRAVITY, TURN_ON_SD)
     attitude = matrix_to_rpy(quat_to_matrix(dynamic.quat))[:, :2]
     assert np.degrees(np.abs(attitude - attitude[0]).max()) < 0.3
+
+
+def test_the_rest_experiment_on_the_xsens(shared_data: Path, tmp_path: Path) -> None:
+    """The same by the commands: the log in units, then its rests."""
+    accel, gyro = xsens_files(shared_data)
+    words = ["calibrate", "static", "--accel", str(accel), "--gyro", str(gyro), "--columns",
+             "t_s,x,y,z", "--accel-unit", "counts", "--gyro-unit", "counts", "--gravity",
+             str(GRAVITY), "-o", str(tmp_path), "--apply"]  # fmt: skip
+    assert root.run_command(words) == 0
+    log = tmp_path / "xsens_acc_corrected.csv"
+    words = ["experiment", "rest", str(log), "-o", str(tmp_path), "--bias-at", "444"]
+    assert root.run_command(words) == 0
+    figures = json.loads((tmp_path / "rest.json").read_text())["log"]
+    assert len(figures["seconds"]) == 10
+    assert figures["seconds"][0] > 50.0
+    assert figures["without_deg"][0] > 3.0
+    assert max(figures["with_deg"]) < 0.3
+    # one constant bias for all 50 s leaves the gyro's integrated noise, whichever it is
+    assert figures["last_bias_applied_deg"][0] < 1.2 * figures["own_mean_removed_deg"][0]
 
 
 @pytest.mark.parametrize("number", [0, 1, 2])
