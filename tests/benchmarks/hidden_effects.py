@@ -24,7 +24,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parent.parent.parent
-COUNTS = {"effect": 125, "null": 200, "triple": 20, "formula": 30, "removed": 23}
+COUNTS = {"effect": 125, "null": 200, "triple": 20, "formula": 30, "removed": 23, "camera": 21}
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 

@@ -4,35 +4,41 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from tests.hidden_effects.evidence import Scene, make_scene, shifts_of, whiten
-from tests.hidden_effects.formulas import KINDS, Formula, draw_formula
-from tests.hidden_effects.geodesy import Array
-from tests.hidden_effects.gnss import draw_tags, record_gnss
-from tests.hidden_effects.imu import record_imu
-from tests.hidden_effects.motion import Motion
-from tests.hidden_effects.noise import GnssNoise, ImuNoise, draw_noise
-from tests.hidden_effects.route import draw_plan, draw_style
-from tests.hidden_effects.sizes import (
-    NULLS,
-    SCALES,
-    STOCHASTIC,
-    DrawnEffect,
-    draw_effect,
-    draw_sheet,
+from tests.hidden_effects.camera import (
+    CAMERA_SCALES,
+    camera_nats,
+    detections_csv,
+    film,
+    frames_csv,
+    manifest_section,
+    plant_signs,
 )
+from tests.hidden_effects.evidence import Scene
+from tests.hidden_effects.formulas import KINDS, Formula, draw_formula
+from tests.hidden_effects.gnss import record_gnss
+from tests.hidden_effects.imu import record_imu
+from tests.hidden_effects.setting import (
+    Setting,
+    draw_again,
+    draw_scene,
+    draw_setting,
+    information,
+    without,
+)
+from tests.hidden_effects.sizes import SCALES, STOCHASTIC, DrawnEffect, draw_effect
 from tests.hidden_effects.write import write_drive
 
 BASE = ("accel_bias", "gyro_bias", "accel_scale", "gyro_scale", "gnss_correlated_noise")
 """What the model under test holds from the start; a hidden scale factor is taken out of it."""
 ENOUGH_NATS = 60.0
 FORMULA_NATS = (150.0, 2000.0)
-LEVEL_ORDER = ("usual", "quiet", "dirty", "usual", "poor")
+PIXEL_SD = 1.0
 TRIES = 12
 
 
@@ -40,8 +46,8 @@ TRIES = 12
 class Case:
     """One hidden case.
 
-    ``kind`` null, effect, removed, triple or formula; ``effects`` what is wrong, with values;
-    ``evidence`` nats expected for each of them, the others being known; ``left_out`` effects
+    ``kind`` null, effect, removed, triple, formula or camera; ``effects`` what is wrong, with
+    values; ``evidence`` nats expected for each of them, the others being known; ``left_out`` effects
     that the library under test must do without; ``switches`` settings of the base model.
     """
 
@@ -62,19 +68,6 @@ class Case:
         return json.dumps(asdict(self))
 
 
-@dataclass(frozen=True)
-class Setting:
-    """What all drives of a case share: car, sensors, place, level of noise."""
-
-    seconds: float
-    level: str
-    imu: ImuNoise
-    gnss: GnssNoise
-    lever_arm: Array
-    warm_up: tuple[float, float, float]
-    sheet: dict[str, DrawnEffect]
-
-
 def case_ids(kind: str, count: int) -> list[str]:
     """Names of the first ``count`` cases of a kind; effects and formulas take turns."""
     if kind == "effect":
@@ -85,6 +78,9 @@ def case_ids(kind: str, count: int) -> list[str]:
         return [f"removed-{names[i % len(names)]}-{i // len(names)}" for i in range(count)]
     if kind == "formula":
         return [f"formula-{KINDS[i % len(KINDS)]}-{i // len(KINDS)}" for i in range(count)]
+    if kind == "camera":
+        names = [*CAMERA_SCALES, "null"]
+        return [f"camera-{names[i % len(names)]}-{i // len(names)}" for i in range(count)]
     return [f"{kind}-{i}" for i in range(count)]
 
 
@@ -115,14 +111,14 @@ def draw_case(case_id: str) -> Drawn:
     hidden = _HIDDEN[kind]
     for attempt in range(TRIES):
         rng = np.random.default_rng([seed, attempt])
-        setting = _draw_setting(rng, kind, number)
+        setting = draw_setting(rng, kind, number)
         effects, formula, wanted = hidden(rng, setting, name[0] if name else "", number)
-        setting = _without(setting, effects)
-        scene = _scene(rng, setting, effects)
+        setting = without(setting, effects)
+        scene = draw_scene(rng, setting, effects)
         size, evidence = _evidence(rng, scene, setting, effects, formula)
         if min(evidence.values(), default=np.inf) >= wanted:
             break
-    again = _again(rng, setting)
+    again = draw_again(rng, setting)
     case = Case(
         id=case_id,
         kind=kind,
@@ -141,7 +137,7 @@ def draw_case(case_id: str) -> Drawn:
         setting=setting,
         again=again,
         scene=scene,
-        held_out=_scene(rng, again, effects),
+        held_out=draw_scene(rng, again, effects),
         formula=formula,
         size=size,
         gps0=int(rng.integers(1_250_000_000, 1_430_000_000)),
@@ -160,40 +156,6 @@ def write_case(drawn: Drawn, folder: Path) -> tuple[Path, Path, Path]:
     config.write_text(base_settings(drawn.case), encoding="utf-8")
     (folder / "case.json").write_text(drawn.case.as_json() + "\n", encoding="utf-8")
     return train, held_out, config
-
-
-def _draw_setting(rng: np.random.Generator, kind: str, number: int) -> Setting:
-    level = LEVEL_ORDER[number % len(LEVEL_ORDER)]
-    imu, gnss = draw_noise(rng, level)
-    seconds = 120.0 if kind == "null" else float(np.round(np.exp(rng.uniform(*np.log([150, 600])))))
-    arm = np.round(rng.uniform([-1.5, -0.6, -1.6], [1.5, 0.6, -0.3]), 3)
-    warm_up = (
-        float(rng.uniform(5.0, 30.0)),
-        float(rng.uniform(8.0, 25.0)),
-        float(rng.uniform(0.15, 0.7) * seconds),
-    )
-    return Setting(seconds, level, imu, gnss, arm, warm_up, draw_sheet(rng))
-
-
-def _without(setting: Setting, effects: Mapping[str, DrawnEffect]) -> Setting:
-    sheet = {name: value for name, value in setting.sheet.items() if name not in effects}
-    return Setting(**{**setting.__dict__, "sheet": sheet})
-
-
-def _again(rng: np.random.Generator, setting: Setting) -> Setting:
-    """The same car on another day: new turn-on biases, another warm-up, a shorter drive."""
-    sheet = setting.sheet | {
-        name: draw_effect(rng, NULLS[name]) for name in ("accel_bias", "gyro_bias")
-    }
-    start, rise, constant = setting.warm_up
-    return Setting(
-        **{
-            **setting.__dict__,
-            "sheet": sheet,
-            "seconds": float(np.round(rng.uniform(120.0, 200.0))),
-            "warm_up": (start + float(rng.uniform(-5.0, 5.0)), rise, constant),
-        }
-    )
 
 
 Hidden = tuple[dict[str, DrawnEffect], Formula | None, float]
@@ -239,67 +201,20 @@ def _formula(rng: np.random.Generator, setting: Setting, name: str, number: int)
     return {}, draw_formula(name, rng, setting.seconds), 0.0
 
 
+def _camera(rng: np.random.Generator, setting: Setting, name: str, number: int) -> Hidden:
+    if name == "null":
+        return {}, None, 0.0
+    return {name: draw_effect(rng, CAMERA_SCALES[name])}, None, ENOUGH_NATS
+
+
 _HIDDEN = {
     "null": _no_effect,
     "effect": _one_effect,
     "removed": _removed,
     "triple": _three_effects,
     "formula": _formula,
+    "camera": _camera,
 }
-
-
-def _scene(rng: np.random.Generator, setting: Setting, effects: Mapping[str, DrawnEffect]) -> Scene:
-    style = draw_style(rng, rough=setting.level == "dirty")
-    slip = sum(effects.get("vehicle_sideslip", {}).values())
-    if slip:
-        # on a level road the slip per lateral acceleration is the slip per lateral force
-        style = type(style)(**{**style.__dict__, "bank": 1e-4, "roll_gradient": 0.0})
-    axle = effects.get("nhc_lever_arm")
-    place = (
-        float(np.radians(rng.uniform(-60.0, 65.0))),
-        float(np.radians(rng.uniform(-170.0, 170.0))),
-        float(rng.uniform(0.0, 900.0)),
-    )
-    motion = Motion(
-        draw_plan(rng, style, setting.seconds),
-        place,
-        setting.seconds,
-        rng,
-        axle=None if axle is None else np.array([axle.get(a, 0.0) for a in "xyz"]),
-        sideslip=slip,
-    )
-    return make_scene(motion, draw_tags(setting.seconds, setting.gnss, rng), setting.lever_arm)
-
-
-def _walks(setting: Setting) -> tuple[Array, Array]:
-    accel, gyro = (
-        np.array([setting.sheet.get(name, {}).get(axis, 0.0) for axis in "xyz"])
-        for name in ("accel_bias_walk", "gyro_bias_walk")
-    )
-    return accel, gyro
-
-
-def information(
-    scene: Scene,
-    setting: Setting,
-    cases: Sequence[Mapping[str, DrawnEffect]],
-    hidden: Sequence[str],
-    formula: Formula | None = None,
-    size: float = 0.0,
-) -> Array:
-    """Twice the nats [k, k] between errors, beyond what the base model absorbs.
-
-    ``hidden`` effects are not in the base model, where it would have them otherwise.
-    """
-    shifts = shifts_of(
-        scene,
-        list(cases),
-        setting.warm_up,
-        None if formula is None else formula.imu_errors(size),
-        None if formula is None else formula.fix_errors(size),
-    )
-    walks = _walks(setting)
-    return whiten(scene, shifts, setting.imu, setting.gnss, *walks, without=hidden).gram()
 
 
 def _evidence(
@@ -318,6 +233,9 @@ def _evidence(
     out = {
         name: _noise_nats(name, effects[name], setting) for name in effects if name in STOCHASTIC
     }
+    if set(effects) & set(CAMERA_SCALES):
+        boxes = film(scene.motion, effects, rng, PIXEL_SD, plant_signs(scene.motion, rng))
+        return 0.0, dict.fromkeys(effects, camera_nats(scene.motion, effects, boxes, PIXEL_SD))
     measured = [name for name in effects if name in SCALES and name not in STOCHASTIC]
     if measured:
         cases = [{name: effects[name]} for name in measured]
@@ -354,7 +272,16 @@ def _write(
     fix_extra = None if formula is None else formula.fix_errors(drawn.size)
     imu = record_imu(motion, wrong, setting.imu, rng, setting.warm_up, imu_extra)
     gnss = record_gnss(motion, wrong, setting.gnss, rng, setting.lever_arm, fix_extra, scene.tag)
-    write_drive(folder, gps0, imu, gnss, setting.lever_arm, motion.at(imu.stamp[::10]))
+    true = motion.at(imu.stamp[::10])
+    if drawn.case.kind != "camera":
+        write_drive(folder, gps0, imu, gnss, setting.lever_arm, true)
+        return
+    write_drive(folder, gps0, imu, gnss, setting.lever_arm, true, manifest_section())
+    boxes = film(motion, drawn.case.effects, rng, PIXEL_SD, plant_signs(motion, rng))
+    video = folder / "video"
+    video.mkdir(exist_ok=True)
+    (video / "front_detections.csv").write_text(detections_csv(boxes), encoding="utf-8")
+    (video / "front_frames.csv").write_text(frames_csv(boxes, gps0), encoding="utf-8")
 
 
 def base_settings(case: Case) -> str:

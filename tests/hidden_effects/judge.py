@@ -14,9 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from tests.hidden_effects.cases import Case, Drawn, Setting
+from tests.hidden_effects.camera import CAMERA_SCALES
+from tests.hidden_effects.cases import Drawn
 from tests.hidden_effects.evidence import Scene, Whitened, shifts_of, whiten
 from tests.hidden_effects.geodesy import Array
+from tests.hidden_effects.setting import Setting, walks
 from tests.hidden_effects.sizes import SCALES, STOCHASTIC, DrawnEffect
 
 NOISE_NAMES = frozenset({"gnss_correlated_noise"})
@@ -74,7 +76,7 @@ def judge(drawn: Drawn, answer: Mapping[str, Any]) -> Verdict:
     before, after = float(answer["gap_before"]), float(answer["gap_after"])
     if before > 0.0:
         verdict.closed_told = 1.0 - after / before
-    truth = {name for name in case.effects if name in SCALES}
+    truth = {name for name in case.effects if name in SCALES or name in CAMERA_SCALES}
     real_noise = DIRTY_NAMES if case.level == "dirty" else NOISE_NAMES
     shown = [f for f in findings if f["effect"] not in real_noise or f["effect"] in truth]
     verdict.wrong = [
@@ -127,7 +129,7 @@ def _inside(
         verdict.top_right = True
     if verdict.outcome not in ("named", "pair"):
         verdict.why = _describe(shown, answer)
-    if truth & STOCHASTIC:
+    if truth & (STOCHASTIC | set(CAMERA_SCALES)):
         return
     if verdict.wrong:
         short = shortfall(drawn, names)
@@ -268,13 +270,9 @@ def _coverage(verdict: Verdict, drawn: Drawn, shown: Sequence[Mapping[str, Any]]
 def _whitened(
     drawn: Drawn, scene: Scene, setting: Setting, cases: list[Mapping[str, DrawnEffect]]
 ) -> Whitened:
-    accel, gyro = (
-        np.array([setting.sheet.get(name, {}).get(axis, 0.0) for axis in "xyz"])
-        for name in ("accel_bias_walk", "gyro_bias_walk")
-    )
     shifts = shifts_of(scene, cases, setting.warm_up)
     hidden = list(drawn.case.effects)
-    return whiten(scene, shifts, setting.imu, setting.gnss, accel, gyro, without=hidden)
+    return whiten(scene, shifts, setting.imu, setting.gnss, *walks(setting), without=hidden)
 
 
 def _unit_cases(names: Sequence[str]) -> tuple[list[tuple[str, str]], list[dict[str, DrawnEffect]]]:
@@ -313,8 +311,3 @@ def closed_share(drawn: Drawn, found: Mapping[str, DrawnEffect]) -> float:
     nu = _whitened(drawn, drawn.held_out, drawn.again, [true, dict(found)]).nu
     rest = nu[:, 0] - nu[:, 1]
     return 1.0 - float(rest @ rest) / max(float(nu[:, 0] @ nu[:, 0]), 1e-12)
-
-
-def is_scored_as_effect(case: Case) -> bool:
-    """Noise that the base model fits for itself is counted apart."""
-    return not set(case.effects) & STOCHASTIC
