@@ -17,7 +17,7 @@ import numpy as np
 P = ParamSpec("P")
 R = TypeVar("R")
 
-INTERPRET_BELOW = 1_000_000
+INTERPRET_BELOW = 1_500_000
 """Bytes of a log under which interpreting is faster than waiting for the compiler's start."""
 
 

@@ -155,14 +155,14 @@ def scan_kernel(
                         # borrows run upward, so the lowest mark is a true one
                         below = ((stop & (~stop + _BIT)) >> _SEVEN) - _BIT
                         folded ^= word & below
-                        j += np.int64(((below & _ONES) * _ONES) >> _TOP_BYTE)
+                        j += int(np.int64(((below & _ONES) * _ONES) >> _TOP_BYTE))
                         break
                     folded ^= word
                     j += 8
                 folded ^= folded >> _HALF
                 folded ^= folded >> _QUARTER
                 folded ^= folded >> _EIGHTH
-                check = np.int64(folded & _LOW_BYTE)
+                check = int(np.int64(folded & _LOW_BYTE))
             while j < limit:
                 d = data[j]
                 if d == 42 or d < 32 or d > 126 or d == 36:

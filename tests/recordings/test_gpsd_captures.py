@@ -17,7 +17,8 @@ from automap import timebase as tb  # noqa: E402
 from automap.io.arrival import attach_arrival, read_arrival  # noqa: E402
 from automap.io.nmea import SENTENCES, decode_nmea, unpack_text  # noqa: E402
 from automap.io.receiver import read_receiver_log  # noqa: E402
-from automap.io.ubx import LAYOUTS, decode_ubx  # noqa: E402
+from automap.io.ubx import decode_ubx  # noqa: E402
+from automap.io.ubx_layouts import LAYOUTS  # noqa: E402
 from automap.records import FixType  # noqa: E402
 
 LOGS = [

@@ -7,7 +7,7 @@ import struct
 import numpy as np
 
 from automap import timebase as tb
-from automap.io.ubx import LAYOUTS
+from automap.io.ubx_layouts import LAYOUTS
 
 WEEK = 2300
 TOW = 300_000.0

@@ -14,7 +14,8 @@ from receiver_messages import GPS, gga, message, pvt, rmc, sentence, ubx
 
 from automap.io.byte_scan import key_address, scan_bytes
 from automap.io.nmea import decode_nmea, unpack_text
-from automap.io.ubx import LAYOUTS, decode_ubx, physical
+from automap.io.ubx import decode_ubx, physical
+from automap.io.ubx_layouts import LAYOUTS
 from automap.io.ubx_names import MESSAGE_NAMES, message_name
 
 FAST = settings(max_examples=25, deadline=None)
