@@ -21,6 +21,20 @@ def test_published_values() -> None:
     np.testing.assert_allclose(found, [2.922319e-01, 9.159953e-02, 3.241343e-02], rtol=1e-6)
 
 
+def test_allantools_agrees() -> None:
+    """The field's own package, on white noise with a random walk."""
+    allantools = pytest.importorskip("allantools")
+    rng = np.random.default_rng(1)
+    n, rate = 5000, 50.0
+    series = rng.standard_normal(n) + 0.02 * np.cumsum(rng.standard_normal(n))
+    factors = averaging_factors(n)
+    taus, expected, _, _ = allantools.oadev(
+        series, rate=rate, data_type="freq", taus=factors / rate
+    )
+    np.testing.assert_allclose(taus, factors / rate)
+    np.testing.assert_allclose(overlapping_deviation(series, rate, factors), expected, rtol=1e-9)
+
+
 def test_white_noise_and_walk_come_back() -> None:
     rng = np.random.default_rng(0)
     n, rate = 20_000, 50.0

@@ -15,6 +15,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 # modules of the tests are also imported from beside the test that uses them
+# named by a package's wheel for building its own documentation
+NEVER_IMPORTED = {"allantools": {"numpydoc"}}
 OWN = {"automap", "pipeline", "tests"} | {path.stem for path in (ROOT / "tests").rglob("*.py")}
 
 
@@ -84,7 +86,8 @@ def test_the_pins_are_complete(name: str) -> None:
             pytest.skip(f"{package} is not installed")
         # extras and other systems' needs carry a marker; these are not pinned
         plain = [text for text in needs if ";" not in text]
-        assert required(plain) - everything.keys() == set(), package
+        missing = required(plain) - everything.keys() - NEVER_IMPORTED.get(package, set())
+        assert missing == set(), package
 
 
 def test_the_library_does_not_know_the_application() -> None:
