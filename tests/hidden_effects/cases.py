@@ -47,7 +47,7 @@ class Case:
     """One hidden case.
 
     ``kind`` null, effect, removed, triple, formula or camera; ``effects`` what is wrong, with
-    values; ``evidence`` nats expected for each of them, the others being known; ``left_out`` effects
+    values; ``evidence`` nats expected for each of them beside the others; ``left_out`` effects
     that the library under test must do without; ``switches`` settings of the base model.
     """
 
