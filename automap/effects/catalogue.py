@@ -118,6 +118,12 @@ _EFFECTS = (
         "the car drifts outwards in curves",
     ),
     Effect(
+        "vehicle_pitch",
+        "vehicle",
+        _named("coefficient", "rad/(m/s^2)", 0.01),
+        "the nose rises on its springs with the acceleration",
+    ),
+    Effect(
         "nhc_lever_arm",
         "vehicle",
         _xyz("m", 1.5),

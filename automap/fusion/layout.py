@@ -27,9 +27,10 @@ N_NAV = 9
     DATUM,
     SIDESLIP,
     ODOMETER_SCALE,
-) = range(12)
-N_BLOCKS = 12
-BLOCK_SIZE = (3, 1, 1, 3, 3, 3, 1, 1, 1, 3, 1, 1)
+    VEHICLE_PITCH,
+) = range(13)
+N_BLOCKS = 13
+BLOCK_SIZE = (3, 1, 1, 3, 3, 3, 1, 1, 1, 3, 1, 1, 1)
 
 # bits of a node's flags
 HAS_POS_H = 1

@@ -21,6 +21,7 @@ from automap.fusion.layout import (
     ODOMETER_SCALE,
     SIDESLIP,
     SKEW,
+    VEHICLE_PITCH,
     VEL_LAG,
     VEL_LATENCY,
     WANDER,
@@ -41,6 +42,7 @@ _BLOCK_OF_EFFECT = {
     "gnss_datum_shift": DATUM,
     "vehicle_sideslip": SIDESLIP,
     "odometer_scale": ODOMETER_SCALE,
+    "vehicle_pitch": VEHICLE_PITCH,
 }
 _SETTINGS_OF_EFFECT = {
     "accel_bias_walk": "fuse.accel_bias_walk",

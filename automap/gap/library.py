@@ -1,18 +1,22 @@
-"""What the screening tries: the catalogue's effects, and nuisances that every vehicle has."""
+"""What the screening tries: the catalogue's effects."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from automap.effects import CATALOGUE
-from automap.fusion.layout import CH_NHC, MAX_SCALARS
-from automap.gap.columns import Column, Direct, NodeMotion, effect_columns
+from automap.gap.columns import Column, NodeMotion, effect_columns
 from automap.gap.fit import Fit, Motion
 from automap.gap.model import prior_sd
 
-NEVER = ("accel_bias", "gyro_bias", "gnss_correlated_noise", "gnss_noise_scale", "gnss_outliers")
+NEVER = (
+    "accel_bias",
+    "gyro_bias",
+    "gnss_correlated_noise",
+    "gnss_noise_scale",
+    "gnss_outliers",
+    "vehicle_pitch",
+)
 """Part of every model, or of its noise."""
 FAMILIES = ("imu", "vehicle", "clock", "gnss", "earth")
 SAME_STATE = (
@@ -20,8 +24,6 @@ SAME_STATE = (
     ("gnss_velocity_latency", "gnss_velocity_lag"),
 )
 """Once one of a pair is in the model, the other says nothing new to first order."""
-VEHICLE_NUISANCE = "vehicle_pitch"
-PITCH_PER_ACCEL_SD = 0.01
 
 
 def library(settled: frozenset[str], has_wheels: bool, earth_on: bool) -> list[str]:
@@ -47,11 +49,3 @@ def library_columns(
         sds = {p.name: prior_sd(options, effect, p.name) for p in CATALOGUE[effect].parameters}
         columns += effect_columns(effect, fit, motion, at, sds or {"on": 1.0})
     return columns
-
-
-def nuisance_columns(motion: Motion, at: NodeMotion) -> list[Column]:
-    """A vehicle on springs pitches with its acceleration, so its path leaves its own plane."""
-    forward = np.einsum("ki,ki->k", at.dcm[:, :, 0], at.acc)
-    by_channel = np.zeros((len(at.t), MAX_SCALARS))
-    by_channel[:, CH_NHC + 1] = forward * at.u[:, 0]
-    return [Column(VEHICLE_NUISANCE, "c", PITCH_PER_ACCEL_SD, direct=Direct(by_channel))]

@@ -16,7 +16,7 @@ from automap.gap.drive import OpenDrive
 
 Values = Mapping[str, Mapping[str, float]]
 
-BASE_NUISANCES = ("accel_bias", "gyro_bias", "gnss_correlated_noise")
+BASE_NUISANCES = ("accel_bias", "gyro_bias", "gnss_correlated_noise", "vehicle_pitch")
 """What the base model estimates on every drive anew."""
 
 EARTH = "earth_rotation"
@@ -47,10 +47,17 @@ class GapModel:
 def base_model(options: FusionOptions | None = None) -> GapModel:
     """The model that is taken where nobody gives another: biases, their drift, a receiver whose
     error wanders, the vehicle constraint at the IMU, noise as ``options`` say."""
-    options = options or FusionOptions(effects=BASE_NUISANCES)
+    options = vehicle_options(options or FusionOptions(effects=BASE_NUISANCES))
     values = {e: dict(v) for e, v in options.fixed.items() if e != "gnss_lever_arm"}
     factors = dict.fromkeys(ALL_LEVELS, 1.0) | dict(options.factors)
     return GapModel(plain_options(options), values, factors)
+
+
+def vehicle_options(options: FusionOptions) -> FusionOptions:
+    """The options with the vehicle's springs among the nuisances: every vehicle has them."""
+    if "vehicle_pitch" in options.effects or "vehicle_pitch" in options.fixed:
+        return options
+    return replace(options, effects=(*options.effects, "vehicle_pitch"))
 
 
 def plain_options(options: FusionOptions) -> FusionOptions:

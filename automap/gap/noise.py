@@ -21,7 +21,7 @@ STEPS = (2.0, 2.0**0.5, 2.0**0.25)
 LIMIT = 256.0
 GAIN = 0.5
 MAX_SWEEPS = 4
-MAX_NODES = 12000
+MAX_NODES = 4000
 """Noise is fitted on so many nodes at most, spread over the drives."""
 
 _LIMITS = {
@@ -29,8 +29,8 @@ _LIMITS = {
     "accel_bias_walk": (0.01, 64.0),
     "gyro_bias_walk": (0.01, 64.0),
     # no vehicle keeps to its path so well, but a simulated one does
-    "nhc_y": (0.25, 64.0),
-    "nhc_z": (0.25, 64.0),
+    "nhc_y": (0.2, 64.0),
+    "nhc_z": (1.0, 64.0),
 }
 
 

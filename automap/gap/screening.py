@@ -15,10 +15,9 @@ from automap.gap.evidence import (
     null_maxima,
     p_value,
     scores_of,
-    without,
 )
 from automap.gap.fit import Fit, motion_of
-from automap.gap.library import library_columns, nuisance_columns
+from automap.gap.library import library_columns
 from automap.gap.whitening import Whitener, WhiteRows, fit_whitener, white_rows
 from automap.records import FloatArray, IntArray
 
@@ -39,11 +38,12 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Screening:
-    """All candidates, best first; ``scores`` of all ``columns``, nuisances marginalised."""
+    """All candidates, best first; ``scores`` of all ``columns``; ``maxima`` the largest evidence where nothing is missing, sorted."""
 
     candidates: tuple[Candidate, ...]
     columns: tuple[Column, ...]
     scores: Scores
+    maxima: FloatArray
 
 
 def whitened_innovations(fit: Fit) -> tuple[FloatArray, FloatArray, IntArray]:
@@ -57,7 +57,7 @@ def rows_of(fit: Fit, effects: Sequence[str]) -> tuple[list[Column], WhiteRows, 
     """Columns and white rows of one drive."""
     motion = motion_of(fit.last)
     at = node_motion(fit, motion)
-    columns = library_columns(effects, fit, motion, at) + nuisance_columns(motion, at)
+    columns = library_columns(effects, fit, motion, at)
     phi = sensitivities(fit, motion, columns)
     whitened, t, channel = whitened_innovations(fit)
     whitener = fit_whitener(whitened, channel)
@@ -79,10 +79,7 @@ def screen(fits: Sequence[Fit], effects: Sequence[str]) -> Screening:
         part = scores_of(WhiteRows(rows.w, phi, rows.t, rows.channel))
         total = part if total is None else total + part
     assert total is not None
-    nuisance = np.array([i for i, c in enumerate(layout) if c.effect not in effects])
-    sds = np.array([layout[i].prior_sd for i in nuisance])
-    scores = without(total, nuisance, sds)
-    return _ranked(scores, layout, effects)
+    return _ranked(total, layout, effects)
 
 
 def _ranked(scores: Scores, layout: list[Column], effects: Sequence[str]) -> Screening:
@@ -100,4 +97,4 @@ def _ranked(scores: Scores, layout: list[Column], effects: Sequence[str]) -> Scr
             Candidate(effect, parameters, rows, priors[effect], item, p_value(item.nats, maxima))
         )
     found.sort(key=lambda c: -c.evidence.nats)
-    return Screening(tuple(found), tuple(layout), scores)
+    return Screening(tuple(found), tuple(layout), scores, maxima)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from automap.gap.drive import OpenDrive
+from automap.gap.evidence import p_value
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.heldout import fit_held_out, total_score
 from automap.gap.library import SAME_STATE, library
@@ -25,6 +26,9 @@ CLOSE_NATS = 3.0
 CLOSE_SHARE = 0.03
 """Rivals within so many nats, or this share of the evidence, are said to be confusable."""
 SHORTLIST = 5
+SLOW_SHORTLIST = 2
+FINALISTS = 3
+FINALIST_SHARE = 0.5
 SHORTLIST_SHARE = 0.3
 MAX_FINDINGS = 8
 HELD_OUT_SLACK = 3.0
@@ -52,16 +56,30 @@ Say = Callable[[str], None]
 @dataclass(frozen=True)
 class Trial:
     """A candidate that was fitted: joint estimate of all estimated effects, evidence in nats,
-    p-value, the model it was fitted under."""
+    p-value, the model it was fitted under, the null's largest evidences."""
 
-    effect: str
+    candidate: Candidate
     joint: Joint
     fits: tuple[Fit, ...]
     model: GapModel
     nats: float
     p_value: float
-    screened: float
-    scale: float
+    maxima: FloatArray
+
+    @property
+    def effect(self) -> str:
+        """Name of the effect."""
+        return self.candidate.effect
+
+    @property
+    def scale(self) -> float:
+        """Factor on its prior sd."""
+        return self.candidate.evidence.scale
+
+    @property
+    def screened(self) -> float:
+        """Evidence of the screening in nats."""
+        return self.candidate.evidence.nats
 
 
 @dataclass
@@ -112,20 +130,16 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
         return None
     say("screening the library")
     screening = screen(state.fits, effects)
-    trials = _trials(state, screening, say)
+    trials = [_try(state, c, state.model, screening, say) for c in _shortlist(screening)]
     trials += _slow_trials(state, effects, say)
     trials = _by_sign(trials, effects)
-    trials.sort(key=lambda t: -t.nats)
-    if not trials:
+    trials.sort(key=lambda t: -t.joint.nats)
+    trials = _with_own_noise(state, trials, say)
+    for t in trials:
+        say(f"{t.effect}: {t.nats:.1f} nats, screened {t.screened:.1f}, p {t.p_value:.1e}")
+    if not trials or trials[0].nats < MIN_NATS or trials[0].p_value > MAX_P:
         return None
     best = trials[0]
-    if best.nats < MIN_NATS or best.p_value > MAX_P:
-        return None
-    close = max(CLOSE_NATS, CLOSE_SHARE * best.nats)
-    rivals = [t.effect for t in trials[1:] if best.nats - t.nats < close]
-    for pair in SAME_STATE:
-        if best.effect in pair:
-            rivals += [e for e in pair if e != best.effect and e in effects]
     if not _helps(state, best, say):
         state.refused.add(best.effect)
         state.warnings.append(
@@ -133,20 +147,16 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
             "held-out data do not confirm it; it is not named"
         )
         return step(state, exclude, say)
+    close = max(CLOSE_NATS, CLOSE_SHARE * best.joint.nats)
+    rivals = [t.effect for t in trials[1:] if best.joint.nats - t.joint.nats < close]
+    for pair in SAME_STATE:
+        if best.effect in pair:
+            rivals += [e for e in pair if e != best.effect and e in effects]
     state.rivals[best.effect] = tuple(dict.fromkeys(rivals))
     state.accepted[best.effect] = best.scale
     state.trials.append(best)
-    refit(state, best, say)
+    state.model, state.fits = best.model, list(best.fits)
     return best
-
-
-def refit(state: State, trial: Trial, say: Say) -> None:
-    """Bring the fits and the noise up to date with what was accepted."""
-    state.model = replace(trial.model, values=state.model.values)
-    state.fits = list(trial.fits)
-    say("fitting the noise")
-    state.model = replace(state.model, factors=fit_noise(state.fits, steps=FINE_STEPS))
-    state.fits = fit_all(state, state.model, state.accepted)
 
 
 def fit_all(state: State, model: GapModel, estimate: Mapping[str, float]) -> list[Fit]:
@@ -175,59 +185,73 @@ def joint_of(
     return combine(fits, gains, prior_of(model, estimate))
 
 
-def _trials(state: State, screening: Screening, say: Say) -> list[Trial]:
-    """Refit the strongest candidates of a screening."""
-    shortlist = _shortlist(screening.candidates)
-    return [_try(state, c, state.model, None, say) for c in shortlist]
-
-
-def _shortlist(candidates: Sequence[Candidate]) -> list[Candidate]:
+def _shortlist(screening: Screening, most: int = SHORTLIST) -> list[Candidate]:
+    """The candidates worth a fit of their own; of two that differ in sign alone, one."""
+    candidates = screening.candidates
     if not candidates or candidates[0].evidence.nats < 0.5 * MIN_NATS:
         return []
     least = max(0.25 * MIN_NATS, SHORTLIST_SHARE * candidates[0].evidence.nats)
-    strong = [c for c in candidates if c.evidence.nats >= least]
     out: list[Candidate] = []
-    for c in strong:
-        twin = {e for pair in SAME_STATE[:1] if c.effect in pair for e in pair}
-        if any(o.effect in twin for o in out):
-            continue
-        out.append(c)
-    return out[:SHORTLIST]
+    for c in candidates:
+        twin = {e for e in SAME_STATE[0] if c.effect in SAME_STATE[0]}
+        if c.evidence.nats >= least and not any(o.effect in twin for o in out):
+            out.append(c)
+    return out[:most]
 
 
 def _try(
-    state: State,
-    candidate: Candidate,
-    model: GapModel,
-    baseline: Sequence[float] | None,
-    say: Say,
+    state: State, candidate: Candidate, model: GapModel, screening: Screening, say: Say
 ) -> Trial:
-    """Fit one candidate as a state next to what was accepted."""
+    """Fit one candidate as a state next to what was accepted, under the model's noise."""
     say(f"trying {candidate.effect}")
     estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
     fits = fit_all(state, model, estimate)
+    return _judge(state, candidate, model, fits, screening.maxima)
+
+
+def _judge(
+    state: State,
+    candidate: Candidate,
+    model: GapModel,
+    fits: Sequence[Fit],
+    maxima: FloatArray,
+) -> Trial:
+    """The evidence of a fitted candidate against the state's own fits."""
+    estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
     gains = []
-    for i, (before, after) in enumerate(zip(state.fits, fits, strict=True)):
+    for before, after in zip(state.fits, fits, strict=True):
         whitener = whitener_of(after)
-        old = robust_score(before, whitener) if baseline is None else baseline[i]
-        gains.append(robust_score(after, whitener) - old)
+        gains.append(robust_score(after, whitener) - robust_score(before, whitener))
     joint = joint_of(model, estimate, fits, gains)
-    screened = candidate.evidence.nats
-    # the screening knows colour and clusters, the refit knows what is not linear
     nats = joint.nats
-    excess = candidate.evidence.excess
-    if excess > 1.0 and nats > 0.0:
-        nats /= np.sqrt(excess)
-    return Trial(
-        candidate.effect,
-        joint,
-        tuple(fits),
-        model,
-        float(nats),
-        candidate.p_value,
-        screened,
-        candidate.evidence.scale,
-    )
+    if nats > 0.0:
+        # the screening knows how much the score scatters, the fit what is not linear
+        nats /= np.sqrt(candidate.evidence.excess)
+    return Trial(candidate, joint, tuple(fits), model, float(nats), p_value(nats, maxima), maxima)
+
+
+def _with_own_noise(state: State, trials: Sequence[Trial], say: Say) -> list[Trial]:
+    """The strongest trials again, each with the noise that suits it, best first.
+
+    Noise that was fitted without an effect has swallowed part of it, and not of every effect
+    the same share.
+    """
+    out = []
+    for i, trial in enumerate(trials):
+        strong = trial.nats >= MIN_NATS and trial.nats > FINALIST_SHARE * trials[0].nats
+        if i >= FINALISTS or not strong:
+            out.append(trial)
+            continue
+        say(f"fitting the noise with {trial.effect}")
+        model = replace(trial.model, factors=fit_noise(trial.fits, steps=FINE_STEPS))
+        estimate = state.accepted | {trial.effect: trial.scale}
+        fits = [
+            fit_drive(d, model, estimate, start=f.start)
+            for d, f in zip(state.drives, trial.fits, strict=True)
+        ]
+        again = _judge(state, trial.candidate, model, fits, trial.maxima)
+        out.append(again if again.joint.nats > trial.joint.nats else trial)
+    return sorted(out, key=lambda t: -t.joint.nats)
 
 
 def _slow_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
@@ -243,39 +267,17 @@ def _slow_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
         return []
     say("screening with little drift")
     low = replace(state.model, factors={**state.model.factors, **dict.fromkeys(raised, LOW_WALK)})
-    fits = fit_all(state, low, state.accepted)
-    screening = screen(fits, slow)
+    screening = screen(fit_all(state, low, state.accepted), slow)
     out = []
-    for candidate in _shortlist(screening.candidates)[:3]:
-        found = _try_low(state, candidate, low, say)
-        if found is not None:
-            out.append(found)
+    for candidate in _shortlist(screening, SLOW_SHORTLIST):
+        say(f"trying {candidate.effect} in place of drift")
+        estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
+        fits = fit_all(state, low, estimate)
+        model = replace(low, factors=fit_noise(fits, levels=raised, steps=(2.0,)))
+        out.append(
+            _judge(state, candidate, model, fit_all(state, model, estimate), screening.maxima)
+        )
     return out
-
-
-def _try_low(state: State, candidate: Candidate, low: GapModel, say: Say) -> Trial | None:
-    say(f"trying {candidate.effect} in place of drift")
-    estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
-    fits = fit_all(state, low, estimate)
-    model = replace(low, factors=fit_noise(fits, levels=WALKS, steps=(2.0,)))
-    fits = fit_all(state, model, estimate)
-    gains = []
-    for before, after in zip(state.fits, fits, strict=True):
-        whitener = whitener_of(after)
-        gains.append(robust_score(after, whitener) - robust_score(before, whitener))
-    joint = joint_of(model, estimate, fits, gains)
-    p = candidate.p_value if joint.nats > MIN_NATS else 1.0
-    p = max(p, float(np.exp(-max(joint.nats, 0.0))))
-    return Trial(
-        candidate.effect,
-        joint,
-        tuple(fits),
-        model,
-        joint.nats,
-        p,
-        candidate.evidence.nats,
-        candidate.evidence.scale,
-    )
 
 
 def _by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
@@ -317,7 +319,8 @@ def _renamed(trial: Trial, effect: str) -> Trial:
         fits.append(
             replace(fit, names=swap(fit.names), values=fit.values * s, cov=fit.cov * np.outer(s, s))
         )
-    return replace(trial, effect=effect, joint=joint, fits=tuple(fits))
+    candidate = replace(trial.candidate, effect=effect)
+    return replace(trial, candidate=candidate, joint=joint, fits=tuple(fits))
 
 
 def _helps(state: State, trial: Trial, say: Say) -> bool:

@@ -13,7 +13,7 @@ from scipy.interpolate import BSpline, CubicSpline, PPoly, make_interp_spline
 from scipy.ndimage import gaussian_filter1d
 
 from automap import earth, frames
-from automap.effects.vehicle import Values, lever_arm_motion, parameters, slip_yaw
+from automap.effects.vehicle import Values, lever_arm_motion, parameter, parameters, slip_yaw
 from automap.records import FloatArray
 from automap.simulation.errors import earth_rotates, error_values
 from automap.simulation.route import RouteProfile, distance_over_time, profile_route
@@ -117,7 +117,7 @@ def drive_motion(scenario: Scenario, rng: np.random.Generator) -> DriveMotion:
     """Drive the scenario's route; ``rng`` gives the road's roughness.
 
     Of the scenario's errors those of the vehicle act here: ``vehicle_sideslip`` turns the nose
-    against the path, ``nhc_lever_arm`` is where the point that follows it stands from the IMU.
+    against the path, ``vehicle_pitch`` adds to its springs, ``nhc_lever_arm`` is where the point that follows it stands from the IMU.
     """
     vehicle, start = scenario.vehicle, scenario.start
     profile = profile_route(scenario.route, vehicle)
@@ -197,7 +197,8 @@ def _attitude(
     roll = np.interp(s, profile.s, profile.bank) - np.deg2rad(
         vehicle.roll_per_accel_deg
     ) * gaussian_filter1d(sideways, _SUSPENSION_WIDTH_S / _KNOT_S, mode="nearest")
-    pitch = slope + np.deg2rad(vehicle.pitch_per_accel_deg) * gaussian_filter1d(
+    springs = np.deg2rad(vehicle.pitch_per_accel_deg) + parameter(errors, "vehicle_pitch")
+    pitch = slope + springs * gaussian_filter1d(
         forward, _SUSPENSION_WIDTH_S / _KNOT_S, mode="nearest"
     )
     yaw = heading + slip_yaw(sideways, errors)

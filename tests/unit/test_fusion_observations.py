@@ -26,6 +26,7 @@ from automap.fusion.layout import (
     N_NAV,
     SIDESLIP,
     SKEW,
+    VEHICLE_PITCH,
     VEL_LAG,
     VEL_LATENCY,
     WANDER,
@@ -53,8 +54,9 @@ EFFECTS = (
     "imu_clock_skew",
     "gnss_datum_shift",
     "vehicle_sideslip",
+    "vehicle_pitch",
 )
-SHIFTS = (DELAY, VEL_LATENCY, LATENCY, VEL_LAG, SKEW, SIDESLIP)
+SHIFTS = (DELAY, VEL_LATENCY, LATENCY, VEL_LAG, SKEW, SIDESLIP, VEHICLE_PITCH)
 T = 12.0
 RATE = np.array([0.05, -0.03, 0.4])
 ACC = np.array([0.7, -1.9, 0.3])

@@ -21,6 +21,7 @@ from automap.fusion.layout import (
     SKEW,
     V_ID,
     VEL_LAG,
+    VEHICLE_PITCH,
     VEL_LATENCY,
     WANDER,
     WHEEL,
@@ -217,6 +218,11 @@ def constraint_block(
         lateral = c[0, 1] * acc[0] + c[1, 1] * acc[1] + c[2, 1] * acc[2]
         z[0] -= xi[off[SIDESLIP] - N_NAV] * lateral * u[0]
         h[0, off[SIDESLIP]] = lateral * u[0]
+    if off[VEHICLE_PITCH] >= 0:
+        # on its springs the nose rises with the acceleration, and points above where it goes
+        forward = c[0, 0] * acc[0] + c[1, 0] * acc[1] + c[2, 0] * acc[2]
+        z[1] += xi[off[VEHICLE_PITCH] - N_NAV] * forward * u[0]
+        h[1, off[VEHICLE_PITCH]] = -forward * u[0]
     if off[MOUNT] >= 0:
         o = off[MOUNT]
         h[0, o], h[0, o + 2] = -u[2], u[0]
