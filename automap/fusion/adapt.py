@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, WANDER
+from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, NHC, ODOMETER, STANDSTILL, WANDER
 from automap.fusion.levels import LEVELS, VEHICLE_LEVELS, WHITE_LEVELS
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.problem import Problem, Start, run_forward, with_options
@@ -23,7 +23,9 @@ from automap.fusion.problem import Problem, Start, run_forward, with_options
 @dataclass(frozen=True)
 class Search:
     """How finely to search: levels, step factor, largest total factor, seconds of driving
-    that are used, sweeps, and the gain in nats that a step must bring."""
+    that are used, sweeps, and the gain in nats that a step must bring. With ``measured_only``
+    what the vehicle is assumed to do (standstill, no slip) has no say: that is kept loose on
+    purpose, and its too small innovations would pull the sensors' levels down."""
 
     levels: Sequence[str]
     factor: float
@@ -31,12 +33,13 @@ class Search:
     part_s: float
     sweeps: int
     gain: float
+    measured_only: bool = False
 
 
 MAX_PART = 4.0
 """Standing counts at most so many times the driving that is wanted."""
 COARSE = Search(WHITE_LEVELS, 2.0, 16.0, 180.0, 2, 3.0)
-FINE = Search(LEVELS, 2.0**0.5, 64.0, 1800.0, 6, 1.0)
+FINE = Search(LEVELS, 2.0**0.5, 64.0, 1800.0, 6, 1.0, True)
 
 
 def adapt_noise(
@@ -55,6 +58,8 @@ def adapt_noise(
     vertical, random walks of the biases, size and correlation time of the receiver's wander.
     """
     part = nodes.first_moving(search.part_s, MAX_PART * search.part_s)
+    if search.measured_only:
+        part = replace(part, flags=part.flags & ~(NHC | STANDSTILL | ODOMETER))
     factors = dict(initial)
 
     def score(trial: dict[str, float]) -> float:
