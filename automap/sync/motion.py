@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import numpy.typing as npt
 
-from automap.records import Fixes, FixType, FloatArray, ImuData
+from automap.records import Fixes, FixType, FloatArray, ImuData, IntArray
 
 _GAP_S = 0.25
 _SLOW_M_S = 2.5
@@ -32,15 +32,24 @@ class ImuMotion:
 
     def at(self, t_s: FloatArray) -> FloatArray:
         """The integrals [m, 4] at times [m]; those at the ends beyond them."""
-        right = np.clip(np.searchsorted(self.t_s, t_s), 1, len(self.t_s) - 1)
-        before, after = self.t_s[right - 1], self.t_s[right]
-        part = np.clip((t_s - before) / (after - before), 0.0, 1.0)[:, None]
-        return np.asarray((1.0 - part) * self.integral[right - 1] + part * self.integral[right])
+        right, part = self._place(t_s)
+        before = self.integral[right - 1]
+        return np.asarray(before + part[:, None] * (self.integral[right] - before))
 
     def rate(self, t_s: FloatArray) -> FloatArray:
         """Rate of heading at times [m], rad/s, the mean over a tenth of a second."""
-        turned = self.at(t_s + 0.05)[:, 0] - self.at(t_s - 0.05)[:, 0]
-        return np.asarray(turned / 0.1)
+        return (self._heading(t_s + 0.05) - self._heading(t_s - 0.05)) / 0.1
+
+    def _heading(self, t_s: FloatArray) -> FloatArray:
+        right, part = self._place(t_s)
+        before = self.integral[right - 1, 0]
+        return np.asarray(before + part * (self.integral[right, 0] - before))
+
+    def _place(self, t_s: FloatArray) -> tuple[IntArray, FloatArray]:
+        """The sample after each time [m] and how far towards it, 0 to 1."""
+        right = np.clip(np.searchsorted(self.t_s, t_s), 1, len(self.t_s) - 1)
+        before, after = self.t_s[right - 1], self.t_s[right]
+        return right, np.clip((t_s - before) / (after - before), 0.0, 1.0)
 
     def between(self, start: FloatArray, end: FloatArray) -> FloatArray:
         """Increments [m, 3] over intervals [m]; NaN outside the recording and across gaps."""
@@ -85,7 +94,9 @@ def imu_motion(imu: ImuData) -> ImuMotion:
     first = np.cross(down, helper)
     first /= np.linalg.norm(first)
     axes = np.column_stack([first, np.cross(down, first)])
-    rates = np.column_stack([imu.gyro @ down, imu.accel @ axes])
+    rates = np.column_stack(
+        [np.einsum("ij,j->i", imu.gyro, down), np.einsum("ij,jk->ik", imu.accel, axes)]
+    )
     rates -= np.median(rates, axis=0)
     dt = np.diff(t)
     gap = dt > max(_GAP_S, 3.0 * float(np.median(dt)) if len(dt) else _GAP_S)

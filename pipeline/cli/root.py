@@ -14,6 +14,9 @@ from automap import __version__
 from automap.errors import AutoMapError
 from pipeline.cli.command import show_failure
 
+# small matrices only: a pool of threads costs more than it brings, and numpy starts it at import
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 _COMMANDS = {
     "run": "pipeline.cli.run",
     "check": "pipeline.cli.check",
