@@ -17,6 +17,7 @@ from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
 from automap.io.atomic import write_text
 from automap.records import NO_TIME, Trajectory
+from pipeline.export_view import TrajectoryView, viewed
 from pipeline.products import RunProducts, geoid_separation, load_products
 
 
@@ -29,6 +30,8 @@ class MapContent:
     path: MapPath | None
     products: RunProducts
     warnings: list[str] = field(default_factory=list)
+    every_row: bool = False
+    """The trajectory's rows were asked for one by one: none is left out."""
 
 
 def map_content(out: Path, name: str) -> MapContent:
@@ -142,7 +145,8 @@ def write_kitti(content: MapContent, path: Path) -> None:
 
 def write_gpx(content: MapContent, path: Path) -> None:
     """Write the trajectory as a GPX track."""
-    write_text(path, trajectory_formats.gpx_track(_trajectory(content), content.name))
+    step_s = 0.0 if content.every_row else trajectory_formats.GPX_STEP_S
+    write_text(path, trajectory_formats.gpx_track(_trajectory(content), content.name, step_s))
 
 
 Writer = Callable[[MapContent, Path], None]
@@ -162,19 +166,29 @@ FORMATS: dict[str, tuple[str, Writer]] = {
 }
 """Format: the file's name in OUT and what writes it."""
 
+TRAJECTORY_FORMATS = ("trajectory-csv", "pos", "tum", "kitti", "gpx")
+
 STANDARD_FORMATS = ("geojson", "kml", "gpkg", "parquet")
 """What every run writes."""
 
 
-def export_run(out: Path, fmt: str, target: Path | None = None) -> tuple[Path, list[str]]:
+def export_run(
+    out: Path, fmt: str, target: Path | None = None, view: TrajectoryView | None = None
+) -> tuple[Path, list[str]]:
     """Write the map of a finished run in one format.
 
-    ``target`` is the file to write, by default the format's own name in OUT. Returns the file
-    and the warnings. Raises ConfigError for an unknown format and InputError when OUT holds
-    no run.
+    ``target`` is the file to write, by default the format's own name in OUT; ``view`` which
+    trajectory, for the formats of one. Returns the file and the warnings. Raises ConfigError for
+    an unknown format or a view of signs, InputError when OUT holds no run.
     """
+    view = TrajectoryView() if view is None else view
     if fmt not in FORMATS:
         raise ConfigError(f"there is no format {fmt!r}; choose one of {', '.join(FORMATS)}.")
+    if not view.is_plain and fmt not in TRAJECTORY_FORMATS:
+        raise ConfigError(
+            f"--at, --point and --filtered choose a trajectory, and {fmt} is a format of signs; "
+            f"take one of {', '.join(TRAJECTORY_FORMATS)}."
+        )
     if not out.is_dir():
         raise InputError(f"{out} is no output folder of automap run; run the drive first.")
     has_run = (names.RUN, names.TRAJECTORY, names.SIGNS_RAW)
@@ -183,6 +197,9 @@ def export_run(out: Path, fmt: str, target: Path | None = None) -> tuple[Path, l
     file_name, write = FORMATS[fmt]
     path = target if target is not None else out / file_name
     content = map_content(out, run_name(out))
+    if not view.is_plain:
+        content.products.trajectory = viewed(out, _trajectory(content), view)
+        content.every_row = view.at is not None
     write(content, path)
     return path, content.warnings
 

@@ -83,11 +83,15 @@ def kitti_poses(trajectory: Trajectory) -> str:
     return _rows(table, ["%.9e"] * 12)
 
 
-def gpx_track(trajectory: Trajectory, name: str) -> str:
-    """GPX 1.1 track at about one point a second, heights above the ellipsoid."""
-    gps_s = trajectory.gps_s
-    keep = np.unique(np.searchsorted(gps_s, np.arange(gps_s[0], gps_s[-1] + 1e-9, GPX_STEP_S)))
-    keep = np.append(keep[keep < len(gps_s) - 1], len(gps_s) - 1)
+def gpx_track(trajectory: Trajectory, name: str, step_s: float = GPX_STEP_S) -> str:
+    """GPX 1.1 track in the order of time, at about one point in ``step_s`` (0: all), heights
+    above the ellipsoid."""
+    order = np.argsort(trajectory.gps_s, kind="stable")
+    gps_s = trajectory.gps_s[order]
+    if step_s > 0.0:
+        keep = np.unique(np.searchsorted(gps_s, np.arange(gps_s[0], gps_s[-1] + 1e-9, step_s)))
+        order = order[np.append(keep[keep < len(gps_s) - 1], len(gps_s) - 1)]
+    keep, gps_s = order, trajectory.gps_s
     lat, lon = np.degrees(trajectory.lat_rad[keep]), np.degrees(trajectory.lon_rad[keep])
     points = "\n".join(
         f'<trkpt lat="{a:.9f}" lon="{b:.9f}"><ele>{h:.3f}</ele><time>{gps_to_iso(float(s))}</time>'

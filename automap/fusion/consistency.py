@@ -7,14 +7,17 @@ and Navigation, section 5.4.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automap.fusion.output import Innovations
+if TYPE_CHECKING:
+    from automap.fusion.output import Innovations
 
 MIN_COUNT = 20
 PLAUSIBLE_RMS = (0.7, 1.4)
 PLAUSIBLE_CORRELATION = 0.35
+_AXES = {"n": "north", "e": "east", "d": "down"}
 _PSEUDO = ("nhc", "zupt", "zaru")
 
 
@@ -48,33 +51,56 @@ def channel_consistency(table: Innovations) -> dict[str, ChannelConsistency]:
 
 
 def verdict(channels: dict[str, ChannelConsistency]) -> str:
-    """One plain sentence on the measured channels (pseudo-measurements are kept loose)."""
-    large, small, coloured = [], [], []
-    judged = 0
-    for name, channel in channels.items():
-        if name.startswith(_PSEUDO) or channel.count < MIN_COUNT:
-            continue
-        judged += 1
-        label = name.replace("_", " ")
-        if channel.normalised_rms > PLAUSIBLE_RMS[1]:
-            large.append(label)
-        elif channel.normalised_rms < PLAUSIBLE_RMS[0]:
-            small.append(label)
-        if abs(channel.lag1) > PLAUSIBLE_CORRELATION:
-            coloured.append(label)
-    if judged == 0:
+    """What the measured channels say of the filter, in words (pseudo-measurements are kept loose
+    and say nothing)."""
+    judged = {
+        name: channel
+        for name, channel in channels.items()
+        if not name.startswith(_PSEUDO) and channel.count >= MIN_COUNT
+    }
+    if not judged:
         return "too few measurements to judge the filter by its innovations"
+    ratios = {name: channel.normalised_rms for name, channel in judged.items()}
+    large = {name: r for name, r in ratios.items() if r > PLAUSIBLE_RMS[1]}
+    small = {name: r for name, r in ratios.items() if r < PLAUSIBLE_RMS[0]}
+    coloured = {name: c.lag1 for name, c in judged.items() if abs(c.lag1) > PLAUSIBLE_CORRELATION}
     parts = []
     if large:
-        parts.append("errors are larger than assumed in " + ", ".join(large))
+        parts.append(
+            f"innovations of {_names(large)} scatter {_span(large)} times as much as the filter "
+            "assumes: its sigmas are too small there"
+        )
     if small:
-        parts.append("errors are smaller than assumed in " + ", ".join(small))
+        parts.append(
+            f"innovations of {_names(small)} scatter only {_span(small)} times as much as the "
+            "filter assumes: its sigmas are cautious there"
+        )
     if coloured:
         parts.append(
-            "neighbouring innovations resemble each other in "
-            + ", ".join(coloured)
-            + ": something slow is not modelled"
+            f"neighbouring innovations of {_names(coloured)} resemble each other (correlation "
+            f"{_span(coloured)}): something slow is not in the model"
         )
-    if not parts:
-        return "the innovations are as large and as random as the filter expects"
-    return "; ".join(parts)
+    if parts:
+        return "; ".join(parts)
+    return (
+        f"the innovations are about as large as the filter expects ({_span(ratios)} times their "
+        "sigma) and as random"
+    )
+
+
+def _names(found: dict[str, float]) -> str:
+    """Channels in words, the axes of one kind together: "position north, east"."""
+    kinds: dict[str, list[str]] = {}
+    for name in found:
+        kind, _, axis = name.partition("_")
+        kinds.setdefault(kind, []).append(_AXES.get(axis, axis))
+    words = [
+        kind if len(axes) == len(_AXES) or axes == [""] else f"{kind} {', '.join(axes)}"
+        for kind, axes in kinds.items()
+    ]
+    return " and ".join(words)
+
+
+def _span(found: dict[str, float]) -> str:
+    low, high = f"{min(found.values()):.2f}", f"{max(found.values()):.2f}"
+    return low if low == high else f"{low} to {high}"

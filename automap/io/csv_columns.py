@@ -94,6 +94,11 @@ def read_columns(
     layout = _layout(path, required)
     present = {name.lower(): name for name in layout.names}
     wanted = dict(required) | {k: v for k, v in (optional or {}).items() if k in present}
+    if not wanted:
+        raise InputError(
+            f"{path}: line {layout.header_line} names neither {' nor '.join(optional or {})}; "
+            f"found are {', '.join(layout.names)}."
+        )
     missing = [name for name in required if name not in present]
     if missing:
         near = difflib.get_close_matches(missing[0], list(present), n=1, cutoff=0.5)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from automap.fusion.consistency import PLAUSIBLE_CORRELATION, PLAUSIBLE_RMS
 from automap.io import names
 from pipeline.products import RunProducts
 from pipeline.report.channels import channel_name, channel_order, is_rule
@@ -20,6 +21,10 @@ _NOISE = {
     "position_v": ("GPS position, vertical", "what the receiver states"),
     "velocity_h": ("GPS velocity, horizontal", "what the receiver states"),
     "velocity_v": ("GPS velocity, vertical", "what the receiver states"),
+    "accel_bias_walk": ("accelerometer drift", "the setting"),
+    "gyro_bias_walk": ("gyro drift", "the setting"),
+    "wander": ("slow error of GPS positions", "what the receiver states"),
+    "wander_tau": ("its correlation time", "the setting"),
 }
 _METHODS = {
     "none": "There was neither a usable IMU nor a usable receiver log: there is no path.",
@@ -28,7 +33,7 @@ _METHODS = {
     "and the heading is the direction of travel.",
 }
 _CLEAR_NATS, _FAIR_NATS = 10.0, 3.0
-_WELL = (0.6, 1.6)
+_WELL = PLAUSIBLE_RMS
 """Normalised rms between which a filter counts as consistent."""
 
 
@@ -193,7 +198,7 @@ def _consistency(content: dict[str, Any], section: Section) -> None:
     channels = content.get("channels")
     if not isinstance(channels, dict):
         return
-    low, high = [], []
+    low, high, coloured = [], [], []
     measured = 0
     for channel in sorted(map(str, channels), key=channel_order):
         entry = channels[channel]
@@ -201,6 +206,9 @@ def _consistency(content: dict[str, Any], section: Section) -> None:
         if rms is None or is_rule(channel):
             continue
         measured += 1
+        lag1 = _number(entry.get("lag1"))
+        if lag1 is not None and abs(lag1) > PLAUSIBLE_CORRELATION:
+            coloured.append(f"{channel_name(channel)} ({lag1:+.2f})")
         if rms > _WELL[1]:
             high.append(f"{channel_name(channel)} ({rms:.2f})")
         elif rms < _WELL[0]:
@@ -213,8 +221,13 @@ def _consistency(content: dict[str, Any], section: Section) -> None:
         section.verdicts.append(
             ("fair", f"Less scatter than σ allows in {', '.join(low)}: σ are cautious there.")
         )
-    if measured and not high and not low:
+    if coloured:
+        section.verdicts.append(
+            ("fair", f"Neighbouring errors resemble each other in {', '.join(coloured)}: something "
+             "slow is not in the model, and σ are too small over long times.")
+        )  # fmt: skip
+    if measured and not high and not low and not coloured:
         section.verdicts.append(
             ("good", "The filter is consistent: every GPS channel scatters about as its σ say "
-             "(normalised rms near 1).")
+             "(normalised rms near 1), and one error does not foretell the next.")
         )  # fmt: skip

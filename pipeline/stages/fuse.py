@@ -191,6 +191,11 @@ def _report(
             f"{100 * refused:.0f} % of the measurements contradict the others and were trusted "
             "less; look at the innovations in the report"
         )
+    said = verdict(channels)
+    context.metric("innovations_verdict", said)
+    # run.json tells each channel's size (1 is right) and whiteness (0 is right)
+    context.metric("innovations_rms", {n: c.normalised_rms for n, c in channels.items()})
+    context.metric("innovations_lag1", {n: c.lag1 for n, c in channels.items()})
     rest = sum(stop - start for start, stop in result.standstill)
     context.metric("imu_delay_s", result.delay.mean)
     context.metric("imu_delay_sd_s", result.delay.sd)
@@ -223,7 +228,7 @@ def _report(
             "refused_share": refused,
             "standstill": [[float(a), float(b)] for a, b in result.standstill],
             "channels": {name: asdict(item) for name, item in channels.items()},
-            "verdict": verdict(channels),
+            "verdict": said,
         },
     )
 
