@@ -116,6 +116,7 @@ def draw_case(case_id: str) -> Drawn:
         setting = without(setting, effects)
         scene = draw_scene(rng, setting, effects)
         size, evidence = _evidence(rng, scene, setting, effects, formula)
+        effects, evidence = _raised(rng, effects, evidence, wanted)
         if min(evidence.values(), default=np.inf) >= wanted:
             break
     again = draw_again(rng, setting)
@@ -243,6 +244,29 @@ def _evidence(
         nats = 0.5 / np.diag(np.linalg.pinv(information(scene, setting, cases, measured)))
         out |= {name: float(n) for name, n in zip(measured, nats, strict=True)}
     return 0.0, out
+
+
+IN_THE_CAR = ("vehicle_sideslip", "nhc_lever_arm")
+"""These shape the motion itself."""
+
+
+def _raised(
+    rng: np.random.Generator,
+    effects: dict[str, DrawnEffect],
+    evidence: dict[str, float],
+    wanted: float,
+) -> tuple[dict[str, DrawnEffect], dict[str, float]]:
+    """Effects that show too little made larger, as far as their natural scale goes; evidence
+    grows with the square."""
+    effects, evidence = dict(effects), dict(evidence)
+    for name, nats in evidence.items():
+        if name not in SCALES or name in STOCHASTIC or name in IN_THE_CAR or nats >= wanted:
+            continue
+        factor = float(np.sqrt(wanted / max(nats, 1e-9)) * rng.uniform(1.0, 2.0))
+        if factor * max(abs(v) for v in effects[name].values()) <= SCALES[name].large:
+            effects[name] = {p: factor * v for p, v in effects[name].items()}
+            evidence[name] = factor**2 * nats
+    return effects, evidence
 
 
 def _noise_nats(name: str, values: DrawnEffect, setting: Setting) -> float:
