@@ -8,8 +8,8 @@ parameters without process noise do it no harm, and it needs one pass over the s
 the forward filter recorded.
 
 Reading order: ``arrays`` (what goes in and out), ``readings`` (corrected samples),
-``transition`` (between nodes), ``observations`` and ``update`` (at nodes), ``forward``,
-``smoother``, ``dense``.
+``transition`` and ``integrate`` (between nodes), ``observations`` and ``update`` (at nodes),
+``forward``, ``smoother``, ``dense``.
 """
 
 from automap.fusion.kernels.arrays import ForwardStore, ModelArrays, NodeArrays, Samples

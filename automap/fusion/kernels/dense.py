@@ -8,7 +8,7 @@ import numpy as np
 
 from automap.fusion.jit import kernel
 from automap.fusion.kernels.arrays import ModelArrays, Samples
-from automap.fusion.kernels.forward import GAP_STEP_S
+from automap.fusion.kernels.integrate import GAP_STEP_S
 from automap.fusion.kernels.readings import correct, correction_of, raw_at, shift_of
 from automap.fusion.kernels.state import subtract
 from automap.fusion.mechanisation import (
