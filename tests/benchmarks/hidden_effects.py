@@ -21,6 +21,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from hashlib import sha256
 from multiprocessing import get_context
+from multiprocessing.pool import AsyncResult
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parent.parent.parent
@@ -68,7 +69,7 @@ def run(
         os.environ[name] = "1"
     waiting = iter(cases)
     with get_context("spawn").Pool(jobs) as pool:
-        running = []
+        running: list[AsyncResult[tuple[str, dict[str, object] | str]]] = []
         while True:
             while len(running) < jobs and time.monotonic() < deadline:
                 case_id = next(waiting, None)

@@ -14,11 +14,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from tests.hidden_effects.geodesy import Array, meridian_radius, normal_radius
 from tests.hidden_effects.imu import Effects
 from tests.hidden_effects.motion import Motion, rotation, to_nav
 from tests.hidden_effects.sizes import Scale
+
+Integers = npt.NDArray[np.int64]
 
 WIDTH, HEIGHT, FOCAL = 1280, 720, 1000.0
 LEVER_ARM = np.array([1.3, 0.0, -0.6])
@@ -43,9 +46,9 @@ class Boxes:
     [n] its number; ``stamp`` [m] s of all frames; ``signs`` [k, 3] latitude and longitude in
     rad, height in m of the plates' centres."""
 
-    frame: Array
+    frame: Integers
     box: Array
-    sign: Array
+    sign: Integers
     stamp: Array
     signs: Array
 
@@ -120,7 +123,7 @@ def row_delay(shutter: float, pixel: Array) -> Array:
     return np.asarray(shutter * np.clip((pixel[:, 1] + 0.5) / HEIGHT - 0.5, -0.5, 0.5))
 
 
-def _near_frames(motion: Motion, stamp: Array, place: Array, facing: float) -> Array:
+def _near_frames(motion: Motion, stamp: Array, place: Array, facing: float) -> Integers:
     """Frames in which the front of a sign may be seen at all."""
     state = motion.at(stamp)
     north = (place[0] - state.lat) * 6.37e6
@@ -134,7 +137,7 @@ def _near_frames(motion: Motion, stamp: Array, place: Array, facing: float) -> A
 
 def project(
     motion: Motion, effects: Effects, stamp: Array, place: Array
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
     """Pixels [n, 2] and depths [n] m of one place at the frames' stamps [n], and which of them
     lie at a depth that a detector sees."""
     offset = sum(effects.get("camera_time_offset", {}).values())

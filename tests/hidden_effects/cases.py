@@ -241,8 +241,9 @@ def _evidence(
     if measured:
         cases = [{name: effects[name]} for name in measured]
         # each with the sizes of the others unknown
-        nats = 0.5 / np.diag(np.linalg.pinv(information(scene, setting, cases, measured)))
-        out |= {name: float(n) for name, n in zip(measured, nats, strict=True)}
+        info = information(scene, setting, cases, measured)
+        each = 0.5 / np.diag(np.linalg.pinv(info))
+        out |= {name: float(n) for name, n in zip(measured, each, strict=True)}
     return 0.0, out
 
 

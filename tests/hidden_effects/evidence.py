@@ -76,7 +76,7 @@ def make_scene(motion: Motion, tag: Array, lever_arm: Array, rate_hz: float = 10
 
 def shifts_of(
     scene: Scene,
-    cases: list[Effects],
+    cases: Sequence[Effects],
     warm_up: tuple[float, float, float],
     extra: Extra | None = None,
     gnss_extra: GnssExtra | None = None,

@@ -268,7 +268,7 @@ def _coverage(verdict: Verdict, drawn: Drawn, shown: Sequence[Mapping[str, Any]]
 
 
 def _whitened(
-    drawn: Drawn, scene: Scene, setting: Setting, cases: list[Mapping[str, DrawnEffect]]
+    drawn: Drawn, scene: Scene, setting: Setting, cases: Sequence[Mapping[str, DrawnEffect]]
 ) -> Whitened:
     shifts = shifts_of(scene, cases, setting.warm_up)
     hidden = list(drawn.case.effects)

@@ -129,7 +129,7 @@ class Motion:
         n = round((self.seconds + 2.0 * MARGIN_S) / FINE_S)
         nodes = -MARGIN_S + FINE_S * np.arange(n + 1)
         half = -MARGIN_S + 0.5 * FINE_S * np.arange(2 * n + 1)
-        vel = self._velocity(half)
+        vel = self._velocity(np.asarray(half, np.float64))
 
         def cumulated(rate: Array) -> Array:
             parts = FINE_S / 6.0 * (rate[:-2:2] + 4.0 * rate[1:-1:2] + rate[2::2])

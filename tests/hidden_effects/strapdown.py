@@ -18,6 +18,8 @@ from tests.hidden_effects.geodesy import (
 )
 from tests.hidden_effects.motion import State
 
+Whole = tuple[Array, Array, Array]
+
 
 def integrate(start: State, force: Array, rate: Array, dt: float) -> tuple[Array, Array, Array]:
     """Latitude, longitude, height [m, 3], velocity [m, 3] and C_n_b [m, 3, 3] at every second
@@ -27,7 +29,7 @@ def integrate(start: State, force: Array, rate: Array, dt: float) -> tuple[Array
     vel, C = start.vel_ned[0].copy(), start.C_n_b[0].copy()
     places, vels, turns = [place], [vel], [C]
 
-    def slope(p: Array, v: Array, M: Array, f: Array, w: Array) -> tuple[Array, Array, Array]:
+    def slope(p: Array, v: Array, M: Array, f: Array, w: Array) -> Whole:
         lat, height = p[:1], p[2:]
         earth = earth_rate_ned(lat)[0]
         transport = transport_rate_ned(lat, height, v[None])[0]
@@ -38,17 +40,20 @@ def integrate(start: State, force: Array, rate: Array, dt: float) -> tuple[Array
         dM = M @ _cross(w) - _cross(earth + transport) @ M
         return np.array([north, east, -v[2]]), dv, dM
 
+    def moved(state: Whole, rates: Whole, by: float) -> Whole:
+        return state[0] + by * rates[0], state[1] + by * rates[1], state[2] + by * rates[2]
+
     h = 2.0 * dt
     for k in range(steps):
         f, w = force[2 * k : 2 * k + 3], rate[2 * k : 2 * k + 3]
-        a = slope(place, vel, C, f[0], w[0])
-        b = slope(*(x + 0.5 * h * d for x, d in zip((place, vel, C), a, strict=True)), f[1], w[1])
-        c = slope(*(x + 0.5 * h * d for x, d in zip((place, vel, C), b, strict=True)), f[1], w[1])
-        e = slope(*(x + h * d for x, d in zip((place, vel, C), c, strict=True)), f[2], w[2])
-        place, vel, C = (
-            x + h / 6.0 * (p + 2.0 * q + 2.0 * r + s)
-            for x, p, q, r, s in zip((place, vel, C), a, b, c, e, strict=True)
-        )
+        now = (place, vel, C)
+        a = slope(*now, f[0], w[0])
+        b = slope(*moved(now, a, 0.5 * h), f[1], w[1])
+        c = slope(*moved(now, b, 0.5 * h), f[1], w[1])
+        e = slope(*moved(now, c, h), f[2], w[2])
+        for part, share in ((a, 1.0), (b, 2.0), (c, 2.0), (e, 1.0)):
+            now = moved(now, part, share * h / 6.0)
+        place, vel, C = now
         places.append(place)
         vels.append(vel)
         turns.append(C)

@@ -153,8 +153,8 @@ def test_an_optimal_filter_finds_null_drives_consistent(level: str) -> None:
     imu = record_imu(motion, sheet, imu_noise, rng, WARM_UP)
     gnss = record_gnss(motion, sheet, gnss_noise, rng, ARM)
     scene = make_scene(motion, gnss.tag, ARM)
-    walks = [np.array(list(sheet[name].values())) for name in ("accel_bias_walk", "gyro_bias_walk")]
-    out = whiten(scene, shifts_of_records(scene, imu, gnss), imu_noise, gnss_noise, *walks)
+    accel, gyro = (np.array([*sheet[f"{name}_bias_walk"].values()]) for name in ("accel", "gyro"))
+    out = whiten(scene, shifts_of_records(scene, imu, gnss), imu_noise, gnss_noise, accel, gyro)
     assert 0.93 < np.mean(out.nu**2) < 1.07
 
 
