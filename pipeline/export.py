@@ -201,6 +201,9 @@ def export_run(
         content.products.trajectory = viewed(out, _trajectory(content), view)
         content.every_row = view.at is not None
     write(content, path)
+    if fmt in TRAJECTORY_FORMATS:
+        # that there are no signs concerns no trajectory
+        return path, list(content.products.problems)
     return path, content.warnings
 
 
