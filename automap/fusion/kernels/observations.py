@@ -157,6 +157,29 @@ def velocity_block(
 
 
 @kernel
+def _wheel_velocity(
+    vel: FloatArray,
+    c: FloatArray,
+    rate: FloatArray,
+    xi: FloatArray,
+    off: IntArray,
+    m: FloatArray,
+    u: FloatArray,
+) -> None:
+    """Velocity ``u`` [3] in sensor axes of the point that does not slide, C' v + omega x r, and
+    the mounting ``m`` [3] as it stands."""
+    r = np.zeros(3)
+    for a in range(3):
+        if off[WHEEL] >= 0:
+            r[a] = xi[off[WHEEL] - N_NAV + a]
+        m[a] = xi[off[MOUNT] - N_NAV + a] if off[MOUNT] >= 0 else 0.0
+        u[a] = c[0, a] * vel[0] + c[1, a] * vel[1] + c[2, a] * vel[2]
+    u[0] += rate[1] * r[2] - rate[2] * r[1]
+    u[1] += rate[2] * r[0] - rate[0] * r[2]
+    u[2] += rate[0] * r[1] - rate[1] * r[0]
+
+
+@kernel
 def constraint_block(
     h: FloatArray,
     z: FloatArray,
@@ -173,20 +196,9 @@ def constraint_block(
     mounting m (small): (I + [m x]) u, components y and z are zero.
     """
     n = h.shape[1]
-    r = np.zeros(3)
-    if off[WHEEL] >= 0:
-        for a in range(3):
-            r[a] = xi[off[WHEEL] - N_NAV + a]
     m = np.zeros(3)
-    if off[MOUNT] >= 0:
-        for a in range(3):
-            m[a] = xi[off[MOUNT] - N_NAV + a]
     u = np.zeros(3)
-    for a in range(3):
-        u[a] = c[0, a] * vel[0] + c[1, a] * vel[1] + c[2, a] * vel[2]
-    u[0] += rate[1] * r[2] - rate[2] * r[1]
-    u[1] += rate[2] * r[0] - rate[0] * r[2]
-    u[2] += rate[0] * r[1] - rate[1] * r[0]
+    _wheel_velocity(vel, c, rate, xi, off, m, u)
     # rows 1 and 2 of I + [m x]
     w = np.zeros((2, 3))
     w[0, 0], w[0, 1], w[0, 2] = m[2], 1.0, -m[0]
@@ -244,20 +256,10 @@ def odometer_row(
 
     The forward speed is that of the point that does not slide, as in ``constraint_block``.
     """
-    r = np.zeros(3)
     m = np.zeros(3)
-    for a in range(3):
-        if off[WHEEL] >= 0:
-            r[a] = xi[off[WHEEL] - N_NAV + a]
-        if off[MOUNT] >= 0:
-            m[a] = xi[off[MOUNT] - N_NAV + a]
-    scale = 1.0 + (xi[off[ODOMETER_SCALE] - N_NAV] if off[ODOMETER_SCALE] >= 0 else 0.0)
     u = np.zeros(3)
-    for a in range(3):
-        u[a] = c[0, a] * vel[0] + c[1, a] * vel[1] + c[2, a] * vel[2]
-    u[0] += rate[1] * r[2] - rate[2] * r[1]
-    u[1] += rate[2] * r[0] - rate[0] * r[2]
-    u[2] += rate[0] * r[1] - rate[1] * r[0]
+    _wheel_velocity(vel, c, rate, xi, off, m, u)
+    scale = 1.0 + (xi[off[ODOMETER_SCALE] - N_NAV] if off[ODOMETER_SCALE] >= 0 else 0.0)
     forward = u[0] - m[2] * u[1] + m[1] * u[2]
     z[0] = speed - scale * forward
     h[0, :] = 0.0
