@@ -110,7 +110,7 @@ def _fuse(context: StageContext) -> None:
     _write_innovations(context, result)
     _report(context, result, inputs.delay_is_clock, _note_presets(context, presets))
     if settings.tune:
-        _write_tuned(context, result)
+        _write_tuned(context, result, presets)
     metrics = context.metrics
     context.result = (
         f"{len(result.trajectory)} epochs from {result.n_fixes_used} fixes, horizontal sd "
@@ -152,12 +152,14 @@ def _write_innovations(context: StageContext, result: FusionResult) -> None:
     )
 
 
-def _write_tuned(context: StageContext, result: FusionResult) -> None:
+def _write_tuned(context: StageContext, result: FusionResult, presets: list[Preset]) -> None:
     """The noise levels that were found, as a file for --config."""
     from automap.io.atomic import write_text
 
+    begun = " and ".join(preset.file.stem for preset in presets)
     lines = [
         "# Noise levels found by likelihood on this drive; use them with --config on others.",
+        *([f"# They multiply what {begun} say: name the same there."] if begun else []),
         "[fuse]",
         "adapt = false",
         "[fuse.factors]",
