@@ -48,7 +48,9 @@ def report(verdicts: Sequence[Verdict]) -> list[str]:
     noises = [v for v in of("effect") if effect_of(v) in STOCHASTIC]
     strong = [v for v in effects if v.evidence >= ENOUGH_NATS]
     weak = [v for v in effects if v.evidence < ENOUGH_NATS]
-    nulls, triples, formulas, removed = (of(k) for k in ("null", "triple", "formula", "removed"))
+    triples, formulas, removed = (of(k) for k in ("triple", "formula", "removed"))
+    cameras = [v for v in of("camera") if v.evidence >= ENOUGH_NATS]
+    nulls = of("null") + [v for v in of("camera") if v.evidence == 0.0]
     known = effects + triples
     named = [v for v in known if v.closed is not None and v.top_right]
     covered, counted = sum(v.covered for v in known), sum(v.counted for v in known)
@@ -68,8 +70,8 @@ def report(verdicts: Sequence[Verdict]) -> list[str]:
         _line("named first, less evidence", count(weak, lambda v: v.top_right), len(weak), "-"),
         _line(
             "wrong name with confidence, single effects",
-            count(effects + noises, lambda v: bool(v.wrong)),
-            len(effects + noises),
+            count(effects + noises + cameras, lambda v: bool(v.wrong)),
+            len(effects + noises + cameras),
             "<= 1 %",
         ),
         _line(
@@ -77,6 +79,12 @@ def report(verdicts: Sequence[Verdict]) -> list[str]:
             count(noises, lambda v: v.outcome in ("named", "as noise")),
             len(noises),
             "-",
+        ),
+        _line(
+            "camera effects named first",
+            count(cameras, lambda v: v.top_right),
+            len(cameras),
+            ">= 95 %",
         ),
         _line(
             "false alarms on null drives",
