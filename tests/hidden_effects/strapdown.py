@@ -36,7 +36,7 @@ def integrate(start: State, force: Array, rate: Array, dt: float) -> tuple[Array
         north = v[0] / (meridian_radius(lat)[0] + height[0])
         east = v[1] / ((normal_radius(lat)[0] + height[0]) * np.cos(lat[0]))
         gravity = np.array([0.0, 0.0, normal_gravity(lat, height)[0]])
-        dv = M @ f + gravity - np.cross(2.0 * earth + transport, v)
+        dv = M @ f + gravity - _cross(2.0 * earth + transport) @ v
         dM = M @ _cross(w) - _cross(earth + transport) @ M
         return np.array([north, east, -v[2]]), dv, dM
 

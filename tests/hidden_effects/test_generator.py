@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -31,13 +32,14 @@ def drive(seed: int, seconds: float = 120.0, rough: bool = False, **installed: o
 
 
 @pytest.mark.parametrize(
-    ("seed", "rough", "axle"), [(0, False, None), (1, True, None), (3, True, [-1.4, 0.1, 0.3])]
+    ("seed", "rough", "axle", "seconds"),
+    [(0, False, None, 40), (3, True, [-1.4, 0.1, 0.3], 120)],
 )
 def test_ideal_readings_give_the_motion_back(
-    seed: int, rough: bool, axle: list[float] | None
+    seed: int, rough: bool, axle: list[float] | None, seconds: int
 ) -> None:
-    motion = drive(seed, rough=rough, axle=axle, sideslip=2e-3)
-    true = motion.at(np.arange(12001) / 100.0)
+    motion = drive(seed, seconds, rough=rough, axle=axle, sideslip=2e-3)
+    true = motion.at(np.arange(100 * seconds + 1) / 100.0)
     place, vel, turn = integrate(true, true.force, true.rate, 0.01)
     lat, lon, height = true.lat[::2], true.lon[::2], true.height[::2]
     north = (place[:, 0] - lat) * (meridian_radius(lat) + height)
@@ -209,6 +211,16 @@ def test_the_folder_is_read_as_a_drive(tmp_path: Path) -> None:
     np.testing.assert_allclose(fixes.gps_s, 1_400_000_000 + gnss.tag, atol=1e-6)
     np.testing.assert_allclose(fixes.lat_rad, gnss.lat, atol=2e-11)
     np.testing.assert_allclose(fixes.vel_ned, gnss.vel, atol=6e-4)
+
+
+def test_nothing_of_the_library_goes_into_a_drive() -> None:
+    here = Path(__file__).parent
+    sources = [p for p in here.glob("*.py") if not p.name.startswith("test_")]
+    assert len(sources) > 10
+    for path in sources:
+        imports = re.findall(r"^\s*(?:from|import) (automap|pipeline)\b", path.read_text(), re.M)
+        # only the one that runs the code under test
+        assert not imports or path.name == "run_case.py", path.name
 
 
 def _stream(data: bytes) -> object:
