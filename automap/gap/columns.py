@@ -25,6 +25,7 @@ from automap.records import FloatArray, IntArray
 
 REFERENCE_TAU_S = 0.1
 """Delays and lags are told apart by what so long a one does beyond first order."""
+ORIGIN = "origin"
 EARTH_RATE = 7.292115e-5
 
 
@@ -103,6 +104,11 @@ def effect_columns(
     if effect == "earth_rotation":
         return [_earth_column(fit, motion)]
     direct = _direct(effect, motion, at)
+    if effect == "imu_clock_skew":
+        # with the instant at which the clocks agreed, which nobody says
+        length = float(motion.t[-1] - motion.t[0])
+        prior_sds = {**prior_sds, ORIGIN: prior_sds["skew"] * length}
+        direct[ORIGIN] = _direct("imu_time_offset", motion, at)["s"]
     return [
         Column(effect, parameter, prior_sds[parameter], direct=Direct(values))
         for parameter, values in direct.items()

@@ -8,7 +8,7 @@ for every parameter that the drive shows, and for none that it does not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,8 +17,10 @@ from automap.records import FloatArray, IntArray
 
 PRIOR_SCALES = (1.0, 5.0)
 """Effects beyond their usual size cost the logarithm of the factor a parameter, and log 2."""
+ROOM = 1.5
 BLOCK_S = 8.0
 SHRINK_BLOCKS = 12.0
+MAX_EXCESS = 4.0
 
 
 @dataclass(frozen=True)
@@ -75,8 +77,8 @@ def without(scores: Scores, nuisances: IntArray, prior_sd: FloatArray) -> Scores
 
 @dataclass(frozen=True)
 class Evidence:
-    """Of one candidate: log Bayes factor in nats, estimate [p] and sd [p], factor on the prior,
-    factor by which the score scatters more than it should."""
+    """Of one candidate: log Bayes factor in nats, estimate [p] and sd [p], factor on the prior
+    that leaves room for the estimate, factor by which the score scatters more than it should."""
 
     nats: float
     estimate: FloatArray
@@ -106,6 +108,8 @@ def evidence(scores: Scores, columns: IntArray, prior_sd: FloatArray) -> Evidenc
             best = Evidence(nats, estimate, sd * np.sqrt(np.diag(cov)), scale, 1.0)
     assert best is not None
     excess = _excess(scores, columns, best.estimate)
+    room = ROOM * float(np.max(np.abs(best.estimate) / prior_sd))
+    best = replace(best, scale=max(best.scale, room) if room > best.scale * ROOM else best.scale)
     if excess > 1.0:
         fixed = 0.5 * float(best.estimate @ g)
         best = Evidence(
@@ -137,7 +141,7 @@ def _excess(scores: Scores, columns: IntArray, theta: FloatArray) -> float:
     ratio = float(np.sum((along - slope * expected) ** 2)) / total
     # in stretches that count
     count = total**2 / max(float(np.sum(expected**2)), 1e-300)
-    return max(1.0, (count * ratio + SHRINK_BLOCKS) / (count + SHRINK_BLOCKS))
+    return min(max(1.0, (count * ratio + SHRINK_BLOCKS) / (count + SHRINK_BLOCKS)), MAX_EXCESS)
 
 
 def null_maxima(

@@ -19,14 +19,8 @@ from automap.gap.drive import OpenDrive
 from automap.gap.model import GapModel, parameter_names, session_with
 from automap.records import FloatArray
 
-TIMED = (
-    "gnss_latency",
-    "imu_time_offset",
-    "gnss_velocity_latency",
-    "gnss_velocity_lag",
-)
-"""Effects that move an observation in time, of which the filter knows the first order only."""
-TIMED_ROUNDS = 2
+TIMED_ROUNDS = 6
+TIMED_CHANGE = 0.03
 TIMED_MIN_S = 0.004
 
 
@@ -88,14 +82,14 @@ def fit_drive(
     session, where = session_with(opened, model, estimate)
     last, found = run_passes(session, start, constrained=True)
     start = found.start
-    timed = [e for e in where if e in TIMED]
-    for _ in range(TIMED_ROUNDS if timed else 0):
-        shifts = {e: _timed_value(last, where, e) for e in timed}
-        if max(abs(v) for v in shifts.values()) < TIMED_MIN_S:
+    before: dict[str, float] = {}
+    for _ in range(TIMED_ROUNDS):
+        shifts = _timed_values(last, where)
+        if not _moved(shifts, before, session.span[1]):
             break
         fixes = _without_remainder(session.fixes, last, shifts)
         last, found = run_passes(replace(session, fixes=fixes), start, constrained=True)
-        start = found.start
+        start, before = found.start, shifts
     model_names = last.problem.model.names
     n = last.problem.model.size
     names, rows, signs = [], [], []
@@ -159,27 +153,49 @@ def lagged(motion: Motion, tau_s: float) -> FloatArray:
     return np.stack([np.interp(motion.t, grid, v) for v in passed.T], axis=1)
 
 
-def _timed_value(
-    last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]], effect: str
-) -> float:
-    (state, sign) = next(iter(where[effect].values()))
-    return sign * float(last.smooth.params[-1, last.problem.model.names.index(state)])
+def _timed_values(
+    last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]
+) -> dict[str, float]:
+    """What the states say of the timed effects, that of a nuisance as well."""
+    model, final = last.problem.model, last.smooth.params[-1]
+
+    def state(name: str) -> float:
+        return float(final[model.names.index(name)]) if name in model.names else 0.0
+
+    velocity = "gnss_velocity_latency" if "gnss_velocity_latency" in where else "gnss_velocity_lag"
+    shifts = {
+        "gnss_latency": state("gnss_latency_s"),
+        "imu_clock_skew": state("imu_clock_skew_skew"),
+        velocity: state("gnss_velocity_lag_tau"),
+    }
+    return {e: v for e, v in shifts.items() if v != 0.0}
+
+
+def _moved(shifts: Mapping[str, float], before: Mapping[str, float], span_s: float) -> bool:
+    """Whether the fixes must be corrected (again): the instants moved by more than does harm."""
+    most, change = 0.0, 0.0
+    for effect, value in shifts.items():
+        length = span_s if effect == "imu_clock_skew" else 1.0
+        most = max(most, abs(value) * length)
+        change = max(change, abs(value - before.get(effect, 0.0)) * length)
+    return most > TIMED_MIN_S and change > TIMED_CHANGE * most
 
 
 def _without_remainder(fixes: FixModel, last: Pass, shifts: Mapping[str, float]) -> FixModel:
     """Fixes less what the timed effects do beyond the first order that the filter knows."""
     motion = motion_of(last)
     t = fixes.t + last.shift.delay_s
-    late = shifts.get("gnss_latency", 0.0) - shifts.get("imu_time_offset", 0.0)
+    late = np.full(len(t), shifts.get("gnss_latency", 0.0))
+    late -= shifts.get("imu_clock_skew", 0.0) * t
     velocity = at_times(motion, motion.vel, t)
     acc = at_times(motion, motion.acc, t)
     values = fixes.values.copy()
-    if late != 0.0:
+    if late.any():
         travelled = np.zeros_like(motion.vel)
         steps = 0.5 * (motion.vel[1:] + motion.vel[:-1]) * np.diff(motion.t)[:, None]
         travelled[1:] = np.cumsum(steps, axis=0)
         rest = at_times(motion, travelled, t - late) - at_times(motion, travelled, t)
-        rest += late * velocity
+        rest += late[:, None] * velocity
         rm, rn = radii(float(motion.pos[0, 0]))
         height = float(motion.pos[0, 2])
         values[:, 0] -= rest[:, 0] / (rm + height)
@@ -191,5 +207,5 @@ def _without_remainder(fixes: FixModel, last: Pass, shifts: Mapping[str, float])
         seen = lagged(motion, lag)
     at = t - late - shifts.get("gnss_velocity_latency", 0.0)
     total = late + shifts.get("gnss_velocity_latency", 0.0) + lag
-    values[:, 3:6] -= at_times(motion, seen, at) - velocity + total * acc
+    values[:, 3:6] -= at_times(motion, seen, at) - velocity + total[:, None] * acc
     return replace(fixes, values=values)

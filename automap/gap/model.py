@@ -22,6 +22,8 @@ BASE_NUISANCES = ("accel_bias", "gyro_bias", "gnss_correlated_noise", "vehicle_p
 EARTH = "earth_rotation"
 """On or off: an effect without parameters."""
 
+SKEW = "imu_clock_skew"
+
 STATE_OF = {
     "gnss_velocity_latency": ("gnss_velocity_lag", 1.0),
     "imu_time_offset": ("gnss_latency", -1.0),
@@ -117,6 +119,12 @@ def session_with(
             sd = estimate.get(effect, 0.0) * prior_sd(options, effect, parameter)
             sds[name] = float(np.hypot(sds.get(name, 0.0), sd))
         where[effect] = place
+    if SKEW in where and "gnss_latency" not in effects:
+        # nobody says at which instant the two clocks agreed
+        effects.append("gnss_latency")
+        value = abs(model.values.get(SKEW, {}).get("skew", 0.0))
+        value += estimate.get(SKEW, 0.0) * prior_sd(options, SKEW, "skew")
+        means["gnss_latency_s"], sds["gnss_latency_s"] = 0.0, value * session.span[1]
     if stated.any() or "gnss_lever_arm" in effects:
         if "gnss_lever_arm" not in effects:
             effects.append("gnss_lever_arm")
