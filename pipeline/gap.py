@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 from automap.errors import ConfigError
 
 if TYPE_CHECKING:
-    from automap.gap import GapResult
+    from automap.gap import Finding, GapResult
+    from pipeline.calibrate import LogSource
     from pipeline.stage import Progress
 
 GAP = "gap.json"
@@ -45,6 +46,7 @@ def find(
     from automap.io.atomic import make_folder, write_json, write_text
     from pipeline.gap_inputs import gap_drives, gap_model
     from pipeline.gap_model import model_toml
+    from pipeline.gap_report import gap_report
 
     for name in without:
         effect_named(name)
@@ -66,9 +68,10 @@ def find(
     for text in result.warnings:
         print(f"warning: {text}", file=sys.stderr)
     write_json(out / GAP, as_json(result))
-    write_text(out / MODEL, model_toml(result, fitted, config))
+    write_text(out / MODEL, model_toml(result, fitted))
+    write_text(out / REPORT, gap_report(result, [d.name for d in fitted]))
     progress(1.0, "done")
-    return GapOutcome(tuple(_lines(result)), (out / GAP, out / MODEL))
+    return GapOutcome(tuple(_lines(result)), (out / GAP, out / MODEL, out / REPORT))
 
 
 def _check_distinct(drives: Sequence[Path]) -> None:
@@ -99,21 +102,16 @@ def as_json(result: GapResult) -> dict[str, Any]:
             }
             for c in result.channels
         ],
-        "findings": [
+        "findings": [_finding_json(f) for f in result.findings],
+        "where": [
             {
-                "effect": f.effect,
-                "parameters": {
-                    p: {"value": v.value, "sd": v.sd, "unit": v.unit}
-                    for p, v in f.parameters.items()
-                },
-                "evidence_nats": f.evidence_nats,
-                "p_value": f.p_value,
-                "gap_before": f.gap_before,
-                "gap_after": f.gap_after,
-                "confusable_with": list(f.confusable_with),
-                "advice": f.advice,
+                "channel": p.channel,
+                "manoeuvre": p.manoeuvre,
+                "count": p.count,
+                "nis_before": p.before,
+                "nis_after": p.after,
             }
-            for f in result.findings
+            for p in result.places
         ],
         "noise": dict(result.noise),
         "sync": dict(result.sync),
@@ -133,14 +131,77 @@ def as_json(result: GapResult) -> dict[str, Any]:
     }
 
 
+def _finding_json(f: Finding) -> dict[str, Any]:
+    return {
+        "effect": f.effect,
+        "parameters": {
+            p: {"value": v.value, "sd": v.sd, "unit": v.unit} for p, v in f.parameters.items()
+        },
+        "evidence_nats": f.evidence_nats,
+        "p_value": f.p_value,
+        "gap_before": f.gap_before,
+        "gap_after": f.gap_after,
+        "confusable_with": list(f.confusable_with),
+        "advice": f.advice,
+    }
+
+
 def _lines(result: GapResult) -> list[str]:
-    lines = [result.verdict]
+    return [result.verdict] + [_line(f) for f in result.findings]
+
+
+def _line(f: Finding) -> str:
+    numbers = ", ".join(
+        f"{p} {v.value:.3g} ± {v.sd:.2g} {v.unit}".rstrip() for p, v in f.parameters.items()
+    )
+    line = f"  {f.effect}: {numbers} ({f.evidence_nats:.0f} nats, p {f.p_value:.0e})"
+    if f.confusable_with:
+        line += f"; not to be told from {', '.join(f.confusable_with)}"
+    return line
+
+
+def find_in_logs(
+    source: LogSource,
+    out: Path,
+    gravity: float | None,
+    place: tuple[float, float] | None,
+    without: Sequence[str] = (),
+) -> GapOutcome:
+    """Search multi-pose desk logs; writes gap.json, model.toml and gap.html into ``out``.
+
+    Raises InputError where the log has no rest poses.
+    """
+    from automap.gap.laboratory import find_laboratory_gaps
+    from automap.io.atomic import make_folder, write_json, write_text
+    from pipeline.calibrate import local_gravity, read_logs
+    from pipeline.gap_report import laboratory_report
+
+    logs = read_logs(source)
+    g, warnings = local_gravity(gravity, place)
+    for text in warnings:
+        print(f"warning: {text}", file=sys.stderr)
+    result = find_laboratory_gaps([log.data for log in logs], g, without)
+    make_folder(out)
+    findings = [_finding_json(f) for f in result.findings]
+    write_json(
+        out / GAP,
+        {
+            "schema": "automap.gap/1",
+            "gap_before": result.gap_before,
+            "gap_after": result.gap_after,
+            "unit": "m/s^2, rms of the norm off gravity on held-out poses",
+            "channels": [],
+            "findings": findings,
+            "noise": {},
+            "unexplained": None,
+            "verdict": result.verdict,
+        },
+    )
+    lines = [f"# {result.verdict}", "# Errors of the reading, as automap.gap found them."]
     for f in result.findings:
-        numbers = ", ".join(
-            f"{p} {v.value:.3g} ± {v.sd:.2g} {v.unit}".rstrip() for p, v in f.parameters.items()
-        )
-        line = f"  {f.effect}: {numbers} ({f.evidence_nats:.0f} nats, p {f.p_value:.0e})"
-        if f.confusable_with:
-            line += f"; not to be told from {', '.join(f.confusable_with)}"
-        lines.append(line)
-    return lines
+        lines += ["", f"[fuse.fixed.{f.effect}]"]
+        lines += [f"{p} = {v.value:.9g}" for p, v in f.parameters.items()]
+    write_text(out / MODEL, "\n".join(lines) + "\n")
+    write_text(out / REPORT, laboratory_report(result, [log.data.name for log in logs]))
+    told = [result.verdict] + [_line(f) for f in result.findings]
+    return GapOutcome(tuple(told), (out / GAP, out / MODEL, out / REPORT))

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from automap.gap import GapDrive, GapResult
 
 
-def model_toml(result: GapResult, drives: Sequence[GapDrive], config: Path | None) -> str:
+def model_toml(result: GapResult, drives: Sequence[GapDrive]) -> str:
     """Settings for ``automap run --config``: nuisances, values of the named effects, noise.
 
     A lever arm stands there as a whole, what the manifest says plus what was found.

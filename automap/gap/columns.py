@@ -31,7 +31,7 @@ EARTH_RATE = 7.292115e-5
 
 @dataclass(frozen=True)
 class Inertial:
-    """Adds ``signal`` [n] times the parameter to one axis of one sensor (0 gyro, 1 accelerometer)."""
+    """Adds ``signal`` [n] times the parameter to an axis of a sensor (0 gyro, 1 accelerometer)."""
 
     sensor: int
     axis: int

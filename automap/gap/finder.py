@@ -8,11 +8,13 @@ from dataclasses import replace
 from automap.effects import CATALOGUE
 from automap.errors import InputError
 from automap.fusion.model import FusionOptions
+from automap.gap.advice import advice
 from automap.gap.drive import GapDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit
 from automap.gap.heldout import channel_gaps, epochs, fit_held_out, remaining_gap, total_score
+from automap.gap.locate import places, worst_by_channel
 from automap.gap.model import GapModel, base_model
-from automap.gap.result import Finding, GapResult, ParameterValue
+from automap.gap.result import Finding, GapResult, ParameterValue, Unexplained
 from automap.gap.scoring import whitener_of
 from automap.gap.search import MAX_FINDINGS, Say, State, begin, eliminate, step, values_of
 
@@ -129,20 +131,24 @@ def _result(
                 trail[number - 1],
                 trail[number],
                 state.rivals.get(trial.effect, ()),
+                advice(trial.effect, state.rivals.get(trial.effect, ())),
             )
         )
+    found = places(first, final)
     model = replace(state.model, values={**state.model.values, **final_values})
     return GapResult(
         trail[0],
         rest,
-        channel_gaps(first, final, {}),
+        channel_gaps(first, final, worst_by_channel(found)),
         tuple(findings),
         dict(state.model.factors),
-        None,
-        _verdict(findings, trail[0], rest),
+        _unexplained(state),
+        _verdict(findings, trail[0], rest, _unexplained(state)),
         model,
         base,
         warnings=tuple(state.warnings),
+        places=tuple(found),
+        held_out=(tuple(first), tuple(final)),
     )
 
 
@@ -156,7 +162,33 @@ def _order(
     return out
 
 
-def _verdict(findings: Sequence[Finding], before: float, after: float) -> str:
+def _unexplained(state: State) -> Unexplained | None:
+    formula = state.unexplained
+    if formula is None:
+        return None
+    return Unexplained(
+        formula.channel,
+        f"{formula.channel} += k * {formula.text}",
+        formula.coefficient,
+        formula.sd,
+        formula.evidence.nats,
+        formula.p_value,
+        state.resembles,
+    )
+
+
+def _verdict(
+    findings: Sequence[Finding], before: float, after: float, unexplained: Unexplained | None
+) -> str:
+    if unexplained is not None:
+        text = "something that no effect of the library explains is missing from the model"
+        if findings:
+            names = ", ".join(f.effect for f in findings)
+            text = f"missing from the model: {names}; and {text}"
+        return (
+            f"{text}; what fits best is {unexplained.formula} with k = "
+            f"{unexplained.coefficient:.3g} ({unexplained.evidence_nats:.0f} nats)"
+        )
     if not findings:
         return "nothing is missing from the model as far as these drives can show"
     names = ", ".join(f.effect for f in findings)

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.calibration.accelerometer import directions_of
 from automap.calibration.gravity_kernel import carry_direction
 from automap.calibration.gyroscope import GyroFit, Turn, fit_gyro, turns_between
 from automap.calibration.rest_search import pose_means
 from automap.calibration.static import StaticCalibration, calibrate_static
-from automap.calibration.accelerometer import directions_of
 from automap.effects import CATALOGUE, distort_imu
 from automap.gap.result import Finding, ParameterValue
 from automap.records import FloatArray, IntArray, RawImu

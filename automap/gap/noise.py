@@ -48,9 +48,14 @@ def fit_noise(
     factors = dict(fits[0].model.factors)
     most = max(MAX_NODES // len(fits), 500)
 
+    known: dict[tuple[float, ...], float] = {}
+
     def score(trial: Mapping[str, float]) -> float:
-        relative = {k: trial[k] / fits[0].model.factors[k] for k in ALL_LEVELS}
-        return sum(_score(f, relative, most) for f in fits)
+        key = tuple(round(float(np.log(trial[k])), 6) for k in ALL_LEVELS)
+        if key not in known:
+            relative = {k: trial[k] / fits[0].model.factors[k] for k in ALL_LEVELS}
+            known[key] = sum(_score(f, relative, most) for f in fits)
+        return known[key]
 
     best = score(factors)
     for step in steps:

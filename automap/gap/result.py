@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from automap.gap.fit import Fit
+from automap.gap.locate import Place
 from automap.gap.model import GapModel
 
 
@@ -67,7 +69,8 @@ class ChannelGap:
 
 @dataclass(frozen=True)
 class GapResult:
-    """Everything that a search found; ``model`` is the new one."""
+    """Everything that a search found; ``model`` is the new one, ``places`` where the gap was,
+    ``held_out`` the fits of the held-out data before and after."""
 
     gap_before: float
     gap_after: float
@@ -78,6 +81,7 @@ class GapResult:
     verdict: str
     model: GapModel
     base: GapModel
-    confident: bool = True
     sync: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    places: tuple[Place, ...] = ()
+    held_out: tuple[tuple[Fit, ...], tuple[Fit, ...]] = ((), ())

@@ -38,7 +38,8 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Screening:
-    """All candidates, best first; ``scores`` of all ``columns``; ``maxima`` the largest evidence where nothing is missing, sorted."""
+    """All candidates, best first; ``scores`` of all ``columns``; ``maxima`` the largest evidence
+    where nothing is missing, sorted."""
 
     candidates: tuple[Candidate, ...]
     columns: tuple[Column, ...]

@@ -10,6 +10,7 @@ import numpy as np
 from automap.gap.drive import OpenDrive
 from automap.gap.evidence import p_value
 from automap.gap.fit import Fit, fit_drive
+from automap.gap.formula import Formula, screen_formulas, without_formula
 from automap.gap.heldout import fit_held_out, total_score
 from automap.gap.library import SAME_STATE, library
 from automap.gap.model import GapModel, parameter_names, prior_sd
@@ -31,9 +32,14 @@ FINALISTS = 2
 FINALIST_SHARE = 0.5
 SHORTLIST_SHARE = 0.3
 MAX_FINDINGS = 8
+FORMULA_TRIALS = 4
+FORMULA_NATS = 9.0
+FORMULA_P = 1e-4
+FORMULA_SHARE = 0.1
+"""A formula must beat all names by so many nats, or this share of their evidence."""
 HELD_OUT_SLACK = 3.0
 SURE_NATS = 20.0
-COARSE_STEPS = (2.0, 2.0**0.5, 2.0**0.25)
+COARSE_STEPS = (2.0, 2.0**0.5)
 FINE_STEPS = (2.0**0.5, 2.0**0.25)
 INERTIAL_LEVELS = ("accel", "gyro")
 GROSS = 2.5
@@ -99,6 +105,8 @@ class State:
     rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
     refused: set[str] = field(default_factory=set)
     warnings: list[str] = field(default_factory=list)
+    unexplained: Formula | None = None
+    resembles: str | None = None
 
 
 def begin(
@@ -135,14 +143,21 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
         return None
     say("screening the library")
     screening = screen(state.fits, effects)
-    trials = [_try(state, c, state.model, screening, say) for c in _shortlist(screening)]
-    trials += _slow_trials(state, effects, say)
-    trials += _gross_trials(state, effects, say)
+    trials = _gross_trials(state, effects, say)
+    if not trials:
+        trials = [_try(state, c, state.model, screening, say) for c in _shortlist(screening)]
+        trials += _slow_trials(state, effects, say)
     trials = _by_sign(trials, effects)
     trials.sort(key=lambda t: -t.joint.nats)
     trials = _with_own_noise(state, trials, say)
     for t in trials:
         say(f"{t.effect}: {t.nats:.1f} nats, screened {t.screened:.1f}, p {t.p_value:.1e}")
+    formula = _strongest_formula(state, trials, exclude, say)
+    if formula is not None:
+        state.unexplained = formula
+        if trials and trials[0].nats > MIN_NATS:
+            state.resembles = trials[0].effect
+        return None
     if not trials or trials[0].nats < MIN_NATS or trials[0].p_value > MAX_P:
         return None
     best = trials[0]
@@ -189,6 +204,66 @@ def joint_of(
 ) -> Joint:
     """The drives' estimates as one."""
     return combine(fits, gains, prior_of(model, estimate))
+
+
+def _strongest_formula(
+    state: State, trials: Sequence[Trial], exclude: Collection[str], say: Say
+) -> Formula | None:
+    """A formula that beats every name of the library, each fitted."""
+    say("screening formulas")
+    named = max(trials[0].joint.nats, 0.0) if trials else 0.0
+    best: Formula | None = None
+    model, fits = state.model, state.fits
+    if trials and trials[0].effect in SLOW_EFFECTS and trials[0].nats >= MIN_NATS:
+        # under the noise that the best name was judged with: drift hides slow formulas too
+        model = trials[0].model
+        fits = fit_all(state, model, state.accepted)
+    for formula in screen_formulas(fits, exclude)[:FORMULA_TRIALS]:
+        if formula.nats < FORMULA_NATS or formula.p_value > FORMULA_P:
+            continue
+        tried = _fit_formula(state, model, formula)
+        say(
+            f"{formula.channel} += k * {formula.text}: {tried.nats:.1f} nats fitted, "
+            f"{formula.nats:.1f} screened, names {named:.1f}"
+        )
+        if best is None or tried.nats > best.nats:
+            best = tried
+    if best is None or best.nats < named + max(FORMULA_NATS, FORMULA_SHARE * named):
+        return None
+    if best.p_value > FORMULA_P:
+        return None
+    return best
+
+
+def _fit_formula(state: State, model: GapModel, formula: Formula) -> Formula:
+    """The evidence of a formula by fits with its part taken out, along the coefficient."""
+    whiteners = [whitener_of(f) for f in state.fits]
+    before = [robust_score(f, w) for f, w in zip(state.fits, whiteners, strict=True)]
+
+    def gain(k: float) -> float:
+        total = 0.0
+        for opened, fit, column, old, whitener in zip(
+            state.drives, state.fits, formula.columns, before, whiteners, strict=False
+        ):
+            changed = without_formula(opened, fit, column, k)
+            new = fit_drive(changed, model, state.accepted, start=fit.start)
+            total += robust_score(new, whitener) - old
+        return total
+
+    sizes = np.array([0.5, 1.0, 1.5]) * formula.coefficient
+    gains = [gain(float(k)) for k in sizes]
+    best, most = float(sizes[int(np.argmax(gains))]), max(gains)
+    # the top of the parabola through nothing and the three
+    curve = np.polyfit(np.concatenate([[0.0], sizes]), [0.0, *gains], 2)
+    if curve[0] < 0.0:
+        top = -curve[1] / (2.0 * curve[0])
+        if 0.3 * abs(formula.coefficient) < abs(top) < 2.0 * abs(formula.coefficient):
+            best, most = float(top), max(most, float(np.polyval(curve, top)))
+    occam = 0.5 * np.log1p((formula.prior_sd / max(formula.sd, 1e-300)) ** 2)
+    nats = (most - occam) / np.sqrt(formula.evidence.excess) if most > 0.0 else most
+    found = replace(formula.evidence, nats=float(nats))
+    p = p_value(float(nats), formula.maxima)
+    return replace(formula, evidence=found, coefficient=best, p_value=p)
 
 
 def _shortlist(screening: Screening, most: int = SHORTLIST) -> list[Candidate]:

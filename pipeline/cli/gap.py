@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from pipeline.cli.calibrate import _log_options, _place, _source
 from pipeline.cli.command import Command
+
+if TYPE_CHECKING:
+    from pipeline.gap import GapOutcome
 
 _EPILOG = """\b
 Examples:
   automap gap drives/golf-03 -o gap
   automap gap drives/golf-03 drives/golf-04 --holdout drives/golf-05 -o gap
   automap run drives/golf-06 --config gap/model.toml
+  automap gap desk.txt --columns ax,ay,az,gx,gy,gz --rate 100 --gravity 9.8174 -o gap
 """
 
 
 @click.command(
     "gap", cls=Command, epilog=_EPILOG, short_help="Name what the sensor model of a drive lacks."
 )
-@click.argument(
-    "drives", nargs=-1, required=True, metavar="DRIVE...", type=click.Path(path_type=Path)
-)
+@click.argument("drives", nargs=-1, metavar="DRIVE...|LOG...", type=click.Path(path_type=Path))
+@_log_options
 @click.option(
     "--holdout",
     multiple=True,
@@ -42,32 +47,51 @@ Examples:
     metavar="EFFECT",
     help="An effect that is not to be tried; repeat for several.",
 )
-@click.option(
-    "-o",
-    "--out",
-    required=True,
-    metavar="DIR",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for gap.json, model.toml and gap.html.",
-)
+@click.option("--gravity", type=float, metavar="G", help="Of a desk log: local gravity, m/s^2.")
+@click.option("--place", callback=_place, metavar="LAT,HEIGHT", help="Or where the desk stands.")
 def command(
     drives: tuple[Path, ...],
     holdout: tuple[Path, ...],
     config: Path | None,
     without: tuple[str, ...],
-    out: Path,
+    gravity: float | None,
+    place: tuple[float, float] | None,
+    **options: Any,
 ) -> None:
     """Say where model and measurement disagree, and name the missing effect.
 
     Fits the model to the drives, looks for what their innovations still show, and adds one
-    effect after another while held-out data confirm it.
+    effect after another while held-out data confirm it. A LOG of rest poses, as automap calibrate
+    static takes it, is searched for what the accelerometer's six-parameter model lacks.
     """
-    from pipeline.gap import find
-    from pipeline.terminal import progress_bar
+    from automap.errors import ConfigError
+    from pipeline.gap import find_in_logs
 
-    with progress_bar("gap") as progress:
-        outcome = find(drives, holdout, config, without, out, progress)
+    out = options["out"]
+    desk = options["accel"] is not None or options["gyro"] is not None or options["columns"]
+    if not drives and not desk:
+        raise ConfigError("give a DRIVE, or --accel FILE and --gyro FILE of a desk log")
+    if desk or all(d.is_file() and d.suffix != ".toml" for d in drives):
+        if holdout or config:
+            raise ConfigError("--holdout and --config belong to drives; leave them out for a log")
+        outcome = find_in_logs(_source(drives, options), out, gravity, place, without)
+    else:
+        outcome = _on_drives(drives, holdout, config, without, out)
     for line in outcome.lines:
         click.echo(line)
     for path in outcome.files:
         click.echo(str(path))
+
+
+def _on_drives(
+    drives: tuple[Path, ...],
+    holdout: tuple[Path, ...],
+    config: Path | None,
+    without: tuple[str, ...],
+    out: Path,
+) -> GapOutcome:
+    from pipeline.gap import find
+    from pipeline.terminal import progress_bar
+
+    with progress_bar("gap") as progress:
+        return find(drives, holdout, config, without, out, progress)

@@ -1,0 +1,265 @@
+"""gap.html: where the gap is, what closes it, how sure, before and after, what next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from automap import __version__
+from automap.fusion.layout import CHANNELS
+from automap.gap.screening import whitened_innovations
+from pipeline.calibration_report import Figure
+from pipeline.report.sections import Section, draw
+from pipeline.report.svg_plot import Series
+
+if TYPE_CHECKING:
+    from automap.gap import GapResult
+    from automap.gap.fit import Fit
+    from automap.gap.laboratory import LaboratoryResult
+    from automap.gap.result import Finding
+
+WINDOW_S = 5.0
+PLOTS = 4
+PLACES = 12
+
+
+def gap_report(result: GapResult, names: Sequence[str]) -> str:
+    """The page of a search on drives called ``names``."""
+    figures = [
+        Figure(str(len(result.findings)), "missing effects", "named with evidence below"),
+        Figure(f"{result.gap_before:.3g}", "gap before, nats an epoch", "on held-out data"),
+        Figure(f"{result.gap_after:.3g}", "gap after, nats an epoch", "0 is a perfect model"),
+    ]
+    parts = [
+        ("Verdict", _verdict(result)),
+        ("What is missing", _findings(result.findings)),
+        ("Before and after", _before_after(result)),
+        ("Where the gap was", _where(result)),
+        ("Channels", _channels(result)),
+        ("Noise", _noise(result)),
+        ("What next", _next(result)),
+    ]
+    return _page("Gap", ", ".join(names), figures, parts, list(result.warnings))
+
+
+def laboratory_report(result: LaboratoryResult, names: Sequence[str]) -> str:
+    """The page of a search on desk logs."""
+    figures = [
+        Figure(f"{1e3 * result.gap_before:.2f} mm/s²", "norm off gravity before", "held-out poses"),
+        Figure(f"{1e3 * result.gap_after:.2f} mm/s²", "norm off gravity after", "held-out poses"),
+        Figure(str(len(result.poses.accel_before)), "rest poses", "each judged by the others"),
+    ]
+    section = Section(sentences=[result.verdict[:1].upper() + result.verdict[1:] + "."])
+    poses = np.arange(len(result.poses.accel_before), dtype=float)
+    plots = Section()
+    plots.plots += draw(
+        "Norm off gravity of held-out poses, mm/s²",
+        [
+            Series("before", poses, 1e3 * result.poses.accel_before, "dots", "bad"),
+            Series("after", poses, 1e3 * result.poses.accel_after, "dots", 0),
+        ],
+        "mm/s²",
+        1.0,
+        include=(0.0,),
+    )
+    turns = np.arange(len(result.poses.gyro_before), dtype=float)
+    plots.plots += draw(
+        "Gravity after held-out turns, degrees off",
+        [
+            Series("before", turns, np.degrees(result.poses.gyro_before), "dots", "bad"),
+            Series("after", turns, np.degrees(result.poses.gyro_after), "dots", 0),
+        ],
+        "deg",
+        1.0,
+        include=(0.0,),
+    )
+    parts = [
+        ("Verdict", section),
+        ("What is missing", _findings(result.findings)),
+        ("Before and after", plots),
+    ]
+    return _page("Gap", ", ".join(names), figures, parts, [])
+
+
+def _verdict(result: GapResult) -> Section:
+    section = Section(sentences=[result.verdict[:1].upper() + result.verdict[1:] + "."])
+    other = result.unexplained
+    if other is not None:
+        text = (
+            f"No effect of the library explains what is left. The formula that fits best is "
+            f"{other.formula} with k = {other.coefficient:.3g} ± {other.sd:.2g} "
+            f"({other.evidence_nats:.0f} nats, p {other.p_value:.0e})."
+        )
+        if other.resembles:
+            text += f" Of the named effects {other.resembles} resembles it most."
+        section.sentences.append(text)
+    return section
+
+
+def _findings(findings: Sequence[Finding]) -> Section:
+    section = Section(
+        header=("effect", "values", "evidence, nats", "p", "gap before", "after", "not told from")
+    )
+    if not findings:
+        section.absent = "Nothing stands out above what chance gives."
+        return section
+    for f in findings:
+        values = ", ".join(
+            f"{p} {v.value:.3g} ± {v.sd:.1g} {v.unit}".strip() for p, v in f.parameters.items()
+        )
+        section.rows.append(
+            (
+                f.effect,
+                values,
+                f"{f.evidence_nats:.0f}",
+                f"{f.p_value:.0e}",
+                f"{f.gap_before:.3g}",
+                f"{f.gap_after:.3g}",
+                ", ".join(f.confusable_with) or "none",
+            )
+        )
+    return section
+
+
+def _running(fit: Fit, channel: int) -> Series | None:
+    whitened, t, channels = whitened_innovations(fit)
+    rows = channels == channel
+    if int(rows.sum()) < 30:
+        return None
+    w, at = np.clip(whitened[rows], -10.0, 10.0), t[rows]
+    edges = np.arange(at[0], at[-1] + WINDOW_S, WINDOW_S)
+    index = np.clip(np.digitize(at, edges) - 1, 0, len(edges) - 1)
+    count = np.bincount(index, minlength=len(edges)).astype(float)
+    squares = np.bincount(index, weights=w**2, minlength=len(edges))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        level = np.sqrt(squares / count)
+    return Series("", edges + 0.5 * WINDOW_S, level)
+
+
+def _before_after(result: GapResult) -> Section:
+    before, after = result.held_out
+    section = Section(
+        sentences=[
+            "Innovations of the held-out data over the sd that the model states, root mean "
+            f"square of {WINDOW_S:.0f} s. A right model stays near 1."
+        ]
+    )
+    if not before:
+        section.absent = "No held-out data."
+        return section
+    gains = sorted(result.channels, key=lambda c: -(c.rms_before - c.rms_after))
+    for item in gains[:PLOTS]:
+        channel = CHANNELS.index(item.channel)
+        old, new = _running(before[0], channel), _running(after[0], channel)
+        if old is None or new is None:
+            continue
+        section.plots += draw(
+            item.channel.replace("_", " "),
+            [
+                Series("before", old.x, old.y, "line", "bad"),
+                Series("after", new.x, new.y, "line", 0),
+            ],
+            "innovation / sd",
+            float(old.x[-1]),
+            include=(0.0, 1.0),
+        )
+    return section
+
+
+def _where(result: GapResult) -> Section:
+    section = Section(header=("channel", "manoeuvre", "measurements", "NIS before", "NIS after"))
+    section.sentences.append(
+        "Mean squared innovation over its variance by channel and manoeuvre; 1 is right."
+    )
+    for place in result.places[:PLACES]:
+        section.rows.append(
+            (
+                place.channel.replace("_", " "),
+                place.manoeuvre,
+                str(place.count),
+                f"{place.before:.2f}",
+                f"{place.after:.2f}",
+            )
+        )
+    return section
+
+
+def _channels(result: GapResult) -> Section:
+    section = Section(
+        header=("channel", "gap before", "after", "rms before", "after", "memory before", "after")
+    )
+    section.sentences.append(
+        "Gap in nats a measurement by size and colour of the innovations alone; memory is the "
+        "correlation of neighbours."
+    )
+    for c in result.channels:
+        section.rows.append(
+            (
+                c.channel.replace("_", " "),
+                f"{c.gap_before:.3f}",
+                f"{c.gap_after:.3f}",
+                f"{c.rms_before:.2f}",
+                f"{c.rms_after:.2f}",
+                f"{c.correlation_before:+.2f}",
+                f"{c.correlation_after:+.2f}",
+            )
+        )
+    return section
+
+
+def _noise(result: GapResult) -> Section:
+    section = Section(header=("level", "times the stated"), folded="All noise levels")
+    section.sentences.append(
+        "Noise was fitted by maximum likelihood before anything was named, and with it."
+    )
+    section.rows = [(k.replace("_", " "), f"{v:.2f}") for k, v in result.noise.items()]
+    return section
+
+
+def _next(result: GapResult) -> Section:
+    section = Section()
+    if result.findings or result.unexplained:
+        section.sentences.append(
+            "Use the new model with: automap run DRIVE --config model.toml. Where an effect is a "
+            "fault of the installation or of a setting, mend it there instead."
+        )
+    for f in result.findings:
+        if f.advice:
+            section.sentences.append(
+                f"To tell {f.effect} from {', '.join(f.confusable_with)}: {f.advice}."
+            )
+    if not section.sentences:
+        section.sentences.append(
+            "Nothing to do. A drive with bends both ways, hard braking, halts and a warm-up "
+            "shows more than a quiet one."
+        )
+    return section
+
+
+def _page(
+    title: str,
+    name: str,
+    figures: list[Figure],
+    parts: list[tuple[str, Section]],
+    warnings: list[str],
+) -> str:
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    folder = resources.files("pipeline") / "templates"
+    environment = Environment(autoescape=True, undefined=StrictUndefined)
+    environment.trim_blocks = environment.lstrip_blocks = True
+    template = environment.from_string((folder / "calibration.html.j2").read_text(encoding="utf-8"))
+    return template.render(
+        title=title,
+        name=name,
+        version=__version__,
+        figures=figures,
+        parts=parts,
+        warnings=warnings,
+        facts=[("version", __version__)],
+        style=Markup((folder / "report.css").read_text(encoding="utf-8")),
+    )
