@@ -38,7 +38,7 @@ class Search:
 
 MAX_PART = 4.0
 """Standing counts at most so many times the driving that is wanted."""
-COARSE = Search(WHITE_LEVELS, 2.0, 16.0, 180.0, 2, 3.0)
+COARSE = Search(WHITE_LEVELS, 2.0, 16.0, 180.0, 2, 3.0, True)
 FINE = Search(LEVELS, 2.0**0.5, 64.0, 1800.0, 6, 1.0, True)
 
 
@@ -83,7 +83,27 @@ def adapt_noise(
             best, factors = _climb(level, best, factors, cached, search)
         if best - before < search.gain:
             break
-    return factors
+    return {k: _refined(k, v, factors, cached, search) for k, v in factors.items()}
+
+
+def _refined(
+    level: str,
+    value: float,
+    factors: dict[str, float],
+    score: Callable[[dict[str, float]], float],
+    search: Search,
+) -> float:
+    """The factor at the top of the parabola through the level's score and its neighbours'."""
+    if level not in search.levels:
+        return value
+    here = score(factors)
+    down = here - score(factors | {level: value / search.factor})
+    up = here - score(factors | {level: value * search.factor})
+    # flat, or not a maximum at the end of the range: the level does not matter, or is at its end
+    if not min(down, up) > -search.gain or down + up < 2.0 * search.gain:
+        return value
+    top = float(np.clip(0.5 * (down - up) / (down + up), -0.5, 0.5))
+    return float(value * search.factor**top)
 
 
 def _climb(

@@ -28,7 +28,14 @@ from automap.fusion.output import (
     parameter_history,
 )
 from automap.fusion.passes import Pass, Session, fix_speed, run_passes
-from automap.fusion.problem import DELAY_STATE, Problem, Start, filtered_states, run_dense
+from automap.fusion.problem import (
+    DELAY_STATE,
+    SKEW_STATE,
+    Problem,
+    Start,
+    filtered_states,
+    run_dense,
+)
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias
 from automap.records import (
@@ -280,7 +287,7 @@ def _assemble(
             states,
             session.imu.t_ns,
             clock,
-            delay.mean,
+            delay.mean + final.get(SKEW_STATE, 0.0) * outcome.problem.t,
             delay_is_clock,
             turn,
             blend,

@@ -48,11 +48,32 @@ MIN_SPLIT_S = 0.02
 
 @dataclass(frozen=True)
 class Shift:
-    """What the nodes' times contain: IMU stamps late by ``delay_s`` against the fixes, and
-    velocities older than the positions by ``vel_latency_s``."""
+    """What the nodes' times contain: IMU stamps late by ``delay_s`` against the fixes and running
+    fast by ``skew`` s/s, fixes older than their tag by ``latency_s``, velocities older than the
+    positions by ``vel_latency_s`` and by their low-pass, ``vel_lag_s``."""
 
     delay_s: float = 0.0
     vel_latency_s: float = 0.0
+    latency_s: float = 0.0
+    skew: float = 0.0
+    vel_lag_s: float = 0.0
+
+    def host_times(self, t: FloatArray) -> FloatArray:
+        """Times on the IMU's axis of instants of the fixes' clock."""
+        return np.asarray((t + self.delay_s) * (1.0 + self.skew))
+
+    def instants(self, t: FloatArray) -> FloatArray:
+        """Instants of the fixes' clock at times on the IMU's axis."""
+        return np.asarray(t / (1.0 + self.skew) - self.delay_s)
+
+    def position_times(self, t: FloatArray) -> FloatArray:
+        """Times on the IMU's axis to which positions tagged ``t`` belong."""
+        return self.host_times(t - self.latency_s)
+
+    @property
+    def velocity_age_s(self) -> float:
+        """By how much velocities are older than positions."""
+        return self.vel_latency_s + self.vel_lag_s
 
 
 @dataclass(frozen=True)
@@ -249,12 +270,13 @@ def build_nodes(
         var[:, CH_NHC] = sd**2 / spacing
         var[:, CH_NHC + 1] = (2.0 * sd) ** 2 / spacing
     if odometer is not None and constrained:
-        near = odometer.near(t - shift.delay_s)
+        instants = shift.instants(t)
+        near = odometer.near(instants)
         flags[near] |= ODOMETER
-        values[near, 6] = np.interp(t[near] - shift.delay_s, odometer.t, odometer.speed)
+        values[near, 6] = np.interp(instants[near], odometer.t, odometer.speed)
         # wheel sensors report late by a time nobody states: less sure while the speed changes
         slope = np.abs(np.gradient(odometer.speed, odometer.t))
-        late = ODOMETER_LAG_S * np.interp(t - shift.delay_s, odometer.t, slope)
+        late = ODOMETER_LAG_S * np.interp(instants, odometer.t, slope)
         var[:, CH_ODOMETER] = (options.odometer_sd**2 + late**2) / spacing
     fix_row = np.where(has, model.row[np.maximum(row, 0)] if len(model.row) else -1, -1)
     return Nodes(t, flags, values, var, wander, fix_row.astype(np.int64), keep_share)
@@ -262,8 +284,8 @@ def build_nodes(
 
 def _split(model: FixModel, shift: Shift) -> FixModel:
     """Fixes on IMU stamps, velocities apart from positions where they belong to another time."""
-    t = model.t + shift.delay_s
-    if shift.vel_latency_s == 0.0:
+    t = shift.position_times(model.t)
+    if shift.velocity_age_s == 0.0:
         return replace(model, t=t)
     position = (model.flags & (HAS_POS_H | HAS_POS_V)) > 0
     velocity = (model.flags & (HAS_VEL_H | HAS_VEL_V)) > 0
@@ -273,7 +295,7 @@ def _split(model: FixModel, shift: Shift) -> FixModel:
     flags[:n_pos] &= HAS_POS_H | HAS_POS_V
     flags[n_pos:] &= HAS_VEL_H | HAS_VEL_V
     times = t[rows].copy()
-    times[n_pos:] -= shift.vel_latency_s
+    times[n_pos:] -= shift.velocity_age_s
     order = np.argsort(times, kind="stable")
     rows = rows[order]
     return FixModel(

@@ -58,7 +58,7 @@ def node_trajectory(
     states: NodeStates,
     t_ns: IntArray,
     clock: ClockModel,
-    delay: float,
+    delay: FloatArray,
     delay_is_clock: bool,
     turn: FloatArray,
     blend: bool,
@@ -66,7 +66,7 @@ def node_trajectory(
     """Trajectory at the IMU epochs ``t_ns`` of nodes' states.
 
     ``turn`` [3, 3] takes sensor axes (as filtered) to the vehicle's.
-    ``delay`` is how much later than the fixes' clock the stamps run, in s: an error of the
+    ``delay`` [n] is how much later than the fixes' clock the stamps run, in s: an error of the
     clock, or of the samples, which then belong to ``delay`` earlier than their stamp.
     """
     nominal, cov = states.nominal, states.cov

@@ -15,6 +15,9 @@ from automap.fusion.measurements import MIN_SPLIT_S, FixModel, Nodes, Odometer, 
 from automap.fusion.model import FusionOptions, StateModel, build_state_model
 from automap.fusion.problem import (
     DELAY_STATE,
+    LATENCY_STATE,
+    SKEW_STATE,
+    VEL_LAG_STATE,
     VEL_LATENCY_STATE,
     ForwardRun,
     Problem,
@@ -28,7 +31,9 @@ from automap.fusion.sections import filter_and_smooth
 from automap.records import FloatArray, ImuData
 
 DELAY_CONVERGED_S = 0.0005
-MAX_VEL_LATENCY_S = 1.0
+SKEW_CONVERGED = 1e-6
+MAX_AGE_S = 1.0
+MAX_SKEW = 0.01
 TURN_WINDOW_S = 0.5
 HEAD_S = 900.0
 """The first pass goes no further than this into the drive."""
@@ -65,6 +70,12 @@ class Pass:
     smooth: SmoothRun
     shift: Shift
     factors: dict[str, float]
+
+    def totals(self) -> dict[str, float]:
+        """Final values of all parameters by name, what the times contain included."""
+        names = self.problem.model.names
+        out = dict(zip(names, self.smooth.params[-1].tolist(), strict=True))
+        return out | {n: out[n] + part for n, part in contained(self.shift) if n in out}
 
 
 def fix_speed(model: FixModel) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -172,16 +183,19 @@ def run_passes(
 def _next_shift(model: StateModel, smooth: SmoothRun, shift: Shift) -> Shift:
     """The delays found so far, for the nodes' times of the next pass.
 
-    A small velocity latency stays a state: to first order that is enough, and velocities
+    A small age of the velocities stays a state: to first order that is enough, and velocities
     share the nodes of their positions.
     """
-    found = dict(zip(model.names, smooth.params[-1], strict=True))
-    latency = shift.vel_latency_s + float(found.get(VEL_LATENCY_STATE, 0.0))
-    if abs(latency) < MIN_SPLIT_S:
-        latency = 0.0
+    left = dict(zip(model.names, smooth.params[-1], strict=True))
+    found = {name: value + float(left.get(name, 0.0)) for name, value in contained(shift)}
+    if abs(found[VEL_LATENCY_STATE] + found[VEL_LAG_STATE]) < MIN_SPLIT_S:
+        found[VEL_LATENCY_STATE] = found[VEL_LAG_STATE] = 0.0
     return Shift(
-        shift.delay_s + float(found.get(DELAY_STATE, 0.0)),
-        float(np.clip(latency, -MAX_VEL_LATENCY_S, MAX_VEL_LATENCY_S)),
+        delay_s=found[DELAY_STATE],
+        vel_latency_s=float(np.clip(found[VEL_LATENCY_STATE], -MAX_AGE_S, MAX_AGE_S)),
+        latency_s=float(np.clip(found[LATENCY_STATE], -MAX_AGE_S, MAX_AGE_S)),
+        skew=float(np.clip(found[SKEW_STATE], -MAX_SKEW, MAX_SKEW)),
+        vel_lag_s=float(np.clip(found[VEL_LAG_STATE], 0.0, MAX_AGE_S)),
     )
 
 
@@ -191,7 +205,8 @@ def _settled(model: StateModel, smooth: SmoothRun, a: Shift, b: Shift) -> bool:
     sd = np.sqrt(np.maximum(smooth.param_var[noted], 0.0))
     for (name, now), (_, was) in zip(contained(a), contained(b), strict=True):
         if name in model.names:
-            limit = max(DELAY_CONVERGED_S, 0.1 * float(sd[model.names.index(name)]))
+            least = SKEW_CONVERGED if name == SKEW_STATE else DELAY_CONVERGED_S
+            limit = max(least, 0.1 * float(sd[model.names.index(name)]))
             if abs(now - was) > limit:
                 return False
     return True

@@ -46,11 +46,20 @@ _ROWS_OF_FLAG = (
 )
 DELAY_STATE = "imu_time_offset_s"
 VEL_LATENCY_STATE = "gnss_velocity_latency_s"
+LATENCY_STATE = "gnss_latency_s"
+SKEW_STATE = "imu_clock_skew_skew"
+VEL_LAG_STATE = "gnss_velocity_lag_tau"
 
 
 def contained(shift: Shift) -> tuple[tuple[str, float], ...]:
     """States of which the nodes' times contain a part, and that part."""
-    return ((DELAY_STATE, shift.delay_s), (VEL_LATENCY_STATE, shift.vel_latency_s))
+    return (
+        (DELAY_STATE, shift.delay_s),
+        (VEL_LATENCY_STATE, shift.vel_latency_s),
+        (LATENCY_STATE, shift.latency_s),
+        (SKEW_STATE, shift.skew),
+        (VEL_LAG_STATE, shift.vel_lag_s),
+    )
 
 
 @dataclass(frozen=True)

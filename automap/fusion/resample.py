@@ -8,9 +8,9 @@ from automap.fusion.kernels.resample import interpolate_states
 from automap.records import FloatArray
 
 
-def shift_states(t: FloatArray, states: FloatArray, shift_s: float) -> FloatArray:
-    """States [n, 10] at ``t + shift_s`` of states at ``t`` [n] in s (see ``states_at``)."""
-    if shift_s == 0.0 or len(t) < 2:
+def shift_states(t: FloatArray, states: FloatArray, shift_s: FloatArray) -> FloatArray:
+    """States [n, 10] at ``t + shift_s`` [n] of states at ``t`` [n] in s (see ``states_at``)."""
+    if not shift_s.any() or len(t) < 2:
         return states
     return states_at(t, states, t + shift_s)
 

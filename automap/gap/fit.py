@@ -12,16 +12,15 @@ from automap.effects.gnss import low_pass
 from automap.frames import quat_to_matrix
 from automap.fusion.layout import N_NAV
 from automap.fusion.measurements import FixModel
-from automap.fusion.mechanisation import radii
 from automap.fusion.passes import Pass, run_passes
-from automap.fusion.problem import Start, full_covariance, run_dense
+from automap.fusion.problem import VEL_LAG_STATE, Start, full_covariance, run_dense
 from automap.gap.drive import OpenDrive
 from automap.gap.model import GapModel, parameter_names, session_with
 from automap.records import FloatArray
 
-TIMED_ROUNDS = 6
-TIMED_CHANGE = 0.03
-TIMED_MIN_S = 0.004
+LAG_ROUNDS = 6
+LAG_CHANGE = 0.03
+LAG_MIN_S = 0.004
 
 
 @dataclass(frozen=True)
@@ -82,14 +81,14 @@ def fit_drive(
     session, where = session_with(opened, model, estimate)
     last, found = run_passes(session, start, constrained=True)
     start = found.start
-    before: dict[str, float] = {}
-    for _ in range(TIMED_ROUNDS):
-        shifts = _timed_values(last, where)
-        if not _moved(shifts, before, session.span[1]):
+    before = 0.0
+    for _ in range(LAG_ROUNDS):
+        lag = _lag_of(last, where)
+        if abs(lag - before) <= max(LAG_MIN_S, LAG_CHANGE * lag):
             break
-        fixes = _without_remainder(session.fixes, last, shifts)
+        fixes = _without_remainder(session.fixes, last, lag)
         last, found = run_passes(replace(session, fixes=fixes), start, constrained=True)
-        start, before = found.start, shifts
+        start, before = found.start, lag
     model_names = last.problem.model.names
     n = last.problem.model.size
     names, rows, signs = [], [], []
@@ -99,7 +98,7 @@ def fit_drive(
             names.append((effect, parameter))
             rows.append(model_names.index(state))
             signs.append(sign)
-    final = last.smooth.params[-1]
+    final = np.array([last.totals()[name] for name in model_names])
     sign_row = np.array(signs)
     at = np.array(rows, dtype=np.int64)
     values = sign_row * final[at] - _stated(opened, names)
@@ -153,59 +152,22 @@ def lagged(motion: Motion, tau_s: float) -> FloatArray:
     return np.stack([np.interp(motion.t, grid, v) for v in passed.T], axis=1)
 
 
-def _timed_values(
-    last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]
-) -> dict[str, float]:
-    """What the states say of the timed effects, that of a nuisance as well."""
-    model, final = last.problem.model, last.smooth.params[-1]
-
-    def state(name: str) -> float:
-        return float(final[model.names.index(name)]) if name in model.names else 0.0
-
-    velocity = "gnss_velocity_latency" if "gnss_velocity_latency" in where else "gnss_velocity_lag"
-    shifts = {
-        "gnss_latency": state("gnss_latency_s"),
-        "imu_clock_skew": state("imu_clock_skew_skew"),
-        velocity: state("gnss_velocity_lag_tau"),
-    }
-    return {e: v for e, v in shifts.items() if v != 0.0}
+def _lag_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) -> float:
+    """Time constant of the receiver's low-pass in s, 0 where the model has none."""
+    if "gnss_velocity_lag" not in where or "gnss_velocity_latency" in where:
+        return 0.0
+    return max(last.totals().get(VEL_LAG_STATE, 0.0), 0.0)
 
 
-def _moved(shifts: Mapping[str, float], before: Mapping[str, float], span_s: float) -> bool:
-    """Whether the fixes must be corrected (again): the instants moved by more than does harm."""
-    most, change = 0.0, 0.0
-    for effect, value in shifts.items():
-        length = span_s if effect == "imu_clock_skew" else 1.0
-        most = max(most, abs(value) * length)
-        change = max(change, abs(value - before.get(effect, 0.0)) * length)
-    return most > TIMED_MIN_S and change > TIMED_CHANGE * most
-
-
-def _without_remainder(fixes: FixModel, last: Pass, shifts: Mapping[str, float]) -> FixModel:
-    """Fixes less what the timed effects do beyond the first order that the filter knows."""
+def _without_remainder(fixes: FixModel, last: Pass, lag: float) -> FixModel:
+    """Fixes less what a low-pass does to the antenna's velocity beyond a delay of ``lag`` s,
+    which is how the filter sees it."""
     motion = motion_of(last)
-    t = fixes.t + last.shift.delay_s
-    late = np.full(len(t), shifts.get("gnss_latency", 0.0))
-    late -= shifts.get("imu_clock_skew", 0.0) * t
-    velocity = at_times(motion, motion.vel, t)
-    acc = at_times(motion, motion.acc, t)
+    arm = np.array([last.totals().get(f"gnss_lever_arm_{a}", 0.0) for a in "xyz"])
+    swing = np.einsum("nij,nj->ni", motion.dcm, np.cross(motion.rate, arm))
+    antenna = replace(motion, vel=motion.vel + swing)
+    t = last.shift.position_times(fixes.t)
     values = fixes.values.copy()
-    if late.any():
-        travelled = np.zeros_like(motion.vel)
-        steps = 0.5 * (motion.vel[1:] + motion.vel[:-1]) * np.diff(motion.t)[:, None]
-        travelled[1:] = np.cumsum(steps, axis=0)
-        rest = at_times(motion, travelled, t - late) - at_times(motion, travelled, t)
-        rest += late[:, None] * velocity
-        rm, rn = radii(float(motion.pos[0, 0]))
-        height = float(motion.pos[0, 2])
-        values[:, 0] -= rest[:, 0] / (rm + height)
-        values[:, 1] -= rest[:, 1] / ((rn + height) * np.cos(values[:, 0]))
-        values[:, 2] += rest[:, 2]
-    seen = motion.vel
-    lag = shifts.get("gnss_velocity_lag", 0.0)
-    if lag > 0.0:
-        seen = lagged(motion, lag)
-    at = t - late - shifts.get("gnss_velocity_latency", 0.0)
-    total = late + shifts.get("gnss_velocity_latency", 0.0) + lag
-    values[:, 3:6] -= at_times(motion, seen, at) - velocity + total[:, None] * acc
+    values[:, 3:6] -= at_times(motion, lagged(antenna, lag), t)
+    values[:, 3:6] += at_times(motion, antenna.vel, t - lag)
     return replace(fixes, values=values)
