@@ -71,10 +71,12 @@ class GapDrive:
 
 @dataclass(frozen=True)
 class OpenDrive:
-    """A drive with its fixes modelled and its standstill found, ready for the passes."""
+    """A drive with its fixes modelled and its standstill found, ready for the passes; ``n_wild``
+    fixes lie off the path of the others."""
 
     drive: GapDrive
     session: Session
+    n_wild: int = 0
 
 
 def in_vehicle_axes(drive: GapDrive, options: FusionOptions) -> GapDrive:
@@ -108,7 +110,8 @@ def open_drive(drive: GapDrive, options: FusionOptions) -> OpenDrive:
         )
     base_ns = int(drive.imu.t_ns[0])
     fix_t = np.asarray((drive.clock.t_ns(drive.fixes.gps_s) - base_ns) * 1e-9)
-    fixes = screen_fixes(model_fixes(drive.fixes, fix_t, options), options.wander_tau_s).fixes
+    screened = screen_fixes(model_fixes(drive.fixes, fix_t, options), options.wander_tau_s)
+    fixes = screened.fixes
     t = np.asarray((drive.imu.t_ns - base_ns) * 1e-9)
     span = (0.0, float(t[-1]))
     # a delay that is yet to be found must not decide which fixes take part
@@ -134,7 +137,7 @@ def open_drive(drive: GapDrive, options: FusionOptions) -> OpenDrive:
     if drive.odometer is not None and len(drive.odometer) > 1:
         wheels = Odometer(np.asarray((drive.odometer.t_ns - base_ns) * 1e-9), drive.odometer.speed)
     session = Session(drive.imu, fixes, options, still, means, sds, span, wheels)
-    return OpenDrive(drive, session)
+    return OpenDrive(drive, session, screened.n_wild)
 
 
 def _rows(fixes: FixModel, keep: BoolArray) -> FixModel:

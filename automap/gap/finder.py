@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from automap.effects import CATALOGUE
@@ -15,8 +15,18 @@ from automap.gap.heldout import channel_gaps, epochs, fit_held_out, remaining_ga
 from automap.gap.locate import places, worst_by_channel
 from automap.gap.model import GapModel, base_model
 from automap.gap.result import Finding, GapResult, ParameterValue, Unexplained
-from automap.gap.scoring import whitener_of
-from automap.gap.search import MAX_FINDINGS, Say, State, begin, eliminate, step, values_of
+from automap.gap.scoring import Joint, whitener_of
+from automap.gap.search import (
+    MAX_FINDINGS,
+    Say,
+    State,
+    begin,
+    eliminate,
+    joint_of,
+    step,
+    values_of,
+)
+from automap.gap.stochastic import stochastic_findings
 
 FIT_SHARE = 2.0 / 3.0
 """Without a held-out drive, so much of each drive is fitted; the rest is held out."""
@@ -49,6 +59,7 @@ def find_gaps(
     opened = [open_drive(d, model.options) for d in turned]
     kept = [open_drive(d, model.options) for d in held]
     state = begin(opened, kept, model, say)
+    state.exclude = frozenset(exclude)
     base = state.model
     stages: list[tuple[GapModel, Mapping[str, Mapping[str, float]]]] = [(base, {})]
     while len(state.accepted) < MAX_FINDINGS:
@@ -58,12 +69,10 @@ def find_gaps(
         stages.append((state.model, _values(state)))
     joint = eliminate(state, say)
     say("measuring the gap on held-out data")
-    return _result(state, base, stages, joint, model)
+    return _result(state, base, stages, joint)
 
 
 def _values(state: State) -> dict[str, dict[str, float]]:
-    from automap.gap.search import joint_of
-
     joint = joint_of(state.model, state.accepted, state.fits, [0.0] * len(state.fits))
     return values_of(joint, state.accepted)
 
@@ -92,12 +101,8 @@ def _result(
     state: State,
     base: GapModel,
     stages: Sequence[tuple[GapModel, Mapping[str, Mapping[str, float]]]],
-    joint: object,
-    asked: GapModel,
+    joint: Joint,
 ) -> GapResult:
-    from automap.gap.scoring import Joint
-
-    assert isinstance(joint, Joint)
     final_values = values_of(joint, state.accepted)
     final = fit_held_out(state.held_out, state.model, final_values)
     whitener = whitener_of(state.fits[0])
@@ -134,6 +139,7 @@ def _result(
                 advice(trial.effect, state.rivals.get(trial.effect, ())),
             )
         )
+    findings += stochastic_findings(state.fits, state.asked, rest, state.exclude)
     found = places(first, final)
     model = replace(state.model, values={**state.model.values, **final_values})
     return GapResult(
@@ -196,6 +202,3 @@ def _verdict(
         f"missing from the model: {names}; with it the gap on held-out data falls from "
         f"{before:.3g} to {after:.3g} nats an epoch"
     )
-
-
-Progress = Callable[[float, str], None]

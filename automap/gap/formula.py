@@ -77,7 +77,7 @@ def without_formula(opened: OpenDrive, fit: Fit, column: Column, coefficient: fl
         return replace(opened, session=replace(session, imu=imu))
     assert column.direct is not None
     fixes = session.fixes
-    t = fixes.t + fit.last.shift.delay_s
+    t = fit.last.shift.position_times(fixes.t)
     acts = coefficient * column.direct.by_channel
     at = np.stack([np.interp(t, fit.last.nodes.t, acts[:, c]) for c in range(6)], axis=1)
     values = fixes.values.copy()

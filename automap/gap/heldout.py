@@ -79,7 +79,7 @@ def _distance(w: FloatArray, channel: int) -> float:
     share = float(np.mean(rest**2)) / max(variance, 1e-12)
     colour = -0.5 * np.log(min(share, 1.0))
     # what mere chance gives
-    return max(size - 0.5 / n, 0.0) + max(colour - 0.5 * AR_ORDER / n, 0.0)
+    return float(max(size - 0.5 / n, 0.0) + max(colour - 0.5 * AR_ORDER / n, 0.0))
 
 
 def channel_gaps(

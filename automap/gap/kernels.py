@@ -15,7 +15,7 @@ import numpy as np
 
 from automap.fusion.jit import kernel
 from automap.fusion.layout import N_NAV, WANDER
-from automap.records import FloatArray, IntArray
+from automap.records import BoolArray, FloatArray, IntArray
 
 
 @kernel
@@ -108,7 +108,7 @@ def push_columns(
 @kernel
 def _advance(
     psi: FloatArray,
-    acting: FloatArray,
+    acting: BoolArray,
     force: FloatArray,
     dcm: FloatArray,
     signals: FloatArray,

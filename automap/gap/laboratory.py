@@ -198,7 +198,8 @@ def _fit_poses(scaled: FloatArray, gravity: float, effects: tuple[str, ...]) -> 
     r = residuals(robust.x)
     dof = max(len(r) - len(robust.x), 1)
     variance = float(np.sum(np.clip(r, -HUBER_SD * spread, HUBER_SD * spread) ** 2)) / dof
-    cov = variance * np.linalg.pinv(robust.jac.T @ robust.jac)
+    jac = np.asarray(robust.jac)
+    cov = variance * np.linalg.pinv(jac.T @ jac)
     return PoseFit(effects, np.asarray(robust.x), cov, r, float(np.sqrt(variance)))
 
 

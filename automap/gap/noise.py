@@ -69,6 +69,13 @@ def fit_noise(
     return factors
 
 
+def noise_score(fits: Sequence[Fit], factors: Mapping[str, float]) -> float:
+    """Log-likelihood of fitted drives under other factors on the noise levels, nats."""
+    relative = {k: factors[k] / fits[0].model.factors[k] for k in ALL_LEVELS}
+    most = max(MAX_NODES // len(fits), 500)
+    return sum(_score(f, relative, most) for f in fits)
+
+
 def _climb(
     level: str,
     step: float,

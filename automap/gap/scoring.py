@@ -74,7 +74,7 @@ def combine(fits: Sequence[Fit], gains: Sequence[float], prior_sd: FloatArray) -
         info += own - np.eye(p)
         eta += own @ value
         nats += gain - 0.5 * float(value @ own @ value) + 0.5 * np.linalg.slogdet(own)[1]
-    info = 0.5 * (info + info.T)
+    info = np.asarray(0.5 * (info + info.T))
     cov = np.linalg.inv(info)
     value = cov @ eta
     nats += 0.5 * float(value @ eta) - 0.5 * np.linalg.slogdet(info)[1]

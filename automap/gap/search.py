@@ -104,6 +104,7 @@ class State:
     trials: list[Trial] = field(default_factory=list)
     rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
     refused: set[str] = field(default_factory=set)
+    exclude: frozenset[str] = frozenset()
     warnings: list[str] = field(default_factory=list)
     unexplained: Formula | None = None
     resembles: str | None = None

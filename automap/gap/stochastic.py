@@ -1,0 +1,140 @@
+"""Noise that is not as the model was told: named as an effect when it is gross.
+
+The noise block is fitted in any case. Here its levels are compared with what the model stated,
+by likelihood ratio: drift of the biases, receivers whose figures are off, wild fixes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+
+import numpy as np
+
+from automap.fusion.layout import CH_VEL
+from automap.gap.fit import Fit
+from automap.gap.noise import noise_score
+from automap.gap.result import Finding, ParameterValue
+from automap.records import FloatArray
+
+WALK_FACTOR = 2.5
+SCALE_FACTOR = 1.4
+MIN_NATS = 10.0
+OCCAM_NATS = 3.0
+WILD_NIS = 30.0
+USUAL_SHARE = 0.002
+"""Share of fixes that heavy tails alone throw so far."""
+MIN_SHARE = 0.005
+MAX_P = 1e-4
+GNSS_LEVELS = ("position_h", "position_v", "velocity_h", "velocity_v", "wander")
+
+
+def stochastic_findings(
+    fits: Sequence[Fit], asked: Mapping[str, float], gap: float, exclude: Collection[str]
+) -> list[Finding]:
+    """Findings on the noise of fitted drives; ``asked`` the factors of the model as it was
+    given, ``gap`` what is left on held-out data."""
+    out = []
+    fitted = dict(fits[0].model.factors)
+    score = _memo(lambda f: noise_score(fits, f))
+    for name in ("accel_bias_walk", "gyro_bias_walk"):
+        ratio = fitted[name] / asked[name]
+        if name in exclude or ratio < WALK_FACTOR:
+            continue
+        nats = score(fitted) - score(fitted | {name: asked[name]}) - OCCAM_NATS
+        if nats < MIN_NATS:
+            continue
+        value = float(getattr(fits[0].model.options, name)) * fitted[name]
+        spread = value * _log_sd(lambda k, name=name: score(fitted | {name: fitted[name] * k}))
+        unit = "m/s^2/sqrt(s)" if name.startswith("accel") else "rad/s/sqrt(s)"
+        parameters = {a: ParameterValue(value, spread, unit) for a in "xyz"}
+        out.append(Finding(name, parameters, nats, _p(nats), gap, gap))
+    for found in (_noise_scale(fits, fitted, asked, score, gap), _outliers(fits, gap)):
+        if found is not None and found.effect not in exclude:
+            out.append(found)
+    return out
+
+
+def _memo(
+    score: Callable[[Mapping[str, float]], float],
+) -> Callable[[Mapping[str, float]], float]:
+    known: dict[tuple[tuple[str, float], ...], float] = {}
+
+    def remembered(factors: Mapping[str, float]) -> float:
+        key = tuple(sorted(factors.items()))
+        if key not in known:
+            known[key] = score(factors)
+        return known[key]
+
+    return remembered
+
+
+def _p(nats: float) -> float:
+    """Of a likelihood ratio with one degree of freedom at its edge (Self and Liang 1987)."""
+    from scipy.stats import chi2
+
+    return float(0.5 * chi2.sf(2.0 * (nats + OCCAM_NATS), 1))
+
+
+def _log_sd(score: Callable[[float], float]) -> float:
+    """Relative sd of a level from the curvature of the log-likelihood over its logarithm."""
+    h = 0.25
+    curve = (score(np.exp(h)) - 2.0 * score(1.0) + score(np.exp(-h))) / h**2
+    return float(1.0 / np.sqrt(max(-curve, 1.0)))
+
+
+def _noise_scale(
+    fits: Sequence[Fit],
+    fitted: Mapping[str, float],
+    asked: Mapping[str, float],
+    score: Callable[[Mapping[str, float]], float],
+    gap: float,
+) -> Finding | None:
+    """Whether positions and velocities are both noisier, or both better, than they say."""
+    options = fits[0].model.options
+    white, slow = options.white_share, options.wander_share
+
+    def total(level: str, factors: Mapping[str, float]) -> float:
+        return float(np.hypot(white * factors[level], slow * factors["wander"]))
+
+    ratios = [total(k, fitted) / total(k, asked) for k in ("position_h", "position_v")]
+    ratios += [fitted[k] / asked[k] for k in ("velocity_h", "velocity_v")]
+    logs = np.log(ratios)
+    factor = float(np.exp(np.mean(logs)))
+    low, high = float(np.exp(logs.min())), float(np.exp(logs.max()))
+    if not (factor > SCALE_FACTOR and low > SCALE_FACTOR**0.5) and not (
+        factor < 1.0 / SCALE_FACTOR**2 and high < SCALE_FACTOR**-0.5
+    ):
+        return None
+    stated = {**fitted, **{k: asked[k] for k in GNSS_LEVELS}}
+    nats = score(fitted) - score(stated) - OCCAM_NATS
+    if nats < MIN_NATS:
+        return None
+    spread = factor * max(float(np.std(logs)) / 2.0, 0.02)
+    parameters = {"factor": ParameterValue(factor, spread, "")}
+    return Finding("gnss_noise_scale", parameters, nats, _p(nats), gap, gap)
+
+
+def _outliers(fits: Sequence[Fit], gap: float) -> Finding | None:
+    """Wild positions: those screened out beforehand and those the filter refused."""
+    from scipy.stats import binom
+
+    count, wild = 0, 0
+    for fit in fits:
+        store = fit.last.forward.store
+        nis: FloatArray = store.nis[:, :CH_VEL]
+        measured = np.isfinite(nis).any(axis=1)
+        count += int(measured.sum())
+        beyond = np.nan_to_num(nis[measured]).max(axis=1) > WILD_NIS
+        wild += min(int(beyond.sum()) + fit.opened.n_wild, int(measured.sum()))
+    share = wild / max(count, 1)
+    if share < MIN_SHARE or wild < 3:
+        return None
+    p = float(binom.sf(wild - 1, count, USUAL_SHARE))
+    if p > MAX_P:
+        return None
+    usual = USUAL_SHARE
+    nats = wild * np.log(share / usual) + (count - wild) * np.log1p(-share)
+    nats -= (count - wild) * np.log1p(-usual)
+    sd = float(np.sqrt(share * (1.0 - share) / count))
+    parameters = {"fraction": ParameterValue(share, sd, "")}
+    return Finding("gnss_outliers", parameters, float(nats), p, gap, gap)
