@@ -65,7 +65,9 @@ def combine(fits: Sequence[Fit], gains: Sequence[float], prior_sd: FloatArray) -
     p = len(names)
     if p == 0:
         return Joint((), np.zeros(0), np.zeros((0, 0)), float(sum(gains)))
-    info, eta, nats = np.eye(p), np.zeros(p), 0.0
+    info: FloatArray = np.eye(p)
+    eta: FloatArray = np.zeros(p)
+    nats = 0.0
     for fit, gain in zip(fits, gains, strict=True):
         cov = fit.cov / np.outer(prior_sd, prior_sd)
         cov = 0.5 * (cov + cov.T) + 1e-12 * np.eye(p)
@@ -75,7 +77,7 @@ def combine(fits: Sequence[Fit], gains: Sequence[float], prior_sd: FloatArray) -
         eta += own @ value
         nats += gain - 0.5 * float(value @ own @ value) + 0.5 * np.linalg.slogdet(own)[1]
     info = np.asarray(0.5 * (info + info.T))
-    cov = np.linalg.inv(info)
+    cov: FloatArray = np.asarray(np.linalg.inv(info), np.float64)
     value = cov @ eta
     nats += 0.5 * float(value @ eta) - 0.5 * np.linalg.slogdet(info)[1]
     scale = np.outer(prior_sd, prior_sd)

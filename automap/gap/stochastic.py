@@ -44,7 +44,7 @@ def stochastic_findings(
         if nats < MIN_NATS:
             continue
         value = float(getattr(fits[0].model.options, name)) * fitted[name]
-        spread = value * _log_sd(lambda k, name=name: score(fitted | {name: fitted[name] * k}))
+        spread = value * _log_sd(score, fitted, name)
         unit = "m/s^2/sqrt(s)" if name.startswith("accel") else "rad/s/sqrt(s)"
         parameters = {a: ParameterValue(value, spread, unit) for a in "xyz"}
         out.append(Finding(name, parameters, nats, _p(nats), gap, gap))
@@ -75,10 +75,13 @@ def _p(nats: float) -> float:
     return float(0.5 * chi2.sf(2.0 * (nats + OCCAM_NATS), 1))
 
 
-def _log_sd(score: Callable[[float], float]) -> float:
+def _log_sd(
+    score: Callable[[Mapping[str, float]], float], fitted: Mapping[str, float], name: str
+) -> float:
     """Relative sd of a level from the curvature of the log-likelihood over its logarithm."""
     h = 0.25
-    curve = (score(np.exp(h)) - 2.0 * score(1.0) + score(np.exp(-h))) / h**2
+    up, down = (score({**fitted, name: fitted[name] * np.exp(s)}) for s in (h, -h))
+    curve = (up - 2.0 * score(fitted) + down) / h**2
     return float(1.0 / np.sqrt(max(-curve, 1.0)))
 
 

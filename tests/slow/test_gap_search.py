@@ -1,0 +1,51 @@
+"""The whole search: an effect that the simulator hid is named, and a clean drive is silent."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from automap.gap import find_gaps
+from tests.unit.test_gap import simulated
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        ("gnss_lever_arm", {"x": 0.5}),
+        ("gnss_latency", {"s": 0.05}),
+        ("imu_mounting", {"yaw": 0.03}),
+        ("nhc_lever_arm", {"x": -1.2}),
+        ("gyro_scale", {"z": 0.01}),
+        ("vehicle_sideslip", {"coefficient": 0.006}),
+    ],
+)
+def test_a_hidden_effect_is_named_and_recovered(effect: str, values: dict[str, float]) -> None:
+    held = simulated({effect: values}, seed=8)
+    result = find_gaps([simulated({effect: values})], [held])
+    assert [f.effect for f in result.findings] == [effect]
+    finding = result.findings[0]
+    for parameter, true in values.items():
+        found = finding.parameters[parameter]
+        assert abs(found.value - true) < 4.0 * found.sd, parameter
+    assert finding.p_value < 1e-3
+    assert result.gap_after < 0.5 * result.gap_before
+    assert result.unexplained is None
+
+
+@pytest.mark.parametrize("seed", [3, 5, 6])
+def test_a_drive_without_errors_has_no_findings(seed: int) -> None:
+    result = find_gaps([simulated({}, seed=seed)])
+    assert result.findings == ()
+    assert result.unexplained is None
+
+
+def test_an_effect_kept_out_of_the_library_is_not_given_another_name() -> None:
+    hidden: dict[str, Any] = {"gyro_scale": {"z": 0.02}}
+    drive, held = simulated(hidden), simulated(hidden, seed=8)
+    result = find_gaps([drive], [held], exclude=("gyro_scale",))
+    assert result.unexplained is not None
+    assert result.unexplained.channel == "gyro_z"

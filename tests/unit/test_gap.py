@@ -1,0 +1,201 @@
+"""The parts of the gap finder: sensitivities, whitening, evidence, screening."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import pytest
+
+from automap.effects import CATALOGUE
+from automap.errors import InputError
+from automap.gap import GapDrive, base_model, find_gaps
+from automap.gap.advice import advice
+from automap.gap.columns import effect_columns, node_motion, sensitivities
+from automap.gap.drive import open_drive
+from automap.gap.evidence import Scores, evidence, null_maxima, p_value
+from automap.gap.fit import Fit, fit_drive, motion_of
+from automap.gap.library import library
+from automap.gap.screening import screen, whitened_innovations
+from automap.gap.whitening import fit_whitener, white_rows
+from automap.simulation.scenario import Gnss, Imu, Leg, Route, Scenario, Start, Stop, Vehicle
+from automap.simulation.sensors import random_streams, simulate_sensors
+
+ARM = np.array([0.3, -0.2, -1.0])
+
+
+def simulated(errors: dict[str, Any], seed: int = 3, noise: float = 1.0) -> GapDrive:
+    """Some two minutes through a town, with a halt."""
+    legs = []
+    for side in (-1.0, 1.0):
+        legs += [
+            Leg(length_m=180.0, speed_m_s=15.0),
+            Leg(turn_deg=90.0 * side, radius_m=18.0, speed_m_s=7.0),
+            Leg(length_m=120.0, speed_m_s=10.0),
+            Leg(turn_deg=-75.0 * side, radius_m=30.0, speed_m_s=9.0),
+            Leg(length_m=100.0, speed_m_s=14.0),
+            Leg(turn_deg=70.0, radius_m=25.0, speed_m_s=9.0),
+        ]
+    scenario = Scenario(
+        schema="automap.scenario/1",
+        name="gap",
+        start=Start(
+            utc=datetime(2026, 3, 14, 9, 20, tzinfo=UTC),
+            lat_deg=-35.28,
+            lon_deg=149.13,
+            height_m=580.0,
+            heading_deg=62.0,
+        ),
+        vehicle=Vehicle(),
+        route=Route(legs=legs, stops=[Stop(at_m=500.0, hold_s=6.0)]),
+        imu=Imu(),
+        gnss=Gnss(lever_arm_m=(0.3, -0.2, -1.0), sigma_velocity=(0.05 * noise,) * 3),
+        errors={
+            "accel_bias": {"x": 0.06, "y": -0.09, "z": 0.11},
+            "gyro_bias": {"x": 0.003, "y": -0.002, "z": 0.0016},
+            **errors,
+        },
+    )
+    sensors = simulate_sensors(scenario, random_streams(seed))
+    assert sensors.fixes is not None
+    return GapDrive(sensors.imu, sensors.fixes, sensors.clock, "gap", ARM)
+
+
+@pytest.fixture(scope="module")
+def plain() -> Fit:
+    model = base_model()
+    return fit_drive(open_drive(simulated({}), model.options), model)
+
+
+@pytest.mark.parametrize(
+    ("effect", "size"),
+    [
+        ("gnss_lever_arm", 0.05),
+        ("gyro_scale", 2e-3),
+        ("accel_misalignment", 2e-3),
+        ("nhc_lever_arm", 0.05),
+        ("gnss_latency", 0.01),
+    ],
+)
+def test_sensitivities_foretell_what_an_effect_does_to_the_innovations(
+    plain: Fit, effect: str, size: float
+) -> None:
+    # the same drive filtered with the effect at a value, linearised about the same path
+    motion = motion_of(plain.last)
+    sds = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
+    columns = effect_columns(effect, plain, motion, node_motion(plain, motion), sds)
+    column = 2 if effect == "gyro_scale" else 0
+    phi = sensitivities(plain, motion, columns)[:, column]
+    values = {effect: {columns[column].parameter: size}}
+    other = fit_drive(plain.opened, replace(plain.model, values=values), start=plain.start)
+    before, _, channel = whitened_innovations(plain)
+    after, _, _ = whitened_innovations(other)
+    assert len(before) == len(after)
+    measured = channel < 8
+    foretold, seen = size * phi[measured], (before - after)[measured]
+    # delays reach the second order that the columns leave out
+    assert np.corrcoef(foretold, seen)[0, 1] > (0.9 if effect == "gnss_latency" else 0.97)
+    slope = float(foretold @ seen / (foretold @ foretold))
+    assert slope == pytest.approx(1.0, abs=0.1)
+
+
+def test_whitening_takes_out_colour_and_size() -> None:
+    rng = np.random.default_rng(1)
+    n = 20000
+    w = np.empty(n)
+    w[0] = 0.0
+    for i in range(1, n):
+        w[i] = 0.5 * w[i - 1] + 3.0 * rng.standard_normal()
+    w[::500] *= 20.0
+    channel = np.zeros(n, np.int64)
+    phi = rng.standard_normal((n, 1))
+    whitener = fit_whitener(w, channel)
+    rows = white_rows(whitener, w, phi, np.arange(n, dtype=float), channel)
+    assert abs(np.mean(rows.w[1:] * rows.w[:-1])) < 0.05
+    assert np.mean(rows.w**2) == pytest.approx(1.0, abs=0.02)
+    # the score of a regressor that is not there scatters as its information says
+    g = np.array(
+        [
+            white_rows(whitener, w, rng.standard_normal((n, 1)), np.arange(n, dtype=float), channel)
+            for _ in range(60)
+        ],
+        dtype=object,
+    )
+    z = [float(r.phi[:, 0] @ r.w / np.sqrt(r.phi[:, 0] @ r.phi[:, 0])) for r in g]
+    assert 0.75 < float(np.std(z)) < 1.3
+
+
+def test_evidence_is_the_bayes_factor_of_a_linear_model() -> None:
+    rng = np.random.default_rng(2)
+    phi = rng.standard_normal((300, 2))
+    w = phi @ np.array([0.3, -0.2]) + rng.standard_normal(300)
+    sd = np.array([0.4, 0.5])
+    blocks = (phi * w[:, None]).reshape(30, 10, 2).sum(axis=1)
+    infos = np.einsum("bij,bik->bjk", phi.reshape(30, 10, 2), phi.reshape(30, 10, 2))
+    scores = Scores(phi.T @ w, phi.T @ phi, blocks, infos)
+    found = evidence(scores, np.array([0, 1]), sd)
+    cov = np.eye(300) + (phi * sd**2) @ phi.T
+    exact = -0.5 * (w @ np.linalg.solve(cov, w) + np.linalg.slogdet(cov)[1]) + 0.5 * w @ w
+    assert found.nats <= exact + 1e-6
+    if found.excess == 1.0:
+        assert found.nats == pytest.approx(exact, abs=1e-6)
+    assert np.abs(found.estimate - [0.3, -0.2]).max() < 4.0 * found.sd.max()
+
+
+def test_p_values_of_the_largest_evidence_are_uniform() -> None:
+    rng = np.random.default_rng(3)
+    phi = rng.standard_normal((200, 6))
+    info = phi.T @ phi
+    flat = Scores(np.zeros(6), info, np.zeros((0, 6)), np.zeros((0, 6, 6)))
+    groups = [(np.array([i]), np.array([0.3])) for i in range(6)]
+    maxima = null_maxima(flat, groups, 4000)
+    values = []
+    for _ in range(300):
+        g = phi.T @ rng.standard_normal(200)
+        scores = replace(flat, score=g)
+        values.append(p_value(max(evidence(scores, c, s).nats for c, s in groups), maxima))
+    assert 0.4 < float(np.mean(values)) < 0.6
+    assert float(np.mean(np.array(values) < 0.05)) < 0.1
+    # and falls on beyond the largest draw
+    assert p_value(float(maxima[-1]) + 20.0, maxima) < 1e-6
+
+
+def test_an_effect_is_screened_first_with_its_value() -> None:
+    model = base_model()
+    drive = simulated({"gnss_lever_arm": {"y": 0.6}})
+    fit = fit_drive(open_drive(drive, model.options), model)
+    best = screen([fit], library(model.settled, False, True)).candidates[0]
+    assert best.effect == "gnss_lever_arm"
+    y = best.parameters.index("y")
+    assert abs(best.evidence.estimate[y] - 0.6) < 5.0 * best.evidence.sd[y]
+
+
+def test_what_is_in_the_model_is_not_tried() -> None:
+    effects = library(frozenset({"gnss_latency", "gyro_scale"}), False, True)
+    assert not {"gnss_latency", "imu_time_offset", "gyro_scale", "odometer_scale"} & set(effects)
+    assert "earth_rotation" in library(frozenset(), True, False)
+
+
+def test_a_drive_is_cut_into_parts() -> None:
+    drive = simulated({})
+    half = drive.part(0.0, 40.0, "half")
+    assert half.length_s == pytest.approx(40.0, abs=0.05)
+    assert 0 < len(half.fixes) < len(drive.fixes)
+
+
+def test_too_short_drives_are_refused_in_one_sentence() -> None:
+    drive = simulated({})
+    with pytest.raises(InputError, match="too short to hold out"):
+        find_gaps([drive.part(0.0, 15.0, "short")])
+    with pytest.raises(InputError, match="usable fixes"):
+        find_gaps([drive.part(0.0, 2.0, "tiny")], [drive])
+    with pytest.raises(InputError, match="at least one"):
+        find_gaps([])
+
+
+def test_rivals_come_with_a_manoeuvre() -> None:
+    assert "brake" in advice("gnss_velocity_latency", ["gnss_velocity_lag"])
+    assert advice("gyro_scale", []) == ""
+    assert advice("gyro_scale", ["accel_scale"])
