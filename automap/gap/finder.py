@@ -31,6 +31,9 @@ from automap.gap.stochastic import stochastic_findings
 FIT_SHARE = 2.0 / 3.0
 """Without a held-out drive, so much of each drive is fitted; the rest is held out."""
 MIN_PART_S = 8.0
+MAX_FIT_S = 1200.0
+MAX_HELD_S = 900.0
+"""No more of a drive is fitted or held out: noise and effects are settled by then."""
 
 
 def find_gaps(
@@ -56,6 +59,9 @@ def find_gaps(
     held = [in_vehicle_axes(d, _turning_options(model.options)) for d in holdout]
     if not held:
         turned, held = _split(turned)
+    else:
+        turned = [_head(d, MAX_FIT_S) for d in turned]
+        held = [_head(d, MAX_HELD_S) for d in held]
     opened = [open_drive(d, model.options) for d in turned]
     kept = [open_drive(d, model.options) for d in held]
     state = begin(opened, kept, model, say)
@@ -82,18 +88,23 @@ def _turning_options(options: FusionOptions) -> FusionOptions:
     return replace(FusionOptions(), earth_rotation=options.earth_rotation)
 
 
+def _head(drive: GapDrive, seconds: float) -> GapDrive:
+    return drive if drive.length_s <= seconds else drive.part(0.0, seconds, drive.name)
+
+
 def _split(drives: Sequence[GapDrive]) -> tuple[list[GapDrive], list[GapDrive]]:
     fit, held = [], []
     for drive in drives:
         length = drive.length_s
-        cut = FIT_SHARE * length
+        cut = min(FIT_SHARE * length, MAX_FIT_S)
         if length - cut < MIN_PART_S:
             raise InputError(
                 f"{drive.name}: {length:.0f} s are too short to hold out a part; "
                 "give another drive with --holdout"
             )
         fit.append(drive.part(0.0, cut, drive.name))
-        held.append(drive.part(cut, length, f"{drive.name} (held out)"))
+        stop = min(length, cut + MAX_HELD_S)
+        held.append(drive.part(cut, stop, f"{drive.name} (held out)"))
     return fit, held
 
 

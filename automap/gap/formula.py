@@ -123,6 +123,9 @@ def quantities(fit: Fit, motion: Motion) -> Iterator[tuple[str, FloatArray]]:
     yield "|force_y|", np.abs(f[:, 1])
     yield "rate^2", np.sum(w**2, axis=1)
     yield "rate_y^2", w[:, 1] ** 2
+    along = np.einsum("ni,ni->n", motion.dcm[:, :, 0], motion.acc)
+    yield "sign(acceleration)", np.tanh(along / 0.1)
+    yield "sign(rate_z)", np.tanh(w[:, 2] / 0.01)
     yield "time", x
     yield "time^2", x**2
     temperature = fit.opened.drive.imu.temp_c

@@ -69,9 +69,8 @@ def combine(fits: Sequence[Fit], gains: Sequence[float], prior_sd: FloatArray) -
     eta: FloatArray = np.zeros(p)
     nats = 0.0
     for fit, gain in zip(fits, gains, strict=True):
-        cov = fit.cov / np.outer(prior_sd, prior_sd)
-        cov = 0.5 * (cov + cov.T) + 1e-12 * np.eye(p)
-        own = np.linalg.inv(cov)
+        each = fit.cov / np.outer(prior_sd, prior_sd)
+        own = np.linalg.inv(0.5 * (each + each.T) + 1e-12 * np.eye(p))
         value = fit.values / prior_sd
         info += own - np.eye(p)
         eta += own @ value

@@ -45,6 +45,7 @@ INERTIAL_LEVELS = ("accel", "gyro")
 GROSS = 2.5
 WALKS = ("accel_bias_walk", "gyro_bias_walk")
 LOW_WALK = 0.1
+RAISED = 1.5
 SLOW_EFFECTS = (
     "accel_temperature",
     "gyro_temperature",
@@ -213,22 +214,27 @@ def _strongest_formula(
     """A formula that beats every name of the library, each fitted."""
     say("screening formulas")
     named = max(trials[0].joint.nats, 0.0) if trials else 0.0
-    best: Formula | None = None
-    model, fits = state.model, state.fits
+    contexts = [(state.model, state.fits)]
     if trials and trials[0].effect in SLOW_EFFECTS and trials[0].nats >= MIN_NATS:
         # under the noise that the best name was judged with: drift hides slow formulas too
         model = trials[0].model
-        fits = fit_all(state, model, state.accepted)
-    for formula in screen_formulas(fits, exclude)[:FORMULA_TRIALS]:
-        if formula.nats < FORMULA_NATS or formula.p_value > FORMULA_P:
-            continue
-        tried = _fit_formula(state, model, formula)
-        say(
-            f"{formula.channel} += k * {formula.text}: {tried.nats:.1f} nats fitted, "
-            f"{formula.nats:.1f} screened, names {named:.1f}"
-        )
-        if best is None or tried.nats > best.nats:
-            best = tried
+        contexts.append((model, fit_all(state, model, state.accepted)))
+    elif any(state.model.factors[w] > RAISED * state.asked[w] for w in WALKS):
+        low = {w: LOW_WALK * state.asked[w] for w in WALKS}
+        model = replace(state.model, factors={**state.model.factors, **low})
+        contexts.append((model, fit_all(state, model, state.accepted)))
+    best: Formula | None = None
+    for model, fits in contexts:
+        for formula in screen_formulas(fits, exclude)[:FORMULA_TRIALS]:
+            if formula.nats < FORMULA_NATS or formula.p_value > FORMULA_P:
+                continue
+            tried = _fit_formula(state, model, formula)
+            say(
+                f"{formula.channel} += k * {formula.text}: {tried.nats:.1f} nats fitted, "
+                f"{formula.nats:.1f} screened, names {named:.1f}"
+            )
+            if best is None or tried.nats > best.nats:
+                best = tried
     if best is None or best.nats < named + max(FORMULA_NATS, FORMULA_SHARE * named):
         return None
     if best.p_value > FORMULA_P:
