@@ -23,6 +23,7 @@ from automap.fusion.output import (
     Innovations,
     NodeStates,
     ParameterHistory,
+    filter_history,
     innovations,
     node_trajectory,
     parameter_history,
@@ -67,7 +68,8 @@ class FusionResult:
     """A fused drive.
 
     ``trajectory`` smoothed and ``filtered`` forward only, at every IMU epoch; ``parameters``
-    the estimated sensor errors over time, smoothed; ``innovations`` of the last forward pass;
+    the estimated sensor errors over time, smoothed, ``filtered_parameters`` as the forward
+    filter saw them; ``innovations`` of the last forward pass;
     ``delay`` of the IMU stamps against the fixes (imu_time_offset > 0: stamps later than the
     truth) with sd; ``mounting`` sensor to vehicle; ``standstill`` intervals in s from the
     first sample; ``align_margin`` in nats; ``noise_factors`` what the
@@ -77,6 +79,7 @@ class FusionResult:
     trajectory: Trajectory
     filter_run: Callable[[], Trajectory]
     parameters: ParameterHistory
+    filtered_parameters: ParameterHistory
     innovations: Innovations
     delay: Prior
     mounting: Mounting
@@ -242,6 +245,7 @@ class _Outcome:
     smoothed: NodeStates
     filtered: NodeStates
     parameters: ParameterHistory
+    filtered_parameters: ParameterHistory
     innovations: Innovations
     factors: dict[str, float]
 
@@ -254,6 +258,7 @@ def _harvest(last: Pass, base_ns: int, wild: IntArray) -> _Outcome:
         NodeStates(smooth.nominal, smooth.params, smooth.cov),
         NodeStates(*filtered_states(last.problem, last.forward)),
         parameter_history(last.problem, smooth, base_ns, last.shift),
+        filter_history(last.problem, last.forward, base_ns, last.shift),
         innovations(last.forward, base_ns, wild),
         last.factors,
     )
@@ -297,6 +302,7 @@ def _assemble(
         trajectory(outcome.smoothed, True),
         lambda: trajectory(outcome.filtered, False),
         history,
+        outcome.filtered_parameters,
         outcome.innovations,
         delay,
         Mounting(total, matrix_to_rpy(total), sd),

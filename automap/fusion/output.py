@@ -16,7 +16,15 @@ from automap.frames import (
 )
 from automap.fusion.layout import CH_VEL, CHANNELS, N_NAV, PHI_ID
 from automap.fusion.measurements import Nodes, Shift
-from automap.fusion.problem import ForwardRun, Problem, SmoothRun, contained, run_dense
+from automap.fusion.problem import (
+    PARAMETER_STEP_S,
+    ForwardRun,
+    Problem,
+    SmoothRun,
+    contained,
+    filtered_variances,
+    run_dense,
+)
 from automap.fusion.resample import shift_states
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory
 
@@ -136,6 +144,22 @@ def parameter_history(
     sd = np.sqrt(np.maximum(smooth.param_var[noted], 0.0))
     t_ns = base_ns + np.rint(smooth.nodes.t[noted] * 1e9).astype(np.int64)
     return ParameterHistory(t_ns, names, values[noted], sd)
+
+
+def filter_history(
+    problem: Problem, forward: ForwardRun, base_ns: int, shift: Shift
+) -> ParameterHistory:
+    """What the forward filter made of the parameters, about once a second."""
+    names = problem.model.names
+    seconds = np.floor(forward.nodes.t / PARAMETER_STEP_S)
+    rows = np.flatnonzero(np.diff(seconds, append=np.inf) > 0)
+    values = forward.store.params[rows] + forward.store.mean[rows, N_NAV:]
+    for name, value in contained(shift):
+        if name in names:
+            values[:, names.index(name)] += value
+    sd = np.sqrt(np.maximum(filtered_variances(problem, forward)[rows], 0.0))
+    t_ns = base_ns + np.rint(forward.nodes.t[rows] * 1e9).astype(np.int64)
+    return ParameterHistory(t_ns, names, values, sd)
 
 
 def innovations(forward: ForwardRun, base_ns: int, wild: IntArray) -> Innovations:

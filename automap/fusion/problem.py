@@ -89,14 +89,15 @@ class Start:
 class ForwardRun:
     """What the forward filter leaves for the smoother and the tables.
 
-    ``cov`` [k, r, r] of the reported rows where the run went in sections: then ``store`` has
-    no covariances, transitions, rows and gains.
+    ``cov`` [k, r, r] of the reported rows and ``param_var`` [k, n - 9] where the run went in
+    sections: then ``store`` has no covariances, transitions, rows and gains.
     """
 
     nodes: Nodes
     store: ForwardStore
     score: float
     cov: FloatArray | None = None
+    param_var: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -353,6 +354,15 @@ def filtered_states(
     nominal, params = forward.store.nominal.copy(), forward.store.params.copy()
     kernels.apply_correction(nominal, params, forward.store.mean)
     return nominal, params, reported_cov(problem, forward)
+
+
+def filtered_variances(problem: Problem, forward: ForwardRun) -> FloatArray:
+    """The filter's variances [k, n - 9] of the parameters after each update."""
+    if forward.param_var is not None:
+        return forward.param_var
+    n = problem.model.size
+    i = np.arange(N_NAV, n)
+    return np.asarray(forward.store.cov[:, i * n - i * (i - 1) // 2])
 
 
 def reported_cov(problem: Problem, forward: ForwardRun) -> FloatArray:

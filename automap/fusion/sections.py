@@ -24,6 +24,7 @@ from automap.fusion.problem import (
     Start,
     empty_store,
     filter_into,
+    filtered_variances,
     first_state,
     full_covariance,
     no_adjoint,
@@ -123,7 +124,8 @@ def _light(problem: Problem, run: ForwardRun) -> ForwardRun:
         h=np.zeros((0, n)),
         gain=np.zeros((0, n)),
     )
-    return ForwardRun(run.nodes, store, run.score, reported_cov(problem, run))
+    variances = filtered_variances(problem, run)
+    return ForwardRun(run.nodes, store, run.score, reported_cov(problem, run), variances)
 
 
 def _join_forward(nodes: Nodes, parts: list[ForwardRun]) -> ForwardRun:
@@ -158,7 +160,9 @@ def _join_forward(nodes: Nodes, parts: list[ForwardRun]) -> ForwardRun:
     )
     covs = [p.cov for p in parts if p.cov is not None]
     cov = np.concatenate([c[min(i, 1) :] for i, c in enumerate(covs)])
-    return ForwardRun(nodes, store, sum(p.score for p in parts), cov)
+    variances = [p.param_var for p in parts if p.param_var is not None]
+    variance = np.concatenate([v[min(i, 1) :] for i, v in enumerate(variances)])
+    return ForwardRun(nodes, store, sum(p.score for p in parts), cov, variance)
 
 
 def _join_smooth(nodes: Nodes, parts: list[SmoothRun]) -> SmoothRun:
