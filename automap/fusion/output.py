@@ -85,9 +85,8 @@ def node_trajectory(
         dense = shift_states(problem.t, dense, delay)
     vehicle = quat_multiply(dense[:, 6:10], matrix_to_quat(turn.T))
     t = problem.t
-    variance = np.stack(
-        [np.interp(t, nodes.t, np.maximum(cov[:, i, i], 0.0)) for i in range(6)], axis=1
-    )
+    variances = [np.maximum(cov[:, i, i], 0.0) for i in range(6)]
+    variance = np.stack([_between(t, nodes.t, v, blend) for v in variances], axis=1)
     node_rpy = quat_to_rpy(quat_multiply(nominal[:, 6:10], matrix_to_quat(turn.T)))
     node_sd = rpy_sd_from_tilt(node_rpy, vehicle_tilt(nominal, cov, turn))
     return Trajectory(
@@ -100,8 +99,16 @@ def node_trajectory(
         rpy=quat_to_rpy(vehicle),
         sd_pos_ned=np.sqrt(variance[:, :3]),
         sd_vel_ned=np.sqrt(variance[:, 3:6]),
-        sd_rpy=np.stack([np.interp(t, nodes.t, node_sd[:, i]) for i in range(3)], axis=1),
+        sd_rpy=np.stack([_between(t, nodes.t, node_sd[:, i], blend) for i in range(3)], axis=1),
     )
+
+
+def _between(t: FloatArray, node_t: FloatArray, values: FloatArray, blend: bool) -> FloatArray:
+    """Values of nodes at other instants: a filter knows nothing of the next node."""
+    if blend:
+        return np.interp(t, node_t, values)
+    before = np.searchsorted(node_t, t, side="right") - 1
+    return np.asarray(values[np.clip(before, 0, len(node_t) - 1)])
 
 
 def vehicle_tilt(nominal: FloatArray, cov: FloatArray, turn: FloatArray) -> FloatArray:
