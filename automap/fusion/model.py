@@ -79,6 +79,8 @@ class FusionOptions:
     ``iterations`` of the smoother about its own result after that. With ``adapt`` the white
     levels are starting values that the drive's own innovations correct, with ``tune`` all
     levels, finely; ``factors`` on the levels are where that begins (see ``adapt.LEVELS``).
+    Without ``retime``
+    only the IMU's delay moves the nodes; ages of fixes stay states, and the nodes stay the same.
     """
 
     effects: tuple[str, ...] = DEFAULT_EFFECTS
@@ -112,6 +114,7 @@ class FusionOptions:
     tune: bool = False
     factors: Mapping[str, float] = field(default_factory=dict)
     earth_rotation: bool = True
+    retime: bool = True
 
 
 @dataclass(frozen=True)

@@ -171,6 +171,8 @@ def run_passes(
             speed_t = nodes.t
             speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
         following = _next_shift(model, smooth, shift)
+        if not options.retime:
+            following = Shift(following.delay_s)
         settled = number > 0 and _settled(model, smooth, following, shift)
         if settled and relinearised >= options.iterations:
             break

@@ -64,7 +64,7 @@ def vehicle_options(options: FusionOptions) -> FusionOptions:
 
 def plain_options(options: FusionOptions) -> FusionOptions:
     """The options for passes whose noise is given, not adapted."""
-    return replace(options, adapt=False, tune=False, fixed={})
+    return replace(options, adapt=False, tune=False, fixed={}, retime=False)
 
 
 def prior_sd(options: FusionOptions, effect: str, parameter: str) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from automap.fusion.levels import ALL_LEVELS
 from automap.gap.drive import OpenDrive
 from automap.gap.evidence import p_value
 from automap.gap.fit import Fit, fit_drive
@@ -14,7 +15,7 @@ from automap.gap.formula import Formula, screen_formulas, without_formula
 from automap.gap.heldout import fit_held_out, total_score
 from automap.gap.library import SAME_STATE, library
 from automap.gap.model import GapModel, parameter_names, prior_sd
-from automap.gap.noise import fit_noise
+from automap.gap.noise import fit_noise, noise_score
 from automap.gap.scoring import Joint, combine, robust_score, whitener_of
 from automap.gap.screening import Candidate, Screening, screen
 from automap.gap.whitening import Whitener
@@ -26,6 +27,17 @@ MAX_P = 1e-3
 CLOSE_NATS = 3.0
 CLOSE_SHARE = 0.03
 """Rivals within so many nats, or this share of the evidence, are said to be confusable."""
+ALIKE = (
+    ("gnss_latency", "imu_time_offset", "gnss_velocity_latency", "gnss_velocity_lag"),
+    ("gnss_lever_arm", "nhc_lever_arm", "vehicle_sideslip"),
+    ("accel_misalignment", "imu_mounting"),
+)
+"""Families that a noisy screening mixes up: when one leads, all are fitted."""
+OVERLAP = 0.8
+PRIOR_ROOM = 5.0
+"""So much of a parameter's information is another effect's, then they are confusable."""
+MAX_RESTARTS = 3
+BETTER_NATS = 10.0
 SHORTLIST = 5
 SLOW_SHORTLIST = 2
 FINALISTS = 2
@@ -41,6 +53,7 @@ HELD_OUT_SLACK = 3.0
 SURE_NATS = 20.0
 COARSE_STEPS = (2.0, 2.0**0.5)
 FINE_STEPS = (2.0**0.5, 2.0**0.25)
+GNSS_FIRST = tuple(sorted(ALL_LEVELS, key=lambda k: k in ("accel", "gyro")))
 INERTIAL_LEVELS = ("accel", "gyro")
 GROSS = 2.5
 WALKS = ("accel_bias_walk", "gyro_bias_walk")
@@ -106,6 +119,7 @@ class State:
     rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
     refused: set[str] = field(default_factory=set)
     exclude: frozenset[str] = frozenset()
+    restarts: int = 0
     warnings: list[str] = field(default_factory=list)
     unexplained: Formula | None = None
     resembles: str | None = None
@@ -120,7 +134,11 @@ def begin(
     fits = [fit_drive(d, model) for d in drives]
     for steps in (COARSE_STEPS, FINE_STEPS):
         say("fitting the noise")
-        model = replace(model, factors=fit_noise(fits, steps=steps))
+        # the sensors' noise first or the fixes': the likelihood has a top for either
+        orders = (ALL_LEVELS, GNSS_FIRST) if steps is COARSE_STEPS else (ALL_LEVELS,)
+        found = [fit_noise(fits, levels=order, steps=steps) for order in orders]
+        found.sort(key=lambda factors: -noise_score(fits, factors))
+        model = replace(model, factors=found[0])
         fits = [fit_drive(d, model, start=f.start) for d, f in zip(drives, fits, strict=True)]
     return State(list(drives), list(held_out), asked, model, fits)
 
@@ -152,6 +170,8 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
     trials = _by_sign(trials, effects)
     trials.sort(key=lambda t: -t.joint.nats)
     trials = _with_own_noise(state, trials, say)
+    if _found_better_noise(state, trials, say):
+        return step(state, exclude, say)
     for t in trials:
         say(f"{t.effect}: {t.nats:.1f} nats, screened {t.screened:.1f}, p {t.p_value:.1e}")
     formula = _strongest_formula(state, trials, exclude, say)
@@ -175,6 +195,7 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
     for pair in SAME_STATE:
         if best.effect in pair:
             rivals += [e for e in pair if e != best.effect and e in effects]
+    rivals += _overlapping(screening, best)
     state.rivals[best.effect] = tuple(dict.fromkeys(rivals))
     state.accepted[best.effect] = best.scale
     state.trials.append(best)
@@ -206,6 +227,35 @@ def joint_of(
 ) -> Joint:
     """The drives' estimates as one."""
     return combine(fits, gains, prior_of(model, estimate))
+
+
+def _overlapping(screening: Screening, trial: Trial) -> list[str]:
+    """Effects whose sensitivities span nearly all of what a found parameter shows."""
+    info = screening.scores.info
+    own = next((c for c in screening.candidates if c.effect == trial.effect), None)
+    if own is None:
+        return []
+    found = trial.joint.of(trial.effect)
+    rows = [
+        row
+        for parameter, row in zip(own.parameters, own.columns, strict=True)
+        if parameter in found and abs(found[parameter][0]) > 4.0 * found[parameter][1]
+    ]
+    out = []
+    for other in screening.candidates:
+        if other.effect == trial.effect:
+            continue
+        at = other.columns
+        inner = info[np.ix_(at, at)] + np.diag((PRIOR_ROOM * other.prior_sd) ** -2.0)
+        for row in rows:
+            cross = info[row, at]
+            share = float(cross @ np.linalg.solve(inner, cross)) / max(
+                float(info[row, row]), 1e-300
+            )
+            if share > OVERLAP:
+                out.append(other.effect)
+                break
+    return out
 
 
 def _strongest_formula(
@@ -274,17 +324,17 @@ def _fit_formula(state: State, model: GapModel, formula: Formula) -> Formula:
 
 
 def _shortlist(screening: Screening, most: int = SHORTLIST) -> list[Candidate]:
-    """The candidates worth a fit of their own; of two that differ in sign alone, one."""
+    """The candidates worth a fit of their own, and those that look like the strongest; of two
+    that differ in sign alone, one."""
     candidates = screening.candidates
     if not candidates or candidates[0].evidence.nats < 0.5 * MIN_NATS:
         return []
     least = max(0.25 * MIN_NATS, SHORTLIST_SHARE * candidates[0].evidence.nats)
-    out: list[Candidate] = []
-    for c in candidates:
-        twin = {e for e in SAME_STATE[0] if c.effect in SAME_STATE[0]}
-        if c.evidence.nats >= least and not any(o.effect in twin for o in out):
-            out.append(c)
-    return out[:most]
+    out = [c for c in candidates if c.evidence.nats >= least][:most]
+    alike = {e for family in ALIKE for e in family if candidates[0].effect in family}
+    out += [c for c in candidates if c.effect in alike and c not in out]
+    twins = [c for c in out if c.effect in SAME_STATE[0]]
+    return [c for c in out if c not in twins[1:]]
 
 
 def _try(
@@ -316,6 +366,28 @@ def _judge(
         # the screening knows how much the score scatters, the fit what is not linear
         nats /= np.sqrt(candidate.evidence.excess)
     return Trial(candidate, joint, tuple(fits), model, float(nats), p_value(nats, maxima), maxima)
+
+
+def _found_better_noise(state: State, trials: Sequence[Trial], say: Say) -> bool:
+    """Whether a trial's noise suits the model better without its effect too; then it is taken.
+
+    A search over noise levels ends on one top of several; what a trial gains by another top is
+    no evidence for its effect.
+    """
+    now = sum(f.score for f in state.fits)
+    for trial in trials:
+        same = dict(trial.model.factors) == dict(state.model.factors)
+        if same or trial.joint.nats < MIN_NATS or state.restarts >= MAX_RESTARTS:
+            continue
+        model = replace(state.model, factors=trial.model.factors)
+        fits = fit_all(state, model, state.accepted)
+        if sum(f.score for f in fits) > now + BETTER_NATS:
+            say("starting again from better noise")
+            state.model = replace(model, factors=fit_noise(fits, steps=FINE_STEPS))
+            state.fits = fit_all(state, state.model, state.accepted)
+            state.restarts += 1
+            return True
+    return False
 
 
 def _with_own_noise(state: State, trials: Sequence[Trial], say: Say) -> list[Trial]:
@@ -387,7 +459,7 @@ def _gross_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]
     trials = [_try(stand_in, c, plain, screening, say) for c in _shortlist(screening, 3)]
     trials.sort(key=lambda t: -t.joint.nats)
     out = []
-    for trial in trials[:2]:
+    for trial in trials[:4]:
         say(f"fitting the noise with {trial.effect}")
         model = replace(plain, factors=fit_noise(trial.fits, steps=COARSE_STEPS))
         estimate = state.accepted | {trial.effect: trial.scale}
