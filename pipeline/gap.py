@@ -12,7 +12,7 @@ from automap.errors import ConfigError
 
 if TYPE_CHECKING:
     from automap.gap import Finding, GapResult
-    from pipeline.calibrate import LogSource
+    from pipeline.calibration_logs import LogSource
     from pipeline.stage import Progress
 
 GAP = "gap.json"
@@ -173,7 +173,7 @@ def find_in_logs(
     """
     from automap.gap.laboratory import find_laboratory_gaps
     from automap.io.atomic import make_folder, write_json, write_text
-    from pipeline.calibrate import local_gravity, read_logs
+    from pipeline.calibration_logs import local_gravity, read_logs
     from pipeline.gap_report import laboratory_report
 
     logs = read_logs(source)

@@ -11,7 +11,8 @@ import click
 from pipeline.cli.command import Command
 
 if TYPE_CHECKING:
-    from pipeline.calibrate import LogSource, Outcome
+    from pipeline.calibration_logs import LogSource
+    from pipeline.calibration_output import Outcome
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -86,7 +87,7 @@ def _gravity_options(function: F) -> F:
 
 
 def _source(logs: tuple[Path, ...], options: dict[str, Any]) -> LogSource:
-    from pipeline.calibrate import LogSource
+    from pipeline.calibration_logs import LogSource
 
     keys = ("accel", "gyro", "columns", "gyro_unit", "accel_unit", "sensor")
     return LogSource(logs=logs, rate_hz=options["rate"], **{key: options[key] for key in keys})

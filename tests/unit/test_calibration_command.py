@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from calibration_scene import GRAVITY, random_errors, random_poses, recorded, turned_by_hand
 
+from automap.calibration.fold import corrected
 from automap.io.drive import load_drive
 from automap.io.imu_calibration import ImuCalibration, TriadCalibration, read_imu_calibration
 from automap.io.imu_csv import imu_format, read_imu_csv
 from automap.records import RawImu
-from pipeline.calibrate import corrected
 from pipeline.cli import root
 
 NAMES = "t_ns,gx,gy,gz,ax,ay,az"
