@@ -117,7 +117,8 @@ def drive_motion(scenario: Scenario, rng: np.random.Generator) -> DriveMotion:
     """Drive the scenario's route; ``rng`` gives the road's roughness.
 
     Of the scenario's errors those of the vehicle act here: ``vehicle_sideslip`` turns the nose
-    against the path, ``vehicle_pitch`` adds to its springs, ``nhc_lever_arm`` is where the point that follows it stands from the IMU.
+    against the path, ``vehicle_pitch`` adds to its springs, ``nhc_lever_arm`` is where the point
+    that follows it stands from the IMU.
     """
     vehicle, start = scenario.vehicle, scenario.start
     profile = profile_route(scenario.route, vehicle)
