@@ -45,10 +45,11 @@ FINALIST_SHARE = 0.5
 SHORTLIST_SHARE = 0.3
 MAX_FINDINGS = 8
 FORMULA_TRIALS = 4
-FORMULA_NATS = 9.0
+FORMULA_NATS = 25.0
 FORMULA_P = 1e-4
 FORMULA_SHARE = 0.1
-"""A formula must beat all names by so many nats, or this share of their evidence."""
+"""A formula must beat all names by so many nats, or this share of their evidence: among a
+thousand formulas one resembles whatever rough roads leave behind."""
 HELD_OUT_SLACK = 3.0
 SURE_NATS = 20.0
 COARSE_STEPS = (2.0, 2.0**0.5)
@@ -318,6 +319,8 @@ def _fit_formula(state: State, model: GapModel, formula: Formula) -> Formula:
             best, most = float(top), max(most, float(np.polyval(curve, top)))
     occam = 0.5 * np.log1p((formula.prior_sd / max(formula.sd, 1e-300)) ** 2)
     nats = (most - occam) / np.sqrt(formula.evidence.excess) if most > 0.0 else most
+    # linear in its coefficient: what the fits show beyond the screening is not the formula's
+    nats = min(nats, formula.nats)
     found = replace(formula.evidence, nats=float(nats))
     p = p_value(float(nats), formula.maxima)
     return replace(formula, evidence=found, coefficient=best, p_value=p)
