@@ -11,6 +11,10 @@ import numpy.typing as npt
 from automap.records import FloatArray
 
 Image = npt.NDArray[np.uint8]
+Region = tuple[float, float, float, float]
+"""x_min, y_min, x_max, y_max in pixels."""
+Alternatives = tuple[tuple[str, float], ...]
+"""Class names with their probabilities, best first; they need not sum to one."""
 
 
 @dataclass(frozen=True)
@@ -18,12 +22,15 @@ class FoundSigns:
     """Signs in one picture, best first.
 
     ``class_name`` [n]; ``box`` [n, 4] x_min, y_min, x_max, y_max of the face's outline in
-    pixels, sub-pixel, pixel centres being integers; ``score`` [n] in 0..1.
+    pixels, sub-pixel, pixel centres being integers; ``score`` [n] in 0..1, the probability that
+    a sign is there. ``alternatives`` [n], if the detector gives them: what the face may be, so
+    that many views of one sign can vote on its class; None where only a name is known.
     """
 
     class_name: tuple[str, ...]
     box: FloatArray
     score: FloatArray
+    alternatives: tuple[Alternatives, ...] | None = None
 
     def __len__(self) -> int:
         return len(self.class_name)
