@@ -1,0 +1,74 @@
+"""A headless Chromium for tests of pages; tests skip where there is none."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+
+def chromium_path() -> str | None:
+    """The installed Chromium, None where there is none."""
+    found = os.environ.get("AUTOMAP_CHROMIUM")
+    return found or shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+@contextmanager
+def launched() -> Iterator[Browser]:
+    """A running Chromium; skips the test where none is installed or it does not start."""
+    path = chromium_path()
+    if path is None:
+        pytest.skip("no Chromium: install Debian's package chromium, or name it AUTOMAP_CHROMIUM")
+    from playwright.sync_api import Error, sync_playwright
+
+    with sync_playwright() as playwright:
+        try:
+            browser = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
+        except Error as error:
+            pytest.skip(f"{path} does not start: {error.message.splitlines()[0]}")
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+def watched(page: Page) -> list[str]:
+    """A list that grows by a sentence for every error of the page and every foreign request.
+
+    Own are the page's own address (host and port), ``data:`` and ``blob:``.
+    """
+    troubles: list[str] = []
+
+    def request(url: str) -> None:
+        own = page.url.split("/")[:3]
+        if not url.startswith(("data:", "blob:", "file:")) and url.split("/")[:3] != own:
+            troubles.append(f"request to {url}")
+
+    def said(kind: str, text: str) -> None:
+        if kind in ("error", "warning"):
+            troubles.append(f"console {kind}: {text}")
+
+    page.on("console", lambda message: said(message.type, message.text))
+    page.on("pageerror", lambda error: troubles.append(f"error: {error}"))
+    # the first request comes before the page has an address
+    page.on("request", lambda r: None if page.url == "about:blank" else request(r.url))
+    page.on("requestfailed", lambda r: troubles.append(f"failed: {r.url} {r.failure}"))
+    return troubles
