@@ -28,6 +28,7 @@ _COMMANDS = {
     "calibrate": "pipeline.cli.calibrate",
     "experiment": "pipeline.cli.experiment",
     "gap": "pipeline.cli.gap",
+    "regress": "pipeline.cli.regress",
 }
 
 _EPILOG = """\b

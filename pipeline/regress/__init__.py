@@ -1,0 +1,1 @@
+"""``automap regress``: drives with known results as tests of the code."""
