@@ -7,7 +7,8 @@ ellipsoidal height in metres (three decimals); the standard allows no other datu
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+import re
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -17,77 +18,87 @@ import numpy as np
 from automap.errors import InputError
 from automap.export.fields import SIGN_FIELDS, Field
 from automap.export.sign_columns import SignColumns
+from automap.export.text_columns import (
+    TextColumn,
+    constant,
+    fixed_column,
+    integer_column,
+    lines,
+    significant_column,
+    text_column,
+)
 from automap.records import NO_TIME, ClockModel, FloatArray, Sign
 
 _encode = json.JSONEncoder(ensure_ascii=False).encode
+_SPECIAL = re.compile(r"[\x00-\x1f\"\\\x7f]")
 
 
-def signs_geojson(columns: SignColumns) -> str:
+def signs_geojson(columns: SignColumns, lineage: Mapping[str, Any] | None = None) -> str:
     """The text of the file: one feature a line, in the order of the signs.
 
     A sign without a position has a null geometry (RFC 7946, section 3.2); an unknown value is
-    null. ``bbox`` is left out of an empty collection.
+    null. ``bbox`` is left out of an empty collection. ``lineage`` stands in the member
+    ``automap`` (section 6.1 allows members of one's own).
     """
-    names = [field.name for field in SIGN_FIELDS]
-    tokens = [json_tokens(field, columns.values[field.name]) for field in SIGN_FIELDS]
-    template = ", ".join(f"{_encode(name)}: %s" for name in names)
-    properties = [template % row for row in zip(*tokens, strict=True)]
-    features = [
-        f'{{"type": "Feature", "id": {id_}, "geometry": {geometry}, "properties": {{{values}}}}}'
-        for id_, geometry, values in zip(tokens[0], _geometries(columns), properties, strict=True)
-    ]
+    return geojson_bytes(columns, lineage).decode()
+
+
+def geojson_bytes(columns: SignColumns, lineage: Mapping[str, Any] | None = None) -> bytes:
+    """The same as UTF-8."""
+    tokens = {field.name: json_column(field, columns.values[field.name]) for field in SIGN_FIELDS}
+    feature: list[str | TextColumn] = ['{"type": "Feature", "id": ', tokens["id"], ', "geometry": ']
+    feature += [*_geometry(columns), ', "properties": {']
+    for number, field in enumerate(SIGN_FIELDS):
+        feature += [f"{', ' if number else ''}{_encode(field.name)}: ", tokens[field.name]]
     head = '{"type": "FeatureCollection",\n'
+    if lineage:
+        head += f'"automap": {_safe_text(dict(lineage))},\n'
     box = bounding_box(columns)
     if box is not None:
         head += f'"bbox": [{", ".join(box)}],\n'
-    return head + '"features": [\n' + ",\n".join(features) + "\n]}\n"
+    # the comma behind the last feature is one too many
+    features = lines([*feature, "}},\n"], len(columns))[:-2]
+    end = "\n]}\n" if features else "]}\n"
+    return head.encode() + b'"features": [\n' + features + end.encode()
 
 
-def json_tokens(field: Field, values: Any) -> list[str]:
+def json_column(field: Field, values: Any) -> TextColumn:
     """One column [n] as JSON texts; what is not finite becomes null."""
     if field.kind == "real":
         numbers = np.asarray(values, np.float64)
-        pattern = "%.6g" if field.decimals is None else f"%.{field.decimals}f"
-        texts = [pattern % value for value in numbers.tolist()]
-        for row in np.flatnonzero(~np.isfinite(numbers)):
-            texts[row] = "null"
-        return texts
-    if field.kind == "integer":
-        return [str(value) for value in np.asarray(values).tolist()]
-    return _text_tokens(values)
+        if field.decimals is None:
+            return significant_column(numbers, missing="null")
+        return fixed_column(numbers, field.decimals, missing="null")
+    if field.kind == "integer" and isinstance(values, np.ndarray):
+        return integer_column(values)
+    if field.kind == "list":
+        return text_column(values, _safe_text, [tuple(value) for value in values])
+    return text_column(values, _safe_text, special=_SPECIAL, quote='"')
 
 
-def _text_tokens(values: Iterable[Any]) -> list[str]:
-    # few different values are the rule (class, side, drives), so each is encoded once
-    known: dict[Any, str] = {}
-    texts = []
-    for value in values:
-        key = tuple(value) if isinstance(value, list) else value
-        if key not in known:
-            known[key] = _safe_text(value)
-        texts.append(known[key])
-    return texts
+def json_tokens(field: Field, values: Any) -> list[str]:
+    """The same as a list of texts."""
+    return json_column(field, values).texts()
 
 
 def _safe_text(value: Any) -> str:
     # lone surrogates (from odd file names) cannot be written as UTF-8
-    text = _encode(value)
-    return text.encode("utf-8", "replace").decode("utf-8")
+    return _encode(value).encode("utf-8", "replace").decode("utf-8")
 
 
-def _geometries(columns: SignColumns) -> list[str]:
-    rows = zip(
-        columns.lon_deg.tolist(), columns.lat_deg.tolist(), columns.height_m.tolist(), strict=True
-    )
-    located = columns.located.tolist()
-    high = np.isfinite(columns.height_m).tolist()
+def _geometry(columns: SignColumns) -> list[str | TextColumn]:
+    n = len(columns)
+    there = columns.located
+    high = there & np.isfinite(columns.height_m)
     return [
-        "null"
-        if not there
-        else f'{{"type": "Point", "coordinates": [{lon:.7f}, {lat:.7f}, {height:.3f}]}}'
-        if has_height
-        else f'{{"type": "Point", "coordinates": [{lon:.7f}, {lat:.7f}]}}'
-        for (lon, lat, height), there, has_height in zip(rows, located, high, strict=True)
+        constant("null", n).where(~there),
+        constant('{"type": "Point", "coordinates": [', n).where(there),
+        fixed_column(columns.lon_deg, 7).where(there),
+        constant(", ", n).where(there),
+        fixed_column(columns.lat_deg, 7).where(there),
+        constant(", ", n).where(high),
+        fixed_column(columns.height_m, 3).where(high),
+        constant("]}", n).where(there),
     ]
 
 
