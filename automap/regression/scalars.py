@@ -13,6 +13,8 @@ from automap.regression.change import Change, Group, Tolerance
 _ROUNDING = 16.0
 """Units in the last place: less is no move, however small the stated sigma."""
 
+_ANGLES = ("roll", "pitch", "yaw")
+
 Figures = dict[str, tuple[float, float]]
 """Value and one sigma by name."""
 
@@ -36,14 +38,16 @@ def from_metrics(metrics: Mapping[str, Any]) -> Figures:
 
 
 def _flatten(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, float]]:
-    """Numbers by dotted name; those of a list are numbered."""
+    """Numbers by dotted name; those of a list are numbered, three angles named."""
     found: list[tuple[str, float]] = []
     for key, value in values.items():
         name = f"{prefix}{key}"
         if isinstance(value, Mapping):
             found += _flatten(value, f"{name}.")
         elif isinstance(value, list):
-            found += _flatten({str(i): item for i, item in enumerate(value)}, f"{name}.")
+            angles = "rpy" in key and len(value) == 3
+            labels = _ANGLES if angles else [str(i) for i in range(len(value))]
+            found += _flatten(dict(zip(labels, value, strict=True)), f"{name}.")
         elif isinstance(value, int | float) and not isinstance(value, bool):
             found.append((name, float(value)))
     return found
@@ -77,7 +81,7 @@ def compare(then: Figures, now: Figures, group: Group, allowed: Tolerance) -> li
             continue
         (old, old_sd), (new, new_sd) = then[name], now[name]
         floor = _ROUNDING * float(np.spacing(max(abs(old), abs(new), 1e-300)))
-        step = abs(new - old)
+        step = abs(math.remainder(new - old, 360.0) if "_deg" in name else new - old)
         sigmas = 0.0 if step <= floor else step / max(old_sd, floor)
         changes.append(
             Change(
