@@ -2,37 +2,74 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 from pathlib import Path
+from typing import Any
 
 import click
 
 from pipeline.cli.command import Command
+from pipeline.importers.kinds import KINDS, Kind
 
 _EPILOG = """\b
-Example:
+Examples:
   automap import comma2k19 comma2k19/segment -o drives/comma
+  automap import comma2k19 --help
+
+The drive folder appears whole or not at all; import.json in it says what it was made from.
+Then: automap check DRIVE.
 """
 
-_IMPORTERS = {"comma2k19": "import_comma2k19"}
+
+class _Kinds(click.Group):
+    """A subcommand for each kind, made when it is asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The kinds in the order of the table."""
+        return list(KINDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The subcommand of a kind, None when there is none."""
+        kind = KINDS.get(cmd_name)
+        return None if kind is None else _command(kind)
+
+
+def _command(kind: Kind) -> click.Command:
+    def run(source: Path, out: Path, **options: Any) -> None:
+        module, _, name = kind.function.partition(":")
+        for text in getattr(importlib.import_module(module), name)(source, out, **options):
+            click.echo(f"warning: {text}", err=True)
+        click.echo(str(out))
+
+    return Command(
+        kind.name,
+        callback=run,
+        params=[
+            click.Argument(["source"], metavar=kind.source, type=click.Path(path_type=Path)),
+            click.Option(
+                ["-o", "--out"],
+                required=True,
+                metavar="DRIVE",
+                type=click.Path(path_type=Path),
+                help="The drive folder to write.",
+            ),
+            *(click.Option([o.flag], help=o.help, **o.settings) for o in kind.options),
+        ],
+        short_help=kind.summary,
+        help=inspect.cleandoc(f"{kind.summary}\n\n{inspect.cleandoc(kind.text)}"),
+    )
 
 
 @click.command(
-    "import", cls=Command, epilog=_EPILOG, short_help="Make a drive folder of another recording."
+    "import",
+    cls=_Kinds,
+    epilog=_EPILOG,
+    short_help="Make a drive folder of another recording.",
+    subcommand_metavar="KIND SOURCE -o DRIVE",
 )
-@click.argument("kind", type=click.Choice(list(_IMPORTERS)))
-@click.argument("source", type=click.Path(path_type=Path))
-@click.option(
-    "-o",
-    "--out",
-    required=True,
-    metavar="DRIVE",
-    type=click.Path(path_type=Path),
-    help="The drive folder to write.",
-)
-def command(kind: str, source: Path, out: Path) -> None:
-    """Make a drive folder of a recording in another form (KIND: comma2k19)."""
-    from pipeline import importers
+def command() -> None:
+    """Make a drive folder of a recording in another form.
 
-    for text in getattr(importers, _IMPORTERS[kind])(source, out):
-        click.echo(f"warning: {text}", err=True)
-    click.echo(str(out))
+    Each KIND has its own help, which says what it reads and what it was tested on.
+    """

@@ -14,7 +14,7 @@ from automap.sync.arrival import fit_arrival_clock
 from automap.sync.clock import synchronise
 from automap.sync.motion_clock import correlation_clock
 from automap.sync.result import SyncResult
-from pipeline.importers import import_comma2k19
+from pipeline.importers.comma2k19 import import_comma2k19
 
 
 def sync(folder: Path) -> SyncResult:

@@ -17,7 +17,7 @@ from automap.io.imu_csv import imu_format, read_imu_csv
 from automap.io.receiver import read_receiver_log
 from automap.io.truth_trajectory import read_truth_trajectory
 from automap.timebase import unix_to_gps
-from pipeline.importers import import_comma2k19
+from pipeline.importers.comma2k19 import import_comma2k19
 
 LAT, LON = -33.9, 151.2
 UNIX_MS = 1_533_226_488_299
