@@ -62,6 +62,12 @@ def write_geojson(content: MapContent, path: Path) -> None:
     write_text(path, geojson.signs_geojson(content.signs))
 
 
+def write_rejected(content: MapContent, path: Path) -> None:
+    """Write the signs that a review took off the map, as GeoJSON."""
+    products = content.products
+    write_text(path, geojson.signs_geojson(sign_columns(products.rejected, products.clock)))
+
+
 def write_kml(content: MapContent, path: Path) -> None:
     """Write signs and track as KML."""
     values = content.signs.values

@@ -33,6 +33,8 @@ class RunProducts:
     observations: pa.Table | None = None
     fixes: Fixes | None = None
     clock: ClockModel | None = None
+    rejected: list[Sign] = field(default_factory=list)
+    """Signs that a review took off the map."""
     problems: list[str] = field(default_factory=list)
 
     def table(self, name: str, required: tuple[str, ...] = ()) -> pa.Table | None:
@@ -72,7 +74,7 @@ def load_products(out: Path) -> RunProducts:
     """Read the trajectory, signs, observations, fixes and clock of OUT.
 
     An adjusted trajectory, where geolocation wrote one, is the one the signs rest on; the map
-    shows it.
+    shows it. What a review decided about signs is applied to them.
     """
     from automap.io.signs_table import read_signs
     from automap.io.tables import read_fixes
@@ -85,11 +87,24 @@ def load_products(out: Path) -> RunProducts:
             products.trajectory = trajectory
             break
     products.signs = products.attempt(names.SIGNS_RAW, read_signs)
+    _apply_review(products)
     products.observations = products.table(names.OBSERVATIONS)
     fixes = products.attempt(names.FIXES, read_fixes)
     products.fixes = fixes if fixes is not None and len(fixes) else None
     products.clock = _clock(products)
     return products
+
+
+def _apply_review(products: RunProducts) -> None:
+    from automap.io.review_json import read_review
+
+    actions = products.attempt(names.REVIEW, read_review)
+    if actions and products.signs is not None:
+        from automap.export.review import apply_review
+
+        reviewed = apply_review(products.signs, actions)
+        products.signs, products.rejected = reviewed.signs, reviewed.rejected
+        products.problems += reviewed.problems
 
 
 def _clock(products: RunProducts) -> ClockModel | None:

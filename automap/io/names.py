@@ -27,6 +27,8 @@ KML = "map.kml"
 GPKG = "map.gpkg"
 REPORT = "report.html"
 RUN = "run.json"
+REVIEW = "review.json"
+REJECTED = "signs_rejected.geojson"
 EVALUATION = "evaluation.json"
 
 DEFAULT_OUT = "_automap"

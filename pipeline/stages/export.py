@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def run(context: StageContext) -> None:
     """Write signs.geojson, map.kml, map.gpkg and signs.parquet; whatever is missing is said."""
-    from pipeline.export import FORMATS, STANDARD_FORMATS, map_content
+    from pipeline.export import FORMATS, STANDARD_FORMATS, map_content, write_rejected
 
     content = map_content(context.out, context.drive.name)
     for text in content.warnings:
@@ -23,6 +23,8 @@ def run(context: StageContext) -> None:
         file_name, write = FORMATS[fmt]
         context.progress(number / len(STANDARD_FORMATS), file_name)
         write(content, context.work / file_name)
+    if content.products.rejected:
+        write_rejected(content, context.work / names.REJECTED)
     context.metric("signs", len(content.signs))
     points = 0 if content.path is None else len(content.path)
     context.result = f"{len(content.signs)} signs and a path of {points} points in 4 formats"
@@ -44,7 +46,14 @@ STAGE = Stage(
         names.TRAJECTORY_ADJUSTED,
         names.FIXES,
         names.SYNC,
+        names.REVIEW,
     ),
-    outputs=(names.SIGNS_GEOJSON, names.KML, names.GPKG, names.SIGNS_TABLE),
+    outputs=(
+        names.SIGNS_GEOJSON,
+        names.KML,
+        names.GPKG,
+        names.SIGNS_TABLE,
+        names.REJECTED,
+    ),
     settings=("export",),
 )

@@ -51,6 +51,7 @@ STAGE = Stage(
         names.SIGNS_RAW,
         names.OBSERVATIONS,
         names.EVALUATION,
+        names.REVIEW,
     ),
     outputs=(names.REPORT,),
     settings=("report",),
