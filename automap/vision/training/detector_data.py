@@ -1,0 +1,225 @@
+"""Training pictures for the detector: cut out of streets, with faces set into them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from automap.records import FloatArray
+from automap.vision.training import scenes
+from automap.vision.training.art import Face
+from automap.vision.training.degrade import at_random
+from automap.vision.training.street_data import Street
+
+Image = npt.NDArray[np.uint8]
+Floats = npt.NDArray[np.float32]
+Random = np.random.Generator
+
+SIZE = 320
+STRIDE = 4
+_SMALLEST, _LARGEST = 7.0, 230.0
+
+
+@dataclass(frozen=True)
+class Sample:
+    """``image`` [SIZE, SIZE, 3] BGR and the targets of ``detection_loss`` on its grid."""
+
+    image: Image
+    heat: Floats
+    weight: Floats
+    box: Floats
+    near: Floats
+
+
+def kind_of(face: Face) -> int:
+    """0 for a face of a kind that GTSDB labels wherever it stands, 1 for any other."""
+    if face.shape in ("triangle-up", "triangle-down", "octagon"):
+        return 0 if face.colour in ("red", "white") else 1
+    if face.shape == "circle":
+        return 0 if face.colour in ("red", "blue", "white", "grey", "black") else 1
+    return 0 if "priority-road" in face.name else 1
+
+
+class FaceChooser:
+    """Draws faces so that every shape and colour comes up, Australian ones more often."""
+
+    def __init__(self, faces: list[Face]) -> None:
+        usable = [f for f in faces if not f.held]
+        self.plates = [f for f in usable if f.plate]
+        signs = [f for f in usable if not f.plate]
+        groups: dict[tuple[str, str, bool], list[Face]] = {}
+        for face in signs:
+            groups.setdefault((face.shape, face.colour, face.name.startswith("AU_")), []).append(
+                face
+            )
+        self._groups = list(groups.values())
+        share = np.array([len(group) ** 0.6 for group in self._groups])
+        self._share = share / share.sum()
+
+    def draw(self, rng: Random) -> Face:
+        """One face."""
+        group = self._groups[int(rng.choice(len(self._groups), p=self._share))]
+        return group[int(rng.integers(len(group)))]
+
+
+class SampleMaker:
+    """Makes training pictures out of streets and faces."""
+
+    def __init__(self, streets: list[Street], faces: list[Face]) -> None:
+        self._streets = streets
+        self._with = [s for s in streets if len(s.boxes)]
+        self._faces = FaceChooser(faces)
+
+    def make(self, rng: Random) -> Sample:
+        """One picture."""
+        street = (self._with if rng.random() < 0.75 else self._streets)
+        chosen = street[int(rng.integers(len(street)))]
+        image, boxes = self._cut(chosen, rng)
+        kinds = [0] * len(boxes)
+        if rng.random() < 0.6:
+            for _ in range(int(rng.integers(1, 4))):
+                scenes.no_sign(image, rng)
+        if rng.random() < 0.8:
+            boxes, kinds = self._set_faces(image, boxes, kinds, rng)
+        image = at_random(image, rng)
+        if rng.random() < 0.5:
+            image = np.ascontiguousarray(image[:, ::-1])
+            boxes = [np.array([SIZE - 1 - b[2], b[1], SIZE - 1 - b[0], b[3]]) for b in boxes]
+        return _targets(image, boxes, kinds)
+
+    def _cut(self, street: Street, rng: Random) -> tuple[Image, list[FloatArray]]:
+        scale = float(np.exp(rng.uniform(np.log(0.5), np.log(2.0))))
+        side = SIZE / scale
+        height, width = street.image.shape[:2]
+        if len(street.boxes) and rng.random() < 0.85:
+            box = street.boxes[int(rng.integers(len(street.boxes)))]
+            reach = side / 2 - (box[2:] - box[:2]).max() / 2
+            centre = (box[:2] + box[2:]) / 2 + rng.uniform(-1, 1, 2) * max(reach, 4.0)
+        else:
+            centre = np.array([rng.uniform(0, width), rng.uniform(0.1, 0.9) * height])
+        first = centre - side / 2
+        source = street.image
+        step = 1.0 / scale
+        low = np.floor(first - 4).astype(int)
+        high = np.ceil(first + side + 4).astype(int)
+        low, high = np.maximum(low, 0), np.minimum(high, [width, height])
+        part = source[low[1] : high[1], low[0] : high[0]]
+        if step > 1.3:
+            # averaged as a smaller sensor would, then brought to the grid
+            part = cv2.GaussianBlur(part, (0, 0), 0.4 * step)
+        first = first - low
+        matrix = np.array(
+            [[step, 0.0, first[0] + (step - 1) / 2], [0.0, step, first[1] + (step - 1) / 2]]
+        )
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        image = cv2.warpAffine(
+            part, matrix, (SIZE, SIZE), flags=flags, borderMode=cv2.BORDER_REFLECT_101
+        )
+        moved = (street.boxes - np.tile(low, 2) - np.tile(first, 2) - (step - 1) / 2) * scale
+        inside = [
+            b for b in moved if b[2] > 0 and b[3] > 0 and b[0] < SIZE - 1 and b[1] < SIZE - 1
+        ]
+        return np.asarray(image, np.uint8), inside
+
+    def _set_faces(
+        self, image: Image, boxes: list[FloatArray], kinds: list[int], rng: Random
+    ) -> tuple[list[FloatArray], list[int]]:
+        boxes, kinds = list(boxes), list(kinds)
+        for _ in range(int(rng.integers(1, 4))):
+            size = float(np.exp(rng.uniform(np.log(9), np.log(110))))
+            x, y = rng.uniform(0, SIZE), rng.uniform(0, SIZE)
+            first = True
+            for _ in range(1 if rng.random() < 0.75 else 2):
+                face = self._faces.draw(rng)
+                high, wide = face.image.shape[:2]
+                half = np.array([wide, high]) / np.sqrt(wide * high) * size / 2
+                if max(half) > 115:
+                    break
+                box = np.array([x - half[0], y - half[1], x + half[0], y + half[1]])
+                grown = box + np.array([-1, -1, 1, 1]) * 0.15 * size
+                if any(_touch(grown, other) for other in boxes):
+                    break
+                if first and rng.random() < 0.7:
+                    scenes.pole(image, box, rng)
+                first = False
+                placed = scenes.draw_face(image, face.image, box, rng)
+                if placed is None:
+                    break
+                boxes.append(placed)
+                kinds.append(kind_of(face))
+                y = box[3] + size * 0.62
+                if self._faces.plates and rng.random() < 0.15:
+                    plate = self._faces.plates[int(rng.integers(len(self._faces.plates)))]
+                    wide2 = half[0] * rng.uniform(0.7, 1.0)
+                    high2 = wide2 * plate.image.shape[0] / plate.image.shape[1]
+                    top = placed[3] + 0.05 * size
+                    below = np.array([x - wide2, top, x + wide2, top + 2 * high2])
+                    if not any(_touch(below, other) for other in boxes[:-1]):
+                        scenes.draw_face(image, plate.image, below, rng)
+                        boxes.append(below)
+                        kinds.append(-1)
+                    break
+        return boxes, kinds
+
+
+def _touch(a: FloatArray, b: FloatArray) -> bool:
+    return bool((np.minimum(a[2:], b[2:]) > np.maximum(a[:2], b[:2])).all())
+
+
+def _targets(image: Image, boxes: list[FloatArray], kinds: list[int]) -> Sample:
+    n = SIZE // STRIDE
+    heat = np.zeros((2, n, n), np.float32)
+    weight = np.ones((2, n, n), np.float32)
+    distances = np.zeros((4, n, n), np.float32)
+    near = np.zeros((n, n), np.float32)
+    # the middle of a cell in px; pixel centres are integers
+    grid = np.arange(n, dtype=np.float32) * STRIDE + (STRIDE - 1) / 2
+    order = np.argsort([-(b[2] - b[0]) * (b[3] - b[1]) for b in boxes])
+    for i in order:
+        box, kind = boxes[int(i)], kinds[int(i)]
+        size = box[2:] - box[:2] + 1.0
+        shown = np.clip(box, 0, SIZE - 1)
+        seen = float(np.prod(np.maximum(shown[2:] - shown[:2], 0)) / max(np.prod(size - 1), 1.0))
+        x = slice(*np.clip(((box[[0, 2]] + 2) / STRIDE).round().astype(int) + [0, 1], 0, n))
+        y = slice(*np.clip(((box[[1, 3]] + 2) / STRIDE).round().astype(int) + [0, 1], 0, n))
+        if kind < 0:
+            # a plate below a sign is none and none of our business
+            weight[1, y, x] = 0.0
+            continue
+        small = float(np.sqrt(np.prod(size))) < _SMALLEST
+        if seen < 0.7 or small or size.max() > _LARGEST:
+            weight[:, y, x] = 0.0
+            continue
+        centre = (box[:2] + box[2:]) / 2
+        sd = np.maximum(size * 0.13, 1.4)
+        bell = np.exp(
+            -0.5 * ((grid[None, :] - centre[0]) / sd[0]) ** 2
+            - 0.5 * ((grid[:, None] - centre[1]) / sd[1]) ** 2
+        )
+        cx = int(np.clip(np.rint((centre[0] - 1.5) / STRIDE), 0, n - 1))
+        cy = int(np.clip(np.rint((centre[1] - 1.5) / STRIDE), 0, n - 1))
+        bell = bell / max(float(bell[cy, cx]), 1e-6)
+        bell = np.minimum(bell, 0.99)
+        bell[cy, cx] = 1.0
+        heat[kind] = np.maximum(heat[kind], bell)
+        # a sign of the other kind there is a mistake of kind, not of place: little weight
+        weight[1 - kind, y, x] *= 0.3
+        inside = bell > 0.35
+        share = np.where(inside, bell, 0.0)
+        take = share > near
+        near = np.where(take, share, near)
+        edges = np.array(
+            [
+                np.broadcast_to(grid[None, :] - box[0], (n, n)),
+                np.broadcast_to(grid[:, None] - box[1], (n, n)),
+                np.broadcast_to(box[2] - grid[None, :], (n, n)),
+                np.broadcast_to(box[3] - grid[:, None], (n, n)),
+            ],
+            np.float32,
+        )
+        distances = np.where(take[None] & (edges.min(axis=0) > 0)[None], edges, distances)
+        near = np.where(take & (edges.min(axis=0) <= 0), 0.0, near).astype(np.float32)
+    return Sample(image, heat, weight, distances, near)
