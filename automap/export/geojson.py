@@ -7,7 +7,6 @@ ellipsoidal height in metres (three decimals); the standard allows no other datu
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
@@ -25,12 +24,13 @@ from automap.export.text_columns import (
     integer_column,
     lines,
     significant_column,
+    special_characters,
     text_column,
 )
 from automap.records import NO_TIME, ClockModel, FloatArray, Sign
 
 _encode = json.JSONEncoder(ensure_ascii=False).encode
-_SPECIAL = re.compile(r"[\x00-\x1f\"\\\x7f]")
+_SPECIAL = special_characters('"\\')
 
 
 def signs_geojson(columns: SignColumns, lineage: Mapping[str, Any] | None = None) -> str:

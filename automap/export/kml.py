@@ -7,31 +7,45 @@ everything is clamped to the ground. Nothing refers to the network.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from automap.export.clock import iso_texts
-from automap.export.fields import SIGN_FIELDS
+from automap.export.icons import sign_words
 from automap.export.kml_cells import (
+    Pieces,
     balloon_cells,
     data_cells,
+    field_cells,
     html_text,
-    plain_values,
+    lineage_data,
+    name_column,
     sign_schema,
     xml_text,
 )
-from automap.export.path import Path, split_at_date_line
+from automap.export.kml_track import SIGMA_COLOURS, TRACK_SCHEMA, track_elements
+from automap.export.path import Path
 from automap.export.sign_columns import SignColumns, ellipse_rings
+from automap.export.text_columns import (
+    TextColumn,
+    constant,
+    fixed_column,
+    line_chunks,
+    ring_column,
+    text_column,
+)
 from automap.records import FloatArray
 
 _RING_POINTS = 24
-_POLYGON = (
-    "<Polygon><altitudeMode>clampToGround</altitudeMode><outerBoundaryIs><LinearRing>"
-    f"<coordinates>{' '.join(['%.7f,%.7f'] * (_RING_POINTS + 1))}</coordinates>"
-    "</LinearRing></outerBoundaryIs></Polygon>"
+_ELLIPSE_HEAD = "<Placemark><name>"
+_ELLIPSE_STYLE = "</name><visibility>0</visibility><styleUrl>#ellipse</styleUrl><MultiGeometry>"
+_POLYGON_HEAD = (
+    "<Polygon><altitudeMode>clampToGround</altitudeMode><outerBoundaryIs><LinearRing><coordinates>"
 )
+_POLYGON_END = "</coordinates></LinearRing></outerBoundaryIs></Polygon>"
 
 CLASS_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#6a3d9a")
 """Colours that colour-blind eyes tell apart (Okabe and Ito), handed to classes in turn."""
@@ -44,6 +58,24 @@ def class_colours(names: list[str]) -> dict[str, str]:
     }
 
 
+@dataclass(frozen=True)
+class KmlOptions:
+    """What a document has beside signs and path.
+
+    ``sign_geoid_m`` and ``path_geoid_m`` are the heights of the geoid above the ellipsoid at
+    the signs and at the points of the path; None or NaN where unknown. ``icons`` are pictures
+    of classes and ``pictures`` those of signs (by number), as paths within the KMZ archive.
+    ``clamp_signs`` puts the signs on the ground even where their altitude is known.
+    """
+
+    sign_geoid_m: FloatArray | None = None
+    path_geoid_m: FloatArray | None = None
+    lineage: Mapping[str, Any] = field(default_factory=dict)
+    icons: Mapping[str, str] = field(default_factory=dict)
+    pictures: Mapping[int, Sequence[str]] = field(default_factory=dict)
+    clamp_signs: bool = False
+
+
 def map_kml(
     name: str,
     columns: SignColumns,
@@ -51,22 +83,29 @@ def map_kml(
     sign_geoid_m: FloatArray | None = None,
     path_geoid_m: FloatArray | None = None,
 ) -> str:
-    """The text of the document ``name``.
+    """The text of the document ``name``; the geoid's heights as in ``KmlOptions``.
 
-    ``sign_geoid_m`` and ``path_geoid_m`` are the heights of the geoid above the ellipsoid at
-    the signs and at the points of the path; None or NaN where unknown. Without UTC the path
-    is a line without times.
+    Without UTC the path is a line without times.
     """
-    return "\n".join(_document(name, columns, path, sign_geoid_m, path_geoid_m)) + "\n"
+    return kml_bytes(name, columns, path, KmlOptions(sign_geoid_m, path_geoid_m)).decode()
+
+
+def kml_bytes(name: str, columns: SignColumns, path: Path | None, options: KmlOptions) -> bytes:
+    """The document as UTF-8."""
+    return b"".join(kml_chunks(name, columns, path, options))
+
+
+def kml_chunks(
+    name: str, columns: SignColumns, path: Path | None, options: KmlOptions
+) -> Iterator[bytes | memoryview]:
+    """The same in parts, to be written one after another."""
+    for part in _document(name, columns, path, options):
+        yield f"{part}\n".encode("utf-8", "replace") if isinstance(part, str) else part
 
 
 def _document(
-    name: str,
-    columns: SignColumns,
-    path: Path | None,
-    sign_geoid: FloatArray | None,
-    path_geoid: FloatArray | None,
-) -> Iterator[str]:
+    name: str, columns: SignColumns, path: Path | None, options: KmlOptions
+) -> Iterator[str | bytes | memoryview]:
     colours = class_colours(columns.values["class"])
     style_of = {cls: f"class-{number}" for number, cls in enumerate(colours)}
     yield '<?xml version="1.0" encoding="UTF-8"?>'
@@ -77,18 +116,22 @@ def _document(
     yield f"<name>{xml_text(name)}</name><open>1</open>"
     yield from _look_at(columns, path)
     for cls, style in style_of.items():
-        yield _sign_style(style, colours[cls])
+        yield _sign_style(style, colours[cls], options.icons.get(cls))
     yield _line_style("track", "#1f6feb", 3)
     yield _line_style("ellipse", "#444444", 1, fill="#888888")
+    for number, colour in enumerate(SIGMA_COLOURS):
+        yield _line_style(f"sigma-{number}", colour, 6)
     yield sign_schema()
+    yield TRACK_SCHEMA
+    yield lineage_data(options.lineage)
     yield "<Folder><name>Signs</name><open>0</open>"
-    yield from _signs(columns, style_of, sign_geoid)
+    yield from _signs(columns, style_of, options)
     yield "</Folder>"
     yield "<Folder><name>95 % ellipses</name><visibility>0</visibility>"
     yield from _ellipses(columns)
     yield "</Folder>"
     if path is not None and len(path):
-        yield from _track(path, path_geoid)
+        yield from track_elements(path, _altitude(options.path_geoid_m, path.height_m))
     yield "</Document></kml>"
 
 
@@ -117,11 +160,16 @@ def _colour(rgb: str, alpha: str = "ff") -> str:
     return alpha + rgb[5:7] + rgb[3:5] + rgb[1:3]
 
 
-def _sign_style(style: str, colour: str) -> str:
+def _sign_style(style: str, colour: str, icon: str | None) -> str:
     # the balloon shows the description alone: values in it are escaped as HTML
+    look = (
+        f"<color>{_colour(colour)}</color><scale>0.9</scale>"
+        if icon is None
+        else f"<scale>0.9</scale><Icon><href>{xml_text(icon)}</href></Icon>"
+    )
     return (
-        f"<Style id={quoteattr(style)}><IconStyle><color>{_colour(colour)}</color>"
-        "<scale>0.9</scale></IconStyle><LabelStyle><scale>0.7</scale></LabelStyle>"
+        f"<Style id={quoteattr(style)}><IconStyle>{look}</IconStyle>"
+        "<LabelStyle><scale>0.7</scale></LabelStyle>"
         "<BalloonStyle><text>$[description]</text></BalloonStyle></Style>"
     )
 
@@ -141,110 +189,90 @@ def _altitude(geoid: FloatArray | None, height: FloatArray) -> FloatArray:
 
 
 def _signs(
-    columns: SignColumns, style_of: dict[str, str], geoid: FloatArray | None
-) -> Iterator[str]:
-    plain = plain_values(columns)
-    data = _rows([data_cells(*pair) for pair in zip(SIGN_FIELDS, plain, strict=True)])
-    cells = _rows([balloon_cells(*pair) for pair in zip(SIGN_FIELDS, plain, strict=True)])
-    altitude = _altitude(geoid, columns.height_m).tolist()
-    located = columns.located.tolist()
-    heads = {name: xml_text(f"<h3>{html_text(name)}</h3><table>") for name in style_of}
-    end = xml_text("</table>")
-    rows = zip(
-        columns.values["id"],
-        columns.values["class"],
-        columns.lon_deg.tolist(),
-        columns.lat_deg.tolist(),
-        strict=True,
-    )
-    for number, (name, class_name, lon, lat) in enumerate(rows):
-        point = _point(lon, lat, altitude[number]) if located[number] else ""
-        yield (
-            f"<Placemark><name>{xml_text(name)}</name><snippet/>"
-            f"<description>{heads[class_name]}{cells[number]}{end}</description>"
-            f"<styleUrl>#{style_of[class_name]}</styleUrl>"
-            f'<ExtendedData><SchemaData schemaUrl="#sign">{data[number]}</SchemaData>'
-            f"</ExtendedData>{point}</Placemark>"
-        )
+    columns: SignColumns, style_of: dict[str, str], options: KmlOptions
+) -> Iterator[memoryview]:
+    n = len(columns)
+    classes = columns.values["class"]
+    cells = field_cells(columns)
+    pieces: Pieces = [
+        "<Placemark><name>",
+        name_column(columns.values["id"]),
+        "</name><snippet/><description><![CDATA[<h3>",
+        text_column(classes, lambda cls: html_text(sign_words(cls))),
+        "</h3>",
+        _pictures(n, options),
+        "<table>",
+        *balloon_cells(cells),
+        "</table>]]></description><styleUrl>#",
+        text_column(classes, lambda cls: style_of[cls]),
+        '</styleUrl><ExtendedData><SchemaData schemaUrl="#sign">',
+        *data_cells(cells),
+        "</SchemaData></ExtendedData>",
+        *_points(columns, _altitude(options.sign_geoid_m, columns.height_m), options.clamp_signs),
+        "</Placemark>\n",
+    ]
+    return line_chunks(pieces, n)
 
 
-def _rows(cells: list[list[str]]) -> list[str]:
-    return ["".join(row) for row in zip(*cells, strict=True)]
+def _pictures(n: int, options: KmlOptions) -> str | TextColumn:
+    if not options.pictures:
+        return ""
+    hrefs = [tuple(options.pictures.get(row, ())) for row in range(n)]
+    return text_column(hrefs, lambda own: "".join(f'<img src="{html_text(h)}"/> ' for h in own))
 
 
-def _point(lon: float, lat: float, altitude: float) -> str:
-    if np.isfinite(altitude):
-        return (
-            "<Point><altitudeMode>absolute</altitudeMode>"
-            f"<coordinates>{lon:.7f},{lat:.7f},{altitude:.2f}</coordinates></Point>"
-        )
-    return (
-        "<Point><altitudeMode>clampToGround</altitudeMode>"
-        f"<coordinates>{lon:.7f},{lat:.7f}</coordinates></Point>"
-    )
+def _points(columns: SignColumns, altitude: FloatArray, clamp: bool) -> Pieces:
+    n = len(columns)
+    there = columns.located
+    high = there & np.isfinite(altitude)
+    mode = constant("absolute", n).where(high & (not clamp))
+    ground = constant("clampToGround", n).where(there & ~(high & (not clamp)))
+    return [
+        constant("<Point><altitudeMode>", n).where(there),
+        mode,
+        ground,
+        constant("</altitudeMode><coordinates>", n).where(there),
+        fixed_column(columns.lon_deg, 7).where(there),
+        constant(",", n).where(there),
+        fixed_column(columns.lat_deg, 7).where(there),
+        constant(",", n).where(high),
+        fixed_column(altitude, 2).where(high),
+        constant("</coordinates></Point>", n).where(there),
+    ]
 
 
-def _ellipses(columns: SignColumns) -> Iterator[str]:
+def _ellipses(columns: SignColumns) -> Iterator[bytes | memoryview]:
     if len(columns) == 0:
         return
     rings = ellipse_rings(columns, _RING_POINTS)
     drawable = columns.located & np.isfinite(rings).all(axis=(1, 2))
-    flat = rings.reshape(len(rings), -1).tolist()
-    near_date_line = (np.abs(rings[:, :, 0]).max(axis=1) > 180.0).tolist()
+    split = drawable & (np.abs(rings[:, :, 0]).max(axis=1) > 180.0)
+    whole = np.flatnonzero(drawable & ~split)
     ids = columns.values["id"]
-    for number in np.flatnonzero(drawable).tolist():
-        parts = _cut_at_date_line(rings[number]) if near_date_line[number] else [flat[number]]
-        polygons = "".join([_POLYGON % tuple(part) for part in parts])
-        yield (
-            f"<Placemark><name>{xml_text(ids[number])}</name>"
-            "<visibility>0</visibility><styleUrl>#ellipse</styleUrl>"
-            f"<MultiGeometry>{polygons}</MultiGeometry></Placemark>"
+    pieces: Pieces = [
+        _ELLIPSE_HEAD,
+        name_column([ids[row] for row in whole.tolist()]),
+        _ELLIPSE_STYLE + _POLYGON_HEAD,
+        ring_column(rings[whole]),
+        _POLYGON_END + "</MultiGeometry></Placemark>\n",
+    ]
+    cut = []
+    for row in np.flatnonzero(split).tolist():
+        parts = ring_column(np.stack(_cut_at_date_line(rings[row]))).texts()
+        polygons = "".join(f"{_POLYGON_HEAD}{part}{_POLYGON_END}" for part in parts)
+        cut.append(
+            f"{_ELLIPSE_HEAD}{xml_text(ids[row])}{_ELLIPSE_STYLE}{polygons}"
+            "</MultiGeometry></Placemark>\n"
         )
+    yield from line_chunks(pieces, len(whole))
+    yield "".join(cut).encode("utf-8", "replace")
 
 
-def _cut_at_date_line(ring: FloatArray) -> list[list[float]]:
+def _cut_at_date_line(ring: FloatArray) -> list[FloatArray]:
     # longitudes must stay in -180..180, so a ring on the date line becomes two
     parts = []
     for turn in (-360.0, 0.0, 360.0):
         lon = np.clip(ring[:, 0] + turn, -180.0, 180.0)
         if lon.min() < lon.max():
-            parts.append(np.column_stack([lon, ring[:, 1]]).ravel().tolist())
+            parts.append(np.column_stack([lon, ring[:, 1]]))
     return parts
-
-
-def _track(path: Path, geoid: FloatArray | None) -> Iterator[str]:
-    altitude = _altitude(geoid, path.height_m)
-    absolute = bool(np.isfinite(altitude).all())
-    mode = "absolute" if absolute else "clampToGround"
-    altitudes = np.where(np.isfinite(altitude), altitude, 0.0) if absolute else 0 * altitude
-    altitudes = np.nan_to_num(altitudes)
-    head = f"<altitudeMode>{mode}</altitudeMode>"
-    yield "<Folder><name>Trajectory</name>"
-    if np.isnat(path.utc).any():
-        for run in split_at_date_line(path.lon_deg):
-            corners = " ".join(
-                f"{lon:.7f},{lat:.7f},{alt:.2f}"
-                for lon, lat, alt in zip(
-                    path.lon_deg[run].tolist(),
-                    path.lat_deg[run].tolist(),
-                    altitudes[run].tolist(),
-                    strict=True,
-                )
-            )
-            yield (
-                "<Placemark><name>Track</name><styleUrl>#track</styleUrl><LineString>"
-                f"{head}<coordinates>{corners}</coordinates></LineString></Placemark>"
-            )
-    else:
-        yield f"<Placemark><name>Track</name><styleUrl>#track</styleUrl><gx:Track>{head}"
-        yield from (f"<when>{when}</when>" for when in iso_texts(path.utc))
-        for lon, lat, alt in zip(
-            path.lon_deg.tolist(), path.lat_deg.tolist(), altitudes.tolist(), strict=True
-        ):
-            yield f"<gx:coord>{lon:.7f} {lat:.7f} {alt:.2f}</gx:coord>"
-        rpy = np.nan_to_num(path.rpy_deg)
-        for roll, pitch, yaw in rpy.tolist():
-            # heading, tilt, roll
-            yield f"<gx:angles>{yaw % 360.0:.2f} {pitch:.2f} {roll:.2f}</gx:angles>"
-        yield "</gx:Track></Placemark>"
-    yield "</Folder>"

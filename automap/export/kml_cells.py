@@ -4,22 +4,60 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Callable
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 from xml.sax.saxutils import escape
 
+import numpy as np
+
 from automap.export.fields import SIGN_FIELDS, Field
-from automap.export.geojson import json_tokens
+from automap.export.geojson import json_column
 from automap.export.sign_columns import SignColumns
+from automap.export.text_columns import (
+    TextColumn,
+    constant,
+    plain_column,
+    special_characters,
+    text_column,
+)
+from automap.records import BoolArray
 
 _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_SPECIAL = special_characters("&<>\"'$")
 _KML_TYPES = {"real": "double", "integer": "int", "text": "string", "time": "string"}
-_NUMBERS = ("real", "integer")
+
+Pieces = list[str | TextColumn]
+
+BALLOON_FIELDS = (
+    "confidence",
+    "ce95_m",
+    "sd_u_m",
+    "height_above_road_m",
+    "facing_deg",
+    "size_m",
+    "side",
+    "n_views",
+    "first_seen",
+    "last_seen",
+    "drives",
+    "status",
+)
+"""What the balloon shows of a sign, in this order; the typed data hold every field."""
 
 
 def xml_text(value: Any) -> str:
     """Text for an element: markup escaped, characters that XML 1.0 forbids replaced."""
     return escape(_ILLEGAL.sub("\ufffd", str(value)))
+
+
+def html_text(text: str) -> str:
+    """Text as HTML of a balloon, so that hostile text stays text.
+
+    The dollar sign is spelled as an entity, else ``$[...]`` in a value would be replaced by
+    another field.
+    """
+    return html.escape(_ILLEGAL.sub("\ufffd", text)).replace("$", "&#36;")
 
 
 def sign_schema() -> str:
@@ -36,52 +74,82 @@ def _label(field: Field) -> str:
     return f"{field.meaning} ({field.unit})" if field.unit else field.meaning
 
 
-def plain_values(columns: SignColumns) -> list[list[str | None]]:
-    """Every field as plain text, None where unknown; one list a field."""
-    texts: list[list[str | None]] = []
-    for field in SIGN_FIELDS:
-        values = columns.values[field.name]
-        if field.kind in ("real", "integer"):
-            tokens = json_tokens(field, values)
-            texts.append([None if token == "null" else token for token in tokens])
-        elif field.kind == "list":
-            texts.append([", ".join(value) or None for value in values])
-        else:
-            texts.append([None if value in (None, "") else str(value) for value in values])
-    return texts
+def lineage_data(lineage: Mapping[str, Any]) -> str:
+    """Where the map comes from, as the document's ExtendedData."""
+    rows = "".join(
+        f'<Data name="{xml_text(key)}"><value>{xml_text(value)}</value></Data>'
+        for key, value in lineage.items()
+    )
+    return f"<ExtendedData>{rows}</ExtendedData>" if rows else ""
 
 
-def data_cells(field: Field, values: list[str | None]) -> list[str]:
-    """A field's SimpleData elements, empty where the value is unknown."""
-    head, end = f'<SimpleData name="{field.name}">', "</SimpleData>"
-    text = str if field.kind in _NUMBERS else _each_once(xml_text)
-    return ["" if value is None else f"{head}{text(value)}{end}" for value in values]
+@dataclass(frozen=True)
+class Cells:
+    """One field of all signs: as XML text, as HTML text, and which signs have a value."""
+
+    xml: TextColumn
+    html: TextColumn
+    known: BoolArray
 
 
-def balloon_cells(field: Field, values: list[str | None]) -> list[str]:
-    """A field's rows of the balloon's table, as XML text."""
-    head = xml_text(f"<tr><td>{html_text(_label(field))}</td><td>")
-    end = xml_text("</td></tr>")
-    safe = _each_once(lambda value: xml_text(html_text(value)))
-    text = str if field.kind in _NUMBERS else safe
-    return ["" if value is None else f"{head}{text(value)}{end}" for value in values]
+def field_cells(columns: SignColumns) -> dict[str, Cells]:
+    """Every field of the signs as text."""
+    return {field.name: _cells(field, columns.values[field.name]) for field in SIGN_FIELDS}
 
 
-def html_text(text: str) -> str:
-    """Text as HTML of a balloon, so that hostile text stays text.
+def _cells(field: Field, values: Any) -> Cells:
+    if field.kind == "real":
+        texts = json_column(field, values)
+        return Cells(texts, texts, np.isfinite(np.asarray(values, np.float64)))
+    if field.kind == "integer" and isinstance(values, np.ndarray):
+        texts = json_column(field, values)
+        return Cells(texts, texts, np.ones(len(values), np.bool_))
+    if field.kind == "list":
+        values = [", ".join(value) for value in values]
+    plain = plain_column(values, _SPECIAL)
+    if plain is None:
+        # without a clock the times are host stamps
+        values = ["" if value is None else str(value) for value in values]
+        plain = plain_column(values, _SPECIAL)
+    if plain is not None:
+        return Cells(plain, plain, plain.length > 0)
+    texts = text_column(values, xml_text)
+    return Cells(texts, text_column(values, html_text), texts.length > 0)
 
-    The dollar sign is spelled as an entity, else ``$[...]`` in a value would be replaced by
-    another field.
-    """
-    return html.escape(_ILLEGAL.sub("\ufffd", text)).replace("$", "&#36;")
+
+def data_cells(cells: Mapping[str, Cells]) -> Pieces:
+    """The SimpleData elements of every field, left out where the value is unknown."""
+    pieces: Pieces = []
+    for name, own in cells.items():
+        pieces += _framed(f'<SimpleData name="{name}">', own.xml, "</SimpleData>", own.known)
+    return pieces
 
 
-def _each_once(convert: Callable[[str], str]) -> Callable[[str], str]:
-    known: dict[str, str] = {}
+def balloon_cells(cells: Mapping[str, Cells]) -> Pieces:
+    """Rows of the balloon's table as HTML within a CDATA section."""
+    by_name = {field.name: field for field in SIGN_FIELDS}
+    pieces: Pieces = []
+    for name in BALLOON_FIELDS:
+        field = by_name[name]
+        # the ends of rows and cells may be left out in HTML
+        head = f"<tr><td>{html_text(_short_label(field))}<td>"
+        unit = f" {field.unit}" if field.unit not in ("", "UTC") else ""
+        pieces += _framed(head, cells[name].html, html_text(unit), cells[name].known)
+    return pieces
 
-    def converted(value: str) -> str:
-        if value not in known:
-            known[value] = convert(value)
-        return known[value]
 
-    return converted
+def _short_label(field: Field) -> str:
+    bare = field.name.removesuffix("_m").removesuffix("_deg").replace("_", " ")
+    return {"ce95": "95 % radius", "sd u": "height ±", "n views": "views"}.get(bare, bare)
+
+
+def name_column(values: list[Any]) -> TextColumn:
+    """Texts for elements."""
+    return text_column(values, xml_text, special=_SPECIAL)
+
+
+def _framed(head: str, texts: TextColumn, end: str, known: BoolArray) -> Pieces:
+    if known.all():
+        return [head, texts, end]
+    n = len(known)
+    return [constant(head, n).where(known), texts.where(known), constant(end, n).where(known)]

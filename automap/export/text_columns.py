@@ -6,8 +6,7 @@ the same constant pieces with the values of one sign between them.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +16,8 @@ import numpy.typing as npt
 from automap.records import BoolArray, FloatArray, IntArray
 
 Bytes = npt.NDArray[np.uint8]
+
+_CHUNK = 4096
 
 
 @dataclass(frozen=True)
@@ -52,21 +53,29 @@ def utf8(text: str) -> bytes:
     return text.encode("utf-8", "replace")
 
 
+def special_characters(characters: str) -> BoolArray:
+    """Table [256] of bytes that need a second look: these, control characters, DEL, non-ASCII."""
+    table = np.zeros(256, np.bool_)
+    table[:32] = table[127:] = True
+    table[list(characters.encode())] = True
+    return table
+
+
 def text_column(
     values: Sequence[Any],
     convert: Callable[[Any], str],
     rows: Sequence[Hashable] | None = None,
-    special: re.Pattern[str] | None = None,
+    special: BoolArray | None = None,
     quote: str = "",
 ) -> TextColumn:
     """Each value [n] as ``convert`` writes it; values that repeat are converted once.
 
     ``rows`` [n] are hashable stand-ins of values that are not hashable themselves. Where all
-    values are ASCII texts without a ``special`` character, ``convert`` is known to do no more
-    than put them between ``quote`` marks, and is not called.
+    values are texts without a ``special`` character, ``convert`` is known to do no more than
+    put them between ``quote`` marks, and is not called.
     """
     if special is not None:
-        plain = _plain_column(values, special, quote)
+        plain = plain_column(values, special, quote)
         if plain is not None:
             return plain
     keys = values if rows is None else rows
@@ -85,16 +94,19 @@ def text_column(
     return TextColumn(data, start[index], length[index])
 
 
-def _plain_column(values: Sequence[Any], special: re.Pattern[str], quote: str) -> TextColumn | None:
+def plain_column(values: Sequence[Any], special: BoolArray, quote: str = "") -> TextColumn | None:
+    """Texts as they are; None where one is no text or has a special character."""
     try:
-        joined = (2 * quote).join(values)
-    except TypeError:
+        text = "".join(values).encode("ascii")
+    except (TypeError, UnicodeEncodeError):
         return None
-    text = joined if not quote else "".join(values)
-    if not text.isascii() or special.search(text):
+    data = np.frombuffer(text, np.uint8)
+    if special[data].any():
         return None
-    length = np.fromiter(map(len, values), np.int64, len(values)) + 2 * len(quote)
-    data = np.frombuffer(f"{quote}{joined}{quote}".encode(), np.uint8)
+    length = np.fromiter(map(len, values), np.int64, len(values))
+    if quote:
+        data = np.frombuffer(f"{quote}{(2 * quote).join(values)}{quote}".encode(), np.uint8)
+        length += 2 * len(quote)
     return TextColumn(data, np.cumsum(length) - length, length)
 
 
@@ -168,12 +180,34 @@ def _finished(
 
 def lines(pieces: Sequence[str | TextColumn], n: int) -> bytes:
     """The texts of n rows one after another: in each row the pieces in their order."""
+    return b"".join(line_chunks(pieces, n))
+
+
+def line_chunks(pieces: Sequence[str | TextColumn], n: int) -> Iterator[memoryview]:
+    """The same in parts of some thousand rows, so that no second copy of all is needed."""
     from automap.export.text_kernels import join_rows
 
-    columns = [constant(p, n) if isinstance(p, str) else p for p in pieces]
-    bases = np.cumsum([0, *(len(c.data) for c in columns)])
-    start = np.stack([c.start + base for c, base in zip(columns, bases[:-1], strict=True)], axis=1)
-    length = np.stack([c.length for c in columns], axis=1)
-    out = np.empty(int(length.sum()), np.uint8)
-    join_rows(np.concatenate([c.data for c in columns]), start, length, out)
-    return out.tobytes()
+    columns = [constant(p, n) if isinstance(p, str) else p for p in _merged(pieces)]
+    address = np.empty((len(columns), _CHUNK), np.int64)
+    length = np.empty((len(columns), _CHUNK), np.int64)
+    for first in range(0, n, _CHUNK):
+        rows = min(_CHUNK, n - first)
+        for k, column in enumerate(columns):
+            own = slice(first, first + rows)
+            address[k, :rows] = column.start[own]
+            address[k, :rows] += column.data.ctypes.data
+            length[k, :rows] = column.length[own]
+        out = np.empty(int(length[:, :rows].sum()), np.uint8)
+        join_rows(address, length, rows, out)
+        yield memoryview(out)  # type: ignore[arg-type]
+
+
+def _merged(pieces: Sequence[str | TextColumn]) -> list[str | TextColumn]:
+    """The pieces with constants that follow one another put together."""
+    merged: list[str | TextColumn] = []
+    for piece in pieces:
+        if isinstance(piece, str) and merged and isinstance(merged[-1], str):
+            merged[-1] += piece
+        else:
+            merged.append(piece)
+    return merged

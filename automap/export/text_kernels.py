@@ -7,6 +7,8 @@ from typing import Any
 import numba
 import numpy as np
 import numpy.typing as npt
+from numba.core import cgutils, types
+from numba.extending import intrinsic
 
 from automap.records import FloatArray, IntArray
 
@@ -24,34 +26,58 @@ kernel: Any = numba.njit(cache=True, error_model="numpy", nogil=True)
 
 
 @kernel
+def _digit_count(value: int) -> int:
+    count, power = 1, np.uint64(10)
+    while count < 19 and value >= power:
+        count += 1
+        power *= np.uint64(10)
+    return count
+
+
+@kernel
+def _put_back(out: Bytes, place: int, value: int, count: int) -> None:
+    """The last ``count`` digits of an unsigned 32-bit value, from ``place`` to the left.
+
+    Unsigned and of 32 bits, because a division by a constant is then one multiplication.
+    """
+    rest = np.uint32(value)
+    ten = np.uint32(10)
+    for k in range(count):
+        shorter = np.uint32(rest // ten)
+        out[place - k] = _ZERO + np.uint8(rest - shorter * ten)
+        rest = shorter
+
+
+@kernel
 def _put_digits(out: Bytes, at: int, value: int, decimals: int) -> int:
     """Write a non-negative integer, its last ``decimals`` digits behind a point.
 
     Returns the place behind it.
     """
-    # unsigned, because a division by a constant is then a multiplication
     rest = np.uint64(value)
-    ten = np.uint64(10)
-    count, power = 1, ten
-    while count < 19 and rest >= power:
-        count += 1
-        power *= ten
-    count = max(count, decimals + 1)
+    count = max(_digit_count(rest), decimals + 1)
     end = at + count + (1 if decimals > 0 else 0)
-    place = end - 1
-    for _ in range(decimals):
+    if rest < np.uint64(1 << 32):
+        if decimals > 0:
+            unit = np.uint32(1)
+            for _ in range(decimals):
+                unit *= np.uint32(10)
+            low = np.uint32(rest)
+            whole = np.uint32(low // unit)
+            _put_back(out, end - 1, low - whole * unit, decimals)
+            out[end - 1 - decimals] = _POINT
+            _put_back(out, end - 2 - decimals, whole, count - decimals)
+        else:
+            _put_back(out, end - 1, rest, count)
+        return end
+    ten = np.uint64(10)
+    for k in range(end - at):
+        if k == decimals and decimals > 0:
+            out[end - 1 - k] = _POINT
+            continue
         shorter = rest // ten
-        out[place] = _ZERO + (rest - shorter * ten)
+        out[end - 1 - k] = _ZERO + (rest - shorter * ten)
         rest = shorter
-        place -= 1
-    if decimals > 0:
-        out[place] = _POINT
-        place -= 1
-    while place >= at:
-        shorter = rest // ten
-        out[place] = _ZERO + (rest - shorter * ten)
-        rest = shorter
-        place -= 1
     return end
 
 
@@ -169,13 +195,32 @@ def rings_text(rings: FloatArray, decimals: int, out: Bytes, width: int, length:
         length[i] = at - start
 
 
+@intrinsic  # type: ignore[untyped-decorator]
+def _copy_memory(typingctx: Any, target: Any, source: Any, count: Any) -> Any:
+    """memcpy by address: a loop over bytes would take most of the time of writing a map."""
+    signature = types.void(types.intp, types.intp, types.intp)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pointer = context.get_value_type(types.voidptr)
+        to, origin, size = arguments
+        cgutils.raw_memcpy(
+            builder, builder.inttoptr(to, pointer), builder.inttoptr(origin, pointer), size, 1
+        )
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
 @kernel
-def join_rows(data: Bytes, start: IntArray, length: IntArray, out: Bytes) -> None:
-    """Copy the pieces [n, k] of ``data`` into ``out``, row by row."""
-    at = 0
-    for i in range(start.shape[0]):
-        for k in range(start.shape[1]):
-            first, count = start[i, k], length[i, k]
-            for j in range(count):
-                out[at + j] = data[first + j]
-            at += count
+def join_rows(address: IntArray, length: IntArray, rows: int, out: Bytes) -> None:
+    """Copy the pieces [k, n] at these addresses into ``out``, row by row for the first rows.
+
+    ``out`` must have room for all of them.
+    """
+    at = out.ctypes.data
+    for i in range(rows):
+        for k in range(address.shape[0]):
+            count = length[k, i]
+            if count > 0:
+                _copy_memory(at, address[k, i], count)
+                at += count

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from functools import lru_cache
 
 import numpy as np
@@ -10,6 +11,9 @@ from automap.records import FloatArray
 
 CHI2_95_2 = 5.991464547107979
 """95 % point of chi-square with two degrees of freedom: -2 ln 0.05."""
+
+SIGMA_CLASSES = 5
+"""Colours in which a map shows the uncertainty of a path."""
 
 _ANGLES = 256
 _KNOTS = 2049
@@ -78,3 +82,28 @@ def ellipse_outlines(
     outline = np.stack([along * sin - across * cos, along * cos + across * sin], axis=2)
     outline[:, -1] = outline[:, 0]
     return outline
+
+
+def sigma_classes(sigma: FloatArray) -> tuple[np.ndarray, list[str]]:
+    """Number of the colour class [n] of each sigma and the labels of the classes.
+
+    The limits are round numbers between the 2nd and the 98th percentile; -1 is unknown.
+    """
+    known = np.isfinite(sigma)
+    classes = np.full(len(sigma), -1, np.int64)
+    if not known.any():
+        return classes, []
+    low, high = np.percentile(sigma[known], [2, 98])
+    if high <= 1.15 * low:
+        classes[known] = 0
+        return classes, [f"about {_metre_text(float(np.median(sigma[known])))} m"]
+    limits = np.geomspace(max(low, high / 1e3), high, SIGMA_CLASSES + 1)[1:-1]
+    limits = np.unique([float(f"{limit:.2g}") for limit in limits])
+    classes[known] = np.searchsorted(limits, sigma[known], "right")
+    texts = [_metre_text(limit) for limit in limits]
+    inner = [f"{a} to {b} m" for a, b in itertools.pairwise(texts)]
+    return classes, [f"below {texts[0]} m", *inner, f"above {texts[-1]} m"]
+
+
+def _metre_text(value: float) -> str:
+    return f"{value:.2g}" if value < 10 else f"{value:.0f}"

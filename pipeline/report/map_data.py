@@ -13,14 +13,13 @@ from automap.export.fields import SIGN_FIELDS
 from automap.export.kml import class_colours
 from automap.export.path import simplified_path
 from automap.export.sign_columns import SignColumns
-from automap.export.uncertainty import CHI2_95_2, principal_axes
+from automap.export.uncertainty import CHI2_95_2, principal_axes, sigma_classes
 from automap.records import FixType, FloatArray
 from pipeline.products import RunProducts
 from pipeline.report.outages import outages
 
 FIX_LIMIT = 6000
 SIGN_LIMIT = 5000
-SIGMA_CLASSES = 5
 FACE_PX = 64
 
 
@@ -133,31 +132,6 @@ def _path(products: RunProducts, origin: tuple[float, float]) -> dict[str, Any] 
             if len(inside) > 1:
                 silent.append(_pairs(points[inside]))
     return {"runs": runs, "labels": labels, "outages": silent}
-
-
-def sigma_classes(sigma: FloatArray) -> tuple[np.ndarray, list[str]]:
-    """Number of the colour class [n] of each sigma and the labels of the classes.
-
-    The limits are round numbers between the 2nd and the 98th percentile; -1 is unknown.
-    """
-    known = np.isfinite(sigma)
-    classes = np.full(len(sigma), -1, np.int64)
-    if not known.any():
-        return classes, []
-    low, high = np.percentile(sigma[known], [2, 98])
-    if high <= 1.15 * low:
-        classes[known] = 0
-        return classes, [f"about {_metre_text(float(np.median(sigma[known])))} m"]
-    limits = np.geomspace(max(low, high / 1e3), high, SIGMA_CLASSES + 1)[1:-1]
-    limits = np.unique([float(f"{limit:.2g}") for limit in limits])
-    classes[known] = np.searchsorted(limits, sigma[known], "right")
-    texts = [_metre_text(limit) for limit in limits]
-    inner = [f"{a} to {b} m" for a, b in itertools.pairwise(texts)]
-    return classes, [f"below {texts[0]} m", *inner, f"above {texts[-1]} m"]
-
-
-def _metre_text(value: float) -> str:
-    return f"{value:.2g}" if value < 10 else f"{value:.0f}"
 
 
 def _fixes(products: RunProducts, origin: tuple[float, float], notes: list[str]) -> Any:

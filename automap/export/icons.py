@@ -1,0 +1,90 @@
+"""A small face for every class of sign, drawn by ourselves, and its name in words.
+
+Classes of the vocabulary have their face; any other gets the shape and colour that its name
+speaks of, with the number or the initials from it, so that no two classes look alike.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+ICON_PX = 64
+
+_SHAPES = (
+    # pattern, outline, fill, border (BGR), ink
+    (r"stop", "octagon", (28, 18, 193), (245, 245, 245), (245, 245, 245)),
+    (r"yield|give-?way", "triangle-down", (245, 245, 245), (28, 18, 193), (25, 25, 25)),
+    (r"no-entry|do-not-enter", "circle", (28, 18, 193), (245, 245, 245), (245, 245, 245)),
+    (r"yellow-diamond", "diamond", (0, 209, 255), (25, 25, 25), (25, 25, 25)),
+    (r"blue-circle|mandatory|keep-|turn-|straight", "circle", (161, 92, 3), (245, 245, 245),
+     (245, 245, 245)),
+    (r"blue-square|information|parking|service|guide", "square", (161, 92, 3), (245, 245, 245),
+     (245, 245, 245)),
+    (r"triangle|warning|danger", "triangle-up", (245, 245, 245), (28, 18, 193), (25, 25, 25)),
+    (r"priority", "diamond", (0, 209, 255), (245, 245, 245), (25, 25, 25)),
+    (r"speed|limit|regulatory|prohibit|circle|no-", "circle", (245, 245, 245), (28, 18, 193),
+     (25, 25, 25)),
+    (r"", "square", (245, 245, 245), (90, 90, 90), (25, 25, 25)),
+)  # fmt: skip
+
+
+def sign_words(class_name: str) -> str:
+    """A class name as people say it: ``regulatory--stop--g1`` is "stop"."""
+    parts = [part for part in class_name.split("--") if not re.fullmatch(r"g\d+", part)]
+    return " ".join(parts[1:] if len(parts) > 1 else parts).replace("-", " ")
+
+
+@cache
+def class_icon(class_name: str, px: int = ICON_PX) -> bytes:
+    """The face of a class as PNG with transparency [px, px]."""
+    import cv2
+
+    from automap.vision.faces import draw_face
+    from automap.vision.vocabulary import load_vocabulary
+
+    known = class_name in load_vocabulary().classes
+    image = draw_face(class_name, px) if known else _drawn(class_name, px)
+    good, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    if not good:
+        raise RuntimeError(f"the face of {class_name!r} could not be written as PNG")
+    return bytes(data.tobytes())
+
+
+def icon_text(class_name: str) -> str:
+    """The number in a class name, else the initials of its words; at most three characters."""
+    words = re.findall(r"[a-z]+|\d+", sign_words(class_name).lower())
+    numbers = [word for word in words if word.isdigit()]
+    if numbers:
+        return numbers[-1][:3]
+    return "".join(word[0] for word in words if word != "unknown")[:3].upper()
+
+
+def _drawn(class_name: str, px: int) -> Any:
+    import cv2
+
+    from automap.vision.faces import outline_points
+
+    name = class_name.lower()
+    _, shape, fill, border, ink = next(row for row in _SHAPES if re.search(row[0], name))
+    n = 4 * px
+    corners = outline_points(shape)
+    centre = corners.mean(axis=0)
+    canvas = np.zeros((n, n, 4), np.uint8)
+    rim = fill if border == (245, 245, 245) else border
+    for share, colour in ((0.98, rim), (0.92, border), (0.76, fill)):
+        points = np.rint(((corners - centre) * share + centre) * (n - 1)).astype(np.int32)
+        cv2.fillPoly(canvas, [points], (*colour, 255), cv2.LINE_AA)
+    text = icon_text(class_name)
+    if text:
+        font, thickness = cv2.FONT_HERSHEY_SIMPLEX, max(1, n // 28)
+        (width, height), _ = cv2.getTextSize(text, font, 1.0, thickness)
+        room = 0.34 if shape.startswith("triangle") else 0.5
+        scale = n * min(room / max(width, 1), 0.36 / max(height, 1))
+        at = centre * n + np.array([-0.5 * width, 0.5 * height]) * scale
+        place = (int(at[0]), int(at[1]))
+        cv2.putText(canvas, text, place, font, scale, (*ink, 255), thickness, cv2.LINE_AA)
+    return cv2.resize(canvas, (px, px), interpolation=cv2.INTER_AREA)
