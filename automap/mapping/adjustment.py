@@ -1,0 +1,269 @@
+"""Where the signs stand, from all sightings together, and the covariance of that."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.earth import metres_per_radian
+from automap.mapping.adjustment_kernels import add_drives, drive_offsets
+from automap.mapping.association import TAU_S, Association
+from automap.mapping.sightings import Sightings
+from automap.mapping.tiles import Tile, cut_tiles
+from automap.records import FloatArray, IntArray
+
+COMMON_SD_M = 0.05
+"""What no number of passes averages away: the frame of satellite positioning, the centre of
+a face as a box shows it."""
+
+_OUTLIER = 9.0
+_NO_HEIGHT = 1e12
+
+
+@dataclass(frozen=True)
+class ErrorLevels:
+    """How the drives' stated errors compare with what they show.
+
+    Factors on the standard deviations, ``shared`` by a drive's signs and each sighting's
+    ``own``, and the time constant ``tau_s`` of the shared part.
+    """
+
+    shared: float = 1.0
+    own: float = 1.0
+    tau_s: float = TAU_S
+
+
+@dataclass(frozen=True)
+class Adjusted:
+    """Signs [m]: ``lat``, ``lon`` rad, ``height`` m (NaN unknown), ``cov_enu`` [m, 3, 3] m^2.
+
+    ``offset`` [n, 3] east, north, up of every sighting's drive there, m. Per drive [d]:
+    ``drive_offset`` [d, 3] its mean and ``drive_sd`` [d, 3], not less than the truth of it;
+    NaN for a drive without sightings.
+    """
+
+    lat: FloatArray
+    lon: FloatArray
+    height: FloatArray
+    cov_enu: FloatArray
+    offset: FloatArray
+    drive_offset: FloatArray
+    drive_sd: FloatArray
+
+
+@dataclass(frozen=True)
+class TileData:
+    """Sightings of a tile's signs: ``rows`` [n] of all sightings, ``first`` [d + 1] where each
+    drive begins, ``sign`` [n] place in ``tile.signs``, ``measured`` [n, 3] east, north, up of
+    ``origin`` (lat, lon rad, height m)."""
+
+    tile: Tile
+    rows: IntArray
+    first: IntArray
+    sign: IntArray
+    measured: FloatArray
+    origin: tuple[float, float, float]
+
+
+def adjust(
+    sightings: Sightings,
+    association: Association,
+    levels: ErrorLevels | None = None,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> Adjusted:
+    """Places of all signs by generalised least squares, tile by tile.
+
+    In a tile every drive's sightings have the full covariance of what they share, so that the
+    covariance of a sign is that of its mean under all errors; sightings outside the tile's
+    margin are left aside, which costs a little precision and no truth.
+    """
+    levels = levels or ErrorLevels()
+    m, n = association.n_signs, len(sightings)
+    result = Adjusted(
+        np.full(m, np.nan), np.full(m, np.nan), np.full(m, np.nan), np.full((m, 3, 3), np.nan),
+        np.zeros((n, 3)), np.full((sightings.n_drives, 3), np.nan),
+        np.full((sightings.n_drives, 3), np.nan),
+    )  # fmt: skip
+    if m == 0:
+        return result
+    lat, lon = rough_places(sightings, association)
+    factor = own_factors(sightings, association, lat, lon)
+    members = Members(association.sign)
+    tiles = list(cut_tiles(lat, lon))
+    sums, squares, counts = (np.zeros((sightings.n_drives, 3)) for _ in range(3))
+
+    def work(tile: Tile) -> tuple[TileData, list[FloatArray]]:
+        data = tile_data(sightings, members, tile, lat, lon)
+        return data, [_solve(sightings, data, levels, factor, axes) for axes in (2, 1)]
+
+    with ThreadPoolExecutor(max(1, os.cpu_count() or 1)) as pool:
+        for done, (data, (plan, up)) in enumerate(pool.map(work, tiles)):
+            _store(result, data, plan, up)
+            _add_offsets(data, plan, up, sightings.drive, sums, squares, counts)
+            progress((done + 1) / len(tiles))
+    seen = counts > 0
+    result.drive_offset[seen] = sums[seen] / counts[seen]
+    # neighbouring tiles share sightings, so their errors may be the same: sds are added
+    result.drive_sd[seen] = squares[seen] / counts[seen]
+    return result
+
+
+class Members:
+    """The sightings of every sign, found without a search."""
+
+    def __init__(self, sign: IntArray) -> None:
+        self.order = np.argsort(sign, kind="stable")
+        count = int(sign.max()) + 1 if len(sign) else 0
+        self.edges = np.searchsorted(sign[self.order], np.arange(count + 1))
+
+    def of(self, signs: IntArray) -> tuple[IntArray, IntArray]:
+        """Rows [n] of the sightings of ``signs`` [k], and the place in ``signs`` of each."""
+        starts, stops = self.edges[signs], self.edges[signs + 1]
+        lengths = stops - starts
+        place = np.repeat(np.arange(len(signs)), lengths)
+        within = np.arange(int(lengths.sum())) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+        return self.order[np.repeat(starts, lengths) + within], place
+
+
+def rough_places(sightings: Sightings, association: Association) -> tuple[FloatArray, FloatArray]:
+    """Plain means [m] of the sightings moved by their drives' offsets, latitude, longitude."""
+    sign = association.sign
+    count = np.bincount(sign)
+    first = np.zeros(len(count), np.int64)
+    first[sign[::-1]] = np.arange(len(sign))[::-1]
+    lat = sightings.lat - association.offset[:, 1] / sightings.per_lat
+    turn = sightings.lon - sightings.lon[first][sign]
+    turn = (turn + np.pi) % (2 * np.pi) - np.pi - association.offset[:, 0] / sightings.per_lon
+    mean_lon = sightings.lon[first] + np.bincount(sign, turn) / count
+    mean_lon = (mean_lon + np.pi) % (2 * np.pi) - np.pi
+    return np.bincount(sign, lat) / count, mean_lon
+
+
+def own_factors(
+    sightings: Sightings, association: Association, lat: FloatArray, lon: FloatArray
+) -> FloatArray:
+    """Factor [n] on the own variance of a sighting that lies too far from its sign.
+
+    From a squared distance of nine on, in sigmas and with the drive's offset taken off, the
+    variance grows with the square: a stray sighting says little.
+    """
+    sign = association.sign
+    turn = (sightings.lon - lon[sign] + np.pi) % (2 * np.pi) - np.pi
+    east = turn * sightings.per_lon - association.offset[:, 0]
+    north = (sightings.lat - lat[sign]) * sightings.per_lat - association.offset[:, 1]
+    v = sightings.own
+    p = v[:, 0] + association.offset_var[:, 0]
+    q = v[:, 2] + association.offset_var[:, 1]
+    square = (q * east**2 - 2 * v[:, 1] * east * north + p * north**2) / (p * q - v[:, 1] ** 2)
+    alone = np.bincount(sign)[sign] < 3
+    return np.where(alone, 1.0, np.maximum(1.0, square / _OUTLIER))
+
+
+def tile_data(
+    sightings: Sightings, members: Members, tile: Tile, lat: FloatArray, lon: FloatArray
+) -> TileData:
+    """What the sums over a tile need."""
+    rows, place = members.of(tile.signs)
+    order = np.argsort(rows)
+    rows, place = rows[order], place[order]
+    drive = sightings.drive[rows]
+    first = np.concatenate([[0], np.flatnonzero(np.diff(drive)) + 1, [len(rows)]])
+    height = sightings.height[rows]
+    known = height[np.isfinite(height)]
+    core = tile.core[0]
+    origin = (float(lat[core]), float(lon[core]), float(np.median(known)) if len(known) else 0.0)
+    north, east = (float(v) for v in metres_per_radian(origin[0], origin[2]))
+    turn = (sightings.lon[rows] - origin[1] + np.pi) % (2 * np.pi) - np.pi
+    measured = np.column_stack(
+        [turn * east, (sightings.lat[rows] - origin[0]) * north, height - origin[2]]
+    )
+    return TileData(tile, rows, first.astype(np.int64), place, measured, origin)
+
+
+def columns_of(
+    sightings: Sightings, data: TileData, levels: ErrorLevels, factor: FloatArray, axes: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """``measured`` [n, 2], ``own`` [n, 3] and ``shared`` [n, 2] of a tile in plan (two axes)
+    or in height (one); an unknown height has no weight."""
+    rows = data.rows
+    scale = levels.own**2 * factor[rows]
+    if axes == 2:
+        own = sightings.own[rows] * scale[:, None]
+        shared = sightings.shared_sd[rows, :2] * levels.shared
+        return data.measured[:, :2].copy(), own, shared
+    height = data.measured[:, 2]
+    known = np.isfinite(height)
+    own = np.zeros((len(rows), 3))
+    own[:, 0] = np.where(known, sightings.own_u[rows] * scale, _NO_HEIGHT)
+    shared = np.zeros((len(rows), 2))
+    shared[:, 0] = np.where(known, sightings.shared_sd[rows, 2] * levels.shared, 0.0)
+    measured = np.zeros((len(rows), 2))
+    measured[:, 0] = np.where(known, height, 0.0)
+    return measured, own, shared
+
+
+def _solve(
+    sightings: Sightings, data: TileData, levels: ErrorLevels, factor: FloatArray, axes: int
+) -> list[FloatArray]:
+    """Place [m, 2], covariance [axes m, axes m], offsets [n, 2], drives' means and variances."""
+    measured, own, shared = columns_of(sightings, data, levels, factor, axes)
+    m = len(data.tile.signs)
+    normal, right = np.zeros((axes * m, axes * m)), np.zeros(axes * m)
+    time = sightings.time_s[data.rows]
+    fixed = (data.first, data.sign, axes, time, measured, own, shared, levels.tau_s)
+    add_drives(*fixed, normal, right)
+    covariance = np.linalg.inv(normal)
+    covariance = 0.5 * (covariance + covariance.T)
+    place = np.zeros((m, 2))
+    place[:, :axes] = (covariance @ right).reshape(m, axes)
+    offset = np.zeros((len(data.rows), 2))
+    mean, variance = np.zeros((2, len(data.first) - 1, 2))
+    drive_offsets(*fixed, place, covariance, offset, mean, variance)
+    return [place, covariance, offset, mean, variance]
+
+
+def _store(
+    result: Adjusted, data: TileData, plan: Sequence[FloatArray], up: Sequence[FloatArray]
+) -> None:
+    core = data.tile.core
+    k = np.arange(len(core))
+    north, east = (float(v) for v in metres_per_radian(data.origin[0], data.origin[2]))
+    result.lat[core] = data.origin[0] + plan[0][k, 1] / north
+    turn = data.origin[1] + plan[0][k, 0] / east
+    result.lon[core] = (turn + np.pi) % (2 * np.pi) - np.pi
+    variance = up[1][k, k]
+    known = variance < 1e-3 * _NO_HEIGHT
+    result.height[core] = np.where(known, data.origin[2] + up[0][k, 0], np.nan)
+    cov = np.zeros((len(core), 3, 3))
+    for a in range(2):
+        for b in range(2):
+            cov[:, a, b] = plan[1][2 * k + a, 2 * k + b]
+    cov[:, 2, 2] = np.where(known, variance, np.nan)
+    cov += COMMON_SD_M**2 * np.eye(3)
+    result.cov_enu[core] = cov
+    own = data.sign < len(core)
+    result.offset[data.rows[own], :2] = plan[2][own]
+    result.offset[data.rows[own], 2] = up[2][own, 0]
+
+
+def _add_offsets(
+    data: TileData,
+    plan: Sequence[FloatArray],
+    up: Sequence[FloatArray],
+    drive: IntArray,
+    sums: FloatArray,
+    squares: FloatArray,
+    counts: FloatArray,
+) -> None:
+    own = (data.sign < len(data.tile.core)).astype(np.float64)
+    n_core = np.add.reduceat(own, data.first[:-1])
+    who = drive[data.rows[data.first[:-1]]]
+    mean = np.column_stack([plan[3], up[3][:, 0]])
+    sd = np.sqrt(np.column_stack([plan[4], up[4][:, 0]]))
+    np.add.at(sums, who, n_core[:, None] * mean)
+    np.add.at(squares, who, n_core[:, None] * sd)
+    np.add.at(counts, who, n_core[:, None])

@@ -1,0 +1,180 @@
+"""One drive against the map: which of its sightings are which map signs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from automap.mapping.candidates import (
+    A_EE,
+    A_EN,
+    A_NN,
+    A_U,
+    B_E,
+    B_N,
+    B_U,
+    CLASS_SLOTS,
+    FACE_E,
+    FACE_N,
+    HEIGHT,
+    LAT,
+    LON,
+    MOST,
+    STATE,
+    SUPPORT,
+)
+from automap.mapping.grid import delta, insert
+from automap.mapping.offset_kernels import agreement
+from automap.records import BoolArray, FloatArray, IntArray
+
+_BID_STEP = 0.02
+_LEAST_INFORMATION = 1e-9
+
+
+@njit(cache=True, error_model="numpy")
+def assign(
+    index: IntArray,
+    values: FloatArray,
+    offset: FloatArray,
+    offset_var: FloatArray,
+    chosen: IntArray,
+    owner: IntArray,
+    price: FloatArray,
+) -> None:
+    """Best one-to-one choice of candidates, ``chosen`` [n] (-1 a sign new to the map).
+
+    Bertsekas' forward auction: sightings bid for map signs, each may also stay alone at no
+    gain. Within n times the bid step of the optimum. ``owner``, ``price`` [m] must come in
+    as -1 and 0 and leave so.
+    """
+    n = len(index)
+    gain = np.full((n, MOST), -1.0)
+    for i in range(n):
+        chosen[i] = -1
+        for c in range(MOST):
+            if index[i, c] < 0:
+                break
+            gain[i, c] = agreement(
+                values[i, c],
+                offset[i, 0],
+                offset[i, 1],
+                offset[i, 2],
+                offset_var[i, 0],
+                offset_var[i, 1],
+            )
+    waiting = np.empty(n, np.int64)
+    for i in range(n):
+        waiting[i] = n - 1 - i
+    count = n
+    while count > 0:
+        count -= 1
+        i = waiting[count]
+        best, second, at = 0.0, 0.0, -1
+        for c in range(MOST):
+            if index[i, c] < 0:
+                break
+            net = gain[i, c] - price[index[i, c]]
+            if net > best:
+                best, second, at = net, best, c
+            elif net > second:
+                second = net
+        if at < 0:
+            continue
+        k = index[i, at]
+        price[k] += best - second + _BID_STEP
+        if owner[k] >= 0:
+            chosen[owner[k]] = -1
+            waiting[count] = owner[k]
+            count += 1
+        owner[k] = i
+        chosen[i] = at
+    for i in range(n):
+        for c in range(MOST):
+            if index[i, c] < 0:
+                break
+            price[index[i, c]] = 0.0
+            owner[index[i, c]] = -1
+
+
+@njit(cache=True, error_model="numpy")
+def add_member(
+    k: int,
+    i: int,
+    sign: float,
+    lat: FloatArray,
+    lon: FloatArray,
+    height: FloatArray,
+    per_lat: FloatArray,
+    per_lon: FloatArray,
+    own: FloatArray,
+    own_u: FloatArray,
+    facing: FloatArray,
+    code: IntArray,
+    confidence: FloatArray,
+    offset: FloatArray,
+    state: FloatArray,
+    slot_class: IntArray,
+    slot_weight: FloatArray,
+) -> None:
+    """Add sighting ``i``, moved by its drive's ``offset`` [3], to map sign ``k``.
+
+    ``sign`` -1 takes out what +1 put in.
+    """
+    det = own[i, 0] * own[i, 2] - own[i, 1] ** 2
+    w_ee, w_en, w_nn = own[i, 2] / det, -own[i, 1] / det, own[i, 0] / det
+    de, dn = delta(lat[i], lon[i], state[k, LAT], state[k, LON], per_lat[i], per_lon[i])
+    de, dn = de - offset[0], dn - offset[1]
+    state[k, A_EE] += sign * w_ee
+    state[k, A_EN] += sign * w_en
+    state[k, A_NN] += sign * w_nn
+    state[k, B_E] += sign * (w_ee * de + w_en * dn)
+    state[k, B_N] += sign * (w_en * de + w_nn * dn)
+    if height[i] == height[i] and state[k, HEIGHT] == state[k, HEIGHT]:
+        state[k, A_U] += sign / own_u[i]
+        state[k, B_U] += sign * (height[i] - state[k, HEIGHT] - offset[2]) / own_u[i]
+    if facing[i] == facing[i]:
+        state[k, FACE_N] += sign * np.cos(facing[i])
+        state[k, FACE_E] += sign * np.sin(facing[i])
+    state[k, SUPPORT] += sign
+    weight = sign * max(confidence[i], 0.05)
+    free = -1
+    for slot in range(CLASS_SLOTS):
+        if slot_weight[k, slot] > 1e-6:
+            if slot_class[k, slot] == code[i]:
+                slot_weight[k, slot] += weight
+                return
+        elif free < 0:
+            free = slot
+    if sign > 0.0 and free >= 0:
+        slot_class[k, free] = code[i]
+        slot_weight[k, free] = weight
+
+
+@njit(cache=True, error_model="numpy")
+def found_sign(
+    k: int,
+    i: int,
+    lat: FloatArray,
+    lon: FloatArray,
+    height: FloatArray,
+    per_lat: FloatArray,
+    per_lon: FloatArray,
+    offset: FloatArray,
+    head: IntArray,
+    following: IntArray,
+    cells: IntArray,
+    state: FloatArray,
+    slot_weight: FloatArray,
+    active: BoolArray,
+) -> None:
+    """Make map sign ``k``, still without members, where sighting ``i`` sees it."""
+    for column in range(STATE):
+        state[k, column] = 0.0
+    state[k, A_EE] = state[k, A_NN] = state[k, A_U] = _LEAST_INFORMATION
+    state[k, LAT] = lat[i] - offset[1] / per_lat[i]
+    state[k, LON] = lon[i] - offset[0] / per_lon[i]
+    state[k, HEIGHT] = height[i] - offset[2]
+    for slot in range(CLASS_SLOTS):
+        slot_weight[k, slot] = 0.0
+    active[k] = True
+    insert(head, following, cells, k, state[k, LAT], state[k, LON])

@@ -1,0 +1,162 @@
+"""Map signs that a sighting may be, with the evidence for each before the drive's offset."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from automap.mapping.grid import delta, neighbours
+from automap.records import BoolArray, FloatArray, IntArray
+
+# columns of the map's state, one row per sign
+LAT, LON, HEIGHT = 0, 1, 2  # where the sign was founded; its mean is relative to that
+A_EE, A_EN, A_NN, A_U = 3, 4, 5, 6  # information of the members' own errors, 1/m^2
+B_E, B_N, B_U = 7, 8, 9  # information times place
+FACE_N, FACE_E, SUPPORT = 10, 11, 12
+STATE = 13
+
+CLASS_SLOTS = 4
+MOST = 8
+"""Candidates kept per sighting."""
+
+PLACES = 8
+# columns of a candidate: place relative to the map sign, variances of both, evidence
+D_E, D_N, D_U, V_EE, V_EN, V_NN, V_U, EVIDENCE = 0, 1, 2, 3, 4, 5, 6, 7
+
+SLACK_M = 0.15
+"""What places of one sign may differ by beyond the stated errors: frames of reference that
+the drives do not share perfectly, the extent of the face."""
+NEW_PER_M2 = 2e-3
+"""Density of signs that the map does not hold yet, round a place that has signs."""
+NEW_PER_M = 0.3
+FACING_SD = 0.45
+"""Of the direction a face looks as two drives see it, rad."""
+FACING_LIMIT = 1.75
+MAX_M = 15.0
+LARGEST_UP_M = 12.0
+
+
+@njit(cache=True, error_model="numpy")
+def mean_of(state: FloatArray) -> tuple[float, float, float]:
+    """Mean place of a map sign relative to where it was founded: east, north, up in m."""
+    det = state[A_EE] * state[A_NN] - state[A_EN] * state[A_EN]
+    east = (state[A_NN] * state[B_E] - state[A_EN] * state[B_N]) / det
+    north = (state[A_EE] * state[B_N] - state[A_EN] * state[B_E]) / det
+    up = state[B_U] / state[A_U] if state[A_U] > 0.0 else np.nan
+    return east, north, up
+
+
+@njit(cache=True, error_model="numpy")
+def facing_evidence(difference: float) -> float:
+    """Evidence in nats of an angle between two faces that may be one; -inf beyond the limit."""
+    turn = abs(difference) % (2.0 * np.pi)
+    if turn > np.pi:
+        turn = 2.0 * np.pi - turn
+    if not turn <= FACING_LIMIT:
+        return -np.inf
+    return np.log(2.0 * np.pi / (np.sqrt(2.0 * np.pi) * FACING_SD)) - 0.5 * (turn / FACING_SD) ** 2
+
+
+@njit(cache=True, error_model="numpy")
+def match_gain(v_ee: float, v_en: float, v_nn: float, v_u: float) -> float:
+    """Evidence in nats of a perfect agreement of place, against a sign new to the map."""
+    gain = -np.log(2.0 * np.pi * np.sqrt(v_ee * v_nn - v_en * v_en) * NEW_PER_M2)
+    if v_u == v_u:
+        gain -= np.log(np.sqrt(2.0 * np.pi * v_u) * NEW_PER_M)
+    return gain
+
+
+@njit(cache=True, error_model="numpy")
+def find_candidates(
+    lo: int,
+    hi: int,
+    lat: FloatArray,
+    lon: FloatArray,
+    height: FloatArray,
+    per_lat: FloatArray,
+    per_lon: FloatArray,
+    own: FloatArray,
+    own_u: FloatArray,
+    shared_sd: FloatArray,
+    facing: FloatArray,
+    code: IntArray,
+    evidence: FloatArray,
+    head: IntArray,
+    following: IntArray,
+    cells: IntArray,
+    state: FloatArray,
+    slot_class: IntArray,
+    slot_weight: FloatArray,
+    active: BoolArray,
+    index: IntArray,
+    values: FloatArray,
+) -> None:
+    """Fill ``index`` [n, MOST] (-1 none) and ``values`` [n, MOST, PLACES] for rows lo to hi.
+
+    The nearest are kept. Gates: 4 sigmas of everything including the offset, at most MAX_M;
+    faces that look away from one another are never one sign.
+    """
+    near = np.empty(256, np.int64)
+    distance = np.empty(MOST)
+    slack = SLACK_M * SLACK_M
+    for i in range(lo, hi):
+        row = i - lo
+        count = 0
+        found = neighbours(head, following, cells, lat[i], lon[i], near)
+        for place in range(found):
+            k = near[place]
+            if not active[k]:
+                continue
+            e, n, u = mean_of(state[k])
+            de, dn = delta(lat[i], lon[i], state[k, LAT], state[k, LON], per_lat[i], per_lon[i])
+            de, dn = de - e, dn - n
+            square = de * de + dn * dn
+            if square > MAX_M * MAX_M:
+                continue
+            det = state[k, A_EE] * state[k, A_NN] - state[k, A_EN] ** 2
+            v_ee = own[i, 0] + state[k, A_NN] / det + slack
+            v_nn = own[i, 2] + state[k, A_EE] / det + slack
+            v_en = own[i, 1] - state[k, A_EN] / det
+            widest = v_ee + v_nn + 2.0 * (shared_sd[i, 0] ** 2 + shared_sd[i, 1] ** 2)
+            if square > 16.0 * widest:
+                continue
+            du, v_u = height[i] - state[k, HEIGHT] - u, np.nan
+            if du == du:
+                if abs(du) > LARGEST_UP_M:
+                    continue
+                v_u = own_u[i] + 1.0 / state[k, A_U] + slack
+            else:
+                du = 0.0
+            told = 0.0
+            if state[k, FACE_N] ** 2 + state[k, FACE_E] ** 2 > 1e-9 and facing[i] == facing[i]:
+                told = facing_evidence(facing[i] - np.arctan2(state[k, FACE_E], state[k, FACE_N]))
+                if told == -np.inf:
+                    continue
+            total, weight = 0.0, 0.0
+            for slot in range(CLASS_SLOTS):
+                if slot_weight[k, slot] > 0.0:
+                    weight += slot_weight[k, slot]
+                    total += slot_weight[k, slot] * evidence[code[i], slot_class[k, slot]]
+            if weight > 0.0:
+                told += total / weight
+            # insertion among the nearest
+            at = count
+            if count == MOST:
+                if square >= distance[MOST - 1]:
+                    continue
+                at = MOST - 1
+            else:
+                count += 1
+            while at > 0 and distance[at - 1] > square:
+                distance[at] = distance[at - 1]
+                index[row, at] = index[row, at - 1]
+                values[row, at] = values[row, at - 1]
+                at -= 1
+            distance[at] = square
+            index[row, at] = k
+            values[row, at, D_E], values[row, at, D_N], values[row, at, D_U] = de, dn, du
+            values[row, at, V_EE], values[row, at, V_EN] = v_ee, v_en
+            values[row, at, V_NN], values[row, at, V_U] = v_nn, v_u
+            values[row, at, EVIDENCE] = told
+        for place in range(count, MOST):
+            index[row, place] = -1

@@ -1,0 +1,43 @@
+"""How well the classes of two sightings speak for one sign."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from automap.records import FloatArray
+
+SAME = 2.0
+"""Evidence in nats that two sightings of one class are one sign, before any position."""
+SAME_GROUP = -1.0
+UNKNOWN_FACE = 0.0
+SAME_CATEGORY = -4.5
+DIFFERENT = -6.0
+
+
+def class_evidence(classes: Sequence[str]) -> FloatArray:
+    """Evidence [k, k] in nats that two sightings of these classes are one sign.
+
+    Faces of one colour and shape are taken for one another more easily than others; a class
+    that only names colour and shape fits all of its group.
+    """
+    from automap.vision.vocabulary import load_vocabulary
+
+    vocabulary = load_vocabulary()
+    generic = set(vocabulary.groups.values())
+    group = [vocabulary.group_of(name) for name in classes]
+    category = [name.partition("--")[0] for name in classes]
+    result = np.full((len(classes), len(classes)), DIFFERENT)
+    for i, first in enumerate(classes):
+        for j, second in enumerate(classes):
+            if first == second:
+                result[i, j] = SAME
+            elif not first or not second:
+                result[i, j] = UNKNOWN_FACE
+            elif group[i] is not None and group[i] == group[j]:
+                vague = first in generic or second in generic
+                result[i, j] = UNKNOWN_FACE if vague else SAME_GROUP
+            elif category[i] == category[j] and "--" in first:
+                result[i, j] = SAME_CATEGORY
+    return result

@@ -1,0 +1,213 @@
+"""Map signs that are one: founded twice because a drive's offset was found too late."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.mapping.association import Association, renumbered
+from automap.mapping.candidates import SLACK_M, facing_evidence
+from automap.mapping.classes import class_evidence
+from automap.mapping.sightings import Sightings
+from automap.records import FloatArray, IntArray
+
+REACH_M = 3.0
+"""Farther from one another than this two map signs are never joined."""
+
+DETECTION = 0.8
+_TWICE_IN_DRIVE = 0.01
+_REPLACED = 0.01
+_OUTLIER = 0.02
+_NEAR_PER_M2 = 0.01
+_NEAR_PER_M = 0.5
+_PASSES = 6
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Per sign: mean ``position`` [m, 3] Earth-fixed, ``axes`` [m, 3, 3] east, north, up in
+    them, information ``weight`` [m, 4] (ee, en, nn, u), ``wander`` [m, 3] variance of the
+    members' offsets, ``facing`` [m], ``code`` [m]."""
+
+    position: FloatArray
+    axes: FloatArray
+    weight: FloatArray
+    wander: FloatArray
+    facing: FloatArray
+    code: IntArray
+
+
+def join_duplicates(
+    sightings: Sightings, association: Association, detection: float = DETECTION
+) -> Association:
+    """Join map signs where one sign explains the sightings better than two.
+
+    Two signs side by side are seen together by most drives, one sign founded twice by none.
+    Against each other stand: every drive that saw only one of them (a miss of the other, with
+    probability 1 - ``detection``), every drive that saw both (a sign found twice), the distance
+    in sigmas or as an outlier, class and facing; a sign that was replaced by another in between
+    is two.
+    """
+    sign = association.sign.copy()
+    evidence = class_evidence(sightings.classes)
+    for _ in range(_PASSES):
+        places = _places(sightings, association, sign)
+        pairs = _close_pairs(places)
+        if len(pairs) == 0:
+            break
+        members = _members(sign, np.unique(pairs))
+        scored = []
+        for a, b in pairs.tolist():
+            score = _evidence_for_one(
+                places, sightings, evidence, a, b, members[a], members[b], detection
+            )
+            if score > 0.0:
+                scored.append((-score, a, b))
+        taken: set[int] = set()
+        for _, a, b in sorted(scored):
+            if a not in taken and b not in taken:
+                taken |= {a, b}
+                sign[members[b]] = a
+        if not scored:
+            break
+        sign = renumbered(sign)
+    return Association(renumbered(sign), association.offset, association.offset_var)
+
+
+def _places(sightings: Sightings, association: Association, sign: IntArray) -> _Places:
+    from automap.earth import ecef_axes
+
+    m = int(sign.max()) + 1
+    order = np.argsort(sign, kind="stable")
+    first = order[np.searchsorted(sign[order], np.arange(m))]
+    turn = sightings.lon - sightings.lon[first][sign]
+    east = ((turn + np.pi) % (2 * np.pi) - np.pi) * sightings.per_lon - association.offset[:, 0]
+    north = (sightings.lat - sightings.lat[first][sign]) * sightings.per_lat
+    north = north - association.offset[:, 1]
+    own = sightings.own
+    det = own[:, 0] * own[:, 2] - own[:, 1] ** 2
+    w = np.column_stack([own[:, 2] / det, -own[:, 1] / det, own[:, 0] / det])
+    known = np.isfinite(sightings.height)
+    up = np.where(known, sightings.height - association.offset[:, 2], 0.0)
+    w_u = np.where(known, 1.0 / sightings.own_u, 0.0)
+
+    def total(values: FloatArray) -> FloatArray:
+        return np.bincount(sign, values, m)
+
+    a_ee, a_en, a_nn = (total(w[:, k]) for k in range(3))
+    b_e = total(w[:, 0] * east + w[:, 1] * north)
+    b_n = total(w[:, 1] * east + w[:, 2] * north)
+    det = a_ee * a_nn - a_en**2
+    mean_e, mean_n = (a_nn * b_e - a_en * b_n) / det, (a_ee * b_n - a_en * b_e) / det
+    a_u = total(w_u)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        height = total(w_u * up) / a_u
+    lat = sightings.lat[first] + mean_n / sightings.per_lat[first]
+    lon = sightings.lon[first] + mean_e / sightings.per_lon[first]
+    position, axes = _earth_fixed(lat, lon, np.nan_to_num(height)), ecef_axes(lat, lon)
+    enu = np.stack([axes[:, :, 1], axes[:, :, 0], -axes[:, :, 2]], axis=1)
+    count = np.bincount(sign, minlength=m)
+    wander = np.stack([total(association.offset_var[:, k]) / count**2 for k in range(3)], axis=1)
+    facing = np.arctan2(
+        total(np.nan_to_num(np.sin(sightings.facing))),
+        total(np.nan_to_num(np.cos(sightings.facing))),
+    )
+    facing[total(np.isfinite(sightings.facing).astype(float)) == 0] = np.nan
+    return _Places(
+        position, enu, np.column_stack([a_ee, a_en, a_nn, a_u]), wander, facing,
+        dominant_code(sign, sightings.code, sightings.confidence),
+    )  # fmt: skip
+
+
+def dominant_code(sign: IntArray, code: IntArray, confidence: FloatArray) -> IntArray:
+    """Class [m] with the greatest sum of confidence among each sign's sightings."""
+    width = int(code.max()) + 1 if len(code) else 1
+    keys, place = np.unique(sign * width + code, return_inverse=True)
+    weight = np.bincount(place, np.maximum(confidence, 0.05))
+    order = np.lexsort((keys, -weight, keys // width))
+    _, first = np.unique(keys[order] // width, return_index=True)
+    return np.asarray(keys[order][first] % width, np.int64)
+
+
+def _earth_fixed(lat: FloatArray, lon: FloatArray, height: FloatArray) -> FloatArray:
+    from pymap3d import geodetic2ecef
+
+    return np.stack(geodetic2ecef(lat, lon, height, deg=False), axis=1)
+
+
+def _close_pairs(places: _Places) -> IntArray:
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(places.position)
+    # heights may be unknown on one side, so the reach is taken in plan afterwards
+    pairs = tree.query_pairs(REACH_M + 2.0, output_type="ndarray")
+    if len(pairs) == 0:
+        return np.zeros((0, 2), np.int64)
+    a, b = pairs.T
+    difference = places.position[b] - places.position[a]
+    plan = np.einsum("nij,nj->ni", places.axes[a], difference)[:, :2]
+    return np.asarray(pairs[np.hypot(*plan.T) < REACH_M], np.int64)
+
+
+def _members(sign: IntArray, wanted: IntArray) -> dict[int, IntArray]:
+    order = np.argsort(sign, kind="stable")
+    edges = np.searchsorted(sign[order], np.arange(int(sign.max()) + 2))
+    return {int(k): order[edges[k] : edges[k + 1]] for k in wanted}
+
+
+def _evidence_for_one(
+    places: _Places,
+    sightings: Sightings,
+    evidence: FloatArray,
+    a: int,
+    b: int,
+    rows_a: IntArray,
+    rows_b: IntArray,
+    detection: float,
+) -> float:
+    """Nats by which one sign explains two groups of sightings better than two signs do."""
+    facing = 0.0
+    if np.isfinite(places.facing[a]) and np.isfinite(places.facing[b]):
+        facing = float(facing_evidence(places.facing[a] - places.facing[b]))
+        if facing == -np.inf:
+            return facing
+    drives_a, drives_b = set(sightings.drive[rows_a].tolist()), set(
+        sightings.drive[rows_b].tolist()
+    )  # fmt: skip
+    both = len(drives_a & drives_b)
+    single = len(drives_a ^ drives_b)
+    missed = single * np.log(1.0 - detection)
+    if both == 0 and (max(drives_a) < min(drives_b) or max(drives_b) < min(drives_a)):
+        missed = max(missed, np.log(_REPLACED))
+    seen_twice = both * (np.log(_TWICE_IN_DRIVE) - np.log(detection))
+    return float(
+        seen_twice
+        - missed
+        + facing
+        + evidence[places.code[a], places.code[b]]
+        + _place_evidence(places, a, b, min(len(rows_a), len(rows_b)))
+    )
+
+
+def _place_evidence(places: _Places, a: int, b: int, fewer: int) -> float:
+    difference = places.axes[a] @ (places.position[b] - places.position[a])
+    variance = np.zeros(4)
+    for k in (a, b):
+        w = places.weight[k]
+        det = w[0] * w[2] - w[1] ** 2
+        variance[:3] += np.array([w[2], -w[1], w[0]]) / det
+        variance[0] += places.wander[k, 0]
+        variance[2] += places.wander[k, 1]
+    variance[[0, 2]] += SLACK_M**2
+    det = variance[0] * variance[2] - variance[1] ** 2
+    e, n, u = difference
+    square = (variance[2] * e * e - 2 * variance[1] * e * n + variance[0] * n * n) / det
+    gain = -np.log(2 * np.pi * np.sqrt(det) * _NEAR_PER_M2)
+    if places.weight[a, 3] > 0 and places.weight[b, 3] > 0:
+        up = 1.0 / places.weight[a, 3] + 1.0 / places.weight[b, 3] + SLACK_M**2
+        up += places.wander[a, 2] + places.wander[b, 2]
+        square += u * u / up
+        gain -= np.log(np.sqrt(2 * np.pi * up) * _NEAR_PER_M)
+    stray = fewer * np.log(_OUTLIER / (np.pi * REACH_M**2) / _NEAR_PER_M2)
+    return float(max(gain - 0.5 * square, stray))

@@ -1,0 +1,129 @@
+"""Cells of about 16 m on the globe and a growing hash table of what lies in them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from automap.records import FloatArray, IntArray
+
+CELL_M = 16.0
+"""Anything nearer than this is found in the cell itself or beside it."""
+
+_RADIUS_M = 6371000.0
+
+
+@njit(cache=True)
+def cell_row(lat: float) -> int:
+    """Row of a latitude in rad."""
+    return int(np.floor(lat * _RADIUS_M / CELL_M))
+
+
+@njit(cache=True)
+def cells_around(row: int) -> int:
+    """Number of cells in a row; never narrower than 16 m."""
+    edge = max(abs(row), abs(row + 1)) * CELL_M / _RADIUS_M
+    return max(1, int(2.0 * np.pi * _RADIUS_M * max(np.cos(edge), 0.0) / CELL_M))
+
+
+@njit(cache=True)
+def cell_column(lon: float, around: int) -> int:
+    """Column of a longitude in rad in a row of ``around`` cells."""
+    turns = (lon + np.pi) / (2.0 * np.pi)
+    return min(int((turns - np.floor(turns)) * around), around - 1)
+
+
+@njit(cache=True)
+def bucket(row: int, column: int, mask: int) -> int:
+    """Place of a cell in the table of ``mask`` + 1 chains."""
+    return ((row * 73856093) ^ (column * 19349663)) & mask
+
+
+@njit(cache=True)
+def insert(
+    head: IntArray, following: IntArray, cells: IntArray, number: int, lat: float, lon: float
+) -> None:
+    """Put ``number`` into the cell of a position.
+
+    ``head`` [2^k] and ``following`` [n] are the chains (-1 ends one), ``cells`` [n, 2] the
+    row and column of each number.
+    """
+    row = cell_row(lat)
+    column = cell_column(lon, cells_around(row))
+    place = bucket(row, column, len(head) - 1)
+    cells[number, 0], cells[number, 1] = row, column
+    following[number] = head[place]
+    head[place] = number
+
+
+@njit(cache=True)
+def neighbours(
+    head: IntArray,
+    following: IntArray,
+    cells: IntArray,
+    lat: float,
+    lon: float,
+    found: IntArray,
+) -> int:
+    """Numbers in the cells around a position into ``found``; returns how many (at most its
+    length)."""
+    count = 0
+    middle = cell_row(lat)
+    for row in range(middle - 1, middle + 2):
+        around = cells_around(row)
+        column = cell_column(lon, around)
+        for step in range(-1, 2):
+            if step != 0 and around < 3:
+                continue
+            beside = (column + step) % around
+            number = head[bucket(row, beside, len(head) - 1)]
+            while number >= 0:
+                if cells[number, 0] == row and cells[number, 1] == beside:
+                    if count == len(found):
+                        return count
+                    found[count] = number
+                    count += 1
+                number = following[number]
+    return count
+
+
+@njit(cache=True)
+def delta(
+    lat_a: float, lon_a: float, lat_b: float, lon_b: float, per_lat: float, per_lon: float
+) -> tuple[float, float]:
+    """Metres east and north from b to a, which lie close together."""
+    turn = lon_a - lon_b
+    if turn > np.pi:
+        turn -= 2.0 * np.pi
+    elif turn < -np.pi:
+        turn += 2.0 * np.pi
+    return turn * per_lon, (lat_a - lat_b) * per_lat
+
+
+def table_size(n: int) -> int:
+    """A power of two above twice ``n``."""
+    return 1 << max(4, int(2 * max(n, 1)).bit_length())
+
+
+def empty_table(n: int) -> tuple[IntArray, IntArray, IntArray]:
+    """``head``, ``following``, ``cells`` of a table for up to ``n`` numbers."""
+    return (
+        np.full(table_size(n), -1, np.int64),
+        np.empty(n, np.int64),
+        np.empty((n, 2), np.int64),
+    )
+
+
+def fill_table(
+    table: tuple[IntArray, IntArray, IntArray], lat: FloatArray, lon: FloatArray
+) -> None:
+    """Insert the positions [n] as numbers 0 to n - 1."""
+    _fill(*table, lat, lon)
+
+
+@njit(cache=True)
+def _fill(
+    head: IntArray, following: IntArray, cells: IntArray, lat: FloatArray, lon: FloatArray
+) -> None:
+    for number in range(len(lat)):
+        insert(head, following, cells, number, lat[number], lon[number])

@@ -1,0 +1,221 @@
+"""What a drive brings to the map, and all drives' sightings in one set of columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.earth import metres_per_radian
+from automap.records import FloatArray, IntArray
+
+UNKNOWN_SD_M = 3.0
+"""Taken for the error of a sighting whose covariance is not known."""
+
+_LEAST_SD_M = 0.02
+_LEAST_OWN_SHARE = 0.02
+
+
+@dataclass(frozen=True)
+class DrivePath:
+    """A trajectory thinned to one row every few metres.
+
+    ``gps_s``, ``lat_rad``, ``lon_rad``, ``yaw_rad`` [k] (of the vehicle, clockwise from
+    north) and ``sd_enu`` [k, 3] m.
+    """
+
+    gps_s: FloatArray
+    lat_rad: FloatArray
+    lon_rad: FloatArray
+    yaw_rad: FloatArray
+    sd_enu: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.lat_rad)
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """Where a camera looks: ``yaw_rad`` from the vehicle's forward axis, clockwise, and half
+    of its horizontal field of view."""
+
+    yaw_rad: float
+    half_angle_rad: float
+
+
+@dataclass(frozen=True)
+class DriveSigns:
+    """Signs [n] as one drive located them, its path and its cameras.
+
+    ``name`` is what the map calls the drive; ``start_gps_s`` orders the drives (NaN unknown).
+    ``cov_enu`` [n, 3, 3] total covariances in m^2, trajectory included. ``first_gps_s``,
+    ``last_gps_s`` [n] when the sign was in view. Unknown numbers are NaN.
+    """
+
+    name: str
+    start_gps_s: float
+    ids: tuple[str, ...]
+    class_name: npt.NDArray[np.object_]
+    lat_rad: FloatArray
+    lon_rad: FloatArray
+    height_m: FloatArray
+    cov_enu: FloatArray
+    confidence: FloatArray
+    n_views: IntArray
+    first_gps_s: FloatArray
+    last_gps_s: FloatArray
+    height_above_road_m: FloatArray
+    facing_rad: FloatArray
+    size_m: FloatArray
+    side: npt.NDArray[np.object_]
+    status: npt.NDArray[np.object_]
+    path: DrivePath | None = None
+    cameras: tuple[CameraView, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """Sightings [n] of all drives, ordered by drive and, within one, by time.
+
+    ``drive`` [n] its place among the drives, ``row`` [n] the sign's among those of the drive,
+    ``first`` [d + 1] where each drive begins. ``time_s`` [n] when the sign was last in view.
+    Positions in rad and m, ``per_lat``, ``per_lon`` [n] metres per radian there. The error is
+    the sum of its own, ``own`` [n, 3] (ee, en, nn) and ``own_u`` [n] in m^2, and of what the
+    drive's signs share, ``shared_sd`` [n, 3] m east, north, up. ``code`` [n] numbers
+    ``classes``.
+    """
+
+    drive: IntArray
+    row: IntArray
+    first: IntArray
+    time_s: FloatArray
+    lat: FloatArray
+    lon: FloatArray
+    height: FloatArray
+    per_lat: FloatArray
+    per_lon: FloatArray
+    own: FloatArray
+    own_u: FloatArray
+    shared_sd: FloatArray
+    facing: FloatArray
+    code: IntArray
+    confidence: FloatArray
+    classes: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.lat)
+
+    @property
+    def n_drives(self) -> int:
+        """Number of drives, with those that saw nothing."""
+        return len(self.first) - 1
+
+
+def canonical_order(drives: Sequence[DriveSigns]) -> list[int]:
+    """Places of the drives by start and name, so that the order of the inputs is nothing."""
+
+    def key(number: int) -> tuple[bool, float, str]:
+        start = drives[number].start_gps_s
+        known = bool(np.isfinite(start))
+        return (not known, start if known else 0.0, drives[number].name)
+
+    return sorted(range(len(drives)), key=key)
+
+
+def stack_sightings(drives: Sequence[DriveSigns]) -> Sightings:
+    """Columns of all sightings that have a position, in the order of the drives given."""
+    names = sorted({str(name) for drive in drives for name in set(drive.class_name)})
+    number = {name: k for k, name in enumerate(names)}
+    parts: list[list[npt.NDArray[np.generic]]] = []
+    first = [0]
+    for place, drive in enumerate(drives):
+        good = np.isfinite(drive.lat_rad) & np.isfinite(drive.lon_rad)
+        rows = np.flatnonzero(good)
+        time = drive.last_gps_s[rows]
+        rows = rows[np.lexsort((rows, time))]
+        shared = shared_sd(drive, rows)
+        own, own_u, shared = split_covariance(drive.cov_enu[rows], shared)
+        codes = np.array([number[str(name)] for name in drive.class_name[rows]], np.int64)
+        north, east = metres_per_radian(drive.lat_rad[rows], np.nan_to_num(drive.height_m[rows]))
+        parts.append(
+            [
+                np.full(len(rows), place, np.int64),
+                rows.astype(np.int64),
+                np.nan_to_num(drive.last_gps_s[rows]),
+                drive.lat_rad[rows],
+                drive.lon_rad[rows],
+                drive.height_m[rows],
+                north,
+                east,
+                own,
+                own_u,
+                shared,
+                drive.facing_rad[rows],
+                codes,
+                np.nan_to_num(drive.confidence[rows], nan=0.5),
+            ]
+        )
+        first.append(first[-1] + len(rows))
+    columns = [np.concatenate([part[k] for part in parts]) for k in range(14)]
+    return Sightings(
+        columns[0], columns[1], np.array(first, np.int64), *columns[2:], classes=tuple(names)
+    )  # type: ignore[arg-type]
+
+
+def shared_sd(drive: DriveSigns, rows: IntArray) -> FloatArray:
+    """Sd [n, 3] east, north, up of the trajectory when each sign was last in view, m.
+
+    Zero without a trajectory: nothing then says that the signs share an error.
+    """
+    path = drive.path
+    if path is None or len(path) == 0:
+        return np.zeros((len(rows), 3))
+    times = drive.last_gps_s[rows]
+    known = np.isfinite(path.gps_s)
+    sd = np.empty((len(rows), 3))
+    for axis in range(3):
+        values = path.sd_enu[:, axis]
+        good = known & np.isfinite(values)
+        middle = float(np.median(values[good])) if good.any() else 0.0
+        if good.sum() > 1:
+            found = np.interp(times, path.gps_s[good], values[good])
+            sd[:, axis] = np.where(np.isfinite(times), found, middle)
+        else:
+            sd[:, axis] = middle
+    return sd
+
+
+def split_covariance(
+    cov_enu: FloatArray, shared: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Total covariances [n, 3, 3] into own ones [n, 3] (ee, en, nn), [n] up, and shared sd.
+
+    The shared part is that of the trajectory, scaled down where a sign is better than that
+    (seen in several passes): at least a small part of the total remains its own.
+    """
+    ee, en, nn = cov_enu[:, 0, 0].copy(), cov_enu[:, 0, 1].copy(), cov_enu[:, 1, 1].copy()
+    uu = cov_enu[:, 2, 2].copy()
+    with np.errstate(invalid="ignore"):
+        bad = ~((ee > 0) & (nn > 0) & (ee * nn > en * en))
+    plain = UNKNOWN_SD_M**2 + shared**2
+    ee[bad], nn[bad], en[bad] = plain[bad, 0], plain[bad, 1], 0.0
+    lost = ~(uu > 0)
+    uu[lost] = plain[lost, 2]
+    least = _LEAST_SD_M**2
+    a, c = np.maximum(shared[:, 0], 1e-6), np.maximum(shared[:, 1], 1e-6)
+    # smallest eigenvalue of the total in units of the shared part
+    p, q, r = ee / a**2, nn / c**2, en / (a * c)
+    smallest = 0.5 * (p + q) - np.sqrt(0.25 * (p - q) ** 2 + r**2)
+    factor = np.sqrt(np.clip((1.0 - _LEAST_OWN_SHARE) * smallest, 0.0, 1.0))
+    factor_u = np.sqrt(
+        np.clip((1.0 - _LEAST_OWN_SHARE) * uu / np.maximum(shared[:, 2], 1e-6) ** 2, 0.0, 1.0)
+    )
+    scaled = shared * np.column_stack([factor, factor, factor_u])
+    own = np.column_stack([ee - scaled[:, 0] ** 2, en, nn - scaled[:, 1] ** 2])
+    own[:, [0, 2]] += least
+    return own, uu - scaled[:, 2] ** 2 + least, scaled

@@ -1,0 +1,67 @@
+"""The map cut into tiles of a bounded number of signs, each with a margin round it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.records import FloatArray, IntArray
+
+CORE_SIGNS = 60
+MOST_SIGNS = 240
+MARGIN_M = 120.0
+
+
+@dataclass(frozen=True)
+class Tile:
+    """``core`` signs, which are the tile's own, and ``signs``, those and the ones around that
+    help to see how far off each drive was."""
+
+    core: IntArray
+    signs: IntArray
+
+
+def cut_tiles(
+    lat: FloatArray, lon: FloatArray, core: int = CORE_SIGNS, margin_m: float = MARGIN_M
+) -> Iterator[Tile]:
+    """Tiles of at most ``core`` signs at positions in rad [m], each sign in exactly one.
+
+    The longer side is halved at the median until few enough are left. Around a tile lies a
+    margin in which at most ``MOST_SIGNS`` in all are taken, the nearest first.
+    """
+    from scipy.spatial import cKDTree
+
+    if len(lat) == 0:
+        return
+    east = np.cos(lat)
+    # chords on the unit sphere serve as distances for the search
+    sphere = np.column_stack([east * np.cos(lon), east * np.sin(lon), np.sin(lat)])
+    tree = cKDTree(sphere)
+    radius = 6371000.0
+    for rows in _halve(sphere, np.arange(len(lat)), core):
+        centre = sphere[rows].mean(axis=0)
+        reach = float(np.max(np.linalg.norm(sphere[rows] - centre, axis=1))) + margin_m / radius
+        near = np.array(sorted(tree.query_ball_point(centre, reach)), np.int64)
+        others = np.setdiff1d(near, rows, assume_unique=True)
+        if len(others):
+            gap, _ = cKDTree(sphere[rows]).query(sphere[others])
+            order = np.argsort(gap, kind="stable")
+            order = order[gap[order] * radius < margin_m][: MOST_SIGNS - len(rows)]
+            others = others[order]
+        yield Tile(rows, np.concatenate([rows, np.sort(others)]))
+
+
+def _halve(points: FloatArray, rows: IntArray, most: int) -> Iterator[IntArray]:
+    waiting = [rows]
+    while waiting:
+        part = waiting.pop()
+        if len(part) <= most:
+            yield np.sort(part)
+            continue
+        extent = np.ptp(points[part], axis=0)
+        axis = int(np.argmax(extent))
+        order = part[np.argsort(points[part, axis], kind="stable")]
+        half = len(order) // 2
+        waiting += [order[half:], order[:half]]
