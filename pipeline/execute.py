@@ -45,7 +45,7 @@ def execute(stage: Stage, context: StageContext) -> list[str]:
     try:
         _call(stage, context)
         written = sorted(str(p.relative_to(work)) for p in work.rglob("*") if p.is_file())
-        undeclared = [name for name in written if name not in stage.outputs]
+        undeclared = [name for name in written if not _declared(name, stage)]
         if undeclared:
             raise StageError(
                 f"stage {stage.name} wrote {', '.join(undeclared)}, which is not among its "
@@ -54,11 +54,30 @@ def execute(stage: Stage, context: StageContext) -> list[str]:
         for name in written:
             _put(work / name, context.out / name)
         for name in stage.outputs:
-            if name not in written:
+            if name.endswith("/"):
+                _remove_others(context.out / name, context.out, written)
+            elif name not in written:
                 (context.out / name).unlink(missing_ok=True)
         return written
     finally:
         shutil.rmtree(work, ignore_errors=True)
+
+
+def _declared(name: str, stage: Stage) -> bool:
+    folders = tuple(output for output in stage.outputs if output.endswith("/"))
+    return name in stage.outputs or name.startswith(folders)
+
+
+def _remove_others(folder: Path, out: Path, written: list[str]) -> None:
+    """Delete the files of an output folder that this run did not write."""
+    kept = set(written)
+    if folder.is_symlink():
+        return
+    for path in folder.glob("*"):
+        if path.is_file() and str(path.relative_to(out)) not in kept:
+            path.unlink()
+    with suppress(OSError):
+        folder.rmdir()
 
 
 def _call(stage: Stage, context: StageContext) -> None:
@@ -88,6 +107,7 @@ def _call(stage: Stage, context: StageContext) -> None:
 
 
 def _put(source: Path, target: Path) -> None:
+    make_folder(target.parent)
     try:
         os.replace(source, target)
     except OSError as error:

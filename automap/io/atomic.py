@@ -6,14 +6,17 @@ import errno
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from automap.errors import StageError
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer
 
 _ADVICE = {
     errno.ENOSPC: "the disk is full; free some space or choose another output folder",
@@ -93,6 +96,13 @@ def write_bytes(path: Path, data: bytes) -> None:
     """Write bytes atomically."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(data)
+
+
+def write_chunks(path: Path, chunks: Iterable[Buffer]) -> None:
+    """Write bytes that come in parts atomically."""
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        for chunk in chunks:
+            stream.write(chunk)
 
 
 def write_json(path: Path, value: Any) -> None:
