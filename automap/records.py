@@ -191,7 +191,9 @@ class Detections:
 
     ``frame`` [n] counts from 0 over all chapters; ``t_ns`` [n] the frame's stamp; ``class_name``
     [n] str; ``box`` [n, 4] x_min, y_min, x_max, y_max in pixels; ``score`` [n] in 0..1;
-    ``track`` [n] (-1 untracked); ``camera`` the name of the video section.
+    ``track`` [n] (-1 untracked); ``camera`` the name of the video section. ``view_class`` [n] is
+    what the single view looks like where ``class_name`` is that of the whole track, None where
+    there is no such difference.
     """
 
     frame: IntArray
@@ -201,6 +203,7 @@ class Detections:
     score: FloatArray
     track: IntArray
     camera: str = "front"
+    view_class: npt.NDArray[np.object_] | None = None
 
     def __len__(self) -> int:
         return len(self.frame)

@@ -4,61 +4,85 @@ from __future__ import annotations
 
 import csv
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automap.errors import InputError
+from pipeline.camera_paths import path_finder
+from pipeline.detect_images import images_in, search_images
+from pipeline.detector_choice import open_detector
+from pipeline.settings.detect import DetectSettings, search_rules
 
 if TYPE_CHECKING:
-    from automap.io.drive import VideoInput
+    from automap.io.drive import Drive, VideoInput
     from automap.records import Detections
-    from automap.vision.detector import FoundSigns
+    from automap.vision.crops import Crop
 
 Progress = Callable[[float, str], None]
-Row = tuple[str | int, str, float, float, float, float, float]
+Row = tuple[str | int, ...]
 
-_IMAGES = {".bmp", ".jpeg", ".jpg", ".png", ".ppm", ".tif", ".tiff", ".webp"}
 _BOX = ("x_min", "y_min", "x_max", "y_max")
 
 
-def _say(text: str) -> None:
+def say(text: str) -> None:
+    """Tell the user of a trouble that does not stop the work."""
     print(f"warning: {text}", file=sys.stderr)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """``files`` written, ``boxes`` found in them, of ``tracks`` signs, in ``searched`` of
+    ``frames`` pictures."""
+
+    files: tuple[Path, ...]
+    boxes: int
+    tracks: int
+    searched: int
+    frames: int
 
 
 def detect_to_csv(
     source: Path,
     out: Path,
     progress: Progress = lambda fraction, text: None,
-    warn: Callable[[str], None] = _say,
-) -> int:
-    """Write the boxes found in ``source`` and return their number.
+    warn: Callable[[str], None] = say,
+    settings: DetectSettings | None = None,
+    annotate: bool = False,
+) -> Outcome:
+    """Search ``source`` and write what is found.
 
-    A drive or a video gives ``frame, class, x_min, y_min, x_max, y_max, score``, as
-    ``front_detections.csv`` has it (a drive with several cameras: one file each, named
-    ``OUT_CAMERA.csv``); a folder of images gives ``image`` with the file name instead of
-    ``frame``. Every frame is searched. The file appears whole or not at all.
+    A drive or a video gives ``frame, class, x_min, y_min, x_max, y_max, score, track,
+    view_class`` (``class`` by all views of the track, ``view_class`` by this one alone), which
+    ``front_detections.csv`` may hold as it is; a drive with several cameras gives one file each,
+    named ``OUT_CAMERA.csv``. A folder of images gives ``image`` with the file name instead of
+    ``frame``, and no tracks. Beside it ``OUT_signs.jpg`` shows every sign, and with ``annotate``
+    ``OUT_annotated.mp4`` (a folder for images) shows them in place. Files appear whole or not
+    at all.
 
-    Raises InputError when there is nothing to search, StageError when ``out`` cannot be
-    written.
+    Raises InputError when there is nothing to search, ConfigError or InputError for a detector
+    that cannot be used, StageError when a file cannot be written.
     """
     from automap.io import names
 
-    source = Path(source)
+    source, out = Path(source), Path(out)
+    settings = settings or DetectSettings()
     if not source.exists():
         raise InputError(f"{source} is missing; give a video, a folder of images or a drive.")
-    if source.is_file():
-        video = _lone_video(source)
-        return _write(out, "frame", _video_rows(video, progress, warn))
-    if (source / names.MANIFEST).is_file():
-        return _drive(source, out, progress, warn)
-    images = sorted(p for p in source.iterdir() if p.suffix.lower() in _IMAGES)
+    if source.is_file() and source.name != names.MANIFEST:
+        job = _Job(out, settings, annotate, progress, warn)
+        return job.video(_lone_video(source), None)
+    if source.is_file() or (source / names.MANIFEST).is_file():
+        return _drive(source, _Job(out, settings, annotate, progress, warn))
+    images = images_in(source)
     if not images:
         raise InputError(
             f"{source} holds neither {names.MANIFEST} nor images; give a video, a folder of "
             "images or a drive."
         )
-    return _write(out, "image", _image_rows(images, progress, warn))
+    return _Job(out, settings, annotate, progress, warn).images(images)
 
 
 def _lone_video(path: Path) -> VideoInput:
@@ -68,82 +92,121 @@ def _lone_video(path: Path) -> VideoInput:
     return VideoInput(name="front", section=VideoSection(start_ns=0), chapters=(path,))
 
 
-def _search(video: VideoInput, progress: Progress, warn: Callable[[str], None]) -> Detections:
-    from automap.vision.search import search_video
-    from pipeline.settings.detect import DetectSettings
+def _drive(source: Path, job: _Job) -> Outcome:
+    from dataclasses import replace
 
-    every_frame = 1e3
-    return search_video(video, every_frame, DetectSettings().min_score, warn, progress)
-
-
-def _video_rows(
-    video: VideoInput, progress: Progress, warn: Callable[[str], None]
-) -> Iterator[Row]:
-    from automap.io.video import read_chapter
-
-    for chapter in video.chapters[:1]:
-        # an unreadable video is an error here: there is nothing else to do
-        read_chapter(chapter)
-    found = _search(video, progress, warn)
-    for i in range(len(found)):
-        x0, y0, x1, y1 = found.box[i].tolist()
-        yield int(found.frame[i]), str(found.class_name[i]), x0, y0, x1, y1, float(found.score[i])
-
-
-def _drive(source: Path, out: Path, progress: Progress, warn: Callable[[str], None]) -> int:
     from automap.io.drive import load_drive
 
     drive = load_drive(source)
     for text in drive.warnings:
-        warn(text)
+        job.warn(text)
     videos = [video for video in drive.videos.values() if video.chapters]
     if not videos:
         raise InputError(f"{source} has no video; name its files in [video.front] of drive.toml.")
     if len(videos) == 1:
-        return _write(out, "frame", _video_rows(videos[0], progress, warn))
-    count = 0
+        return job.video(videos[0], drive)
+    parts = []
     for video in videos:
-        beside = out.with_name(f"{out.stem}_{video.name}{out.suffix}")
-        count += _write(beside, "frame", _video_rows(video, progress, warn))
-    return count
+        beside = job.out.with_name(f"{job.out.stem}_{video.name}{job.out.suffix}")
+        parts.append(replace(job, out=beside).video(video, drive))
+    return Outcome(
+        tuple(path for part in parts for path in part.files),
+        sum(part.boxes for part in parts),
+        sum(part.tracks for part in parts),
+        sum(part.searched for part in parts),
+        sum(part.frames for part in parts),
+    )
 
 
-def _image_rows(
-    images: list[Path], progress: Progress, warn: Callable[[str], None]
-) -> Iterator[Row]:
-    import cv2
-    import numpy as np
+@dataclass(frozen=True)
+class _Job:
+    """What is to be written, and how the search is to be done."""
 
-    from automap.vision.classical import ClassicalDetector
-    from pipeline.settings.detect import DetectSettings
+    out: Path
+    settings: DetectSettings
+    annotate: bool
+    progress: Progress
+    warn: Callable[[str], None]
 
-    detector, least = ClassicalDetector(), DetectSettings().min_score
-    for i, path in enumerate(images):
-        picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
-        if picture is None:
-            warn(f"{path} is no readable image; it is left out")
-        else:
-            yield from _rows(path.name, detector.detect(np.asarray(picture, np.uint8)), least)
-        progress((i + 1) / len(images), f"image {i + 1} of {len(images)}")
+    def video(self, video: VideoInput, drive: Drive | None) -> Outcome:
+        """Search one camera's video."""
+        from automap.vision.search import search_video
+
+        said: list[str] = []
+
+        def warn(text: str) -> None:
+            said.append(text)
+
+        camera = None if drive is None else drive.cameras().get(video.name)
+        share = 0.7 if self.annotate else 1.0
+        result = search_video(
+            video,
+            open_detector(self.settings.detector, None if drive is None else drive.site.country),
+            search_rules(self.settings),
+            camera,
+            # of a drive that was run before the trajectory is known
+            (lambda t_ns: None) if drive is None else path_finder(drive.out, drive, video),
+            warn,
+            lambda fraction, text: self.progress(share * fraction, text),
+        )
+        if result.searched == 0:
+            # there is nothing else to do here
+            raise InputError("; ".join(said) + "." if said else f"{video.chapters[0]} is empty.")
+        for text in said:
+            self.warn(text)
+        found = result.detections
+        files = [self.out, *self._sheet(result.crops)]
+        _write(self.out, "frame", _rows(found))
+        if self.annotate:
+            from automap.vision.annotate import annotate_video
+
+            shown = self.out.with_name(f"{self.out.stem}_annotated.mp4")
+            annotate_video(
+                video, found, shown, progress=lambda f, text: self.progress(0.7 + 0.3 * f, text)
+            )
+            files.append(shown)
+        tracks = len(set(found.track.tolist()))
+        return Outcome(tuple(files), len(found), tracks, result.searched, result.frames)
+
+    def images(self, images: list[Path]) -> Outcome:
+        """Search pictures that have nothing to do with each other."""
+        detector = open_detector(self.settings.detector, None)
+        folder = self.out.with_name(f"{self.out.stem}_annotated") if self.annotate else None
+        result = search_images(
+            images, detector, self.settings.min_score, folder, self.warn, self.progress
+        )
+        files = [self.out, *self._sheet(result.crops), *([folder] if folder else [])]
+        _write(self.out, "image", result.rows)
+        return Outcome(tuple(files), len(result.rows), 0, result.read, len(images))
+
+    def _sheet(self, crops: Iterable[Crop]) -> list[Path]:
+        from automap.io.atomic import write_bytes
+        from automap.vision.contact_sheet import contact_sheet
+
+        path = self.out.with_name(f"{self.out.stem}_signs.jpg")
+        if not (seen := list(crops)):
+            with suppress(FileNotFoundError):
+                path.unlink()  # that of an earlier search does not belong to this table
+            return []
+        write_bytes(path, contact_sheet(seen))
+        return [path]
 
 
-def _rows(image: str, found: FoundSigns, least: float) -> Iterator[Row]:
-    for name, box, score in zip(found.class_name, found.box.tolist(), found.score, strict=True):
-        if score >= least:
-            yield image, name, box[0], box[1], box[2], box[3], float(score)
+def _rows(found: Detections) -> Iterator[Row]:
+    views = found.class_name if found.view_class is None else found.view_class
+    for i in range(len(found)):
+        box = (f"{v:.2f}" for v in found.box[i].tolist())
+        score, track = f"{found.score[i]:.3f}", int(found.track[i])
+        yield int(found.frame[i]), str(found.class_name[i]), *box, score, track, str(views[i])
 
 
-def _write(out: Path, key: str, rows: Iterator[Row]) -> int:
+def _write(out: Path, key: str, rows: Iterable[Row]) -> None:
     from automap.io.atomic import atomic_path
 
-    count = 0
     with (
         atomic_path(Path(out)) as temporary,
         temporary.open("w", encoding="utf-8", newline="") as stream,
     ):
         table = csv.writer(stream, lineterminator="\n")
-        table.writerow((key, "class", *_BOX, "score"))
-        for row in rows:
-            table.writerow((*row[:2], *(f"{v:.2f}" for v in row[2:6]), f"{row[6]:.3f}"))
-            count += 1
-    return count
+        table.writerow((key, "class", *_BOX, "score", "track", "view_class"))
+        table.writerows(rows)

@@ -24,12 +24,19 @@ COLUMNS = (
 )
 
 
+VIEW_CLASS = "view_class"
+"""What the single view looks like; a table of an earlier version has no such column."""
+
+
 def write_detections(path: Path, cameras: Sequence[Detections]) -> None:
     """Write the boxes of one or more cameras as one table, atomically; none give no rows."""
     import pyarrow as pa
 
     boxes = np.concatenate([d.box.reshape(-1, 4) for d in cameras] or [np.zeros((0, 4))])
     names = [str(c) for d in cameras for c in d.class_name]
+    views = [
+        str(c) for d in cameras for c in (d.class_name if d.view_class is None else d.view_class)
+    ]
     owner = [d.camera for d in cameras for _ in range(len(d))]
 
     def joined(arrays: list[np.ndarray], kind: type) -> np.ndarray:
@@ -48,6 +55,7 @@ def write_detections(path: Path, cameras: Sequence[Detections]) -> None:
             "y_max": boxes[:, 3],
             "score": joined([d.score for d in cameras], np.float64),
             "track": joined([d.track for d in cameras], np.int64),
+            VIEW_CLASS: pa.array(views, pa.string()),
         },
     )
 
@@ -60,6 +68,9 @@ def read_detections(path: Path) -> dict[str, Detections]:
     table = read_table(path, COLUMNS)
     columns = {name: table.column(name).to_numpy() for name in COLUMNS}
     camera = columns["camera"].astype(object)
+    views = None
+    if VIEW_CLASS in table.column_names:
+        views = table.column(VIEW_CLASS).to_numpy().astype(object)
     found = {}
     for name in dict.fromkeys(camera.tolist()):
         rows = camera == name
@@ -71,5 +82,6 @@ def read_detections(path: Path) -> dict[str, Detections]:
             score=columns["score"][rows].astype(np.float64),
             track=columns["track"][rows].astype(np.int64),
             camera=str(name),
+            view_class=None if views is None else views[rows],
         )
     return found

@@ -1,106 +1,185 @@
-"""A detector in several processes, for videos that are long enough to be worth it."""
+"""Decoding and searching at the same time, in a bounded amount of memory.
+
+Decoders, OpenCV and onnxruntime let go of the interpreter while they work, so threads do.
+"""
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import signal
+import queue
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing.connection import wait
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from automap.io.video import VideoFrame
-from automap.vision.detector import Detector, FoundSigns, Image
+from automap.vision.detector import FoundSigns
 
-_AHEAD = 2
-"""Pictures that wait for each process: enough to keep it busy, few enough for any memory."""
+T = TypeVar("T")
+
 _MOST = 8
-_WORTH = 40
-"""Frames below which starting processes takes longer than the search."""
+_POLL_S = 0.2
+_HELD_BYTES = 96_000_000
+"""Pictures held at once may take so much memory, but a few are held whatever their size."""
 
-_detector: Detector | None = None
+
+def worker_count() -> int:
+    """Threads that search, by the processors that are free to this process."""
+    return max(1, min(_MOST, len(os.sched_getaffinity(0))))
 
 
-def worker_count(frames: int) -> int:
-    """Processes that a search of so many frames is worth, by the processors that are free to
-    this process; 1 stands for none beside it."""
-    if multiprocessing.parent_process() is not None or frames < _WORTH:
-        return 1
-    return max(1, min(_MOST, len(os.sched_getaffinity(0)), frames // _WORTH + 1))
+@dataclass(frozen=True)
+class _Raised:
+    error: BaseException
+
+
+def prefetched(source: Iterable[T], depth: int = 2) -> Iterator[T]:
+    """The items of ``source``, made by a thread of their own, at most ``depth`` ahead.
+
+    An exception in ``source`` comes out here, after the items before it. A consumer that
+    stops early stops the thread too.
+    """
+    items: queue.Queue[T | _Raised | None] = queue.Queue(maxsize=depth)
+    stop = threading.Event()
+
+    def put(item: T | _Raised | None) -> bool:
+        while not stop.is_set():
+            try:
+                items.put(item, timeout=_POLL_S)
+            except queue.Full:
+                continue
+            return True
+        return False
+
+    def work() -> None:
+        try:
+            for item in source:
+                if not put(item):
+                    return
+            put(None)
+        except BaseException as error:
+            put(_Raised(error))
+
+    thread = threading.Thread(target=work, name="decode", daemon=True)
+    thread.start()
+    try:
+        while (item := items.get()) is not None:
+            if isinstance(item, _Raised):
+                raise item.error
+            yield item
+    finally:
+        stop.set()
+        thread.join()
+
+
+@dataclass(frozen=True)
+class Candidate(Generic[T]):
+    """A frame that may be searched: in any case (``coarse``), or beside a coarse one that
+    shows something. ``mark`` is the caller's own."""
+
+    frame: VideoFrame
+    coarse: bool
+    mark: T
+
+
+@dataclass
+class _Group(Generic[T]):
+    """Candidates up to and including a coarse one; ``futures`` of those that are searched."""
+
+    candidates: list[Candidate[T]]
+    futures: list[Future[FoundSigns] | None]
+    decided: bool
+
+    @property
+    def coarse(self) -> Future[FoundSigns] | None:
+        return self.futures[-1]
 
 
 def detections(
-    frames: Iterable[VideoFrame], detector: Detector, workers: int = 1
-) -> Iterator[tuple[VideoFrame, FoundSigns]]:
-    """Each frame with what the detector finds in it, in the order of the frames.
+    candidates: Iterable[Candidate[T]],
+    search: Callable[[T, VideoFrame], FoundSigns],
+    shows_sign: Callable[[FoundSigns], bool] = lambda found: len(found) > 0,
+    workers: int = 1,
+) -> Iterator[tuple[Candidate[T], FoundSigns]]:
+    """Each candidate that is searched with what ``search`` finds, in their order.
 
-    With several workers the detector must be picklable. Processes that cannot be started, or
-    die, cost nothing but time: this process then searches what is left itself.
+    A candidate that is not coarse is searched only if the coarse one before or after it shows
+    a sign. The result does not depend on the number of workers.
     """
-    source = iter(frames)
-    if workers > 1:
-        yield from _with_pool(source, detector, workers)
-    for frame in source:
-        yield frame, detector.detect(frame.image)
+    source = iter(candidates)
+    groups: deque[_Group[T]] = deque()
+    before = False  # whether the last coarse frame that was delivered shows a sign
+    exhausted = False
+    pool = ThreadPoolExecutor(workers, thread_name_prefix="search")
 
+    def submit(candidate: Candidate[T]) -> Future[FoundSigns]:
+        return pool.submit(search, candidate.mark, candidate.frame)
 
-def _with_pool(
-    source: Iterator[VideoFrame], detector: Detector, workers: int
-) -> Iterator[tuple[VideoFrame, FoundSigns]]:
-    """As far as the pool works; ``source`` then stands at the first frame not yet taken."""
-    # forked children would inherit locks of threads that they do not have
-    try:
-        pool = ProcessPoolExecutor(
-            workers, multiprocessing.get_context("spawn"), _start, (detector,)
-        )
-    except (OSError, ImportError, NotImplementedError):
-        return  # no semaphores here
-    waiting: deque[tuple[VideoFrame, Future[FoundSigns] | None]] = deque()
-    works = True
+    def decide(group: _Group[T], shown: bool) -> None:
+        group.decided = True
+        if shown:
+            group.futures = [
+                future or submit(candidate)
+                for future, candidate in zip(group.futures, group.candidates, strict=True)
+            ]
+
     try:
         while True:
-            while works and len(waiting) < _AHEAD * workers:
-                frame = next(source, None)
-                if frame is None:
-                    break
-                try:
-                    waiting.append((frame, pool.submit(_search, frame.image)))
-                except (BrokenProcessPool, OSError):
-                    works = False
-                    waiting.append((frame, None))
-            if not waiting:
+            while not exhausted and sum(len(g.candidates) for g in groups) < _ahead(
+                groups, workers
+            ):
+                group = _read_group(source)
+                exhausted = not group
+                if group:
+                    alone = len(group) == 1 and group[0].coarse
+                    futures = [submit(c) if c.coarse else None for c in group]
+                    groups.append(_Group(group, futures, alone))
+                _decide_early(groups, before, shows_sign, decide)
+            if not groups:
                 return
-            frame, future = waiting.popleft()
-            try:
-                found = None if future is None else future.result()
-            except BrokenProcessPool:
-                works, found = False, None
-            yield frame, detector.detect(frame.image) if found is None else found
+            group_now = groups.popleft()
+            last = group_now.coarse
+            if not group_now.decided:
+                decide(group_now, before or (last is not None and shows_sign(last.result())))
+            for candidate, future in zip(group_now.candidates, group_now.futures, strict=True):
+                if future is not None:
+                    yield candidate, future.result()
+            before = last is not None and shows_sign(last.result())
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _start(detector: Detector) -> None:
-    global _detector
-    import cv2
-
-    _detector = detector
-    cv2.setNumThreads(1)
-    # Ctrl-C is for the process that waits, which then ends this one
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+def _read_group(source: Iterator[Candidate[T]]) -> list[Candidate[T]]:
+    group = []
+    for candidate in source:
+        group.append(candidate)
+        if candidate.coarse:
+            break
+    return group
 
 
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)
+def _ahead(groups: deque[_Group[T]], workers: int) -> int:
+    """How many candidates may be held: enough for all workers, few enough for the memory."""
+    if not groups:
+        return 1
+    size = max(groups[0].candidates[0].frame.image.nbytes, 1)
+    return max(2 * workers + 2, min(6 * workers + 4, _HELD_BYTES // size))
 
 
-def _search(image: Image) -> FoundSigns:
-    assert _detector is not None
-    return _detector.detect(image)
+def _decide_early(
+    groups: deque[_Group[T]],
+    before: bool | None,
+    shows_sign: Callable[[FoundSigns], bool],
+    decide: Callable[[_Group[T], bool], None],
+) -> None:
+    """Submit what will be searched anyway, as far as results are there without waiting."""
+    for group in groups:
+        last = group.coarse
+        shown = None
+        if last is not None and last.done() and last.exception() is None:
+            shown = shows_sign(last.result())
+        if not group.decided and (before or shown):
+            decide(group, True)
+        before = shown

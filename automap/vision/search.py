@@ -1,98 +1,254 @@
-"""Run a detector over the pictures of a video."""
+"""Run a detector over a video: choose frames, search them, follow the signs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
+import numpy.typing as npt
 
 from automap.io.drive import VideoInput
-from automap.io.video import FrameTimes, VideoFrame, frame_times, iter_frames, video_chapters
-from automap.records import Detections, IntArray
-from automap.vision.classical import ClassicalDetector
+from automap.io.video import (
+    Chapter,
+    FrameTimes,
+    VideoFrame,
+    decode_frames,
+    frame_times,
+    video_chapters,
+)
+from automap.records import Camera, Detections, IntArray
+from automap.vision.camera_motion import ImageMotion, Motion, motion_on_path
+from automap.vision.camera_path import CameraPath
+from automap.vision.crops import BestCrops, Crop
 from automap.vision.detector import Detector, FoundSigns
-from automap.vision.parallel import detections, worker_count
+from automap.vision.frame_choice import ChoiceRules, FramePlan, every_frame, plan_frames
+from automap.vision.parallel import Candidate, detections, prefetched, worker_count
+from automap.vision.tracking import Tracker, TrackingRules
+from automap.vision.voting import View, view_of, vote
 
-# stamps jitter: a frame this much of a period early still counts as the next one
-_EARLY = 0.3
+Progress = Callable[[float, str], None]
+
+_THUMBNAIL = (64, 36)
+_STILL_GREYS = 3.0
+_REPORT_S = 0.1
+_HINT = 0.5
+"""A box of this part of the least score is no detection, but a reason to look closer."""
 
 
-def choose_frames(times: FrameTimes, per_second: float) -> IntArray:
-    """Numbers [k] of the frames to search: evenly in time, at most ``per_second``."""
-    period = 1e9 / per_second
-    chosen: list[int] = []
-    due = -np.inf
-    for frame, t in zip(times.frame.tolist(), times.t_ns.tolist(), strict=True):
-        if t >= due - _EARLY * period:
-            chosen.append(frame)
-            # a late frame shifts the grid, an early one does not
-            due = max(due + period, t) if t < due else t + period
-    return np.array(chosen, dtype=np.int64)
+@dataclass(frozen=True)
+class SearchRules:
+    """``min_score`` below which boxes are left out; ``every`` whether every frame is searched;
+    ``choice`` of the frames otherwise; ``tracking`` of the signs; ``workers`` threads, None as
+    many as there are processors."""
+
+    min_score: float = 0.3
+    every: bool = False
+    choice: ChoiceRules = field(default_factory=ChoiceRules)
+    tracking: TrackingRules = field(default_factory=TrackingRules)
+    workers: int | None = None
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """What a camera's video shows.
+
+    ``detections`` with tracks, each row with the class of its track; ``crops`` the best view of
+    each track; ``frames`` in the video and ``searched`` of them.
+    """
+
+    detections: Detections
+    crops: tuple[Crop, ...] = ()
+    frames: int = 0
+    searched: int = 0
+
+
+@dataclass
+class _Rows:
+    """The boxes of all frames so far."""
+
+    frame: list[int] = field(default_factory=list)
+    t_ns: list[int] = field(default_factory=list)
+    box: list[npt.NDArray[np.float64]] = field(default_factory=list)
+    score: list[float] = field(default_factory=list)
+    view_class: list[str] = field(default_factory=list)
+    track: list[int] = field(default_factory=list)
+    views: list[View] = field(default_factory=list)
+
+    def add(self, picture: VideoFrame, found: FoundSigns, track: IntArray) -> None:
+        for i in range(len(found)):
+            self.frame.append(picture.frame)
+            self.t_ns.append(picture.t_ns)
+            self.box.append(np.asarray(found.box[i], np.float64))
+            self.score.append(float(found.score[i]))
+            self.view_class.append(found.class_name[i])
+            self.track.append(int(track[i]))
+            self.views.append(view_of(found, i))
+
+    def class_of_tracks(self) -> dict[int, str]:
+        views: dict[int, list[View]] = {}
+        for track, view in zip(self.track, self.views, strict=True):
+            views.setdefault(track, []).append(view)
+        return {track: vote(seen)[0] for track, seen in views.items()}
+
+    def detections(self, class_of: dict[int, str], camera: str) -> Detections:
+        return Detections(
+            frame=np.array(self.frame, np.int64),
+            t_ns=np.array(self.t_ns, np.int64),
+            class_name=np.array([class_of[track] for track in self.track], object),
+            box=np.array(self.box, np.float64).reshape(-1, 4),
+            score=np.array(self.score, np.float64),
+            track=np.array(self.track, np.int64),
+            camera=camera,
+            view_class=np.array(self.view_class, object),
+        )
 
 
 def search_video(
     video: VideoInput,
-    per_second: float,
-    min_score: float,
-    warn: Callable[[str], None],
-    progress: Callable[[float, str], None],
-    detector: Detector | None = None,
-) -> Detections:
-    """Search a camera's video; ``warn`` receives a sentence for every trouble with the files."""
-    chapters, troubles = video_chapters(video)
-    if not chapters:
-        for text in troubles:
-            warn(text)
-        return collect([], min_score, video.name)
-    chosen = choose_frames(frame_times(video, chapters), per_second)
-    return search_frames(
-        iter_frames(video, chosen, warn),
-        detector or ClassicalDetector(),
-        min_score,
-        video.name,
-        len(chosen),
-        progress,
-        worker_count(len(chosen)),
-    )
-
-
-def search_frames(
-    frames: Iterable[VideoFrame],
     detector: Detector,
-    min_score: float,
-    camera: str,
-    count: int,
-    progress: Callable[[float, str], None] = lambda fraction, text: None,
-    workers: int = 1,
-) -> Detections:
-    """Signs with at least ``min_score`` in the frames, in their order; ``count`` is for progress.
+    rules: SearchRules,
+    camera: Camera | None = None,
+    path_of: Callable[[IntArray], CameraPath | None] = lambda t_ns: None,
+    warn: Callable[[str], None] = lambda text: None,
+    progress: Progress = lambda fraction, text: None,
+) -> SearchResult:
+    """Search a camera's video.
 
-    With ``workers`` above 1 so many processes search, and the result is the same. Memory grows with
-    the boxes found, not with the frames.
+    ``path_of`` gives the camera's path at the frames' stamps [n], None where no trajectory is
+    known: then frames are chosen by time and by change, and tracks follow the pictures.
+    ``warn`` receives a sentence for every trouble with the files. Memory does not grow with
+    the length of the video, but for its list of frames and the boxes found.
     """
-    rows: list[tuple[int, int, FoundSigns]] = []
-    for done, (picture, found) in enumerate(detections(frames, detector, workers), 1):
-        if len(found):
-            rows.append((picture.frame, picture.t_ns, found))
-        if done % 5 == 0:
-            progress(min(done / max(count, 1), 1.0), f"{done} of {count} frames")
-    return collect(rows, min_score, camera)
-
-
-def collect(rows: list[tuple[int, int, FoundSigns]], min_score: float, camera: str) -> Detections:
-    """One record of what was found in frames given as (number, t_ns, signs)."""
-    frame = [number for number, _, found in rows for _ in range(len(found))]
-    t_ns = [t for _, t, found in rows for _ in range(len(found))]
-    names = [name for _, _, found in rows for name in found.class_name]
-    box = np.concatenate([found.box for _, _, found in rows] or [np.zeros((0, 4))])
-    score = np.concatenate([found.score for _, _, found in rows] or [np.zeros(0)])
-    keep = score >= min_score
-    return Detections(
-        frame=np.array(frame, dtype=np.int64)[keep],
-        t_ns=np.array(t_ns, dtype=np.int64)[keep],
-        class_name=np.array(names, dtype=object)[keep],
-        box=box[keep],
-        score=score[keep],
-        track=np.full(int(keep.sum()), -1, dtype=np.int64),
-        camera=camera,
+    chapters, troubles = video_chapters(video)
+    times = frame_times(video, chapters)
+    for text in (*troubles, *times.warnings):
+        warn(text)
+    rows, best = _Rows(), BestCrops(video.name)
+    if not chapters or not len(times):
+        return SearchResult(rows.detections({}, video.name))
+    path = path_of(times.t_ns)
+    plan = every_frame(times) if rules.every else plan_frames(times, path, rules.choice)
+    camera = camera or default_camera(chapters[0].width, chapters[0].height)
+    tracker = Tracker(camera, rules.tracking)
+    motions = _Motions(camera, path)
+    hint = _HINT * rules.min_score
+    report = _Report(progress, len(plan))
+    searched = 0
+    found_in = detections(
+        prefetched(_candidates(chapters, times, plan, warn)),
+        lambda row, picture: detector.detect(picture.image),
+        lambda found: bool((found.score >= hint).any()),
+        rules.workers or worker_count(),
     )
+    for candidate, found in found_in:
+        picture, mark = candidate.frame, candidate.mark
+        found = above(found, rules.min_score)
+        motion, seconds = motions.step(picture, mark.row, len(tracker) > 0)
+        track = tracker.step(motion, seconds, found)
+        rows.add(picture, found, track)
+        for i in range(len(found)):
+            best.offer(
+                picture.image, picture.frame, picture.t_ns, int(track[i]),
+                found.class_name[i], found.box[i], float(found.score[i]),
+            )  # fmt: skip
+        searched += 1
+        report(mark.number, searched)
+    class_of = rows.class_of_tracks()
+    return SearchResult(
+        rows.detections(class_of, video.name), tuple(best.crops(class_of)), len(times), searched
+    )
+
+
+def default_camera(width: int, height: int) -> Camera:
+    """A pinhole of 60 degrees horizontal view, for a video of which nothing is known."""
+    focal = 0.5 * width / np.tan(np.radians(30.0))
+    matrix = np.array(
+        [[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]]
+    )
+    zero = np.zeros(3)
+    return Camera(width, height, matrix, np.zeros(5), zero, zero, 0.1, 0.0, 0.1)
+
+
+def above(found: FoundSigns, min_score: float) -> FoundSigns:
+    """The signs with at least this score."""
+    keep = np.flatnonzero(found.score >= min_score)
+    if len(keep) == len(found):
+        return found
+    return FoundSigns(
+        tuple(found.class_name[i] for i in keep),
+        found.box[keep],
+        found.score[keep],
+        None if found.alternatives is None else tuple(found.alternatives[i] for i in keep),
+    )
+
+
+@dataclass(frozen=True)
+class _Mark:
+    """``row`` of the frame among all frames, ``number`` among those that are planned."""
+
+    row: int
+    number: int
+
+
+def _candidates(
+    chapters: list[Chapter], times: FrameTimes, plan: FramePlan, warn: Callable[[str], None]
+) -> Iterator[Candidate[_Mark]]:
+    """The planned frames as they are decoded, without those in which nothing has changed."""
+    seen: npt.NDArray[np.float32] | None = None
+    seen_ns = 0
+    for picture in decode_frames(chapters, times, plan.frame, warn):
+        number = int(np.searchsorted(plan.frame, picture.frame))
+        if plan.still[number]:
+            small = cv2.resize(picture.image, _THUMBNAIL, interpolation=cv2.INTER_AREA)
+            now = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY).astype(np.float32)
+            waited = (picture.t_ns - seen_ns) * 1e-9
+            if seen is not None and waited < ChoiceRules().idle_s and _alike(seen, now):
+                continue
+            seen, seen_ns = now, picture.t_ns
+        row = int(np.searchsorted(times.frame, picture.frame))
+        yield Candidate(picture, bool(plan.coarse[number]), _Mark(row, number))
+
+
+def _alike(one: npt.NDArray[np.float32], other: npt.NDArray[np.float32]) -> bool:
+    """Whether hardly anything differs; light that changes everywhere is no motion."""
+    change = other - one
+    change -= np.median(change)
+    return float(np.quantile(np.abs(change), 0.95)) < _STILL_GREYS
+
+
+class _Motions:
+    """Motion from one searched frame to the next, by the path as far as it is known."""
+
+    def __init__(self, camera: Camera, path: CameraPath | None) -> None:
+        self._path = path
+        self._image = ImageMotion(camera)
+        self._before: tuple[int, int] | None = None
+
+    def step(self, picture: VideoFrame, row: int, wanted: bool) -> tuple[Motion, float]:
+        """Motion and seconds since the step before; ``wanted`` if it has to be looked for."""
+        before, self._before = self._before, (row, picture.t_ns)
+        seconds = 0.0 if before is None else max((picture.t_ns - before[1]) * 1e-9, 0.0)
+        motion = None
+        if self._path is not None and before is not None:
+            motion = motion_on_path(self._path, before[0], row, seconds)
+        if motion is not None:
+            self._image.forget()
+            return motion, seconds
+        return self._image.step(picture.image, seconds, wanted), seconds
+
+
+class _Report:
+    """Progress by the share of the planned frames that is done."""
+
+    def __init__(self, progress: Progress, count: int) -> None:
+        self._progress, self._count = progress, max(count, 1)
+        self._last = -np.inf
+
+    def __call__(self, number: int, searched: int) -> None:
+        now = time.monotonic()
+        if now - self._last >= _REPORT_S:
+            self._last = now
+            self._progress(min((number + 1) / self._count, 1.0), f"{searched} frames searched")

@@ -11,7 +11,8 @@ from pipeline.cli.command import Command
 _EPILOG = """\b
 Examples:
   automap detect data/sample-drive -o detections.csv
-  automap detect drive.mp4 -o detections.csv
+  automap detect drive.mp4 -o detections.csv --annotate
+  automap detect pictures -o detections.csv --detector my-signs.toml
 """
 
 
@@ -25,11 +26,53 @@ Examples:
     type=click.Path(path_type=Path, dir_okay=False),
     help="The table to write: one row per box.",
 )
-def command(source: Path, out: Path) -> None:
-    """Find road signs in a video, a folder of images or a drive."""
+@click.option("--every-frame", is_flag=True, help="Search every frame of a video.")
+@click.option("--annotate", is_flag=True, help="Write the video with the signs drawn in, too.")
+@click.option(
+    "--detector",
+    metavar="FILE.toml",
+    type=click.Path(path_type=Path),
+    help="Describes a detector of your own, an ONNX file.",
+)
+@click.option(
+    "--config",
+    type=click.Path(path_type=Path),
+    help="TOML file with settings that replace the defaults.",
+)
+@click.option(
+    "--set",
+    "assignments",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Replace one setting, such as detect.min_score=0.5.",
+)
+def command(
+    source: Path,
+    out: Path,
+    every_frame: bool,
+    annotate: bool,
+    detector: Path | None,
+    config: Path | None,
+    assignments: tuple[str, ...],
+) -> None:
+    """Find road signs in a video, a folder of images or a drive.
+
+    Frames are chosen by what a map needs: how far the vehicle went and turned, more of them
+    where a sign is in sight. Boxes of one sign share a track, and all its views say its class.
+    """
+    from pipeline.config import load_settings
     from pipeline.detect import detect_to_csv
     from pipeline.terminal import progress_bar
 
+    settings = load_settings(config, assignments).detect
+    changes: dict[str, object] = {"every_frame": True} if every_frame else {}
+    if detector is not None:
+        changes["detector"] = str(detector)
     with progress_bar("detect") as progress:
-        detect_to_csv(source, out, progress)
-    click.echo(str(out))
+        outcome = detect_to_csv(
+            source, out, progress, settings=settings.model_copy(update=changes), annotate=annotate
+        )
+    signs = f", {outcome.tracks} signs" if outcome.tracks else ""
+    click.echo(f"{outcome.boxes} boxes{signs} in {outcome.searched} of {outcome.frames} pictures")
+    for path in outcome.files:
+        click.echo(str(path))

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automap.errors import InputError
 from automap.io import names
+from pipeline.camera_paths import path_finder
+from pipeline.detector_choice import open_detector
+from pipeline.settings.detect import search_rules
 from pipeline.stage import Stage, StageContext
 
 if TYPE_CHECKING:
     from automap.io.drive import Drive, VideoInput
-    from automap.records import Detections
+    from automap.vision.crops import Crop
+    from automap.vision.search import SearchResult
 
 
 def run(context: StageContext) -> None:
-    """Write detections.parquet; an external detector's boxes win over the video."""
+    """Write detections.parquet and what was seen; an external detector's boxes win over video."""
     from automap.io.detections_table import write_detections
 
-    found: list[Detections] = []
+    found: list[SearchResult] = []
     cameras = len(context.drive.videos)
     for index, video in enumerate(context.drive.videos.values()):
 
@@ -40,34 +45,85 @@ def run(context: StageContext) -> None:
             "The drive has neither a readable video nor detections, so no signs are found; the "
             "trajectory is all there is."
         )
-    write_detections(context.work / names.DETECTIONS, found)
-    total = sum(len(part) for part in found)
-    context.metric("n_detections", total)
-    context.metric("n_detection_frames", sum(len(set(part.frame.tolist())) for part in found))
-    context.result = f"{total} detections" if found else "no video and no detections"
+    found = _numbered(found)
+    write_detections(context.work / names.DETECTIONS, [part.detections for part in found])
+    _write_crops(context, [crop for part in found for crop in part.crops])
+    _report(context, found)
 
 
 def _camera(
     context: StageContext, video: VideoInput, progress: Callable[[float, str], None]
-) -> Detections | None:
+) -> SearchResult | None:
     from automap.io.detections_csv import read_detections_csv
     from automap.io.video import frame_times
+    from automap.vision.search import SearchResult, search_video
 
     _warn_of_geometry(context, video)
+    cameras = context.drive.cameras()
+    camera = cameras.get(video.name)
     if video.detections is not None:
         times = frame_times(video)
-        camera = context.drive.cameras().get(video.name)
         size = None if camera is None else (camera.width, camera.height)
         table = read_detections_csv(video.detections, times, video.name, size)
         for text in (*times.warnings, *table.warnings):
             context.warn(text)
-        return table.data
+        return SearchResult(table.data)
     if not video.chapters:
         return None
-    from automap.vision.search import search_video
-
     settings = context.settings.detect
-    return search_video(video, settings.frames_per_s, settings.min_score, context.warn, progress)
+    detector = open_detector(settings.detector, context.drive.site.country)
+    return search_video(
+        video,
+        detector,
+        search_rules(settings),
+        camera,
+        path_finder(context.out, context.drive, video),
+        context.warn,
+        progress,
+    )
+
+
+def _numbered(found: list[SearchResult]) -> list[SearchResult]:
+    """The same with track numbers that no two cameras share."""
+    first = 0
+    numbered = []
+    for part in found:
+        tracks = part.detections.track
+        crops = tuple(replace(crop, track=crop.track + first) for crop in part.crops)
+        moved = replace(part.detections, track=tracks + first * (tracks >= 0))
+        numbered.append(replace(part, detections=moved, crops=crops))
+        first = max([first, *(int(t) + 1 for t in moved.track)])
+    return numbered
+
+
+def _write_crops(context: StageContext, crops: list[Crop]) -> None:
+    """What was seen, as pictures; nothing where nothing was."""
+    if not crops:
+        return
+    from automap.io.atomic import write_bytes
+    from automap.io.crops_table import write_crops
+    from automap.vision.contact_sheet import contact_sheet
+
+    write_crops(context.work / names.CROPS, crops)
+    write_bytes(context.work / names.CONTACT_SHEET, contact_sheet(crops))
+
+
+def _report(context: StageContext, found: list[SearchResult]) -> None:
+    boxes = [part.detections for part in found]
+    total = sum(len(part) for part in boxes)
+    tracks = sum(len({t for t in part.track.tolist() if t >= 0}) for part in boxes)
+    searched, frames = sum(p.searched for p in found), sum(p.frames for p in found)
+    context.metric("n_detections", total)
+    context.metric("n_detection_frames", sum(len(set(part.frame.tolist())) for part in boxes))
+    context.metric("n_tracks", tracks)
+    if frames:
+        context.metric("n_frames", frames)
+        context.metric("n_frames_searched", searched)
+    context.result = f"{total} detections" if found else "no video and no detections"
+    if tracks:
+        context.result += f" in {tracks} tracks"
+    if searched:
+        context.result += f", {searched} of {frames} frames searched"
 
 
 def _warn_of_geometry(context: StageContext, video: VideoInput) -> None:
@@ -100,10 +156,11 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="detect",
-    version=1,
+    version=2,
     run=run,
     inputs=_inputs,
-    needs=(),
-    outputs=(names.DETECTIONS,),
+    # where the camera was when says which frames are worth a search
+    needs=(names.TRAJECTORY, names.SYNC),
+    outputs=(names.DETECTIONS, names.CROPS, names.CONTACT_SHEET),
     settings=("detect",),
 )

@@ -1,0 +1,134 @@
+"""The video or the pictures with the signs that were found drawn into them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from automap.io.atomic import atomic_path
+from automap.io.drive import VideoInput
+from automap.io.video import decode_frames, frame_times, video_chapters
+from automap.records import Detections, FloatArray
+from automap.vision.contact_sheet import short_name
+
+Image = npt.NDArray[np.uint8]
+
+_LONGEST_BRIDGE_S = 1.5
+"""Between two views of a track its box is drawn too, unless they are further apart."""
+_COLOURS = (
+    (60, 200, 60), (60, 160, 255), (255, 160, 60), (220, 80, 220), (60, 220, 220), (255, 220, 60),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Label:
+    """A box to be drawn: ``sure`` if it was found in this very picture."""
+
+    box: FloatArray
+    text: str
+    colour: tuple[int, int, int]
+    sure: bool
+
+
+def annotate_video(
+    video: VideoInput,
+    found: Detections,
+    out: Path,
+    warn: Callable[[str], None] = lambda text: None,
+    progress: Callable[[float, str], None] = lambda fraction, text: None,
+) -> None:
+    """Write the whole video with the tracks drawn in, as H.264 in the container ``out`` names.
+
+    A track's box is drawn in the frames between its views too, thinly, at the place in between.
+    Raises StageError when ``out`` cannot be written.
+    """
+    import av
+
+    chapters, _ = video_chapters(video)
+    times = frame_times(video, chapters)
+    if not chapters or not len(times):
+        return
+    labels = _labels(found, dict(zip(times.frame.tolist(), times.t_ns.tolist(), strict=True)))
+    # players want even sides
+    width, height = chapters[0].width // 2 * 2, chapters[0].height // 2 * 2
+    first_ns: int | None = None
+    last_ms = -1
+    with atomic_path(out) as temporary, av.open(str(temporary), "w") as container:
+        stream = container.add_stream("libx264", rate=30)
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream.codec_context.time_base = Fraction(1, 1000)
+        stream.options = {"crf": "25", "preset": "veryfast"}
+        for number, picture in enumerate(decode_frames(chapters, times, None, warn)):
+            image = np.ascontiguousarray(picture.image[:height, :width])
+            draw(image, labels.get(picture.frame, ()))
+            frame = av.VideoFrame.from_ndarray(image, format="bgr24")
+            first_ns = picture.t_ns if first_ns is None else first_ns
+            last_ms = max(round((picture.t_ns - first_ns) * 1e-6), last_ms + 1)
+            frame.pts, frame.time_base = last_ms, Fraction(1, 1000)
+            for packet in stream.encode(frame):
+                container.mux(packet)
+            if number % 10 == 0:
+                progress(number / len(times), f"drawing frame {number} of {len(times)}")
+        for packet in stream.encode():
+            container.mux(packet)
+
+
+def draw(image: Image, labels: tuple[Label, ...] | list[Label]) -> None:
+    """Draw boxes with their names into a picture, in place."""
+    for label in labels:
+        x0, y0, x1, y1 = (int(v) for v in np.rint(label.box))
+        cv2.rectangle(
+            image, (x0 - 2, y0 - 2), (x1 + 2, y1 + 2), label.colour, 2 if label.sure else 1
+        )
+        (wide, high), _ = cv2.getTextSize(label.text, cv2.FONT_HERSHEY_SIMPLEX, 0.45, 1)
+        left = int(np.clip(x0 - 2, 0, max(image.shape[1] - wide - 4, 0)))
+        top = y0 - high - 9 if y0 - high - 9 >= 0 else min(y1 + 5, image.shape[0] - high - 5)
+        cv2.rectangle(image, (left, top), (left + wide + 4, top + high + 5), label.colour, -1)
+        place = (left + 2, top + high + 1)
+        cv2.putText(
+            image, label.text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (20, 20, 20), 1, cv2.LINE_AA
+        )
+
+
+def label_for(box: FloatArray, class_name: str, score: float, track: int, sure: bool) -> Label:
+    """The label of one detection."""
+    number = f"{track} " if track >= 0 else ""
+    text = f"{number}{short_name(class_name)} {score:.2f}"
+    return Label(box, text, _COLOURS[track % len(_COLOURS)], sure)
+
+
+def _labels(found: Detections, stamps: Mapping[int, int]) -> dict[int, list[Label]]:
+    labels: dict[int, list[Label]] = {}
+    for row in range(len(found)):
+        label = label_for(
+            found.box[row], str(found.class_name[row]), float(found.score[row]),
+            int(found.track[row]), True,
+        )  # fmt: skip
+        labels.setdefault(int(found.frame[row]), []).append(label)
+    for frame, label in _bridges(found, stamps):
+        labels.setdefault(frame, []).append(label)
+    return labels
+
+
+def _bridges(found: Detections, stamps: Mapping[int, int]) -> Iterator[tuple[int, Label]]:
+    """Boxes in the frames between two views of a track."""
+    for track in np.unique(found.track[found.track >= 0]):
+        rows = np.flatnonzero(found.track == track)
+        for one, two in pairwise(rows.tolist()):
+            first, last = int(found.frame[one]), int(found.frame[two])
+            span = int(found.t_ns[two] - found.t_ns[one])
+            if not 0 < span * 1e-9 <= _LONGEST_BRIDGE_S:
+                continue
+            for frame in range(first + 1, last):
+                if frame in stamps:
+                    part = (stamps[frame] - int(found.t_ns[one])) / span
+                    box = (1.0 - part) * found.box[one] + part * found.box[two]
+                    name, score = str(found.class_name[one]), float(found.score[one])
+                    yield frame, label_for(box, name, score, int(track), False)

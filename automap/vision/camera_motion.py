@@ -1,0 +1,169 @@
+"""How a camera moved between two frames: by its path, or by what the pictures show.
+
+Without a trajectory the rotation comes from the flow of the background: whatever the
+distances, a camera that goes straight ahead moves every point along the line through the
+point it heads for, so that the part of the flow across that line is rotation alone. The
+distance is then a guess, but for a standstill.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from automap.geolocation.camera_model import focal_length
+from automap.records import Camera, FloatArray
+from automap.vision.camera_path import CameraPath
+
+Image = npt.NDArray[np.uint8]
+
+_WIDTH = 480
+_POINTS = 150
+_WORST_PX = 1.0
+_FEWEST = 12
+_STILL_PX = 0.25
+_TURN_RATE_SD = 0.3
+_SPEED = 12.0
+_SPEED_SHARE = 0.6
+
+
+@dataclass(frozen=True)
+class Motion:
+    """From an earlier frame to a later one.
+
+    ``C_new_old`` [3, 3] earlier to later camera axes (forward, right, down); ``moved`` [3] m
+    travelled, in the earlier axes; ``turn_sd`` rad and ``moved_sd`` [3] m one sigma.
+    """
+
+    C_new_old: FloatArray
+    moved: FloatArray
+    turn_sd: float
+    moved_sd: FloatArray
+
+    @property
+    def size(self) -> float:
+        """How much changes, in metres; a degree of turn counts as one metre."""
+        angle = np.arccos(np.clip(0.5 * (np.trace(self.C_new_old) - 1.0), -1.0, 1.0))
+        return float(np.hypot(np.linalg.norm(self.moved), np.degrees(angle)))
+
+
+def motion_on_path(path: CameraPath, old: int, new: int, seconds: float) -> Motion | None:
+    """Between two rows of the path; None where either is unknown."""
+    if not (path.known[old] and path.known[new]):
+        return None
+    C_new_old = path.C_cam_ref[new] @ path.C_cam_ref[old].T
+    moved = path.C_cam_ref[old] @ (path.centre[new] - path.centre[old])
+    distance = float(np.linalg.norm(moved))
+    # attitude is good from frame to frame; mounting and time offset tilt the way ahead
+    moved_sd = np.full(3, 0.05 + 0.04 * distance)
+    return Motion(C_new_old, moved, 0.002 + 0.01 * min(seconds, 3.0), moved_sd)
+
+
+def guessed_motion(seconds: float) -> Motion:
+    """Nothing is known: town speed straight ahead, and any turn that a car can make."""
+    ahead = _SPEED * seconds
+    sd = np.array([_SPEED_SHARE * ahead, 0.1 * ahead, 0.05 * ahead]) + 0.1
+    return Motion(np.eye(3), np.array([ahead, 0.0, 0.0]), _TURN_RATE_SD * seconds, sd)
+
+
+class ImageMotion:
+    """Motion from picture to picture by sparse optical flow."""
+
+    def __init__(self, camera: Camera) -> None:
+        self._camera = camera
+        self._before: Image | None = None
+
+    def forget(self) -> None:
+        """The motion since the last picture is known otherwise; start with the next one."""
+        self._before = None
+
+    def step(self, image: Image, seconds: float, wanted: bool = True) -> Motion:
+        """Motion since the picture before; when it is not ``wanted`` only a guess."""
+        height, width = image.shape[:2]
+        scale = min(1.0, _WIDTH / width)
+        size = (round(width * scale), round(height * scale))
+        small = cv2.cvtColor(
+            cv2.resize(image, size, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY
+        )
+        before, self._before = self._before, np.asarray(small, np.uint8)
+        guess = guessed_motion(seconds)
+        if before is None or not wanted or before.shape != small.shape:
+            return guess
+        old, new = _flow(before, self._before)
+        if len(old) < _FEWEST:
+            return guess
+        if float(np.median(np.linalg.norm(new - old, axis=1))) < _STILL_PX:
+            return Motion(np.eye(3), np.zeros(3), 0.002, np.full(3, 0.05))
+        focal = focal_length(self._camera) * scale
+        centre = self._camera.matrix[:2, 2] * scale
+        turn, sd = _turn_from_flow((old - centre) / focal, (new - centre) / focal, focal)
+        if turn is None:
+            return guess
+        from automap.frames import rotation_vector_to_matrix
+
+        return Motion(rotation_vector_to_matrix(turn).T, guess.moved, sd, guess.moved_sd)
+
+
+def _flow(before: Image, now: Image) -> tuple[FloatArray, FloatArray]:
+    """Points [k, 2] of the picture before and where they are now."""
+    height = before.shape[0]
+    # the bonnet moves along, and so do its reflections
+    mask = np.zeros(before.shape, np.uint8)
+    mask[: int(0.75 * height)] = 255
+    points: Any = cv2.goodFeaturesToTrack(before, _POINTS, 0.01, 8, mask=mask)
+    if points is None:
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    follow: Any = cv2.calcOpticalFlowPyrLK
+    moved, found, _ = follow(before, now, points, None, winSize=(15, 15), maxLevel=4)
+    back, found_back, _ = follow(now, before, moved, None, winSize=(15, 15), maxLevel=4)
+    there = (found[:, 0] > 0) & (found_back[:, 0] > 0)
+    there &= np.linalg.norm(back - points, axis=2)[:, 0] < _WORST_PX
+    old, new = points[there, 0], moved[there, 0]
+    return np.asarray(old, np.float64), np.asarray(new, np.float64)
+
+
+def _turn_from_flow(
+    old: FloatArray, new: FloatArray, focal: float
+) -> tuple[FloatArray | None, float]:
+    """Turn of the camera (rotation vector [3], rad, in its axes) and its one sigma.
+
+    ``old``, ``new`` [k, 2] normalised coordinates (right, down). A turn w moves the direction
+    (1, a, b) of a point at rest by -w x (1, a, b), to first order; its part across the radius
+    from the image centre is fitted by reweighted least squares.
+    """
+    a, b = 0.5 * (old + new).T
+    radius = np.hypot(a, b)
+    use = radius > 0.03
+    if use.sum() < _FEWEST:
+        return None, 0.0
+    a, b, radius = a[use], b[use], radius[use]
+    across = np.column_stack([-b, a]) / radius[:, None]
+    flow = (new - old)[use]
+    # d(a, b) / dw for the axes forward, right, down
+    per_axis = np.stack(
+        [
+            np.column_stack([b, -a]),
+            np.column_stack([a * b, 1.0 + b * b]),
+            np.column_stack([-(1.0 + a * a), -a * b]),
+        ],
+        axis=2,
+    )
+    A = np.einsum("kc,kcj->kj", across, per_axis)
+    y = np.einsum("kc,kc->k", across, flow)
+    noise = 0.5 / focal
+    weight = np.ones(len(y))
+    turn = np.zeros(3)
+    for _ in range(8):
+        N = A.T @ (A * weight[:, None]) + np.diag(np.full(3, 1e-6))
+        turn = np.linalg.solve(N, A.T @ (weight * y))
+        residual = y - A @ turn
+        sigma = max(noise, 1.4826 * float(np.median(np.abs(residual))))
+        weight = 1.0 / (1.0 + (residual / (2.0 * sigma)) ** 2)
+    if sigma > 0.03:
+        return None, 0.0
+    sd = float(np.sqrt(np.diag(np.linalg.inv(N)).max()) * sigma)
+    return turn, 0.003 + 2.0 * sd

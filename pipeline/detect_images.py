@@ -1,0 +1,115 @@
+"""Signs in a folder of pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from automap.errors import InputError
+
+if TYPE_CHECKING:
+    from automap.vision.crops import Crop
+    from automap.vision.detector import Detector, FoundSigns, Image
+    from automap.vision.parallel import Candidate
+
+_SUFFIXES = {".bmp", ".jpeg", ".jpg", ".png", ".ppm", ".tif", ".tiff", ".webp"}
+
+
+@dataclass
+class ImageResult:
+    """``rows`` of the table, the ``crops``, and how many pictures were ``read``."""
+
+    rows: list[tuple[str | int, ...]] = field(default_factory=list)
+    crops: list[Crop] = field(default_factory=list)
+    read: int = 0
+
+
+def images_in(folder: Path) -> list[Path]:
+    """The pictures of a folder, by name."""
+    return sorted(p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES)
+
+
+def search_images(
+    images: list[Path],
+    detector: Detector,
+    min_score: float,
+    annotated: Path | None,
+    warn: Callable[[str], None],
+    progress: Callable[[float, str], None],
+) -> ImageResult:
+    """Search pictures one by one; those with signs are drawn into the folder ``annotated``.
+
+    A picture that cannot be read is left out with a warning; InputError when none can be.
+    """
+    from automap.vision.crops import BestCrops
+    from automap.vision.parallel import detections, prefetched, worker_count
+    from automap.vision.search import above
+
+    result, best = ImageResult(), BestCrops("")
+    found_in = detections(
+        prefetched(_pictures(images, warn)),
+        lambda path, picture: detector.detect(picture.image),
+        workers=worker_count(),
+    )
+    for candidate, all_found in found_in:
+        picture, path = candidate.frame, candidate.mark
+        found = above(all_found, min_score)
+        result.read += 1
+        for i in range(len(found)):
+            number = len(result.rows)
+            name, score = found.class_name[i], float(found.score[i])
+            box = (f"{v:.2f}" for v in found.box[i].tolist())
+            result.rows.append((path.name, name, *box, f"{score:.3f}", -1, name))
+            best.offer(picture.image, picture.frame, 0, number, name, found.box[i], score)
+        if annotated is not None and len(found):
+            _draw(annotated / f"{path.stem}.jpg", picture.image, found)
+        progress((picture.frame + 1) / len(images), f"image {picture.frame + 1} of {len(images)}")
+    if not result.read:
+        raise InputError(f"none of the {len(images)} images in {images[0].parent} can be read.")
+    result.crops = best.crops({})
+    return result
+
+
+def _pictures(images: list[Path], warn: Callable[[str], None]) -> Iterator[Candidate[Path]]:
+
+    from automap.io.video import VideoFrame
+    from automap.vision.parallel import Candidate
+
+    for number, path in enumerate(images):
+        picture = _read(path)
+        if picture is None:
+            warn(f"{path} is no readable image; it is left out")
+        else:
+            yield Candidate(VideoFrame(number, 0, picture), True, path)
+
+
+def _read(path: Path) -> Image | None:
+    import cv2
+    import numpy as np
+
+    try:
+        picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    except cv2.error:
+        return None  # a picture of absurd size
+    return None if picture is None else np.asarray(picture, np.uint8)
+
+
+def _draw(path: Path, image: Image, found: FoundSigns) -> None:
+    import cv2
+
+    from automap.io.atomic import write_bytes
+    from automap.vision.annotate import draw, label_for
+
+    shown = image.copy()
+    draw(
+        shown,
+        [
+            label_for(found.box[i], found.class_name[i], float(found.score[i]), -1, True)
+            for i in range(len(found))
+        ],
+    )
+    coded, data = cv2.imencode(".jpg", shown)
+    if coded:
+        write_bytes(path, data.tobytes())
