@@ -22,7 +22,7 @@ class Tolerance:
     worst: float = 0.3
     count: float = 0.5
     spread: float = 1.1
-    slower: float = 1.5
+    slower: float = 2.0
     sure: float = 0.5
     confidence: float = 0.1
 

@@ -13,6 +13,9 @@ from automap.regression.epochs import Epochs
 from automap.regression.scalars import Figures
 from automap.regression.signs import StoredSign
 
+_LEAST_UNITS = 2.0
+"""Reference computations by which a stage must be slower to be told; some tenths of a second."""
+
 
 @dataclass(frozen=True)
 class DriveRecord:
@@ -63,7 +66,9 @@ def slower_stages(
     return [
         name
         for name, ratio in now.items()
-        if name in then and ratio > then[name] * allowed.slower and ratio - then[name] > 1.0
+        if name in then
+        and ratio > then[name] * allowed.slower
+        and ratio - then[name] > _LEAST_UNITS
     ]
 
 
@@ -72,7 +77,7 @@ def compare_timing(
 ) -> list[Change]:
     """Stages by processor time in units of the reference computation.
 
-    A stage must be slower by the factor and by a unit at least; faster is only told.
+    A stage must be slower by the factor and by _LEAST_UNITS; faster is only told.
     """
     slow = slower_stages(then, now, allowed)
     return [

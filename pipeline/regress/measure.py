@@ -13,6 +13,7 @@ import numpy as np
 from automap.errors import AutoMapError
 from automap.io import names
 from pipeline.progress import Silent, StageLine
+from pipeline.regress.reference import processor_seconds, reference_seconds
 
 if TYPE_CHECKING:
     from automap.records import Trajectory
@@ -47,35 +48,34 @@ class Measured:
 
 
 class _StageTimes(Silent):
-    """Processor time of each stage that ran, s."""
+    """Processor time of each stage that ran, in units of the reference computation, which runs
+    before and after it."""
 
     def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
+        self.ratio: dict[str, float] = {}
+        self._unit = reference_seconds()
         self._started = 0.0
 
     def stage_started(self, name: str, reason: str) -> None:
         """Start the clock of the stage."""
-        from pipeline.regress.reference import processor_seconds
-
         self._started = processor_seconds()
 
     def stage_finished(self, line: StageLine) -> None:
         """Stop it."""
-        from pipeline.regress.reference import processor_seconds
-
-        if line.state == "ran":
-            self.seconds[line.name] = processor_seconds() - self._started
+        if line.state != "ran":
+            return
+        seconds = processor_seconds() - self._started
+        before, self._unit = self._unit, reference_seconds()
+        self.ratio[line.name] = seconds / (0.5 * (before + self._unit))
 
 
 def measure(task: Task) -> Measured:
     """Run the stages of the task, whatever is there of an earlier run, and time them."""
     from pipeline.kernel_cache import ensure_kernel_cache
-    from pipeline.regress.reference import reference_seconds
     from pipeline.runner import Request, run_drive
     from pipeline.stages import registry
 
     ensure_kernel_cache()
-    unit = reference_seconds()
     request = Request(
         stages=registry.load_stages(registry.ORDER),
         selected=task.stages or registry.ORDER,
@@ -85,11 +85,10 @@ def measure(task: Task) -> Measured:
     )
     times = _StageTimes()
     outcome = run_drive(task.drive, task.out, request, times)
-    unit = min(unit, reference_seconds())
     return Measured(
         exit_code=outcome.exit_code,
         error=str(outcome.error) if outcome.error is not None else "",
-        timing={name: seconds / unit for name, seconds in times.seconds.items()},
+        timing=times.ratio,
     )
 
 

@@ -6,8 +6,6 @@ import os
 
 import numpy as np
 
-_REPEATS = 3
-
 
 def processor_seconds() -> float:
     """Processor time of this process and of its children that have ended, s.
@@ -19,16 +17,12 @@ def processor_seconds() -> float:
 
 
 def reference_seconds() -> float:
-    """Processor time of a fixed piece of work, the best of three, s.
+    """Processor time of a fixed piece of work, s.
 
-    Interpreter, sorting, Fourier transform and small matrices, as the stages mix them; some
-    tenths of a second. A stage's time in this unit is a property of the code more than of the
-    machine.
+    Interpreter, sorting, Fourier transform and small matrices, as the stages mix them; a tenth
+    of a second. A stage's time in this unit is a property of the code more than of the machine,
+    also of a machine whose caches others fill: they slow both.
     """
-    return min(_once() for _ in range(_REPEATS))
-
-
-def _once() -> float:
     random = np.random.default_rng(1)
     started = processor_seconds()
     total = 0
