@@ -28,6 +28,7 @@ _COMMANDS = {
     "calibrate": "pipeline.cli.calibrate",
     "experiment": "pipeline.cli.experiment",
     "gap": "pipeline.cli.gap",
+    "record": "pipeline.cli.record",
     "regress": "pipeline.cli.regress",
 }
 

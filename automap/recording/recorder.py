@@ -1,0 +1,502 @@
+"""A recording in progress: the threads and files of one drive."""
+
+from __future__ import annotations
+
+import shutil
+import threading
+from collections import deque
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Protocol
+
+from automap.errors import ConfigError, InputError
+from automap.io import names
+from automap.io.atomic import make_folder, write_json, write_text
+from automap.io.manifest import Manifest
+from automap.recording.append_file import AppendFile
+from automap.recording.clock import HostClock
+from automap.recording.conditions import Conditions
+from automap.recording.gnss_watch import GnssState, GnssWatch
+from automap.recording.imu_format import ImuFormat
+from automap.recording.imu_watch import ImuState
+from automap.recording.manifest_text import manifest_text
+from automap.recording.ports import BAUDS, PortLostError, PortSpec, port_sentence
+from automap.recording.reader import PortReader
+from automap.recording.streams import GnssStream, ImuStream
+from automap.recording.ublox import Outcome, Receiver, RefusedError, SilentError, Wish
+
+_WRITE_S = 0.1
+_SYNC_S = 1.0
+_LOW_DISK_BYTES = 500 << 20
+_LOW_DISK_S = 600.0
+_TOLD = frozenset({"gnss-lost", "imu-lost"})
+LOG = "recording.log"
+SUMMARY = "recording.json"
+BEFORE = "ublox_before.json"
+
+
+@dataclass(frozen=True)
+class CameraState:
+    """A camera as seen now."""
+
+    frames: int = 0
+    rate_hz: float = 0.0
+    missed: int = 0
+    width: int = 0
+    height: int = 0
+    connected: bool = False
+
+
+class CameraRecorder(Protocol):
+    """What the recorder needs of a camera; see :mod:`automap.recording.camera`."""
+
+    name: str
+    manifest: dict[str, Any]
+
+    @property
+    def state(self) -> CameraState: ...
+
+    @property
+    def files(self) -> tuple[AppendFile, ...]: ...
+
+    def open(self, folder: Path) -> None: ...
+
+    def start(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+    def conditions(self, now_ns: int, started_ns: int) -> dict[str, str]: ...
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be recorded. Ports carry their line rate; ``wish`` is for the receiver."""
+
+    gnss: PortSpec | None = None
+    imu: PortSpec | None = None
+    imu_format: ImuFormat | None = None
+    cameras: tuple[CameraRecorder, ...] = ()
+    rig: Manifest | None = None
+    wish: Wish | None = None
+    restore: bool = False
+    name: str | None = None
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Everything the live view shows."""
+
+    elapsed_s: float
+    gnss: GnssState | None
+    imu: ImuState | None
+    gnss_port: str
+    imu_port: str
+    cameras: dict[str, CameraState]
+    disk_free: int
+    disk_left_s: float
+    bytes_written: int
+    bytes_waiting: int
+    troubles: tuple[str, ...]
+    events: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a recording ended. ``lost_bytes``: came in and are on no disk."""
+
+    folder: Path
+    seconds: float
+    gnss_bytes: int
+    epochs: int
+    samples: int
+    frames: dict[str, int]
+    lost_bytes: int
+    warnings: tuple[str, ...]
+    summary: dict[str, Any] = field(default_factory=dict)
+
+
+class Recorder:
+    """Records one drive from ``start`` to ``stop``."""
+
+    def __init__(self, folder: Path, plan: Plan, clock: HostClock) -> None:
+        self.folder = folder
+        self.plan = plan
+        self._clock = clock
+        self._events: deque[str] = deque(maxlen=200)
+        self._warnings: list[str] = []
+        self._conditions = Conditions(self.event)
+        self._gnss: GnssStream | None = None
+        self._imu: ImuStream | None = None
+        self._log: AppendFile | None = None
+        self._halt = threading.Event()
+        self._threads: list[threading.Thread] = []
+        self._started_ns = 0
+        self._begun = datetime.now(UTC)
+        self._outcome: Outcome | None = None
+        self._disk: deque[tuple[int, int]] = deque(maxlen=120)
+        self._event_lock = threading.Lock()
+
+    # ---- begin and end
+
+    def start(self) -> None:
+        """Open ports and files, write the manifest, begin.
+
+        Raises InputError for a port that cannot be opened, ConfigError for a folder that
+        holds a drive already, StageError when it cannot be written.
+        """
+        if (self.folder / names.MANIFEST).exists():
+            raise ConfigError(
+                f"{self.folder} holds a drive already; choose another folder with -o."
+            )
+        readers = self._open_ports()
+        make_folder(self.folder)
+        self._log = AppendFile(self.folder / LOG)
+        gnss, imu = readers.get("gnss"), readers.get("imu")
+        wish = self.plan.wish
+        for camera in self.plan.cameras:
+            camera.open(self.folder)
+        if gnss is not None:
+            watch = GnssWatch(wish.rate_hz if wish else None, bool(wish and wish.raw))
+            self._gnss = GnssStream(self.folder, gnss, watch, self.event)
+        if imu is not None:
+            assert self.plan.imu_format is not None
+            self._imu = ImuStream(self.folder, imu, self.plan.imu_format, self.event)
+        write_text(self.folder / names.MANIFEST, self._manifest())
+        self._started_ns = self._clock()
+        self.event("note", "recording begins")
+        for reader in readers.values():
+            reader.start()
+        for camera in self.plan.cameras:
+            camera.start()
+        for name, work in (("write", self._write), ("sync", self._sync), ("care", self._care)):
+            thread = threading.Thread(target=work, name=name, daemon=True)
+            thread.start()
+            self._threads.append(thread)
+
+    def _open_ports(self) -> dict[str, PortReader]:
+        readers = {}
+        for label, spec in (("gnss", self.plan.gnss), ("imu", self.plan.imu)):
+            if spec is None:
+                continue
+            reader = PortReader(label, spec, self._clock, self.event)
+            try:
+                reader.open()
+            except PortLostError as error:
+                raise port_sentence(spec, error) from error
+            readers[label] = reader
+        if not readers and not self.plan.cameras:
+            raise InputError(
+                "there is nothing to record; automap record --list-ports shows the ports, "
+                "--gnss, --imu and --camera name them."
+            )
+        return readers
+
+    def _manifest(self) -> str:
+        return manifest_text(
+            self.plan.name or self.folder.resolve().name,
+            "gnss.ubx" if self._gnss else None,
+            self.plan.imu_format if self._imu else None,
+            {camera.name: camera.manifest for camera in self.plan.cameras},
+            self.plan.rig,
+        )
+
+    def stop(self) -> Ending:
+        """End the recording: everything that came in until now is written and synced."""
+        if self.plan.restore and self._outcome is not None and self._gnss is not None:
+            self._restore(self._gnss, self._outcome)
+        for stream in self._streams():
+            stream.reader.stop()
+        for stream in self._streams():
+            stream.reader.join(timeout=2.0)
+        for camera in self.plan.cameras:
+            camera.stop()
+        self._halt.set()
+        for thread in self._threads:
+            thread.join(timeout=10.0)
+        for stream in self._streams():
+            stream.drain()
+        ending = self._ending()
+        self.event("note", f"recording ends after {ending.seconds:.1f} s")
+        for file in self._files():
+            if not file.close() and file.trouble:
+                self._warnings.append(file.trouble)
+        write_json(self.folder / SUMMARY, ending.summary)
+        return ending
+
+    # ---- threads
+
+    def _write(self) -> None:
+        while not self._halt.wait(_WRITE_S):
+            for stream in self._streams():
+                stream.drain()
+
+    def _sync(self) -> None:
+        # in a thread of its own: a slow card takes seconds, in which writing goes on
+        while not self._halt.wait(_SYNC_S):
+            for file in self._files():
+                file.sync()
+
+    def _care(self) -> None:
+        """Set the receiver up, watch for trouble, find a receiver again that was reset."""
+        if self._gnss is not None and self.plan.wish is not None:
+            self._configure(self._gnss, self.plan.wish)
+        while not self._halt.wait(0.5):
+            try:
+                self._conditions.update(self._look(), _TOLD)
+                if self._gnss is not None:
+                    self._recover(self._gnss)
+            except Exception as error:
+                self._conditions.update({
+                    "view": f"the watch over the recording failed ({error}); recording goes on"
+                })  # fmt: skip
+
+    def _look(self) -> dict[str, str]:
+        now = self._clock()
+        found: dict[str, str] = {}
+        if self._gnss is not None:
+            reader = self._gnss.reader
+            if reader.connected:
+                baud = None if reader.native_usb or "/pts/" in reader.device else reader.baud
+                found |= self._gnss.watch.conditions(
+                    now, self._started_ns, reader.last_byte_ns, baud
+                )
+        if self._imu is not None:
+            self._imu.watch.update(now, self._imu.clock.skew, self._imu.clock.resets)
+            if self._imu.reader.connected:
+                found |= self._imu.watch.conditions(
+                    now, self._started_ns, self._imu.reader.last_byte_ns
+                )
+        for stream in self._streams():
+            label = stream.reader.label
+            if not stream.reader.connected:
+                found[f"{label}-lost"] = f"{label}: {stream.reader.device} is away"
+            if stream.reader.check_driver():
+                self.event("warning", f"{label}: the driver lost bytes (overrun)")
+        for camera in self.plan.cameras:
+            found |= camera.conditions(now, self._started_ns)
+        return found | self._disk_troubles(now)
+
+    def _disk_troubles(self, now_ns: int) -> dict[str, str]:
+        found: dict[str, str] = {}
+        files = self._files()
+        trouble = next((file.trouble for file in files if file.trouble), None)
+        refused = sum(file.refused_bytes for file in files)
+        if refused:
+            found["disk-lost"] = "memory is used up too: bytes are being lost; free the disk now"
+        if trouble:
+            found["disk-full"] = f"{trouble}; what comes in is kept in memory meanwhile"
+            return found
+        free, left_s = self._room(now_ns)
+        if free < _LOW_DISK_BYTES or left_s < _LOW_DISK_S:
+            found["disk-low"] = f"the disk has {free / 1e6:.0f} MB left ({_span(left_s)})"
+        return found
+
+    def _room(self, now_ns: int) -> tuple[int, float]:
+        """Free bytes of the disk, and for how many seconds they last."""
+        try:
+            free = shutil.disk_usage(self.folder).free
+        except OSError:
+            return 0, 0.0
+        written = sum(file.size for file in self._files())
+        self._disk.append((now_ns, written))
+        (t0, w0), (t1, w1) = self._disk[0], self._disk[-1]
+        pace = (w1 - w0) / ((t1 - t0) * 1e-9) if t1 - t0 > 2e9 else 0.0
+        return free, free / pace if pace > 0 else float("inf")
+
+    # ---- the receiver
+
+    def _receiver(self, stream: GnssStream) -> Receiver:
+        return Receiver(stream.exchange, stream.reader.native_usb)
+
+    def _configure(self, stream: GnssStream, wish: Wish) -> None:
+        try:
+            outcome = self._receiver(stream).configure(wish, stream.reader.set_baud)
+        except SilentError:
+            self.event(
+                "warning",
+                "gnss: the receiver does not answer, so it stays as it is; is its line for "
+                "sending connected?",
+            )
+            return
+        except RefusedError as error:
+            self.event("warning", f"gnss: {error}; the receiver stays as it is")
+            return
+        first = self._outcome is None
+        if first:
+            self._outcome = outcome
+            self._keep_before(stream, outcome)
+        self.event("note", f"gnss: {outcome.version}: {', '.join(outcome.done) or 'nothing set'}")
+        for text in outcome.refused:
+            self.event("warning", f"gnss: {text}")
+
+    def _keep_before(self, stream: GnssStream, outcome: Outcome) -> None:
+        """Put what undoes the settings beside the drive: a recorder that is killed cannot."""
+        write_json(
+            self.folder / BEFORE,
+            {
+                "port": stream.reader.device,
+                "baud": stream.reader.baud,
+                "receiver": str(outcome.version),
+                "messages": [message.hex() for message in outcome.before],
+            },
+        )
+
+    def _restore(self, stream: GnssStream, outcome: Outcome) -> None:
+        failed = self._receiver(stream).restore(outcome.before, stream.reader.set_baud)
+        for text in failed:
+            self.event("warning", f"gnss: {text}")
+        if not failed:
+            self.event("note", "gnss: the receiver does again what it did before")
+
+    def _recover(self, stream: GnssStream) -> None:
+        """A receiver that was reset has lost its settings, perhaps its line rate too."""
+        wish, reader = self.plan.wish, stream.reader
+        if not reader.connected or self._halt.is_set():
+            return
+        now = self._clock()
+        if stream.watch.unreadable() and not stream.watch.understood(now):
+            self._find_baud(stream)
+        elif (
+            wish is not None
+            and self._outcome is not None
+            and stream.watch.understood(now)
+            and stream.watch.update(now).rate_hz == 0.0
+            and (now - self._started_ns) > 10e9
+        ):
+            self.event("warning", "gnss: the receiver forgot its settings (a reset?); set again")
+            self._configure(stream, wish)
+
+    def _find_baud(self, stream: GnssStream) -> None:
+        reader = stream.reader
+        before = reader.baud
+        for baud in (before, *[b for b in BAUDS if b != before]):
+            reader.set_baud(baud)
+            heard = stream.messages.messages
+            for _ in range(12):
+                if self._halt.wait(0.1) or stream.messages.messages > heard:
+                    break
+            if self._halt.is_set():
+                return
+            if stream.messages.messages > heard:
+                if baud != before:
+                    self.event("warning", f"gnss: the receiver speaks at {baud} baud now")
+                    if self.plan.wish is not None:
+                        self._configure(stream, self.plan.wish)
+                return
+        reader.set_baud(before)
+
+    # ---- what is known
+
+    def event(self, level: str, text: str) -> None:
+        """Keep a sentence for the view and the log; warnings also for the summary."""
+        now = self._clock()
+        line = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ} {now} {level}: {text}"
+        with self._event_lock:
+            self._events.append(f"{(now - self._started_ns) * 1e-9:8.1f} s  {level}: {text}"
+                                if self._started_ns else f"{level}: {text}")  # fmt: skip
+            if level == "warning" and len(self._warnings) < 1000:
+                self._warnings.append(text)
+            if self._log is not None:
+                self._log.append(line.encode() + b"\n")
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings since the start, in order."""
+        return tuple(self._warnings)
+
+    def _streams(self) -> list[GnssStream | ImuStream]:
+        return [stream for stream in (self._gnss, self._imu) if stream is not None]
+
+    def _files(self) -> list[AppendFile]:
+        files = [file for stream in self._streams() for file in stream.files]
+        files += [file for camera in self.plan.cameras for file in camera.files]
+        return files + ([self._log] if self._log is not None else [])
+
+    def snapshot(self) -> Snapshot:
+        """The recording as of now."""
+        now = self._clock()
+        free, left_s = self._room(now)
+        files = self._files()
+        return Snapshot(
+            elapsed_s=(now - self._started_ns) * 1e-9,
+            gnss=self._gnss.watch.update(now) if self._gnss else None,
+            imu=self._imu.watch.state if self._imu else None,
+            gnss_port=f"{self._gnss.reader.device}@{self._gnss.reader.baud}" if self._gnss else "",
+            imu_port=f"{self._imu.reader.device}@{self._imu.reader.baud}" if self._imu else "",
+            cameras={camera.name: camera.state for camera in self.plan.cameras},
+            disk_free=free,
+            disk_left_s=left_s,
+            bytes_written=sum(file.written for file in files),
+            bytes_waiting=sum(file.waiting for file in files),
+            troubles=tuple(self._conditions.active.values()),
+            events=tuple(self._events),
+        )
+
+    def _ending(self) -> Ending:
+        seconds = (self._clock() - self._started_ns) * 1e-9
+        lost = sum(file.refused_bytes + file.waiting for file in self._files())
+        lost += sum(stream.reader.refused_bytes for stream in self._streams())
+        frames = {camera.name: camera.state.frames for camera in self.plan.cameras}
+        gnss, imu = self._gnss, self._imu
+        summary: dict[str, Any] = {
+            "schema": "automap.recording/1",
+            "begun_utc": self._begun.isoformat(timespec="seconds"),
+            "seconds": round(seconds, 3),
+            "lost_bytes": lost,
+            "warnings": list(self._warnings),
+        }
+        if gnss is not None:
+            summary["gnss"] = _port_summary(gnss) | {
+                "epochs": gnss.watch.state.epochs,
+                "gaps": gnss.watch.state.gaps,
+                "longest_gap_s": gnss.watch.state.longest_gap_s,
+                "messages": dict(gnss.watch.kinds),
+                "stray_bytes": gnss.messages.stray_bytes,
+                "receiver": str(self._outcome.version) if self._outcome else None,
+                "set": self._outcome.done if self._outcome else [],
+                "refused": self._outcome.refused if self._outcome else [],
+            }
+        if imu is not None:
+            summary["imu"] = _port_summary(imu) | {
+                "format": imu.form.name,
+                "samples": imu.decoder.samples,
+                "damaged": imu.decoder.bad,
+                "other": imu.decoder.other,
+                "gaps": imu.watch.state.gaps,
+                "longest_gap_s": imu.watch.state.longest_gap_s,
+                "clock_skew": imu.clock.skew,
+                "clock_resets": imu.clock.resets,
+            }
+        summary["cameras"] = {
+            camera.name: {"frames": camera.state.frames, "missed": camera.state.missed}
+            for camera in self.plan.cameras
+        }
+        return Ending(
+            folder=self.folder,
+            seconds=seconds,
+            gnss_bytes=gnss.log.data.size if gnss else 0,
+            epochs=gnss.watch.state.epochs if gnss else 0,
+            samples=imu.decoder.samples if imu else 0,
+            frames=frames,
+            lost_bytes=lost,
+            warnings=tuple(self._warnings),
+            summary=summary,
+        )
+
+
+def _port_summary(stream: GnssStream | ImuStream) -> dict[str, Any]:
+    reader = stream.reader
+    return {
+        "port": reader.device,
+        "baud": reader.baud,
+        "bytes": stream.log.data.size,
+        "interruptions": reader.interruptions,
+        "driver_overruns": reader.overruns,
+    }
+
+
+def _span(seconds: float) -> str:
+    if seconds == float("inf"):
+        return "no end in sight"
+    return f"{seconds / 3600:.1f} h" if seconds >= 5400 else f"{seconds / 60:.0f} min"
