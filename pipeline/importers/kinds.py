@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
+
+import click
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,29 @@ KINDS: dict[str, Kind] = {
 
             IMU, live positions, the car's speed, the video where it is there, and the reference
             poses as truth. Tested on a segment of the data set.""",
+        ),
+        Kind(
+            "bearings",
+            "pipeline.importers.bearings:import_bearings",
+            "CSV",
+            "Finished sightings: camera position, bearing, perhaps depth.",
+            """CSV is a table with columns for latitude, longitude and bearing (degrees clockwise
+            from north) of each sighting, and perhaps depth in metres, class and sd of the bearing
+            in degrees; the usual other names (lat, lng, azimuth, distance) are understood.
+
+            Tested on the sightings of Krylov, Kenny and Dahyot's street objects.""",
+            (
+                Option(
+                    "--truth",
+                    "Known positions, CSV or GeoJSON, for automap evaluate.",
+                    {"type": click.Path(path_type=Path)},
+                ),
+                Option(
+                    "--truth-sd",
+                    "Their own error in metres, one sigma.",
+                    {"type": click.FloatRange(min=0), "default": 0.0},
+                ),
+            ),
         ),
     )
 }
