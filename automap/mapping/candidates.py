@@ -102,7 +102,7 @@ def find_candidates(
     for i in range(lo, hi):
         row = i - lo
         count = 0
-        found = neighbours(head, following, cells, lat[i], lon[i], near)
+        found = neighbours(head, following, cells, lat[i], lon[i], 1, near)
         for place in range(found):
             k = near[place]
             if not active[k]:

@@ -8,7 +8,7 @@ from numba import njit
 from automap.records import FloatArray, IntArray
 
 CELL_M = 16.0
-"""Anything nearer than this is found in the cell itself or beside it."""
+"""Anything nearer than k times this is found at most k cells away."""
 
 _RADIUS_M = 6371000.0
 
@@ -63,17 +63,20 @@ def neighbours(
     cells: IntArray,
     lat: float,
     lon: float,
+    reach: int,
     found: IntArray,
 ) -> int:
-    """Numbers in the cells around a position into ``found``; returns how many (at most its
-    length)."""
+    """Numbers in the cells up to ``reach`` from a position's own into ``found``.
+
+    Returns how many, at most its length.
+    """
     count = 0
     middle = cell_row(lat)
-    for row in range(middle - 1, middle + 2):
+    for row in range(middle - reach, middle + reach + 1):
         around = cells_around(row)
         column = cell_column(lon, around)
-        for step in range(-1, 2):
-            if step != 0 and around < 3:
+        for step in range(-reach, reach + 1):
+            if step != 0 and around < 2 * reach + 1:
                 continue
             beside = (column + step) % around
             number = head[bucket(row, beside, len(head) - 1)]

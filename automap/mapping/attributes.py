@@ -1,0 +1,172 @@
+"""What a map sign inherits from its sightings: class, times, size and the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.mapping.sightings import DriveSigns, Sightings
+from automap.records import FloatArray, IntArray
+
+CLASS_RIGHT = 0.93
+"""How often the class of a sign in one drive is right."""
+_ALTERNATIVES = 5
+_CHANGED = 1e-3
+_FALSE_SHARE = (1.0 - CLASS_RIGHT) / _ALTERNATIVES
+
+
+@dataclass(frozen=True)
+class Attributes:
+    """Columns [m] of map signs; ``class_share`` the part of the sightings' belief that is for
+    the class, ``class_changed`` [m] whether the drives saw it change on the way, ``drives``
+    the numbers of those that saw it, ``seen`` the belief that any sighting is right."""
+
+    code: IntArray
+    class_share: FloatArray
+    class_changed: npt.NDArray[np.bool_]
+    n_views: IntArray
+    first_gps_s: FloatArray
+    last_gps_s: FloatArray
+    height_above_road_m: FloatArray
+    facing_rad: FloatArray
+    size_m: FloatArray
+    side: list[str]
+    status: list[str]
+    drives: list[tuple[int, ...]]
+    seen: FloatArray
+
+
+def combine_attributes(
+    drives: Sequence[DriveSigns], sightings: Sightings, sign: IntArray
+) -> Attributes:
+    """Attributes of the map signs that the sightings were given to."""
+    m = int(sign.max()) + 1 if len(sign) else 0
+    order = np.argsort(sign, kind="stable")
+    edges = np.searchsorted(sign[order], np.arange(m + 1))
+
+    def column(name: str) -> npt.NDArray[np.generic]:
+        values = [
+            np.asarray(getattr(drive, name))[
+                sightings.row[sightings.first[k] : sightings.first[k + 1]]
+            ]
+            for k, drive in enumerate(drives)
+        ]
+        return np.concatenate(values) if values else np.zeros(0)
+
+    views = np.asarray(column("n_views"), np.int64)
+    weight = np.maximum(views, 1).astype(np.float64)
+    doubt = 1.0 - np.clip(sightings.confidence, 0.0, 0.999)
+    code, share, changed = _classes(sightings, sign, order, edges)
+    first = np.asarray(column("first_gps_s"), np.float64)
+    last = np.asarray(column("last_gps_s"), np.float64)
+    facing = sightings.facing
+    known = np.isfinite(facing)
+    north = np.bincount(sign, np.where(known, np.cos(np.nan_to_num(facing)), 0.0), m)
+    east = np.bincount(sign, np.where(known, np.sin(np.nan_to_num(facing)), 0.0), m)
+    direction = np.where(np.hypot(north, east) > 1e-9, np.arctan2(east, north), np.nan)
+    sides, states = column("side"), column("status")
+    seen_by = sightings.drive[order]
+    return Attributes(
+        code=code,
+        class_share=share,
+        class_changed=changed,
+        n_views=np.bincount(sign, views, m).astype(np.int64),
+        first_gps_s=_extreme(np.fmin, first[order], edges),
+        last_gps_s=_extreme(np.fmax, last[order], edges),
+        height_above_road_m=_mean(
+            sign, np.asarray(column("height_above_road_m"), np.float64), 1.0 / sightings.own_u, m
+        ),
+        facing_rad=np.mod(direction, 2.0 * np.pi),
+        size_m=np.exp(_mean(sign, _log(np.asarray(column("size_m"), np.float64)), weight, m)),
+        side=[_most(sides[order[a:b]], weight[order[a:b]]) for a, b in _spans(edges)],
+        status=[_status(states[order[a:b]], seen_by[a:b]) for a, b in _spans(edges)],
+        drives=[tuple(sorted(set(seen_by[a:b].tolist()))) for a, b in _spans(edges)],
+        seen=1.0 - np.exp(np.bincount(sign, np.log(doubt), m)),
+    )
+
+
+def _spans(edges: IntArray) -> list[tuple[int, int]]:
+    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+
+
+def _extreme(pick: np.ufunc, values: FloatArray, edges: IntArray) -> FloatArray:
+    return np.asarray(pick.reduceat(values, edges[:-1])) if len(edges) > 1 else np.zeros(0)
+
+
+def _log(values: FloatArray) -> FloatArray:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(values > 0, np.log(values), np.nan)
+
+
+def _mean(sign: IntArray, values: FloatArray, weight: FloatArray, m: int) -> FloatArray:
+    known = np.isfinite(values)
+    w = np.where(known, weight, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(
+            np.bincount(sign, w * np.where(known, values, 0.0), m) / np.bincount(sign, w, m)
+        )
+
+
+def _most(values: npt.NDArray[np.generic], weight: FloatArray) -> str:
+    total: dict[str, float] = {}
+    for value, w in zip(values.tolist(), weight.tolist(), strict=True):
+        if value:
+            total[str(value)] = total.get(str(value), 0.0) + w
+    return max(sorted(total), key=total.__getitem__) if total else ""
+
+
+def _status(states: npt.NDArray[np.generic], drives: IntArray) -> str:
+    """Passes of several drives make up for what was weak in one, unless all call it odd."""
+    texts = [str(s) for s in states.tolist()]
+    if "ok" in texts:
+        return "ok"
+    if len(set(drives.tolist())) > 1 and "implausible" not in texts:
+        return "ok"
+    return _most(states, np.ones(len(states))) or "ok"
+
+
+def _classes(
+    sightings: Sightings, sign: IntArray, order: IntArray, edges: IntArray
+) -> tuple[IntArray, FloatArray, npt.NDArray[np.bool_]]:
+    """Class of each sign, its share of the belief, and whether it changed between drives."""
+    m = len(edges) - 1
+    code, share = np.zeros(m, np.int64), np.ones(m)
+    changed = np.zeros(m, np.bool_)
+    codes, weights = sightings.code[order], np.maximum(sightings.confidence[order], 0.05)
+    if m == 0:
+        return code, share, changed
+    lowest = np.minimum.reduceat(codes, edges[:-1])
+    plain = lowest == np.maximum.reduceat(codes, edges[:-1])
+    code[plain] = lowest[plain]
+    for k in np.flatnonzero(~plain).tolist():
+        a, b = int(edges[k]), int(edges[k + 1])
+        start = _change_point(codes[a:b])
+        changed[k] = start > 0
+        now, belief = codes[a + start : b], weights[a + start : b]
+        total = np.bincount(now, belief)
+        code[k] = int(np.argmax(total))
+        share[k] = float(total[code[k]] / total.sum())
+    return code, share, changed
+
+
+def _change_point(codes: IntArray) -> int:
+    """Where in a sequence [n] of sightings, by time, the sign's class became another; 0 never.
+
+    The likelihood of one class throughout against that of one before and another after,
+    the change itself being rare.
+    """
+    right, wrong = np.log(CLASS_RIGHT), np.log(_FALSE_SHARE)
+
+    def fit(part: IntArray) -> float:
+        hits = int(np.bincount(part).max())
+        return float(hits * right + (len(part) - hits) * wrong)
+
+    best, at = fit(codes), 0
+    for k in range(1, len(codes)):
+        told = fit(codes[:k]) + fit(codes[k:]) + np.log(_CHANGED)
+        if told > best and np.argmax(np.bincount(codes[:k])) != np.argmax(np.bincount(codes[k:])):
+            best, at = told, k
+    return at

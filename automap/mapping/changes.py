@@ -1,0 +1,144 @@
+"""What is different from an older map: new, gone, another class, moved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from automap.earth import metres_per_radian
+from automap.mapping.candidates import facing_evidence
+from automap.mapping.classes import DIFFERENT, SAME_GROUP, class_evidence
+from automap.mapping.sightings import DrivePath
+from automap.records import FloatArray, Sign
+
+SAME_PLACE_SIGMAS = 4.0
+SAME_PLACE_M = 6.0
+MOVED_M = 20.0
+GONE_BELOW = 0.2
+"""A sign is called gone when the belief that it still stands is below this."""
+
+
+@dataclass(frozen=True)
+class OlderMap:
+    """A merged map of before: its signs, ``members`` (key of a sighting to the sign's id), the
+    ``drives`` that it was made of, and where these looked."""
+
+    signs: Sequence[Sign]
+    members: Mapping[str, str] = field(default_factory=dict)
+    drives: frozenset[str] = frozenset()
+    coverage: DrivePath | None = None
+
+
+@dataclass(frozen=True)
+class Change:
+    """One difference. ``kind`` "new", "gone", "class" or "moved"; ``sign`` as it is now (for
+    "gone" as it was), ``older`` as it was; ``belief`` that the change is real; for "new",
+    ``visited_before`` whether the older map's drives had the place in view."""
+
+    kind: str
+    sign: Sign
+    older: Sign | None
+    belief: float
+    distance_m: float = float("nan")
+    visited_before: bool | None = None
+
+
+def match_older(
+    older: OlderMap, signs: Sequence[Sign], keys: Sequence[Sequence[str]]
+) -> dict[int, int]:
+    """Place of the older sign for each sign that is the same one, by place among ``signs``.
+
+    Shared sightings decide first (``keys`` are those of each sign), then nearness within
+    the two covariances, with facing and class agreeing.
+    """
+    number = {sign.id: k for k, sign in enumerate(older.signs)}
+    votes: dict[tuple[int, int], int] = {}
+    for place, own in enumerate(keys):
+        for key in own:
+            before = number.get(older.members.get(key, ""))
+            if before is not None:
+                votes[place, before] = votes.get((place, before), 0) + 1
+    result: dict[int, int] = {}
+    taken: set[int] = set()
+    for (place, before), _ in sorted(votes.items(), key=lambda item: (-item[1], item[0])):
+        if place not in result and before not in taken:
+            result[place] = before
+            taken.add(before)
+    rest = [k for k in range(len(signs)) if k not in result]
+    before_rest = [k for k in range(len(older.signs)) if k not in taken]
+    for _, i, j in sorted(_costs(signs, rest, older.signs, before_rest, SAME_PLACE_M, False)):
+        if i not in result and j not in taken:
+            result[i] = j
+            taken.add(j)
+    return result
+
+
+def match_moved(
+    older: Sequence[Sign], gone: Sequence[int], signs: Sequence[Sign], new: Sequence[int]
+) -> dict[int, int]:
+    """Which ``new`` signs are ``gone`` ones put up elsewhere near by: one class, one facing,
+    and the nearest such pair first."""
+    result: dict[int, int] = {}
+    taken: set[int] = set()
+    for _, i, j in sorted(_costs(signs, new, older, gone, MOVED_M, True)):
+        if i not in result and j not in taken and signs[i].class_name == older[j].class_name:
+            result[i] = j
+            taken.add(j)
+    return result
+
+
+def distance_m(a: Sign, b: Sign) -> float:
+    """Distance in plan."""
+    return float(np.hypot(*_difference(a, b)))
+
+
+def _difference(a: Sign, b: Sign) -> FloatArray:
+    north, east = metres_per_radian(a.lat_rad, np.nan_to_num(a.height_m))
+    turn = (a.lon_rad - b.lon_rad + np.pi) % (2 * np.pi) - np.pi
+    return np.array([turn * float(east), (a.lat_rad - b.lat_rad) * float(north)])
+
+
+def _costs(
+    signs: Sequence[Sign],
+    rows: Sequence[int],
+    older: Sequence[Sign],
+    older_rows: Sequence[int],
+    reach_m: float,
+    far: bool,
+) -> list[tuple[float, int, int]]:
+    """Costs of pairs within reach; unless ``far``, only those that agree within sigmas."""
+    from scipy.spatial import cKDTree
+
+    if not rows or not older_rows:
+        return []
+    names = sorted({s.class_name for s in signs} | {s.class_name for s in older})
+    code = {name: k for k, name in enumerate(names)}
+    evidence = class_evidence(names)
+    now, before = _sphere([signs[k] for k in rows]), _sphere([older[k] for k in older_rows])
+    tree = cKDTree(before)
+    costs = []
+    for i, near in zip(rows, tree.query_ball_point(now, reach_m * 1.01 / 6.37e6), strict=True):
+        for place in near:
+            j = older_rows[place]
+            a, b = signs[i], older[j]
+            told = evidence[code[a.class_name], code[b.class_name]]
+            if np.isfinite(a.facing_rad) and np.isfinite(b.facing_rad):
+                told += facing_evidence(a.facing_rad - b.facing_rad)
+            if told == -np.inf:
+                continue
+            difference = _difference(a, b)
+            if far:
+                costs.append((float(np.hypot(*difference)), i, j))
+                continue
+            covariance = np.nan_to_num(a.cov_enu[:2, :2] + b.cov_enu[:2, :2]) + 0.2**2 * np.eye(2)
+            square = float(difference @ np.linalg.solve(covariance, difference))
+            if square < SAME_PLACE_SIGMAS**2 and told > DIFFERENT + SAME_GROUP:
+                costs.append((0.5 * square - told, i, j))
+    return costs
+
+
+def _sphere(signs: Sequence[Sign]) -> FloatArray:
+    lat, lon = np.array([s.lat_rad for s in signs]), np.array([s.lon_rad for s in signs])
+    return np.column_stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])

@@ -1,0 +1,99 @@
+"""Whether the drives' stated errors are honest: their levels from how drives disagree."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.mapping.adjustment import (
+    ErrorLevels,
+    Members,
+    TileData,
+    columns_of,
+    own_factors,
+    rough_places,
+    tile_data,
+)
+from automap.mapping.adjustment_kernels import add_drives
+from automap.mapping.association import TAU_S, Association
+from automap.mapping.sightings import Sightings
+from automap.mapping.tiles import cut_tiles
+from automap.records import FloatArray
+
+LEVEL_LOG_SD = 0.3
+"""How far the stated errors are trusted: one sigma of the logarithm of their factor."""
+TAU_LOG_SD = 0.7
+
+_TILES = 24
+_MOST_ROWS = 1500
+_LEAST_REDUNDANCY = 10
+
+
+def estimate_levels(sightings: Sightings, association: Association) -> ErrorLevels:
+    """Factors on shared and own errors and the time constant, by restricted likelihood.
+
+    Over a sample of tiles where several drives see the same signs, with log-normal priors
+    about the stated errors, so that little data change little. Patterson and Thompson 1971.
+    """
+    if association.n_signs == 0:
+        return ErrorLevels()
+    lat, lon = rough_places(sightings, association)
+    factor = own_factors(sightings, association, lat, lon)
+    tiles = _sample(sightings, association, lat, lon)
+    if not tiles:
+        return ErrorLevels()
+    from scipy.optimize import minimize
+
+    sd = np.array([LEVEL_LOG_SD, LEVEL_LOG_SD, TAU_LOG_SD])
+
+    def cost(x: FloatArray) -> float:
+        levels = _levels(x)
+        total = float(np.sum((x / sd) ** 2))
+        for data in tiles:
+            total += deviance(sightings, data, levels, factor)
+        return total
+
+    start = np.vstack([np.zeros(3), np.diag(0.5 * sd)])
+    found = minimize(
+        cost,
+        np.zeros(3),
+        method="Nelder-Mead",
+        options={"initial_simplex": start, "xatol": 0.02, "fatol": 0.05, "maxfev": 90},
+    )
+    return _levels(np.clip(found.x, -3.0 * sd, 3.0 * sd))
+
+
+def _levels(x: FloatArray) -> ErrorLevels:
+    return ErrorLevels(float(np.exp(x[0])), float(np.exp(x[1])), float(TAU_S * np.exp(x[2])))
+
+
+def deviance(
+    sightings: Sightings, data: TileData, levels: ErrorLevels, factor: FloatArray
+) -> float:
+    """Minus twice the restricted log likelihood of a tile's places in plan, less a constant."""
+    measured, own, shared = columns_of(sightings, data, levels, factor, 2)
+    m = len(data.tile.signs)
+    normal, right = np.zeros((2 * m, 2 * m)), np.zeros(2 * m)
+    time = sightings.time_s[data.rows]
+    total = add_drives(
+        data.first, data.sign, 2, time, measured, own, shared, levels.tau_s, normal, right
+    )
+    lower = np.linalg.cholesky(normal)
+    whitened = np.linalg.solve(lower, right)
+    return float(total + 2.0 * np.sum(np.log(np.diag(lower))) - whitened @ whitened)
+
+
+def _sample(
+    sightings: Sightings, association: Association, lat: FloatArray, lon: FloatArray
+) -> list[TileData]:
+    """Tiles with the most to say, spread over the map."""
+    members = Members(association.sign)
+    found = []
+    tiles = list(cut_tiles(lat, lon, core=30, margin_m=0.0))
+    step = max(1, len(tiles) // (4 * _TILES))
+    for tile in tiles[::step]:
+        data = tile_data(sightings, members, tile, lat, lon)
+        spare = len(data.rows) - len(tile.signs)
+        if spare >= _LEAST_REDUNDANCY and len(data.rows) <= _MOST_ROWS:
+            found.append((spare, len(found), data))
+    found.sort(key=lambda item: (-item[0], item[1]))
+    return [data for _, _, data in found[:_TILES]]

@@ -1,0 +1,62 @@
+"""Names of map signs that stay the same from one merge to the next."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from automap.mapping.sightings import DriveSigns, Sightings
+from automap.records import IntArray
+
+_ALPHABET = "0123456789abcdefghjkmnpqrstvwxyz"
+_LETTERS = 8
+
+
+def founder_keys(drives: Sequence[DriveSigns], sightings: Sightings, sign: IntArray) -> list[str]:
+    """For every map sign the drive and name of its earliest sighting, which later drives do
+    not change."""
+    count = int(sign.max()) + 1 if len(sign) else 0
+    first = np.zeros(count, np.int64)
+    # sightings come in the order of their drives' times
+    first[sign[::-1]] = np.arange(len(sign))[::-1]
+    return [
+        sighting_key(drives[sightings.drive[i]], drives[sightings.drive[i]].ids[sightings.row[i]])
+        for i in first
+    ]
+
+
+def sighting_key(drive: DriveSigns, sign_id: str) -> str:
+    """What names one sighting among all drives."""
+    day = int(drive.start_gps_s // 86400) if np.isfinite(drive.start_gps_s) else -1
+    return f"{drive.name}|{day}|{sign_id}"
+
+
+def name_signs(keys: Sequence[str], kept: Mapping[int, str], taken: set[str]) -> list[str]:
+    """Names of the signs with founders ``keys``; those in ``kept`` have theirs already.
+
+    No name of ``taken`` (an older map's) is given to another sign.
+    """
+    used = set(taken) | set(kept.values())
+    names = []
+    for number, key in enumerate(keys):
+        if number in kept:
+            names.append(kept[number])
+            continue
+        attempt = 0
+        while (name := _name(key, attempt)) in used:
+            attempt += 1
+        used.add(name)
+        names.append(name)
+    return names
+
+
+def _name(key: str, attempt: int) -> str:
+    text = key if attempt == 0 else f"{key}|{attempt}"
+    value = int.from_bytes(hashlib.sha256(text.encode("utf-8", "replace")).digest()[:8], "big")
+    letters = []
+    for _ in range(_LETTERS):
+        value, digit = divmod(value, len(_ALPHABET))
+        letters.append(_ALPHABET[digit])
+    return "m" + "".join(letters)

@@ -1,0 +1,140 @@
+"""The whole way from the signs of many drives to one map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust
+from automap.mapping.association import Association, associate
+from automap.mapping.attributes import Attributes, combine_attributes
+from automap.mapping.duplicates import join_duplicates
+from automap.mapping.error_levels import estimate_levels
+from automap.mapping.existence import (
+    Chances,
+    DetectionRates,
+    chances,
+    detection_rates,
+    existence,
+)
+from automap.mapping.identity import founder_keys, sighting_key
+from automap.mapping.sightings import DriveSigns, Sightings, canonical_order, stack_sightings
+from automap.mapping.visibility import opportunities
+from automap.records import NO_TIME, FloatArray, Sign
+
+Progress = Callable[[float, str], None]
+
+LEAST_EXISTENCE = 0.5
+"""A map sign less likely than this to be there is left out of the map."""
+
+
+@dataclass(frozen=True)
+class Merged:
+    """Everything that came out, in the order of the drives ``drives``.
+
+    ``signs`` [m] of the map, the unlikely ones among them, with empty ids and with host stamps
+    that are GPS time in ns; ``existence`` [m] that each stands now; ``founders`` [m] keys that
+    name them and ``keys`` [m] of all their sightings. The rest are the parts they came from.
+    """
+
+    drives: list[DriveSigns]
+    sightings: Sightings
+    association: Association
+    adjusted: Adjusted
+    levels: ErrorLevels
+    attributes: Attributes
+    pairs: Chances
+    rates: DetectionRates
+    existence: FloatArray
+    signs: list[Sign]
+    founders: list[str]
+    keys: list[list[str]]
+
+
+def merge_drives(
+    drives: Sequence[DriveSigns], progress: Progress = lambda fraction, text: None
+) -> Merged:
+    """Associate, adjust and weigh the signs of all drives.
+
+    The order of ``drives`` does not matter. Nothing is thrown away: what is unlikely to be
+    there has a low existence.
+    """
+    ordered = [drives[k] for k in canonical_order(drives)]
+    sightings = stack_sightings(ordered)
+    found = associate(
+        sightings, progress=lambda done: progress(0.4 * done, "which sightings are one sign")
+    )
+    found = join_duplicates(sightings, found)
+    progress(0.5, "how large the errors are")
+    levels = estimate_levels(sightings, found)
+    adjusted = adjust(
+        sightings, found, levels, lambda done: progress(0.55 + 0.25 * done, "where signs stand")
+    )
+    progress(0.8, "which signs are there")
+    attributes = combine_attributes(ordered, sightings, found.sign)
+    views = opportunities(ordered, adjusted.lat, adjusted.lon, attributes.facing_rad)
+    pairs = chances(found.sign, sightings.drive, views)
+    m = found.n_signs
+    rates = detection_rates(pairs, m, len(ordered))
+    times = np.array([drive.start_gps_s for drive in ordered], np.float64)
+    belief = existence(pairs, rates, m, times)
+    progress(0.9, "the signs' records")
+    keys: list[list[str]] = [[] for _ in range(m)]
+    sign_of = found.sign.tolist()
+    for place, (who, row) in enumerate(
+        zip(sightings.drive.tolist(), sightings.row.tolist(), strict=True)
+    ):
+        keys[sign_of[place]].append(sighting_key(ordered[who], ordered[who].ids[row]))
+    return Merged(
+        ordered, sightings, found, adjusted, levels, attributes, pairs, rates, belief,
+        _signs(ordered, sightings, adjusted, attributes, belief),
+        founder_keys(ordered, sightings, found.sign), keys,
+    )  # fmt: skip
+
+
+def _signs(
+    drives: Sequence[DriveSigns],
+    sightings: Sightings,
+    adjusted: Adjusted,
+    attributes: Attributes,
+    belief: FloatArray,
+) -> list[Sign]:
+    first, last = _stamps(attributes.first_gps_s), _stamps(attributes.last_gps_s)
+    confidence = belief * attributes.seen * attributes.class_share
+    return [
+        Sign(
+            id="",
+            class_name=sightings.classes[code],
+            lat_rad=lat,
+            lon_rad=lon,
+            height_m=height,
+            cov_enu=adjusted.cov_enu[k],
+            confidence=float(confidence[k]),
+            n_views=int(attributes.n_views[k]),
+            first_seen_ns=first[k],
+            last_seen_ns=last[k],
+            height_above_road_m=float(attributes.height_above_road_m[k]),
+            facing_rad=float(attributes.facing_rad[k]),
+            size_m=float(attributes.size_m[k]),
+            side=attributes.side[k],
+            status=attributes.status[k],
+            drives=tuple(drives[d].name for d in attributes.drives[k]),
+        )
+        for k, (code, lat, lon, height) in enumerate(
+            zip(
+                attributes.code.tolist(),
+                adjusted.lat.tolist(),
+                adjusted.lon.tolist(),
+                adjusted.height.tolist(),
+                strict=True,
+            )
+        )
+    ]
+
+
+def _stamps(gps_s: FloatArray) -> list[int]:
+    known = np.isfinite(gps_s)
+    stamps = np.rint(np.where(known, gps_s, 0.0) * 1e9).astype(np.int64)
+    return [int(v) for v in np.where(known, stamps, NO_TIME)]
