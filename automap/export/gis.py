@@ -6,7 +6,7 @@ All in WGS-84 with ellipsoidal heights. Every file appears whole or not at all.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,25 +14,44 @@ import numpy as np
 
 from automap.errors import StageError
 from automap.export.fields import SIGN_FIELDS, STAMP_FIELDS
+from automap.export.geojson import longitude_range
+from automap.export.geopackage import complete_geopackage
 from automap.export.layers import Layer, point_wkb, times_of_texts
+from automap.export.qgis_style import QgisStyle
 from automap.export.sign_columns import SignColumns
 from automap.io.atomic import atomic_path
 
 WGS84_3D = "EPSG:4979"
+ROW_GROUP = 65_536
+"""Signs a row group of GeoParquet: readers skip whole groups by their bounding box."""
 
 
-def write_layers(path: Path, layers: Sequence[Layer], driver: str = "GPKG") -> None:
+def write_layers(
+    path: Path,
+    layers: Sequence[Layer],
+    driver: str = "GPKG",
+    lineage: Mapping[str, Any] | None = None,
+    crs: str = WGS84_3D,
+    styles: Sequence[QgisStyle] = (),
+) -> None:
     """Write layers into one file with GDAL (a FlatGeobuf file holds one layer only).
 
-    Raises StageError when GDAL cannot write the file.
+    ``lineage`` goes into the file's own metadata. A GeoPackage also gets the meaning of its
+    columns and the ``styles`` that QGIS takes when it opens a layer. ``crs`` is that of the
+    layers' geometries. Raises StageError when GDAL cannot write the file.
     """
     from pyogrio.errors import DataLayerError, DataSourceError
     from pyogrio.raw import write
 
+    text = json.dumps(lineage or {}, default=str)
     with atomic_path(path) as temporary:
         for number, layer in enumerate(layers):
-            # a FlatGeobuf file with an index cannot hold features without a position
-            unindexed = driver == "FlatGeobuf" and any(wkb is None for wkb in layer.wkb)
+            options: dict[str, str] = {}
+            if driver == "FlatGeobuf":
+                options = {"TITLE": layer.name, "DESCRIPTION": text} if lineage else {}
+                # an index cannot hold features without a position
+                if any(wkb is None for wkb in layer.wkb):
+                    options["SPATIAL_INDEX"] = "NO"
             masks = [layer.missing.get(name) for name in layer.columns]
             try:
                 write(
@@ -44,10 +63,11 @@ def write_layers(path: Path, layers: Sequence[Layer], driver: str = "GPKG") -> N
                     layer=layer.name,
                     driver=driver,
                     geometry_type=layer.geometry_type,
-                    crs=WGS84_3D,
+                    crs=crs,
                     append=number > 0,
                     nan_as_null=True,
-                    layer_options={"SPATIAL_INDEX": "NO"} if unindexed else None,
+                    dataset_metadata={"AUTOMAP": text} if lineage and driver == "GPKG" else None,
+                    layer_options=options or None,
                     gdal_tz_offsets={
                         name: np.full(len(layer), 100, np.int64)
                         for name, values in layer.columns.items()
@@ -56,12 +76,22 @@ def write_layers(path: Path, layers: Sequence[Layer], driver: str = "GPKG") -> N
                 )
             except (DataSourceError, DataLayerError) as error:
                 raise StageError(f"cannot write layer {layer.name} of {path}: {error}.") from error
+        if driver == "GPKG":
+            complete_geopackage(temporary, [layer.name for layer in layers], styles)
 
 
-def write_geoparquet(path: Path, columns: SignColumns) -> None:
+def write_geoparquet(
+    path: Path,
+    columns: SignColumns,
+    lineage: Mapping[str, Any] | None = None,
+    crs: str | None = None,
+    epoch: float | None = None,
+) -> None:
     """Write signs as GeoParquet 1.1: WKB points, a bbox column as covering, field meanings.
 
-    The coordinate system is OGC:CRS84h, WGS-84 longitude, latitude and ellipsoidal height.
+    The coordinate system is OGC:CRS84h, WGS-84 longitude, latitude and ellipsoidal height, or
+    ``crs``, in which the columns' coordinates then are. ``epoch`` is the year, with decimals, at
+    which the coordinates hold. ``lineage`` stands under the key ``automap``.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -84,9 +114,17 @@ def write_geoparquet(path: Path, columns: SignColumns) -> None:
     box = _box_column(columns)
     arrays += [box, pa.array(point_wkb(columns), pa.binary())]
     fields += [pa.field("bbox", box.type), pa.field("geometry", pa.binary())]
-    schema = pa.schema(fields, metadata={"geo": json.dumps(_geo_metadata(columns))})
+    metadata = {"geo": json.dumps(_geo_metadata(columns, crs or "OGC:CRS84h", epoch))}
+    if lineage:
+        metadata["automap"] = json.dumps(lineage, default=str)
+    schema = pa.schema(fields, metadata=metadata)
     with atomic_path(path) as temporary:
-        pq.write_table(pa.table(arrays, schema=schema), temporary, compression="zstd")
+        pq.write_table(
+            pa.table(arrays, schema=schema),
+            temporary,
+            compression="zstd",
+            row_group_size=ROW_GROUP,
+        )
 
 
 def _utf8(text: str | None) -> str | None:
@@ -102,7 +140,7 @@ def _box_column(columns: SignColumns) -> Any:
     return pa.StructArray.from_arrays([lon, lat, lon, lat], ["xmin", "ymin", "xmax", "ymax"])
 
 
-def _geo_metadata(columns: SignColumns) -> dict[str, Any]:
+def _geo_metadata(columns: SignColumns, crs: str, epoch: float | None) -> dict[str, Any]:
     from pyproj import CRS
 
     located = columns.located
@@ -113,15 +151,21 @@ def _geo_metadata(columns: SignColumns) -> dict[str, Any]:
     geometry: dict[str, Any] = {
         "encoding": "WKB",
         "geometry_types": types,
-        "crs": CRS.from_user_input("OGC:CRS84h").to_json_dict(),
+        "crs": CRS.from_user_input(crs).to_json_dict(),
         "covering": {
             "bbox": {name: ["bbox", name] for name in ("xmin", "ymin", "xmax", "ymax")},
         },
     }
+    if epoch is not None:
+        geometry["epoch"] = round(epoch, 3)
     if located.any():
-        from automap.export.geojson import bounding_box
-
-        geometry["bbox"] = [float(text) for text in bounding_box(columns) or ()]
+        west, east = longitude_range(columns.lon_deg[located])
+        lat, height = columns.lat_deg[located], columns.height_m[located]
+        low, top = [west, float(lat.min())], [east, float(lat.max())]
+        if high.sum() == located.sum():
+            low.append(float(height.min()))
+            top.append(float(height.max()))
+        geometry["bbox"] = low + top
     return {"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": geometry}}
 
 

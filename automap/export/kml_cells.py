@@ -46,9 +46,14 @@ BALLOON_FIELDS = (
 """What the balloon shows of a sign, in this order; the typed data hold every field."""
 
 
+def clean_text(value: Any) -> str:
+    """A text without the characters that XML 1.0 forbids."""
+    return _ILLEGAL.sub("\ufffd", str(value))
+
+
 def xml_text(value: Any) -> str:
     """Text for an element: markup escaped, characters that XML 1.0 forbids replaced."""
-    return escape(_ILLEGAL.sub("\ufffd", str(value)))
+    return escape(clean_text(value))
 
 
 def html_text(text: str) -> str:

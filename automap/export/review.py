@@ -75,20 +75,25 @@ class Reviewed:
 
 def verdicts(actions: Iterable[Action]) -> dict[str, Verdict]:
     """The state of every sign that was reviewed, by its id, in the order of first review."""
+    by_sign: dict[str, list[Action]] = {}
+    for action in standing(actions):
+        kept = by_sign.setdefault(action.sign, [])
+        if action.kind == "reset":
+            kept.clear()
+        else:
+            kept.append(action)
+    return {sign: _verdict(sign, kept) for sign, kept in by_sign.items() if kept}
+
+
+def standing(actions: Iterable[Action]) -> list[Action]:
+    """The actions that were not taken back, in their order, without the undoing ones."""
     listed = list(actions)
     undone: set[str] = set()
     # an undo may itself be undone, so the last word is heard first
     for action in reversed(listed):
         if action.kind == "undo" and action.undoes and action.id not in undone:
             undone.add(action.undoes)
-    by_sign: dict[str, list[Action]] = {}
-    for action in listed:
-        kept = by_sign.setdefault(action.sign, [])
-        if action.kind == "reset" and action.id not in undone:
-            kept.clear()
-        elif action.kind != "undo" and action.id not in undone:
-            kept.append(action)
-    return {sign: _verdict(sign, kept) for sign, kept in by_sign.items() if kept}
+    return [a for a in listed if a.kind != "undo" and a.id not in undone]
 
 
 def _verdict(sign: str, actions: list[Action]) -> Verdict:
@@ -121,7 +126,13 @@ def apply_review(signs: Sequence[Sign], actions: Iterable[Action]) -> Reviewed:
     A verdict whose sign is not there any more becomes a sentence and changes nothing.
     """
     decided = list(verdicts(actions).values())
-    rows = match(signs, decided)
+    rows = match(
+        decided,
+        [sign.id for sign in signs],
+        [sign.class_name for sign in signs],
+        np.degrees([sign.lon_rad for sign in signs]),
+        np.degrees([sign.lat_rad for sign in signs]),
+    )
     changed: dict[int, Sign] = {}
     lost = []
     for verdict, row in zip(decided, rows, strict=True):
@@ -163,33 +174,38 @@ def _changed(sign: Sign, verdict: Verdict) -> Sign:
     return replace(sign, **changes) if changes else sign  # type: ignore[arg-type]
 
 
-def match(signs: Sequence[Sign], decided: Sequence[Verdict]) -> list[int | None]:
-    """For every verdict the row of its sign, None where it is gone; no row twice.
+def match(
+    decided: Sequence[Verdict],
+    ids: Sequence[str],
+    classes: Sequence[str],
+    lon_deg: FloatArray,
+    lat_deg: FloatArray,
+) -> list[int | None]:
+    """For every verdict the row of its sign among signs [n], None where it is gone; no row twice.
 
     First by the same id near the same place, then by the same class near the same place, the
     nearest pair first. Signs or verdicts without a position are known by id and class.
     """
-    lon = np.degrees([sign.lon_rad for sign in signs])
-    lat = np.degrees([sign.lat_rad for sign in signs])
-    row_of = {sign.id: row for row, sign in enumerate(signs)}
+    row_of = {name: row for row, name in enumerate(ids)} if decided else {}
     rows: list[int | None] = [None] * len(decided)
     taken: set[int] = set()
     for number, verdict in enumerate(decided):
         row = row_of.get(verdict.sign)
         if row is None or row in taken:
             continue
-        distance = float(_distance_m(verdict, lon[row : row + 1], lat[row : row + 1])[0])
-        same_class = signs[row].class_name == verdict.seen_class
+        distance = float(_distance_m(verdict, lon_deg[row : row + 1], lat_deg[row : row + 1])[0])
+        same_class = classes[row] == verdict.seen_class
         if distance <= MATCH_M or (np.isnan(distance) and same_class):
             rows[number] = row
             taken.add(row)
-    classes = np.array([sign.class_name for sign in signs], object)
     pairs = []
     for number, verdict in enumerate(decided):
-        if rows[number] is None and len(signs):
-            far = _distance_m(verdict, lon, lat)
-            near = np.flatnonzero((far <= MATCH_M) & (classes == verdict.seen_class))
-            pairs += [(float(far[row]), number, int(row)) for row in near]
+        if rows[number] is None and len(ids):
+            far = _distance_m(verdict, lon_deg, lat_deg)
+            near = np.flatnonzero(far <= MATCH_M).tolist()
+            pairs += [
+                (float(far[row]), number, row) for row in near if classes[row] == verdict.seen_class
+            ]
     for _, number, row in sorted(pairs):
         if rows[number] is None and row not in taken:
             rows[number] = row

@@ -84,22 +84,31 @@ def ellipse_outlines(
     return outline
 
 
-def sigma_classes(sigma: FloatArray) -> tuple[np.ndarray, list[str]]:
-    """Number of the colour class [n] of each sigma and the labels of the classes.
+def sigma_limits(sigma: FloatArray) -> list[float]:
+    """Limits between the colour classes of sigmas [n]: round numbers, none where all are alike.
 
-    The limits are round numbers between the 2nd and the 98th percentile; -1 is unknown.
+    They lie between the 2nd and the 98th percentile.
     """
+    known = sigma[np.isfinite(sigma)]
+    if len(known) == 0:
+        return []
+    low, high = np.percentile(known, [2, 98])
+    if high <= 1.15 * low:
+        return []
+    limits = np.geomspace(max(low, high / 1e3), high, SIGMA_CLASSES + 1)[1:-1]
+    return sorted({float(f"{limit:.2g}") for limit in limits.tolist()})
+
+
+def sigma_classes(sigma: FloatArray) -> tuple[np.ndarray, list[str]]:
+    """Number of the colour class [n] of each sigma (-1 unknown) and the labels of the classes."""
     known = np.isfinite(sigma)
     classes = np.full(len(sigma), -1, np.int64)
     if not known.any():
         return classes, []
-    low, high = np.percentile(sigma[known], [2, 98])
-    if high <= 1.15 * low:
-        classes[known] = 0
-        return classes, [f"about {_metre_text(float(np.median(sigma[known])))} m"]
-    limits = np.geomspace(max(low, high / 1e3), high, SIGMA_CLASSES + 1)[1:-1]
-    limits = np.unique([float(f"{limit:.2g}") for limit in limits])
+    limits = sigma_limits(sigma)
     classes[known] = np.searchsorted(limits, sigma[known], "right")
+    if not limits:
+        return classes, [f"about {_metre_text(float(np.median(sigma[known])))} m"]
     texts = [_metre_text(limit) for limit in limits]
     inner = [f"{a} to {b} m" for a, b in itertools.pairwise(texts)]
     return classes, [f"below {texts[0]} m", *inner, f"above {texts[-1]} m"]

@@ -1,0 +1,98 @@
+"""What GDAL leaves out of a GeoPackage: the meaning of the columns, and QGIS's styles.
+
+The meanings follow the schema extension of OGC GeoPackage 1.3 (annex F.9); the styles stand in
+the table ``layer_styles``, from which QGIS takes a layer's default look.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+
+from automap.export.dictionary import LAYERS
+from automap.export.qgis_style import QgisStyle
+
+_STYLES_TABLE = """
+CREATE TABLE layer_styles (
+  id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,
+  f_table_catalog TEXT(256), f_table_schema TEXT(256), f_table_name TEXT(256),
+  f_geometry_column TEXT(256), styleName TEXT(30), styleQML TEXT, styleSLD TEXT,
+  useAsDefault BOOLEAN, description TEXT, owner TEXT(30), ui TEXT(30),
+  update_time DATETIME DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')))
+"""
+
+_DATA_COLUMNS = """
+CREATE TABLE IF NOT EXISTS gpkg_data_columns (
+  table_name TEXT NOT NULL, column_name TEXT NOT NULL, name TEXT, title TEXT, description TEXT,
+  mime_type TEXT, constraint_name TEXT,
+  CONSTRAINT pk_gdc PRIMARY KEY (table_name, column_name),
+  CONSTRAINT gdc_tn UNIQUE (table_name, name))
+"""
+
+_CONSTRAINTS = """
+CREATE TABLE IF NOT EXISTS gpkg_data_column_constraints (
+  constraint_name TEXT NOT NULL, constraint_type TEXT NOT NULL, value TEXT, min NUMERIC,
+  min_is_inclusive BOOLEAN, max NUMERIC, max_is_inclusive BOOLEAN, description TEXT,
+  CONSTRAINT gdcc_ntv UNIQUE (constraint_name, constraint_type, value))
+"""
+
+_EXTENSIONS = """
+CREATE TABLE IF NOT EXISTS gpkg_extensions (
+  table_name TEXT, column_name TEXT, extension_name TEXT NOT NULL, definition TEXT NOT NULL,
+  scope TEXT NOT NULL, CONSTRAINT ge_tce UNIQUE (table_name, column_name, extension_name))
+"""
+
+
+def complete_geopackage(path: Path, layers: Sequence[str], styles: Sequence[QgisStyle]) -> None:
+    """Add the columns' meanings and the styles to a GeoPackage that GDAL has written."""
+    with closing(sqlite3.connect(path)) as file, file:
+        _describe(file, layers)
+        if styles:
+            _add_styles(file, styles)
+
+
+def _describe(file: sqlite3.Connection, layers: Sequence[str]) -> None:
+    for statement in (_DATA_COLUMNS, _CONSTRAINTS, _EXTENSIONS):
+        file.execute(statement)
+    for layer, meaning, fields in LAYERS:
+        if layer not in layers:
+            continue
+        file.execute(
+            "UPDATE gpkg_contents SET description = ? WHERE table_name = ?", (meaning, layer)
+        )
+        present = {row[1] for row in file.execute(f'PRAGMA table_info("{layer}")')}
+        for field in fields:
+            if field.name not in present:
+                continue
+            unit = f" ({field.unit})" if field.unit else ""
+            file.execute(
+                "INSERT OR REPLACE INTO gpkg_data_columns (table_name, column_name, description) "
+                "VALUES (?, ?, ?)",
+                (layer, field.name, f"{field.meaning}{unit}"),
+            )
+    for table in ("gpkg_data_columns", "gpkg_data_column_constraints"):
+        file.execute(
+            "INSERT OR IGNORE INTO gpkg_extensions VALUES (?, NULL, 'gpkg_schema', "
+            "'http://www.geopackage.org/spec/#extension_schema', 'read-write')",
+            (table,),
+        )
+
+
+def _add_styles(file: sqlite3.Connection, styles: Sequence[QgisStyle]) -> None:
+    file.execute(_STYLES_TABLE)
+    file.execute(
+        "INSERT INTO gpkg_contents (table_name, data_type, identifier) "
+        "VALUES ('layer_styles', 'attributes', 'layer_styles')"
+    )
+    geometry = dict(file.execute("SELECT table_name, column_name FROM gpkg_geometry_columns"))
+    for style in styles:
+        if style.layer not in geometry:
+            continue
+        file.execute(
+            "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, "
+            "f_geometry_column, styleName, styleQML, styleSLD, useAsDefault, description, owner) "
+            "VALUES ('', '', ?, ?, ?, ?, '', 1, ?, '')",
+            (style.layer, geometry[style.layer], style.layer, style.qml, style.description),
+        )

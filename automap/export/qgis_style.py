@@ -1,0 +1,166 @@
+"""How QGIS draws the layers of a map: documents in its own style language, QML.
+
+Everything that a style needs is in it, the faces of the signs among it; no file, no font and
+no network is referred to.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from xml.etree import ElementTree as Xml
+
+from automap.export.icons import sign_words
+from automap.export.kml_cells import clean_text
+from automap.export.kml_track import SIGMA_COLOURS
+
+_HEAD = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
+_VERSION = "3.22.0"
+_BEYOND = 1e6
+
+
+@dataclass(frozen=True)
+class QgisStyle:
+    """The default look of one layer; ``qml`` is the document."""
+
+    layer: str
+    qml: str
+    description: str
+
+
+def sign_style(icons: Mapping[str, bytes], colours: Mapping[str, str]) -> QgisStyle:
+    """Signs as the faces of their classes (PNG), labelled with their id when zoomed in.
+
+    A class without a picture is a dot in its colour (#rrggbb).
+    """
+    root, renderer = _document("categorizedSymbol", {"attr": "class"})
+    categories = Xml.SubElement(renderer, "categories")
+    symbols = Xml.SubElement(renderer, "symbols")
+    for number, (name, colour) in enumerate(sorted(colours.items())):
+        _range_or_category(
+            categories, "category", number, clean_text(sign_words(name)), value=clean_text(name)
+        )
+        if name in icons:
+            picture = "base64:" + base64.b64encode(icons[name]).decode()
+            layer = ("RasterMarker", {"imageFile": picture, "size": "7", "size_unit": "MM"})
+        else:
+            layer = ("SimpleMarker", _dot(colour, "3"))
+        _symbol(symbols, number, "marker", *layer)
+    _range_or_category(categories, "category", len(colours), "other", value="")
+    _symbol(symbols, len(colours), "marker", "SimpleMarker", _dot("#8a8f98", "3"))
+    _labels(root, "id", scale=5000)
+    return QgisStyle("signs", _text(root), "faces by class")
+
+
+def track_style(limits: Sequence[float], labels: Sequence[str]) -> QgisStyle:
+    """The path coloured by its horizontal sigma, with the limits between the classes in m."""
+    root, renderer = _document(
+        "graduatedSymbol", {"attr": "sd_h_m", "graduatedMethod": "GraduatedColor"}
+    )
+    ranges = Xml.SubElement(renderer, "ranges")
+    symbols = Xml.SubElement(renderer, "symbols")
+    edges = [0.0, *limits, _BEYOND]
+    names = list(labels) or ["path"]
+    for number, label in enumerate(names):
+        lower, upper = f"{edges[number]:.6f}", f"{edges[number + 1]:.6f}"
+        _range_or_category(ranges, "range", number, label, lower=lower, upper=upper)
+        last = max(len(names) - 1, 1)
+        colour = SIGMA_COLOURS[round(number * (len(SIGMA_COLOURS) - 1) / last)]
+        _symbol(
+            symbols,
+            number,
+            "line",
+            "SimpleLine",
+            {"line_color": _rgba(colour), "line_width": "1", "line_width_unit": "MM",
+             "capstyle": "round", "joinstyle": "round"},
+        )  # fmt: skip
+    return QgisStyle("trajectory", _text(root), "horizontal sigma")
+
+
+def ellipse_style() -> QgisStyle:
+    """The 95 % ellipses: a pale fill with a thin outline."""
+    root, renderer = _document("singleSymbol", {})
+    symbols = Xml.SubElement(renderer, "symbols")
+    _symbol(
+        symbols,
+        0,
+        "fill",
+        "SimpleFill",
+        {"color": _rgba("#888888", 64), "outline_color": _rgba("#444444"), "style": "solid",
+         "outline_width": "0.26", "outline_width_unit": "MM", "outline_style": "solid"},
+    )  # fmt: skip
+    return QgisStyle("ellipses", _text(root), "95 % of the horizontal position")
+
+
+def observation_style() -> QgisStyle:
+    """The places from which signs were seen: small grey dots."""
+    root, renderer = _document("singleSymbol", {})
+    _symbol(Xml.SubElement(renderer, "symbols"), 0, "marker", "SimpleMarker", _dot("#8a8f98", "1"))
+    return QgisStyle("observations", _text(root), "where signs were seen from")
+
+
+def _document(kind: str, attributes: Mapping[str, str]) -> tuple[Xml.Element, Xml.Element]:
+    root = Xml.Element("qgis", version=_VERSION, styleCategories="Symbology|Labeling")
+    common = {"forceraster": "0", "symbollevels": "0", "enableorderby": "0"}
+    renderer = Xml.SubElement(root, "renderer-v2", type=kind, **common, **attributes)
+    return root, renderer
+
+
+def _range_or_category(
+    parent: Xml.Element, tag: str, number: int, label: str, **values: str
+) -> None:
+    Xml.SubElement(parent, tag, render="true", symbol=str(number), label=label, **values)
+
+
+def _symbol(
+    parent: Xml.Element, number: int, kind: str, layer_class: str, values: Mapping[str, str]
+) -> None:
+    symbol = Xml.SubElement(
+        parent, "symbol", name=str(number), type=kind, alpha="1", clip_to_extent="1", force_rhr="0"
+    )
+    layer = Xml.SubElement(
+        symbol, "layer", {"class": layer_class}, enabled="1", locked="0", **{"pass": "0"}
+    )
+    options = Xml.SubElement(layer, "Option", type="Map")
+    for key, value in values.items():
+        Xml.SubElement(options, "Option", name=key, type="QString", value=value)
+
+
+def _labels(root: Xml.Element, attribute: str, scale: int) -> None:
+    labelling = Xml.SubElement(root, "labeling", type="simple")
+    settings = Xml.SubElement(labelling, "settings", calloutType="simple")
+    style = Xml.SubElement(
+        settings, "text-style", fieldName=attribute, fontSize="8", textColor="28,33,40,255",
+        isExpression="0", fontSizeUnit="Point",
+    )  # fmt: skip
+    Xml.SubElement(
+        style, "text-buffer", bufferDraw="1", bufferSize="0.8", bufferSizeUnits="MM",
+        bufferColor="255,255,255,255", bufferOpacity="1",
+    )  # fmt: skip
+    Xml.SubElement(settings, "placement", placement="6", dist="1", distUnits="MM")
+    Xml.SubElement(
+        settings, "rendering", scaleVisibility="1", scaleMin="0", scaleMax=str(scale),
+        drawLabels="1",
+    )  # fmt: skip
+
+
+def _dot(colour: str, size: str) -> dict[str, str]:
+    return {
+        "name": "circle",
+        "color": _rgba(colour),
+        "size": size,
+        "size_unit": "MM",
+        "outline_color": _rgba("#ffffff"),
+        "outline_width": "0.2",
+        "outline_style": "solid",
+    }
+
+
+def _rgba(colour: str, alpha: int = 255) -> str:
+    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    return f"{red},{green},{blue},{alpha}"
+
+
+def _text(root: Xml.Element) -> str:
+    return _HEAD + Xml.tostring(root, encoding="unicode")
