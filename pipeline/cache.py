@@ -60,7 +60,7 @@ def gather(
     """What the stage would use now. ``earlier`` are the records of the stages before it."""
     manifest = drive.path / names.MANIFEST
     inputs = {}
-    for path in stage.inputs(drive):
+    for path in (*stage.inputs(drive), *stage.setting_files(settings)):
         value = digests.digest(path)
         if value is not None and path != manifest:
             inputs[_name_in(drive.path, path)] = value

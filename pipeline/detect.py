@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from automap.errors import InputError
 from pipeline.camera_paths import path_finder
 from pipeline.detect_images import images_in, search_images
-from pipeline.detector_choice import open_detector
-from pipeline.settings.detect import DetectSettings, search_rules
+from pipeline.search_setup import open_detector, search_rules
+from pipeline.settings.detect import DetectSettings
 
 if TYPE_CHECKING:
     from automap.io.drive import Drive, VideoInput
@@ -141,7 +141,7 @@ class _Job:
         share = 0.7 if self.annotate else 1.0
         result = search_video(
             video,
-            open_detector(self.settings.detector, None if drive is None else drive.site.country),
+            open_detector(self.settings, None if drive is None else drive.site.country),
             search_rules(self.settings),
             camera,
             # of a drive that was run before the trajectory is known
@@ -170,7 +170,7 @@ class _Job:
 
     def images(self, images: list[Path]) -> Outcome:
         """Search pictures that have nothing to do with each other."""
-        detector = open_detector(self.settings.detector, None)
+        detector = open_detector(self.settings, None)
         folder = self.out.with_name(f"{self.out.stem}_annotated") if self.annotate else None
         result = search_images(
             images, detector, self.settings.min_score, folder, self.warn, self.progress

@@ -51,8 +51,8 @@ class Stage:
     ``inputs`` lists the files of the drive that the stage reads (those that do not exist are
     passed over), ``needs`` the files in OUT that earlier stages wrote, ``outputs`` the files
     in OUT it may write (a name that ends in "/" is a folder of files), ``settings`` the
-    sections of the configuration it uses. A stage must
-    do with a missing need when the drive has nothing to make it from: the runner only sees
+    sections of the configuration it uses, ``setting_files`` the files that these name. A stage
+    must do with a missing need when the drive has nothing to make it from: the runner only sees
     to it that the stage which would write it has run. ``run.json`` among the needs means
     that the stage shows what the earlier stages did, and runs after any of them.
     ``manifest`` names the sections of drive.toml the stage uses, None stands for all.
@@ -69,4 +69,5 @@ class Stage:
     needs: tuple[str, ...]
     outputs: tuple[str, ...]
     settings: tuple[str, ...] = ()
+    setting_files: Callable[[Settings], list[Path]] = lambda settings: []
     manifest: tuple[str, ...] | None = None

@@ -31,8 +31,9 @@ from automap.vision.voting import View, view_of, vote
 
 Progress = Callable[[float, str], None]
 
-_THUMBNAIL = (64, 36)
-_STILL_GREYS = 3.0
+_THUMBNAIL = (128, 72)
+_STILL_GREYS = 4.0
+_STILL_SHARE = 0.002
 _REPORT_S = 0.1
 _HINT = 0.5
 """A box of this part of the least score is no detection, but a reason to look closer."""
@@ -213,10 +214,13 @@ def _candidates(
 
 
 def _alike(one: npt.NDArray[np.float32], other: npt.NDArray[np.float32]) -> bool:
-    """Whether hardly anything differs; light that changes everywhere is no motion."""
+    """Whether next to nothing differs; light that changes everywhere is no motion.
+
+    At night little of the picture changes even in motion, so that little is enough.
+    """
     change = other - one
     change -= np.median(change)
-    return float(np.quantile(np.abs(change), 0.95)) < _STILL_GREYS
+    return float(np.mean(np.abs(change) > _STILL_GREYS)) < _STILL_SHARE
 
 
 class _Motions:

@@ -22,6 +22,8 @@ from automap.vision.detector import FoundSigns
 
 _IMPOSSIBLE = 1e6
 _NEAREST_M = 0.5
+_GUESSED = 0.3
+_CLOSER = 0.6
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,12 @@ class Tracker:
         R, x, P = motion.C_new_old, self._x, self._P
         inverse = np.exp(x[:, 2])
         old = np.column_stack([np.ones(len(x)), x[:, 0], x[:, 1]])
-        p = (old - inverse[:, None] * motion.moved) @ R.T
+        moved = np.tile(motion.moved, (len(x), 1))
+        if motion.moved_sd[0] > _GUESSED * abs(motion.moved[0]):
+            # what is only guessed passes no sign; it stays in front until it is not seen there
+            part = _CLOSER / np.maximum(inverse * motion.moved[0], 1e-9)
+            moved *= part.clip(max=1.0)[:, None]
+        p = (old - inverse[:, None] * moved) @ R.T
         depth = p[:, 0] / inverse
         ahead = depth > _NEAREST_M
         p0 = np.where(ahead, p[:, 0], 1.0)
@@ -119,7 +126,7 @@ class Tracker:
         by_p[:, 2, 0] = -1.0 / p0
         p_by_x = np.zeros((len(x), 3, 3))
         p_by_x[:, :, 0], p_by_x[:, :, 1] = R[:, 1], R[:, 2]
-        p_by_x[:, :, 2] = -inverse[:, None] * (R @ motion.moved)
+        p_by_x[:, :, 2] = -inverse[:, None] * (moved @ R.T)
         F = np.zeros((len(x), 4, 4))
         F[:, :3, :3] = by_p @ p_by_x
         F[:, 2, 2] += 1.0

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from pydantic import Field
 
 from pipeline.settings.section import Section
-
-if TYPE_CHECKING:
-    from automap.vision.search import SearchRules
 
 
 class DetectSettings(Section):
@@ -35,22 +30,3 @@ class DetectSettings(Section):
 
     detector: str = ""
     """Description (TOML) of a detector of your own; empty for the one that comes with AutoMap."""
-
-
-def search_rules(settings: DetectSettings) -> SearchRules:
-    """The library's rules from the stage's settings."""
-    from math import radians
-
-    from automap.vision.frame_choice import ChoiceRules
-    from automap.vision.search import SearchRules
-
-    return SearchRules(
-        min_score=settings.min_score,
-        every=settings.every_frame,
-        choice=ChoiceRules(
-            step_m=settings.step_m,
-            step_rad=radians(settings.step_deg),
-            idle_s=settings.idle_s,
-            shortest_s=1.0 / settings.frames_per_s,
-        ),
-    )

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from automap.errors import InputError
 from automap.io import names
 from pipeline.camera_paths import path_finder
-from pipeline.detector_choice import open_detector
-from pipeline.settings.detect import search_rules
+from pipeline.search_setup import detector_files, open_detector, search_rules
 from pipeline.stage import Stage, StageContext
 
 if TYPE_CHECKING:
@@ -71,7 +70,7 @@ def _camera(
     if not video.chapters:
         return None
     settings = context.settings.detect
-    detector = open_detector(settings.detector, context.drive.site.country)
+    detector = open_detector(settings, context.drive.site.country)
     return search_video(
         video,
         detector,
@@ -163,4 +162,5 @@ STAGE = Stage(
     needs=(names.TRAJECTORY, names.SYNC),
     outputs=(names.DETECTIONS, names.CROPS, names.CONTACT_SHEET),
     settings=("detect",),
+    setting_files=detector_files,
 )

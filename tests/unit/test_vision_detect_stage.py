@@ -11,14 +11,14 @@ import pytest
 
 from automap.errors import InputError
 from automap.io import names
+from automap.io.crops_table import read_crops
 from automap.io.detections_table import read_detections, write_detections
 from automap.io.drive import load_drive
-from automap.io.video import FrameTimes
 from automap.records import Detections
 from automap.vision.faces import draw_face
-from automap.vision.search import choose_frames
 from pipeline.config import Settings
 from pipeline.detect import detect_to_csv
+from pipeline.settings.detect import DetectSettings
 from pipeline.stage import StageContext
 from pipeline.stages.detect import STAGE
 
@@ -56,7 +56,7 @@ def drive(folder: Path, section: str = "") -> Path:
     return folder
 
 
-def run(folder: Path, tmp_path: Path, **settings: float) -> StageContext:
+def run(folder: Path, tmp_path: Path, **settings: object) -> StageContext:
     (tmp_path / "work").mkdir()
     context = StageContext(
         drive=load_drive(folder),
@@ -71,15 +71,23 @@ def run(folder: Path, tmp_path: Path, **settings: float) -> StageContext:
 def test_the_video_is_searched(tmp_path: Path) -> None:
     folder = drive(tmp_path / "d", '[video.front]\nfiles = ["video/front.mp4"]\nstart_ns = 500\n')
     video(folder / "video" / "front.mp4")
-    context = run(folder, tmp_path)
+    context = run(folder, tmp_path, every_frame=True)
     found = read_detections(context.work / names.DETECTIONS)["front"]
     assert found.frame.tolist() == list(range(6))
     assert set(found.class_name) == {STOP}
+    assert found.view_class is not None
+    assert set(found.view_class) == {STOP}
     np.testing.assert_allclose(np.diff(found.t_ns), 1e8, atol=1)
     assert found.t_ns[0] == 500
     np.testing.assert_allclose(np.diff(found.box[:, 0]), 4.0, atol=0.1)
-    assert (found.track == -1).all()
+    assert (found.track == 0).all()
     assert context.metrics["n_detections"] == 6
+    assert context.metrics["n_tracks"] == 1
+    (crop,) = read_crops(context.work / names.CROPS)
+    assert crop.class_name == STOP
+    assert crop.jpeg[:2] == b"\xff\xd8"
+    sheet = cv2.imread(str(context.work / names.CONTACT_SHEET))
+    assert sheet is not None
     assert folder / "video" / "front.mp4" in STAGE.inputs(load_drive(folder))
 
 
@@ -88,6 +96,7 @@ def test_fewer_frames_and_higher_scores_are_settings(tmp_path: Path) -> None:
     video(folder / "video" / "front.mp4")
     context = run(folder, tmp_path, frames_per_s=5.0, min_score=0.2)
     assert read_detections(context.work / names.DETECTIONS)["front"].frame.tolist() == [0, 2, 4]
+    assert context.metrics["n_frames_searched"] == 3
 
 
 def test_an_external_detector_wins_over_the_video(tmp_path: Path) -> None:
@@ -126,7 +135,7 @@ def test_a_truncated_video_gives_what_can_be_read(tmp_path: Path) -> None:
     video(folder / "front.ts", frames=20)
     whole = (folder / "front.ts").read_bytes()
     (folder / "front.ts").write_bytes(whole[: len(whole) // 2])
-    context = run(folder, tmp_path)
+    context = run(folder, tmp_path, every_frame=True)
     found = read_detections(context.work / names.DETECTIONS)["front"]
     assert 3 <= len(found) < 20
 
@@ -142,6 +151,7 @@ def test_tables_survive_writing_and_reading(tmp_path: Path) -> None:
             score=rng.random(n),
             track=np.arange(n) - 1,
             camera=name,
+            view_class=np.array([f"v{i % 3}" for i in range(n)], dtype=object),
         )
         for n, name in ((4, "front"), (3, "rear"))
     ]
@@ -149,7 +159,7 @@ def test_tables_survive_writing_and_reading(tmp_path: Path) -> None:
     read = read_detections(tmp_path / "d.parquet")
     assert list(read) == ["front", "rear"]
     for camera in cameras:
-        for field in ("frame", "t_ns", "class_name", "box", "score", "track"):
+        for field in ("frame", "t_ns", "class_name", "view_class", "box", "score", "track"):
             np.testing.assert_array_equal(getattr(read[camera.camera], field),
                                           getattr(camera, field))  # fmt: skip
 
@@ -157,18 +167,6 @@ def test_tables_survive_writing_and_reading(tmp_path: Path) -> None:
 def test_a_missing_table_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nowhere\.parquet"):
         read_detections(tmp_path / "nowhere.parquet")
-
-
-@pytest.mark.parametrize(
-    ("rate", "per_second", "expected"), [(10, 10, 100), (30, 10, 100), (10, 3, 30), (5, 10, 50)]
-)
-def test_frames_are_chosen_evenly_in_time(rate: int, per_second: float, expected: int) -> None:
-    rng = np.random.default_rng(rate)
-    t = np.arange(10 * rate) / rate + rng.normal(0, 0.03 / rate, 10 * rate)
-    times = FrameTimes(np.arange(10 * rate), np.rint(t * 1e9).astype(np.int64))
-    chosen = choose_frames(times, per_second)
-    assert len(chosen) == pytest.approx(expected, rel=0.12)
-    assert np.diff(t[chosen]).max() < 2.2 * max(1 / rate, 1 / per_second)
 
 
 def test_images_become_a_table(tmp_path: Path) -> None:
@@ -179,10 +177,15 @@ def test_images_become_a_table(tmp_path: Path) -> None:
     (folder / "c.png").write_bytes(b"broken")
     (folder / "notes.txt").write_text("no image")
     warnings: list[str] = []
-    count = detect_to_csv(folder, tmp_path / "out.csv", warn=warnings.append)
+    outcome = detect_to_csv(folder, tmp_path / "out.csv", warn=warnings.append, annotate=True)
     with (tmp_path / "out.csv").open() as stream:
         rows = list(csv.DictReader(stream))
-    assert count == len(rows) == 1
+    assert outcome.boxes == len(rows) == 1
+    assert (outcome.searched, outcome.frames) == (2, 3)
+    assert sorted(path.name for path in outcome.files) == [
+        "out.csv", "out_annotated", "out_signs.jpg",
+    ]  # fmt: skip
+    assert [path.name for path in (tmp_path / "out_annotated").iterdir()] == ["b.jpg"]
     assert rows[0]["image"] == "b.png"
     assert rows[0]["class"] == STOP
     assert float(rows[0]["x_min"]) == pytest.approx(89.5, abs=0.3)
@@ -193,12 +196,38 @@ def test_images_become_a_table(tmp_path: Path) -> None:
 def test_a_video_and_a_drive_give_the_same_boxes(tmp_path: Path) -> None:
     folder = drive(tmp_path / "d", '[video.front]\nfiles = ["front.mp4"]\nstart_ns = 0\n')
     video(folder / "front.mp4", frames=3)
-    detect_to_csv(folder, tmp_path / "drive.csv")
-    detect_to_csv(folder / "front.mp4", tmp_path / "video.csv")
+    every = DetectSettings(every_frame=True)
+    detect_to_csv(folder, tmp_path / "drive.csv", settings=every)
+    detect_to_csv(folder / "front.mp4", tmp_path / "video.csv", settings=every)
     text = (tmp_path / "drive.csv").read_text()
     assert text == (tmp_path / "video.csv").read_text()
-    assert text.startswith("frame,class,x_min,y_min,x_max,y_max,score\n")
+    assert text.startswith("frame,class,x_min,y_min,x_max,y_max,score,track,view_class\n")
     assert len(text.splitlines()) == 4
+
+
+def test_the_annotated_video_shows_every_frame(tmp_path: Path) -> None:
+    import av
+
+    video(tmp_path / "front.mp4")
+    outcome = detect_to_csv(tmp_path / "front.mp4", tmp_path / "out.csv", annotate=True)
+    assert outcome.tracks == 1
+    with av.open(str(tmp_path / "out_annotated.mp4")) as container:
+        pictures = [frame.to_ndarray(format="bgr24") for frame in container.decode(video=0)]
+    assert len(pictures) == 6
+    for number, shown in enumerate(pictures):
+        changed = np.abs(shown.astype(int) - picture(4 * number)).max(axis=2) > 60
+        rows, columns = np.nonzero(changed)
+        # the frame and the label around the sign, and nothing far from it
+        assert len(rows) > 50
+        assert columns.min() > 80 + 4 * number
+        assert rows.max() < 120
+
+
+def test_images_that_are_all_broken_are_an_error(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(b"broken")
+    with pytest.raises(InputError, match="none of the 1 images"):
+        detect_to_csv(tmp_path, tmp_path / "out.csv", warn=lambda text: None)
+    assert not (tmp_path / "out.csv").exists()
 
 
 def test_nothing_to_search_is_an_error(tmp_path: Path) -> None:
