@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from automap.errors import InputError
+from automap.io.nmea_writer import Positions, nmea_positions, unknown
 from automap.records import FloatArray, IntArray
 from automap.timebase import unix_to_gps
 
@@ -256,46 +257,25 @@ def _c_ned_ecef(lat: FloatArray, lon: FloatArray) -> FloatArray:
 def nmea_log(live: LiveFixes) -> tuple[bytes, IntArray]:
     """The live fixes as a receiver would have sent them, and the byte where each starts [n].
 
-    RMC gives date, speed and course, PUBX,00 the position with its height above the
-    ellipsoid. Both leave empty what the data set does not say: vertical velocity, accuracy,
-    number of satellites, separation of the geoid.
+    What the data set does not say stays empty: vertical velocity, accuracy, number of
+    satellites, separation of the geoid.
     """
-    parts: list[bytes] = []
-    offsets = np.empty(len(live.unix_ms), np.int64)
-    length = 0
-    stamps = live.unix_ms.astype("datetime64[ms]")
-    for i, stamp in enumerate(stamps.astype(object)):
-        clock = f"{stamp:%H%M%S}.{stamp.microsecond // 1000:03d}"
-        lat = f"{_angle(live.lat_deg[i], 2)},{'N' if live.lat_deg[i] >= 0.0 else 'S'}"
-        lon = f"{_angle(live.lon_deg[i], 3)},{'E' if live.lon_deg[i] >= 0.0 else 'W'}"
-        speed, course = live.speed_m_s[i], live.course_deg[i]
-        epoch = _sentence(
-            f"GNRMC,{clock},A,{lat},{lon},{speed * 3600.0 / 1852.0:.5f},{course:.5f},"
-            f"{stamp:%d%m%y},,,A"
-        ) + _sentence(
-            f"PUBX,00,{clock},{lat},{lon},{live.height_m[i]:.4f},G3,,,{speed * 3.6:.5f},"
-            f"{course:.5f},,,,,,,0,0"
+    n = len(live.unix_ms)
+    return nmea_positions(
+        Positions(
+            unix_ms=live.unix_ms,
+            lat_deg=live.lat_deg,
+            lon_deg=live.lon_deg,
+            height_m=live.height_m,
+            speed_m_s=live.speed_m_s,
+            course_deg=live.course_deg,
+            down_m_s=unknown(n),
+            h_acc_m=unknown(n),
+            v_acc_m=unknown(n),
+            hdop=unknown(n),
+            fix=np.full(n, 3),
         )
-        offsets[i] = length
-        length += len(epoch)
-        parts.append(epoch)
-    return b"".join(parts), offsets
-
-
-def _angle(degrees: float, digits: int) -> str:
-    """Degrees and minutes, ``ddmm.mmmmmmm``; to a tenth of a millimetre on the ground."""
-    # rounded as a whole, so that minutes never show as 60
-    units = round(abs(float(degrees)) * 60.0 * 10_000_000)
-    minutes, fraction = divmod(units, 10_000_000)
-    whole, rest = divmod(minutes, 60)
-    return f"{whole:0{digits}d}{rest:02d}.{fraction:07d}"
-
-
-def _sentence(body: str) -> bytes:
-    checksum = 0
-    for byte in body.encode("ascii"):
-        checksum ^= byte
-    return f"${body}*{checksum:02X}\r\n".encode("ascii")
+    )
 
 
 def gps_times(live: LiveFixes) -> FloatArray:

@@ -31,6 +31,8 @@ class Kind:
     options: tuple[Option, ...] = ()
 
 
+_LINK = Option("--link", "Link videos and images instead of copying them.", {"is_flag": True})
+
 KINDS: dict[str, Kind] = {
     kind.name: kind
     for kind in (
@@ -43,6 +45,19 @@ KINDS: dict[str, Kind] = {
 
             IMU, live positions, the car's speed, the video where it is there, and the reference
             poses as truth. Tested on a segment of the data set.""",
+        ),
+        Kind(
+            "gopro",
+            "pipeline.importers.gopro:import_gopro",
+            "VIDEO",
+            "A GoPro's video with the IMU and positions inside it.",
+            """VIDEO is the file as the camera wrote it (HERO5 and later, MAX); chapters that
+            follow it in the same folder are found by their numbers.
+
+            IMU and positions (GPS5, GPS9) come from the GPMF track, on the video's clock. Tested
+            on a file of a MAX; GPS9 (HERO11 and later) and cameras without time stamps (HERO5)
+            on made files only. A 360 video must be reframed before signs can be found in it.""",
+            (_LINK,),
         ),
         Kind(
             "bearings",

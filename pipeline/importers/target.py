@@ -208,3 +208,11 @@ def write_arrival(run: Import, offset: np.ndarray[Any, Any], t_ns: np.ndarray[An
     rows = zip(offset.tolist(), t_ns.tolist(), strict=True)
     text = "offset,t_ns\n" + "".join(f"{at},{t}\n" for at, t in rows)
     write_text(run.folder / "gnss_arrival.csv", text)
+
+
+def copy_or_link(source: Path, target: Path, link: bool) -> None:
+    """Put a large file into the drive, as a copy or as a link to where it is."""
+    if link:
+        target.symlink_to(source.resolve())
+    else:
+        shutil.copyfile(source, target)
