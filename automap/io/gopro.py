@@ -27,7 +27,7 @@ _FRAME_KEYS = ("CORI", "SHUT", "ISOE")
 _HANDLER = "GoPro MET"
 _COURSE_HALF_S = 0.3
 """The course at a time is that from so long before to so long after,"""
-_COURSE_SPEED = 1.5
+_COURSE_SPEED = 0.7
 """given above this speed, m/s."""
 
 
@@ -74,11 +74,11 @@ class _Channel:
         if len(at) < 2:
             length = max(len(self.blocks[0]), 1)
             step = max(end_us - stamps[0], 0.0) / length
-            return stamps[0] + step * np.arange(len(self.blocks[0]))
+            return np.asarray(stamps[0] + step * np.arange(len(self.blocks[0])))
         step = (stamps[-1] - stamps[0]) / max(at[-1] - at[0], 1.0)
         at = np.append(at, self.seen)
         stamps = np.append(stamps, stamps[-1] + step * (self.seen - at[-2]))
-        return np.interp(self.numbers(), at, stamps)
+        return np.asarray(np.interp(self.numbers(), at, stamps))
 
 
 @dataclass(frozen=True)
@@ -385,7 +385,7 @@ def _unix_of_blocks(t_us: FloatArray, block_unix: FloatArray) -> FloatArray:
 
 
 def course_of_positions(positions: GoProPositions) -> FloatArray:
-    """Course [n] in degrees from the positions around each, NaN at a walking pace and below.
+    """Course [n] in degrees from the positions around each, NaN where the camera hardly moves.
 
     The camera keeps the receiver's speed and not its direction.
     """
