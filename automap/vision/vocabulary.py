@@ -36,8 +36,12 @@ class Vocabulary:
 
     def group_of(self, class_name: str) -> str | None:
         """The colour-shape group of a class or of a group's own name; None if unknown."""
+        from automap.vision.classes import load_classes
+
         if class_name in self.classes:
             return self.classes[class_name].group
+        if class_name in load_classes():
+            return load_classes()[class_name].group
         return next((g for g, name in self.groups.items() if name == class_name), None)
 
 

@@ -18,7 +18,7 @@ Image = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float32]
 Random = np.random.Generator
 
-SIZE = 320
+SIZE = 256
 STRIDE = 4
 _SMALLEST, _LARGEST = 7.0, 230.0
 

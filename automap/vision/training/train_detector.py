@@ -16,6 +16,7 @@ import os
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 import torch
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
@@ -38,9 +39,6 @@ class _Stream(IterableDataset[Sample]):
         self.maker, self.seed = maker, seed
 
     def __iter__(self):  # type: ignore[no-untyped-def]
-        import cv2
-
-        cv2.setNumThreads(1)
         info = get_worker_info()
         rng = np.random.default_rng([self.seed, 0 if info is None else info.id])
         while True:
@@ -63,6 +61,8 @@ def _rate(step: int, steps: int, decay: int) -> float:
 def train(data: Path, work: Path, steps: int, decay: int, workers: int) -> None:
     """Train up to ``steps``, from the last checkpoint in ``work`` if there is one."""
     work.mkdir(parents=True, exist_ok=True)
+    # a pool of threads does not survive the forking of the workers
+    cv2.setNumThreads(0)
     faces = load_faces(data / "sign-art", work / "faces.pkl")
     held = load_streets(data / "gtsdb", "test") + load_streets(data / "gtsdb", "tune")
     streets = leak_free_streets(load_streets(data / "gtsdb", "train"), held)
