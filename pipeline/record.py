@@ -22,11 +22,10 @@ if TYPE_CHECKING:
     from automap.recording.probe import Finding
     from automap.recording.recorder import Ending, Recorder
     from automap.recording.ublox import Wish
+    from pipeline.record_view import View
 
 AUTO, NONE = "auto", "none"
 _TICK_S = 0.2
-SWITCH_S = 0.0002
-"""How long a thread may keep others from stamping what arrived."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ def record(request: RecordRequest) -> tuple[Ending, bool]:
     Raises InputError when there is nothing to record, StageError when bytes that came in are
     on no disk in the end.
     """
-    from automap.recording.clock import scaled_clock
+    from automap.recording.clock import HostClock
     from automap.recording.manifest_text import read_rig
     from automap.recording.recorder import Plan, Recorder
     from automap.recording.ublox import wish_from
@@ -90,8 +89,8 @@ def record(request: RecordRequest) -> tuple[Ending, bool]:
         gnss=gnss, imu=imu, imu_format=form, cameras=cameras, rig=rig, wish=wish,
         restore=request.restore,
     )  # fmt: skip
-    recorder = Recorder(folder, plan, scaled_clock(request.time_scale))
-    with _quick_switching(), _signals() as stop:
+    recorder = Recorder(folder, plan, HostClock(request.time_scale))
+    with _signals() as stop:
         recorder.start()
         try:
             _watch(recorder, request, stop)
@@ -112,20 +111,19 @@ def _watch(recorder: Recorder, request: RecordRequest, stop: Stop) -> None:
     end = None if request.duration_s is None else time.monotonic() + request.duration_s
     with open_view(recorder.folder, request.plain or not sys.stdout.isatty()) as view:
         while not stop.wanted and (end is None or time.monotonic() < end):
-            view.show(recorder.snapshot())
+            _show(view, recorder)
             left = _TICK_S if end is None else min(_TICK_S, max(end - time.monotonic(), 0.0))
             time.sleep(left)
-        view.show(recorder.snapshot())
+        _show(view, recorder)
 
 
-@contextlib.contextmanager
-def _quick_switching() -> Iterator[None]:
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(SWITCH_S)
+def _show(view: View, recorder: Recorder) -> None:
+    """A picture that fails is no reason to lose the drive."""
     try:
-        yield
-    finally:
-        sys.setswitchinterval(before)
+        view.show(recorder.snapshot())
+    except Exception as error:
+        with contextlib.suppress(OSError):
+            _say(f"the view failed ({type(error).__name__}: {error}); recording goes on")
 
 
 @contextlib.contextmanager

@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
-
-HostClock = Callable[[], int]
-"""Host time in ns, monotonic."""
 
 _BLOCK_NS = 1_000_000_000
 _BLOCKS = 40
@@ -18,12 +14,22 @@ _LONG_DELAY_NS = 2_000_000_000
 _CONVINCED = 5
 
 
-def scaled_clock(factor: float) -> HostClock:
-    """The host's monotonic clock, running ``factor`` times as fast from now on."""
-    if factor == 1.0:
-        return time.monotonic_ns
-    start = time.monotonic_ns()
-    return lambda: start + round((time.monotonic_ns() - start) * factor)
+class HostClock:
+    """The host's monotonic clock in ns; for a replay at speed, ``factor`` times as fast."""
+
+    def __init__(self, factor: float = 1.0) -> None:
+        self._factor = factor
+        self._start = time.monotonic_ns()
+
+    def __call__(self) -> int:
+        """Now."""
+        return self.at(time.monotonic_ns())
+
+    def at(self, monotonic_ns: int) -> int:
+        """This clock when the system's monotonic clock showed ``monotonic_ns``."""
+        if self._factor == 1.0:
+            return monotonic_ns
+        return self._start + round((monotonic_ns - self._start) * self._factor)
 
 
 class DeviceClock:

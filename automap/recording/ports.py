@@ -101,6 +101,11 @@ class SerialPort:
             self._serial.set_low_latency_mode(True)
 
     @property
+    def descriptor(self) -> int | None:
+        """What a process of ours may wait on and read, None where the system has no such thing."""
+        return self._fd
+
+    @property
     def baud(self) -> int:
         """The rate in use."""
         return int(self._serial.baudrate)
@@ -119,28 +124,28 @@ class SerialPort:
         with contextlib.suppress(Exception):
             self._serial.reset_input_buffer()
 
-    def read(self, timeout_s: float, clock: Any = time.monotonic_ns) -> tuple[int, bytes]:
-        """Host time at which bytes were there, and the bytes; no bytes after ``timeout_s``."""
+    def read(self, timeout_s: float) -> tuple[int, bytes]:
+        """Monotonic time (ns) at which bytes were there, and the bytes; none after ``timeout_s``."""
         try:
             if self._fd is None:
-                return self._read_blocking(timeout_s, clock)
+                return self._read_blocking(timeout_s)
             ready, _, _ = select.select([self._fd], [], [], timeout_s)
-            t_ns = clock()
+            t_ns = time.monotonic_ns()
             if not ready:
                 return t_ns, b""
             data = os.read(self._fd, _READ_BYTES)
         except BlockingIOError:
-            return clock(), b""
+            return time.monotonic_ns(), b""
         except (OSError, ValueError, TypeError) as error:
             raise PortLostError(_reason(error)) from error
         if not data:
             raise PortLostError("the device was unplugged")
         return t_ns, data
 
-    def _read_blocking(self, timeout_s: float, clock: Any) -> tuple[int, bytes]:
+    def _read_blocking(self, timeout_s: float) -> tuple[int, bytes]:
         self._serial.timeout = timeout_s
         first = self._serial.read(1)
-        t_ns = clock()
+        t_ns = time.monotonic_ns()
         waiting = int(self._serial.in_waiting) if first else 0
         return t_ns, bytes(first) + (bytes(self._serial.read(waiting)) if waiting else b"")
 

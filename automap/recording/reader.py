@@ -1,13 +1,21 @@
-"""The thread of a port: nothing but reading, stamping, and coming back after an unplugging."""
+"""The reading of a port, and coming back after an unplugging.
+
+The bytes are read and stamped by a process of their own (:mod:`automap.recording.pump`),
+which this thread starts and listens to.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import select
+import subprocess
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable
 
+from automap.recording import pump
 from automap.recording.clock import HostClock
 from automap.recording.ports import PortInfo, PortLostError, PortSpec, SerialPort, list_ports
 
@@ -44,6 +52,7 @@ class PortReader(threading.Thread):
         self._port: SerialPort | None = None
         self._lock = threading.Lock()
         self._halt = threading.Event()
+        self._ready = threading.Event()
         self._info: PortInfo | None = None
         self._driver_before = 0
         self._lost_at = 0
@@ -104,29 +113,86 @@ class PortReader(threading.Thread):
 
     def run(self) -> None:
         """Read until told to stop."""
-        _hurry()
         while not self._halt.is_set():
             port = self._port
             if port is None:
                 self._come_back()
                 continue
             try:
-                t_ns, data = port.read(_WAIT_S, self._clock)
+                if port.descriptor is None:
+                    self._read_here(port)
+                else:
+                    self._read_by_pump(port, port.descriptor)
             except PortLostError as lost:
-                self._gone(str(lost))
-                continue
-            if data:
-                self._put(t_ns, data)
-        # what lies in the driver's buffer was sent before the end
-        with contextlib.suppress(PortLostError):
-            while self._port is not None:
-                t_ns, data = self._port.read(0.0, self._clock)
-                if not data:
-                    break
-                self._put(t_ns, data)
+                if self._port is port:
+                    self._gone(str(lost))
         with self._lock:
             if self._port is not None:
                 self._port.close()
+
+    def _read_here(self, port: SerialPort) -> None:
+        """Read in this thread, where a port cannot be handed to another process."""
+        while True:
+            ending = self._halt.is_set()
+            t_ns, data = port.read(0.0 if ending else _WAIT_S)
+            if data:
+                self._put(self._clock.at(t_ns), data)
+            elif ending:
+                return
+
+    def _read_by_pump(self, port: SerialPort, fd: int) -> None:
+        """Let a process read and stamp; take over what it sends."""
+        command = [sys.executable, "-I", "-S", pump.__file__, str(fd)]
+        with subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            pass_fds=[fd],
+            # Ctrl-C on the terminal is for the recorder, which then ends the pump
+            start_new_session=True,
+        ) as process:
+            assert process.stdin is not None
+            assert process.stdout is not None
+            pipe = process.stdout.fileno()
+            _widen(pipe)
+            held = bytearray()
+            told = False
+            while True:
+                if self._halt.is_set() and not told:
+                    process.stdin.close()
+                    told = True
+                ready, _, _ = select.select([pipe], [], [], _WAIT_S)
+                if not ready:
+                    continue
+                data = os.read(pipe, 1 << 20)
+                if not data:
+                    break
+                held += data
+                self._unpack(held, port)
+        if not told:
+            raise PortLostError("the device was unplugged")
+
+    def _unpack(self, held: bytearray, port: SerialPort) -> None:
+        """Take whole frames off the front of what the pump sent."""
+        at = 0
+        while len(held) - at >= pump.FRAME.size:
+            t_ns, size = pump.FRAME.unpack_from(held, at)
+            end = at + pump.FRAME.size + size
+            if end > len(held):
+                break
+            if size:
+                self._put(self._clock.at(t_ns), bytes(held[end - size : end]))
+            elif not self._ready.is_set():
+                # what came while everything was being set up is older than its stamp would say
+                port.discard()
+                self._ready.set()
+            at = end
+        del held[:at]
+
+    def wait_ready(self, timeout_s: float = 5.0) -> bool:
+        """Wait until bytes are being read."""
+        return self._ready.wait(timeout_s)
 
     def _put(self, t_ns: int, data: bytes | None) -> None:
         size = len(data or b"")
@@ -177,7 +243,9 @@ class PortReader(threading.Thread):
         return None
 
 
-def _hurry() -> None:
-    """Let this thread run before others, where the system allows it."""
-    with contextlib.suppress(OSError, AttributeError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(5))
+def _widen(pipe: int) -> None:
+    """Room for many seconds of bytes, should this process be held up."""
+    with contextlib.suppress(OSError, ImportError, AttributeError):
+        import fcntl
+
+        fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, 1 << 20)

@@ -167,6 +167,8 @@ class Recorder:
         self.event("note", "recording begins")
         for reader in readers.values():
             reader.start()
+        for reader in readers.values():
+            reader.wait_ready()
         for camera in self.plan.cameras:
             camera.start()
         for name, work in (("write", self._write), ("sync", self._sync), ("care", self._care)):
@@ -258,15 +260,9 @@ class Recorder:
             reader = self._gnss.reader
             if reader.connected:
                 baud = None if reader.native_usb or "/pts/" in reader.device else reader.baud
-                found |= self._gnss.watch.conditions(
-                    now, self._started_ns, reader.last_byte_ns, baud
-                )
-        if self._imu is not None:
-            self._imu.watch.update(now, self._imu.clock.skew, self._imu.clock.resets)
-            if self._imu.reader.connected:
-                found |= self._imu.watch.conditions(
-                    now, self._started_ns, self._imu.reader.last_byte_ns
-                )
+                found |= self._gnss.conditions(now, self._started_ns, baud)
+        if self._imu is not None and self._imu.reader.connected:
+            found |= self._imu.conditions(now, self._started_ns)
         for stream in self._streams():
             label = stream.reader.label
             if not stream.reader.connected:
@@ -300,7 +296,8 @@ class Recorder:
             return 0, 0.0
         written = sum(file.size for file in self._files())
         self._disk.append((now_ns, written))
-        (t0, w0), (t1, w1) = self._disk[0], self._disk[-1]
+        seen = list(self._disk)
+        (t0, w0), (t1, w1) = seen[0], seen[-1]
         pace = (w1 - w0) / ((t1 - t0) * 1e-9) if t1 - t0 > 2e9 else 0.0
         return free, free / pace if pace > 0 else float("inf")
 
@@ -361,7 +358,7 @@ class Recorder:
             wish is not None
             and self._outcome is not None
             and stream.watch.understood(now)
-            and stream.watch.update(now).rate_hz == 0.0
+            and stream.state(now).rate_hz == 0.0
             and (now - self._started_ns) > 10e9
         ):
             self.event("warning", "gnss: the receiver forgot its settings (a reset?); set again")
@@ -418,10 +415,12 @@ class Recorder:
         now = self._clock()
         free, left_s = self._room(now)
         files = self._files()
+        with self._event_lock:
+            events = tuple(self._events)
         return Snapshot(
             elapsed_s=(now - self._started_ns) * 1e-9,
-            gnss=self._gnss.watch.update(now) if self._gnss else None,
-            imu=self._imu.watch.state if self._imu else None,
+            gnss=self._gnss.state(now) if self._gnss else None,
+            imu=self._imu.state(now) if self._imu else None,
             gnss_port=f"{self._gnss.reader.device}@{self._gnss.reader.baud}" if self._gnss else "",
             imu_port=f"{self._imu.reader.device}@{self._imu.reader.baud}" if self._imu else "",
             cameras={camera.name: camera.state for camera in self.plan.cameras},
@@ -430,7 +429,7 @@ class Recorder:
             bytes_written=sum(file.written for file in files),
             bytes_waiting=sum(file.waiting for file in files),
             troubles=tuple(self._conditions.active.values()),
-            events=tuple(self._events),
+            events=events,
         )
 
     def _ending(self) -> Ending:

@@ -19,10 +19,11 @@ from automap.io.csv_columns import read_columns
 from automap.io.drive import Drive
 from automap.recording.append_file import AppendFile
 from automap.recording.imu_format import READINGS
+from automap.recording.pump import hurry
 from automap.records import IntArray
 
 _BITS_PER_BYTE = 10
-_SLICE_S = 0.0005
+_SLICE_S = 0.001
 _LINKS = {"gnss": "gnss", "imu": "imu"}
 
 
@@ -141,8 +142,8 @@ class Feeder(threading.Thread):
     """Writes one feed into a terminal at its own times and the line's pace.
 
     Byte k of a piece leaves k * 10 / baud seconds after the piece was due, and never before
-    the piece in front of it has left. ``log`` receives ``offset,t_ns``: the host time at which
-    each slice of bytes was handed over.
+    the piece in front of it has left. ``log`` receives ``offset,t_ns,until_ns``: between
+    which host times each slice of bytes was handed over.
     """
 
     def __init__(
@@ -179,7 +180,8 @@ class Feeder(threading.Thread):
         data = memoryview(feed.data)
         due = self._start_ns + (feed.t_ns - self._origin_ns) / self._speed
         ends = np.append(feed.offset[1:], len(data)).tolist()
-        rows = [b"offset,t_ns\n"]
+        hurry()
+        rows = [b"offset,t_ns,until_ns\n"]
         free_ns = 0.0
         begun = time.monotonic_ns()
         for first, end, due_ns in zip(feed.offset.tolist(), ends, due.tolist(), strict=True):
@@ -194,11 +196,11 @@ class Feeder(threading.Thread):
                     # the rest of a piece goes out in slices, as a driver hands it over
                     time.sleep(max(wait_s, _SLICE_S if at > first else 0.0))
                     continue
-                rows.append(b"%d,%d\n" % (at, now))
                 self.late_s = max(
                     self.late_s, (now - begin_ns - (at - first) * self._byte_ns) * 1e-9
                 )
                 sent = self._terminal.write(data[at:upto])
+                rows.append(b"%d,%d,%d\n" % (at, now, time.monotonic_ns()))
                 self.sent += sent
                 if sent < upto - at:
                     self._halt.set()

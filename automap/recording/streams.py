@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import queue
+import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 from automap.recording.append_file import AppendFile, ByteLog
 from automap.recording.clock import DeviceClock
-from automap.recording.gnss_watch import GnssWatch
+from automap.recording.gnss_watch import GnssState, GnssWatch
 from automap.recording.imu_decode import ImuDecoder, Sample
 from automap.recording.imu_format import READINGS, ImuFormat
-from automap.recording.imu_watch import ImuWatch
+from automap.recording.imu_watch import ImuState, ImuWatch
 from automap.recording.messages import Message, MessageStream
 from automap.recording.reader import Event, PortReader
 
@@ -22,6 +24,7 @@ class GnssStream:
     def __init__(self, folder: Path, reader: PortReader, watch: GnssWatch, event: Event) -> None:
         self.reader = reader
         self.watch = watch
+        self.lock = threading.Lock()  # over what the writer changes and the view reads
         self.log = ByteLog(folder / "gnss.ubx", folder / "gnss_arrival.csv")
         self.messages = MessageStream()
         self._inbox: queue.SimpleQueue[Message] = queue.SimpleQueue()
@@ -37,7 +40,8 @@ class GnssStream:
         """Write what came in since the last call."""
         pieces = self.reader.take()
         self.log.append([(t, data) for t, data in pieces if data])
-        self._view.run(lambda: self._watch(pieces))
+        with self.lock:
+            self._view.run(lambda: self._watch(pieces))
 
     def _watch(self, pieces: list[tuple[int, bytes | None]]) -> None:
         for t_ns, data in pieces:
@@ -50,12 +54,20 @@ class GnssStream:
                 if self._asking:
                     self._inbox.put(message)
 
+    def state(self, now_ns: int) -> GnssState:
+        """The receiver as of now."""
+        with self.lock:
+            return self.watch.update(now_ns)
+
+    def conditions(self, now_ns: int, started_ns: int, baud: int | None) -> dict[str, str]:
+        """What is wrong now; ``baud`` None where the line has no rate of its own."""
+        with self.lock:
+            return self.watch.conditions(now_ns, started_ns, self.reader.last_byte_ns, baud)
+
     def exchange(
         self, data: bytes, accept: Callable[[Message], bool], timeout_s: float
     ) -> Message | None:
         """Send bytes and wait for a message; called from a thread other than the writer's."""
-        import time
-
         while not self._inbox.empty():
             self._inbox.get_nowait()
         self._asking = True
@@ -84,6 +96,7 @@ class ImuStream:
 
     def __init__(self, folder: Path, reader: PortReader, form: ImuFormat, event: Event) -> None:
         self.reader = reader
+        self.lock = threading.Lock()
         self.form = form
         self.watch = ImuWatch(form)
         self.clock = DeviceClock()
@@ -103,7 +116,19 @@ class ImuStream:
         """Write what came in since the last call."""
         pieces = self.reader.take()
         self.log.append([(t, data) for t, data in pieces if data])
-        self._decode.run(lambda: self._samples(pieces))
+        with self.lock:
+            self._decode.run(lambda: self._samples(pieces))
+
+    def state(self, now_ns: int) -> ImuState:
+        """The sensor as of now."""
+        with self.lock:
+            return self.watch.update(now_ns, self.clock.skew, self.clock.resets)
+
+    def conditions(self, now_ns: int, started_ns: int) -> dict[str, str]:
+        """What is wrong now."""
+        with self.lock:
+            self.watch.update(now_ns, self.clock.skew, self.clock.resets)
+            return self.watch.conditions(now_ns, started_ns, self.reader.last_byte_ns)
 
     def _samples(self, pieces: list[tuple[int, bytes | None]]) -> None:
         samples: list[Sample] = []
