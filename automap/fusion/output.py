@@ -26,6 +26,7 @@ from automap.fusion.problem import (
     run_dense,
 )
 from automap.fusion.resample import shift_states
+from automap.fusion.stamp_error import rates_of_change, told_by_stamp
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory
 
 
@@ -81,6 +82,7 @@ def node_trajectory(
     dense, _ = run_dense(problem, nodes, nominal, states.params, blend)
     good = np.asarray(np.isfinite(dense).all(axis=1))
     dense = _hold_ends(dense, good)
+    cov = told_by_stamp(problem.model, cov, nodes.t, rates_of_change(problem.t, dense, nodes.t))
     if not delay_is_clock:
         dense = shift_states(problem.t, dense, delay)
     vehicle = quat_multiply(dense[:, 6:10], matrix_to_quat(turn.T))
@@ -121,7 +123,7 @@ def vehicle_tilt(nominal: FloatArray, cov: FloatArray, turn: FloatArray) -> Floa
     phi = slice(PHI_ID, PHI_ID + 3)
     tilt = cov[:, phi, phi].copy()
     if cov.shape[1] > N_NAV:
-        mount = slice(N_NAV, N_NAV + 3)
+        mount = slice(N_NAV, cov.shape[1])
         c = quat_to_matrix(nominal[:, 6:10]) @ turn.T
         cross = c @ cov[:, mount, phi]
         tilt += c @ cov[:, mount, mount] @ np.swapaxes(c, 1, 2)

@@ -15,7 +15,6 @@ from automap.fusion.layout import (
     HAS_VEL_H,
     HAS_VEL_V,
     MAX_SCALARS,
-    MOUNT,
     N_NAV,
     NHC,
     ODOMETER,
@@ -25,7 +24,8 @@ from automap.fusion.layout import (
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.model import FusionOptions, StateModel
 from automap.fusion.resample import states_at
-from automap.records import FloatArray, ImuData, IntArray
+from automap.fusion.stamp_error import reported_rows
+from automap.records import FloatArray, ImuData
 
 FORCE_WINDOW_S = 0.2
 """Over this time forces are averaged where the acceleration of the vehicle is wanted. Vibration
@@ -112,7 +112,7 @@ class PathStates:
 class SmoothRun(PathStates):
     """Smoothed nodes.
 
-    ``cov`` [k, r, r] the covariance of navigation errors and mounting (see ``reported_rows``);
+    ``cov`` [k, r, r] the covariance of the ``reported_rows``;
     ``param_var`` [k, n - 9] with NaN at most nodes.
     """
 
@@ -337,20 +337,11 @@ def full_covariance(packed: FloatArray, n: int) -> FloatArray:
     return out
 
 
-def reported_rows(model: StateModel) -> IntArray:
-    """States whose covariance is kept per node: navigation, and the mounting if estimated."""
-    rows = list(range(N_NAV))
-    offset = int(model.offsets[MOUNT])
-    if offset >= 0:
-        rows += [offset, offset + 1, offset + 2]
-    return np.array(rows, dtype=np.int64)
-
-
 def filtered_states(
     problem: Problem, forward: ForwardRun
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The forward filter's own states [k, 10], parameters [k, n - 9] and covariance [k, r, r]
-    of navigation errors and mounting after each update."""
+    of the reported rows after each update."""
     nominal, params = forward.store.nominal.copy(), forward.store.params.copy()
     kernels.apply_correction(nominal, params, forward.store.mean)
     return nominal, params, reported_cov(problem, forward)

@@ -28,6 +28,7 @@ from automap.fusion.problem import (
     run_forward,
 )
 from automap.fusion.problem import run_smoother as smooth
+from automap.fusion.stamp_error import reported_rows
 from tests.unit.fusion_drive import GPS0, Receiver, Sensor, city_drive, receive, record
 from tests.unit.fusion_problem import full_transition, make_nodes, true_start
 
@@ -93,8 +94,8 @@ def test_smoothed_states_and_covariances_are_those_of_full_rts() -> None:
     assert np.abs((smoothed.params - params) / sd[:, N_NAV:]).max() < 1e-6
     navigation = np.sqrt(np.einsum("kii->ki", smoothed.cov))[:, :N_NAV]
     assert navigation == pytest.approx(sd[:, :N_NAV], rel=1e-6)
-    mounting = problem.model.index("imu_mounting_roll")
-    rows = [*range(N_NAV), *range(mounting, mounting + 3)]
+    rows = reported_rows(problem.model)
+    assert len(rows) == N_NAV + 4
     size = sd[:, rows][:, :, None] * sd[:, rows][:, None, :]
     assert np.abs((smoothed.cov - cov[:, rows][:, :, rows]) / size).max() < 1e-6
 

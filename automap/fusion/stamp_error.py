@@ -1,0 +1,86 @@
+"""What an unsure IMU delay adds to the error of a state that is told by its stamp.
+
+The filter's states belong to the samples; the output belongs to the stamps' instants. Between
+the two lies the delay, and where it is wrong by d, position, velocity and attitude are told as
+they were d earlier or later: e_out = e + x' d, with x' the velocity, acceleration and turn rate.
+In a bend a few milliseconds turn the heading by more than all other errors do. The delay and
+the states were estimated together, so their errors are correlated.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.frames import quat_multiply
+from automap.fusion.layout import DELAY, MOUNT, N_NAV, SKEW
+from automap.fusion.model import StateModel
+from automap.fusion.resample import states_at
+from automap.records import FloatArray, IntArray
+
+HALF_STEP_S = 0.05
+"""Rates of change are taken over twice this time: vibration is no motion of the vehicle."""
+
+
+def reported_rows(model: StateModel) -> IntArray:
+    """States whose covariance is kept per node: navigation, mounting, delay and skew, those of
+    them that are estimated."""
+    rows = list(range(N_NAV))
+    for block, size in ((MOUNT, 3), (DELAY, 1), (SKEW, 1)):
+        offset = int(model.offsets[block])
+        if offset >= 0:
+            rows += range(offset, offset + size)
+    return np.array(rows, dtype=np.int64)
+
+
+def mounting_rows(model: StateModel) -> slice:
+    """Where the mounting stands among the reported rows; empty where it is not estimated."""
+    return slice(N_NAV, N_NAV + (3 if int(model.offsets[MOUNT]) >= 0 else 0))
+
+
+def told_by_stamp(
+    model: StateModel, cov: FloatArray, node_t: FloatArray, change: FloatArray
+) -> FloatArray:
+    """Covariance [k, m, m] of navigation errors and mounting at the stamps' instants.
+
+    ``cov`` [k, r, r] of the reported rows, ``node_t`` [k] s, ``change`` [k, 9] the states'
+    rates of change (see ``rates_of_change``).
+    """
+    own = mounting_rows(model).stop
+    out = cov[:, :own, :own].copy()
+    weights = [w for b, w in ((DELAY, np.ones_like(node_t)), (SKEW, node_t)) if _on(model, b)]
+    if not weights:
+        return out
+    late = np.stack(weights, axis=1)
+    # what the states' errors share with the delay at the node, and its variance there
+    shared = np.einsum("kij,kj->ki", cov[:, :own, own:], late)
+    variance = np.einsum("ki,kij,kj->k", late, cov[:, own:, own:], late)
+    full = np.zeros((len(node_t), own))
+    full[:, :N_NAV] = change
+    cross = full[:, :, None] * shared[:, None, :]
+    out += cross + np.swapaxes(cross, 1, 2)
+    out += variance[:, None, None] * full[:, :, None] * full[:, None, :]
+    return out
+
+
+def _on(model: StateModel, block: int) -> bool:
+    return int(model.offsets[block]) >= 0
+
+
+def rates_of_change(t: FloatArray, states: FloatArray, node_t: FloatArray) -> FloatArray:
+    """Velocity, acceleration and turn rate [k, 9] in NED at nodes of states [n, 10] at ``t``."""
+    if len(t) < 2:
+        return np.zeros((len(node_t), N_NAV))
+    before = states_at(t, states, np.maximum(node_t - HALF_STEP_S, t[0]))
+    after = states_at(t, states, np.minimum(node_t + HALF_STEP_S, t[-1]))
+    turned = quat_multiply(after[:, 6:10], before[:, 6:10] * [1.0, -1.0, -1.0, -1.0])
+    turned *= np.sign(turned[:, :1]) + (turned[:, :1] == 0.0)
+    span = np.minimum(node_t + HALF_STEP_S, t[-1]) - np.maximum(node_t - HALF_STEP_S, t[0])
+    rate = 1.0 / np.maximum(span, 1e-3)[:, None]
+    return np.concatenate(
+        [
+            0.5 * (after[:, 3:6] + before[:, 3:6]),
+            (after[:, 3:6] - before[:, 3:6]) * rate,
+            2.0 * turned[:, 1:] * rate,
+        ],
+        axis=1,
+    )

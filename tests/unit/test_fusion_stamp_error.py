@@ -1,0 +1,68 @@
+"""An unsure delay shows in the sd of what is told by its stamp."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from automap.frames import matrix_to_quat, rpy_to_matrix
+from automap.fusion.layout import DELAY, MOUNT, N_NAV, SKEW
+from automap.fusion.model import DEFAULT_EFFECTS, FusionOptions, build_state_model
+from automap.fusion.stamp_error import (
+    mounting_rows,
+    rates_of_change,
+    reported_rows,
+    told_by_stamp,
+)
+
+TURN = 0.3
+ALONG = 1.5
+
+
+def test_rates_of_change_of_a_bend_taken_at_rising_speed() -> None:
+    t = np.arange(0.0, 4.0, 0.01)
+    yaw = TURN * t
+    speed = 5.0 + ALONG * t
+    states = np.zeros((len(t), 10))
+    states[:, 3:5] = speed[:, None] * np.column_stack([np.cos(yaw), np.sin(yaw)])
+    zero = np.zeros_like(yaw)
+    states[:, 6:10] = matrix_to_quat(rpy_to_matrix(np.column_stack([zero, zero, yaw])))
+    at = np.array([0.0, 1.0, 2.5, t[-1]])
+    rates = rates_of_change(t, states, at)
+    heading = np.column_stack([np.cos(TURN * at), np.sin(TURN * at)])
+    across = np.column_stack([-heading[:, 1], heading[:, 0]])
+    v = 5.0 + ALONG * at
+    assert rates[:, :2] == pytest.approx(v[:, None] * heading, abs=0.1)
+    assert rates[:, 3:5] == pytest.approx(ALONG * heading + (TURN * v)[:, None] * across, abs=0.1)
+    assert rates[:, 6:] == pytest.approx(np.tile([0.0, 0.0, TURN], (4, 1)), abs=1e-3)
+
+
+@pytest.mark.parametrize("more", [(), ("imu_clock_skew",)])
+def test_the_covariance_is_that_of_state_plus_rate_times_delay(more: tuple[str, ...]) -> None:
+    model = build_state_model(FusionOptions(effects=(*DEFAULT_EFFECTS, *more)))
+    rows = reported_rows(model)
+    m = int(model.offsets[MOUNT])
+    assert rows[:N_NAV].tolist() == list(range(N_NAV))
+    assert rows[mounting_rows(model)].tolist() == [m, m + 1, m + 2]
+    assert int(model.offsets[DELAY]) in rows
+    assert (int(model.offsets[SKEW]) in rows) == bool(more)
+    rng = np.random.default_rng(1)
+    r, node_t = len(rows), np.array([3.0, 70.0])
+    root = rng.standard_normal((2, r, r))
+    cov = root @ np.swapaxes(root, 1, 2)
+    change = rng.standard_normal((2, N_NAV))
+    out = told_by_stamp(model, cov, node_t, change)
+    for k in range(2):
+        h = np.eye(N_NAV + 3, r)
+        h[:N_NAV, N_NAV + 3] = change[k]
+        if more:
+            h[:N_NAV, N_NAV + 4] = change[k] * node_t[k]
+        assert out[k] == pytest.approx(h @ cov[k] @ h.T, rel=1e-9)
+
+
+def test_a_known_delay_adds_nothing() -> None:
+    effects = tuple(e for e in DEFAULT_EFFECTS if e != "imu_time_offset")
+    model = build_state_model(FusionOptions(effects=effects))
+    cov = np.tile(np.eye(len(reported_rows(model))), (3, 1, 1))
+    out = told_by_stamp(model, cov, np.arange(3.0), np.ones((3, N_NAV)))
+    assert np.array_equal(out, cov)
