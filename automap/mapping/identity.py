@@ -29,8 +29,15 @@ def founder_keys(drives: Sequence[DriveSigns], sightings: Sightings, sign: IntAr
 
 def sighting_key(drive: DriveSigns, sign_id: str) -> str:
     """What names one sighting among all drives."""
+    return f"{drive_key(drive)}|{sign_id}"
+
+
+def drive_key(drive: DriveSigns) -> str:
+    """What tells a drive from others: its own key, else name and day."""
+    if drive.key:
+        return drive.key
     day = int(drive.start_gps_s // 86400) if np.isfinite(drive.start_gps_s) else -1
-    return f"{drive.name}|{day}|{sign_id}"
+    return f"{drive.name}|{day}"
 
 
 def name_signs(keys: Sequence[str], kept: Mapping[int, str], taken: set[str]) -> list[str]:

@@ -49,7 +49,8 @@ class CameraView:
 class DriveSigns:
     """Signs [n] as one drive located them, its path and its cameras.
 
-    ``name`` is what the map calls the drive; ``start_gps_s`` orders the drives (NaN unknown).
+    ``name`` is what the map calls the drive; ``start_gps_s`` orders the drives (NaN unknown);
+    ``key`` names the recording however often it is run anew ("" unknown).
     ``cov_enu`` [n, 3, 3] total covariances in m^2, trajectory included. ``first_gps_s``,
     ``last_gps_s`` [n] when the sign was in view. Unknown numbers are NaN.
     """
@@ -73,6 +74,7 @@ class DriveSigns:
     status: npt.NDArray[np.object_]
     path: DrivePath | None = None
     cameras: tuple[CameraView, ...] = ()
+    key: str = ""
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -119,10 +121,10 @@ class Sightings:
 def canonical_order(drives: Sequence[DriveSigns]) -> list[int]:
     """Places of the drives by start and name, so that the order of the inputs is nothing."""
 
-    def key(number: int) -> tuple[bool, float, str]:
+    def key(number: int) -> tuple[bool, float, str, str]:
         start = drives[number].start_gps_s
         known = bool(np.isfinite(start))
-        return (not known, start if known else 0.0, drives[number].name)
+        return (not known, start if known else 0.0, drives[number].name, drives[number].key)
 
     return sorted(range(len(drives)), key=key)
 

@@ -22,6 +22,8 @@ _COMMANDS = {
     "check": "pipeline.cli.check",
     "evaluate": "pipeline.cli.evaluate",
     "export": "pipeline.cli.export",
+    "view": "pipeline.cli.view",
+    "merge": "pipeline.cli.merge",
     "import": "pipeline.cli.import_drive",
     "simulate": "pipeline.cli.simulate",
     "detect": "pipeline.cli.detect",

@@ -1,0 +1,68 @@
+"""Tables that only a merged map has: its sightings, and where its drives looked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automap.io.atomic import atomic_path
+from automap.io.tables import floats, read_table, write_columns
+from automap.mapping.sightings import DrivePath
+
+SIGHTINGS = "sightings.parquet"
+COVERAGE = "coverage.parquet"
+_TEXTS = ("key", "drive", "drive_sign", "sign_id")
+
+
+def write_sightings(
+    path: Path, texts: Mapping[str, Sequence[str]], numbers: Mapping[str, Any]
+) -> None:
+    """Write one row per sighting: text columns ("" becomes null) and number columns [n]."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    columns: dict[str, Any] = {
+        name: pa.array([value or None for value in values], pa.string()).dictionary_encode()
+        if name != "key"
+        else pa.array(values, pa.string())
+        for name, values in texts.items()
+    }
+    columns |= {name: pa.array(np.asarray(v), from_pandas=True) for name, v in numbers.items()}
+    with atomic_path(path) as temporary:
+        pq.write_table(pa.table(columns), temporary, compression="zstd")
+
+
+def read_members(path: Path) -> dict[str, str]:
+    """The sign of every sighting of an older map, by the sighting's key; "" where it had none."""
+    table = read_table(path, ("key", "sign_id"))
+    return dict(
+        zip(
+            table["key"].to_pylist(),
+            [value or "" for value in table["sign_id"].to_pylist()],
+            strict=True,
+        )
+    )
+
+
+def write_coverage(path: Path, coverage: DrivePath) -> None:
+    """Write where cameras looked from, one row per place and direction."""
+    write_columns(
+        path,
+        {
+            "lat_deg": np.degrees(coverage.lat_rad),
+            "lon_deg": np.degrees(coverage.lon_rad),
+            "looking_deg": np.degrees(coverage.yaw_rad),
+        },
+    )
+
+
+def read_coverage(path: Path) -> DrivePath:
+    """Read what ``write_coverage`` wrote."""
+    table = read_table(path, ("lat_deg", "lon_deg", "looking_deg"))
+    lat, lon, looking = (
+        np.radians(floats(table, name)) for name in ("lat_deg", "lon_deg", "looking_deg")
+    )
+    return DrivePath(np.zeros(len(lat)), lat, lon, looking, np.zeros((len(lat), 3)))

@@ -1,0 +1,131 @@
+"""A new map against an older one: names that stay, and the list of changes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.mapping.changes import (
+    GONE_BELOW,
+    Change,
+    OlderMap,
+    distance_m,
+    match_moved,
+    match_older,
+)
+from automap.mapping.existence import still_there
+from automap.mapping.grid import empty_table, fill_table
+from automap.mapping.identity import drive_key
+from automap.mapping.merge import LEAST_EXISTENCE, Merged
+from automap.mapping.sightings import CameraView
+from automap.mapping.visibility import in_view, opportunities
+from automap.records import BoolArray, IntArray, Sign
+
+_COVERAGE_VIEW = CameraView(0.0, 0.6)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """``names`` of signs that the older map has too, by place among the merged signs;
+    ``changes``; the number of older signs that are ``unchanged``, ``unvisited`` by any drive
+    since, and ``unconfirmed``: missed, but not often enough to be called gone."""
+
+    names: dict[int, str]
+    changes: list[Change]
+    unchanged: int
+    unvisited: int
+    unconfirmed: int
+
+
+def compare_maps(
+    older: OlderMap, merged: Merged, least_existence: float = LEAST_EXISTENCE
+) -> Comparison:
+    """Match the merged signs to the older map's and say what has changed.
+
+    A sign is gone when drives that the older map did not have would have seen it and did not;
+    one that nobody passed since is not. A sign that is gone and one of the same class and
+    facing that is new near by are one that moved.
+    """
+    kept = merged.existence >= least_existence
+    matches = match_older(older, merged.signs, merged.keys)
+    changes: list[Change] = []
+    unchanged = unconfirmed = 0
+    gone: dict[int, float] = {}
+    for place, before in matches.items():
+        now, then = merged.signs[place], older.signs[before]
+        belief = float(merged.existence[place])
+        if kept[place] and now.class_name != then.class_name:
+            share = float(merged.attributes.class_share[place])
+            changes.append(Change("class", now, then, share, distance_m(now, then)))
+        elif kept[place]:
+            unchanged += 1
+        elif belief < GONE_BELOW:
+            gone[before] = 1.0 - belief
+        else:
+            unconfirmed += 1
+    missing = np.setdiff1d(np.arange(len(older.signs)), list(matches.values()))
+    visited, still = _still_there(older, merged, missing)
+    for before, was_visited, belief in zip(missing.tolist(), visited, still, strict=True):
+        if was_visited and belief < GONE_BELOW:
+            gone[before] = 1.0 - float(belief)
+        elif was_visited:
+            unconfirmed += 1
+    new = [k for k in np.flatnonzero(kept).tolist() if k not in matches]
+    moved = match_moved(older.signs, sorted(gone), merged.signs, new)
+    for place, before in moved.items():
+        now, then = merged.signs[place], older.signs[before]
+        belief = float(merged.existence[place]) * gone.pop(before)
+        changes.append(Change("moved", now, then, belief, distance_m(now, then)))
+    for before, belief in gone.items():
+        changes.append(Change("gone", older.signs[before], older.signs[before], belief))
+    seen_before = _seen_before(older, merged.signs, new)
+    for place, before_too in zip(new, seen_before, strict=True):
+        if place not in moved:
+            belief = float(merged.existence[place])
+            now = merged.signs[place]
+            changes.append(Change("new", now, None, belief, visited_before=before_too))
+    names = {place: older.signs[before].id for place, before in (matches | moved).items()}
+    return Comparison(names, changes, unchanged, int((~visited).sum()), unconfirmed)
+
+
+def _still_there(
+    older: OlderMap, merged: Merged, missing: IntArray
+) -> tuple[BoolArray, list[float]]:
+    """Which of the older signs ``missing`` fresh drives had in view, and the belief left."""
+    fresh = [k for k, drive in enumerate(merged.drives) if drive_key(drive) not in older.drives]
+    signs = [older.signs[k] for k in missing]
+    visited = np.zeros(len(signs), np.bool_)
+    start = np.array([min(max(s.confidence, 0.5), 0.98) for s in signs], np.float64)
+    if not signs or not fresh:
+        return visited, start.tolist()
+    views = opportunities(
+        [merged.drives[k] for k in fresh],
+        np.array([s.lat_rad for s in signs]),
+        np.array([s.lon_rad for s in signs]),
+        np.array([s.facing_rad for s in signs]),
+    )
+    visited[views.sign] = True
+    order = np.lexsort((views.drive, views.sign))
+    who = np.array(fresh, np.int64)[views.drive[order]]
+    times = np.array([drive.start_gps_s for drive in merged.drives])[who]
+    rate = merged.rates.detection[who, views.lateral[order]]
+    left = still_there(views.sign[order], times, rate, merged.rates.false_rate, start)
+    return visited, left.tolist()
+
+
+def _seen_before(
+    older: OlderMap, signs: Sequence[Sign], places: Sequence[int]
+) -> list[bool | None]:
+    """Whether the older map's drives looked at the places of signs; None when not known."""
+    if older.coverage is None or not places:
+        return [None] * len(places)
+    lat = np.array([signs[k].lat_rad for k in places])
+    lon = np.array([signs[k].lon_rad for k in places])
+    facing = np.array([signs[k].facing_rad for k in places])
+    table = empty_table(len(places))
+    fill_table(table, lat, lon)
+    seen, _ = in_view(older.coverage, (_COVERAGE_VIEW,), table, lat, lon, facing)
+    looked = set(seen.tolist())
+    return [k in looked for k in range(len(places))]

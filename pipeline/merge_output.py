@@ -1,0 +1,246 @@
+"""The folder of a merged map: the files of a run, and what only a merge has."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from automap import __version__
+from automap.io import names
+from automap.io.atomic import make_folder, write_json, write_text
+from automap.io.map_tables import COVERAGE, SIGHTINGS
+from automap.mapping.sightings import DrivePath
+from pipeline.merge_inputs import GPS_CLOCK, MERGE
+
+if TYPE_CHECKING:
+    from automap.mapping.changes import Change
+    from automap.mapping.merge import Merged
+    from automap.records import FloatArray, Sign
+    from pipeline.merge import MergeOutcome
+
+CHANGES = "changes.geojson"
+SCHEMA = "automap.merge/1"
+_CELL_RAD = 8.0 / 6.371e6
+_SECTORS = 16
+
+
+def write_map(
+    outcome: MergeOutcome,
+    signs: Sequence[Sign],
+    folders: Sequence[Path],
+    previous: Path | None,
+    progress: Callable[[float], None],
+) -> list[Path]:
+    """Write all files of the map; returns them. ``signs`` are all merged ones, the unlikely
+    ones without a name; ``folders`` those of the drives, in their order."""
+    from automap.io.clock_json import write_clock
+    from automap.io.map_tables import write_coverage
+    from automap.io.signs_table import write_signs
+    from pipeline.export import FORMATS, STANDARD_FORMATS, map_content
+    from pipeline.merge_report import merge_report
+
+    out = make_folder(outcome.folder)
+    write_signs(out / names.SIGNS_RAW, outcome.signs)
+    write_clock(out / names.SYNC, GPS_CLOCK)
+    progress(0.1)
+    _write_sightings(out / SIGHTINGS, outcome.merged, signs)
+    write_coverage(out / COVERAGE, coverage_of(outcome.merged))
+    progress(0.25)
+    write_json(out / names.RUN, _run_record(outcome, folders))
+    content = map_content(out, out.resolve().name)
+    files = []
+    for number, fmt in enumerate(STANDARD_FORMATS):
+        name, write = FORMATS[fmt]
+        write(content, out / name)
+        files.append(out / name)
+        progress(0.3 + 0.6 * (number + 1) / len(STANDARD_FORMATS))
+    changes = outcome.comparison.changes if outcome.comparison is not None else None
+    if changes is not None:
+        write_text(out / CHANGES, changes_geojson(changes))
+        files.append(out / CHANGES)
+    else:
+        (out / CHANGES).unlink(missing_ok=True)
+    summary = merge_summary(outcome, signs, folders, previous)
+    write_text(out / names.REPORT, merge_report(outcome, summary))
+    # the last file says that the map is complete
+    write_json(out / MERGE, summary)
+    return [*files, out / names.REPORT, out / MERGE]
+
+
+def _run_record(outcome: MergeOutcome, folders: Sequence[Path]) -> dict[str, Any]:
+    """The lineage of the map, in the form in which a run states its own."""
+    return {
+        "schema": "automap.run/1",
+        "automap": __version__,
+        "drive": {"name": outcome.folder.resolve().name, "path": str(outcome.folder.resolve())},
+        "status": "done",
+        "merged": [str(folder) for folder in folders],
+        "warnings": outcome.warnings,
+        "stages": {},
+        "metrics": {"signs": len(outcome.signs), "drives": len(folders)},
+    }
+
+
+def merge_summary(
+    outcome: MergeOutcome, signs: Sequence[Sign], folders: Sequence[Path], previous: Path | None
+) -> dict[str, Any]:
+    """The content of merge.json."""
+    merged = outcome.merged
+    in_map = np.array([bool(sign.id) for sign in signs], np.bool_)
+    counted = in_map[merged.association.sign] if len(signs) else np.zeros(0, np.bool_)
+    levels, rates = merged.levels, merged.rates
+    summary: dict[str, Any] = {
+        "schema": SCHEMA,
+        "automap": __version__,
+        "signs": len(outcome.signs),
+        "unlikely_signs": int((~in_map).sum()),
+        "sightings": len(merged.sightings),
+        "sightings_in_map": int(counted.sum()),
+        "detection_rate": rates.overall,
+        "false_rate": rates.false_rate,
+        "error_levels": {
+            "shared": levels.shared,
+            "own": levels.own,
+            "time_constant_s": levels.tau_s,
+        },
+        "drives": [
+            _drive_summary(merged, number, folder, counted) for number, folder in enumerate(folders)
+        ],
+        "warnings": outcome.warnings,
+    }
+    if outcome.comparison is not None:
+        found = outcome.comparison
+        kinds = [change.kind for change in found.changes]
+        summary["previous"] = str(previous)
+        summary["changes"] = {
+            kind: kinds.count(kind) for kind in ("new", "gone", "class", "moved")
+        } | {
+            "unchanged": found.unchanged,
+            "unvisited": found.unvisited,
+            "unconfirmed": found.unconfirmed,
+        }
+    return summary
+
+
+def _drive_summary(
+    merged: Merged, number: int, folder: Path, counted: np.ndarray[Any, np.dtype[np.bool_]]
+) -> dict[str, Any]:
+    from automap.export.clock import iso_texts, utc_of_gps
+
+    drive = merged.drives[number]
+    lo, hi = (int(v) for v in merged.sightings.first[number : number + 2])
+    axes = ("e", "n", "u")
+    pairs = merged.pairs
+    own = (pairs.drive == number) & (pairs.lateral < merged.rates.detection.shape[1] - 1)
+    likely = own & (merged.existence[pairs.sign] >= 0.5)
+    chances = int(likely.sum())
+    return {
+        "name": drive.name,
+        "folder": str(folder),
+        "start": iso_texts(utc_of_gps(np.array([drive.start_gps_s])))[0],
+        "signs": hi - lo,
+        "signs_in_map": int(counted[lo:hi].sum()),
+        "offset_m": dict(zip(axes, merged.adjusted.drive_offset[number].tolist(), strict=True)),
+        "offset_sd_m": dict(zip(axes, merged.adjusted.drive_sd[number].tolist(), strict=True)),
+        "in_view": chances,
+        "seen_of_in_view": int((likely & pairs.seen).sum()),
+    }
+
+
+def _write_sightings(path: Path, merged: Merged, signs: Sequence[Sign]) -> None:
+    from automap.io.map_tables import write_sightings
+    from automap.mapping.identity import sighting_key
+
+    s, sign = merged.sightings, merged.association.sign
+    drives = [merged.drives[k] for k in s.drive.tolist()]
+    own_ids = [d.ids[row] for d, row in zip(drives, s.row.tolist(), strict=True)]
+    a = merged.adjusted
+    turn = (s.lon - a.lon[sign] + np.pi) % (2 * np.pi) - np.pi
+    east, north = turn * s.per_lon, (s.lat - a.lat[sign]) * s.per_lat
+    write_sightings(
+        path,
+        {
+            "key": [sighting_key(d, i) for d, i in zip(drives, own_ids, strict=True)],
+            "drive": [d.name for d in drives],
+            "drive_sign": own_ids,
+            "class": [s.classes[code] for code in s.code.tolist()],
+            "sign_id": [signs[k].id for k in sign.tolist()],
+        },
+        {
+            "lat_deg": np.degrees(s.lat),
+            "lon_deg": np.degrees(s.lon),
+            "height_m": s.height,
+            "existence": merged.existence[sign],
+            "offset_e_m": a.offset[:, 0],
+            "offset_n_m": a.offset[:, 1],
+            "offset_u_m": a.offset[:, 2],
+            "residual_e_m": east - a.offset[:, 0],
+            "residual_n_m": north - a.offset[:, 1],
+            "residual_u_m": s.height - a.height[sign] - a.offset[:, 2],
+        },
+    )
+
+
+def coverage_of(merged: Merged) -> DrivePath:
+    """Where cameras looked from and which way, thinned to cells of 8 m and 16 directions."""
+    lat, lon, looking = [], [], []
+    for drive in merged.drives:
+        if drive.path is None:
+            continue
+        filmed = np.isfinite(drive.path.yaw_rad)
+        for camera in drive.cameras:
+            lat.append(drive.path.lat_rad[filmed])
+            lon.append(drive.path.lon_rad[filmed])
+            looking.append(drive.path.yaw_rad[filmed] + camera.yaw_rad)
+    if not lat:
+        none = np.zeros(0)
+        return DrivePath(none, none, none, none, np.zeros((0, 3)))
+    rows, columns, ways = (np.concatenate(part) for part in (lat, lon, looking))
+    cell = np.column_stack(
+        [
+            np.floor(rows / _CELL_RAD),
+            np.floor(columns * np.cos(np.round(rows, 4)) / _CELL_RAD),
+            np.floor((ways % (2 * np.pi)) / (2 * np.pi) * _SECTORS),
+        ]
+    ).astype(np.int64)
+    _, first = np.unique(cell, axis=0, return_index=True)
+    first.sort()
+    zero: FloatArray = np.zeros(len(first))
+    return DrivePath(zero, rows[first], columns[first], ways[first], np.zeros((len(first), 3)))
+
+
+def changes_geojson(changes: Sequence[Change]) -> str:
+    """The changes as a collection of points (RFC 7946, WGS-84); for "gone" where it was."""
+    features = [json.dumps(_feature(change), ensure_ascii=False) for change in changes]
+    text = '{"type": "FeatureCollection",\n"features": [\n' + ",\n".join(features) + "\n]}\n"
+    return text.encode("utf-8", "replace").decode("utf-8")
+
+
+def _feature(change: Change) -> dict[str, Any]:
+    sign, older = change.sign, change.older
+    coordinates = [
+        round(float(np.degrees(sign.lon_rad)), 7),
+        round(float(np.degrees(sign.lat_rad)), 7),
+    ]
+    if np.isfinite(sign.height_m):
+        coordinates.append(round(sign.height_m, 3))
+    properties: dict[str, Any] = {
+        "change": change.kind,
+        "id": sign.id,
+        "class": sign.class_name,
+        "previous_class": None if older is None else older.class_name,
+        "belief": round(change.belief, 3),
+        "moved_m": round(change.distance_m, 2) if change.kind == "moved" else None,
+        "visited_before": change.visited_before,
+        "drives": list(sign.drives),
+    }
+    return {
+        "type": "Feature",
+        "id": sign.id,
+        "geometry": {"type": "Point", "coordinates": coordinates},
+        "properties": properties,
+    }
