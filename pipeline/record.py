@@ -17,6 +17,7 @@ from automap.errors import ConfigError, InputError, StageError
 from automap.io import names
 
 if TYPE_CHECKING:
+    from automap.recording.camera import Source
     from automap.recording.imu_format import ImuFormat
     from automap.recording.ports import PortSpec
     from automap.recording.probe import Finding
@@ -152,18 +153,17 @@ def _signals() -> Iterator[Stop]:
 # ---- devices
 
 
-def _cameras(request: RecordRequest) -> tuple[Any, ...]:
+def _cameras(request: RecordRequest) -> tuple[tuple[str, Source], ...]:
     if not request.cameras:
         return ()
     from automap.recording.camera import parse_camera
 
-    cameras = [parse_camera(text) for text in request.cameras]
-    twice = {c.name for c in cameras if sum(d.name == c.name for d in cameras) > 1}
+    cameras = tuple(parse_camera(text) for text in request.cameras)
+    called = [name for name, _ in cameras]
+    twice = sorted({name for name in called if called.count(name) > 1})
     if twice:
-        raise ConfigError(
-            f"two cameras are called {sorted(twice)[0]}; give each a name of its own."
-        )
-    return tuple(cameras)
+        raise ConfigError(f"two cameras are called {twice[0]}; give each a name of its own.")
+    return cameras
 
 
 def _find_devices(

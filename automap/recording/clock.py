@@ -18,7 +18,7 @@ class HostClock:
     """The host's monotonic clock in ns; for a replay at speed, ``factor`` times as fast."""
 
     def __init__(self, factor: float = 1.0) -> None:
-        self._factor = factor
+        self.factor = factor
         self._start = time.monotonic_ns()
 
     def __call__(self) -> int:
@@ -27,9 +27,9 @@ class HostClock:
 
     def at(self, monotonic_ns: int) -> int:
         """This clock when the system's monotonic clock showed ``monotonic_ns``."""
-        if self._factor == 1.0:
+        if self.factor == 1.0:
             return monotonic_ns
-        return self._start + round((monotonic_ns - self._start) * self._factor)
+        return self._start + round((monotonic_ns - self._start) * self.factor)
 
 
 class DeviceClock:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections import deque
 from dataclasses import dataclass
@@ -104,19 +105,19 @@ class ImuDecoder:
         if form.checksum == "nmea":
             body, star, check = text.rpartition("*")
             if not star or not _xor_agrees(body.lstrip("$!"), check):
-                return self._spoiled()
+                self._spoiled()
+                return None
             text = body
         text = text[len(form.prefix) :].strip()
         if form.separator != " ":
             cells = text.strip(form.separator).split(form.separator)
         else:
             cells = text.split()
-        if len(cells) != len(form.columns):
-            return self._foreign(cells)
-        try:
-            return self._sample([_number(cell) for cell in cells], arrival_ns)
-        except ValueError:
-            return self._foreign(cells)
+        if len(cells) == len(form.columns):
+            with contextlib.suppress(ValueError):
+                return self._sample([_number(cell) for cell in cells], arrival_ns)
+        self._foreign(cells)
+        return None
 
     def _foreign(self, cells: list[str]) -> None:
         """A header or a message in words is no damaged sample."""

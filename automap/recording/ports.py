@@ -125,7 +125,7 @@ class SerialPort:
             self._serial.reset_input_buffer()
 
     def read(self, timeout_s: float) -> tuple[int, bytes]:
-        """Monotonic time (ns) at which bytes were there, and the bytes; none after ``timeout_s``."""
+        """Monotonic time (ns) of bytes that are there, and the bytes; none after ``timeout_s``."""
         try:
             if self._fd is None:
                 return self._read_blocking(timeout_s)

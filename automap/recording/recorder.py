@@ -8,13 +8,14 @@ from collections import deque
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from automap.errors import ConfigError, InputError
 from automap.io import names
 from automap.io.atomic import make_folder, write_json, write_text
 from automap.io.manifest import Manifest
 from automap.recording.append_file import AppendFile
+from automap.recording.camera import Camera, CameraState, Source
 from automap.recording.clock import HostClock
 from automap.recording.conditions import Conditions
 from automap.recording.gnss_watch import GnssState, GnssWatch
@@ -37,46 +38,13 @@ BEFORE = "ublox_before.json"
 
 
 @dataclass(frozen=True)
-class CameraState:
-    """A camera as seen now."""
-
-    frames: int = 0
-    rate_hz: float = 0.0
-    missed: int = 0
-    width: int = 0
-    height: int = 0
-    connected: bool = False
-
-
-class CameraRecorder(Protocol):
-    """What the recorder needs of a camera; see :mod:`automap.recording.camera`."""
-
-    name: str
-    manifest: dict[str, Any]
-
-    @property
-    def state(self) -> CameraState: ...
-
-    @property
-    def files(self) -> tuple[AppendFile, ...]: ...
-
-    def open(self, folder: Path) -> None: ...
-
-    def start(self) -> None: ...
-
-    def stop(self) -> None: ...
-
-    def conditions(self, now_ns: int, started_ns: int) -> dict[str, str]: ...
-
-
-@dataclass(frozen=True)
 class Plan:
     """What is to be recorded. Ports carry their line rate; ``wish`` is for the receiver."""
 
     gnss: PortSpec | None = None
     imu: PortSpec | None = None
     imu_format: ImuFormat | None = None
-    cameras: tuple[CameraRecorder, ...] = ()
+    cameras: tuple[tuple[str, Source], ...] = ()
     rig: Manifest | None = None
     wish: Wish | None = None
     restore: bool = False
@@ -128,6 +96,7 @@ class Recorder:
         self._conditions = Conditions(self.event)
         self._gnss: GnssStream | None = None
         self._imu: ImuStream | None = None
+        self._cameras = [Camera(*named, clock, self.event) for named in plan.cameras]
         self._log: AppendFile | None = None
         self._halt = threading.Event()
         self._threads: list[threading.Thread] = []
@@ -150,12 +119,12 @@ class Recorder:
                 f"{self.folder} holds a drive already; choose another folder with -o."
             )
         readers = self._open_ports()
+        for camera in self._cameras:
+            camera.connect()
         make_folder(self.folder)
         self._log = AppendFile(self.folder / LOG)
         gnss, imu = readers.get("gnss"), readers.get("imu")
         wish = self.plan.wish
-        for camera in self.plan.cameras:
-            camera.open(self.folder)
         if gnss is not None:
             watch = GnssWatch(wish.rate_hz if wish else None, bool(wish and wish.raw))
             self._gnss = GnssStream(self.folder, gnss, watch, self.event)
@@ -169,8 +138,8 @@ class Recorder:
             reader.start()
         for reader in readers.values():
             reader.wait_ready()
-        for camera in self.plan.cameras:
-            camera.start()
+        for camera in self._cameras:
+            camera.start(self.folder)
         for name, work in (("write", self._write), ("sync", self._sync), ("care", self._care)):
             thread = threading.Thread(target=work, name=name, daemon=True)
             thread.start()
@@ -187,7 +156,7 @@ class Recorder:
             except PortLostError as error:
                 raise port_sentence(spec, error) from error
             readers[label] = reader
-        if not readers and not self.plan.cameras:
+        if not readers and not self._cameras:
             raise InputError(
                 "there is nothing to record; automap record --list-ports shows the ports, "
                 "--gnss, --imu and --camera name them."
@@ -199,7 +168,7 @@ class Recorder:
             self.plan.name or self.folder.resolve().name,
             "gnss.ubx" if self._gnss else None,
             self.plan.imu_format if self._imu else None,
-            {camera.name: camera.manifest for camera in self.plan.cameras},
+            {camera.name: camera.manifest for camera in self._cameras},
             self.plan.rig,
         )
 
@@ -211,7 +180,7 @@ class Recorder:
             stream.reader.stop()
         for stream in self._streams():
             stream.reader.join(timeout=2.0)
-        for camera in self.plan.cameras:
+        for camera in self._cameras:
             camera.stop()
         self._halt.set()
         for thread in self._threads:
@@ -269,7 +238,7 @@ class Recorder:
                 found[f"{label}-lost"] = f"{label}: {stream.reader.device} is away"
             if stream.reader.check_driver():
                 self.event("warning", f"{label}: the driver lost bytes (overrun)")
-        for camera in self.plan.cameras:
+        for camera in self._cameras:
             found |= camera.conditions(now, self._started_ns)
         return found | self._disk_troubles(now)
 
@@ -407,7 +376,7 @@ class Recorder:
 
     def _files(self) -> list[AppendFile]:
         files = [file for stream in self._streams() for file in stream.files]
-        files += [file for camera in self.plan.cameras for file in camera.files]
+        files += [file for camera in self._cameras for file in camera.files]
         return files + ([self._log] if self._log is not None else [])
 
     def snapshot(self) -> Snapshot:
@@ -423,7 +392,7 @@ class Recorder:
             imu=self._imu.state(now) if self._imu else None,
             gnss_port=f"{self._gnss.reader.device}@{self._gnss.reader.baud}" if self._gnss else "",
             imu_port=f"{self._imu.reader.device}@{self._imu.reader.baud}" if self._imu else "",
-            cameras={camera.name: camera.state for camera in self.plan.cameras},
+            cameras={camera.name: camera.state(now) for camera in self._cameras},
             disk_free=free,
             disk_left_s=left_s,
             bytes_written=sum(file.written for file in files),
@@ -436,7 +405,7 @@ class Recorder:
         seconds = (self._clock() - self._started_ns) * 1e-9
         lost = sum(file.refused_bytes + file.waiting for file in self._files())
         lost += sum(stream.reader.refused_bytes for stream in self._streams())
-        frames = {camera.name: camera.state.frames for camera in self.plan.cameras}
+        frames = {camera.name: camera.state(0).frames for camera in self._cameras}
         gnss, imu = self._gnss, self._imu
         summary: dict[str, Any] = {
             "schema": "automap.recording/1",
@@ -468,8 +437,8 @@ class Recorder:
                 "clock_resets": imu.clock.resets,
             }
         summary["cameras"] = {
-            camera.name: {"frames": camera.state.frames, "missed": camera.state.missed}
-            for camera in self.plan.cameras
+            camera.name: {"frames": camera.state(0).frames, "missed": camera.state(0).missed}
+            for camera in self._cameras
         }
         return Ending(
             folder=self.folder,
