@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from automap.errors import ConfigError, InputError
 from automap.export import geojson, kml, trajectory_formats
+from automap.export.fields import SIGN_FIELDS, Field
+from automap.export.icons import class_icon
+from automap.export.kml import KmlOptions
 from automap.export.path import Path as MapPath
 from automap.export.path import simplified_path
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
-from automap.io.atomic import write_text
-from automap.records import NO_TIME, Trajectory
+from automap.io.atomic import write_bytes, write_chunks, write_json, write_text
+from automap.records import NO_TIME, FloatArray, Trajectory
 from pipeline.export_view import TrajectoryView, viewed
+from pipeline.lineage import lineage
+from pipeline.pictures import Picture, pictures_by_sign, read_pictures
 from pipeline.products import RunProducts, geoid_separation, load_products
 
 
@@ -32,14 +38,39 @@ class MapContent:
     warnings: list[str] = field(default_factory=list)
     every_row: bool = False
     """The trajectory's rows were asked for one by one: none is left out."""
+    lineage: dict[str, Any] = field(default_factory=dict)
+    """Run, versions and inputs, for the metadata of every file."""
+    country: str | None = None
+    pictures: list[Picture] = field(default_factory=list)
 
 
-def map_content(out: Path, name: str) -> MapContent:
-    """Read OUT and prepare its signs and path, with a warning for all that is missing."""
+def map_content(out: Path, name: str, min_confidence: float = 0.0) -> MapContent:
+    """Read OUT and prepare its signs and path, with a warning for all that is missing.
+
+    Signs of less confidence than ``min_confidence`` are left out, and counted in a warning.
+    """
     products = load_products(out)
+    left_out = _drop_unsure(products, min_confidence)
     signs = sign_columns(products.signs or [], products.clock)
     path = simplified_path(products.trajectory) if products.trajectory is not None else None
-    content = MapContent(name, signs, path, products, list(products.problems))
+    record = products.json(names.RUN)
+    content = MapContent(
+        name,
+        signs,
+        path,
+        products,
+        list(products.problems),
+        lineage=lineage(record, name, products.trajectory),
+        country=_country(record),
+        pictures=read_pictures(out),
+    )
+    if min_confidence > 0.0:
+        content.lineage["min_confidence"] = min_confidence
+    if left_out:
+        content.warnings.append(
+            f"{left_out} of {left_out + len(signs)} signs are less sure than {min_confidence:g}; "
+            "they were left out."
+        )
     if path is None or not len(path):
         content.warnings.append("There is no trajectory, so the map shows no path.")
     if products.signs is None:
@@ -57,9 +88,30 @@ def map_content(out: Path, name: str) -> MapContent:
     return content
 
 
+def _drop_unsure(products: RunProducts, least: float) -> int:
+    """Take signs below a confidence off the map; a confidence that is unknown is kept."""
+    if least <= 0.0 or not products.signs:
+        return 0
+    kept = [sign for sign in products.signs if not sign.confidence < least]
+    left_out = len(products.signs) - len(kept)
+    products.signs = kept
+    return left_out
+
+
+def _country(record: dict[str, Any]) -> str | None:
+    """The country that the drive's manifest named."""
+    stages = record.get("stages")
+    for stage in stages.values() if isinstance(stages, dict) else ():
+        manifest = stage.get("manifest") if isinstance(stage, dict) else None
+        country = manifest.get("site.country") if isinstance(manifest, dict) else None
+        if isinstance(country, str):
+            return country
+    return None
+
+
 def write_geojson(content: MapContent, path: Path) -> None:
     """Write the signs as GeoJSON."""
-    write_text(path, geojson.signs_geojson(content.signs))
+    write_bytes(path, geojson.geojson_bytes(content.signs, content.lineage))
 
 
 def write_rejected(content: MapContent, path: Path) -> None:
@@ -69,7 +121,39 @@ def write_rejected(content: MapContent, path: Path) -> None:
 
 
 def write_kml(content: MapContent, path: Path) -> None:
-    """Write signs and track as KML."""
+    """Write signs and track as KML, in one file without pictures."""
+    options = KmlOptions(*_geoid(content), lineage=content.lineage)
+    write_chunks(path, kml.kml_chunks(content.name, content.signs, content.path, options))
+
+
+def write_kmz(content: MapContent, path: Path) -> None:
+    """Write the same with the faces of the classes and the pictures of the signs."""
+    from automap.export import kmz
+
+    icons, files = {}, {}
+    for number, name in enumerate(sorted(set(content.signs.values["class"]))):
+        icons[name] = f"files/class-{number}.png"
+        files[icons[name]] = class_icon(name)
+    pictures: dict[int, list[str]] = {}
+    by_sign = pictures_by_sign(content.pictures)
+    for row, sign_id in enumerate(content.signs.values["id"]):
+        for picture in by_sign.get(sign_id, ()):
+            href = f"files/{picture.view.file}"
+            files[href] = picture.jpeg
+            pictures.setdefault(row, []).append(href)
+    options = KmlOptions(
+        *_geoid(content),
+        lineage=content.lineage,
+        icons=icons,
+        pictures=pictures,
+        clamp_signs=True,
+    )
+    document = kml.kml_chunks(content.name, content.signs, content.path, options)
+    kmz.write_kmz(path, document, files)
+
+
+def _geoid(content: MapContent) -> tuple[FloatArray | None, FloatArray | None]:
+    """Height of the geoid above the ellipsoid at the signs and along the path."""
     values = content.signs.values
     seen = [
         NO_TIME if first is None else (first if last is None else first + (last - first) // 2)
@@ -81,45 +165,78 @@ def write_kml(content: MapContent, path: Path) -> None:
         sign_geoid = np.where(stamps == NO_TIME, np.nan, sign_geoid)
     track = content.path
     track_geoid = None if track is None else geoid_separation(content.products, track.t_ns)
-    text = kml.map_kml(content.name, content.signs, track, sign_geoid, track_geoid)
-    write_text(path, text)
+    return sign_geoid, track_geoid
 
 
 def write_gpkg(content: MapContent, path: Path) -> None:
     """Write the layers signs, observations, trajectory and ellipses as GeoPackage."""
-    from automap.export import gis, layers
+    from automap.export import gis, layers, qgis_style
+    from automap.export.uncertainty import sigma_classes, sigma_limits
 
     products = content.products
+    classes = content.signs.values["class"]
+    colours = kml.class_colours(classes)
+    icons = {name: class_icon(name) for name in colours}
     built = [layers.sign_layer(content.signs)]
+    styles = [qgis_style.sign_style(icons, colours)]
     if products.observations is not None:
         built.append(
             layers.observation_layer(products.observations, products.trajectory, products.clock)
         )
+        styles.append(qgis_style.observation_style())
     if content.path is not None and len(content.path) > 1:
         built.append(layers.path_layer(content.path))
+        sigma = content.path.sd_h_m
+        styles.append(qgis_style.track_style(sigma_limits(sigma), sigma_classes(sigma)[1]))
     built.append(layers.ellipse_layer(content.signs))
-    gis.write_layers(path, built)
+    styles.append(qgis_style.ellipse_style())
+    gis.write_layers(path, built, lineage=content.lineage, styles=styles)
 
 
 def write_geoparquet(content: MapContent, path: Path) -> None:
     """Write the signs as GeoParquet."""
     from automap.export import gis
 
-    gis.write_geoparquet(path, content.signs)
+    epoch = content.lineage.get("coordinate_epoch")
+    gis.write_geoparquet(path, content.signs, content.lineage, epoch=epoch)
 
 
 def write_flatgeobuf(content: MapContent, path: Path) -> None:
     """Write the signs as FlatGeobuf."""
     from automap.export import gis, layers
 
-    gis.write_layers(path, [layers.sign_layer(content.signs)], driver="FlatGeobuf")
+    layer = layers.sign_layer(content.signs)
+    gis.write_layers(path, [layer], driver="FlatGeobuf", lineage=content.lineage)
 
 
 def write_csv(content: MapContent, path: Path) -> None:
-    """Write the signs as CSV."""
+    """Write the signs as CSV, and beside it what its columns mean (CSV on the Web)."""
     from automap.export import gis
+    from automap.export.dictionary import POSITION_FIELDS
 
     write_text(path, gis.signs_csv(content.signs))
+    _describe_csv(content, path, (*POSITION_FIELDS, *SIGN_FIELDS))
+
+
+def _describe_csv(content: MapContent, path: Path, fields: Sequence[Field]) -> None:
+    from automap.export.dictionary import csv_metadata
+
+    metadata = csv_metadata(path.name, fields, content.lineage)
+    write_json(path.with_name(f"{path.name}-metadata.json"), metadata)
+
+
+def write_osm(content: MapContent, path: Path) -> None:
+    """Write the signs as nodes for review in JOSM."""
+    from automap.export.osm import josm_file
+
+    write_text(path, josm_file(content.signs, content.country))
+
+
+def write_dictionary(path: Path) -> None:
+    """Write what every column of a map means."""
+    from automap.export.dictionary import dictionary_csv
+
+    write_text(path, dictionary_csv())
 
 
 def _trajectory(content: MapContent) -> Trajectory:
@@ -130,8 +247,11 @@ def _trajectory(content: MapContent) -> Trajectory:
 
 
 def write_trajectory_csv(content: MapContent, path: Path) -> None:
-    """Write the trajectory as CSV."""
+    """Write the trajectory as CSV, and beside it what its columns mean (CSV on the Web)."""
+    from automap.export.dictionary import TRAJECTORY_COLUMNS
+
     write_text(path, trajectory_formats.trajectory_csv(_trajectory(content)))
+    _describe_csv(content, path, TRAJECTORY_COLUMNS)
 
 
 def write_pos(content: MapContent, path: Path) -> None:
@@ -150,9 +270,12 @@ def write_kitti(content: MapContent, path: Path) -> None:
 
 
 def write_gpx(content: MapContent, path: Path) -> None:
-    """Write the trajectory as a GPX track."""
+    """Write the trajectory as a GPX track, with the signs as waypoints."""
     step_s = 0.0 if content.every_row else trajectory_formats.GPX_STEP_S
-    write_text(path, trajectory_formats.gpx_track(_trajectory(content), content.name, step_s))
+    text = trajectory_formats.gpx_track(
+        _trajectory(content), content.name, step_s, content.signs, content.lineage
+    )
+    write_text(path, text)
 
 
 Writer = Callable[[MapContent, Path], None]
@@ -160,10 +283,12 @@ Writer = Callable[[MapContent, Path], None]
 FORMATS: dict[str, tuple[str, Writer]] = {
     "geojson": (names.SIGNS_GEOJSON, write_geojson),
     "kml": (names.KML, write_kml),
+    "kmz": (names.KMZ, write_kmz),
     "gpkg": (names.GPKG, write_gpkg),
     "parquet": (names.SIGNS_TABLE, write_geoparquet),
     "flatgeobuf": ("signs.fgb", write_flatgeobuf),
     "csv": ("signs.csv", write_csv),
+    "osm": ("signs.osm", write_osm),
     "trajectory-csv": ("trajectory.csv", write_trajectory_csv),
     "pos": ("trajectory.pos", write_pos),
     "tum": ("trajectory.tum", write_tum),
@@ -174,18 +299,23 @@ FORMATS: dict[str, tuple[str, Writer]] = {
 
 TRAJECTORY_FORMATS = ("trajectory-csv", "pos", "tum", "kitti", "gpx")
 
-STANDARD_FORMATS = ("geojson", "kml", "gpkg", "parquet")
+STANDARD_FORMATS = ("geojson", "kml", "kmz", "gpkg", "parquet")
 """What every run writes."""
 
 
 def export_run(
-    out: Path, fmt: str, target: Path | None = None, view: TrajectoryView | None = None
+    out: Path,
+    fmt: str,
+    target: Path | None = None,
+    view: TrajectoryView | None = None,
+    min_confidence: float = 0.0,
 ) -> tuple[Path, list[str]]:
-    """Write the map of a finished run in one format.
+    """Write the map of a finished run in one format, and the data dictionary beside it.
 
     ``target`` is the file to write, by default the format's own name in OUT; ``view`` which
-    trajectory, for the formats of one. Returns the file and the warnings. Raises ConfigError for
-    an unknown format or a view of signs, InputError when OUT holds no run.
+    trajectory, for the formats of one; ``min_confidence`` leaves out signs less sure. Returns
+    the file and the warnings. Raises ConfigError for an unknown format or a view of signs,
+    InputError when OUT holds no run.
     """
     view = TrajectoryView() if view is None else view
     if fmt not in FORMATS:
@@ -202,11 +332,12 @@ def export_run(
         raise InputError(f"{out} holds neither a trajectory nor signs; run the drive first.")
     file_name, write = FORMATS[fmt]
     path = target if target is not None else out / file_name
-    content = map_content(out, run_name(out))
+    content = map_content(out, run_name(out), min_confidence)
     if not view.is_plain:
         content.products.trajectory = viewed(out, _trajectory(content), view)
         content.every_row = view.at is not None
     write(content, path)
+    write_dictionary(path.with_name(names.DICTIONARY))
     if fmt in TRAJECTORY_FORMATS:
         # that there are no signs concerns no trajectory
         return path, list(content.products.problems)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from automap.errors import StageError
+from automap.export.csv_text import csv_cell
 from automap.export.fields import SIGN_FIELDS, STAMP_FIELDS
 from automap.export.geojson import longitude_range
 from automap.export.geopackage import complete_geopackage
@@ -170,7 +171,10 @@ def _geo_metadata(columns: SignColumns, crs: str, epoch: float | None) -> dict[s
 
 
 def signs_csv(columns: SignColumns) -> str:
-    """Signs as CSV (RFC 4180): position first, then every field; unknown values are empty."""
+    """Signs as CSV (RFC 4180): position first, then every field; unknown values are empty.
+
+    A text that a spreadsheet would compute gets an apostrophe in front.
+    """
     import csv
     import io
 
@@ -187,7 +191,9 @@ def signs_csv(columns: SignColumns) -> str:
             tokens = json_tokens(field, values)
             texts.append(["" if token == "null" else token for token in tokens])
         elif field.kind == "list":
-            texts.append([";".join(value) for value in values])
+            texts.append([csv_cell(";".join(value)) for value in values])
+        elif field.kind == "text":
+            texts.append(["" if value is None else csv_cell(str(value)) for value in values])
         else:
             texts.append(["" if value is None else str(value) for value in values])
     stream = io.StringIO()

@@ -7,12 +7,16 @@ the vehicle's right-down-forward axes to those of the first pose.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from io import StringIO
-from xml.sax.saxutils import escape
+from typing import Any
 
 import numpy as np
 
 from automap.earth import ecef_axes, local_ned
+from automap.export.icons import sign_words
+from automap.export.kml_cells import xml_text
+from automap.export.sign_columns import SignColumns
 from automap.frames import matrix_to_quat, rpy_to_matrix
 from automap.records import FloatArray, Trajectory
 from automap.timebase import gps_to_iso
@@ -83,26 +87,68 @@ def kitti_poses(trajectory: Trajectory) -> str:
     return _rows(table, ["%.9e"] * 12)
 
 
-def gpx_track(trajectory: Trajectory, name: str, step_s: float = GPX_STEP_S) -> str:
+def gpx_track(
+    trajectory: Trajectory,
+    name: str,
+    step_s: float = GPX_STEP_S,
+    signs: SignColumns | None = None,
+    lineage: Mapping[str, Any] | None = None,
+) -> str:
     """GPX 1.1 track in the order of time, at about one point in ``step_s`` (0: all), heights
-    above the ellipsoid."""
-    order = np.argsort(trajectory.gps_s, kind="stable")
+    above the ellipsoid; ``signs`` become waypoints, ``lineage`` the description of the file.
+
+    Points without a time or a place are left out.
+    """
+    known = np.isfinite(trajectory.gps_s + trajectory.lat_rad + trajectory.lon_rad)
+    order = np.flatnonzero(known)[np.argsort(trajectory.gps_s[known], kind="stable")]
     gps_s = trajectory.gps_s[order]
-    if step_s > 0.0:
+    if step_s > 0.0 and len(gps_s):
         keep = np.unique(np.searchsorted(gps_s, np.arange(gps_s[0], gps_s[-1] + 1e-9, step_s)))
         order = order[np.append(keep[keep < len(gps_s) - 1], len(gps_s) - 1)]
     keep, gps_s = order, trajectory.gps_s
     lat, lon = np.degrees(trajectory.lat_rad[keep]), np.degrees(trajectory.lon_rad[keep])
     points = "\n".join(
-        f'<trkpt lat="{a:.9f}" lon="{b:.9f}"><ele>{h:.3f}</ele><time>{gps_to_iso(float(s))}</time>'
+        f'<trkpt lat="{a:.9f}" lon="{b:.9f}">{_elevation(h)}<time>{gps_to_iso(float(s))}</time>'
         "</trkpt>"
         for a, b, h, s in zip(lat, lon, trajectory.height_m[keep], gps_s[keep], strict=True)
     )
+    about = "; ".join(f"{key}: {_flat(value)}" for key, value in (lineage or {}).items())
+    title = xml_text(name)
+    description = f"<desc>{xml_text(about)}</desc>" if about else ""
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
         '<gpx version="1.1" creator="AutoMap" xmlns="http://www.topografix.com/GPX/1/1">\n'
-        f"<trk><name>{escape(name)}</name><trkseg>\n{points}\n</trkseg></trk>\n</gpx>\n"
+        f"<metadata><name>{title}</name>{description}</metadata>\n"
+        f"{''.join(_waypoints(signs))}"
+        f"<trk><name>{title}</name><trkseg>\n{points}\n</trkseg></trk>\n</gpx>\n"
     )
+
+
+def _waypoints(signs: SignColumns | None) -> Iterator[str]:
+    if signs is None:
+        return
+    values = signs.values
+    for row in np.flatnonzero(signs.located).tolist():
+        confidence, radius = values["confidence"][row], values["ce95_m"][row]
+        words = [sign_words(values["class"][row])]
+        words += [f"confidence {confidence:.2f}"] if np.isfinite(confidence) else []
+        words += [f"95 % within {radius:.1f} m"] if np.isfinite(radius) else []
+        yield (
+            f'<wpt lat="{signs.lat_deg[row]:.7f}" lon="{signs.lon_deg[row]:.7f}">'
+            f"{_elevation(float(signs.height_m[row]))}<name>{xml_text(values['id'][row])}</name>"
+            f"<desc>{xml_text(', '.join(words))}</desc>"
+            f"<type>{xml_text(values['class'][row])}</type></wpt>\n"
+        )
+
+
+def _elevation(height: float) -> str:
+    return f"<ele>{height:.3f}</ele>" if np.isfinite(height) else ""
+
+
+def _flat(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {item}" for key, item in value.items())
+    return ", ".join(str(item) for item in value) if isinstance(value, list) else str(value)
 
 
 def _local(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:

@@ -11,6 +11,7 @@ from pipeline.cli.command import Command
 _EPILOG = """\b
 Examples:
   automap export data/sample-drive/_automap --format csv
+  automap export maps --format osm --min-confidence 0.8 -o review.osm
   automap export maps --format tum --point antenna
   automap export maps --format trajectory-csv --at frames.csv --point front -o frames_poses.csv
   automap export maps --format pos --filtered -o forward.pos
@@ -24,8 +25,8 @@ Examples:
     "form",
     required=True,
     metavar="F",
-    help="Signs: geojson, kml, gpkg, parquet, flatgeobuf, csv. "
-    "Trajectory: trajectory-csv, pos, tum, kitti, gpx.",
+    help="Signs: geojson, kml, kmz, gpkg, parquet, flatgeobuf, csv, osm (a file for review in "
+    "JOSM). Trajectory: trajectory-csv, pos, tum, kitti, gpx.",
 )
 @click.option(
     "-o",
@@ -48,15 +49,33 @@ Examples:
     help="Point of the vehicle: imu, antenna, a camera's name, or x,y,z in metres forward, right, "
     "down of the IMU. Default: imu.",
 )
+@click.option(
+    "--min-confidence",
+    type=click.FloatRange(0.0, 1.0),
+    default=0.0,
+    metavar="C",
+    help="Leave out signs less sure than this, 0 to 1. Default: 0.",
+)
 @click.option("--filtered", is_flag=True, help="The forward filter's trajectory, not smoothed.")
 def command(
-    out: Path, form: str, target: Path | None, at: Path | None, point: str, filtered: bool
+    out: Path,
+    form: str,
+    target: Path | None,
+    at: Path | None,
+    point: str,
+    min_confidence: float,
+    filtered: bool,
 ) -> None:
-    """Write the map in OUT, or its trajectory, in one more format."""
+    """Write the map in OUT, or its trajectory, in one more format.
+
+    The meaning of every column is written beside it, in data_dictionary.csv.
+    """
     from pipeline.export import export_run
     from pipeline.export_view import TrajectoryView
 
-    path, warnings = export_run(out, form, target, TrajectoryView(at, point, filtered))
+    path, warnings = export_run(
+        out, form, target, TrajectoryView(at, point, filtered), min_confidence
+    )
     for text in warnings:
         click.echo(f"warning: {text}", err=True)
     click.echo(str(path))

@@ -13,33 +13,55 @@ if TYPE_CHECKING:
 
 
 def run(context: StageContext) -> None:
-    """Write signs.geojson, map.kml, map.gpkg and signs.parquet; whatever is missing is said."""
-    from pipeline.export import FORMATS, STANDARD_FORMATS, map_content, write_rejected
+    """Write the map in every standard format with its pictures; whatever is missing is said."""
+    from pipeline.export import (
+        FORMATS,
+        STANDARD_FORMATS,
+        map_content,
+        write_dictionary,
+        write_rejected,
+    )
+    from pipeline.pictures import take_pictures, write_pictures
 
-    content = map_content(context.out, context.drive.name)
+    settings = context.settings.export
+    content = map_content(context.out, context.drive.name, settings.min_confidence)
+    content.pictures = []
+    if settings.pictures:
+        content.pictures = take_pictures(
+            content.products,
+            context.drive.videos,
+            context.warn,
+            lambda done: context.progress(0.7 * done, "sign pictures"),
+        )
+        write_pictures(context.work, content.pictures)
     for text in content.warnings:
         context.warn(text)
     for number, fmt in enumerate(STANDARD_FORMATS):
         file_name, write = FORMATS[fmt]
-        context.progress(number / len(STANDARD_FORMATS), file_name)
+        context.progress(0.7 + 0.3 * number / len(STANDARD_FORMATS), file_name)
         write(content, context.work / file_name)
+    write_dictionary(context.work / names.DICTIONARY)
     if content.products.rejected:
         write_rejected(content, context.work / names.REJECTED)
     context.metric("signs", len(content.signs))
     points = 0 if content.path is None else len(content.path)
-    context.result = f"{len(content.signs)} signs and a path of {points} points in 4 formats"
+    context.result = (
+        f"{len(content.signs)} signs and a path of {points} points in {len(STANDARD_FORMATS)} "
+        f"formats, {len(content.pictures)} pictures"
+    )
 
 
 def _inputs(drive: Drive) -> list[Path]:
-    return []
+    return [path for video in drive.videos.values() for path in video.chapters]
 
 
 STAGE = Stage(
     name="export",
-    version=1,
+    version=2,
     run=run,
     inputs=_inputs,
     needs=(
+        names.RUN,
         names.SIGNS_RAW,
         names.OBSERVATIONS,
         names.TRAJECTORY,
@@ -51,9 +73,14 @@ STAGE = Stage(
     outputs=(
         names.SIGNS_GEOJSON,
         names.KML,
+        names.KMZ,
         names.GPKG,
         names.SIGNS_TABLE,
+        names.DICTIONARY,
         names.REJECTED,
+        names.PICTURES,
+        names.PICTURE_INDEX,
     ),
     settings=("export",),
+    manifest=("name", "video", "site"),
 )
