@@ -1,0 +1,33 @@
+"""``automap view``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from pipeline.cli.command import Command
+
+_EPILOG = """\b
+Examples:
+  automap view data/sample-drive/_automap
+  automap view maps --port 8010 --no-browser
+"""
+
+
+@click.command("view", cls=Command, epilog=_EPILOG, short_help="Look at a map and review it.")
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=0, help="Port of 127.0.0.1. Default: any."
+)
+@click.option("--browser/--no-browser", default=True, help="Open the page, or only say where.")
+def command(out: Path, port: int, browser: bool) -> None:
+    """Show the map in OUT on a page in the browser, and keep what a reviewer decides.
+
+    OUT is the folder of a run or of a merged map. Decisions go into review.json there and are
+    applied by the next run or export. Only this machine can open the page, with the address
+    that is printed.
+    """
+    from pipeline.view import view
+
+    view(out, port, browser, click.echo)

@@ -1,0 +1,70 @@
+// What is shown: classes, drives, confidence, review.
+import { COLOURS, words } from "./signs.js";
+
+export class Filters {
+  constructor(app) {
+    this.app = app;
+    const { byId, state: { signs } } = app;
+    this.classes = new Uint8Array(signs.classes.length).fill(1);
+    this.drives = new Uint8Array(signs.drives.length).fill(1);
+    const counts = new Uint32Array(signs.classes.length);
+    for (let i = 0; i < signs.n; i++) counts[signs.class[i]]++;
+    const order = [...counts.keys()].sort((a, b) => counts[b] - counts[a]);
+    this.ticks = order.map((k) => this.tick(byId("classes"), this.classes, k, words(signs.classes[k]), signs.classes[k], counts[k], COLOURS[k % COLOURS.length]));
+    signs.drives.forEach((name, k) => this.tick(byId("drives"), this.drives, k, name, name));
+    byId("drive-box").hidden = signs.drives.length < 2;
+    byId("confidence").oninput = (e) => {
+      byId("confidence-value").textContent = Number(e.target.value).toFixed(2);
+      app.refilter();
+    };
+    byId("review-filter").onchange = () => app.refilter();
+    byId("classes-all").onclick = () => this.setAll(true);
+    byId("classes-none").onclick = () => this.setAll(false);
+    byId("class-search").oninput = (e) => {
+      const wanted = e.target.value.trim().toLowerCase();
+      for (const label of this.ticks) label.hidden = !`${label.textContent} ${label.title}`.toLowerCase().includes(wanted);
+      for (const label of this.ticks) label.style.display = label.hidden ? "none" : "";
+    };
+    byId("toggle-filters").onclick = () => this.toggle();
+  }
+
+  tick(box, flags, k, text, title, count, colour) {
+    const label = document.createElement("label");
+    label.title = title;
+    const input = document.createElement("input");
+    input.type = "checkbox";
+    input.checked = true;
+    input.onchange = () => { flags[k] = input.checked ? 1 : 0; this.app.refilter(); };
+    label.append(input);
+    if (colour) { const dot = document.createElement("i"); dot.style.background = colour; label.append(dot); }
+    const name = document.createElement("span");
+    name.textContent = text;
+    label.append(name);
+    if (count !== undefined) { const small = document.createElement("small"); small.textContent = count; label.append(small); }
+    box.append(label);
+    return label;
+  }
+
+  // all classes that the search leaves
+  setAll(on) {
+    for (const label of this.ticks) {
+      if (label.hidden || label.firstChild.checked === on) continue;
+      label.firstChild.checked = on;
+      label.firstChild.onchange();
+    }
+  }
+
+  toggle() {
+    const box = this.app.byId("filters");
+    box.hidden = !box.hidden;
+    this.app.byId("toggle-filters").setAttribute("aria-pressed", String(!box.hidden));
+  }
+
+  values() {
+    const { byId } = this.app;
+    return {
+      classes: this.classes, drives: this.drives.every(Boolean) ? null : this.drives,
+      confidence: Number(byId("confidence").value), review: byId("review-filter").value,
+    };
+  }
+}

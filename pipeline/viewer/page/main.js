@@ -1,0 +1,153 @@
+// Puts the page together.
+import * as api from "./api.js";
+import { Card } from "./card.js";
+import { Filters } from "./filters.js";
+import { listenToKeys } from "./keys.js";
+import { SignMap } from "./map.js";
+import { Player } from "./player.js";
+import { Review } from "./review.js";
+import { applyFilter, parse, place } from "./signs.js";
+
+const byId = (id) => document.getElementById(id);
+const SIGMA = ["#2c7fb8", "#41ae9b", "#8fc447", "#e0b32c", "#d7553a"];
+const PATHS_AT_ONCE = 60;
+
+const state = {
+  signs: parse(new ArrayBuffer(0)), paths: new Map(), drives: new Map(), selected: null, moving: null,
+  vehicle: null, frames: 0, face: () => null,
+};
+globalThis.automapState = state;
+
+const hint = (text) => { byId("hint").textContent = text; };
+const app = { state, hint, byId };
+
+start().catch((error) => hint(`The map cannot be shown: ${error.message}`));
+
+async function start() {
+  const map = app.map = new SignMap(byId("canvas"), state);
+  const [overview, buffer, review] = await Promise.all([api.json("api/map"), api.bytes("api/signs"), api.json("api/review")]);
+  app.overview = overview;
+  state.signs = parse(buffer);
+  state.face = faces(map);
+  document.title = `${overview.name} - AutoMap`;
+  byId("title").textContent = overview.name;
+  if (overview.report) {
+    byId("report").href = api.address("out/report.html");
+    byId("report").hidden = false;
+  }
+  for (const name of overview.classes_known) byId("class-names").append(new Option("", name));
+
+  app.select = select;
+  app.refilter = refilter;
+  app.wholeMap = wholeMap;
+  app.review = new Review(app);
+  app.filters = new Filters(app);
+  app.player = new Player(app);
+  app.card = new Card(app);
+  app.review.take(review);
+  map.onPick = (row) => select(row, false);
+  map.onMove = (dx, dy) => app.review.nudge(dx, dy);
+  byId("fit").onclick = wholeMap;
+  byId("zoom-in").onclick = () => map.zoomBy(2);
+  byId("zoom-out").onclick = () => map.zoomBy(0.5);
+  listenToKeys(app);
+  refilter();
+  wholeMap();
+  map.draw();
+  document.documentElement.dataset.ready = String(Math.round(performance.now()));
+  await loadPaths();
+  app.review.watch();
+}
+
+async function loadPaths() {
+  let first = true;
+  for (let k = 0; k < Math.min(app.overview.drives.length, PATHS_AT_ONCE); k++) {
+    const drive = await app.player.load(k);
+    if (!drive) continue;
+    for (const text of drive.problems) hint(text);
+    if (first) { await app.player.show(k); first = false; if (!state.signs.n) wholeMap(); }
+  }
+  legend();
+  document.documentElement.dataset.paths = "loaded";
+}
+
+app.addPath = (k, path) => {
+  if (!path) return;
+  const known = path.sd_m.filter((v) => v !== null).sort((a, b) => a - b);
+  app.limits ??= [0.2, 0.4, 0.6, 0.8].map((q) => known[Math.floor(q * (known.length - 1))] ?? 0);
+  const classOf = (sd) => (sd === null ? -1 : app.limits.filter((limit) => sd > limit).length);
+  const runs = [];
+  for (let i = 0; i + 1 < path.x.length; i++) {
+    const c = classOf(path.sd_m[i]);
+    // a path over the date line goes on at the other end of the map
+    const jump = Math.abs(path.x[i + 1] - path.x[i]) > 0.5;
+    const last = runs.at(-1);
+    if (last && last.c === c && last.to === i && !jump) last.to = i + 1;
+    else if (!jump) runs.push({ c, from: i, to: i + 1, colour: c < 0 ? "#8a8f98" : SIGMA[c] });
+  }
+  state.paths.set(k, { x: path.x, y: path.y, runs });
+  app.map.redraw();
+};
+
+function legend() {
+  const box = byId("legend");
+  box.replaceChildren();
+  if (!app.limits) return;
+  const text = (v) => (v < 10 ? v.toPrecision(2) : v.toFixed(0));
+  const labels = [`path σ below ${text(app.limits[0])} m`, "", "", "", `above ${text(app.limits[3])} m`];
+  labels.forEach((label, c) => {
+    if (label && c) box.append(" ");
+    const mark = document.createElement("i");
+    mark.style.background = SIGMA[c];
+    if (c === 4) { box.append(mark, ` ${label}`); } else { if (label) box.append(`${label} `); box.append(mark); }
+  });
+}
+
+function bounds(rows) {
+  const { signs } = state;
+  const box = [Infinity, Infinity, -Infinity, -Infinity];
+  const add = (x, y) => {
+    if (!(x === x && y === y)) return;
+    box[0] = Math.min(box[0], x); box[1] = Math.min(box[1], y);
+    box[2] = Math.max(box[2], x); box[3] = Math.max(box[3], y);
+  };
+  for (let i = 0; i < signs.n; i++) if (!rows || rows[i]) add(signs.x[i], signs.y[i]);
+  for (const path of state.paths.values()) for (let i = 0; i < path.x.length; i++) add(path.x[i], path.y[i]);
+  return box;
+}
+
+function wholeMap() { app.map.fit(bounds(null)); }
+
+function refilter() {
+  applyFilter(state.signs, app.filters.values());
+  const { n, count } = state.signs;
+  const reviewed = [...state.signs.verdicts.values()].filter((v) => v.status).length;
+  byId("tally").textContent = `${count === n ? n : `${count} of ${n}`} signs, ${reviewed} reviewed`;
+  app.map.redraw();
+}
+
+async function select(row, centre = true) {
+  if (state.moving) app.review.cancelMove();
+  state.selected = row;
+  if (row !== null && centre) {
+    const [x, y] = place(state.signs, row);
+    app.map.centre(x, y, 3);
+  }
+  app.map.redraw();
+  await app.card.show(row);
+}
+
+// pictures of classes, fetched when first drawn
+function faces(map) {
+  const pictures = new Map();
+  const number = new Map(state.signs.classes.map((name, k) => [name, k]));
+  return (k, corrected) => {
+    const index = corrected === undefined ? k : number.get(corrected);
+    if (index === undefined) return null;
+    if (!pictures.has(index)) {
+      pictures.set(index, null);
+      api.picture(`face/${index}`).then((bitmap) => { pictures.set(index, bitmap); map.redraw(); }, () => {});
+    }
+    return pictures.get(index);
+  };
+}

@@ -1,0 +1,158 @@
+// Signs on the map: single ones with ellipse and direction, many near one another as one disc.
+import { COLOURS, classOf, metresPerUnit, place } from "./signs.js";
+
+const CELL = 52;           // pixels of a cell of the cluster grid, at least
+const FACES = 500;         // more signs in view than this are drawn as dots
+const APART = 14;          // pixels per metre from which signs are never put together
+export const RING = { accepted: "--good", rejected: "--bad", corrected: "--warn" };
+
+// scratch arrays of the cluster grid, kept from one drawing to the next
+let sum = new Float64Array(0), grid = { n: new Uint32Array(0), first: new Uint32Array(0) };
+
+export function drawSigns(map, state) {
+  const { signs } = state;
+  const drawn = [];
+  const singles = map.pxPerM >= APART ? inView(map, signs) : clustered(map, signs, drawn, state);
+  const chosen = state.selected;
+  if (chosen !== null && !singles.includes(chosen)) singles.push(chosen);
+  const faces = singles.length <= FACES;
+  for (const row of singles) if (map.pxPerM > 0.4 || row === chosen) ellipse(map, state, row, row === chosen);
+  for (const row of singles) if (row !== chosen) drawn.push(single(map, state, row, faces));
+  if (chosen !== null) drawn.push(single(map, state, chosen, true));
+  return drawn;
+}
+
+function inView(map, signs) {
+  const rows = [];
+  const x0 = map.wx(-30), x1 = map.wx(map.w + 30), y0 = map.wy(-30), y1 = map.wy(map.h + 30);
+  for (let i = 0; i < signs.n; i++) {
+    if (signs.shown[i] && signs.x[i] > x0 && signs.x[i] < x1 && signs.y[i] > y0 && signs.y[i] < y1) rows.push(i);
+  }
+  return rows;
+}
+
+// cells keep their place in the world between half steps of zoom, so that discs do not jump
+function clustered(map, signs, drawn, state) {
+  const cell = CELL / 2 ** (Math.floor(2 * Math.log2(map.k)) / 2);
+  const cx0 = Math.floor(map.wx(0) / cell) - 1, cy0 = Math.floor(map.wy(0) / cell) - 1;
+  const columns = Math.ceil(map.w / map.k / cell) + 3, rows = Math.ceil(map.h / map.k / cell) + 3;
+  const cells = columns * rows;
+  if (grid.n.length < cells) {
+    grid = { n: new Uint32Array(cells), first: new Uint32Array(cells) };
+    sum = new Float64Array(cells * 6);
+  }
+  const { n, first } = grid;
+  n.fill(0, 0, cells);
+  const { x, y, shown } = signs;
+  for (let i = 0; i < signs.n; i++) {
+    if (!shown[i]) continue;
+    const cx = Math.floor(x[i] / cell) - cx0, cy = Math.floor(y[i] / cell) - cy0;
+    // a sign without a position is in no cell, for NaN is not below anything
+    if (!(cx >= 0 && cx < columns && cy >= 0 && cy < rows)) continue;
+    const c = cy * columns + cx, s = 6 * c;
+    if (n[c]++ === 0) {
+      first[c] = i;
+      sum[s] = x[i]; sum[s + 1] = y[i];
+      sum[s + 2] = sum[s + 4] = x[i]; sum[s + 3] = sum[s + 5] = y[i];
+    } else {
+      sum[s] += x[i]; sum[s + 1] += y[i];
+      if (x[i] < sum[s + 2]) sum[s + 2] = x[i];
+      if (y[i] < sum[s + 3]) sum[s + 3] = y[i];
+      if (x[i] > sum[s + 4]) sum[s + 4] = x[i];
+      if (y[i] > sum[s + 5]) sum[s + 5] = y[i];
+    }
+  }
+  const singles = [];
+  for (let c = 0; c < cells; c++) {
+    if (n[c] === 1) singles.push(first[c]);
+    else if (n[c] > 1) drawn.push(disc(map, n[c], sum.subarray(6 * c, 6 * c + 6), state));
+  }
+  return singles;
+}
+
+function disc(map, count, s) {
+  const { ctx } = map;
+  const sx = map.sx(s[0] / count), sy = map.sy(s[1] / count);
+  const r = 11 + 2.6 * Math.log2(count) ** 0.9;
+  ctx.beginPath();
+  ctx.arc(sx, sy, Math.min(r, 30), 0, 7);
+  ctx.globalAlpha = 0.88;
+  ctx.fillStyle = map.colour("--card"); ctx.fill();
+  ctx.globalAlpha = 1;
+  ctx.lineWidth = 2; ctx.strokeStyle = map.colour("--accent"); ctx.stroke();
+  ctx.fillStyle = map.colour("--ink");
+  ctx.font = "600 12px system-ui, sans-serif";
+  ctx.textAlign = "center"; ctx.textBaseline = "middle";
+  ctx.fillText(count < 1000 ? count : count < 10000 ? `${(count / 1000).toFixed(1)}k` : `${Math.round(count / 1000)}k`, sx, sy + 0.5);
+  return { sx, sy, r: Math.min(r, 30), count, box: [s[2], s[3], s[4], s[5]] };
+}
+
+function ellipse(map, state, row, chosen) {
+  const { ctx } = map, { signs } = state;
+  const v = signs.verdicts.get(row);
+  const moved = v && v.lon_deg !== undefined;
+  const px = map.k / metresPerUnit(signs.y[row]);
+  const hand = 2.448 * (v?.sd_m ?? 1);
+  const major = (moved ? hand : signs.major[row]) * px, minor = (moved ? hand : signs.minor[row]) * px;
+  if (!(major > 3) || major > 20000) return;
+  const [x, y] = place(signs, row);
+  ctx.beginPath();
+  ctx.ellipse(map.sx(x), map.sy(y), major, Math.max(minor, 0.5), moved ? 0 : signs.azimuth[row] - Math.PI / 2, 0, 7);
+  const colour = COLOURS[signs.class[row] % COLOURS.length];
+  ctx.fillStyle = ctx.strokeStyle = colour;
+  ctx.globalAlpha = chosen ? 0.16 : 0.07; ctx.fill();
+  ctx.globalAlpha = chosen ? 1 : 0.6; ctx.lineWidth = chosen ? 1.6 : 1; ctx.stroke();
+  ctx.globalAlpha = 1;
+}
+
+function single(map, state, row, faces) {
+  const { ctx } = map, { signs } = state;
+  const chosen = row === state.selected;
+  const verdict = signs.verdicts.get(row);
+  let [x, y] = place(signs, row);
+  if (chosen && state.moving) { line(map, x, y, state.moving); [x, y] = state.moving; }
+  const sx = map.sx(x), sy = map.sy(y);
+  const r = chosen ? 15 : faces ? 11 : 5;
+  const colour = COLOURS[signs.class[row] % COLOURS.length];
+  const facing = signs.facing[row];
+  if (facing === facing && (faces || chosen)) arrow(ctx, sx, sy, r, facing * Math.PI / 180, colour);
+  const face = faces ? state.face(signs.class[row], verdict?.class_name) : null;
+  ctx.globalAlpha = verdict?.status === "rejected" ? 0.35 : 1;
+  if (face) ctx.drawImage(face, sx - r, sy - r, 2 * r, 2 * r);
+  else {
+    ctx.beginPath(); ctx.arc(sx, sy, faces ? r * 0.62 : r, 0, 7);
+    ctx.fillStyle = colour; ctx.fill();
+    ctx.lineWidth = 1.4; ctx.strokeStyle = map.colour("--card"); ctx.stroke();
+  }
+  ctx.globalAlpha = 1;
+  if (verdict && RING[verdict.status]) ring(map, sx, sy, r + 2, map.colour(RING[verdict.status]), verdict.status === "rejected");
+  if (chosen) ring(map, sx, sy, r + 5, map.colour("--accent"), false);
+  return { sx, sy, r: r + 2, row };
+}
+
+function ring(map, sx, sy, r, colour, crossed) {
+  const { ctx } = map;
+  ctx.strokeStyle = colour; ctx.lineWidth = 2.4;
+  ctx.beginPath(); ctx.arc(sx, sy, r, 0, 7);
+  if (crossed) { ctx.moveTo(sx - r * 0.7, sy + r * 0.7); ctx.lineTo(sx + r * 0.7, sy - r * 0.7); }
+  ctx.stroke();
+}
+
+function arrow(ctx, sx, sy, r, angle, colour) {
+  const far = r + 13, s = Math.sin(angle), c = -Math.cos(angle);
+  ctx.strokeStyle = colour; ctx.lineWidth = 1.8;
+  ctx.beginPath();
+  ctx.moveTo(sx + s * r, sy + c * r); ctx.lineTo(sx + s * far, sy + c * far);
+  for (const turn of [2.6, -2.6]) {
+    ctx.moveTo(sx + s * far, sy + c * far);
+    ctx.lineTo(sx + s * far + 6 * Math.sin(angle + turn), sy + c * far - 6 * Math.cos(angle + turn));
+  }
+  ctx.stroke();
+}
+
+function line(map, x, y, to) {
+  const { ctx } = map;
+  ctx.strokeStyle = map.colour("--warn"); ctx.lineWidth = 1.5; ctx.setLineDash([5, 4]);
+  ctx.beginPath(); ctx.moveTo(map.sx(x), map.sy(y)); ctx.lineTo(map.sx(to[0]), map.sy(to[1])); ctx.stroke();
+  ctx.setLineDash([]);
+}
