@@ -9,6 +9,10 @@ from typing import Any
 import click
 
 
+def _choice(*words: str) -> click.Choice[str]:
+    return click.Choice(words)
+
+
 @dataclass(frozen=True)
 class Option:
     """An option of one kind: ``flag`` as typed, the rest as click takes it."""
@@ -32,6 +36,12 @@ class Kind:
 
 
 _LINK = Option("--link", "Link videos and images instead of copying them.", {"is_flag": True})
+
+_AXES = Option(
+    "--axes",
+    "How the IMU is mounted, as in drive.toml: FRD, FLU, RFU ... or unknown.",
+    {"default": "unknown", "show_default": True},
+)
 
 KINDS: dict[str, Kind] = {
     kind.name: kind
@@ -80,6 +90,37 @@ KINDS: dict[str, Kind] = {
                     "Their own error in metres, one sigma.",
                     {"type": click.FloatRange(min=0), "default": 0.0},
                 ),
+            ),
+        ),
+        Kind(
+            "rtklib",
+            "pipeline.importers.rtklib:import_rtklib",
+            "FOLDER",
+            "A receiver's and an IMU's stream logged by RTKLIB with .tag time files.",
+            """FOLDER holds the receiver's log (.ubx, .nmea), the IMU's lines (.csv, .txt), the
+            .tag of each, and perhaps a .pos solution.
+
+            The log stays as it is, arrival times come from its tag; the IMU's clock is put on
+            that of the logging computer by the least delay. Fixed epochs of the solution become
+            the truth. Tested on a walk with a u-blox receiver, logged by RTKLIB EX.""",
+            (
+                Option(
+                    "--columns",
+                    "Columns of the IMU's lines, - for one to pass over; time as t_s, t_ms, t_us "
+                    "or t_ns.",
+                    {"default": "ax,ay,az,gx,gy,gz,t_ms", "show_default": True},
+                ),
+                Option(
+                    "--accel-unit",
+                    "Unit of the accelerometer.",
+                    {"default": "g", "show_default": True, "type": _choice("m/s^2", "g")},
+                ),
+                Option(
+                    "--gyro-unit",
+                    "Unit of the gyro.",
+                    {"default": "deg/s", "show_default": True, "type": _choice("rad/s", "deg/s")},
+                ),
+                _AXES,
             ),
         ),
     )
