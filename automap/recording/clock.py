@@ -49,7 +49,9 @@ class DeviceClock:
         self._forget()
 
     def _forget(self) -> None:
+        # of each second the fastest delivery: device time, arrival less device time
         self._blocks: deque[tuple[int, int]] = deque(maxlen=_BLOCKS)
+        self._block_begin = 0
         self._line: tuple[int, float, float] | None = None
         self._last_device: int | None = None
         self._last_stamp: int | None = None
@@ -98,11 +100,12 @@ class DeviceClock:
                 self.resets += 1
             self._odd = []
             self._last_device = device
-            if self._blocks and device - self._blocks[-1][0] < _BLOCK_NS:
-                # the block keeps its first time; its minimum may sink
-                begin, least = self._blocks[-1]
-                self._blocks[-1] = (begin, min(least, delay))
+            if self._blocks and device - self._block_begin < _BLOCK_NS:
+                at, least = self._blocks[-1]
+                if delay - least <= self.skew * (device - at):
+                    self._blocks[-1] = (device, delay)
             else:
+                self._block_begin = device
                 self._blocks.append((device, delay))
             odd.append(False)
         return odd

@@ -19,7 +19,6 @@ from automap.io.csv_columns import read_columns
 from automap.io.drive import Drive
 from automap.recording.append_file import AppendFile
 from automap.recording.imu_format import READINGS
-from automap.recording.pump import hurry
 from automap.records import IntArray
 
 _BITS_PER_BYTE = 10
@@ -101,7 +100,7 @@ class Terminal:
         poll.register(self._master, 0)
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
 
-    def write(self, data: bytes | memoryview, patience_s: float = 5.0) -> int:
+    def write(self, data: bytes | memoryview, patience_s: float = 60.0) -> int:
         """Write what the reader has room for, waiting for room; bytes written."""
         sent = 0
         end = time.monotonic() + patience_s
@@ -109,7 +108,7 @@ class Terminal:
             try:
                 sent += os.write(self._master, data[sent:])
             except BlockingIOError:
-                select.select([], [self._master], [], 0.05)
+                time.sleep(0.001)
             except OSError:
                 break
         return sent
@@ -180,7 +179,6 @@ class Feeder(threading.Thread):
         data = memoryview(feed.data)
         due = self._start_ns + (feed.t_ns - self._origin_ns) / self._speed
         ends = np.append(feed.offset[1:], len(data)).tolist()
-        hurry()
         rows = [b"offset,t_ns,until_ns\n"]
         free_ns = 0.0
         begun = time.monotonic_ns()
