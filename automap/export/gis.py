@@ -46,6 +46,8 @@ def write_layers(
 
     text = json.dumps(lineage or {}, default=str)
     with atomic_path(path) as temporary:
+        # by another name GDAL makes a folder of FlatGeobuf files
+        target = temporary.with_suffix(".fgb") if driver == "FlatGeobuf" else temporary
         for number, layer in enumerate(layers):
             options: dict[str, str] = {}
             if driver == "FlatGeobuf":
@@ -56,7 +58,7 @@ def write_layers(
             masks = [layer.missing.get(name) for name in layer.columns]
             try:
                 write(
-                    temporary,
+                    target,
                     geometry=layer.wkb,
                     field_data=list(layer.columns.values()),
                     fields=list(layer.columns),
@@ -77,6 +79,8 @@ def write_layers(
                 )
             except (DataSourceError, DataLayerError) as error:
                 raise StageError(f"cannot write layer {layer.name} of {path}: {error}.") from error
+        if target != temporary:
+            target.replace(temporary)
         if driver == "GPKG":
             complete_geopackage(temporary, [layer.name for layer in layers], styles)
 
