@@ -18,7 +18,7 @@ Image = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float32]
 Random = np.random.Generator
 
-SIZE = 256
+SIZE = 192
 STRIDE = 4
 _SMALLEST, _LARGEST = 7.0, 230.0
 
@@ -32,6 +32,17 @@ class Sample:
     weight: Floats
     box: Floats
     near: Floats
+
+
+def mirrored(sample: Sample) -> Sample:
+    """Left and right exchanged."""
+    box = sample.box[[2, 1, 0, 3]]
+    return Sample(
+        *(np.ascontiguousarray(part) for part in (
+            sample.image[:, ::-1], sample.heat[:, :, ::-1], sample.weight[:, :, ::-1],
+            box[:, :, ::-1], sample.near[:, ::-1],
+        ))
+    )  # fmt: skip
 
 
 def kind_of(face: Face) -> int:

@@ -164,11 +164,22 @@ def pole(image: Image, box: FloatArray, rng: Random) -> None:
     cv2.line(image, (x, int((box[1] + box[3]) / 2)), (x, bottom), colour, wide, cv2.LINE_AA)
 
 
-def no_sign(image: Image, rng: Random) -> None:
-    """Something that could be taken for a sign, in place: lamps, wheels, letters, sign backs."""
+def no_sign(
+    image: Image,
+    rng: Random,
+    at: tuple[float, float] | None = None,
+    size: float | None = None,
+) -> FloatArray:
+    """Something that could be taken for a sign, in place: lamps, wheels, letters, sign backs.
+
+    ``at`` its middle and ``size`` its height in px, both at random if not given. Its box.
+    """
     height, width = image.shape[:2]
-    size = float(np.exp(rng.uniform(np.log(8), np.log(70))))
-    x, y = int(rng.uniform(0, width)), int(rng.uniform(0, height))
+    if size is None:
+        size = float(np.exp(rng.uniform(np.log(8), np.log(70))))
+    if at is None:
+        at = (rng.uniform(0, width), rng.uniform(0, height))
+    x, y = int(at[0]), int(at[1])
     box = np.array([x - size / 2, y - size / 2, x + size / 2, y + size / 2])
     light = _local_light(image, box)
     kind = rng.integers(0, 6)
@@ -183,8 +194,8 @@ def no_sign(image: Image, rng: Random) -> None:
         on = int(rng.integers(0, 3))
         for i in range(3):
             tone = lamps[i] if i == on or rng.random() < 0.15 else (35, 35, 35)
-            at = (x, int(y + (i - 1) * size * 0.3))
-            cv2.circle(image, at, max(1, int(size * 0.12)), tone, -1, cv2.LINE_AA)
+            lamp = (x, int(y + (i - 1) * size * 0.3))
+            cv2.circle(image, lamp, max(1, int(size * 0.12)), tone, -1, cv2.LINE_AA)
     elif kind == 1:
         squeeze = rng.uniform(0.4, 1.0)
         axes = (max(2, int(size / 2 * squeeze)), max(2, int(size / 2)))
@@ -239,3 +250,4 @@ def no_sign(image: Image, rng: Random) -> None:
         w, h = size * rng.uniform(0.3, 1.6), size * rng.uniform(0.3, 1.6)
         corner = (int(x + w), int(y + h))
         cv2.rectangle(image, (x, y), corner, any_colour, -1 if rng.random() < 0.7 else 2)
+    return box

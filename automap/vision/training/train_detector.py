@@ -4,7 +4,8 @@ python -m automap.vision.training.train_detector --data DIR --work DIR --steps 4
 
 The rate of learning is constant until ``decay`` steps before the end and then falls to zero,
 so a training may be prolonged, or ended early, by resuming it with another number of steps.
-The weights that are used are the running mean of the last thousand steps or so.
+The weights that are used are the running mean of the last thousand steps or so. With
+``--ranks N`` as many processes, started with ``--rank`` 0 to N - 1, share the work.
 """
 
 from __future__ import annotations
@@ -22,14 +23,15 @@ import torch
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from automap.vision.training.art import load_faces
-from automap.vision.training.detector_data import Sample, SampleMaker
+from automap.vision.training.cache import training_streets
+from automap.vision.training.detector_data import Sample, SampleMaker, mirrored
 from automap.vision.training.detector_net import SignNet, detection_loss
-from automap.vision.training.street_data import leak_free_streets, load_streets
 
 BATCH = 16
 RATE = 2.5e-3
 _WARM_UP = 150
 _MEAN_STEPS = 400.0
+_WAITING = 96
 
 
 class _Stream(IterableDataset[Sample]):
@@ -41,8 +43,14 @@ class _Stream(IterableDataset[Sample]):
     def __iter__(self):  # type: ignore[no-untyped-def]
         info = get_worker_info()
         rng = np.random.default_rng([self.seed, 0 if info is None else info.id])
+        waiting: list[Sample] = []
         while True:
-            yield self.maker.make(rng)
+            sample = self.maker.make(rng)
+            # every picture serves twice, the second time later and mirrored
+            waiting.append(mirrored(sample))
+            yield sample
+            if len(waiting) >= _WAITING:
+                yield waiting.pop(int(rng.integers(len(waiting))))
 
 
 def _batch(samples: list[Sample]) -> tuple[torch.Tensor, ...]:
@@ -58,15 +66,15 @@ def _rate(step: int, steps: int, decay: int) -> float:
     return RATE * warm * min(1.0, max(0.0, (steps - step) / max(decay, 1)))
 
 
-def train(data: Path, work: Path, steps: int, decay: int, workers: int) -> None:
+def train(
+    data: Path, work: Path, steps: int, decay: int, workers: int, rank: int, ranks: int
+) -> None:
     """Train up to ``steps``, from the last checkpoint in ``work`` if there is one."""
     work.mkdir(parents=True, exist_ok=True)
     # a pool of threads does not survive the forking of the workers
     cv2.setNumThreads(0)
     faces = load_faces(data / "sign-art", work / "faces.pkl")
-    held = load_streets(data / "gtsdb", "test") + load_streets(data / "gtsdb", "tune")
-    streets = leak_free_streets(load_streets(data / "gtsdb", "train"), held)
-    del held
+    streets = training_streets(data, work)
     net = SignNet().to(memory_format=torch.channels_last)
     mean = copy.deepcopy(net)
     optimizer = torch.optim.AdamW(net.parameters(), lr=RATE, weight_decay=1e-3)
@@ -79,7 +87,7 @@ def train(data: Path, work: Path, steps: int, decay: int, workers: int) -> None:
         optimizer.load_state_dict(state["optimizer"])
         step = int(state["step"])
     loader = DataLoader(
-        _Stream(SampleMaker(streets, faces), seed=1000 + step),
+        _Stream(SampleMaker(streets, faces), seed=1000 + step + 100_000 * rank),
         BATCH,
         num_workers=workers,
         collate_fn=_batch,
@@ -87,6 +95,11 @@ def train(data: Path, work: Path, steps: int, decay: int, workers: int) -> None:
         # the pictures are shared with the workers, not copied
         multiprocessing_context="fork" if workers else None,
     )
+    if ranks > 1:
+        meeting = work / "meeting"
+        torch.distributed.init_process_group(
+            "gloo", init_method=f"file://{meeting.resolve()}", rank=rank, world_size=ranks
+        )
     log = (work / "detector-log.jsonl").open("a", encoding="utf-8")
     started, losses = time.time(), []
     for image, heat, weight, box, near in loader:
@@ -97,17 +110,19 @@ def train(data: Path, work: Path, steps: int, decay: int, workers: int) -> None:
         loss = detection_loss(net(image.float()), heat, weight, box, near)
         optimizer.zero_grad(set_to_none=True)
         loss.backward()
+        if ranks > 1:
+            _share_gradients(net, ranks)
         torch.nn.utils.clip_grad_norm_(net.parameters(), 5.0)
         optimizer.step()
         step += 1
-        _follow(mean, net, 1.0 / min(_MEAN_STEPS, step / 5.0 + 1.0))
-        losses.append(float(loss))
-        if step % 50 == 0 or step == steps:
+        follow(mean, net, 1.0 / min(_MEAN_STEPS, step / 5.0 + 1.0))
+        losses.append(float(loss.detach()))
+        if rank == 0 and (step % 50 == 0 or step == steps):
             row = {"step": step, "loss": round(float(np.mean(losses)), 4),
-                   "samples": step * BATCH, "seconds": round(time.time() - started)}  # fmt: skip
+                   "batch": BATCH * ranks, "seconds": round(time.time() - started)}  # fmt: skip
             print(json.dumps(row), file=log, flush=True)
             losses = []
-        if step % 200 == 0 or step == steps:
+        if rank == 0 and (step % 100 == 0 or step == steps):
             temporary = work / "detector.pt.tmp"
             torch.save(
                 {"net": net.state_dict(), "mean": mean.state_dict(),
@@ -115,7 +130,19 @@ def train(data: Path, work: Path, steps: int, decay: int, workers: int) -> None:
             os.replace(temporary, checkpoint)
 
 
-def _follow(mean: torch.nn.Module, net: torch.nn.Module, share: float) -> None:
+def _share_gradients(net: torch.nn.Module, ranks: int) -> None:
+    """Every process gets the mean of all processes' gradients."""
+    gradients = [p.grad for p in net.parameters() if p.grad is not None]
+    flat = torch.cat([g.flatten() for g in gradients])
+    torch.distributed.all_reduce(flat)
+    flat /= ranks
+    at = 0
+    for gradient in gradients:
+        gradient.copy_(flat[at : at + gradient.numel()].view_as(gradient))
+        at += gradient.numel()
+
+
+def follow(mean: torch.nn.Module, net: torch.nn.Module, share: float) -> None:
     """Move the running mean of the weights towards the current ones."""
     with torch.no_grad():
         ours, theirs = mean.state_dict(), net.state_dict()
@@ -135,10 +162,15 @@ def main() -> None:
     parser.add_argument("--decay", type=int, default=800)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--rank", type=int, default=0)
+    parser.add_argument("--ranks", type=int, default=1)
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
     torch.manual_seed(1)
-    train(options.data, options.work, options.steps, options.decay, options.workers)
+    train(
+        options.data, options.work, options.steps, options.decay, options.workers,
+        options.rank, options.ranks,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -1,0 +1,187 @@
+"""The detector that comes with the package: a trained network finds, another one names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from automap.records import FloatArray, IntArray
+from automap.vision.classifier import SignClassifier
+from automap.vision.detector import FoundSigns, Image, Region
+from automap.vision.onnx_model import OnnxModel
+
+Floats = npt.NDArray[np.float32]
+
+_STRIDE = 4
+_MULTIPLE = 32
+_KINDS = 2
+_LARGEST_STEP = 5.6
+
+
+@dataclass(frozen=True)
+class NetworkRules:
+    """``min_score`` below which nothing is reported; ``overlap`` (IoU) from which two boxes are
+    one sign; ``inside`` the share of a smaller box within a larger one that does the same;
+    ``most`` boxes a picture."""
+
+    min_score: float = 0.05
+    overlap: float = 0.4
+    inside: float = 0.8
+    most: int = 60
+
+
+def default_detector(country: str | None = None, threads: int = 1) -> NetworkDetector:
+    """The detector that comes with the package.
+
+    ``country`` (ISO 3166 alpha-2) chooses the set of classes; ``threads`` for one picture.
+    """
+    return NetworkDetector(country=country, threads=threads)
+
+
+class NetworkDetector:
+    """Finds signs of about 10 to 250 px and names their faces.
+
+    The files are read when the first picture comes. One object may serve several threads, and
+    may be handed to another process.
+    """
+
+    name = "network"
+
+    def __init__(
+        self,
+        country: str | None = None,
+        threads: int = 1,
+        rules: NetworkRules | None = None,
+        model: Path | None = None,
+        classifier: SignClassifier | None = None,
+    ) -> None:
+        self.rules = rules or NetworkRules()
+        self._model = OnnxModel("sign-detector.onnx", model, threads)
+        self._classifier = classifier or SignClassifier(country, threads=threads)
+
+    def detect(
+        self, image: Image, region: Region | None = None, zoom: float = 1.0
+    ) -> FoundSigns:
+        """Signs in a BGR picture [height, width, 3] of 8 bits.
+
+        ``region`` (x_min, y_min, x_max, y_max in px) looks only there; ``zoom`` enlarges it
+        first, which finds smaller signs in proportion and costs its square.
+
+        Raises ValueError for a picture of another kind, InputError for a broken model file.
+        """
+        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+            raise ValueError("the detector takes pictures with three channels of 8 bits")
+        boxes, scores = self.propose(image, region, zoom)
+        return self._named(image, boxes, scores)
+
+    def propose(
+        self, image: Image, region: Region | None = None, zoom: float = 1.0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Boxes [n, 4] px and scores [n] of what may be signs, best first, not yet named."""
+        height, width = image.shape[:2]
+        x0, y0, x1, y1 = _window(region, width, height)
+        part = image[y0:y1, x0:x1]
+        if part.shape[0] < 8 or part.shape[1] < 8:
+            return np.zeros((0, 4)), np.zeros(0)
+        if zoom != 1.0:
+            size = (max(8, round((x1 - x0) * zoom)), max(8, round((y1 - y0) * zoom)))
+            how = cv2.INTER_LINEAR if zoom > 1.0 else cv2.INTER_AREA
+            part = np.asarray(cv2.resize(part, size, interpolation=how), np.uint8)
+        scale = np.array([part.shape[1] / (x1 - x0), part.shape[0] / (y1 - y0)])
+        maps = self._model.run(_padded(part))[0]
+        boxes, scores = decode_maps(maps, self.rules.min_score, 4 * self.rules.most)
+        # outlines run between pixels, whose centres are integers
+        boxes = (boxes + 0.5) / np.tile(scale, 2) - 0.5 + np.array([x0, y0, x0, y0])
+        kept = distinct(boxes, scores, self.rules.overlap, self.rules.inside)[: self.rules.most]
+        return boxes[kept], scores[kept]
+
+    def _named(self, image: Image, boxes: FloatArray, scores: FloatArray) -> FoundSigns:
+        named = self._classifier.name(image, boxes)
+        final = np.array(
+            [joint_score(score, face.sign) for score, face in zip(scores, named, strict=True)]
+        )
+        order = [int(i) for i in np.argsort(-final, kind="stable")]
+        order = [i for i in order if final[i] >= self.rules.min_score]
+        return FoundSigns(
+            class_name=tuple(named[i].name for i in order),
+            box=boxes[order].reshape(-1, 4),
+            score=final[order] if order else np.zeros(0),
+            alternatives=tuple(named[i].alternatives for i in order),
+        )
+
+
+def joint_score(found: float, sign: float) -> float:
+    """One probability of a sign from what the detector and the classifier say.
+
+    The classifier saw as many crops without a sign as the detector proposes, so both speak
+    for themselves; their evidence is shared between them.
+    """
+    return float(found * np.sqrt(max(sign, 1e-6)))
+
+
+def _window(region: Region | None, width: int, height: int) -> tuple[int, int, int, int]:
+    """Whole pixels of the region within the picture."""
+    if region is None:
+        return 0, 0, width, height
+    x0, y0 = (max(0, int(np.floor(v))) for v in region[:2])
+    x1, y1 = min(width, int(np.ceil(region[2]))), min(height, int(np.ceil(region[3])))
+    return x0, y0, max(x1, x0), max(y1, y0)
+
+
+def _padded(image: Image) -> Floats:
+    """A picture as input [1, 3, h, w], its sides brought to multiples of 32 by its edge."""
+    height, width = image.shape[:2]
+    down, right = -height % _MULTIPLE, -width % _MULTIPLE
+    if down or right:
+        image = np.asarray(
+            cv2.copyMakeBorder(image, 0, down, 0, right, cv2.BORDER_REPLICATE), np.uint8
+        )
+    return np.asarray(cv2.dnn.blobFromImage(image), np.float32)
+
+
+def decode_maps(maps: Floats, min_score: float, most: int) -> tuple[FloatArray, FloatArray]:
+    """Boxes [n, 4] px and scores [n], best first, from the network's maps [6, h, w].
+
+    A box for every cell that is the highest of its neighbours on its heat map.
+    """
+    logits = maps[:_KINDS].max(axis=0)
+    least = np.log(min_score / (1.0 - min_score))
+    highest = cv2.dilate(logits, np.ones((3, 3), np.uint8))
+    rows, columns = np.nonzero((logits >= least) & (logits >= highest))
+    values = logits[rows, columns]
+    order = np.argsort(-values, kind="stable")[:most]
+    rows, columns, values = rows[order], columns[order], values[order].astype(np.float64)
+    x = columns * float(_STRIDE) + (_STRIDE - 1) / 2.0
+    y = rows * float(_STRIDE) + (_STRIDE - 1) / 2.0
+    steps = np.minimum(maps[_KINDS:, rows, columns].astype(np.float64), _LARGEST_STEP)
+    left, up, right, down = np.exp(steps) * _STRIDE
+    boxes = np.stack([x - left, y - up, x + right, y + down], axis=1)
+    return boxes, 1.0 / (1.0 + np.exp(-values))
+
+
+def distinct(
+    boxes: FloatArray, scores: FloatArray, overlap: float, inside: float = 1.0
+) -> IntArray:
+    """Indices of the best boxes of every place, best first.
+
+    A box goes that overlaps a better one by more than ``overlap`` (IoU), or of which the share
+    ``inside`` of the smaller one lies in the larger.
+    """
+    order = np.argsort(-scores, kind="stable")
+    area = np.prod(np.maximum(boxes[:, 2:] - boxes[:, :2], 1e-9), axis=1)
+    kept: list[int] = []
+    for i in order:
+        if kept:
+            other = boxes[kept]
+            sides = np.minimum(boxes[i, 2:], other[:, 2:]) - np.maximum(boxes[i, :2], other[:, :2])
+            common = np.prod(np.maximum(sides, 0.0), axis=1)
+            union = area[i] + area[kept] - common
+            smaller = np.minimum(area[i], area[kept])
+            if ((common > overlap * union) | (common > inside * smaller)).any():
+                continue
+        kept.append(int(i))
+    return np.array(kept, np.int64)

@@ -1,0 +1,191 @@
+"""Training crops for the classifier: real ones, drawn ones, unknown faces and no signs."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from automap.records import FloatArray
+from automap.vision.classes import load_classes
+from automap.vision.classifier import crop_faces
+from automap.vision.training import scenes
+from automap.vision.training.art import Face
+from automap.vision.training.degrade import at_random
+from automap.vision.training.street_data import Crop, Street
+from automap.vision.vocabulary import load_vocabulary
+
+Image = npt.NDArray[np.uint8]
+Random = np.random.Generator
+
+NO_SIGN = "no-sign"
+_CIRCLES = {"red": "red-circle", "blue": "blue-circle", "green": "green-circle",
+            "yellow": "yellow-circle", "orange": "yellow-circle"}  # fmt: skip
+
+
+def labels() -> list[str]:
+    """Names of the classifier's outputs: classes, groups, no sign."""
+    return [*load_classes(), *load_vocabulary().groups, NO_SIGN]
+
+
+def group_of_face(face: Face) -> str:
+    """The group of shape and colour that a drawn face belongs to."""
+    if face.shape == "circle":
+        return _CIRCLES.get(face.colour, "white-circle")
+    if face.shape == "octagon" and face.colour == "red":
+        return "red-octagon"
+    if face.shape in ("triangle-up", "triangle-down") and face.colour == "red":
+        return f"red-{face.shape}"
+    if face.shape == "diamond" and face.colour in ("yellow", "orange", "white"):
+        return f"{face.colour}-diamond"
+    if face.shape == "rectangle":
+        colour = {"grey": "white", "brown": "red"}.get(face.colour, face.colour)
+        return f"{colour}-square"
+    return "other"
+
+
+@dataclass(frozen=True)
+class _Real:
+    image: Image
+    box: FloatArray
+
+
+def _base(name: str) -> str:
+    """A class name without its number of variant."""
+    return re.sub(r"--(g\d+|au)$", "", name)
+
+
+class CropMaker:
+    """Makes labelled crops; ``held`` draws the faces that are kept out of training instead."""
+
+    def __init__(
+        self, streets: list[Street], crops: list[Crop], faces: list[Face], held: bool = False
+    ) -> None:
+        classes = load_classes()
+        self._names = labels()
+        self._index = {name: i for i, name in enumerate(self._names)}
+        self._streets = streets
+        by_number = {c.gtsdb: name for name, c in classes.items() if c.gtsdb is not None}
+        self._real: dict[str, list[_Real]] = {}
+        for crop in crops:
+            self._real.setdefault(by_number[crop.class_id], []).append(_Real(crop.image, crop.box))
+        for street in streets:
+            for box, number in zip(street.boxes, street.classes, strict=True):
+                self._real.setdefault(by_number[int(number)], []).append(_Real(street.image, box))
+        by_name = {face.name: face for face in faces}
+        self.art: dict[str, list[Face]] = {}
+        for name, entry in classes.items():
+            drawn = [by_name[a] for a in entry.art if a in by_name]
+            free = [face for face in drawn if not face.held]
+            kept = [face for face in drawn if face.held] if free else []
+            chosen = kept if held else (free or drawn)
+            if chosen:
+                self.art[name] = chosen
+        named = {a for entry in classes.values() for a in entry.art}
+        bases = {(_base(name), entry.group) for name, entry in classes.items()}
+        self.unknown: dict[str, list[Face]] = {}
+        for face in faces:
+            group = group_of_face(face)
+            # a variant of a class that looks much like it is neither the class nor unknown
+            if face.plate or face.name in named or (_base(face.name), group) in bases:
+                continue
+            if face.held == held:
+                self.unknown.setdefault(group, []).append(face)
+
+    def real(self, rng: Random) -> tuple[Image, int]:
+        """A crop of a real sign."""
+        names = list(self._real)
+        share = np.array([len(self._real[n]) ** 0.5 for n in names])
+        name = names[int(rng.choice(len(names), p=share / share.sum()))]
+        one = self._real[name][int(rng.integers(len(self._real[name])))]
+        image, box = _near(one.image, one.box)
+        if rng.random() < 0.5:
+            image = at_random(image, rng, 0.7)
+        size = float((box[2:] - box[:2]).max())
+        if rng.random() < 0.25 and size > 24:
+            image, box = _smaller(image, box, rng.uniform(12, 24) / size)
+        return crop_faces(image, jittered(box, rng)[None])[0], self._index[name]
+
+    def drawn(self, rng: Random) -> tuple[Image, int]:
+        """A drawn face of a class."""
+        names = list(self.art)
+        name = names[int(rng.integers(len(names)))]
+        face = self.art[name][int(rng.integers(len(self.art[name])))]
+        return self._set(face, rng), self._index[name]
+
+    def other(self, rng: Random) -> tuple[Image, int]:
+        """A drawn face that is no class, labelled with its group."""
+        groups = list(self.unknown)
+        share = np.array([len(self.unknown[g]) ** 0.5 for g in groups])
+        group = groups[int(rng.choice(len(groups), p=share / share.sum()))]
+        face = self.unknown[group][int(rng.integers(len(self.unknown[group])))]
+        return self._set(face, rng), self._index[group]
+
+    def nothing(self, rng: Random) -> tuple[Image, int]:
+        """A crop without a sign, or with so little of one that it is none."""
+        street = self._streets[int(rng.integers(len(self._streets)))]
+        height, width = street.image.shape[:2]
+        for _ in range(20):
+            size = float(np.exp(rng.uniform(np.log(10), np.log(100))))
+            x, y = rng.uniform(0, width - size), rng.uniform(0.1, 0.85) * height
+            wide = size * rng.uniform(0.7, 1.4)
+            box = np.array([x, y, x + wide, y + size])
+            if len(street.boxes) == 0:
+                break
+            low = np.maximum(box[:2], street.boxes[:, :2])
+            high = np.minimum(box[2:], street.boxes[:, 2:])
+            if np.prod(np.maximum(high - low, 0), axis=1).max() < 0.15 * wide * size:
+                break
+        image, box = _near(street.image, box)
+        if rng.random() < 0.45:
+            image = image.copy()
+            at, size = (box[:2] + box[2:]) / 2, float((box[2:] - box[:2]).max())
+            box = scenes.no_sign(image, rng, (float(at[0]), float(at[1])), size)
+        image = at_random(image, rng, 0.8)
+        return crop_faces(image, jittered(box, rng)[None])[0], len(self._names) - 1
+
+    def _set(self, face: Face, rng: Random) -> Image:
+        street = self._streets[int(rng.integers(len(self._streets)))]
+        height, width = street.image.shape[:2]
+        size = float(np.exp(rng.uniform(np.log(13), np.log(90))))
+        high, wide = face.image.shape[:2]
+        half = np.array([wide, high]) / np.sqrt(wide * high) * size / 2
+        reach = int(half.max() * 1.5) + 6
+        x = int(rng.uniform(reach, width - reach))
+        y = int(rng.uniform(reach, height - reach))
+        part = street.image[y - reach : y + reach, x - reach : x + reach].copy()
+        middle = np.array([part.shape[1], part.shape[0]]) / 2
+        if rng.random() < 0.3:
+            # cameras see them small and sharpened as well as large
+            part = np.asarray(cv2.GaussianBlur(part, (0, 0), 1.0), np.uint8)
+        box = np.concatenate([middle - half, middle + half])
+        if rng.random() < 0.6:
+            scenes.pole(part, box, rng)
+        placed = scenes.draw_face(part, face.image, box, rng)
+        part = at_random(part, rng, 0.8)
+        return crop_faces(part, jittered(box if placed is None else placed, rng)[None])[0]
+
+
+def jittered(box: FloatArray, rng: Random) -> FloatArray:
+    """A box as a detector would give it."""
+    size = box[2:] - box[:2] + 1.0
+    blur = 0.045 + 0.35 / max(float(size.max()), 4.0)
+    return np.asarray(box + rng.normal(0.0, blur, 4) * np.tile(size, 2))
+
+
+def _near(image: Image, box: FloatArray) -> tuple[Image, FloatArray]:
+    reach = 0.6 * float((box[2:] - box[:2]).max()) + 4
+    low = np.maximum((box[:2] - reach).astype(int), 0)
+    high = (box[2:] + reach).astype(int)
+    return image[low[1] : high[1], low[0] : high[0]], box - np.tile(low, 2)
+
+
+def _smaller(image: Image, box: FloatArray, factor: float) -> tuple[Image, FloatArray]:
+    height, width = image.shape[:2]
+    size = (max(4, round(width * factor)), max(4, round(height * factor)))
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    scale = np.tile(np.array([size[0] / width, size[1] / height]), 2)
+    return np.asarray(small, np.uint8), (box + 0.5) * scale - 0.5
