@@ -48,23 +48,25 @@ class ViewedMap:
         return b"" if self.signs is None else sign_payload(self.signs)
 
     def overview(self) -> dict[str, Any]:
-        """What the page needs first."""
+        """What the page needs first.
+
+        ``classes_known`` are the names that a correction may choose, ``faces`` the numbers of
+        the classes that have a picture.
+        """
+        from automap.vision.vocabulary import load_vocabulary
+
+        vocabulary = set(load_vocabulary().classes)
+        own = [] if self.signs is None else self.signs.classes
         return {
             "name": self.name,
             "merged": self.merged,
             "signs": 0 if self.signs is None else len(self.signs),
             "drives": [drive.name for drive in self.drives],
             "fields": [{"name": f.name, "unit": f.unit, "meaning": f.meaning} for f in SIGN_FIELDS],
-            "classes_known": self._known_classes(),
+            "classes_known": sorted(vocabulary.union(own)),
+            "faces": [number for number, name in enumerate(own) if name in vocabulary],
             "report": (self.out / names.REPORT).is_file(),
         }
-
-    def _known_classes(self) -> list[str]:
-        """Names that a correction may choose: those of the vocabulary and of this map."""
-        from automap.vision.vocabulary import load_vocabulary
-
-        own = [] if self.signs is None else self.signs.classes
-        return sorted({*own, *load_vocabulary().classes})
 
     def sign(self, row: int) -> dict[str, Any] | None:
         """All that is known about one sign, None for a row that is not there."""

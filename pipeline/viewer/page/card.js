@@ -48,11 +48,10 @@ export class Card {
     const name = classOf(signs, row);
     box.replaceChildren();
     const title = element("h2", undefined, box);
-    const number = signs.classes.indexOf(name);
+    const number = this.app.hasFace(name);
     if (number >= 0) {
       const picture = element("img", undefined, title);
       picture.alt = "";
-      picture.onerror = () => picture.remove();
       picture.src = api.address(`face/${number}`);
     }
     element("span", words(name), title);
@@ -88,14 +87,14 @@ export class Card {
     const input = element("input", undefined, form);
     input.type = "text"; input.id = "class-name"; input.value = name;
     input.setAttribute("list", "class-names"); input.setAttribute("aria-label", "Class");
-    const save = element("button", "Correct the class", form);
+    const save = element("button", "Correct class", form);
     save.id = "save-class";
     form.onsubmit = (e) => { e.preventDefault(); if (input.value.trim()) { input.blur(); review.setClass(input.value.trim()); } };
     const noteForm = element("form", undefined, box, "row");
     const note = element("input", undefined, noteForm);
     note.type = "text"; note.id = "note"; note.placeholder = "Note"; note.value = verdict?.note ?? "";
     note.setAttribute("aria-label", "Note");
-    element("button", "Keep the note", noteForm).id = "save-note";
+    element("button", "Keep note", noteForm).id = "save-note";
     noteForm.onsubmit = (e) => { e.preventDefault(); note.blur(); review.note(note.value); };
   }
 
@@ -105,8 +104,8 @@ export class Card {
     element("h3", `${views.length} view${views.length === 1 ? "" : "s"}`, box);
     const list = element("div", undefined, box);
     list.id = "views";
-    // a long row of buttons tells nothing: at most some sixty, evenly chosen
-    const step = Math.max(1, Math.ceil(views.length / 60));
+    // a long row of buttons tells nothing: at most some thirty, evenly chosen
+    const step = Math.max(1, Math.ceil(views.length / 30));
     views.forEach((v, i) => {
       if (i % step && i !== this.view) return;
       const b = element("button", `${v.height_px.toFixed(0)} px`, list);

@@ -24,11 +24,12 @@ const app = { state, hint, byId };
 start().catch((error) => hint(`The map cannot be shown: ${error.message}`));
 
 async function start() {
-  const map = app.map = new SignMap(byId("canvas"), state);
+  const map = app.map = globalThis.automapMap = new SignMap(byId("canvas"), state);
   const [overview, buffer, review] = await Promise.all([api.json("api/map"), api.bytes("api/signs"), api.json("api/review")]);
   app.overview = overview;
   state.signs = parse(buffer);
   state.face = faces(map);
+  app.hasFace = (name) => { const k = state.signs.classes.indexOf(name); return overview.faces.includes(k) ? k : -1; };
   document.title = `${overview.name} - AutoMap`;
   byId("title").textContent = overview.name;
   if (overview.report) {
@@ -65,7 +66,10 @@ async function loadPaths() {
     const drive = await app.player.load(k);
     if (!drive) continue;
     for (const text of drive.problems) hint(text);
-    if (first) { await app.player.show(k); first = false; if (!state.signs.n) wholeMap(); }
+    if (!first) continue;
+    first = false;
+    await app.player.show(k);
+    if (!app.map.touched && state.selected === null) wholeMap();
   }
   legend();
   document.documentElement.dataset.paths = "loaded";
@@ -74,8 +78,13 @@ async function loadPaths() {
 app.addPath = (k, path) => {
   if (!path) return;
   const known = path.sd_m.filter((v) => v !== null).sort((a, b) => a - b);
-  app.limits ??= [0.2, 0.4, 0.6, 0.8].map((q) => known[Math.floor(q * (known.length - 1))] ?? 0);
-  const classOf = (sd) => (sd === null ? -1 : app.limits.filter((limit) => sd > limit).length);
+  if (!app.limits && known.length) {
+    const at = (q) => known[Math.floor(q * (known.length - 1))];
+    // colours for a tenth more or less would only confuse
+    app.limits = at(0.95) > 1.15 * at(0.05) ? [0.2, 0.4, 0.6, 0.8].map(at) : [];
+    app.typical = at(0.5);
+  }
+  const classOf = (sd) => (sd === null || !app.limits ? -1 : app.limits.filter((limit) => sd > limit).length);
   const runs = [];
   for (let i = 0; i + 1 < path.x.length; i++) {
     const c = classOf(path.sd_m[i]);
@@ -94,13 +103,14 @@ function legend() {
   box.replaceChildren();
   if (!app.limits) return;
   const text = (v) => (v < 10 ? v.toPrecision(2) : v.toFixed(0));
-  const labels = [`path σ below ${text(app.limits[0])} m`, "", "", "", `above ${text(app.limits[3])} m`];
-  labels.forEach((label, c) => {
-    if (label && c) box.append(" ");
-    const mark = document.createElement("i");
-    mark.style.background = SIGMA[c];
-    if (c === 4) { box.append(mark, ` ${label}`); } else { if (label) box.append(`${label} `); box.append(mark); }
-  });
+  const mark = (c) => { const e = document.createElement("i"); e.style.background = SIGMA[c]; box.append(e); };
+  if (!app.limits.length) {
+    box.append(`path σ about ${text(app.typical)} m`);
+    return mark(0);
+  }
+  box.append(`path σ below ${text(app.limits[0])} m`);
+  SIGMA.forEach((_, c) => mark(c));
+  box.append(` above ${text(app.limits[3])} m`);
 }
 
 function bounds(rows) {
@@ -140,9 +150,9 @@ async function select(row, centre = true) {
 // pictures of classes, fetched when first drawn
 function faces(map) {
   const pictures = new Map();
-  const number = new Map(state.signs.classes.map((name, k) => [name, k]));
+  const number = new Map(app.overview.faces.map((k) => [state.signs.classes[k], k]));
   return (k, corrected) => {
-    const index = corrected === undefined ? k : number.get(corrected);
+    const index = number.get(corrected ?? state.signs.classes[k]);
     if (index === undefined) return null;
     if (!pictures.has(index)) {
       pictures.set(index, null);

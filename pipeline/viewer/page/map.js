@@ -46,6 +46,7 @@ export class SignMap {
   }
 
   zoomBy(factor, sx = this.w / 2, sy = this.h / 2) {
+    this.touched = true;
     const k = this.clampScale(this.k * factor);
     const x = this.wx(sx), y = this.wy(sy);
     this.k = k;
@@ -55,6 +56,7 @@ export class SignMap {
   }
 
   panBy(dx, dy) {
+    this.touched = true;
     this.x += dx / this.k; this.y += dy / this.k;
     this.redraw();
   }
