@@ -54,6 +54,7 @@ def map_content(out: Path, name: str, min_confidence: float = 0.0) -> MapContent
     signs = sign_columns(products.signs or [], products.clock)
     path = simplified_path(products.trajectory) if products.trajectory is not None else None
     record = products.json(names.RUN)
+    pictures = read_pictures(products)
     content = MapContent(
         name,
         signs,
@@ -62,7 +63,7 @@ def map_content(out: Path, name: str, min_confidence: float = 0.0) -> MapContent
         list(products.problems),
         lineage=lineage(record, name, products.trajectory),
         country=_country(record),
-        pictures=read_pictures(out),
+        pictures=pictures,
     )
     if min_confidence > 0.0:
         content.lineage["min_confidence"] = min_confidence

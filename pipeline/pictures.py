@@ -45,7 +45,7 @@ def take_pictures(
     if products.observations is None or not products.signs:
         return []
     views = choose_views(products.observations, [sign.id for sign in products.signs])
-    kept = {_identity(p.view): p for p in read_pictures(products.out)}
+    kept = {_identity(p.view): p for p in read_pictures(products)}
     pictures = [kept[_identity(view)] for view in views if _identity(view) in kept]
     missing = [view for view in views if _identity(view) not in kept]
     for camera in dict.fromkeys(view.camera for view in missing):
@@ -110,17 +110,23 @@ def write_pictures(folder: Path, pictures: Sequence[Picture]) -> None:
     write_text(folder / names.PICTURE_INDEX, text)
 
 
-def read_pictures(out: Path) -> list[Picture]:
+def read_pictures(products: RunProducts) -> list[Picture]:
     """The pictures beside a map, in the order of the index; none where there are none.
 
-    An entry that is damaged, or whose file is missing or outside the folder, is passed over.
+    An entry that is damaged, or whose file is missing, is passed over; an index that cannot be
+    read is noted among the problems.
     """
-    index = out / names.PICTURE_INDEX
-    pictures = []
+    return products.attempt(names.PICTURE_INDEX, _read_index) or []
+
+
+def _read_index(index: Path) -> list[Picture]:
     try:
         rows = list(csv.DictReader(io.StringIO(index.read_text(encoding="utf-8"), newline="")))
-    except (OSError, UnicodeDecodeError, csv.Error):
-        return []
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"it is no CSV file ({error})") from error
+    if rows and "sign_id" not in rows[0]:
+        raise InputError("its column sign_id is missing")
+    pictures = []
     for row in rows:
         try:
             view = SignView(
@@ -134,7 +140,7 @@ def read_pictures(out: Path) -> list[Picture]:
                 range_m=float(row["range_m"] or "nan"),
             )
             # never by the name in the index, which anyone may have edited
-            jpeg = (out / names.PICTURES / view.file).read_bytes()
+            jpeg = (index.parent / view.file).read_bytes()
         except (OSError, KeyError, ValueError, TypeError):
             continue
         if jpeg.startswith(b"\xff\xd8"):

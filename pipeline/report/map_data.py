@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+import base64
 import json
 from collections.abc import Sequence
 from typing import Any
@@ -10,20 +10,27 @@ from typing import Any
 import numpy as np
 
 from automap.export.fields import SIGN_FIELDS
+from automap.export.icons import class_icon
 from automap.export.kml import class_colours
 from automap.export.path import simplified_path
 from automap.export.sign_columns import SignColumns
-from automap.export.uncertainty import CHI2_95_2, principal_axes, sigma_classes
+from automap.export.uncertainty import CHI2_95_2, principal_axes
 from automap.records import FixType, FloatArray
+from pipeline.pictures import Picture
 from pipeline.products import RunProducts
 from pipeline.report.outages import outages
+from pipeline.report.path_modes import path_modes
+from pipeline.report.sign_cards import sign_cards
 
 FIX_LIMIT = 6000
 SIGN_LIMIT = 5000
 FACE_PX = 64
+FACE_LIMIT = 200
 
 
-def map_data(products: RunProducts, signs: SignColumns) -> dict[str, Any] | None:
+def map_data(
+    products: RunProducts, signs: SignColumns, pictures: Sequence[Picture] = ()
+) -> dict[str, Any] | None:
     """Content of the map, None when there is nothing to draw.
 
     Positions are metres east and north of ``origin`` (degrees) on the local tangent plane,
@@ -41,7 +48,7 @@ def map_data(products: RunProducts, signs: SignColumns) -> dict[str, Any] | None
         ],
         "path": _path(products, origin),
         "fixes": _fixes(products, origin, notes),
-        "signs": _signs(signs, origin, notes),
+        "signs": _signs(products, signs, origin, notes, list(pictures)),
         "faces": sign_faces({str(name) for name in signs.values["class"]}),
     }
     data["notes"] = notes
@@ -57,26 +64,11 @@ def embedded_json(value: Any) -> str:
 
 
 def sign_faces(classes: set[str]) -> dict[str, str]:
-    """Small pictures, as data URIs, of those classes whose faces the vocabulary draws."""
-    import base64
-
-    from automap.vision.vocabulary import load_vocabulary
-
-    known = sorted(classes & load_vocabulary().classes.keys())
-    if not known:
-        return {}
-    import cv2
-
-    from automap.vision.faces import draw_face
-
-    faces: dict[str, str] = {}
-    for name in known:
-        good, picture = cv2.imencode(
-            ".png", draw_face(name, FACE_PX), [cv2.IMWRITE_PNG_COMPRESSION, 9]
-        )
-        if good:
-            faces[name] = "data:image/png;base64," + base64.b64encode(picture.tobytes()).decode()
-    return faces
+    """Small pictures of the faces of classes, as data URIs."""
+    return {
+        name: "data:image/png;base64," + base64.b64encode(class_icon(name, FACE_PX)).decode()
+        for name in sorted(classes)[:FACE_LIMIT]
+    }
 
 
 def _origin(products: RunProducts, signs: SignColumns) -> tuple[float, float] | None:
@@ -118,12 +110,6 @@ def _path(products: RunProducts, origin: tuple[float, float]) -> dict[str, Any] 
     if len(path) < 2:
         return None
     points = _metres(path.lat_deg, path.lon_deg, origin)
-    classes, labels = sigma_classes(path.sd_h_m)
-    runs: list[dict[str, Any]] = []
-    edges = [0, *(np.flatnonzero(np.diff(classes[:-1])) + 1).tolist(), len(path) - 1]
-    for a, b in itertools.pairwise(edges):
-        # runs share a point, so that the line is in one piece
-        runs.append({"c": int(classes[a]), "p": _pairs(points[a : b + 1])})
     silent = []
     if products.fixes is not None and products.clock is not None:
         gps_s = products.trajectory.gps_s[path.row]
@@ -131,7 +117,11 @@ def _path(products: RunProducts, origin: tuple[float, float]) -> dict[str, Any] 
             inside = np.flatnonzero((gps_s >= start) & (gps_s <= end))
             if len(inside) > 1:
                 silent.append(_pairs(points[inside]))
-    return {"runs": runs, "labels": labels, "outages": silent}
+    return {
+        "points": _pairs(points),
+        "modes": [mode.as_json() for mode in path_modes(products, path)],
+        "outages": silent,
+    }
 
 
 def _fixes(products: RunProducts, origin: tuple[float, float], notes: list[str]) -> Any:
@@ -151,7 +141,13 @@ def _fixes(products: RunProducts, origin: tuple[float, float], notes: list[str])
     return _pairs(_metres(lat, lon, origin))
 
 
-def _signs(columns: SignColumns, origin: tuple[float, float], notes: list[str]) -> Any:
+def _signs(
+    products: RunProducts,
+    columns: SignColumns,
+    origin: tuple[float, float],
+    notes: list[str],
+    pictures: list[Picture],
+) -> Any:
     rows = np.flatnonzero(columns.located)
     if len(rows) > SIGN_LIMIT:
         notes.append(
@@ -180,6 +176,7 @@ def _signs(columns: SignColumns, origin: tuple[float, float], notes: list[str]) 
             [_value(field.kind, values[field.name][row], field.decimals) for field in SIGN_FIELDS]
             for row in rows.tolist()
         ],
+        "cards": sign_cards(products, pictures, rows.tolist()) if products.signs else [],
     }
 
 

@@ -11,6 +11,7 @@ from automap.export.clock import iso_texts, utc_of_gps
 from automap.export.fields import SIGN_FIELDS
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
+from pipeline.pictures import read_pictures
 from pipeline.products import RunProducts
 from pipeline.report.evaluation_section import evaluation_section
 from pipeline.report.figures import key_figures
@@ -46,7 +47,7 @@ def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str
         "sensors": sensor_section(products),
         "motion": motion_section(products),
     }
-    content = map_data(products, signs)
+    content = map_data(products, signs, read_pictures(products))
     facts = _facts(products, record)
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     environment.trim_blocks = environment.lstrip_blocks = True

@@ -34,7 +34,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="report",
-    version=2,
+    version=3,
     run=run,
     inputs=_inputs,
     needs=(
@@ -52,6 +52,7 @@ STAGE = Stage(
         names.OBSERVATIONS,
         names.EVALUATION,
         names.REVIEW,
+        names.PICTURE_INDEX,
     ),
     outputs=(names.REPORT,),
     settings=("report",),

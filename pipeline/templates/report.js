@@ -20,7 +20,7 @@
   const bounds = L.latLngBounds([]);
   data.fixes.forEach((p) => bounds.extend(at(p)));
   data.signs.xy.forEach((p) => bounds.extend(at(p)));
-  if (data.path) data.path.runs.forEach((run) => run.p.forEach((p) => bounds.extend(at(p))));
+  if (data.path) data.path.points.forEach((p) => bounds.extend(at(p)));
   const whole = () => map.fitBounds(bounds.isValid() ? bounds.pad(0.04) : [[-50, -50], [50, 50]], { animate: false, maxZoom: 3 });
   whole();
 
@@ -29,17 +29,28 @@
   for (const p of data.fixes) {
     L.circleMarker(at(p), { radius: 1.8, stroke: false, fillColor: css("--soft"), fillOpacity: 0.6, interactive: false }).addTo(fixes);
   }
+  const track = L.layerGroup().addTo(map);
   if (data.path) {
     for (const run of data.path.outages) {
       L.polyline(run.map(at), { color: css("--c3"), weight: 12, opacity: 0.35, interactive: false }).addTo(map);
     }
-    for (const run of data.path.runs) {
-      L.polyline(run.p.map(at), { color: colourOf(run.c), weight: 3.5, smoothFactor: 0.5, interactive: false }).addTo(map);
+    drawPath(data.path.modes[0]);
+  }
+  function drawPath(mode) {
+    track.clearLayers();
+    const points = data.path.points.map(at);
+    const style = (c) => ({ color: mode ? colourOf(c, mode.labels.length) : UNKNOWN, weight: 3.5, smoothFactor: 0.5, interactive: false });
+    if (!mode) { L.polyline(points, style(-1)).addTo(track); return; }
+    let first = 0;
+    for (const [c, count] of mode.runs) {
+      // runs share a point, so that the line is in one piece
+      const part = points.slice(first, first + count + 1);
+      if (part.length > 1) L.polyline(part, style(c)).addTo(track);
+      first += count;
     }
   }
-  function colourOf(c) {
+  function colourOf(c, n) {
     if (c < 0) return UNKNOWN;
-    const n = data.path.labels.length;
     return SIGMA[n > 1 ? Math.round(c * (SIGMA.length - 1) / (n - 1)) : 0];
   }
 
@@ -139,6 +150,18 @@
       picture.alt = "";
     }
     element("h3", words(row[column["class"]]) + ", " + row[column.id], box);
+    const own = signs.cards[i];
+    if (own && own.pictures.length) {
+      const strip = element("div", undefined, box);
+      strip.className = "crops";
+      for (const crop of own.pictures) {
+        const frame = element("figure", undefined, strip);
+        const picture = element("img", undefined, frame);
+        picture.src = crop.src;
+        picture.alt = "view of the sign";
+        element("figcaption", crop.text, frame);
+      }
+    }
     const list = element("dl", undefined, box);
     const line = (name, value, title) => {
       const term = element("dt", name, list);
@@ -155,9 +178,49 @@
       if (field.kind === "time") line(field.name.replace(/_/g, " "), value.replace("T", " ").replace("Z", " UTC"), field.meaning);
       else if (value) line(field.name.replace(/_(m|deg|m2)$/, "").replace(/_/g, " "), value + unit, field.meaning);
     });
+    if (own && own.budget.length) {
+      element("h4", "Where the error comes from (σ per axis)", box);
+      const rows = element("table", undefined, box);
+      rows.className = "budget";
+      for (const [source, sd] of own.budget) {
+        const line = element("tr", undefined, rows);
+        element("td", source, line);
+        element("td", sd.toFixed(2) + " m", line);
+      }
+    }
+    if (own && own.views.length) views(own.views, box);
+    box.parentElement.scrollTop = 0;
     markers.forEach((_, k) => mark(k, k === i));
     if (table) Array.from(table.rows).forEach((r) => r.classList.toggle("on", r.cells[0].textContent === row[column.id]));
     if (move) map.setView(at(signs.xy[i]), Math.max(map.getZoom(), 2));
+  }
+  // residuals of the views as dots, right and down in pixels, the near ones larger
+  const SVG = "http://www.w3.org/2000/svg";
+  function views(rows, box) {
+    const used = rows.filter((v) => v[4] && v[2] !== null);
+    const ranges = rows.map((v) => v[1]).filter((r) => r !== null);
+    const span = rows[rows.length - 1][0] - rows[0][0];
+    element("h4", "Views", box);
+    const parts = [];
+    if (ranges.length) parts.push("from " + Math.max(...ranges).toFixed(0) + " to " + Math.min(...ranges).toFixed(0) + " m");
+    parts.push("over " + span.toFixed(1) + " s");
+    const left = rows.length - rows.filter((v) => v[4]).length;
+    if (left) parts.push(left + " not used");
+    element("p", parts.join(", "), box);
+    if (!used.length) return;
+    const reach = Math.max(1, ...used.map((v) => Math.max(Math.abs(v[2]), Math.abs(v[3])))) * 1.15;
+    const shape = (tag, attributes, parent) => {
+      const e = document.createElementNS(SVG, tag);
+      for (const [name, value] of Object.entries(attributes)) e.setAttribute(name, value);
+      return parent.appendChild(e);
+    };
+    const plot = shape("svg", { viewBox: "-60 -60 120 120", class: "residuals", role: "img", "aria-label": "residuals of the views" }, box);
+    shape("path", { d: "M-55 0H55M0 -55V55", class: "axis" }, plot);
+    for (const v of used) {
+      const r = v[1] ? Math.min(4, Math.max(1.4, 40 / v[1])) : 2;
+      shape("circle", { cx: 55 * v[2] / reach, cy: 55 * v[3] / reach, r: r }, plot);
+    }
+    element("p", "residuals to " + reach.toFixed(1) + " px right and down; larger dots are nearer", box).className = "note";
   }
   if (table) {
     const rowOf = new Map(signs.rows.map((row, i) => [row[column.id], i]));
@@ -165,7 +228,10 @@
       const i = rowOf.get(r.cells[0].textContent);
       if (i === undefined) continue;
       r.classList.add("pick");
-      r.addEventListener("click", () => { show(i, true); document.getElementById("map").scrollIntoView({ block: "nearest" }); });
+      const go = () => { show(i, true); document.getElementById("map").scrollIntoView({ block: "nearest" }); };
+      r.tabIndex = 0;
+      r.addEventListener("click", go);
+      r.addEventListener("keydown", (event) => { if (event.key === "Enter") go(); });
     }
   }
 
@@ -173,8 +239,8 @@
 
   // legend
   const legend = document.getElementById("legend");
-  const entry = (shape, colour, text, face) => {
-    const line = element("div", undefined, legend);
+  const entry = (shape, colour, text, face, parent) => {
+    const line = element("div", undefined, parent || legend);
     if (face) {
       const picture = element("img", undefined, line);
       picture.src = face;
@@ -188,8 +254,20 @@
     element("span", text, line);
   };
   if (data.path) {
-    element("h4", "Path, horizontal σ", legend);
-    data.path.labels.forEach((label, c) => entry("swatch", colourOf(c), label));
+    const head = element("h4", "Path by ", legend);
+    const choice = element("select", undefined, head);
+    choice.id = "path-by";
+    choice.setAttribute("aria-label", "what the path is coloured by");
+    data.path.modes.forEach((mode) => { element("option", mode.title, choice).value = mode.key; });
+    const swatches = element("div", undefined, legend);
+    swatches.className = "swatches";
+    const chosen = () => {
+      const mode = data.path.modes[choice.selectedIndex];
+      swatches.replaceChildren();
+      if (mode) mode.labels.forEach((label, c) => entry("swatch", colourOf(c, mode.labels.length), label, null, swatches));
+    };
+    choice.addEventListener("change", () => { drawPath(data.path.modes[choice.selectedIndex]); chosen(); });
+    chosen();
     if (data.path.outages.length) entry("swatch", css("--c3"), "no GPS (broad line)");
   }
   if (data.fixes.length) entry("dot", css("--soft"), "GPS fix");

@@ -109,5 +109,5 @@ def test_channels_have_names_and_an_order() -> None:
 
 def test_faces_are_drawn_for_known_classes_only() -> None:
     faces = sign_faces({"regulatory--stop--g1", "<script>"})
-    assert list(faces) == ["regulatory--stop--g1"]
-    assert faces["regulatory--stop--g1"].startswith("data:image/png;base64,")
+    assert set(faces) == {"regulatory--stop--g1", "<script>"}
+    assert all(face.startswith("data:image/png;base64,") for face in faces.values())
