@@ -22,10 +22,11 @@ def nav_pvt(fixes: Fixes) -> list[bytes]:
     fix repeats what stands in the record and carries fixType 0 and no gnssFixOK. Source:
     u-blox 8 / M8 receiver description, UBX-NAV-PVT.
     """
-    return [_frame(0x01, 0x07, _pvt_payload(fixes, i)) for i in range(len(fixes))]
+    return [frame(0x01, 0x07, _pvt_payload(fixes, i)) for i in range(len(fixes))]
 
 
-def _frame(kind: int, number: int, payload: bytes) -> bytes:
+def frame(kind: int, number: int, payload: bytes) -> bytes:
+    """A UBX message: sync, class and number, length, payload, checksum."""
     body = struct.pack("<BBH", kind, number, len(payload)) + payload
     a = b = 0
     for byte in body:
