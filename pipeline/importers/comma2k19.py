@@ -62,7 +62,7 @@ traffic_side = "right"
 """
 
 
-def import_comma2k19(source: Path, out: Path) -> list[str]:
+def import_comma2k19(source: Path, out: Path, kind: str = "comma2k19") -> list[str]:
     """Write the comma2k19 segment in ``source`` as the drive folder ``out``.
 
     Returns warnings, one sentence each. Raises InputError for a segment that cannot be read,
@@ -70,7 +70,7 @@ def import_comma2k19(source: Path, out: Path) -> list[str]:
     """
     from automap.io.comma2k19 import read_segment
 
-    with new_drive("comma2k19", source, out) as run:
+    with new_drive(kind, source, out) as run:
         segment = read_segment(run.source)
         for text in segment.warnings:
             run.warn(text)

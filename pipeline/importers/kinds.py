@@ -43,6 +43,8 @@ _AXES = Option(
     {"default": "unknown", "show_default": True},
 )
 
+_NO_VIDEO = Option("--no-video", "Leave the images out.", {"is_flag": True})
+
 KINDS: dict[str, Kind] = {
     kind.name: kind
     for kind in (
@@ -122,6 +124,97 @@ KINDS: dict[str, Kind] = {
                 ),
                 _AXES,
             ),
+        ),
+        Kind(
+            "rosbag",
+            "pipeline.importers.rosbag:import_rosbag",
+            "BAG",
+            "A ROS 1 bag or a ROS 2 recording (MCAP, SQLite).",
+            """BAG is a .bag, an .mcap, or the folder of a ROS 2 recording.
+
+            Read are sensor_msgs Imu, NavSatFix, CompressedImage or Image with CameraInfo,
+            ublox_msgs NavPVT and the velocity of a geometry_msgs TwistStamped. A topic that is
+            not named is the one of its kind with most messages. Tested on bags written with the
+            package rosbags, not on a vehicle's.""",
+            (
+                Option("--imu-topic", "Topic of sensor_msgs/Imu."),
+                Option("--gnss-topic", "Topic of NavPVT or NavSatFix."),
+                Option("--velocity-topic", "Topic of the receiver's velocity, east-north-up."),
+                Option("--image-topic", "Topic of the camera."),
+                _NO_VIDEO,
+                Option(
+                    "--axes",
+                    "How the IMU is mounted: FLU as ROS has it, FRD, RFU ... or unknown.",
+                    {"default": "FLU", "show_default": True},
+                ),
+            ),
+        ),
+        Kind(
+            "kitti",
+            "pipeline.importers.kitti:import_kitti",
+            "FOLDER",
+            "A drive of KITTI raw.",
+            """FOLDER is DATE_drive_NNNN_sync or _extract; calib_*.txt of the day are looked for
+            beside it.
+
+            The OXTS unit's readings are the IMU, its poses the positions and the truth, image_02
+            the video. Tested on a folder made in this layout, not on a download.""",
+            (_NO_VIDEO,),
+        ),
+        Kind(
+            "euroc",
+            "pipeline.importers.euroc:import_euroc",
+            "FOLDER",
+            "A recording in the ASL format of EuRoC.",
+            """FOLDER is mav0 or holds it.
+
+            imu0, cam0 and, where there is one, gps0 (stamp, latitude, longitude, altitude).
+            Without gps0 there is nothing to make a map of, and automap check says so. Tested on
+            a folder made in this layout, not on a download.""",
+            (_AXES, _NO_VIDEO),
+        ),
+        Kind(
+            "sensor-logger",
+            "pipeline.importers.phone:import_sensor_logger",
+            "FOLDER|ZIP",
+            "A phone's recording by Sensor Logger.",
+            """FOLDER|ZIP is the exported recording with its CSV files.
+
+            Gyroscope; TotalAcceleration, AccelerometerUncalibrated or Accelerometer with Gravity;
+            Location. Tested on made files of the documented columns, not on a phone's.""",
+            (_AXES,),
+        ),
+        Kind(
+            "gnss-logger",
+            "pipeline.importers.phone:import_gnss_logger",
+            "LOG",
+            "An Android phone's log by Google's GnssLogger.",
+            """LOG is a gnss_log_*.txt with fixes and sensors switched on.
+
+            Accel, Gyro (the uncalibrated ones where they are there) and Fix lines of the GPS
+            provider; raw measurements are not used. Tested on made files of the documented
+            columns, not on a phone's.""",
+            (_AXES,),
+        ),
+        Kind(
+            "openpilot",
+            "pipeline.importers.openpilot:import_openpilot",
+            "SEGMENT",
+            "A segment of openpilot in the form of comma2k19.",
+            """SEGMENT is a folder with processed_log and global_pose.
+
+            rlog and qlog themselves are not read: they need openpilot's own schema, of which
+            there is no package that is kept up. Tested on a segment of comma2k19.""",
+        ),
+        Kind(
+            "mapillary",
+            "pipeline.importers.mapillary:import_mapillary",
+            "FOLDER",
+            "A sequence of images with EXIF places and times.",
+            """FOLDER holds the .jpg images of one sequence.
+
+            EXIF GPS tags, or the description that mapillary_tools writes. There is no IMU, so the
+            path is that of the places. Tested on made images, not on a camera's.""",
         ),
     )
 }

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import shutil
+import struct
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -23,6 +24,8 @@ from automap.io.atomic import make_folder, write_failure, write_json, write_text
 MARK = "# Made by automap import"
 LINEAGE = "import.json"
 SCHEMA = "automap.import/1"
+_DAMAGE = (ValueError, KeyError, IndexError, TypeError, struct.error, EOFError, OverflowError)
+"""What reading bytes that are not what they should be can end in."""
 _EARLIER = ("truth", "video", "can_speed.csv")
 """What imports wrote before they kept a list of it."""
 
@@ -75,6 +78,11 @@ def new_drive(kind: str, source: Path, out: Path) -> Iterator[Import]:
             yield run
         except OSError as error:
             raise _reworded(error, run) from error
+        except _DAMAGE as error:
+            raise InputError(
+                f"{source} cannot be imported as {kind}: it is damaged or of another kind "
+                f"({type(error).__name__}: {error}); check that KIND is right and copy it again."
+            ) from error
         try:
             _write_lineage(run)
             _move(folder, out)
@@ -177,11 +185,12 @@ def write_csv(
     values: np.ndarray[Any, Any],
     formats: Sequence[str] | str = ".9g",
 ) -> None:
-    """A table with int64 stamps [n] in the first column and floats [n, k] in the others.
+    """A table with stamps [n], ns or seconds, in the first column and floats [n, k] beside them.
 
     ``formats`` is one format for all columns or one for each. What is not finite stays empty.
     """
-    columns = [[str(t) for t in t_ns.tolist()]]
+    whole = np.issubdtype(t_ns.dtype, np.integer)
+    columns = [[str(t) if whole else f"{t:.6f}" for t in t_ns.tolist()]]
     values = values.reshape(len(t_ns), -1)
     each = [formats] * values.shape[1] if isinstance(formats, str) else list(formats)
     for column, form in zip(values.T.tolist(), each, strict=True):
@@ -216,3 +225,68 @@ def copy_or_link(source: Path, target: Path, link: bool) -> None:
         target.symlink_to(source.resolve())
     else:
         shutil.copyfile(source, target)
+
+
+def write_frames(run: Import, t_ns: np.ndarray[Any, Any], camera: str = "front") -> None:
+    """``video/NAME_frames.csv``: the stamp [n] of each frame."""
+    rows = "".join(f"{frame},{t}\n" for frame, t in enumerate(t_ns.tolist()))
+    write_text(run.folder / "video" / f"{camera}_frames.csv", "frame,t_ns\n" + rows)
+
+
+def imu_section(axes: str, time: str = "boot_ns") -> str:
+    """``[imu]`` of a file in rad/s and m/s^2."""
+    return (
+        f'[imu]\nfile = "imu.csv"\naxes = {toml(axes)}\ntime = "{time}"\n'
+        'gyro_unit = "rad/s"\naccel_unit = "m/s^2"\n'
+    )
+
+
+def gnss_section(file: str, arrival: str | None = None) -> str:
+    """``[gnss]``, with the clock of the arrival times where there are any."""
+    text = f'\n[gnss]\nfile = "{file}"\n'
+    if arrival is not None:
+        text += f'arrival = "gnss_arrival.csv"\narrival_time = "{arrival}"\n'
+    return text
+
+
+def video_section(
+    file: str,
+    time: str,
+    size: tuple[int, int] | None = None,
+    matrix: np.ndarray[Any, Any] | None = None,
+    distortion: Sequence[float] = (),
+    camera: str = "front",
+    more: str = "",
+) -> str:
+    """``[video.NAME]`` of one file with a frames file; ``more`` are lines as they stand."""
+    text = (
+        f'\n[video.{camera}]\nfiles = ["video/{file}"]\n'
+        f'frames = "video/{camera}_frames.csv"\ntime = "{time}"\n'
+    )
+    if size is not None:
+        text += f"width = {size[0]}\nheight = {size[1]}\n"
+    if matrix is not None:
+        rows = ", ".join("[" + ", ".join(f"{v:.10g}" for v in row) + "]" for row in matrix)
+        text += f"camera_matrix = [{rows}]\n"
+    if len(distortion):
+        text += "distortion = [" + ", ".join(f"{v:.10g}" for v in distortion) + "]\n"
+    return text + more
+
+
+def write_truth(
+    run: Import,
+    time: str,
+    stamps: np.ndarray[Any, Any],
+    lat_lon_height: np.ndarray[Any, Any],
+    vel_ned: np.ndarray[Any, Any],
+    rpy_deg: np.ndarray[Any, Any] | None,
+    file: Path | None = None,
+) -> None:
+    """``truth/trajectory.csv`` (or ``file``) from stamps ``t_ns`` or ``gps_s`` [n], degrees and
+    m [n, 3], m/s [n, 3] and degrees [n, 3]."""
+    columns = [lat_lon_height, vel_ned] + ([] if rpy_deg is None else [rpy_deg])
+    names_of = ["lat_deg", "lon_deg", "height_m", "vn", "ve", "vd"]
+    names_of += [] if rpy_deg is None else ["roll_deg", "pitch_deg", "yaw_deg"]
+    formats = [".10f", ".10f"] + [".4f"] * (len(names_of) - 2)
+    path = file or run.folder / names.TRUTH_DIR / names.TRUTH_TRAJECTORY
+    write_csv(path, (time, *names_of), stamps, np.column_stack(columns), formats)
