@@ -25,8 +25,8 @@ from automap.vision.training.classifier_net import FaceNet
 from automap.vision.training.degrade import tone
 from automap.vision.training.train_detector import follow
 
-BATCH = 128
-RATE = 2e-3
+BATCH = 64
+RATE = 1.5e-3
 _SHARES = (0.30, 0.40, 0.17, 0.13)
 """Real signs, drawn classes, unknown faces, no signs."""
 _WARM_UP = 100

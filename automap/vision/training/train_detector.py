@@ -27,8 +27,8 @@ from automap.vision.training.cache import training_streets
 from automap.vision.training.detector_data import Sample, SampleMaker, mirrored
 from automap.vision.training.detector_net import SignNet, detection_loss
 
-BATCH = 16
-RATE = 2.5e-3
+BATCH = 8
+RATE = 2e-3
 _WARM_UP = 150
 _MEAN_STEPS = 400.0
 _WAITING = 96
