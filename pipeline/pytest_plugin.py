@@ -23,7 +23,7 @@ _WORK = "automap_work"
 _MANIFEST = "drive.toml"
 
 
-class DriveMoved(Exception):
+class DriveMovedError(Exception):
     """A drive's figures moved, or it could not be run; the text is the table."""
 
 
@@ -35,7 +35,7 @@ class DriveTest(pytest.Item):
         self.drive = drive
 
     def runtest(self) -> None:
-        """Run the drive; raises DriveMoved with the table of what moved."""
+        """Run the drive; raises DriveMovedError with the table of what moved."""
         from pipeline.config import load_settings
         from pipeline.regress.command import Request, regress
         from pipeline.regress.table import lines_of
@@ -52,13 +52,13 @@ class DriveTest(pytest.Item):
         session = regress(request)
         if session.exit_code:
             lines = [line for result in session.results for line in lines_of(result)]
-            raise DriveMoved("\n".join([*lines, str(session.page)]))
+            raise DriveMovedError("\n".join([*lines, str(session.page)]))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> str:
         """The table, or the sentence of an expected failure, without a traceback."""
         from automap.errors import AutoMapError
 
-        if isinstance(excinfo.value, DriveMoved | AutoMapError):
+        if isinstance(excinfo.value, DriveMovedError | AutoMapError):
             return str(excinfo.value)
         return str(super().repr_failure(excinfo, style))
 

@@ -157,7 +157,8 @@ def _camera(folder: Path, files: list[Path], warnings: list[str]) -> EurocCamera
         warnings.append(f"{folder}: {missing} images that data.csv names are not there")
     if not images:
         return None
-    matrix, distortion, transform = None, (), None
+    matrix, transform = None, None
+    distortion: tuple[float, ...] = ()
     yaml = folder / "sensor.yaml"
     if yaml.is_file():
         text = _text(yaml)

@@ -57,7 +57,9 @@ def _write_positions(run: Import, recording: EurocRecording) -> str:
         return ""
     log, _ = pos_log(
         unix_to_gps(recording.gps_t_ns * 1e-9),
-        *(recording.gps[:, k] for k in range(3)),
+        recording.gps[:, 0],
+        recording.gps[:, 1],
+        recording.gps[:, 2],
         np.full(len(recording.gps), FixType.THREE_D),
     )
     write_bytes(run.folder / "gnss.pos", log)
