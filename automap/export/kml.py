@@ -121,9 +121,9 @@ def _document(
     yield _line_style("ellipse", "#444444", 1, fill="#888888")
     for number, colour in enumerate(SIGMA_COLOURS):
         yield _line_style(f"sigma-{number}", colour, 6)
+    yield lineage_data(options.lineage)
     yield sign_schema()
     yield TRACK_SCHEMA
-    yield lineage_data(options.lineage)
     yield "<Folder><name>Signs</name><open>0</open>"
     yield from _signs(columns, style_of, options)
     yield "</Folder>"
