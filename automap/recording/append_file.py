@@ -6,7 +6,7 @@ import os
 import threading
 from pathlib import Path
 
-from automap.io.atomic import write_failure
+from automap.io.atomic import make_folder, write_failure
 
 HOLD_BYTES = 64 << 20
 """What is kept in memory per file while the disk takes nothing."""
@@ -30,8 +30,8 @@ class AppendFile:
         self._pending = bytearray()
         self._lock = threading.Lock()
         self._unsynced = False
+        make_folder(path.parent)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
             self._fd: int | None = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
         except OSError as error:
             raise write_failure(path, error) from error
@@ -49,8 +49,9 @@ class AppendFile:
     def append(self, data: bytes) -> bool:
         """Accept bytes for the end of the file; False when memory for them has run out."""
         if len(self._pending) + len(data) > self._hold:
+            self.flush()  # perhaps there is room again
+        if len(self._pending) + len(data) > self._hold:
             self.refused_bytes += len(data)
-            self.flush()
             return False
         self._pending += data
         self.flush()

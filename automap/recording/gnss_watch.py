@@ -64,6 +64,8 @@ class GnssWatch:
         self._message_ns: int | None = None
         self._noise_bytes = 0
         self._by_pvt = False
+        self._own_ns: int | None = None
+        self._was_fast = False
 
     def count_bytes(self, t_ns: int, size: int) -> None:
         """Bytes arrived."""
@@ -82,6 +84,8 @@ class GnssWatch:
         self._message_ns = message.t_ns
         self._noise_bytes = 0
         self.state = replace(self.state, messages=self.state.messages + 1)
+        if message.key in (NAV_PVT, NAV_SOL):
+            self._own_ns = message.t_ns
         if message.key == NAV_PVT and len(message.payload) >= 84:
             self._by_pvt = True
             self._pvt(message)
@@ -185,6 +189,17 @@ class GnssWatch:
     def understood(self, now_ns: int, within_s: float = 3.0) -> bool:
         """Whether messages were recognised lately."""
         return self._message_ns is not None and now_ns - self._message_ns < within_s * 1e9
+
+    def forgot(self, now_ns: int) -> bool:
+        """Whether a receiver that did what it was set to does so no more: UBX fixes have stopped
+        among other messages, or come too seldom."""
+        wanted = self.wanted_hz or 1.0
+        rate = self.update(now_ns).rate_hz
+        self._was_fast = self._was_fast or rate > 0.8 * wanted
+        if self._own_ns is None or not self.understood(now_ns):
+            return False
+        stopped = now_ns - self._own_ns > 4e9 + 2.5e9 / wanted
+        return stopped or (self._was_fast and rate < 0.6 * wanted)
 
     def unreadable(self) -> bool:
         """Whether bytes come of which none make a message: a wrong line rate."""

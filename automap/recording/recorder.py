@@ -31,6 +31,7 @@ _WRITE_S = 0.1
 _SYNC_S = 1.0
 _LOW_DISK_BYTES = 500 << 20
 _LOW_DISK_S = 600.0
+_PATIENCE_NS = 15_000_000_000
 _TOLD = frozenset({"gnss-lost", "imu-lost"})
 LOG = "recording.log"
 SUMMARY = "recording.json"
@@ -98,11 +99,13 @@ class Recorder:
         self._imu: ImuStream | None = None
         self._cameras = [Camera(*named, clock, self.event) for named in plan.cameras]
         self._log: AppendFile | None = None
+        self.stopped = False
         self._halt = threading.Event()
         self._threads: list[threading.Thread] = []
         self._started_ns = 0
         self._begun = datetime.now(UTC)
         self._outcome: Outcome | None = None
+        self._configured_ns = 0
         self._disk: deque[tuple[int, int]] = deque(maxlen=120)
         self._event_lock = threading.Lock()
 
@@ -174,6 +177,7 @@ class Recorder:
 
     def stop(self) -> Ending:
         """End the recording: everything that came in until now is written and synced."""
+        self.stopped = True
         if self.plan.restore and self._outcome is not None and self._gnss is not None:
             self._restore(self._gnss, self._outcome)
         for stream in self._streams():
@@ -276,9 +280,12 @@ class Recorder:
         return Receiver(stream.exchange, stream.reader.native_usb)
 
     def _configure(self, stream: GnssStream, wish: Wish) -> None:
+        self._configured_ns = self._clock()
         try:
             outcome = self._receiver(stream).configure(wish, stream.reader.set_baud)
         except SilentError:
+            if self._halt.is_set():
+                return
             self.event(
                 "warning",
                 "gnss: the receiver does not answer, so it stays as it is; is its line for "
@@ -326,9 +333,8 @@ class Recorder:
         elif (
             wish is not None
             and self._outcome is not None
-            and stream.watch.understood(now)
-            and stream.state(now).rate_hz == 0.0
-            and (now - self._started_ns) > 10e9
+            and now - self._configured_ns > _PATIENCE_NS
+            and stream.forgot(now)
         ):
             self.event("warning", "gnss: the receiver forgot its settings (a reset?); set again")
             self._configure(stream, wish)

@@ -122,7 +122,10 @@ class Terminal:
 
     def close(self) -> None:
         """Unplug it."""
-        os.close(self._master)
+        # a number that is no descriptor, should another thread still be writing
+        master, self._master = self._master, -1
+        if master >= 0:
+            os.close(master)
         self.link.unlink(missing_ok=True)
 
 

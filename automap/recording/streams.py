@@ -64,6 +64,11 @@ class GnssStream:
         with self.lock:
             return self.watch.conditions(now_ns, started_ns, self.reader.last_byte_ns, baud)
 
+    def forgot(self, now_ns: int) -> bool:
+        """Whether the receiver has lost its settings."""
+        with self.lock:
+            return self.watch.forgot(now_ns)
+
     def exchange(
         self, data: bytes, accept: Callable[[Message], bool], timeout_s: float
     ) -> Message | None:

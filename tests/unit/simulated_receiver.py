@@ -128,7 +128,7 @@ class SimulatedReceiver(threading.Thread):
             if raw in self.on:
                 self._send(ubx_frame(raw, bytes(16 + 32 * 8)))
         if self.chatter:
-            self._send(b"$GNGLL,,,,,092000.00,V,N*54\r\n" * 4)
+            self._send(b"$GNGLL,,,,,092000.00,V,N*5F\r\n" * 4)
 
     def _answer(self, message: Message) -> None:
         self.commands.append(message.key)

@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from simulated_receiver import PVT_KEY_UART1, RAWX_KEY_UART1, SimulatedReceiver
 
 from automap.recording import ublox
 from automap.recording.ports import SerialPort
 from automap.recording.restore import port_exchange
 from automap.recording.ublox import Outcome, Receiver, RefusedError, SilentError, Wish
+from tests.unit.simulated_receiver import PVT_KEY_UART1, RAWX_KEY_UART1, SimulatedReceiver
 
 Make = Callable[..., SimulatedReceiver]
 

@@ -1,0 +1,284 @@
+"""Short recordings of pseudo-terminals, and everything that can happen to them."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from automap.errors import ConfigError, InputError
+from automap.io.arrival import read_arrival
+from automap.io.drive import load_drive
+from automap.io.recording import read_recording
+from automap.recording import ublox
+from automap.recording.clock import HostClock
+from automap.recording.imu_format import known_formats, load_format
+from automap.recording.manifest_text import read_rig
+from automap.recording.ports import PortSpec, parse_port
+from automap.recording.probe import probe_port
+from automap.recording.recorder import Plan, Recorder
+from automap.recording.replay import Terminal
+from automap.recording.ublox import Wish
+from tests.unit.recorded_drive import (
+    BAUD,
+    feed_of,
+    plan_for,
+    play_in_background,
+    record_command,
+    recording,
+    terminals,
+    wait_until,
+    write_drive,
+)
+from tests.unit.simulated_receiver import SimulatedReceiver
+
+Make = Callable[..., SimulatedReceiver]
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo-terminals")
+
+
+@pytest.fixture
+def drive(tmp_path: Path) -> Path:
+    return write_drive(tmp_path / "drive")
+
+
+@pytest.fixture
+def make(tmp_path: Path) -> Iterator[Callable[..., SimulatedReceiver]]:
+    """Makes a simulated receiver at ``gnss`` that is unplugged in the end."""
+    made: list[SimulatedReceiver] = []
+
+    def simulated(**options: object) -> SimulatedReceiver:
+        made.append(SimulatedReceiver(tmp_path / "gnss", **options))  # type: ignore[arg-type]
+        made[-1].start()
+        return made[-1]
+
+    yield simulated
+    for receiver in made:
+        receiver.stop()
+
+
+def events(folder: Path) -> str:
+    return (folder / "recording.log").read_text(encoding="utf-8")
+
+
+def imu_rows(folder: Path) -> np.ndarray:
+    return np.genfromtxt(folder / "imu.csv", delimiter=",", names=True, dtype=None)
+
+
+def test_every_byte_is_there_and_the_drive_can_be_read(drive: Path, tmp_path: Path) -> None:
+    out, links = tmp_path / "out", tmp_path / "car"
+    with terminals(drive, links) as player:
+        with recording(out, plan_for(links, rig=read_rig(drive)), factor=5.0) as recorder:
+            play_in_background(player, speed=5.0, settle_s=0.3, logs=links).join(30)
+            assert wait_until(lambda: recorder.snapshot().imu.samples == 300)
+            ending = recorder.stop()
+        assert (out / "gnss.ubx").read_bytes() == feed_of(player, "gnss").data
+        assert (out / "imu.raw").read_bytes() == feed_of(player, "imu").data
+    assert (ending.epochs, ending.samples, ending.lost_bytes) == (30, 300, 0)
+    found = load_drive(out)
+    assert found.imu.axes == "FLU"
+    assert found.gnss.lever_arm_m == (0.4, 0.1, -1.2)
+    recorded, original = read_recording(found), read_recording(load_drive(drive))
+    assert not recorded.failures
+    assert recorded.imu is not None
+    assert original.imu is not None
+    np.testing.assert_array_equal(recorded.imu.accel, original.imu.accel)
+    np.testing.assert_array_equal(recorded.imu.gyro, original.imu.gyro)
+    # the device's clock is the original's, brought to the host's: one shift for all
+    shift = recorded.imu.t_ns - original.imu.t_ns
+    assert np.ptp(shift) < 1_000_000
+    assert recorded.fixes is not None
+    assert np.all(np.diff(recorded.fixes.arrival_ns) > 0)
+    summary = json.loads((out / "recording.json").read_text())
+    assert summary["gnss"]["bytes"] == 3000
+    assert summary["imu"]["samples"] == 300
+
+
+def test_bytes_are_stamped_when_they_come(tmp_path: Path) -> None:
+    out, links = tmp_path / "out", tmp_path / "car"
+    links.mkdir()
+    terminal = Terminal(links / "gnss")
+    plan = Plan(gnss=PortSpec(str(links / "gnss"), BAUD))
+    spans = []
+    with recording(out, plan) as recorder:
+        for number in range(12):
+            before = time.monotonic_ns()
+            terminal.write(b"%03d\n" % number)
+            spans.append((before, time.monotonic_ns()))
+            time.sleep(0.03)
+        recorder.stop()
+    terminal.close()
+    offset, t_ns = read_arrival(out / "gnss_arrival.csv")
+    assert offset.tolist() == [4 * k for k in range(12)]
+    late_ms = [(t - after) * 1e-6 for t, (_, after) in zip(t_ns.tolist(), spans, strict=True)]
+    assert all(t >= before for t, (before, _) in zip(t_ns.tolist(), spans, strict=True))
+    # a loaded machine delays some; a systematic delay would show in all
+    assert np.median(late_ms) < 2.0
+
+
+def test_unplugging_and_replugging(drive: Path, tmp_path: Path) -> None:
+    """Both devices go away and come back as another terminal under the same name."""
+    out, links = tmp_path / "out", tmp_path / "car"
+    with recording_of(drive, links, out) as (recorder, sent):
+        assert wait_until(lambda: (out / "gnss.ubx").stat().st_size == len(sent[0]))
+        time.sleep(0.4)
+        assert wait_until(lambda: not recorder._gnss.reader.connected)
+        assert wait_until(lambda: any("away" in text for text in recorder.snapshot().troubles))
+        with terminals(drive, links) as player:
+            play_in_background(player, speed=10.0, settle_s=0.2).join(30)
+            assert wait_until(lambda: recorder.snapshot().imu.samples == 600)
+            assert wait_until(lambda: recorder.snapshot().gnss.epochs == 60)
+        ending = recorder.stop()
+    assert (out / "gnss.ubx").read_bytes() == sent[0] * 2
+    assert (out / "imu.raw").read_bytes() == sent[1] * 2
+    assert ending.summary["gnss"]["interruptions"] >= 1
+    assert "is lost" in events(out)
+    assert "is back after" in events(out)
+    stamps = imu_rows(out)["t_ns"]
+    assert len(stamps) == 600
+    assert np.all(np.diff(stamps) > 0)
+    # the second half lies where it was recorded, although the device's clock started anew
+    assert stamps[300] - stamps[299] > 200_000_000
+
+
+class recording_of:  # noqa: N801
+    """A recorder that has recorded a drive once and then lost its devices."""
+
+    def __init__(self, drive: Path, links: Path, out: Path) -> None:
+        self.drive, self.links, self.out = drive, links, out
+
+    def __enter__(self) -> tuple[Recorder, tuple[bytes, bytes]]:
+        with terminals(self.drive, self.links) as player:
+            self.recorder = Recorder(self.out, plan_for(self.links), HostClock())
+            self.recorder.start()
+            play_in_background(player, speed=10.0, settle_s=0.2).join(30)
+            assert wait_until(lambda: self.recorder.snapshot().imu.samples == 300)
+            return self.recorder, (feed_of(player, "gnss").data, feed_of(player, "imu").data)
+
+    def __exit__(self, *error: object) -> None:
+        if not self.recorder.stopped:
+            self.recorder.stop()
+
+
+def test_settings_are_undone_at_the_end_and_after_a_crash(make: Make, tmp_path: Path) -> None:
+    from pipeline.record import restore_receiver
+
+    receiver = make(generation=8)
+    spec = PortSpec(str(tmp_path / "gnss"), 38400)
+    with recording(tmp_path / "a", Plan(gnss=spec, wish=Wish(rate_hz=5), restore=True)) as recorder:
+        assert wait_until(lambda: receiver.on == {ublox.NAV_PVT})
+        assert wait_until(lambda: (tmp_path / "a" / "ublox_before.json").exists())
+        recorder.stop()
+    assert (receiver.on, receiver.period_ms) == (set(), 1000)
+    with recording(tmp_path / "b", Plan(gnss=spec, wish=Wish(rate_hz=5))):
+        assert wait_until(lambda: (tmp_path / "b" / "ublox_before.json").exists())
+    assert receiver.on == {ublox.NAV_PVT}
+    assert restore_receiver(tmp_path / "b") == []
+    assert (receiver.on, receiver.period_ms) == (set(), 1000)
+
+
+def test_a_receiver_that_does_not_answer_is_recorded_and_told(make: Make, tmp_path: Path) -> None:
+    receiver = make(deaf=True, chatter=True)
+    receiver.period_ms = 50
+    plan = Plan(gnss=PortSpec(str(tmp_path / "gnss"), 38400), wish=Wish(rate_hz=5))
+    with recording(tmp_path / "out", plan) as recorder:
+        assert wait_until(lambda: any("does not answer" in text for text in recorder.warnings))
+        assert wait_until(lambda: recorder.snapshot().gnss.messages > 10)
+
+
+# ---- ports, probing, wrong usage
+
+
+def test_probing_finds_rate_and_kind(make: Make, tmp_path: Path) -> None:
+    receiver = make(baud=38400, chatter=True)
+    receiver.period_ms = 200
+    found = probe_port(str(tmp_path / "gnss"), [], (9600, 38400))
+    assert (found.kind, found.baud, found.detail) == ("gnss", 38400, "NMEA")
+
+
+def test_probing_asks_a_receiver_that_says_nothing(make: Make, tmp_path: Path) -> None:
+    make(baud=38400)
+    found = probe_port(str(tmp_path / "gnss"), [], (38400,), ask=True)
+    assert (found.kind, found.baud) == ("gnss", 38400)
+
+
+def test_probing_knows_a_sensor_by_its_lines(tmp_path: Path) -> None:
+    formats = [load_format(name) for name in known_formats()]
+    terminal = Terminal(tmp_path / "imu")
+    lines = b"".join(b"%d,0.1,0.2,0.3,0.4,0.5,9.8\r\n" % (k * 10_000_000) for k in range(40))
+    timer = threading.Timer(0.5, lambda: terminal.write(lines))
+    timer.start()
+    found = probe_port(str(tmp_path / "imu"), formats, (BAUD,))
+    timer.join()
+    terminal.close()
+    assert (found.kind, found.detail) == ("imu", "AutoMap CSV")
+
+
+def test_ports_are_named_with_their_rate() -> None:
+    assert parse_port("/dev/ttyACM0") == PortSpec("/dev/ttyACM0")
+    assert parse_port("COM3@115200") == PortSpec("COM3", 115200)
+    for wrong in ("@9600", "COM3@", "COM3@fast", "COM3@10"):
+        with pytest.raises(ConfigError, match="PORT@BAUD"):
+            parse_port(wrong)
+
+
+def test_a_port_that_is_not_there(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "out", Plan(gnss=PortSpec("/dev/nothing", 9600)), HostClock())
+    with pytest.raises(InputError, match=r"no such port.*--list-ports"):
+        recorder.start()
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_port_in_use(tmp_path: Path) -> None:
+    terminal = Terminal(tmp_path / "gnss")
+    plan = Plan(gnss=PortSpec(str(tmp_path / "gnss"), 9600))
+    with (
+        recording(tmp_path / "first", plan),
+        pytest.raises(InputError, match="another program has it open"),
+    ):
+        Recorder(tmp_path / "second", plan, HostClock()).start()
+    terminal.close()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "sentence"),
+    [
+        (["--gnss=/dev/nothing@9600", "--imu=none"], 3, "no such port"),
+        (["--gnss=none", "--imu=none"], 3, "nothing to record"),
+        (["--imu=COM@x", "--gnss=none"], 2, "PORT@BAUD"),
+        (["--imu-format=nonsense"], 2, "no IMU line format"),
+        (["--camera=front", "--gnss=none", "--imu=none"], 2, "NAME=SOURCE"),
+        (["--camera=front=/dev/video9", "--gnss=none", "--imu=none"], 3, "there is no /dev/video9"),
+        (["--replay", "nowhere", "--links", "x"], 3, "no such drive folder"),
+        (["--restore-receiver", "nowhere"], 3, "ublox_before.json is missing"),
+        (["--rig", "nowhere.toml"], 3, "is missing"),
+    ],
+)
+def test_wrong_usage_is_one_sentence(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    code: int,
+    sentence: str,
+) -> None:
+    from pipeline.cli.root import run_command
+
+    monkeypatch.chdir(tmp_path)
+    assert run_command(["record", "-o", "out", *arguments]) == code
+    assert sentence in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_with_a_drive_is_left_alone(drive: Path, tmp_path: Path) -> None:
+    command = record_command(drive, tmp_path)
+    result = subprocess.run(command, capture_output=True, text=True)
+    assert result.returncode == 2
+    assert "holds a drive already" in result.stderr
