@@ -119,6 +119,8 @@ export class SignMap {
   }
 
   hit(sx, sy) {
+    // where things are now, not where they were drawn last
+    if (this.pending) this.draw();
     let best = null, least = Infinity;
     for (const item of this.drawn) {
       const far = Math.hypot(item.sx - sx, item.sy - sy);
