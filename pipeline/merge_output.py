@@ -101,7 +101,6 @@ def merge_summary(
         "sightings": len(merged.sightings),
         "sightings_in_map": int(counted.sum()),
         "detection_rate": rates.overall,
-        "false_rate": rates.false_rate,
         "error_levels": {
             "shared": levels.shared,
             "own": levels.own,
@@ -135,9 +134,7 @@ def _drive_summary(
     lo, hi = (int(v) for v in merged.sightings.first[number : number + 2])
     axes = ("e", "n", "u")
     pairs = merged.pairs
-    own = (pairs.drive == number) & (pairs.lateral < merged.rates.detection.shape[1] - 1)
-    likely = own & (merged.existence[pairs.sign] >= 0.5)
-    chances = int(likely.sum())
+    likely = (pairs.drive == number) & (merged.existence[pairs.sign] >= 0.5)
     return {
         "name": drive.name,
         "folder": str(folder),
@@ -146,8 +143,9 @@ def _drive_summary(
         "signs_in_map": int(counted[lo:hi].sum()),
         "offset_m": dict(zip(axes, merged.adjusted.drive_offset[number].tolist(), strict=True)),
         "offset_sd_m": dict(zip(axes, merged.adjusted.drive_sd[number].tolist(), strict=True)),
-        "in_view": chances,
+        "in_view": int(likely.sum()),
         "seen_of_in_view": int((likely & pairs.seen).sum()),
+        "detection_rate": float(merged.rates.drive[number]),
     }
 
 

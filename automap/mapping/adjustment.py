@@ -214,16 +214,27 @@ def _solve(
     m = len(data.tile.signs)
     normal, right = np.zeros((axes * m, axes * m)), np.zeros(axes * m)
     time = sightings.time_s[data.rows]
-    fixed = (data.first, data.sign, axes, time, measured, own, shared, levels.tau_s)
-    add_drives(*fixed, normal, right)
+    weights = np.empty(weights_size(data, axes))
+    add_drives(
+        data.first, data.sign, axes, time, measured, own, shared, levels.tau_s, normal, right,
+        weights,
+    )  # fmt: skip
     covariance = np.linalg.inv(normal)
     covariance = 0.5 * (covariance + covariance.T)
     place = np.zeros((m, 2))
     place[:, :axes] = (covariance @ right).reshape(m, axes)
     offset = np.zeros((len(data.rows), 2))
     mean, variance = np.zeros((2, len(data.first) - 1, 2))
-    drive_offsets(*fixed, place, covariance, offset, mean, variance)
+    drive_offsets(
+        data.first, data.sign, axes, time, measured, shared, levels.tau_s, weights, place,
+        covariance, offset, mean, variance,
+    )  # fmt: skip
     return [place, covariance, offset, mean, variance]
+
+
+def weights_size(data: TileData, axes: int) -> int:
+    """Numbers in the drives' weight matrices, one after another."""
+    return int(np.sum((axes * np.diff(data.first)) ** 2))
 
 
 def _store(

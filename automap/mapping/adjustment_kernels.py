@@ -13,6 +13,9 @@ from numba import njit
 
 from automap.records import FloatArray, IntArray
 
+_SUMS = {"reassoc", "contract", "nsz", "arcp"}
+"""Sums may be taken in any order, so that they run in vector registers."""
+
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def covariance_of_drive(
@@ -45,7 +48,7 @@ def covariance_of_drive(
     return total
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=_SUMS)
 def invert(matrix: FloatArray) -> float:
     """Replace a positive definite matrix [n, n] by its inverse; returns log det of it.
 
@@ -96,19 +99,24 @@ def add_drives(
     tau_s: float,
     normal: FloatArray,
     right: FloatArray,
+    weights: FloatArray,
 ) -> float:
     """Add all drives of a tile to ``normal`` [axes m, axes m] and ``right`` [axes m].
 
     Drive d has rows first[d] to first[d + 1]; ``sign`` [n] is the place of each row's sign
-    in the tile, ``measured`` [n, 2] m. Returns the drives' part of twice the negative log
-    likelihood: sum of log det Sigma and z' Sigma^-1 z.
+    in the tile, ``measured`` [n, 2] m. ``weights`` gets the drives' Sigma^-1 one after another.
+    Returns the drives' part of twice the negative log likelihood: sum of log det Sigma and
+    z' Sigma^-1 z.
     """
     total = 0.0
+    filled = 0
     for d in range(len(first) - 1):
         lo, hi = first[d], first[d + 1]
         n = hi - lo
         weight = covariance_of_drive(lo, hi, axes, time_s, own, shared_sd, tau_s)
         total += invert(weight)
+        weights[filled : filled + weight.size] = weight.ravel()
+        filled += weight.size
         for i in range(n):
             for a in range(axes):
                 row = axes * sign[lo + i] + a
@@ -130,9 +138,9 @@ def drive_offsets(
     axes: int,
     time_s: FloatArray,
     measured: FloatArray,
-    own: FloatArray,
     shared_sd: FloatArray,
     tau_s: float,
+    weights: FloatArray,
     place: FloatArray,
     covariance: FloatArray,
     offset: FloatArray,
@@ -141,14 +149,17 @@ def drive_offsets(
 ) -> None:
     """Offsets of every drive, given the signs' ``place`` [m, 2] and ``covariance``.
 
-    Fills ``offset`` [n, 2] at each sighting, and per drive its ``mean`` [d, 2] over the tile
-    with the variance ``mean_var`` [d, 2], the uncertainty of the signs' places included.
+    ``weights`` as ``add_drives`` left them. Fills ``offset`` [n, 2] at each sighting, and per
+    drive its ``mean`` [d, 2] over the tile with the variance ``mean_var`` [d, 2], the
+    uncertainty of the signs' places included.
     """
+    filled = 0
     for d in range(len(first) - 1):
         lo, hi = first[d], first[d + 1]
         n = hi - lo
-        weight = covariance_of_drive(lo, hi, axes, time_s, own, shared_sd, tau_s)
-        invert(weight)
+        size = axes * n * axes * n
+        weight = weights[filled : filled + size].reshape((axes * n, axes * n))
+        filled += size
         pull = np.zeros(axes * n)
         for i in range(axes * n):
             for j in range(n):

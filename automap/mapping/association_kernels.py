@@ -13,6 +13,7 @@ from automap.mapping.candidates import (
     B_E,
     B_N,
     B_U,
+    CELL_M,
     CLASS_SLOTS,
     FACE_E,
     FACE_N,
@@ -177,4 +178,4 @@ def found_sign(
     for slot in range(CLASS_SLOTS):
         slot_weight[k, slot] = 0.0
     active[k] = True
-    insert(head, following, cells, k, state[k, LAT], state[k, LON])
+    insert(head, following, cells, CELL_M, k, state[k, LAT], state[k, LON])

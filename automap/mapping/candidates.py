@@ -33,6 +33,8 @@ FACING_SD = 0.45
 """Of the direction a face looks as two drives see it, rad."""
 FACING_LIMIT = 1.75
 MAX_M = 15.0
+CELL_M = 16.0
+"""Of the table of map signs; founding and mean place of a sign differ by little."""
 LARGEST_UP_M = 12.0
 
 
@@ -102,7 +104,7 @@ def find_candidates(
     for i in range(lo, hi):
         row = i - lo
         count = 0
-        found = neighbours(head, following, cells, lat[i], lon[i], 1, near)
+        found = neighbours(head, following, cells, CELL_M, lat[i], lon[i], near)
         for place in range(found):
             k = near[place]
             if not active[k]:

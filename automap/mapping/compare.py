@@ -16,11 +16,11 @@ from automap.mapping.changes import (
     match_older,
 )
 from automap.mapping.existence import still_there
-from automap.mapping.grid import empty_table, fill_table
+from automap.mapping.grid import filled_table
 from automap.mapping.identity import drive_key
 from automap.mapping.merge import LEAST_EXISTENCE, Merged
 from automap.mapping.sightings import CameraView
-from automap.mapping.visibility import in_view, opportunities
+from automap.mapping.visibility import FARTHEST_M, head_on, in_view, opportunities
 from automap.records import BoolArray, IntArray, Sign
 
 _COVERAGE_VIEW = CameraView(0.0, 0.6)
@@ -97,7 +97,8 @@ def _still_there(
     fresh = [k for k, drive in enumerate(merged.drives) if drive_key(drive) not in older.drives]
     signs = [older.signs[k] for k in missing]
     visited = np.zeros(len(signs), np.bool_)
-    start = np.array([min(max(s.confidence, 0.5), 0.98) for s in signs], np.float64)
+    start = np.array([s.confidence for s in signs], np.float64)
+    hits = np.array([max(len(s.drives), 1) for s in signs], np.float64)
     if not signs or not fresh:
         return visited, start.tolist()
     views = opportunities(
@@ -106,12 +107,10 @@ def _still_there(
         np.array([s.lon_rad for s in signs]),
         np.array([s.facing_rad for s in signs]),
     )
+    views = head_on(views, np.array([s.facing_rad for s in signs]))
     visited[views.sign] = True
-    order = np.lexsort((views.drive, views.sign))
-    who = np.array(fresh, np.int64)[views.drive[order]]
-    times = np.array([drive.start_gps_s for drive in merged.drives])[who]
-    rate = merged.rates.detection[who, views.lateral[order]]
-    left = still_there(views.sign[order], times, rate, merged.rates.false_rate, start)
+    weight = merged.rates.miss_weight(np.array(fresh, np.int64)[views.drive])
+    left = still_there(views.sign, weight, merged.rates, start, hits)
     return visited, left.tolist()
 
 
@@ -124,8 +123,6 @@ def _seen_before(
     lat = np.array([signs[k].lat_rad for k in places])
     lon = np.array([signs[k].lon_rad for k in places])
     facing = np.array([signs[k].facing_rad for k in places])
-    table = empty_table(len(places))
-    fill_table(table, lat, lon)
-    seen, _ = in_view(older.coverage, (_COVERAGE_VIEW,), table, lat, lon, facing)
-    looked = set(seen.tolist())
+    table = filled_table(lat, lon, FARTHEST_M)
+    looked = set(in_view(older.coverage, (_COVERAGE_VIEW,), table, lat, lon, facing)[0].tolist())
     return [k in looked for k in range(len(places))]

@@ -12,6 +12,7 @@ from automap.mapping.adjustment import (
     own_factors,
     rough_places,
     tile_data,
+    weights_size,
 )
 from automap.mapping.adjustment_kernels import add_drives
 from automap.mapping.association import TAU_S, Association
@@ -74,8 +75,9 @@ def deviance(
     m = len(data.tile.signs)
     normal, right = np.zeros((2 * m, 2 * m)), np.zeros(2 * m)
     time = sightings.time_s[data.rows]
+    weights = np.empty(weights_size(data, 2))
     total = add_drives(
-        data.first, data.sign, 2, time, measured, own, shared, levels.tau_s, normal, right
+        data.first, data.sign, 2, time, measured, own, shared, levels.tau_s, normal, right, weights
     )
     lower = np.linalg.cholesky(normal)
     whitened = np.linalg.solve(lower, right)

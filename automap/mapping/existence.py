@@ -1,41 +1,51 @@
 """Whether a sign is there: seen, and not seen although it should have been.
 
-Two kinds of map signs are told apart by how often the drives that had them in view saw them:
-real ones, at the detection rate, and false ones, at a low rate. The rates come from the data.
-A real sign can also be put up or taken down, at a small rate per year.
+Some signs are seen by nearly every drive, some are hidden or faded: the rate at which a real
+sign is seen has a beta distribution, whose mean comes from the data, and the chances of a
+series of drives are beta-binomial. What is no sign is seen by hardly any other drive. A real
+sign can also be put up or taken down between two drives, at a small rate.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
-from automap.mapping.visibility import LATERAL_EDGES_M, Opportunities
+from automap.mapping.visibility import Opportunities, alike
 from automap.records import BoolArray, FloatArray, IntArray
 
 CHANGE_PER_YEAR = 0.03
 """Rate at which a sign is taken down, and at which one is put up where none was."""
+LEAST_CHANGE = 0.002
+"""Probability of that between any two drives, however close in time."""
 
-_ELSEWHERE = len(LATERAL_EDGES_M) + 1
-_DETECTION_PRIOR = (6.0, 1.5)
-_FALSE_PRIOR = (2.0, 18.0)
+SPREAD = 4.0
+"""Sum of the beta parameters of a real sign's detection rate: how alike signs are."""
+FALSE_BETA = (1.0, 20.0)
+"""Beta parameters of the rate at which other drives see what is no sign."""
+STRAY = 0.02
+"""Rate of sightings where a sign once was."""
+
+OLDER_BELIEF = 0.95
+"""Of a sign on an older map, before any drive passes it again, at most."""
+
+_RATE_PRIOR = (8.0, 1.5)
 _REAL_PRIOR = (9.0, 1.0)
 _DRIVE_PRIOR = 20.0
-_ROUNDS = 40
+_ROUNDS = 25
 _YEAR_S = 365.25 * 86400.0
 
 
 @dataclass(frozen=True)
 class Chances:
-    """Pairs [p] of a sign and a drive, ordered by sign, then drive: ``seen`` or missed, with
-    the class ``lateral`` of the distance across the road (the last one: seen from farther off
-    than the visibility asks)."""
+    """Pairs [p] of a sign and a drive that saw it, or should have; ordered by sign, then
+    drive. ``seen`` [p]."""
 
     sign: IntArray
     drive: IntArray
-    lateral: IntArray
     seen: BoolArray
 
     def __len__(self) -> int:
@@ -44,81 +54,83 @@ class Chances:
 
 @dataclass(frozen=True)
 class DetectionRates:
-    """``detection`` [d, classes] of a real sign by drive and lateral class, ``overall`` its
-    mean over all opportunities, ``false_rate`` of a sign that is none, ``real_share`` of the
-    map signs before any drive is counted."""
+    """``overall`` rate at which real signs in view are seen, by ``drive`` [d], and the share
+    ``real`` of map signs that are real before any drive is counted."""
 
-    detection: FloatArray
     overall: float
-    false_rate: float
-    real_share: float
+    drive: FloatArray
+    real: float
+
+    @property
+    def beta(self) -> tuple[float, float]:
+        """Parameters of a real sign's own rate."""
+        return SPREAD * self.overall, SPREAD * (1.0 - self.overall)
+
+    def miss_weight(self, drive: IntArray) -> FloatArray:
+        """What a miss by drives [n] counts: less where a drive sees little (night, rain)."""
+        usual = math.log(1.0 - self.overall)
+        return np.minimum(np.log(1.0 - np.minimum(self.drive[drive], 0.99)) / usual, 1.0)
 
 
 def chances(sign: IntArray, drive: IntArray, views: Opportunities) -> Chances:
-    """Put together what was seen, by sightings' ``sign`` and ``drive`` [n], and what could
-    have been."""
+    """Put together what was seen, by sightings' ``sign`` and ``drive`` [n], and what should
+    have been: in view, and approached as by a drive that saw it."""
     width = int(max(drive.max(initial=-1), views.drive.max(initial=-1))) + 1
     seen_key = np.unique(sign * width + drive)
-    view_key = views.sign * width + views.drive
-    order = np.argsort(view_key)
-    view_key, lateral = view_key[order], views.lateral[order]
-    keys = np.union1d(seen_key, view_key)
-    result = np.full(len(keys), _ELSEWHERE, np.int64)
-    result[np.searchsorted(keys, view_key)] = lateral
+    views = views.at(alike(views, np.isin(views.sign * width + views.drive, seen_key)))
+    keys = np.union1d(seen_key, views.sign * width + views.drive)
     return Chances(
         (keys // max(width, 1)).astype(np.int64),
         (keys % max(width, 1)).astype(np.int64),
-        result,
         np.isin(keys, seen_key, assume_unique=True),
     )
 
 
 def detection_rates(pairs: Chances, n_signs: int, n_drives: int) -> DetectionRates:
-    """Rates by expectation maximisation over real and false signs (a latent class each).
+    """Rates by expectation maximisation over real and false signs, with weak priors.
 
-    Weak priors decide where the data are few. A drive's own rate (night, dirt on the lens) is
-    drawn towards that of its lateral class.
+    A sign that only one drive ever had in view tells nothing about rates.
     """
-    classes = _ELSEWHERE + 1
-    table = np.tile(
-        np.full(classes, _DETECTION_PRIOR[0] / sum(_DETECTION_PRIOR)), (max(n_drives, 1), 1)
+    rates = DetectionRates(
+        _RATE_PRIOR[0] / sum(_RATE_PRIOR),
+        np.full(max(n_drives, 1), _RATE_PRIOR[0] / sum(_RATE_PRIOR)),
+        _REAL_PRIOR[0] / sum(_REAL_PRIOR),
     )
-    table[:, _ELSEWHERE] = 0.5
-    false_rate = _FALSE_PRIOR[0] / sum(_FALSE_PRIOR)
-    real = _REAL_PRIOR[0] / sum(_REAL_PRIOR)
-    inside = pairs.lateral < _ELSEWHERE
+    telling = np.bincount(pairs.sign, minlength=n_signs)[pairs.sign] > 1
+    # the first sighting of a sign is why it is there at all
+    first = np.concatenate([[True], np.diff(pairs.sign) > 0]) if len(pairs) else telling
     seen = pairs.seen.astype(np.float64)
-    belief = np.full(n_signs, real)
     for _ in range(_ROUNDS):
-        rate = table[pairs.drive, pairs.lateral]
-        told = np.where(
-            pairs.seen, np.log(rate / false_rate), np.log((1.0 - rate) / (1.0 - false_rate))
+        belief = _mixture(pairs, rates, n_signs)
+        weight = belief[pairs.sign] * telling
+        hits = np.bincount(pairs.drive, weight * seen, len(rates.drive))
+        tries = np.bincount(pairs.drive, weight, len(rates.drive))
+        selected = np.sum(weight[first & pairs.seen]) if len(pairs) else 0.0
+        overall = (hits.sum() - selected + _RATE_PRIOR[0]) / (
+            tries.sum() - selected + sum(_RATE_PRIOR)
         )
-        odds = np.log(real / (1.0 - real)) + np.bincount(pairs.sign, told, n_signs)
-        belief = 1.0 / (1.0 + np.exp(-np.clip(odds, -60.0, 60.0)))
-        weight = belief[pairs.sign] * inside
-        by_class = _rates(pairs.lateral, seen, weight, classes, _DETECTION_PRIOR)
-        expected = by_class[pairs.lateral]
-        by_drive = (np.bincount(pairs.drive, weight * seen, len(table)) + _DRIVE_PRIOR * 0.8) / (
-            np.bincount(pairs.drive, weight * expected, len(table)) + _DRIVE_PRIOR * 0.8
-        )
-        table = np.clip(by_drive[:, None] * by_class, 0.02, 0.98)
-        table[:, _ELSEWHERE] = 0.5
-        wrong = 1.0 - belief[pairs.sign]
-        false_rate = (np.sum(wrong * seen) + _FALSE_PRIOR[0]) / (np.sum(wrong) + sum(_FALSE_PRIOR))
-        false_rate = min(false_rate, 0.3)
+        overall = float(np.clip(overall, 0.2, 0.97))
+        by_drive = (hits + _DRIVE_PRIOR * overall) / (tries + _DRIVE_PRIOR)
         real = (belief.sum() + _REAL_PRIOR[0]) / (n_signs + sum(_REAL_PRIOR))
-    weight = belief[pairs.sign] * inside
-    prior = _DETECTION_PRIOR
-    overall = (np.sum(weight * seen) + prior[0]) / (np.sum(weight) + sum(prior))
-    return DetectionRates(table, float(overall), float(false_rate), float(real))
+        rates = DetectionRates(overall, np.clip(by_drive, 0.02, 0.98), float(real))
+    return rates
 
 
-def _rates(
-    group: IntArray, seen: FloatArray, weight: FloatArray, n: int, prior: tuple[float, float]
-) -> FloatArray:
-    hits = np.bincount(group, weight * seen, n) + prior[0]
-    return np.asarray(hits / (np.bincount(group, weight, n) + sum(prior)))
+def _mixture(pairs: Chances, rates: DetectionRates, n_signs: int) -> FloatArray:
+    """Probability [m] that each sign is real, if signs never changed."""
+    from scipy.special import betaln
+
+    weight = np.where(pairs.seen, 0.0, rates.miss_weight(pairs.drive))
+    hits = np.bincount(pairs.sign, pairs.seen.astype(np.float64), n_signs)
+    misses = np.bincount(pairs.sign, weight, n_signs)
+    a, b = rates.beta
+    false_a, false_b = FALSE_BETA
+    told = betaln(a + hits, b + misses) - betaln(a, b)
+    told -= betaln(false_a + hits, false_b + misses) - betaln(false_a, false_b)
+    # both have been seen once at least, or they would not be here
+    alone = hits + misses <= 1.0
+    odds = np.where(alone, 0.0, told) + math.log(rates.real / (1.0 - rates.real))
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(odds, -60.0, 60.0))))
 
 
 def existence(
@@ -126,39 +138,80 @@ def existence(
 ) -> FloatArray:
     """Probability [m] that each sign stands at the time of the last drive that passed it.
 
-    A two-state chain (there, not there) run forward over the drives in the order of their
-    times ``drive_gps_s`` [d]; without times nothing changes in between.
+    Weighs all histories with at most one change: false from the start, there throughout, taken
+    down after one of the drives, put up before one. ``drive_gps_s`` [d] are the drives' times.
     """
-    rate = rates.detection[pairs.drive, pairs.lateral]
-    present = np.where(pairs.seen, rate, 1.0 - rate)
-    absent = np.where(pairs.seen, rates.false_rate, 1.0 - rates.false_rate)
-    start = np.full(n_signs, rates.real_share)
-    return _forward(pairs.sign, drive_gps_s[pairs.drive], present, absent, start)
-
-
-def still_there(
-    sign: IntArray, gps_s: FloatArray, rate: FloatArray, false_rate: float, start: FloatArray
-) -> FloatArray:
-    """Probability [m] that signs of belief ``start`` [m] stand after having been missed.
-
-    ``sign`` [p] (ascending) was in view and not seen at ``gps_s`` with detection ``rate``.
-    """
-    return _forward(sign, gps_s, 1.0 - rate, np.full(len(sign), 1.0 - false_rate), start)
+    a, b = rates.beta
+    weight = np.where(pairs.seen, 0.0, rates.miss_weight(pairs.drive))
+    return _histories(
+        pairs.sign, pairs.seen, weight, drive_gps_s[pairs.drive], n_signs, rates.real, a, b
+    )
 
 
 @njit(cache=True, error_model="numpy")
-def _forward(
-    sign: IntArray, gps_s: FloatArray, present: FloatArray, absent: FloatArray, start: FloatArray
+def _log_beta(a: float, b: float) -> float:
+    return math.lgamma(a) + math.lgamma(b) - math.lgamma(a + b)
+
+
+@njit(cache=True, error_model="numpy")
+def _histories(
+    sign: IntArray,
+    seen: BoolArray,
+    weight: FloatArray,
+    gps_s: FloatArray,
+    n_signs: int,
+    real: float,
+    a: float,
+    b: float,
 ) -> FloatArray:
-    belief = start.copy()
-    last = np.full(len(start), np.nan)
-    for p in range(len(sign)):
-        k = sign[p]
-        value = belief[k]
-        elapsed = gps_s[p] - last[k]
-        if elapsed > 0.0:
-            change = 1.0 - np.exp(-CHANGE_PER_YEAR * elapsed / _YEAR_S)
-            value = value * (1.0 - change) + (1.0 - value) * change
-        last[k] = gps_s[p]
-        belief[k] = value * present[p] / (value * present[p] + (1.0 - value) * absent[p])
-    return belief
+    result = np.full(n_signs, real)
+    start = 0
+    while start < len(sign):
+        stop = start
+        hits, misses = 0.0, 0.0
+        while stop < len(sign) and sign[stop] == sign[start]:
+            hits += seen[stop]
+            misses += weight[stop]
+            stop += 1
+        if stop - start == 1:
+            start = stop
+            continue
+        base = _log_beta(a, b)
+        throughout = _log_beta(a + hits, b + misses) - base
+        false = _log_beta(FALSE_BETA[0] + hits, FALSE_BETA[1] + misses)
+        false -= _log_beta(FALSE_BETA[0], FALSE_BETA[1])
+        there, gone = 1.0, 0.0
+        early_hits, early_misses = 0.0, 0.0
+        for k in range(start, stop - 1):
+            early_hits += seen[k]
+            early_misses += weight[k]
+            late_hits, late_misses = hits - early_hits, misses - early_misses
+            change = LEAST_CHANGE
+            elapsed = gps_s[k + 1] - gps_s[k]
+            if elapsed > 0.0:
+                change = max(change, 1.0 - math.exp(-CHANGE_PER_YEAR * elapsed / _YEAR_S))
+            down = _log_beta(a + early_hits, b + early_misses) - base
+            down += late_hits * math.log(STRAY) + late_misses * math.log(1.0 - STRAY)
+            up = _log_beta(a + late_hits, b + late_misses) - base
+            up += early_hits * math.log(STRAY) + early_misses * math.log(1.0 - STRAY)
+            gone += change * math.exp(min(down - throughout, 50.0))
+            there += change * math.exp(min(up - throughout, 50.0))
+        nothing = (1.0 - real) * math.exp(min(false - throughout, 50.0))
+        result[sign[start]] = real * there / (real * (there + gone) + nothing)
+        start = stop
+    return result
+
+
+def still_there(
+    sign: IntArray, weight: FloatArray, rates: DetectionRates, belief: FloatArray, hits: FloatArray
+) -> FloatArray:
+    """Probability [m] that signs of ``belief`` [m], seen by ``hits`` [m] drives before, stand
+    after having been in view of further drives, pairs [p] of ``sign`` and the ``weight`` of the
+    miss, and seen by none."""
+    from scipy.special import betaln
+
+    a, b = rates.beta
+    misses = np.bincount(sign, weight, len(belief))
+    kept = np.exp(betaln(a + hits, b + misses) - betaln(a + hits, b))
+    start = np.clip(belief, 0.5, OLDER_BELIEF)
+    return np.asarray(start * kept / (start * kept + 1.0 - start))

@@ -1,4 +1,4 @@
-"""Cells of about 16 m on the globe and a growing hash table of what lies in them."""
+"""Cells of some metres on the globe and a growing hash table of what lies in them."""
 
 from __future__ import annotations
 
@@ -7,23 +7,20 @@ from numba import njit
 
 from automap.records import FloatArray, IntArray
 
-CELL_M = 16.0
-"""Anything nearer than k times this is found at most k cells away."""
-
 _RADIUS_M = 6371000.0
 
 
 @njit(cache=True)
-def cell_row(lat: float) -> int:
+def cell_row(lat: float, cell_m: float) -> int:
     """Row of a latitude in rad."""
-    return int(np.floor(lat * _RADIUS_M / CELL_M))
+    return int(np.floor(lat * _RADIUS_M / cell_m))
 
 
 @njit(cache=True)
-def cells_around(row: int) -> int:
-    """Number of cells in a row; never narrower than 16 m."""
-    edge = max(abs(row), abs(row + 1)) * CELL_M / _RADIUS_M
-    return max(1, int(2.0 * np.pi * _RADIUS_M * max(np.cos(edge), 0.0) / CELL_M))
+def cells_around(row: int, cell_m: float) -> int:
+    """Number of cells in a row; never narrower than ``cell_m``."""
+    edge = max(abs(row), abs(row + 1)) * cell_m / _RADIUS_M
+    return max(1, int(2.0 * np.pi * _RADIUS_M * max(np.cos(edge), 0.0) / cell_m))
 
 
 @njit(cache=True)
@@ -41,15 +38,21 @@ def bucket(row: int, column: int, mask: int) -> int:
 
 @njit(cache=True)
 def insert(
-    head: IntArray, following: IntArray, cells: IntArray, number: int, lat: float, lon: float
+    head: IntArray,
+    following: IntArray,
+    cells: IntArray,
+    cell_m: float,
+    number: int,
+    lat: float,
+    lon: float,
 ) -> None:
     """Put ``number`` into the cell of a position.
 
     ``head`` [2^k] and ``following`` [n] are the chains (-1 ends one), ``cells`` [n, 2] the
     row and column of each number.
     """
-    row = cell_row(lat)
-    column = cell_column(lon, cells_around(row))
+    row = cell_row(lat, cell_m)
+    column = cell_column(lon, cells_around(row, cell_m))
     place = bucket(row, column, len(head) - 1)
     cells[number, 0], cells[number, 1] = row, column
     following[number] = head[place]
@@ -61,22 +64,23 @@ def neighbours(
     head: IntArray,
     following: IntArray,
     cells: IntArray,
+    cell_m: float,
     lat: float,
     lon: float,
-    reach: int,
     found: IntArray,
 ) -> int:
-    """Numbers in the cells up to ``reach`` from a position's own into ``found``.
+    """Numbers in the cell of a position and the eight around it into ``found``.
 
-    Returns how many, at most its length.
+    All that are nearer than ``cell_m`` are among them. Returns how many, at most the length
+    of ``found``.
     """
     count = 0
-    middle = cell_row(lat)
-    for row in range(middle - reach, middle + reach + 1):
-        around = cells_around(row)
+    middle = cell_row(lat, cell_m)
+    for row in range(middle - 1, middle + 2):
+        around = cells_around(row, cell_m)
         column = cell_column(lon, around)
-        for step in range(-reach, reach + 1):
-            if step != 0 and around < 2 * reach + 1:
+        for step in range(-1, 2):
+            if step != 0 and around < 3:
                 continue
             beside = (column + step) % around
             number = head[bucket(row, beside, len(head) - 1)]
@@ -117,16 +121,23 @@ def empty_table(n: int) -> tuple[IntArray, IntArray, IntArray]:
     )
 
 
-def fill_table(
-    table: tuple[IntArray, IntArray, IntArray], lat: FloatArray, lon: FloatArray
-) -> None:
-    """Insert the positions [n] as numbers 0 to n - 1."""
-    _fill(*table, lat, lon)
+def filled_table(
+    lat: FloatArray, lon: FloatArray, cell_m: float
+) -> tuple[IntArray, IntArray, IntArray]:
+    """A table of the positions [n] as numbers 0 to n - 1."""
+    table = empty_table(len(lat))
+    _fill(*table, cell_m, lat, lon)
+    return table
 
 
 @njit(cache=True)
 def _fill(
-    head: IntArray, following: IntArray, cells: IntArray, lat: FloatArray, lon: FloatArray
+    head: IntArray,
+    following: IntArray,
+    cells: IntArray,
+    cell_m: float,
+    lat: FloatArray,
+    lon: FloatArray,
 ) -> None:
     for number in range(len(lat)):
-        insert(head, following, cells, number, lat[number], lon[number])
+        insert(head, following, cells, cell_m, number, lat[number], lon[number])

@@ -9,9 +9,9 @@ import numpy as np
 
 from automap.records import FloatArray, IntArray
 
-CORE_SIGNS = 60
-MOST_SIGNS = 240
-MARGIN_M = 120.0
+CORE_SIGNS = 50
+MOST_SIGNS = 140
+MARGIN_M = 60.0
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Which drives should have seen a sign: in front of a camera, near enough, its face to it."""
+"""Which drives had a sign in view: in front of a camera, near enough, its face to it."""
 
 from __future__ import annotations
 
@@ -8,36 +8,50 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from automap.mapping.grid import CELL_M, delta, empty_table, fill_table, neighbours
+from automap.mapping.grid import delta, filled_table, neighbours
 from automap.mapping.sightings import CameraView, DrivePath, DriveSigns
-from automap.records import FloatArray, IntArray
+from automap.records import BoolArray, FloatArray, IntArray
 
 NEAREST_M = 7.0
-FARTHEST_M = 30.0
-"""Between these distances a sign in the picture is large enough and not yet cut off."""
+FARTHEST_M = 60.0
+"""Between these distances a sign may be seen; how often it is, is estimated."""
 FACE_LIMIT = 1.05
 """Angle at which a face is still read, rad."""
 EDGE_SHARE = 0.9
 """Part of half the field of view within which a sign counts as in the picture."""
 LEAST_ROWS = 2
-"""Rows of the path, some metres apart, from which a sign must have been in view."""
+"""Places on the path, some 8 m apart, from which a sign must have been in view."""
+_STRIDE = 2
 
 DEFAULT_CAMERA = CameraView(0.0, 0.5)
-LATERAL_EDGES_M = (6.0, 12.0, 20.0)
-"""Bounds of the classes of distance across the road, each with a detection rate of its own."""
+SAME_HEADING = 0.6
+SAME_LATERAL_M = 5.0
+"""Two drives approach a sign alike when they differ by less than this."""
+_HEAD_ON = 0.8
+_HEAD_ON_M = 12.0
 
 
 @dataclass(frozen=True)
 class Opportunities:
-    """Pairs [p] of a sign and a drive that had it in view: ``sign``, ``drive``, and the class
-    ``lateral`` of the distance across the road, ordered by drive, then sign."""
+    """Pairs [p] of a sign and a drive that had it in view, ordered by drive, then sign.
+
+    ``sign``, ``drive``; where the drive was nearest: its ``heading`` in rad and ``offset``, how
+    far to the right of its axis the sign was, m.
+    """
 
     sign: IntArray
     drive: IntArray
-    lateral: IntArray
+    heading: FloatArray
+    offset: FloatArray
 
     def __len__(self) -> int:
         return len(self.sign)
+
+    def at(self, rows: IntArray | BoolArray) -> Opportunities:
+        """Some of the pairs."""
+        return Opportunities(
+            self.sign[rows], self.drive[rows], self.heading[rows], self.offset[rows]
+        )
 
 
 def opportunities(
@@ -48,19 +62,15 @@ def opportunities(
     Positions in rad; a sign whose ``facing`` is NaN can be seen from all sides. A drive
     without a path or without cameras says nothing.
     """
-    table = empty_table(len(lat))
-    fill_table(table, lat, lon)
-    parts: list[tuple[IntArray, IntArray, IntArray]] = []
+    table = filled_table(lat, lon, FARTHEST_M)
+    none, zero = np.zeros(0, np.int64), np.zeros(0)
+    parts = [(none, none, zero, zero)]
     for number, drive in enumerate(drives):
         if drive.path is None or len(drive.path) == 0 or not drive.cameras or not len(lat):
             continue
-        seen, lateral = in_view(drive.path, drive.cameras, table, lat, lon, facing)
-        parts.append((seen, np.full(len(seen), number, np.int64), lateral))
-    if not parts:
-        none = np.zeros(0, np.int64)
-        return Opportunities(none, none, none)
-    sign, drive_number, lateral = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    return Opportunities(sign, drive_number, lateral)
+        seen, heading, offset = in_view(drive.path, drive.cameras, table, lat, lon, facing)
+        parts.append((seen, np.full(len(seen), number, np.int64), heading, offset))
+    return Opportunities(*(np.concatenate([part[k] for part in parts]) for k in range(4)))
 
 
 def in_view(
@@ -70,23 +80,23 @@ def in_view(
     lat: FloatArray,
     lon: FloatArray,
     facing: FloatArray,
-) -> tuple[IntArray, IntArray]:
-    """Signs in view from a path, ascending, and their lateral class; ``table`` holds them."""
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Signs in view from a path, ascending, with heading and offset as ``Opportunities`` has
+    them; ``table`` holds the signs in cells of FARTHEST_M."""
     from automap.earth import metres_per_radian
 
     per_lat, per_lon = metres_per_radian(path.lat_rad, 0.0)
     views = np.array([[c.yaw_rad, EDGE_SHARE * c.half_angle_rad] for c in cameras])
     count = np.zeros(len(lat), np.int64)
-    across = np.full(len(lat), np.inf)
+    nearest = np.full((len(lat), 3), np.inf)
     touched = np.empty(len(lat), np.int64)
     n = _look(
         path.lat_rad, path.lon_rad, path.yaw_rad, per_lat, per_lon, views, *table,
-        lat, lon, facing, count, across, touched,
+        lat, lon, facing, count, nearest, touched,
     )  # fmt: skip
     seen = np.sort(touched[:n])
     seen = seen[count[seen] >= LEAST_ROWS]
-    lateral = np.searchsorted(np.array(LATERAL_EDGES_M), across[seen])
-    return seen, lateral.astype(np.int64)
+    return seen, nearest[seen, 1], nearest[seen, 2]
 
 
 @njit(cache=True, error_model="numpy")
@@ -104,20 +114,19 @@ def _look(
     lon: FloatArray,
     facing: FloatArray,
     count: IntArray,
-    across: FloatArray,
+    nearest: FloatArray,
     touched: IntArray,
 ) -> int:
     """Count the rows of a path from which each sign is in view; returns how many signs are.
 
-    ``across`` gets the smallest distance from the car's axis, ``touched`` the signs seen.
+    ``nearest`` gets the smallest distance with heading and offset there, ``touched`` the signs.
     """
-    reach = int(np.ceil(FARTHEST_M / CELL_M))
     near = np.empty(4096, np.int64)
     n = 0
-    for row in range(len(car_lat)):
+    for row in range(0, len(car_lat), _STRIDE):
         if not (car_lat[row] == car_lat[row] and yaw[row] == yaw[row]):
             continue
-        found = neighbours(head, following, cells, car_lat[row], car_lon[row], reach, near)
+        found = neighbours(head, following, cells, FARTHEST_M, car_lat[row], car_lon[row], near)
         for place in range(found):
             k = near[place]
             east, north = delta(
@@ -128,19 +137,71 @@ def _look(
                 continue
             azimuth = np.arctan2(east, north)
             # NaN compares false: a face of unknown direction is seen from everywhere
-            if abs(_turn(azimuth + np.pi - facing[k])) > FACE_LIMIT:
+            if abs(turned(azimuth + np.pi - facing[k])) > FACE_LIMIT:
                 continue
             for camera in range(len(views)):
-                if abs(_turn(azimuth - yaw[row] - views[camera, 0])) < views[camera, 1]:
+                if abs(turned(azimuth - yaw[row] - views[camera, 0])) < views[camera, 1]:
                     if count[k] == 0:
                         touched[n] = k
                         n += 1
                     count[k] += 1
-                    across[k] = min(across[k], distance * abs(np.sin(azimuth - yaw[row])))
+                    if distance < nearest[k, 0]:
+                        nearest[k, 0] = distance
+                        nearest[k, 1] = yaw[row]
+                        nearest[k, 2] = distance * np.sin(azimuth - yaw[row])
                     break
     return n
 
 
 @njit(cache=True, error_model="numpy")
-def _turn(angle: float) -> float:
+def turned(angle: float) -> float:
+    """The same angle between -pi and pi."""
     return (angle + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def alike(views: Opportunities, seen: BoolArray) -> BoolArray:
+    """Which pairs [p] approach their sign as a drive did that saw it (``seen`` [p]).
+
+    A sign on the next street may be in the field of view and behind a house; only a drive
+    that came the way of one that saw it should have seen it too.
+    """
+    order = np.argsort(views.sign, kind="stable")
+    result = np.zeros(len(views), np.bool_)
+    result[order] = _alike(
+        views.sign[order], views.heading[order], views.offset[order], seen[order]
+    )
+    return result
+
+
+@njit(cache=True, error_model="numpy")
+def _alike(sign: IntArray, heading: FloatArray, offset: FloatArray, seen: BoolArray) -> BoolArray:
+    result = seen.copy()
+    start = 0
+    while start < len(sign):
+        stop = start
+        while stop < len(sign) and sign[stop] == sign[start]:
+            stop += 1
+        for i in range(start, stop):
+            if seen[i]:
+                continue
+            for j in range(start, stop):
+                if (
+                    seen[j]
+                    and abs(turned(heading[i] - heading[j])) < SAME_HEADING
+                    and abs(offset[i] - offset[j]) < SAME_LATERAL_M
+                ):
+                    result[i] = True
+                    break
+        start = stop
+    return result
+
+
+def head_on(views: Opportunities, facing: FloatArray) -> Opportunities:
+    """The pairs that came straight at the face of their sign along its own road.
+
+    For signs [m] of which nobody knows any more from where they were seen.
+    """
+    turn = views.heading + np.pi - facing[views.sign]
+    turn = np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi)
+    good = ~(turn > _HEAD_ON) & (np.abs(views.offset) < _HEAD_ON_M)
+    return views.at(good)

@@ -1,0 +1,281 @@
+"""Coordinates in another datum than the receiver's, at the epoch of the recording.
+
+Satellite positions are in a frame that moves over the continents: WGS 84 as broadcast, which is
+the ITRF of its day within centimetres. A national datum moves with its plate (Australia 7 cm a
+year), so the epoch of the coordinates belongs to the transformation. PROJ knows the published
+operations; what is refused here is its habit of taking "no shift at all, good to 3 m" for one.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from automap.errors import ConfigError, InputError
+from automap.records import FloatArray
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+WGS84 = "WGS84"
+
+LEAST_ACCURACY_M = 0.25
+"""Operations that are not at least this good are no transformation of a sign's position."""
+
+EPOCH_SLACK_YEARS = 0.5
+YEARS = (1980.0, 2100.0)
+
+_KNOWN = {
+    "GDA2020": "EPSG:7843",
+    "GDA94": "EPSG:4939",
+    "ETRS89": "EPSG:4937",
+    "ETRF2000": "EPSG:7931",
+    "ETRF2014": "EPSG:8403",
+    "ETRF2020": "EPSG:10571",
+    "NAD83(2011)": "EPSG:6319",
+    "NAD83(CSRS)": "EPSG:4955",
+    "NZGD2000": "EPSG:4959",
+    "SIRGAS2000": "EPSG:4989",
+    "JGD2011": "EPSG:6667",
+    "ITRF2008": "EPSG:7911",
+    "ITRF2014": "EPSG:7912",
+    "ITRF2020": "EPSG:9989",
+    "WGS84(G1762)": "EPSG:7665",
+    "WGS84(G2139)": "EPSG:9754",
+}
+"""Datums by the names people use; every other one by its EPSG code."""
+
+_REALISATIONS = ((2024.02, "EPSG:9989"), (2021.01, "EPSG:7912"), (0.0, "EPSG:7911"))
+"""First year, and the ITRF that the broadcast WGS 84 was aligned to from then on (G2296 to
+ITRF2020, G2139 to ITRF2014, G1674 and G1762 to ITRF2008); NGA's notices of realisation."""
+
+
+@dataclass(frozen=True)
+class Datum:
+    """A datum as asked for: its ``name``, ``code`` for PROJ, and the ``epoch`` of the recorded
+    coordinates in years where one was given."""
+
+    name: str
+    code: str
+    epoch: float | None = None
+
+    @property
+    def is_native(self) -> bool:
+        """Whether it is the receiver's own, so that nothing changes."""
+        return self.code == "EPSG:4979"
+
+
+@dataclass(frozen=True)
+class InDatum:
+    """Coordinates [n] in ``datum``: degrees, and metres above its ellipsoid.
+
+    ``operation`` and ``accuracy_m`` as PROJ names them (NaN unknown), ``epoch`` of the recorded
+    coordinates, ``largest_shift_m`` in plan between the datums, ``warnings`` sentences.
+    """
+
+    datum: Datum
+    lon_deg: FloatArray
+    lat_deg: FloatArray
+    height_m: FloatArray
+    epoch: float
+    operation: str
+    accuracy_m: float
+    largest_shift_m: float
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def crs(self) -> str:
+        """Name of the coordinate system for GIS files."""
+        return self.datum.code
+
+
+def parse_datum(text: str) -> Datum:
+    """A datum from text such as "GDA2020@2026.5", "NAD83(2011)" or "EPSG:7843".
+
+    The number after @ is the year (with fraction) of the recorded coordinates. Raises
+    ConfigError for a name that is not known, a projection, or a year that is none.
+    """
+    name, at, year = text.strip().partition("@")
+    epoch = None
+    if at:
+        try:
+            epoch = float(year)
+        except ValueError:
+            epoch = float("nan")
+        if not YEARS[0] <= epoch <= YEARS[1]:
+            raise ConfigError(
+                f"--datum {text}: after @ stands the year of the coordinates, as in GDA2020@2026.5."
+            )
+    key = _plain(name)
+    if key in ("WGS84", "EPSG4979", "EPSG4326"):
+        return Datum(WGS84, "EPSG:4979", epoch)
+    for known, code in _KNOWN.items():
+        if _plain(known) == key:
+            return Datum(known, code, epoch)
+    if not re.fullmatch(r"(?i)epsg:\d+", name.strip()):
+        import difflib
+
+        near = difflib.get_close_matches(key, [_plain(k) for k in _KNOWN], n=1, cutoff=0.6)
+        hint = next((k for k in _KNOWN if near and _plain(k) == near[0]), "")
+        advice = f"did you mean {hint}?" if hint else f"known are {', '.join(_KNOWN)}, or EPSG:n."
+        raise ConfigError(f"--datum {text}: there is no datum {name!r}; {advice}")
+    crs = _crs(name.strip().upper())
+    if not crs.is_geographic:
+        raise ConfigError(
+            f"--datum {text} is {crs.name}, which has no longitude and latitude; name a datum, "
+            "such as GDA2020, and project in the GIS."
+        )
+    wanted = crs.to_3d() if len(crs.axis_info) < 3 else crs
+    authority = wanted.to_authority() or crs.to_authority()
+    code = f"{authority[0]}:{authority[1]}" if authority is not None else name
+    return Datum(crs.name, code, epoch)
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^A-Z0-9]", "", name.upper())
+
+
+def _crs(code: str) -> CRS:
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    try:
+        return CRS.from_user_input(code)
+    except CRSError:
+        raise ConfigError(f"--datum {code}: PROJ knows no such code; look it up in EPSG.") from None
+
+
+def to_datum(
+    lon_deg: FloatArray,
+    lat_deg: FloatArray,
+    height_m: FloatArray,
+    datum: Datum,
+    recorded: float | None,
+) -> InDatum:
+    """Recorded WGS-84 coordinates [n] in another datum.
+
+    ``recorded`` is the year of the recording, where it is known; the datum's own epoch goes
+    before it. A height that is not known (NaN) stays so. Raises ConfigError when neither is
+    known, InputError when the datum is not made for the place or PROJ has no operation that is
+    good enough, with what is missing.
+    """
+    lon, lat = np.asarray(lon_deg, np.float64), np.asarray(lat_deg, np.float64)
+    height = np.asarray(height_m, np.float64)
+    warnings: list[str] = []
+    epoch = datum.epoch if datum.epoch is not None else recorded
+    if datum.is_native:
+        year = float("nan") if epoch is None else epoch
+        return InDatum(datum, lon, lat, height, year, "none", 0.0, 0.0)
+    if epoch is None or not np.isfinite(epoch):
+        raise ConfigError(
+            f"--datum {datum.name}: the recording has no date; give the year of the coordinates, "
+            f"as in {datum.name}@2026.5."
+        )
+    if recorded is not None and abs(epoch - recorded) > EPOCH_SLACK_YEARS:
+        warnings.append(
+            f"--datum says {epoch:.1f} and the recording is of {recorded:.1f}; {epoch:.1f} is "
+            "taken, though plates move up to 7 cm a year."
+        )
+    good = np.isfinite(lon) & np.isfinite(lat)
+    out = [lon.copy(), lat.copy(), height.copy()]
+    source = next(code for first, code in _REALISATIONS if epoch >= first)
+    if not good.any():
+        return InDatum(datum, *out, epoch, "none", 0.0, 0.0, tuple(warnings))
+    bounds = tuple(
+        float(v) for v in (lon[good].min(), lat[good].min(), lon[good].max(), lat[good].max())
+    )
+    _check_area(datum, lon[good], lat[good])
+    transformer, accuracy = _operation(source, datum.code, datum.name, bounds)
+    high = np.where(np.isfinite(height[good]), height[good], 0.0)
+    moved = transformer.transform(lon[good], lat[good], high, np.full(int(good.sum()), epoch))
+    for k in range(2):
+        out[k][good] = moved[k]
+    if not (np.isfinite(out[0][good]).all() and np.isfinite(out[1][good]).all()):
+        raise InputError(
+            f"--datum {datum.name}: PROJ cannot transform all of the map's positions; is the "
+            "datum made for this place?"
+        )
+    out[2][good] = np.where(np.isfinite(height[good]), moved[2], np.nan)
+    east = np.radians((out[0] - lon + 180.0) % 360.0 - 180.0) * np.cos(np.radians(lat))
+    shift = 6.371e6 * np.hypot(east, np.radians(out[1] - lat))
+    return InDatum(
+        datum, *out, epoch, str(transformer.description), accuracy,
+        float(np.nanmax(shift)), tuple(warnings),
+    )  # fmt: skip
+
+
+def _check_area(datum: Datum, lon: FloatArray, lat: FloatArray) -> None:
+    area = _crs(datum.code).area_of_use
+    if area is None:
+        return
+    slack = 0.5
+    if area.west <= area.east:
+        inside = (lon >= area.west - slack) & (lon <= area.east + slack)
+    else:
+        inside = (lon >= area.west - slack) | (lon <= area.east + slack)
+    inside &= (lat >= area.south - slack) & (lat <= area.north + slack)
+    if not inside.all():
+        raise InputError(
+            f"--datum {datum.name} is made for {_short(area.name)}, and the map lies elsewhere; "
+            "name the datum of its country."
+        )
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= 80 else name[:77] + "..."
+
+
+@lru_cache(maxsize=8)
+def _operation(
+    source: str, target: str, name: str, bounds: tuple[float, float, float, float]
+) -> tuple[Any, float]:
+    """The best operation between two systems that is a real one, and its accuracy in m."""
+    from pyproj.aoi import AreaOfInterest
+    from pyproj.transformer import TransformerGroup
+
+    group = TransformerGroup(
+        source,
+        target,
+        always_xy=True,
+        allow_ballpark=False,
+        area_of_interest=AreaOfInterest(*bounds),
+    )
+    refused = ""
+    for transformer in group.transformers:
+        # PROJ says 0 for operations that define a frame and -1 where nothing is known
+        accuracy = float(transformer.accuracy)
+        null = transformer.definition.startswith("proj=noop")
+        if null or not 0.0 <= accuracy <= LEAST_ACCURACY_M:
+            how = "takes both for the same" if null else "is a rough one"
+            good = f"good to {accuracy:.2g} m" if accuracy >= 0 else "of unknown accuracy"
+            refused = refused or f"the one there is {how} ({good})"
+            continue
+        return transformer, accuracy
+    grids = sorted(
+        {grid.short_name for o in group.unavailable_operations for grid in o.grids
+         if not grid.available and grid.short_name}
+    )  # fmt: skip
+    if grids:
+        raise InputError(
+            f"--datum {name}: the transformation needs the grid {grids[0]}, which PROJ does not "
+            f"have here; fetch it with: projsync --file {grids[0]}"
+        )
+    why = refused or "PROJ has none"
+    raise InputError(
+        f"--datum {name}: no transformation from satellite coordinates is good to "
+        f"{LEAST_ACCURACY_M:g} m; {why}."
+    )
+
+
+def decimal_year(gps_s: float) -> float:
+    """Year with fraction of a GPS time in s."""
+    from automap.timebase import gps_to_unix
+
+    moment = np.datetime64(round(float(gps_to_unix(gps_s))), "s")
+    year = moment.astype("datetime64[Y]")
+    start, end = year.astype("datetime64[s]"), (year + 1).astype("datetime64[s]")
+    return float(1970 + year.astype(int) + (moment - start) / (end - start))
