@@ -288,7 +288,7 @@
     map.invalidateSize({ animate: false });
     whole();
   };
-  addEventListener("beforeprint", () => refit("480px", "380px"));
+  addEventListener("beforeprint", () => refit("680px", "400px"));
   addEventListener("afterprint", () => refit("", ""));
 
   drawGrid();
