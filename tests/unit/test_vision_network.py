@@ -1,0 +1,252 @@
+"""The trained detector and classifier: decoding, naming, and what they make of plain scenes."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from automap.errors import InputError
+from automap.vision.classes import country_set, load_classes, national_code
+from automap.vision.classifier import CROP_PX, SignClassifier, crop_faces
+from automap.vision.faces import draw_face
+from automap.vision.network import NetworkDetector, decode_maps, default_detector, distinct
+from automap.vision.vocabulary import load_vocabulary
+
+Image = npt.NDArray[np.uint8]
+NOTHING = np.zeros((6, 40, 60), np.float32) - 9.0
+
+
+def maps_with(cells: list[tuple[int, int, float, tuple[float, float, float, float]]]) -> np.ndarray:
+    """Maps with a peak at each (row, column, logit, distances in px)."""
+    maps = NOTHING.copy()
+    for row, column, logit, distances in cells:
+        maps[0, row, column] = logit
+        maps[2:, row, column] = np.log(np.array(distances) / 4.0)
+    return maps
+
+
+def test_a_peak_becomes_a_box_around_the_middle_of_its_cell() -> None:
+    boxes, scores = decode_maps(maps_with([(10, 20, 2.0, (8, 6, 12, 10))]), 0.1, 50)
+    assert scores == pytest.approx([1.0 / (1.0 + np.exp(-2.0))])
+    np.testing.assert_allclose(boxes, [[81.5 - 8, 41.5 - 6, 81.5 + 12, 41.5 + 10]], rtol=1e-6)
+
+
+def test_only_the_highest_of_neighbours_counts() -> None:
+    maps = maps_with([(10, 20, 2.0, (9, 9, 9, 9)), (10, 21, 3.0, (9, 9, 9, 9)),
+                      (30, 40, -1.0, (9, 9, 9, 9)), (5, 5, -8.0, (9, 9, 9, 9))])  # fmt: skip
+    boxes, scores = decode_maps(maps, 0.1, 50)
+    assert len(boxes) == 2
+    assert scores[0] > scores[1]
+    assert (boxes[0, :2] + boxes[0, 2:]).tolist() == pytest.approx([2 * 85.5, 2 * 41.5])
+
+
+@given(st.lists(st.tuples(st.floats(0, 90), st.floats(0, 90), st.floats(5, 40)), max_size=12))
+def test_distinct_boxes_do_not_overlap(places: list[tuple[float, float, float]]) -> None:
+    boxes = np.array([[x, y, x + s, y + s] for x, y, s in places]).reshape(-1, 4)
+    scores = np.linspace(1.0, 0.5, len(boxes))
+    kept = distinct(boxes, scores, 0.4)
+    assert len(boxes) == 0 or kept[0] == 0
+    for k, i in enumerate(kept):
+        for j in kept[:k]:
+            sides = np.minimum(boxes[i, 2:], boxes[j, 2:]) - np.maximum(boxes[i, :2], boxes[j, :2])
+            common = float(np.prod(np.maximum(sides, 0.0)))
+            areas = [float(np.prod(boxes[n, 2:] - boxes[n, :2])) for n in (i, j)]
+            assert common <= 0.4 * (sum(areas) - common) + 1e-9
+
+
+class FixedModel:
+    """A network whose logits are given."""
+
+    def __init__(self, logits: np.ndarray) -> None:
+        labels = [*load_classes(), *load_vocabulary().groups, "no-sign"]
+        self.notes = {"labels": labels, "temperature": 1.0}
+        self.logits = logits
+
+    def run(self, crops: Image) -> np.ndarray:
+        return np.tile(self.logits, (len(crops), 1))
+
+
+def classifier_saying(country: str | None = None, **probabilities: float) -> SignClassifier:
+    classifier = SignClassifier(country)
+    labels = [*load_classes(), *load_vocabulary().groups, "no-sign"]
+    p = np.full(len(labels), 1e-6)
+    for name, value in probabilities.items():
+        p[labels.index(name)] = value
+    classifier._model = FixedModel(np.log(p).astype(np.float32))  # type: ignore[assignment]
+    return classifier
+
+
+FIFTY = "regulatory--maximum-speed-limit-50--g1"
+SIXTY = "regulatory--maximum-speed-limit-60--g1"
+GREY = np.full((90, 90, 3), 128, np.uint8)
+BOX = np.array([[20.0, 20.0, 60.0, 60.0]])
+
+
+def test_a_certain_face_is_named_with_its_alternatives() -> None:
+    named = classifier_saying(**{FIFTY: 0.8, SIXTY: 0.15, "no-sign": 0.05}).name(GREY, BOX)[0]
+    assert named.name == FIFTY
+    assert named.sign == pytest.approx(0.95, abs=0.01)
+    assert named.alternatives[0] == (FIFTY, pytest.approx(0.8 / 0.95, abs=0.01))
+    assert named.alternatives[1][0] == SIXTY
+
+
+def test_a_doubtful_face_is_named_after_its_colour_and_shape() -> None:
+    named = classifier_saying(**{FIFTY: 0.45, SIXTY: 0.45, "yellow-diamond": 0.1}).name(GREY, BOX)
+    assert named[0].name == "regulatory--unknown-red-circle"
+    named = classifier_saying(**{FIFTY: 0.1, "yellow-diamond": 0.9}).name(GREY, BOX)
+    assert named[0].name == "warning--unknown-yellow-diamond"
+
+
+def test_a_country_prefers_its_own_signs_but_forbids_none() -> None:
+    foreign, own = "warning--children--g1", "warning--children--g2"
+    even = {foreign: 0.6, own: 0.4}
+    assert classifier_saying(**even).name(GREY, BOX)[0].name == foreign
+    assert classifier_saying("AU", **even).name(GREY, BOX)[0].name == own
+    assert classifier_saying("AU", **{foreign: 0.999}).name(GREY, BOX)[0].name == foreign
+
+
+@pytest.mark.parametrize("size", [9.0, 24.0, 48.0, 200.0])
+def test_crops_hold_the_box_in_their_middle(size: float) -> None:
+    image = np.zeros((300, 300, 3), np.uint8)
+    box = np.array([40.0, 50.0, 40.0 + size - 1.0, 50.0 + size - 1.0])
+    cv2.rectangle(image, (40, 50), (round(39 + size), round(49 + size)), (255, 255, 255), -1)
+    crop = crop_faces(image, box[None])[0]
+    assert crop.shape == (CROP_PX, CROP_PX, 3)
+    weight = crop[:, :, 0].astype(float)
+    rows, columns = np.mgrid[0:CROP_PX, 0:CROP_PX]
+    middle = (CROP_PX - 1) / 2.0
+    assert (weight * rows).sum() / weight.sum() == pytest.approx(middle, abs=0.15)
+    assert (weight * columns).sum() / weight.sum() == pytest.approx(middle, abs=0.15)
+    assert weight.mean() / 255.0 == pytest.approx(1.0 / 1.28**2, rel=0.06)
+
+
+def test_a_crop_beyond_the_picture_is_filled_up() -> None:
+    crops = crop_faces(GREY, np.array([[-400.0, -400.0, -300.0, -300.0], [80.0, 80.0, 130.0, 99.0]]))
+    assert crops.shape == (2, CROP_PX, CROP_PX, 3)
+    assert (crops[0] == 128).all()
+
+
+def street(names: list[str], size: int) -> tuple[Image, np.ndarray]:
+    """A road, houses, sky and faces on poles; their boxes."""
+    rng = np.random.default_rng(2)
+    image = np.empty((512, 768, 3), np.uint8)
+    image[:230], image[230:] = (225, 205, 180), (95, 95, 92)
+    for x in range(0, 768, 96):
+        colour = tuple(int(v) for v in rng.integers(80, 190, 3))
+        cv2.rectangle(image, (x, 120 + int(rng.integers(0, 60))), (x + 80, 260), colour, -1)
+    boxes = []
+    for k, name in enumerate(names):
+        x, y = 60 + k * (660 // len(names)), 150 + 40 * (k % 3)
+        cv2.line(image, (x + size // 2, y), (x + size // 2, y + 5 * size), (120, 120, 120), 3)
+        face = cv2.resize(draw_face(name), (size, size), interpolation=cv2.INTER_AREA)
+        cover = face[:, :, 3:] / 255.0
+        part = image[y : y + size, x : x + size]
+        part[:] = (0.85 * face[:, :, :3] * cover + part * (1 - cover)).astype(np.uint8)
+        boxes.append([x, y, x + size - 1, y + size - 1])
+    image = cv2.GaussianBlur(image, (0, 0), 0.7)
+    noisy = image + rng.normal(0, 3, image.shape)
+    return np.clip(noisy, 0, 255).astype(np.uint8), np.array(boxes, float)
+
+
+@pytest.fixture(scope="module")
+def detector() -> NetworkDetector:
+    return default_detector("AU")
+
+
+FACES = [SIXTY, "regulatory--stop--g1", "regulatory--yield--g1", "warning--roundabout--g2",
+         "regulatory--no-entry--g1"]  # fmt: skip
+
+
+def test_faces_along_a_street_are_found_and_named(detector: NetworkDetector) -> None:
+    image, boxes = street(FACES, 44)
+    found = detector.detect(image)
+    best = {}
+    for i in range(len(found)):
+        middle = (found.box[i, :2] + found.box[i, 2:]) / 2
+        for name, box in zip(FACES, boxes, strict=True):
+            if (np.abs(middle - (box[:2] + box[2:]) / 2) < 5).all() and found.score[i] > 0.3:
+                best[name] = found.class_name[i]
+    assert len(best) >= 4
+    assert sum(name == given for name, given in best.items()) >= len(best) - 1
+    assert found.alternatives is not None
+    assert all(a[0][1] >= a[-1][1] for a in found.alternatives if a)
+
+
+def test_a_region_is_looked_at_alone(detector: NetworkDetector) -> None:
+    image, boxes = street(FACES, 44)
+    region = (boxes[1, 0] - 60.0, 90.0, boxes[1, 2] + 60.0, 330.0)
+    found = detector.detect(image, region)
+    assert len(found) > 0
+    assert (found.box[:, 0] > region[0] - 30).all()
+    assert (found.box[:, 2] < region[2] + 30).all()
+    whole = detector.detect(image)
+    near = np.abs(whole.box - found.box[0]).max(axis=1)
+    assert near.min() < 3.0
+
+
+def test_zoom_gives_boxes_of_the_picture_itself(detector: NetworkDetector) -> None:
+    image, _ = street(FACES, 30)
+    plain, zoomed = detector.detect(image), detector.detect(image, zoom=1.5)
+    assert len(plain) > 0
+    assert len(zoomed) > 0
+    assert np.abs(zoomed.box - plain.box[0]).max(axis=1).min() < 3.0
+
+
+def test_pictures_of_any_size_are_taken(detector: NetworkDetector) -> None:
+    for shape in ((1, 1, 3), (33, 700, 3), (8, 8, 3), (257, 31, 3)):
+        found = detector.detect(np.full(shape, 90, np.uint8))
+        assert found.box.shape == (len(found), 4)
+    assert len(detector.detect(GREY, (500.0, 500.0, 600.0, 600.0))) == 0
+
+
+def test_other_pictures_are_refused(detector: NetworkDetector) -> None:
+    with pytest.raises(ValueError, match="three channels"):
+        detector.detect(np.zeros((40, 40), np.uint8))
+    with pytest.raises(ValueError, match="8 bits"):
+        detector.detect(np.zeros((40, 40, 3), np.float32))  # type: ignore[arg-type]
+
+
+def test_a_detector_travels_to_another_process(detector: NetworkDetector) -> None:
+    image, _ = street(FACES, 44)
+    other = pickle.loads(pickle.dumps(detector))
+    np.testing.assert_array_equal(other.detect(image).box, detector.detect(image).box)
+
+
+def test_a_broken_model_file_is_named(tmp_path: Path) -> None:
+    broken = tmp_path / "broken.onnx"
+    broken.write_bytes(b"no network")
+    with pytest.raises(InputError, match=r"broken\.onnx"):
+        NetworkDetector(model=broken).detect(GREY)
+    with pytest.raises(InputError, match="missing"):
+        NetworkDetector(model=tmp_path / "absent.onnx").detect(GREY)
+
+
+def test_the_table_of_classes_holds_together() -> None:
+    classes, vocabulary = load_classes(), load_vocabulary()
+    assert {entry.group for entry in classes.values()} <= vocabulary.groups.keys()
+    assert sorted(e.gtsdb for e in classes.values() if e.gtsdb is not None) == list(range(43))
+    assert len(country_set("AU")) >= 60
+    assert len(country_set("DE")) >= 43
+    assert country_set("at") == country_set("DE")
+    assert country_set(None) == frozenset(classes)
+    assert country_set("US") == frozenset(classes)
+    assert vocabulary.classes.keys() <= classes.keys()
+    for name, drawn in vocabulary.classes.items():
+        assert classes[name].group == drawn.group
+    assert national_code("regulatory--stop--g1", "au") == "R1-1"
+    assert national_code("regulatory--stop--g1", "FR") is None
+    assert national_code("nonsense", "AU") is None
+
+
+def test_the_models_speak_of_the_same_classes(detector: NetworkDetector) -> None:
+    labels = SignClassifier().labels
+    assert labels == [*load_classes(), *load_vocabulary().groups, "no-sign"]
+    sizes = [p.stat().st_size for p in (Path(__file__).parents[2] / "automap/vision/models").iterdir()]
+    assert sum(sizes) < 15e6
