@@ -128,7 +128,9 @@ def test_crops_hold_the_box_in_their_middle(size: float) -> None:
 
 
 def test_a_crop_beyond_the_picture_is_filled_up() -> None:
-    crops = crop_faces(GREY, np.array([[-400.0, -400.0, -300.0, -300.0], [80.0, 80.0, 130.0, 99.0]]))
+    crops = crop_faces(
+        GREY, np.array([[-400.0, -400.0, -300.0, -300.0], [80.0, 80.0, 130.0, 99.0]])
+    )
     assert crops.shape == (2, CROP_PX, CROP_PX, 3)
     assert (crops[0] == 128).all()
 
@@ -248,5 +250,7 @@ def test_the_table_of_classes_holds_together() -> None:
 def test_the_models_speak_of_the_same_classes(detector: NetworkDetector) -> None:
     labels = SignClassifier().labels
     assert labels == [*load_classes(), *load_vocabulary().groups, "no-sign"]
-    sizes = [p.stat().st_size for p in (Path(__file__).parents[2] / "automap/vision/models").iterdir()]
+    sizes = [
+        p.stat().st_size for p in (Path(__file__).parents[2] / "automap/vision/models").iterdir()
+    ]
     assert sum(sizes) < 15e6

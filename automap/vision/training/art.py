@@ -116,10 +116,18 @@ def _names(pixels: npt.NDArray[np.uint8]) -> npt.NDArray[np.str_]:
     hsv = cv2.cvtColor(pixels[None], cv2.COLOR_BGR2HSV)[0].astype(int)
     hue, saturation, value = hsv.T
     grey = saturation < 70
-    return np.select(
-        [value < 70, grey & (value > 150), grey, (hue < 8) | (hue > 170), (hue < 17) & (value < 160),
-         hue < 17, hue < 45, hue < 85, hue < 135],
-        ["black", "white", "grey", "red", "brown", "orange", "yellow", "green", "blue"], "red")  # fmt: skip
+    tests = {
+        "black": value < 70,
+        "white": grey & (value > 150),
+        "grey": grey,
+        "red": (hue < 8) | (hue > 170),
+        "brown": (hue < 17) & (value < 160),
+        "orange": hue < 17,
+        "yellow": hue < 45,
+        "green": hue < 85,
+        "blue": hue < 135,
+    }
+    return np.select(list(tests.values()), list(tests), "red")
 
 
 def _colours(image: Image) -> tuple[str, str]:

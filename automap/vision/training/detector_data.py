@@ -86,7 +86,7 @@ class SampleMaker:
 
     def make(self, rng: Random) -> Sample:
         """One picture."""
-        street = (self._with if rng.random() < 0.75 else self._streets)
+        street = self._with if rng.random() < 0.75 else self._streets
         chosen = street[int(rng.integers(len(street)))]
         image, boxes = self._cut(chosen, rng)
         kinds = [0] * len(boxes)
@@ -130,9 +130,7 @@ class SampleMaker:
             part, matrix, (SIZE, SIZE), flags=flags, borderMode=cv2.BORDER_REFLECT_101
         )
         moved = (street.boxes - np.tile(low, 2) - np.tile(first, 2) - (step - 1) / 2) * scale
-        inside = [
-            b for b in moved if b[2] > 0 and b[3] > 0 and b[0] < SIZE - 1 and b[1] < SIZE - 1
-        ]
+        inside = [b for b in moved if b[2] > 0 and b[3] > 0 and b[0] < SIZE - 1 and b[1] < SIZE - 1]
         return np.asarray(image, np.uint8), inside
 
     def _set_faces(
@@ -180,6 +178,12 @@ def _touch(a: FloatArray, b: FloatArray) -> bool:
     return bool((np.minimum(a[2:], b[2:]) > np.maximum(a[:2], b[:2])).all())
 
 
+def _cells(ends: FloatArray, n: int) -> slice:
+    """The cells of the grid between two ends in px."""
+    first, last = ((ends + 2) / STRIDE).round().astype(int).tolist()
+    return slice(min(max(first, 0), n), min(max(last + 1, 0), n))
+
+
 def _targets(image: Image, boxes: list[FloatArray], kinds: list[int]) -> Sample:
     n = SIZE // STRIDE
     heat = np.zeros((2, n, n), np.float32)
@@ -194,8 +198,8 @@ def _targets(image: Image, boxes: list[FloatArray], kinds: list[int]) -> Sample:
         size = box[2:] - box[:2] + 1.0
         shown = np.clip(box, 0, SIZE - 1)
         seen = float(np.prod(np.maximum(shown[2:] - shown[:2], 0)) / max(np.prod(size - 1), 1.0))
-        x = slice(*np.clip(((box[[0, 2]] + 2) / STRIDE).round().astype(int) + [0, 1], 0, n))
-        y = slice(*np.clip(((box[[1, 3]] + 2) / STRIDE).round().astype(int) + [0, 1], 0, n))
+        x = _cells(box[[0, 2]], n)
+        y = _cells(box[[1, 3]], n)
         if kind < 0:
             # a plate below a sign is none and none of our business
             weight[1, y, x] = 0.0

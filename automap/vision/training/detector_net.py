@@ -36,9 +36,7 @@ class Residual(nn.Module):
 
 
 def _stage(inputs: int, width: int, blocks: int) -> nn.Sequential:
-    return nn.Sequential(
-        _convolution(inputs, width, 2), *[Residual(width) for _ in range(blocks)]
-    )
+    return nn.Sequential(_convolution(inputs, width, 2), *[Residual(width) for _ in range(blocks)])
 
 
 class SignNet(nn.Module):
@@ -105,9 +103,11 @@ def detection_loss(maps: Tensor, heat: Tensor, weight: Tensor, box: Tensor, near
     inner = torch.minimum(d, t)
     outer = torch.maximum(d, t)
     common = (inner[:, 0] + inner[:, 2]) * (inner[:, 1] + inner[:, 3])
-    union = (d[:, 0] + d[:, 2]) * (d[:, 1] + d[:, 3]) + (t[:, 0] + t[:, 2]) * (
-        t[:, 1] + t[:, 3]
-    ) - common
+    union = (
+        (d[:, 0] + d[:, 2]) * (d[:, 1] + d[:, 3])
+        + (t[:, 0] + t[:, 2]) * (t[:, 1] + t[:, 3])
+        - common
+    )
     hull = (outer[:, 0] + outer[:, 2]) * (outer[:, 1] + outer[:, 3])
     giou = common / union - (hull - union) / hull
     # edges to a fraction of the sign's size: positions on the map come from the boxes' centres

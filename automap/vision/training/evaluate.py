@@ -119,9 +119,7 @@ def by_category(
     """Detection and class together: one of the benchmark's three categories."""
     classes, groups = load_classes(), load_vocabulary().groups
     inside = {n for n, e in classes.items() if e.gtsdb is not None and of[e.gtsdb] == category}
-    inside |= {
-        name for group, name in groups.items() if _CATEGORY_OF_GROUP.get(group) == category
-    }
+    inside |= {name for group, name in groups.items() if _CATEGORY_OF_GROUP.get(group) == category}
     results = []
     for signs, street in found:
         share = np.array(
@@ -136,7 +134,9 @@ def by_category(
     return results
 
 
-def mean_ap(found: list[tuple[FoundSigns, Street]], of: dict[int, str]) -> tuple[Figure, list[float]]:
+def mean_ap(
+    found: list[tuple[FoundSigns, Street]], of: dict[int, str]
+) -> tuple[Figure, list[float]]:
     """Mean AP of the three categories with its interval, and the three."""
     names = ("prohibitory", "mandatory", "danger")
     tables = [by_category(found, name, of) for name in names]

@@ -38,7 +38,9 @@ def export_detector(checkpoint: Path, out: Path) -> None:
     net = SignNet()
     net.load_state_dict(torch.load(checkpoint, weights_only=True)["mean"])
     axes = {"image": {2: "height", 3: "width"}, "maps": {2: "rows", 3: "columns"}}
-    _write(net, torch.zeros(1, 3, 256, 256), out, ("image", "maps"), axes, {})
+    scores = checkpoint.with_name("scores.json")
+    notes = {"score": json.loads(scores.read_text(encoding="utf-8"))} if scores.is_file() else {}
+    _write(net, torch.zeros(1, 3, 256, 256), out, ("image", "maps"), axes, notes)
 
 
 def export_classifier(checkpoint: Path, out: Path) -> None:

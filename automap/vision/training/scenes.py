@@ -111,8 +111,7 @@ def draw_face(image: Image, face: Image, box: FloatArray, rng: Random) -> FloatA
     if over > 1:
         patch = cv2.resize(patch, (full[0] // over, full[1] // over), interpolation=cv2.INTER_AREA)
     cover = patch[:, :, 3:] / 255.0
-    rows, columns = np.nonzero(cover[:, :, 0] > 0.5)
-    if len(rows) < 8:
+    if int((cover > 0.5).sum()) < 8:
         return None
     sharp = rng.uniform(0.0, 1.1)
     if sharp > 0.35:

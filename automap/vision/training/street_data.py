@@ -83,7 +83,11 @@ def _patch(image: Image, box: FloatArray, dx: float = 0.0, dy: float = 0.0) -> F
     first = centre - size / 2.0 + scale / 2.0
     matrix = np.array([[scale[0], 0.0, first[0]], [0.0, scale[1], first[1]]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    blurred = image if scale.max() < 2 else cv2.blur(image, (max(1, int(scale[0])), max(1, int(scale[1]))))
+    blurred = (
+        image
+        if scale.max() < 2
+        else cv2.blur(image, (max(1, int(scale[0])), max(1, int(scale[1]))))
+    )
     patch = cv2.warpAffine(
         blurred, matrix, (_PATCH, _PATCH), flags=flags, borderMode=cv2.BORDER_REPLICATE
     )
@@ -136,8 +140,6 @@ def leak_free_crops(train: list[Crop], held: list[tuple[Image, FloatArray]]) -> 
     """Training crops of tracks none of whose frames shows a held-out sign."""
     best = same_signs([(crop.image, crop.box) for crop in train], held)
     shared = {
-        (crop.class_id, crop.track)
-        for crop, value in zip(train, best, strict=True)
-        if value > LEAK
+        (crop.class_id, crop.track) for crop, value in zip(train, best, strict=True) if value > LEAK
     }
     return [crop for crop in train if (crop.class_id, crop.track) not in shared]

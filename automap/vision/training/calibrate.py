@@ -1,0 +1,121 @@
+"""Make probabilities of what the networks say, on the part of the data to tune on.
+
+python -m automap.vision.training.calibrate --data DIR --work DIR
+
+Writes a temperature into the classifier's checkpoint and, once both networks are exported, the
+weights of the joint score into ``scores.json``, which the next export takes up.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import torch
+from scipy.optimize import minimize
+
+from automap.vision.classes import load_classes
+from automap.vision.classifier import SignClassifier, crop_faces
+from automap.vision.network import NetworkDetector
+from automap.vision.training.art import load_faces
+from automap.vision.training.classifier_data import CropMaker, labels
+from automap.vision.training.classifier_net import FaceNet
+from automap.vision.training.metrics import judge_image
+from automap.vision.training.street_data import load_crops, load_streets
+
+Floats = npt.NDArray[np.float64]
+_DRAWN = 900
+
+
+def temperature(data: Path, work: Path) -> float:
+    """The temperature that makes the classifier's probabilities the most likely.
+
+    Half real crops of tracks to tune on; a quarter drawn classes, half of them by drawings that
+    were held; the rest unknown faces that were held, and crops without signs.
+    """
+    state = torch.load(work / "classifier.pt", weights_only=True)
+    net = FaceNet(len(state["labels"]))
+    net.load_state_dict(state["mean"])
+    net.eval()
+    number = {e.gtsdb: name for name, e in load_classes().items() if e.gtsdb is not None}
+    index = {name: i for i, name in enumerate(labels())}
+    rng = np.random.default_rng(11)
+    crops = load_crops(data / "gtsrb", "tune")[::2]
+    samples = [(crop_faces(c.image, c.box[None])[0], index[number[c.class_id]]) for c in crops]
+    streets = load_streets(data / "gtsdb", "tune")
+    faces = load_faces(data / "sign-art", work / "faces.pkl")
+    seen = CropMaker(streets, crops, faces)
+    held = CropMaker(streets, crops, faces, held=True)
+    for make in (seen.drawn, held.drawn, held.other, seen.nothing):
+        samples += [make(rng) for _ in range(_DRAWN // 4)]
+    images = torch.from_numpy(np.stack([image for image, _ in samples])).permute(0, 3, 1, 2)
+    with torch.no_grad():
+        parts = [net(images[i : i + 64].float()) for i in range(0, len(images), 64)]
+    logits = torch.cat(parts)
+    truth = torch.tensor([label for _, label in samples])
+    candidates = np.exp(np.linspace(np.log(0.4), np.log(4.0), 60))
+    losses = [float(torch.nn.functional.cross_entropy(logits / t, truth)) for t in candidates]
+    best = float(candidates[int(np.argmin(losses))])
+    state["temperature"] = best
+    torch.save(state, work / "classifier.pt")
+    return best
+
+
+def _logit(p: Floats) -> Floats:
+    p = np.clip(p, 1e-5, 1 - 1e-5)
+    return np.asarray(np.log(p / (1 - p)))
+
+
+def joint_score(data: Path) -> list[float]:
+    """Bias and weights of the two networks' log-odds, by logistic regression on street images.
+
+    Drawn towards the sum of the detector's and half the classifier's log-odds: the images to
+    tune on are few.
+    """
+    detector, classifier = NetworkDetector("DE"), SignClassifier("DE")
+    rows: list[list[float]] = []
+    right: list[bool] = []
+    for street in load_streets(data / "gtsdb", "tune"):
+        boxes, scores = detector.propose(street.image)
+        if not len(boxes):
+            continue
+        named = classifier.name(street.image, boxes)
+        result = judge_image(boxes, scores, street.boxes)
+        order = np.argsort(-scores, kind="stable")
+        rows += [[1.0, scores[i], named[i].sign] for i in order]
+        right += result.right.tolist()
+    x, y = np.array(rows), np.array(right, float)
+    x[:, 1:] = _logit(x[:, 1:])
+    prior = np.array([0.0, 1.0, 0.5])
+
+    def loss(w: Floats) -> float:
+        z = x @ w
+        return float(np.sum(np.logaddexp(0.0, z) - y * z) + 4.0 * np.sum((w - prior) ** 2))
+
+    weights = minimize(loss, prior, method="BFGS").x
+    return [round(float(w), 4) for w in weights]
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="Calibrate the trained networks")
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--work", type=Path, required=True)
+    parser.add_argument("--step", choices=("temperature", "score"), required=True)
+    options = parser.parse_args()
+    cv2.setNumThreads(0)
+    torch.set_num_threads(1)
+    if options.step == "temperature":
+        print("temperature", round(temperature(options.data, options.work), 3))
+    else:
+        weights = joint_score(options.data)
+        (options.work / "scores.json").write_text(json.dumps(weights), encoding="utf-8")
+        print("bias and weights", weights)
+
+
+if __name__ == "__main__":
+    main()
