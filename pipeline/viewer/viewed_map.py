@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from automap.errors import InputError
+from automap.errors import AutoMapError, InputError
 from automap.export.clock import iso_texts, utc_of_stamps
 from automap.export.fields import SIGN_FIELDS
 from automap.export.review import Action, Verdict, match, standing, verdicts
 from automap.export.uncertainty import ce95
 from automap.io import names
 from automap.io.review_json import action_of, append_action, read_review
-from automap.records import IntArray
+from automap.records import ClockModel, IntArray
 from pipeline.run_record import utc_now
 from pipeline.viewer.drives import MapDrive
 from pipeline.viewer.payload import sign_payload
@@ -73,13 +73,13 @@ class ViewedMap:
         signs = self.signs
         if signs is None or not 0 <= row < len(signs):
             return None
-        seen_by = signs.drives_of(row)
+        own = self._own_names(row)
         views = []
-        for number, drive in enumerate(self.drives):
-            if not self.merged or drive.name in seen_by:
-                rows = np.zeros(0, np.int64) if self.merged else signs.observations_of(row)
-                for sign_id in self._own_ids(drive, signs.ids[row]):
-                    views += [{"drive": number, **v} for v in drive.views(rows, sign_id)]
+        for number, sign_ids in own.items():
+            rows = np.zeros(0, np.int64) if self.merged else signs.observations_of(row)
+            for sign_id in sign_ids:
+                found = self.drives[number].views(rows, sign_id)
+                views += [{"drive": number, **view} for view in found]
         return {
             "id": signs.ids[row],
             "lon_deg": _number(signs.lon_deg[row], 7),
@@ -87,6 +87,7 @@ class ViewedMap:
             "height_m": _number(signs.height_m[row], 2),
             "values": self._values(signs, row),
             "views": views,
+            "names": own,
             "history": self._history(row),
         }
 
@@ -99,9 +100,41 @@ class ViewedMap:
             if a.sign == name
         ]
 
-    def _own_ids(self, drive: MapDrive, sign_id: str) -> list[str]:
-        """What a drive's own run called a sign of the map."""
-        return [sign_id]
+    def _own_names(self, row: int) -> dict[int, list[str]]:
+        """What the drives' own runs call a sign of the map, by the number of the drive."""
+        assert self.signs is not None
+        name = self.signs.ids[row]
+        return {0: [name]} if not self.merged else self._sightings.get(name, {})
+
+    @cached_property
+    def _sightings(self) -> dict[str, dict[int, list[str]]]:
+        """For every sign of a merged map its names by drive."""
+        from automap.io.map_tables import SIGHTINGS
+        from automap.io.tables import read_table
+
+        number = {drive.name: k for k, drive in enumerate(self.drives)}
+        columns = ("drive", "drive_sign", "sign_id")
+        try:
+            table = read_table(self.out / SIGHTINGS, columns)
+        except AutoMapError:
+            return {}
+        names_of: dict[str, dict[int, list[str]]] = {}
+        for drive, own, name in zip(*(table.column(c).to_pylist() for c in columns), strict=True):
+            if name and drive in number:
+                names_of.setdefault(name, {}).setdefault(number[drive], []).append(own)
+        return names_of
+
+    @cached_property
+    def _clock(self) -> ClockModel | None:
+        """The clock of the signs' stamps."""
+        if not self.merged:
+            return self.drives[0].clock
+        from automap.io.clock_json import read_clock
+
+        try:
+            return read_clock(self.out / names.SYNC)
+        except (AutoMapError, OSError):
+            return None
 
     def _values(self, signs: SignTable, row: int) -> dict[str, Any]:
         first, last = (
@@ -131,8 +164,7 @@ class ViewedMap:
         return {name: value for name, value in values.items() if value not in (None, "", [])}
 
     def _time(self, stamps: IntArray) -> str | None:
-        clock = self.drives[0].clock if len(self.drives) == 1 else None
-        return iso_texts(utc_of_stamps(stamps, clock))[0]
+        return iso_texts(utc_of_stamps(stamps, self._clock))[0]
 
     def face(self, class_index: int) -> bytes | None:
         """A picture of a class, PNG; None where the vocabulary has none."""
@@ -232,13 +264,43 @@ def open_map(out: Path) -> ViewedMap:
     if not out.is_dir():
         raise InputError(f"{out} is no output folder of automap run; run the drive first.")
     signs = read_sign_table(out)
-    drives = [_own_drive(out)]
-    if signs is None and drives[0].trajectory is None:
+    merged = _merged_drives(out)
+    drives = [_own_drive(out)] if merged is None else merged
+    if signs is None and (merged is not None or drives[0].trajectory is None):
         inside = sorted(p.parent.name for p in out.glob(f"*/{names.RUN}"))
         hint = f"; it has the runs {', '.join(inside[:4])}, view one of them" if inside else ""
         raise InputError(f"{out} holds neither signs nor a trajectory{hint or '; run the drive'}.")
     read_review(out / names.REVIEW)
-    return ViewedMap(out.resolve(), drives[0].name, False, signs, drives)
+    name = drives[0].name if merged is None else out.resolve().name
+    return ViewedMap(out.resolve(), name, merged is not None, signs, drives)
+
+
+def _merged_drives(out: Path) -> list[MapDrive] | None:
+    """The drives of a merged map, None where ``out`` is the map of one run."""
+    from pipeline.merge_inputs import MERGE
+
+    if not (out / MERGE).is_file():
+        return None
+    try:
+        listed = json.loads((out / MERGE).read_text(encoding="utf-8"))["drives"]
+        return [_drive_of(out, str(value["name"]), Path(value["folder"])) for value in listed]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{out / MERGE} cannot be used ({error}); merge the drives again."
+        ) from error
+
+
+def _drive_of(out: Path, name: str, folder: Path) -> MapDrive:
+    """A drive of a merged map; a folder that is no longer there shows nothing of it."""
+    root = out.resolve()
+    # a relative name was one of where the merge was started, mostly beside the map
+    places = [folder, root.parent / folder, root / folder, root.parent / folder.name]
+    place = next((p for p in places if (p / names.RUN).is_file()), None)
+    if place is None:
+        lost = f"The results of {name} are not at {folder} any more, so its views are not shown."
+        return MapDrive(name, None, None, [lost])
+    found = _own_drive(place)
+    return MapDrive(name, place, found.folder)
 
 
 def _own_drive(out: Path) -> MapDrive:

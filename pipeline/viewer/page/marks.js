@@ -2,6 +2,7 @@
 import { COLOURS, classOf, metresPerUnit, place } from "./signs.js";
 
 const CELL = 52;           // pixels of a cell of the cluster grid, at least
+const APART_PX = 38;       // discs nearer than this are one
 const FACES = 500;         // more signs in view than this are drawn as dots
 const APART = 14;          // pixels per metre from which signs are never put together
 export const RING = { accepted: "--good", rejected: "--bad", corrected: "--warn" };
@@ -62,10 +63,36 @@ function clustered(map, signs, drawn, state) {
       if (y[i] > sum[s + 5]) sum[s + 5] = y[i];
     }
   }
+  return gathered(map, drawn, cells, columns);
+}
+
+// a town on the border of cells is one disc: cells take in neighbours that would overlap
+function gathered(map, drawn, cells, columns) {
+  const { n, first } = grid;
+  const order = [];
+  for (let c = 0; c < cells; c++) if (n[c]) order.push(c);
+  order.sort((a, b) => n[b] - n[a]);
+  const near = [-columns - 1, -columns, -columns + 1, -1, 1, columns - 1, columns, columns + 1];
   const singles = [];
-  for (let c = 0; c < cells; c++) {
-    if (n[c] === 1) singles.push(first[c]);
-    else if (n[c] > 1) drawn.push(disc(map, n[c], sum.subarray(6 * c, 6 * c + 6), state));
+  for (const c of order) {
+    if (!n[c]) continue;
+    const s = sum.subarray(6 * c, 6 * c + 6);
+    let count = n[c];
+    n[c] = 0;
+    const x = s[0] / count, y = s[1] / count;
+    for (const step of near) {
+      const o = c + step;
+      if (!(o >= 0 && o < cells && n[o])) continue;
+      const t = sum.subarray(6 * o, 6 * o + 6);
+      if (Math.hypot(t[0] / n[o] - x, t[1] / n[o] - y) * map.k > APART_PX) continue;
+      count += n[o];
+      n[o] = 0;
+      s[0] += t[0]; s[1] += t[1];
+      s[2] = Math.min(s[2], t[2]); s[3] = Math.min(s[3], t[3]);
+      s[4] = Math.max(s[4], t[4]); s[5] = Math.max(s[5], t[5]);
+    }
+    if (count === 1) singles.push(first[c]);
+    else drawn.push(disc(map, count, s));
   }
   return singles;
 }

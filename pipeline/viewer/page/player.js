@@ -133,7 +133,7 @@ export class Player {
     ctx.textBaseline = "bottom";
     for (const box of boxes) {
       const [x0, y0, x1, y1] = box.box.map((v) => v * scale);
-      const own = chosen !== null && box.sign !== null && (box.sign === chosen.id || (chosen.names ?? []).includes(box.sign));
+      const own = chosen !== null && (chosen.names[this.drive.number] ?? []).includes(box.sign);
       ctx.strokeStyle = own ? "#ffd33d" : box.sign ? "#58d68d" : "#9aa5b1";
       ctx.lineWidth = own ? 2 * line : line;
       ctx.strokeRect(x0, y0, x1 - x0, y1 - y0);
