@@ -21,15 +21,17 @@ def open_detector(settings: DetectSettings, country: str | None) -> Detector:
         from automap.vision.custom import CustomDetector
 
         return CustomDetector(_path(settings.detector))
-    from automap.vision.classical import ClassicalDetector
+    from automap.vision.network import default_detector
 
-    return ClassicalDetector()
+    return default_detector(country)
 
 
 def detector_files(settings: Settings) -> list[Path]:
-    """The files of the user's own detector, as far as they are known."""
+    """The files that make the detector, as far as they are known."""
     if not settings.detect.detector:
-        return []
+        import automap.vision
+
+        return sorted((Path(automap.vision.__path__[0]) / "models").glob("*.onnx"))
     from automap.errors import ConfigError
     from automap.vision.custom import read_description
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
@@ -22,6 +22,8 @@ Image = npt.NDArray[np.uint8]
 
 _LONGEST_BRIDGE_S = 1.5
 """Between two views of a track its box is drawn too, unless they are further apart."""
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+_LETTERS = 0.45
 _COLOURS = (
     (60, 200, 60), (60, 160, 255), (255, 160, 60), (220, 80, 220), (60, 220, 220), (255, 220, 60),
 )  # fmt: skip
@@ -80,21 +82,41 @@ def annotate_video(
             container.mux(packet)
 
 
-def draw(image: Image, labels: tuple[Label, ...] | list[Label]) -> None:
-    """Draw boxes with their names into a picture, in place."""
-    for label in labels:
-        x0, y0, x1, y1 = (int(v) for v in np.rint(label.box))
-        cv2.rectangle(
-            image, (x0 - 2, y0 - 2), (x1 + 2, y1 + 2), label.colour, 2 if label.sure else 1
+def draw(image: Image, labels: Sequence[Label]) -> None:
+    """Draw boxes with their names into a picture, in place; a name covers no other box."""
+    margin = np.array([-2, -2, 2, 2])
+    boxes = [np.rint(label.box).astype(np.int64) + margin for label in labels]
+    for label, box in zip(labels, boxes, strict=True):
+        x0, y0, x1, y1 = (int(v) for v in box)
+        cv2.rectangle(image, (x0, y0), (x1, y1), label.colour, 2 if label.sure else 1)
+        (wide, high), _ = cv2.getTextSize(label.text, _FONT, _LETTERS, 1)
+        left, top = _place(image.shape[:2], (x0, y0, x1, y1), (wide + 4, high + 6), boxes)
+        cv2.rectangle(image, (left, top), (left + wide + 4, top + high + 6), label.colour, -1)
+        start = (left + 2, top + high + 2)
+        cv2.putText(image, label.text, start, _FONT, _LETTERS, (20, 20, 20), 1, cv2.LINE_AA)
+
+
+def _place(
+    shape: tuple[int, ...],
+    box: tuple[int, int, int, int],
+    size: tuple[int, int],
+    boxes: Sequence[npt.NDArray[np.int64]],
+) -> tuple[int, int]:
+    """The corner of a label of (width, height) above, below, right or left of its box, within
+    the picture, where it covers the fewest boxes."""
+    x0, y0, x1, y1 = box
+    wide, high = size
+    most = (max(shape[1] - wide - 1, 0), max(shape[0] - high - 1, 0))
+    corners = [(x0, y0 - high - 2), (x0, y1 + 2), (x1 + 2, y0), (x0 - wide - 2, y0)]
+    inside = [(min(max(x, 0), most[0]), min(max(y, 0), most[1])) for x, y in corners]
+
+    def covered(corner: tuple[int, int]) -> int:
+        left, top = corner
+        return sum(
+            left < b[2] and left + wide > b[0] and top < b[3] and top + high > b[1] for b in boxes
         )
-        (wide, high), _ = cv2.getTextSize(label.text, cv2.FONT_HERSHEY_SIMPLEX, 0.45, 1)
-        left = int(np.clip(x0 - 2, 0, max(image.shape[1] - wide - 4, 0)))
-        top = y0 - high - 9 if y0 - high - 9 >= 0 else min(y1 + 5, image.shape[0] - high - 5)
-        cv2.rectangle(image, (left, top), (left + wide + 4, top + high + 5), label.colour, -1)
-        place = (left + 2, top + high + 1)
-        cv2.putText(
-            image, label.text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (20, 20, 20), 1, cv2.LINE_AA
-        )
+
+    return min(inside, key=covered)
 
 
 def label_for(box: FloatArray, class_name: str, score: float, track: int, sure: bool) -> Label:

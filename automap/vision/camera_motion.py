@@ -8,7 +8,7 @@ distance is then a guess, but for a standstill.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -28,7 +28,8 @@ _FEWEST = 12
 _STILL_PX = 0.25
 _TURN_RATE_SD = 0.3
 _SPEED = 12.0
-_SPEED_SHARE = 0.6
+_SPEED_LOG_SD = 0.6
+_SPEED_SHARE = 0.2
 
 
 @dataclass(frozen=True)
@@ -37,12 +38,15 @@ class Motion:
 
     ``C_new_old`` [3, 3] earlier to later camera axes (forward, right, down); ``moved`` [3] m
     travelled, in the earlier axes; ``turn_sd`` rad and ``moved_sd`` [3] m one sigma.
+    ``scale_log_sd`` is that of a factor on all distances, which stays much the same from frame
+    to frame: where the speed is a guess, so is every depth.
     """
 
     C_new_old: FloatArray
     moved: FloatArray
     turn_sd: float
     moved_sd: FloatArray
+    scale_log_sd: float = 0.0
 
     @property
     def size(self) -> float:
@@ -60,14 +64,15 @@ def motion_on_path(path: CameraPath, old: int, new: int, seconds: float) -> Moti
     distance = float(np.linalg.norm(moved))
     # attitude is good from frame to frame; mounting and time offset tilt the way ahead
     moved_sd = np.full(3, 0.05 + 0.04 * distance)
-    return Motion(C_new_old, moved, 0.002 + 0.01 * min(seconds, 3.0), moved_sd)
+    return Motion(C_new_old, moved, 0.0015 + 0.004 * min(seconds, 3.0), moved_sd)
 
 
 def guessed_motion(seconds: float) -> Motion:
     """Nothing is known: town speed straight ahead, and any turn that a car can make."""
     ahead = _SPEED * seconds
     sd = np.array([_SPEED_SHARE * ahead, 0.1 * ahead, 0.05 * ahead]) + 0.1
-    return Motion(np.eye(3), np.array([ahead, 0.0, 0.0]), _TURN_RATE_SD * seconds, sd)
+    turn_sd = _TURN_RATE_SD * seconds
+    return Motion(np.eye(3), np.array([ahead, 0.0, 0.0]), turn_sd, sd, _SPEED_LOG_SD)
 
 
 class ImageMotion:
@@ -97,7 +102,7 @@ class ImageMotion:
         if len(old) < _FEWEST:
             return guess
         if float(np.median(np.linalg.norm(new - old, axis=1))) < _STILL_PX:
-            return Motion(np.eye(3), np.zeros(3), 0.002, np.full(3, 0.05))
+            return Motion(np.eye(3), np.zeros(3), 0.002, np.full(3, 0.05), _SPEED_LOG_SD)
         focal = focal_length(self._camera) * scale
         centre = self._camera.matrix[:2, 2] * scale
         turn, sd = _turn_from_flow((old - centre) / focal, (new - centre) / focal, focal)
@@ -105,7 +110,8 @@ class ImageMotion:
             return guess
         from automap.frames import rotation_vector_to_matrix
 
-        return Motion(rotation_vector_to_matrix(turn).T, guess.moved, sd, guess.moved_sd)
+        C_new_old = rotation_vector_to_matrix(turn).T
+        return replace(guess, C_new_old=C_new_old, turn_sd=sd)
 
 
 def _flow(before: Image, now: Image) -> tuple[FloatArray, FloatArray]:

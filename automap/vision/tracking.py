@@ -22,7 +22,6 @@ from automap.vision.detector import FoundSigns
 
 _IMPOSSIBLE = 1e6
 _NEAREST_M = 0.5
-_GUESSED = 0.3
 _CLOSER = 0.6
 
 
@@ -30,7 +29,7 @@ _CLOSER = 0.6
 class TrackingRules:
     """``pixel_sd`` px and ``box_fraction`` of its height: error of a box; ``size_m`` and
     ``size_log_sd`` of signs; ``gate`` squared sigmas up to which a box continues a track;
-    ``other_class`` what another class costs, in the same unit, when both are sure;
+    ``alone`` what a new track costs, in the same unit, and ``other_class`` another class;
     ``silence_s`` and ``silence_m`` after both of which an unseen track ends; ``beyond`` how far
     outside the picture, in parts of its width, a track is still followed."""
 
@@ -38,7 +37,8 @@ class TrackingRules:
     box_fraction: float = 0.08
     size_m: float = 0.7
     size_log_sd: float = 0.5
-    gate: float = 18.0
+    gate: float = 16.0
+    alone: float = 22.0
     other_class: float = 6.0
     silence_s: float = 4.0
     silence_m: float = 15.0
@@ -73,7 +73,7 @@ class Tracker:
         for row, link in zip(usable.tolist(), links.tolist(), strict=True):
             name, score = found.class_name[row], float(found.score[row])
             if link < 0:
-                link = self._start(z[row], R[row])
+                link = self._start(z[row], R[row], motion.scale_log_sd)
             else:
                 self._update(link, z[row], R[row])
             self._silent_s[link] = self._silent_m[link] = 0.0
@@ -109,7 +109,7 @@ class Tracker:
         inverse = np.exp(x[:, 2])
         old = np.column_stack([np.ones(len(x)), x[:, 0], x[:, 1]])
         moved = np.tile(motion.moved, (len(x), 1))
-        if motion.moved_sd[0] > _GUESSED * abs(motion.moved[0]):
+        if motion.scale_log_sd > 0.0:
             # what is only guessed passes no sign; it stays in front until it is not seen there
             part = _CLOSER / np.maximum(inverse * motion.moved[0], 1e-9)
             moved *= part.clip(max=1.0)[:, None]
@@ -189,21 +189,21 @@ class Tracker:
                 votes = self._votes[j]
                 share = votes.get(name, 0.0) / sum(votes.values())
                 cost[i, j] += self._rules.other_class * (1.0 - share)
-        gate = self._rules.gate
-        cost[(squared > gate) | (cost > 2.0 * gate)] = _IMPOSSIBLE
+        cost[(squared > self._rules.gate) | (cost > self._rules.alone)] = _IMPOSSIBLE
         alone = np.full((n, n), _IMPOSSIBLE)
-        np.fill_diagonal(alone, 2.0 * gate)
+        np.fill_diagonal(alone, self._rules.alone)
         rows, columns = linear_sum_assignment(np.hstack([cost, alone]))
         links = np.full(n, -1, np.int64)
         taken = (columns < m) & (cost[rows, np.minimum(columns, m - 1)] < _IMPOSSIBLE)
         links[rows[taken]] = columns[taken]
         return links
 
-    def _start(self, z: FloatArray, R: FloatArray) -> int:
+    def _start(self, z: FloatArray, R: FloatArray, scale_log_sd: float) -> int:
         rules = self._rules
         size = np.log(rules.size_m)
-        P = np.diag([R[0], R[1], R[2] + rules.size_log_sd**2, rules.size_log_sd**2])
-        P[2, 3] = P[3, 2] = -(rules.size_log_sd**2)
+        variance = rules.size_log_sd**2 + scale_log_sd**2
+        P = np.diag([R[0], R[1], R[2] + variance, variance])
+        P[2, 3] = P[3, 2] = -variance
         self._x = np.vstack([self._x, [z[0], z[1], z[2] - size, size]])
         self._P = np.concatenate([self._P, P[None]])
         self._number = np.append(self._number, self._next)
