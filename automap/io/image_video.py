@@ -15,7 +15,7 @@ _TICK = Fraction(1, 1000)
 
 
 def write_image_video(path: Path, images: Iterable[tuple[int, bytes]]) -> int:
-    """Write ``(t_ns, JPEG)`` in order as a Matroska file; returns the number of frames.
+    """Write ``(t_ns, JPEG)`` in order as an MP4 file; returns the number of frames.
 
     Times are those of the first frame on, in ms; the exact ones belong into a frames file.
     Raises InputError when there is no image, or one of another size than the first.
@@ -26,7 +26,7 @@ def write_image_video(path: Path, images: Iterable[tuple[int, bytes]]) -> int:
     first_ns = 0
     last = -1
     size: tuple[int, int] | None = None
-    with av.open(str(path), "w", format="matroska") as container:
+    with av.open(str(path), "w", format="mp4") as container:
         stream = container.add_stream("mjpeg", rate=30)
         stream.pix_fmt = "yuvj420p"
         stream.time_base = _TICK

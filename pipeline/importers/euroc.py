@@ -75,6 +75,6 @@ def _write_video(run: Import, camera: EurocCamera) -> str:
 
     run.sources += camera.images
     folder = make_folder(run.folder / "video")
-    write_image_video(folder / "front.mkv", images())
+    write_image_video(folder / "front.mp4", images())
     write_frames(run, camera.t_ns)
-    return video_section("front.mkv", "unix_ns", matrix=camera.matrix, distortion=camera.distortion)
+    return video_section("front.mp4", "unix_ns", matrix=camera.matrix, distortion=camera.distortion)

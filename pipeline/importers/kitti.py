@@ -99,10 +99,10 @@ def _write_video(run: Import, drive: KittiDrive) -> str:
 
     run.sources += drive.images
     folder = make_folder(run.folder / "video")
-    write_image_video(folder / "front.mkv", images())
+    write_image_video(folder / "front.mp4", images())
     write_frames(run, drive.image_t_ns)
     return video_section(
-        "front.mkv", "unix_ns", matrix=drive.camera.matrix, more=_mounting(drive.camera)
+        "front.mp4", "unix_ns", matrix=drive.camera.matrix, more=_mounting(drive.camera)
     )
 
 

@@ -87,9 +87,9 @@ def _write_video(run: Import, images: list[PlacedImage]) -> str:
         for image, stamp in zip(images, t_ns.tolist(), strict=True):
             yield stamp, as_jpeg(image.path.read_bytes(), str(image.path))
 
-    write_image_video(make_folder(run.folder / "video") / "front.mkv", frames())
+    write_image_video(make_folder(run.folder / "video") / "front.mp4", frames())
     write_frames(run, t_ns)
-    return video_section("front.mkv", "unix_ns", more="mount_rpy_sigma_deg = 5.0\n")
+    return video_section("front.mp4", "unix_ns", more="mount_rpy_sigma_deg = 5.0\n")
 
 
 def _spread(t_ns: np.ndarray) -> np.ndarray:

@@ -133,7 +133,7 @@ def _write_video(run: Import, bag: Bag, topic: str | None) -> str:
             stamps.append(stamp)
             yield stamp, data
 
-    write_image_video(folder / "front.mkv", images())
+    write_image_video(folder / "front.mp4", images())
     write_frames(run, np.array(stamps, np.int64))
     near = chosen.rsplit("/", 1)[0].removesuffix("/image_raw").removesuffix("/image_rect")
     infos = [t for t, (kind, n) in bag.topics.items() if kind in rosbag.INFO and n]
@@ -141,6 +141,6 @@ def _write_video(run: Import, bag: Bag, topic: str | None) -> str:
     camera = rosbag.read_camera(bag, info) if info is not None else None
     if camera is None:
         run.warn(f"{run.source}: no CameraInfo beside {chosen}; add camera_matrix to drive.toml")
-        return video_section("front.mkv", "unix_ns")
+        return video_section("front.mp4", "unix_ns")
     size, matrix, distortion = camera
-    return video_section("front.mkv", "unix_ns", size, matrix, distortion)
+    return video_section("front.mp4", "unix_ns", size, matrix, distortion)
