@@ -134,6 +134,8 @@ def sign_picture(image: Image, box: FloatArray) -> bytes | None:
 
     height, width = image.shape[:2]
     x0, y0, x1, y1 = (float(value) for value in box)
+    if not min(x1 - x0, y1 - y0) >= 1.0:
+        return None
     rim = max(_RIM * max(x1 - x0, y1 - y0), _RIM_PX)
     left, top = max(int(np.floor(x0 - rim + 0.5)), 0), max(int(np.floor(y0 - rim + 0.5)), 0)
     right = min(int(np.ceil(x1 + rim + 0.5)), width)
