@@ -1,4 +1,4 @@
-"""A trajectory as some forty epochs with their sigmas, and how far a later one is from it."""
+"""A trajectory as some thirty epochs with their sigmas, and how far a later one is from it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from automap.interpolation import poses_at
 from automap.records import FloatArray, IntArray, Trajectory
 from automap.regression.change import Change, Tolerance
 
-EPOCHS = 40
+EPOCHS = 32
 _NAMES = ("north", "east", "down", "v north", "v east", "v down", "roll", "pitch", "yaw")
 _UNITS = ("m", "m", "m", "m/s", "m/s", "m/s", "deg", "deg", "deg")
 _FLOOR = np.array([0.005] * 3 + [0.002] * 3 + [np.radians(0.005)] * 3)
@@ -179,7 +179,7 @@ def _spread(
 
 
 def to_json(epochs: Epochs) -> dict[str, Any]:
-    """The epochs as small integers and short numbers: some 4 kB for forty of them."""
+    """The epochs as small integers and short numbers: some 3 kB for thirty of them."""
     if len(epochs) == 0:
         return {}
     lat0, lon0 = float(epochs.lat_rad[0]), float(epochs.lon_rad[0])
@@ -204,7 +204,7 @@ def to_json(epochs: Epochs) -> dict[str, Any]:
             for column in (values / _STEP).T
         ],
         "sd": [
-            [None if not np.isfinite(v) else float(f"{v:.4g}") for v in column.tolist()]
+            [None if not np.isfinite(v) else float(f"{v:.3g}") for v in column.tolist()]
             for column in epochs.sd.T
         ],
     }

@@ -141,8 +141,16 @@ def _shown(value: float, sd: float) -> str:
 
 
 def to_json(figures: Figures) -> dict[str, list[float]]:
-    """Pairs of value, in full, and sigma to four figures."""
-    return {name: [value, float(f"{sd:.4g}")] for name, (value, sd) in figures.items()}
+    """Pairs of value, to a thousandth of its sigma, and sigma to four figures."""
+    return {
+        name: [_rounded(value, sd), float(f"{sd:.4g}")] for name, (value, sd) in figures.items()
+    }
+
+
+def _rounded(value: float, sd: float) -> float:
+    if not 0.0 < sd < math.inf:
+        return value
+    return round(value, 3 - math.floor(math.log10(sd)))
 
 
 def from_json(stored: Mapping[str, Any]) -> Figures:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _COUNTS = ("fixes", "fixes_used", "n_detections", "detections_used")
 _PATH_TOLERANCE_M = 0.5
-_PATH_LIMIT = 120
+_PATH_LIMIT = 80
 _DIGEST_LENGTH = 12
 _TRUTH = ("position_rms_m", "velocity_rms", "attitude_rms_deg")
 
