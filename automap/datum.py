@@ -9,6 +9,7 @@ operations; what is refused here is its habit of taking "no shift at all, good t
 from __future__ import annotations
 
 import re
+import warnings
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -135,6 +136,13 @@ def parse_datum(text: str) -> Datum:
     return Datum(crs.name, code, epoch)
 
 
+def is_moving(code: str) -> bool:
+    """Whether coordinates in a system change with time, as in an ITRF, so that they need an
+    epoch."""
+    datum = _crs(code).datum
+    return datum is not None and "Dynamic" in datum.type_name
+
+
 def _plain(name: str) -> str:
     return re.sub(r"[^A-Z0-9]", "", name.upper())
 
@@ -155,17 +163,19 @@ def to_datum(
     height_m: FloatArray,
     datum: Datum,
     recorded: float | None,
+    frame: str | None = None,
 ) -> InDatum:
-    """Recorded WGS-84 coordinates [n] in another datum.
+    """Recorded coordinates [n] in another datum.
 
     ``recorded`` is the year of the recording, where it is known; the datum's own epoch goes
-    before it. A height that is not known (NaN) stays so. Raises ConfigError when neither is
-    known, InputError when the datum is not made for the place or PROJ has no operation that is
-    good enough, with what is missing.
+    before it. ``frame`` is the EPSG code of the frame that the coordinates are in, by default
+    that of WGS 84 as it was broadcast then. A height that is not known (NaN) stays so. Raises
+    ConfigError when no year is known, InputError when the datum is not made for the place or
+    PROJ has no operation that is good enough, with what is missing.
     """
     lon, lat = np.asarray(lon_deg, np.float64), np.asarray(lat_deg, np.float64)
     height = np.asarray(height_m, np.float64)
-    warnings: list[str] = []
+    sentences: list[str] = []
     epoch = datum.epoch if datum.epoch is not None else recorded
     if datum.is_native:
         year = float("nan") if epoch is None else epoch
@@ -176,15 +186,15 @@ def to_datum(
             f"as in {datum.name}@2026.5."
         )
     if recorded is not None and abs(epoch - recorded) > EPOCH_SLACK_YEARS:
-        warnings.append(
+        sentences.append(
             f"--datum says {epoch:.1f} and the recording is of {recorded:.1f}; {epoch:.1f} is "
             "taken, though plates move up to 7 cm a year."
         )
     good = np.isfinite(lon) & np.isfinite(lat)
     out = [lon.copy(), lat.copy(), height.copy()]
-    source = next(code for first, code in _REALISATIONS if epoch >= first)
+    source = frame or next(code for first, code in _REALISATIONS if epoch >= first)
     if not good.any():
-        return InDatum(datum, *out, epoch, "none", 0.0, 0.0, tuple(warnings))
+        return InDatum(datum, *out, epoch, "none", 0.0, 0.0, tuple(sentences))
     bounds = tuple(
         float(v) for v in (lon[good].min(), lat[good].min(), lon[good].max(), lat[good].max())
     )
@@ -204,7 +214,7 @@ def to_datum(
     shift = 6.371e6 * np.hypot(east, np.radians(out[1] - lat))
     return InDatum(
         datum, *out, epoch, str(transformer.description), accuracy,
-        float(np.nanmax(shift)), tuple(warnings),
+        float(np.nanmax(shift)), tuple(sentences),
     )  # fmt: skip
 
 
@@ -237,13 +247,23 @@ def _operation(
     from pyproj.aoi import AreaOfInterest
     from pyproj.transformer import TransformerGroup
 
-    group = TransformerGroup(
-        source,
-        target,
-        always_xy=True,
-        allow_ballpark=False,
-        area_of_interest=AreaOfInterest(*bounds),
-    )
+    try:
+        with warnings.catch_warnings():
+            # missing grids are told below, in a sentence of our own
+            warnings.simplefilter("ignore", UserWarning)
+            group = TransformerGroup(
+                source,
+                target,
+                always_xy=True,
+                allow_ballpark=False,
+                area_of_interest=AreaOfInterest(*bounds),
+            )
+    except IndexError:
+        # pyproj stumbles over an empty list of operations
+        raise InputError(
+            f"--datum {name}: no transformation from satellite coordinates is good to "
+            f"{LEAST_ACCURACY_M:g} m; PROJ has none."
+        ) from None
     refused = ""
     for transformer in group.transformers:
         # PROJ says 0 for operations that define a frame and -1 where nothing is known

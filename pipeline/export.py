@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from automap.datum import is_moving
 from automap.errors import ConfigError, InputError
 from automap.export import geojson, kml, trajectory_formats
 from automap.export.fields import SIGN_FIELDS, Field
@@ -21,6 +22,7 @@ from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
 from automap.io.atomic import write_bytes, write_chunks, write_json, write_text
 from automap.records import NO_TIME, FloatArray, Trajectory
+from pipeline.export_datum import check_format, in_datum, sea_level_heights
 from pipeline.export_view import TrajectoryView, viewed
 from pipeline.lineage import lineage
 from pipeline.pictures import Picture, pictures_by_sign, read_pictures
@@ -42,6 +44,8 @@ class MapContent:
     """Run, versions and inputs, for the metadata of every file."""
     country: str | None = None
     pictures: list[Picture] = field(default_factory=list)
+    crs: str | None = None
+    """Coordinate system of the positions where it is not WGS-84."""
 
 
 def map_content(out: Path, name: str, min_confidence: float = 0.0) -> MapContent:
@@ -65,6 +69,7 @@ def map_content(out: Path, name: str, min_confidence: float = 0.0) -> MapContent
         country=_country(record),
         pictures=pictures,
     )
+    signs.values["height_msl_m"] = sea_level_heights(signs, _geoid(content)[0])
     if min_confidence > 0.0:
         content.lineage["min_confidence"] = min_confidence
     if left_out:
@@ -191,15 +196,18 @@ def write_gpkg(content: MapContent, path: Path) -> None:
         styles.append(qgis_style.track_style(sigma_limits(sigma), sigma_classes(sigma)[1]))
     built.append(layers.ellipse_layer(content.signs))
     styles.append(qgis_style.ellipse_style())
-    gis.write_layers(path, built, lineage=content.lineage, styles=styles)
+    crs = content.crs or gis.WGS84_3D
+    gis.write_layers(path, built, lineage=content.lineage, crs=crs, styles=styles)
 
 
 def write_geoparquet(content: MapContent, path: Path) -> None:
     """Write the signs as GeoParquet."""
     from automap.export import gis
 
-    epoch = content.lineage.get("coordinate_epoch")
-    gis.write_geoparquet(path, content.signs, content.lineage, epoch=epoch)
+    # a national datum moves with its plate: its coordinates hold at all times
+    moves = content.crs is None or is_moving(content.crs)
+    epoch = content.lineage.get("coordinate_epoch") if moves else None
+    gis.write_geoparquet(path, content.signs, content.lineage, crs=content.crs, epoch=epoch)
 
 
 def write_flatgeobuf(content: MapContent, path: Path) -> None:
@@ -207,7 +215,8 @@ def write_flatgeobuf(content: MapContent, path: Path) -> None:
     from automap.export import gis, layers
 
     layer = layers.sign_layer(content.signs)
-    gis.write_layers(path, [layer], driver="FlatGeobuf", lineage=content.lineage)
+    crs = content.crs or gis.WGS84_3D
+    gis.write_layers(path, [layer], driver="FlatGeobuf", lineage=content.lineage, crs=crs)
 
 
 def write_csv(content: MapContent, path: Path) -> None:
@@ -310,12 +319,14 @@ def export_run(
     target: Path | None = None,
     view: TrajectoryView | None = None,
     min_confidence: float = 0.0,
+    datum: str = "",
 ) -> tuple[Path, list[str]]:
     """Write the map of a finished run in one format, and the data dictionary beside it.
 
     ``target`` is the file to write, by default the format's own name in OUT; ``view`` which
-    trajectory, for the formats of one; ``min_confidence`` leaves out signs less sure. Returns
-    the file and the warnings. Raises ConfigError for an unknown format or a view of signs,
+    trajectory, for the formats of one; ``min_confidence`` leaves out signs less sure;
+    ``datum`` such as GDA2020@2026.5 moves the positions of GIS formats into it. Returns the
+    file and the warnings. Raises ConfigError for an unknown format or a view of signs,
     InputError when OUT holds no run.
     """
     view = TrajectoryView() if view is None else view
@@ -326,6 +337,7 @@ def export_run(
             f"--at, --point and --filtered choose a trajectory, and {fmt} is a format of signs; "
             f"take one of {', '.join(TRAJECTORY_FORMATS)}."
         )
+    check_format(datum, fmt)
     if not out.is_dir():
         raise InputError(f"{out} is no output folder of automap run; run the drive first.")
     has_run = (names.RUN, names.TRAJECTORY, names.SIGNS_RAW)
@@ -337,6 +349,8 @@ def export_run(
     if not view.is_plain:
         content.products.trajectory = viewed(out, _trajectory(content), view)
         content.every_row = view.at is not None
+    if datum:
+        content = in_datum(content, datum)
     write(content, path)
     write_dictionary(path.with_name(names.DICTIONARY))
     if fmt in TRAJECTORY_FORMATS:

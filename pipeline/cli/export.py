@@ -11,6 +11,7 @@ from pipeline.cli.command import Command
 _EPILOG = """\b
 Examples:
   automap export data/sample-drive/_automap --format csv
+  automap export maps --format gpkg --datum GDA2020 -o signs-gda2020.gpkg
   automap export maps --format osm --min-confidence 0.8 -o review.osm
   automap export maps --format tum --point antenna
   automap export maps --format trajectory-csv --at frames.csv --point front -o frames_poses.csv
@@ -56,6 +57,13 @@ Examples:
     metavar="C",
     help="Leave out signs less sure than this, 0 to 1. Default: 0.",
 )
+@click.option(
+    "--datum",
+    default="",
+    metavar="D",
+    help="Datum of the positions in gpkg, parquet, flatgeobuf and csv, as GDA2020@2026.5: its "
+    "name or EPSG code, and the year of the coordinates. Default: WGS-84; the drive's year.",
+)
 @click.option("--filtered", is_flag=True, help="The forward filter's trajectory, not smoothed.")
 def command(
     out: Path,
@@ -64,6 +72,7 @@ def command(
     at: Path | None,
     point: str,
     min_confidence: float,
+    datum: str,
     filtered: bool,
 ) -> None:
     """Write the map in OUT, or its trajectory, in one more format.
@@ -74,7 +83,7 @@ def command(
     from pipeline.export_view import TrajectoryView
 
     path, warnings = export_run(
-        out, form, target, TrajectoryView(at, point, filtered), min_confidence
+        out, form, target, TrajectoryView(at, point, filtered), min_confidence, datum
     )
     for text in warnings:
         click.echo(f"warning: {text}", err=True)

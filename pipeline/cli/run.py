@@ -47,6 +47,11 @@ Examples:
 @click.option(
     "--tune", is_flag=True, help="Find the noise levels of the fusion by likelihood, finely."
 )
+@click.option(
+    "--datum",
+    metavar="D",
+    help="Datum of GeoPackage and Parquet, as GDA2020@2026.5. Default: WGS-84.",
+)
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object at the end.")
 def command(
@@ -60,6 +65,7 @@ def command(
     force: bool,
     dry_run: bool,
     tune: bool,
+    datum: str | None,
     quiet: bool,
     as_json: bool,
 ) -> int:
@@ -77,6 +83,8 @@ def command(
     from pipeline.summary import as_dict
     from pipeline.terminal import Terminal
 
+    if datum:
+        assignments = (*assignments, f"export.datum={datum}")
     if tune:
         assignments = (*assignments, "fuse.tune=true")
     settings = load_settings(config, assignments)

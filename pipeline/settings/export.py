@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from pipeline.settings.section import Section
 
@@ -12,5 +12,20 @@ class ExportSettings(Section):
 
     min_confidence: float = Field(default=0.0, ge=0.0, le=1.0)
     """Signs less sure than this are left out of the map."""
+    datum: str = ""
+    """Datum of the GIS files, such as GDA2020@2026.5; "" leaves WGS-84."""
     pictures: bool = True
     """Whether pictures of the signs are cut out of the video."""
+
+    @field_validator("datum", mode="after")
+    @classmethod
+    def _datum_exists(cls, value: str) -> str:
+        from automap.datum import parse_datum
+        from automap.errors import ConfigError
+
+        if value:
+            try:
+                parse_datum(value)
+            except ConfigError as error:
+                raise ValueError(str(error)) from None
+        return value

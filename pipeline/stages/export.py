@@ -21,6 +21,7 @@ def run(context: StageContext) -> None:
         write_dictionary,
         write_rejected,
     )
+    from pipeline.export_datum import DATUM_FORMATS, in_datum
     from pipeline.pictures import take_pictures, write_pictures
 
     settings = context.settings.export
@@ -34,12 +35,13 @@ def run(context: StageContext) -> None:
             lambda done: context.progress(0.7 * done, "sign pictures"),
         )
         write_pictures(context.work, content.pictures)
-    for text in content.warnings:
+    elsewhere = in_datum(content, settings.datum) if settings.datum else content
+    for text in elsewhere.warnings:
         context.warn(text)
     for number, fmt in enumerate(STANDARD_FORMATS):
         file_name, write = FORMATS[fmt]
         context.progress(0.7 + 0.3 * number / len(STANDARD_FORMATS), file_name)
-        write(content, context.work / file_name)
+        write(elsewhere if fmt in DATUM_FORMATS else content, context.work / file_name)
     write_dictionary(context.work / names.DICTIONARY)
     if content.products.rejected:
         write_rejected(content, context.work / names.REJECTED)
