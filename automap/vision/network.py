@@ -31,10 +31,10 @@ class NetworkRules:
     one sign; ``inside`` the share of a smaller box within a larger one that does the same;
     ``most`` boxes a picture."""
 
-    min_score: float = 0.05
+    min_score: float = 0.08
     overlap: float = 0.4
     inside: float = 0.8
-    most: int = 60
+    most: int = 32
 
 
 def default_detector(country: str | None = None, threads: int = 1) -> NetworkDetector:

@@ -86,7 +86,7 @@ class SampleMaker:
 
     def make(self, rng: Random) -> Sample:
         """One picture."""
-        street = self._with if rng.random() < 0.75 else self._streets
+        street = self._with if rng.random() < 0.6 else self._streets
         chosen = street[int(rng.integers(len(street)))]
         image, boxes = self._cut(chosen, rng)
         kinds = [0] * len(boxes)
@@ -105,7 +105,7 @@ class SampleMaker:
         scale = float(np.exp(rng.uniform(np.log(0.5), np.log(2.0))))
         side = SIZE / scale
         height, width = street.image.shape[:2]
-        if len(street.boxes) and rng.random() < 0.85:
+        if len(street.boxes) and rng.random() < 0.7:
             box = street.boxes[int(rng.integers(len(street.boxes)))]
             reach = side / 2 - (box[2:] - box[:2]).max() / 2
             centre = (box[:2] + box[2:]) / 2 + rng.uniform(-1, 1, 2) * max(reach, 4.0)

@@ -23,7 +23,7 @@ from automap.vision.training.cache import face_data
 from automap.vision.training.classifier_data import CropMaker, Image, labels
 from automap.vision.training.classifier_net import FaceNet
 from automap.vision.training.degrade import tone
-from automap.vision.training.train_detector import follow
+from automap.vision.training.ranks import follow, join, share_gradients
 
 BATCH = 64
 RATE = 1.5e-3
@@ -60,7 +60,9 @@ def _batch(samples: list[tuple[Image, int]]) -> tuple[torch.Tensor, torch.Tensor
     )
 
 
-def train(data: Path, work: Path, steps: int, decay: int, workers: int) -> None:
+def train(
+    data: Path, work: Path, steps: int, decay: int, workers: int, rank: int, ranks: int
+) -> None:
     """Train up to ``steps``, from the last checkpoint in ``work`` if there is one."""
     work.mkdir(parents=True, exist_ok=True)
     cv2.setNumThreads(0)
@@ -80,10 +82,12 @@ def train(data: Path, work: Path, steps: int, decay: int, workers: int) -> None:
         optimizer.load_state_dict(state["optimizer"])
         step = int(state["step"])
     loader = DataLoader(
-        _Stream(maker, seed=5000 + step), BATCH, num_workers=workers, collate_fn=_batch,
+        _Stream(maker, seed=5000 + step + 100_000 * rank),
+        BATCH, num_workers=workers, collate_fn=_batch,
         prefetch_factor=4 if workers else None,
         multiprocessing_context="fork" if workers else None,
     )  # fmt: skip
+    join(work / "classifier-meeting", rank, ranks)
     log = (work / "classifier-log.jsonl").open("a", encoding="utf-8")
     started, losses, hits = time.time(), [], []
     for image, label in loader:
@@ -96,18 +100,19 @@ def train(data: Path, work: Path, steps: int, decay: int, workers: int) -> None:
         loss = F.cross_entropy(logits, label, label_smoothing=0.02)
         optimizer.zero_grad(set_to_none=True)
         loss.backward()
+        share_gradients(net, ranks)
         optimizer.step()
         step += 1
         follow(mean, net, 1.0 / min(_MEAN_STEPS, step / 5.0 + 1.0))
         losses.append(float(loss.detach()))
         hits.append(float((logits.argmax(1) == label).float().mean()))
-        if step % 50 == 0 or step == steps:
+        if rank == 0 and (step % 50 == 0 or step == steps):
             row = {"step": step, "loss": round(float(np.mean(losses)), 4),
                    "right": round(float(np.mean(hits)), 4),
                    "seconds": round(time.time() - started)}  # fmt: skip
             print(json.dumps(row), file=log, flush=True)
             losses, hits = [], []
-        if step % 100 == 0 or step == steps:
+        if rank == 0 and (step % 100 == 0 or step == steps):
             temporary = work / "classifier.pt.tmp"
             torch.save(
                 {"net": net.state_dict(), "mean": mean.state_dict(), "labels": names,
@@ -124,10 +129,15 @@ def main() -> None:
     parser.add_argument("--decay", type=int, default=600)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--rank", type=int, default=0)
+    parser.add_argument("--ranks", type=int, default=1)
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
     torch.manual_seed(2)
-    train(options.data, options.work, options.steps, options.decay, options.workers)
+    train(
+        options.data, options.work, options.steps, options.decay, options.workers,
+        options.rank, options.ranks,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ from automap.vision.training.art import load_faces
 from automap.vision.training.cache import training_streets
 from automap.vision.training.detector_data import Sample, SampleMaker, mirrored
 from automap.vision.training.detector_net import SignNet, detection_loss
+from automap.vision.training.ranks import follow, join, share_gradients
 
 BATCH = 8
 RATE = 2e-3
@@ -95,11 +96,7 @@ def train(
         # the pictures are shared with the workers, not copied
         multiprocessing_context="fork" if workers else None,
     )
-    if ranks > 1:
-        meeting = work / "meeting"
-        torch.distributed.init_process_group(
-            "gloo", init_method=f"file://{meeting.resolve()}", rank=rank, world_size=ranks
-        )
+    join(work / "detector-meeting", rank, ranks)
     log = (work / "detector-log.jsonl").open("a", encoding="utf-8")
     started, losses = time.time(), []
     for image, heat, weight, box, near in loader:
@@ -110,8 +107,7 @@ def train(
         loss = detection_loss(net(image.float()), heat, weight, box, near)
         optimizer.zero_grad(set_to_none=True)
         loss.backward()
-        if ranks > 1:
-            _share_gradients(net, ranks)
+        share_gradients(net, ranks)
         torch.nn.utils.clip_grad_norm_(net.parameters(), 5.0)
         optimizer.step()
         step += 1
@@ -128,29 +124,6 @@ def train(
                 {"net": net.state_dict(), "mean": mean.state_dict(),
                  "optimizer": optimizer.state_dict(), "step": step}, temporary)  # fmt: skip
             os.replace(temporary, checkpoint)
-
-
-def _share_gradients(net: torch.nn.Module, ranks: int) -> None:
-    """Every process gets the mean of all processes' gradients."""
-    gradients = [p.grad for p in net.parameters() if p.grad is not None]
-    flat = torch.cat([g.flatten() for g in gradients])
-    torch.distributed.all_reduce(flat)
-    flat /= ranks
-    at = 0
-    for gradient in gradients:
-        gradient.copy_(flat[at : at + gradient.numel()].view_as(gradient))
-        at += gradient.numel()
-
-
-def follow(mean: torch.nn.Module, net: torch.nn.Module, share: float) -> None:
-    """Move the running mean of the weights towards the current ones."""
-    with torch.no_grad():
-        ours, theirs = mean.state_dict(), net.state_dict()
-        for key, value in ours.items():
-            if value.dtype.is_floating_point:
-                value.lerp_(theirs[key], share)
-            else:
-                value.copy_(theirs[key])
 
 
 def main() -> None:
