@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+from pathlib import Path
 from typing import Any
 
 from automap import __version__
+from automap.io import names
 from automap.records import Trajectory
 
+_LISTED = 50
 _LATE_STAGES = ("export", "report")
 _PACKAGES = ("numpy", "pyogrio", "pyproj", "scipy")
 
@@ -20,18 +23,23 @@ def lineage(record: dict[str, Any], name: str, trajectory: Trajectory | None) ->
     and version give the same one. Paths of this computer are not among it.
     """
     stages = _mapping(record.get("stages"))
-    parts = {
+    parts: dict[str, Any] = {
         key: _mapping(stage).get("key") or _mapping(stage).get("started")
         for key, stage in stages.items()
         if key not in _LATE_STAGES
     }
+    merged = record.get("merged")
+    folders = [str(path) for path in merged] if isinstance(merged, list) else []
+    if folders:
+        parts = {"merged": folders, "metrics": record.get("metrics")}
     packages = _mapping(record.get("packages"))
     content: dict[str, Any] = {
         "software": f"AutoMap {record.get('automap', __version__)}",
         "run_id": hashlib.sha256(
             json.dumps([name, parts], sort_keys=True, default=str).encode("utf-8", "replace")
         ).hexdigest()[:16],
-        "drives": [name],
+        "drives": [_drive_name(folder) for folder in folders[:_LISTED]] or [name],
+        "drives_in_all": len(folders) if len(folders) > _LISTED else None,
         "run_started": str(record.get("started", "")),
         "recorded": _recorded(trajectory),
         "datum": "WGS-84, longitude and latitude in degrees, heights above the ellipsoid",
@@ -41,6 +49,12 @@ def lineage(record: dict[str, Any], name: str, trajectory: Trajectory | None) ->
         "packages": {key: str(packages[key]) for key in _PACKAGES if key in packages},
     }
     return {key: value for key, value in content.items() if value not in (None, "", {}, [])}
+
+
+def _drive_name(folder: str) -> str:
+    """The drive that an output folder belongs to, by its name."""
+    path = Path(folder)
+    return path.parent.name if path.name == names.DEFAULT_OUT else path.name
 
 
 def epoch_of(trajectory: Trajectory | None) -> float | None:

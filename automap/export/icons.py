@@ -59,8 +59,9 @@ def icon_text(class_name: str) -> str:
     words = re.findall(r"[a-z]+|\d+", sign_words(class_name).lower())
     numbers = [word for word in words if word.isdigit()]
     if numbers:
-        return numbers[-1][:3]
-    return "".join(word[0] for word in words if word != "unknown")[:3].upper()
+        return str(numbers[-1])[:3]
+    initials = [str(word)[0] for word in words if word != "unknown"]
+    return "".join(initials)[:3].upper()
 
 
 def _drawn(class_name: str, px: int) -> Any:

@@ -39,7 +39,7 @@ from automap.export.text_columns import (
 )
 from automap.records import FloatArray
 
-_RING_POINTS = 24
+_RING_POINTS = 20
 _ELLIPSE_HEAD = "<Placemark><name>"
 _ELLIPSE_STYLE = "</name><visibility>0</visibility><styleUrl>#ellipse</styleUrl><MultiGeometry>"
 _POLYGON_HEAD = (

@@ -102,15 +102,16 @@ def observation_style() -> QgisStyle:
 
 def _document(kind: str, attributes: Mapping[str, str]) -> tuple[Xml.Element, Xml.Element]:
     root = Xml.Element("qgis", version=_VERSION, styleCategories="Symbology|Labeling")
-    common = {"forceraster": "0", "symbollevels": "0", "enableorderby": "0"}
-    renderer = Xml.SubElement(root, "renderer-v2", type=kind, **common, **attributes)
+    common = {"type": kind, "forceraster": "0", "symbollevels": "0", "enableorderby": "0"}
+    renderer = Xml.SubElement(root, "renderer-v2", common | dict(attributes))
     return root, renderer
 
 
 def _range_or_category(
     parent: Xml.Element, tag: str, number: int, label: str, **values: str
 ) -> None:
-    Xml.SubElement(parent, tag, render="true", symbol=str(number), label=label, **values)
+    common = {"render": "true", "symbol": str(number), "label": label}
+    Xml.SubElement(parent, tag, common | values)
 
 
 def _symbol(
@@ -119,9 +120,8 @@ def _symbol(
     symbol = Xml.SubElement(
         parent, "symbol", name=str(number), type=kind, alpha="1", clip_to_extent="1", force_rhr="0"
     )
-    layer = Xml.SubElement(
-        symbol, "layer", {"class": layer_class}, enabled="1", locked="0", **{"pass": "0"}
-    )
+    common = {"class": layer_class, "enabled": "1", "locked": "0", "pass": "0"}
+    layer = Xml.SubElement(symbol, "layer", common)
     options = Xml.SubElement(layer, "Option", type="Map")
     for key, value in values.items():
         Xml.SubElement(options, "Option", name=key, type="QString", value=value)

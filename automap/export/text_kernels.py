@@ -56,7 +56,7 @@ def _put_digits(out: Bytes, at: int, value: int, decimals: int) -> int:
     """
     rest = np.uint64(value)
     count = max(_digit_count(rest), decimals + 1)
-    end = at + count + (1 if decimals > 0 else 0)
+    end: int = at + count + (1 if decimals > 0 else 0)
     if rest < np.uint64(1 << 32):
         if decimals > 0:
             unit = np.uint32(1)
@@ -195,7 +195,11 @@ def rings_text(rings: FloatArray, decimals: int, out: Bytes, width: int, length:
         length[i] = at - start
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+copying: Any = intrinsic
+memcpy: Any = cgutils.raw_memcpy
+
+
+@copying
 def _copy_memory(typingctx: Any, target: Any, source: Any, count: Any) -> Any:
     """memcpy by address: a loop over bytes would take most of the time of writing a map."""
     signature = types.void(types.intp, types.intp, types.intp)
@@ -203,9 +207,7 @@ def _copy_memory(typingctx: Any, target: Any, source: Any, count: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         pointer = context.get_value_type(types.voidptr)
         to, origin, size = arguments
-        cgutils.raw_memcpy(
-            builder, builder.inttoptr(to, pointer), builder.inttoptr(origin, pointer), size, 1
-        )
+        memcpy(builder, builder.inttoptr(to, pointer), builder.inttoptr(origin, pointer), size, 1)
         return context.get_dummy_value()
 
     return signature, generate

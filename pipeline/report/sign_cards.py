@@ -126,9 +126,8 @@ def error_budget(
     if trajectory is not None and row is not None:
         position = 0.5 * float((trajectory.sd_pos_ned[row, :2] ** 2).sum())
         ranges = [view[1] for view in views if view[1] is not None and view[4]]
-        turned = 0.0
-        if ranges:
-            turned = 0.5 * float((trajectory.sd_rpy[row, 2] * min(ranges)) ** 2)
+        nearest = min(ranges, default=0.0)
+        turned = 0.5 * float((trajectory.sd_rpy[row, 2] * nearest) ** 2)
         for label, part in (("position of the vehicle", position), ("its heading", turned)):
             if np.isfinite(part) and part > 0:
                 budget.append((label, _rounded(part)))
@@ -147,4 +146,4 @@ def _row_at(trajectory: Trajectory | None, t_ns: int) -> int | None:
         return None
     if not trajectory.t_ns[0] <= t_ns <= trajectory.t_ns[-1]:
         return None
-    return int(min(np.searchsorted(trajectory.t_ns, t_ns), len(trajectory) - 1))
+    return min(int(np.searchsorted(trajectory.t_ns, t_ns)), len(trajectory) - 1)
