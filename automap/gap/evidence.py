@@ -152,12 +152,16 @@ def null_maxima(
     Scores are drawn from their own covariance, so the overlap of the candidates counts.
     """
     rng = np.random.default_rng(seed)
-    values, vectors = np.linalg.eigh(scores.info / _norm(scores.info))
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
     unit = np.sqrt(np.maximum(np.diag(scores.info), 0.0))
-    g = (rng.standard_normal((draws, len(unit))) @ root.T) * unit
+    g = (rng.standard_normal((draws, len(unit))) @ _root(scores.info).T) * unit
     best = np.full(draws, -np.inf)
+    alone = [(int(columns[0]), float(sd[0])) for columns, sd in groups if len(columns) == 1]
+    if alone:
+        at = np.array([column for column, _ in alone])
+        best = _alone(g[:, at], np.diag(scores.info)[at], np.array([sd for _, sd in alone]))
     for columns, prior_sd in groups:
+        if len(columns) == 1:
+            continue
         info = scores.info[np.ix_(columns, columns)]
         for scale in PRIOR_SCALES:
             sd = scale * prior_sd
@@ -166,6 +170,27 @@ def null_maxima(
             nats = 0.5 * (y**2).sum(axis=0) - np.log(np.diag(low)).sum()
             best = np.maximum(best, nats - (np.log(2.0) if scale > 1.0 else 0.0))
     return np.sort(best)
+
+
+def _alone(g: FloatArray, info: FloatArray, prior_sd: FloatArray) -> FloatArray:
+    """The largest evidence [draws] of candidates of one column each, scores ``g`` [draws, c]."""
+    best = np.full(len(g), -np.inf)
+    for scale in PRIOR_SCALES:
+        grown = (scale * prior_sd) ** 2
+        room = 1.0 + info * grown
+        cost = 0.5 * np.log(room) + (np.log(2.0) if scale > 1.0 else 0.0)
+        best = np.maximum(best, (g**2 * (0.5 * grown / room) - cost).max(axis=1))
+    return np.asarray(best, np.float64)
+
+
+def _root(info: FloatArray) -> FloatArray:
+    """A root [c, c] of the correlation matrix of an information matrix, singular or not."""
+    correlation = info / _norm(info)
+    try:
+        return np.asarray(np.linalg.cholesky(correlation + 1e-9 * np.eye(len(info))), np.float64)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(correlation)
+        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _norm(info: FloatArray) -> FloatArray:

@@ -52,9 +52,6 @@ FORMULA_SHARE = 0.1
 thousand formulas one resembles whatever rough roads leave behind."""
 HELD_OUT_SLACK = 3.0
 SURE_NATS = 20.0
-COARSE_STEPS = (2.0, 2.0**0.5)
-FINE_STEPS = (2.0**0.5, 2.0**0.25)
-GNSS_FIRST = tuple(sorted(ALL_LEVELS, key=lambda k: k in ("accel", "gyro")))
 INERTIAL_LEVELS = ("accel", "gyro")
 GROSS = 2.5
 WALKS = ("accel_bias_walk", "gyro_bias_walk")
@@ -133,14 +130,18 @@ def begin(
     asked = dict(model.factors)
     say("fitting the base model")
     fits = [fit_drive(d, model) for d in drives]
-    for steps in (COARSE_STEPS, FINE_STEPS):
-        say("fitting the noise")
-        # the sensors' noise first or the fixes': the likelihood has a top for either
-        orders = (ALL_LEVELS, GNSS_FIRST) if steps is COARSE_STEPS else (ALL_LEVELS,)
-        found = [fit_noise(fits, levels=order, steps=steps) for order in orders]
-        found.sort(key=lambda factors: -noise_score(fits, factors))
-        model = replace(model, factors=found[0])
+    others = tuple(k for k in ALL_LEVELS if k not in INERTIAL_LEVELS)
+    say("fitting the noise")
+    # the sensors' noise first or the fixes': the likelihood has a top for either
+    found = [
+        fit_noise(fits, initial=fit_noise(fits, levels)) for levels in (INERTIAL_LEVELS, others)
+    ]
+    found.sort(key=lambda factors: -noise_score(fits, factors))
+    best = found[0]
+    for last in (False, True):
+        model = replace(model, factors=best)
         fits = [fit_drive(d, model, start=f.start) for d, f in zip(drives, fits, strict=True)]
+        best = best if last else fit_noise(fits)
     return State(list(drives), list(held_out), asked, model, fits)
 
 
@@ -386,7 +387,7 @@ def _found_better_noise(state: State, trials: Sequence[Trial], say: Say) -> bool
         fits = fit_all(state, model, state.accepted)
         if sum(f.score for f in fits) > now + BETTER_NATS:
             say("starting again from better noise")
-            state.model = replace(model, factors=fit_noise(fits, steps=FINE_STEPS))
+            state.model = replace(model, factors=fit_noise(fits))
             state.fits = fit_all(state, state.model, state.accepted)
             state.restarts += 1
             return True
@@ -406,7 +407,7 @@ def _with_own_noise(state: State, trials: Sequence[Trial], say: Say) -> list[Tri
             out.append(trial)
             continue
         say(f"fitting the noise with {trial.effect}")
-        model = replace(trial.model, factors=fit_noise(trial.fits, steps=FINE_STEPS))
+        model = replace(trial.model, factors=fit_noise(trial.fits))
         estimate = state.accepted | {trial.effect: trial.scale}
         fits = [
             fit_drive(d, model, estimate, start=f.start)
@@ -438,7 +439,7 @@ def _slow_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
         say(f"trying {candidate.effect} in place of drift")
         estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
         fits = fit_all(state, low, estimate)
-        model = replace(low, factors=fit_noise(fits, levels=raised, steps=(2.0,)))
+        model = replace(low, factors=fit_noise(fits, raised))
         out.append(
             _judge(state, candidate, model, fit_all(state, model, estimate), screening.maxima)
         )
@@ -464,7 +465,7 @@ def _gross_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]
     out = []
     for trial in trials[:4]:
         say(f"fitting the noise with {trial.effect}")
-        model = replace(plain, factors=fit_noise(trial.fits, steps=COARSE_STEPS))
+        model = replace(plain, factors=fit_noise(trial.fits))
         estimate = state.accepted | {trial.effect: trial.scale}
         again = fit_all(replace(state, fits=list(trial.fits)), model, estimate)
         out.append(_judge(state, trial.candidate, model, again, screening.maxima))

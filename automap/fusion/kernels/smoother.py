@@ -14,7 +14,7 @@ from automap.records import FloatArray, IntArray
 
 
 @kernel
-def _undo_scalar(
+def undo_scalar(
     lam: FloatArray,
     big: FloatArray,
     h: FloatArray,
@@ -60,7 +60,7 @@ def _undo_scalar(
 
 
 @kernel
-def _undo_interval(
+def undo_interval(
     lam: FloatArray,
     big: FloatArray,
     phi: FloatArray,
@@ -185,7 +185,7 @@ def run_smoother(
             variances[k, :] = np.nan
         first = store.scalars[k - 1] if k > 0 else 0
         for r in range(store.scalars[k] - 1, first - 1, -1):
-            _undo_scalar(
+            undo_scalar(
                 lam, big, store.h[r], store.gain[r], store.nu[r], store.var[r], work, where
             )
         if k > 0:
@@ -195,4 +195,4 @@ def run_smoother(
             if wander >= 0:
                 for a in range(3):
                     decay[wander + a] *= keep[k, a]
-            _undo_interval(lam, big, store.trans[k], decay, u, work)
+            undo_interval(lam, big, store.trans[k], decay, u, work)

@@ -1,0 +1,130 @@
+"""Exact slopes of the log-likelihood along the noise levels, all levels in one backward pass.
+
+Koopman and Shephard (Exact score for time series models in state space form, Biometrika 79,
+1992): with the smoother's adjoint r and its information N, the slope along a measurement's
+variance R is 1/2 (u^2 - D), along the noise of an interval Q 1/2 tr((r r' - N) Q'), where u and
+D are the smoothed measurement error over R and its variance. So a dozen levels cost one run
+forward and one back, not two runs each.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from automap.fusion.jit import kernel
+from automap.fusion.kernels.arrays import ForwardStore
+from automap.fusion.kernels.smoother import undo_interval, undo_scalar
+from automap.fusion.layout import N_NAV
+from automap.records import FloatArray, IntArray
+
+ACCEL, GYRO = 0, 1
+
+
+@kernel
+def level_slopes(
+    node_t: FloatArray,
+    var: FloatArray,
+    keep: FloatArray,
+    wander: int,
+    tau: FloatArray,
+    walk: FloatArray,
+    noise: FloatArray,
+    level_of_channel: IntArray,
+    level_of_state: IntArray,
+    store: ForwardStore,
+    surprise: FloatArray,
+    slope: FloatArray,
+    info: FloatArray,
+) -> None:
+    """Add to ``slope`` [l] the slopes along the logarithms of factors on sds, to ``info`` [l]
+    the variance that each slope has where its level is right.
+
+    ``node_t`` [k] s, ``var`` [k, 15] by channel, ``keep`` [k, 3], ``wander`` the offset of the
+    normalised wander, ``tau``, ``walk`` [n], ``noise`` [2] PSD of force and rate. Levels of
+    channels [15] and states [n], -1 none; ``store`` of a forward run about given states.
+    ``surprise`` [15]: blocks of a larger NIS were trusted less and say nothing about levels.
+    """
+    n_nodes, n = store.mean.shape
+    lam = np.zeros(n)
+    big = np.zeros((n, n))
+    u = np.zeros((n, n))
+    work = np.zeros(n)
+    where = np.zeros(n, dtype=np.int64)
+    decay = np.ones(n)
+    for k in range(n_nodes - 1, -1, -1):
+        first = store.scalars[k - 1] if k > 0 else 0
+        for r in range(store.scalars[k] - 1, first - 1, -1):
+            channel = store.info[r, 1]
+            level = level_of_channel[channel]
+            if level >= 0 and store.nis[k, channel] <= surprise[channel]:
+                error = store.nu[r] / store.var[r]
+                spread = 1.0 / store.var[r]
+                for i in range(n):
+                    # the adjoint has the sign of the correction, minus the score's
+                    error += store.gain[r, i] * lam[i]
+                    s = 0.0
+                    for j in range(n):
+                        s += big[i, j] * store.gain[r, j]
+                    spread += s * store.gain[r, i]
+                size = var[k, channel]
+                slope[level] += size * (error * error - spread)
+                info[level] += 2.0 * (size * spread) ** 2
+            undo_scalar(lam, big, store.h[r], store.gain[r], store.nu[r], store.var[r], work, where)
+        span = node_t[k] - node_t[k - 1] if k > 0 else 0.0
+        for j in range(N_NAV, n):
+            decay[j] = math.exp(-span / tau[j]) if tau[j] > 0.0 else 1.0
+        if wander >= 0:
+            for a in range(3):
+                decay[wander + a] *= keep[k, a]
+        for j in range(N_NAV, n):
+            level = level_of_state[j]
+            if level < 0:
+                continue
+            q = walk[j] * span
+            if tau[j] > 0.0:
+                # at the start a correlated state has all of its variance
+                q = (1.0 - decay[j] ** 2) * walk[j] if k > 0 else 1.0
+            slope[level] += q * (lam[j] ** 2 - big[j, j])
+            info[level] += 2.0 * (q * big[j, j]) ** 2
+        if k > 0 and span > 0.0:
+            _inertial(lam, big, store.trans[k], noise, span, slope, info)
+            undo_interval(lam, big, store.trans[k], decay, u, work)
+
+
+@kernel
+def _inertial(
+    lam: FloatArray,
+    big: FloatArray,
+    trans: FloatArray,
+    noise: FloatArray,
+    span: float,
+    slope: FloatArray,
+    info: FloatArray,
+) -> None:
+    """Slopes along the noise of force and rate over one short interval.
+
+    Constant force within it: velocity receives the tilt's noise through T = d velocity / d tilt,
+    Q_vt = T/2, Q_vv = T T'/3 times the tilt's.
+    """
+    q = noise[0] * span
+    for a in range(3):
+        i = 3 + a
+        slope[ACCEL] += q * (lam[i] ** 2 - big[i, i])
+        info[ACCEL] += 2.0 * (q * big[i, i]) ** 2
+    q = noise[1] * span
+    for a in range(3):
+        i = 6 + a
+        e = lam[i] ** 2 - big[i, i]
+        m = big[i, i]
+        for b in range(3):
+            t = trans[3 + b, i]
+            e += t * (lam[3 + b] * lam[i] - big[3 + b, i])
+            m += t * big[3 + b, i]
+            for c in range(3):
+                w = t * trans[3 + c, i] / 3.0
+                e += w * (lam[3 + b] * lam[3 + c] - big[3 + b, 3 + c])
+                m += w * big[3 + b, 3 + c]
+        slope[GYRO] += q * e
+        info[GYRO] += 2.0 * (q * m) ** 2
