@@ -12,6 +12,7 @@ _MAX_SKEW = 0.05
 _SUDDEN_NS = 20_000_000
 _LONG_DELAY_NS = 2_000_000_000
 _CONVINCED = 5
+_LATE_NS = 250_000_000
 
 
 class HostClock:
@@ -55,6 +56,7 @@ class DeviceClock:
         self._line: tuple[int, float, float] | None = None
         self._last_device: int | None = None
         self._last_stamp: int | None = None
+        self._in_order: int | None = None
         self._odd: list[int] = []
 
     @property
@@ -65,7 +67,8 @@ class DeviceClock:
     def stamps(self, device_ns: list[int], arrival_ns: list[int]) -> list[int]:
         """Host times of samples [n] taken at ``device_ns`` that arrived at ``arrival_ns``.
 
-        Called with the samples of a fraction of a second, in their order. Stamps increase.
+        Called with the samples of a fraction of a second, in their order. Stamps increase, but
+        for samples that the device itself sent twice or late.
         A device clock that starts anew, or a stamp that makes no sense, is met with the
         arrival time until five samples in a row agree on a new offset.
         """
@@ -78,8 +81,12 @@ class DeviceClock:
                 at, offset, skew = self._line
                 stamp = min(device + round(offset + skew * (device - at)), arrival)
             if self._last_stamp is not None and stamp <= self._last_stamp:
+                if not strange and self._in_order is not None and device <= self._in_order:
+                    # a line that came twice, or after a later one: readers put it in its place
+                    stamps.append(stamp)
+                    continue
                 stamp = self._last_stamp + 1
-            self._last_stamp = stamp
+            self._last_stamp, self._in_order = stamp, device
             stamps.append(stamp)
         return stamps
 
@@ -99,7 +106,7 @@ class DeviceClock:
                 self._last_stamp = last
                 self.resets += 1
             self._odd = []
-            self._last_device = device
+            self._last_device = max(device, self._last_device or device)
             if self._blocks and device - self._block_begin < _BLOCK_NS:
                 at, least = self._blocks[-1]
                 if delay - least <= self.skew * (device - at):
@@ -113,14 +120,14 @@ class DeviceClock:
     def _strange(self, device: int, delay: int) -> bool:
         if self._last_device is None or not self._blocks:
             return False
-        if device <= self._last_device:
+        if device <= self._last_device - _LATE_NS:
             return True
         expected = self._blocks[-1][1]
         if self._line is not None:
             at, offset, skew = self._line
             expected = round(offset + skew * (device - at))
         # the window follows the clock, so a fall below the edge by this much is no skew
-        passed = device - self._last_device
+        passed = max(device - self._last_device, 0)
         return delay < expected - _SUDDEN_NS - _MAX_SKEW * min(passed, _BASELINE_NS) or (
             delay > expected + _LONG_DELAY_NS + passed
         )

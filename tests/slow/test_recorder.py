@@ -68,8 +68,8 @@ def test_a_receiver_that_is_reset_is_found_and_set_again(tmp_path: Path) -> None
     out = tmp_path / "out"
     plan = Plan(gnss=PortSpec(str(tmp_path / "gnss"), 9600), wish=Wish(rate_hz=10, baud=115200))
     with recording(out, plan, factor=5.0) as recorder:
+        assert wait_until(lambda: receiver.baud == 115200)
         assert wait_until(lambda: recorder.snapshot().gnss.epochs > 5)
-        assert receiver.baud == 115200
         receiver.reset()
         receiver.period_ms = 200
         assert wait_until(lambda: receiver.keys[PVT_KEY_UART1] == 1, 40.0)
@@ -204,27 +204,36 @@ def test_a_disk_that_stays_full_is_an_error_that_leaves_the_beginning(
     assert not recorded.failures
 
 
+def resident_kb() -> int:
+    """What this process occupies now."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() // 1024
+
+
 def test_memory_and_descriptors_stay_flat(tmp_path: Path) -> None:
-    """Five minutes' worth of a full line through one recorder, as fast as it goes."""
+    """A minute and a half's worth of a full line through one recorder."""
     out = tmp_path / "out"
     terminal = Terminal(tmp_path / "gnss")
-    block = b"".join(nav_pvt(100 * k) for k in range(1400))
+    block = b"".join(nav_pvt(100 * k) for k in range(280))
     log = out / "gnss.ubx"
     with recording(out, Plan(gnss=PortSpec(str(tmp_path / "gnss"), BAUD))) as recorder:
-        for _ in range(20):
-            terminal.write(block)
-        assert wait_until(lambda: log.stat().st_size == 20 * len(block), 120.0)
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+        def send(blocks: range) -> None:
+            for number in blocks:
+                terminal.write(block)
+                # memory is meant for a stream at its pace, not for a backlog of the test's making
+                assert wait_until(lambda n=number: log.stat().st_size >= n * len(block), 60.0)
+
+        send(range(40))
+        before = resident_kb()
         descriptors = open_descriptors()
-        for _ in range(80):
-            terminal.write(block)
-        assert wait_until(lambda: log.stat().st_size == 100 * len(block), 240.0)
+        send(range(40, 160))
+        assert wait_until(lambda: log.stat().st_size == 160 * len(block))
         assert open_descriptors() == descriptors
-        assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 8_000  # kB
+        assert resident_kb() - before < 4_000
         ending = recorder.stop()
     terminal.close()
-    assert ending.epochs == 140_000
-    assert log.read_bytes() == block * 100
+    assert ending.epochs == 44_800
+    assert log.read_bytes() == block * 160
 
 
 @pytest.mark.parametrize("name", ["kitti-20110926-0014", "kitti-20110930-0034"])
@@ -250,11 +259,18 @@ def test_a_recorded_replay_gives_the_same_map(shared_data: Path, tmp_path: Path,
     drive = load_drive(source)
     assert drive.gnss_file is not None
     assert (out / "gnss.ubx").read_bytes() == drive.gnss_file.read_bytes()
-    recorded, original = read_recording(load_drive(out)), read_recording(drive)
-    assert recorded.imu is not None
-    assert original.imu is not None
-    np.testing.assert_array_equal(recorded.imu.gyro, original.imu.gyro)
-    shift = int(np.median(recorded.imu.t_ns - original.imu.t_ns))
+    recorded, original = (
+        np.genfromtxt(folder / "imu.csv", delimiter=",", names=True, dtype=np.float64)
+        for folder in (out, source)
+    )
+    for column in ("gx", "gy", "gz", "ax", "ay", "az"):
+        np.testing.assert_array_equal(recorded[column], original[column])
+    shift = int(np.median(recorded["t_ns"] - original["t_ns"]))
+    stamps, theirs = (
+        read_recording(load_drive(folder)).imu.t_ns
+        for folder in (out, source)  # type: ignore[union-attr]
+    )
+    assert np.std(stamps - theirs) < 10e6  # a millisecond of the host's, ten times as fast
     add_camera(drive, out, shift)
     maps = [run_map(folder, tmp_path / f"out{i}") for i, folder in enumerate((source, out))]
     (t0, path0, signs0), (t1, path1, signs1) = maps

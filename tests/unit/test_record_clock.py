@@ -64,6 +64,18 @@ def test_one_wrong_stamp_spoils_nothing() -> None:
     assert np.max(np.abs(stamps - true - 1_000_000)[others]) < 1_500_000
 
 
+def test_lines_that_came_twice_or_late_keep_their_place() -> None:
+    true, device, arrival = deliver(30.0, 0.0, np.random.default_rng(12))
+    device[2000], device[2001] = device[2001], device[2000]
+    device[2500] = device[2499]
+    stamps = run(DeviceClock(), device, arrival)
+    assert stamps[2001] < stamps[2000] < stamps[2002]
+    assert stamps[2000] - stamps[2001] == pytest.approx(10_000_000, abs=1_000_000)
+    assert stamps[2500] == stamps[2499]
+    others = np.delete(stamps, [2000, 2001, 2500])
+    assert np.all(np.diff(others) > 0)
+
+
 def test_an_interruption_does_not_reset_the_clock() -> None:
     true, device, arrival = deliver(90.0, 1e-4, np.random.default_rng(10))
     kept = np.r_[0:3000, 5000:9000]
