@@ -122,6 +122,7 @@ def _prepared(path: Path, out: Path, request: Request, reporter: Reporter) -> It
         record["stages"] = {
             name: {**stage, "ran": False} for name, stage in earlier.get("stages", {}).items()
         }
+        log.info("%s with automap %s, Python %s, %s", *_head(record))
         run = _Run(request, drive, out, record, DigestCache(out), reporter)
         started = time.perf_counter()
         try:
@@ -137,6 +138,13 @@ def _prepared(path: Path, out: Path, request: Request, reporter: Reporter) -> It
             raise
         record["status"] = "done"
         run.close(started)
+        log.info("done after %.3f s", record["seconds"])
+
+
+def _head(record: dict[str, Any]) -> tuple[str, ...]:
+    """What ran with what, for the first line of a run in the log."""
+    command = record["command"] or f"a run of {record['drive']['path']}"
+    return str(command), *(str(record[key]) for key in ("automap", "python", "platform"))
 
 
 def _check_selection(run: _Run) -> None:
@@ -216,7 +224,7 @@ def _run_stage(run: _Run, stage: Stage, now: Ingredients, reason: str) -> None:
         )
         for text in context.warnings:
             log.warning("stage %s: %s", stage.name, text)
-        log.info("stage %s %s after %.3f s", stage.name, state, seconds)
+        log.info("stage %s %s after %.3f s: %s", stage.name, state, seconds, record["result"])
         return StageLine(
             stage.name,
             state,  # type: ignore[arg-type]

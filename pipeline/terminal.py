@@ -26,27 +26,37 @@ _COLOURS = {
 }
 _PATIENCE_S = 0.5
 """A stage shorter than this shows no progress bar."""
+_LINE_EVERY_S = 30.0
+"""Where there is no terminal, a long stage says at this interval how far it is."""
 
 
 class Terminal:
-    """Prints the events of a run to stdout."""
+    """Prints the events of a run to stdout; ``stages`` is how many each drive has."""
 
-    def __init__(self) -> None:
+    def __init__(self, stages: int = 0) -> None:
         self._bar: Progress | None = None
         self._task: TaskID | None = None
         self._started = 0.0
+        self._told = 0.0
+        self._stages = stages
+        self._finished = 0
 
     def drive_started(self, drive: Path, out: Path) -> None:
-        """Name the drive and where its results go."""
+        """Name the drive and where its results go, above the table of its stages."""
+        self._finished = 0
         click.echo(f"{drive} -> {out}")
+        if self._stages:
+            heading = f"  {'stage':<10}{'state':<9} {'time':>9}  result (why it ran)"
+            click.echo(click.style(heading, dim=True))
 
     def stage_started(self, name: str, reason: str) -> None:
         """Start the clock of the stage."""
-        self._started = time.monotonic()
+        self._started = self._told = time.monotonic()
 
     def stage_progress(self, name: str, fraction: float, text: str) -> None:
-        """Show the bar once the stage has taken a while, on a terminal only."""
+        """Show the bar once the stage has taken a while; without a terminal a line at times."""
         if not sys.stdout.isatty():
+            self._tell(name, fraction, text)
             return
         if self._bar is None:
             if time.monotonic() - self._started < _PATIENCE_S:
@@ -59,6 +69,7 @@ class Terminal:
     def stage_finished(self, line: StageLine) -> None:
         """Print the stage's line: state, time, result, why it ran, its warnings."""
         self.close()
+        self._finished += 1
         state = click.style(f"{line.state:<9}", fg=_COLOURS[line.state])
         seconds = f"{line.seconds:7.1f} s" if line.seconds is not None else " " * 9
         reason = click.style(f"({line.reason})", dim=True) if line.reason else ""
@@ -78,6 +89,17 @@ class Terminal:
         for text in summary_lines(outcome):
             click.echo(text)
 
+    def _tell(self, name: str, fraction: float, text: str) -> None:
+        now = time.monotonic()
+        if now - self._told < _LINE_EVERY_S:
+            return
+        self._told = now
+        share = min(max(fraction, 0.0), 1.0)
+        passed = now - self._started
+        left = f", about {_duration(passed * (1 - share) / share)} left" if share > 0.01 else ""
+        what = f": {text}" if text else ""
+        click.echo(f"  {name:<10}{share:4.0%} after {_duration(passed)}{left}{what}")
+
     def _open(self, name: str) -> None:
         from rich.progress import (
             BarColumn,
@@ -88,15 +110,17 @@ class Terminal:
         )
 
         self._bar = Progress(
-            TextColumn("  {task.description:<10}"),
+            TextColumn("  {task.description:<14}"),
             BarColumn(),
             TaskProgressColumn(),
-            TimeRemainingColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(compact=True),
             TextColumn("{task.fields[note]}", markup=False),
             transient=True,
         )
         self._bar.start()
-        self._task = self._bar.add_task(name, total=1.0, note="")
+        place = f"{self._finished + 1}/{self._stages} " if self._stages else ""
+        self._task = self._bar.add_task(f"{place}{name}", total=1.0, note="")
 
     def close(self) -> None:
         """Take the progress bar away."""
@@ -104,6 +128,12 @@ class Terminal:
             self._bar.stop()
         self._bar = None
         self._task = None
+
+
+def _duration(seconds: float) -> str:
+    """A time for people: seconds, or minutes and seconds."""
+    whole = round(seconds)
+    return f"{whole} s" if whole < 90 else f"{whole // 60} min {whole % 60:02d} s"
 
 
 @contextmanager

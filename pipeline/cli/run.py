@@ -99,7 +99,7 @@ def command(
         command=["automap", *sys.argv[1:]],
     )
     signal.signal(signal.SIGTERM, _interrupt)
-    reporter = Silent() if quiet or as_json else Terminal()
+    reporter = Silent() if quiet or as_json else Terminal(len(selected))
     outcomes = run_drives(drives, out, request, reporter)
     for outcome in outcomes:
         if outcome.error is not None:
