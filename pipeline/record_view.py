@@ -127,7 +127,9 @@ def rows(snapshot: Snapshot) -> list[tuple[str, str, str]]:
         found.append(("", f"{rates}  {snapshot.gnss_port}", ""))
         found.append(("", _gaps(gnss.epochs, "epochs", gnss.gaps, gnss.longest_gap_s), ""))
         if math.isfinite(gnss.clock_offset_s):
-            found.append(("clock", f"computer {gnss.clock_offset_s:+.3f} s against UTC", ""))
+            from automap.recording.gnss_watch import offset_text
+
+            found.append(("clock", f"computer {offset_text(gnss.clock_offset_s)} off UTC", ""))
     imu = snapshot.imu
     if imu is not None:
         found.append(("imu", f"{imu.rate_hz:.1f} samples/s  {snapshot.imu_port}", ""))

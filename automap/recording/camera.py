@@ -224,12 +224,12 @@ class Camera:
         for packet in self._input.demux(self._stream):
             if self._halt.is_set():
                 return
-            if packet.size == 0 or packet.pts is None:
-                continue
             if raw:
+                # the empty packet at the end brings the pictures that the decoder held back
                 for picture in packet.decode():
-                    self._keep(stamps.of(picture.pts), picture=picture)
-            else:
+                    if picture.pts is not None:
+                        self._keep(stamps.of(picture.pts), picture=picture)
+            elif packet.size and packet.pts is not None:
                 self._keep(stamps.of(packet.pts), packet=packet)
 
     def _keep(self, t_ns: int, packet: Any = None, picture: Any = None) -> None:

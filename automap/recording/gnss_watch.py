@@ -236,8 +236,8 @@ class GnssWatch:
             )
         if abs(state.clock_offset_s) > 2.0:
             found["clock"] = (
-                f"the computer's clock is {_long(state.clock_offset_s)} off UTC; the recording "
-                "does not depend on it"
+                f"the computer's clock is {offset_text(state.clock_offset_s)} off UTC; the "
+                "recording does not depend on it"
             )
         return found
 
@@ -261,8 +261,8 @@ def _degrees(text: str, side: str) -> float:
     return -degrees if side in ("S", "W") else degrees
 
 
-def _long(seconds: float) -> str:
+def offset_text(seconds: float) -> str:
     """A signed span of time in a unit that suits it."""
     if abs(seconds) < 600.0:
-        return f"{seconds:+.1f} s"
+        return f"{seconds:+.2f} s"
     return f"{seconds / 3600:+.1f} h" if abs(seconds) < 2e5 else f"{seconds / 86400:+.0f} days"

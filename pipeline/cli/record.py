@@ -9,6 +9,7 @@ import click
 
 from pipeline.cli.command import Command
 
+_SHOWN = 12
 _EPILOG = """\b
 Examples:
   automap record --list-ports
@@ -171,10 +172,12 @@ def _record(cameras: tuple[str, ...], options: dict[str, Any]) -> int:
     from pipeline.record import RecordRequest, record
 
     ending, cut_short = record(RecordRequest(cameras=cameras, **options))
+    for text in list(dict.fromkeys(ending.warnings))[:_SHOWN]:
+        click.echo(f"warning: {text}", err=True)
     frames = "".join(f", {count} frames of {name}" for name, count in ending.frames.items())
     click.echo(
         f"{ending.seconds:.0f} s, {ending.epochs} epochs, {ending.samples} samples{frames}, "
-        f"{len(ending.warnings)} warnings"
+        f"{len(ending.warnings)} warnings (recording.log)"
     )
     click.echo(str(ending.folder))
     return 130 if cut_short else 0

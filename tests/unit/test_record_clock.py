@@ -65,7 +65,7 @@ def test_one_wrong_stamp_spoils_nothing() -> None:
 
 
 def test_lines_that_came_twice_or_late_keep_their_place() -> None:
-    true, device, arrival = deliver(30.0, 0.0, np.random.default_rng(12))
+    _, device, arrival = deliver(30.0, 0.0, np.random.default_rng(12))
     device[2000], device[2001] = device[2001], device[2000]
     device[2500] = device[2499]
     stamps = run(DeviceClock(), device, arrival)
