@@ -212,7 +212,7 @@ def to_json(epochs: Epochs) -> dict[str, Any]:
 
 def from_json(stored: dict[str, Any]) -> Epochs:
     """What ``to_json`` wrote; raises KeyError, TypeError or ValueError for anything else."""
-    if not stored:
+    if stored == {}:
         nothing, three = np.zeros(0), np.zeros((0, 3))
         return Epochs(
             np.zeros(0, np.int64), nothing, nothing, nothing, three, three, np.zeros((0, 9))
