@@ -70,7 +70,7 @@ def _sign_count(signs: SignColumns, looked: bool) -> Figure:
     if not looked:
         return Figure("none", "signs", "there are no detections")
     statuses = signs.values["status"]
-    good = sum(status == "ok" for status in statuses)
+    good = sum(status in ("ok", "accepted", "corrected") for status in statuses)
     classes = len(set(signs.values["class"]))
     note = f"{good} without reservation, {classes} classes" if len(signs) else "none were found"
     return Figure(str(len(signs)), "signs" if len(signs) != 1 else "sign", note)

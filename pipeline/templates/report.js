@@ -73,7 +73,7 @@
     if (major !== null && azimuth !== null) {
       L.polygon(ellipse(p, major, minor, azimuth), { color: colour, weight: 1, opacity: 0.7, fillOpacity: 0.08, smoothFactor: 0.3, interactive: false }).addTo(map);
     }
-    const sure = row[column.status] === "ok";
+    const sure = ["ok", "accepted", "corrected"].includes(row[column.status]);
     const face = signs.xy.length <= MANY ? faceOf(row[column["class"]]) : null;
     const marker = face ? L.marker(at(p), {
       icon: icon(face, FACE), opacity: sure ? 1 : 0.55, alt: words(row[column["class"]]),
