@@ -1,0 +1,82 @@
+"""The GeoPackage in QGIS itself, without a screen, where it is installed."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
+
+from export_inputs import write_run
+
+from automap.io import names
+from pipeline.export import export_run
+
+LOAD = """
+import json, sys
+from qgis.core import QgsApplication, QgsRenderContext, QgsVectorLayer
+QgsApplication.setPrefixPath("/usr", True)
+application = QgsApplication([], False)
+application.initQgis()
+found = {}
+for name in ("signs", "observations", "trajectory", "ellipses"):
+    layer = QgsVectorLayer(f"{sys.argv[1]}|layername={name}", name, "ogr")
+    renderer = layer.renderer()
+    found[name] = {
+        "valid": layer.isValid(),
+        "count": layer.featureCount(),
+        "crs": layer.crs().authid(),
+        "renderer": renderer.type() if renderer else None,
+        "symbols": [
+            [part.layerType() for part in symbol.symbolLayers()]
+            for symbol in renderer.symbols(QgsRenderContext())
+        ],
+    }
+print("FOUND" + json.dumps(found))
+application.exitQgis()
+"""
+
+
+def qgis_python() -> str | None:
+    """A Python that has QGIS: Debian's, for its packages are not in the project's environment."""
+    for python in (os.environ.get("AUTOMAP_QGIS_PYTHON"), shutil.which("python3", path="/usr/bin")):
+        if python is None:
+            continue
+        done = subprocess.run([python, "-c", "import qgis.core"], capture_output=True, check=False)
+        if done.returncode == 0:
+            return python
+    return None
+
+
+@pytest.mark.slow
+def test_qgis_opens_the_map_with_its_styles(tmp_path: Path) -> None:
+    python = qgis_python()
+    if python is None:
+        pytest.skip("QGIS is not installed: Debian's package python3-qgis, or AUTOMAP_QGIS_PYTHON")
+    out = write_run(tmp_path / "out")
+    path, _ = export_run(out, "gpkg")
+    done = subprocess.run(
+        [python, "-c", LOAD, str(path)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "QT_QPA_PLATFORM": "offscreen", "PYTHONPATH": ""},
+        timeout=120,
+    )
+    line = next((text for text in done.stdout.splitlines() if text.startswith("FOUND")), None)
+    assert line is not None, done.stderr
+    found = json.loads(line.removeprefix("FOUND"))
+    assert path.name == names.GPKG
+    assert all(layer["valid"] for layer in found.values())
+    assert {layer["crs"] for layer in found.values()} == {"EPSG:4979"}
+    assert found["signs"]["count"] == found["ellipses"]["count"] == 12
+    assert found["signs"]["renderer"] == "categorizedSymbol"
+    assert found["signs"]["symbols"] == [["RasterMarker"]] * 3 + [["SimpleMarker"]]
+    assert found["trajectory"]["renderer"] == "graduatedSymbol"
+    assert found["ellipses"]["symbols"] == [["SimpleFill"]]
