@@ -132,6 +132,7 @@ class PortReader(threading.Thread):
 
     def _read_here(self, port: SerialPort) -> None:
         """Read in this thread, where a port cannot be handed to another process."""
+        self._ready.set()
         while True:
             ending = self._halt.is_set()
             t_ns, data = port.read(0.0 if ending else _WAIT_S)

@@ -68,7 +68,8 @@ def test_a_receiver_that_is_reset_is_found_and_set_again(tmp_path: Path) -> None
     out = tmp_path / "out"
     plan = Plan(gnss=PortSpec(str(tmp_path / "gnss"), 9600), wish=Wish(rate_hz=10, baud=115200))
     with recording(out, plan, factor=5.0) as recorder:
-        assert wait_until(lambda: receiver.baud == 115200)
+        assert wait_until(lambda: "115200 baud" in events(out))
+        assert receiver.baud == 115200
         assert wait_until(lambda: recorder.snapshot().gnss.epochs > 5)
         receiver.reset()
         receiver.period_ms = 200
@@ -136,14 +137,14 @@ def test_killed_it_leaves_a_usable_drive(drive: Path, tmp_path: Path) -> None:
         time.sleep(1.0)
         run.process.kill()
         run.process.wait(10)
+        # the processes that read the ports end with it
+        assert wait_until(lambda: not any(t.opened for t in run.replay.terminals.values()))
     assert (out / "gnss.ubx").read_bytes() == feed_of(run.replay, "gnss").data
     assert len(imu_lines(out)) == 301
     recorded = read_recording(load_drive(out))
     assert not recorded.failures
     assert recorded.fixes is not None
     assert len(recorded.fixes) == 30
-    # the processes that read the ports have gone with it
-    assert not any(str(out) in line for line in os.popen("ps -eo args").read().splitlines())
 
 
 def test_killed_in_the_middle_it_has_all_but_the_last_second(drive: Path, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import subprocess
 import threading
 import time
@@ -21,8 +22,9 @@ from automap.recording import ublox
 from automap.recording.clock import HostClock
 from automap.recording.imu_format import known_formats, load_format
 from automap.recording.manifest_text import read_rig
-from automap.recording.ports import PortSpec, parse_port
+from automap.recording.ports import PortInfo, PortSpec, parse_port
 from automap.recording.probe import probe_port
+from automap.recording.reader import PortReader
 from automap.recording.recorder import Plan, Recorder
 from automap.recording.replay import Terminal
 from automap.recording.ublox import Wish
@@ -37,7 +39,7 @@ from tests.unit.recorded_drive import (
     wait_until,
     write_drive,
 )
-from tests.unit.simulated_receiver import SimulatedReceiver
+from tests.unit.simulated_receiver import SimulatedReceiver, nav_pvt
 
 Make = Callable[..., SimulatedReceiver]
 
@@ -234,6 +236,41 @@ def test_a_port_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no such port.*--list-ports"):
         recorder.start()
     assert not (tmp_path / "out").exists()
+
+
+def test_a_receiver_on_the_network(tmp_path: Path) -> None:
+    """A port may be a URL, such as that of a serial server."""
+    server = socket.create_server(("127.0.0.1", 0))
+    plan = Plan(gnss=PortSpec(f"socket://127.0.0.1:{server.getsockname()[1]}", 9600))
+    with recording(tmp_path / "out", plan) as recorder:
+        line, _ = server.accept()
+        sent = b"".join(nav_pvt(100 * k) for k in range(20))
+        line.sendall(sent)
+        assert wait_until(lambda: recorder.snapshot().gnss.epochs == 20)
+        line.close()
+        line, _ = server.accept()  # it calls again
+        line.sendall(sent)
+        assert wait_until(lambda: recorder.snapshot().gnss.messages == 40)
+    line.close()
+    server.close()
+    assert (tmp_path / "out" / "gnss.ubx").read_bytes() == sent * 2
+
+
+def test_a_usb_device_is_found_under_another_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = PortSpec(str(tmp_path / "ttyACM0"), 9600)
+    reader = PortReader("gnss", spec, HostClock(), lambda level, text: None)
+    reader._info = PortInfo(spec.device, "u-blox", "1546:01A8 7")
+    others = [
+        PortInfo("/dev/ttyUSB0", "", "0403:6001 A5"),
+        PortInfo("/dev/ttyACM1", "", "1546:01A8 7"),
+    ]
+    monkeypatch.setattr("automap.recording.reader.list_ports", lambda: others)
+    assert reader._find() == "/dev/ttyACM1"
+    monkeypatch.setattr("automap.recording.reader.list_ports", lambda: others[:1])
+    assert reader._find() is None
+    assert reader.native_usb
 
 
 def test_a_port_in_use(tmp_path: Path) -> None:
