@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from automap.vision.training.drawn_streets import drawn_streets
 from automap.vision.training.street_data import (
     LEAK,
     Crop,
@@ -21,7 +22,7 @@ from automap.vision.training.street_data import (
 
 
 def training_streets(data: Path, work: Path) -> list[Street]:
-    """Street images to train on, free of signs that held-out images show."""
+    """Street images to train on, free of signs that held-out images show, and drawn streets."""
     pixels, table = work / "streets.npy", work / "streets.json"
     if not table.is_file():
         held = load_streets(data / "gtsdb", "test") + load_streets(data / "gtsdb", "tune")
@@ -37,13 +38,14 @@ def training_streets(data: Path, work: Path) -> list[Street]:
         ]
         table.write_text(json.dumps(rows), encoding="utf-8")
     mapped = np.load(pixels, mmap_mode="r")
-    return [
+    streets = [
         Street(
             row["name"], image, np.array(row["boxes"], float).reshape(-1, 4),
             np.array(row["classes"], np.int64),
         )
         for row, image in zip(json.loads(table.read_text(encoding="utf-8")), mapped, strict=True)
     ]  # fmt: skip
+    return streets + drawn_streets(work / "drawn-streets.npy")
 
 
 def face_data(data: Path, work: Path) -> tuple[list[Street], list[Crop]]:

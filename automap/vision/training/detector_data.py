@@ -12,6 +12,7 @@ from automap.records import FloatArray
 from automap.vision.training import scenes
 from automap.vision.training.art import Face
 from automap.vision.training.degrade import at_random
+from automap.vision.training.drawn_streets import PREFIX
 from automap.vision.training.street_data import Street
 
 Image = npt.NDArray[np.uint8]
@@ -80,13 +81,16 @@ class SampleMaker:
     """Makes training pictures out of streets and faces."""
 
     def __init__(self, streets: list[Street], faces: list[Face]) -> None:
-        self._streets = streets
+        self._drawn = [s for s in streets if s.name.startswith(PREFIX)]
+        self._streets = [s for s in streets if not s.name.startswith(PREFIX)]
         self._with = [s for s in streets if len(s.boxes)]
         self._faces = FaceChooser(faces)
 
     def make(self, rng: Random) -> Sample:
         """One picture."""
         street = self._with if rng.random() < 0.6 else self._streets
+        if self._drawn and rng.random() < 0.15:
+            street = self._drawn
         chosen = street[int(rng.integers(len(street)))]
         image, boxes = self._cut(chosen, rng)
         kinds = [0] * len(boxes)

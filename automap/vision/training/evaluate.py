@@ -6,6 +6,7 @@ python -m automap.vision.training.evaluate --data DIR --part test --out figures.
 from __future__ import annotations
 
 import argparse
+import copy
 import csv
 import json
 from collections.abc import Callable
@@ -22,15 +23,24 @@ from automap.vision.classifier import SignClassifier, crop_faces
 from automap.vision.detector import FoundSigns
 from automap.vision.network import NetworkDetector, default_detector
 from automap.vision.training import degrade
+from automap.vision.training.art import Face, load_faces
+from automap.vision.training.classifier_data import CropMaker
 from automap.vision.training.metrics import (
     Figure,
     ImageResult,
     average_precision,
     judge_image,
+    overlaps,
     recall_at,
     share_with_interval,
     small_recall_at,
     with_interval,
+)
+from automap.vision.training.rendered import (
+    australian_faces,
+    foreign_faces,
+    judge_scenes,
+    make_scenes,
 )
 from automap.vision.training.splits import Part
 from automap.vision.training.street_data import Street, load_crops, load_streets
@@ -162,8 +172,6 @@ def class_of_found(found: list[tuple[FoundSigns, Street]], least: float = 0.3) -
 
 
 def _matches(signs: FoundSigns, street: Street, least: float) -> list[tuple[int, int]]:
-    from automap.vision.training.metrics import overlaps
-
     if not len(signs) or not len(street.boxes):
         return []
     table = overlaps(signs.box, street.boxes)
@@ -210,12 +218,40 @@ def centre_errors(found: list[tuple[FoundSigns, Street]], least: float = 0.3) ->
     return np.array(errors).reshape(-1, 2)
 
 
+def scene_figures(data: Path, work: Path, streets: list[Street]) -> dict[str, Any]:
+    """Drawn faces that were not trained on, in street images that were not trained on."""
+    faces = load_faces(data / "sign-art", work / "faces.pkl")
+    held = CropMaker(streets, [], faces, held=True)
+    nordic = [face for face in faces if face.colour == "red" and face.ground != "white"]
+    nordic = [face for face in nordic if face.held and face.shape == "triangle-up"]
+    yellow = replace_unknown(held, {"red-triangle-up": nordic})
+    sets = {
+        "Australian faces": (default_detector("AU"), australian_faces(faces), 1),
+        "faces of no class, all groups": (default_detector(), foreign_faces(held), 2),
+        "Nordic warnings": (default_detector(), foreign_faces(yellow), 3),
+    }
+    figures = {}
+    for name, (detector, draw, seed) in sets.items():
+        outcome = judge_scenes(detector, make_scenes(streets, draw, seed))
+        figures[name] = {k: round(v, 4) for k, v in outcome.__dict__.items()}
+        print(name, json.dumps(figures[name]), flush=True)
+    return figures
+
+
+def replace_unknown(maker: CropMaker, unknown: dict[str, list[Face]]) -> CropMaker:
+    """The same maker with other unknown faces."""
+    other = copy.copy(maker)
+    other.unknown = unknown
+    return other
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Figures of the shipped networks")
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--part", choices=("tune", "test"), default="tune")
     parser.add_argument("--conditions", default=",".join(CONDITIONS))
+    parser.add_argument("--work", type=Path, help="with the faces' cache: drawn scenes as well")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     streets = load_streets(options.data / "gtsdb", options.part)
@@ -247,6 +283,8 @@ def main() -> None:
             ]
         figures[condition] = row
         print(condition, json.dumps(row), flush=True)
+    if options.work is not None:
+        figures |= scene_figures(options.data, options.work, streets)
     crops = classify_crops(options.data, options.part)
     figures["crops"] = {name: _row(value) for name, value in crops.items()}
     print("crops", json.dumps(figures["crops"]))

@@ -181,7 +181,7 @@ def no_sign(
     x, y = int(at[0]), int(at[1])
     box = np.array([x - size / 2, y - size / 2, x + size / 2, y + size / 2])
     light = _local_light(image, box)
-    kind = rng.integers(0, 6)
+    kind = rng.integers(0, 8)
     any_colour = tuple(float(v) for v in rng.uniform(0, 255, 3))
     if kind == 0:
         body = tuple(float(v) for v in rng.uniform(10, 60, 3))
@@ -245,8 +245,21 @@ def no_sign(
             near = np.hypot(xx - x, yy - y) / radius
             alpha = np.clip(np.exp(-np.maximum(near - 0.8, 0) * 1.5), 0, 1)[:, :, None]
             part[:] = (part * (1 - alpha) + alpha * glow).astype(np.uint8)
-    else:
+    elif kind == 5:
         w, h = size * rng.uniform(0.3, 1.6), size * rng.uniform(0.3, 1.6)
         corner = (int(x + w), int(y + h))
         cv2.rectangle(image, (x, y), corner, any_colour, -1 if rng.random() < 0.7 else 2)
+    elif kind == 6:
+        # a plain ball in two tones: foliage, a balloon, a lamp that is off
+        for shift, shade in ((0.0, 0.75), (0.12 * size, 1.0)):
+            tone6 = tuple(float(np.clip(v * shade, 0, 255)) for v in any_colour)
+            at6 = (int(x - shift), int(y - shift))
+            cv2.circle(image, at6, int(size * 0.5 * (shade + 0.1)), tone6, -1, cv2.LINE_AA)
+    else:
+        # a row of windows or panels
+        w, h = size * rng.uniform(0.4, 0.9), size * rng.uniform(0.4, 1.1)
+        for k in range(int(rng.integers(2, 6))):
+            left = int(x + (k - 1) * w * 1.6)
+            corner = (int(left + w), int(y + h / 2))
+            cv2.rectangle(image, (left, int(y - h / 2)), corner, any_colour, -1)
     return box
