@@ -11,6 +11,7 @@ from automap.io import names
 from automap.io.manifest import Manifest, read_manifest
 from automap.recording.imu_format import ImuFormat
 
+_SIZE = ("width", "height")
 _OF_THE_FILES = {"file", "arrival", "arrival_time", "time", "files", "frames", "start_ns"}
 
 
@@ -47,8 +48,7 @@ def manifest_text(
         ours = {"file": gnss_file, "arrival": "gnss_arrival.csv", "arrival_time": "boot_ns"}
         parts += _section("gnss", ours | _without_files(given.get("gnss", {})))
     for camera, files in cameras.items():
-        theirs = _without_files(given.get("video", {}).get(camera, {}))
-        theirs.pop("detections", None)
+        theirs = _of_size(_without_files(given.get("video", {}).get(camera, {})), files)
         parts += _section(f"video.{camera}", {**files, "time": "boot_ns"} | theirs)
     if given.get("site"):
         parts += _section("site", given["site"])
@@ -57,6 +57,29 @@ def manifest_text(
 
 def _without_files(section: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in section.items() if key not in _OF_THE_FILES}
+
+
+def _of_size(section: dict[str, Any], files: Mapping[str, Any]) -> dict[str, Any]:
+    """A camera's section for pictures of the size that it has now.
+
+    The matrix goes along with a size of the same shape (pixel centres are integers); for another
+    shape nobody knows what the camera cut off, and it is left out with the distortion.
+    """
+    kept = {key: value for key, value in section.items() if key not in ("detections", *_SIZE)}
+    before = tuple(section.get(key) for key in _SIZE)
+    now = tuple(files.get(key) for key in _SIZE)
+    if None in now:
+        return kept | {key: section[key] for key in _SIZE if key in section}
+    matrix = section.get("camera_matrix")
+    if matrix is None or None in before or before == now:
+        return kept
+    factor = now[0] / before[0]
+    if abs(factor * before[1] - now[1]) > 1.0:
+        return {k: v for k, v in kept.items() if k not in ("camera_matrix", "distortion")}
+    (fx, skew, cx), (_, fy, cy), bottom = matrix
+    moved = [(c + 0.5) * factor - 0.5 for c in (cx, cy)]
+    rows = ((fx * factor, skew * factor, moved[0]), (0.0, fy * factor, moved[1]), bottom)
+    return kept | {"camera_matrix": rows}
 
 
 def _section(name: str, values: Mapping[str, Any]) -> list[str]:

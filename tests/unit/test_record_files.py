@@ -126,6 +126,30 @@ def test_the_manifest_takes_over_the_rig(tmp_path: Path) -> None:
     assert manifest.site.country == "NZ"
 
 
+@pytest.mark.parametrize(
+    ("size", "matrix"),
+    [
+        ((1280, 720), ((1000.0, 0, 639.5), (0, 1000.0, 359.5), (0, 0, 1))),
+        ((640, 360), ((500.0, 0, 319.5), (0, 500.0, 179.5), (0, 0, 1))),
+        ((640, 480), None),
+    ],
+)
+def test_the_camera_matrix_goes_with_the_size(
+    tmp_path: Path, size: tuple[int, int], matrix: tuple[tuple[float, ...], ...] | None
+) -> None:
+    rig = tmp_path / "drive.toml"
+    rig.write_text(
+        'schema = "automap.drive/1"\n[video.front]\nwidth = 1280\nheight = 720\n'
+        "camera_matrix = [[1000.0, 0.0, 639.5], [0.0, 1000.0, 359.5], [0.0, 0.0, 1.0]]\n"
+    )
+    files = {"frames": "video/front_frames.csv", "width": size[0], "height": size[1]}
+    text = manifest_text("x", None, None, {"front": files}, read_rig(tmp_path))
+    (tmp_path / "new.toml").write_text(text)
+    camera = read_manifest(tmp_path / "new.toml").video["front"]
+    assert (camera.width, camera.height) == size
+    assert camera.camera_matrix == matrix
+
+
 def test_a_trouble_on_the_brink_is_told_once() -> None:
     told: list[tuple[str, str]] = []
     conditions = Conditions(lambda level, text: told.append((level, text)))
