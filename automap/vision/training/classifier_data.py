@@ -166,7 +166,9 @@ class CropMaker:
             scenes.pole(part, box, rng)
         placed = scenes.draw_face(part, face.image, box, rng)
         part = at_random(part, rng, 0.8)
-        return crop_faces(part, jittered(box if placed is None else placed, rng)[None])[0]
+        return np.asarray(
+            crop_faces(part, jittered(box if placed is None else placed, rng)[None])[0], np.uint8
+        )
 
 
 def jittered(box: FloatArray, rng: Random) -> FloatArray:

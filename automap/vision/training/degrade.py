@@ -56,9 +56,9 @@ def rain(image: Image, rng: Random, streaks: float = 900.0, length: int = 16) ->
         long = int(length * rng.uniform(0.5, 1.5))
         end = (int(x + lean * long), int(y + long))
         cv2.line(layer, (int(x), int(y)), end, int(rng.integers(90, 200)), 1, cv2.LINE_AA)
-    layer = cv2.GaussianBlur(layer, (3, 3), 0.6)
+    soft = cv2.GaussianBlur(layer, (3, 3), 0.6)
     values = 0.85 * image.astype(np.float32) + 15.0
-    return _clipped(values + 0.8 * layer[:, :, None])
+    return _clipped(values + 0.8 * soft[:, :, None])
 
 
 def motion_blur(image: Image, length: float = 8.0, angle_deg: float = 0.0) -> Image:
@@ -81,7 +81,8 @@ def compress(image: Image, quality: int = 20) -> Image:
 
 def white_balance(image: Image, blue: float = 0.75, red: float = 1.25) -> Image:
     """Other gains of the blue and red channel."""
-    return _clipped(image * np.array([blue, 1.0, red], np.float32))
+    gains = np.array([blue, 1.0, red], np.float32)
+    return _clipped(image.astype(np.float32) * gains)
 
 
 def resampled(image: Image, factor: float) -> Image:

@@ -37,13 +37,13 @@ class Sample:
 
 def mirrored(sample: Sample) -> Sample:
     """Left and right exchanged."""
-    box = sample.box[[2, 1, 0, 3]]
     return Sample(
-        *(np.ascontiguousarray(part) for part in (
-            sample.image[:, ::-1], sample.heat[:, :, ::-1], sample.weight[:, :, ::-1],
-            box[:, :, ::-1], sample.near[:, ::-1],
-        ))
-    )  # fmt: skip
+        np.ascontiguousarray(sample.image[:, ::-1]),
+        np.ascontiguousarray(sample.heat[:, :, ::-1]),
+        np.ascontiguousarray(sample.weight[:, :, ::-1]),
+        np.ascontiguousarray(sample.box[[2, 1, 0, 3], :, ::-1]),
+        np.ascontiguousarray(sample.near[:, ::-1]),
+    )
 
 
 def kind_of(face: Face) -> int:
@@ -124,7 +124,7 @@ class SampleMaker:
         part = source[low[1] : high[1], low[0] : high[0]]
         if step > 1.3:
             # averaged as a smaller sensor would, then brought to the grid
-            part = cv2.GaussianBlur(part, (0, 0), 0.4 * step)
+            part = np.asarray(cv2.GaussianBlur(part, (0, 0), 0.4 * step), np.uint8)
         first = first - low
         matrix = np.array(
             [[step, 0.0, first[0] + (step - 1) / 2], [0.0, step, first[1] + (step - 1) / 2]]
@@ -201,7 +201,8 @@ def _targets(image: Image, boxes: list[FloatArray], kinds: list[int]) -> Sample:
         box, kind = boxes[int(i)], kinds[int(i)]
         size = box[2:] - box[:2] + 1.0
         shown = np.clip(box, 0, SIZE - 1)
-        seen = float(np.prod(np.maximum(shown[2:] - shown[:2], 0)) / max(np.prod(size - 1), 1.0))
+        whole = max(float(np.prod(size - 1)), 1.0)
+        seen = float(np.prod(np.maximum(shown[2:] - shown[:2], 0))) / whole
         x = _cells(box[[0, 2]], n)
         y = _cells(box[[1, 3]], n)
         if kind < 0:

@@ -53,7 +53,7 @@ def make_scenes(streets: list[Street], draw: Chooser, seed: int, each: int = 3) 
         image = street.image.copy()
         height, width = image.shape[:2]
         boxes: list[FloatArray] = []
-        names = []
+        names: list[str] = []
         for _ in range(20 * each):
             if len(names) == each:
                 break

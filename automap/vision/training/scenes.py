@@ -110,13 +110,13 @@ def draw_face(image: Image, face: Image, box: FloatArray, rng: Random) -> FloatA
     patch = cv2.warpPerspective(art, matrix, (full[0], full[1]), flags=cv2.INTER_LINEAR)
     if over > 1:
         patch = cv2.resize(patch, (full[0] // over, full[1] // over), interpolation=cv2.INTER_AREA)
-    cover = patch[:, :, 3:] / 255.0
+    cover = np.asarray(patch[:, :, 3:] / 255.0, np.float32)
     if int((cover > 0.5).sum()) < 8:
         return None
     sharp = rng.uniform(0.0, 1.1)
     if sharp > 0.35:
         patch = cv2.GaussianBlur(patch, (0, 0), sharp)
-        cover = patch[:, :, 3:] / 255.0
+        cover = np.asarray(patch[:, :, 3:] / 255.0, np.float32)
     if rng.random() < 0.12:
         _hide(cover, rng)
     part = image[low[1] : top[1], low[0] : top[0]]
@@ -185,9 +185,13 @@ def no_sign(
     any_colour = tuple(float(v) for v in rng.uniform(0, 255, 3))
     if kind == 0:
         body = tuple(float(v) for v in rng.uniform(10, 60, 3))
-        w = int(size * 0.4)
+        body_wide = int(size * 0.4)
         cv2.rectangle(
-            image, (x - w // 2, int(y - size / 2)), (x + w // 2, int(y + size / 2)), body, -1
+            image,
+            (x - body_wide // 2, int(y - size / 2)),
+            (x + body_wide // 2, int(y + size / 2)),
+            body,
+            -1,
         )
         lamps = [(30, 30, 230), (30, 170, 240), (120, 220, 60)]
         on = int(rng.integers(0, 3))
@@ -210,9 +214,11 @@ def no_sign(
         font = int(rng.integers(0, 5))
         thick = max(1, int(size / 12))
         if rng.random() < 0.5:
-            w = int(size * 0.7 * len(letters))
+            board = int(size * 0.7 * len(letters))
             ground = tuple(float(v) for v in rng.uniform(0, 255, 3))
-            cv2.rectangle(image, (x - 3, int(y - size)), (x + w, int(y + size * 0.4)), ground, -1)
+            cv2.rectangle(
+                image, (x - 3, int(y - size)), (x + board, int(y + size * 0.4)), ground, -1
+            )
         cv2.putText(image, letters, (x, y), font, size / 28, any_colour, thick, cv2.LINE_AA)
     elif kind == 3:
         shade = light * rng.uniform(0.35, 0.8)

@@ -93,7 +93,7 @@ def _patch(image: Image, box: FloatArray, dx: float = 0.0, dy: float = 0.0) -> F
     )
     vector = patch.astype(np.float32).ravel()
     vector -= vector.mean()
-    return vector / max(float(np.linalg.norm(vector)), 1e-6)
+    return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-6))
 
 
 def _around(image: Image, box: FloatArray) -> tuple[Image, FloatArray]:
