@@ -1,4 +1,8 @@
-"""The commands that stand in the documentation."""
+"""The commands that stand in the documentation.
+
+Those in blocks of ``sh`` are run by a slow test; those in other blocks (``bash``, ``text``) name
+files or devices that only a user has, and are parsed.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,9 @@ class Command:
     def words(self) -> list[str]:
         """The words up to a pipe or a redirection."""
         words = shlex.split(self.line)
-        ends = [k for k, word in enumerate(words) if word in ("|", ">", ">>", "&&", "&", "2>&1")]
+        ends = [
+            k for k, word in enumerate(words) if word in ("|", "||", ">", ">>", "&&", "&", "2>&1")
+        ]
         return words[: ends[0]] if ends else words
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import re
 import subprocess
@@ -54,7 +55,9 @@ def test_every_command_is_one_of_ours_and_its_options_too(command: Command) -> N
     if words[:2] == ["python", "-m"]:
         assert importlib.util.find_spec(words[2]) is not None
     elif words[0] == "automap":
-        parse(cli, "automap", words[1:])
+        # --help ends the parsing, well
+        with contextlib.suppress(click.exceptions.Exit):
+            parse(cli, "automap", words[1:])
     else:
         assert words[0] in ("pip", "make", "ssh"), f"nothing checks {command.line}"
 
