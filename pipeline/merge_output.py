@@ -40,7 +40,7 @@ def write_map(
     from automap.io.clock_json import write_clock
     from automap.io.map_tables import write_coverage
     from automap.io.signs_table import write_signs
-    from pipeline.export import FORMATS, STANDARD_FORMATS, map_content
+    from pipeline.export import FORMATS, STANDARD_FORMATS, map_content, write_dictionary
     from pipeline.merge_report import merge_report
 
     out = make_folder(outcome.folder)
@@ -58,6 +58,7 @@ def write_map(
         write(content, out / name)
         files.append(out / name)
         progress(0.3 + 0.6 * (number + 1) / len(STANDARD_FORMATS))
+    write_dictionary(out / names.DICTIONARY)
     changes = outcome.comparison.changes if outcome.comparison is not None else None
     if changes is not None:
         write_text(out / CHANGES, changes_geojson(changes))

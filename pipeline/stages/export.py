@@ -34,7 +34,8 @@ def run(context: StageContext) -> None:
             context.warn,
             lambda done: context.progress(0.7 * done, "sign pictures"),
         )
-        write_pictures(context.work, content.pictures)
+        if content.pictures:
+            write_pictures(context.work, content.pictures)
     elsewhere = in_datum(content, settings.datum) if settings.datum else content
     for text in elsewhere.warnings:
         context.warn(text)
