@@ -191,29 +191,34 @@ def to_datum(
             "taken, though plates move up to 7 cm a year."
         )
     good = np.isfinite(lon) & np.isfinite(lat)
-    out = [lon.copy(), lat.copy(), height.copy()]
+    out_lon, out_lat, out_height = lon.copy(), lat.copy(), height.copy()
     source = frame or next(code for first, code in _REALISATIONS if epoch >= first)
     if not good.any():
-        return InDatum(datum, *out, epoch, "none", 0.0, 0.0, tuple(sentences))
-    bounds = tuple(
+        return InDatum(
+            datum, out_lon, out_lat, out_height, epoch, "none", 0.0, 0.0, tuple(sentences)
+        )
+    west, south, east, north = (
         float(v) for v in (lon[good].min(), lat[good].min(), lon[good].max(), lat[good].max())
     )
     _check_area(datum, lon[good], lat[good])
-    transformer, accuracy = _operation(source, datum.code, datum.name, bounds)
+    transformer, accuracy = _operation(source, datum.code, datum.name, (west, south, east, north))
     high = np.where(np.isfinite(height[good]), height[good], 0.0)
     moved = transformer.transform(lon[good], lat[good], high, np.full(int(good.sum()), epoch))
-    for k in range(2):
-        out[k][good] = moved[k]
-    if not (np.isfinite(out[0][good]).all() and np.isfinite(out[1][good]).all()):
+    out_lon[good], out_lat[good] = moved[0], moved[1]
+    if not (np.isfinite(out_lon[good]).all() and np.isfinite(out_lat[good]).all()):
         raise InputError(
             f"--datum {datum.name}: PROJ cannot transform all of the map's positions; is the "
             "datum made for this place?"
         )
-    out[2][good] = np.where(np.isfinite(height[good]), moved[2], np.nan)
-    east = np.radians((out[0] - lon + 180.0) % 360.0 - 180.0) * np.cos(np.radians(lat))
-    shift = 6.371e6 * np.hypot(east, np.radians(out[1] - lat))
+    out_height[good] = np.where(np.isfinite(height[good]), moved[2], np.nan)
+    turn = np.radians((out_lon - lon + 180.0) % 360.0 - 180.0) * np.cos(np.radians(lat))
+    shift = 6.371e6 * np.hypot(turn, np.radians(out_lat - lat))
     return InDatum(
-        datum, *out, epoch, str(transformer.description), accuracy,
+        datum,
+        out_lon,
+        out_lat,
+        out_height,
+        epoch, str(transformer.description), accuracy,
         float(np.nanmax(shift)), tuple(sentences),
     )  # fmt: skip
 
@@ -256,7 +261,7 @@ def _operation(
                 target,
                 always_xy=True,
                 allow_ballpark=False,
-                area_of_interest=AreaOfInterest(*bounds),
+                area_of_interest=AreaOfInterest(*bounds),  # type: ignore[arg-type]
             )
     except IndexError:
         # pyproj stumbles over an empty list of operations

@@ -96,12 +96,13 @@ def adjust(
     tiles = list(cut_tiles(lat, lon))
     sums, squares, counts = (np.zeros((sightings.n_drives, 3)) for _ in range(3))
 
-    def work(tile: Tile) -> tuple[TileData, list[FloatArray]]:
+    def work(tile: Tile) -> tuple[TileData, list[FloatArray], list[FloatArray]]:
         data = tile_data(sightings, members, tile, lat, lon)
-        return data, [_solve(sightings, data, levels, factor, axes) for axes in (2, 1)]
+        plan, up = (_solve(sightings, data, levels, factor, axes) for axes in (2, 1))
+        return data, plan, up
 
     with ThreadPoolExecutor(max(1, os.cpu_count() or 1)) as pool:
-        for done, (data, (plan, up)) in enumerate(pool.map(work, tiles)):
+        for done, (data, plan, up) in enumerate(pool.map(work, tiles)):
             _store(result, data, plan, up)
             _add_offsets(data, plan, up, sightings.drive, sums, squares, counts)
             progress((done + 1) / len(tiles))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
@@ -56,15 +58,16 @@ def facing_evidence(difference: float) -> float:
         turn = 2.0 * np.pi - turn
     if not turn <= FACING_LIMIT:
         return -np.inf
-    return np.log(2.0 * np.pi / (np.sqrt(2.0 * np.pi) * FACING_SD)) - 0.5 * (turn / FACING_SD) ** 2
+    best = math.log(2.0 * math.pi / (math.sqrt(2.0 * math.pi) * FACING_SD))
+    return best - 0.5 * (turn / FACING_SD) ** 2
 
 
 @njit(cache=True, error_model="numpy")
 def match_gain(v_ee: float, v_en: float, v_nn: float, v_u: float) -> float:
     """Evidence in nats of a perfect agreement of place, against a sign new to the map."""
-    gain = -np.log(2.0 * np.pi * np.sqrt(v_ee * v_nn - v_en * v_en) * NEW_PER_M2)
+    gain = -math.log(2.0 * math.pi * math.sqrt(v_ee * v_nn - v_en * v_en) * NEW_PER_M2)
     if v_u == v_u:
-        gain -= np.log(np.sqrt(2.0 * np.pi * v_u) * NEW_PER_M)
+        gain -= math.log(math.sqrt(2.0 * math.pi * v_u) * NEW_PER_M)
     return gain
 
 

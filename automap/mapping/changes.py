@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -119,7 +120,8 @@ def _costs(
     now, before = _sphere([signs[k] for k in rows]), _sphere([older[k] for k in older_rows])
     tree = cKDTree(before)
     costs = []
-    for i, near in zip(rows, tree.query_ball_point(now, reach_m * 1.01 / 6.37e6), strict=True):
+    found: Any = tree.query_ball_point(now, reach_m * 1.01 / 6.37e6)
+    for i, near in zip(rows, found, strict=True):
         for place in near:
             j = older_rows[place]
             a, b = signs[i], older[j]

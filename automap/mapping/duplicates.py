@@ -49,6 +49,8 @@ def join_duplicates(
     in sigmas or as an outlier, class and facing; a sign that was replaced by another in between
     is two.
     """
+    if len(association.sign) == 0:
+        return association
     sign = association.sign.copy()
     evidence = class_evidence(sightings.classes)
     for _ in range(_PASSES):
@@ -93,7 +95,7 @@ def _places(sightings: Sightings, association: Association, sign: IntArray) -> _
     w_u = np.where(known, 1.0 / sightings.own_u, 0.0)
 
     def total(values: FloatArray) -> FloatArray:
-        return np.bincount(sign, values, m)
+        return np.asarray(np.bincount(sign, values, m), np.float64)
 
     a_ee, a_en, a_nn = (total(w[:, k]) for k in range(3))
     b_e = total(w[:, 0] * east + w[:, 1] * north)

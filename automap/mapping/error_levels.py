@@ -89,7 +89,7 @@ def _sample(
 ) -> list[TileData]:
     """Tiles with the most to say, spread over the map."""
     members = Members(association.sign)
-    found = []
+    found: list[tuple[int, int, TileData]] = []
     tiles = list(cut_tiles(lat, lon, core=30, margin_m=0.0))
     step = max(1, len(tiles) // (4 * _TILES))
     for tile in tiles[::step]:

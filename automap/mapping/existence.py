@@ -22,8 +22,9 @@ CHANGE_PER_YEAR = 0.03
 LEAST_CHANGE = 0.002
 """Probability of that between any two drives, however close in time."""
 
-SPREAD = 4.0
-"""Sum of the beta parameters of a real sign's detection rate: how alike signs are."""
+SPREAD = 6.0
+"""Sum of the beta parameters of a real sign's detection rate, how alike signs are, where the
+data do not tell."""
 FALSE_BETA = (1.0, 20.0)
 """Beta parameters of the rate at which other drives see what is no sign."""
 STRAY = 0.02
@@ -35,7 +36,10 @@ OLDER_BELIEF = 0.95
 _RATE_PRIOR = (8.0, 1.5)
 _REAL_PRIOR = (9.0, 1.0)
 _DRIVE_PRIOR = 20.0
-_ROUNDS = 25
+_SPREAD_LOG_SD = 1.0
+_SPREADS = (2.0, 3.0, 4.5, 6.0, 9.0, 13.0, 20.0, 40.0)
+_ROUNDS = 12
+_TURNS = 3
 _YEAR_S = 365.25 * 86400.0
 
 
@@ -54,17 +58,19 @@ class Chances:
 
 @dataclass(frozen=True)
 class DetectionRates:
-    """``overall`` rate at which real signs in view are seen, by ``drive`` [d], and the share
-    ``real`` of map signs that are real before any drive is counted."""
+    """``overall`` rate at which real signs in view are seen, by ``drive`` [d], the share
+    ``real`` of map signs that are real before any drive is counted, and ``spread``, how alike
+    the rates of signs are (infinite: all the same)."""
 
     overall: float
     drive: FloatArray
     real: float
+    spread: float = SPREAD
 
     @property
     def beta(self) -> tuple[float, float]:
         """Parameters of a real sign's own rate."""
-        return SPREAD * self.overall, SPREAD * (1.0 - self.overall)
+        return self.spread * self.overall, self.spread * (1.0 - self.overall)
 
     def miss_weight(self, drive: IntArray) -> FloatArray:
         """What a miss by drives [n] counts: less where a drive sees little (night, rain)."""
@@ -89,48 +95,70 @@ def chances(sign: IntArray, drive: IntArray, views: Opportunities) -> Chances:
 def detection_rates(pairs: Chances, n_signs: int, n_drives: int) -> DetectionRates:
     """Rates by expectation maximisation over real and false signs, with weak priors.
 
-    A sign that only one drive ever had in view tells nothing about rates.
+    Signs that fewer than three drives had in view tell nothing about rates: that one of them
+    saw it is why it is known at all.
     """
     rates = DetectionRates(
         _RATE_PRIOR[0] / sum(_RATE_PRIOR),
         np.full(max(n_drives, 1), _RATE_PRIOR[0] / sum(_RATE_PRIOR)),
         _REAL_PRIOR[0] / sum(_REAL_PRIOR),
     )
-    telling = np.bincount(pairs.sign, minlength=n_signs)[pairs.sign] > 1
-    # the first sighting of a sign is why it is there at all
-    first = np.concatenate([[True], np.diff(pairs.sign) > 0]) if len(pairs) else telling
+    telling = np.bincount(pairs.sign, minlength=n_signs)[pairs.sign] > 2
     seen = pairs.seen.astype(np.float64)
-    for _ in range(_ROUNDS):
+    for turn in range(_ROUNDS * _TURNS):
+        if turn % _ROUNDS == _ROUNDS - 1:
+            rates = _with_spread(pairs, rates, n_signs)
         belief = _mixture(pairs, rates, n_signs)
         weight = belief[pairs.sign] * telling
         hits = np.bincount(pairs.drive, weight * seen, len(rates.drive))
         tries = np.bincount(pairs.drive, weight, len(rates.drive))
-        selected = np.sum(weight[first & pairs.seen]) if len(pairs) else 0.0
-        overall = (hits.sum() - selected + _RATE_PRIOR[0]) / (
-            tries.sum() - selected + sum(_RATE_PRIOR)
-        )
+        overall = (hits.sum() + _RATE_PRIOR[0]) / (tries.sum() + sum(_RATE_PRIOR))
         overall = float(np.clip(overall, 0.2, 0.97))
         by_drive = (hits + _DRIVE_PRIOR * overall) / (tries + _DRIVE_PRIOR)
         real = (belief.sum() + _REAL_PRIOR[0]) / (n_signs + sum(_REAL_PRIOR))
-        rates = DetectionRates(overall, np.clip(by_drive, 0.02, 0.98), float(real))
+        rates = DetectionRates(
+            overall, np.clip(by_drive, 0.02, 0.98), float(min(real, 0.999)), rates.spread
+        )
     return rates
+
+
+def _counts(pairs: Chances, rates: DetectionRates, n_signs: int) -> tuple[FloatArray, FloatArray]:
+    """How often each sign was seen, and missed, [m] each."""
+    weight = np.where(pairs.seen, 0.0, rates.miss_weight(pairs.drive))
+    hits = np.bincount(pairs.sign, pairs.seen.astype(np.float64), n_signs)
+    return hits, np.bincount(pairs.sign, weight, n_signs)
+
+
+def _log_chances(hits: FloatArray, misses: FloatArray, beta: tuple[float, float]) -> FloatArray:
+    """Beta-binomial log likelihood [m] of a series; 0 for a single one, which is why the sign
+    is known at all."""
+    from scipy.special import betaln
+
+    told = betaln(beta[0] + hits, beta[1] + misses) - betaln(*beta)
+    return np.where(hits + misses <= 1.0, 0.0, told)
 
 
 def _mixture(pairs: Chances, rates: DetectionRates, n_signs: int) -> FloatArray:
     """Probability [m] that each sign is real, if signs never changed."""
-    from scipy.special import betaln
-
-    weight = np.where(pairs.seen, 0.0, rates.miss_weight(pairs.drive))
-    hits = np.bincount(pairs.sign, pairs.seen.astype(np.float64), n_signs)
-    misses = np.bincount(pairs.sign, weight, n_signs)
-    a, b = rates.beta
-    false_a, false_b = FALSE_BETA
-    told = betaln(a + hits, b + misses) - betaln(a, b)
-    told -= betaln(false_a + hits, false_b + misses) - betaln(false_a, false_b)
-    # both have been seen once at least, or they would not be here
-    alone = hits + misses <= 1.0
-    odds = np.where(alone, 0.0, told) + math.log(rates.real / (1.0 - rates.real))
+    hits, misses = _counts(pairs, rates, n_signs)
+    told = _log_chances(hits, misses, rates.beta) - _log_chances(hits, misses, FALSE_BETA)
+    odds = told + math.log(rates.real / (1.0 - rates.real))
     return np.asarray(1.0 / (1.0 + np.exp(-np.clip(odds, -60.0, 60.0))))
+
+
+def _with_spread(pairs: Chances, rates: DetectionRates, n_signs: int) -> DetectionRates:
+    """The spread that makes the counts most likely, with a log-normal prior."""
+    hits, misses = _counts(pairs, rates, n_signs)
+    false = _log_chances(hits, misses, FALSE_BETA) + math.log(1.0 - rates.real)
+    best, highest = rates, -np.inf
+    for spread in _SPREADS:
+        trial = DetectionRates(rates.overall, rates.drive, rates.real, spread)
+        real = _log_chances(hits, misses, trial.beta) + math.log(rates.real)
+        score = float(np.logaddexp(real, false).sum())
+        score -= 0.5 * (math.log(spread / SPREAD) / _SPREAD_LOG_SD) ** 2
+        if score > highest:
+            best, highest = trial, score
+    return best
 
 
 def existence(

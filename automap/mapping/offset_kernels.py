@@ -40,7 +40,8 @@ def agreement(values: FloatArray, e: float, n: float, u: float, p_e: float, p_n:
     square = (v_nn * de * de - 2.0 * v_en * de * dn + v_ee * dn * dn) / det
     if values[V_U] == values[V_U]:
         square += (values[D_U] - u) ** 2 / values[V_U]
-    return values[EVIDENCE] + match_gain(v_ee, v_en, v_nn, values[V_U]) - 0.5 * square
+    gain = match_gain(v_ee, v_en, v_nn, values[V_U])
+    return float(values[EVIDENCE] + gain - 0.5 * square)
 
 
 @njit(cache=True, error_model="numpy")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,10 @@ UNKNOWN_SD_M = 3.0
 
 _LEAST_SD_M = 0.02
 _LEAST_OWN_SHARE = 0.02
+_STACKED = (
+    "drive", "row", "time_s", "lat", "lon", "height", "per_lat", "per_lon", "own", "own_u",
+    "shared_sd", "facing", "code", "confidence",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -131,6 +136,13 @@ def canonical_order(drives: Sequence[DriveSigns]) -> list[int]:
 
 def stack_sightings(drives: Sequence[DriveSigns]) -> Sightings:
     """Columns of all sightings that have a position, in the order of the drives given."""
+    if not drives:
+        none, zero = np.zeros(0, np.int64), np.zeros(0)
+        three = np.zeros((0, 3))
+        return Sightings(
+            none, none, np.zeros(1, np.int64), zero, zero, zero, zero, zero, zero, three, zero,
+            three, zero, none, zero, (),
+        )  # fmt: skip
     names = sorted({str(name) for drive in drives for name in set(drive.class_name)})
     number = {name: k for k, name in enumerate(names)}
     parts: list[list[npt.NDArray[np.generic]]] = []
@@ -163,10 +175,9 @@ def stack_sightings(drives: Sequence[DriveSigns]) -> Sightings:
             ]
         )
         first.append(first[-1] + len(rows))
-    columns = [np.concatenate([part[k] for part in parts]) for k in range(14)]
-    return Sightings(
-        columns[0], columns[1], np.array(first, np.int64), *columns[2:], classes=tuple(names)
-    )  # type: ignore[arg-type]
+    stacked = {name: np.concatenate([part[k] for part in parts]) for k, name in enumerate(_STACKED)}
+    columns: dict[str, Any] = {"first": np.array(first, np.int64), "classes": tuple(names)}
+    return Sightings(**columns, **stacked)
 
 
 def shared_sd(drive: DriveSigns, rows: IntArray) -> FloatArray:

@@ -46,7 +46,7 @@ def cut_tiles(
         near = np.array(sorted(tree.query_ball_point(centre, reach)), np.int64)
         others = np.setdiff1d(near, rows, assume_unique=True)
         if len(others):
-            gap, _ = cKDTree(sphere[rows]).query(sphere[others])
+            gap = np.asarray(cKDTree(sphere[rows]).query(sphere[others])[0], np.float64)
             order = np.argsort(gap, kind="stable")
             order = order[gap[order] * radius < margin_m][: MOST_SIGNS - len(rows)]
             others = others[order]

@@ -46,6 +46,9 @@ class Errors:
     facing: float = 0.15
 
 
+USUAL = Errors()
+
+
 @dataclass
 class Scene:
     """Drives and, for each sighting of each, the number of the true sign (-1 clutter)."""
@@ -101,7 +104,7 @@ def drive_through(
     speed: float,
     name: str,
     start_gps_s: float,
-    errors: Errors = Errors(),
+    errors: Errors = USUAL,
     standing: np.ndarray | None = None,
 ) -> tuple[DriveSigns, IntArray]:
     """What one drive along ``path`` [k, 2] (corners, east and north) sees of the town.
@@ -189,15 +192,16 @@ def _turn(angle: FloatArray) -> FloatArray:
 
 def street_scene(
     seed: int, drives: int, length_m: float = 1500.0, spacing_m: float = 25.0,
-    errors: Errors = Errors(),
+    errors: Errors = USUAL, both_ways: bool = True,
 ) -> Scene:  # fmt: skip
-    """Passes of one street, every third against the others' direction, days apart."""
+    """Passes of one street, days apart, with ``both_ways`` every third the other way."""
     rng = np.random.default_rng(seed)
     town = street(rng, length_m, spacing_m)
     scene = Scene(town)
     ends = np.array([[-1.5, -40.0], [-1.5, length_m + 40.0]])
     for number in range(drives):
-        path = -ends[:, [1]] * 0 + (ends if number % 3 != 2 else ends[::-1] * [-1, 1])
+        back = both_ways and number % 3 == 2
+        path = ends[::-1] * [-1, 1] if back else ends
         start = 1.4e9 + 86400.0 * number
         drive, truth = drive_through(
             rng, town, path, 12.0, f"pass-{number:02d}", start, errors

@@ -25,6 +25,7 @@ CONTRACT = [
     "first_seen",
     "last_seen",
     "height_above_road_m",
+    "height_msl_m",
     "facing_deg",
     "size_m",
     "side",

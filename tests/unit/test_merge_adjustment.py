@@ -1,0 +1,187 @@
+"""Where merged signs stand and how surely."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from merge_scene import Errors, Scene, street_scene, to_enu
+
+from automap.mapping.adjustment import (
+    COMMON_SD_M,
+    Adjusted,
+    ErrorLevels,
+    adjust,
+)
+from automap.mapping.adjustment_kernels import covariance_of_drive, invert
+from automap.mapping.association import Association
+from automap.mapping.error_levels import estimate_levels
+from automap.mapping.sightings import Sightings, stack_sightings
+from automap.mapping.tiles import cut_tiles
+
+NOTHING = Association(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
+QUIET = Errors(clutter=0.0, wrong_class=0.0)
+
+
+def known_association(scene: Scene) -> tuple[Sightings, Association, np.ndarray]:
+    """The true association of a scene without clutter, and the true sign of each map sign."""
+    sightings = stack_sightings(scene.drives)
+    truth = np.concatenate(
+        [
+            own[sightings.row[sightings.first[k] : sightings.first[k + 1]]]
+            for k, own in enumerate(scene.truth)
+        ]
+    )
+    signs, number = np.unique(truth, return_inverse=True)
+    miss = to_enu(sightings.lat, sightings.lon, sightings.height) - scene.town.position[truth]
+    offset = np.array([miss[sightings.drive == d].mean(axis=0) for d in sightings.drive])
+    spread = np.full((len(truth), 3), 0.3**2)
+    return sightings, Association(number.astype(np.int64), offset, spread), signs
+
+
+def brute_force(sightings: Sightings, sign: np.ndarray, tau_s: float) -> tuple[np.ndarray, ...]:
+    """Generalised least squares over everything at once, east and north."""
+    m, n = int(sign.max()) + 1, len(sightings)
+    covariance = np.zeros((2 * n, 2 * n))
+    for i in range(n):
+        for j in range(n):
+            if sightings.drive[i] == sightings.drive[j]:
+                keep = np.exp(-abs(sightings.time_s[i] - sightings.time_s[j]) / tau_s)
+                for a in range(2):
+                    covariance[2 * i + a, 2 * j + a] = (
+                        keep * sightings.shared_sd[i, a] * sightings.shared_sd[j, a]
+                    )
+        own = sightings.own[i]
+        covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] += [[own[0], own[1]], [own[1], own[2]]]
+    design = np.zeros((2 * n, 2 * m))
+    for i in range(n):
+        for a in range(2):
+            design[2 * i + a, 2 * sign[i] + a] = 1.0
+    z = to_enu(sightings.lat, sightings.lon, sightings.height)[:, :2].ravel()
+    weight = np.linalg.inv(covariance)
+    normal = np.linalg.inv(design.T @ weight @ design)
+    return (normal @ design.T @ weight @ z).reshape(m, 2), normal
+
+
+def test_one_tile_equals_the_whole_problem_solved_at_once() -> None:
+    scene = street_scene(1, 4, length_m=250.0, errors=QUIET)
+    sightings, association, _ = known_association(scene)
+    result = adjust(sightings, association)
+    place, normal = brute_force(sightings, association.sign, 60.0)
+    enu = to_enu(result.lat, result.lon, result.height)
+    # a sighting far off its sign counts less, which the plain formula does not have
+    assert np.abs(enu[:, :2] - place).max() < 0.05
+    for k in range(len(place)):
+        expected = normal[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] + COMMON_SD_M**2 * np.eye(2)
+        assert result.cov_enu[k, :2, :2] == pytest.approx(expected, rel=0.1, abs=0.005)
+
+
+def errors_of(result: Adjusted, scene: Scene, signs: np.ndarray) -> np.ndarray:
+    return to_enu(result.lat, result.lon, result.height) - scene.town.position[signs]
+
+
+@pytest.mark.parametrize("tau_s", [60.0, None])
+def test_covariances_hold_when_a_drives_signs_share_its_error(tau_s: float | None) -> None:
+    """Also where the error does not wander at all, in place of the minute assumed."""
+    inside, square_up = [], []
+    errors = Errors(clutter=0.0, wrong_class=0.0, tau_s=tau_s)
+    for seed in range(40):
+        scene = street_scene(seed, 5, length_m=300.0, spacing_m=30.0, errors=errors)
+        sightings, association, signs = known_association(scene)
+        result = adjust(sightings, association)
+        error = errors_of(result, scene, signs)
+        plan = result.cov_enu[:, :2, :2]
+        square = np.einsum(
+            "ni,ni->n", error[:, :2], np.linalg.solve(plan, error[:, :2, None])[:, :, 0]
+        )
+        inside.append(float((square < 5.991).mean()))
+        square_up += (error[:, 2] ** 2 / result.cov_enu[:, 2, 2]).tolist()
+    # 40 scenes, whose signs share most of their error: one sigma of this is 0.02
+    assert 0.90 < np.mean(inside) < 0.99
+    assert 0.7 < np.mean(square_up) < 1.35
+
+
+def test_five_passes_halve_the_error_and_more() -> None:
+    one, five = [], []
+    for seed in range(15):
+        for drives, errors in ((1, one), (5, five)):
+            scene = street_scene(seed, drives, 400.0, errors=QUIET, both_ways=False)
+            sightings, association, signs = known_association(scene)
+            found = adjust(sightings, association)
+            errors += np.hypot(*errors_of(found, scene, signs)[:, :2].T).tolist()
+    assert np.median(five) < 0.5
+    assert np.median(five) < 0.65 * np.median(one)
+
+
+def test_the_drives_offsets_are_told_with_their_uncertainty() -> None:
+    square = []
+    for seed in range(20):
+        scene = street_scene(
+            seed, 6, length_m=300.0, errors=Errors(tau_s=None, clutter=0.0, wrong_class=0.0)
+        )
+        sightings, association, _ = known_association(scene)
+        result = adjust(sightings, association)
+        for number, drive in enumerate(scene.drives):
+            true = to_enu(drive.lat_rad, drive.lon_rad, drive.height_m)
+            true = true - scene.town.position[scene.truth[number]]
+            miss = result.drive_offset[number] - true.mean(axis=0)
+            square.append(miss**2 / (result.drive_sd[number] ** 2 + 0.1**2))
+    assert (np.mean(square, axis=0) < 1.6).all()
+
+
+def test_a_stray_sighting_among_many_pulls_little() -> None:
+    scene = street_scene(4, 8, length_m=300.0, errors=QUIET)
+    sightings, association, _ = known_association(scene)
+    before = adjust(sightings, association)
+    target = int(np.argmax(np.bincount(association.sign)))
+    row = int(np.flatnonzero(association.sign == target)[0])
+    sightings.lat[row] += 5.0 / sightings.per_lat[row]
+    after = adjust(sightings, association)
+    moved = (after.lat[target] - before.lat[target]) * sightings.per_lat[row]
+    assert abs(moved) < 0.4
+
+
+def test_heights_that_are_not_known_stay_unknown() -> None:
+    scene = street_scene(4, 3, length_m=200.0, errors=QUIET)
+    sightings, association, _ = known_association(scene)
+    sightings.height[association.sign == 0] = np.nan
+    result = adjust(sightings, association)
+    assert np.isnan(result.height[0])
+    assert np.isnan(result.cov_enu[0, 2, 2])
+    assert np.isfinite(result.height[1:]).all()
+    assert np.isfinite(result.lat).all()
+
+
+def test_error_levels_follow_what_the_drives_show() -> None:
+    """Drives that state half of their true errors are not believed for long."""
+    scene = street_scene(6, 12, length_m=1200.0, errors=QUIET)
+    sightings, association, _ = known_association(scene)
+    honest = estimate_levels(sightings, association)
+    assert 0.75 < honest.own < 1.3
+    sightings.own[:] *= 0.25
+    found = estimate_levels(sightings, association)
+    assert found.own > 1.5
+    assert estimate_levels(stack_sightings([]), NOTHING) == ErrorLevels()
+
+
+def test_every_sign_is_the_core_of_one_tile() -> None:
+    rng = np.random.default_rng(2)
+    lat = np.radians(-35.0 + 0.02 * rng.random(700))
+    lon = np.radians(149.0 + 0.02 * rng.random(700))
+    tiles = list(cut_tiles(lat, lon, core=40, margin_m=80.0))
+    assert sorted(np.concatenate([t.core for t in tiles]).tolist()) == list(range(700))
+    for tile in tiles:
+        assert tile.signs[: len(tile.core)].tolist() == tile.core.tolist()
+        assert len(np.unique(tile.signs)) == len(tile.signs)
+
+
+def test_the_inverse_and_determinant_of_a_drives_covariance() -> None:
+    rng = np.random.default_rng(1)
+    n = 9
+    own = np.column_stack([rng.uniform(0.1, 1, n), rng.uniform(-0.05, 0.05, n), np.full(n, 0.3)])
+    matrix = covariance_of_drive(
+        0, n, 2, np.sort(rng.uniform(0, 100, n)), own, rng.uniform(0.2, 1, (n, 2)), 60.0
+    )
+    inverse = matrix.copy()
+    log_det = invert(inverse)
+    assert inverse @ matrix == pytest.approx(np.eye(2 * n), abs=1e-9)
+    assert log_det == pytest.approx(np.linalg.slogdet(matrix)[1])

@@ -1,0 +1,190 @@
+"""Signs that should have been seen, and whether they are there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from merge_scene import Errors, Scene, Town, drive_through, street, to_geodetic
+
+from automap.mapping.existence import (
+    Chances,
+    DetectionRates,
+    chances,
+    detection_rates,
+    existence,
+    still_there,
+)
+from automap.mapping.grid import filled_table
+from automap.mapping.merge import merge_drives
+from automap.mapping.sightings import CameraView, DrivePath
+from automap.mapping.visibility import (
+    FARTHEST_M,
+    Opportunities,
+    alike,
+    head_on,
+    in_view,
+    opportunities,
+)
+
+RATES = DetectionRates(0.85, np.full(50, 0.85), 0.9)
+DAY_S = 86400.0
+
+
+def series(*seen: str) -> Chances:
+    """Pairs from texts such as "110": seen by the first two drives, missed by the third."""
+    sign = np.concatenate([np.full(len(s), k) for k, s in enumerate(seen)]).astype(np.int64)
+    drive = np.concatenate([np.arange(len(s)) for s in seen]).astype(np.int64)
+    return Chances(sign, drive, np.array([c == "1" for s in seen for c in s]))
+
+
+def belief(*seen: str, step_s: float = DAY_S) -> list[float]:
+    pairs = series(*seen)
+    times = 1.4e9 + step_s * np.arange(50)
+    return existence(pairs, RATES, len(seen), times).tolist()
+
+
+def test_a_sign_seen_often_is_there_and_one_seen_once_in_many_is_not() -> None:
+    often, mostly, once_of_ten, single = belief("11111", "110111", "0000010000", "1")
+    assert often > 0.98
+    assert mostly > 0.95
+    assert once_of_ten < 0.2
+    # one drive alone says nothing against its own sign
+    assert single == pytest.approx(RATES.real)
+
+
+def test_a_hidden_sign_that_is_seen_now_and_then_is_there() -> None:
+    assert belief("0100100101000100")[0] > 0.5
+
+
+def test_a_sign_taken_down_is_gone_and_one_put_up_is_there() -> None:
+    gone, new = belief("11111000000", "00000011111")
+    assert gone < 0.2
+    assert new > 0.8
+
+
+def test_years_between_drives_make_a_change_easier_to_believe() -> None:
+    quick = belief("1111100", step_s=3600.0)[0]
+    slow = belief("1111100", step_s=365 * DAY_S)[0]
+    assert slow < quick
+
+
+def test_rates_come_from_the_data() -> None:
+    rng = np.random.default_rng(4)
+    n, drives = 400, 12
+    seen = rng.random((n, drives)) < 0.6
+    false = np.zeros((40, drives), bool)
+    false[np.arange(40), rng.integers(0, drives, 40)] = True
+    everything = np.vstack([seen[seen.any(axis=1)], false])
+    m = len(everything)
+    sign, drive = np.divmod(np.arange(m * drives), drives)
+    pairs = Chances(sign, drive, everything.ravel())
+    rates = detection_rates(pairs, m, drives)
+    assert rates.overall == pytest.approx(0.6, abs=0.06)
+    found = existence(pairs, rates, m, 1.4e9 + DAY_S * np.arange(drives))
+    assert (found[:-40] > 0.5).mean() > 0.97
+    assert (found[-40:] < 0.5).mean() > 0.9
+
+
+def test_a_drive_in_the_dark_takes_little_belief() -> None:
+    dark = DetectionRates(0.85, np.array([0.85, 0.85, 0.1]), 0.9)
+    clear = DetectionRates(0.85, np.full(3, 0.85), 0.9)
+    times = 1.4e9 + DAY_S * np.arange(3)
+    pairs = series("100")
+    assert existence(pairs, dark, 1, times)[0] > existence(pairs, clear, 1, times)[0] + 0.05
+
+
+def test_an_older_sign_that_fresh_drives_miss() -> None:
+    sign = np.array([0, 1, 1, 1], np.int64)
+    left = still_there(sign, np.ones(4), RATES, np.array([0.99, 0.99]), np.array([5.0, 5.0]))
+    assert left[0] > 0.5
+    assert left[1] < 0.2
+
+
+def straight(speed: float = 10.0) -> DrivePath:
+    """A path of 200 m to the north."""
+    along = np.arange(0.0, 200.0, 4.0)
+    plan = np.column_stack([np.zeros(50), along, np.zeros(50)])
+    lat, lon, _ = to_geodetic(plan)
+    return DrivePath(along / speed, lat, lon, np.zeros(50), np.zeros((50, 3)))
+
+
+@pytest.mark.parametrize(
+    ("east", "north", "facing_deg", "seen"),
+    [
+        (-5.0, 100.0, 180.0, True),  # faces the car
+        (-5.0, 100.0, 0.0, False),  # looks away
+        (-5.0, -20.0, 180.0, False),  # behind
+        (-90.0, 100.0, 180.0, False),  # too far off
+        (-5.0, 100.0, np.nan, True),  # of unknown direction
+        (-5.0, 190.0, 180.0, True),
+    ],
+)
+def test_what_a_drive_has_in_view(east: float, north: float, facing_deg: float, seen: bool) -> None:
+    lat, lon, _ = to_geodetic(np.array([[east, north, 2.0]]))
+    facing = np.radians([facing_deg])
+    table = filled_table(lat, lon, FARTHEST_M)
+    found, _, offset = in_view(straight(), (CameraView(0.0, 0.6),), table, lat, lon, facing)
+    assert (len(found) == 1) is seen
+    if seen:
+        assert offset[0] == pytest.approx(east, abs=0.1)
+
+
+def test_a_camera_to_the_side_sees_the_side() -> None:
+    lat, lon, _ = to_geodetic(np.array([[30.0, 100.0, 2.0]]))
+    facing = np.radians([270.0])
+    table = filled_table(lat, lon, FARTHEST_M)
+    ahead = in_view(straight(), (CameraView(0.0, 0.4),), table, lat, lon, facing)[0]
+    right = in_view(straight(), (CameraView(np.pi / 2, 0.4),), table, lat, lon, facing)[0]
+    assert len(ahead) == 0
+    assert len(right) == 1
+
+
+def test_only_drives_that_came_the_same_way_should_have_seen_it() -> None:
+    zero = np.zeros(4, np.int64)
+    views = Opportunities(
+        zero, np.arange(4), np.array([0.0, 0.1, 1.6, 0.0]), np.array([-5.0, -4.0, -5.0, 20.0])
+    )
+    seen = np.array([True, False, False, False])
+    assert alike(views, seen).tolist() == [True, True, False, False]
+    pairs = chances(np.zeros(1, np.int64), np.zeros(1, np.int64), views)
+    assert pairs.drive.tolist() == [0, 1]
+    assert head_on(views, np.array([np.pi])).drive.tolist() == [0, 1]
+
+
+def test_clutter_of_one_drive_is_unlikely_when_others_passed() -> None:
+    rng = np.random.default_rng(8)
+    town = street(rng, 600.0, 30.0)
+    path = np.array([[-1.5, -40.0], [-1.5, 640.0]])
+    scene = Scene(town)
+    for number in range(8):
+        errors = Errors(clutter=0.15 if number == 3 else 0.0)
+        drive, truth = drive_through(
+            rng, town, path, 12.0, f"d{number}", 1.4e9 + DAY_S * number, errors
+        )
+        scene.drives.append(drive)
+        scene.truth.append(truth)
+    merged = merge_drives(scene.drives)
+    views = opportunities(
+        merged.drives, merged.adjusted.lat, merged.adjusted.lon, merged.attributes.facing_rad
+    )
+    s = merged.sightings
+    truth = np.concatenate(
+        [own[s.row[s.first[k] : s.first[k + 1]]] for k, own in enumerate(scene.truth)]
+    )
+    real = np.zeros(merged.association.n_signs, bool)
+    real[merged.association.sign[truth >= 0]] = True
+    passed = np.bincount(views.sign, minlength=len(real)) >= 6
+    assert (merged.existence[real] > 0.5).mean() > 0.97
+    assert (~real & passed).any()
+    assert (merged.existence[~real & passed] < 0.5).all()
+
+
+def test_a_town_without_signs() -> None:
+    town = Town(np.zeros((0, 3)), np.zeros(0), np.zeros(0, object))
+    path = np.array([[0.0, 0.0], [0.0, 200.0]])
+    drive, _ = drive_through(
+        np.random.default_rng(0), town, path, 10.0, "empty", 1.4e9, Errors(clutter=0.0)
+    )
+    merged = merge_drives([drive])
+    assert merged.signs == []
+    assert merged.existence.shape == (0,)
