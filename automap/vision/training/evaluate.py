@@ -251,14 +251,16 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--part", choices=("tune", "test"), default="tune")
     parser.add_argument("--conditions", default=",".join(CONDITIONS))
+    parser.add_argument("--crops", action="store_true", help="the classifier on sign crops as well")
     parser.add_argument("--work", type=Path, help="with the faces' cache: drawn scenes as well")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     streets = load_streets(options.data / "gtsdb", options.part)
     of = categories(options.data / "gtsdb")
+    cv2.setNumThreads(1)
     detector = default_detector("DE")
     figures: dict[str, Any] = {"part": options.part, "images": len(streets)}
-    for condition in options.conditions.split(","):
+    for condition in filter(None, options.conditions.split(",")):
         found = run(detector, streets, condition)
         plain, known = one_class(found), labelled_kinds(found)
         row: dict[str, Any] = {
@@ -285,9 +287,10 @@ def main() -> None:
         print(condition, json.dumps(row), flush=True)
     if options.work is not None:
         figures |= scene_figures(options.data, options.work, streets)
-    crops = classify_crops(options.data, options.part)
-    figures["crops"] = {name: _row(value) for name, value in crops.items()}
-    print("crops", json.dumps(figures["crops"]))
+    if options.crops:
+        crops = classify_crops(options.data, options.part)
+        figures["crops"] = {name: _row(value) for name, value in crops.items()}
+        print("crops", json.dumps(figures["crops"]), flush=True)
     if options.out is not None:
         options.out.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
 
