@@ -28,6 +28,24 @@ def simulate(
     from automap.simulation.scenario import load_scenario
 
     description = load_scenario(_scenario_file(scenario))
+    _write(out, lambda folder: write_drive(description, folder, seed, progress))
+
+
+def simulate_like(run: Path, out: Path, seed: int = 1) -> None:
+    """Write the twin of a recorded drive, truth included, to the new folder ``out``.
+
+    ``run`` is the output folder of a finished run of a drive with an IMU: the twin follows its
+    smoothed trajectory with the errors and the noise that were fitted. Raises InputError
+    for another folder, ConfigError for an ``out`` that is not empty, StageError when it cannot
+    be written.
+    """
+    from pipeline.twin import write_twin
+
+    _write(out, lambda folder: write_twin(Path(run), folder, seed))
+
+
+def _write(out: Path, fill: Callable[[Path], None]) -> None:
+    """Fill a new folder that appears whole or not at all."""
     out = Path(out)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise ConfigError(f"{out} exists already; remove it or choose another folder with -o")
@@ -35,7 +53,7 @@ def simulate(
     temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
     try:
         temporary.mkdir()
-        write_drive(description, temporary, seed, progress)
+        fill(temporary)
         if out.exists():
             out.rmdir()
         os.replace(temporary, out)

@@ -44,12 +44,12 @@ def write_drive(
     streams = random_streams(scenario.seed if seed is None else seed)
     sensors = simulate_sensors(scenario, streams, progress)
     drive, imu = sensors.drive, sensors.imu
-    _write_imu(folder / "imu.csv", imu)
+    write_imu(folder / "imu.csv", imu)
     truth = folder / names.TRUTH_DIR
     truth.mkdir()
     # the vehicle's state at the instants of the stamps, whatever is wrong with these
     motion = drive.at(sensors.seconds(imu.t_ns))
-    _write_truth(truth / names.TRUTH_TRAJECTORY, motion, imu.t_ns, sensors.begin_gps_s)
+    write_truth(truth / names.TRUTH_TRAJECTORY, motion, imu.t_ns, sensors.begin_gps_s)
     if sensors.fixes is not None and scenario.gnss is not None:
         _write_gnss(folder, sensors.fixes, scenario.gnss, sensors.clock, streams.gnss)
     if sensors.odometer is not None:
@@ -72,7 +72,7 @@ def _check_signs(scenario: Scenario) -> None:
             )
 
 
-def _write_imu(path: Path, imu: ImuData) -> None:
+def write_imu(path: Path, imu: ImuData) -> None:
     warm = imu.temp_c
     with path.open("w", encoding="utf-8", newline="\n") as out:
         out.write("t_ns,gx,gy,gz,ax,ay,az" + ("\n" if warm is None else ",temp_c\n"))
@@ -81,7 +81,7 @@ def _write_imu(path: Path, imu: ImuData) -> None:
             out.write("\n" if warm is None else f",{warm[i]:.3f}\n")
 
 
-def _write_truth(path: Path, motion: Motion, t_ns: IntArray, begin_gps_s: float) -> None:
+def write_truth(path: Path, motion: Motion, t_ns: IntArray, begin_gps_s: float) -> None:
     degrees = np.degrees(motion.rpy)
     degrees[:, 2] %= 360.0
     with path.open("w", encoding="utf-8", newline="\n") as out:

@@ -131,6 +131,7 @@ def _road_line(scenario: Scenario, drive: DriveMotion, ref: tuple[float, float, 
         # the point that does not slide follows the road, not the IMU
         ned[:, :2] += (motion.C_n_b @ drive.axle_m)[:, :2]
     ned[:, 2] += scenario.vehicle.imu_height_m
+    assert drive.profile is not None  # only a recorded path has none, and that has no scene
     curvature = np.interp(grid, drive.profile.s, drive.profile.curvature)
     return RoadLine(grid, ned, motion.rpy[:, 2], curvature)
 

@@ -53,19 +53,19 @@ class Motion:
 class DriveMotion:
     """Splines of a whole drive over the seconds since its begin.
 
-    ``axle_m`` [3] from the IMU to the point that follows the road without sliding, in body
-    axes; ``earth_rate`` rad/s.
+    ``profile`` is the route driven, None for a recorded path. ``axle_m`` [3] from the IMU to
+    the point that follows the road without sliding, in body axes; ``earth_rate`` rad/s.
     """
 
     duration_s: float
     lat0_rad: float
     lon0_rad: float
-    dlat: PPoly
-    dlon: PPoly
-    height: PPoly
+    dlat: PPoly | BSpline
+    dlon: PPoly | BSpline
+    height: PPoly | BSpline
     rpy: BSpline
-    distance: PPoly
-    profile: RouteProfile
+    distance: PPoly | BSpline
+    profile: RouteProfile | None
     axle_m: FloatArray
     earth_rate: float = earth.RATE
 

@@ -11,11 +11,18 @@ from pipeline.cli.command import Command
 _EPILOG = """\b
 Example:
   automap simulate sample -o drives/sample
+  automap simulate --like drives/monday/_automap -o drives/monday-twin
 """
 
 
 @click.command("simulate", cls=Command, epilog=_EPILOG, short_help="Make a drive with known truth.")
-@click.argument("scenario")
+@click.argument("scenario", required=False)
+@click.option(
+    "--like",
+    metavar="OUT",
+    type=click.Path(path_type=Path),
+    help="Output folder of a run: simulate its drive's twin instead of a scenario.",
+)
 @click.option(
     "-o",
     "--out",
@@ -25,13 +32,24 @@ Example:
     help="The drive folder to write.",
 )
 @click.option("--seed", type=int, help="Seed of the random errors. Default: the scenario's own.")
-def command(scenario: str, out: Path, seed: int | None) -> None:
+def command(scenario: str | None, like: Path | None, out: Path, seed: int | None) -> None:
     """Make a drive folder with sensor data, video and truth.
 
-    SCENARIO is a TOML file or the name of one that comes with automap.
+    SCENARIO is a TOML file or the name of one that comes with automap. With --like the vehicle
+    follows the smoothed trajectory of a recorded drive, and its sensors (IMU, receiver, wheel
+    speed; no camera) have the errors and the noise that the run found: what differs between the
+    recording and its twin, the model does not have.
     """
-    from pipeline.simulate import simulate
+    from pipeline.simulate import simulate, simulate_like
     from pipeline.terminal import progress_bar
+
+    if (scenario is None) == (like is None):
+        raise click.UsageError("give a scenario or --like OUT, one of the two")
+    if like is not None:
+        simulate_like(like, out, 1 if seed is None else seed)
+        click.echo(str(out))
+        return
+    assert scenario is not None
 
     with progress_bar("simulate") as progress:
         simulate(scenario, out, seed, progress)

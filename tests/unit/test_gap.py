@@ -26,7 +26,7 @@ from automap.simulation.sensors import random_streams, simulate_sensors
 ARM = np.array([0.3, -0.2, -1.0])
 
 
-def simulated(errors: dict[str, Any], seed: int = 3, noise: float = 1.0) -> GapDrive:
+def scenario_with(errors: dict[str, Any], noise: float = 1.0) -> Scenario:
     """Some two minutes through a town, with a halt."""
     legs = []
     for side in (-1.0, 1.0):
@@ -38,7 +38,7 @@ def simulated(errors: dict[str, Any], seed: int = 3, noise: float = 1.0) -> GapD
             Leg(length_m=100.0, speed_m_s=14.0),
             Leg(turn_deg=70.0, radius_m=25.0, speed_m_s=9.0),
         ]
-    scenario = Scenario(
+    return Scenario(
         schema="automap.scenario/1",
         name="gap",
         start=Start(
@@ -58,7 +58,11 @@ def simulated(errors: dict[str, Any], seed: int = 3, noise: float = 1.0) -> GapD
             **errors,
         },
     )
-    sensors = simulate_sensors(scenario, random_streams(seed))
+
+
+def simulated(errors: dict[str, Any], seed: int = 3, noise: float = 1.0) -> GapDrive:
+    """That drive recorded."""
+    sensors = simulate_sensors(scenario_with(errors, noise), random_streams(seed))
     assert sensors.fixes is not None
     return GapDrive(sensors.imu, sensors.fixes, sensors.clock, "gap", ARM)
 
