@@ -8,22 +8,18 @@ whenever the recording stops. A source that was away goes on in a new chapter.
 from __future__ import annotations
 
 import contextlib
-import os
-import re
-import stat
 import threading
-import time
 from collections import deque
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qsl
 
-from automap.errors import ConfigError, InputError
+from automap.errors import InputError
 from automap.recording.append_file import AppendFile
-from automap.recording.clock import DeviceClock, HostClock
+from automap.recording.clock import HostClock
 from automap.recording.reader import Event
+from automap.recording.video_chapter import VideoChapter
+from automap.recording.video_source import FrameStamper, Source
 
 _WINDOW_NS = 5_000_000_000
 _RETRY_S = 1.0
@@ -44,42 +40,6 @@ class CameraState:
     connected: bool = False
 
 
-@dataclass(frozen=True)
-class Source:
-    """Where pictures come from. ``paced``: a file, which has to be played at its own pace."""
-
-    location: str
-    form: str | None = None
-    options: tuple[tuple[str, str], ...] = ()
-    paced: bool = False
-    kernel_stamps: bool = False
-
-
-def parse_camera(text: str) -> tuple[str, Source]:
-    """``front=/dev/video0?video_size=1280x720&framerate=30``: name and source.
-
-    The source is a video device, a file or pipe, a URL that FFmpeg opens, or ``lavfi:`` and a
-    filter graph; what follows ``?`` are FFmpeg's options of a device. Raises ConfigError.
-    """
-    name, mark, location = text.partition("=")
-    if not mark or not location or not re.fullmatch(r"[A-Za-z][\w-]*", name):
-        raise ConfigError(
-            f"{text!r} names no camera; write NAME=SOURCE, such as front=/dev/video0."
-        )
-    if location.startswith("lavfi:"):
-        return name, Source(location.removeprefix("lavfi:"), "lavfi", paced=True)
-    path, _, query = location.partition("?")
-    options = tuple(parse_qsl(query))
-    if "://" in path:
-        return name, Source(location)
-    if not Path(path).exists():
-        raise InputError(f"camera {name}: there is no {path}; check the name of the device.")
-    mode = os.stat(path).st_mode
-    if stat.S_ISCHR(mode):
-        return name, Source(path, "v4l2", options, kernel_stamps=True)
-    return name, Source(path, None, options, paced=stat.S_ISREG(mode))
-
-
 class Camera:
     """Records one source in a thread of its own."""
 
@@ -95,7 +55,7 @@ class Camera:
         self._nominal_hz = 0.0
         self._input: Any = None
         self._stream: Any = None
-        self._chapter: _Chapter | None = None
+        self._chapter: VideoChapter | None = None
         self._chapters = 0
         self._files: list[AppendFile] = []
         self._frames: AppendFile | None = None
@@ -217,7 +177,7 @@ class Camera:
         self._input = None
 
     def _copy(self) -> None:
-        stamps = _Stamper(self._source, self._stream, self._clock, self._halt)
+        stamps = FrameStamper(self._source, self._stream, self._clock, self._halt)
         raw = self._stream.codec_context.name in _RAW or bool(
             self._stream.codec_context.has_b_frames
         )
@@ -254,12 +214,12 @@ class Camera:
         self._last_ns = t_ns
         self._times.append(t_ns)
 
-    def _new_chapter(self, copied: bool) -> _Chapter:
+    def _new_chapter(self, copied: bool) -> VideoChapter:
         self._chapters += 1
         suffix = "" if self._chapters == 1 else f"_{self._chapters}"
         file = AppendFile(self._folder / f"{self.name}{suffix}.mkv")
         self._files.append(file)
-        return _Chapter(file, self._stream, copied)
+        return VideoChapter(file, self._stream, copied)
 
     def _close_chapter(self) -> None:
         if self._chapter is not None:
@@ -268,124 +228,6 @@ class Camera:
                 self._frames.append(b"%d,%d\n" % (self._state.frames, stamp))
                 self._state = replace(self._state, frames=self._state.frames + 1)
             self._chapter = None
-
-
-class _Stamper:
-    """Host times of frames, by what the source knows of time."""
-
-    def __init__(
-        self, source: Source, stream: Any, clock: HostClock, halt: threading.Event
-    ) -> None:
-        self._source = source
-        self._tick_ns = float(stream.time_base) * 1e9
-        self._clock = clock
-        self._device = DeviceClock()
-        self._halt = halt
-        self._first: tuple[int, int] | None = None
-
-    def of(self, pts: int) -> int:
-        """Host time of the frame with this presentation time; waits where a file is played."""
-        shown_ns = round(pts * self._tick_ns)
-        if self._source.paced:
-            if self._first is None:
-                self._first = shown_ns, self._clock()
-            due = self._first[1] + shown_ns - self._first[0]
-            while (left := due - self._clock()) > 0 and not self._halt.is_set():
-                time.sleep(min(left * 1e-9 / self._clock.factor, 0.2))
-            return self._clock()
-        now = self._clock()
-        if self._source.kernel_stamps and 0 <= time.monotonic_ns() - shown_ns < 1_000_000_000:
-            # the driver's own stamp of the frame, of the same clock
-            return self._clock.at(shown_ns)
-        return self._device.stamps([shown_ns], [now])[0]
-
-
-class _Chapter:
-    """One video file that grows."""
-
-    def __init__(self, file: AppendFile, stream: Any, copied: bool) -> None:
-        import av
-
-        self._container = av.open(
-            _Sink(file.append), "w", format="matroska",
-            options={"flush_packets": "1", "cluster_time_limit": "500", "live": "1"},
-        )  # fmt: skip
-        self._copied = copied
-        if copied:
-            self._out: Any = self._container.add_stream_from_template(stream)
-        else:
-            self._out = _encoder(self._container, stream.codec_context)
-        self._first_ns: int | None = None
-        self._last_pts = -1
-        self._waiting: dict[int, int] = {}
-
-    def write(self, t_ns: int, packet: Any, picture: Any) -> Iterator[int]:
-        """Add a frame; the stamps of those that are in the file now."""
-        from fractions import Fraction
-
-        if self._first_ns is None:
-            self._first_ns = t_ns
-        pts = max(round((t_ns - self._first_ns) * 1e-6), self._last_pts + 1)
-        self._last_pts = pts
-        self._waiting[pts] = t_ns
-        base = Fraction(1, _TICKS)
-        if packet is not None:
-            packet.stream = self._out
-            packet.time_base = base
-            packet.pts = packet.dts = pts
-            return self._mux([packet])
-        picture.time_base, picture.pts, picture.pict_type = base, pts, 0
-        return self._mux(self._out.encode(picture))
-
-    def _mux(self, packets: list[Any]) -> Iterator[int]:
-        stamps = []
-        for packet in packets:
-            pts = round(packet.pts * packet.time_base * _TICKS)
-            self._container.mux(packet)
-            if pts in self._waiting:
-                stamps.append(self._waiting.pop(pts))
-        return iter(stamps)
-
-    def close(self) -> Iterator[int]:
-        """End the file; the stamps of its last frames."""
-        stamps = [] if self._copied else list(self._mux(self._out.encode(None)))
-        self._container.close()
-        return iter(stamps)
-
-
-class _Sink:
-    """What FFmpeg writes goes to the end of a file; it cannot go back in it."""
-
-    def __init__(self, append: Callable[[bytes], bool]) -> None:
-        self._append = append
-
-    def write(self, data: bytes) -> int:
-        """Take bytes."""
-        self._append(bytes(data))
-        return len(data)
-
-
-def _encoder(container: Any, context: Any) -> Any:
-    """H.264 at once and in good quality, or MJPEG where there is no such encoder."""
-    from fractions import Fraction
-
-    import av
-
-    size = {"width": context.width, "height": context.height}
-    try:
-        av.Codec("libx264", "w")
-    except (ValueError, av.FFmpegError):
-        stream = container.add_stream("mjpeg", rate=30, options={"qscale": "3"})
-        stream.pix_fmt = "yuvj420p"
-    else:
-        stream = container.add_stream(
-            "libx264", rate=30,
-            options={"preset": "ultrafast", "tune": "zerolatency", "crf": "20", "g": "30"},
-        )  # fmt: skip
-        stream.pix_fmt = "yuv420p"
-    stream.width, stream.height = size["width"], size["height"]
-    stream.codec_context.time_base = Fraction(1, _TICKS)
-    return stream
 
 
 def _reason(error: BaseException) -> str:

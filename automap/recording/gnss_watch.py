@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from automap.io.ubx_names import message_name
 from automap.recording.messages import Message
-from automap.recording.ublox import NAV_PVT, NAV_SOL, RXM_RAW, RXM_RAWX
+from automap.recording.ublox_keys import NAV_PVT, NAV_SOL, RXM_RAW, RXM_RAWX
 
 _WINDOW_NS = 5_000_000_000
 _FIX_NAMES = {0: "no fix", 1: "dead reckoning", 2: "2D", 3: "3D", 4: "3D + sensors", 5: "time only"}

@@ -71,7 +71,7 @@ def _of_size(section: dict[str, Any], files: Mapping[str, Any]) -> dict[str, Any
     if None in now:
         return kept | {key: section[key] for key in _SIZE if key in section}
     matrix = section.get("camera_matrix")
-    if matrix is None or None in before or before == now:
+    if matrix is None or before[0] is None or before[1] is None or before == now:
         return kept
     factor = now[0] / before[0]
     if abs(factor * before[1] - now[1]) > 1.0:

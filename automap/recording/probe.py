@@ -10,7 +10,7 @@ from automap.recording.imu_decode import ImuDecoder
 from automap.recording.imu_format import ImuFormat
 from automap.recording.messages import Message, MessageStream, ubx_frame
 from automap.recording.ports import BAUDS, PortLostError, SerialPort
-from automap.recording.ublox import MON_VER
+from automap.recording.ublox_keys import MON_VER
 
 _LISTEN_S = 2.6
 _GIVE_UP_S = 1.1

@@ -5,37 +5,39 @@ from __future__ import annotations
 import shutil
 import threading
 from collections import deque
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from automap.errors import ConfigError, InputError
 from automap.io import names
 from automap.io.atomic import make_folder, write_json, write_text
 from automap.io.manifest import Manifest
 from automap.recording.append_file import AppendFile
-from automap.recording.camera import Camera, CameraState, Source
+from automap.recording.camera import Camera, CameraState
 from automap.recording.clock import HostClock
 from automap.recording.conditions import Conditions
+from automap.recording.ending import Ending, describe
 from automap.recording.gnss_watch import GnssState, GnssWatch
 from automap.recording.imu_format import ImuFormat
 from automap.recording.imu_watch import ImuState
 from automap.recording.manifest_text import manifest_text
-from automap.recording.ports import BAUDS, PortLostError, PortSpec, port_sentence
+from automap.recording.ports import PortLostError, PortSpec, port_sentence
 from automap.recording.reader import PortReader
+from automap.recording.receiver_care import ReceiverCare
 from automap.recording.streams import GnssStream, ImuStream
-from automap.recording.ublox import Outcome, Receiver, RefusedError, SilentError, Wish
+from automap.recording.ublox import Wish
+from automap.recording.video_source import Source
 
 _WRITE_S = 0.1
 _SYNC_S = 1.0
+_LOOK_S = 0.5
 _LOW_DISK_BYTES = 500 << 20
 _LOW_DISK_S = 600.0
-_PATIENCE_NS = 15_000_000_000
 _TOLD = frozenset({"gnss-lost", "imu-lost"})
 LOG = "recording.log"
 SUMMARY = "recording.json"
-BEFORE = "ublox_before.json"
 
 
 @dataclass(frozen=True)
@@ -70,21 +72,6 @@ class Snapshot:
     events: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Ending:
-    """How a recording ended. ``lost_bytes``: came in and are on no disk."""
-
-    folder: Path
-    seconds: float
-    gnss_bytes: int
-    epochs: int
-    samples: int
-    frames: dict[str, int]
-    lost_bytes: int
-    warnings: tuple[str, ...]
-    summary: dict[str, Any] = field(default_factory=dict)
-
-
 class Recorder:
     """Records one drive from ``start`` to ``stop``."""
 
@@ -104,8 +91,7 @@ class Recorder:
         self._threads: list[threading.Thread] = []
         self._started_ns = 0
         self._begun = datetime.now(UTC)
-        self._outcome: Outcome | None = None
-        self._configured_ns = 0
+        self._care: ReceiverCare | None = None
         self._disk: deque[tuple[int, int]] = deque(maxlen=120)
         self._event_lock = threading.Lock()
 
@@ -131,6 +117,9 @@ class Recorder:
         if gnss is not None:
             watch = GnssWatch(wish.rate_hz if wish else None, bool(wish and wish.raw))
             self._gnss = GnssStream(self.folder, gnss, watch, self.event)
+            self._care = ReceiverCare(
+                self.folder, self._gnss, wish, self._clock, self.event, self._halt
+            )
         if imu is not None:
             assert self.plan.imu_format is not None
             self._imu = ImuStream(self.folder, imu, self.plan.imu_format, self.event)
@@ -143,7 +132,7 @@ class Recorder:
             reader.wait_ready()
         for camera in self._cameras:
             camera.start(self.folder)
-        for name, work in (("write", self._write), ("sync", self._sync), ("care", self._care)):
+        for name, work in (("write", self._write), ("sync", self._sync), ("mind", self._mind)):
             thread = threading.Thread(target=work, name=name, daemon=True)
             thread.start()
             self._threads.append(thread)
@@ -178,8 +167,8 @@ class Recorder:
     def stop(self) -> Ending:
         """End the recording: everything that came in until now is written and synced."""
         self.stopped = True
-        if self.plan.restore and self._outcome is not None and self._gnss is not None:
-            self._restore(self._gnss, self._outcome)
+        if self.plan.restore and self._care is not None:
+            self._care.restore()
         for stream in self._streams():
             stream.reader.stop()
         for stream in self._streams():
@@ -212,19 +201,21 @@ class Recorder:
             for file in self._files():
                 file.sync()
 
-    def _care(self) -> None:
+    def _mind(self) -> None:
         """Set the receiver up, watch for trouble, find a receiver again that was reset."""
-        if self._gnss is not None and self.plan.wish is not None:
-            self._configure(self._gnss, self.plan.wish)
-        while not self._halt.wait(0.5):
-            try:
-                self._conditions.update(self._look(), _TOLD)
-                if self._gnss is not None:
-                    self._recover(self._gnss)
-            except Exception as error:
-                self._conditions.update({
-                    "view": f"the watch over the recording failed ({error}); recording goes on"
-                })  # fmt: skip
+        self._guarded(self._care.configure if self._care else lambda: None)
+        while not self._halt.wait(_LOOK_S):
+            self._guarded(lambda: self._conditions.update(self._look(), _TOLD))
+            self._guarded(self._care.recover if self._care else lambda: None)
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        """Do what may fail without harm to the recording; tell a failure once."""
+        try:
+            work()
+        except Exception as error:
+            text = f"the watch over the recording failed ({error}); recording goes on"
+            if text not in self._warnings:
+                self.event("warning", text)
 
     def _look(self) -> dict[str, str]:
         now = self._clock()
@@ -273,90 +264,6 @@ class Recorder:
         (t0, w0), (t1, w1) = seen[0], seen[-1]
         pace = (w1 - w0) / ((t1 - t0) * 1e-9) if t1 - t0 > 2e9 else 0.0
         return free, free / pace if pace > 0 else float("inf")
-
-    # ---- the receiver
-
-    def _receiver(self, stream: GnssStream) -> Receiver:
-        return Receiver(stream.exchange, stream.reader.native_usb)
-
-    def _configure(self, stream: GnssStream, wish: Wish) -> None:
-        self._configured_ns = self._clock()
-        try:
-            outcome = self._receiver(stream).configure(wish, stream.reader.set_baud)
-        except SilentError:
-            if self._halt.is_set():
-                return
-            self.event(
-                "warning",
-                "gnss: the receiver does not answer, so it stays as it is; is its line for "
-                "sending connected?",
-            )
-            return
-        except RefusedError as error:
-            self.event("warning", f"gnss: {error}; the receiver stays as it is")
-            return
-        first = self._outcome is None
-        if first:
-            self._outcome = outcome
-            self._keep_before(stream, outcome)
-        self.event("note", f"gnss: {outcome.version}: {', '.join(outcome.done) or 'nothing set'}")
-        for text in outcome.refused:
-            self.event("warning", f"gnss: {text}")
-
-    def _keep_before(self, stream: GnssStream, outcome: Outcome) -> None:
-        """Put what undoes the settings beside the drive: a recorder that is killed cannot."""
-        write_json(
-            self.folder / BEFORE,
-            {
-                "port": stream.reader.device,
-                "baud": stream.reader.baud,
-                "receiver": str(outcome.version),
-                "messages": [message.hex() for message in outcome.before],
-            },
-        )
-
-    def _restore(self, stream: GnssStream, outcome: Outcome) -> None:
-        failed = self._receiver(stream).restore(outcome.before, stream.reader.set_baud)
-        for text in failed:
-            self.event("warning", f"gnss: {text}")
-        if not failed:
-            self.event("note", "gnss: the receiver does again what it did before")
-
-    def _recover(self, stream: GnssStream) -> None:
-        """A receiver that was reset has lost its settings, perhaps its line rate too."""
-        wish, reader = self.plan.wish, stream.reader
-        if not reader.connected or self._halt.is_set():
-            return
-        now = self._clock()
-        if stream.watch.unreadable() and not stream.watch.understood(now):
-            self._find_baud(stream)
-        elif (
-            wish is not None
-            and self._outcome is not None
-            and now - self._configured_ns > _PATIENCE_NS
-            and stream.forgot(now)
-        ):
-            self.event("warning", "gnss: the receiver forgot its settings (a reset?); set again")
-            self._configure(stream, wish)
-
-    def _find_baud(self, stream: GnssStream) -> None:
-        reader = stream.reader
-        before = reader.baud
-        for baud in (before, *[b for b in BAUDS if b != before]):
-            reader.set_baud(baud)
-            heard = stream.messages.messages
-            for _ in range(12):
-                if self._halt.wait(0.1) or stream.messages.messages > heard:
-                    break
-            if self._halt.is_set():
-                return
-            if stream.messages.messages > heard:
-                if baud != before:
-                    self.event("warning", f"gnss: the receiver speaks at {baud} baud now")
-                    if self.plan.wish is not None:
-                        self._configure(stream, self.plan.wish)
-                return
-        reader.set_baud(before)
 
     # ---- what is known
 
@@ -408,66 +315,19 @@ class Recorder:
         )
 
     def _ending(self) -> Ending:
-        seconds = (self._clock() - self._started_ns) * 1e-9
         lost = sum(file.refused_bytes + file.waiting for file in self._files())
         lost += sum(stream.reader.refused_bytes for stream in self._streams())
-        frames = {camera.name: camera.state(0).frames for camera in self._cameras}
-        gnss, imu = self._gnss, self._imu
-        summary: dict[str, Any] = {
-            "schema": "automap.recording/1",
-            "begun_utc": self._begun.isoformat(timespec="seconds"),
-            "seconds": round(seconds, 3),
-            "lost_bytes": lost,
-            "warnings": list(self._warnings),
-        }
-        if gnss is not None:
-            summary["gnss"] = _port_summary(gnss) | {
-                "epochs": gnss.watch.state.epochs,
-                "gaps": gnss.watch.state.gaps,
-                "longest_gap_s": gnss.watch.state.longest_gap_s,
-                "messages": dict(gnss.watch.kinds),
-                "stray_bytes": gnss.messages.stray_bytes,
-                "receiver": str(self._outcome.version) if self._outcome else None,
-                "set": self._outcome.done if self._outcome else [],
-                "refused": self._outcome.refused if self._outcome else [],
-            }
-        if imu is not None:
-            summary["imu"] = _port_summary(imu) | {
-                "format": imu.form.name,
-                "samples": imu.decoder.samples,
-                "damaged": imu.decoder.bad,
-                "other": imu.decoder.other,
-                "gaps": imu.watch.state.gaps,
-                "longest_gap_s": imu.watch.state.longest_gap_s,
-                "clock_skew": imu.clock.skew,
-                "clock_resets": imu.clock.resets,
-            }
-        summary["cameras"] = {
-            camera.name: {"frames": camera.state(0).frames, "missed": camera.state(0).missed}
-            for camera in self._cameras
-        }
-        return Ending(
-            folder=self.folder,
-            seconds=seconds,
-            gnss_bytes=gnss.log.data.size if gnss else 0,
-            epochs=gnss.watch.state.epochs if gnss else 0,
-            samples=imu.decoder.samples if imu else 0,
-            frames=frames,
-            lost_bytes=lost,
-            warnings=tuple(self._warnings),
-            summary=summary,
+        return describe(
+            self.folder,
+            self._begun,
+            (self._clock() - self._started_ns) * 1e-9,
+            lost,
+            self.warnings,
+            self._gnss,
+            self._imu,
+            self._cameras,
+            self._care.outcome if self._care else None,
         )
-
-
-def _port_summary(stream: GnssStream | ImuStream) -> dict[str, Any]:
-    reader = stream.reader
-    return {
-        "port": reader.device,
-        "baud": reader.baud,
-        "bytes": stream.log.data.size,
-        "interruptions": reader.interruptions,
-        "driver_overruns": reader.overruns,
-    }
 
 
 def _span(seconds: float) -> str:

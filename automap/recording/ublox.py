@@ -11,32 +11,43 @@ receiver description (UBX-13003221), 32.10; u-blox 5 receiver protocol specifica
 
 from __future__ import annotations
 
-import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 from automap.io.ubx_names import message_name
 from automap.recording.messages import Message, ubx_frame
-
-MON_VER, ACK, NAK = 0x0A04, 0x0501, 0x0500
-CFG_PRT, CFG_MSG, CFG_RATE = 0x0600, 0x0601, 0x0608
-CFG_VALSET, CFG_VALGET = 0x068A, 0x068B
-NAV_PVT, NAV_SOL, NAV_POSLLH, NAV_VELNED, NAV_TIMEGPS = 0x0107, 0x0106, 0x0102, 0x0112, 0x0120
-NAV_DOP = 0x0104
-RXM_RAWX, RXM_SFRBX, RXM_RAW, RXM_SFRB = 0x0215, 0x0213, 0x0210, 0x0211
-
-KEY_RATE_MEAS, KEY_RATE_NAV = 0x30210001, 0x30210002
-_MSGOUT = {NAV_PVT: 0x20910006, RXM_RAWX: 0x209102A4, RXM_SFRBX: 0x20910231}
-"""Keys of a message's output rate on I2C; those of the other ports follow by number."""
-_PORTS = {"UART1": 1, "UART2": 2, "USB": 3}
-_BAUD_KEYS = {"UART1": 0x40520001, "UART2": 0x40530001}
-_UBX_OUT = {"UART1": 0x10740001, "UART2": 0x10760001, "USB": 0x10780001}
-_RAM = 0
-_WIDTH = {1: "<B", 2: "<B", 3: "<H", 4: "<I", 5: "<Q"}
-_FIRST_VALSET = 27.0
-_FIRST_PVT = 14.0
+from automap.recording.ublox_keys import (
+    ACK,
+    BAUD_KEYS,
+    CFG_MSG,
+    CFG_PRT,
+    CFG_RATE,
+    CFG_VALGET,
+    CFG_VALSET,
+    KEY_RATE_MEAS,
+    KEY_RATE_NAV,
+    MON_VER,
+    MSGOUT,
+    NAK,
+    NAV_DOP,
+    NAV_POSLLH,
+    NAV_PVT,
+    NAV_SOL,
+    NAV_TIMEGPS,
+    NAV_VELNED,
+    PORTS,
+    RAM,
+    RXM_RAW,
+    RXM_RAWX,
+    RXM_SFRB,
+    RXM_SFRBX,
+    UBX_OUT,
+    key_values,
+    valset_payload,
+)
+from automap.recording.ublox_version import Version, parse_version
 
 Exchange = Callable[[bytes, Callable[[Message], bool], float], Message | None]
 """Sends bytes and gives the first message that the test accepts, None after so many seconds."""
@@ -48,30 +59,6 @@ class RefusedError(Exception):
 
 class SilentError(Exception):
     """The receiver did not answer."""
-
-
-@dataclass(frozen=True)
-class Version:
-    """What a receiver says of itself. ``protocol`` is NaN where it does not tell."""
-
-    software: str
-    hardware: str
-    protocol: float = float("nan")
-    model: str = ""
-
-    @property
-    def by_keys(self) -> bool:
-        """Whether it is set by UBX-CFG-VALSET."""
-        return self.protocol >= _FIRST_VALSET
-
-    @property
-    def has_pvt(self) -> bool:
-        """Whether it can send UBX-NAV-PVT."""
-        return self.protocol >= _FIRST_PVT
-
-    def __str__(self) -> str:
-        protocol = f", protocol {self.protocol:.2f}" if self.protocol == self.protocol else ""
-        return f"{self.model or 'u-blox'} (firmware {self.software}{protocol})"
 
 
 @dataclass(frozen=True)
@@ -170,15 +157,15 @@ class Receiver:
             self._set_keys(values, f"a fix every {wish.period_ms} ms", outcome)
         for port in self._ports():
             only = port == self._ports()[0]
-            keys = {_UBX_OUT[port]: 1}
+            keys = {UBX_OUT[port]: 1}
             if wish.pvt:
-                keys[_MSGOUT[NAV_PVT] + _PORTS[port]] = 1
+                keys[MSGOUT[NAV_PVT] + PORTS[port]] = 1
             self._set_keys(keys, f"NAV-PVT on {port}", outcome, must=only)
             if wish.raw:
-                raw = {_MSGOUT[m] + _PORTS[port]: 1 for m in (RXM_RAWX, RXM_SFRBX)}
+                raw = {MSGOUT[m] + PORTS[port]: 1 for m in (RXM_RAWX, RXM_SFRBX)}
                 self._set_keys(raw, f"RAWX and SFRBX on {port}", outcome, must=only)
         if wish.baud is not None and not self._usb:
-            key = _BAUD_KEYS["UART1"]
+            key = BAUD_KEYS["UART1"]
             before = self.get_keys([key])[key]
             frame = ubx_frame(CFG_VALSET, valset_payload({key: wish.baud}))
             self._change_baud(frame, before, wish.baud, outcome, set_host_baud)
@@ -206,9 +193,9 @@ class Receiver:
 
     def get_keys(self, keys: list[int]) -> dict[int, int]:
         """Values of configuration keys in use; RefusedError when it knows one of them not."""
-        payload = struct.pack("<BBH", 0, _RAM, 0) + struct.pack(f"<{len(keys)}I", *keys)
+        payload = struct.pack("<BBH", 0, RAM, 0) + struct.pack(f"<{len(keys)}I", *keys)
         answer = self._ask(CFG_VALGET, payload, lambda m: m.key == CFG_VALGET)
-        return dict(_key_values(answer.payload[4:]))
+        return dict(key_values(answer.payload[4:]))
 
     # ---- down to u-blox 5
 
@@ -346,58 +333,14 @@ class Receiver:
         raise SilentError(f"{_name(key)} was not answered")
 
 
-def valset_payload(values: dict[int, int]) -> bytes:
-    """Payload of UBX-CFG-VALSET for the working memory."""
-    parts = [struct.pack("<BBH", 0, 1 << _RAM, 0)]
-    parts += [struct.pack("<I", key) + struct.pack(_width(key), v) for key, v in values.items()]
-    return b"".join(parts)
-
-
-def _width(key: int) -> str:
-    """How the value of a key is packed; its size stands in bits 28 to 30."""
-    return _WIDTH[key >> 28 & 7]
-
-
-def _key_values(data: bytes) -> Iterator[tuple[int, int]]:
-    at = 0
-    while at + 4 < len(data):
-        key = int(struct.unpack_from("<I", data, at)[0])
-        form = _WIDTH.get(key >> 28 & 7)
-        if form is None or at + 4 + struct.calcsize(form) > len(data):
-            return
-        yield key, int(struct.unpack_from(form, data, at + 4)[0])
-        at += 4 + struct.calcsize(form)
-
-
-def parse_version(payload: bytes) -> Version:
-    """UBX-MON-VER: firmware, hardware and, where they are told, protocol and model."""
-    texts = [_text(payload[0:30]), _text(payload[30:40])]
-    extensions = [_text(payload[i : i + 30]) for i in range(40, len(payload) - 29, 30)]
-    everything = "\n".join(extensions)
-    protocol = re.search(r"PROTVER[ =]*(\d+\.\d+)", everything)
-    model = re.search(r"MOD=([\w-]+)", everything)
-    number = float(protocol.group(1)) if protocol else _protocol_of(texts[1])
-    return Version(texts[0], texts[1], number, model.group(1) if model else "")
-
-
-def _protocol_of(hardware: str) -> float:
-    """Protocol of receivers that do not tell it, by generation 5, 6, 7; unknown ones as the
-    oldest, which every later one of this kind understands."""
-    return {"00040005": 11.0, "00040007": 13.0, "00070000": 14.0}.get(hardware, 11.0)
-
-
 def _baud_in(key: int, payload: bytes) -> int | None:
     """The line rate that a setting brings, None for other settings."""
     if key == CFG_PRT and len(payload) == 20:
         return int(struct.unpack_from("<I", payload, 8)[0])
     if key == CFG_VALSET:
-        values = dict(_key_values(payload[4:]))
-        return next((values[k] for k in _BAUD_KEYS.values() if k in values), None)
+        values = dict(key_values(payload[4:]))
+        return next((values[k] for k in BAUD_KEYS.values() if k in values), None)
     return None
-
-
-def _text(raw: bytes) -> str:
-    return raw.split(b"\0", 1)[0].decode("latin-1").strip()
 
 
 def _is(key: int, size: int) -> Callable[[Message], bool]:

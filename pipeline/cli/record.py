@@ -147,14 +147,17 @@ def command(
 ) -> int:
     """Record receiver, inertial sensor and cameras into a drive folder."""
     from automap.errors import ConfigError
-    from pipeline import record as work
 
     if list_ports:
-        for line in work.port_lines():
+        from pipeline.record_devices import port_lines
+
+        for line in port_lines():
             click.echo(line)
         return 0
     if restore_receiver is not None:
-        failed = work.restore_receiver(restore_receiver)
+        from pipeline.record_restore import restore_receiver as restore
+
+        failed = restore(restore_receiver)
         for text in failed:
             click.echo(f"warning: {text}", err=True)
         click.echo("the receiver is as before" if not failed else "restored in part")
@@ -162,7 +165,9 @@ def command(
     if replay is not None:
         if links is None:
             raise ConfigError("--replay needs --links DIR, where its terminals are to appear.")
-        for line in work.replay(work.ReplayRequest(replay, links, speed, line_baud, feed_log)):
+        from pipeline.record_replay import ReplayRequest, play_drive
+
+        for line in play_drive(ReplayRequest(replay, links, speed, line_baud, feed_log)):
             click.echo(line)
         return 0
     return _record(cameras, options)

@@ -30,7 +30,7 @@ from automap.io.drive import Drive, load_drive
 from automap.recording.messages import ubx_frame
 from automap.recording.pump import hurry
 from automap.recording.replay import Feed, Replay, copy_rest, drive_feeds
-from automap.recording.ublox import RXM_RAWX
+from automap.recording.ublox_keys import RXM_RAWX
 from automap.records import IntArray
 
 BAUD = 460_800

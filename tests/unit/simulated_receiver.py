@@ -9,7 +9,7 @@ import threading
 import time
 from pathlib import Path
 
-from automap.recording import ublox
+from automap.recording import ublox_keys as keys
 from automap.recording.messages import Message, MessageStream, ubx_frame
 from automap.recording.replay import Terminal
 
@@ -32,7 +32,7 @@ def nav_pvt(tow_ms: int, fix: int = 3, satellites: int = 14) -> bytes:
     payload[20], payload[21], payload[23] = fix, 1 if fix >= 2 else 0, satellites
     struct.pack_into("<iiii", payload, 24, 1_491_300_000, -352_800_000, 580_000, 560_000)
     struct.pack_into("<II", payload, 40, 1500, 2500)
-    return ubx_frame(ublox.NAV_PVT, bytes(payload))
+    return ubx_frame(keys.NAV_PVT, bytes(payload))
 
 
 class SimulatedReceiver(threading.Thread):
@@ -73,7 +73,7 @@ class SimulatedReceiver(threading.Thread):
         self.baud = self.first_baud
         self.period_ms = 1000
         self.keys = {
-            ublox.KEY_RATE_MEAS: 1000, ublox.KEY_RATE_NAV: 1, 0x40520001: self.baud,
+            keys.KEY_RATE_MEAS: 1000, keys.KEY_RATE_NAV: 1, 0x40520001: self.baud,
             0x10740001: 1, 0x10760001: 1, PVT_KEY_UART1: 0, 0x20910008: 0,
             RAWX_KEY_UART1: 0, 0x209102A6: 0, SFRBX_KEY_UART1: 0, 0x20910233: 0,
         }  # fmt: skip
@@ -84,7 +84,7 @@ class SimulatedReceiver(threading.Thread):
         """Messages that are switched on."""
         if self.generation < 9:
             return {message for message, rate in self.rates.items() if rate}
-        wired = {PVT_KEY_UART1: ublox.NAV_PVT, RAWX_KEY_UART1: ublox.RXM_RAWX}
+        wired = {PVT_KEY_UART1: keys.NAV_PVT, RAWX_KEY_UART1: keys.RXM_RAWX}
         return {message for key, message in wired.items() if self.keys[key]}
 
     def stop(self) -> None:
@@ -117,14 +117,14 @@ class SimulatedReceiver(threading.Thread):
 
     def _epoch(self) -> None:
         self._tow_ms += self.period_ms
-        if ublox.NAV_PVT in self.on:
+        if keys.NAV_PVT in self.on:
             self._send(nav_pvt(self._tow_ms))
-        if ublox.NAV_SOL in self.on:
+        if keys.NAV_SOL in self.on:
             payload = bytearray(52)
             struct.pack_into("<I", payload, 0, self._tow_ms)
             payload[10], payload[11], payload[47] = 3, 1, 9
-            self._send(ubx_frame(ublox.NAV_SOL, bytes(payload)))
-        for raw in (ublox.RXM_RAWX, ublox.RXM_RAW):
+            self._send(ubx_frame(keys.NAV_SOL, bytes(payload)))
+        for raw in (keys.RXM_RAWX, keys.RXM_RAW):
             if raw in self.on:
                 self._send(ubx_frame(raw, bytes(16 + 32 * 8)))
         if self.chatter:
@@ -135,19 +135,19 @@ class SimulatedReceiver(threading.Thread):
         if self.deaf:
             return
         key, payload = message.key, message.payload
-        if key == ublox.MON_VER:
+        if key == keys.MON_VER:
             self._send(ubx_frame(key, self._version()))
-        elif key == ublox.CFG_VALGET and self.generation >= 9:
+        elif key == keys.CFG_VALGET and self.generation >= 9:
             self._valget(payload)
-        elif key == ublox.CFG_VALSET and self.generation >= 9:
+        elif key == keys.CFG_VALSET and self.generation >= 9:
             self._valset(payload)
-        elif key in (ublox.CFG_RATE, ublox.CFG_MSG, ublox.CFG_PRT) and self.generation < 9:
+        elif key in (keys.CFG_RATE, keys.CFG_MSG, keys.CFG_PRT) and self.generation < 9:
             self._old(key, payload)
         else:
             self._acknowledge(key, good=False)
 
     def _acknowledge(self, key: int, good: bool) -> None:
-        self._send(ubx_frame(ublox.ACK if good else ublox.NAK, bytes((key >> 8, key & 255))))
+        self._send(ubx_frame(keys.ACK if good else keys.NAK, bytes((key >> 8, key & 255))))
 
     def _version(self) -> bytes:
         told = {
@@ -166,44 +166,44 @@ class SimulatedReceiver(threading.Thread):
     def _valget(self, payload: bytes) -> None:
         asked = struct.unpack(f"<{(len(payload) - 4) // 4}I", payload[4:])
         if any(key not in self.keys for key in asked):
-            self._acknowledge(ublox.CFG_VALGET, good=False)
+            self._acknowledge(keys.CFG_VALGET, good=False)
             return
         body = b"".join(
-            struct.pack("<I", key) + struct.pack(ublox._width(key), self.keys[key]) for key in asked
+            struct.pack("<I", key) + struct.pack(keys.width(key), self.keys[key]) for key in asked
         )
-        self._send(ubx_frame(ublox.CFG_VALGET, b"\x01\0\0\0" + body))
-        self._acknowledge(ublox.CFG_VALGET, good=True)
+        self._send(ubx_frame(keys.CFG_VALGET, b"\x01\0\0\0" + body))
+        self._acknowledge(keys.CFG_VALGET, good=True)
 
     def _valset(self, payload: bytes) -> None:
-        values = dict(ublox._key_values(payload[4:]))
+        values = dict(keys.key_values(payload[4:]))
         assert payload[1] == 1, "only the working memory may be written"
         if any(key not in self.keys or key in self.refuses for key in values):
-            self._acknowledge(ublox.CFG_VALSET, good=False)
+            self._acknowledge(keys.CFG_VALSET, good=False)
             return
         if not self.forgets:
             self.keys |= values
-        self.period_ms = self.keys[ublox.KEY_RATE_MEAS]
+        self.period_ms = self.keys[keys.KEY_RATE_MEAS]
         self.baud = self.keys[0x40520001]
-        self._acknowledge(ublox.CFG_VALSET, good=True)
+        self._acknowledge(keys.CFG_VALSET, good=True)
 
     def _old(self, key: int, payload: bytes) -> None:
-        message = payload[0] << 8 | payload[1] if key == ublox.CFG_MSG else 0
+        message = payload[0] << 8 | payload[1] if key == keys.CFG_MSG else 0
         if (
             key in self.refuses
             or message in self.refuses
-            or (message == ublox.NAV_PVT and self.generation < 7)
+            or (message == keys.NAV_PVT and self.generation < 7)
         ):
             self._acknowledge(key, good=False)
             return
-        if key == ublox.CFG_RATE and not payload:
+        if key == keys.CFG_RATE and not payload:
             self._send(ubx_frame(key, struct.pack("<HHH", self.period_ms, 1, 1)))
-        elif key == ublox.CFG_RATE:
+        elif key == keys.CFG_RATE:
             if not self.forgets:
                 self.period_ms = struct.unpack("<H", payload[:2])[0]
-        elif key == ublox.CFG_MSG and len(payload) == 2:
+        elif key == keys.CFG_MSG and len(payload) == 2:
             rates = bytes((0, self.rates.get(message, 0), 0, 0, 0, 0))
             self._send(ubx_frame(key, payload + rates))
-        elif key == ublox.CFG_MSG:
+        elif key == keys.CFG_MSG:
             if not self.forgets:
                 self.rates[message] = payload[2] if len(payload) == 3 else payload[3]
         elif not payload:

@@ -15,9 +15,10 @@ import pytest
 from automap.errors import ConfigError, InputError
 from automap.io.drive import load_drive
 from automap.io.video import frame_times, iter_frames, video_chapters
-from automap.recording.camera import Camera, parse_camera
+from automap.recording.camera import Camera
 from automap.recording.clock import HostClock
 from automap.recording.recorder import Plan, Recorder
+from automap.recording.video_source import parse_camera
 from tests.unit.recorded_drive import wait_until
 
 TEST_PICTURE = "lavfi:testsrc=size=160x120:rate=20"

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from automap.recording import ublox
+from automap.recording import ublox_keys as keys
+from automap.recording.messages import ubx_frame
 from automap.recording.ports import SerialPort
 from automap.recording.restore import port_exchange
 from automap.recording.ublox import Outcome, Receiver, RefusedError, SilentError, Wish
+from automap.recording.ublox_version import parse_version
 from tests.unit.simulated_receiver import PVT_KEY_UART1, RAWX_KEY_UART1, SimulatedReceiver
 
 Make = Callable[..., SimulatedReceiver]
@@ -46,19 +48,19 @@ def test_keys_are_those_of_the_interface_description() -> None:
     def number(name: str) -> int:
         return int(UBX_CONFIG_DATABASE[name][0])
 
-    assert number("CFG_RATE_MEAS") == ublox.KEY_RATE_MEAS
-    assert number("CFG_RATE_NAV") == ublox.KEY_RATE_NAV
+    assert number("CFG_RATE_MEAS") == keys.KEY_RATE_MEAS
+    assert number("CFG_RATE_NAV") == keys.KEY_RATE_NAV
     names = {
-        ublox.NAV_PVT: "UBX_NAV_PVT",
-        ublox.RXM_RAWX: "UBX_RXM_RAWX",
-        ublox.RXM_SFRBX: "UBX_RXM_SFRBX",
+        keys.NAV_PVT: "UBX_NAV_PVT",
+        keys.RXM_RAWX: "UBX_RXM_RAWX",
+        keys.RXM_SFRBX: "UBX_RXM_SFRBX",
     }
     for message, name in names.items():
-        for port, step in ublox._PORTS.items():
-            assert number(f"CFG_MSGOUT_{name}_{port}") == ublox._MSGOUT[message] + step
-    for port, key in ublox._BAUD_KEYS.items():
+        for port, step in keys.PORTS.items():
+            assert number(f"CFG_MSGOUT_{name}_{port}") == keys.MSGOUT[message] + step
+    for port, key in keys.BAUD_KEYS.items():
         assert number(f"CFG_{port}_BAUDRATE") == key
-    for port, key in ublox._UBX_OUT.items():
+    for port, key in keys.UBX_OUT.items():
         assert number(f"CFG_{port}OUTPROT_UBX") == key
 
 
@@ -66,10 +68,10 @@ def test_messages_are_those_that_pyubx2_writes() -> None:
     from pyubx2 import SET, UBXMessage
 
     theirs = UBXMessage.config_set(1, 0, [("CFG_RATE_MEAS", 200), ("CFG_UART1_BAUDRATE", 460800)])
-    values = {ublox.KEY_RATE_MEAS: 200, 0x40520001: 460800}
-    assert ublox.ubx_frame(ublox.CFG_VALSET, ublox.valset_payload(values)) == theirs.serialize()
+    values = {keys.KEY_RATE_MEAS: 200, 0x40520001: 460800}
+    assert ubx_frame(keys.CFG_VALSET, keys.valset_payload(values)) == theirs.serialize()
     rate = UBXMessage("CFG", "CFG-RATE", SET, measRate=200, navRate=1, timeRef=1)
-    assert ublox.ubx_frame(ublox.CFG_RATE, b"\xc8\0\1\0\1\0") == rate.serialize()
+    assert ubx_frame(keys.CFG_RATE, b"\xc8\0\1\0\1\0") == rate.serialize()
 
 
 def test_generation_nine_is_set_read_back_and_restored(make: Make) -> None:
@@ -94,22 +96,22 @@ def test_older_generations_are_set_by_messages(make: Make, generation: int) -> N
     assert not outcome.refused
     assert simulated.period_ms == 250
     if generation == 8:
-        assert simulated.on == {ublox.NAV_PVT, ublox.RXM_RAWX, ublox.RXM_SFRBX}
+        assert simulated.on == {keys.NAV_PVT, keys.RXM_RAWX, keys.RXM_SFRBX}
     else:
-        assert {ublox.NAV_SOL, ublox.NAV_POSLLH, ublox.NAV_VELNED, ublox.RXM_RAW} < simulated.on
-        assert ublox.NAV_PVT not in simulated.on
+        assert {keys.NAV_SOL, keys.NAV_POSLLH, keys.NAV_VELNED, keys.RXM_RAW} < simulated.on
+        assert keys.NAV_PVT not in simulated.on
     assert receiver.restore(outcome.before, port.set_baud) == []
     assert simulated.on == set()
     assert simulated.period_ms == 1000
     port.close()
 
 
-@pytest.mark.parametrize(("generation", "refused"), [(9, RAWX_KEY_UART1), (8, ublox.RXM_RAWX)])
+@pytest.mark.parametrize(("generation", "refused"), [(9, RAWX_KEY_UART1), (8, keys.RXM_RAWX)])
 def test_a_refusal_is_told_and_the_rest_is_done(make: Make, generation: int, refused: int) -> None:
     simulated = make(generation=generation, refuses={refused})
     outcome, port, _ = talk(simulated, Wish(raw=True, rate_hz=2))
     assert any("RAWX" in text and "refused" in text for text in outcome.refused)
-    assert ublox.NAV_PVT in simulated.on
+    assert keys.NAV_PVT in simulated.on
     assert simulated.period_ms == 500
     port.close()
 
@@ -130,7 +132,7 @@ def test_a_silent_receiver_is_not_waited_for_long(make: Make) -> None:
     simulated = make(deaf=True)
     with pytest.raises(SilentError, match="MON-VER"):
         talk(simulated, Wish(rate_hz=5), timeout_s=0.2)
-    assert simulated.commands == [ublox.MON_VER] * 2
+    assert simulated.commands == [keys.MON_VER] * 2
 
 
 @pytest.mark.parametrize("generation", [6, 9])
@@ -160,16 +162,16 @@ def test_versions_of_real_receivers() -> None:
         tail = b"".join(text.ljust(30, b"\0") for text in more)
         return first.ljust(30, b"\0") + second.ljust(10, b"\0") + tail
 
-    old = ublox.parse_version(payload("7.03 (45969)", "00040007"))
+    old = parse_version(payload("7.03 (45969)", "00040007"))
     assert not old.by_keys
     assert not old.has_pvt
-    m8 = ublox.parse_version(
+    m8 = parse_version(
         payload("EXT CORE 3.01 (107900)", "00080000", "ROM BASE 2.01 (75331)", "FWVER=SPG 3.01",
                 "PROTVER=18.00", "GPS;GLO;GAL;BDS")
     )  # fmt: skip
     assert m8.has_pvt
     assert not m8.by_keys
-    m10 = ublox.parse_version(
+    m10 = parse_version(
         payload("ROM SPG 5.10 (7b202e)", "000A0000", "FWVER=SPG 5.10", "PROTVER=34.10")
     )
     assert m10.by_keys
