@@ -21,9 +21,11 @@ def open_detector(settings: DetectSettings, country: str | None) -> Detector:
         from automap.vision.custom import CustomDetector
 
         return CustomDetector(_path(settings.detector))
-    from automap.vision.network import default_detector
+    from automap.vision.network import NetworkDetector, NetworkRules
 
-    return default_detector(country)
+    # what the search would not even look at again need not be named
+    rules = NetworkRules(min_score=max(search_rules(settings).hint, 0.01))
+    return NetworkDetector(country=country, rules=rules)
 
 
 def detector_files(settings: Settings) -> list[Path]:
@@ -58,6 +60,7 @@ def search_rules(settings: DetectSettings) -> SearchRules:
             idle_s=settings.idle_s,
             shortest_s=1.0 / settings.frames_per_s,
         ),
+        height_share=settings.height_share,
     )
 
 

@@ -14,6 +14,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+import cv2
+
 from automap.io.video import VideoFrame
 from automap.vision.detector import FoundSigns
 
@@ -112,6 +114,9 @@ def detections(
     groups: deque[_Group[T]] = deque()
     before = False  # whether the last coarse frame that was delivered shows a sign
     exhausted = False
+    threads = cv2.getNumThreads()
+    # there is a thread for every processor already
+    cv2.setNumThreads(1)
     pool = ThreadPoolExecutor(workers, thread_name_prefix="search")
 
     def submit(candidate: Candidate[T]) -> Future[FoundSigns]:
@@ -149,6 +154,7 @@ def detections(
             before = last is not None and shows_sign(last.result())
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+        cv2.setNumThreads(threads)
 
 
 def _read_group(source: Iterator[Candidate[T]]) -> list[Candidate[T]]:

@@ -35,6 +35,7 @@ _THUMBNAIL = (128, 72)
 _STILL_GREYS = 4.0
 _STILL_SHARE = 0.002
 _REPORT_S = 0.1
+_CUT_PX = 1.5
 _HINT = 0.5
 """A box of this part of the least score is no detection, but a reason to look closer."""
 
@@ -42,14 +43,21 @@ _HINT = 0.5
 @dataclass(frozen=True)
 class SearchRules:
     """``min_score`` below which boxes are left out; ``every`` whether every frame is searched;
-    ``choice`` of the frames otherwise; ``tracking`` of the signs; ``workers`` threads, None as
-    many as there are processors."""
+    ``choice`` of the frames otherwise; ``height_share`` of the picture, from its top, that is
+    searched: what is lower is road and bonnet; ``tracking`` of the signs; ``workers`` threads,
+    None as many as there are processors."""
 
     min_score: float = 0.3
     every: bool = False
     choice: ChoiceRules = field(default_factory=ChoiceRules)
+    height_share: float = 1.0
     tracking: TrackingRules = field(default_factory=TrackingRules)
     workers: int | None = None
+
+    @property
+    def hint(self) -> float:
+        """The score from which a box is a reason to search the frames beside it."""
+        return _HINT * self.min_score
 
 
 @dataclass(frozen=True)
@@ -135,13 +143,12 @@ def search_video(
     camera = camera or default_camera(chapters[0].width, chapters[0].height)
     tracker = Tracker(camera, rules.tracking)
     motions = _Motions(camera, path)
-    hint = _HINT * rules.min_score
     report = _Report(progress, len(plan))
     searched = 0
     found_in = detections(
         prefetched(_candidates(chapters, times, plan, warn)),
-        lambda row, picture: detector.detect(picture.image),
-        lambda found: bool((found.score >= hint).any()),
+        lambda mark, picture: _find(detector, picture, rules.height_share),
+        lambda found: bool((found.score >= rules.hint).any()),
         rules.workers or worker_count(),
     )
     for candidate, found in found_in:
@@ -163,6 +170,19 @@ def search_video(
     )
 
 
+def _find(detector: Detector, picture: VideoFrame, height_share: float) -> FoundSigns:
+    """The signs in the upper part of a picture."""
+    height = picture.image.shape[0]
+    lowest = height
+    if height_share < 1.0:
+        # networks work on multiples of 32 rows
+        lowest = max(int(height * height_share) // 32 * 32, min(32, height))
+    found = detector.detect(picture.image[:lowest])
+    # what is cut off there has a box that is too small
+    whole = (found.box[:, 3] < lowest - _CUT_PX) | (lowest == height)
+    return found if whole.all() else _some(found, np.flatnonzero(whole))
+
+
 def default_camera(width: int, height: int) -> Camera:
     """A pinhole of 60 degrees horizontal view, for a video of which nothing is known."""
     focal = 0.5 * width / np.tan(np.radians(30.0))
@@ -175,7 +195,10 @@ def default_camera(width: int, height: int) -> Camera:
 
 def above(found: FoundSigns, min_score: float) -> FoundSigns:
     """The signs with at least this score."""
-    keep = np.flatnonzero(found.score >= min_score)
+    return _some(found, np.flatnonzero(found.score >= min_score))
+
+
+def _some(found: FoundSigns, keep: npt.NDArray[np.int64]) -> FoundSigns:
     if len(keep) == len(found):
         return found
     return FoundSigns(

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
+from automap.vision.classes import load_classes
 from automap.vision.detector import Alternatives, FoundSigns
+from automap.vision.vocabulary import load_vocabulary
 
 _CLEAR_PX = 32.0
 """From this height a face shows all that a classifier can read."""
 _FAINTEST = 0.02
 _OTHERS = 50.0
+_NAMED = 0.55
+_DOUBTED = 0.35
 _INDEPENDENT = 4.0
 """Views of one sign share light, dirt and angle: together they count as so many at most."""
 
@@ -36,26 +41,37 @@ def view_of(found: FoundSigns, index: int) -> View:
 
 
 def vote(views: Sequence[View]) -> tuple[str, float]:
-    """The most probable class and its probability.
+    """The class and its probability.
 
     The product of the views' probabilities, each to the power of how clear it is: a face of 16
     px is a guess, and ten guesses do not outweigh one view from near. What a view does not list
-    keeps a small probability.
+    keeps a small probability. A class that most of the views doubt is no name for a sign: it is
+    called after the shape and colour on which they agree.
     """
     names = sorted({name for view in views for name, _ in view.alternatives})
-    total = np.zeros(len(names))
-    weights = 0.0
-    for view in views:
-        listed = dict(view.alternatives)
-        rest = max(1.0 - sum(listed.values()), _FAINTEST) / _OTHERS
-        weight = min(max(view.height, 1.0) / _CLEAR_PX, 1.0) ** 2
-        # rounded probabilities of exactly zero must not forbid a class
-        p = np.array([max(listed.get(name, rest), rest) for name in names])
-        total += weight * np.log(p)
-        weights += weight
-    if weights > _INDEPENDENT:
-        total *= _INDEPENDENT / weights
+    weight = np.array([min(max(v.height, 1.0) / _CLEAR_PX, 1.0) ** 2 for v in views])
+    listed = np.array([[dict(v.alternatives).get(name, 0.0) for name in names] for v in views])
+    rest = np.maximum(1.0 - listed.sum(axis=1), _FAINTEST) / _OTHERS
+    # rounded probabilities of exactly zero must not forbid a class
+    total = weight @ np.log(np.maximum(listed, rest[:, None]))
+    total *= min(1.0, _INDEPENDENT / weight.sum())
     posterior = np.exp(total - total.max())
     posterior /= posterior.sum()
     best = int(np.argmax(posterior))
-    return names[best], float(posterior[best])
+    mean = weight @ listed
+    mean /= mean.sum()
+    if posterior[best] >= _NAMED and mean[best] >= _DOUBTED:
+        return names[best], float(posterior[best])
+    groups: dict[str, float] = {}
+    for name, part in zip(names, mean.tolist(), strict=True):
+        group = group_of(name) or name
+        groups[group] = groups.get(group, 0.0) + part
+    group = max(sorted(groups), key=lambda g: groups[g])
+    return group, groups[group]
+
+
+@lru_cache(maxsize=4096)
+def group_of(class_name: str) -> str | None:
+    """What an unknown face of the shape and colour of a class is called; None if not known."""
+    known = load_classes().get(class_name)
+    return None if known is None else load_vocabulary().groups.get(known.group)

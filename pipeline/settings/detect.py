@@ -25,6 +25,9 @@ class DetectSettings(Section):
     every_frame: bool = False
     """Search every frame; the four settings above then mean nothing."""
 
+    height_share: float = Field(default=0.89, gt=0, le=1)
+    """Part of a video's picture, from its top, that is searched; lower are road and bonnet."""
+
     min_score: float = Field(default=0.3, ge=0, le=1)
     """Detections below this score are left out."""
 

@@ -15,7 +15,7 @@ from automap.vision.annotate import draw, label_for
 from automap.vision.contact_sheet import contact_sheet, short_name
 from automap.vision.crops import BestCrops, cut_out
 from automap.vision.detector import FoundSigns
-from automap.vision.voting import View, view_of, vote
+from automap.vision.voting import View, group_of, view_of, vote
 
 
 @given(x=st.floats(-20, 310), y=st.floats(-20, 230), w=st.floats(0.5, 250), h=st.floats(0.5, 200))
@@ -110,6 +110,19 @@ def test_many_unsure_views_make_a_sure_one() -> None:
     sure = vote([unsure] * 50)[1]
     assert 0.7 < sure < 0.9
     assert vote([unsure] * 4)[1] == pytest.approx(sure)
+
+
+def test_faces_that_nobody_knows_get_no_wrong_name() -> None:
+    a, b = "regulatory--maximum-speed-limit-20--g1", "regulatory--maximum-speed-limit-60--g1"
+    group = group_of(a)
+    assert group == "regulatory--unknown-red-circle"
+    doubtful = [
+        View(((group, 0.4), (a, 0.3), (b, 0.2)), 60.0), View(((group, 0.45), (a, 0.25)), 50.0)
+    ]  # fmt: skip
+    assert vote(doubtful * 6)[0] == group
+    torn = [View(((a, 0.9),), 60.0), View(((b, 0.9),), 60.0)]
+    assert vote(torn)[0] == group
+    assert vote([*torn, torn[0], torn[0]])[0] == a
 
 
 def test_a_bare_name_is_a_view_too() -> None:
