@@ -1,0 +1,79 @@
+"""Output folders of runs, made from the drives of a scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from automap.io import names
+from automap.io.atomic import write_json
+from automap.io.clock_json import write_clock
+from automap.io.signs_table import write_signs
+from automap.io.trajectory_table import write_trajectory
+from automap.mapping.sightings import DriveSigns
+from automap.records import Sign, Trajectory
+from pipeline.merge_inputs import GPS_CLOCK
+
+
+def write_run(folder: Path, drive: DriveSigns, inputs: str = "") -> Path:
+    """What a run of the drive would have left: signs, trajectory, clock and lineage."""
+    folder.mkdir(parents=True)
+    write_signs(
+        folder / names.SIGNS_RAW,
+        [
+            Sign(
+                id=drive.ids[k],
+                class_name=str(drive.class_name[k]),
+                lat_rad=drive.lat_rad[k],
+                lon_rad=drive.lon_rad[k],
+                height_m=drive.height_m[k],
+                cov_enu=drive.cov_enu[k],
+                confidence=drive.confidence[k],
+                n_views=int(drive.n_views[k]),
+                first_seen_ns=round(drive.first_gps_s[k] * 1e9),
+                last_seen_ns=round(drive.last_gps_s[k] * 1e9),
+                height_above_road_m=drive.height_above_road_m[k],
+                facing_rad=drive.facing_rad[k],
+                size_m=drive.size_m[k],
+                side=str(drive.side[k]),
+                drives=(drive.name,),
+            )
+            for k in range(len(drive))
+        ],
+    )
+    path = drive.path
+    if path is not None:
+        n = len(path)
+        three = np.zeros((n, 3))
+        write_trajectory(
+            folder / names.TRAJECTORY,
+            Trajectory(
+                t_ns=np.rint(path.gps_s * 1e9).astype(np.int64),
+                gps_s=path.gps_s,
+                lat_rad=path.lat_rad,
+                lon_rad=path.lon_rad,
+                height_m=np.full(n, 580.0),
+                vel_ned=three,
+                rpy=np.column_stack([np.zeros((n, 2)), path.yaw_rad]),
+                sd_pos_ned=path.sd_enu[:, [1, 0, 2]],
+                sd_vel_ned=three,
+                sd_rpy=three,
+            ),
+        )
+    write_clock(folder / names.SYNC, GPS_CLOCK)
+    manifest = {
+        "video.front.width": 1280,
+        "video.front.camera_matrix": [[900.0, 0, 640], [0, 900.0, 360], [0, 0, 1]],
+        "video.front.mount_rpy_deg": [0.0, 0.0, 0.0],
+    }
+    write_json(
+        folder / names.RUN,
+        {
+            "schema": "automap.run/1",
+            "drive": {"name": drive.name, "path": str(folder)},
+            "inputs": {"imu.csv": inputs or drive.name},
+            "stages": {"geolocate": {"manifest": manifest}},
+        },
+    )
+    return folder
