@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
 
+from pipeline.report.nis_plots import chance_limits, nis_series
 from pipeline.report.sections import innovation_verdict
 from pipeline.report.svg_plot import (
     BOTTOM,
@@ -118,3 +119,29 @@ def test_thinning_and_units() -> None:
 )
 def test_verdict_on_innovations(rms: float, mean: float, accepted: float, words: str) -> None:
     assert words in innovation_verdict(rms, mean, accepted)
+
+
+def test_mean_nis_lies_in_the_band_of_chance_and_leaves_it_when_sigmas_are_wrong() -> None:
+    rng = np.random.default_rng(8)
+    n = 3000
+    seconds = np.sort(rng.uniform(0, 600, n))
+    channels = np.array(["position_n", "position_e", "velocity_n"] * (n // 3), object)
+    accepted = np.ones(n, bool)
+    nis = rng.normal(0, 1, n) ** 2
+    (title, (band, mean)), (_, other) = nis_series(channels, seconds, nis, accepted)
+    assert "GPS position" in title
+    assert len(other) == 2
+    inside = (mean.y > band.y) & (mean.y < band.upper)
+    assert 0.85 < inside.mean() <= 1.0
+    (_, (band, mean)), _ = nis_series(channels, seconds, 4 * nis, accepted)
+    assert not ((mean.y > band.y) & (mean.y < band.upper)).any()
+    assert nis_series(channels[:3], seconds[:3], nis[:3], accepted[:3]) == []
+
+
+def test_limits_of_chance_are_those_of_chi_square() -> None:
+    from scipy.stats import chi2
+
+    count = np.array([6.0, 50.0, 400.0])
+    low, high = chance_limits(count)
+    np.testing.assert_allclose(low, chi2.ppf(0.025, count) / count, rtol=1e-9)
+    np.testing.assert_allclose(high, chi2.ppf(0.975, count) / count, rtol=1e-9)
