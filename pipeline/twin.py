@@ -91,7 +91,8 @@ def write_twin(out: Path, folder: Path, seed: int) -> None:
     )
     begin = float(trajectory.gps_s[0])
     name = str(run.get("drive", {}).get("name", out.name))
-    _write(folder, twin, begin, name, out, clock.output_delay_s)
+    known = bool(_json(out / names.INGEST).get("imu", {}).get("axes_known", True))
+    _write(folder, twin, begin, name, out, clock.output_delay_s, known)
 
 
 def _json(path: Path) -> dict[str, Any]:
@@ -145,7 +146,13 @@ def _noise(settings: Mapping[str, Any], factors: Mapping[str, float]) -> NoiseMo
 
 
 def _write(
-    folder: Path, twin: Twin, begin_gps_s: float, name: str, source: Path, delay_s: float | None
+    folder: Path,
+    twin: Twin,
+    begin_gps_s: float,
+    name: str,
+    source: Path,
+    delay_s: float | None,
+    axes_known: bool,
 ) -> None:
     """The drive folder; its stamps are the recorder's where arrival times tie them to GPS."""
     import numpy as np
@@ -169,7 +176,7 @@ def _write(
         "",
         "[imu]",
         'file = "imu.csv"',
-        'axes = "FRD"',
+        f'axes = "{"FRD" if axes_known else "unknown"}"',
         f'time = "{"boot_ns" if arrived else "gps_ns"}"',
         'gyro_unit = "rad/s"',
         'accel_unit = "m/s^2"',
