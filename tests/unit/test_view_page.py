@@ -256,6 +256,9 @@ def test_filters(browser: Browser, tmp_path: Path) -> None:
         page.get_by_label("monday").uncheck()
         assert shown(page) == {f"s000{i}" for i in (1, 3, 5, 7, 9)}
         page.get_by_label("monday").check()
+        page.click("#drives-none")
+        assert shown(page) == set()
+        page.click("#drives-all")
         page.click("#classes-none")
         assert shown(page) == set()
         page.fill("#class-search", "give")

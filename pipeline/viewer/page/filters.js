@@ -11,15 +11,17 @@ export class Filters {
     for (let i = 0; i < signs.n; i++) counts[signs.class[i]]++;
     const order = [...counts.keys()].sort((a, b) => counts[b] - counts[a]);
     this.ticks = order.map((k) => this.tick(byId("classes"), this.classes, k, words(signs.classes[k]), signs.classes[k], counts[k], COLOURS[k % COLOURS.length]));
-    signs.drives.forEach((name, k) => this.tick(byId("drives"), this.drives, k, name, name));
+    const drives = signs.drives.map((name, k) => this.tick(byId("drives"), this.drives, k, name, name));
     byId("drive-box").hidden = signs.drives.length < 2;
     byId("confidence").oninput = (e) => {
       byId("confidence-value").textContent = Number(e.target.value).toFixed(2);
       app.refilter();
     };
     byId("review-filter").onchange = () => app.refilter();
-    byId("classes-all").onclick = () => this.setAll(true);
-    byId("classes-none").onclick = () => this.setAll(false);
+    byId("classes-all").onclick = () => this.setAll(this.ticks, true);
+    byId("classes-none").onclick = () => this.setAll(this.ticks, false);
+    byId("drives-all").onclick = () => this.setAll(drives, true);
+    byId("drives-none").onclick = () => this.setAll(drives, false);
     byId("class-search").oninput = (e) => {
       const wanted = e.target.value.trim().toLowerCase();
       for (const label of this.ticks) label.hidden = !`${label.textContent} ${label.title}`.toLowerCase().includes(wanted);
@@ -34,7 +36,9 @@ export class Filters {
     const input = document.createElement("input");
     input.type = "checkbox";
     input.checked = true;
-    input.onchange = () => { flags[k] = input.checked ? 1 : 0; this.app.refilter(); };
+    const take = () => { flags[k] = input.checked ? 1 : 0; };
+    input.onchange = () => { take(); this.app.refilter(); };
+    label.take = take;
     label.append(input);
     if (colour) { const dot = document.createElement("i"); dot.style.background = colour; label.append(dot); }
     const name = document.createElement("span");
@@ -45,13 +49,14 @@ export class Filters {
     return label;
   }
 
-  // all classes that the search leaves
-  setAll(on) {
-    for (const label of this.ticks) {
-      if (label.hidden || label.firstChild.checked === on) continue;
+  // all that the search leaves
+  setAll(labels, on) {
+    for (const label of labels) {
+      if (label.hidden) continue;
       label.firstChild.checked = on;
-      label.firstChild.onchange();
+      label.take();
     }
+    this.app.refilter();
   }
 
   toggle() {
