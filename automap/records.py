@@ -231,7 +231,10 @@ class Camera:
 
 @dataclass(frozen=True)
 class Sign:
-    """One located sign. Position WGS-84; covariance [3, 3] in ENU metres, trajectory included."""
+    """One located sign. Position WGS-84; covariance [3, 3] in ENU metres, trajectory included.
+
+    ``support`` names the post or gantry, the same for all signs on it ("" unknown).
+    """
 
     id: str
     class_name: str
@@ -249,4 +252,5 @@ class Sign:
     side: str
     status: str = "ok"
     drives: tuple[str, ...] = ()
+    support: str = ""
     detection_rows: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))

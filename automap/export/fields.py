@@ -34,6 +34,7 @@ SIGN_FIELDS: tuple[Field, ...] = (
     Field("facing_deg", "real", "deg", "direction the face looks, clockwise from north", 1),
     Field("size_m", "real", "m", "height of the face", 2),
     Field("side", "text", "", "side of the road in the direction of travel"),
+    Field("support", "text", "", "post or gantry, the same for all signs on it"),
     Field("cov_ee_m2", "real", "m^2", "variance of the position east, trajectory included"),
     Field("cov_en_m2", "real", "m^2", "covariance of east and north, trajectory included"),
     Field("cov_nn_m2", "real", "m^2", "variance of the position north, trajectory included"),

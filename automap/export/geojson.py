@@ -192,6 +192,7 @@ def _sign(feature: dict[str, Any], number: int, to_ns: Callable[[Any], int]) -> 
         facing_rad=float(np.radians(real("facing_deg"))),
         size_m=real("size_m"),
         side=str(properties.get("side") or ""),
+        support=str(properties.get("support") or ""),
         status=str(properties.get("status") or "ok"),
         drives=(drives,) if isinstance(drives, str) else tuple(str(name) for name in drives),
     )

@@ -66,6 +66,7 @@ def sign_columns(signs: Sequence[Sign], clock: ClockModel | None = None) -> Sign
         "facing_deg": np.mod(np.degrees(real("facing_rad")), 360.0),
         "size_m": real("size_m"),
         "side": [sign.side for sign in signs],
+        "support": [sign.support or None for sign in signs],
         "cov_ee_m2": cov_ee,
         "cov_en_m2": cov_en,
         "cov_nn_m2": cov_nn,

@@ -6,20 +6,27 @@ of what their sightings gain against being false alarms, less the price of an ob
 likelihood form of the energy of Krylov, Kenny and Dahyot, Remote Sensing 10, 2018). Candidate
 points are the crossings of pairs of rays and the ends of rays with a depth. The best
 candidate is taken, its sightings leave the rest, and so on; then sightings move to the object
-that explains them best until none moves.
+that explains them best until none moves. With that association the
+scale that all depths share is estimated, and all is done again with the corrected depths.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from automap.earth import from_local_ned, local_ned
+from automap.geolocation.depth_scale import DepthScale, fit_depth_scale
 from automap.records import NO_TIME, FloatArray, IntArray, Sign
 
 _ROUNDS = 10
+_SCALE_ROUNDS = 4
+_SETTLED_M = 0.2
+_TYPICAL_DEPTHS_M = np.array([6.0, 15.0])
+_LEAST_DEPTHS = 10
+_GOOD_CROSSING = 0.5
 _NEWTON_STEPS = 10
 _IMPOSSIBLE = 1e6
 
@@ -45,11 +52,17 @@ class BearingRules:
     """``bearing_sd_rad`` where the sighting gives none; ``position_sd_m`` of a camera;
     ``depth_log_sd`` relative error of a depth; ``max_range_m`` beyond which nothing is seen;
     ``alone_cost`` what a sighting without an object costs, ``object_cost`` what an object
-    costs, both in squared sigmas; ``min_distance_m`` between two objects."""
+    costs, both in squared sigmas; ``min_distance_m`` between two objects, ``max_joined_m``
+    between two that may be one. ``depth_offset_sd_m`` and ``depth_scale_log_sd`` of what all
+    depths have in common; ``single`` whether a sighting that meets no other makes an object."""
 
     bearing_sd_rad: float = float(np.radians(2.0))
-    position_sd_m: float = 1.0
+    position_sd_m: float = 1.5
     depth_log_sd: float = 0.3
+    depth_offset_sd_m: float = 3.0
+    depth_scale_log_sd: float = 0.3
+    max_joined_m: float = 6.0
+    single: bool = False
     max_range_m: float = 40.0
     alone_cost: float = 9.0
     object_cost: float = 9.0
@@ -79,10 +92,62 @@ def locate_from_bearings(
     if len(bearings) == 0:
         return [], np.zeros(0, np.int64)
     origin = (float(np.mean(bearings.lat_rad)), float(bearings.lon_rad[0]), 0.0)
-    rays = _in_plane(bearings, rules, origin)
-    points, owner = _cover(rays, _candidates(rays, rules), rules)
-    points, owner = _settle(rays, points, owner, rules)
+    measured = _in_plane(bearings, rules, origin)
+    rays, scale = measured, DepthScale()
+    points, owner = np.zeros((0, 2)), np.zeros(0, np.int64)
+    for _ in range(_SCALE_ROUNDS):
+        rays = replace(measured, log_depth=np.log(scale.apply(np.exp(measured.log_depth))))
+        points, owner = _cover(rays, _candidates(rays, rules), rules)
+        points, owner = _settle(rays, points, owner, rules)
+        points, owner = _joined(rays, points, owner, rules)
+        before, scale = scale, _depth_scale(measured, points, owner, rules)
+        change = scale.apply(_TYPICAL_DEPTHS_M) - before.apply(_TYPICAL_DEPTHS_M)
+        if np.abs(change).max() < _SETTLED_M:
+            break
+    if not rules.single:
+        points, owner = _without_single(points, owner)
     return _signs(bearings, rays, points, owner, rules, origin, drive)
+
+
+def _depth_scale(
+    rays: _Rays, points: FloatArray, owner: IntArray, rules: BearingRules
+) -> DepthScale:
+    """What the depths have in common, from the objects that two bearings or more cross at."""
+    counts = np.bincount(owner[owner >= 0], minlength=len(points))
+    rows = np.flatnonzero((owner >= 0) & np.isfinite(rays.log_depth))
+    rows = rows[counts[owner[rows]] >= 2]
+    if len(rows) < _LEAST_DEPTHS:
+        return DepthScale()
+    without = replace(rays, log_depth=np.full(len(rays.log_depth), np.nan))
+    distance, sd = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
+    for k in np.unique(owner[rows]):
+        members = np.flatnonzero(owner == k)
+        point = _fit(without, members, points[k], rules)
+        N, _ = _normal(without, members, point, rules)
+        cov = np.linalg.inv(N)
+        own = owner[rows] == k
+        offset = point - rays.centre[rows[own]]
+        length = np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 0.5)
+        along = offset / length[:, None]
+        distance[own] = length
+        sd[own] = np.sqrt(np.einsum("ni,ij,nj->n", along, cov, along)) / length
+    good = sd < _GOOD_CROSSING
+    if good.sum() < _LEAST_DEPTHS:
+        return DepthScale()
+    return fit_depth_scale(
+        *(np.exp(rays.log_depth[rows[good]]), distance[good]),
+        np.hypot(sd[good], rules.depth_log_sd),
+        *(rules.depth_offset_sd_m, rules.depth_scale_log_sd),
+    )
+
+
+def _without_single(points: FloatArray, owner: IntArray) -> tuple[FloatArray, IntArray]:
+    """Only the objects that two sightings or more agree on."""
+    counts = np.bincount(owner[owner >= 0], minlength=len(points))
+    kept = np.flatnonzero(counts >= 2)
+    renamed = np.full(len(points) + 1, -1, np.int64)
+    renamed[kept] = np.arange(len(kept))
+    return points[kept], renamed[owner]
 
 
 def _in_plane(bearings: Bearings, rules: BearingRules, origin: tuple[float, float, float]) -> _Rays:
@@ -263,6 +328,40 @@ def _settle(
         points, owner = _compact(rays, points, owner, rules)
         if np.array_equal(before, owner):
             break
+    return points, owner
+
+
+def _joined(
+    rays: _Rays, points: FloatArray, owner: IntArray, rules: BearingRules
+) -> tuple[FloatArray, IntArray]:
+    """One object for two that no camera sees apart and that one place explains as well.
+
+    As well means at no more than the price of the object that is saved; the pair that gains
+    most goes first.
+    """
+    from scipy.spatial import cKDTree
+
+    def cost(rows: IntArray, point: FloatArray) -> float:
+        return float(_costs(rays, rows, point[None], rules).sum())
+
+    while len(points) > 1:
+        best: tuple[float, int, int, FloatArray] | None = None
+        for a, b in cKDTree(points).query_pairs(rules.max_joined_m):
+            one, other = np.flatnonzero(owner == a), np.flatnonzero(owner == b)
+            if np.isin(rays.camera[one], rays.camera[other]).any():
+                continue
+            both = np.concatenate([one, other])
+            point = _fit(rays, both, 0.5 * (points[a] + points[b]), rules)
+            loss = cost(both, point) - cost(one, points[a]) - cost(other, points[b])
+            if loss < rules.object_cost and (best is None or loss < best[0]):
+                best = (loss, min(a, b), max(a, b), point)
+        if best is None:
+            break
+        _, kept, gone, point = best
+        points[kept] = point
+        points = np.delete(points, gone, axis=0)
+        owner = np.where(owner == gone, kept, owner)
+        owner = np.where(owner > gone, owner - 1, owner)
     return points, owner
 
 

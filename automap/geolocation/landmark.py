@@ -47,10 +47,11 @@ class Landmark:
     """Estimate of one sign from ``rows`` (of the Views).
 
     ``anchor`` the row whose camera the parameters [4] refer to; ``covariance`` [4, 4] of
-    them from the measurements alone, ``common`` [4, 4] their derivative by the camera's turn
-    (rad) and time offset (s). ``position`` [3] in the local frame; ``residual`` [n, 3] in
-    sigmas, ``weight`` [n] of the direction (1 = fully used). ``chi2`` weighted sum of squares
-    over ``dof``. ``ok`` is False when no place in front of all cameras was found.
+    them from the measurements alone, ``common`` [4, 8] their derivative by what is common to the
+    camera: turn (rad), time offset (s), log focal length, lever arm (m). ``position`` [3] in the
+    local frame; ``residual`` [n, 3] in sigmas, ``weight`` [n] of the direction
+    (1 = fully used). ``chi2`` weighted sum of squares over ``dof``.
+    ``ok`` is False when no place in front of all cameras was found.
     """
 
     rows: IntArray
@@ -110,7 +111,8 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
     parameters, cost = best if best is not None else (first, np.inf)
     rate, velocity = views.rate[rows], views.velocity[rows]
     information, A, _, residual, weight, chi2 = normal_equations(
-        parameters, M, b, measured, sd, drift, rate, velocity, prior_mean, prior_sd, robust
+        *(parameters, M, b, measured, sd, drift, rate, velocity, views.C_cam_body[rows]),
+        *(prior_mean, prior_sd, robust),
     )
     covariance = np.linalg.inv(information)
     # the residuals, the size prior's among them, say whether the sigmas were too small

@@ -15,6 +15,9 @@ from automap.records import FloatArray
 MIN_FORWARD_M = 1.0
 """A sign nearer to the image plane than this cannot be seen as a box."""
 
+N_COMMON = 8
+"""Common to a camera: turn (3), time offset, log focal length, lever arm (3)."""
+
 _HUBER = 1.5
 _CAUCHY = 2.5
 _MIN_PIVOT = 1e-300
@@ -251,32 +254,33 @@ def solve_landmark(start, M, b, measured, sd, drift, prior_mean, prior_sd, robus
 
 @njit(cache=True)
 def normal_equations(  # type: ignore[no-untyped-def]
-    theta, M, b, measured, sd, drift, rate, velocity, prior_mean, prior_sd, robust
+    theta, M, b, measured, sd, drift, rate, velocity, C_cam_body, prior_mean, prior_sd, robust
 ):
     """What a sign contributes at ``theta``.
 
-    Information [4, 4] of its parameters, cross term [4, 4] with the camera's turn and time
-    offset, the common block and right-hand sides as a [8, 5] array (first four rows: the
-    common information [4, 4] and its right-hand side; last four: zero but for the sign's own
-    right-hand side), residuals [n, 3] in sigmas, direction weights [n], weighted chi-square.
+    Information [4, 4] of its parameters, cross term [4, 8] with what is common to a camera
+    (turn, time offset, log focal length, lever arm), the common block and right-hand sides as a
+    [12, 9] array (first eight rows: the common information [8, 8] and its right-hand side; last
+    four: zero but for the sign's own right-hand side), residuals [n, 3] in sigmas, direction
+    weights [n], weighted chi-square. ``C_cam_body`` [n, 3, 3] vehicle to camera axes.
     """
     n = len(sd)
     kind = 2 if robust else 0
     h = np.zeros(3)
     J = np.zeros((3, 4))
-    B = np.zeros((3, 4))
-    D = np.zeros((3, 4))
+    B = np.zeros((3, N_COMMON))
+    D = np.zeros((3, N_COMMON))
     q = np.zeros(3)
     w3 = np.zeros(3)
     r3 = np.zeros(3)
     N = np.zeros((4, 4))
-    A = np.zeros((4, 4))
-    shared = np.zeros((8, 5))
+    A = np.zeros((4, N_COMMON))
+    shared = np.zeros((N_COMMON + 4, N_COMMON + 1))
     residual = np.zeros((n, 3))
     weight = np.zeros(n)
     N[3, 3] = 1.0 / (prior_sd * prior_sd)
     r = (theta[3] - prior_mean) / prior_sd
-    shared[7, 4] = -r / prior_sd
+    shared[N_COMMON + 3, N_COMMON] = -r / prior_sd
     chi2 = r * r
     for i in range(n):
         if not _measure(theta, M[i], b[i], h, J, q):
@@ -303,17 +307,28 @@ def normal_equations(  # type: ignore[no-untyped-def]
         D[0, 3] = -(rate[i, 1] * q[2] - rate[i, 2] * q[1]) - velocity[i, 0]
         D[1, 3] = -(rate[i, 2] * q[0] - rate[i, 0] * q[2]) - velocity[i, 1]
         D[2, 3] = -(rate[i, 0] * q[1] - rate[i, 1] * q[0]) - velocity[i, 2]
-        for m in range(4):
+        # a camera further along an axis of the vehicle sees everything nearer by as much
+        for k in range(3):
+            for m in range(3):
+                D[k, 5 + m] = -C_cam_body[i, k, m]
+        for m in range(N_COMMON):
             B[0, m] = (D[1, m] - h[0] * D[0, m]) / q[0]
             B[1, m] = (D[2, m] - h[1] * D[0, m]) / q[0]
             B[2, m] = -D[0, m] / q[0]
+        # a longer focal length magnifies the picture
+        B[0, 4] = h[0]
+        B[1, 4] = h[1]
+        B[2, 4] = 1.0
         for k in range(3):
             chi2 += w3[k] * r3[k] * r3[k]
             for m in range(4):
-                shared[m, 4] += B[k, m] * w3[k] * r3[k]
-                shared[4 + m, 4] += J[k, m] * w3[k] * r3[k]
+                shared[N_COMMON + m, N_COMMON] += J[k, m] * w3[k] * r3[k]
                 for p in range(4):
                     N[m, p] += J[k, m] * w3[k] * J[k, p]
+                for p in range(N_COMMON):
                     A[m, p] += J[k, m] * w3[k] * B[k, p]
+            for m in range(N_COMMON):
+                shared[m, N_COMMON] += B[k, m] * w3[k] * r3[k]
+                for p in range(N_COMMON):
                     shared[m, p] += B[k, m] * w3[k] * B[k, p]
     return N, A, shared, residual, weight, chi2

@@ -9,31 +9,45 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.geolocation.assembly import AssemblyRules, assemble_sign
-from automap.geolocation.boresight import prior_covariance, refine_correction
+from automap.geolocation.boresight import CameraPriors, prior_covariance, refine_correction
 from automap.geolocation.camera_model import focal_length
+from automap.geolocation.existence import existence_probabilities
 from automap.geolocation.landmark import Landmark, SizePrior, direction_residuals, fit_landmark
-from automap.geolocation.merging import group_sightings
+from automap.geolocation.merging import combine, group_sightings
 from automap.geolocation.path_relation import make_path
 from automap.geolocation.sightings import make_sighting
 from automap.geolocation.splitting import clean_tracks, join_pieces
+from automap.geolocation.supports import support_numbers
 from automap.geolocation.tracking import TrackingRules, link_views
-from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views, build_views
+from automap.geolocation.views import (
+    CameraCorrection,
+    MeasurementNoise,
+    Views,
+    build_views,
+    map_origin,
+)
 from automap.records import Camera, Detections, FloatArray, IntArray, Sign, Trajectory
 
 _BORESIGHT_ROUNDS = 4
+_SURE_TURN_RAD = 0.002
+_SURE_TIME_S = 0.005
 
 
 @dataclass(frozen=True)
 class GeolocationRules:
     """All that can be set; ``max_single_view_m`` is the greatest distance, judged by the
-    box's size alone, at which a sign seen once is still put on the map."""
+    box's size alone, at which a sign seen once is still put on the map; ``min_existence`` the
+    least probability of existence (seen, and missed when it should have been seen) of a sign
+    on the map."""
 
     noise: MeasurementNoise = field(default_factory=MeasurementNoise)
     size: SizePrior = field(default_factory=SizePrior)
     tracking: TrackingRules = field(default_factory=TrackingRules)
     assembly: AssemblyRules = field(default_factory=AssemblyRules)
+    camera: CameraPriors = field(default_factory=CameraPriors)
     estimate_camera: bool = True
     max_single_view_m: float = 60.0
+    min_existence: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -43,7 +57,7 @@ class Observations:
     ``track`` [n] number of the pass in which its sign was tracked (-1 none), ``sign_id`` [n]
     ("" none), ``residual_px`` [n, 2] right and down (NaN without a sign), ``range_m`` [n]
     distance to the sign, ``used`` [n], ``note`` [n] why not ("no_pose", "no_direction",
-    "misfit", "no_place", "too_far"; "" when used).
+    "misfit", "no_place", "too_far", "unconfirmed"; "" when used).
     """
 
     track: IntArray
@@ -79,13 +93,25 @@ def locate_signs(
     ``progress`` is called with the fraction done.
     """
     rules = rules or GeolocationRules()
-    views = build_views(trajectory, detections, cameras, rules.noise)
     corrections: dict[str, CameraCorrection] = {}
-    landmarks, misfits = _find_landmarks(views, rules, lambda done: progress(0.45 * done))
+    if rules.estimate_camera:
+        corrections = _first_corrections(trajectory, detections, cameras, rules)
+    progress(0.1)
+    views = build_views(trajectory, detections, cameras, rules.noise, corrections)
+    landmarks, misfits = _find_landmarks(views, rules, lambda done: progress(0.1 + 0.4 * done))
     if rules.estimate_camera and landmarks:
-        corrections = _estimate_cameras(trajectory, detections, cameras, views, landmarks, rules)
+        corrections = _estimate_cameras(
+            trajectory, detections, cameras, corrections, landmarks, views, rules
+        )
         views = build_views(trajectory, detections, cameras, rules.noise, corrections)
-        landmarks, misfits = _find_landmarks(views, rules, lambda done: progress(0.5 + 0.5 * done))
+        landmarks, misfits = _find_landmarks(views, rules, lambda done: progress(0.5 + 0.4 * done))
+        corrections = _estimate_cameras(
+            trajectory, detections, cameras, corrections, landmarks, views, rules
+        )
+        rows = views.row
+        views = build_views(trajectory, detections, cameras, rules.noise, corrections)
+        landmarks = _refit(views, [rows[mark.rows] for mark in landmarks], rules)
+        misfits = np.flatnonzero(np.isin(views.row, rows[misfits]))
 
     total = sum(len(d) for d in detections)
     fate = Observations(
@@ -100,24 +126,45 @@ def locate_signs(
     fate.note[_rows_without_pose(trajectory, detections, cameras, corrections)] = "no_pose"
     fate.note[views.row[misfits]] = "misfit"
 
-    kept = [mark for mark in landmarks if _acceptable(mark, rules)]
-    for mark in landmarks:
-        if mark.ok and not _acceptable(mark, rules):
+    exists = existence_probabilities(views, landmarks, trajectory, detections, cameras, corrections)
+    kept, probability = [], []
+    for mark, likely in zip(landmarks, exists, strict=True):
+        if not mark.ok:
+            continue
+        if likely < rules.min_existence:
+            fate.note[views.row[mark.rows]] = "unconfirmed"
+        elif not _acceptable(mark, rules):
             fate.note[views.row[mark.rows]] = "too_far"
+        else:
+            kept.append(mark)
+            probability.append(float(likely))
     covariances = [
-        corrections[name].covariance if name in corrections else prior_covariance(cameras[name])
+        corrections[name].covariance
+        if name in corrections
+        else prior_covariance(cameras[name], rules.camera)
         for name in views.camera_names
     ]
     sightings = [make_sighting(views, mark, covariances) for mark in kept]
     path = make_path(trajectory, views.origin)
     focal = np.array([focal_length(cameras[name]) for name in views.camera_names])
-    signs = []
+    signs: list[Sign] = []
+    places, own = [], []
     for number, group in enumerate(group_sightings(views, sightings), start=1):
         members = [sightings[k] for k in group]
         sign = assemble_sign(views, members, path, number, rules.assembly)
         signs.append(sign)
+        places.append(combine(members)[0])
+        own.append(min((m.own_cov for m in members), key=lambda c: float(np.trace(c))))
         for k, member in zip(group, members, strict=True):
             _record(fate, views, member.landmark, k, sign.id, focal)
+    if signs:
+        numbers = support_numbers(
+            np.array(places), np.array(own), [s.side == "overhead" for s in signs]
+        )
+        signs = [
+            replace(sign, support=f"p{number + 1:04d}")
+            for sign, number in zip(signs, numbers, strict=True)
+        ]
     return GeolocationResult(signs, fate, corrections, _warnings(fate, corrections, cameras))
 
 
@@ -135,29 +182,73 @@ def _acceptable(landmark: Landmark, rules: GeolocationRules) -> bool:
     return len(landmark.rows) > 1 or landmark.depth_m <= rules.max_single_view_m
 
 
+def _first_corrections(
+    trajectory: Trajectory,
+    detections: Sequence[Detections],
+    cameras: Mapping[str, Camera],
+    rules: GeolocationRules,
+) -> dict[str, CameraCorrection]:
+    """A start for every camera whose manifest leaves its turn or stamps uncertain."""
+    from automap.geolocation.epipolar import first_correction
+
+    corrections: dict[str, CameraCorrection] = {}
+    origin = map_origin(trajectory)
+    for found in detections:
+        camera = cameras[found.camera]
+        if camera.mount_sd < _SURE_TURN_RAD and camera.time_offset_sd < _SURE_TIME_S:
+            continue
+        noise = np.hypot(rules.noise.pixel_sd / focal_length(camera), rules.noise.attitude_sd)
+        start = first_correction(trajectory, found, camera, origin, float(noise))
+        if start is not None:
+            corrections[found.camera] = CameraCorrection(
+                turn=start[:3],
+                time_s=float(start[3]),
+                covariance=prior_covariance(camera, rules.camera),
+            )
+    return corrections
+
+
 def _estimate_cameras(
     trajectory: Trajectory,
     detections: Sequence[Detections],
     cameras: Mapping[str, Camera],
-    views: Views,
+    start: Mapping[str, CameraCorrection],
     landmarks: list[Landmark],
+    views: Views,
     rules: GeolocationRules,
 ) -> dict[str, CameraCorrection]:
-    """Turn and time offset of every camera, from the landmarks found without them."""
-    corrections: dict[str, CameraCorrection] = {}
+    """Turn and time offset of every camera, from landmarks found with the start values."""
+    corrections = dict(start)
     boxes = [views.row[mark.rows] for mark in landmarks]
     for _ in range(_BORESIGHT_ROUNDS):
+        before = corrections
         corrections = {
             name: refine_correction(
-                views, landmarks, index, cameras[name], corrections.get(name), rules.size
+                *(views, landmarks, index, cameras[name], corrections.get(name)),
+                *(rules.size, rules.camera),
             )
             for index, name in enumerate(views.camera_names)
         }
+        if all(
+            name in before and _settled(before[name], corrections[name]) for name in corrections
+        ):
+            break
         views = build_views(trajectory, detections, cameras, rules.noise, corrections)
-        place = {int(row): k for k, row in enumerate(views.row)}
-        members = [np.array([place[int(r)] for r in b if int(r) in place], np.int64) for b in boxes]
-        landmarks = [fit_landmark(views, np.sort(m), rules.size) for m in members if len(m)]
+        landmarks = _refit(views, boxes, rules)
     return corrections
+
+
+def _settled(before: CameraCorrection, after: CameraCorrection) -> bool:
+    """Whether a step was small against what remains uncertain."""
+    step = after.values - before.values
+    return bool((np.abs(step) < 0.02 * np.sqrt(np.diag(after.covariance))).all())
+
+
+def _refit(views: Views, boxes: Sequence[IntArray], rules: GeolocationRules) -> list[Landmark]:
+    """The same landmarks, each of the detections ``boxes``, with new views."""
+    place = {int(row): k for k, row in enumerate(views.row)}
+    members = [np.array([place[int(r)] for r in b if int(r) in place], np.int64) for b in boxes]
+    return [fit_landmark(views, np.sort(m), rules.size) for m in members if len(m)]
 
 
 def _rows_without_view(views: Views, total: int) -> IntArray:
@@ -205,6 +296,7 @@ def _warnings(
         "no_direction": "have no direction (no height, or outside the lens model)",
         "misfit": "fit no sign's other views",
         "no_place": "belong to no place in front of the camera",
+        "unconfirmed": "show things that were not seen again when they should have been",
         "too_far": "were seen once only and too far away to be placed",
     }
     sentences = []
@@ -218,9 +310,9 @@ def _warnings(
                 f"{n} of {len(fate.note)} detections {text}; they were left out.{advice}"
             )
     for name, correction in corrections.items():
-        sd = np.sqrt(np.diag(prior_covariance(cameras[name])))
-        values = np.array([*correction.turn, correction.time_s])
-        if (np.abs(values) > 3.0 * sd).any():
+        camera = cameras[name]
+        sd = np.array([camera.mount_sd] * 3 + [camera.time_offset_sd])
+        if (np.abs(correction.values[:4]) > 3.0 * np.maximum(sd, 1e-9)).any():
             turn = ", ".join(f"{v:.2f}" for v in np.degrees(correction.turn))
             sentences.append(
                 f"camera {name} seems turned by ({turn}) deg in roll, pitch, yaw and its frames "

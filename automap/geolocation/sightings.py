@@ -17,8 +17,8 @@ from automap.records import FloatArray
 class Sighting:
     """A landmark with what the map needs of it; vectors in the local frame (NED).
 
-    ``own_cov`` [3, 3] from its boxes alone; ``camera_effect`` [3, 4] derivative of the
-    position by the camera's turn and time offset, with ``camera_cov`` [4, 4]; ``pass_cov``
+    ``own_cov`` [3, 3] from its boxes alone; ``camera_effect`` [3, 8] derivative of the
+    position by what is common to the camera, with ``camera_cov`` [8, 8]; ``pass_cov``
     [3, 3] effect of what is common to this pass (attitude of the trajectory, frame stamps);
     ``path_sd`` [3] the trajectory's position error at the nearest view, m; ``time_s`` the
     middle of the pass; ``facing`` [2] unit vector (north, east) from the sign towards the
@@ -52,7 +52,7 @@ class Sighting:
 def make_sighting(
     views: Views, landmark: Landmark, camera_covariances: Sequence[FloatArray]
 ) -> Sighting:
-    """Turn a landmark into a sighting; ``camera_covariances`` [4, 4] one per camera."""
+    """Turn a landmark into a sighting; ``camera_covariances`` [8, 8] one per camera."""
     rows = landmark.rows
     J = position_jacobian(views, landmark)
     effect = J @ landmark.common

@@ -42,10 +42,10 @@ class Views:
     ``camera_names``; ``t_ns`` [n] with the camera's time offset applied. ``centre`` [n, 3]
     camera in the local frame, m; ``C_cam_ref`` [n, 3, 3] local frame to camera axes
     (forward, right, down); ``velocity`` [n, 3] m/s and ``rate`` [n, 3] rad/s of the camera in
-    camera axes. ``measured`` [n, 3]: right / forward, down / forward of the box centre and
-    the logarithm of the box height over the focal length; ``sd`` [n, 3] their one-sigma
-    errors. ``pose_sd`` [n, 3] m NED, ``attitude_sd`` [n, 3] rad (roll, pitch, yaw) of the
-    trajectory, ``speed_sd`` [n] m/s.
+    camera axes; ``C_cam_body`` [n, 3, 3] vehicle to camera axes. ``measured`` [n, 3]: right /
+    forward, down / forward of the box centre and the logarithm of the box height over the focal
+    length; ``sd`` [n, 3] their one-sigma errors. ``pose_sd`` [n, 3] m NED,
+    ``attitude_sd`` [n, 3] rad (roll, pitch, yaw) of the trajectory, ``speed_sd`` [n] m/s.
     """
 
     origin: tuple[float, float, float]
@@ -58,6 +58,7 @@ class Views:
     C_cam_ref: FloatArray
     velocity: FloatArray
     rate: FloatArray
+    C_cam_body: FloatArray
     measured: FloatArray
     sd: FloatArray
     pose_sd: FloatArray
@@ -75,13 +76,20 @@ class Views:
 
 @dataclass(frozen=True)
 class CameraCorrection:
-    """What was found out about a camera: a small turn (roll, pitch, yaw, rad, applied after
-    the mounting, in camera axes) and a further time offset in s, with their covariance
-    [4, 4]."""
+    """What was found out about a camera: a turn (roll, pitch, yaw, rad, applied after the
+    mounting, in camera axes), a further time offset in s and the logarithm of the true focal
+    length over the given one, with ``covariance`` [8, 8] of these and of the lever arm (m),
+    which is considered, not corrected: on a straight road it is one with the place of all."""
 
     turn: FloatArray
     time_s: float
     covariance: FloatArray
+    focal_log: float = 0.0
+
+    @property
+    def values(self) -> FloatArray:
+        """All [8], the lever arm's zeros among them."""
+        return np.array([*self.turn, self.time_s, self.focal_log, 0.0, 0.0, 0.0])
 
 
 def build_views(
@@ -97,7 +105,7 @@ def build_views(
     distortion model, no height, NaN) are counted and left out. Rows count through the
     detections in the order given.
     """
-    origin = _origin(trajectory)
+    origin = map_origin(trajectory)
     parts: list[dict[str, np.ndarray]] = []
     n_without_pose = n_without_ray = 0
     first_row = 0
@@ -137,10 +145,11 @@ def _nothing() -> dict[str, np.ndarray]:
     result |= {
         k: three for k in ("centre", "velocity", "rate", "measured", "sd", "pose_sd", "attitude_sd")
     }
-    return result | {"C_cam_ref": np.zeros((0, 3, 3)), "class_name": np.zeros(0, np.object_)}
+    matrices = {"C_cam_ref": np.zeros((0, 3, 3)), "C_cam_body": np.zeros((0, 3, 3))}
+    return result | matrices | {"class_name": np.zeros(0, np.object_)}
 
 
-def _origin(trajectory: Trajectory) -> tuple[float, float, float]:
+def map_origin(trajectory: Trajectory) -> tuple[float, float, float]:
     known = np.isfinite(trajectory.lat_rad) & np.isfinite(trajectory.lon_rad)
     if not known.any():
         return (0.0, 0.0, 0.0)
@@ -211,8 +220,10 @@ def _camera_views(
     rate[moving] = matrix_to_rotation_vector(turned[moving]) / span
     velocity = np.nan_to_num(velocity)
 
+    C_cam_body = rpy_to_matrix(camera.mount_rpy).T
     if correction is not None:
         C_cam_ref = np.swapaxes(rpy_to_matrix(correction.turn), 0, 1) @ C_cam_ref
+        C_cam_body = rpy_to_matrix(correction.turn).T @ C_cam_body
 
     box = np.asarray(found.box, np.float64).reshape(-1, 4)
     middle_x = 0.5 * (box[:, 0] + box[:, 2])
@@ -223,6 +234,9 @@ def _camera_views(
     height = bottom[:, 1] - top[:, 1]
     has_ray = np.isfinite(centre_ray).all(axis=1) & (height > 0.0)
     measured = np.column_stack([centre_ray, np.log(np.where(has_ray, height, 1.0))])
+    if correction is not None:
+        measured[:, :2] *= np.exp(-correction.focal_log)
+        measured[:, 2] -= correction.focal_log
 
     focal = focal_length(camera)
     pixel = noise.pixel_sd / focal
@@ -241,6 +255,7 @@ def _camera_views(
         "C_cam_ref": C_cam_ref[ok],
         "velocity": velocity[ok],
         "rate": rate[ok],
+        "C_cam_body": np.broadcast_to(C_cam_body, C_cam_ref.shape)[ok],
         "measured": measured[ok],
         "sd": sd[ok],
         "pose_sd": np.nan_to_num(poses.sd_pos_ned[ok]),

@@ -54,6 +54,7 @@ def write_signs(path: Path, signs: Sequence[Sign]) -> None:
         "side": pa.array([s.side for s in signs], text),
         "status": pa.array([s.status for s in signs], text),
         "drives": pa.array([list(s.drives) for s in signs], pa.list_(text)),
+        "support": pa.array([s.support for s in signs], text),
         "detection_rows": pa.array(
             [np.asarray(s.detection_rows, np.int64).tolist() for s in signs], pa.list_(whole)
         ),
@@ -105,5 +106,6 @@ def _sign(row: dict[str, Any]) -> Sign:
         side=row["side"],
         status=row["status"],
         drives=tuple(row["drives"]),
+        support=row.get("support") or "",
         detection_rows=np.array(row["detection_rows"], np.int64),
     )

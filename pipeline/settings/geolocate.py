@@ -24,5 +24,13 @@ class GeolocateSettings(Section):
     """Estimate the camera's turn and time offset from all signs together."""
     max_single_view_m: float = Field(default=60.0, gt=0)
     """Greatest distance of a sign seen once, judged by its size, m."""
+    min_existence: float = Field(default=0.5, ge=0, le=1)
+    """Least probability that a sign exists, from seen and not seen when it should have been."""
+    focal_sd: float = Field(default=0.005, ge=0)
+    """One sigma of the focal length, as part of it."""
+    lever_arm_sd_m: float = Field(default=0.1, ge=0)
+    """One sigma of the camera's place on the vehicle, m."""
+    single_sightings: bool = False
+    """In bearings.csv, whether a sighting that meets no other makes an object by its depth."""
     imu_above_road_m: float = Field(default=1.0, ge=0)
     """Height of the IMU above the road, m."""

@@ -63,7 +63,7 @@ def _locate_bearings(context: StageContext, path: Path) -> None:
     """Signs of a drive that brings finished sightings in place of detections."""
     import numpy as np
 
-    from automap.geolocation.bearings import locate_from_bearings
+    from automap.geolocation.bearings import BearingRules, locate_from_bearings
     from automap.io.bearings_csv import read_bearings
     from automap.io.signs_table import write_signs
     from automap.io.tables import write_columns
@@ -73,7 +73,8 @@ def _locate_bearings(context: StageContext, path: Path) -> None:
         context.warn(text)
     if (context.out / names.DETECTIONS).is_file() and context.drive.videos:
         context.warn(f"{path} is used for the map; the detections in the video are not.")
-    signs, index = locate_from_bearings(bearings, drive=context.drive.name)
+    bearing_rules = BearingRules(single=context.settings.geolocate.single_sightings)
+    signs, index = locate_from_bearings(bearings, bearing_rules, drive=context.drive.name)
     write_signs(context.work / names.SIGNS_RAW, signs)
     ids = np.array([sign.id for sign in signs] + [""], np.object_)
     columns = {
@@ -137,6 +138,7 @@ def _in_trajectory_time(
 def rules_from(settings: GeolocateSettings, drive: str) -> GeolocationRules:
     """The library's rules from the stage's settings."""
     from automap.geolocation.assembly import AssemblyRules
+    from automap.geolocation.boresight import CameraPriors
     from automap.geolocation.landmark import SizePrior
     from automap.geolocation.locate import GeolocationRules
     from automap.geolocation.tracking import TrackingRules
@@ -147,7 +149,9 @@ def rules_from(settings: GeolocateSettings, drive: str) -> GeolocationRules:
         size=SizePrior(size_m=settings.sign_size_m, log_sd=settings.sign_size_log_sd),
         tracking=TrackingRules(max_silence_s=settings.max_silence_s),
         assembly=AssemblyRules(imu_above_road_m=settings.imu_above_road_m, drive=drive),
+        camera=CameraPriors(focal_sd=settings.focal_sd, lever_arm_sd_m=settings.lever_arm_sd_m),
         estimate_camera=settings.estimate_camera,
+        min_existence=settings.min_existence,
         max_single_view_m=settings.max_single_view_m,
     )
 
@@ -258,6 +262,8 @@ def _report(context: StageContext, result: GeolocationResult) -> None:
                 "boresight_rpy_sd_deg": np.degrees(sd[:3]).tolist(),
                 "time_offset_s": found.time_s,
                 "time_offset_sd_s": float(sd[3]),
+                "focal_scale": float(np.exp(found.focal_log)),
+                "focal_scale_sd": float(sd[4]),
             },
         )
     context.result = f"{len(signs)} signs from {len(fate.used)} detections"
@@ -280,7 +286,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="geolocate",
-    version=2,
+    version=3,
     run=run,
     inputs=_inputs,
     needs=(names.TRAJECTORY, names.DETECTIONS, names.SYNC),

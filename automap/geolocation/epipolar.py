@@ -1,0 +1,215 @@
+"""First estimate of a camera's turn and time offset, before any box is linked to any other.
+
+Two boxes of one sign and the way between them lie in one plane (epipolar constraint: Hartley
+and Zisserman, Multiple View Geometry, 2004, chapter 9); the trajectory knows rotation and way.
+All pairs of boxes of frames close in time that could show one sign vote; pairs that do not are
+outliers (Cauchy's weights, from a wide scale to a narrow one). A late camera shows in curves,
+a turned one on the straight. Several start offsets are tried, since 0.3 s in a sharp corner is
+beyond the reach of one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.frames import rpy_to_matrix
+from automap.geolocation.camera_model import normalise
+from automap.geolocation.views import camera_poses
+from automap.interpolation import poses_at
+from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+
+_MAX_APART_S = 1.2
+_MIN_WAY_M = 1.0
+_MAX_PAIRS = 20_000
+_START_PAIRS = 2_500
+_MAX_LOG_GROWTH = 0.7
+_START_STEP_S = 0.08
+_SCALES_RAD = (0.04, 0.015, 0.006)
+_STEPS = 4
+_TURN_STEP, _TIME_STEP = 1e-4, 1e-3
+_LEAST_PAIRS = 30
+_LEAST_GAIN = 15.0
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Boxes that may show one sign: rows into ``ray`` [k, 3] and ``t_ns`` [k]."""
+
+    first: IntArray
+    second: IntArray
+
+
+def first_correction(
+    trajectory: Trajectory,
+    found: Detections,
+    camera: Camera,
+    origin: tuple[float, float, float],
+    noise_rad: float,
+) -> FloatArray | None:
+    """Turn (roll, pitch, yaw, rad) and time offset s as an array [4], None without evidence.
+
+    ``noise_rad`` one-sigma error of a ray. Priors are the camera's own sigmas.
+    """
+    box = np.asarray(found.box, np.float64).reshape(-1, 4)
+    middle = normalise(camera, 0.5 * (box[:, :2] + box[:, 2:]))
+    height = np.log(np.maximum(box[:, 3] - box[:, 1], 1e-3))
+    good = np.flatnonzero(np.isfinite(middle).all(axis=1) & (box[:, 3] > box[:, 1]))
+    order = good[np.argsort(found.t_ns[good], kind="stable")]
+    t_ns = np.asarray(found.t_ns, np.int64)[order]
+    ray = np.column_stack([np.ones(len(order)), middle[order]])
+    ray /= np.linalg.norm(ray, axis=1)[:, None]
+    pairs = _candidate_pairs(
+        trajectory,
+        t_ns + np.int64(round(camera.time_offset_s * 1e9)),
+        found.class_name[order],
+        height[order],
+        found.track[order],
+    )
+    if len(pairs.first) < _LEAST_PAIRS:
+        return None
+    prior = np.array([max(camera.mount_sd, 1e-6)] * 3 + [max(camera.time_offset_sd, 1e-6)])
+    reach = min(3.0 * camera.time_offset_sd, 1.0)
+    n_starts = 2 * int(np.ceil(reach / _START_STEP_S)) + 1
+    geometry = _Geometry(trajectory, camera, origin, ray, t_ns, pairs)
+    some = geometry.thinned(_START_PAIRS)
+    best: tuple[float, FloatArray] | None = None
+    for start in np.linspace(-reach, reach, n_starts):
+        x = np.array([0.0, 0.0, 0.0, start])
+        for scale in _SCALES_RAD[:-1]:
+            x, cost = _descend(x, some, prior, float(np.hypot(scale, noise_rad)))
+        if best is None or cost < best[0]:
+            best = (cost, x)
+    assert best is not None
+    x, cost = best[1], np.inf
+    for scale in _SCALES_RAD[-2:]:
+        last = float(np.hypot(scale, noise_rad))
+        x, cost = _descend(x, geometry, prior, last)
+    unchanged, plain = _descend(np.zeros(4), geometry, prior, last)
+    # a box has many pairs, which repeat its evidence
+    gain = (plain - cost) * len(order) / len(geometry)
+    return x if gain > _LEAST_GAIN else unchanged
+
+
+def _candidate_pairs(
+    trajectory: Trajectory,
+    t_ns: IntArray,
+    class_name: np.ndarray,
+    log_height: FloatArray,
+    track: IntArray,
+) -> _Pairs:
+    """Pairs of frames close in time with one class, growing no faster than driving allows."""
+    if len(t_ns) == 0:
+        return _Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64))
+    last = np.searchsorted(t_ns, t_ns + int(_MAX_APART_S * 1e9), side="right")
+    counts = last - np.arange(len(t_ns)) - 1
+    first = np.repeat(np.arange(len(t_ns)), counts)
+    second = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
+    keep = (t_ns[second] > t_ns[first]) & (class_name[first] == class_name[second])
+    keep &= np.abs(log_height[second] - log_height[first]) < _MAX_LOG_GROWTH
+    named = (track[first] >= 0) & (track[second] >= 0)
+    keep &= ~named | (track[first] == track[second])
+    first, second = first[keep], second[keep]
+    if len(first) > _MAX_PAIRS:
+        chosen = np.linspace(0, len(first) - 1, _MAX_PAIRS).astype(np.int64)
+        first, second = first[chosen], second[chosen]
+    return _Pairs(first.astype(np.int64), second.astype(np.int64))
+
+
+class _Geometry:
+    """Residuals of the pairs at a turn and time offset; poses are kept for the last offset."""
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        camera: Camera,
+        origin: tuple[float, float, float],
+        ray: FloatArray,
+        t_ns: IntArray,
+        pairs: _Pairs,
+    ) -> None:
+        self._scene = (trajectory, camera, origin, ray, t_ns)
+        self._pairs = pairs
+        used = np.unique(np.concatenate([pairs.first, pairs.second]))
+        self._times, frame = np.unique(t_ns[used], return_inverse=True)
+        self._frame = np.zeros(len(t_ns), np.int64)
+        self._frame[used] = frame
+        self._trajectory, self._camera, self._origin, self._ray = trajectory, camera, origin, ray
+        self._offset_s = np.nan
+
+    def thinned(self, n: int) -> _Geometry:
+        """The same with ``n`` pairs at most."""
+        chosen = np.linspace(0, len(self._pairs.first) - 1, min(n, len(self._pairs.first)))
+        rows = chosen.astype(np.int64)
+        pairs = _Pairs(self._pairs.first[rows], self._pairs.second[rows])
+        return _Geometry(*self._scene, pairs)
+
+    def __len__(self) -> int:
+        return len(self._pairs.first)
+
+    def _place(self, offset_s: float) -> None:
+        t = self._times + np.int64(round((self._camera.time_offset_s + offset_s) * 1e9))
+        centre, C_cam_ref = camera_poses(poses_at(self._trajectory, t), self._camera, self._origin)
+        first, second = self._frame[self._pairs.first], self._frame[self._pairs.second]
+        self._way = centre[second] - centre[first]
+        self._far = np.linalg.norm(self._way, axis=1)
+        self._C_first = np.swapaxes(C_cam_ref[first], 1, 2)
+        self._C_second = np.swapaxes(C_cam_ref[second], 1, 2)
+        self._offset_s = offset_s
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Angle [p] rad of the second ray out of the plane of way and first ray; NaN unknown."""
+        if x[3] != self._offset_s:
+            self._place(float(x[3]))
+        turned = self._ray @ rpy_to_matrix(x[:3]).T
+        one = np.einsum("nij,nj->ni", self._C_first, turned[self._pairs.first])
+        other = np.einsum("nij,nj->ni", self._C_second, turned[self._pairs.second])
+        normal = np.cross(self._way, one)
+        length = np.linalg.norm(normal, axis=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            angle = np.einsum("ni,ni->n", normal, other) / length
+            # near the direction of driving the plane is not determined
+            angle[~((self._far > _MIN_WAY_M) & (length > 0.02 * self._far))] = np.nan
+        return np.asarray(angle)
+
+
+def _descend(
+    x: FloatArray, geometry: _Geometry, prior: FloatArray, scale: float
+) -> tuple[FloatArray, float]:
+    """A few Gauss-Newton steps with Cauchy's weights of one scale; the point and its cost."""
+    residuals = geometry.residuals
+
+    def total(r: FloatArray, at: FloatArray) -> float:
+        # pairs without a plane count as far off, else leaving the trajectory would pay
+        loss = np.log1p(np.nan_to_num((r / scale) ** 2, nan=1e4))
+        return float(loss.sum() + np.sum((at / prior) ** 2))
+
+    r = residuals(x)
+    cost = total(r, x)
+    for _ in range(_STEPS):
+        known = np.isfinite(r)
+        J = np.zeros((len(r), 4))
+        for k, h in enumerate((_TURN_STEP, _TURN_STEP, _TURN_STEP, _TIME_STEP)):
+            step = np.zeros(4)
+            step[k] = h
+            J[:, k] = (residuals(x + step) - r) / h
+        known &= np.isfinite(J).all(axis=1)
+        weight = np.where(known, 1.0 / (1.0 + np.nan_to_num(r / scale) ** 2), 0.0) / scale**2
+        J = np.where(known[:, None], J, 0.0)
+        N = (J * weight[:, None]).T @ J + np.diag(prior**-2)
+        g = -(J * weight[:, None]).T @ np.nan_to_num(r) - x / prior**2
+        step = np.linalg.solve(N, g)
+        for fraction in (1.0, 0.5, 0.25):
+            trial = x + fraction * step
+            r_trial = residuals(trial)
+            cost_trial = total(r_trial, trial)
+            if cost_trial < cost:
+                break
+        else:
+            break
+        done = cost - cost_trial < 1e-3
+        x, r, cost = trial, r_trial, cost_trial
+        if done:
+            break
+    return x, cost

@@ -1,0 +1,167 @@
+"""Whether a few boxes are a sign: seen, and not seen when it should have been.
+
+A sign is in view before and after the frames in which it was found. Every frame in which it
+must have been at least as large as when it was found, and was not reported, speaks against it
+by what the detector misses as a rule; every further box that fits speaks for it. Bayes' rule
+with those two gives the probability that the sign exists (existence in the sense of Musicki
+and Evans, Joint Integrated Probabilistic Data Association, IEEE T-AES 40, 2004).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from automap.geolocation.camera_model import focal_length, project
+from automap.geolocation.landmark import Landmark
+from automap.geolocation.views import CameraCorrection, Views, camera_poses
+from automap.interpolation import poses_at
+from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+
+_FITTING_BOX = 3.0
+_MANY_VIEWS = 5
+_AROUND = 6
+_LIKE_SEEN = 0.9
+_PROBABILITY_LIMITS = (0.2, 0.95)
+_SCORE_LIMITS = (0.2, 0.9)
+
+
+class FrameGrid:
+    """Stamps of the frames that the detector looked at, also of those without a box.
+
+    Frames are taken to follow one another at the usual step of the frame numbers that have
+    boxes; the stamps between them are interpolated.
+    """
+
+    def __init__(self, found: Detections) -> None:
+        frame, first = np.unique(found.frame, return_index=True)
+        t_ns = np.asarray(found.t_ns, np.int64)[first]
+        step = np.diff(frame)
+        near = step[step <= 4 * step.min()] if len(step) else np.ones(1)
+        self.step = max(int(np.median(near)), 1)
+        self._frame = frame.astype(np.float64)
+        self._t_ns = t_ns
+        seconds = np.diff(t_ns) / np.maximum(step, 1) if len(step) else np.array([1e9])
+        self.interval_ns = float(np.median(seconds)) * self.step
+
+    def count_between(self, first_ns: int, last_ns: int) -> float:
+        """Frames from one stamp to a later one."""
+        return (last_ns - first_ns) / max(self.interval_ns, 1.0)
+
+    def around(self, t_ns: int, count: int) -> IntArray:
+        """Stamps of ``count`` frames before and after the one at ``t_ns``, without it."""
+        if len(self._frame) < 2:
+            return np.zeros(0, np.int64)
+        base = self._t_ns[0]
+        here = float(np.interp(float(t_ns - base), (self._t_ns - base) * 1.0, self._frame))
+        numbers = here + self.step * np.concatenate([np.arange(-count, 0), np.arange(1, count + 1)])
+        numbers = numbers[(numbers >= self._frame[0]) & (numbers <= self._frame[-1])]
+        seconds = np.interp(numbers, self._frame, (self._t_ns - base) * 1.0)
+        return np.asarray(base + np.rint(seconds).astype(np.int64))
+
+
+def _apparent_heights(
+    position: FloatArray,
+    size_m: float,
+    t_ns: IntArray,
+    trajectory: Trajectory,
+    camera: Camera,
+    correction: CameraCorrection | None,
+    origin: tuple[float, float, float],
+) -> FloatArray:
+    """Height in pixels [n] of a sign at the frame stamps; zero where it is not wholly in view."""
+    from automap.frames import rpy_to_matrix
+
+    offset_s = camera.time_offset_s + (correction.time_s if correction else 0.0)
+    poses = poses_at(trajectory, t_ns + np.int64(round(offset_s * 1e9)))
+    centre, C_cam_ref = camera_poses(poses, camera, origin)
+    if correction is not None:
+        C_cam_ref = np.swapaxes(rpy_to_matrix(correction.turn), 0, 1) @ C_cam_ref
+    q = np.einsum("nij,nj->ni", C_cam_ref, position - centre)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        pixels = project(camera, q)
+        height = focal_length(camera) * size_m / q[:, 0]
+        margin = 0.7 * height
+        inside = (q[:, 0] > 1.0) & (pixels[:, 0] > margin) & (pixels[:, 1] > margin)
+        inside &= pixels[:, 0] < camera.width - 1 - margin
+        inside &= pixels[:, 1] < camera.height - 1 - margin
+    return np.where(inside, np.nan_to_num(height), 0.0)
+
+
+def existence_probabilities(
+    views: Views,
+    landmarks: Sequence[Landmark],
+    trajectory: Trajectory,
+    detections: Sequence[Detections],
+    cameras: Mapping[str, Camera],
+    corrections: Mapping[str, CameraCorrection],
+) -> FloatArray:
+    """Probability [m] that each landmark is a sign.
+
+    The detector's rate of finding a sign is taken from the landmarks with many views.
+    """
+    grids = {found.camera: FrameGrid(found) for found in detections}
+    found_rate = _found_rate(views, landmarks, grids)
+    result = np.ones(len(landmarks))
+    for k, mark in enumerate(landmarks):
+        score = float(np.clip(views.score[mark.rows].max(), *_SCORE_LIMITS))
+        log_odds = np.log(score / (1.0 - score)) + _FITTING_BOX * (len(mark.rows) - 1)
+        most_missed = 2 * _AROUND
+        if log_odds + most_missed * np.log1p(-_PROBABILITY_LIMITS[1]) > 7.0:
+            continue
+        missed = _missed(
+            views, mark, grids, trajectory, cameras, corrections, seen_t=views.t_ns[mark.rows]
+        )
+        log_odds += missed * np.log1p(-found_rate)
+        result[k] = 1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0)))
+    return result
+
+
+def _found_rate(
+    views: Views, landmarks: Sequence[Landmark], grids: Mapping[str, FrameGrid]
+) -> float:
+    """Share of the frames between a sign's first and last box in which it was found."""
+    seen = possible = 0.0
+    for mark in landmarks:
+        if len(mark.rows) < _MANY_VIEWS:
+            continue
+        grid = grids[views.camera_names[int(views.camera[mark.anchor])]]
+        span = grid.count_between(
+            int(views.t_ns[mark.rows].min()), int(views.t_ns[mark.rows].max())
+        )
+        seen += len(np.unique(views.frame[mark.rows])) - 1
+        possible += max(span, 1.0)
+    rate = seen / possible if possible else 0.5
+    return float(np.clip(rate, *_PROBABILITY_LIMITS))
+
+
+def _missed(
+    views: Views,
+    mark: Landmark,
+    grids: Mapping[str, FrameGrid],
+    trajectory: Trajectory,
+    cameras: Mapping[str, Camera],
+    corrections: Mapping[str, CameraCorrection],
+    seen_t: IntArray,
+) -> int:
+    """Frames near those with a box in which the sign was as large, in view, and not found."""
+    name = views.camera_names[int(views.camera[mark.anchor])]
+    camera, correction, grid = cameras[name], corrections.get(name), grids[name]
+    offset = camera.time_offset_s + (correction.time_s if correction else 0.0)
+    stamps = seen_t - np.int64(round(offset * 1e9))  # as the frames were stamped
+    times = np.unique(np.concatenate([grid.around(int(t), _AROUND) for t in np.unique(stamps)]))
+    if len(times) == 0:
+        return 0
+    half = 0.25 * grid.interval_ns
+    free = np.abs(times[:, None] - stamps[None]).min(axis=1) > half
+    # neighbours of two boxes name the same frame twice
+    times = times[free]
+    if len(times) == 0:
+        return 0
+    times = times[np.concatenate([[True], np.diff(times) > half])]
+    height = _apparent_heights(
+        mark.position, mark.size_m, times, trajectory, camera, correction, views.origin
+    )
+    least = focal_length(camera) * float(np.exp(views.measured[mark.rows, 2].min()))
+    return int(np.count_nonzero(height >= _LIKE_SEEN * least))
