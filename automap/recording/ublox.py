@@ -137,7 +137,7 @@ class Receiver:
             baud = _baud_in(key, payload)
             if baud is not None and not self._usb:
                 # its acknowledgement comes at one rate or the other
-                self._exchange(frame, lambda m: m.key in (ACK, NAK), 0.3)
+                self._exchange(frame, lambda m: m.key in (ACK, NAK), self._timeout_s)
                 set_host_baud(baud)
                 continue
             try:
@@ -291,7 +291,7 @@ class Receiver:
             outcome.done.append(f"{baud} baud, as it was")
             return
         # the acknowledgement comes at either rate, so what counts is hearing it at the new one
-        self._exchange(frame, lambda m: m.key in (ACK, NAK), 0.3)
+        self._exchange(frame, lambda m: m.key in (ACK, NAK), self._timeout_s)
         set_host_baud(baud)
         try:
             self.version()
