@@ -50,7 +50,7 @@ def search_images(
     result, best = ImageResult(), BestCrops("")
     found_in = detections(
         prefetched(_pictures(images, warn)),
-        lambda path, picture: detector.detect(picture.image),
+        lambda path, picture, beside: detector.detect(picture.image),
         workers=worker_count(),
     )
     for candidate, all_found in found_in:

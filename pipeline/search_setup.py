@@ -61,6 +61,8 @@ def search_rules(settings: DetectSettings) -> SearchRules:
             shortest_s=1.0 / settings.frames_per_s,
         ),
         height_share=settings.height_share,
+        # other networks may scale what they are given
+        windows=not settings.detector,
     )
 
 

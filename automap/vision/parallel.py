@@ -76,6 +76,10 @@ def prefetched(source: Iterable[T], depth: int = 2) -> Iterator[T]:
         thread.join()
 
 
+Beside = tuple[FoundSigns, ...] | None
+"""What the coarse frames before and after a frame show; None for a coarse frame itself."""
+
+
 @dataclass(frozen=True)
 class Candidate(Generic[T]):
     """A frame that may be searched: in any case (``coarse``), or beside a coarse one that
@@ -101,32 +105,33 @@ class _Group(Generic[T]):
 
 def detections(
     candidates: Iterable[Candidate[T]],
-    search: Callable[[T, VideoFrame], FoundSigns],
+    search: Callable[[T, VideoFrame, Beside], FoundSigns],
     shows_sign: Callable[[FoundSigns], bool] = lambda found: len(found) > 0,
     workers: int = 1,
 ) -> Iterator[tuple[Candidate[T], FoundSigns]]:
     """Each candidate that is searched with what ``search`` finds, in their order.
 
     A candidate that is not coarse is searched only if the coarse one before or after it shows
-    a sign. The result does not depend on the number of workers.
+    a sign; ``search`` then receives what these two show, and None for a coarse one. The result
+    does not depend on the number of workers.
     """
     source = iter(candidates)
     groups: deque[_Group[T]] = deque()
-    before = False  # whether the last coarse frame that was delivered shows a sign
+    before: FoundSigns | None = None  # what the last coarse frame that was delivered shows
     exhausted = False
     threads = cv2.getNumThreads()
     # there is a thread for every processor already
     cv2.setNumThreads(1)
     pool = ThreadPoolExecutor(workers, thread_name_prefix="search")
 
-    def submit(candidate: Candidate[T]) -> Future[FoundSigns]:
-        return pool.submit(search, candidate.mark, candidate.frame)
+    def submit(candidate: Candidate[T], beside: Beside = None) -> Future[FoundSigns]:
+        return pool.submit(search, candidate.mark, candidate.frame, beside)
 
-    def decide(group: _Group[T], shown: bool) -> None:
+    def decide(group: _Group[T], beside: tuple[FoundSigns, ...]) -> None:
         group.decided = True
-        if shown:
+        if any(shows_sign(found) for found in beside):
             group.futures = [
-                future or submit(candidate)
+                future or submit(candidate, beside)
                 for future, candidate in zip(group.futures, group.candidates, strict=True)
             ]
 
@@ -141,17 +146,17 @@ def detections(
                     alone = len(group) == 1 and group[0].coarse
                     futures = [submit(c) if c.coarse else None for c in group]
                     groups.append(_Group(group, futures, alone))
-                _decide_early(groups, before, shows_sign, decide)
+                _decide_early(groups, before, decide)
             if not groups:
                 return
             group_now = groups.popleft()
-            last = group_now.coarse
+            after = None if group_now.coarse is None else group_now.coarse.result()
             if not group_now.decided:
-                decide(group_now, before or (last is not None and shows_sign(last.result())))
+                decide(group_now, tuple(f for f in (before, after) if f is not None))
             for candidate, future in zip(group_now.candidates, group_now.futures, strict=True):
                 if future is not None:
                     yield candidate, future.result()
-            before = last is not None and shows_sign(last.result())
+            before = after
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
         cv2.setNumThreads(threads)
@@ -176,16 +181,15 @@ def _ahead(groups: deque[_Group[T]], workers: int) -> int:
 
 def _decide_early(
     groups: deque[_Group[T]],
-    before: bool | None,
-    shows_sign: Callable[[FoundSigns], bool],
-    decide: Callable[[_Group[T], bool], None],
+    before: FoundSigns | None,
+    decide: Callable[[_Group[T], tuple[FoundSigns, ...]], None],
 ) -> None:
-    """Submit what will be searched anyway, as far as results are there without waiting."""
+    """Decide what can be decided without waiting."""
+    first = True
     for group in groups:
-        last = group.coarse
-        shown = None
+        last, after = group.coarse, None
         if last is not None and last.done() and last.exception() is None:
-            shown = shows_sign(last.result())
-        if not group.decided and (before or shown):
-            decide(group, True)
-        before = shown
+            after = last.result()
+        if not group.decided and after is not None and (before is not None or first):
+            decide(group, (after,) if before is None else (before, after))
+        before, first = after, False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -25,7 +25,7 @@ from automap.vision.camera_path import CameraPath
 from automap.vision.crops import BestCrops, Crop
 from automap.vision.detector import Detector, FoundSigns
 from automap.vision.frame_choice import ChoiceRules, FramePlan, every_frame, plan_frames
-from automap.vision.parallel import Candidate, detections, prefetched, worker_count
+from automap.vision.parallel import Beside, Candidate, detections, prefetched, worker_count
 from automap.vision.tracking import Tracker, TrackingRules
 from automap.vision.voting import View, view_of, vote
 
@@ -36,6 +36,8 @@ _STILL_GREYS = 4.0
 _STILL_SHARE = 0.002
 _REPORT_S = 0.1
 _CUT_PX = 1.5
+_AROUND_PX = 48.0
+_MOVED_SHARE = 0.04
 _HINT = 0.5
 """A box of this part of the least score is no detection, but a reason to look closer."""
 
@@ -44,13 +46,15 @@ _HINT = 0.5
 class SearchRules:
     """``min_score`` below which boxes are left out; ``every`` whether every frame is searched;
     ``choice`` of the frames otherwise; ``height_share`` of the picture, from its top, that is
-    searched: what is lower is road and bonnet; ``tracking`` of the signs; ``workers`` threads,
-    None as many as there are processors."""
+    searched: what is lower is road and bonnet; ``windows`` whether, between two frames that are
+    searched in any case, only the surroundings of their signs are, which a detector must not
+    mind; ``tracking`` of the signs; ``workers`` threads, None as many as there are processors."""
 
     min_score: float = 0.3
     every: bool = False
     choice: ChoiceRules = field(default_factory=ChoiceRules)
     height_share: float = 1.0
+    windows: bool = False
     tracking: TrackingRules = field(default_factory=TrackingRules)
     workers: int | None = None
 
@@ -147,7 +151,7 @@ def search_video(
     searched = 0
     found_in = detections(
         prefetched(_candidates(chapters, times, plan, warn)),
-        lambda mark, picture: _find(detector, picture, rules.height_share),
+        lambda mark, picture, beside: _find(detector, picture, rules, beside),
         lambda found: bool((found.score >= rules.hint).any()),
         rules.workers or worker_count(),
     )
@@ -170,17 +174,30 @@ def search_video(
     )
 
 
-def _find(detector: Detector, picture: VideoFrame, height_share: float) -> FoundSigns:
-    """The signs in the upper part of a picture."""
-    height = picture.image.shape[0]
+def _find(
+    detector: Detector, picture: VideoFrame, rules: SearchRules, beside: Beside
+) -> FoundSigns:
+    """The signs in the upper part of a picture, or in it near those of the frames beside it."""
+    height, width = picture.image.shape[:2]
     lowest = height
-    if height_share < 1.0:
+    if rules.height_share < 1.0:
         # networks work on multiples of 32 rows
-        lowest = max(int(height * height_share) // 32 * 32, min(32, height))
-    found = detector.detect(picture.image[:lowest])
-    # what is cut off there has a box that is too small
-    whole = (found.box[:, 3] < lowest - _CUT_PX) | (lowest == height)
-    return found if whole.all() else _some(found, np.flatnonzero(whole))
+        lowest = max(int(height * rules.height_share) // 32 * 32, min(32, height))
+    low, high = np.zeros(2, np.int64), np.array([width, lowest])
+    if beside is not None and rules.windows:
+        boxes = np.concatenate([found.box[found.score >= rules.hint] for found in beside])
+        # as far as a sign moves, and what a network wants to see around it
+        margin = _AROUND_PX + np.max(boxes[:, 2:] - boxes[:, :2], initial=0.0)
+        margin += _MOVED_SHARE * width
+        low = np.maximum(np.floor(boxes[:, :2].min(axis=0) - margin), 0).astype(np.int64)
+        high = np.minimum(np.ceil(boxes[:, 2:].max(axis=0) + margin), high).astype(np.int64)
+        low = np.minimum(low, high - 1)
+    found = detector.detect(picture.image[low[1] : high[1], low[0] : high[0]])
+    box = found.box + np.tile(low, 2)
+    # what is cut off inside the picture has a box that is too small
+    cut = ((box[:, :2] < low + _CUT_PX) & (low > 0)).any(axis=1)
+    cut |= ((box[:, 2:] > high - 1 - _CUT_PX) & (high < (width, height))).any(axis=1)
+    return _some(replace(found, box=box), np.flatnonzero(~cut))
 
 
 def default_camera(width: int, height: int) -> Camera:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from automap.io.video import VideoFrame
 from automap.vision.detector import FoundSigns
-from automap.vision.parallel import Candidate, detections, prefetched, worker_count
+from automap.vision.parallel import Beside, Candidate, detections, prefetched, worker_count
 
 
 def candidates(coarse: list[bool]) -> Iterator[Candidate[int]]:
@@ -22,13 +22,19 @@ def candidates(coarse: list[bool]) -> Iterator[Candidate[int]]:
         yield Candidate(VideoFrame(number, number * 10, image), whether, number)
 
 
-def searcher(signs: list[bool]):  # type: ignore[no-untyped-def]
+def searcher(coarse: list[bool], signs: list[bool]):  # type: ignore[no-untyped-def]
     """Stands in for a detector: one box where ``signs`` says so, after an uneven wait."""
 
-    def search(mark: int, frame: VideoFrame) -> FoundSigns:
+    def search(mark: int, frame: VideoFrame, beside: Beside) -> FoundSigns:
         assert mark == frame.frame
         time.sleep(0.0005 * (mark * 7 % 5))
         n = int(signs[mark])
+        assert (beside is None) == coarse[mark]
+        if beside is not None:
+            rows = [i for i, whether in enumerate(coarse) if whether]
+            near = [max((r for r in rows if r < mark), default=None)]
+            near.append(min((r for r in rows if r > mark), default=None))
+            assert [len(found) for found in beside] == [signs[r] for r in near if r is not None]
         return FoundSigns(("spot",) * n, np.full((n, 4), float(mark)), np.ones(n))
 
     return search
@@ -54,13 +60,13 @@ def expected(coarse: list[bool], signs: list[bool]) -> list[int]:
 )
 def test_what_lies_beside_a_sign_is_searched(frames: list[tuple[bool, bool]], workers: int) -> None:
     coarse, signs = [c for c, _ in frames], [s for _, s in frames]
-    found = list(detections(candidates(coarse), searcher(signs), workers=workers))
+    found = list(detections(candidates(coarse), searcher(coarse, signs), workers=workers))
     assert [candidate.mark for candidate, _ in found] == expected(coarse, signs)
     assert all(len(boxes) == signs[candidate.mark] for candidate, boxes in found)
 
 
 def test_a_failing_search_comes_out() -> None:
-    def search(mark: int, frame: VideoFrame) -> FoundSigns:
+    def search(mark: int, frame: VideoFrame, beside: Beside) -> FoundSigns:
         raise ValueError(f"frame {mark}")
 
     with pytest.raises(ValueError, match="frame 0"):
@@ -113,7 +119,7 @@ def test_memory_holds_few_pictures() -> None:
             frame = VideoFrame(number, 0, np.zeros((720, 1280, 3), np.uint8))
             yield Candidate(frame, number % 3 == 0, Counted(frame))
 
-    def search(mark: Counted, frame: VideoFrame) -> FoundSigns:
+    def search(mark: Counted, frame: VideoFrame, beside: Beside) -> FoundSigns:
         return FoundSigns((), np.zeros((0, 4)), np.zeros(0))
 
     for _ in detections(prefetched(source()), search, workers=2):
