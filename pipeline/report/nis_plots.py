@@ -1,16 +1,17 @@
 """The normalised innovation squared over the drive, against what chance allows.
 
-For a filter that knows its own error each innovation squared over its variance follows the
-chi-square distribution of one degree of freedom: the mean of n of them lies between the 2.5 and
-97.5 % points of chi-square with n degrees, over n (Bar-Shalom, Li and Kirubarajan, Estimation
-with Applications to Tracking and Navigation, 2001, section 5.4).
+For a filter that knows its own error the innovation of m components, squared over its covariance,
+follows the chi-square distribution of m degrees of freedom: the sum of many over the sum n of
+their degrees lies between the 2.5 and 97.5 % points of chi-square with n degrees, over n
+(Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
+section 5.4).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from automap.records import BoolArray, FloatArray
+from automap.records import BoolArray, FloatArray, IntArray
 from pipeline.report.svg_plot import Series
 
 WINDOWS = 48
@@ -19,22 +20,28 @@ GROUPS = (("position", "GPS position"), ("velocity", "GPS velocity"), ("nhc", "s
 
 
 def nis_series(
-    channels: np.ndarray, seconds: FloatArray, nis: FloatArray, accepted: BoolArray
+    channels: np.ndarray,
+    t_ns: IntArray,
+    nis: FloatArray,
+    accepted: BoolArray,
 ) -> list[tuple[str, list[Series]]]:
     """Title and series of a plot for each group of channels that has enough measurements.
 
-    Takes arrays [n]; the mean is over the accepted ones of a window in time.
+    Takes arrays [n], one row a component; x is seconds from the first row. Rejected ones do not
+    take part.
     """
-    plots = []
-    span = float(seconds.max(initial=0.0))
-    if span <= 0:
-        return []
+    plots: list[tuple[str, list[Series]]] = []
+    if len(t_ns) == 0 or t_ns.max() == t_ns.min():
+        return plots
+    span = float(t_ns.max() - t_ns.min()) * 1e-9
     names = channels.astype(str)
     for prefix, title in GROUPS:
         own = np.char.startswith(names, f"{prefix}_") & accepted & np.isfinite(nis)
-        if int(own.sum()) < 4 * LEAST:
+        stamps, total, degrees = _epochs(t_ns[own], nis[own])
+        if degrees.sum() < 4 * LEAST:
             continue
-        count, mean, middle = _windows(seconds[own], nis[own], span)
+        seconds = (stamps - t_ns.min()) * 1e-9
+        count, mean, middle = _windows(seconds, total, degrees, span)
         enough = count >= LEAST
         if int(enough.sum()) < 2:
             continue
@@ -42,31 +49,47 @@ def nis_series(
         x = middle[enough]
         plots.append(
             (
-                f"Mean NIS, {title}",
+                f"NIS, {title}",
                 [
                     Series("95 % of chance", x, low, "band", 2, upper=high),
-                    Series("mean NIS", x, mean[enough], "line", 0),
+                    Series("mean per degree of freedom", x, mean[enough], "line", 0),
                 ],
             )
         )
     return plots
 
 
+def _epochs(t_ns: IntArray, nis: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Stamps, NIS and degrees of freedom of each epoch.
+
+    The components of one measurement carry its common NIS; where the values of an epoch differ
+    each row is a measurement of its own, and they are added.
+    """
+    stamps, place, count = np.unique(t_ns, return_inverse=True, return_counts=True)
+    if len(stamps) == 0:
+        return stamps, np.zeros(0), np.zeros(0)
+    total = np.bincount(place, weights=nis)
+    largest = np.full(len(stamps), -np.inf)
+    np.maximum.at(largest, place, nis)
+    common = (count > 1) & (np.abs(total - count * largest) <= 1e-6 * np.abs(total))
+    return stamps, np.where(common, largest, total), count.astype(np.float64)
+
+
 def _windows(
-    seconds: FloatArray, nis: FloatArray, span: float
+    seconds: FloatArray, nis: FloatArray, degrees: FloatArray, span: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Number, mean and middle in time of the values in equal windows."""
+    """Degrees of freedom, NIS per degree and middle in time of equal windows."""
     # as many windows as leave some measurements in each
-    windows = int(np.clip(len(nis) // (2 * LEAST), 2, WINDOWS))
+    windows = int(np.clip(degrees.sum() // (3 * LEAST), 2, WINDOWS))
     slot = np.minimum((seconds / span * windows).astype(np.int64), windows - 1)
-    count = np.bincount(slot, minlength=windows).astype(np.float64)
+    count = np.bincount(slot, weights=degrees, minlength=windows)
     total = np.bincount(slot, weights=nis, minlength=windows)
     mean = total / np.maximum(count, 1.0)
     return count, mean, (np.arange(windows) + 0.5) * span / windows
 
 
 def chance_limits(count: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Where the mean of so many NIS lies with 95 % probability, lower and upper end."""
+    """Where chi-square of so many degrees, over their number, lies with 95 % probability."""
     from scipy.special import chdtri
 
     low = np.asarray(chdtri(count, 0.975), np.float64)

@@ -236,8 +236,8 @@ def innovation_section(products: RunProducts) -> Section:
             Series("rejected", seconds[refused], np.clip(ratio[refused], -8, 8), "dots", "bad"),
         ]
         section.plots += draw(channel_name(channel), series, "innovation / σ", span, (-3.0, 3.0))
-    for title, lines in nis_series(channels, seconds, nis, accepted):
-        section.plots += draw(title, lines, "mean NIS", span, (0.0, 1.0))
+    for title, lines in nis_series(channels, stamps, nis, accepted):
+        section.plots += draw(title, lines, "NIS / m", span, (0.0, 1.0))
     if loose:
         section.verdicts.append(
             ("good", f"Held better than assumed, which is meant to be so: {', '.join(loose)}. "
@@ -252,9 +252,10 @@ def innovation_section(products: RunProducts) -> Section:
     shares = f"Up to {DOTS_PER_CHANNEL} points are drawn of each kind; rejected ones are cut at 8."
     section.sentences.append(shares)
     section.sentences.append(
-        "NIS is the square of that ratio: its mean is 1 where the filter knows its own error. The "
-        "band is where the mean of as many independent ones would lie with 95 % probability; "
-        "errors that last, as those of GPS do, leave it now and then."
+        "NIS is the innovation of a measurement of m components, squared over its covariance: NIS "
+        "/ m is 1 in the mean where the filter knows its own error. The band is where the mean of "
+        "as many independent ones would lie with 95 % probability; errors that last, as those of "
+        "GPS do, leave it now and then."
     )
     return section
 

@@ -121,21 +121,26 @@ def test_verdict_on_innovations(rms: float, mean: float, accepted: float, words:
     assert words in innovation_verdict(rms, mean, accepted)
 
 
-def test_mean_nis_lies_in_the_band_of_chance_and_leaves_it_when_sigmas_are_wrong() -> None:
+@pytest.mark.parametrize("common", [True, False])
+def test_nis_lies_in_the_band_of_chance_and_leaves_it_when_sigmas_are_wrong(common: bool) -> None:
     rng = np.random.default_rng(8)
-    n = 3000
-    seconds = np.sort(rng.uniform(0, 600, n))
-    channels = np.array(["position_n", "position_e", "velocity_n"] * (n // 3), object)
-    accepted = np.ones(n, bool)
-    nis = rng.normal(0, 1, n) ** 2
-    (title, (band, mean)), (_, other) = nis_series(channels, seconds, nis, accepted)
+    epochs = 1500
+    t_ns = np.repeat(np.arange(epochs) * 200_000_000, 3)
+    channels = np.array(["position_n", "position_e", "position_d"] * epochs, object)
+    accepted = np.ones(len(t_ns), bool)
+    nis = rng.normal(0, 1, len(t_ns)) ** 2
+    if common:
+        # the rows of one measurement carry its NIS of three degrees of freedom
+        nis = np.repeat(nis.reshape(-1, 3).sum(axis=1), 3)
+    ((title, (band, mean)),) = nis_series(channels, t_ns, nis, accepted)
     assert "GPS position" in title
-    assert len(other) == 2
+    assert np.mean(mean.y) == pytest.approx(1.0, abs=0.1)
     inside = (mean.y > band.y) & (mean.y < band.upper)
     assert 0.85 < inside.mean() <= 1.0
-    (_, (band, mean)), _ = nis_series(channels, seconds, 4 * nis, accepted)
+    ((_, (band, mean)),) = nis_series(channels, t_ns, 4 * nis, accepted)
     assert not ((mean.y > band.y) & (mean.y < band.upper)).any()
-    assert nis_series(channels[:3], seconds[:3], nis[:3], accepted[:3]) == []
+    assert nis_series(channels, t_ns, nis, ~accepted) == []
+    assert nis_series(channels[:3], t_ns[:3], nis[:3], accepted[:3]) == []
 
 
 def test_limits_of_chance_are_those_of_chi_square() -> None:
