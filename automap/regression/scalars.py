@@ -133,7 +133,7 @@ def compare_counts(
 
 def _shown(value: float, sd: float) -> str:
     """Value and sigma, the value to a hundredth of the sigma."""
-    if sd > 0.0 and abs(value) < 1e12 * sd:
+    if sd > 0.0 and abs(value) < 1e14 * sd:
         digits = max(0, 1 - math.floor(math.log10(sd)))
         if digits <= 6:
             return f"{value:.{digits}f} ± {sd:.2g}"

@@ -93,9 +93,11 @@ def store(session: Session, request: Request) -> str:
     """Put the new figures into the baseline; those of other drives stay. What was done."""
     stored = read_baseline(request.baseline)
     fresh = {r.name: r.now for r in session.results if r.now is not None}
-    write_baseline(request.baseline, {**stored, **fresh})
     failed = [result.name for result in session.results if result.now is None]
     left = f"; {_some(failed)} failed and keep what was stored" if failed else ""
+    if not fresh:
+        return f"nothing stored{left}"
+    write_baseline(request.baseline, {**stored, **fresh})
     return f"stored {len(fresh)} drive{'s' if len(fresh) != 1 else ''} in {request.baseline}{left}"
 
 
