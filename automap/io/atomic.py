@@ -9,14 +9,11 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from automap.errors import StageError
-
-if TYPE_CHECKING:
-    from typing_extensions import Buffer
 
 _ADVICE = {
     errno.ENOSPC: "the disk is full; free some space or choose another output folder",
@@ -98,7 +95,7 @@ def write_bytes(path: Path, data: bytes) -> None:
         temporary.write_bytes(data)
 
 
-def write_chunks(path: Path, chunks: Iterable[Buffer]) -> None:
+def write_chunks(path: Path, chunks: Iterable[bytes | memoryview]) -> None:
     """Write bytes that come in parts atomically."""
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
         for chunk in chunks:
