@@ -17,6 +17,7 @@ import pytest
 from export_inputs import CLOCK, sign, write_run
 from lxml import etree
 
+from automap.export.fields import SIGN_FIELDS
 from automap.io import names
 from automap.io.signs_table import read_signs
 from pipeline.export import FORMATS, TRAJECTORY_FORMATS, export_run
@@ -313,3 +314,9 @@ def test_csv_has_the_columns_of_the_contract(out: Path) -> None:
     places = [[float(row["lon_deg"]), float(row["lat_deg"])] for row in rows]
     assert np.abs(np.array(places) - true_places(out)).max() <= 1e-9
     assert float(rows[0]["cov_ee_m2"]) == sign(1).cov_enu[0, 0]
+
+
+def test_every_field_of_a_sign_is_in_the_documentation() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "outputs.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE)
+    assert listed == [field.name for field in SIGN_FIELDS]
