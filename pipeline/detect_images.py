@@ -82,6 +82,8 @@ def _pictures(images: list[Path], warn: Callable[[str], None]) -> Iterator[Candi
         if picture is None:
             warn(f"{path} is no readable image; it is left out")
         else:
+            if _cut_short(path):
+                warn(f"{path} ends in the middle of the picture; what there is of it is searched")
             yield Candidate(VideoFrame(number, 0, picture), True, path)
 
 
@@ -94,6 +96,14 @@ def _read(path: Path) -> Image | None:
     except cv2.error:
         return None  # a picture of absurd size
     return None if picture is None else np.asarray(picture, np.uint8)
+
+
+def _cut_short(path: Path) -> bool:
+    """Whether a JPEG lacks its end mark, after which cameras may still write notes."""
+    if path.suffix.lower() not in (".jpg", ".jpeg"):
+        return False
+    data = path.read_bytes()
+    return data.rfind(b"\xff\xd9") < len(data) // 2
 
 
 def _draw(path: Path, image: Image, found: FoundSigns) -> None:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 Image = npt.NDArray[np.uint8]
 
+_MISSING_S = 0.5
 _JUMP = 8
 """Frames that must be spared for a jump to a key frame to be worth emptying the decoder."""
 
@@ -131,6 +132,12 @@ def read_chapter(path: Path) -> Chapter:
             warnings.append(
                 f"{path} promises {promised} frames and holds {len(stamps)}; it was cut short"
             )
+        elif not promised and container.duration:
+            said, held = container.duration * 1e-6, (last_end - int(pts[0])) * tick * 1e-9
+            if said - held > max(_MISSING_S, 0.02 * said):
+                warnings.append(
+                    f"{path} promises {said:.1f} s and holds {held:.1f} s; it was cut short"
+                )
         return Chapter(
             path=path,
             width=int(stream.codec_context.width),
