@@ -197,6 +197,23 @@ def _settings(settings: Settings) -> dict[str, Any]:
     return {key: value for key, value in mine.items() if plain.get(key) != value}
 
 
+def _end_with_parent() -> None:
+    """A run whose command was killed ends too, and does not hold the folder's lock."""
+    import multiprocessing
+    import os
+    import threading
+
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
 def run_tasks(tasks: Sequence[Task], jobs: int) -> list[Measured]:
     """Measure each task in a fresh process, ``jobs`` at a time, in the order given.
 
@@ -209,7 +226,9 @@ def run_tasks(tasks: Sequence[Task], jobs: int) -> list[Measured]:
 
     context = multiprocessing.get_context("spawn")
     workers = max(1, min(jobs, len(tasks)))
-    pool = ProcessPoolExecutor(workers, mp_context=context, max_tasks_per_child=1)
+    pool = ProcessPoolExecutor(
+        workers, mp_context=context, max_tasks_per_child=1, initializer=_end_with_parent
+    )
     try:
         futures = [pool.submit(measure, task) for task in tasks]
         results = []
