@@ -185,9 +185,7 @@ def run_smoother(
             variances[k, :] = np.nan
         first = store.scalars[k - 1] if k > 0 else 0
         for r in range(store.scalars[k] - 1, first - 1, -1):
-            undo_scalar(
-                lam, big, store.h[r], store.gain[r], store.nu[r], store.var[r], work, where
-            )
+            undo_scalar(lam, big, store.h[r], store.gain[r], store.nu[r], store.var[r], work, where)
         if k > 0:
             span = node_t[k] - node_t[k - 1]
             for j in range(N_NAV, n):
