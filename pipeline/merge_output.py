@@ -19,7 +19,7 @@ from pipeline.merge_inputs import GPS_CLOCK, MERGE
 if TYPE_CHECKING:
     from automap.mapping.changes import Change
     from automap.mapping.merge import Merged
-    from automap.records import FloatArray, Sign
+    from automap.records import FloatArray, IntArray, Sign
     from pipeline.merge import MergeOutcome
 
 CHANGES = "changes.geojson"
@@ -186,30 +186,31 @@ def _write_sightings(path: Path, merged: Merged, signs: Sequence[Sign]) -> None:
 
 def coverage_of(merged: Merged) -> DrivePath:
     """Where cameras looked from and which way, thinned to cells of 8 m and 16 directions."""
-    lat, lon, looking = [], [], []
+    none = np.zeros(0)
+    parts = [(np.zeros(0, np.int64), none, none, none)]
     for drive in merged.drives:
         if drive.path is None:
             continue
         filmed = np.isfinite(drive.path.yaw_rad)
+        lat, lon = drive.path.lat_rad[filmed], drive.path.lon_rad[filmed]
         for camera in drive.cameras:
-            lat.append(drive.path.lat_rad[filmed])
-            lon.append(drive.path.lon_rad[filmed])
-            looking.append(drive.path.yaw_rad[filmed] + camera.yaw_rad)
-    if not lat:
-        none = np.zeros(0)
-        return DrivePath(none, none, none, none, np.zeros((0, 3)))
-    rows, columns, ways = (np.concatenate(part) for part in (lat, lon, looking))
-    cell = np.column_stack(
-        [
-            np.floor(rows / _CELL_RAD),
-            np.floor(columns * np.cos(np.round(rows, 4)) / _CELL_RAD),
-            np.floor((ways % (2 * np.pi)) / (2 * np.pi) * _SECTORS),
-        ]
-    ).astype(np.int64)
-    _, first = np.unique(cell, axis=0, return_index=True)
+            looking = drive.path.yaw_rad[filmed] + camera.yaw_rad
+            cell = _cells(lat, lon, looking)
+            cell, first = np.unique(cell, return_index=True)
+            parts.append((cell, lat[first], lon[first], looking[first]))
+    cell, lat, lon, looking = (np.concatenate([part[k] for part in parts]) for k in range(4))
+    _, first = np.unique(cell, return_index=True)
     first.sort()
     zero: FloatArray = np.zeros(len(first))
-    return DrivePath(zero, rows[first], columns[first], ways[first], np.zeros((len(first), 3)))
+    return DrivePath(zero, lat[first], lon[first], looking[first], np.zeros((len(first), 3)))
+
+
+def _cells(lat: FloatArray, lon: FloatArray, looking: FloatArray) -> IntArray:
+    """One number for each place and direction."""
+    row = np.floor(lat / _CELL_RAD).astype(np.int64)
+    column = np.floor(lon * np.cos(row * _CELL_RAD) / _CELL_RAD).astype(np.int64)
+    sector = np.floor((looking % (2 * np.pi)) / (2 * np.pi) * _SECTORS).astype(np.int64)
+    return (row * 2**24 + column) * _SECTORS + sector
 
 
 def changes_geojson(changes: Sequence[Change]) -> str:

@@ -173,6 +173,7 @@ def _drives_section(summary: dict[str, Any]) -> Section:
 
 
 def _with_sd(value: float, sd: float) -> str:
+    value = round(value, 2) + 0.0
     return f"{value:+.2f} ± {sd:.2f}" if np.isfinite(value) and np.isfinite(sd) else ""
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from automap.mapping.sightings import DriveSigns, Sightings
 from automap.records import FloatArray, IntArray
@@ -143,7 +144,8 @@ def _classes(
     code[plain] = lowest[plain]
     for k in np.flatnonzero(~plain).tolist():
         a, b = int(edges[k]), int(edges[k + 1])
-        start = _change_point(codes[a:b])
+        own, small = np.unique(codes[a:b], return_inverse=True)
+        start = _change_point(small, len(own))
         changed[k] = start > 0
         now, belief = codes[a + start : b], weights[a + start : b]
         total = np.bincount(now, belief)
@@ -152,21 +154,27 @@ def _classes(
     return code, share, changed
 
 
-def _change_point(codes: IntArray) -> int:
+@njit(cache=True, error_model="numpy")
+def _change_point(codes: IntArray, n_classes: int) -> int:
     """Where in a sequence [n] of sightings, by time, the sign's class became another; 0 never.
 
     The likelihood of one class throughout against that of one before and another after,
-    the change itself being rare.
+    the change itself being rare. ``codes`` are below ``n_classes``.
     """
     right, wrong = np.log(CLASS_RIGHT), np.log(_FALSE_SHARE)
-
-    def fit(part: IntArray) -> float:
-        hits = int(np.bincount(part).max())
-        return float(hits * right + (len(part) - hits) * wrong)
-
-    best, at = fit(codes), 0
-    for k in range(1, len(codes)):
-        told = fit(codes[:k]) + fit(codes[k:]) + np.log(_CHANGED)
-        if told > best and np.argmax(np.bincount(codes[:k])) != np.argmax(np.bincount(codes[k:])):
+    n = len(codes)
+    before = np.zeros(n_classes, np.int64)
+    after = np.zeros(n_classes, np.int64)
+    for code in codes:
+        after[code] += 1
+    hits = after.max()
+    best, at = hits * right + (n - hits) * wrong, 0
+    for k in range(1, n):
+        before[codes[k - 1]] += 1
+        after[codes[k - 1]] -= 1
+        first, second = np.argmax(before), np.argmax(after)
+        hits = before[first] + after[second]
+        told = hits * right + (n - hits) * wrong + np.log(_CHANGED)
+        if told > best and first != second:
             best, at = told, k
     return at
