@@ -17,6 +17,7 @@ from pipeline.regress.reference import processor_seconds, reference_seconds
 
 if TYPE_CHECKING:
     from automap.records import Trajectory
+    from automap.regression import scalars
     from automap.regression.record import DriveRecord
     from pipeline.config import Settings
 
@@ -124,6 +125,7 @@ def read_record(task: Task, timing: dict[str, float]) -> DriveRecord:
             {name: floats(table, name) for name in table.column_names if name != "t_ns"}
         )
     merged = run.get("metrics", {})
+    calibration |= _residuals(merged)
     return DriveRecord(
         epochs=epochs.sample(trajectory) if trajectory is not None else epochs.from_json({}),
         path_en_m=_path(trajectory) if trajectory is not None else [],
@@ -139,6 +141,17 @@ def read_record(task: Task, timing: dict[str, float]) -> DriveRecord:
         inputs=_inputs(task.drive, run),
         settings=_settings(task.settings),
     )
+
+
+def _residuals(metrics: dict[str, Any]) -> scalars.Figures:
+    """The scatter of the boxes about the signs, px: what shows a detector first.
+
+    Its sigma is that of a root mean square of so many Gaussian pairs.
+    """
+    rms, used = metrics.get("residual_rms_px"), metrics.get("detections_used")
+    if not isinstance(rms, float) or not isinstance(used, int) or rms <= 0.0 or used < 1:
+        return {}
+    return {"residual_rms_px": (rms, rms / float(np.sqrt(4.0 * used)))}
 
 
 def _path(trajectory: Trajectory) -> list[list[float]]:
