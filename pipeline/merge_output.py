@@ -210,7 +210,7 @@ def _cells(lat: FloatArray, lon: FloatArray, looking: FloatArray) -> IntArray:
     row = np.floor(lat / _CELL_RAD).astype(np.int64)
     column = np.floor(lon * np.cos(row * _CELL_RAD) / _CELL_RAD).astype(np.int64)
     sector = np.floor((looking % (2 * np.pi)) / (2 * np.pi) * _SECTORS).astype(np.int64)
-    return (row * 2**24 + column) * _SECTORS + sector
+    return np.asarray((row * 2**24 + column) * _SECTORS + sector, np.int64)
 
 
 def changes_geojson(changes: Sequence[Change]) -> str:

@@ -126,7 +126,8 @@ def _counts(pairs: Chances, rates: DetectionRates, n_signs: int) -> tuple[FloatA
     """How often each sign was seen, and missed, [m] each."""
     weight = np.where(pairs.seen, 0.0, rates.miss_weight(pairs.drive))
     hits = np.bincount(pairs.sign, pairs.seen.astype(np.float64), n_signs)
-    return hits, np.bincount(pairs.sign, weight, n_signs)
+    misses = np.bincount(pairs.sign, weight, n_signs)
+    return np.asarray(hits, np.float64), np.asarray(misses, np.float64)
 
 
 def _log_chances(hits: FloatArray, misses: FloatArray, beta: tuple[float, float]) -> FloatArray:

@@ -175,7 +175,9 @@ def stack_sightings(drives: Sequence[DriveSigns]) -> Sightings:
             ]
         )
         first.append(first[-1] + len(rows))
-    stacked = {name: np.concatenate([part[k] for part in parts]) for k, name in enumerate(_STACKED)}
+    stacked: dict[str, Any] = {
+        name: np.concatenate([part[k] for part in parts]) for k, name in enumerate(_STACKED)
+    }
     columns: dict[str, Any] = {"first": np.array(first, np.int64), "classes": tuple(names)}
     return Sightings(**columns, **stacked)
 
