@@ -252,5 +252,5 @@ class Sign:
     side: str
     status: str = "ok"
     drives: tuple[str, ...] = ()
-    support: str = ""
     detection_rows: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    support: str = ""

@@ -57,7 +57,7 @@ class BearingRules:
     depths have in common; ``single`` whether a sighting that meets no other makes an object."""
 
     bearing_sd_rad: float = float(np.radians(2.0))
-    position_sd_m: float = 1.5
+    position_sd_m: float = 1.0
     depth_log_sd: float = 0.3
     depth_offset_sd_m: float = 3.0
     depth_scale_log_sd: float = 0.3

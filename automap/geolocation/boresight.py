@@ -20,8 +20,11 @@ from automap.geolocation.views import CameraCorrection, Views
 from automap.records import Camera, FloatArray, IntArray
 
 _PASS_TURN_RAD = 0.0075
-_PASS_TIME_S = 0.05
+_PASS_TIME_S = 0.02
 """What one pass of one sign may suggest in error: uneven stamps, a bent box, a swaying mount."""
+
+_EVIDENCE_TIME_S = 0.05
+"""The same for the evidence on the offset, where a wrong size or path looks like late frames."""
 
 ATTITUDE_WINDOW_S = 60.0
 """Signs seen within such a time share the trajectory's attitude error."""
@@ -49,11 +52,11 @@ def prior_covariance(camera: Camera, priors: CameraPriors) -> FloatArray:
 
 def pass_covariance(views: Views, rows: IntArray) -> FloatArray:
     """Covariance [8, 8] of turn and time offset that hold for one pass of one sign only."""
-    return _own_error() + _attitude_error(views, rows)
+    return _own_error(_PASS_TIME_S) + _attitude_error(views, rows)
 
 
-def _own_error() -> FloatArray:
-    return np.diag([_PASS_TURN_RAD**2] * 3 + [_PASS_TIME_S**2] + [0.0] * 4)
+def _own_error(time_s: float) -> FloatArray:
+    return np.diag([_PASS_TURN_RAD**2] * 3 + [time_s**2] + [0.0] * 4)
 
 
 def _attitude_error(views: Views, rows: IntArray) -> FloatArray:
@@ -88,7 +91,7 @@ def refine_correction(
     for landmark in usable:
         rows = landmark.rows
         own, step = _evidence(views, landmark, prior)
-        limited = np.linalg.inv(np.eye(n) + own @ _own_error())
+        limited = np.linalg.inv(np.eye(n) + own @ _own_error(_EVIDENCE_TIME_S))
         number = int((views.t_ns[rows[0]] - views.t_ns[0]) * 1e-9 // ATTITUDE_WINDOW_S)
         known, pull, attitude = windows.get(number, (np.zeros((n, n)), np.zeros(n), []))
         attitude.append(_attitude_error(views, rows))

@@ -18,6 +18,7 @@ from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 
 ORIGIN = (np.radians(-35.3), np.radians(149.1), 580.0)
 CLASSES = tuple(f"sign-{k}" for k in range(12))
+_FACE_COSINE = 0.5
 CLASS_SIZE_M = 0.5 + 0.05 * np.arange(12.0)
 
 
@@ -90,12 +91,9 @@ def _route(rng: np.random.Generator, d: Difficulty, rate: float) -> tuple[FloatA
     t = np.arange(0.0, d.duration_s, 1.0 / rate)
     half = 0.5 * d.duration_s if d.twice else d.duration_s
     turn = np.zeros_like(t)
-    at, side = 25.0, 1.0
+    at = 25.0
     while at < half - 20.0:
-        if d.twice:
-            side = 1.0
-        else:
-            side = 1.0 if rng.random() < 0.5 else -1.0
+        side = 1.0 if d.twice or rng.random() < 0.5 else -1.0
         during = (t >= at) & (t < at + 4.0)
         turn[during] = side * (np.pi / 2) / 4.0
         at += half / 8.0 if d.twice else rng.uniform(25.0, 45.0)
@@ -133,9 +131,9 @@ def make_world(seed: int, d: Difficulty | None = None, rate: float = 50.0) -> Wo
     given = _trajectory(
         t, place + late, velocity + np.gradient(late, 1.0 / rate, axis=0), rpy + tilt, d
     )
-    position, kind, size = _signs(rng, d, t, place, yaw)
+    position, kind, size, approach = _signs(rng, d, t, place, yaw)
     camera, true_camera = _cameras(d)
-    detections, owner = _boxes(rng, d, true, true_camera, position, kind, size)
+    detections, owner = _boxes(rng, d, true, true_camera, position, kind, size, approach)
     names = tuple(CLASSES[k] for k in kind)
     return World(given, true, detections, owner, position, names, camera, true_camera)
 
@@ -161,8 +159,9 @@ def _trajectory(
 
 def _signs(
     rng: np.random.Generator, d: Difficulty, t: FloatArray, place: FloatArray, yaw: FloatArray
-) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Signs along the first lap: either side, some in pairs 1.5 m apart."""
+) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
+    """Signs along the first lap: either side, some in pairs 1.5 m apart; with the direction
+    [m, 2] in which the traffic drives that they are for."""
     rate = 1.0 / (t[1] - t[0])
     last = 0.5 * d.duration_s if d.twice else d.duration_s
     times = np.arange(4.0, last - 3.0, d.spacing_s) + rng.uniform(
@@ -184,7 +183,7 @@ def _signs(
     position = np.vstack([position, beside])
     kind = np.concatenate([kind, rng.integers(0, len(CLASSES), double.sum())])
     size = CLASS_SIZE_M[kind] * np.exp(rng.normal(0.0, 0.05, len(kind)))
-    return position, kind, size
+    return position, kind, size, np.vstack([along, along[double]])
 
 
 def _cameras(d: Difficulty) -> tuple[Camera, Camera]:
@@ -215,6 +214,7 @@ def _boxes(
     position: FloatArray,
     kind: IntArray,
     size: FloatArray,
+    approach: FloatArray,
     interval_s: float = 0.2,
     range_m: tuple[float, float] = (5.0, 55.0),
 ) -> tuple[Detections, IntArray]:
@@ -227,12 +227,14 @@ def _boxes(
     towards = position[None] - centre[:, None]
     q = np.einsum("nji,nmj->nmi", C @ rpy_to_matrix(view.mount_rpy), towards)
     # a sign faces the traffic it is for: only cameras on its approach see its face
+    plan = towards[..., :2] / np.maximum(np.linalg.norm(towards[..., :2], axis=2), 0.1)[..., None]
+    faces = np.einsum("nmi,mi->nm", plan, approach) > _FACE_COSINE
     focal, (cx, cy) = view.matrix[0, 0], view.matrix[:2, 2]
     depth = np.where(q[..., 0] > 1.0, q[..., 0], np.nan)
     x, y = focal * q[..., 1] / depth + cx, focal * q[..., 2] / depth + cy
     height = focal * size[None] / depth
     with np.errstate(invalid="ignore"):
-        seen = (depth > range_m[0]) & (depth < range_m[1])
+        seen = faces & (depth > range_m[0]) & (depth < range_m[1])
         seen &= np.abs(x - 0.5 * view.width) < 0.5 * view.width - height
         seen &= np.abs(y - 0.5 * view.height) < 0.5 * view.height - height
     seen &= rng.random(seen.shape) >= d.missed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from automap.earth import from_local_ned, local_ned
 from automap.errors import InputError
 from automap.geolocation.bearings import BearingRules, Bearings, locate_from_bearings
+from automap.geolocation.depth_scale import fit_depth_scale
 from automap.io.bearings_csv import read_bearings
 
 
@@ -94,11 +96,13 @@ def test_a_single_sighting_needs_a_depth() -> None:
     lamp, camera = np.array([[12.0, 5.0]]), np.array([[0.0, 0.0]])
     rng = np.random.default_rng(0)
     with_depth, _ = sightings(lamp, camera, rng)
-    (sign,), index = locate_from_bearings(with_depth)
+    assert locate_from_bearings(with_depth)[0] == []
+    alone = BearingRules(single=True)
+    (sign,), index = locate_from_bearings(with_depth, alone)
     assert sign.status == "single_view"
     assert index.tolist() == [0]
     without, _ = sightings(lamp, camera, rng, with_depth=False)
-    signs, index = locate_from_bearings(without)
+    signs, index = locate_from_bearings(without, alone)
     assert signs == []
     assert index.tolist() == [-1]
 
@@ -154,3 +158,24 @@ def test_unusable_sightings_are_one_sentence(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(InputError, match=r"bearings\.csv"):
         read_bearings(path)
+
+
+def test_depths_that_are_all_too_short_are_found_out(street) -> None:
+    lamps, cameras = street
+    rays, _ = sightings(lamps, cameras, np.random.default_rng(5), max_range_m=20.0)
+    short = replace(rays, depth_m=np.maximum(rays.depth_m - 3.0, 0.5) / 1.2)
+    signs, _ = locate_from_bearings(short)
+    error = np.linalg.norm(lamps[:, None] - places(signs)[None], axis=2).min(axis=1)
+    assert len(signs) == len(lamps)
+    assert error.max() < 2.0
+
+
+def test_offset_and_scale_of_depths() -> None:
+    rng = np.random.default_rng(6)
+    distance = rng.uniform(4.0, 25.0, 400)
+    measured = (distance - 2.0) / 1.3 * np.exp(rng.normal(0.0, 0.2, 400))
+    scale = fit_depth_scale(measured, distance, np.full(400, 0.2), 3.0, 0.5)
+    expected = 2.0 + 1.3 * np.array([5.0, 12.0])
+    assert scale.apply(np.array([5.0, 12.0])) == pytest.approx(expected, rel=0.1)
+    none = fit_depth_scale(np.zeros(0), np.zeros(0), np.zeros(0), 3.0, 0.5)
+    assert (none.offset_m, none.scale) == (0.0, 1.0)

@@ -1,0 +1,104 @@
+"""A camera that is far off: found before association; clutter; posts and gantries."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from geolocation_scene import ORIGIN, boxes, camera, drive_path, roadside
+
+from automap.frames import matrix_to_rpy, rpy_to_matrix
+from automap.geolocation.epipolar import first_correction
+from automap.geolocation.locate import locate_signs
+from automap.geolocation.supports import support_numbers
+from automap.geolocation.views import map_origin
+from automap.records import Detections, Trajectory
+
+
+@pytest.fixture(scope="module")
+def winding() -> Trajectory:
+    """A drive whose turn rate changes sign, so that an offset in time shows."""
+    from automap.earth import from_local_ned
+
+    s = np.arange(0.0, 60.0, 0.01)
+    rate = 0.25 * np.sin(2 * np.pi * s / 15.0)
+    yaw = 0.7 + np.cumsum(rate) * 0.01
+    velocity = 11.0 * np.column_stack([np.cos(yaw), np.sin(yaw), np.zeros_like(s)])
+    lat, lon, height = from_local_ned(np.cumsum(velocity, axis=0) * 0.01, ORIGIN)
+    return replace(
+        drive_path(60.0),
+        lat_rad=lat,
+        lon_rad=lon,
+        height_m=height,
+        vel_ned=velocity,
+        rpy=np.column_stack([np.zeros_like(s), np.zeros_like(s), yaw]),
+    )
+
+
+def test_turn_and_offset_before_any_link(winding) -> None:
+    told = camera(mount_rpy=np.zeros(3), mount_sd=np.radians(4.0), time_offset_sd=0.15)
+    true = replace(told, mount_rpy=np.radians([1.0, -4.0, 5.0]), time_offset_s=0.25)
+    rng = np.random.default_rng(0)
+    scene = roadside(winding, every_s=1.0)
+    scene = replace(scene, position=scene.position + rng.normal(0.0, 1.0, scene.position.shape))
+    found, _ = boxes(winding, scene, true, rng)
+    x = first_correction(winding, found, told, map_origin(winding), 0.0015)
+    assert x is not None
+    turned = matrix_to_rpy(rpy_to_matrix(x[:3]))
+    assert np.degrees(turned[1:]) == pytest.approx([-4.0, 5.0], abs=0.6)
+    assert x[3] == pytest.approx(0.25, abs=0.02)
+
+
+def test_few_boxes_leave_the_camera_alone(winding) -> None:
+    told = camera(mount_sd=np.radians(4.0), time_offset_sd=0.15)
+    found, _ = boxes(winding, roadside(winding, every_s=50.0), told, np.random.default_rng(0))
+    few = Detections(
+        *(
+            getattr(found, name)[:5]
+            for name in ("frame", "t_ns", "class_name", "box", "score", "track")
+        )
+    )
+    assert first_correction(winding, few, told, map_origin(winding), 0.0015) is None
+
+
+def test_boxes_that_are_not_seen_again_are_no_signs(winding) -> None:
+    view = camera()
+    rng = np.random.default_rng(3)
+    scene = roadside(winding, every_s=3.0)
+    found, _ = boxes(winding, scene, view, rng)
+    middle = rng.uniform([200, 150], [1080, 500], (60, 2))
+    half = rng.uniform(10, 30, (60, 1))
+    at = rng.integers(0, int(found.frame.max()), 60)
+    stamp = np.interp(at, found.frame, found.t_ns - found.t_ns[0]) + found.t_ns[0]
+    stamp = np.array(
+        [
+            found.t_ns[found.frame == f][0] if (found.frame == f).any() else t
+            for f, t in zip(at, stamp, strict=True)
+        ],
+        np.int64,
+    )
+    order = np.argsort(np.concatenate([found.frame, at]), kind="stable")
+    mixed = Detections(
+        frame=np.concatenate([found.frame, at])[order],
+        t_ns=np.concatenate([found.t_ns, stamp])[order],
+        class_name=np.concatenate([found.class_name, np.full(60, "ghost", np.object_)])[order],
+        box=np.vstack([found.box, np.hstack([middle - half, middle + half])])[order],
+        score=np.concatenate([found.score, np.full(60, 0.6)])[order],
+        track=np.full(len(order), -1, np.int64),
+    )
+    result = locate_signs(winding, [mixed], {"front": view})
+    ghosts = sum(sign.class_name == "ghost" for sign in result.signs)
+    assert ghosts <= 6
+    assert (result.observations.note == "unconfirmed").sum() > 40
+    assert any("not seen again" in text for text in result.warnings)
+
+
+def test_signs_on_a_post_share_a_support() -> None:
+    place = np.array(
+        [[0, 0, -2.0], [0.2, 0.1, -3.0], [1.5, 0, -2.0], [30, 0, -6.0], [30, 5, -6.0]], float
+    )
+    cov = np.tile(0.01 * np.eye(3), (5, 1, 1))
+    over = [False, False, False, True, True]
+    assert support_numbers(place, cov, over) == [0, 0, 1, 2, 2]
+    assert support_numbers(np.zeros((0, 3)), np.zeros((0, 3, 3)), []) == []
