@@ -82,7 +82,7 @@ def _windows(
     # as many windows as leave some measurements in each
     windows = int(np.clip(degrees.sum() // (3 * LEAST), 2, WINDOWS))
     slot = np.minimum((seconds / span * windows).astype(np.int64), windows - 1)
-    count = np.bincount(slot, weights=degrees, minlength=windows)
+    count = np.bincount(slot, weights=degrees, minlength=windows).astype(np.float64)
     total = np.bincount(slot, weights=nis, minlength=windows)
     mean = total / np.maximum(count, 1.0)
     return count, mean, (np.arange(windows) + 0.5) * span / windows
