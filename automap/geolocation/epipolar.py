@@ -191,15 +191,15 @@ def _descend(
         known = np.isfinite(r)
         J = np.zeros((len(r), 4))
         for k, h in enumerate((_TURN_STEP, _TURN_STEP, _TURN_STEP, _TIME_STEP)):
-            step = np.zeros(4)
-            step[k] = h
-            J[:, k] = (residuals(x + step) - r) / h
+            nudge = np.zeros(4)
+            nudge[k] = h
+            J[:, k] = (residuals(x + nudge) - r) / h
         known &= np.isfinite(J).all(axis=1)
         weight = np.where(known, 1.0 / (1.0 + np.nan_to_num(r / scale) ** 2), 0.0) / scale**2
         J = np.where(known[:, None], J, 0.0)
         N = (J * weight[:, None]).T @ J + np.diag(prior**-2)
         g = -(J * weight[:, None]).T @ np.nan_to_num(r) - x / prior**2
-        step = np.linalg.solve(N, g)
+        step = np.asarray(np.linalg.solve(N, g), np.float64)
         for fraction in (1.0, 0.5, 0.25):
             trial = x + fraction * step
             r_trial = residuals(trial)
@@ -209,7 +209,7 @@ def _descend(
         else:
             break
         done = cost - cost_trial < 1e-3
-        x, r, cost = trial, r_trial, cost_trial
+        x, r, cost = np.asarray(trial), r_trial, cost_trial
         if done:
             break
     return x, cost
