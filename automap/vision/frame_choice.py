@@ -60,6 +60,8 @@ def plan_frames(times: FrameTimes, path: CameraPath | None, rules: ChoiceRules) 
         progress = waited * rules.speed / rules.step_m
     else:
         travelled, turned, known = path.steps()
+        # the first frame has none before it, and is no guess where the path is known
+        known[:1] = path.known[:1]
         moved = np.hypot(travelled / rules.step_m, turned / rules.step_rad)
         progress = np.where(known, moved, waited * rules.speed / rules.step_m)
     rows, coarse = _pick(progress, waited, rules)
