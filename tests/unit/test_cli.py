@@ -163,7 +163,9 @@ def test_an_interrupt_is_130(
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_run_cleanly(drive: Path, number: signal.Signals) -> None:
     code = (
-        "import time\nfrom pipeline.cli import main\nfrom pipeline.stages import registry\n"
+        # a shell that runs the tests in the background lets its children ignore the interrupt
+        "import signal, time\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "from pipeline.cli import main\nfrom pipeline.stages import registry\n"
         "from tests.unit.fake_stages import reader\n"
         "def wait(context): print('waiting', flush=True); time.sleep(60)\n"
         "registry.load_stages = lambda names: [reader(wait)]\n"
