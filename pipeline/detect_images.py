@@ -74,7 +74,7 @@ def search_images(
 
 def _pictures(images: list[Path], warn: Callable[[str], None]) -> Iterator[Candidate[Path]]:
 
-    from automap.io.video import VideoFrame
+    from automap.io.video_decode import VideoFrame
     from automap.vision.parallel import Candidate
 
     for number, path in enumerate(images):

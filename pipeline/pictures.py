@@ -69,7 +69,7 @@ def _identity(view: SignView) -> tuple[object, ...]:
 def _from_video(
     video: VideoInput, views: Sequence[SignView], progress: Callable[[float], None]
 ) -> list[Picture]:
-    from automap.io.video import iter_frames
+    from automap.io.video_decode import iter_frames
 
     by_frame: dict[int, list[SignView]] = {}
     for view in views:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from automap.io.csv_columns import Kind, read_columns
-from automap.io.video import FrameTimes
+from automap.io.frame_times import FrameTimes
 from automap.records import Detections
 
 _BOX = ("x_min", "y_min", "x_max", "y_max")

@@ -11,14 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.io.drive import VideoInput
-from automap.io.video import (
-    Chapter,
-    FrameTimes,
-    VideoFrame,
-    decode_frames,
-    frame_times,
-    video_chapters,
-)
+from automap.io.frame_times import FrameTimes, frame_times
+from automap.io.video import Chapter, video_chapters
+from automap.io.video_decode import VideoFrame, decode_frames
 from automap.records import Camera, Detections, IntArray
 from automap.vision.camera_motion import ImageMotion, Motion, motion_on_path
 from automap.vision.camera_path import CameraPath

@@ -54,7 +54,7 @@ def _camera(
     context: StageContext, video: VideoInput, progress: Callable[[float, str], None]
 ) -> SearchResult | None:
     from automap.io.detections_csv import read_detections_csv
-    from automap.io.video import frame_times
+    from automap.io.frame_times import frame_times
     from automap.vision.search import SearchResult, search_video
 
     _warn_of_geometry(context, video)

@@ -13,7 +13,9 @@ from automap.records import IntArray
 
 if TYPE_CHECKING:
     from automap.io.drive import VideoInput
-    from automap.io.video import Chapter, FrameTimes, VideoFrame
+    from automap.io.frame_times import FrameTimes
+    from automap.io.video import Chapter
+    from automap.io.video_decode import VideoFrame
 
 WIDTH_LIMIT = 1280
 """Pictures are sent at most this wide."""
@@ -55,7 +57,8 @@ class FrameReader:
             return self._decoded(number)
 
     def _opened(self) -> tuple[list[Chapter], FrameTimes]:
-        from automap.io.video import frame_times, video_chapters
+        from automap.io.frame_times import frame_times
+        from automap.io.video import video_chapters
 
         if self._structure is None:
             chapters, _ = video_chapters(self._video)
@@ -63,7 +66,7 @@ class FrameReader:
         return self._structure
 
     def _decoded(self, number: int) -> bytes | None:
-        from automap.io.video import decode_frames
+        from automap.io.video_decode import decode_frames
 
         chapters, times = self._opened()
         index = int(np.searchsorted(times.frame, number))

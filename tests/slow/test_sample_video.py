@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from automap.io.drive import load_drive
-from automap.io.video import frame_times, iter_frames, read_chapter
+from automap.io.frame_times import frame_times
+from automap.io.video import read_chapter
+from automap.io.video_decode import iter_frames
 from automap.simulation.camera import camera_views, visible_box
 from automap.simulation.scenario import load_scenario
 from automap.simulation.scene import build_scene

@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 
 from automap.errors import ConfigError, InputError
 from automap.io.drive import load_drive
+from automap.io.frame_times import frame_times
 from automap.io.recording import Recording, read_recording
-from automap.io.video import frame_times, read_chapter
+from automap.io.video import read_chapter
 from automap.timebase import unix_to_gps
 from pipeline.check import check_drive
 from pipeline.cli.root import run_command

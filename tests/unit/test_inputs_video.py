@@ -11,8 +11,10 @@ import pytest
 
 from automap.errors import InputError
 from automap.io.drive import VideoInput
+from automap.io.frame_times import frame_times
 from automap.io.manifest import VideoSection
-from automap.io.video import frame_times, image_size, iter_frames, read_chapter, read_header
+from automap.io.video import image_size, read_chapter, read_header
+from automap.io.video_decode import iter_frames
 
 # an uneven cadence: frame number over rate would be wrong by up to 80 ms
 _MILLISECONDS = [0, 33, 67, 150, 183, 217, 300, 333, 340, 400, 433, 500]

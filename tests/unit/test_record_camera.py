@@ -14,7 +14,9 @@ import pytest
 
 from automap.errors import ConfigError, InputError
 from automap.io.drive import load_drive
-from automap.io.video import frame_times, iter_frames, video_chapters
+from automap.io.frame_times import frame_times
+from automap.io.video import video_chapters
+from automap.io.video_decode import iter_frames
 from automap.recording.camera import Camera
 from automap.recording.clock import HostClock
 from automap.recording.recorder import Plan, Recorder
