@@ -2,35 +2,28 @@
 
 A wrong variance hides effects, or shows some that are not there; so all levels are fitted
 together to the innovations of a smoothed drive, and again after every effect that is named.
-The search climbs along the likelihood's exact slopes (``noise_gradient``) by BFGS steps
-(Nocedal and Wright, Numerical Optimization, 2006, chapter 6) in the logarithms of the levels.
+The search climbs along the likelihood's exact slopes (``fusion.level_climb``).
 """
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
 from automap.fusion.adapt import scale_nodes, scale_problem
-from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, MAX_SCALARS, N_NAV, WANDER
+from automap.fusion.level_climb import GAIN, climb
+from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.measurements import Nodes
 from automap.fusion.passes import Pass
 from automap.fusion.problem import Problem, SmoothRun, run_forward
 from automap.gap.fit import Fit
-from automap.gap.noise_gradient import level_slopes
-from automap.records import FloatArray, IntArray
 
 LIMIT = 256.0
-GAIN = 0.3
-"""The climb ends when a step, or a whole sweep, brings less than so many nats."""
-MAX_STEPS = 14
-LARGEST_STEP = 1.0
-"""No level changes by more than a factor of e in a step."""
-HALVINGS = 3
-LEAST_INFO = 2.0
 TAU_STEPS = (2.0, 2.0**0.5)
 MAX_NODES = 4000
 """Noise is fitted on so many nodes at most, spread over the drives."""
@@ -42,14 +35,6 @@ _LIMITS = {
     # no vehicle keeps to its path so well, but a simulated one does
     "nhc_y": (0.2, 64.0),
     "nhc_z": (1.0, 64.0),
-}
-_CHANNELS = {
-    "position_h": (CH_POS, CH_POS + 1),
-    "position_v": (CH_POS + 2,),
-    "velocity_h": (CH_VEL, CH_VEL + 1),
-    "velocity_v": (CH_VEL + 2,),
-    "nhc_y": (CH_NHC,),
-    "nhc_z": (CH_NHC + 1,),
 }
 _BY_SLOPE = tuple(level for level in ALL_LEVELS if level != "wander_tau")
 
@@ -70,7 +55,7 @@ def fit_noise(
     best = -np.inf
     for _ in range(2):
         before = best
-        best, factors = _climb(fits, factors, smooth)
+        best, factors = climb(lambda trial: noise_slopes(fits, trial), factors, smooth, _limits)
         if "wander_tau" not in levels:
             break
         best, factors = _time_constant(fits, best, factors)
@@ -85,40 +70,15 @@ def noise_score(fits: Sequence[Fit], factors: Mapping[str, float]) -> float:
     return sum(_score(f, _relative(fits, factors), most) for f in fits)
 
 
-def noise_slopes(
-    fits: Sequence[Fit], factors: Mapping[str, float]
-) -> tuple[float, FloatArray, FloatArray]:
-    """Log-likelihood in nats, and by level in the order of ``ALL_LEVELS`` its slope along the
-    factor's logarithm [l] and that slope's variance where the level is right [l].
-
-    The slope along ``wander_tau`` is left at zero.
-    """
+def noise_slopes(fits: Sequence[Fit], factors: Mapping[str, float]) -> LevelLikelihood:
+    """Log-likelihood of fitted drives under other factors, and its slopes along them."""
     most = max(MAX_NODES // len(fits), 500)
     relative = _relative(fits, factors)
-    slope, info = np.zeros(len(ALL_LEVELS)), np.zeros(len(ALL_LEVELS))
-    total = 0.0
+    parts = []
     for fit in fits:
         problem, nodes, about = _scaled(fit, relative, most)
-        run = run_forward(problem, nodes, fit.start, fit.last.shift, about=about)
-        if not np.isfinite(run.score):
-            return -np.inf, slope, info
-        total += run.score
-        level_slopes(
-            nodes.t,
-            nodes.var,
-            nodes.wander_keep,
-            int(problem.model.offsets[WANDER]),
-            problem.model.tau,
-            problem.model.walk,
-            problem.arrays.noise,
-            _level_of_channel(),
-            _level_of_state(problem),
-            run.store,
-            _surprise(problem),
-            slope,
-            info,
-        )
-    return total, slope, info
+        parts.append(level_likelihood(problem, nodes, fit.start, fit.last.shift, about))
+    return reduce(operator.add, parts)
 
 
 def _limits(level: str) -> tuple[float, float]:
@@ -127,90 +87,6 @@ def _limits(level: str) -> tuple[float, float]:
 
 def _relative(fits: Sequence[Fit], factors: Mapping[str, float]) -> dict[str, float]:
     return {k: factors[k] / fits[0].model.factors[k] for k in ALL_LEVELS}
-
-
-def _level_of_channel() -> IntArray:
-    out = np.full(MAX_SCALARS, -1, dtype=np.int64)
-    for level, channels in _CHANNELS.items():
-        out[list(channels)] = ALL_LEVELS.index(level)
-    return out
-
-
-def _level_of_state(problem: Problem) -> IntArray:
-    model = problem.model
-    out = np.full(model.size, -1, dtype=np.int64)
-    for sensor in ("accel", "gyro"):
-        for axis in "xyz":
-            if f"{sensor}_bias_{axis}" in model.names:
-                row = model.index(f"{sensor}_bias_{axis}")
-                out[row] = ALL_LEVELS.index(f"{sensor}_bias_walk")
-    offset = int(model.offsets[WANDER])
-    if offset >= N_NAV:
-        out[offset : offset + 3] = ALL_LEVELS.index("wander")
-    return out
-
-
-def _surprise(problem: Problem) -> FloatArray:
-    """NIS of a channel's block beyond which it was trusted less."""
-    gate = problem.arrays.gate
-    out = np.full(MAX_SCALARS, gate[2])
-    out[CH_NHC : CH_NHC + 2] = gate[1]
-    return out
-
-
-@dataclass(frozen=True)
-class _Place:
-    """Where a climb stands: logarithms [p] of the factors, log-likelihood, slopes [p],
-    their variances [p]."""
-
-    x: FloatArray
-    score: float
-    slope: FloatArray
-    info: FloatArray
-
-
-def _climb(
-    fits: Sequence[Fit], factors: dict[str, float], levels: Sequence[str]
-) -> tuple[float, dict[str, float]]:
-    """Move ``levels`` together uphill as long as it pays."""
-    rows = [ALL_LEVELS.index(level) for level in levels]
-    low, high = (np.log([_limits(level)[i] for level in levels]) for i in (0, 1))
-
-    def place(x: FloatArray) -> _Place:
-        trial = factors | {k: float(np.exp(v)) for k, v in zip(levels, x, strict=True)}
-        score, slope, info = noise_slopes(fits, trial)
-        return _Place(x, score, slope[rows], info[rows])
-
-    here = place(np.log([factors[level] for level in levels]))
-    inverse = np.diag(1.0 / np.maximum(here.info, LEAST_INFO))
-    for _ in range(MAX_STEPS):
-        # at a limit a level stays if it wants to go beyond
-        free = ~((here.x <= low) & (here.slope < 0.0) | (here.x >= high) & (here.slope > 0.0))
-        step = np.where(free, inverse @ np.where(free, here.slope, 0.0), 0.0)
-        step *= min(1.0, LARGEST_STEP / max(float(np.abs(step).max()), 1e-12))
-        there = None
-        for _ in range(HALVINGS + 1):
-            there = place(np.clip(here.x + step, low, high))
-            if there.score > here.score:
-                break
-            step *= 0.35
-        if there is None or not there.score > here.score:
-            break
-        inverse = _updated(inverse, there.x - here.x, here.slope - there.slope)
-        gained, here = there.score - here.score, there
-        if gained < GAIN:
-            break
-    return here.score, factors | {k: float(np.exp(v)) for k, v in zip(levels, here.x, strict=True)}
-
-
-def _updated(inverse: FloatArray, moved: FloatArray, fell: FloatArray) -> FloatArray:
-    """The BFGS update of the inverse curvature [p, p] by a step and the fall of the slope."""
-    curve = float(moved @ fell)
-    if curve <= 1e-9 * float(np.linalg.norm(moved) * np.linalg.norm(fell) + 1e-300):
-        return inverse
-    rho = 1.0 / curve
-    left = np.eye(len(moved)) - rho * np.outer(moved, fell)
-    return np.asarray(left @ inverse @ left.T + rho * np.outer(moved, moved))
 
 
 def _time_constant(

@@ -28,7 +28,8 @@ def ungated() -> Fit:
 @pytest.mark.parametrize("off", [1.0, 1.7])
 def test_slopes_are_those_of_the_likelihood(ungated: Fit, off: float) -> None:
     factors = {k: v * off for k, v in ungated.model.factors.items()}
-    score, slope, info = noise_slopes([ungated], factors)
+    here = noise_slopes([ungated], factors)
+    score, slope, info = here.score, here.slope, here.info
     assert score == pytest.approx(noise_score([ungated], factors), rel=1e-9)
     assert (info >= 0.0).all()
     for i, level in enumerate(ALL_LEVELS):
@@ -47,7 +48,8 @@ def test_the_climb_ends_where_no_level_wants_to_move(ungated: Fit) -> None:
     start = dict(ungated.model.factors)
     found = fit_noise([ungated])
     assert noise_score([ungated], found) > noise_score([ungated], start)
-    _, slope, info = noise_slopes([ungated], found)
+    there = noise_slopes([ungated], found)
+    slope, info = there.slope, there.info
     for i, level in enumerate(ALL_LEVELS):
         inside = 0.21 < found[level] < 60.0 and not (level == "nhc_z" and found[level] < 1.01)
         if inside and level != "wander_tau":

@@ -1,0 +1,94 @@
+"""Log-likelihood of a drive and its slopes along the noise levels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.fusion.kernels.level_slopes import level_slopes
+from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, MAX_SCALARS, N_NAV, WANDER
+from automap.fusion.levels import ALL_LEVELS
+from automap.fusion.measurements import Nodes, Shift
+from automap.fusion.problem import PathStates, Problem, Start, run_forward
+from automap.records import FloatArray, IntArray
+
+_CHANNELS = {
+    "position_h": (CH_POS, CH_POS + 1),
+    "position_v": (CH_POS + 2,),
+    "velocity_h": (CH_VEL, CH_VEL + 1),
+    "velocity_v": (CH_VEL + 2,),
+    "nhc_y": (CH_NHC,),
+    "nhc_z": (CH_NHC + 1,),
+}
+
+
+@dataclass(frozen=True)
+class LevelLikelihood:
+    """Log-likelihood in nats, and by level in the order of ``ALL_LEVELS`` its slope along the
+    factor's logarithm [l] and that slope's variance where the level is right [l]; the slope
+    along ``wander_tau`` is left at zero."""
+
+    score: float
+    slope: FloatArray
+    info: FloatArray
+
+    def __add__(self, other: LevelLikelihood) -> LevelLikelihood:
+        return LevelLikelihood(
+            self.score + other.score, self.slope + other.slope, self.info + other.info
+        )
+
+
+def level_likelihood(
+    problem: Problem, nodes: Nodes, start: Start, shift: Shift, about: PathStates
+) -> LevelLikelihood:
+    """Likelihood of the nodes' measurements and its slopes, linearised about ``about``."""
+    slope, info = np.zeros(len(ALL_LEVELS)), np.zeros(len(ALL_LEVELS))
+    run = run_forward(problem, nodes, start, shift, about=about)
+    if not np.isfinite(run.score):
+        return LevelLikelihood(-np.inf, slope, info)
+    level_slopes(
+        nodes.t,
+        nodes.var,
+        nodes.wander_keep,
+        int(problem.model.offsets[WANDER]),
+        problem.model.tau,
+        problem.model.walk,
+        problem.arrays.noise,
+        _level_of_channel(),
+        _level_of_state(problem),
+        run.store,
+        _surprise(problem),
+        slope,
+        info,
+    )
+    return LevelLikelihood(run.score, slope, info)
+
+
+def _level_of_channel() -> IntArray:
+    out = np.full(MAX_SCALARS, -1, dtype=np.int64)
+    for level, channels in _CHANNELS.items():
+        out[list(channels)] = ALL_LEVELS.index(level)
+    return out
+
+
+def _level_of_state(problem: Problem) -> IntArray:
+    model = problem.model
+    out = np.full(model.size, -1, dtype=np.int64)
+    for sensor in ("accel", "gyro"):
+        for axis in "xyz":
+            if f"{sensor}_bias_{axis}" in model.names:
+                row = model.index(f"{sensor}_bias_{axis}")
+                out[row] = ALL_LEVELS.index(f"{sensor}_bias_walk")
+    offset = int(model.offsets[WANDER])
+    if offset >= N_NAV:
+        out[offset : offset + 3] = ALL_LEVELS.index("wander")
+    return out
+
+
+def _surprise(problem: Problem) -> FloatArray:
+    """NIS of a channel's block beyond which it was trusted less."""
+    gate = problem.arrays.gate
+    out = np.full(MAX_SCALARS, gate[2])
+    out[CH_NHC : CH_NHC + 2] = gate[1]
+    return out
