@@ -2,7 +2,8 @@
 
 ``find_gaps`` is the entry. Reading order: ``drive`` and ``model`` (what goes in), ``fit`` (a
 model on a drive), ``columns`` and ``kernels`` (how candidates would show), ``whitening``,
-``evidence`` and ``screening`` (which one does), ``noise``, ``scoring``, ``search`` (one after
+``evidence`` and ``screening`` (which one does), ``noise``, ``scoring``, ``trial`` (a candidate
+fitted), ``naming``, ``formula`` and ``dictionary`` (outside the library), ``search`` (one after
 another), ``heldout`` (the gap), ``result``.
 """
 

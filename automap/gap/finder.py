@@ -16,16 +16,8 @@ from automap.gap.locate import places, worst_by_channel
 from automap.gap.model import GapModel, base_model
 from automap.gap.result import Finding, GapResult, ParameterValue, Unexplained
 from automap.gap.scoring import Joint, whitener_of
-from automap.gap.search import (
-    MAX_FINDINGS,
-    Say,
-    State,
-    begin,
-    eliminate,
-    joint_of,
-    step,
-    values_of,
-)
+from automap.gap.search import MAX_FINDINGS, begin, eliminate, step
+from automap.gap.search_state import Say, State, joint_of, values_of
 from automap.gap.stochastic import stochastic_findings
 
 FIT_SHARE = 2.0 / 3.0

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.gap.columns import Column, node_motion, sensitivities
+from automap.gap.effect_library import library_columns
 from automap.gap.evidence import (
     Evidence,
     Scores,
@@ -17,7 +18,6 @@ from automap.gap.evidence import (
     scores_of,
 )
 from automap.gap.fit import Fit, motion_of
-from automap.gap.library import library_columns
 from automap.gap.whitening import Whitener, WhiteRows, fit_whitener, white_rows
 from automap.records import FloatArray, IntArray
 

@@ -15,9 +15,9 @@ from automap.gap import GapDrive, base_model, find_gaps
 from automap.gap.advice import advice
 from automap.gap.columns import effect_columns, node_motion, sensitivities
 from automap.gap.drive import open_drive
+from automap.gap.effect_library import library
 from automap.gap.evidence import Scores, evidence, null_maxima, p_value
 from automap.gap.fit import Fit, fit_drive, motion_of
-from automap.gap.library import library
 from automap.gap.screening import screen, whitened_innovations
 from automap.gap.whitening import fit_whitener, white_rows
 from automap.simulation.scenario import Gnss, Imu, Leg, Route, Scenario, Start, Stop, Vehicle

@@ -1,0 +1,107 @@
+"""Which name a fitted candidate is given, and what else it could be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from automap.gap.effect_library import SAME_STATE
+from automap.gap.scoring import Joint
+from automap.gap.screening import Screening
+from automap.gap.search_state import Trial
+from automap.records import FloatArray
+
+CLOSE_NATS = 3.0
+CLOSE_SHARE = 0.03
+"""Rivals within so many nats, or this share of the evidence, are said to be confusable."""
+OVERLAP = 0.8
+PRIOR_ROOM = 5.0
+"""So much of a parameter's information is another effect's, then they are confusable."""
+
+
+def by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
+    """Give effects that differ in sign alone the name that makes physical sense.
+
+    Fixes come late and stamps are late; neither is early. A low-pass has a positive constant.
+    """
+    out: dict[str, Trial] = {}
+    for trial in trials:
+        effect = trial.effect
+        value = next(iter(trial.joint.of(effect).values()), (0.0, 0.0))[0]
+        if effect in ("gnss_latency", "imu_time_offset") and value < 0.0:
+            other = "imu_time_offset" if effect == "gnss_latency" else "gnss_latency"
+            if other in effects:
+                trial = _renamed(trial, other)
+        if effect == "gnss_velocity_lag" and value <= 0.0:
+            continue
+        known = out.get(trial.effect)
+        if known is None or trial.nats > known.nats:
+            out[trial.effect] = trial
+    return list(out.values())
+
+
+def _renamed(trial: Trial, effect: str) -> Trial:
+    """The same trial told as the effect of opposite sign."""
+
+    def swap(names: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+        return tuple((effect, p) if e == trial.effect else (e, p) for e, p in names)
+
+    def sign(names: Sequence[tuple[str, str]]) -> FloatArray:
+        return np.array([-1.0 if e == trial.effect else 1.0 for e, _ in names])
+
+    joint = trial.joint
+    s = sign(joint.names)
+    joint = Joint(swap(joint.names), joint.values * s, joint.cov * np.outer(s, s), joint.nats)
+    fits = []
+    for fit in trial.fits:
+        s = sign(fit.names)
+        fits.append(
+            replace(fit, names=swap(fit.names), values=fit.values * s, cov=fit.cov * np.outer(s, s))
+        )
+    candidate = replace(trial.candidate, effect=effect)
+    return replace(trial, candidate=candidate, joint=joint, fits=tuple(fits))
+
+
+def _overlapping(screening: Screening, trial: Trial) -> list[str]:
+    """Effects whose sensitivities span nearly all of what a found parameter shows."""
+    info = screening.scores.info
+    own = next((c for c in screening.candidates if c.effect == trial.effect), None)
+    if own is None:
+        return []
+    found = trial.joint.of(trial.effect)
+    rows = [
+        row
+        for parameter, row in zip(own.parameters, own.columns, strict=True)
+        if parameter in found and abs(found[parameter][0]) > 4.0 * found[parameter][1]
+    ]
+    out = []
+    for other in screening.candidates:
+        if other.effect == trial.effect:
+            continue
+        at = other.columns
+        inner = info[np.ix_(at, at)] + np.diag((PRIOR_ROOM * other.prior_sd) ** -2.0)
+        for row in rows:
+            cross = info[row, at]
+            share = float(cross @ np.linalg.solve(inner, cross)) / max(
+                float(info[row, row]), 1e-300
+            )
+            if share > OVERLAP:
+                out.append(other.effect)
+                break
+    return out
+
+
+def rivals_of(
+    best: Trial, others: Sequence[Trial], effects: Sequence[str], screening: Screening
+) -> tuple[str, ...]:
+    """Effects that explain the data nearly as well as ``best``: what was fitted with nearly as
+    much evidence, twins to first order, and those whose sensitivities overlap."""
+    close = max(CLOSE_NATS, CLOSE_SHARE * best.joint.nats)
+    rivals = [t.effect for t in others if best.joint.nats - t.joint.nats < close]
+    for pair in SAME_STATE:
+        if best.effect in pair:
+            rivals += [e for e in pair if e != best.effect and e in effects]
+    rivals += _overlapping(screening, best)
+    return tuple(dict.fromkeys(rivals))

@@ -1,0 +1,116 @@
+"""Where a search for missing effects stands, and fits of all its drives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from automap.gap.drive import OpenDrive
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.formula import Formula
+from automap.gap.model import GapModel, parameter_names, prior_sd
+from automap.gap.scoring import Joint, combine
+from automap.gap.screening import Candidate
+from automap.records import FloatArray
+
+MIN_NATS = 7.0
+MAX_P = 1e-3
+"""An effect needs this much evidence, and this little chance, to be named."""
+LOW_WALK = 0.1
+SLOW_EFFECTS = (
+    "accel_temperature",
+    "gyro_temperature",
+    "speed_vibration",
+    "accel_quadratic",
+    "gyro_g_sensitivity",
+    "accel_scale_asymmetry",
+    "gyro_scale_asymmetry",
+    "accel_misalignment",
+    "accel_scale",
+)
+"""Effects that a random walk of the bias can stand in for."""
+WALKS = ("accel_bias_walk", "gyro_bias_walk")
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate that was fitted: joint estimate of all estimated effects, evidence in nats,
+    p-value, the model it was fitted under, the null's largest evidences."""
+
+    candidate: Candidate
+    joint: Joint
+    fits: tuple[Fit, ...]
+    model: GapModel
+    nats: float
+    p_value: float
+    maxima: FloatArray
+
+    @property
+    def effect(self) -> str:
+        """Name of the effect."""
+        return self.candidate.effect
+
+    @property
+    def scale(self) -> float:
+        """Factor on its prior sd."""
+        return self.candidate.evidence.scale
+
+    @property
+    def screened(self) -> float:
+        """Evidence of the screening in nats."""
+        return self.candidate.evidence.nats
+
+
+@dataclass
+class State:
+    """Where a search stands: fits of the drives under ``model`` with the accepted effects, the
+    noise factors ``asked`` for."""
+
+    drives: list[OpenDrive]
+    held_out: list[OpenDrive]
+    asked: Mapping[str, float]
+    model: GapModel
+    fits: list[Fit]
+    accepted: dict[str, float] = field(default_factory=dict)
+    trials: list[Trial] = field(default_factory=list)
+    rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    refused: set[str] = field(default_factory=set)
+    exclude: frozenset[str] = frozenset()
+    restarts: int = 0
+    warnings: list[str] = field(default_factory=list)
+    unexplained: Formula | None = None
+    resembles: str | None = None
+
+
+def fit_all(state: State, model: GapModel, estimate: Mapping[str, float]) -> list[Fit]:
+    """All drives under a model with effects as states."""
+    return [
+        fit_drive(d, model, estimate, start=f.start)
+        for d, f in zip(state.drives, state.fits, strict=True)
+    ]
+
+
+def prior_of(model: GapModel, estimate: Mapping[str, float]) -> FloatArray:
+    """Prior sds [p] of the estimated effects' parameters in order."""
+    return np.array(
+        [
+            scale * prior_sd(model.options, effect, parameter)
+            for effect, scale in estimate.items()
+            for parameter in parameter_names(effect)
+        ]
+    )
+
+
+def joint_of(
+    model: GapModel, estimate: Mapping[str, float], fits: Sequence[Fit], gains: Sequence[float]
+) -> Joint:
+    """The drives' estimates as one."""
+    return combine(fits, gains, prior_of(model, estimate))
+
+
+def values_of(joint: Joint, effects: Collection[str]) -> dict[str, dict[str, float]]:
+    """Effect -> parameter -> value out of a joint estimate."""
+    return {e: {p: v for p, (v, _) in joint.of(e).items()} for e in effects}

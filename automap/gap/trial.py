@@ -1,0 +1,189 @@
+"""Candidates fitted as states of the filter, under the noise that is fair to them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from automap.gap.effect_library import SAME_STATE
+from automap.gap.evidence import p_value
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.model import GapModel
+from automap.gap.noise import fit_noise
+from automap.gap.scoring import robust_score, whitener_of
+from automap.gap.screening import Candidate, Screening, screen
+from automap.gap.search_state import (
+    LOW_WALK,
+    MIN_NATS,
+    SLOW_EFFECTS,
+    WALKS,
+    Say,
+    State,
+    Trial,
+    fit_all,
+    joint_of,
+)
+from automap.records import FloatArray
+
+ALIKE = (
+    ("gnss_latency", "imu_time_offset", "gnss_velocity_latency", "gnss_velocity_lag"),
+    ("gnss_lever_arm", "nhc_lever_arm", "vehicle_sideslip"),
+    ("accel_misalignment", "imu_mounting"),
+)
+"""Families that a noisy screening mixes up: when one leads, all are fitted."""
+MAX_RESTARTS = 3
+BETTER_NATS = 10.0
+SHORTLIST = 5
+SLOW_SHORTLIST = 2
+FINALISTS = 2
+FINALIST_SHARE = 0.5
+SHORTLIST_SHARE = 0.3
+INERTIAL_LEVELS = ("accel", "gyro")
+GROSS = 2.5
+
+
+def shortlist(screening: Screening, most: int = SHORTLIST) -> list[Candidate]:
+    """The candidates worth a fit of their own, and those that look like the strongest; of two
+    that differ in sign alone, one."""
+    candidates = screening.candidates
+    if not candidates or candidates[0].evidence.nats < 0.5 * MIN_NATS:
+        return []
+    least = max(0.25 * MIN_NATS, SHORTLIST_SHARE * candidates[0].evidence.nats)
+    out = [c for c in candidates if c.evidence.nats >= least][:most]
+    alike = {e for family in ALIKE for e in family if candidates[0].effect in family}
+    out += [c for c in candidates if c.effect in alike and c not in out]
+    twins = [c for c in out if c.effect in SAME_STATE[0]]
+    return [c for c in out if c not in twins[1:]]
+
+
+def try_candidate(
+    state: State, candidate: Candidate, model: GapModel, screening: Screening, say: Say
+) -> Trial:
+    """Fit one candidate as a state next to what was accepted, under the model's noise."""
+    say(f"trying {candidate.effect}")
+    estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
+    fits = fit_all(state, model, estimate)
+    return _judge(state, candidate, model, fits, screening.maxima)
+
+
+def _judge(
+    state: State,
+    candidate: Candidate,
+    model: GapModel,
+    fits: Sequence[Fit],
+    maxima: FloatArray,
+) -> Trial:
+    """The evidence of a fitted candidate against the state's own fits."""
+    estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
+    gains = []
+    for before, after in zip(state.fits, fits, strict=True):
+        whitener = whitener_of(after)
+        gains.append(robust_score(after, whitener) - robust_score(before, whitener))
+    joint = joint_of(model, estimate, fits, gains)
+    nats = joint.nats
+    if nats > 0.0:
+        # the screening knows how much the score scatters, the fit what is not linear
+        nats /= np.sqrt(candidate.evidence.excess)
+    return Trial(candidate, joint, tuple(fits), model, float(nats), p_value(nats, maxima), maxima)
+
+
+def found_better_noise(state: State, trials: Sequence[Trial], say: Say) -> bool:
+    """Whether a trial's noise suits the model better without its effect too; then it is taken.
+
+    A search over noise levels ends on one top of several; what a trial gains by another top is
+    no evidence for its effect.
+    """
+    now = sum(f.score for f in state.fits)
+    for trial in trials:
+        same = dict(trial.model.factors) == dict(state.model.factors)
+        if same or trial.joint.nats < MIN_NATS or state.restarts >= MAX_RESTARTS:
+            continue
+        model = replace(state.model, factors=trial.model.factors)
+        fits = fit_all(state, model, state.accepted)
+        if sum(f.score for f in fits) > now + BETTER_NATS:
+            say("starting again from better noise")
+            state.model = replace(model, factors=fit_noise(fits))
+            state.fits = fit_all(state, state.model, state.accepted)
+            state.restarts += 1
+            return True
+    return False
+
+
+def with_own_noise(state: State, trials: Sequence[Trial], say: Say) -> list[Trial]:
+    """The strongest trials again, each with the noise that suits it, best first.
+
+    Noise that was fitted without an effect has swallowed part of it, and not of every effect
+    the same share.
+    """
+    out = []
+    for i, trial in enumerate(trials):
+        strong = trial.nats >= MIN_NATS and trial.nats > FINALIST_SHARE * trials[0].nats
+        if i >= FINALISTS or not strong:
+            out.append(trial)
+            continue
+        say(f"fitting the noise with {trial.effect}")
+        model = replace(trial.model, factors=fit_noise(trial.fits))
+        estimate = state.accepted | {trial.effect: trial.scale}
+        fits = [
+            fit_drive(d, model, estimate, start=f.start)
+            for d, f in zip(state.drives, trial.fits, strict=True)
+        ]
+        again = _judge(state, trial.candidate, model, fits, trial.maxima)
+        out.append(again if again.joint.nats > trial.joint.nats else trial)
+    return sorted(out, key=lambda t: -t.joint.nats)
+
+
+def slow_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
+    """Candidates that make a fitted random walk unnecessary.
+
+    A slow effect that is missing has already been taken for drift of the biases when the noise
+    was fitted. So the screening is repeated with little drift, and what stands out there is
+    fitted so and compared with the model that drifts.
+    """
+    raised = [w for w in WALKS if state.model.factors[w] > 1.5 * LOW_WALK]
+    slow = [e for e in effects if e in SLOW_EFFECTS]
+    if not raised or not slow:
+        return []
+    say("screening with little drift")
+    low = replace(state.model, factors={**state.model.factors, **dict.fromkeys(raised, LOW_WALK)})
+    screening = screen(fit_all(state, low, state.accepted), slow)
+    out = []
+    for candidate in shortlist(screening, SLOW_SHORTLIST):
+        # with too little drift everything scatters; the model compared with has all it wants
+        candidate = replace(candidate, evidence=replace(candidate.evidence, excess=1.0))
+        say(f"trying {candidate.effect} in place of drift")
+        estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
+        fits = fit_all(state, low, estimate)
+        model = replace(low, factors=fit_noise(fits, raised))
+        out.append(
+            _judge(state, candidate, model, fit_all(state, model, estimate), screening.maxima)
+        )
+    return out
+
+
+def gross_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
+    """Candidates under the noise that the model was asked with.
+
+    Something gross that is missing has driven the noise of the inertial sensors up until the
+    path follows the fixes, whatever is wrong with them, and no candidate shows any more.
+    """
+    asked = state.asked
+    if all(state.model.factors[k] < GROSS * asked[k] for k in INERTIAL_LEVELS):
+        return []
+    say("screening under the noise as stated")
+    plain = replace(state.model, factors=asked)
+    fits = fit_all(state, plain, state.accepted)
+    screening = screen(fits, effects)
+    stand_in = replace(state, model=plain, fits=fits)
+    trials = [try_candidate(stand_in, c, plain, screening, say) for c in shortlist(screening, 3)]
+    trials.sort(key=lambda t: -t.joint.nats)
+    out = []
+    for trial in trials[:4]:
+        say(f"fitting the noise with {trial.effect}")
+        model = replace(plain, factors=fit_noise(trial.fits))
+        estimate = state.accepted | {trial.effect: trial.scale}
+        again = fit_all(replace(state, fits=list(trial.fits)), model, estimate)
+        out.append(_judge(state, trial.candidate, model, again, screening.maxima))
+    return out
