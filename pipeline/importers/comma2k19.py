@@ -10,7 +10,8 @@ import numpy as np
 
 from automap.io import names
 from automap.io.atomic import make_folder, write_bytes, write_text
-from pipeline.importers.target import Import, new_drive, write_arrival, write_csv, write_imu
+from pipeline.importers.parts import write_arrival, write_csv, write_imu
+from pipeline.importers.target import Import, new_drive
 
 if TYPE_CHECKING:
     from automap.io.comma2k19 import Reference, Segment

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automap.io.atomic import make_folder, write_bytes
+from automap.io.atomic import write_bytes
 from automap.records import FixType
 from automap.timebase import unix_to_gps
-from pipeline.importers.target import (
-    Import,
+from pipeline.importers.parts import (
     gnss_section,
     imu_section,
-    new_drive,
     video_section,
-    write_frames,
+    write_image_files,
     write_imu,
 )
+from pipeline.importers.target import Import, new_drive
 
 if TYPE_CHECKING:
     from automap.io.euroc import EurocCamera, EurocRecording
@@ -67,14 +65,6 @@ def _write_positions(run: Import, recording: EurocRecording) -> str:
 
 
 def _write_video(run: Import, camera: EurocCamera) -> str:
-    from automap.io.image_video import as_jpeg, write_image_video
-
-    def images() -> Iterator[tuple[int, bytes]]:
-        for path, stamp in zip(camera.images, camera.t_ns.tolist(), strict=True):
-            yield stamp, as_jpeg(path.read_bytes(), str(path))
-
     run.sources += camera.images
-    folder = make_folder(run.folder / "video")
-    write_image_video(folder / "front.mp4", images())
-    write_frames(run, camera.t_ns)
-    return video_section("front.mp4", "unix_ns", matrix=camera.matrix, distortion=camera.distortion)
+    name = write_image_files(run, camera.images, camera.t_ns)
+    return video_section(name, "unix_ns", matrix=camera.matrix, distortion=camera.distortion)

@@ -9,17 +9,12 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.io.atomic import make_folder, write_bytes
-from pipeline.importers.target import (
-    Import,
-    copy_or_link,
-    new_drive,
-    toml,
-    write_arrival,
-    write_imu,
-)
+from pipeline.importers.parts import copy_or_link, write_arrival, write_imu
+from pipeline.importers.target import Import, new_drive, toml
 
 if TYPE_CHECKING:
-    from automap.io.gopro import GoProPositions, GoProRecording
+    from automap.io.gopro import GoProRecording
+    from automap.io.gopro_positions import GoProPositions
 
 _NOTES = (
     "All times are nanoseconds of the video's clock, its first frame at zero.",
@@ -81,7 +76,7 @@ def _write(run: Import, recording: GoProRecording, chapters: list[Path], link: b
 
 
 def _write_positions(run: Import, found: GoProPositions) -> None:
-    from automap.io.gopro import course_of_positions
+    from automap.io.gopro_positions import course_of_positions
     from automap.io.nmea_writer import Positions, nmea_positions, unknown
 
     rows = np.flatnonzero(np.isfinite(found.unix_s))

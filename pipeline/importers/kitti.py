@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automap.io.atomic import make_folder, write_bytes
+from automap.io.atomic import write_bytes
 from automap.records import FixType, FloatArray
 from automap.timebase import unix_to_gps
-from pipeline.importers.target import (
-    Import,
+from pipeline.importers.parts import (
     gnss_section,
     imu_section,
-    new_drive,
     video_section,
-    write_frames,
+    write_image_files,
     write_imu,
     write_truth,
 )
+from pipeline.importers.target import Import, new_drive
 
 if TYPE_CHECKING:
     from automap.io.kitti_raw import KittiCamera, KittiDrive
@@ -91,19 +89,9 @@ def _write(run: Import, drive: KittiDrive, no_video: bool) -> None:
 
 
 def _write_video(run: Import, drive: KittiDrive) -> str:
-    from automap.io.image_video import as_jpeg, write_image_video
-
-    def images() -> Iterator[tuple[int, bytes]]:
-        for path, stamp in zip(drive.images, drive.image_t_ns.tolist(), strict=True):
-            yield stamp, as_jpeg(path.read_bytes(), str(path))
-
     run.sources += drive.images
-    folder = make_folder(run.folder / "video")
-    write_image_video(folder / "front.mp4", images())
-    write_frames(run, drive.image_t_ns)
-    return video_section(
-        "front.mp4", "unix_ns", matrix=drive.camera.matrix, more=_mounting(drive.camera)
-    )
+    name = write_image_files(run, drive.images, drive.image_t_ns)
+    return video_section(name, "unix_ns", matrix=drive.camera.matrix, more=_mounting(drive.camera))
 
 
 def _mounting(camera: KittiCamera) -> str:

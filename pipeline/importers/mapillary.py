@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automap.io.atomic import make_folder, write_bytes
+from automap.io.atomic import write_bytes
 from automap.records import FixType
 from automap.timebase import unix_to_gps
-from pipeline.importers.target import (
-    Import,
-    gnss_section,
-    new_drive,
-    video_section,
-    write_arrival,
-    write_frames,
-)
+from pipeline.importers.parts import gnss_section, video_section, write_arrival, write_image_files
+from pipeline.importers.target import Import, new_drive
 
 if TYPE_CHECKING:
     from automap.io.exif_images import PlacedImage
@@ -79,17 +72,8 @@ def _write_positions(run: Import, images: list[PlacedImage]) -> None:
 
 
 def _write_video(run: Import, images: list[PlacedImage]) -> str:
-    from automap.io.image_video import as_jpeg, write_image_video
-
-    t_ns = _spread(_stamps(images))
-
-    def frames() -> Iterator[tuple[int, bytes]]:
-        for image, stamp in zip(images, t_ns.tolist(), strict=True):
-            yield stamp, as_jpeg(image.path.read_bytes(), str(image.path))
-
-    write_image_video(make_folder(run.folder / "video") / "front.mp4", frames())
-    write_frames(run, t_ns)
-    return video_section("front.mp4", "unix_ns", more="mount_rpy_sigma_deg = 5.0\n")
+    name = write_image_files(run, [image.path for image in images], _spread(_stamps(images)))
+    return video_section(name, "unix_ns", more="mount_rpy_sigma_deg = 5.0\n")
 
 
 def _spread(t_ns: np.ndarray) -> np.ndarray:

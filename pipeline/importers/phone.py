@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automap.io.atomic import make_folder, write_bytes
-from pipeline.importers.target import (
-    Import,
+from pipeline.importers.parts import (
     copy_or_link,
     gnss_section,
     imu_section,
-    new_drive,
     write_arrival,
     write_imu,
 )
+from pipeline.importers.target import Import, new_drive
 
 if TYPE_CHECKING:
     from automap.io.phone_logs import PhoneLog

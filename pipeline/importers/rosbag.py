@@ -11,16 +11,15 @@ import numpy as np
 from automap.errors import InputError
 from automap.io.atomic import make_folder, write_bytes
 from automap.timebase import unix_to_gps
-from pipeline.importers.target import (
-    Import,
+from pipeline.importers.parts import (
     gnss_section,
     imu_section,
-    new_drive,
     video_section,
     write_arrival,
     write_frames,
     write_imu,
 )
+from pipeline.importers.target import Import, new_drive
 
 if TYPE_CHECKING:
     from automap.io.rosbag import Bag

@@ -10,7 +10,8 @@ import numpy as np
 
 from automap.io import names
 from automap.io.atomic import make_folder, write_text
-from pipeline.importers.target import Import, new_drive, toml, write_arrival, write_csv
+from pipeline.importers.parts import write_arrival, write_csv
+from pipeline.importers.target import Import, new_drive, toml
 
 if TYPE_CHECKING:
     from automap.io.rtklib_recording import RtklibFiles

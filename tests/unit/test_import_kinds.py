@@ -13,6 +13,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from import_bags import write_bag
+from import_data_sets import write_euroc, write_kitti
+from import_phones import write_gnss_logger, write_mapillary, write_sensor_logger
+from import_rtklib import write_rtklib
 
 from automap.errors import ConfigError, InputError
 from automap.io.drive import load_drive
@@ -67,7 +71,7 @@ def check_video(out: Path, brightness: bool = True) -> None:
 
 @pytest.mark.parametrize("ros2", [False, True], ids=["bag", "mcap"])
 def test_a_ros_recording(tmp_path: Path, ros2: bool) -> None:
-    bag = made.write_bag(tmp_path / ("two" if ros2 else "one.bag"), ros2=ros2)
+    bag = write_bag(tmp_path / ("two" if ros2 else "one.bag"), ros2=ros2)
     out = tmp_path / "drive"
     warnings = import_rosbag(bag, out)
     assert [text for text in warnings if "CameraInfo" not in text] == []
@@ -85,7 +89,7 @@ def test_a_ros_recording(tmp_path: Path, ros2: bool) -> None:
 
 
 def test_a_receivers_own_message_is_preferred(tmp_path: Path) -> None:
-    bag = made.write_bag(tmp_path / "one.bag", ros2=False, ublox=True, raw_images=True)
+    bag = write_bag(tmp_path / "one.bag", ros2=False, ublox=True, raw_images=True)
     import_rosbag(bag, tmp_path / "drive")
     recording = read(tmp_path / "drive")
     check_fixes(recording)
@@ -98,7 +102,7 @@ def test_a_receivers_own_message_is_preferred(tmp_path: Path) -> None:
 
 
 def test_topics_can_be_named(tmp_path: Path) -> None:
-    bag = made.write_bag(tmp_path / "one.bag", ros2=False, ublox=True)
+    bag = write_bag(tmp_path / "one.bag", ros2=False, ublox=True)
     import_rosbag(bag, tmp_path / "drive", gnss_topic="/gps/fix", no_video=True)
     assert (tmp_path / "drive/gnss.pos").is_file()
     assert not (tmp_path / "drive/video").exists()
@@ -108,7 +112,7 @@ def test_topics_can_be_named(tmp_path: Path) -> None:
 
 
 def test_kitti_raw(tmp_path: Path) -> None:
-    source = made.write_kitti(tmp_path / "kitti")
+    source = write_kitti(tmp_path / "kitti")
     assert import_kitti(source, tmp_path / "drive") == []
     recording = read(tmp_path / "drive")
     check_fixes(recording)
@@ -129,7 +133,7 @@ def test_kitti_raw(tmp_path: Path) -> None:
 
 
 def test_euroc(tmp_path: Path) -> None:
-    source = made.write_euroc(tmp_path / "asl")
+    source = write_euroc(tmp_path / "asl")
     import_euroc(source, tmp_path / "drive", axes="FLU")
     recording = read(tmp_path / "drive")
     check_imu(recording)
@@ -141,7 +145,7 @@ def test_euroc(tmp_path: Path) -> None:
 
 
 def test_euroc_without_positions_is_not_usable_and_says_so(tmp_path: Path) -> None:
-    source = made.write_euroc(tmp_path / "asl", gps=False)
+    source = write_euroc(tmp_path / "asl", gps=False)
     assert any("gps0" in text for text in import_euroc(source, tmp_path / "drive"))
     report = check_drive(tmp_path / "drive")
     assert not report.usable
@@ -150,7 +154,7 @@ def test_euroc_without_positions_is_not_usable_and_says_so(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("zipped", [False, True])
 def test_sensor_logger(tmp_path: Path, zipped: bool) -> None:
-    source = made.write_sensor_logger(tmp_path / "log")
+    source = write_sensor_logger(tmp_path / "log")
     if zipped:
         with zipfile.ZipFile(tmp_path / "log.zip", "w") as archive:
             for path in source.iterdir():
@@ -166,7 +170,7 @@ def test_sensor_logger(tmp_path: Path, zipped: bool) -> None:
 
 
 def test_raw_values_of_ios_are_turned_round(tmp_path: Path) -> None:
-    source = made.write_sensor_logger(tmp_path / "log")
+    source = write_sensor_logger(tmp_path / "log")
     for name in ("Accelerometer", "Gravity"):
         lines = (source / f"{name}.csv").read_text().splitlines()
         rows = [line.split(",") for line in lines[1:]]
@@ -179,7 +183,7 @@ def test_raw_values_of_ios_are_turned_round(tmp_path: Path) -> None:
 
 
 def test_gnss_logger(tmp_path: Path) -> None:
-    source = made.write_gnss_logger(tmp_path / "gnss_log.txt")
+    source = write_gnss_logger(tmp_path / "gnss_log.txt")
     warnings = import_gnss_logger(source, tmp_path / "drive", axes="FLU")
     assert ["fused" in text for text in warnings] == [True]
     recording = read(tmp_path / "drive")
@@ -191,7 +195,7 @@ def test_gnss_logger(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("described", [False, True], ids=["exif", "description"])
 def test_mapillary(tmp_path: Path, described: bool) -> None:
-    source = made.write_mapillary(tmp_path / "images", described)
+    source = write_mapillary(tmp_path / "images", described)
     import_mapillary(source, tmp_path / "drive")
     recording = read(tmp_path / "drive")
     check_fixes(recording, step=5)
@@ -204,7 +208,7 @@ def test_mapillary(tmp_path: Path, described: bool) -> None:
 
 @pytest.mark.parametrize("lost", [False, True], ids=["as logged", "copied as text"])
 def test_rtklib_tags_put_both_streams_on_one_clock(tmp_path: Path, lost: bool) -> None:
-    source = made.write_rtklib(tmp_path / "log", carriage_returns_lost=lost)
+    source = write_rtklib(tmp_path / "log", carriage_returns_lost=lost)
     import_rtklib(source, tmp_path / "drive", axes="FLU")
     recording = read(tmp_path / "drive")
     check_imu(recording)
@@ -227,7 +231,7 @@ def test_a_bare_rlog_is_refused_with_a_way_out(tmp_path: Path) -> None:
 
 
 def test_lineage_names_the_sources_and_what_was_written(tmp_path: Path) -> None:
-    source = made.write_gnss_logger(tmp_path / "gnss_log.txt")
+    source = write_gnss_logger(tmp_path / "gnss_log.txt")
     import_gnss_logger(source, tmp_path / "drive")
     lineage = json.loads((tmp_path / "drive/import.json").read_text())
     assert lineage["kind"] == "gnss-logger"
@@ -235,20 +239,20 @@ def test_lineage_names_the_sources_and_what_was_written(tmp_path: Path) -> None:
     assert lineage["source_files"][0]["bytes"] == source.stat().st_size
     assert set(lineage["written"]) == {"drive.toml", "gnss.nmea", "gnss_arrival.csv", "imu.csv"}
     # another kind into the same folder: nothing of the first stays
-    import_mapillary(made.write_mapillary(tmp_path / "images", True), tmp_path / "drive")
+    import_mapillary(write_mapillary(tmp_path / "images", True), tmp_path / "drive")
     assert not (tmp_path / "drive/imu.csv").exists()
 
 
 Importer = Callable[[Path, Path], list[str]]
 _SOURCES: dict[str, tuple[Callable[[Path], Path], Importer]] = {
-    "bag": (lambda p: made.write_bag(p / "one.bag", ros2=False), import_rosbag),
-    "mcap": (lambda p: made.write_bag(p / "two", ros2=True), import_rosbag),
-    "kitti": (lambda p: made.write_kitti(p / "k"), import_kitti),
-    "euroc": (lambda p: made.write_euroc(p / "e"), import_euroc),
-    "sensor-logger": (lambda p: made.write_sensor_logger(p / "s"), import_sensor_logger),
-    "gnss-logger": (lambda p: made.write_gnss_logger(p / "g.txt"), import_gnss_logger),
-    "mapillary": (lambda p: made.write_mapillary(p / "m", False), import_mapillary),
-    "rtklib": (lambda p: made.write_rtklib(p / "r"), import_rtklib),
+    "bag": (lambda p: write_bag(p / "one.bag", ros2=False), import_rosbag),
+    "mcap": (lambda p: write_bag(p / "two", ros2=True), import_rosbag),
+    "kitti": (lambda p: write_kitti(p / "k"), import_kitti),
+    "euroc": (lambda p: write_euroc(p / "e"), import_euroc),
+    "sensor-logger": (lambda p: write_sensor_logger(p / "s"), import_sensor_logger),
+    "gnss-logger": (lambda p: write_gnss_logger(p / "g.txt"), import_gnss_logger),
+    "mapillary": (lambda p: write_mapillary(p / "m", False), import_mapillary),
+    "rtklib": (lambda p: write_rtklib(p / "r"), import_rtklib),
 }
 
 
