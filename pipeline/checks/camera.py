@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from automap.errors import InputError
 from automap.io.drive import Drive, VideoInput
-from automap.io.video import VideoHeader, read_header
+from automap.io.video import VideoHeader, read_chapter, read_header
 from automap.plausibility import Finding
 
 _SAME_START_S = 3.0
+_COUNTED_BYTES = 1 << 30
+"""Files up to this size are gone through where the header does not give the frames."""
 
 
 def check(drive: Drive, video: VideoInput) -> Iterator[tuple[Path | str, list[Finding]]]:
@@ -24,8 +27,9 @@ def check(drive: Drive, video: VideoInput) -> Iterator[tuple[Path | str, list[Fi
         except InputError as error:
             yield path, [Finding("warning", str(error))]
             continue
+        header, counted = _counted(path, header)
         headers.append(header)
-        yield path, _chapter(video, header)
+        yield path, [*_chapter(video, header), *counted]
     yield drive.manifest_file, geometry(drive, video, headers)
     if headers and video.frames is None:
         yield drive.manifest_file, _start(video, headers)
@@ -38,12 +42,25 @@ def check(drive: Drive, video: VideoInput) -> Iterator[tuple[Path | str, list[Fi
     yield from _listed(video)
 
 
+def _counted(path: Path, header: VideoHeader) -> tuple[VideoHeader, list[Finding]]:
+    """The header with number of frames and length; a file that does not say, as one that was
+    written while it was recorded, is gone through unless it is large."""
+    if (header.frames and np.isfinite(header.duration_s)) or path.stat().st_size > _COUNTED_BYTES:
+        return header, []
+    try:
+        chapter = read_chapter(path)
+    except InputError as error:
+        return header, [Finding("warning", str(error))]
+    length_s = (chapter.end_ns - int(chapter.pts_ns[0])) * 1e-9
+    counted = replace(header, frames=len(chapter.pts_ns), duration_s=length_s)
+    return counted, [Finding("warning", text) for text in chapter.warnings]
+
+
 def _chapter(video: VideoInput, header: VideoHeader) -> list[Finding]:
-    text = (
-        f"{header.codec} {header.width}x{header.height}, {header.frames} frames, "
-        f"{header.duration_s:.1f} s"
-    )
-    findings = [Finding("ok", text)]
+    frames = f"{header.frames} frames" if header.frames else "frames not counted in the file"
+    known = np.isfinite(header.duration_s)
+    length = f"{header.duration_s:.1f} s" if known else "length not in the file"
+    findings = [Finding("ok", f"{header.codec} {header.width}x{header.height}, {frames}, {length}")]
     if not header.first_frame:
         findings.append(
             Finding("warning", "its first picture cannot be decoded", "copy the file again")
@@ -126,12 +143,14 @@ def _start(video: VideoInput, headers: list[VideoHeader]) -> list[Finding]:
     created = headers[0].created_s
     if video.section.time != "unix_ns" or not np.isfinite(created):
         return []
+    seconds = headers[0].duration_s
+    length = f"{seconds:.1f} s" if np.isfinite(seconds) else "the length of the video"
     if abs(start_ns * 1e-9 - created) < _SAME_START_S:
         return [
             Finding(
                 "warning",
                 f"{name} start_ns equals the creation time in the file",
-                f"many cameras write the end there: if so, subtract {headers[0].duration_s:.1f} s; "
+                f"many cameras write the end there: if so, subtract {length}; "
                 "whole seconds are not enough either way",
             )
         ]

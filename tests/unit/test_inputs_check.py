@@ -255,6 +255,28 @@ def test_a_camera_that_does_not_fit_its_video(drive: Path) -> None:
     assert "another resolution" in _errors(check_drive(drive))
 
 
+def test_frames_that_the_header_does_not_give_are_counted(
+    drive: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import av
+
+    from pipeline.checks import camera
+
+    with av.open(str(drive / "front.mkv"), "w", options={"live": "1"}) as container:
+        stream = container.add_stream("mpeg4", rate=10, width=96, height=64, pix_fmt="yuv420p")
+        for _ in range(30):
+            picture = av.VideoFrame.from_ndarray(np.zeros((64, 96, 3), np.uint8), format="bgr24")
+            container.mux(stream.encode(picture))
+        container.mux(stream.encode())
+    with (drive / "drive.toml").open("a") as manifest:
+        manifest.write('[video.front]\nfiles = ["front.mkv"]\nstart_ns = 0\n')
+    assert "mpeg4 96x64, 30 frames, 3.0 s" in check_drive(drive).text()
+    monkeypatch.setattr(camera, "_COUNTED_BYTES", 100)
+    text = check_drive(drive).text()
+    assert "frames not counted in the file, length not in the file" in text
+    assert "nan" not in text
+
+
 def test_a_folder_that_is_no_drive_is_a_finding(tmp_path: Path) -> None:
     report = check_drive(tmp_path)
     assert not report.usable
