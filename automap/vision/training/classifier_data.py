@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import cv2
@@ -15,6 +14,7 @@ from automap.vision.classifier import crop_faces
 from automap.vision.training import scenes
 from automap.vision.training.art import Face
 from automap.vision.training.degrade import at_random
+from automap.vision.training.drawings import Drawings
 from automap.vision.training.street_data import Crop, Street
 from automap.vision.vocabulary import load_vocabulary
 
@@ -22,8 +22,6 @@ Image = npt.NDArray[np.uint8]
 Random = np.random.Generator
 
 NO_SIGN = "no-sign"
-_CIRCLES = {"red": "red-circle", "blue": "blue-circle", "green": "green-circle",
-            "yellow": "yellow-circle", "orange": "yellow-circle"}  # fmt: skip
 
 
 def labels() -> list[str]:
@@ -31,31 +29,10 @@ def labels() -> list[str]:
     return [*load_classes(), *load_vocabulary().groups, NO_SIGN]
 
 
-def group_of_face(face: Face) -> str:
-    """The group of shape and colour that a drawn face belongs to."""
-    if face.shape == "circle":
-        return _CIRCLES.get(face.colour, "white-circle")
-    if face.shape == "octagon" and face.colour == "red":
-        return "red-octagon"
-    if face.shape in ("triangle-up", "triangle-down") and face.colour == "red":
-        return f"red-{face.shape}"
-    if face.shape == "diamond" and face.colour in ("yellow", "orange", "white"):
-        return f"{face.colour}-diamond"
-    if face.shape == "rectangle":
-        colour = {"grey": "white", "brown": "red"}.get(face.colour, face.colour)
-        return f"{colour}-square"
-    return "other"
-
-
 @dataclass(frozen=True)
 class _Real:
     image: Image
     box: FloatArray
-
-
-def _base(name: str) -> str:
-    """A class name without its number of variant."""
-    return re.sub(r"--(g\d+|au)$", "", name)
 
 
 class CropMaker:
@@ -75,25 +52,8 @@ class CropMaker:
         for street in streets:
             for box, number in zip(street.boxes, street.classes, strict=True):
                 self._real.setdefault(by_number[int(number)], []).append(_Real(street.image, box))
-        by_name = {face.name: face for face in faces}
-        self.art: dict[str, list[Face]] = {}
-        for name, entry in classes.items():
-            drawn = [by_name[a] for a in entry.art if a in by_name]
-            free = [face for face in drawn if not face.held]
-            kept = [face for face in drawn if face.held] if free else []
-            chosen = kept if held else (free or drawn)
-            if chosen:
-                self.art[name] = chosen
-        named = {a for entry in classes.values() for a in entry.art}
-        bases = {(_base(name), entry.group) for name, entry in classes.items()}
-        self.unknown: dict[str, list[Face]] = {}
-        for face in faces:
-            group = group_of_face(face)
-            # a variant of a class that looks much like it is neither the class nor unknown
-            if face.plate or face.name in named or (_base(face.name), group) in bases:
-                continue
-            if face.held == held:
-                self.unknown.setdefault(group, []).append(face)
+        self._drawings = Drawings(faces, held)
+        self.art, self.unknown = self._drawings.art, self._drawings.unknown
 
     def real(self, rng: Random) -> tuple[Image, int]:
         """A crop of a real sign."""
@@ -111,17 +71,12 @@ class CropMaker:
 
     def drawn(self, rng: Random) -> tuple[Image, int]:
         """A drawn face of a class."""
-        names = list(self.art)
-        name = names[int(rng.integers(len(names)))]
-        face = self.art[name][int(rng.integers(len(self.art[name])))]
+        face, name = self._drawings.named(rng)
         return self._set(face, rng), self._index[name]
 
     def other(self, rng: Random) -> tuple[Image, int]:
         """A drawn face that is no class, labelled with its group."""
-        groups = list(self.unknown)
-        share = np.array([len(self.unknown[g]) ** 0.5 for g in groups])
-        group = groups[int(rng.choice(len(groups), p=share / share.sum()))]
-        face = self.unknown[group][int(rng.integers(len(self.unknown[group])))]
+        face, group = self._drawings.other(rng)
         return self._set(face, rng), self._index[group]
 
     def nothing(self, rng: Random) -> tuple[Image, int]:
@@ -147,11 +102,11 @@ class CropMaker:
         image = at_random(image, rng, 0.8)
         return crop_faces(image, jittered(box, rng)[None])[0], len(self._names) - 1
 
-    def _set(self, face: Face, rng: Random) -> Image:
+    def _set(self, face: Image, rng: Random) -> Image:
         street = self._streets[int(rng.integers(len(self._streets)))]
         height, width = street.image.shape[:2]
         size = float(np.exp(rng.uniform(np.log(13), np.log(90))))
-        high, wide = face.image.shape[:2]
+        high, wide = face.shape[:2]
         half = np.array([wide, high]) / np.sqrt(wide * high) * size / 2
         reach = int(half.max() * 1.5) + 6
         x = int(rng.uniform(reach, width - reach))
@@ -164,7 +119,7 @@ class CropMaker:
         box = np.concatenate([middle - half, middle + half])
         if rng.random() < 0.6:
             scenes.pole(part, box, rng)
-        placed = scenes.draw_face(part, face.image, box, rng)
+        placed = scenes.draw_face(part, face, box, rng)
         part = at_random(part, rng, 0.8)
         return np.asarray(
             crop_faces(part, jittered(box if placed is None else placed, rng)[None])[0], np.uint8

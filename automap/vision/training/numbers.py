@@ -1,0 +1,130 @@
+"""Faces with numbers and letters drawn in many types: limits of speed, parking, hospital.
+
+Digits differ from country to country more than anything else on a sign, and the drawings show
+one or two types of each number.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+Image = npt.NDArray[np.uint8]
+Random = np.random.Generator
+
+LIMITS = (5, 10, 15, 20, 25, 30, 40, 50, 60, 70, 80, 90, 100, 110, 120, 130)
+"""The limits that are classes."""
+_TYPES = ("DejaVuSans-Bold", "DejaVuSans", "DejaVuSansMono-Bold", "STIXGeneralBol", "cmss10")
+_SIDE = 112
+
+
+def limit_name(number: int) -> str:
+    """The class of a limit of speed."""
+    return f"regulatory--maximum-speed-limit-{number}--g1"
+
+
+@cache
+def _letters(text: str, kind: str) -> Image:
+    """Text as white on black, cropped to what is drawn, 96 px high; matplotlib's types."""
+    import matplotlib
+    from PIL import Image as Picture
+    from PIL import ImageDraw, ImageFont
+
+    path = f"{matplotlib.get_data_path()}/fonts/ttf/{kind}.ttf"
+    font = ImageFont.truetype(path, 110)
+    x0, y0, x1, y1 = (int(v) for v in font.getbbox(text))
+    picture = Picture.new("L", (x1 - x0 + 8, y1 - y0 + 8), 0)
+    ImageDraw.Draw(picture).text((4 - x0, 4 - y0), text, 255, font)
+    grey = np.asarray(picture, np.uint8)
+    rows, columns = np.nonzero(grey > 127)
+    part = grey[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+    wide = max(8, round(part.shape[1] * 96 / part.shape[0]))
+    return np.asarray(cv2.resize(part, (wide, 96), interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def text_cover(text: str, rng: Random, wide: float, high: float) -> npt.NDArray[np.float32]:
+    """Text [rows, columns] of 0..1 within ``wide`` by ``high`` px, in a type at random."""
+    drawn = _letters(text, _TYPES[int(rng.integers(len(_TYPES)))])
+    weight = int(rng.integers(-1, 7))
+    if weight > 0:
+        drawn = np.asarray(
+            cv2.dilate(cv2.copyMakeBorder(drawn, 4, 4, 4, 4, 0), np.ones((weight, weight))),
+            np.uint8,
+        )
+    narrow = rng.uniform(0.62, 1.1)
+    scale = min(high / drawn.shape[0], wide / (drawn.shape[1] * narrow))
+    size = (
+        max(3, round(drawn.shape[1] * narrow * scale)),
+        max(3, round(drawn.shape[0] * scale)),
+    )
+    return np.asarray(cv2.resize(drawn, size, interpolation=cv2.INTER_AREA) / 255.0, np.float32)
+
+
+def _print(face: Image, cover: npt.NDArray[np.float32], middle: tuple[float, float],
+           ink: npt.NDArray[np.float64]) -> None:  # fmt: skip
+    rows, columns = cover.shape
+    x, y = round(middle[0] - columns / 2), round(middle[1] - rows / 2)
+    part = face[y : y + rows, x : x + columns, :3]
+    share = cover[: part.shape[0], : part.shape[1], None]
+    part[:] = np.asarray(part * (1 - share) + ink * share, np.uint8)
+
+
+def limit_face(number: int, rng: Random) -> Image:
+    """A red ring about a number, on its own or on a white plate as in Australia; BGRA."""
+    plate = rng.random() < 0.5
+    diameter = _SIDE * (rng.uniform(0.8, 0.94) if plate else 1.0)
+    high = round(_SIDE * (rng.uniform(1.0, 1.35) if plate else 1.0))
+    face = np.zeros((high, _SIDE, 4), np.uint8)
+    white = rng.uniform(225, 255, 3)
+    red = np.array([rng.uniform(15, 70), rng.uniform(15, 60), rng.uniform(165, 230)])
+    middle = ((_SIDE - 1) / 2, diameter / 2 + (_SIDE - diameter) / 2 - 0.5)
+    if plate:
+        cv2.rectangle(face, (0, 0), (_SIDE - 1, high - 1), (*white, 255), -1)
+        if rng.random() < 0.5:
+            edge = int(rng.integers(2, 5))
+            cv2.rectangle(face, (edge, edge), (_SIDE - 1 - edge, high - 1 - edge),
+                          (20, 20, 20, 255), int(rng.integers(1, 3)), cv2.LINE_AA)  # fmt: skip
+        middle = (middle[0], min(middle[1], high - 1 - diameter / 2))
+    y, x = np.mgrid[0:high, 0:_SIDE]
+    away = np.hypot(x - middle[0], y - middle[1])
+    ring = diameter * rng.uniform(0.08, 0.16)
+    rim = diameter * rng.uniform(0.01, 0.03) if rng.random() < 0.3 else 0.0
+    for radius, colour in (
+        (diameter / 2, white), (diameter / 2 - rim, red), (diameter / 2 - rim - ring, white)
+    ):  # fmt: skip
+        cover = np.clip(radius - away + 0.5, 0.0, 1.0)[:, :, None]
+        face[:, :, :3] = face[:, :, :3] * (1 - cover) + colour * cover
+        face[:, :, 3] = np.maximum(face[:, :, 3], 255 * cover[:, :, 0])
+    inner = diameter - 2 * (ring + rim)
+    text = text_cover(
+        str(number), rng, inner * rng.uniform(0.74, 0.9), inner * rng.uniform(0.45, 0.68)
+    )
+    _print(face, text, middle, rng.uniform(5, 45, 3))
+    return face
+
+
+def letter_face(letter: str, rng: Random) -> Image:
+    """A white letter on a blue square, with a rim or none; BGRA."""
+    high = round(_SIDE * (rng.uniform(1.0, 1.3) if rng.random() < 0.3 else 1.0))
+    face = np.zeros((high, _SIDE, 4), np.uint8)
+    blue = (rng.uniform(110, 200), rng.uniform(50, 110), rng.uniform(0, 50), 255)
+    cv2.rectangle(face, (0, 0), (_SIDE - 1, high - 1), blue, -1)
+    white = rng.uniform(220, 255, 3)
+    if rng.random() < 0.6:
+        edge = int(rng.integers(1, 7))
+        cv2.rectangle(face, (edge, edge), (_SIDE - 1 - edge, high - 1 - edge), (*white, 255),
+                      int(rng.integers(1, 5)), cv2.LINE_AA)  # fmt: skip
+    cover = text_cover(letter, rng, 0.75 * _SIDE, rng.uniform(0.45, 0.72) * _SIDE)
+    _print(face, cover, ((_SIDE - 1) / 2, (high - 1) / 2 + rng.normal(0, 3)), white)
+    return face
+
+
+def other_number(rng: Random) -> int:
+    """A number that is no class."""
+    while True:
+        number = int(rng.integers(2, 36)) * 5 if rng.random() < 0.7 else int(rng.integers(1, 100))
+        if number not in LIMITS:
+            return number
