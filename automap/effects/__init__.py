@@ -4,6 +4,7 @@ An effect has a name, parameters with units and prior, and says either how it ad
 inertial reading (``imu``: terms theta * phi(true) on one axis), or how it acts on a fix,
 on the vehicle constraint, or on the camera. Simulator, estimator and gap finder use these
 definitions and nothing else. Names and units are those users write in configuration files.
+Users add effects of their own with ``user_effect``.
 """
 
 from automap.effects.catalogue import CATALOGUE, Effect, Parameter, effect_named
@@ -16,6 +17,8 @@ from automap.effects.imu import (
     extra_basis,
     imu_terms,
 )
+from automap.effects.signals import Signals
+from automap.effects.user import UserEffect, UserTerm, user_effect
 
 __all__ = [
     "BASIS_FORCE",
@@ -25,8 +28,12 @@ __all__ = [
     "Effect",
     "ImuTerm",
     "Parameter",
+    "Signals",
+    "UserEffect",
+    "UserTerm",
     "distort_imu",
     "effect_named",
     "extra_basis",
     "imu_terms",
+    "user_effect",
 ]

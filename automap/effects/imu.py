@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.effects.catalogue import CATALOGUE, Parameter, effect_named
+from automap.effects.signals import Signals
+from automap.effects.user import INERTIAL, UserEffect, signal_of
 from automap.errors import ConfigError
 from automap.records import FloatArray
 
@@ -24,6 +26,8 @@ BASIS_ONE = 0
 BASIS_RATE = 1
 BASIS_FORCE = 4
 BASIS_EXTRA = 7
+OF_USER = "."
+"""Between effect and parameter in the name of the signal of a user's effect."""
 
 
 @dataclass(frozen=True)
@@ -83,13 +87,18 @@ def imu_terms(effects: list[str]) -> list[ImuTerm]:
     """
     terms: list[ImuTerm] = []
     extras: list[str] = []
+    extra: str | None
     for name in effects:
         effect = effect_named(name)
         if effect.family != "imu":
             raise ConfigError(f"effect '{name}' does not act on inertial readings")
         sensor = GYRO if name.startswith("gyro") else ACCEL
         for parameter in effect.parameters:
-            axis, basis, extra = _signal(name, sensor, parameter.name)
+            if isinstance(effect, UserEffect):
+                sensor, axis = divmod(INERTIAL.index(effect.term(parameter.name).on), 3)
+                basis, extra = -1, f"{name}{OF_USER}{parameter.name}"
+            else:
+                axis, basis, extra = _signal(name, sensor, parameter.name)
             if extra is not None:
                 if extra not in extras:
                     extras.append(extra)
@@ -105,11 +114,12 @@ def extra_basis(
     temp_c: FloatArray | None = None,
     speed: FloatArray | None = None,
     temp_ref_c: float | None = None,
+    signals: Signals | None = None,
 ) -> FloatArray:
     """Extra basis signals [n, k] of the terms at true rates and forces [n, 3].
 
-    ``temp_c`` [n] in deg C against ``temp_ref_c`` (default: its median), ``speed`` [n] in m/s.
-    A signal whose source is missing is zero.
+    ``temp_c`` [n] in deg C against ``temp_ref_c`` (default: its median), ``speed`` [n] in m/s;
+    ``signals`` [n] for users' effects. A signal whose source is missing is zero.
     """
     names: dict[int, str] = {t.basis: t.extra for t in terms if t.extra is not None}
     out = np.zeros((len(gyro), len(names)))
@@ -122,6 +132,10 @@ def extra_basis(
         elif name == "speed_squared":
             if speed is not None:
                 out[:, column] = speed**2
+        elif OF_USER in name:
+            if signals is not None:
+                effect, _, parameter = name.partition(OF_USER)
+                out[:, column] = signal_of(effect, parameter, signals)
         else:
             kind, source, axis = name.split("_")
             signal = (gyro if source == "rate" else accel)[:, _axis(axis)]
@@ -136,6 +150,7 @@ def distort_imu(
     temp_c: FloatArray | None = None,
     speed: FloatArray | None = None,
     temp_ref_c: float | None = None,
+    signals: Signals | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Readings [n, 3], [n, 3] of a sensor with the given errors at true rates and forces.
 
@@ -144,7 +159,7 @@ def distort_imu(
     """
     names = [n for n in values if n in CATALOGUE and CATALOGUE[n].family == "imu"]
     terms = imu_terms(names)
-    extra = extra_basis(terms, gyro, accel, temp_c, speed, temp_ref_c)
+    extra = extra_basis(terms, gyro, accel, temp_c, speed, temp_ref_c, signals)
     rates, forces = gyro.copy(), accel.copy()
     for term in terms:
         theta = values[term.effect].get(term.parameter.name, 0.0)

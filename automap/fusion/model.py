@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from automap.effects import CATALOGUE, ImuTerm, effect_named, imu_terms
+from automap.effects.user_fixes import acts_on_fixes
 from automap.errors import ConfigError
 from automap.fusion.layout import (
     BLOCK_SIZE,
@@ -157,7 +158,10 @@ def build_state_model(
     Raises:
         ConfigError: an effect that the filter has no states for.
     """
-    chosen = [*options.effects, *(e for e in options.fixed if e not in options.effects)]
+    given = _fixed_values(options)
+    # what a user says of the fixes is taken out of them beforehand
+    fixed = [e for e in options.fixed if not acts_on_fixes(e)]
+    chosen = [*options.effects, *(e for e in fixed if e not in options.effects)]
     imu_names = [e for e in chosen if effect_named(e).family == "imu"]
     terms = tuple(imu_terms(imu_names))
     names = [t.name for t in terms]
@@ -175,7 +179,6 @@ def build_state_model(
         for parameter in CATALOGUE[effect].parameters[: BLOCK_SIZE[block]]:
             names.append(f"{effect}_{parameter.name}")
             sd.append(_prior(options, effect, parameter.name, parameter.prior_sd))
-    given = _fixed_values(options)
     means = {**(means or {}), **given}
     sds = {**(sds or {}), **dict.fromkeys(given, 0.0)}
     n = N_NAV + len(names)
@@ -206,6 +209,11 @@ def _block_of(effect: str) -> int:
     if effect in _SETTINGS_OF_EFFECT:
         raise ConfigError(
             f"fuse.effects: '{effect}' is no state; it is set by {_SETTINGS_OF_EFFECT[effect]}"
+        )
+    if acts_on_fixes(effect):
+        raise ConfigError(
+            f"fuse.effects: '{effect}' acts on the fixes; automap gap finds its value, which a run "
+            f"takes from fuse.fixed.{effect}"
         )
     states = [e for e in CATALOGUE if CATALOGUE[e].family == "imu"] + list(_BLOCK_OF_EFFECT)
     raise ConfigError(

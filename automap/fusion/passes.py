@@ -28,6 +28,7 @@ from automap.fusion.problem import (
     states_about,
 )
 from automap.fusion.sections import filter_and_smooth
+from automap.fusion.user_effects import signals_for, without_known
 from automap.records import FloatArray, ImuData
 
 DELAY_CONVERGED_S = 0.0005
@@ -44,7 +45,7 @@ class Session:
     """What stays the same over the passes of one run.
 
     ``means`` and ``sds`` are priors by parameter name, ``standstill`` intervals and ``span`` in
-    s from the first sample.
+    s from the first sample, which was taken ``begin_s`` into the drive.
     """
 
     imu: ImuData
@@ -55,6 +56,7 @@ class Session:
     sds: dict[str, float]
     span: tuple[float, float]
     odometer: Odometer | None = None
+    begin_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -110,13 +112,14 @@ def run_passes(
     linearises about the filter's own estimate, all others about the smoothed path of the one
     before, at times that contain the delays found there.
     """
+    session = without_known(session)
     options = session.options
     model = build_state_model(options, session.means, session.sds)
     speed_t, speed, _ = fix_speed(session.fixes)
     shift = Shift(session.means[DELAY_STATE] if DELAY_STATE in model.names else 0.0)
     t_imu = np.asarray((session.imu.t_ns - session.imu.t_ns[0]) * 1e-9)
     along = np.interp(t_imu, speed_t, speed) if len(speed_t) else None
-    problem = make_problem(session.imu, model, options, along)
+    problem = make_problem(session.imu, model, options, along, signals_for(session, model))
     margin = np.inf
     factors = dict.fromkeys(LEVELS, 1.0) | dict(options.factors)
     base = problem

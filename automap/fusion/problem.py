@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.effects import extra_basis
+from automap.effects import Signals, extra_basis
 from automap.fusion import kernels
 from automap.fusion.kernels import ForwardStore, ModelArrays, NodeArrays, Samples
 from automap.fusion.layout import (
@@ -126,14 +126,17 @@ def make_problem(
     model: StateModel,
     options: FusionOptions,
     speed: FloatArray | None = None,
+    signals: Signals | None = None,
 ) -> Problem:
-    """Problem of a recording; ``speed`` [n] m/s feeds effects that grow with it."""
+    """Problem of a recording; ``speed`` [n] m/s feeds effects that grow with it, ``signals`` [n]
+    those of users."""
     from scipy.ndimage import uniform_filter1d
 
     t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)
     step = float(np.median(np.diff(t)))
     raw = _for_linear_steps(np.concatenate([imu.gyro, imu.accel], axis=1), t, step)
-    extra = extra_basis(list(model.terms), imu.gyro, imu.accel, imu.temp_c, speed)
+    terms = list(model.terms)
+    extra = extra_basis(terms, imu.gyro, imu.accel, imu.temp_c, speed, signals=signals)
     width = max(2 * round(0.5 * FORCE_WINDOW_S / step) + 1, 1)
     force = uniform_filter1d(imu.accel, width, axis=0, mode="nearest")
     samples = Samples(t, raw, np.ascontiguousarray(extra), np.ascontiguousarray(force))

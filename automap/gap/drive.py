@@ -30,7 +30,8 @@ class GapDrive:
     ``lever_arm`` [3] m IMU to antenna as stated, None counts as zero. ``delay``: prior of how
     much later than the fixes' clock the IMU stamps run; with an sd above zero it is estimated
     on every drive anew and is never a finding, as where nobody stated the receiver's output
-    delay. ``mounting_sd`` [3] rad: zero where the IMU's axes are the vehicle's as stated.
+    delay. ``mounting_sd`` [3] rad: zero where the IMU's axes are the vehicle's as stated. A part
+    of a drive begins ``begin_s`` after it.
     """
 
     imu: ImuData
@@ -41,6 +42,7 @@ class GapDrive:
     delay: Prior = KNOWN
     odometer: WheelSpeed | None = None
     mounting_sd: FloatArray = field(default_factory=lambda: np.zeros(3))
+    begin_s: float = 0.0
 
     @property
     def length_s(self) -> float:
@@ -66,7 +68,9 @@ class GapDrive:
             wheel_t = (wheels.t_ns - self.imu.t_ns[0]) * 1e-9
             near = (wheel_t >= start_s) & (wheel_t <= stop_s)
             wheels = WheelSpeed(wheels.t_ns[near], wheels.speed[near])
-        return replace(self, imu=imu, fixes=Fixes(**columns), name=name, odometer=wheels)
+        begin = self.begin_s + (float(t[rows[0]]) if len(rows) else 0.0)
+        fixes = Fixes(**columns)
+        return replace(self, imu=imu, fixes=fixes, name=name, odometer=wheels, begin_s=begin)
 
 
 @dataclass(frozen=True)
@@ -136,7 +140,8 @@ def open_drive(drive: GapDrive, options: FusionOptions) -> OpenDrive:
     wheels = None
     if drive.odometer is not None and len(drive.odometer) > 1:
         wheels = Odometer(np.asarray((drive.odometer.t_ns - base_ns) * 1e-9), drive.odometer.speed)
-    session = Session(drive.imu, fixes, options, still, means, sds, span, wheels)
+    begin = drive.begin_s
+    session = Session(drive.imu, fixes, options, still, means, sds, span, wheels, begin)
     return OpenDrive(drive, session, screened.n_wild)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from automap.effects import CATALOGUE
+from automap.effects.user_fixes import acts_on_fixes
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.model import FusionOptions
 from automap.fusion.passes import Session
@@ -100,9 +101,10 @@ def session_with(
         for a, sd in zip(("roll", "pitch", "yaw"), drive.mounting_sd, strict=True):
             sds[f"imu_mounting_{a}"] = float(sd)
     where: dict[str, dict[str, tuple[str, float]]] = {}
+    known = {e: dict(v) for e, v in model.values.items() if acts_on_fixes(e)}
     earth = options.earth_rotation or EARTH in model.values or EARTH in estimate
     for effect in dict.fromkeys([*model.values, *estimate]):
-        if effect == EARTH:
+        if effect == EARTH or acts_on_fixes(effect):
             where[effect] = {}
             continue
         state, sign = STATE_OF.get(effect, (effect, 1.0))
@@ -138,5 +140,6 @@ def session_with(
         effects=tuple(effects),
         factors=dict(model.factors),
         earth_rotation=earth,
+        fixed=known,
     )
     return replace(session, options=scaled, means=means, sds=sds), where

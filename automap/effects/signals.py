@@ -1,0 +1,157 @@
+"""What a user's effect may be a function of: the quantities of a drive, by name.
+
+Forces and rates are in vehicle axes (forward, right, down). One vocabulary serves formulas in
+TOML, functions in Python and the formulas that the gap finder reports.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from automap.records import FloatArray
+
+REFERENCE_C = 25.0
+"""A temperature that nobody measured."""
+COURSE_SPEED = 1.0
+"""Below this speed in m/s the direction of travel is held."""
+BLEND_S = 1.0
+FORCE_S = 0.05
+STEP_S = 0.005
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Quantities [n] at instants of a drive.
+
+    ``time`` s since its first IMU sample, ``speed`` m/s, ``heading`` rad (north 0, east pi/2),
+    ``acceleration`` m/s^2 along the track, ``lateral_acceleration`` m/s^2 to the right,
+    ``rate_x`` .. ``rate_z`` rad/s, ``force_x`` .. ``force_z`` m/s^2 (specific force),
+    ``temperature`` deg C and ``temperature_rate`` K/s (constant where nobody measured it).
+    """
+
+    time: FloatArray
+    speed: FloatArray
+    heading: FloatArray
+    acceleration: FloatArray
+    lateral_acceleration: FloatArray
+    rate_x: FloatArray
+    rate_y: FloatArray
+    rate_z: FloatArray
+    force_x: FloatArray
+    force_y: FloatArray
+    force_z: FloatArray
+    temperature: FloatArray
+    temperature_rate: FloatArray
+
+    @property
+    def rate(self) -> FloatArray:
+        """Size of the turn rate in rad/s."""
+        return np.sqrt(self.rate_x**2 + self.rate_y**2 + self.rate_z**2)
+
+    @property
+    def force(self) -> FloatArray:
+        """Size of the specific force in m/s^2."""
+        return np.sqrt(self.force_x**2 + self.force_y**2 + self.force_z**2)
+
+    def at(self, time: FloatArray) -> Signals:
+        """The quantities at other instants, in s since the first sample, linear in between."""
+        return Signals(*(np.interp(time, self.time, getattr(self, n)) for n in FIELDS))
+
+
+FIELDS = tuple(f.name for f in fields(Signals))
+VOCABULARY = (*FIELDS, "rate", "force")
+
+
+def signals_of(
+    time: FloatArray,
+    vel_ned: FloatArray,
+    heading: FloatArray,
+    acceleration: FloatArray,
+    rate: FloatArray,
+    force: FloatArray,
+    temp_c: FloatArray | None,
+) -> Signals:
+    """Quantities of a known motion: ``time`` and ``heading`` [n], the others [n, 3] or [n]."""
+    speed = np.linalg.norm(vel_ned, axis=1)
+    warm = _temperature(temp_c, len(time))
+    side = speed * rate[:, 2]
+    return _signals(time, speed, heading, acceleration, side, rate, force, warm)
+
+
+def signals_of_readings(
+    time: FloatArray,
+    gyro: FloatArray,
+    accel: FloatArray,
+    temp_c: FloatArray | None,
+    fix_time: FloatArray,
+    fix_vel: FloatArray,
+) -> Signals:
+    """Quantities at IMU samples [n] from the readings and the velocities of fixes [m, 3] NED.
+
+    Acceleration along the track is slow from the fixes' speed and fast from the accelerometer.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    step = max(float(np.median(np.diff(time))), STEP_S)
+    forces = gaussian_filter1d(accel, FORCE_S / step, axis=0)
+    rates = gaussian_filter1d(gyro, FORCE_S / step, axis=0)
+    if len(fix_time) < 2:
+        fix_time, fix_vel = time[[0, -1]], np.zeros((2, 3))
+    speed = np.interp(time, fix_time, np.linalg.norm(fix_vel, axis=1))
+    slow = gaussian_filter1d(np.gradient(speed, time), BLEND_S / step)
+    along = forces[:, 0] - gaussian_filter1d(forces[:, 0], BLEND_S / step) + slow
+    warm = _temperature(temp_c, len(time))
+    heading = np.interp(time, fix_time, _course(fix_vel))
+    side = speed * rates[:, 2]
+    return _signals(time, speed, heading, along, side, rates, forces, warm)
+
+
+def _signals(
+    time: FloatArray,
+    speed: FloatArray,
+    heading: FloatArray,
+    along: FloatArray,
+    side: FloatArray,
+    rate: FloatArray,
+    force: FloatArray,
+    warm: FloatArray,
+) -> Signals:
+    return Signals(
+        time=time,
+        speed=speed,
+        heading=heading,
+        acceleration=along,
+        lateral_acceleration=side,
+        rate_x=rate[:, 0],
+        rate_y=rate[:, 1],
+        rate_z=rate[:, 2],
+        force_x=force[:, 0],
+        force_y=force[:, 1],
+        force_z=force[:, 2],
+        temperature=warm,
+        temperature_rate=_slope(warm, time),
+    )
+
+
+def _course(vel: FloatArray) -> FloatArray:
+    """Direction of travel [m] in rad without jumps, held where the vehicle hardly moves."""
+    moving = np.hypot(vel[:, 0], vel[:, 1]) > COURSE_SPEED
+    if not moving.any():
+        return np.zeros(len(vel))
+    course = np.unwrap(np.arctan2(vel[moving, 1], vel[moving, 0]))
+    latest = np.cumsum(moving) - 1
+    return np.asarray(course[np.maximum(latest, 0)])
+
+
+def _temperature(temp_c: FloatArray | None, n: int) -> FloatArray:
+    if temp_c is None or not np.isfinite(temp_c).any():
+        return np.full(n, REFERENCE_C)
+    good = np.isfinite(temp_c)
+    rows = np.arange(n)
+    return np.interp(rows, rows[good], temp_c[good])
+
+
+def _slope(values: FloatArray, time: FloatArray) -> FloatArray:
+    return np.gradient(values, time) if len(time) > 1 else np.zeros(len(time))
