@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 
 from automap.errors import ConfigError
 from automap.io.atomic import write_text
+from automap.io.toml_file import read_toml
 from automap.records import FloatArray
 
 SCHEMA = "automap.imu-calibration/1"
@@ -57,12 +57,7 @@ def read_imu_calibration(path: Path) -> ImuCalibration:
 
     The accelerometer's matrix is T = [[1, -m0, m1], [0, 1, -m2], [0, 0, 1]].
     """
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} cannot be read as UTF-8 text: {error}.") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}; correct that place.") from None
+    data = read_toml(path)
     if data.get("schema") != SCHEMA:
         raise ConfigError(f'{path}: the line schema = "{SCHEMA}" is missing; calibrate again.')
     m0, m1, m2 = _numbers(path, data, "accel", "misalignment", (3,), np.zeros(3))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import re
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -12,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError,
 
 from automap.errors import ConfigError, InputError
 from automap.io.axes import axes_matrix
+from automap.io.toml_file import parse_toml
 
 SCHEMA = "automap.drive/1"
 MINIMAL = 'schema = "automap.drive/1"'
@@ -131,21 +131,15 @@ def read_manifest(path: Path) -> Manifest:
     is no TOML, a key that does not exist (naming the nearest that does) or a wrong value.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        raw = path.read_bytes()
     except FileNotFoundError:
         raise InputError(
             f"{path} is missing: it makes a folder a drive. "
             f"Write a file of that name with at least the line {MINIMAL}"
         ) from None
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: byte {error.start} is not UTF-8; save it as UTF-8.") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}.") from error
-    try:
-        # an editor's byte order mark is no part of TOML
-        data = tomllib.loads(text.removeprefix("\ufeff"))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}; correct that place.") from None
+    data = parse_toml(path, raw)
     if "schema" not in data:
         raise ConfigError(f"{path}: the first line is missing; add {MINIMAL}")
     if data["schema"] != SCHEMA:
@@ -155,6 +149,7 @@ def read_manifest(path: Path) -> Manifest:
     try:
         return Manifest.model_validate(data)
     except ValidationError as error:
+        text = raw.decode("utf-8")
         raise ConfigError(f"{path}: {_sentence(error, text)}") from None
 
 

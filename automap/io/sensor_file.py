@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from automap.errors import ConfigError
+from automap.io.toml_file import read_toml
 from automap.records import FloatArray
 
 SCHEMA = "automap.sensor/1"
@@ -133,12 +133,7 @@ def read_sensor(path: Path) -> SensorModel:
 
 def read_preset(path: Path, schema: str) -> dict[str, Any]:
     """The content of a file of a schema; raises ConfigError."""
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} cannot be read as UTF-8 text: {error}.") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}; correct that place.") from None
+    data = read_toml(path)
     if data.get("schema") != schema:
         raise ConfigError(f'{path}: the line schema = "{schema}" is missing; add it.')
     return data

@@ -7,7 +7,6 @@ errors carry the names and units of the effects (errors of the reading).
 from __future__ import annotations
 
 import difflib
-import tomllib
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from automap.errors import ConfigError
+from automap.io.toml_file import read_toml
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -219,14 +219,7 @@ def load_scenario(path: Path) -> Scenario:
 
     Raises ConfigError naming the file, the key and, for an unknown key, the nearest one.
     """
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: there is no such scenario file; check the path") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}; correct that place") from None
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+    data = read_toml(path, "scenario file")
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:

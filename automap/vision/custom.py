@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,6 +11,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from automap.errors import ConfigError, InputError
+from automap.io.toml_file import read_toml
 from automap.records import FloatArray
 from automap.vision.detector import FoundSigns, Image
 
@@ -51,16 +51,7 @@ class Description(BaseModel):
 
 def read_description(path: Path) -> Description:
     """Read and check the TOML file; ConfigError names the file, the key and what is wrong."""
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: there is no such detector; check the path") from None
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: byte {error.start} is not UTF-8; save it as UTF-8") from None
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}; correct that place") from None
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+    data = read_toml(path, "detector")
     if data.get("schema") != SCHEMA:
         raise ConfigError(f'{path}: the first line must be schema = "{SCHEMA}"')
     try:

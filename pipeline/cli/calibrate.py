@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pipeline.cli.command import Command
+from pipeline.cli.number import Finite
 
 if TYPE_CHECKING:
     from pipeline.calibration_logs import LogSource
@@ -59,7 +60,7 @@ def _log_options(function: F) -> F:
         click.option("--columns", callback=_columns, metavar="NAME,...", help="Columns of plain "
                      "numbers: t_s (or t_ms, t_us, t_ns), ax ... gz, temp_c; x,y,z in files of "
                      "one sensor; - to skip."),
-        click.option("--rate", type=click.FloatRange(min=0, min_open=True), metavar="HZ",
+        click.option("--rate", type=Finite(min=0, min_open=True), metavar="HZ",
                      help="Samples a second of a log without times."),
         click.option("--gyro-unit", type=click.Choice(["rad/s", "deg/s", "counts"]),
                      help="Default: the drive's, else rad/s."),
@@ -76,7 +77,7 @@ def _log_options(function: F) -> F:
 
 def _gravity_options(function: F) -> F:
     options = [
-        click.option("--gravity", type=float, metavar="G", help="Local gravity, m/s^2."),
+        click.option("--gravity", type=Finite(), metavar="G", help="Local gravity, m/s^2."),
         click.option("--place", callback=_place, metavar="LAT,HEIGHT",
                      help="Where you are, degrees and metres, for gravity of WGS-84."),
         click.option("--apply", is_flag=True, help="Also write the corrected log."),

@@ -9,6 +9,7 @@ import click
 
 from automap.errors import RegressionError
 from pipeline.cli.command import Command
+from pipeline.cli.number import Finite
 
 _EPILOG = """\b
 Examples:
@@ -24,9 +25,7 @@ Examples:
     type=click.Path(path_type=Path),
     help="Folder with trajectory.csv or signs.geojson. Default: the drive's truth folder.",
 )
-@click.option(
-    "--truth-sd", type=click.FloatRange(min=0), metavar="M", help="One sigma of the truth, metres."
-)
+@click.option("--truth-sd", type=Finite(min=0), metavar="M", help="One sigma of the truth, metres.")
 @click.option(
     "--require",
     "requirements",

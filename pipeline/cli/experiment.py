@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.command import Command
+from pipeline.cli.number import Finite
 
 KINDS = ("calibration", "biases", "nis", "dropout", "rest")
 _EPILOG = """\b
@@ -27,9 +28,9 @@ Examples:
 @click.argument("drive", type=click.Path(path_type=Path))
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False))
 @click.option("--config", type=click.Path(path_type=Path), help="TOML file with settings.")
-@click.option("--outage", type=click.FloatRange(1.0), default=15.0, help="Seconds without GPS.")
-@click.option("--every", type=click.FloatRange(5.0), default=45.0, help="Seconds between starts.")
-@click.option("--bias-at", type=float, metavar="S", help="For rest: the second whose rest gives "
+@click.option("--outage", type=Finite(1.0), default=15.0, help="Seconds without GPS.")
+@click.option("--every", type=Finite(5.0), default=45.0, help="Seconds between starts.")
+@click.option("--bias-at", type=Finite(), metavar="S", help="For rest: the second whose rest gives "
               "the gyro bias; default: the last.")  # fmt: skip
 def command(
     kind: str,

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.command import Command
+from pipeline.cli.number import Finite
 
 _EPILOG = """\b
 Examples:
@@ -52,7 +53,7 @@ Examples:
 )
 @click.option(
     "--min-confidence",
-    type=click.FloatRange(0.0, 1.0),
+    type=Finite(0.0, 1.0),
     default=0.0,
     metavar="C",
     help="Leave out signs less sure than this, 0 to 1. Default: 0.",

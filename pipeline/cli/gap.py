@@ -9,6 +9,7 @@ import click
 
 from pipeline.cli.calibrate import _log_options, _place, _source
 from pipeline.cli.command import Command
+from pipeline.cli.number import Finite
 
 if TYPE_CHECKING:
     from pipeline.gap import GapOutcome
@@ -47,7 +48,7 @@ Examples:
     metavar="EFFECT",
     help="An effect that is not to be tried; repeat for several.",
 )
-@click.option("--gravity", type=float, metavar="G", help="Of a desk log: local gravity, m/s^2.")
+@click.option("--gravity", type=Finite(), metavar="G", help="Of a desk log: local gravity, m/s^2.")
 @click.option("--place", callback=_place, metavar="LAT,HEIGHT", help="Or where the desk stands.")
 def command(
     drives: tuple[Path, ...],

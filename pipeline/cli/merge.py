@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.command import Command
+from pipeline.cli.number import Finite
 
 _EPILOG = """\b
 Examples:
@@ -39,7 +40,7 @@ Examples:
 )
 @click.option(
     "--min-existence",
-    type=click.FloatRange(0.0, 1.0),
+    type=Finite(0.0, 1.0),
     default=0.5,
     show_default=True,
     metavar="P",

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from pipeline.cli.command import Command
+from pipeline.cli.number import Finite
 
 _SHOWN = 12
 _EPILOG = """\b
@@ -68,7 +69,7 @@ drive folder: automap check and automap run take it as it is. docs/record.md tel
 @click.option(
     "--rate",
     "rate_hz",
-    type=click.FloatRange(0.1, 50),
+    type=Finite(0.1, 50),
     metavar="HZ",
     help="Set the receiver (u-blox) to this many fixes a second.",
 )
@@ -84,7 +85,7 @@ drive folder: automap check and automap run take it as it is. docs/record.md tel
 @click.option(
     "--duration",
     "duration_s",
-    type=click.FloatRange(0.1),
+    type=Finite(0.1),
     metavar="S",
     help="End after so many seconds.",
 )
@@ -110,7 +111,7 @@ drive folder: automap check and automap run take it as it is. docs/record.md tel
 )
 @click.option(
     "--speed",
-    type=click.FloatRange(0.01, 1000),
+    type=Finite(0.01, 1000),
     default=1.0,
     metavar="X",
     help="With --replay: so many times as fast.",
@@ -129,7 +130,7 @@ drive folder: automap check and automap run take it as it is. docs/record.md tel
 )
 @click.option(
     "--time-scale",
-    type=click.FloatRange(0.01, 1000),
+    type=Finite(0.01, 1000),
     default=1.0,
     metavar="X",
     help="Record a replay of --speed X: the host's clock is taken X times as fast.",

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.command import Command
+from pipeline.cli.number import Finite
 
 _EPILOG = """\b
 Examples:
@@ -55,7 +56,7 @@ The same as tests: pytest with automap_drives = ["drives/*"] under [tool.pytest.
 )
 @click.option(
     "--tolerance",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Finite(min=0, min_open=True),
     default=0.1,
     show_default=True,
     metavar="SIGMAS",

@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from pipeline.cli.number import Finite
+
 
 def _choice(*words: str) -> click.Choice[str]:
     return click.Choice(words)
@@ -90,7 +92,7 @@ KINDS: dict[str, Kind] = {
                 Option(
                     "--truth-sd",
                     "Their own error in metres, one sigma.",
-                    {"type": click.FloatRange(min=0), "default": 0.0},
+                    {"type": Finite(min=0), "default": 0.0},
                 ),
             ),
         ),
