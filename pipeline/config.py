@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from automap.errors import ConfigError
 from pipeline.settings.detect import DetectSettings
+from pipeline.settings.effects import EffectsSettings
 from pipeline.settings.export import ExportSettings
 from pipeline.settings.fuse import FuseSettings
 from pipeline.settings.geolocate import GeolocateSettings
@@ -19,6 +20,7 @@ from pipeline.settings.ingest import IngestSettings
 from pipeline.settings.report import ReportSettings
 from pipeline.settings.section import Section
 from pipeline.settings.sync import SyncSettings
+from pipeline.user_effects import effects_of, with_absolute_files
 
 
 class Settings(Section):
@@ -26,6 +28,7 @@ class Settings(Section):
 
     ingest: IngestSettings = IngestSettings()
     sync: SyncSettings = SyncSettings()
+    effects: EffectsSettings = EffectsSettings()
     fuse: FuseSettings = FuseSettings()
     detect: DetectSettings = DetectSettings()
     geolocate: GeolocateSettings = GeolocateSettings()
@@ -61,10 +64,10 @@ def load_settings(path: Path | None = None, assignments: Sequence[str] = ()) -> 
     _check_keys(merged, "configs/default.toml")
     own: dict[str, Any] = {}
     if path is not None:
-        overlay = read_toml(path)
+        overlay = with_absolute_files(read_toml(path), path.parent)
         _check_keys(overlay, str(path))
         merged, own = _overlay(merged, overlay), _overlay(own, overlay)
-        _build(merged, str(path))
+        effects_of(_build(merged, str(path)).effects, str(path))
     for text in assignments:
         overlay = _assignment(text)
         _check_keys(overlay, f"--set {text}")

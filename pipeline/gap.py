@@ -48,10 +48,10 @@ def find(
     from pipeline.gap_model import model_toml
     from pipeline.gap_report import gap_report
 
-    for name in without:
-        effect_named(name)
     _check_distinct([*drives, *holdout])
     model, settings = gap_model(config)
+    for name in without:
+        effect_named(name)
     make_folder(out)
     progress(0.02, "reading")
     fitted = gap_drives(drives, out / "runs", settings)
@@ -68,7 +68,7 @@ def find(
     for text in result.warnings:
         print(f"warning: {text}", file=sys.stderr)
     write_json(out / GAP, as_json(result))
-    write_text(out / MODEL, model_toml(result, fitted))
+    write_text(out / MODEL, model_toml(result, fitted, settings.effects, out))
     write_text(out / REPORT, gap_report(result, [d.name for d in fitted]))
     progress(1.0, "done")
     return GapOutcome(tuple(_lines(result)), (out / GAP, out / MODEL, out / REPORT))
@@ -125,6 +125,9 @@ def as_json(result: GapResult) -> dict[str, Any]:
             "evidence_nats": unexplained.evidence_nats,
             "p_value": unexplained.p_value,
             "resembles": unexplained.resembles,
+            "effect": unexplained.effect,
+            "gap_before": unexplained.gap_before,
+            "gap_after": unexplained.gap_after,
         },
         "verdict": result.verdict,
         "warnings": list(result.warnings),

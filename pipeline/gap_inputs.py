@@ -15,6 +15,7 @@ from automap.gap.model import BASE_NUISANCES
 from automap.records import ClockModel
 from pipeline.config import Settings, load_settings, read_toml
 from pipeline.experiments.base import prepare
+from pipeline.user_effects import activate
 
 ARRIVAL_SD_S = 5e-4
 """A clock from arrival times is never taken for better than this, s."""
@@ -30,6 +31,7 @@ def gap_model(config: Path | None) -> tuple[GapModel, Settings]:
     ordinary run.
     """
     settings = load_settings(config)
+    activate(settings.effects)
     options = settings.fuse.options()
     given = read_toml(config).get("fuse", {}) if config is not None else {}
     if "effects" not in given:

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import json
+import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from automap.effects.user import user_effects
+from automap.effects.user_files import as_table
 
 if TYPE_CHECKING:
     from automap.gap import GapDrive, GapResult
+    from pipeline.settings.effects import EffectsSettings
 
 
-def model_toml(result: GapResult, drives: Sequence[GapDrive]) -> str:
+def model_toml(
+    result: GapResult, drives: Sequence[GapDrive], users: EffectsSettings, folder: Path
+) -> str:
     """Settings for ``automap run --config``: nuisances, values of the named effects, noise.
 
-    A lever arm stands there as a whole, what the manifest says plus what was found.
+    A lever arm stands there as a whole, what the manifest says plus what was found. The users'
+    effects and a formula that was found are defined there too; the file is written to ``folder``.
     """
     model = result.model
     effects = list(model.options.effects)
@@ -23,6 +33,7 @@ def model_toml(result: GapResult, drives: Sequence[GapDrive]) -> str:
     lines = [
         f"# {result.verdict}",
         "# Made by automap gap; for automap run --config, and for automap gap --config.",
+        *_definitions(result, users, folder),
         "[fuse]",
         "effects = [" + ", ".join(f'"{e}"' for e in effects) + "]",
         "adapt = false",
@@ -42,3 +53,30 @@ def model_toml(result: GapResult, drives: Sequence[GapDrive]) -> str:
         lines += ["", f"[fuse.fixed.{effect}]"]
         lines += [f"{p} = {v:.9g}" for p, v in total.items()]
     return "\n".join(lines) + "\n"
+
+
+def _definitions(result: GapResult, users: EffectsSettings, folder: Path) -> list[str]:
+    """The section ``[effects]``: what the configuration had, and the formula that was found."""
+    tables: dict[str, dict[str, Any]] = {k: dict(v) for k, v in users.formulas.items()}
+    for effect in user_effects():
+        table = as_table(effect)
+        if table is not None and effect.name in result.model.values:
+            tables.setdefault(effect.name, table)
+    lines: list[str] = []
+    if users.files:
+        names = [Path(os.path.relpath(p, folder.resolve())).as_posix() for p in users.files]
+        lines += ["[effects]", f"files = {json.dumps(names)}", ""]
+    for name, table in tables.items():
+        lines.append(f"[effects.formulas.{name}]")
+        for key, value in table.items():
+            if isinstance(value, dict):
+                inner = ", ".join(f"{k} = {_value(v)}" for k, v in value.items())
+                lines.append(f"{key} = {{ {inner} }}")
+            else:
+                lines.append(f"{key} = {_value(value)}")
+        lines.append("")
+    return lines
+
+
+def _value(value: Any) -> str:
+    return f"{value:.9g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)

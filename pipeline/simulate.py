@@ -6,9 +6,14 @@ import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from automap.errors import ConfigError
 from automap.io.atomic import make_folder, write_failure
+
+if TYPE_CHECKING:
+    from automap.simulation.scenario import Scenario
+    from pipeline.settings.fuse import FuseSettings
 
 
 def simulate(
@@ -16,19 +21,41 @@ def simulate(
     out: Path,
     seed: int | None = None,
     progress: Callable[[float, str], None] = lambda fraction, text: None,
+    config: Path | None = None,
 ) -> None:
     """Write the drive of a scenario, truth included, to the new folder ``out``.
 
     ``scenario`` is a file, or the name of one that comes with AutoMap ("sample"). The same
-    seed gives the same drive; ``seed`` replaces the scenario's. The folder appears whole or
-    not at all. Raises ConfigError for a bad scenario or an existing folder that is not
-    empty, StageError when the folder cannot be written.
+    seed gives the same drive; ``seed`` replaces the scenario's. The sensors have the errors that
+    the model ``config`` knows besides the scenario's, and the scenario may use its effects. The
+    folder appears whole or not at all. Raises ConfigError for a bad scenario or an existing folder
+    that is not empty, StageError when the folder cannot be written.
     """
     from automap.simulation.drive_writer import write_drive
     from automap.simulation.scenario import load_scenario
+    from pipeline.config import load_settings
+    from pipeline.user_effects import activate
 
+    settings = load_settings(config)
+    activate(settings.effects)
     description = load_scenario(_scenario_file(scenario))
+    if config is not None:
+        errors = {**description.errors, **_errors_of(settings.fuse, description)}
+        description = description.model_copy(update={"errors": errors})
     _write(out, lambda folder: write_drive(description, folder, seed, progress))
+
+
+def _errors_of(model: FuseSettings, scenario: Scenario) -> dict[str, dict[str, float] | bool]:
+    """What a model says of the sensors, as the errors of a scenario."""
+    errors: dict[str, dict[str, float] | bool] = {e: dict(v) for e, v in model.fixed.items()}
+    arm = errors.get("gnss_lever_arm")
+    if isinstance(arm, dict) and scenario.gnss is not None:
+        # a model has the whole lever, a scenario the error of the stated one
+        stated = dict(zip("xyz", scenario.gnss.lever_arm_m, strict=True))
+        errors["gnss_lever_arm"] = {p: arm.get(p, 0.0) - stated[p] for p in "xyz"}
+    if not model.earth_rotation:
+        errors["earth_rotation"] = False
+    return errors
 
 
 def simulate_like(run: Path, out: Path, seed: int = 1) -> None:

@@ -49,10 +49,13 @@ def write_twin(out: Path, folder: Path, seed: int) -> None:
     """
     import numpy as np
 
+    from automap.effects.user_fixes import acts_on_fixes
     from automap.io.clock_json import read_clock
     from automap.io.tables import read_fixes, read_imu, read_odometer
     from automap.io.trajectory_table import read_trajectory
     from automap.simulation.twin import make_twin
+    from pipeline.settings.effects import EffectsSettings
+    from pipeline.user_effects import activate
 
     run, fusion = _json(out / names.RUN), _json(out / names.FUSION)
     if fusion.get("method") != "inertial":
@@ -64,7 +67,11 @@ def write_twin(out: Path, folder: Path, seed: int) -> None:
     fixes, imu = read_fixes(out / names.FIXES), read_imu(out / names.IMU)
     clock = read_clock(out / names.SYNC)
     late = 0.0 if fusion["delay_is_clock"] else float(fusion["imu_delay_s"])
+    # the users' effects of that run
+    activate(EffectsSettings.model_validate(run["settings"].get("effects", {})))
     errors = dict(_last_errors(out))
+    fixed = run["settings"]["fuse"].get("fixed", {})
+    errors |= {e: dict(v) for e, v in fixed.items() if acts_on_fixes(e)}
     if late:
         errors["imu_time_offset"] = {"s": late}
     angles = np.radians(fusion["mounting_rpy_deg"])
@@ -98,23 +105,25 @@ def write_twin(out: Path, folder: Path, seed: int) -> None:
 def _json(path: Path) -> dict[str, Any]:
     try:
         return dict(json.loads(path.read_text(encoding="utf-8")))
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         raise InputError(
             f"{path} is missing; give the output folder of a finished `automap run`"
         ) from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path} is damaged ({error}); run the drive again") from None
 
 
 def _last_errors(out: Path) -> Values:
     """The fitted errors at the end of the run."""
     from automap.effects import CATALOGUE
+    from automap.effects.user import user_effects
     from automap.io.tables import floats, read_table
     from automap.simulation.twin import estimated_errors
 
     table = read_table(out / names.IMU_ERRORS, ("t_ns",))
     last = {c: float(floats(table, c)[-1]) for c in table.column_names if c != "t_ns"}
-    known = {e: [p.name for p in CATALOGUE[e].parameters] for e in _EFFECTS}
+    own = [e.name for e in user_effects()]
+    known = {e: [p.name for p in CATALOGUE[e].parameters] for e in (*_EFFECTS, *own)}
     return estimated_errors(last, known)
 
 

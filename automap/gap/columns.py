@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.effects.imu import ACCEL, BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, imu_terms
+from automap.effects.imu import ACCEL, BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, OF_USER, imu_terms
+from automap.effects.user_fixes import acts_on_fixes
 from automap.fusion.layout import (
     CH_NHC,
     CH_ODOMETER,
@@ -21,6 +22,7 @@ from automap.fusion.layout import (
 )
 from automap.gap.fit import Fit, Motion, at_times, lagged, motion_of
 from automap.gap.kernels import push_columns
+from automap.gap.motion_signals import motion_signals
 from automap.records import FloatArray, IntArray
 
 REFERENCE_TAU_S = 0.1
@@ -101,6 +103,10 @@ def effect_columns(
     family = CATALOGUE[effect].family
     if family == "imu":
         return _imu_columns(effect, fit, motion, prior_sds)
+    if acts_on_fixes(effect):
+        from automap.gap.fix_effects import fix_columns
+
+        return fix_columns(effect, fit, motion, at, prior_sds)
     if effect == "earth_rotation":
         return [_earth_column(fit, motion)]
     direct = _direct(effect, motion, at)
@@ -123,7 +129,9 @@ def _imu_columns(
     imu = fit.opened.drive.imu
     terms = imu_terms([effect])
     speed = np.linalg.norm(motion.vel, axis=1)
-    extra = extra_basis(terms, motion.rate, motion.force, imu.temp_c, speed)
+    users = any(OF_USER in (t.extra or "") for t in terms)
+    signals = motion_signals(fit, motion) if users else None
+    extra = extra_basis(terms, motion.rate, motion.force, imu.temp_c, speed, signals=signals)
     out = []
     for term in terms:
         if term.basis == BASIS_ONE:

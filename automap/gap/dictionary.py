@@ -6,80 +6,91 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from automap.effects import CATALOGUE, extra_basis, imu_terms
-from automap.effects.imu import BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, ImuTerm
+from automap.effects import CATALOGUE, Signals, UserEffect, extra_basis, imu_terms
+from automap.effects.formula_text import parse_formula
+from automap.effects.imu import BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, OF_USER, ImuTerm
+from automap.effects.user import INERTIAL, OF_FIXES
+from automap.effects.user_fixes import direction
 from automap.fusion.layout import CH_POS, CH_VEL, MAX_SCALARS
 from automap.gap.columns import Column, Direct, Inertial, NodeMotion, effect_columns
 from automap.gap.fit import Fit, Motion
+from automap.gap.motion_signals import motion_signals
 from automap.records import FloatArray
 
-CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+CHANNELS = INERTIAL
 SIZES = {"gyro": 5e-4, "accel": 0.05, "position": 0.5, "height": 0.5, "velocity": 0.05}
 """Prior sd of a formula's rms size: rad/s, m/s^2, m, m, m/s."""
+QUANTITIES = (
+    "speed",
+    "speed^3",
+    "sin(heading)",
+    "cos(heading)",
+    "sin(2 * heading)",
+    "cos(2 * heading)",
+    "abs(rate_z)",
+    "rate_z^2",
+    "rate_z * speed",
+    "force_x^2",
+    "force_y^2",
+    "force_x * force_y",
+    "force_x * rate_z",
+    "force_y * rate_z",
+    "force_x * speed",
+    "force_y * speed",
+    "force_x^3",
+    "force_y^3",
+    "rate_z^3",
+    "max(force_x, 0)",
+    "min(force_x, 0)",
+    "max(force_y, 0)",
+    "max(rate_z, 0)",
+    "abs(force_x)",
+    "abs(force_y)",
+    "rate^2",
+    "rate_y^2",
+    "tanh(acceleration / 0.1)",
+    "tanh(rate_z / 0.01)",
+    "time",
+    "time^2",
+)
+ON_FIXES = ("speed", "speed^2", "acceleration", "lateral_acceleration", "abs(rate_z)")
 DECAYS = (0.05, 0.1, 0.15, 0.2, 0.3)
 STEPS = 16
 ALIKE = 0.999
 """A quantity that correlates so with a catalogue effect's is that effect."""
 
 
-def quantities(fit: Fit, motion: Motion) -> Iterator[tuple[str, FloatArray]]:
-    """Names and signals [n] of the physical quantities along a drive."""
-    v = np.linalg.norm(motion.vel, axis=1)
-    heading = np.arctan2(motion.dcm[:, 1, 0], motion.dcm[:, 0, 0])
-    w, f = motion.rate, motion.force
-    length = float(motion.t[-1] - motion.t[0])
-    x = (motion.t - motion.t[0]) / length
-    yield "speed", v
-    yield "speed^3", v**3
-    yield "sin(heading)", np.sin(heading)
-    yield "cos(heading)", np.cos(heading)
-    yield "sin(2 heading)", np.sin(2.0 * heading)
-    yield "cos(2 heading)", np.cos(2.0 * heading)
-    yield "|rate_z|", np.abs(w[:, 2])
-    yield "rate_z^2", w[:, 2] ** 2
-    yield "rate_z * speed", w[:, 2] * v
-    yield "force_x^2", f[:, 0] ** 2
-    yield "force_y^2", f[:, 1] ** 2
-    yield "force_x * force_y", f[:, 0] * f[:, 1]
-    yield "force_x * rate_z", f[:, 0] * w[:, 2]
-    yield "force_y * rate_z", f[:, 1] * w[:, 2]
-    yield "force_x * speed", f[:, 0] * v
-    yield "force_y * speed", f[:, 1] * v
-    yield "force_x^3", f[:, 0] ** 3
-    yield "force_y^3", f[:, 1] ** 3
-    yield "rate_z^3", w[:, 2] ** 3
-    yield "max(force_x, 0)", np.maximum(f[:, 0], 0.0)
-    yield "min(force_x, 0)", np.minimum(f[:, 0], 0.0)
-    yield "max(force_y, 0)", np.maximum(f[:, 1], 0.0)
-    yield "max(rate_z, 0)", np.maximum(w[:, 2], 0.0)
-    yield "|force_x|", np.abs(f[:, 0])
-    yield "|force_y|", np.abs(f[:, 1])
-    yield "rate^2", np.sum(w**2, axis=1)
-    yield "rate_y^2", w[:, 1] ** 2
-    along = np.einsum("ni,ni->n", motion.dcm[:, :, 0], motion.acc)
-    yield "sign(acceleration)", np.tanh(along / 0.1)
-    yield "sign(rate_z)", np.tanh(w[:, 2] / 0.01)
-    yield "time", x
-    yield "time^2", x**2
-    temperature = fit.opened.drive.imu.temp_c
-    if temperature is not None and np.isfinite(temperature).any():
-        rise = np.nan_to_num(temperature - np.nanmedian(temperature))
-        yield "temperature^2", rise**2
-        yield "temperature rate", np.gradient(rise, motion.t)
-        yield "temperature * speed", rise * v
+def quantities(signals: Signals, has_temperature: bool) -> Iterator[tuple[str, FloatArray]]:
+    """Formulas and their values [n] along a drive."""
+    for text in _texts(signals, has_temperature):
+        yield text, parse_formula(text)(signals)
+
+
+def _texts(signals: Signals, has_temperature: bool) -> Iterator[str]:
+    yield from QUANTITIES
+    if has_temperature:
+        rise = f"(temperature - {float(np.median(signals.temperature)):.1f})"
+        yield f"{rise}^2"
+        yield "temperature_rate"
+        yield f"{rise} * speed"
+    begin = float(signals.time[0])
+    length = float(signals.time[-1]) - begin
     for share in DECAYS:
-        yield f"exp(-t / {share * length:.0f} s)", np.exp(-x / share)
+        yield f"exp(-time / {share * length:.3g})"
     for i in range(1, STEPS):
-        yield f"step at {i / STEPS * length:.0f} s", (x > i / STEPS).astype(float)
+        yield f"step(time - {begin + i / STEPS * length:.0f})"
 
 
 def formula_columns(
     fit: Fit, motion: Motion, at: NodeMotion, exclude: Collection[str]
 ) -> list[Column]:
     """All formulas as columns; ``effect`` is the channel, ``parameter`` the text."""
-    known = _catalogue_signals(fit, motion, exclude)
+    signals = motion_signals(fit, motion)
+    known = _catalogue_signals(fit, motion, signals, exclude)
+    temperature = fit.opened.drive.imu.temp_c
+    warm = temperature is not None and bool(np.isfinite(temperature).any())
     out: list[Column] = []
-    for text, signal in quantities(fit, motion):
+    for text, signal in quantities(signals, warm):
         size = float(np.std(signal))
         if size < 1e-12:
             continue
@@ -90,7 +101,7 @@ def formula_columns(
             sensor, axis = (0, i) if i < 3 else (1, i - 3)
             sd = SIZES[channel[:-2]] / size
             out.append(Column(channel, text, sd, (Inertial(sensor, axis, signal),)))
-    out += _fix_columns(at)
+    out += _fix_columns(signals.at(at.t + fit.opened.drive.begin_s))
     for effect in exclude:
         if effect in CATALOGUE and CATALOGUE[effect].family in ("imu", "gnss", "vehicle", "clock"):
             sds = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
@@ -122,19 +133,24 @@ def _basis_text(term: ImuTerm) -> str:
     words = {"temperature": "temperature", "speed_squared": "speed^2"}
     if term.extra in words:
         return words[term.extra]
+    if OF_USER in str(term.extra):
+        effect = CATALOGUE[term.effect]
+        assert isinstance(effect, UserEffect)
+        return effect.term(term.parameter.name).formula or term.name
     kind, source, axis = str(term.extra).split("_")
     name = f"{source}_{axis}"
-    return f"|{name}|" if kind == "abs" else f"{name}^2"
+    return f"abs({name})" if kind == "abs" else f"{name}^2"
 
 
 def _catalogue_signals(
-    fit: Fit, motion: Motion, exclude: Collection[str]
+    fit: Fit, motion: Motion, signals: Signals, exclude: Collection[str]
 ) -> dict[str, list[FloatArray]]:
     """Unit signals that catalogue effects already add to each channel."""
     names = [e for e in CATALOGUE if CATALOGUE[e].family == "imu" and e not in exclude]
     terms = imu_terms(names)
     speed = np.linalg.norm(motion.vel, axis=1)
-    extra = extra_basis(terms, motion.rate, motion.force, fit.opened.drive.imu.temp_c, speed)
+    temp_c = fit.opened.drive.imu.temp_c
+    extra = extra_basis(terms, motion.rate, motion.force, temp_c, speed, signals=signals)
     both = np.concatenate([motion.rate, motion.force], axis=1)
     out: dict[str, list[FloatArray]] = {}
     for term in terms:
@@ -148,44 +164,24 @@ def _catalogue_signals(
     return out
 
 
-def _fix_columns(at: NodeMotion) -> list[Column]:
-    """Formulas on the fixes: along and across the track, height, and velocities."""
-    v = np.hypot(at.vel[:, 0], at.vel[:, 1])
-    along = np.stack([at.dcm[:, 0, 0], at.dcm[:, 1, 0], np.zeros(len(v))], axis=1)
-    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
-    across = np.stack([-along[:, 1], along[:, 0], np.zeros(len(v))], axis=1)
-    down = np.zeros_like(along)
-    down[:, 2] = 1.0
-    forward = np.einsum("ki,ki->k", at.dcm[:, :, 0], at.acc)
-    lateral = np.einsum("ki,ki->k", at.dcm[:, :, 1], at.acc)
-    amounts = {
-        "speed": v,
-        "speed^2": v**2,
-        "acceleration": forward,
-        "lateral acceleration": lateral,
-        "|turn rate|": np.abs(at.rate[:, 2]),
-    }
-    places: list[tuple[str, str, int, FloatArray]] = [
-        ("position along", "position", CH_POS, along),
-        ("position across", "position", CH_POS, across),
-        ("height", "height", CH_POS, -down),
-        ("velocity along", "velocity", CH_VEL, along),
-        ("velocity across", "velocity", CH_VEL, across),
-        ("velocity down", "velocity", CH_VEL, down),
-    ]
+def _fix_columns(signals: Signals) -> list[Column]:
+    """Formulas on the fixes, ``signals`` at the nodes."""
     # a latency and a lever arm say these already
     told = {
-        ("position along", "speed"),
-        ("velocity along", "acceleration"),
-        ("velocity across", "lateral acceleration"),
+        ("position_along", "speed"),
+        ("velocity_along", "acceleration"),
+        ("velocity_across", "lateral_acceleration"),
     }
     out = []
-    for channel, kind, first, direction in places:
-        for text, amount in amounts.items():
-            if (channel, text) in told:
+    for on in OF_FIXES:
+        first = CH_VEL if on.startswith("velocity") else CH_POS
+        vectors = direction(on, signals.heading)
+        for text in ON_FIXES:
+            if (on, text) in told:
                 continue
-            by_channel = np.zeros((len(v), MAX_SCALARS))
-            by_channel[:, first : first + 3] = amount[:, None] * direction
-            sd = SIZES[kind] / max(float(amount.std()), 1e-9)
-            out.append(Column(channel, text, sd, direct=Direct(by_channel)))
+            amount = parse_formula(text)(signals)
+            by_channel = np.zeros((len(amount), MAX_SCALARS))
+            by_channel[:, first : first + 3] = amount[:, None] * vectors
+            sd = SIZES[on.partition("_")[0]] / max(float(amount.std()), 1e-9)
+            out.append(Column(on, text, sd, direct=Direct(by_channel)))
     return out

@@ -9,6 +9,7 @@ import numpy as np
 
 from automap.earth import gravity
 from automap.effects.gnss import low_pass
+from automap.effects.user_fixes import acts_on_fixes
 from automap.frames import quat_to_matrix
 from automap.fusion.layout import N_NAV
 from automap.fusion.measurements import FixModel
@@ -45,7 +46,8 @@ class Fit:
     """A model on a drive.
 
     ``values`` [p] and ``cov`` [p, p] of the estimated effects' parameters, ``names`` as
-    (effect, parameter); ``score`` the log-likelihood in nats, marginal over all states.
+    (effect, parameter); ``score`` the log-likelihood in nats, marginal over all states and,
+    by ``occam``, over the effects that are no states.
     """
 
     opened: OpenDrive
@@ -56,6 +58,7 @@ class Fit:
     values: FloatArray
     cov: FloatArray
     score: float
+    occam: float = 0.0
 
     def value_of(self, effect: str) -> dict[str, float]:
         """Estimated parameters of an effect."""
@@ -78,6 +81,10 @@ def fit_drive(
     """Run the passes under the model, with the effects ``estimate`` (effect -> factor on the
     prior sd) as states and all others of the model at their values."""
     estimate = estimate or {}
+    if any(acts_on_fixes(e) for e in estimate):
+        from automap.gap.fix_effects import fit_with_fix_effects
+
+        return fit_with_fix_effects(opened, model, estimate, start)
     session, where = session_with(opened, model, estimate)
     last, found = run_passes(session, start, constrained=True)
     start = found.start

@@ -41,7 +41,11 @@ class Finding:
 
 @dataclass(frozen=True)
 class Unexplained:
-    """Something that no effect of the library explains: channel, formula, coefficient with sd."""
+    """Something that no effect of the library explains: channel, formula, coefficient with sd.
+
+    ``effect`` its name in the new model, None where the model does without it (an effect of the
+    catalogue that was to be left out); gaps before and after it on held-out data.
+    """
 
     channel: str
     formula: str
@@ -50,6 +54,9 @@ class Unexplained:
     evidence_nats: float
     p_value: float
     resembles: str | None = None
+    effect: str | None = None
+    gap_before: float | None = None
+    gap_after: float | None = None
 
 
 @dataclass(frozen=True)

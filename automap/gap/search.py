@@ -9,6 +9,8 @@ from automap.fusion.levels import ALL_LEVELS
 from automap.gap.drive import OpenDrive
 from automap.gap.effect_library import library
 from automap.gap.fit import fit_drive
+from automap.gap.formula import Formula
+from automap.gap.formula_effect import confirmed
 from automap.gap.formula_trial import strongest_formula
 from automap.gap.heldout import fit_held_out, total_score
 from automap.gap.model import GapModel
@@ -98,6 +100,12 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
     for t in trials:
         say(f"{t.effect}: {t.nats:.1f} nats, screened {t.screened:.1f}, p {t.p_value:.1e}")
     formula = strongest_formula(state, trials, exclude, say)
+    if formula is not None and not _formula_helps(state, formula, say):
+        state.warnings.append(
+            f"{formula.channel} += k * {formula.text} would explain {formula.nats:.0f} nats of the "
+            "fitted data, but the held-out data do not confirm it; it is not told"
+        )
+        formula = None
     if formula is not None:
         state.unexplained = formula
         if trials and trials[0].nats > MIN_NATS:
@@ -132,6 +140,13 @@ def _helps(state: State, trial: Trial, say: Say) -> bool:
     whitener: Whitener = whitener_of(trial.fits[0])
     gain = total_score(new, whitener) - total_score(old, whitener)
     return gain > (-HELD_OUT_SLACK if trial.nats > SURE_NATS else 0.0)
+
+
+def _formula_helps(state: State, formula: Formula, say: Say) -> bool:
+    """Whether the held-out data are more likely with the formula, as far as they can tell."""
+    say(f"checking {formula.channel} += k * {formula.text} on held-out data")
+    values = values_of(state.trials[-1].joint, state.accepted) if state.trials else {}
+    return confirmed(state.held_out, state.model, values, formula)
 
 
 def eliminate(state: State, say: Say) -> Joint:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,8 +17,10 @@ from automap.effects.gnss import (
     outliers,
     wander,
 )
+from automap.effects.user_fixes import acts_on_fixes, fix_errors
 from automap.effects.vehicle import Values, lever_arm_motion, parameter, parameters
 from automap.records import NO_TIME, Fixes, FixType, FloatArray, IntArray
+from automap.simulation.imu import true_signals
 from automap.simulation.scenario import Gnss
 from automap.simulation.trajectory import DriveMotion
 
@@ -57,6 +60,12 @@ def ideal_epochs(
         velocity = motion.vel_ned + swing
     else:
         velocity = _antenna_velocity(drive, np.clip(at_velocity, 0.0, drive.duration_s), arm)
+    if any(acts_on_fixes(e) for e in errors):
+        # since the first IMU sample, like everywhere
+        signals = replace(true_signals(motion), time=motion.t_s)
+        moved, faster = fix_errors(errors, signals)
+        place += moved / np.stack([north, east, np.full(len(north), -1.0)], axis=1)
+        velocity = velocity + faster
     return place, velocity
 
 

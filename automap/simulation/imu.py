@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.effects import distort_imu
+from automap.effects import Signals, distort_imu
+from automap.effects.signals import signals_of
+from automap.effects.user import user_effects
 from automap.effects.vehicle import Values, sensor_to_vehicle
 from automap.records import FloatArray, ImuData, IntArray
 from automap.simulation.errors import TEMPERATURE
@@ -41,7 +43,8 @@ def record_imu(
     C_v_s = sensor_to_vehicle(errors)
     rates, forces = motion.angular_rate @ C_v_s, motion.specific_force @ C_v_s
     given = {name: dict(values) for name, values in errors.items()}
-    gyro, accel = distort_imu(rates, forces, given, temp_c=temp_c, speed=speed)
+    signals = true_signals(motion, temp_c) if user_effects() else None
+    gyro, accel = distort_imu(rates, forces, given, temp_c=temp_c, speed=speed, signals=signals)
     steps = np.diff(motion.t_s, prepend=motion.t_s[:1])
     gyro += _walk(given.get("gyro_bias_walk", {}), steps, rng)
     accel += _walk(given.get("accel_bias_walk", {}), steps, rng)
@@ -49,6 +52,15 @@ def record_imu(
     gyro += rng.standard_normal(gyro.shape) * setup.gyro_noise * root_rate
     accel += rng.standard_normal(accel.shape) * setup.accel_noise * root_rate
     return ImuData(t_ns=t_ns, gyro=gyro, accel=accel, temp_c=temp_c)
+
+
+def true_signals(motion: Motion, temp_c: FloatArray | None = None) -> Signals:
+    """The quantities [n] that users' effects are functions of, along a true motion."""
+    time = motion.t_s - motion.t_s[0]
+    heading = np.unwrap(motion.rpy[:, 2])
+    along = np.einsum("ni,ni->n", motion.C_n_b[:, :, 0], motion.accel_ned)
+    rate, force = motion.angular_rate, motion.specific_force
+    return signals_of(time, motion.vel_ned, heading, along, rate, force, temp_c)
 
 
 def _walk(intensity: dict[str, float], steps: FloatArray, rng: np.random.Generator) -> FloatArray:

@@ -31,8 +31,17 @@ Example:
     type=click.Path(path_type=Path),
     help="The drive folder to write.",
 )
+@click.option(
+    "--config",
+    metavar="MODEL",
+    type=click.Path(path_type=Path),
+    help="A model as automap gap writes it: the sensors have its errors too, and the scenario may "
+    "use the effects that it defines.",
+)
 @click.option("--seed", type=int, help="Seed of the random errors. Default: the scenario's own.")
-def command(scenario: str | None, like: Path | None, out: Path, seed: int | None) -> None:
+def command(
+    scenario: str | None, like: Path | None, out: Path, config: Path | None, seed: int | None
+) -> None:
     """Make a drive folder with sensor data, video and truth.
 
     SCENARIO is a TOML file or the name of one that comes with automap. With --like the vehicle
@@ -46,11 +55,13 @@ def command(scenario: str | None, like: Path | None, out: Path, seed: int | None
     if (scenario is None) == (like is None):
         raise click.UsageError("give a scenario or --like OUT, one of the two")
     if like is not None:
+        if config is not None:
+            raise click.UsageError("--config belongs to a scenario; a twin has its run's model")
         simulate_like(like, out, 1 if seed is None else seed)
         click.echo(str(out))
         return
     assert scenario is not None
 
     with progress_bar("simulate") as progress:
-        simulate(scenario, out, seed, progress)
+        simulate(scenario, out, seed, progress, config)
     click.echo(str(out))

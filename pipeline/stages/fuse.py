@@ -97,8 +97,10 @@ def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None
 def _fuse(context: StageContext) -> None:
     from pipeline.fusion_inputs import read_inputs
     from pipeline.presets import fusion_options
+    from pipeline.user_effects import activate
 
     settings = context.settings.fuse
+    activate(context.settings.effects)
     inputs = read_inputs(context.drive, context.out, settings.imu_delay_sd_s)
     options, presets = fusion_options(context.drive, settings)
     result = inputs.fuse(options, progress=context.progress)
@@ -264,5 +266,6 @@ STAGE = Stage(
         names.FUSION,
         names.TUNED,
     ),
-    settings=("fuse",),
+    settings=("effects", "fuse"),
+    setting_files=lambda settings: settings.effects.paths(),
 )

@@ -1,0 +1,254 @@
+"""Effects of users: formulas, Python files, and their part in simulator, filter and gap finder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from automap.effects import CATALOGUE, Signals, UserTerm, distort_imu, user_effect
+from automap.effects.formula_text import parse_formula
+from automap.effects.signals import VOCABULARY, signals_of_readings
+from automap.effects.user import set_user_effects, signal_of
+from automap.effects.user_files import as_table, effects_of_formulas, effects_of_python
+from automap.effects.user_fixes import direction
+from automap.errors import ConfigError
+from automap.gap import base_model
+from automap.gap.columns import effect_columns, node_motion, sensitivities
+from automap.gap.drive import open_drive
+from automap.gap.fit import fit_drive, motion_of
+from automap.gap.screening import whitened_innovations
+from pipeline.config import load_settings
+from pipeline.user_effects import activate
+from tests.unit.test_gap import simulated
+
+PULL = {"k": {"on": "accel_x", "formula": "sin(heading)", "prior_sd": 0.05, "unit": "m/s^2"}}
+STRETCH = {"k": {"on": "position_along", "formula": "speed^2 / 100", "prior_sd": 0.5}}
+
+
+@pytest.fixture(autouse=True)
+def no_effects_stay() -> Iterator[None]:
+    yield
+    set_user_effects([])
+
+
+def some_signals(n: int = 50) -> Signals:
+    t = np.linspace(0.0, 5.0, n)
+    names = [name for name in VOCABULARY if name not in ("rate", "force", "time")]
+    return Signals(time=t, **{name: np.sin(t + i) for i, name in enumerate(names)})
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("sin(heading) * speed^2", lambda s: np.sin(s.heading) * s.speed**2),
+        ("max(force_x, 0) - -2e-1", lambda s: np.maximum(s.force_x, 0.0) + 0.2),
+        ("step(time - 2) / (1 + abs(rate_z))", lambda s: (s.time > 2) / (1 + abs(s.rate_z))),
+        ("exp(-time / 30) * pi", lambda s: np.exp(-s.time / 30.0) * np.pi),
+        ("rate + force", lambda s: s.rate + s.force),
+        ("1", lambda s: np.ones(len(s.time))),
+    ],
+)
+def test_a_formula_means_what_it_says(text: str, value: object) -> None:
+    signals = some_signals()
+    assert callable(value)
+    np.testing.assert_allclose(parse_formula(text)(signals), value(signals), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("sin(haeding)", "did you mean 'heading'"),
+        ("sine(heading)", "did you mean 'sin'"),
+        ("max(speed)", "1 of 2"),
+        ("speed +", "not understood"),
+        ("__import__('os')", "function '__import__'"),
+        ("speed.real", "speed.real"),
+        ("'a'", "not understood"),
+        ("[x for x in speed]", "not understood"),
+    ],
+)
+def test_a_wrong_formula_is_refused(text: str, said: str) -> None:
+    with pytest.raises(ConfigError, match="formula") as caught:
+        parse_formula(text)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ({}, "no parameter"),
+        ({"k": 3}, "a.k is 3"),
+        ({"k": {**PULL["k"], "onn": "x"}}, "did you mean on?"),
+        ({"k": {"on": "accel_x", "formula": "1"}}, "prior_sd is missing"),
+        ({"k": {**PULL["k"], "prior_sd": -1.0}}, "above 0"),
+        ({"k": {**PULL["k"], "on": "accel_w"}}, "accel_w"),
+        ({"k": PULL["k"], "m": STRETCH["k"]}, "make two effects"),
+        ({"K l": PULL["k"]}, "small letters"),
+    ],
+)
+def test_a_wrong_table_names_the_key(table: dict[str, object], said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        effects_of_formulas({"a": table}, "mine.toml")
+    assert said in str(caught.value)
+    assert "mine.toml" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("EFFECTS = [", "line 1"),
+        ("x = 1\ny = x / 0\n", "line 2: ZeroDivisionError"),
+        ("x = 1\n", "no list EFFECTS"),
+        ("EFFECTS = [3]\n", "EFFECTS holds 3"),
+        (
+            "from automap.effects import UserTerm, user_effect\n"
+            "EFFECTS = [user_effect('a', 'b', UserTerm('k', 'up', abs, 1.0))]\n",
+            "acts on 'up'",
+        ),
+    ],
+)
+def test_a_broken_file_says_where(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"mine\.py") as caught:
+        effects_of_python(path)
+    assert said in str(caught.value)
+    with pytest.raises(ConfigError, match="no such file"):
+        effects_of_python(tmp_path / "other.py")
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        (lambda s: s.speed[:3], "one number an instant"),
+        (lambda s: s.nothing, "AttributeError"),
+        (lambda s: np.log(s.speed * 0.0), "no number 0.0 s"),
+    ],
+)
+def test_a_function_that_fails_is_named(function: object, said: str) -> None:
+    assert callable(function)
+    set_user_effects([user_effect("mine", "", UserTerm("k", "accel_x", function, 1.0))])
+    with pytest.raises(ConfigError, match="'mine', parameter 'k'") as caught:
+        signal_of("mine", "k", some_signals())
+    assert said in str(caught.value)
+
+
+def test_names_that_exist_are_refused_and_the_catalogue_comes_back() -> None:
+    before = list(CATALOGUE)
+    term = UserTerm("x", "accel_x", lambda s: s.speed, 1.0)
+    with pytest.raises(ConfigError, match="already"):
+        set_user_effects([user_effect("gyro_bias", "", term)])
+    with pytest.raises(ConfigError, match="already"):
+        set_user_effects([user_effect("accel", "", replace(term, parameter="bias_x"))])
+    with pytest.raises(ConfigError, match="twice"):
+        set_user_effects([user_effect("mine", "", term), user_effect("mine", "", term)])
+    set_user_effects([user_effect("mine", "", term)])
+    assert list(CATALOGUE) == [*before, "mine"]
+    set_user_effects([])
+    assert list(CATALOGUE) == before
+
+
+def test_a_configuration_finds_the_file_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(
+        "from automap.effects import UserTerm, user_effect\n"
+        "def hum(s):\n    return s.speed * s.force_z\n"
+        "EFFECTS = [user_effect('hum', 'wheels hum', UserTerm('k', 'gyro_z', hum, 1e-4))]\n",
+        encoding="utf-8",
+    )
+    config = tmp_path / "mine.toml"
+    config.write_text(
+        '[effects]\nfiles = ["mine.py"]\n[effects.formulas.pull]\n'
+        'k = { on = "accel_x", formula = "sin(heading)", prior_sd = 0.05 }\n',
+        encoding="utf-8",
+    )
+    settings = load_settings(config)
+    activate(settings.effects)
+    assert CATALOGUE["hum"].summary == "wheels hum"
+    assert CATALOGUE["pull"].family == "imu"
+    activate(load_settings().effects)
+    assert "hum" not in CATALOGUE
+    config.write_text('[effects]\nfiles = ["none.py"]\n', encoding="utf-8")
+    with pytest.raises(ConfigError, match="no such file"):
+        load_settings(config)
+
+
+def test_a_reading_gets_the_signal_and_a_table_comes_back() -> None:
+    effects = effects_of_formulas({"pull": PULL}, "x")
+    set_user_effects(effects)
+    signals = some_signals()
+    rest = np.zeros((len(signals.time), 3))
+    gyro, accel = distort_imu(rest, rest, {"pull": {"k": 0.2}}, signals=signals)
+    np.testing.assert_allclose(accel[:, 0], 0.2 * np.sin(signals.heading))
+    assert not gyro.any()
+    assert not accel[:, 1:].any()
+    assert as_table(effects[0]) == {"summary": effects[0].summary, **PULL}
+
+
+def test_directions_of_the_fixes() -> None:
+    heading = np.array([0.0, 0.5 * np.pi])
+    np.testing.assert_allclose(
+        direction("position_along", heading), [[1, 0, 0], [0, 1, 0]], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        direction("velocity_across", heading), [[0, 1, 0], [-1, 0, 0]], atol=1e-12
+    )
+    assert direction("height", heading)[0, 2] == -1.0
+
+
+def test_readings_and_fixes_show_the_quantities_of_the_motion() -> None:
+    t = np.arange(0.0, 60.0, 0.01)
+    speed = 10.0 + 3.0 * np.sin(0.2 * t)
+    heading = 0.5 + 0.1 * t
+    gyro = np.zeros((len(t), 3))
+    gyro[:, 2] = 0.1
+    accel = np.zeros((len(t), 3))
+    # a tilted sensor: the acceleration's slow part must come from the fixes
+    accel[:, 0], accel[:, 2] = 0.6 * np.cos(0.2 * t) + 0.5, -9.8
+    fixes = np.arange(0, len(t), 20)
+    vel = np.stack([speed * np.cos(heading), speed * np.sin(heading), 0.0 * t], axis=1)[fixes]
+    found = signals_of_readings(t, gyro, accel, None, t[fixes], vel)
+    inner = slice(400, -400)
+    assert np.abs(found.speed - speed)[inner].max() < 0.02
+    assert np.abs(found.heading - heading)[inner].max() < 0.02
+    assert np.abs(found.acceleration - 0.6 * np.cos(0.2 * t))[inner].max() < 0.05
+    later = found.at(np.array([10.005]))
+    assert later.rate_z[0] == pytest.approx(0.1, abs=1e-6)
+
+
+def test_an_effect_of_the_user_is_estimated_by_the_filter_and_shows_in_the_screening() -> None:
+    set_user_effects(effects_of_formulas({"pull": PULL}, "x"))
+    model = base_model()
+    opened = open_drive(simulated({"pull": {"k": 0.15}}), model.options)
+    plain = fit_drive(opened, model)
+    found = fit_drive(opened, model, {"pull": 1.0}, plain.start)
+    value, sd = found.value_of("pull")["k"], found.sd_of("pull")["k"]
+    assert abs(value - 0.15) < 4.0 * sd
+    assert sd < 0.02
+    # the effect at its value, as a later run takes it from the settings
+    known = fit_drive(opened, replace(model, values={"pull": {"k": 0.15}}), start=plain.start)
+    assert known.score > plain.score + 20.0
+    motion = motion_of(plain.last)
+    columns = effect_columns("pull", plain, motion, node_motion(plain, motion), {"k": 0.05})
+    phi = sensitivities(plain, motion, columns)[:, 0]
+    before, _, channel = whitened_innovations(plain)
+    after, _, _ = whitened_innovations(known)
+    measured = channel < 8
+    assert np.corrcoef(phi[measured], (before - after)[measured])[0, 1] > 0.95
+
+
+def test_an_effect_on_the_fixes_is_found_and_taken_out() -> None:
+    set_user_effects(effects_of_formulas({"stretch": STRETCH}, "x"))
+    model = base_model()
+    opened = open_drive(simulated({"stretch": {"k": 0.8}}), model.options)
+    plain = fit_drive(opened, model)
+    found = fit_drive(opened, model, {"stretch": 1.0, "gyro_scale": 1.0}, plain.start)
+    value, sd = found.value_of("stretch")["k"], found.sd_of("stretch")["k"]
+    assert abs(value - 0.8) < 4.0 * sd
+    assert sd < 0.2
+    known = fit_drive(opened, replace(model, values={"stretch": {"k": 0.8}}), start=plain.start)
+    assert known.score > plain.score + 10.0
+    assert [e for e, _ in found.names] == ["stretch", "gyro_scale", "gyro_scale", "gyro_scale"]
