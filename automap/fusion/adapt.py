@@ -15,9 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, NHC, ODOMETER, STANDSTILL, WANDER
+from automap.fusion.level_climb import climb
+from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
 from automap.fusion.levels import LEVELS, VEHICLE_LEVELS, WHITE_LEVELS
 from automap.fusion.measurements import Nodes, Shift
-from automap.fusion.problem import Problem, Start, run_forward, with_options
+from automap.fusion.problem import PathStates, Problem, Start, run_forward, with_options
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,41 @@ def adapt_noise(
         if best - before < search.gain:
             break
     return {k: _refined(k, v, factors, cached, search) for k, v in factors.items()}
+
+
+REFINE_S = 600.0
+"""So much driving the levels are refined on at most."""
+
+
+def refine_noise(
+    problem: Problem,
+    nodes: Nodes,
+    start: Start,
+    shift: Shift,
+    about: PathStates,
+    initial: Mapping[str, float],
+    levels: Sequence[str] = WHITE_LEVELS,
+) -> dict[str, float]:
+    """Factors on the levels at the top of the likelihood about a smoothed path ``about``.
+
+    ``adapt_noise`` looks about the filter's own path, which wants coarse steps and little
+    data; here every step has exact slopes, and the whole drive counts, so the levels scatter
+    less from drive to drive. ``problem`` and ``nodes`` without factors.
+    """
+    part = nodes.first_moving(REFINE_S, MAX_PART * REFINE_S)
+    part = replace(part, flags=part.flags & ~(NHC | STANDSTILL | ODOMETER))
+    path = PathStates(
+        np.ascontiguousarray(about.nominal[: len(part.t)]),
+        np.ascontiguousarray(about.params[: len(part.t)]),
+    )
+
+    def likelihood(trial: dict[str, float]) -> LevelLikelihood:
+        scaled = scale_problem(problem, trial)
+        return level_likelihood(scaled, scale_nodes(part, trial), start, shift, path)
+
+    limit = FINE.limit
+    _, factors = climb(likelihood, initial, tuple(levels), lambda level: (1.0 / limit, limit))
+    return factors
 
 
 def _refined(

@@ -17,11 +17,14 @@ from automap.records import FloatArray
 
 GAIN = 0.3
 """The climb ends when a step brings less than so many nats."""
-MAX_STEPS = 14
-LARGEST_STEP = 1.0
-"""No level changes by more than a factor of e in a step."""
-HALVINGS = 3
-LEAST_INFO = 2.0
+MAX_STEPS = 20
+LARGEST_STEP = 0.5
+"""Of a logarithm: further away a level's slope says little."""
+SHORTER = (1.0, 0.35, 0.12)
+"""A step that leads down is tried again, shorter."""
+LEAST_INFO = 20.0
+"""The variance of a process noise's slope is summed as if intervals knew nothing of one another:
+too small, and its steps would be too long."""
 
 
 @dataclass(frozen=True)
@@ -53,25 +56,36 @@ def climb(
         return _Place(x, there.score, there.slope[rows], there.info[rows])
 
     here = place(np.log([factors[level] for level in levels]))
-    inverse = np.diag(1.0 / np.maximum(here.info, LEAST_INFO))
+    inverse, fresh = _by_information(here), True
     for _ in range(MAX_STEPS):
         # at a limit a level stays if it wants to go beyond
         free = ~((here.x <= low) & (here.slope < 0.0) | (here.x >= high) & (here.slope > 0.0))
         step = np.where(free, inverse @ np.where(free, here.slope, 0.0), 0.0)
-        step *= min(1.0, LARGEST_STEP / max(float(np.abs(step).max()), 1e-12))
-        there = None
-        for _ in range(HALVINGS + 1):
-            there = place(np.clip(here.x + step, low, high))
+        # each by itself: the long way of one level that is far off must not hold up the others
+        step = np.clip(step, -LARGEST_STEP, LARGEST_STEP)
+        gained = 0.0
+        # what a parabola promises; not worth a look if too little
+        worth = 0.5 * float(step @ here.slope) >= 0.5 * GAIN
+        for shorter in SHORTER if worth else ():
+            there = place(np.clip(here.x + shorter * step, low, high))
             if there.score > here.score:
+                gained = there.score - here.score
+                inverse = _updated(inverse, there.x - here.x, here.slope - there.slope)
+                here = there
                 break
-            step *= 0.35
-        if there is None or not there.score > here.score:
+        if gained >= GAIN:
+            fresh = False
+        elif fresh:
             break
-        inverse = _updated(inverse, there.x - here.x, here.slope - there.slope)
-        gained, here = there.score - here.score, there
-        if gained < GAIN:
-            break
+        else:
+            # a poor step may be a poor curvature's fault, not the top
+            inverse, fresh = _by_information(here), True
     return here.score, {**factors, **_by_name(levels, here.x)}
+
+
+def _by_information(place: _Place) -> FloatArray:
+    """The inverse curvature [p, p] that the slopes' variances promise."""
+    return np.diag(1.0 / np.maximum(place.info, LEAST_INFO))
 
 
 def _by_name(levels: Sequence[str], x: FloatArray) -> dict[str, float]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 WHITE_LEVELS = ("accel", "gyro", "position_h", "position_v", "velocity_h", "velocity_v")
 SLOW_LEVELS = ("accel_bias_walk", "gyro_bias_walk", "wander", "wander_tau")
 LEVELS = WHITE_LEVELS + SLOW_LEVELS
+SLOPED_LEVELS = tuple(level for level in LEVELS if level != "wander_tau")
+"""Those along which the likelihood's slope is computed."""
 VEHICLE_LEVELS = ("nhc_y", "nhc_z")
 """How far the vehicle slips and how far its springs move: fitted by the gap finder alone."""
 ALL_LEVELS = LEVELS + VEHICLE_LEVELS

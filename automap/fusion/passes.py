@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.fusion.adapt import COARSE, FINE, adapt_noise, scale_nodes, scale_problem
+from automap.fusion.adapt import COARSE, FINE, adapt_noise, refine_noise, scale_nodes, scale_problem
 from automap.fusion.alignment import Alignment, align
 from automap.fusion.layout import HAS_VEL_H
-from automap.fusion.levels import LEVELS
+from automap.fusion.levels import LEVELS, SLOPED_LEVELS, WHITE_LEVELS
 from automap.fusion.measurements import MIN_SPLIT_S, FixModel, Nodes, Odometer, Shift, build_nodes
 from automap.fusion.model import FusionOptions, StateModel, build_state_model
 from automap.fusion.problem import (
@@ -147,7 +147,7 @@ def run_passes(
             search = FINE if options.tune and constrained else COARSE
             factors = adapt_noise(base, nodes, start, shift, factors, search, progress)
             problem = scale_problem(base, factors)
-        nodes = scale_nodes(nodes, factors)
+        plain, nodes = nodes, scale_nodes(nodes, factors)
         about = None
         if number == 0:
             # enough to settle start, delays and noise; the whole drive comes after
@@ -158,6 +158,10 @@ def run_passes(
             last = None
             about = states_about(problem, smoothed, nodes, before, shift)
             del smoothed
+            if relinearised == 0 and (options.adapt or options.tune):
+                levels = SLOPED_LEVELS if options.tune else WHITE_LEVELS
+                factors = refine_noise(base, plain, start, shift, about, factors, levels)
+                problem, nodes = scale_problem(base, factors), scale_nodes(plain, factors)
             relinearised += 1
         last = None
         # only a relinearised pass can be the last

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from automap.fusion.adapt import FINE, adapt_noise
+from automap.fusion.adapt import FINE, adapt_noise, refine_noise
 from automap.fusion.layout import CH_NHC, HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V, NHC
-from automap.fusion.levels import LEVELS
+from automap.fusion.level_climb import climb
+from automap.fusion.level_likelihood import LevelLikelihood
+from automap.fusion.levels import ALL_LEVELS, LEVELS
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.model import FusionOptions, build_state_model
-from automap.fusion.problem import Problem, Start, make_problem
+from automap.fusion.problem import PathStates, Problem, Start, make_problem
+from automap.fusion.sections import filter_and_smooth
 from tests.unit.fusion_drive import BASE_NS, GPS0, Receiver, Sensor, city_drive, receive, record
 from tests.unit.fusion_problem import make_nodes, true_start
 
@@ -64,3 +68,56 @@ def test_how_loose_the_vehicle_rules_are_has_no_say(drive: tuple[Problem, Nodes,
     loose = replace(drive[1], var=drive[1].var.copy())
     loose.var[:, CH_NHC : CH_NHC + 2] = 100.0
     assert _found(drive, loose) == _found(drive, drive[1])
+
+
+def _refined(drive: tuple[Problem, Nodes, Start], nodes: Nodes) -> dict[str, float]:
+    problem, _, start = drive
+    _, smooth = filter_and_smooth(problem, nodes, start, Shift())
+    about = PathStates(smooth.nominal, smooth.params)
+    coarse = dict.fromkeys(LEVELS, 1.0) | {"gyro": 2.0, "velocity_h": 4.0}
+    return refine_noise(problem, nodes, start, Shift(), about, coarse)
+
+
+def test_levels_are_refined_about_the_smoothed_path(drive: tuple[Problem, Nodes, Start]) -> None:
+    found = _refined(drive, drive[1])
+    assert found["gyro"] == pytest.approx(OFF, rel=0.35)
+    for level in ("velocity_h", "velocity_v"):
+        assert found[level] == pytest.approx(OFF, rel=0.12), level
+    for level in ("position_h", "position_v"):
+        assert found[level] == pytest.approx(1.0, rel=0.12), level
+    assert found["wander"] == 1.0
+
+
+def test_refined_levels_do_not_ask_how_loose_the_rules_are(
+    drive: tuple[Problem, Nodes, Start],
+) -> None:
+    loose = replace(drive[1], var=drive[1].var.copy())
+    loose.var[:, CH_NHC : CH_NHC + 2] = 100.0
+    tight, free = _refined(drive, drive[1]), _refined(drive, loose)
+    # the path they are refined about differs a little
+    assert free == pytest.approx(tight, rel=0.05)
+
+
+def _likelihood(top: float, width: float) -> Callable[[dict[str, float]], LevelLikelihood]:
+    """A hill at ``top`` of one level, flat where the level is far too small, as a variance is
+    that vanishes beside others."""
+    row = ALL_LEVELS.index("accel")
+
+    def likelihood(factors: dict[str, float]) -> LevelLikelihood:
+        variance = factors["accel"] ** 2 + width
+        slope, info = np.zeros(len(ALL_LEVELS)), np.zeros(len(ALL_LEVELS))
+        d = 50.0 * (top**2 + width) / variance - 50.0
+        share = 2.0 * factors["accel"] ** 2 / variance
+        slope[row], info[row] = d * share, 50.0 * share**2
+        score = -50.0 * (np.log(variance) + (top**2 + width) / variance)
+        return LevelLikelihood(float(score), slope, info)
+
+    return likelihood
+
+
+@pytest.mark.parametrize("start", [0.1, 0.7, 1.0, 8.0])
+def test_the_climb_comes_back_from_flat_ground(start: float) -> None:
+    hill = _likelihood(1.0, 0.5)
+    _, found = climb(hill, dict.fromkeys(LEVELS, start), ("accel",), lambda level: (0.01, 100.0))
+    assert found["accel"] == pytest.approx(1.0, rel=0.12)
+    assert found["gyro"] == start

@@ -53,7 +53,8 @@ def test_the_climb_ends_where_no_level_wants_to_move(ungated: Fit) -> None:
     for i, level in enumerate(ALL_LEVELS):
         inside = 0.21 < found[level] < 60.0 and not (level == "nhc_z" and found[level] < 1.01)
         if inside and level != "wander_tau":
-            assert abs(slope[i]) < 1.0 + np.sqrt(max(info[i], 0.0)), level
+            # nats by a factor of e: what is left to gain is less than one
+            assert abs(slope[i]) < 2.0 + np.sqrt(max(info[i], 0.0)), level
 
 
 def test_levels_that_may_not_move_stay(ungated: Fit) -> None:
