@@ -17,7 +17,7 @@ import numpy as np
 from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, NHC, ODOMETER, STANDSTILL, WANDER
 from automap.fusion.level_climb import climb
 from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
-from automap.fusion.levels import LEVELS, VEHICLE_LEVELS, WHITE_LEVELS
+from automap.fusion.levels import ALL_LEVELS, LEVELS, VEHICLE_LEVELS, WHITE_LEVELS
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.problem import PathStates, Problem, Start, run_forward, with_options
 
@@ -90,6 +90,8 @@ def adapt_noise(
 
 REFINE_S = 600.0
 """So much driving the levels are refined on at most."""
+SPREAD = float(np.log(4.0))
+"""Data sheets and presets are right to a factor of four (one sigma of a level's logarithm)."""
 
 
 def refine_noise(
@@ -116,11 +118,22 @@ def refine_noise(
 
     def likelihood(trial: dict[str, float]) -> LevelLikelihood:
         scaled = scale_problem(problem, trial)
-        return level_likelihood(scaled, scale_nodes(part, trial), start, shift, path)
+        measured = level_likelihood(scaled, scale_nodes(part, trial), start, shift, path)
+        return measured + _expected(trial, levels)
 
     limit = FINE.limit
     _, factors = climb(likelihood, initial, tuple(levels), lambda level: (1.0 / limit, limit))
     return factors
+
+
+def _expected(factors: Mapping[str, float], levels: Sequence[str]) -> LevelLikelihood:
+    """What is known of the ``levels`` beforehand: where a short drive says nothing of one, its
+    variance would else run away to nothing."""
+    slope, info = np.zeros(len(ALL_LEVELS)), np.zeros(len(ALL_LEVELS))
+    rows = [ALL_LEVELS.index(level) for level in levels]
+    off = np.log([factors[level] for level in levels]) / SPREAD
+    slope[rows], info[rows] = -off / SPREAD, 1.0 / SPREAD**2
+    return LevelLikelihood(-0.5 * float(off @ off), slope, info)
 
 
 def _refined(

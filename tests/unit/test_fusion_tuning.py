@@ -98,6 +98,18 @@ def test_refined_levels_do_not_ask_how_loose_the_rules_are(
     assert free == pytest.approx(tight, rel=0.05)
 
 
+def test_few_fixes_leave_the_levels_where_they_were_expected(
+    drive: tuple[Problem, Nodes, Start],
+) -> None:
+    problem, nodes, start = drive
+    few = nodes.first(4)
+    _, smooth = filter_and_smooth(problem, few, start, Shift())
+    about = PathStates(smooth.nominal, smooth.params)
+    found = refine_noise(problem, few, start, Shift(), about, dict.fromkeys(LEVELS, 1.0))
+    assert all(0.25 < factor < 4.0 for factor in found.values()), found
+    assert found["accel"] == pytest.approx(1.0, rel=0.3)
+
+
 def _likelihood(top: float, width: float) -> Callable[[dict[str, float]], LevelLikelihood]:
     """A hill at ``top`` of one level, flat where the level is far too small, as a variance is
     that vanishes beside others."""
