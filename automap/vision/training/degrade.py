@@ -117,14 +117,15 @@ def at_random(image: Image, rng: Random, strength: float = 1.0) -> Image:
         image = motion_blur(image, rng.uniform(2.0, 10.0), rng.normal(0.0, 35.0))
     elif rng.random() < 0.25:
         image = np.asarray(cv2.GaussianBlur(image, (0, 0), rng.uniform(0.4, 1.6)), np.uint8)
-    if rng.random() < 0.12 * strength:
+    if rng.random() < 0.15 * strength:
         image = resampled(image, rng.uniform(0.4, 0.9))
-    if rng.random() < 0.14 * strength:
+    if rng.random() < 0.20 * strength:
         image = night(image, rng, rng.uniform(0.18, 0.55), rng.uniform(2.0, 10.0))
     elif rng.random() < 0.25:
         image = _clipped(image + grain(rng, image.shape, rng.uniform(1.0, 9.0)))
-    if rng.random() < 0.35:
-        image = compress(image, int(rng.integers(12, 80)))
+    if rng.random() < 0.45:
+        # poor ones more often: they are what spoils small signs
+        image = compress(image, int(12 + 70 * rng.random() ** 1.7))
     return image
 
 

@@ -13,7 +13,9 @@ from automap.vision.training import scenes
 from automap.vision.training.art import Face
 from automap.vision.training.degrade import at_random
 from automap.vision.training.drawn_streets import PREFIX
+from automap.vision.training.numbers import limit_face, other_number
 from automap.vision.training.street_data import Street
+from automap.vision.training.variants import varied
 
 Image = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float32]
@@ -22,6 +24,12 @@ Random = np.random.Generator
 SIZE = 192
 STRIDE = 4
 _SMALLEST, _LARGEST = 7.0, 230.0
+_ZOOMED = 0.65
+_ZOOMS = (1.2, 2.0)
+"""Share of the pictures that are enlarged as the detector enlarges small ones, and by how much."""
+_VARIED = 0.5
+_LEAST_CONTRAST = 4.0
+_LIMITS = 0.06
 
 
 @dataclass(frozen=True)
@@ -71,10 +79,14 @@ class FaceChooser:
         share = np.array([len(group) ** 0.6 for group in self._groups])
         self._share = share / share.sum()
 
-    def draw(self, rng: Random) -> Face:
-        """One face."""
+    def draw(self, rng: Random) -> tuple[Image, int]:
+        """One face, BGRA, and its kind."""
+        if rng.random() < _LIMITS:
+            return limit_face(other_number(rng), rng), 0
         group = self._groups[int(rng.choice(len(self._groups), p=self._share))]
-        return group[int(rng.integers(len(group)))]
+        face = group[int(rng.integers(len(group)))]
+        image = varied(face.image, rng) if rng.random() < _VARIED else face.image
+        return image, kind_of(face)
 
 
 class SampleMaker:
@@ -92,22 +104,27 @@ class SampleMaker:
         if self._drawn and rng.random() < 0.15:
             street = self._drawn
         chosen = street[int(rng.integers(len(street)))]
-        image, boxes = self._cut(chosen, rng)
+        zoom = rng.uniform(*_ZOOMS) if rng.random() < _ZOOMED else 1.0
+        side = round(SIZE / zoom)
+        image, boxes = self._cut(chosen, side, rng)
         kinds = [0] * len(boxes)
         if rng.random() < 0.6:
             for _ in range(int(rng.integers(1, 4))):
-                scenes.no_sign(image, rng)
+                _clutter(image, boxes, rng)
         if rng.random() < 0.8:
             boxes, kinds = self._set_faces(image, boxes, kinds, rng)
+        # light, optics and compression come before the enlargement
         image = at_random(image, rng)
+        if side < SIZE:
+            image, boxes = _enlarged(image, boxes)
         if rng.random() < 0.5:
             image = np.ascontiguousarray(image[:, ::-1])
             boxes = [np.array([SIZE - 1 - b[2], b[1], SIZE - 1 - b[0], b[3]]) for b in boxes]
         return _targets(image, boxes, kinds)
 
-    def _cut(self, street: Street, rng: Random) -> tuple[Image, list[FloatArray]]:
-        scale = float(np.exp(rng.uniform(np.log(0.5), np.log(2.0))))
-        side = SIZE / scale
+    def _cut(self, street: Street, pixels: int, rng: Random) -> tuple[Image, list[FloatArray]]:
+        scale = float(np.exp(rng.uniform(np.log(0.35), np.log(1.7))))
+        side = pixels / scale
         height, width = street.image.shape[:2]
         if len(street.boxes) and rng.random() < 0.7:
             box = street.boxes[int(rng.integers(len(street.boxes)))]
@@ -131,10 +148,11 @@ class SampleMaker:
         )
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         image = cv2.warpAffine(
-            part, matrix, (SIZE, SIZE), flags=flags, borderMode=cv2.BORDER_REFLECT_101
+            part, matrix, (pixels, pixels), flags=flags, borderMode=cv2.BORDER_REFLECT_101
         )
         moved = (street.boxes - np.tile(low, 2) - np.tile(first, 2) - (step - 1) / 2) * scale
-        inside = [b for b in moved if b[2] > 0 and b[3] > 0 and b[0] < SIZE - 1 and b[1] < SIZE - 1]
+        last = pixels - 1
+        inside = [b for b in moved if b[2] > 0 and b[3] > 0 and b[0] < last and b[1] < last]
         return np.asarray(image, np.uint8), inside
 
     def _set_faces(
@@ -142,12 +160,12 @@ class SampleMaker:
     ) -> tuple[list[FloatArray], list[int]]:
         boxes, kinds = list(boxes), list(kinds)
         for _ in range(int(rng.integers(1, 4))):
-            size = float(np.exp(rng.uniform(np.log(9), np.log(110))))
-            x, y = rng.uniform(0, SIZE), rng.uniform(0, SIZE)
+            size = float(np.exp(rng.uniform(np.log(8), np.log(100))))
+            x, y = rng.uniform(0, image.shape[1]), rng.uniform(0, image.shape[0])
             first = True
             for _ in range(1 if rng.random() < 0.75 else 2):
-                face = self._faces.draw(rng)
-                high, wide = face.image.shape[:2]
+                face, kind = self._faces.draw(rng)
+                high, wide = face.shape[:2]
                 half = np.array([wide, high]) / np.sqrt(wide * high) * size / 2
                 if max(half) > 115:
                     break
@@ -158,11 +176,11 @@ class SampleMaker:
                 if first and rng.random() < 0.7:
                     scenes.pole(image, box, rng)
                 first = False
-                placed = scenes.draw_face(image, face.image, box, rng)
+                placed = scenes.draw_face(image, face, box, rng)
                 if placed is None:
                     break
                 boxes.append(placed)
-                kinds.append(kind_of(face))
+                kinds.append(kind)
                 y = box[3] + size * 0.62
                 if self._faces.plates and rng.random() < 0.15:
                     plate = self._faces.plates[int(rng.integers(len(self._faces.plates)))]
@@ -176,6 +194,32 @@ class SampleMaker:
                         kinds.append(-1)
                     break
         return boxes, kinds
+
+
+def _clutter(image: Image, boxes: list[FloatArray], rng: Random) -> None:
+    """Something that is no sign, unless it would hide one."""
+    high, wide = image.shape[:2]
+    size = float(np.exp(rng.uniform(np.log(8), np.log(70))))
+    at = (float(rng.uniform(0, wide)), float(rng.uniform(0, high)))
+    reach = 1.3 * size
+    taken = np.array([at[0] - reach, at[1] - reach, at[0] + reach, at[1] + reach])
+    if not any(_touch(taken, box) for box in boxes):
+        scenes.no_sign(image, rng, at, size)
+
+
+def _hidden(image: Image, box: FloatArray) -> bool:
+    """Whether light and weather have left next to nothing to be seen of it."""
+    x0, y0 = np.maximum(np.floor(box[:2]), 0).astype(int).tolist()
+    x1, y1 = np.ceil(box[2:]).astype(int).tolist()
+    part = cv2.resize(image[y0 : y1 + 1, x0 : x1 + 1], (6, 6), interpolation=cv2.INTER_AREA)
+    return float(part.reshape(36, 3).std(axis=0).max()) < _LEAST_CONTRAST
+
+
+def _enlarged(image: Image, boxes: list[FloatArray]) -> tuple[Image, list[FloatArray]]:
+    """A picture brought to SIZE, as ``NetworkDetector.detect`` does it."""
+    scale = SIZE / image.shape[0]
+    image = np.asarray(cv2.resize(image, (SIZE, SIZE), interpolation=cv2.INTER_LINEAR), np.uint8)
+    return image, [(box + 0.5) * scale - 0.5 for box in boxes]
 
 
 def _touch(a: FloatArray, b: FloatArray) -> bool:
@@ -210,7 +254,7 @@ def _targets(image: Image, boxes: list[FloatArray], kinds: list[int]) -> Sample:
             weight[1, y, x] = 0.0
             continue
         small = float(np.sqrt(np.prod(size))) < _SMALLEST
-        if seen < 0.7 or small or size.max() > _LARGEST:
+        if seen < 0.7 or small or size.max() > _LARGEST or _hidden(image, shown):
             weight[:, y, x] = 0.0
             continue
         centre = (box[:2] + box[2:]) / 2

@@ -10,15 +10,18 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import onnx
 import torch
 from torch import Tensor, nn
 
 from automap.vision.training.classifier_net import FaceNet
 from automap.vision.training.detector_net import SignNet
+from automap.vision.training.quantize import quantized
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 _OPSET = 17
+_CALIBRATION = 24
 
 
 class _FromPixels(nn.Module):
@@ -34,13 +37,20 @@ class _FromPixels(nn.Module):
 
 
 def export_detector(checkpoint: Path, out: Path) -> None:
-    """The running mean of a detector's training as ONNX, for pictures of any size."""
+    """The running mean of a detector's training as ONNX in 8 bits, for pictures of any size.
+
+    Calibrated on the training pictures that lie beside the checkpoint.
+    """
     net = SignNet()
     net.load_state_dict(torch.load(checkpoint, weights_only=True)["mean"])
     axes = {"image": {2: "height", 3: "width"}, "maps": {2: "rows", 3: "columns"}}
     scores = checkpoint.with_name("scores.json")
     notes = {"score": json.loads(scores.read_text(encoding="utf-8"))} if scores.is_file() else {}
-    _write(net, torch.zeros(1, 3, 256, 256), out, ("image", "maps"), axes, notes)
+    plain = checkpoint.with_suffix(".onnx")
+    _write(net, torch.zeros(1, 3, 256, 256), plain, ("image", "maps"), axes, notes)
+    streets = np.load(checkpoint.with_name("streets.npy"), mmap_mode="r")
+    chosen = np.linspace(0, len(streets) - 1, _CALIBRATION).astype(int).tolist()
+    quantized(plain, out, (np.array(streets[i]) for i in chosen))
 
 
 def export_classifier(checkpoint: Path, out: Path) -> None:
