@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from automap.errors import ConfigError
+from automap.io.toml_file import read_toml
 from pipeline.settings.detect import DetectSettings
 from pipeline.settings.effects import EffectsSettings
 from pipeline.settings.export import ExportSettings
@@ -83,20 +84,6 @@ def _stated(merged: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]
     of_sensors = {"accel_noise", "gyro_noise", "accel_bias_walk", "gyro_bias_walk"}
     given = (of_sensors | set(FIGURES)) & set(own.get("fuse", {}))
     return {"fuse": {"stated": sorted(given | set(merged["fuse"]["stated"]))}}
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """The content of a TOML file; raises ConfigError naming the file and the line."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: there is no such file; check the path") from None
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: byte {error.start} is not UTF-8; save it as UTF-8") from None
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}; correct that place") from None
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror}); check the path") from None
 
 
 def known_keys(model: type[Section] = Settings, prefix: str = "") -> Iterator[str]:

@@ -5,16 +5,17 @@ from __future__ import annotations
 import csv
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automap.errors import InputError
+from automap.io.atomic import make_folder
 from pipeline.camera_paths import path_finder
-from pipeline.detect_images import images_in, search_images
+from pipeline.detect_images import SHEET, images_in, search_images
 from pipeline.search_setup import open_detector, search_rules
 from pipeline.settings.detect import DetectSettings
+from pipeline.targets import spare_recordings
 
 if TYPE_CHECKING:
     from automap.io.drive import Drive, VideoInput
@@ -71,6 +72,10 @@ def detect_to_csv(
     settings = settings or DetectSettings()
     if not source.exists():
         raise InputError(f"{source} is missing; give a video, a folder of images or a drive.")
+    for path in (out, _sheet_of(out), _annotated_of(out)):
+        spare_recordings(path, source)
+    # before a search that may take an hour
+    make_folder(out.parent)
     if source.is_file() and source.name != names.MANIFEST:
         job = _Job(out, settings, annotate, progress, warn)
         return job.video(_lone_video(source), None)
@@ -160,7 +165,7 @@ class _Job:
         if self.annotate:
             from automap.vision.annotate import annotate_video
 
-            shown = self.out.with_name(f"{self.out.stem}_annotated.mp4")
+            shown = _annotated_of(self.out)
             annotate_video(
                 video, found, shown, progress=lambda f, text: self.progress(0.7 + 0.3 * f, text)
             )
@@ -183,13 +188,22 @@ class _Job:
         from automap.io.atomic import write_bytes
         from automap.vision.contact_sheet import contact_sheet
 
-        path = self.out.with_name(f"{self.out.stem}_signs.jpg")
+        path = _sheet_of(self.out)
         if not (seen := list(crops)):
-            with suppress(FileNotFoundError):
+            if path.is_file():
                 path.unlink()  # that of an earlier search does not belong to this table
             return []
         write_bytes(path, contact_sheet(seen))
         return [path]
+
+
+def _sheet_of(table: Path) -> Path:
+    """Where all signs are shown that a table lists."""
+    return table.with_name(f"{table.stem}{SHEET}")
+
+
+def _annotated_of(table: Path) -> Path:
+    return table.with_name(f"{table.stem}_annotated.mp4")
 
 
 def _rows(found: Detections) -> Iterator[Row]:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from automap.vision.parallel import Candidate
 
 _SUFFIXES = {".bmp", ".jpeg", ".jpg", ".png", ".ppm", ".tif", ".tiff", ".webp"}
+SHEET = "_signs.jpg"
+"""End of the name of the sheet of signs that is written beside a table."""
 
 
 @dataclass
@@ -27,8 +29,15 @@ class ImageResult:
 
 
 def images_in(folder: Path) -> list[Path]:
-    """The pictures of a folder, by name."""
-    return sorted(p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES)
+    """The pictures of a folder, by name, without the sheets of signs of earlier searches."""
+    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES)
+    return [path for path in found if not _is_sheet(path)]
+
+
+def _is_sheet(path: Path) -> bool:
+    """Whether a picture stands beside the table whose signs it shows."""
+    table = path.with_name(path.name.removesuffix(SHEET) + ".csv")
+    return path.name.endswith(SHEET) and table.is_file()
 
 
 def search_images(
@@ -91,6 +100,8 @@ def _read(path: Path) -> Image | None:
     import cv2
     import numpy as np
 
+    if not path.is_file():
+        return None
     try:
         picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
     except cv2.error:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from pathlib import Path
 from typing import Any
 
 from automap.io.atomic import write_json
+from automap.io.json_text import parse_json
 
 CACHE_FILE = ".digests.json"
 
@@ -20,7 +20,7 @@ class DigestCache:
         self._known: dict[str, list[Any]] = {}
         self._changed = False
         try:
-            stored = json.loads(self._file.read_text(encoding="utf-8"))
+            stored = parse_json(self._file.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return
         if isinstance(stored, dict):

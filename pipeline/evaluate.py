@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from automap.evaluation.trajectory_errors import (
 )
 from automap.io import names
 from automap.io.atomic import write_json
+from automap.io.json_text import parse_json
 from automap.io.sign_points import read_sign_points
 from automap.io.truth_trajectory import read_truth_trajectory
 from automap.records import NO_TIME, Fixes, FloatArray, Trajectory
@@ -70,7 +70,7 @@ def _drive_folder(out: Path) -> Path:
     record = out / names.RUN
     if record.is_file():
         try:
-            drive = json.loads(record.read_text(encoding="utf-8")).get("drive")
+            drive = parse_json(record.read_text(encoding="utf-8")).get("drive")
         except (OSError, ValueError, AttributeError):
             drive = None
         if isinstance(drive, dict):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,12 +20,14 @@ from automap.export.path import simplified_path
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
 from automap.io.atomic import write_bytes, write_chunks, write_json, write_text
+from automap.io.json_text import parse_json
 from automap.records import NO_TIME, FloatArray, Trajectory
 from pipeline.export_datum import check_format, in_datum, sea_level_heights
 from pipeline.export_view import TrajectoryView, viewed
 from pipeline.lineage import lineage
 from pipeline.pictures import Picture, pictures_by_sign, read_pictures
 from pipeline.products import RunProducts, geoid_separation, load_products
+from pipeline.targets import spare_recordings, spare_results
 
 
 @dataclass
@@ -345,6 +346,10 @@ def export_run(
         raise InputError(f"{out} holds neither a trajectory nor signs; run the drive first.")
     file_name, write = FORMATS[fmt]
     path = target if target is not None else out / file_name
+    spare_results(path, out, file_name)
+    spare_recordings(path, *([] if view.at is None else [view.at]))
+    if path.name == names.DICTIONARY:
+        raise ConfigError(f"{path} is where the meaning of the columns goes; name another file.")
     content = map_content(out, run_name(out), min_confidence)
     if not view.is_plain:
         content.products.trajectory = viewed(out, _trajectory(content), view)
@@ -362,7 +367,7 @@ def export_run(
 def run_name(out: Path) -> str:
     """The drive's name in run.json, otherwise the folder's."""
     try:
-        record = json.loads((out / names.RUN).read_text(encoding="utf-8"))
+        record = parse_json((out / names.RUN).read_text(encoding="utf-8"))
         drive = record.get("drive")
         name = drive.get("name") if isinstance(drive, dict) else record.get("name")
     except (OSError, ValueError, AttributeError):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +11,10 @@ import numpy as np
 from automap.errors import AutoMapError, ConfigError, InputError
 from automap.export.trajectory_point import at_instants, moved_to
 from automap.io import names
+from automap.io.json_text import parse_json
 from automap.records import FloatArray, IntArray, Trajectory
+
+_FARTHEST_M = 100.0
 
 
 @dataclass(frozen=True)
@@ -88,16 +90,20 @@ def lever_arm(out: Path, point: str) -> FloatArray:
     """
     if point == "imu":
         return np.zeros(3)
-    parts = point.split(",")
-    if len(parts) == 3:
-        try:
-            arm = np.array([float(part) for part in parts])
-        except ValueError:
-            arm = np.full(3, np.nan)
-        if np.isfinite(arm).all():
-            return arm
+    if "," not in point:
+        return _named_arm(out, point)
+    try:
+        arm = np.array([float(part) for part in point.split(",")])
+    except ValueError:
+        arm = np.full(3, np.nan)
+    if arm.shape != (3,) or not np.isfinite(arm).all():
         raise ConfigError(f"--point {point}: write three numbers, as 0.4,0.1,-1.2 (metres).")
-    return _named_arm(out, point)
+    if np.abs(arm).max() > _FARTHEST_M:
+        raise ConfigError(
+            f"--point {point} is no point of a vehicle: it lies farther than {_FARTHEST_M:g} m "
+            "from the IMU; the numbers are metres forward, right, down."
+        )
+    return arm
 
 
 def _named_arm(out: Path, point: str) -> FloatArray:
@@ -124,7 +130,7 @@ def _named_arm(out: Path, point: str) -> FloatArray:
 
 def _drive_folder(out: Path) -> Path:
     try:
-        record = json.loads((out / names.RUN).read_text(encoding="utf-8"))
+        record = parse_json((out / names.RUN).read_text(encoding="utf-8"))
         return Path(record["drive"]["path"])
     except (OSError, ValueError, KeyError, TypeError):
         return out.resolve().parent

@@ -12,8 +12,9 @@ from automap.fusion.engine import Prior
 from automap.gap import GapDrive, GapModel, base_model
 from automap.gap.drive import KNOWN
 from automap.gap.model import BASE_NUISANCES
+from automap.io.toml_file import read_toml
 from automap.records import ClockModel
-from pipeline.config import Settings, load_settings, read_toml
+from pipeline.config import Settings, load_settings
 from pipeline.experiments.base import prepare
 from pipeline.user_effects import activate
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from automap.errors import ConfigError, InputError
 from automap.io import names
-from pipeline.merge_inputs import MERGE, RunSigns, read_run
+from pipeline.merge_inputs import RunSigns, read_run
 
 if TYPE_CHECKING:
     from automap.mapping.changes import Change, OlderMap
@@ -57,7 +57,7 @@ def merge_runs(
 
     started = time.monotonic()
     _check_folders(folders, out)
-    if previous is None and (out / MERGE).is_file():
+    if previous is None and (out / names.MERGE).is_file():
         previous = out
     older = None if previous is None else _read_older(previous)
     runs, warnings = _read_all(folders, lambda done: progress(0.25 * done, "reading"))
@@ -90,7 +90,7 @@ def _check_folders(folders: Sequence[Path], out: Path) -> None:
             raise ConfigError(f"{folders[number]} is given twice; leave out one of them.")
     if out.resolve() in resolved:
         raise ConfigError(f"-o {out} is one of the runs to be merged; choose another folder.")
-    if (out / names.RUN).is_file() and not (out / MERGE).is_file():
+    if (out / names.RUN).is_file() and not (out / names.MERGE).is_file():
         raise ConfigError(f"-o {out} holds the results of a run; choose another folder.")
 
 

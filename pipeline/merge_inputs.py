@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ import numpy.typing as npt
 from automap.errors import AutoMapError, InputError
 from automap.export.clock import clock_from_trajectory
 from automap.io import names
+from automap.io.json_text import parse_json
 from automap.mapping.sightings import CameraView, DrivePath, DriveSigns
 from automap.mapping.visibility import DEFAULT_CAMERA
 from automap.records import NO_TIME, ClockModel, FloatArray, IntArray, Sign
@@ -23,7 +23,6 @@ from automap.records import NO_TIME, ClockModel, FloatArray, IntArray, Sign
 if TYPE_CHECKING:
     import pyarrow as pa
 
-MERGE = "merge.json"
 STEP_M = 4.0
 """The path is thinned to a row every so many metres."""
 _PATH_COLUMNS = ("t_ns", "gps_s", "lat_deg", "lon_deg", "yaw_deg", "sd_n_m", "sd_e_m", "sd_d_m")
@@ -46,7 +45,7 @@ def read_run(folder: Path) -> RunSigns:
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such output folder; give folders that automap run wrote.")
-    if (folder / MERGE).is_file():
+    if (folder / names.MERGE).is_file():
         raise InputError(
             f"{folder} is a merged map; give the output folders it was made of, and the map "
             "itself with --previous."
@@ -83,7 +82,7 @@ def read_run(folder: Path) -> RunSigns:
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        value = json.loads(path.read_text(encoding="utf-8"))
+        value = parse_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return value if isinstance(value, dict) else {}

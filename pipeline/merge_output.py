@@ -14,7 +14,7 @@ from automap.io import names
 from automap.io.atomic import make_folder, write_json, write_text
 from automap.io.map_tables import COVERAGE, SIGHTINGS
 from automap.mapping.sightings import DrivePath
-from pipeline.merge_inputs import GPS_CLOCK, MERGE
+from pipeline.merge_inputs import GPS_CLOCK
 
 if TYPE_CHECKING:
     from automap.mapping.changes import Change
@@ -68,8 +68,8 @@ def write_map(
     summary = merge_summary(outcome, signs, folders, previous)
     write_text(out / names.REPORT, merge_report(outcome, summary))
     # the last file says that the map is complete
-    write_json(out / MERGE, summary)
-    return [*files, out / names.REPORT, out / MERGE]
+    write_json(out / names.MERGE, summary)
+    return [*files, out / names.REPORT, out / names.MERGE]
 
 
 def _run_record(outcome: MergeOutcome, folders: Sequence[Path]) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 
 from automap.errors import AutoMapError
 from automap.io import names
+from automap.io.json_text import parse_json
 from automap.records import ClockModel, Fixes, Sign, Trajectory
 
 if TYPE_CHECKING:
@@ -47,9 +47,12 @@ class RunProducts:
         """A JSON object of OUT, empty when it is missing or unreadable."""
 
         def read(path: Path) -> dict[str, Any]:
-            value = json.loads(path.read_text(encoding="utf-8"))
+            try:
+                value = parse_json(path.read_text(encoding="utf-8"))
+            except ValueError as error:
+                raise ValueError(f"it is damaged ({error}); run the drive again") from None
             if not isinstance(value, dict):
-                raise ValueError("it is no JSON object")
+                raise ValueError("it is no JSON object; run the drive again")
             return value
 
         return self.attempt(name, read) or {}

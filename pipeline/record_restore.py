@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from automap.errors import InputError
+from automap.io.json_text import parse_json
 
 
 def restore_receiver(drive: Path) -> list[str]:
@@ -17,7 +17,7 @@ def restore_receiver(drive: Path) -> list[str]:
 
     path = drive / BEFORE
     try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
+        kept = parse_json(path.read_text(encoding="utf-8"))
         port, baud = str(kept["port"]), int(kept["baud"])
         frames = frames_from_hex(kept["messages"])
     except FileNotFoundError:

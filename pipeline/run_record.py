@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -12,6 +11,7 @@ from typing import Any
 
 from automap import __version__
 from automap.io import names
+from automap.io.json_text import parse_json
 
 SCHEMA = "automap.run/1"
 
@@ -39,7 +39,7 @@ def utc_now() -> str:
 def read_record(out: Path) -> dict[str, Any]:
     """The run.json of an earlier run in ``out``; empty when there is none that can be read."""
     try:
-        record = json.loads((out / names.RUN).read_text(encoding="utf-8"))
+        record = parse_json((out / names.RUN).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     if not isinstance(record, dict) or record.get("schema") != SCHEMA:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from automap.errors import InputError
 from automap.io import names
+from automap.io.json_text import parse_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -104,12 +105,12 @@ def write_twin(out: Path, folder: Path, seed: int) -> None:
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
+        return dict(parse_json(path.read_text(encoding="utf-8")))
     except (FileNotFoundError, NotADirectoryError):
         raise InputError(
             f"{path} is missing; give the output folder of a finished `automap run`"
         ) from None
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, ValueError) as error:
         raise InputError(f"{path} is damaged ({error}); run the drive again") from None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import operator
 import re
 from collections.abc import Mapping, Sequence
@@ -45,6 +46,8 @@ def check_requirements(result: Mapping[str, Any], requirements: Sequence[str]) -
             if parts is None:
                 raise ValueError(text)
             key, symbol, limit = parts[1], parts[2], float(parts[3])
+            if math.isnan(limit):
+                raise ValueError(text)
         except ValueError as error:
             raise ConfigError(
                 f"The requirement '{text}' is not understood; write KEY<VALUE with one of "

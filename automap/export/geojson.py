@@ -27,6 +27,7 @@ from automap.export.text_columns import (
     special_characters,
     text_column,
 )
+from automap.io.json_text import parse_json
 from automap.records import NO_TIME, ClockModel, FloatArray, Sign
 
 _encode = json.JSONEncoder(ensure_ascii=False).encode
@@ -139,7 +140,7 @@ def read_signs_geojson(path: Path, clock: ClockModel | None = None) -> list[Sign
     InputError naming the file and the feature.
     """
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8-sig"))
+        content = parse_json(Path(path).read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise InputError(f"{path} is missing; give the path of a GeoJSON file.") from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:

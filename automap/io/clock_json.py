@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any, TypeVar
 
 from automap.errors import InputError
 from automap.io.atomic import write_json
+from automap.io.json_text import parse_json
 from automap.records import ClockModel
 from automap.sync.stamps import DriveClocks
 
@@ -45,7 +45,7 @@ def read_clocks(path: Path) -> DriveClocks:
 
 def _read(path: Path, parse: Callable[[dict[str, Any]], _T]) -> _T:
     try:
-        return parse(json.loads(path.read_text(encoding="utf-8")))
+        return parse(parse_json(path.read_text(encoding="utf-8")))
     except FileNotFoundError:
         raise InputError(f"{path} is missing; run the sync stage.") from None
     except (ValueError, KeyError, TypeError) as error:

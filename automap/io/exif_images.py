@@ -6,7 +6,6 @@ description (MAPLatitude, MAPLongitude, MAPAltitude, MAPCaptureTime, MAPCompassH
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from automap.errors import InputError
+from automap.io.json_text import parse_json
 
 _DESCRIPTION, _DATE_TIME, _SUB_SECOND, _OFFSET = 0x010E, 0x9003, 0x9291, 0x9011
 _EXIF_IFD, _GPS_IFD = 0x8769, 0x8825
@@ -88,7 +88,7 @@ def _described(path: Path, tags: dict[int, Any]) -> PlacedImage | None:
     text = tags.get(_DESCRIPTION)
     if not isinstance(text, str) or "MAPLatitude" not in text:
         return None
-    values = json.loads(text)
+    values = parse_json(text)
     taken = datetime.strptime(values["MAPCaptureTime"], "%Y_%m_%d_%H_%M_%S_%f")
     heading = values.get("MAPCompassHeading") or {}
     return PlacedImage(

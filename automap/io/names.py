@@ -36,6 +36,17 @@ RUN = "run.json"
 REVIEW = "review.json"
 REJECTED = "signs_rejected.geojson"
 EVALUATION = "evaluation.json"
+MERGE = "merge.json"
+
+RUN_FILES = frozenset(
+    {
+        *(IMU, FIXES, ODOMETER, INGEST, SYNC, SYNC_DELAYS, FUSION, TUNED, DETECTIONS, CROPS),
+        *(SIGNS_RAW, TRAJECTORY, TRAJECTORY_FILTER, TRAJECTORY_ADJUSTED, IMU_ERRORS, INNOVATIONS),
+        *(SIGNS_GEOJSON, SIGNS_TABLE, OBSERVATIONS, CONTACT_SHEET, KML, KMZ, GPKG, DICTIONARY),
+        *(REPORT, RUN, REVIEW, REJECTED, EVALUATION, MERGE),
+    }
+)
+"""What a run or a merge keeps in OUT under a name of its own."""
 
 DEFAULT_OUT = "_automap"
 MANIFEST = "drive.toml"

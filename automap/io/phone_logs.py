@@ -229,6 +229,8 @@ def read_gnss_logger(source: Path) -> PhoneLog:
 
     Stamps are ``elapsedRealtimeNanos``, nanoseconds since the phone started.
     """
+    if source.is_dir():
+        raise InputError(f"{source} is a folder; give the gnss_log_*.txt in it.")
     try:
         text = source.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:

@@ -6,7 +6,6 @@ file beside it keeps other processes and threads from doing the same.
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import typing
@@ -19,6 +18,7 @@ from typing import Any
 from automap.errors import InputError
 from automap.export.review import Action, Kind
 from automap.io.atomic import write_failure, write_json
+from automap.io.json_text import parse_json
 
 SCHEMA = "automap.review/1"
 _LOCK = ".review.lock"
@@ -33,10 +33,10 @@ def read_review(path: Path) -> list[Action]:
     Raises InputError when the file is damaged or is no review.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = parse_json(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return []
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, ValueError) as error:
         raise InputError(
             f"{path} cannot be read as a review ({error}); correct it, or move it away to go on "
             "without it."

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.evaluation.sign_matching import SignPoints
+from automap.io.json_text import parse_json
 
 
 def read_sign_points(path: Path) -> SignPoints:
@@ -19,7 +19,7 @@ def read_sign_points(path: Path) -> SignPoints:
     Raises InputError when the file is no GeoJSON or a feature is not a point.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = parse_json(path.read_text(encoding="utf-8"))
         features = document["features"]
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}).") from error

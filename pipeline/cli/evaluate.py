@@ -25,7 +25,9 @@ Examples:
     type=click.Path(path_type=Path),
     help="Folder with trajectory.csv or signs.geojson. Default: the drive's truth folder.",
 )
-@click.option("--truth-sd", type=Finite(min=0), metavar="M", help="One sigma of the truth, metres.")
+@click.option(
+    "--truth-sd", type=Finite(0, 1e4), metavar="M", help="One sigma of the truth, metres."
+)
 @click.option(
     "--require",
     "requirements",

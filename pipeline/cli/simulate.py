@@ -38,7 +38,11 @@ Example:
     help="A model as automap gap writes it: the sensors have its errors too, and the scenario may "
     "use the effects that it defines.",
 )
-@click.option("--seed", type=int, help="Seed of the random errors. Default: the scenario's own.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    help="Seed of the random errors. Default: the scenario's own.",
+)
 def command(
     scenario: str | None, like: Path | None, out: Path, config: Path | None, seed: int | None
 ) -> None:

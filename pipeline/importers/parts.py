@@ -11,6 +11,7 @@ import numpy as np
 
 from automap.io import names
 from automap.io.atomic import make_folder, write_text
+from automap.io.axes import axes_matrix
 from pipeline.importers.target import Import, toml
 
 
@@ -90,7 +91,8 @@ def write_image_files(
 
 
 def imu_section(axes: str, time: str = "boot_ns") -> str:
-    """``[imu]`` of a file in rad/s and m/s^2."""
+    """``[imu]`` of a file in rad/s and m/s^2; ConfigError for axes that there are not."""
+    axes_matrix(axes)
     return (
         f'[imu]\nfile = "imu.csv"\naxes = {toml(axes)}\ntime = "{time}"\n'
         'gyro_unit = "rad/s"\naccel_unit = "m/s^2"\n'

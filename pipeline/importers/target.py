@@ -18,6 +18,7 @@ from automap import __version__
 from automap.errors import ConfigError, InputError
 from automap.io import names
 from automap.io.atomic import make_folder, write_failure, write_json, write_text
+from automap.io.json_text import parse_json
 
 MARK = "# Made by automap import"
 LINEAGE = "import.json"
@@ -159,7 +160,7 @@ def _move(folder: Path, out: Path) -> None:
 def _written_before(out: Path) -> list[str]:
     """Files of the import that made ``out``, the manifest not among them."""
     try:
-        written = json.loads((out / LINEAGE).read_text(encoding="utf-8"))["written"]
+        written = parse_json((out / LINEAGE).read_text(encoding="utf-8"))["written"]
         found = [str(name) for name in written]
     except (OSError, ValueError, KeyError, TypeError):
         return list(_EARLIER)

@@ -9,6 +9,7 @@ from typing import Any
 from automap import __version__
 from automap.errors import InputError
 from automap.io.atomic import plain, write_text
+from automap.io.json_text import parse_json
 from automap.regression.record import DriveRecord, from_json, to_json
 
 SCHEMA = "automap.regression/1"
@@ -27,7 +28,7 @@ def read_baseline(path: Path) -> dict[str, DriveRecord]:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path} cannot be read ({error}); check the file.") from error
     try:
-        stored: Any = json.loads(text)
+        stored: Any = parse_json(text)
     except ValueError as error:
         raise InputError(
             f"{path} is not valid JSON ({error}); restore it, or write it anew with --update."

@@ -14,6 +14,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from automap.errors import AutoMapError
 from automap.io import names
+from automap.io.json_text import parse_json
 from pipeline.viewer import guard
 from pipeline.viewer.viewed_map import ViewedMap
 
@@ -114,8 +115,8 @@ class _Handler(BaseHTTPRequestHandler):
         if length > _BODY_LIMIT:
             raise guard.RefusedError(413, "that is too long")
         try:
-            sent = json.loads(self.rfile.read(length))
-        except (ValueError, RecursionError):
+            sent = parse_json(self.rfile.read(length))
+        except ValueError:
             raise ValueError("it is no JSON") from None
         self._json(self.server.shown.add(sent))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import threading
 import uuid
 from dataclasses import asdict, dataclass, field
@@ -19,6 +18,7 @@ from automap.export.fields import SIGN_FIELDS
 from automap.export.review import Action, Verdict, match, standing, verdicts
 from automap.export.uncertainty import ce95
 from automap.io import names
+from automap.io.json_text import parse_json
 from automap.io.review_json import action_of, append_action, read_review
 from automap.records import ClockModel, IntArray
 from pipeline.run_record import utc_now
@@ -277,16 +277,14 @@ def open_map(out: Path) -> ViewedMap:
 
 def _merged_drives(out: Path) -> list[MapDrive] | None:
     """The drives of a merged map, None where ``out`` is the map of one run."""
-    from pipeline.merge_inputs import MERGE
-
-    if not (out / MERGE).is_file():
+    if not (out / names.MERGE).is_file():
         return None
     try:
-        listed = json.loads((out / MERGE).read_text(encoding="utf-8"))["drives"]
+        listed = parse_json((out / names.MERGE).read_text(encoding="utf-8"))["drives"]
         return [_drive_of(out, str(value["name"]), Path(value["folder"])) for value in listed]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
-            f"{out / MERGE} cannot be used ({error}); merge the drives again."
+            f"{out / names.MERGE} cannot be used ({error}); merge the drives again."
         ) from error
 
 
@@ -306,7 +304,7 @@ def _drive_of(out: Path, name: str, folder: Path) -> MapDrive:
 def _own_drive(out: Path) -> MapDrive:
     """The drive that a run in ``out`` was made of."""
     try:
-        record = json.loads((out / names.RUN).read_text(encoding="utf-8"))["drive"]
+        record = parse_json((out / names.RUN).read_text(encoding="utf-8"))["drive"]
         name, folder = str(record["name"]), Path(record["path"])
     except (OSError, ValueError, KeyError, TypeError):
         name, folder = out.resolve().name, out.resolve().parent

@@ -15,7 +15,6 @@ from automap.io.clock_json import write_clock
 from automap.io.map_tables import SIGHTINGS, write_sightings
 from automap.io.review_json import read_review
 from automap.io.signs_table import write_signs
-from pipeline.merge_inputs import MERGE
 from pipeline.viewer.viewed_map import open_map
 
 
@@ -35,7 +34,7 @@ def merged(tmp_path: Path) -> Path:
     )
     write_clock(out / names.SYNC, CLOCK)
     drives = [{"name": n, "folder": str(tmp_path / n)} for n in ("monday", "tuesday")]
-    (out / MERGE).write_text(json.dumps({"schema": "automap.merge/1", "drives": drives}))
+    (out / names.MERGE).write_text(json.dumps({"schema": "automap.merge/1", "drives": drives}))
     texts = {
         "key": ["1", "2", "3"],
         "drive": ["monday", "tuesday", "tuesday"],
@@ -111,6 +110,6 @@ def test_runs_that_moved_with_the_map_are_found(merged: Path, tmp_path: Path) ->
 
 def test_a_damaged_merge_is_one_sentence(merged: Path) -> None:
     for content in ("{", "[]", '{"drives": [{}]}'):
-        (merged / MERGE).write_text(content)
+        (merged / names.MERGE).write_text(content)
         with pytest.raises(InputError, match=r"merge\.json"):
             open_map(merged)

@@ -1,0 +1,157 @@
+"""Commands given what nobody should give them: a code of the contract and one clear sentence."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from export_inputs import write_run
+from import_data_sets import write_euroc
+from input_drive import write_drive
+
+from automap.errors import ConfigError
+from automap.io import names
+from automap.io.toml_file import read_toml
+from pipeline.cli.root import run_command
+from pipeline.detect_images import images_in
+from pipeline.targets import spare_recordings
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_run(tmp_path_factory.mktemp("run") / "out", signs=3, seconds=20.0)
+
+
+@pytest.fixture
+def out(finished: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(finished, tmp_path / "out"))
+
+
+def failed(words: list[str], code: int, capsys: pytest.CaptureFixture[str]) -> str:
+    """The sentence of a command that ends with a code."""
+    assert run_command(words) == code
+    text = capsys.readouterr().err
+    assert "unexpectedly" not in text
+    assert "Warning" not in text
+    return text
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["merge", "OUT", "-o", "NEW", "--min-existence", "nan"],
+        ["export", "OUT", "--format", "csv", "--min-confidence", "nan"],
+        ["evaluate", "OUT", "--truth-sd", "inf"],
+        ["evaluate", "OUT", "--truth-sd", "1e300"],
+        ["calibrate", "static", "x.csv", "-o", "NEW", "--rate", "nan"],
+        ["calibrate", "static", "x.csv", "-o", "NEW", "--gravity", "nan"],
+        ["gap", "x", "-o", "NEW", "--gravity", "inf"],
+        ["experiment", "dropout", "x", "-o", "NEW", "--every", "inf"],
+        ["record", "-o", "NEW", "--duration", "nan"],
+        ["import", "bearings", "x.csv", "-o", "NEW", "--truth-sd", "nan"],
+        ["simulate", "sample", "-o", "NEW", "--seed", "-1"],
+    ],
+)
+def test_numbers_that_are_none_are_refused(
+    words: list[str], out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    real = {"OUT": str(out), "NEW": str(tmp_path / "new")}
+    assert "Invalid value" in failed([real.get(word, word) for word in words], 2, capsys)
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("name", [names.SIGNS_GEOJSON, names.RUN, names.TRAJECTORY])
+def test_an_export_spares_the_other_results(
+    name: str, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command(["export", str(out), "--format", "geojson"]) == 0
+    before = (out / name).read_bytes()
+    text = failed(["export", str(out), "--format", "csv", "-o", str(out / name)], 2, capsys)
+    assert name in text
+    assert (out / name).read_bytes() == before
+    assert run_command(["export", str(out), "--format", "geojson"]) == 0
+
+
+def test_recordings_are_spared(
+    out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = write_drive(tmp_path / "drive")
+    (drive / "video").mkdir()
+    (drive / "video" / "front.mp4").write_bytes(b"a recording")
+    for name in ("imu.csv", names.MANIFEST, "video/front.mp4"):
+        before = (drive / name).read_bytes()
+        target = str(drive / name)
+        assert target in failed(["export", str(out), "--format", "csv", "-o", target], 2, capsys)
+        assert target in failed(["detect", str(drive), "-o", target], 2, capsys)
+        assert (drive / name).read_bytes() == before
+    table = drive / "video" / "front_detections.csv"
+    table.write_text("frame\n")
+    spare_recordings(table)
+    spare_recordings(drive / "new.csv")
+    with pytest.raises(ConfigError, match="what is to be read"):
+        spare_recordings(out / names.RUN, out / names.RUN)
+
+
+@pytest.mark.parametrize(
+    ("point", "said"),
+    [("1,2", "three numbers"), ("nan,0,0", "three numbers"), ("1e300,0,0", "farther than 100 m")],
+)
+def test_a_point_off_the_vehicle(
+    point: str, said: str, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["export", str(out), "--format", "tum", "--point", point]
+    assert said in failed(words, 2, capsys)
+
+
+def test_a_damaged_run_record_is_told(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (out / names.RUN).write_text("[" * 100_000)
+    assert run_command(["export", str(out), "--format", "csv"]) == 0
+    assert "run.json is left out: it is damaged" in capsys.readouterr().err
+
+
+def test_the_sheet_of_an_earlier_search_is_no_picture(tmp_path: Path) -> None:
+    for name in ("a.jpg", "boxes_signs.jpg", "stop_signs.jpg", "boxes.csv"):
+        (tmp_path / name).touch()
+    assert [path.name for path in images_in(tmp_path)] == ["a.jpg", "stop_signs.jpg"]
+
+
+def test_a_table_where_a_file_is_in_the_way(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import cv2
+
+    (tmp_path / "in").mkdir()
+    cv2.imwrite(str(tmp_path / "in" / "grey.png"), np.full((60, 80, 3), 90, np.uint8))
+    (tmp_path / "file").touch()
+    target = str(tmp_path / "file" / "boxes.csv")
+    assert "in the way" in failed(["detect", str(tmp_path / "in"), "-o", target], 4, capsys)
+
+
+def test_an_import_with_axes_that_there_are_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = write_euroc(tmp_path / "asl")
+    words = ["import", "euroc", str(source), "-o", str(tmp_path / "drive"), "--axes", "XYZ"]
+    assert "three letters" in failed(words, 2, capsys)
+    assert not (tmp_path / "drive").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"a = " + b"[" * 5000, "nested too deeply"),
+        (b"a = 1\n\xff", "byte 6 is not UTF-8"),
+        (b"a = 1\nb = \nc = 2", "line 2"),
+    ],
+)
+def test_toml_that_cannot_be_read(content: bytes, said: str, tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_bytes(content)
+    with pytest.raises(ConfigError, match=said):
+        read_toml(tmp_path / "a.toml")
+
+
+def test_toml_of_other_editors(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_bytes(b"\xef\xbb\xbfa = 1\r\nb = 2\rc = 3\n")
+    assert read_toml(tmp_path / "a.toml") == {"a": 1, "b": 2, "c": 3}
