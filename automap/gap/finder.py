@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-from automap.effects import CATALOGUE
-from automap.effects.user import add_user_effect
+from automap.effects import CATALOGUE, UserEffect
 from automap.errors import InputError
 from automap.fusion.model import FusionOptions
 from automap.gap.advice import advice
 from automap.gap.drive import GapDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit
-from automap.gap.formula_effect import PARAMETER, effect_of
+from automap.gap.formula_effect import PARAMETER, adopt
 from automap.gap.heldout import channel_gaps, epochs, fit_held_out, remaining_gap, total_score
 from automap.gap.locate import places, worst_by_channel
 from automap.gap.model import GapModel, base_model
@@ -67,9 +66,10 @@ def find_gaps(
         if found is None:
             break
         stages.append((state.model, _values(state)))
+    formula = adopt(state, say)
     joint = eliminate(state, say)
     say("measuring the gap on held-out data")
-    return _result(state, base, stages, joint)
+    return _result(state, base, stages, joint, formula)
 
 
 def _values(state: State) -> dict[str, dict[str, float]]:
@@ -107,14 +107,9 @@ def _result(
     base: GapModel,
     stages: Sequence[tuple[GapModel, Mapping[str, Mapping[str, float]]]],
     joint: Joint,
+    formula: UserEffect | None,
 ) -> GapResult:
     final_values = values_of(joint, state.accepted)
-    named_values = final_values
-    formula = state.unexplained
-    effect = None if formula is None else effect_of(formula)
-    if formula is not None and effect is not None:
-        add_user_effect(effect)
-        final_values = {**final_values, effect.name: {PARAMETER: formula.coefficient}}
     final = fit_held_out(state.held_out, state.model, final_values)
     whitener = whitener_of(state.fits[0])
     count = epochs(final)
@@ -132,9 +127,16 @@ def _result(
             first = fits
         trail.append(gap(fits))
     unexplained = _unexplained(state)
-    if unexplained is not None and effect is not None:
-        fits = fit_held_out(state.held_out, state.model, named_values)
-        unexplained = replace(unexplained, effect=effect.name, gap_before=gap(fits), gap_after=rest)
+    if unexplained is not None and formula is not None and formula.name in state.accepted:
+        value, sd = joint.of(formula.name)[PARAMETER]
+        unexplained = replace(
+            unexplained,
+            coefficient=value,
+            sd=sd,
+            effect=formula.name,
+            gap_before=trail[-1],
+            gap_after=rest,
+        )
     findings = []
     for trial in state.trials:
         number = list(_order(stages)).index(trial.effect) + 1

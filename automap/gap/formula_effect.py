@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from automap.effects import CATALOGUE
 from automap.effects.formula_text import parse_formula
@@ -13,11 +14,14 @@ from automap.gap.fit import Fit, motion_of
 from automap.gap.formula import Formula
 from automap.gap.heldout import fit_held_out, total_score
 from automap.gap.model import GapModel
+from automap.gap.noise import fit_noise
 from automap.gap.scoring import whitener_of
 from automap.gap.screening import whitened_innovations
+from automap.gap.search_state import Say, State, fit_all
 from automap.gap.whitening import white_rows
 
 PARAMETER = "k"
+ROOM = 1.5
 SHOWS_NATS = 3.0
 """Held-out data that would show a formula with less than this have no say."""
 
@@ -45,6 +49,26 @@ def _name(formula: Formula) -> str:
         number += 1
         name = f"formula_{formula.channel}_{number}"
     return name
+
+
+def adopt(state: State, say: Say) -> UserEffect | None:
+    """Make the formula that was found one of the accepted effects, with the noise that suits it.
+
+    Noise that was fitted without it has swallowed part of it.
+    """
+    formula = state.unexplained
+    effect = None if formula is None else effect_of(formula)
+    if formula is None or effect is None:
+        return None
+    add_user_effect(effect)
+    say(f"fitting the noise with {formula.channel} += k * {formula.text}")
+    room = max(1.0, ROOM * abs(formula.coefficient) / formula.prior_sd)
+    estimate = {**state.accepted, effect.name: room}
+    fits = fit_all(state, state.model, estimate)
+    model = replace(state.model, factors=fit_noise(fits))
+    state.model, state.accepted = model, estimate
+    state.fits = fit_all(replace(state, fits=fits), model, estimate)
+    return effect
 
 
 def confirmed(

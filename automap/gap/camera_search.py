@@ -1,0 +1,333 @@
+"""Which effect of the camera is missing, from the boxes of tracked signs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from automap.effects import CATALOGUE
+from automap.gap.camera_fit import CameraFit, box_noise, estimate_noise, fit_camera
+from automap.gap.camera_views import EFFECTS, KEYS, Boxes
+from automap.gap.evidence import Scores, evidence, null_maxima, p_value, without
+from automap.gap.result import Finding, ParameterValue
+from automap.records import FloatArray, IntArray
+
+MIN_NATS = 7.0
+MAX_P = 1e-3
+TRY_NATS = 3.0
+CLOSE_NATS = 3.0
+CLOSE_SHARE = 0.03
+NULL_DRAWS = 4000
+MIN_SIGNS = 6
+FREE_FACTOR = 5.0
+SHRINK = 12.0
+MAX_EXCESS = 9.0
+MAX_ROUNDS = 6
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class CameraGap:
+    """What was found about one camera.
+
+    ``findings`` with gaps in nats a box on held-out signs; ``values`` effect -> parameter ->
+    value; ``held_out`` the fits of the held-out signs before and after, ``gap_before`` and
+    ``gap_after`` of all findings together; numbers of signs and boxes that were fitted and
+    held out.
+    """
+
+    camera: str
+    findings: tuple[Finding, ...]
+    values: Mapping[str, Mapping[str, float]]
+    gap_before: float
+    gap_after: float
+    signs: int
+    boxes: int
+    held_out: tuple[CameraFit, CameraFit] | None
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Trial:
+    effect: str
+    fit: CameraFit
+    nats: float
+    p: float
+
+
+def columns_of(effect: str) -> IntArray:
+    """Rows of an effect's parameters among the shared ones."""
+    return np.array([i for i, (e, _) in enumerate(KEYS) if e == effect], np.int64)
+
+
+def prior_sds(boxes: Boxes, effects: Collection[str], factor: float = 1.0) -> FloatArray:
+    """Prior one sigma [g] of the shared parameters, zero of effects that are not ``effects``."""
+    out = np.zeros(boxes.n_common)
+    for effect in effects:
+        out[columns_of(effect)] = [factor * p.prior_sd for p in CATALOGUE[effect].parameters]
+    return out
+
+
+def find_camera_gap(
+    camera: str,
+    boxes: Boxes,
+    held: Boxes | None,
+    exclude: Collection[str] = (),
+    say: Say = lambda text: None,
+) -> CameraGap:
+    """Name what the stated camera lacks, one effect after another while held-out signs agree.
+
+    Without ``held`` the last third of the signs is held out.
+    """
+    if held is None:
+        cut = 2 * boxes.n_signs // 3
+        boxes, held = boxes.of_signs(0, cut), boxes.of_signs(cut, boxes.n_signs)
+    if boxes.n_signs < MIN_SIGNS or held.n_signs < 2:
+        text = (
+            f"camera {camera}: only {boxes.n_signs + held.n_signs} signs were tracked over "
+            "several frames; too few to look for errors of the camera"
+        )
+        nothing: tuple[Finding, ...] = ()
+        n = boxes.n_signs + held.n_signs
+        total = len(boxes.sign) + len(held.sign)
+        return CameraGap(camera, nothing, {}, 0.0, 0.0, n, total, None, (text,))
+    allowed = [e for e in EFFECTS if e not in exclude]
+    say(f"camera {camera}: fitting the noise of the boxes")
+    first = box_noise(boxes, np.full(2, 1.5), np.full(2, 0.03))
+    free = fit_camera(boxes, first, prior_sds(boxes, allowed, FREE_FACTOR))
+    sd = estimate_noise(free)
+    free = fit_camera(boxes, sd, prior_sds(boxes, allowed, FREE_FACTOR), free.common, free.local)
+    sd = estimate_noise(free)
+    held_sd = estimate_noise(
+        fit_camera(
+            held,
+            box_noise(held, np.full(2, 1.5), np.full(2, 0.03)),
+            prior_sds(held, allowed, FREE_FACTOR),
+        )
+    )
+    now = fit_camera(boxes, sd, prior_sds(boxes, ()))
+    held_fits = [fit_camera(held, held_sd, prior_sds(held, ()))]
+    accepted: list[str] = []
+    found: list[tuple[_Trial, tuple[str, ...]]] = []
+    refused: set[str] = set()
+    warnings: list[str] = []
+    for _ in range(MAX_ROUNDS):
+        left = [e for e in allowed if e not in accepted and e not in refused]
+        if not left:
+            break
+        say(f"camera {camera}: screening")
+        trials = _trials(now, sd, accepted, left)
+        if not trials or trials[0].nats < MIN_NATS or trials[0].p > MAX_P:
+            break
+        best = trials[0]
+        after = _with_values(held, held_sd, best.fit, [*accepted, best.effect])
+        if not after.cost < held_fits[-1].cost:
+            refused.add(best.effect)
+            warnings.append(
+                f"camera {camera}: {best.effect} would explain {best.nats:.0f} nats of the fitted "
+                "signs, but the held-out signs do not confirm it; it is not named"
+            )
+            continue
+        close = max(CLOSE_NATS, CLOSE_SHARE * best.nats)
+        rivals = tuple(t.effect for t in trials[1:] if best.nats - t.nats < close)
+        accepted.append(best.effect)
+        found.append((best, rivals))
+        held_fits.append(after)
+        now = best.fit
+    n = max(len(held.sign), 1)
+    gaps = [(f.cost - held_fits[-1].cost) / n for f in held_fits]
+    rest = _remaining(held_fits[-1])
+    cov = _covariance(now, accepted)
+    findings = []
+    for number, (trial, rivals) in enumerate(found):
+        findings.append(
+            Finding(
+                trial.effect,
+                _parameters(now, trial.effect, accepted, cov),
+                trial.nats,
+                trial.p,
+                rest + gaps[number],
+                rest + gaps[number + 1],
+                rivals,
+                _advice(trial.effect, rivals),
+            )
+        )
+    values = {
+        e: {p: v.value for p, v in _parameters(now, e, accepted, cov).items()} for e in accepted
+    }
+    return CameraGap(
+        camera,
+        tuple(findings),
+        values,
+        rest + gaps[0],
+        rest,
+        boxes.n_signs + held.n_signs,
+        len(boxes.sign) + len(held.sign),
+        (held_fits[0], held_fits[-1]),
+        tuple(warnings),
+    )
+
+
+def _trials(
+    now: CameraFit, sd: FloatArray, accepted: Sequence[str], left: Sequence[str]
+) -> list[_Trial]:
+    """Fits of the candidates that stand out, best first."""
+    scores = _marginal(now, accepted)
+    groups = []
+    ranked = []
+    for effect in left:
+        rows = columns_of(effect)
+        prior = np.array([p.prior_sd for p in CATALOGUE[effect].parameters])
+        groups.append((rows, prior))
+        ranked.append((effect, evidence(scores, rows, prior)))
+    maxima = null_maxima(scores, groups, NULL_DRAWS)
+    if max(e.nats for _, e in ranked) < TRY_NATS:
+        return []
+    out = []
+    for effect, seen in ranked:
+        if seen.nats < TRY_NATS:
+            continue
+        factor = max(1.0, seen.scale)
+        prior = prior_sds(now.boxes, accepted, FREE_FACTOR) + prior_sds(
+            now.boxes, (effect,), factor
+        )
+        fit = fit_camera(now.boxes, sd, prior, now.common, now.local)
+        nats = _gain(now, fit, effect, accepted, prior)
+        out.append(_Trial(effect, fit, nats, p_value(nats, maxima)))
+    return sorted(out, key=lambda t: -t.nats)
+
+
+def _marginal(fit: CameraFit, accepted: Sequence[str]) -> Scores:
+    """Scores of the effects, everything else marginalised."""
+    prior = fit.boxes.prior_sd()
+    nuisances = np.flatnonzero(np.isfinite(prior))
+    sds = prior[nuisances]
+    for effect in accepted:
+        rows = columns_of(effect)
+        nuisances = np.concatenate([nuisances, rows])
+        sds = np.concatenate(
+            [sds, [FREE_FACTOR * p.prior_sd for p in CATALOGUE[effect].parameters]]
+        )
+    kept = without(fit.scores, nuisances, sds)
+    k = len(KEYS)
+    return Scores(kept.score[:k], kept.info[:k, :k], kept.blocks[:, :k], kept.block_info[:, :k, :k])
+
+
+def _gain(
+    before: CameraFit, after: CameraFit, effect: str, accepted: Sequence[str], prior: FloatArray
+) -> float:
+    """Log Bayes factor of a fitted effect in nats, by Laplace's approximation; the scatter of
+    the signs' scores at the top says how much less the boxes know than they claim."""
+    scores = _marginal(after, accepted)
+    rows = columns_of(effect)
+    info = scores.info[np.ix_(rows, rows)]
+    own = prior[rows]
+    occam = 0.5 * float(np.linalg.slogdet(np.eye(len(rows)) + info * np.outer(own, own))[1])
+    gained = before.cost - after.cost
+    return gained / _excess(scores, rows, after.common[rows]) - occam
+
+
+def _excess(scores: Scores, rows: IntArray, theta: FloatArray) -> float:
+    """How much more the signs' scores scatter along ``theta`` than their information says."""
+    along = scores.blocks[:, rows] @ theta
+    expected = np.einsum("bij,i,j->b", scores.block_info[:, rows][:, :, rows], theta, theta)
+    total = float(expected.sum())
+    if total <= 0.0:
+        return 1.0
+    along = along - along.mean()
+    count = total**2 / max(float(np.sum(expected**2)), 1e-300)
+    ratio = float(np.sum(along**2)) / total
+    return min(max(1.0, (count * ratio + SHRINK) / (count + SHRINK)), MAX_EXCESS)
+
+
+def _with_values(held: Boxes, sd: FloatArray, fit: CameraFit, effects: Sequence[str]) -> CameraFit:
+    """Held-out signs with the effects at the values of a fit."""
+    start = np.zeros(held.n_common)
+    for effect in effects:
+        start[columns_of(effect)] = fit.common[columns_of(effect)]
+    return fit_camera(held, sd, prior_sds(held, ()), start)
+
+
+def _covariance(fit: CameraFit, accepted: Sequence[str]) -> FloatArray:
+    """Covariance [p, p] of the accepted effects' parameters, in their order."""
+    scores = _marginal(fit, ())
+    rows = np.concatenate([columns_of(e) for e in accepted]) if accepted else np.zeros(0, np.int64)
+    info = scores.info[np.ix_(rows, rows)]
+    sds = np.array([FREE_FACTOR * p.prior_sd for e in accepted for p in CATALOGUE[e].parameters])
+    cov = np.linalg.inv(info + np.diag(sds**-2.0)) if len(rows) else np.zeros((0, 0))
+    scale = [_excess(scores, columns_of(e), fit.common[columns_of(e)]) for e in accepted]
+    widths = np.array(
+        [s for e, s in zip(accepted, scale, strict=True) for _ in CATALOGUE[e].parameters]
+    )
+    return np.asarray(cov * np.sqrt(np.outer(widths, widths)))
+
+
+def _parameters(
+    fit: CameraFit, effect: str, accepted: Sequence[str], cov: FloatArray
+) -> dict[str, ParameterValue]:
+    order = [k for e in accepted for k in KEYS if k[0] == e]
+    sd = np.sqrt(np.diag(cov))
+    return {
+        p.name: ParameterValue(
+            float(fit.common[KEYS.index((effect, p.name))]),
+            float(sd[order.index((effect, p.name))]),
+            p.unit,
+        )
+        for p in CATALOGUE[effect].parameters
+    }
+
+
+def _remaining(fit: CameraFit) -> float:
+    """Nats a box between the residuals' size and one."""
+    total = 0.0
+    for column in fit.residual.T:
+        v = float(np.mean(np.clip(column, -4.0, 4.0) ** 2))
+        total += 0.5 * (v - 1.0 - np.log(max(v, 1e-6)))
+    return total
+
+
+_ADVICE = {
+    frozenset({"camera_time_offset", "rolling_shutter"}): (
+        "film signs high and low in the picture while turning"
+    ),
+    frozenset({"camera_time_offset", "camera_lever_arm"}): (
+        "pass signs at two speeds: an offset grows with the speed, a lever arm does not"
+    ),
+    frozenset({"camera_focal", "camera_distortion"}): "film signs in the corners of the picture",
+    frozenset({"camera_focal", "camera_lever_arm"}): (
+        "pass signs near and far, to both sides of the road"
+    ),
+    frozenset({"camera_boresight", "camera_lever_arm"}): "film signs near and far",
+}
+GENERAL_ADVICE = "film more signs, near and far, in bends and at several speeds"
+
+
+def _advice(effect: str, rivals: Sequence[str]) -> str:
+    if not rivals:
+        return ""
+    known = [_ADVICE[p] for r in rivals if (p := frozenset({effect, r})) in _ADVICE]
+    return "; ".join(dict.fromkeys(known)) or GENERAL_ADVICE
+
+
+def joined(parts: Sequence[Boxes]) -> Boxes:
+    """Boxes of several drives with the same camera as one."""
+    if len(parts) == 1:
+        return parts[0]
+    signs = np.cumsum([0] + [p.n_signs for p in parts])
+    windows = np.cumsum([0] + [p.n_windows for p in parts])
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(p, name) for p in parts])
+        for name in ("t", "pos", "vel", "dcm", "rate", "measured", "height", "share", "since")
+    }
+    return replace(
+        parts[0],
+        **arrays,
+        sign=np.concatenate([p.sign + s for p, s in zip(parts, signs[:-1], strict=True)]),
+        window=np.concatenate([p.window + w for p, w in zip(parts, windows[:-1], strict=True)]),
+        attitude_sd=np.max([p.attitude_sd for p in parts], axis=0),
+        velocity_sd=max(p.velocity_sd for p in parts),
+    )
