@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from pipeline.config import Settings
     from pipeline.settings.detect import DetectSettings
 
+_WIDTH_OF_MANY = 1600
+
 
 def open_detector(settings: DetectSettings, country: str | None) -> Detector:
     """The user's own detector, or AutoMap's for the signs of a country.
@@ -23,8 +25,12 @@ def open_detector(settings: DetectSettings, country: str | None) -> Detector:
         return CustomDetector(_path(settings.detector))
     from automap.vision.network import NetworkDetector, NetworkRules
 
-    # what the search would not even look at again need not be named
-    rules = NetworkRules(min_score=max(search_rules(settings).hint, 0.01))
+    rules = NetworkRules(
+        # what the search would not even look at again need not be named
+        min_score=max(search_rules(settings).hint, 0.01),
+        # every frame shows a sign so often that a few pixels less do no harm
+        width=_WIDTH_OF_MANY if settings.every_frame else NetworkRules.width,
+    )
     return NetworkDetector(country=country, rules=rules)
 
 

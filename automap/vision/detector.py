@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -37,10 +37,19 @@ class FoundSigns:
 
 
 class Detector(Protocol):
-    """Finds signs in single pictures; a trained one and the classical one look alike."""
+    """Finds signs in single pictures; the one that comes along and the user's own look alike."""
 
     name: str
 
     def detect(self, image: Image) -> FoundSigns:
         """Signs in a BGR picture [height, width, 3]."""
+        ...
+
+
+@runtime_checkable
+class RegionDetector(Detector, Protocol):
+    """A detector that looks at a part of a picture as it would at the whole of it."""
+
+    def detect_in(self, image: Image, region: Region) -> FoundSigns:
+        """Signs within a region of a BGR picture [height, width, 3]; boxes in the picture."""
         ...

@@ -20,8 +20,11 @@ Floats = npt.NDArray[np.float32]
 
 _STRIDE = 4
 _MULTIPLE = 32
+_PAIR = np.dtype("V6")
 _KINDS = 2
 _LARGEST_STEP = 5.6
+_LARGEST_ZOOM = 2.0
+_SURE = 1e-4
 _WEIGHTS = (0.0, 1.0, 0.5)
 
 
@@ -29,9 +32,10 @@ _WEIGHTS = (0.0, 1.0, 0.5)
 class NetworkRules:
     """``min_score`` below which nothing is reported; ``overlap`` (IoU) from which two boxes are
     one sign; ``inside`` the share of a smaller box within a larger one that does the same;
-    ``most`` boxes a picture."""
+    ``most`` boxes a picture; ``width`` in px to which smaller pictures are enlarged."""
 
     min_score: float = 0.08
+    width: int = 1920
     overlap: float = 0.4
     inside: float = 0.8
     most: int = 32
@@ -66,11 +70,14 @@ class NetworkDetector:
         self._model = OnnxModel("sign-detector.onnx", model, threads)
         self._classifier = classifier or SignClassifier(country, threads=threads)
 
-    def detect(self, image: Image, region: Region | None = None, zoom: float = 1.0) -> FoundSigns:
+    def detect(
+        self, image: Image, region: Region | None = None, zoom: float | None = None
+    ) -> FoundSigns:
         """Signs in a BGR picture [height, width, 3] of 8 bits.
 
         ``region`` (x_min, y_min, x_max, y_max in px) looks only there; ``zoom`` enlarges it
-        first, which finds smaller signs in proportion and costs its square.
+        first, which finds smaller signs in proportion and costs its square; None goes by the
+        size of the picture.
 
         Raises ValueError for a picture of another kind, InputError for a broken model file.
         """
@@ -79,11 +86,20 @@ class NetworkDetector:
         boxes, scores = self.propose(image, region, zoom)
         return self._named(image, boxes, scores)
 
+    def detect_in(self, image: Image, region: Region) -> FoundSigns:
+        """Signs within a region, as ``detect`` finds them there in the whole picture."""
+        return self.detect(image, region)
+
+    def zoom_of(self, image: Image) -> float:
+        """How much a picture is enlarged: the smaller it is, the fewer pixels a far sign has."""
+        return float(min(max(self.rules.width / max(image.shape[:2]), 1.0), _LARGEST_ZOOM))
+
     def propose(
-        self, image: Image, region: Region | None = None, zoom: float = 1.0
+        self, image: Image, region: Region | None = None, zoom: float | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Boxes [n, 4] px and scores [n] of what may be signs, best first, not yet named."""
         height, width = image.shape[:2]
+        zoom = self.zoom_of(image) if zoom is None else zoom
         x0, y0, x1, y1 = _window(region, width, height)
         part = image[y0:y1, x0:x1]
         if part.shape[0] < 8 or part.shape[1] < 8:
@@ -101,8 +117,11 @@ class NetworkDetector:
         return boxes[kept], scores[kept]
 
     def _named(self, image: Image, boxes: FloatArray, scores: FloatArray) -> FoundSigns:
-        named = self._classifier.name(image, boxes)
         weights = self._model.notes.get("score", _WEIGHTS)
+        # what no face could bring to the least score need not be named
+        able = [joint_score(float(s), 1.0, weights) >= self.rules.min_score for s in scores]
+        boxes, scores = boxes[able], scores[able]
+        named = self._classifier.name(image, boxes)
         final = np.array(
             [
                 joint_score(float(score), face.sign, weights)
@@ -125,7 +144,7 @@ def joint_score(found: float, sign: float, weights: Sequence[float]) -> float:
     Their log-odds are added with ``weights`` after a bias, which were fitted to street images
     that neither was trained on.
     """
-    odds = [math.log(p / (1.0 - p)) for p in (min(max(v, 1e-5), 1.0 - 1e-5) for v in (found, sign))]
+    odds = [math.log(p / (1.0 - p)) for p in (min(max(v, _SURE), 1 - _SURE) for v in (found, sign))]
     total = weights[0] + weights[1] * odds[0] + weights[2] * odds[1]
     return 1.0 / (1.0 + math.exp(-total))
 
@@ -140,9 +159,9 @@ def _window(region: Region | None, width: int, height: int) -> tuple[int, int, i
 
 
 def blocks_of(image: Image) -> Image:
-    """A picture in blocks of 2 by 2 pixels [1, h / 2, w / 2, 12], row by row.
+    """A picture as the network reads it: blocks of 2 by 2 pixels [1, h / 2, w / 2, 12].
 
-    Its sides are brought to multiples of 32 by its edge.
+    The picture's sides are brought to multiples of 32 by its edge.
     """
     height, width = image.shape[:2]
     down, right = -height % _MULTIPLE, -width % _MULTIPLE
@@ -152,10 +171,10 @@ def blocks_of(image: Image) -> Image:
         )
     rows, columns = image.shape[0] // 2, image.shape[1] // 2
     # two pixels beside one another are one run of memory
-    pairs = image.reshape(rows, 2, columns, 6)
-    blocks = np.empty((1, rows, columns, 12), np.uint8)
-    blocks[0, :, :, :6], blocks[0, :, :, 6:] = pairs[:, 0], pairs[:, 1]
-    return blocks
+    pairs = np.ascontiguousarray(image).reshape(rows, 2, columns * 6).view(_PAIR)
+    blocks = np.empty((rows, columns, 2), _PAIR)
+    blocks[:, :, 0], blocks[:, :, 1] = pairs[:, 0], pairs[:, 1]
+    return blocks.view(np.uint8).reshape(1, rows, columns, 12)
 
 
 def decode_maps(maps: Floats, min_score: float, most: int) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,7 @@ from automap.records import Camera, Detections, IntArray
 from automap.vision.camera_motion import ImageMotion, Motion, motion_on_path
 from automap.vision.camera_path import CameraPath
 from automap.vision.crops import BestCrops, Crop
-from automap.vision.detector import Detector, FoundSigns
+from automap.vision.detector import Detector, FoundSigns, RegionDetector
 from automap.vision.frame_choice import ChoiceRules, FramePlan, every_frame, plan_frames
 from automap.vision.parallel import Beside, Candidate, detections, prefetched, worker_count
 from automap.vision.tracking import Tracker, TrackingRules
@@ -187,8 +187,13 @@ def _find(
         low = np.maximum(np.floor(boxes[:, :2].min(axis=0) - margin), 0).astype(np.int64)
         high = np.minimum(np.ceil(boxes[:, 2:].max(axis=0) + margin), high).astype(np.int64)
         low = np.minimum(low, high - 1)
-    found = detector.detect(picture.image[low[1] : high[1], low[0] : high[0]])
-    box = found.box + np.tile(low, 2)
+    if isinstance(detector, RegionDetector):
+        region = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+        found = detector.detect_in(picture.image, region)
+        box = found.box
+    else:
+        found = detector.detect(picture.image[low[1] : high[1], low[0] : high[0]])
+        box = found.box + np.tile(low, 2)
     # what is cut off inside the picture has a box that is too small
     cut = ((box[:, :2] < low + _CUT_PX) & (low > 0)).any(axis=1)
     cut |= ((box[:, 2:] > high - 1 - _CUT_PX) & (high < (width, height))).any(axis=1)

@@ -66,7 +66,7 @@ def temperature(data: Path, work: Path) -> float:
 
 
 def _logit(p: Floats) -> Floats:
-    p = np.clip(p, 1e-5, 1 - 1e-5)
+    p = np.clip(p, 1e-4, 1 - 1e-4)
     return np.asarray(np.log(p / (1 - p)))
 
 
