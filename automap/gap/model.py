@@ -12,7 +12,7 @@ from automap.effects.user_fixes import acts_on_fixes
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.model import FusionOptions
 from automap.fusion.passes import Session
-from automap.fusion.problem import DELAY_STATE
+from automap.fusion.problem import DELAY_STATE, LATENCY_STATE
 from automap.gap.drive import OpenDrive
 
 Values = Mapping[str, Mapping[str, float]]
@@ -121,12 +121,14 @@ def session_with(
             sd = estimate.get(effect, 0.0) * prior_sd(options, effect, parameter)
             sds[name] = float(np.hypot(sds.get(name, 0.0), sd))
         where[effect] = place
-    if SKEW in where and "gnss_latency" not in effects:
+    if SKEW in where:
         # nobody says at which instant the two clocks agreed
-        effects.append("gnss_latency")
+        if "gnss_latency" not in effects:
+            effects.append("gnss_latency")
         value = abs(model.values.get(SKEW, {}).get("skew", 0.0))
         value += estimate.get(SKEW, 0.0) * prior_sd(options, SKEW, "skew")
-        means["gnss_latency_s"], sds["gnss_latency_s"] = 0.0, value * session.span[1]
+        means.setdefault(LATENCY_STATE, 0.0)
+        sds[LATENCY_STATE] = float(np.hypot(sds.get(LATENCY_STATE, 0.0), value * session.span[1]))
     if stated.any() or "gnss_lever_arm" in effects:
         if "gnss_lever_arm" not in effects:
             effects.append("gnss_lever_arm")

@@ -7,10 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from automap.fusion.problem import DELAY_STATE, LATENCY_STATE, SKEW_STATE
 from automap.gap.effect_library import SAME_STATE
+from automap.gap.fit import Fit
+from automap.gap.model import SKEW
 from automap.gap.scoring import Joint
 from automap.gap.screening import Screening
-from automap.gap.search_state import Trial
+from automap.gap.search_state import MIN_NATS, Trial
 from automap.records import FloatArray
 
 CLOSE_NATS = 3.0
@@ -19,6 +22,11 @@ CLOSE_SHARE = 0.03
 OVERLAP = 0.8
 PRIOR_ROOM = 5.0
 """So much of a parameter's information is another effect's, then they are confusable."""
+OFFSETS = SAME_STATE[0]
+APART_SHARE = 0.2
+APART_S = 5e-3
+"""Clocks that nowhere in a drive come nearer than this share of what their skew adds up to, and
+this much, are offset besides."""
 
 
 def by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
@@ -40,6 +48,27 @@ def by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
         if known is None or trial.nats > known.nats:
             out[trial.effect] = trial
     return list(out.values())
+
+
+def latency_first(trials: list[Trial]) -> list[Trial]:
+    """Put an offset before a skew of the clock that would need one besides."""
+    if not trials or trials[0].effect != SKEW or not offset_besides(trials[0].fits):
+        return trials
+    offsets = [t for t in trials if t.effect in OFFSETS and t.nats >= MIN_NATS]
+    return offsets + [t for t in trials if t not in offsets]
+
+
+def offset_besides(fits: Sequence[Fit]) -> bool:
+    """Whether clocks of different rates agree at no instant of some drive."""
+    for fit in fits:
+        totals = fit.last.totals()
+        first = totals.get(DELAY_STATE, 0.0) - totals.get(LATENCY_STATE, 0.0)
+        first -= fit.opened.drive.delay.mean
+        grown = totals.get(SKEW_STATE, 0.0) * float(fit.last.problem.t[-1])
+        least = min(abs(first), abs(first + grown)) if first * (first + grown) > 0.0 else 0.0
+        if least > APART_SHARE * abs(grown) + APART_S:
+            return True
+    return False
 
 
 def _renamed(trial: Trial, effect: str) -> Trial:
@@ -94,7 +123,10 @@ def _overlapping(screening: Screening, trial: Trial) -> list[str]:
 
 
 def rivals_of(
-    best: Trial, others: Sequence[Trial], effects: Sequence[str], screening: Screening
+    best: Trial,
+    others: Sequence[Trial],
+    effects: Sequence[str],
+    screening: Screening | None,
 ) -> tuple[str, ...]:
     """Effects that explain the data nearly as well as ``best``: what was fitted with nearly as
     much evidence, twins to first order, and those whose sensitivities overlap."""
@@ -103,5 +135,6 @@ def rivals_of(
     for pair in SAME_STATE:
         if best.effect in pair:
             rivals += [e for e in pair if e != best.effect and e in effects]
-    rivals += _overlapping(screening, best)
+    if screening is not None:
+        rivals += _overlapping(screening, best)
     return tuple(dict.fromkeys(rivals))

@@ -13,8 +13,15 @@ from automap.gap.formula import Formula
 from automap.gap.formula_effect import confirmed
 from automap.gap.formula_trial import strongest_formula
 from automap.gap.heldout import fit_held_out, total_score
-from automap.gap.model import GapModel
-from automap.gap.naming import CLOSE_NATS, by_sign, rivals_of
+from automap.gap.model import SKEW, GapModel
+from automap.gap.naming import (
+    CLOSE_NATS,
+    OFFSETS,
+    by_sign,
+    latency_first,
+    offset_besides,
+    rivals_of,
+)
 from automap.gap.noise import fit_noise, noise_score
 from automap.gap.scoring import Joint, robust_score, whitener_of
 from automap.gap.screening import screen
@@ -30,12 +37,15 @@ from automap.gap.search_state import (
 )
 from automap.gap.trial import (
     INERTIAL_LEVELS,
+    beyond_noise,
     found_better_noise,
     gross_trials,
+    missing_offset,
     shortlist,
     slow_trials,
     try_candidate,
     with_own_noise,
+    without_effects,
 )
 from automap.gap.whitening import Whitener
 
@@ -84,19 +94,24 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
     effects = candidates_of(state, exclude)
     if not effects:
         return None
+    offset = missing_offset(state, effects, say)
+    if offset is not None and _helps(state, offset, say):
+        state.rivals[offset.effect] = rivals_of(offset, (), effects, None)
+        return _accept(state, offset)
     say("screening the library")
     screening = screen(state.fits, effects)
     trials = gross_trials(state, effects, say)
-    if not trials:
-        trials = [
-            try_candidate(state, c, state.model, screening, say) for c in shortlist(screening)
-        ]
+    if not any(t.nats >= MIN_NATS for t in trials):
+        chosen = shortlist(screening, state.accepted)
+        trials += [try_candidate(state, c, state.model, screening, say) for c in chosen]
         trials += slow_trials(state, effects, say)
     trials = by_sign(trials, effects)
     trials.sort(key=lambda t: -t.joint.nats)
     trials = with_own_noise(state, trials, say)
-    if found_better_noise(state, trials, say):
+    nulls = without_effects(state, trials)
+    if found_better_noise(state, nulls, say):
         return step(state, exclude, say)
+    trials = latency_first(beyond_noise(state, trials, nulls))
     for t in trials:
         say(f"{t.effect}: {t.nats:.1f} nats, screened {t.screened:.1f}, p {t.p_value:.1e}")
     formula = strongest_formula(state, trials, exclude, say)
@@ -122,6 +137,10 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
         )
         return step(state, exclude, say)
     state.rivals[best.effect] = rivals_of(best, trials[1:], effects, screening)
+    return _accept(state, best)
+
+
+def _accept(state: State, best: Trial) -> Trial:
     state.accepted[best.effect] = best.scale
     state.trials.append(best)
     state.model, state.fits = best.model, list(best.fits)
@@ -153,6 +172,8 @@ def eliminate(state: State, say: Say) -> Joint:
     """Drop effects that others, accepted later, have made unnecessary; returns the estimate."""
     zeros = [0.0] * len(state.fits)
     for effect in list(state.accepted) if len(state.accepted) > 1 else []:
+        if effect in OFFSETS and SKEW in state.accepted and offset_besides(state.fits):
+            continue
         say(f"checking whether {effect} is still needed")
         fewer = {e: s for e, s in state.accepted.items() if e != effect}
         fits = fit_all(state, state.model, fewer)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from automap.gap.effect_library import SAME_STATE
 from automap.gap.evidence import p_value
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.model import GapModel
+from automap.gap.model import SKEW, GapModel
+from automap.gap.naming import OFFSETS, by_sign, offset_besides
 from automap.gap.noise import fit_noise
 from automap.gap.scoring import robust_score, whitener_of
 from automap.gap.screening import Candidate, Screening, screen
@@ -28,7 +28,13 @@ from automap.gap.search_state import (
 from automap.records import FloatArray
 
 ALIKE = (
-    ("gnss_latency", "imu_time_offset", "gnss_velocity_latency", "gnss_velocity_lag"),
+    (
+        "gnss_latency",
+        "imu_time_offset",
+        "gnss_velocity_latency",
+        "gnss_velocity_lag",
+        "imu_clock_skew",
+    ),
     ("gnss_lever_arm", "nhc_lever_arm", "vehicle_sideslip"),
     ("accel_misalignment", "imu_mounting"),
 )
@@ -37,6 +43,7 @@ MAX_RESTARTS = 3
 BETTER_NATS = 10.0
 SHORTLIST = 5
 SLOW_SHORTLIST = 2
+GROSS_SHORTLIST = 3
 FINALISTS = 2
 FINALIST_SHARE = 0.5
 SHORTLIST_SHARE = 0.3
@@ -44,9 +51,12 @@ INERTIAL_LEVELS = ("accel", "gyro")
 GROSS = 2.5
 
 
-def shortlist(screening: Screening, most: int = SHORTLIST) -> list[Candidate]:
-    """The candidates worth a fit of their own, and those that look like the strongest; of two
-    that differ in sign alone, one."""
+def shortlist(
+    screening: Screening, accepted: Collection[str] = (), most: int = SHORTLIST
+) -> list[Candidate]:
+    """The candidates worth a fit of their own, and those that look like the strongest or like an
+    effect that was accepted, which may have taken their part; of two that differ in sign alone,
+    one."""
     candidates = screening.candidates
     if not candidates or candidates[0].evidence.nats < 0.5 * MIN_NATS:
         return []
@@ -54,7 +64,9 @@ def shortlist(screening: Screening, most: int = SHORTLIST) -> list[Candidate]:
     out = [c for c in candidates if c.evidence.nats >= least][:most]
     alike = {e for family in ALIKE for e in family if candidates[0].effect in family}
     out += [c for c in candidates if c.effect in alike and c not in out]
-    twins = [c for c in out if c.effect in SAME_STATE[0]]
+    alike = {e for family in ALIKE for e in family if set(family) & set(accepted)}
+    out += [c for c in candidates if c.effect in alike and c not in out and c.evidence.nats > 0.0]
+    twins = [c for c in out if c.effect in OFFSETS]
     return [c for c in out if c not in twins[1:]]
 
 
@@ -66,6 +78,27 @@ def try_candidate(
     estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
     fits = fit_all(state, model, estimate)
     return _judge(state, candidate, model, fits, screening.maxima)
+
+
+def missing_offset(state: State, effects: Sequence[str], say: Say) -> Trial | None:
+    """The offset between clocks of which so far only the skew is named, though they agree at no
+    instant of the drives: a skew brings its own offset along, which nobody is told."""
+    offsets = [e for e in effects if e in OFFSETS]
+    if SKEW not in state.accepted or not offsets or not offset_besides(state.fits):
+        return None
+    say("clocks agree nowhere: trying an offset besides their skew")
+    fewer = {e: s for e, s in state.accepted.items() if e != SKEW}
+    plain = replace(state, accepted=fewer, fits=fit_all(state, state.model, fewer))
+    screening = screen(plain.fits, offsets)
+    alone = [try_candidate(plain, c, state.model, screening, say) for c in screening.candidates[:1]]
+    alone = [t for t in by_sign(alone, offsets) if t.nats >= MIN_NATS]
+    if not alone:
+        return None
+    estimate = state.accepted | {alone[0].effect: alone[0].scale}
+    fits = fit_all(state, state.model, estimate)
+    joint = joint_of(state.model, estimate, fits, [0.0] * len(fits))
+    joint = replace(joint, nats=alone[0].joint.nats)
+    return replace(alone[0], joint=joint, fits=tuple(fits), model=state.model)
 
 
 def _judge(
@@ -82,33 +115,72 @@ def _judge(
         whitener = whitener_of(after)
         gains.append(robust_score(after, whitener) - robust_score(before, whitener))
     joint = joint_of(model, estimate, fits, gains)
-    nats = joint.nats
-    if nats > 0.0:
-        # the screening knows how much the score scatters, the fit what is not linear
-        nats /= np.sqrt(candidate.evidence.excess)
-    return Trial(candidate, joint, tuple(fits), model, float(nats), p_value(nats, maxima), maxima)
+    nats = _scattering(joint.nats, candidate)
+    return Trial(candidate, joint, tuple(fits), model, nats, p_value(nats, maxima), maxima)
 
 
-def found_better_noise(state: State, trials: Sequence[Trial], say: Say) -> bool:
-    """Whether a trial's noise suits the model better without its effect too; then it is taken.
+def _scattering(nats: float, candidate: Candidate) -> float:
+    """Evidence of a fit less what the score scatters too much: the screening knows that, the fit
+    what is not linear."""
+    return float(nats / np.sqrt(candidate.evidence.excess)) if nats > 0.0 else nats
+
+
+def _with_nats(trial: Trial, nats: float) -> Trial:
+    """The trial with another evidence of its fit."""
+    own = _scattering(nats, trial.candidate)
+    joint = replace(trial.joint, nats=nats)
+    return replace(trial, joint=joint, nats=own, p_value=p_value(own, trial.maxima))
+
+
+def without_effects(state: State, trials: Sequence[Trial]) -> list[list[Fit] | None]:
+    """The state's own effects alone under the noise of each serious trial, None where that noise
+    is the state's own.
 
     A search over noise levels ends on one top of several; what a trial gains by another top is
     no evidence for its effect.
     """
-    now = sum(f.score for f in state.fits)
+    out: list[list[Fit] | None] = []
     for trial in trials:
         same = dict(trial.model.factors) == dict(state.model.factors)
-        if same or trial.joint.nats < MIN_NATS or state.restarts >= MAX_RESTARTS:
+        if same or trial.nats < MIN_NATS:
+            out.append(None)
             continue
         model = replace(state.model, factors=trial.model.factors)
-        fits = fit_all(state, model, state.accepted)
-        if sum(f.score for f in fits) > now + BETTER_NATS:
+        out.append(fit_all(state, model, state.accepted))
+    return out
+
+
+def found_better_noise(state: State, nulls: Sequence[list[Fit] | None], say: Say) -> bool:
+    """Whether a trial's noise suits the model better without its effect too; then it is taken."""
+    if state.restarts >= MAX_RESTARTS:
+        return False
+    now = sum(f.score for f in state.fits)
+    for fits in nulls:
+        if fits is not None and sum(f.score for f in fits) > now + BETTER_NATS:
             say("starting again from better noise")
-            state.model = replace(model, factors=fit_noise(fits))
+            state.model = replace(fits[0].model, factors=fit_noise(fits))
             state.fits = fit_all(state, state.model, state.accepted)
             state.restarts += 1
             return True
     return False
+
+
+def beyond_noise(
+    state: State, trials: Sequence[Trial], nulls: Sequence[list[Fit] | None]
+) -> list[Trial]:
+    """The trials, best first, each judged against the better of two models without its effect:
+    the state's and the one with the trial's noise."""
+    out = []
+    for trial, fits in zip(trials, nulls, strict=True):
+        if fits is not None:
+            gained = 0.0
+            for null, before, after in zip(fits, state.fits, trial.fits, strict=True):
+                whitener = whitener_of(after)
+                gained += robust_score(null, whitener) - robust_score(before, whitener)
+            if gained > 0.0:
+                trial = _with_nats(trial, trial.joint.nats - gained)
+        out.append(trial)
+    return sorted(out, key=lambda t: -t.joint.nats)
 
 
 def with_own_noise(state: State, trials: Sequence[Trial], say: Say) -> list[Trial]:
@@ -150,7 +222,7 @@ def slow_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
     low = replace(state.model, factors={**state.model.factors, **dict.fromkeys(raised, LOW_WALK)})
     screening = screen(fit_all(state, low, state.accepted), slow)
     out = []
-    for candidate in shortlist(screening, SLOW_SHORTLIST):
+    for candidate in shortlist(screening, most=SLOW_SHORTLIST):
         # with too little drift everything scatters; the model compared with has all it wants
         candidate = replace(candidate, evidence=replace(candidate.evidence, excess=1.0))
         say(f"trying {candidate.effect} in place of drift")
@@ -177,10 +249,11 @@ def gross_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
     fits = fit_all(state, plain, state.accepted)
     screening = screen(fits, effects)
     stand_in = replace(state, model=plain, fits=fits)
-    trials = [try_candidate(stand_in, c, plain, screening, say) for c in shortlist(screening, 3)]
+    chosen = shortlist(screening, state.accepted, GROSS_SHORTLIST)
+    trials = [try_candidate(stand_in, c, plain, screening, say) for c in chosen]
     trials.sort(key=lambda t: -t.joint.nats)
     out = []
-    for trial in trials[:4]:
+    for trial in trials[: GROSS_SHORTLIST + 1]:
         say(f"fitting the noise with {trial.effect}")
         model = replace(plain, factors=fit_noise(trial.fits))
         estimate = state.accepted | {trial.effect: trial.scale}
