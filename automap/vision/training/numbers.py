@@ -17,7 +17,9 @@ Random = np.random.Generator
 
 LIMITS = (5, 10, 15, 20, 25, 30, 40, 50, 60, 70, 80, 90, 100, 110, 120, 130)
 """The limits that are classes."""
-_TYPES = ("DejaVuSans-Bold", "DejaVuSans", "DejaVuSansMono-Bold", "STIXGeneralBol", "cmss10")
+_STROKES = "strokes"
+_TYPES = ("DejaVuSans-Bold", "DejaVuSans", "DejaVuSansMono-Bold", "STIXGeneralBol", "cmss10",
+          _STROKES, _STROKES)  # fmt: skip
 _SIDE = 112
 
 
@@ -28,7 +30,16 @@ def limit_name(number: int) -> str:
 
 @cache
 def _letters(text: str, kind: str) -> Image:
-    """Text as white on black, cropped to what is drawn, 96 px high; matplotlib's types."""
+    """Text as white on black, cropped to what is drawn, 96 px high."""
+    grey = _stroked(text) if kind == _STROKES else _typed(text, kind)
+    rows, columns = np.nonzero(grey > 127)
+    part = grey[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+    wide = max(8, round(part.shape[1] * 96 / part.shape[0]))
+    return np.asarray(cv2.resize(part, (wide, 96), interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _typed(text: str, kind: str) -> Image:
+    """In one of matplotlib's types."""
     import matplotlib
     from PIL import Image as Picture
     from PIL import ImageDraw, ImageFont
@@ -38,23 +49,40 @@ def _letters(text: str, kind: str) -> Image:
     x0, y0, x1, y1 = (int(v) for v in font.getbbox(text))
     picture = Picture.new("L", (x1 - x0 + 8, y1 - y0 + 8), 0)
     ImageDraw.Draw(picture).text((4 - x0, 4 - y0), text, 255, font)
-    grey = np.asarray(picture, np.uint8)
-    rows, columns = np.nonzero(grey > 127)
-    part = grey[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
-    wide = max(8, round(part.shape[1] * 96 / part.shape[0]))
-    return np.asarray(cv2.resize(part, (wide, 96), interpolation=cv2.INTER_AREA), np.uint8)
+    return np.asarray(picture, np.uint8)
+
+
+def _stroked(text: str) -> Image:
+    """In strokes of one width with round ends, as many road administrations have it."""
+    picture = np.zeros((200, 140 * len(text) + 80), np.uint8)
+    cv2.putText(picture, text, (40, 150), cv2.FONT_HERSHEY_SIMPLEX, 5.0, 255, 15, cv2.LINE_AA)
+    return picture
+
+
+def _spaced(text: str, kind: str, rng: Random) -> Image:
+    """Letter by letter, with a space of their own; a one may be a mere bar."""
+    space = int(rng.integers(4, 22))
+    parts = []
+    for letter in text:
+        if letter == "1" and rng.random() < 0.6:
+            part = np.full((96, int(rng.integers(10, 18))), 255, np.uint8)
+        else:
+            part = _letters(letter, kind)
+        parts += [part, np.zeros((96, space), np.uint8)]
+    return np.asarray(np.hstack(parts[:-1]), np.uint8)
 
 
 def text_cover(text: str, rng: Random, wide: float, high: float) -> npt.NDArray[np.float32]:
     """Text [rows, columns] of 0..1 within ``wide`` by ``high`` px, in a type at random."""
-    drawn = _letters(text, _TYPES[int(rng.integers(len(_TYPES)))])
+    kind = _TYPES[int(rng.integers(len(_TYPES)))]
+    drawn = _spaced(text, kind, rng) if rng.random() < 0.6 else _letters(text, kind)
     weight = int(rng.integers(-1, 7))
     if weight > 0:
         drawn = np.asarray(
             cv2.dilate(cv2.copyMakeBorder(drawn, 4, 4, 4, 4, 0), np.ones((weight, weight))),
             np.uint8,
         )
-    narrow = rng.uniform(0.62, 1.1)
+    narrow = rng.uniform(0.55, 1.1)
     scale = min(high / drawn.shape[0], wide / (drawn.shape[1] * narrow))
     size = (
         max(3, round(drawn.shape[1] * narrow * scale)),
