@@ -22,6 +22,9 @@ _TIMES = {"t_ns": 1.0, "t_us": 1e3, "t_ms": 1e6, "t_s": 1e9}
 _UNITS = {"rad/s": 1.0, "deg/s": np.pi / 180.0, "m/s^2": 1.0, "g": STANDARD_GRAVITY}
 SKIP = "-"
 """Stands for a column that is not wanted."""
+_ABSURD = 1e12
+"""No sensor's reading in any unit, counts of 32 bits included, is as large."""
+_LONGEST_NS = 1e18
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,7 @@ def read_imu_pair(accel: Path, gyro: Path, form: LogFormat) -> ImuLog:
     for name, axis in zip(_GYRO, "xyz", strict=True):
         values = tables[1][axis]
         if not same and time is not None:
+            _require_overlap(accel, gyro, tables[0][time], tables[1][time])
             order = np.argsort(tables[1][time], kind="stable")
             values = np.interp(
                 tables[0][time], tables[1][time][order], values[order], np.nan, np.nan
@@ -103,7 +107,17 @@ def read_imu_pair(accel: Path, gyro: Path, form: LogFormat) -> ImuLog:
         joined[name] = values
     if not same:
         warnings.append(f"{gyro} has other stamps than {accel}; it is interpolated to them")
-    return _assemble(f"{accel.name} and {gyro.name}", (accel, gyro), joined, form, warnings)
+    return _assemble(f"{accel.name} with {gyro.name}", (accel, gyro), joined, form, warnings)
+
+
+def _require_overlap(accel: Path, gyro: Path, t_accel: FloatArray, t_gyro: FloatArray) -> None:
+    both = [t[np.isfinite(t)] for t in (t_accel, t_gyro)]
+    begin = max(t.min(initial=np.inf) for t in both)
+    if not begin < min(t.max(initial=-np.inf) for t in both):
+        raise InputError(
+            f"{accel} and {gyro} share no time; give two files of one recording, with the stamps "
+            "of one clock."
+        )
 
 
 def _require(path: Path, columns: dict[str, FloatArray], wanted: tuple[str, ...]) -> None:
@@ -151,12 +165,13 @@ def _assemble(
     accel = np.column_stack([columns[k] for k in _ACCEL]).astype(np.float64)
     gyro = np.column_stack([columns[k] for k in _GYRO]).astype(np.float64)
     t_ns = _stamps(name, columns, len(accel), form.rate_hz)
-    good = np.isfinite(accel).all(axis=1) & np.isfinite(gyro).all(axis=1) & (t_ns >= 0)
+    # NaN compares false
+    good = (np.abs(np.column_stack([accel, gyro])) < _ABSURD).all(axis=1) & (t_ns >= 0)
     rows = np.flatnonzero(good)
     if len(rows) < len(accel):
-        warnings.append(f"{name}: {len(accel) - len(rows)} rows without finite readings left out")
+        warnings.append(f"{name}: {len(accel) - len(rows)} rows without usable readings left out")
     if len(rows) < 2:
-        raise InputError(f"{name} has fewer than two rows with finite readings; record again.")
+        raise InputError(f"{name} has fewer than two rows with usable readings; record again.")
     order = order_stamps(t_ns[rows])
     if order is None or len(order.keep) < 2:
         raise InputError(f"{name}: its time column does not run; correct --columns or its unit.")
@@ -187,8 +202,8 @@ def _stamps(name: str, columns: dict[str, np.ndarray], n: int, rate: float | Non
     finite = np.isfinite(values)
     if not finite.any():
         raise InputError(f"{name}: the column {time} holds no number; correct --columns.")
-    since = np.where(finite, values - values[finite].min(), -1.0)
-    return np.asarray(np.rint(since * _TIMES[time]), dtype=np.int64)
+    since = np.where(finite, values - values[finite].min(), -1.0) * _TIMES[time]
+    return np.asarray(np.rint(np.where(since < _LONGEST_NS, since, -1.0)), dtype=np.int64)
 
 
 def _with_units(raw: RawImu, form: LogFormat) -> RawImu:

@@ -60,7 +60,7 @@ def _log_options(function: F) -> F:
         click.option("--columns", callback=_columns, metavar="NAME,...", help="Columns of plain "
                      "numbers: t_s (or t_ms, t_us, t_ns), ax ... gz, temp_c; x,y,z in files of "
                      "one sensor; - to skip."),
-        click.option("--rate", type=Finite(min=0, min_open=True), metavar="HZ",
+        click.option("--rate", type=Finite(0.1, 1e6), metavar="HZ",
                      help="Samples a second of a log without times."),
         click.option("--gyro-unit", type=click.Choice(["rad/s", "deg/s", "counts"]),
                      help="Default: the drive's, else rad/s."),

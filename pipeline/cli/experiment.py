@@ -58,6 +58,7 @@ def command(
             click.echo(line)
         click.echo(f"{out / 'rest.png'}")
         return
+    from automap.evaluation.requirements import flatten
     from pipeline.config import load_settings
     from pipeline.experiments import biases, calibration, dropout, nis
     from pipeline.experiments.base import prepare
@@ -76,6 +77,6 @@ def command(
         result = nis.run(experiment)
     else:
         result = dropout.run(experiment, outage, every)
-    for name, value in result.items():
+    for name, value in flatten(result).items():
         click.echo(f"{name:32s} {value if not isinstance(value, float) else f'{value:.4g}'}")
     click.echo(f"{out / (kind + '.png')}")

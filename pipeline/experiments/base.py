@@ -75,12 +75,19 @@ def prepare(drive_path: Path, out: Path, settings: Settings) -> Experiment:
 def outage_windows(
     fixes: Fixes, off_s: float, every_s: float, start_s: float
 ) -> list[tuple[float, float]]:
-    """GPS intervals of ``off_s`` in every ``every_s``, the first ``start_s`` after the start."""
+    """GPS intervals of ``off_s`` in every ``every_s``, the first ``start_s`` after the start.
+
+    InputError when the fixes do not last long enough for one.
+    """
     usable = fixes.gps_s[np.isfinite(fixes.gps_s) & (fixes.fix_type > 0)]
-    if len(usable) == 0:
-        return []
-    begin, end = float(usable.min()), float(usable.max())
-    starts = np.arange(begin + start_s, end - off_s - 5.0, every_s)
+    begin, end = float(usable.min(initial=np.inf)), float(usable.max(initial=-np.inf))
+    last = end - off_s - 5.0
+    starts = np.arange(begin + start_s, last, every_s) if begin < last else np.zeros(0)
+    if not len(starts):
+        raise InputError(
+            f"the fixes last {max(end - begin, 0.0):.0f} s, too short for an outage of {off_s:g} s "
+            f"{start_s:g} s after their start; choose a smaller --outage and --every."
+        )
     return [(float(s), float(s) + off_s) for s in starts]
 
 

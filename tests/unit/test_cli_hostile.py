@@ -155,3 +155,40 @@ def test_toml_that_cannot_be_read(content: bytes, said: str, tmp_path: Path) -> 
 def test_toml_of_other_editors(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_bytes(b"\xef\xbb\xbfa = 1\r\nb = 2\rc = 3\n")
     assert read_toml(tmp_path / "a.toml") == {"a": 1, "b": 2, "c": 3}
+
+
+def _desk(path: Path, changes: str = "") -> Path:
+    """Half a minute of a sensor at rest; ``changes`` says what is wrong with it."""
+    noise = np.random.default_rng(1).normal(size=(3000, 6))
+    readings = noise * [0.02, 0.02, 0.02, 0.002, 0.002, 0.002] + [0.0, 0.0, -9.81, 0.0, 0.0, 0.0]
+    readings = readings * 1e200 if changes == "huge" else readings
+    np.savetxt(path, readings, fmt="%.8g")
+    return path
+
+
+COLUMNS = ["--columns", "ax,ay,az,gx,gy,gz", "--rate", "100"]
+
+
+def test_readings_of_absurd_size_are_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = _desk(tmp_path / "desk.txt", "huge")
+    words = ["calibrate", "allan", str(log), *COLUMNS, "-o", str(tmp_path / "out")]
+    assert "usable readings" in failed(words, 3, capsys)
+
+
+def test_two_logs_that_share_no_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    t = np.arange(0.0, 5.0, 0.01)
+    for name, begin in (("accel", 0.0), ("gyro", 1e6)):
+        np.savetxt(tmp_path / f"{name}.txt", np.column_stack([t + begin, t, t, t]))
+    words = ["calibrate", "static", "-o", str(tmp_path / "out"), "--columns", "t_s,x,y,z"]
+    words += ["--accel", str(tmp_path / "accel.txt"), "--gyro", str(tmp_path / "gyro.txt")]
+    assert "share no time" in failed(words, 3, capsys)
+
+
+def test_an_experiment_without_an_outage_is_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = write_drive(tmp_path / "drive")
+    words = ["experiment", "dropout", str(drive), "-o", str(tmp_path / "out")]
+    assert "too short" in failed([*words, "--outage", "100", "--every", "120"], 3, capsys)
