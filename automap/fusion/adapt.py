@@ -121,7 +121,7 @@ def refine_noise(
         measured = level_likelihood(scaled, scale_nodes(part, trial), start, shift, path)
         return measured + _expected(trial, levels)
 
-    limit = FINE.limit
+    limit = COARSE.limit if tuple(levels) == WHITE_LEVELS else FINE.limit
     _, factors = climb(likelihood, initial, tuple(levels), lambda level: (1.0 / limit, limit))
     return factors
 
