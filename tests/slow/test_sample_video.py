@@ -15,10 +15,12 @@ from automap.simulation.camera import camera_views, visible_box
 from automap.simulation.scenario import load_scenario
 from automap.simulation.scene import build_scene
 from automap.simulation.trajectory import drive_motion
-from automap.vision.classical import ClassicalDetector
+from automap.vision.network import default_detector
+from automap.vision.search import above
 
 PROJECT = Path(__file__).resolve().parents[2]
 EVERY = 6
+LEAST = 0.3
 
 
 @pytest.mark.slow
@@ -31,12 +33,12 @@ def test_signs_are_found_named_and_placed() -> None:
     video = load_drive(PROJECT / "data" / "sample-drive").videos["front"]
     # the container's stamps are the exact times of exposure, from the first frame on
     chosen = frame_times(video).frame[::EVERY]
-    detector = ClassicalDetector()
+    detector = default_detector("AU")
     errors, missed, wrong, false, large = [], 0, 0, 0, 0
     first_s = 0.1 + _first_jitter(streams[4], scenario.camera.frame_jitter_s)
     exact = _exposures(video.chapters[0])
     for picture in iter_frames(video, chosen):
-        found = detector.detect(picture.image)
+        found = above(detector.detect(picture.image), LEAST)
         t = np.array([first_s + exact[picture.frame]])
         view = camera_views(motion, scenario.camera, t, scene.ref)[0]
         used: set[int] = set()

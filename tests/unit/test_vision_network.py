@@ -15,9 +15,16 @@ from hypothesis import strategies as st
 from automap.errors import InputError
 from automap.vision.classes import country_set, load_classes, national_code
 from automap.vision.classifier import CROP_PX, SignClassifier, crop_faces
-from automap.vision.faces import draw_face
-from automap.vision.network import NetworkDetector, decode_maps, default_detector, distinct
-from automap.vision.vocabulary import load_vocabulary
+from automap.vision.faces import draw_face, usual_size
+from automap.vision.network import (
+    NetworkDetector,
+    NetworkRules,
+    blocks_of,
+    decode_maps,
+    default_detector,
+    distinct,
+)
+from automap.vision.vocabulary import SHAPES, load_vocabulary
 
 Image = npt.NDArray[np.uint8]
 NOTHING = np.zeros((6, 40, 60), np.float32) - 9.0
@@ -188,9 +195,40 @@ def test_a_region_is_looked_at_alone(detector: NetworkDetector) -> None:
     assert len(found) > 0
     assert (found.box[:, 0] > region[0] - 30).all()
     assert (found.box[:, 2] < region[2] + 30).all()
+    assert detector.detect_in(image, region).class_name == found.class_name
     whole = detector.detect(image)
     near = np.abs(whole.box - found.box[0]).max(axis=1)
     assert near.min() < 3.0
+
+
+def test_blocks_hold_every_pixel_and_the_edge_is_repeated() -> None:
+    image = np.random.default_rng(4).integers(0, 256, (50, 70, 3), dtype=np.uint8)
+    blocks = blocks_of(image)
+    assert blocks.shape == (1, 32, 48, 12)
+    assert blocks.dtype == np.uint8
+    full = blocks[0].reshape(32, 48, 2, 2, 3).transpose(0, 2, 1, 3, 4).reshape(64, 96, 3)
+    np.testing.assert_array_equal(full[:50, :70], image)
+    assert (full[50:, :70] == image[-1]).all()
+    assert (full[:50, 70:] == image[:, -1:]).all()
+    # a view of a larger picture is as good as a copy
+    np.testing.assert_array_equal(blocks_of(np.tile(image, (1, 2, 1))[:, :70]), blocks)
+
+
+def test_small_pictures_are_enlarged_within_limits() -> None:
+    detector = NetworkDetector(rules=NetworkRules(width=1920))
+    for size, zoom in (((720, 1280), 1.5), ((360, 640), 2.0), ((1080, 1920), 1.0),
+                       ((2160, 3840), 1.0), ((1280, 720), 1.5)):  # fmt: skip
+        assert detector.zoom_of(np.empty((*size, 3), np.uint8)) == zoom
+
+
+def test_what_is_reported_does_not_depend_on_what_is_named(detector: NetworkDetector) -> None:
+    image, _ = street(FACES, 40)
+    every = detector.detect(image)
+    strict = NetworkDetector("AU", rules=NetworkRules(min_score=0.5)).detect(image)
+    good = every.score >= 0.5
+    assert good.any()
+    np.testing.assert_allclose(strict.score, every.score[good])
+    np.testing.assert_allclose(strict.box, every.box[good])
 
 
 def test_zoom_gives_boxes_of_the_picture_itself(detector: NetworkDetector) -> None:
@@ -254,3 +292,16 @@ def test_the_models_speak_of_the_same_classes(detector: NetworkDetector) -> None
         p.stat().st_size for p in (Path(__file__).parents[2] / "automap/vision/models").iterdir()
     ]
     assert sum(sizes) < 15e6
+
+
+def test_the_vocabulary_is_whole() -> None:
+    vocabulary = load_vocabulary()
+    assert {c.group for c in vocabulary.classes.values()} <= set(vocabulary.groups)
+    assert {c.outline for c in vocabulary.classes.values()} <= set(SHAPES)
+    for name in sorted(vocabulary.classes):
+        assert name.split("--")[0] in {"regulatory", "warning", "information"}
+        assert vocabulary.group_of(vocabulary.groups[vocabulary.classes[name].group]) is not None
+        assert usual_size(name) == vocabulary.classes[name].size_m
+    assert usual_size("warning--unknown-yellow-diamond") == pytest.approx(0.75)
+    assert usual_size("nonsense") is None
+    assert vocabulary.group_of("nonsense") is None
