@@ -71,7 +71,7 @@ class NetworkDetector:
     ) -> None:
         self.rules = rules or NetworkRules()
         self._model = OnnxModel("sign-detector.onnx", model, threads)
-        self._classifier = classifier or SignClassifier(country, threads=threads)
+        self.classifier = classifier or SignClassifier(country, threads=threads)
 
     def detect(
         self, image: Image, region: Region | None = None, zoom: float | None = None
@@ -124,7 +124,7 @@ class NetworkDetector:
         # what no face could bring to the least score need not be named
         able = [joint_score(float(s), 1.0, weights) >= self.rules.min_score for s in scores]
         boxes, scores = boxes[able], scores[able]
-        named = self._classifier.name(image, boxes)
+        named = self.classifier.name(image, boxes)
         final = np.array(
             [
                 joint_score(float(score), face.sign, weights)

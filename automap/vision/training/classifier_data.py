@@ -74,6 +74,13 @@ class CropMaker:
         face, name = self._drawings.named(rng)
         return self._set(face, rng), self._index[name]
 
+    def drawing(self, rng: Random) -> tuple[Image, str]:
+        """A drawn face, BGRA, of a class or of none, and its name."""
+        if rng.random() < 0.7:
+            return self._drawings.named(rng)
+        face, group = self._drawings.other(rng)
+        return face, load_vocabulary().groups[group]
+
     def other(self, rng: Random) -> tuple[Image, int]:
         """A drawn face that is no class, labelled with its group."""
         face, group = self._drawings.other(rng)
