@@ -78,8 +78,8 @@ def joint_score(data: Path, work: Path) -> list[float]:
 
     The images to tune on as they are, and with drawn faces of all countries set into them, so
     that signs of kinds that the benchmark does not label count as signs. A box of such a kind
-    that nobody labelled may be one or not, and counts for less. Drawn towards the sum of the detector's and half the
-    classifier's log-odds, since the images are few.
+    that nobody labelled may be one or not, and counts for less. Drawn towards the sum of the
+    detector's and half the classifier's log-odds, since the images are few.
     """
     streets = load_streets(data / "gtsdb", "tune")
     maker = CropMaker(streets, [], load_faces(data / "sign-art", work / "faces.pkl"))
