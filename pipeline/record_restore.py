@@ -20,7 +20,7 @@ def restore_receiver(drive: Path) -> list[str]:
         kept = parse_json(path.read_text(encoding="utf-8"))
         port, baud = str(kept["port"]), int(kept["baud"])
         frames = frames_from_hex(kept["messages"])
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         raise InputError(
             f"{path} is missing: that recording changed nothing on its receiver."
         ) from None

@@ -82,7 +82,7 @@ class Camera:
         """Open the source for the first time; InputError when that fails."""
         try:
             self._open_input()
-        except (OSError, ValueError) as error:
+        except Exception as error:  # FFmpeg's errors are of many kinds
             raise InputError(
                 f"camera {self.name}: {self._source.location} cannot be opened "
                 f"({_reason(error)}); is it a video device, and free?"
@@ -162,6 +162,9 @@ class Camera:
         container = av.open(
             source.location, format=source.form, options=dict(source.options), timeout=5.0
         )
+        if not container.streams.video:
+            container.close()
+            raise ValueError("no moving pictures in it")
         stream = container.streams.video[0]
         rate = stream.average_rate or stream.guessed_rate
         self._nominal_hz = float(rate) if rate and float(rate) < 1000 else 0.0

@@ -15,6 +15,7 @@ import numpy as np
 
 from automap.errors import ConfigError, InputError
 from automap.io.arrival import read_arrival
+from automap.io.atomic import make_folder, write_failure
 from automap.io.csv_columns import read_columns
 from automap.io.drive import Drive
 from automap.recording.append_file import AppendFile
@@ -75,7 +76,10 @@ class Terminal:
     """A pseudo-terminal under a name of our choosing, which a recorder opens as a serial port."""
 
     def __init__(self, link: Path) -> None:
-        """Make it, raw, with ``link`` pointing to it. ConfigError where there are none."""
+        """Make it, raw, with ``link`` pointing to it.
+
+        ConfigError where there are none, or where something that is no link is in the way.
+        """
         try:
             import pty
             import tty
@@ -83,6 +87,8 @@ class Terminal:
             raise ConfigError(
                 "there are no pseudo-terminals on this system; --replay needs Linux or macOS."
             ) from None
+        if link.exists() and not link.is_symlink():
+            raise ConfigError(f"{link} is in the way of a terminal; name another folder.")
         self.link = link
         self._master, slave = pty.openpty()
         tty.setraw(slave)
@@ -90,8 +96,12 @@ class Terminal:
         # closed here, so that the hang-up tells whether somebody has it open
         os.close(slave)
         os.set_blocking(self._master, False)
-        link.unlink(missing_ok=True)
-        link.symlink_to(self.device)
+        try:
+            link.unlink(missing_ok=True)
+            link.symlink_to(self.device)
+        except OSError as error:
+            os.close(self._master)
+            raise write_failure(link, error) from error
 
     @property
     def opened(self) -> bool:
@@ -227,10 +237,16 @@ class Replay:
     """The devices of a drive as pseudo-terminals ``gnss`` and ``imu`` in a folder."""
 
     def __init__(self, feeds: list[Feed], links: Path, baud: int = 460_800) -> None:
-        links.mkdir(parents=True, exist_ok=True)
+        make_folder(links)
         self.feeds = feeds
         self.baud = baud
-        self.terminals = {feed.name: Terminal(links / _LINKS[feed.name]) for feed in feeds}
+        self.terminals: dict[str, Terminal] = {}
+        try:
+            for feed in feeds:
+                self.terminals[feed.name] = Terminal(links / _LINKS[feed.name])
+        except BaseException:
+            self.close()
+            raise
 
     def wait_opened(
         self, timeout_s: float = float("inf"), stop: Callable[[], bool] = lambda: False

@@ -26,12 +26,13 @@ def read_baseline(path: Path) -> dict[str, DriveRecord]:
     except FileNotFoundError:
         return {}
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read ({error}); check the file.") from error
+        raise InputError(f"{path} cannot be read ({_reason(error)}); check the file.") from error
     try:
         stored: Any = parse_json(text)
     except ValueError as error:
         raise InputError(
-            f"{path} is not valid JSON ({error}); restore it, or write it anew with --update."
+            f"{path} is not valid JSON ({error}); restore it, or delete it and store the figures "
+            "anew with --update."
         ) from None
     schema = stored.get("schema") if isinstance(stored, dict) else None
     if schema != SCHEMA:
@@ -47,9 +48,15 @@ def read_baseline(path: Path) -> dict[str, DriveRecord]:
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(
                 f"{path}: the figures of {name} are damaged ({type(error).__name__}: {error}); "
-                "restore the file, or write them anew with --update."
+                "restore the file, or delete it and store the figures anew with --update."
             ) from None
     return records
+
+
+def _reason(error: OSError | UnicodeDecodeError) -> str:
+    if isinstance(error, UnicodeDecodeError):
+        return "it is no text"
+    return error.strerror or str(error)
 
 
 def write_baseline(path: Path, records: dict[str, DriveRecord]) -> None:

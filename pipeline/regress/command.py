@@ -94,7 +94,7 @@ def store(session: Session, request: Request) -> str:
     stored = read_baseline(request.baseline)
     fresh = {r.name: r.now for r in session.results if r.now is not None}
     failed = [result.name for result in session.results if result.now is None]
-    left = f"; {_some(failed)} failed and keep what was stored" if failed else ""
+    left = f"; {_some(failed)} failed, so what was stored before stays" if failed else ""
     if not fresh:
         return f"nothing stored{left}"
     write_baseline(request.baseline, {**stored, **fresh})

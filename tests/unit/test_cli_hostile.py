@@ -192,3 +192,37 @@ def test_an_experiment_without_an_outage_is_none(
     drive = write_drive(tmp_path / "drive")
     words = ["experiment", "dropout", str(drive), "-o", str(tmp_path / "out")]
     assert "too short" in failed([*words, "--outage", "100", "--every", "120"], 3, capsys)
+
+
+def test_a_replay_spares_what_is_in_the_way(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = write_drive(tmp_path / "drive")
+    links = tmp_path / "links"
+    links.touch()
+    words = ["record", "--replay", str(drive), "--links", str(links)]
+    assert "in the way" in failed(words, 4, capsys)
+    links.unlink()
+    links.mkdir()
+    (links / "imu").write_text("mine")
+    assert "in the way" in failed(words, 2, capsys)
+    assert [path.name for path in links.iterdir()] == ["imu"]
+    assert (links / "imu").read_text() == "mine"
+
+
+@pytest.mark.parametrize("source", ["lavfi:nonsense", "lavfi:sine"])
+def test_a_camera_that_shows_nothing(
+    source: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["record", "-o", str(tmp_path / "drive"), "--gnss", "none", "--imu", "none"]
+    words += ["--camera", f"front={source}", "--duration", "0.2"]
+    assert "cannot be opened" in failed(words, 3, capsys)
+
+
+def test_a_baseline_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    baseline = tmp_path / "figures.json"
+    words = ["regress", str(tmp_path), "--baseline", str(baseline), "--update", "--yes"]
+    for content, said in ((b"\xff", "no text"), (b"gx,gy", "delete it"), (b"[" * 99999, "deep")):
+        baseline.write_bytes(content)
+        assert said in failed(words, 3, capsys)
+        assert baseline.read_bytes() == content
