@@ -43,6 +43,20 @@ def fit_held_out(
     return [fit_drive(item, carried) for item in opened]
 
 
+def fit_held_out_unsure(
+    opened: Sequence[OpenDrive],
+    model: GapModel,
+    values: Mapping[str, Mapping[str, float]],
+    effect: str,
+    sds: Mapping[str, float],
+) -> list[Fit]:
+    """The same with one effect as sure as it was found: ``sds`` of its parameters. What a fit
+    could not tell then does no harm where it is carried over."""
+    options = replace(model.options, prior_sd={**model.options.prior_sd, effect: dict(sds)})
+    carried = replace(model, values={**model.values, **values}, options=options)
+    return [fit_drive(item, carried, {effect: 1.0}) for item in opened]
+
+
 def total_score(fits: Sequence[Fit], whitener: Whitener) -> float:
     """Robust log-likelihood of all drives in nats."""
     return sum(robust_score(f, whitener) for f in fits)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from automap.fusion.levels import ALL_LEVELS
 from automap.gap.drive import OpenDrive
 from automap.gap.effect_library import library
@@ -12,7 +14,7 @@ from automap.gap.fit import fit_drive
 from automap.gap.formula import Formula
 from automap.gap.formula_effect import confirmed
 from automap.gap.formula_trial import strongest_formula
-from automap.gap.heldout import fit_held_out, total_score
+from automap.gap.heldout import fit_held_out, fit_held_out_unsure, total_score
 from automap.gap.model import SKEW, GapModel
 from automap.gap.naming import (
     CLOSE_NATS,
@@ -154,7 +156,9 @@ def _helps(state: State, trial: Trial, say: Say) -> bool:
     say(f"checking {trial.effect} on held-out data")
     before = values_of(state.trials[-1].joint, state.accepted) if state.trials else {}
     after = values_of(trial.joint, [*state.accepted, trial.effect])
-    new = fit_held_out(state.held_out, trial.model, after)
+    wider = float(np.sqrt(trial.candidate.evidence.excess))
+    sds = {p: wider * sd for p, (_, sd) in trial.joint.of(trial.effect).items()}
+    new = fit_held_out_unsure(state.held_out, trial.model, after, trial.effect, sds)
     old = fit_held_out(state.held_out, state.model, before)
     whitener: Whitener = whitener_of(trial.fits[0])
     gain = total_score(new, whitener) - total_score(old, whitener)

@@ -28,7 +28,10 @@ SLOW_EFFECTS = (
     "accel_scale_asymmetry",
     "gyro_scale_asymmetry",
     "accel_misalignment",
+    "gyro_misalignment",
     "accel_scale",
+    "gyro_scale",
+    "imu_mounting",
 )
 """Effects that a random walk of the bias can stand in for."""
 WALKS = ("accel_bias_walk", "gyro_bias_walk")

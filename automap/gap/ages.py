@@ -1,0 +1,94 @@
+"""What delays and lags of the fixes do beyond the first order in which the filter sees them.
+
+A filter that takes delays as states sees a position as late by delay times velocity, a velocity
+by delay times acceleration. What is more to it is taken from the smoothed motion and out of the
+fixes, so models with other delays are compared at the same nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from automap.earth import gravity, metres_per_radian
+from automap.fusion.measurements import FixModel
+from automap.fusion.passes import Pass
+from automap.fusion.problem import LATENCY_STATE, SKEW_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE
+from automap.gap.motion import Motion, at_times, lagged
+from automap.records import FloatArray
+
+LEAST_S = 0.01
+CHANGE = 0.03
+"""Ages that moved by less, in s or as a share, change nothing of the remainder."""
+
+
+@dataclass(frozen=True)
+class Ages:
+    """By how much fixes are older than their tags in s: ``all_s`` of them at the start of the
+    drive, growing by ``skew`` s/s; velocities by ``velocity_s`` more, and by a low-pass of time
+    constant ``lag_s``."""
+
+    all_s: float = 0.0
+    skew: float = 0.0
+    velocity_s: float = 0.0
+    lag_s: float = 0.0
+
+    def near(self, other: Ages, length_s: float) -> bool:
+        """Whether two differ by no more than matters over a drive of ``length_s``."""
+        mine = (self.all_s, self.skew * length_s, self.velocity_s, self.lag_s)
+        others = (other.all_s, other.skew * length_s, other.velocity_s, other.lag_s)
+        return all(
+            abs(a - b) <= max(LEAST_S, CHANGE * abs(a)) for a, b in zip(mine, others, strict=True)
+        )
+
+
+def ages_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) -> Ages:
+    """The ages that the states of a pass have found; ``where`` the effects' states."""
+    found = last.totals()
+    lag = found.get(VEL_LAG_STATE, 0.0)
+    age = found.get(VEL_LATENCY_STATE, 0.0)
+    if "gnss_velocity_lag" not in where or "gnss_velocity_latency" in where:
+        # the state stands for a latency
+        lag, age = 0.0, age + lag
+    return Ages(found.get(LATENCY_STATE, 0.0), -found.get(SKEW_STATE, 0.0), age, max(lag, 0.0))
+
+
+def without_remainder(fixes: FixModel, last: Pass, motion: Motion, ages: Ages) -> FixModel:
+    """Fixes less what their ages do to them beyond the first order."""
+    found = last.totals()
+    arm = np.array([found.get(f"gnss_lever_arm_{a}", 0.0) for a in "xyz"])
+    swing = np.einsum("nij,nj->ni", motion.dcm, np.cross(motion.rate, arm))
+    antenna = replace(motion, vel=motion.vel + swing)
+    t = last.shift.position_times(fixes.t)
+    late = ages.all_s + ages.skew * t
+    values = fixes.values.copy()
+    path = _path(antenna)
+    moved = at_times(motion, path, t - late) - at_times(motion, path, t)
+    moved += late[:, None] * at_times(motion, motion.vel, t)
+    north, east = metres_per_radian(values[:, 0], values[:, 2])
+    values[:, 0] -= moved[:, 0] / north
+    values[:, 1] -= moved[:, 1] / east
+    values[:, 2] += moved[:, 2]
+    passed = lagged(antenna, ages.lag_s) if ages.lag_s > 0.0 else antenna.vel
+    seen = at_times(motion, passed, t - late - ages.velocity_s)
+    old = (late + ages.velocity_s + ages.lag_s)[:, None]
+    first_order = at_times(motion, antenna.vel, t) - old * at_times(
+        motion, _steady(last, motion), t
+    )
+    values[:, 3:6] -= seen - first_order
+    return replace(fixes, values=values)
+
+
+def _path(motion: Motion) -> FloatArray:
+    """The way [n, 3] NED in m since the first epoch."""
+    steps = 0.5 * (motion.vel[1:] + motion.vel[:-1]) * np.diff(motion.t)[:, None]
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+
+
+def _steady(last: Pass, motion: Motion) -> FloatArray:
+    """The acceleration [n, 3] NED over ground that the filter multiplies delays with."""
+    acc = np.einsum("nij,nj->ni", motion.dcm, last.problem.samples.force)
+    acc[:, 2] += float(gravity(float(motion.pos[0, 0]), float(motion.pos[0, 2])))
+    return np.asarray(acc)
