@@ -43,7 +43,9 @@ def find(
     """
     from automap.effects import effect_named
     from automap.gap import find_gaps
+    from automap.gap.finder import with_cameras
     from automap.io.atomic import make_folder, write_json, write_text
+    from pipeline.gap_camera import camera_gaps, camera_json, camera_lines
     from pipeline.gap_inputs import gap_drives, gap_model
     from pipeline.gap_model import model_toml
     from pipeline.gap_report import gap_report
@@ -67,9 +69,16 @@ def find(
     result = find_gaps(fitted, held, model, without, say)
     for text in result.warnings:
         print(f"warning: {text}", file=sys.stderr)
-    write_json(out / GAP, as_json(result))
-    write_text(out / MODEL, model_toml(result, fitted, settings.effects, out))
-    write_text(out / REPORT, gap_report(result, [d.name for d in fitted]))
+    lines = camera_lines([], settings)
+    write_text(out / MODEL, model_toml(result, fitted, settings.effects, out, lines))
+    cameras, troubles = camera_gaps(drives, holdout, out / "runs", out / MODEL, without, say)
+    for text in [*troubles, *(t for c in cameras for t in c.warnings)]:
+        print(f"warning: {text}", file=sys.stderr)
+    result = with_cameras(result, cameras, troubles)
+    lines = camera_lines(cameras, settings)
+    write_text(out / MODEL, model_toml(result, fitted, settings.effects, out, lines))
+    write_json(out / GAP, {**as_json(result), "cameras": [camera_json(c) for c in cameras]})
+    write_text(out / REPORT, gap_report(result, [d.name for d in fitted], cameras))
     progress(1.0, "done")
     return GapOutcome(tuple(_lines(result)), (out / GAP, out / MODEL, out / REPORT))
 

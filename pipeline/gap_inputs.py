@@ -49,6 +49,11 @@ def gap_drives(paths: Sequence[Path], runs: Path, settings: Settings) -> list[Ga
     return [_gap_drive(path, runs / _name(path, paths), settings) for path in paths]
 
 
+def run_folder(path: Path, paths: Sequence[Path], runs: Path) -> Path:
+    """Where the run of a drive, one of ``paths``, for its camera stands."""
+    return runs / f"{_name(path, paths)}-camera"
+
+
 def _name(path: Path, paths: Sequence[Path]) -> str:
     same = [p for p in paths if p.resolve().name == path.resolve().name]
     name = path.resolve().name

@@ -17,12 +17,17 @@ if TYPE_CHECKING:
 
 
 def model_toml(
-    result: GapResult, drives: Sequence[GapDrive], users: EffectsSettings, folder: Path
+    result: GapResult,
+    drives: Sequence[GapDrive],
+    users: EffectsSettings,
+    folder: Path,
+    cameras: Sequence[str] = (),
 ) -> str:
     """Settings for ``automap run --config``: nuisances, values of the named effects, noise.
 
     A lever arm stands there as a whole, what the manifest says plus what was found. The users'
     effects and a formula that was found are defined there too; the file is written to ``folder``.
+    ``cameras`` are the lines about the cameras.
     """
     model = result.model
     effects = list(model.options.effects)
@@ -52,7 +57,7 @@ def model_toml(
             total = {p: v + float(stated[p]) for p, v in values.items()}
         lines += ["", f"[fuse.fixed.{effect}]"]
         lines += [f"{p} = {v:.9g}" for p, v in total.items()]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *cameras]) + "\n"
 
 
 def _definitions(result: GapResult, users: EffectsSettings, folder: Path) -> list[str]:

@@ -9,24 +9,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automap import __version__
-from automap.fusion.layout import CHANNELS
-from automap.gap.screening import whitened_innovations
 from pipeline.calibration_report import Figure
+from pipeline.gap_plots import WINDOW_S, camera_plots, error_bars, overlay, running, spectrum
 from pipeline.report.sections import Section, draw
 from pipeline.report.svg_plot import Series
 
 if TYPE_CHECKING:
     from automap.gap import GapResult
+    from automap.gap.camera_search import CameraGap
     from automap.gap.fit import Fit
     from automap.gap.laboratory import LaboratoryResult
     from automap.gap.result import Finding
 
-WINDOW_S = 5.0
+OVERLAYS = 2
 PLOTS = 4
 PLACES = 12
 
 
-def gap_report(result: GapResult, names: Sequence[str]) -> str:
+def gap_report(result: GapResult, names: Sequence[str], cameras: Sequence[CameraGap] = ()) -> str:
     """The page of a search on drives called ``names``."""
     figures = [
         Figure(str(len(result.findings)), "missing effects", "named with evidence below"),
@@ -36,12 +36,17 @@ def gap_report(result: GapResult, names: Sequence[str]) -> str:
     parts = [
         ("Verdict", _verdict(result)),
         ("What is missing", _findings(result.findings)),
+        ("Measured and simulated", _overlay(result)),
         ("Before and after", _before_after(result)),
         ("Where the gap was", _where(result)),
         ("Channels", _channels(result)),
+        ("Slow or fast", _spectra(result)),
+        ("Error bars", _bars(result)),
         ("Noise", _noise(result)),
         ("What next", _next(result)),
     ]
+    if cameras:
+        parts.insert(len(parts) - 2, ("Camera", _cameras(cameras)))
     return _page("Gap", ", ".join(names), figures, parts, list(result.warnings))
 
 
@@ -124,48 +129,99 @@ def _findings(findings: Sequence[Finding]) -> Section:
     return section
 
 
-def _running(fit: Fit, channel: int) -> Series | None:
-    whitened, t, channels = whitened_innovations(fit)
-    rows = channels == channel
-    if int(rows.sum()) < 30:
-        return None
-    w, at = np.clip(whitened[rows], -10.0, 10.0), t[rows]
-    edges = np.arange(at[0], at[-1] + WINDOW_S, WINDOW_S)
-    index = np.clip(np.digitize(at, edges) - 1, 0, len(edges) - 1)
-    count = np.bincount(index, minlength=len(edges)).astype(float)
-    squares = np.bincount(index, weights=w**2, minlength=len(edges))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        level = np.sqrt(squares / count)
-    return Series("", edges + 0.5 * WINDOW_S, level)
+def _held_out(result: GapResult) -> tuple[Fit, Fit] | None:
+    """The first held-out drive before and after."""
+    before, after = result.held_out
+    return (before[0], after[0]) if before and after else None
+
+
+def _by_gain(result: GapResult) -> list[str]:
+    """Channels, those that gained most first."""
+    gains = sorted(result.channels, key=lambda c: -(c.rms_before - c.rms_after))
+    return [c.channel for c in gains]
+
+
+def _overlay(result: GapResult) -> Section:
+    section = Section(
+        sentences=[
+            "Where the old model errs most: measurements and what the models say of them before "
+            "they are seen, all against the new model. Dots outside the band are too many if the "
+            "new model is wrong; the line is the old model."
+        ]
+    )
+    fits = _held_out(result)
+    if fits is None:
+        section.absent = "No held-out data."
+        return section
+    for name in _by_gain(result)[:OVERLAYS]:
+        unit = "m" if name.startswith("position") else "m/s"
+        section.plots += overlay(*fits, name, unit)
+    return section
 
 
 def _before_after(result: GapResult) -> Section:
-    before, after = result.held_out
     section = Section(
         sentences=[
             "Innovations of the held-out data over the sd that the model states, root mean "
             f"square of {WINDOW_S:.0f} s. A right model stays near 1."
         ]
     )
-    if not before:
+    fits = _held_out(result)
+    if fits is None:
         section.absent = "No held-out data."
         return section
-    gains = sorted(result.channels, key=lambda c: -(c.rms_before - c.rms_after))
-    for item in gains[:PLOTS]:
-        channel = CHANNELS.index(item.channel)
-        old, new = _running(before[0], channel), _running(after[0], channel)
-        if old is None or new is None:
+    for name in _by_gain(result)[:PLOTS]:
+        section.plots += running(*fits, name)
+    return section
+
+
+def _spectra(result: GapResult) -> Section:
+    section = Section(
+        sentences=[
+            "How slow or fast the disagreement is. Innovations of a right model have the same "
+            "power at all frequencies; simulations from the model stay within the band."
+        ]
+    )
+    fits = _held_out(result)
+    if fits is None:
+        section.absent = "No held-out data."
+        return section
+    shown = [c.channel for c in result.channels if not c.channel.startswith("z")]
+    for name in shown:
+        section.plots += spectrum(*fits, name)
+    return section
+
+
+def _bars(result: GapResult) -> Section:
+    section = Section(
+        sentences=[
+            "Error bars of the smoothed path on the held-out drive under both models, and how far "
+            "the path itself moves. Bars of the old model are what it claims, not what is true."
+        ]
+    )
+    fits = _held_out(result)
+    if fits is None:
+        section.absent = "No held-out data."
+        return section
+    section.plots += error_bars(*fits)
+    return section
+
+
+def _cameras(cameras: Sequence[CameraGap]) -> Section:
+    section = Section(header=("camera", "signs", "boxes", "gap before", "gap after"))
+    section.sentences.append(
+        "Boxes of tracked signs against the path of the new model, every sign's own place and "
+        "size free. Gaps are in nats a box on held-out signs."
+    )
+    for c in cameras:
+        if c.held_out is None:
+            section.sentences += list(c.warnings)
             continue
-        section.plots += draw(
-            item.channel.replace("_", " "),
-            [
-                Series("before", old.x, old.y, "line", "bad"),
-                Series("after", new.x, new.y, "line", 0),
-            ],
-            "innovation / sd",
-            float(old.x[-1]),
-            include=(0.0, 1.0),
+        section.rows.append(
+            (c.camera, str(c.signs), str(c.boxes), f"{c.gap_before:.3g}", f"{c.gap_after:.3g}")
         )
+        if c.findings:
+            section.plots += camera_plots(*c.held_out)
     return section
 
 

@@ -176,7 +176,8 @@ def _equations(
     edges = np.searchsorted(boxes.sign[order], np.arange(boxes.n_signs + 1))
     for s in range(boxes.n_signs):
         rows = order[edges[s] : edges[s + 1]]
-        a, b = A[rows].reshape(-1, N_LOCAL), B[rows].reshape(-1, g)
+        m = 3 * len(rows)
+        a, b = A[rows].reshape(m, N_LOCAL), B[rows].reshape(m, g)
         e = r[rows].reshape(-1)
         both = np.column_stack([a.T @ b, a.T @ e - prior * off[s]])
         answer = np.linalg.solve(a.T @ a + np.diag(prior + 1e-12), both)

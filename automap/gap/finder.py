@@ -9,6 +9,7 @@ from automap.effects import CATALOGUE, UserEffect
 from automap.errors import InputError
 from automap.fusion.model import FusionOptions
 from automap.gap.advice import advice
+from automap.gap.camera_search import CameraGap
 from automap.gap.drive import GapDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit
 from automap.gap.formula_effect import PARAMETER, adopt
@@ -173,6 +174,28 @@ def _result(
         places=tuple(found),
         held_out=(tuple(first), tuple(final)),
     )
+
+
+def with_cameras(
+    result: GapResult, cameras: Sequence[CameraGap], warnings: Sequence[str] = ()
+) -> GapResult:
+    """The result with what was found about the cameras."""
+    findings = (*result.findings, *(f for c in cameras for f in c.findings))
+    told = (*result.warnings, *warnings, *(t for c in cameras for t in c.warnings))
+    verdict = result.verdict
+    if len(findings) > len(result.findings):
+        after, before = result.gap_after, result.gap_before
+        verdict = _verdict(result.findings, before, after, result.unexplained)
+        names = ", ".join(f.effect for c in cameras for f in c.findings)
+        shrunk = ", ".join(
+            f"from {c.gap_before:.3g} to {c.gap_after:.3g} nats a box"
+            for c in cameras
+            if c.findings
+        )
+        text = f"missing from the camera: {names}; with it the gap on held-out signs falls {shrunk}"
+        nothing = not result.findings and result.unexplained is None
+        verdict = text if nothing else f"{verdict}; {text}"
+    return replace(result, findings=findings, warnings=told, verdict=verdict)
 
 
 def _order(

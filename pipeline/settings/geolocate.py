@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from pipeline.settings.section import Section
 
@@ -30,7 +30,31 @@ class GeolocateSettings(Section):
     """One sigma of the focal length, as part of it."""
     lever_arm_sd_m: float = Field(default=0.1, ge=0)
     """One sigma of the camera's place on the vehicle, m."""
+    fixed: dict[str, dict[str, dict[str, float]]] = Field(default_factory=dict)
+    """Errors of the stated cameras that are known: camera, effect, parameter, value."""
     single_sightings: bool = False
     """In bearings.csv, whether a sighting that meets no other makes an object by its depth."""
     imu_above_road_m: float = Field(default=1.0, ge=0)
     """Height of the IMU above the road, m."""
+
+    @field_validator("fixed")
+    @classmethod
+    def _effects_exist(
+        cls, value: dict[str, dict[str, dict[str, float]]]
+    ) -> dict[str, dict[str, dict[str, float]]]:
+        from automap.effects import CATALOGUE
+
+        known = {n: e for n, e in CATALOGUE.items() if e.family == "camera"}
+        for effects in value.values():
+            for effect, given in effects.items():
+                if effect not in known:
+                    raise ValueError(
+                        f"no effect of a camera '{effect}'; there are " + ", ".join(known)
+                    )
+                names = [p.name for p in known[effect].parameters]
+                wrong = sorted(set(given) - set(names))
+                if wrong:
+                    raise ValueError(
+                        f"'{effect}' has no parameter '{wrong[0]}'; it has " + ", ".join(names)
+                    )
+        return value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
     from automap.geolocation.locate import GeolocationResult, GeolocationRules
     from automap.io.drive import Drive
-    from automap.records import Detections, IntArray, Trajectory
+    from automap.records import Camera, Detections, IntArray, Trajectory
     from pipeline.settings.geolocate import GeolocateSettings
 
 _LISTED = 3
@@ -168,10 +169,11 @@ def _locate(
     from automap.io.signs_table import write_signs
 
     settings = context.settings.geolocate
+    cameras, records = _as_known(context.drive.cameras(), [r for r, _ in parts], settings.fixed)
     result = locate_signs(
         trajectory,
-        [record for record, _ in parts],
-        context.drive.cameras(),
+        records,
+        cameras,
         rules_from(settings, context.drive.name),
         lambda fraction: context.progress(fraction, "linking detections"),
     )
@@ -184,6 +186,25 @@ def _locate(
     for text in result.warnings:
         context.warn(text)
     _report(context, result)
+
+
+def _as_known(
+    stated: Mapping[str, Camera],
+    records: list[Detections],
+    known: Mapping[str, Mapping[str, Mapping[str, float]]],
+) -> tuple[dict[str, Camera], list[Detections]]:
+    """Cameras as they are where their errors are known, and boxes at the instants of their rows."""
+    from automap.effects.camera import row_delay_s, true_camera
+
+    cameras = {n: true_camera(c, known[n]) if n in known else c for n, c in stated.items()}
+    out = []
+    for record in records:
+        if "rolling_shutter" in known.get(record.camera, {}):
+            rows = 0.5 * (record.box[:, 1] + record.box[:, 3])
+            late = row_delay_s(rows, cameras[record.camera].height, known[record.camera])
+            record = replace(record, t_ns=record.t_ns + (late * 1e9).astype(record.t_ns.dtype))
+        out.append(record)
+    return cameras, out
 
 
 def _write_observations(

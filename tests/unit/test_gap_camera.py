@@ -1,0 +1,161 @@
+"""Effects of the camera from boxes of tracked signs: geometry, fit and search."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from automap.earth import from_local_ned
+from automap.effects.camera import row_delay_s, true_camera
+from automap.frames import rpy_to_matrix
+from automap.gap.camera_fit import box_noise, fit_camera
+from automap.gap.camera_search import find_camera_gap
+from automap.gap.camera_views import Boxes, boxes_of, foretell
+from automap.geolocation.camera_model import project
+from automap.interpolation import poses_at
+from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+
+ORIGIN = (-0.6, 2.6, 500.0)
+PIXEL_SD = 0.7
+CAMERA = Camera(
+    width=1280,
+    height=720,
+    matrix=np.array([[1000.0, 0.0, 640.0], [0.0, 1000.0, 360.0], [0.0, 0.0, 1.0]]),
+    distortion=np.zeros(5),
+    lever_arm_m=np.array([1.3, 0.0, -0.6]),
+    mount_rpy=np.array([0.01, -0.02, 0.03]),
+    mount_sd=0.001,
+    time_offset_s=0.0,
+    time_offset_sd=0.001,
+)
+VALUES = {
+    "camera_boresight": {"roll": 0.0, "pitch": 0.012, "yaw": -0.02},
+    "camera_time_offset": {"s": 0.06},
+    "rolling_shutter": {"s": 0.04},
+    "camera_focal": {"relative": 0.03},
+    "camera_distortion": {"k1": -0.12, "k2": 0.05},
+    "camera_lever_arm": {"x": 0.9, "y": 0.5, "z": 0.0},
+}
+
+
+def path() -> Trajectory:
+    """Two minutes of winding road at changing speed, 20 rows a second."""
+    t = np.arange(0.0, 120.0, 0.05)
+    speed = 11.0 + 5.0 * np.sin(0.2 * t)
+    yaw = 0.9 * np.sin(0.11 * t) + 0.25 * np.sin(0.5 * t)
+    pitch, roll = 0.02 * np.sin(0.3 * t), 0.03 * np.sin(0.7 * t)
+    vel = np.stack([speed * np.cos(yaw), speed * np.sin(yaw), 0.0 * t], axis=1)
+    steps = 0.5 * (vel[1:] + vel[:-1]) * 0.05
+    pos = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    lat, lon, height = from_local_ned(pos, ORIGIN)
+    n = len(t)
+    return Trajectory(
+        t_ns=(t * 1e9).astype(np.int64),
+        gps_s=1.4e9 + t,
+        lat_rad=lat,
+        lon_rad=lon,
+        height_m=height,
+        vel_ned=vel,
+        rpy=np.stack([roll, pitch, yaw], axis=1),
+        sd_pos_ned=np.full((n, 3), 0.3),
+        sd_vel_ned=np.full((n, 3), 0.02),
+        sd_rpy=np.tile([0.0005, 0.0005, 0.001], (n, 1)),
+    )
+
+
+def film(values: dict[str, dict[str, float]], seed: int = 1) -> tuple[Detections, IntArray]:
+    """What a detector makes of some signs, and the number of the sign of each box."""
+    rng = np.random.default_rng(seed)
+    trajectory = path()
+    camera = true_camera(CAMERA, values)
+    frames = np.arange(1.0, 119.0, 0.1)
+    here = poses_at(trajectory, (frames * 1e9).astype(np.int64))
+    north, east = _metres(here.lat_rad, here.lon_rad)
+    boxes, stamps, numbers = [], [], []
+    for number, at in enumerate(np.arange(20, len(frames), 25)):
+        yaw = here.rpy[at, 2]
+        aside = float(rng.choice([-1.0, 1.0]) * rng.uniform(2.5, 7.0))
+        down = -float(rng.uniform(0.8, 4.5))
+        place = np.array([north[at] - np.sin(yaw) * aside, east[at] + np.cos(yaw) * aside, down])
+        size = float(rng.uniform(0.5, 0.9))
+        stamp = frames[max(0, at - 60) : at]
+        late = np.zeros(len(stamp))
+        for _ in range(3):
+            t_ns = np.rint((stamp + camera.time_offset_s + late) * 1e9).astype(np.int64)
+            ray = _rays(trajectory, camera, t_ns, place)
+            pixel = np.nan_to_num(project(camera, ray), nan=-1e4)
+            late = row_delay_s(pixel[:, 1], camera.height, values)
+        half = 0.5 * camera.matrix[0, 0] * size / np.maximum(ray[:, 0], 1.0)
+        box = np.column_stack([pixel - half[:, None], pixel + half[:, None]])
+        box += rng.normal(0.0, PIXEL_SD, box.shape)
+        good = (ray[:, 0] > 5.0) & (ray[:, 0] < 60.0) & (box[:, :2] > 2.0).all(axis=1)
+        good &= (box[:, 2] < 1277.0) & (box[:, 3] < 717.0)
+        boxes.append(box[good])
+        stamps.append(stamp[good])
+        numbers.append(np.full(int(good.sum()), number))
+    n = sum(len(b) for b in boxes)
+    found = Detections(
+        frame=np.arange(n),
+        t_ns=np.rint(np.concatenate(stamps) * 1e9).astype(np.int64),
+        class_name=np.full(n, "sign", np.object_),
+        box=np.concatenate(boxes),
+        score=np.ones(n),
+        track=np.full(n, -1, np.int64),
+    )
+    return found, np.concatenate(numbers)
+
+
+def _metres(lat: FloatArray, lon: FloatArray) -> tuple[FloatArray, FloatArray]:
+    from automap.earth import local_ned
+
+    place = local_ned(lat, lon, np.full(len(lat), ORIGIN[2]), ORIGIN)
+    return place[:, 0], place[:, 1]
+
+
+def _rays(trajectory: Trajectory, camera: Camera, t_ns: IntArray, place: FloatArray) -> FloatArray:
+    pose = poses_at(trajectory, t_ns)
+    north, east = _metres(pose.lat_rad, pose.lon_rad)
+    there = place - np.column_stack([north, east, np.zeros(len(north))])
+    body = np.einsum("nji,nj->ni", rpy_to_matrix(pose.rpy), there)
+    return np.asarray((body - camera.lever_arm_m) @ rpy_to_matrix(camera.mount_rpy))
+
+
+def boxes_with(values: dict[str, dict[str, float]], seed: int = 1) -> Boxes:
+    found, numbers = film(values, seed)
+    boxes = boxes_of(path(), CAMERA, found, numbers)
+    assert boxes is not None
+    return boxes
+
+
+@pytest.mark.parametrize("effect", list(VALUES))
+def test_an_effect_of_the_camera_is_named_and_recovered(effect: str) -> None:
+    gap = find_camera_gap("front", boxes_with({effect: VALUES[effect]}), None)
+    assert [f.effect for f in gap.findings] == [effect]
+    finding = gap.findings[0]
+    assert finding.p_value < 1e-3
+    for parameter, true in VALUES[effect].items():
+        value = finding.parameters[parameter]
+        assert abs(value.value - true) < 4.0 * value.sd, parameter
+    assert gap.gap_after < 0.3 * gap.gap_before
+
+
+def test_a_camera_as_stated_is_silent() -> None:
+    for seed in (1, 2):
+        gap = find_camera_gap("front", boxes_with({}, seed), None)
+        assert gap.findings == ()
+
+
+def test_what_is_foretold_is_what_is_seen() -> None:
+    boxes = boxes_with({})
+    common = np.zeros(boxes.n_common)
+    fit = fit_camera(boxes, box_noise(boxes, np.full(2, PIXEL_SD), np.zeros(2)), common)
+    # signs at their best places give back the boxes to the noise of their pixels
+    rest = (foretell(boxes, common, fit.local) - boxes.measured)[:, :2]
+    assert 0.8 < float(np.std(rest)) / (PIXEL_SD / np.sqrt(2.0) / 1000.0) < 1.05
+
+
+def test_too_few_signs_are_told() -> None:
+    boxes = boxes_with({}).of_signs(0, 5)
+    gap = find_camera_gap("front", boxes, None)
+    assert gap.findings == ()
+    assert "only 5 signs" in gap.warnings[0]
