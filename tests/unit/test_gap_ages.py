@@ -1,0 +1,73 @@
+"""Fixes that are old: what age does beyond the first order, and clocks that agree nowhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from automap.earth import metres_per_radian
+from automap.gap import base_model
+from automap.gap.ages import Ages, without_remainder
+from automap.gap.drive import open_drive
+from automap.gap.fit import Fit, at_times, fit_drive, motion_of
+from automap.gap.naming import offset_besides
+from tests.unit.test_gap import simulated
+
+MODEL = base_model()
+
+
+@pytest.fixture(scope="module")
+def plain() -> Fit:
+    return fit_drive(open_drive(simulated({}), MODEL.options), MODEL)
+
+
+def test_old_fixes_less_the_remainder_are_old_to_first_order(plain: Fit) -> None:
+    age = 0.2
+    motion = motion_of(plain.last)
+    arm = np.array([plain.last.totals()[f"gnss_lever_arm_{a}"] for a in "xyz"])
+    fixes = plain.opened.session.fixes
+    t = plain.last.shift.position_times(fixes.t)
+    # positions of the antenna as they were an age ago
+    inner = (t > motion.t[0] + age) & (t < motion.t[-1])
+    t = t[inner]
+    north, east = metres_per_radian(motion.pos[0, 0], motion.pos[0, 2])
+    flat = (motion.pos - motion.pos[0]) * [north, east, -1.0]
+    antenna = flat + np.einsum("nij,j->ni", motion.dcm, arm)
+    old = at_times(motion, antenna, t - age)
+    velocity = at_times(motion, motion.vel, t)
+    values = fixes.values[inner].copy()
+    values[:, :3] = motion.pos[0] + old / [north, east, -1.0]
+    aged = replace(fixes, **{f: getattr(fixes, f)[inner] for f in ("flags", "t", "row")})
+    aged = replace(aged, values=values)
+    rest = without_remainder(aged, plain.last, motion, Ages(all_s=age))
+    seen = (rest.values[:, :3] - motion.pos[0]) * [north, east, -1.0]
+    expected = at_times(motion, antenna, t) - age * velocity
+    assert np.abs(old - expected).max() > 0.03
+    assert np.abs(seen - expected).max() < 3e-3
+
+
+def test_large_ages_are_found_without_bias(monkeypatch: pytest.MonkeyPatch) -> None:
+    hidden = {"gnss_latency": {"s": 0.15}, "gnss_velocity_latency": {"s": 0.2}}
+    opened = open_drive(simulated(hidden), MODEL.options)
+    estimate = {"gnss_latency": 2.0, "gnss_velocity_latency": 2.0}
+    fit = fit_drive(opened, MODEL, estimate)
+    for effect, true in hidden.items():
+        value, sd = fit.value_of(effect)["s"], fit.sd_of(effect)["s"]
+        assert sd < 0.012
+        assert abs(value - true["s"]) < 3.0 * sd
+    # velocities alone tell the sum, far better than either
+    assert float(fit.values.sum()) == pytest.approx(0.35, abs=0.012)
+    monkeypatch.setattr("automap.gap.fit.AGE_ROUNDS", 0)
+    first_order = fit_drive(opened, MODEL, estimate)
+    assert fit.score > first_order.score + 100.0
+
+
+@pytest.mark.parametrize(("offset", "apart"), [(0.0, False), (0.2, True)])
+def test_clocks_of_different_rates_may_agree_somewhere(offset: float, apart: bool) -> None:
+    hidden = {"imu_clock_skew": {"skew": 5e-4}, "imu_time_offset": {"s": offset}}
+    opened = open_drive(simulated(hidden), MODEL.options)
+    fit = fit_drive(opened, MODEL, {"imu_clock_skew": 20.0})
+    assert fit.value_of("imu_clock_skew")["skew"] == pytest.approx(5e-4, abs=1e-4)
+    assert offset_besides([fit]) is apart
