@@ -138,6 +138,11 @@ def as_json(result: GapResult) -> dict[str, Any]:
             "gap_before": unexplained.gap_before,
             "gap_after": unexplained.gap_after,
         },
+        "alike": [
+            {"effects": list(a.effects), "share": a.share, "advice": a.advice}
+            for a in result.unclear.alike
+        ],
+        "hardly_shown": list(result.unclear.hidden),
         "verdict": result.verdict,
         "warnings": list(result.warnings),
     }

@@ -42,6 +42,7 @@ def gap_report(result: GapResult, names: Sequence[str], cameras: Sequence[Camera
         ("Channels", _channels(result)),
         ("Slow or fast", _spectra(result)),
         ("Error bars", _bars(result)),
+        ("What this drive cannot tell", _unclear(result)),
         ("Noise", _noise(result)),
         ("What next", _next(result)),
     ]
@@ -263,6 +264,25 @@ def _channels(result: GapResult) -> Section:
                 f"{c.correlation_after:+.2f}",
             )
         )
+    return section
+
+
+def _unclear(result: GapResult) -> Section:
+    section = Section(header=("cannot be told apart", "alike by", "the manoeuvre that would tell"))
+    alike, hidden = result.unclear.alike, result.unclear.hidden
+    section.sentences.append(
+        "Effects that leave the same traces in the fitted drives: where one is named, the other "
+        "may be meant."
+        if alike
+        else "All effects that show at all can be told apart on the fitted drives."
+    )
+    if hidden:
+        section.sentences.append(
+            f"These would hardly show at their usual size: {', '.join(hidden)}. A drive with bends "
+            "both ways, hard braking, halts and a warm-up shows more."
+        )
+    for pair in alike:
+        section.rows.append((" and ".join(pair.effects), f"{100 * pair.share:.0f} %", pair.advice))
     return section
 
 

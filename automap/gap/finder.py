@@ -11,9 +11,11 @@ from automap.fusion.model import FusionOptions
 from automap.gap.advice import advice
 from automap.gap.camera_search import CameraGap
 from automap.gap.drive import GapDrive, in_vehicle_axes, open_drive
-from automap.gap.fit import Fit
+from automap.gap.effect_library import library
+from automap.gap.fit import Fit, fit_drive
 from automap.gap.formula_effect import PARAMETER, adopt
 from automap.gap.heldout import channel_gaps, epochs, fit_held_out, remaining_gap, total_score
+from automap.gap.identifiability import Identifiability, identifiability
 from automap.gap.locate import places, worst_by_channel
 from automap.gap.model import GapModel, base_model
 from automap.gap.result import Finding, GapResult, ParameterValue, Unexplained
@@ -173,7 +175,18 @@ def _result(
         warnings=tuple(state.warnings),
         places=tuple(found),
         held_out=(tuple(first), tuple(final)),
+        unclear=_unclear(state, model),
     )
+
+
+def _unclear(state: State, model: GapModel) -> Identifiability:
+    """What the fitted drives cannot tell, the accepted effects held at their values."""
+    fits = state.fits
+    if state.accepted:
+        fits = [fit_drive(d, model, start=f.start) for d, f in zip(state.drives, fits, strict=True)]
+    wheels = any(d.session.odometer is not None for d in state.drives)
+    effects = library(frozenset(state.exclude), wheels, model.options.earth_rotation)
+    return identifiability(fits, effects)
 
 
 def with_cameras(

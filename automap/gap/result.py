@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from automap.gap.fit import Fit
+from automap.gap.identifiability import Identifiability
 from automap.gap.locate import Place
 from automap.gap.model import GapModel
 
@@ -77,7 +78,8 @@ class ChannelGap:
 @dataclass(frozen=True)
 class GapResult:
     """Everything that a search found; ``model`` is the new one, ``places`` where the gap was,
-    ``held_out`` the fits of the held-out data before and after."""
+    ``held_out`` the fits of the held-out data before and after, ``unclear`` what the fitted drives
+    cannot tell."""
 
     gap_before: float
     gap_after: float
@@ -92,3 +94,4 @@ class GapResult:
     warnings: tuple[str, ...] = ()
     places: tuple[Place, ...] = ()
     held_out: tuple[tuple[Fit, ...], tuple[Fit, ...]] = ((), ())
+    unclear: Identifiability = field(default_factory=Identifiability)

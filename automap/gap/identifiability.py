@@ -1,0 +1,90 @@
+"""What a drive cannot tell: effects that look alike along it, and effects that hardly show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.gap.advice import advice
+from automap.gap.fit import Fit
+from automap.gap.screening import rows_of
+from automap.records import FloatArray, IntArray
+
+SHOWS = 3.0
+"""A parameter of its usual size shows where it stands out by so many sigmas."""
+ALIKE = 0.9
+"""So much of what a parameter shows is another effect's, then the two cannot be told apart."""
+PRIOR_ROOM = 5.0
+
+
+@dataclass(frozen=True)
+class Alike:
+    """Two effects that a drive cannot tell apart, the share of the one's traces that the other
+    leaves as well, and the manoeuvre that would tell."""
+
+    effects: tuple[str, str]
+    share: float
+    advice: str
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """``alike`` pairs, the most alike first; ``hidden`` effects that hardly show on the drive even
+    at their usual size."""
+
+    alike: tuple[Alike, ...] = ()
+    hidden: tuple[str, ...] = ()
+
+
+def identifiability(fits: Sequence[Fit], effects: Sequence[str]) -> Identifiability:
+    """What the fitted drives together cannot tell of the effects."""
+    info, layout, priors = _information(fits, effects)
+    groups = {
+        e: np.array([i for i, (name, _) in enumerate(layout) if name == e], np.int64)
+        for e in effects
+    }
+    seen = priors * np.sqrt(np.maximum(np.diag(info), 0.0)) > SHOWS
+    shown = {e: rows[seen[rows]] for e, rows in groups.items() if seen[rows].any()}
+    found: dict[frozenset[str], Alike] = {}
+    for one, rows in shown.items():
+        for other in shown:
+            if other == one:
+                continue
+            share = _share(info, rows, groups[other], priors)
+            pair = frozenset({one, other})
+            if share > ALIKE and (pair not in found or share > found[pair].share):
+                found[pair] = Alike((one, other), share, advice(one, (other,)))
+    alike = sorted(found.values(), key=lambda a: -a.share)
+    return Identifiability(tuple(alike), tuple(e for e in effects if e not in shown))
+
+
+def _information(
+    fits: Sequence[Fit], effects: Sequence[str]
+) -> tuple[FloatArray, list[tuple[str, str]], FloatArray]:
+    """Information [c, c] of all parameters, their names, and prior sds [c]."""
+    layout: list[tuple[str, str]] = []
+    priors: list[float] = []
+    parts = []
+    for fit in fits:
+        columns, rows, _ = rows_of(fit, effects)
+        names = [(c.effect, c.parameter) for c in columns]
+        for name, column in zip(names, columns, strict=True):
+            if name not in layout:
+                layout.append(name)
+                priors.append(column.prior_sd)
+        parts.append((names, rows.phi.T @ rows.phi))
+    info: FloatArray = np.zeros((len(layout), len(layout)))
+    for names, part in parts:
+        at = [layout.index(n) for n in names]
+        info[np.ix_(at, at)] += part
+    return info, layout, np.array(priors)
+
+
+def _share(info: FloatArray, rows: IntArray, other: IntArray, priors: FloatArray) -> float:
+    """The largest share of what one of ``rows`` shows that the ``other`` columns show too."""
+    inner = info[np.ix_(other, other)] + np.diag((PRIOR_ROOM * priors[other]) ** -2.0)
+    cross = info[np.ix_(rows, other)]
+    explained = np.einsum("ij,ij->i", cross, np.linalg.solve(inner, cross.T).T)
+    return float(np.max(explained / np.maximum(np.diag(info)[rows], 1e-300)))
