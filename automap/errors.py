@@ -30,6 +30,12 @@ class StageError(AutoMapError):
     exit_code = 4
 
 
+def closed(error: PermissionError) -> InputError:
+    """The sentence for a file or folder that this user may not look into."""
+    where = error.filename if isinstance(error.filename, str) else "a file"
+    return InputError(f"{where} cannot be looked at ({error.strerror}); check its folder's rights.")
+
+
 class RegressionError(AutoMapError):
     """A figure fell outside what was required."""
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automap.errors import ConfigError, InputError
+from automap.errors import ConfigError, InputError, closed
 from automap.io import names
 from pipeline.merge_inputs import RunSigns, read_run
 
@@ -102,7 +102,7 @@ def _read_all(
     first_error: InputError | None = None
     for number, folder in enumerate(folders):
         try:
-            runs.append(read_run(folder))
+            runs.append(_read(folder))
             warnings += runs[-1].warnings
         except InputError as error:
             first_error = first_error or error
@@ -111,6 +111,13 @@ def _read_all(
     if not runs and first_error is not None:
         raise first_error
     return _distinct(runs, warnings), warnings
+
+
+def _read(folder: Path) -> RunSigns:
+    try:
+        return read_run(folder)
+    except PermissionError as error:
+        raise closed(error) from None
 
 
 def _distinct(runs: list[RunSigns], warnings: list[str]) -> list[RunSigns]:

@@ -110,7 +110,9 @@ def _json(path: Path) -> dict[str, Any]:
         raise InputError(
             f"{path} is missing; give the output folder of a finished `automap run`"
         ) from None
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); check its rights") from None
+    except ValueError as error:
         raise InputError(f"{path} is damaged ({error}); run the drive again") from None
 
 

@@ -56,6 +56,9 @@ def atomic_path(path: Path) -> Iterator[Path]:
     # the suffix is kept because some writers choose their format by it
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp{path.suffix}")
     make_folder(path.parent)
+    if not os.access(path.parent, os.W_OK):
+        # told here, as libraries that write a file themselves each say it in their own way
+        raise write_failure(path, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
     try:
         yield temporary
         with temporary.open("rb") as stream:

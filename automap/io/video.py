@@ -195,6 +195,8 @@ def open_video(path: Path) -> Any:
         return av.open(str(path))
     except FileNotFoundError:
         raise InputError(f"{path} is missing.") from None
+    except (PermissionError, IsADirectoryError) as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); check the file.") from None
     except (av.FFmpegError, OSError) as error:
         raise InputError(
             f"{path} is no readable video ({error.strerror or error}); if the recording was "

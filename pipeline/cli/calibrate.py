@@ -10,6 +10,7 @@ import click
 
 from pipeline.cli.command import Command
 from pipeline.cli.number import Finite
+from pipeline.cli.paths import ANY_PATH
 
 if TYPE_CHECKING:
     from pipeline.calibration_logs import LogSource
@@ -53,7 +54,7 @@ def _place(
 
 
 def _log_options(function: F) -> F:
-    path = click.Path(path_type=Path, dir_okay=False)
+    path = click.Path(path_type=Path, dir_okay=False, readable=False)
     options = [
         click.option("--accel", type=path, help="Accelerometer alone, as plain numbers."),
         click.option("--gyro", type=path, help="Gyro alone, with the same columns."),
@@ -106,7 +107,7 @@ def command() -> None:
 
 
 @command.command("static", cls=Command)
-@click.argument("logs", nargs=-1, type=click.Path(path_type=Path), metavar="LOG...")
+@click.argument("logs", nargs=-1, type=ANY_PATH, metavar="LOG...")
 @_log_options
 @_gravity_options
 @click.option("--parameters", type=click.Choice(["6", "9"]), help="Of the accelerometer; default "
@@ -136,12 +137,12 @@ def static_command(
 
 
 @command.command("dynamic", cls=Command)
-@click.argument("log", required=False, type=click.Path(path_type=Path))
+@click.argument("log", required=False, type=ANY_PATH)
 @_log_options
 @_gravity_options
 @click.option(
     "--calibration",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=click.Path(path_type=Path, dir_okay=False, readable=False),
     metavar="FILE",
     help="The static calibration to start from.",
 )
@@ -166,7 +167,7 @@ def dynamic_command(log: Path | None, calibration: Path | None, **options: Any) 
 
 
 @command.command("allan", cls=Command)
-@click.argument("log", required=False, type=click.Path(path_type=Path))
+@click.argument("log", required=False, type=ANY_PATH)
 @_log_options
 def allan_command(log: Path | None, **options: Any) -> None:
     """White noise, bias instability and random walk, from a long rest.

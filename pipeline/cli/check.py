@@ -9,6 +9,7 @@ import click
 
 from automap.errors import AutoMapError
 from pipeline.cli.command import Command, debug_wanted, show_failure
+from pipeline.cli.paths import ANY_PATH
 
 _EPILOG = """\b
 Examples:
@@ -18,7 +19,7 @@ Examples:
 
 
 @click.command("check", cls=Command, epilog=_EPILOG, short_help="Say what a drive folder holds.")
-@click.argument("drives", nargs=-1, required=True, metavar="DRIVE", type=click.Path(path_type=Path))
+@click.argument("drives", nargs=-1, required=True, metavar="DRIVE", type=ANY_PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object, or a list of them.")
 def command(drives: tuple[Path, ...], as_json: bool) -> int:
     """Say what was found in every file of a drive folder, what looks wrong, and what to do.

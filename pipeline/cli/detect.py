@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.command import Command
+from pipeline.cli.paths import ANY_PATH
 
 _EPILOG = """\b
 Examples:
@@ -17,13 +18,13 @@ Examples:
 
 
 @click.command("detect", cls=Command, epilog=_EPILOG, short_help="Find signs in a video or images.")
-@click.argument("source", type=click.Path(path_type=Path), metavar="VIDEO|IMAGE_DIR|DRIVE")
+@click.argument("source", type=ANY_PATH, metavar="VIDEO|IMAGE_DIR|DRIVE")
 @click.option(
     "-o",
     "--out",
     required=True,
     metavar="FILE.csv",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=click.Path(path_type=Path, dir_okay=False, readable=False),
     help="The table to write: one row per box.",
 )
 @click.option("--every-frame", is_flag=True, help="Search every frame of a video.")
@@ -31,12 +32,12 @@ Examples:
 @click.option(
     "--detector",
     metavar="FILE.toml",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     help="Describes a detector of your own, an ONNX file.",
 )
 @click.option(
     "--config",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     help="TOML file with settings that replace the defaults.",
 )
 @click.option(

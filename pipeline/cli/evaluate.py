@@ -10,6 +10,7 @@ import click
 from automap.errors import RegressionError
 from pipeline.cli.command import Command
 from pipeline.cli.number import Finite
+from pipeline.cli.paths import ANY_PATH
 
 _EPILOG = """\b
 Examples:
@@ -19,10 +20,10 @@ Examples:
 
 
 @click.command("evaluate", cls=Command, epilog=_EPILOG, short_help="Compare a map with the truth.")
-@click.argument("out", type=click.Path(path_type=Path))
+@click.argument("out", type=ANY_PATH)
 @click.option(
     "--truth",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     help="Folder with trajectory.csv or signs.geojson. Default: the drive's truth folder.",
 )
 @click.option(

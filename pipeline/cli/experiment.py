@@ -8,6 +8,7 @@ import click
 
 from pipeline.cli.command import Command
 from pipeline.cli.number import Finite
+from pipeline.cli.paths import ANY_PATH
 
 KINDS = ("calibration", "biases", "nis", "dropout", "rest")
 _EPILOG = """\b
@@ -25,9 +26,9 @@ Examples:
     short_help="Plot what calibration and smoothing do on a drive.",
 )
 @click.argument("kind", type=click.Choice(KINDS))
-@click.argument("drive", type=click.Path(path_type=Path))
+@click.argument("drive", type=ANY_PATH)
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, file_okay=False))
-@click.option("--config", type=click.Path(path_type=Path), help="TOML file with settings.")
+@click.option("--config", type=ANY_PATH, help="TOML file with settings.")
 @click.option("--outage", type=Finite(1.0), default=15.0, help="Seconds without GPS.")
 @click.option("--every", type=Finite(5.0), default=45.0, help="Seconds between starts.")
 @click.option("--bias-at", type=Finite(), metavar="S", help="For rest: the second whose rest gives "

@@ -8,6 +8,7 @@ import click
 
 from pipeline.cli.command import Command
 from pipeline.cli.number import Finite
+from pipeline.cli.paths import ANY_PATH
 
 _EPILOG = """\b
 Examples:
@@ -21,7 +22,7 @@ Examples:
 
 
 @click.command("export", cls=Command, epilog=_EPILOG, short_help="Write a map in another format.")
-@click.argument("out", type=click.Path(path_type=Path))
+@click.argument("out", type=ANY_PATH)
 @click.option(
     "--format",
     "form",
@@ -34,12 +35,12 @@ Examples:
     "-o",
     "--output",
     "target",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     help="File to write. Default: the format's own name in OUT.",
 )
 @click.option(
     "--at",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     metavar="TIMES.csv",
     help="Instants of the trajectory, in a column t_ns (stamps as in trajectory.parquet) or "
     "gps_s. Default: every row of the IMU.",

@@ -10,6 +10,7 @@ import click
 from pipeline.cli.calibrate import _log_options, _place, _source
 from pipeline.cli.command import Command
 from pipeline.cli.number import Finite
+from pipeline.cli.paths import ANY_PATH
 
 if TYPE_CHECKING:
     from pipeline.gap import GapOutcome
@@ -26,19 +27,19 @@ Examples:
 @click.command(
     "gap", cls=Command, epilog=_EPILOG, short_help="Name what the sensor model of a drive lacks."
 )
-@click.argument("drives", nargs=-1, metavar="DRIVE...|LOG...", type=click.Path(path_type=Path))
+@click.argument("drives", nargs=-1, metavar="DRIVE...|LOG...", type=ANY_PATH)
 @_log_options
 @click.option(
     "--holdout",
     multiple=True,
     metavar="DRIVE",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     help="A drive on which the gap is measured; repeat for several. Default: the last third of "
     "each drive.",
 )
 @click.option(
     "--config",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     metavar="MODEL",
     help="The model whose gap is wanted, as settings of the fusion. Default: the base model.",
 )

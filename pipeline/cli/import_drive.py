@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from pipeline.cli.command import Command
+from pipeline.cli.paths import ANY_PATH
 from pipeline.importers.kinds import KINDS, Kind
 
 _EPILOG = """\b
@@ -46,12 +47,12 @@ def _command(kind: Kind) -> click.Command:
         kind.name,
         callback=run,
         params=[
-            click.Argument(["source"], metavar=kind.source, type=click.Path(path_type=Path)),
+            click.Argument(["source"], metavar=kind.source, type=ANY_PATH),
             click.Option(
                 ["-o", "--out"],
                 required=True,
                 metavar="DRIVE",
-                type=click.Path(path_type=Path),
+                type=ANY_PATH,
                 help="The drive folder to write.",
             ),
             *(click.Option([o.flag], help=o.help, **o.settings) for o in kind.options),

@@ -8,6 +8,7 @@ import click
 
 from pipeline.cli.command import Command
 from pipeline.cli.number import Finite
+from pipeline.cli.paths import ANY_PATH
 
 _EPILOG = """\b
 Examples:
@@ -20,9 +21,7 @@ Examples:
 @click.command(
     "merge", cls=Command, epilog=_EPILOG, short_help="Make one map from the maps of many drives."
 )
-@click.argument(
-    "folders", nargs=-1, required=True, metavar="OUT...", type=click.Path(path_type=Path)
-)
+@click.argument("folders", nargs=-1, required=True, metavar="OUT...", type=ANY_PATH)
 @click.option(
     "-o",
     "--out",
@@ -34,7 +33,7 @@ Examples:
 @click.option(
     "--previous",
     metavar="MAP",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     help="An older merged map: its names are kept and changes against it are listed. Default: "
     "the map that -o holds already.",
 )

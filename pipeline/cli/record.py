@@ -9,6 +9,7 @@ import click
 
 from pipeline.cli.command import Command
 from pipeline.cli.number import Finite
+from pipeline.cli.paths import ANY_PATH
 
 _SHOWN = 12
 _EPILOG = """\b
@@ -31,7 +32,7 @@ drive folder: automap check and automap run take it as it is. docs/record.md tel
     "-o",
     "--out",
     metavar="DRIVE",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     help="The drive folder to write. Default: drive-DATE-TIME.",
 )
 @click.option(
@@ -62,7 +63,7 @@ drive folder: automap check and automap run take it as it is. docs/record.md tel
 )
 @click.option(
     "--rig",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     metavar="DRIVE",
     help="An earlier drive (or its drive.toml) of this car: axes, lever arms, cameras, site.",
 )
@@ -93,19 +94,19 @@ drive folder: automap check and automap run take it as it is. docs/record.md tel
 @click.option("--list-ports", is_flag=True, help="Show the ports and what is heard on them.")
 @click.option(
     "--restore-receiver",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     metavar="DRIVE",
     help="Undo the settings that the recording of DRIVE made, after a crash of it.",
 )
 @click.option(
     "--replay",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     metavar="DRIVE",
     help="Play a drive's bytes into pseudo-terminals, for a recorder to record.",
 )
 @click.option(
     "--links",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     metavar="DIR",
     help="With --replay: where the terminals appear, as DIR/gnss and DIR/imu.",
 )

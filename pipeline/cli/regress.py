@@ -10,6 +10,7 @@ import click
 
 from pipeline.cli.command import Command
 from pipeline.cli.number import Finite
+from pipeline.cli.paths import ANY_PATH
 
 _EPILOG = """\b
 Examples:
@@ -26,12 +27,10 @@ The same as tests: pytest with automap_drives = ["drives/*"] under [tool.pytest.
 @click.command(
     "regress", cls=Command, epilog=_EPILOG, short_help="Compare drives with their stored results."
 )
-@click.argument(
-    "drives", nargs=-1, required=True, metavar="DRIVE...", type=click.Path(path_type=Path)
-)
+@click.argument("drives", nargs=-1, required=True, metavar="DRIVE...", type=ANY_PATH)
 @click.option(
     "--baseline",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=click.Path(path_type=Path, dir_okay=False, readable=False),
     default=Path("automap-baseline.json"),
     show_default=True,
     metavar="FILE",
@@ -48,9 +47,7 @@ The same as tests: pytest with automap_drives = ["drives/*"] under [tool.pytest.
 @click.option(
     "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Drives at a time."
 )
-@click.option(
-    "--config", type=click.Path(path_type=Path), help="TOML file with settings for the runs."
-)
+@click.option("--config", type=ANY_PATH, help="TOML file with settings for the runs.")
 @click.option(
     "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Replace one setting."
 )

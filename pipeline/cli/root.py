@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 import click
 
 from automap import __version__
-from automap.errors import AutoMapError
+from automap.errors import AutoMapError, InputError, closed
 from pipeline.cli.command import show_failure
 
 # small matrices only: a pool of threads costs more than it brings, and numpy starts it at import
@@ -95,6 +95,10 @@ def run_command(words: list[str]) -> int:
     except AutoMapError as error:
         show_failure(error, debug)
         return error.exit_code
+    except PermissionError as error:
+        # of a file that is merely looked for; what is read or written has sentences of its own
+        show_failure(closed(error), debug)
+        return InputError.exit_code
     except BrokenPipeError:
         # the reader (head, less) has gone; keep the interpreter from writing at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from pipeline.cli.command import Command, debug_wanted, show_failure
+from pipeline.cli.paths import ANY_PATH
 from pipeline.stages.registry import ORDER
 
 _EPILOG = """\b
@@ -22,9 +23,7 @@ Examples:
 
 
 @click.command("run", cls=Command, epilog=_EPILOG, short_help="Make the map of one or more drives.")
-@click.argument(
-    "drives", nargs=-1, required=True, metavar="DRIVE...", type=click.Path(path_type=Path)
-)
+@click.argument("drives", nargs=-1, required=True, metavar="DRIVE...", type=ANY_PATH)
 @click.option(
     "-o",
     "--out",
@@ -33,7 +32,7 @@ Examples:
 )
 @click.option(
     "--config",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     help="TOML file with settings that replace the defaults.",
 )
 @click.option(

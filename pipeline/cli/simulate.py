@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.command import Command
+from pipeline.cli.paths import ANY_PATH
 
 _EPILOG = """\b
 Example:
@@ -20,7 +21,7 @@ Example:
 @click.option(
     "--like",
     metavar="OUT",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     help="Output folder of a run: simulate its drive's twin instead of a scenario.",
 )
 @click.option(
@@ -28,13 +29,13 @@ Example:
     "--out",
     required=True,
     metavar="DRIVE",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     help="The drive folder to write.",
 )
 @click.option(
     "--config",
     metavar="MODEL",
-    type=click.Path(path_type=Path),
+    type=ANY_PATH,
     help="A model as automap gap writes it: the sensors have its errors too, and the scenario may "
     "use the effects that it defines.",
 )

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.command import Command
+from pipeline.cli.paths import ANY_PATH
 
 _EPILOG = """\b
 Examples:
@@ -16,7 +17,7 @@ Examples:
 
 
 @click.command("view", cls=Command, epilog=_EPILOG, short_help="Look at a map and review it.")
-@click.argument("out", type=click.Path(path_type=Path))
+@click.argument("out", type=ANY_PATH)
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=0, help="Port of 127.0.0.1. Default: any."
 )

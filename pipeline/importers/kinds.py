@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import click
 
 from pipeline.cli.number import Finite
+from pipeline.cli.paths import ANY_PATH
 
 
 def _choice(*words: str) -> click.Choice[str]:
@@ -87,7 +87,7 @@ KINDS: dict[str, Kind] = {
                 Option(
                     "--truth",
                     "Known positions, CSV or GeoJSON, for automap evaluate.",
-                    {"type": click.Path(path_type=Path)},
+                    {"type": ANY_PATH},
                 ),
                 Option(
                     "--truth-sd",

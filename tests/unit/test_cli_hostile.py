@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -226,3 +228,49 @@ def test_a_baseline_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[s
         baseline.write_bytes(content)
         assert said in failed(words, 3, capsys)
         assert baseline.read_bytes() == content
+
+
+@pytest.fixture
+def closed(tmp_path: Path) -> Iterator[Path]:
+    """A folder that may not be looked into."""
+    folder = tmp_path / "closed"
+    folder.mkdir()
+    (folder / names.RUN).touch()
+    folder.chmod(0)
+    if os.access(folder, os.R_OK):
+        pytest.skip("this user may read everything")
+    yield folder
+    folder.chmod(0o755)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["check", "CLOSED"],
+        ["run", "CLOSED", "-o", "NEW"],
+        ["export", "CLOSED", "--format", "csv"],
+        ["evaluate", "CLOSED"],
+        ["view", "CLOSED", "--no-browser"],
+        ["merge", "CLOSED", "-o", "NEW"],
+        ["detect", "CLOSED", "-o", "NEW"],
+        ["import", "mapillary", "CLOSED", "-o", "NEW"],
+        ["simulate", "--like", "CLOSED", "-o", "NEW"],
+    ],
+)
+def test_a_folder_without_rights(
+    words: list[str], closed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    real = {"CLOSED": str(closed), "NEW": str(tmp_path / "new")}
+    failed([real.get(word, word) for word in words], 3, capsys)
+
+
+def test_a_folder_without_rights_does_not_stop_the_others(
+    closed: Path, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target = str(tmp_path / "map")
+    assert run_command(["merge", str(out), str(closed), "-o", target]) == 0
+    assert "left out" in capsys.readouterr().err
+    closed.chmod(0o555)
+    for form in ("csv", "gpkg", "flatgeobuf", "parquet"):
+        words = ["export", str(out), "--format", form, "-o", str(closed / "x")]
+        assert "no permission" in failed(words, 4, capsys)
