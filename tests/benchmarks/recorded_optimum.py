@@ -8,12 +8,15 @@ the position moves as the fixes' own velocities say: that is all a linear smooth
 first optimum. For the second the velocities get the reference's motion and only their noise: so
 it would be, did the reference's velocities integrate to its positions. For the third relative
 motion is known exactly. Printed: the horizontal RMS by drive and pooled by length, of the
-fixes, of the three and of ours.
+fixes, of the three and of ours; and the NEES of our positions over all drives together, within
+the band that so many independent errors allow: a wandering error is drawn anew about every two
+time constants.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -56,8 +59,19 @@ def smooth_axis(t: FloatArray, z: FloatArray, move: FloatArray, move_sd: float) 
     return xs[:, 0]
 
 
-def drive_figures(drive: Path, out: Path) -> tuple[float, list[float]]:
-    """Length in m, and horizontal RMS of fixes, of the three optima, of ours."""
+@dataclass(frozen=True)
+class DriveFigures:
+    """Length in m; horizontal RMS in m of fixes, of the three optima, of ours; mean squared
+    error over variance by axis [3] NED; number of independent errors."""
+
+    length: float
+    rms: list[float]
+    nees: FloatArray
+    draws: float
+
+
+def drive_figures(drive: Path, out: Path) -> DriveFigures:
+    """Figures of one drive and its results."""
     truth = read_truth_trajectory(drive / "truth" / "trajectory.csv")
     fixes = read_fixes(out / "fixes.parquet")
     poses = poses_at_gps(truth, fixes.gps_s)
@@ -83,10 +97,27 @@ def drive_figures(drive: Path, out: Path) -> tuple[float, list[float]]:
     for moves, sd in ((measured, sd_move), (move, sd_move), (0.0 * move, 0.0)):
         axes = [smooth_axis(t, z, moves[:, i], sd) for i, z in enumerate((north, east))]
         rms.append(float(np.sqrt(np.mean(axes[0] ** 2 + axes[1] ** 2))))
-    ours = trajectory_errors(read_trajectory(out / "trajectory.parquet"), truth).error
+    errors = trajectory_errors(read_trajectory(out / "trajectory.parquet"), truth)
+    ours = errors.error
     own = float(np.sqrt(np.nanmean(ours[:, 0] ** 2 + ours[:, 1] ** 2)))
     raw = float(np.sqrt(np.mean(north**2 + east**2)))
-    return path_length(truth), [raw, *rms, own]
+    nees = np.nanmean((ours[:, :3] / errors.sd[:, :3]) ** 2, axis=0)
+    draws = 1.0 + errors.span_s / (2.0 * TAU_S)
+    return DriveFigures(path_length(truth), [raw, *rms, own], nees, draws)
+
+
+def print_consistency(drives: list[DriveFigures]) -> None:
+    """NEES of all drives together, every independent error counted once."""
+    from scipy.stats import chi2
+
+    draws = np.array([drive.draws for drive in drives])
+    nees = np.stack([drive.nees for drive in drives])
+    by_axis = draws @ nees / draws.sum()
+    total = float(draws.sum())
+    rows = [(axis, float(by_axis[i]), total) for i, axis in enumerate(("north", "east", "down"))]
+    for name, value, k in [*rows, ("all axes", float(by_axis.mean()), 3.0 * total)]:
+        low, high = (float(chi2.ppf(p, k)) / k for p in (0.025, 0.975))
+        print(f"NEES {name}: {value:.2f} a degree of freedom, 95 % band {low:.2f} to {high:.2f}")
 
 
 def main() -> None:
@@ -94,17 +125,18 @@ def main() -> None:
     parser.add_argument("drives", type=Path)
     parser.add_argument("outs", type=Path)
     options = parser.parse_args()
-    lengths, rows = [], []
+    found = []
     for drive in sorted(options.drives.glob("kitti-*")):
-        length, row = drive_figures(drive, options.outs / drive.name)
-        lengths.append(length)
-        rows.append(row)
+        figures = drive_figures(drive, options.outs / drive.name)
+        found.append(figures)
         print(
             f"{drive.name}: "
             + "fixes {:.2f}, optimum {:.2f}, with the reference's motion {:.2f}, with exact motion "
-            "{:.2f}, ours {:.2f} m".format(*row)
+            "{:.2f}, ours {:.2f} m".format(*figures.rms)
+            + ", NEES {:.2f} {:.2f} {:.2f}".format(*figures.nees)
         )
-    weight = np.array(lengths)[:, None]
+    weight = np.array([figures.length for figures in found])[:, None]
+    rows = [figures.rms for figures in found]
     raw, optimum, reference, exact, ours = np.sqrt(
         np.sum(weight * np.square(rows), axis=0) / weight.sum()
     )
@@ -113,6 +145,7 @@ def main() -> None:
         f"{reference:.3f}, with exact motion {exact:.3f}, ours {ours:.3f} m; ratio to the first "
         f"{ours / optimum:.3f} (target 1.2), to the second {ours / reference:.3f}"
     )
+    print_consistency(found)
 
 
 if __name__ == "__main__":
