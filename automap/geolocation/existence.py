@@ -24,6 +24,8 @@ _MANY_VIEWS = 5
 _AROUND = 6
 _LIKE_SEEN = 0.9
 _PROBABILITY_LIMITS = (0.2, 0.95)
+_IMAGINARY = 4.0
+_BASE_RATE_ROUNDS = 20
 _SCORE_LIMITS = (0.2, 0.9)
 
 
@@ -99,11 +101,12 @@ def existence_probabilities(
 ) -> FloatArray:
     """Probability [m] that each landmark is a sign.
 
-    The detector's rate of finding a sign is taken from the landmarks with many views.
+    The detector's rate of finding a sign is taken from the landmarks with many views, the share
+    of signs among things seen once from all of these.
     """
     grids = {found.camera: FrameGrid(found) for found in detections}
     found_rate = _found_rate(views, landmarks, grids)
-    result = np.ones(len(landmarks))
+    log_odds_of = np.full(len(landmarks), np.inf)
     for k, mark in enumerate(landmarks):
         score = float(np.clip(views.score[mark.rows].max(), *_SCORE_LIMITS))
         log_odds = np.log(score / (1.0 - score)) + _FITTING_BOX * (len(mark.rows) - 1)
@@ -113,9 +116,30 @@ def existence_probabilities(
         missed = _missed(
             views, mark, grids, trajectory, cameras, corrections, seen_t=views.t_ns[mark.rows]
         )
-        log_odds += missed * np.log1p(-found_rate)
-        result[k] = 1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0)))
-    return result
+        log_odds_of[k] = log_odds + missed * np.log1p(-found_rate)
+    single = np.array([len(mark.rows) == 1 for mark in landmarks], np.bool_)
+    log_odds_of[single] += _base_rate(log_odds_of[single])
+    return _probability(log_odds_of)
+
+
+def _probability(log_odds: FloatArray) -> FloatArray:
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0))))
+
+
+def _base_rate(log_odds: FloatArray) -> float:
+    """Shift of the log odds [n] of things seen once, by how many such things are signs.
+
+    Where most single boxes of a drive were clearly not confirmed, the others, seen at the edge
+    of the picture or last before a gap, are hardly signs either: the share of signs among them
+    is found from their own odds (expectation maximisation), held at one half by a few
+    imaginary ones.
+    """
+    share = 0.5
+    for _ in range(_BASE_RATE_ROUNDS):
+        shift = np.log(share / (1.0 - share))
+        likely = float(_probability(log_odds + shift).sum())
+        share = (0.5 * _IMAGINARY + likely) / (_IMAGINARY + len(log_odds))
+    return float(np.log(share / (1.0 - share)))
 
 
 def _found_rate(

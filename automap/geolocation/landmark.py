@@ -23,6 +23,7 @@ import numpy as np
 
 from automap.geolocation.landmark_kernels import (
     MIN_FORWARD_M,
+    N_COMMON,
     normal_equations,
     solve_landmark,
     squared_distances,
@@ -32,6 +33,10 @@ from automap.records import FloatArray, IntArray
 
 SAME_PLACE_M = 0.25
 """Cameras nearer to one another than this see the same picture."""
+
+
+VELOCITY_ERROR_S = 5.0
+"""For how long an error of the trajectory's velocity stays about the same."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +52,11 @@ class Landmark:
     """Estimate of one sign from ``rows`` (of the Views).
 
     ``anchor`` the row whose camera the parameters [4] refer to; ``covariance`` [4, 4] of
-    them from the measurements alone, ``common`` [4, 8] their derivative by what is common to the
-    camera: turn (rad), time offset (s), log focal length, lever arm (m). ``position`` [3] in the
-    local frame; ``residual`` [n, 3] in sigmas, ``weight`` [n] of the direction
+    them from the measurements alone, ``pass_covariance`` [4, 4] what the errors of the
+    trajectory during the pass add (zero until ``pass_errors.settle`` has regarded them),
+    ``common`` [4, 12] their derivative by what is common to the views: turn (rad), time offset
+    (s), log focal length, lever arm (m), box margin (rad), velocity error (m/s). ``position`` [3]
+    in the local frame; ``residual`` [n, 3] in sigmas, ``weight`` [n] of the direction
     (1 = fully used). ``chi2`` weighted sum of squares over ``dof``.
     ``ok`` is False when no place in front of all cameras was found.
     """
@@ -58,6 +65,7 @@ class Landmark:
     anchor: int
     parameters: FloatArray
     covariance: FloatArray
+    pass_covariance: FloatArray
     common: FloatArray
     position: FloatArray
     residual: FloatArray
@@ -80,7 +88,7 @@ class Landmark:
     @property
     def depth_log_sd(self) -> float:
         """Relative one-sigma error of the distance."""
-        return float(np.sqrt(self.covariance[2, 2]))
+        return float(np.sqrt(self.covariance[2, 2] + self.pass_covariance[2, 2]))
 
 
 def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = True) -> Landmark:
@@ -112,7 +120,7 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
     rate, velocity = views.rate[rows], views.velocity[rows]
     information, A, _, residual, weight, chi2 = normal_equations(
         *(parameters, M, b, measured, sd, drift, rate, velocity, views.C_cam_body[rows]),
-        *(prior_mean, prior_sd, robust),
+        *(elapsed_s(views, rows, anchor), np.zeros(N_COMMON), prior_mean, prior_sd, robust),
     )
     covariance = np.linalg.inv(information)
     # the residuals, the size prior's among them, say whether the sigmas were too small
@@ -123,8 +131,9 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
         anchor=anchor,
         parameters=parameters,
         covariance=covariance,
+        pass_covariance=np.zeros((4, 4)),
         common=-covariance / max(1.0, chi2 / dof) @ A,
-        position=_position(views, anchor, parameters),
+        position=place(views, anchor, parameters),
         residual=residual,
         weight=weight,
         cost=float(cost),
@@ -155,6 +164,13 @@ def view_drift(views: Views, rows: IntArray, anchor: int) -> FloatArray:
     return np.asarray(views.speed_sd[rows] * elapsed, np.float64)
 
 
+def elapsed_s(views: Views, rows: IntArray, anchor: int) -> FloatArray:
+    """Seconds [n] over which a velocity error of the trajectory moved a camera against the
+    anchor's; errors of the velocity last for some seconds, not for a wait at a light."""
+    seconds = (views.t_ns[rows] - views.t_ns[anchor]) * 1e-9
+    return np.asarray(VELOCITY_ERROR_S * np.tanh(seconds / VELOCITY_ERROR_S))
+
+
 def relative_views(views: Views, rows: IntArray, anchor: int) -> tuple[FloatArray, FloatArray]:
     """``M`` [n, 3, 3] and ``b`` [n, 3] with q_view = M q_anchor + b for any point."""
     C_anchor = views.C_cam_ref[anchor]
@@ -180,7 +196,8 @@ def position_jacobian(views: Views, landmark: Landmark) -> FloatArray:
     return np.asarray(views.C_cam_ref[landmark.anchor].T @ J)
 
 
-def _position(views: Views, anchor: int, parameters: FloatArray) -> FloatArray:
+def place(views: Views, anchor: int, parameters: FloatArray) -> FloatArray:
+    """Position [3] in the local frame of a sign with ``parameters`` [4] seen from a view."""
     direction = np.array([1.0, parameters[0], parameters[1]]) * np.exp(parameters[2])
     return np.asarray(views.centre[anchor] + views.C_cam_ref[anchor].T @ direction)
 

@@ -15,8 +15,9 @@ from automap.records import FloatArray
 MIN_FORWARD_M = 1.0
 """A sign nearer to the image plane than this cannot be seen as a box."""
 
-N_COMMON = 8
-"""Common to a camera: turn (3), time offset, log focal length, lever arm (3)."""
+N_COMMON = 12
+"""Common to the views of a sign: turn (3), time offset, log focal length, lever arm (3), box
+margin, which its camera shares with other signs, and the trajectory's velocity error (3)."""
 
 _HUBER = 1.5
 _CAUCHY = 2.5
@@ -253,16 +254,57 @@ def solve_landmark(start, M, b, measured, sd, drift, prior_mean, prior_sd, robus
 
 
 @njit(cache=True)
-def normal_equations(  # type: ignore[no-untyped-def]
-    theta, M, b, measured, sd, drift, rate, velocity, C_cam_body, prior_mean, prior_sd, robust
-):
-    """What a sign contributes at ``theta``.
+def _common_derivative(h, q, log_height, rate, velocity, C_cam_body, elapsed, D, B):  # type: ignore[no-untyped-def]
+    """Fill B [3, 12], the derivative of the expected box by what is common to the views."""
+    # derivative of q by the turn: [q x]; by the time offset: -rate x q - velocity
+    D[0, 1], D[0, 2] = -q[2], q[1]
+    D[1, 0], D[1, 2] = q[2], -q[0]
+    D[2, 0], D[2, 1] = -q[1], q[0]
+    D[0, 3] = -(rate[1] * q[2] - rate[2] * q[1]) - velocity[0]
+    D[1, 3] = -(rate[2] * q[0] - rate[0] * q[2]) - velocity[1]
+    D[2, 3] = -(rate[0] * q[1] - rate[1] * q[0]) - velocity[2]
+    # a camera further along an axis of the vehicle sees everything nearer by as much
+    for k in range(3):
+        for m in range(3):
+            D[k, 5 + m] = -C_cam_body[k, m]
+            D[k, 9 + m] = -C_cam_body[k, m] * elapsed
+    for m in range(N_COMMON):
+        B[0, m] = (D[1, m] - h[0] * D[0, m]) / q[0]
+        B[1, m] = (D[2, m] - h[1] * D[0, m]) / q[0]
+        B[2, m] = -D[0, m] / q[0]
+    # a longer focal length magnifies the picture
+    B[0, 4] = h[0]
+    B[1, 4] = h[1]
+    B[2, 4] = 1.0
+    # boxes with a margin are taller than their signs by the same number of pixels
+    B[2, 8] = np.exp(-log_height)
 
-    Information [4, 4] of its parameters, cross term [4, 8] with what is common to a camera
-    (turn, time offset, log focal length, lever arm), the common block and right-hand sides as a
-    [12, 9] array (first eight rows: the common information [8, 8] and its right-hand side; last
-    four: zero but for the sign's own right-hand side), residuals [n, 3] in sigmas, direction
-    weights [n], weighted chi-square. ``C_cam_body`` [n, 3, 3] vehicle to camera axes.
+
+@njit(cache=True)
+def normal_equations(  # type: ignore[no-untyped-def]
+    theta,
+    M,
+    b,
+    measured,
+    sd,
+    drift,
+    rate,
+    velocity,
+    C_cam_body,
+    elapsed,
+    bias,
+    prior_mean,
+    prior_sd,
+    robust,
+):
+    """What a sign contributes at ``theta`` and at the values ``bias`` [12] of what is common.
+
+    Information [4, 4] of its parameters, cross term [4, 12] with what is common to its views
+    (N_COMMON), the common block and right-hand sides as a [16, 13] array (first twelve rows: the
+    common information [12, 12] and its right-hand side; last four: zero but for the sign's own
+    right-hand side), residuals [n, 3] in sigmas, direction weights [n], weighted chi-square.
+    ``C_cam_body`` [n, 3, 3] vehicle to camera axes, ``elapsed`` [n] seconds over which a
+    velocity error of the trajectory acts.
     """
     n = len(sd)
     kind = 2 if robust else 0
@@ -286,11 +328,16 @@ def normal_equations(  # type: ignore[no-untyped-def]
         if not _measure(theta, M[i], b[i], h, J, q):
             residual[i, :] = np.inf
             continue
+        _common_derivative(
+            h, q, measured[i, 2], rate[i], velocity[i], C_cam_body[i], elapsed[i], D, B
+        )
         slack = drift[i] / q[0]
         square = 0.0
         for k in range(3):
             variance = sd[i, k] * sd[i, k] + (slack * slack if k < 2 else 0.0)
             r3[k] = measured[i, k] - h[k]
+            for m in range(N_COMMON):
+                r3[k] -= B[k, m] * bias[m]
             w3[k] = 1.0 / variance
             residual[i, k] = r3[k] / np.sqrt(variance)
             if k < 2:
@@ -300,25 +347,6 @@ def normal_equations(  # type: ignore[no-untyped-def]
         w3[0] *= factor
         w3[1] *= factor
         w3[2] *= _loss(residual[i, 2] ** 2, kind)[1]
-        # derivative of q by the turn: [q x]; by the time offset: -rate x q - velocity
-        D[0, 1], D[0, 2] = -q[2], q[1]
-        D[1, 0], D[1, 2] = q[2], -q[0]
-        D[2, 0], D[2, 1] = -q[1], q[0]
-        D[0, 3] = -(rate[i, 1] * q[2] - rate[i, 2] * q[1]) - velocity[i, 0]
-        D[1, 3] = -(rate[i, 2] * q[0] - rate[i, 0] * q[2]) - velocity[i, 1]
-        D[2, 3] = -(rate[i, 0] * q[1] - rate[i, 1] * q[0]) - velocity[i, 2]
-        # a camera further along an axis of the vehicle sees everything nearer by as much
-        for k in range(3):
-            for m in range(3):
-                D[k, 5 + m] = -C_cam_body[i, k, m]
-        for m in range(N_COMMON):
-            B[0, m] = (D[1, m] - h[0] * D[0, m]) / q[0]
-            B[1, m] = (D[2, m] - h[1] * D[0, m]) / q[0]
-            B[2, m] = -D[0, m] / q[0]
-        # a longer focal length magnifies the picture
-        B[0, 4] = h[0]
-        B[1, 4] = h[1]
-        B[2, 4] = 1.0
         for k in range(3):
             chi2 += w3[k] * r3[k] * r3[k]
             for m in range(4):

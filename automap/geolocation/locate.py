@@ -10,10 +10,12 @@ import numpy.typing as npt
 
 from automap.geolocation.assembly import AssemblyRules, assemble_sign
 from automap.geolocation.boresight import CameraPriors, prior_covariance, refine_correction
+from automap.geolocation.box_noise import measured_noise
 from automap.geolocation.camera_model import focal_length
 from automap.geolocation.existence import existence_probabilities
 from automap.geolocation.landmark import Landmark, SizePrior, direction_residuals, fit_landmark
 from automap.geolocation.merging import combine, group_sightings
+from automap.geolocation.pass_errors import settle
 from automap.geolocation.path_relation import make_path
 from automap.geolocation.sightings import make_sighting
 from automap.geolocation.splitting import clean_tracks, join_pieces
@@ -46,6 +48,7 @@ class GeolocationRules:
     assembly: AssemblyRules = field(default_factory=AssemblyRules)
     camera: CameraPriors = field(default_factory=CameraPriors)
     estimate_camera: bool = True
+    estimate_noise: bool = True
     max_single_view_m: float = 60.0
     min_existence: float = 0.5
 
@@ -99,6 +102,11 @@ def locate_signs(
     progress(0.1)
     views = build_views(trajectory, detections, cameras, rules.noise, corrections)
     landmarks, misfits = _find_landmarks(views, rules, lambda done: progress(0.1 + 0.4 * done))
+    if rules.estimate_noise:
+        noise = measured_noise(views, landmarks, rules.size, rules.noise)
+        rules = replace(rules, noise=noise)
+        views = build_views(trajectory, detections, cameras, noise, corrections)
+        landmarks = [fit_landmark(views, mark.rows, rules.size) for mark in landmarks]
     if rules.estimate_camera and landmarks:
         corrections = _estimate_cameras(
             trajectory, detections, cameras, corrections, landmarks, views, rules
@@ -144,6 +152,7 @@ def locate_signs(
         else prior_covariance(cameras[name], rules.camera)
         for name in views.camera_names
     ]
+    kept = [settle(views, mark, rules.size) for mark in kept]
     sightings = [make_sighting(views, mark, covariances) for mark in kept]
     path = make_path(trajectory, views.origin)
     focal = np.array([focal_length(cameras[name]) for name in views.camera_names])

@@ -16,6 +16,7 @@ PATH_CORRELATION_S = 60.0
 MAX_DISTANCE_M = 10.0
 _GATE = 16.3  # chi-square, three coordinates, 99.9 %
 _OTHER_CLASS = 9.0
+_HEIGHT_SLACK_M = 1.0
 _MIN_FACING_COSINE = 0.0
 
 
@@ -39,8 +40,9 @@ def _link_cost(a: Sighting, b: Sighting) -> float:
         return np.inf
     if float(a.facing @ b.facing) < _MIN_FACING_COSINE:
         return np.inf  # the other face of a sign is another sign
-    # positions of one place agree to no better than the extent of the sign
-    covariance = _difference_covariance(a, b) + 0.1**2 * np.eye(3)
+    # positions of one place agree to no better than the extent of the sign; heights of a
+    # trajectory drift between passes, and no two signs of a class hang one above the other
+    covariance = _difference_covariance(a, b) + np.diag([0.1**2, 0.1**2, _HEIGHT_SLACK_M**2])
     cost = float(difference @ np.linalg.solve(covariance, difference))
     if a.class_name != b.class_name:
         cost += _OTHER_CLASS

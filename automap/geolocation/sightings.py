@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.geolocation.boresight import pass_covariance
+from automap.geolocation.boresight import N_CAMERA
 from automap.geolocation.landmark import Landmark, position_jacobian
 from automap.geolocation.views import Views
 from automap.records import FloatArray
@@ -17,9 +17,10 @@ from automap.records import FloatArray
 class Sighting:
     """A landmark with what the map needs of it; vectors in the local frame (NED).
 
-    ``own_cov`` [3, 3] from its boxes alone; ``camera_effect`` [3, 8] derivative of the
-    position by what is common to the camera, with ``camera_cov`` [8, 8]; ``pass_cov``
-    [3, 3] effect of what is common to this pass (attitude of the trajectory, frame stamps);
+    ``own_cov`` [3, 3] from its boxes alone; ``camera_effect`` [3, 9] derivative of the
+    position by what is common to the camera, with ``camera_cov`` [9, 9]; ``pass_cov``
+    [3, 3] effect of what is common to this pass (attitude and velocity of the trajectory, margin
+    of the boxes);
     ``path_sd`` [3] the trajectory's position error at the nearest view, m; ``time_s`` the
     middle of the pass; ``facing`` [2] unit vector (north, east) from the sign towards the
     cameras; ``class_score`` sum of scores by class.
@@ -49,16 +50,23 @@ class Sighting:
         return max(sorted(self.class_score), key=self.class_score.__getitem__)
 
 
+def _without_lever_arm(covariance: FloatArray) -> FloatArray:
+    """The same with the lever arm sure: its error is among those of the pass."""
+    result = covariance.copy()
+    result[5:8] = 0.0
+    result[:, 5:8] = 0.0
+    return result
+
+
 def make_sighting(
     views: Views, landmark: Landmark, camera_covariances: Sequence[FloatArray]
 ) -> Sighting:
-    """Turn a landmark into a sighting; ``camera_covariances`` [8, 8] one per camera."""
+    """Turn a landmark into a sighting; ``camera_covariances`` [9, 9] one per camera."""
     rows = landmark.rows
     J = position_jacobian(views, landmark)
-    effect = J @ landmark.common
+    effect = J @ landmark.common[:, :N_CAMERA]
     anchor = landmark.anchor
     camera = int(views.camera[anchor])
-    pass_cov = effect @ pass_covariance(views, rows) @ effect.T
     towards = views.centre[rows, :2] - landmark.position[:2]
     distance = np.linalg.norm(towards, axis=1)
     mean = (towards / np.maximum(distance, 1e-6)[:, None]).mean(axis=0)
@@ -71,8 +79,8 @@ def make_sighting(
         position=landmark.position,
         own_cov=J @ landmark.covariance @ J.T,
         camera_effect=effect,
-        camera_cov=camera_covariances[camera],
-        pass_cov=pass_cov,
+        camera_cov=_without_lever_arm(camera_covariances[camera]),
+        pass_cov=J @ landmark.pass_covariance @ J.T,
         path_sd=views.pose_sd[anchor],
         time_s=float(views.t_ns[rows].mean() * 1e-9),
         facing=mean / max(float(np.linalg.norm(mean)), 1e-6),

@@ -16,6 +16,7 @@ from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 
 _RATE_STEP_NS = 20_000_000
 _EDGE_SD_FACTOR = 6.0
+_LEAST_WITHOUT_MARGIN = 0.3
 
 
 @dataclass(frozen=True)
@@ -24,12 +25,16 @@ class MeasurementNoise:
 
     ``pixel_sd`` of a box centre in pixels, ``box_fraction`` the part of the box height that
     its centre and its height are uncertain by, ``attitude_sd`` the vehicle's short-term
-    attitude error in rad (what differs from frame to frame).
+    attitude error in rad (what differs from frame to frame), ``margin_sd_px`` what the height of
+    all boxes of one sign is off by in common. ``scales`` multiply the sigmas of right, down and
+    height: what ``box_noise`` measured them to be.
     """
 
     pixel_sd: float = 1.5
     box_fraction: float = 0.05
     attitude_sd: float = 0.002
+    margin_sd_px: float = 1.5
+    scales: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,9 @@ class Views:
     camera axes; ``C_cam_body`` [n, 3, 3] vehicle to camera axes. ``measured`` [n, 3]: right /
     forward, down / forward of the box centre and the logarithm of the box height over the focal
     length; ``sd`` [n, 3] their one-sigma errors. ``pose_sd`` [n, 3] m NED,
-    ``attitude_sd`` [n, 3] rad (roll, pitch, yaw) of the trajectory, ``speed_sd`` [n] m/s.
+    ``attitude_sd`` [n, 3] rad (roll, pitch, yaw) and ``velocity_sd`` [n, 3] m/s (forward, right,
+    down) of the trajectory, ``speed_sd`` [n] m/s; ``margin_sd`` [n] rad what the height of a
+    sign's boxes is off by in common.
     """
 
     origin: tuple[float, float, float]
@@ -63,6 +70,8 @@ class Views:
     sd: FloatArray
     pose_sd: FloatArray
     attitude_sd: FloatArray
+    velocity_sd: FloatArray
+    margin_sd: FloatArray
     speed_sd: FloatArray
     class_name: npt.NDArray[np.object_]
     score: FloatArray
@@ -77,19 +86,22 @@ class Views:
 @dataclass(frozen=True)
 class CameraCorrection:
     """What was found out about a camera: a turn (roll, pitch, yaw, rad, applied after the
-    mounting, in camera axes), a further time offset in s and the logarithm of the true focal
-    length over the given one, with ``covariance`` [8, 8] of these and of the lever arm (m),
-    which is considered, not corrected: on a straight road it is one with the place of all."""
+    mounting, in camera axes), a further time offset in s, the logarithm of the true focal
+    length over the given one, and the margin that boxes leave above and below their signs, in
+    sum and over the focal length (rad). ``covariance`` [9, 9] of turn, time, focal length, lever
+    arm (m) and margin; the lever arm is considered, not corrected: on a straight road it is one
+    with the place of all."""
 
     turn: FloatArray
     time_s: float
     covariance: FloatArray
     focal_log: float = 0.0
+    margin: float = 0.0
 
     @property
     def values(self) -> FloatArray:
-        """All [8], the lever arm's zeros among them."""
-        return np.array([*self.turn, self.time_s, self.focal_log, 0.0, 0.0, 0.0])
+        """All [9], the lever arm's zeros among them."""
+        return np.array([*self.turn, self.time_s, self.focal_log, 0.0, 0.0, 0.0, self.margin])
 
 
 def build_views(
@@ -141,10 +153,9 @@ def build_views(
 def _nothing() -> dict[str, np.ndarray]:
     whole, one, three = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3))
     result: dict[str, np.ndarray] = {k: whole for k in ("row", "camera", "t_ns", "track")}
-    result |= {k: one for k in ("score", "speed_sd")}
-    result |= {
-        k: three for k in ("centre", "velocity", "rate", "measured", "sd", "pose_sd", "attitude_sd")
-    }
+    result |= {k: one for k in ("score", "speed_sd", "margin_sd")}
+    vectors = ("centre", "velocity", "rate", "measured", "sd", "pose_sd", "attitude_sd")
+    result |= {k: three for k in (*vectors, "velocity_sd")}
     matrices = {"C_cam_ref": np.zeros((0, 3, 3)), "C_cam_body": np.zeros((0, 3, 3))}
     return result | matrices | {"class_name": np.zeros(0, np.object_)}
 
@@ -195,6 +206,12 @@ def _ecef_to_ned(lat: float, lon: float) -> FloatArray:
     return np.asarray(_ned_to_ecef(np.array(lat), np.array(lon)).T)
 
 
+def _vehicle_velocity_sd(sd_ned: FloatArray) -> FloatArray:
+    """One-sigma errors [n, 3] of the velocity along the vehicle's axes, from north, east, down."""
+    level = np.sqrt(0.5 * (sd_ned[:, 0] ** 2 + sd_ned[:, 1] ** 2))
+    return np.asarray(np.nan_to_num(np.column_stack([level, level, sd_ned[:, 2]])))
+
+
 def _camera_views(
     trajectory: Trajectory,
     found: Detections,
@@ -232,6 +249,9 @@ def _camera_views(
     top = normalise(camera, np.column_stack([middle_x, box[:, 1]]))
     bottom = normalise(camera, np.column_stack([middle_x, box[:, 3]]))
     height = bottom[:, 1] - top[:, 1]
+    if correction is not None:
+        without = np.maximum(height - correction.margin, _LEAST_WITHOUT_MARGIN * height)
+        height = np.where(height > 0.0, without, height)
     has_ray = np.isfinite(centre_ray).all(axis=1) & (height > 0.0)
     measured = np.column_stack([centre_ray, np.log(np.where(has_ray, height, 1.0))])
     if correction is not None:
@@ -245,7 +265,7 @@ def _camera_views(
     size_sd = np.sqrt(2.0 * (pixel / np.where(has_ray, height, 1.0)) ** 2 + noise.box_fraction**2)
     # a cut-off box shows neither the sign's centre nor its size
     edge = np.where(touches_edge(camera, box), _EDGE_SD_FACTOR, 1.0)
-    sd = np.column_stack([centre_sd * edge, centre_sd * edge, size_sd * edge])
+    sd = np.column_stack([centre_sd, centre_sd, size_sd]) * edge[:, None] * noise.scales
 
     ok = has_pose & has_ray
     part: dict[str, np.ndarray] = {
@@ -260,6 +280,8 @@ def _camera_views(
         "sd": sd[ok],
         "pose_sd": np.nan_to_num(poses.sd_pos_ned[ok]),
         "attitude_sd": np.nan_to_num(poses.sd_rpy[ok]),
+        "margin_sd": np.full(int(ok.sum()), noise.margin_sd_px / focal),
+        "velocity_sd": _vehicle_velocity_sd(poses.sd_vel_ned[ok]),
         "speed_sd": np.nan_to_num(np.linalg.norm(poses.sd_vel_ned[ok], axis=1)),
         "class_name": np.asarray(found.class_name, np.object_)[ok],
         "score": np.asarray(found.score, np.float64)[ok],

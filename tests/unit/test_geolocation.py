@@ -11,6 +11,7 @@ from geolocation_scene import ORIGIN, Scene, boxes, camera, drive_path, roadside
 from automap.earth import local_ned
 from automap.geolocation.landmark import (
     SizePrior,
+    elapsed_s,
     fit_landmark,
     position_jacobian,
     relative_views,
@@ -314,7 +315,7 @@ def test_derivatives_against_differences(world) -> None:
     landmark = fit_landmark(views, np.arange(len(views)), SizePrior(), robust=False)
 
     def shifted(turn: np.ndarray, time_s: float) -> np.ndarray:
-        correction = CameraCorrection(turn, time_s, np.eye(8))
+        correction = CameraCorrection(turn, time_s, np.eye(9))
         moved = build_views(
             path, [take(found, rows)], {"front": view}, noise, {"front": correction}
         )
@@ -343,7 +344,8 @@ def test_gradient_vanishes_at_the_solution(world) -> None:
     N, _, shared, _, _, _ = normal_equations(
         *(landmark.parameters, M, b, views.measured, view_sd(views, every)),
         *(view_drift(views, every, landmark.anchor), views.rate, views.velocity),
-        *(views.C_cam_body, float(np.log(prior.size_m)), prior.log_sd, True),
+        *(views.C_cam_body, elapsed_s(views, every, landmark.anchor), np.zeros(N_COMMON)),
+        *(float(np.log(prior.size_m)), prior.log_sd, True),
     )
     step = np.linalg.solve(N, shared[N_COMMON:, N_COMMON])
     assert np.abs(step).max() < 1e-2 * np.sqrt(np.diag(landmark.covariance)).max()

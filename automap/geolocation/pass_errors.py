@@ -1,0 +1,117 @@
+"""Errors that all views of a sign in one pass share, solved with the sign.
+
+While a car passes a sign, the trajectory's attitude and velocity are off by nearly constant
+amounts, and the boxes of the sign are loose or tight alike. Such errors do not average out over
+the views: each is a parameter of its own with the sigma that the trajectory reports, solved
+together with the sign and eliminated (Schur complement). The views are weighted as they
+deserve: a trajectory of sure attitude relies on directions, a poor one on the growth of boxes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from automap.geolocation.landmark import (
+    Landmark,
+    SizePrior,
+    elapsed_s,
+    place,
+    relative_views,
+    view_sd,
+)
+from automap.geolocation.landmark_kernels import N_COMMON, normal_equations
+from automap.geolocation.views import Views
+from automap.records import FloatArray, IntArray
+
+STAMP_SD_S = 0.005
+"""What the stamps of the frames of one pass are off by in common, beyond the camera's offset."""
+
+LEVER_ARM_SD_M = 0.3
+"""By how much the camera's place on the vehicle is off as a rule, measured by hand or left zero."""
+
+_STEPS = 5
+_SETTLED = 1e-3
+
+
+def pass_sd(
+    views: Views, rows: IntArray, attitude: bool = True, lever_arm_sd_m: float = LEVER_ARM_SD_M
+) -> FloatArray:
+    """One-sigma errors [12] of one pass of one sign, in the order of ``N_COMMON``.
+
+    ``attitude`` whether the trajectory's attitude error is among them. The camera's place on the
+    vehicle is the same in every pass, but shows in bends only and then differently in each: on
+    the straight it is one with the place of the sign. A box that is loose on
+    one side is off its sign's centre by half as much as it is too tall.
+    """
+    sd = np.zeros(N_COMMON)
+    if attitude:
+        sd[:3] = np.sqrt(np.mean(views.attitude_sd[rows] ** 2, axis=0))
+    margin = float(views.margin_sd[rows].mean())
+    sd[1:3] = np.hypot(sd[1:3], 0.5 * margin)
+    sd[3] = STAMP_SD_S
+    sd[5:8] = lever_arm_sd_m
+    sd[8] = margin
+    sd[9:12] = np.sqrt(np.mean(views.velocity_sd[rows] ** 2, axis=0))
+    return sd
+
+
+def equations(
+    views: Views, landmark: Landmark, parameters: FloatArray, bias: FloatArray, prior: SizePrior
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float]:
+    """``normal_equations`` of a landmark's views at other parameters [4] and biases [12]."""
+    rows, anchor = landmark.rows, landmark.anchor
+    M, b = relative_views(views, rows, anchor)
+    result = normal_equations(
+        *(parameters, M, b, views.measured[rows], view_sd(views, rows), np.zeros(len(rows))),
+        *(views.rate[rows], views.velocity[rows], views.C_cam_body[rows]),
+        *(elapsed_s(views, rows, anchor), bias, float(np.log(prior.size_m)), prior.log_sd, True),
+    )
+    N, A, shared, residual, weight, chi2 = result
+    return N, A, shared, residual, weight, float(chi2)
+
+
+def settle(views: Views, landmark: Landmark, prior: SizePrior) -> Landmark:
+    """The landmark solved together with the errors of its pass.
+
+    Gauss-Newton from the landmark's own solution; where that leads nowhere (a sign passing
+    behind a camera) the landmark comes back with the errors' effect on its covariance only.
+    """
+    if not landmark.ok:
+        return landmark
+    sd = pass_sd(views, landmark.rows)
+    parameters, z = landmark.parameters.copy(), np.zeros(N_COMMON)
+    identity = np.eye(N_COMMON)
+    for _ in range(_STEPS):
+        N, A, shared, _, _, _ = equations(views, landmark, parameters, sd * z, prior)
+        S, s, g = shared[:N_COMMON, :N_COMMON], shared[:N_COMMON, -1], shared[N_COMMON:, -1]
+        AW, M = A * sd, identity + sd[:, None] * S * sd
+        whole = np.block([[N, AW], [AW.T, M]])
+        step = np.linalg.solve(whole, np.concatenate([g, sd * s - z]))
+        limit = min(1.0, 0.5 / max(abs(float(step[2])), 1e-12))
+        parameters, z = parameters + limit * step[:4], z + limit * step[4:]
+        if np.abs(step[4:]).max() < _SETTLED and abs(float(step[2])) < _SETTLED:
+            break
+    N, A, shared, residual, weight, chi2 = equations(views, landmark, parameters, sd * z, prior)
+    if not np.isfinite(residual).all():
+        parameters, z = landmark.parameters, np.zeros(N_COMMON)
+        N, A, shared, residual, weight, chi2 = equations(views, landmark, parameters, z, prior)
+    S = shared[:N_COMMON, :N_COMMON]
+    M = identity + sd[:, None] * S * sd
+    absorbed = np.linalg.solve(M, sd[:, None] * np.hstack([A.T, S]))
+    alone = np.linalg.inv(N)
+    total = np.linalg.inv(N - (A * sd) @ absorbed[:, :4])
+    dof = max(3 * len(landmark.rows) + 1 - 4, 1)
+    return replace(
+        landmark,
+        parameters=parameters,
+        covariance=np.asarray(alone * max(1.0, chi2 / dof)),
+        pass_covariance=np.asarray(total - alone),
+        common=np.asarray(-total @ (A - (A * sd) @ absorbed[:, 4:])),
+        position=place(views, landmark.anchor, parameters),
+        residual=residual,
+        weight=weight,
+        chi2=chi2,
+        dof=dof,
+    )

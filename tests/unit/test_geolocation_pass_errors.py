@@ -1,0 +1,119 @@
+"""Errors that the views of a sign share in one pass, and the scatter of boxes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from geolocation_scene import boxes, camera, drive_path, roadside
+
+from automap.geolocation.box_noise import scatter
+from automap.geolocation.existence import _base_rate
+from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
+from automap.geolocation.landmark_kernels import N_COMMON
+from automap.geolocation.pass_errors import equations, pass_sd, settle
+from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views, build_views
+from automap.records import Detections
+
+PRIOR = SizePrior()
+
+
+@pytest.fixture(scope="module")
+def approach() -> tuple[Views, Landmark, Detections]:
+    """A sign approached on a bend, exact boxes."""
+    path = drive_path(30.0)
+    found, owner = boxes(
+        path, roadside(path, every_s=4.0), camera(), np.random.default_rng(0), noise_px=0.0
+    )
+    rows = np.flatnonzero(owner == np.bincount(owner).argmax())
+    fields = ("frame", "t_ns", "class_name", "box", "score", "track")
+    one = Detections(*(getattr(found, name)[rows] for name in fields))
+    views = build_views(path, [one], {"front": camera()}, MeasurementNoise())
+    return views, fit_landmark(views, np.arange(len(views)), PRIOR), one
+
+
+def with_velocity_error(views: Views, landmark: Landmark, error: np.ndarray) -> Views:
+    """The views of a trajectory whose velocity was off by ``error`` in vehicle axes."""
+    from automap.geolocation.landmark import elapsed_s
+
+    seconds = elapsed_s(views, landmark.rows, landmark.anchor)
+    C_ref_body = np.swapaxes(views.C_cam_ref, 1, 2) @ views.C_cam_body
+    return replace(views, centre=views.centre - seconds[:, None] * (C_ref_body @ error))
+
+
+def test_a_velocity_error_has_the_effect_that_its_derivative_says(approach) -> None:
+    views, landmark, _ = approach
+    for axis in range(3):
+        error = np.zeros(3)
+        error[axis] = 0.05
+        shifted = with_velocity_error(views, landmark, error)
+        bias = np.zeros(N_COMMON)
+        bias[9 + axis] = 0.05
+        none = np.zeros(N_COMMON)
+        rest = equations(views, landmark, landmark.parameters, none, PRIOR)[3]
+        effect = equations(shifted, landmark, landmark.parameters, none, PRIOR)[3] - rest
+        regarded = equations(shifted, landmark, landmark.parameters, bias, PRIOR)[3] - rest
+        assert np.abs(regarded).max() < 0.05 * np.abs(effect).max()
+
+
+def test_the_margin_of_boxes_has_the_effect_that_its_derivative_says(approach) -> None:
+    views, _, found = approach
+    margin_px = 2.0
+    loose = found.box + np.array([0.0, -0.5, 0.0, 0.5]) * margin_px
+    path = drive_path(30.0)
+    correction = CameraCorrection(
+        np.zeros(3), 0.0, np.eye(9), margin=margin_px / camera().matrix[1, 1]
+    )
+    again = build_views(
+        path,
+        [replace(found, box=loose)],
+        {"front": camera()},
+        MeasurementNoise(),
+        {"front": correction},
+    )
+    np.testing.assert_allclose(again.measured, views.measured, atol=1e-9)
+
+
+def test_an_error_of_the_pass_is_found_within_its_sigma(approach) -> None:
+    views, landmark, _ = approach
+    error = np.array([0.0, 0.15, 0.0])
+    unsure = replace(views, velocity_sd=np.full_like(views.velocity_sd, 0.15))
+    shifted = with_velocity_error(unsure, landmark, error)
+    plain = fit_landmark(shifted, landmark.rows, PRIOR)
+    settled = settle(shifted, plain, PRIOR)
+    off = [float(np.linalg.norm(m.position - landmark.position)) for m in (plain, settled)]
+    assert off[1] < off[0]
+    assert settled.pass_covariance[2, 2] > 0.0
+    assert np.linalg.eigvalsh(settled.pass_covariance).min() > -1e-9
+
+
+def test_a_sure_trajectory_leaves_the_sign_alone(approach) -> None:
+    views, landmark, _ = approach
+    nothing = np.zeros_like(views.velocity_sd)
+    sure = replace(views, velocity_sd=nothing, attitude_sd=nothing, margin_sd=np.zeros(len(views)))
+    assert pass_sd(sure, landmark.rows, lever_arm_sd_m=0.0)[[0, 1, 2, 8, 9, 10, 11]].sum() == 0.0
+    settled = settle(sure, landmark, PRIOR)
+    np.testing.assert_allclose(settled.position, landmark.position, atol=0.02)
+
+
+def test_scatter_of_white_and_of_alike_residuals() -> None:
+    rng = np.random.default_rng(1)
+    white = [2.0 * rng.normal(size=20) for _ in range(200)]
+    assert scatter(white) == pytest.approx(2.0, rel=0.12)
+    alike = []
+    for _ in range(200):
+        x = rng.normal(size=20)
+        for k in range(1, 20):
+            x[k] = 0.6 * x[k - 1] + 0.8 * x[k]
+        alike.append(x)
+    assert scatter(alike) > 1.5
+    assert scatter([]) == 1.0
+    assert scatter([0.1 * rng.normal(size=6)]) > 0.7, "a few boxes do not overrule the settings"
+
+
+def test_single_boxes_of_a_cluttered_drive_are_doubted() -> None:
+    clutter = np.concatenate([np.full(60, -8.0), np.full(5, 0.8)])
+    assert _base_rate(clutter) < -2.0
+    assert abs(_base_rate(np.array([0.0]))) < 0.5
+    assert _base_rate(np.full(30, 3.0)) > 1.0
