@@ -23,6 +23,7 @@ from automap.records import FloatArray, IntArray
 HUBER = 2.0
 ITERATIONS = 12
 HALVINGS = 6
+SETTLED_NATS = 0.02
 USUAL_SIZE_M = 0.7
 PLACE_SD_M = 1e3
 NOISE_A_PX = (0.2, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 4.5, 7.0)
@@ -215,7 +216,7 @@ def _iterate(
             break
         gained = cost - better
         common, local, cost = tried, local + factor * own, better
-        if gained < 1e-3:
+        if gained < SETTLED_NATS:
             break
     return common, local
 

@@ -18,6 +18,7 @@ from automap.records import FloatArray, IntArray
 MIN_NATS = 7.0
 MAX_P = 1e-3
 TRY_NATS = 3.0
+TRY_SHARE = 0.1
 CLOSE_NATS = 3.0
 CLOSE_SHARE = 0.03
 NULL_DRAWS = 4000
@@ -185,11 +186,10 @@ def _trials(
         groups.append((rows, prior))
         ranked.append((effect, evidence(scores, rows, prior)))
     maxima = null_maxima(scores, groups, NULL_DRAWS)
-    if max(e.nats for _, e in ranked) < TRY_NATS:
-        return []
+    least = max(TRY_NATS, TRY_SHARE * max(e.nats for _, e in ranked))
     out = []
     for effect, seen in ranked:
-        if seen.nats < TRY_NATS:
+        if seen.nats < least:
             continue
         factor = max(1.0, seen.scale)
         prior = prior_sds(now.boxes, accepted, FREE_FACTOR) + prior_sds(
@@ -232,16 +232,22 @@ def _gain(
 
 
 def _excess(scores: Scores, rows: IntArray, theta: FloatArray) -> float:
-    """How much more the signs' scores scatter along ``theta`` than their information says."""
+    """How much more the score along ``theta`` scatters than its information says.
+
+    The sandwich of White (1980) with the signs as clusters. What the information owes to the
+    priors of the path's own errors does not scatter from sign to sign.
+    """
     along = scores.blocks[:, rows] @ theta
     expected = np.einsum("bij,i,j->b", scores.block_info[:, rows][:, :, rows], theta, theta)
-    total = float(expected.sum())
-    if total <= 0.0:
+    total = float(theta @ scores.info[np.ix_(rows, rows)] @ theta)
+    own = float(expected.sum())
+    if total <= 0.0 or own <= 0.0:
         return 1.0
     along = along - along.mean()
-    count = total**2 / max(float(np.sum(expected**2)), 1e-300)
-    ratio = float(np.sum(along**2)) / total
-    return min(max(1.0, (count * ratio + SHRINK) / (count + SHRINK)), MAX_EXCESS)
+    count = own**2 / max(float(np.sum(expected**2)), 1e-300)
+    ratio = float(np.sum(along**2)) / own
+    ratio = min(max(1.0, (count * ratio + SHRINK) / (count + SHRINK)), MAX_EXCESS)
+    return 1.0 + (ratio - 1.0) * min(own / total, 1.0)
 
 
 def _with_values(held: Boxes, sd: FloatArray, fit: CameraFit, effects: Sequence[str]) -> CameraFit:
@@ -321,7 +327,10 @@ def joined(parts: Sequence[Boxes]) -> Boxes:
     windows = np.cumsum([0] + [p.n_windows for p in parts])
     arrays: dict[str, Any] = {
         name: np.concatenate([getattr(p, name) for p in parts])
-        for name in ("t", "pos", "vel", "dcm", "rate", "measured", "height", "share", "since")
+        for name in (
+            *("t", "pos", "vel", "acc", "dcm", "rate", "rate_change"),
+            *("measured", "height", "share", "since"),
+        )
     }
     return replace(
         parts[0],

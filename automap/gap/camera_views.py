@@ -17,7 +17,7 @@ from automap.effects.camera import row_share
 from automap.frames import matrix_to_rotation_vector, rotation_vector_to_matrix, rpy_to_matrix
 from automap.geolocation.camera_model import focal_length, normalise, touches_edge
 from automap.interpolation import poses_at
-from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory
 
 EFFECTS = (
     "camera_boresight",
@@ -36,7 +36,9 @@ N_LOCAL = 7
 """Of a sign: place NED, logarithm of its size, error of the velocity while it passes."""
 WINDOW_S = 60.0
 MIN_VIEWS = 4
-STEP_NS = 20_000_000
+MAX_VIEWS = 24
+"""Of a sign; boxes of many neighbouring frames say the same again."""
+STEP_NS = 50_000_000
 NEAREST_M = 1.0
 MARGIN_SD_PX = 1.5
 SIZE_LOG_SD = 1.0
@@ -47,10 +49,11 @@ class Boxes:
     """Boxes [n] of tracked signs with the path at their instants.
 
     ``sign`` [n] 0.. in the order of time, ``t`` [n] s since the first box, ``window`` [n] 0..;
-    ``pos`` [n, 3] m NED of the IMU, ``vel`` [n, 3] m/s, ``dcm`` [n, 3, 3] body to NED, ``rate``
-    [n, 3] rad/s in body axes; ``measured`` [n, 3], ``height`` [n] of the boxes, ``share`` [n] of
-    their rows, ``since`` [n] s from the middle of the sign's pass. Priors: ``attitude_sd`` [3]
-    rad, ``velocity_sd`` m/s, ``margin_sd`` rad.
+    ``pos`` [n, 3] m NED of the IMU, ``vel`` [n, 3] m/s, ``acc`` [n, 3] m/s^2, ``dcm`` [n, 3, 3]
+    body to NED, ``rate`` [n, 3] rad/s and ``rate_change`` [n, 3] rad/s^2 in body axes;
+    ``measured`` [n, 3], ``height`` [n] of the boxes, ``share`` [n] of their rows, ``since`` [n] s
+    from the middle of the sign's pass. Priors: ``attitude_sd`` [3] rad, ``velocity_sd`` m/s,
+    ``margin_sd`` rad.
     """
 
     camera: Camera
@@ -59,8 +62,10 @@ class Boxes:
     window: IntArray
     pos: FloatArray
     vel: FloatArray
+    acc: FloatArray
     dcm: FloatArray
     rate: FloatArray
+    rate_change: FloatArray
     measured: FloatArray
     height: FloatArray
     share: FloatArray
@@ -122,12 +127,9 @@ def boxes_of(
     height = ends[1][:, 1] - ends[0][:, 1]
     good = (track >= 0) & poses.covered & np.isfinite(poses.rpy).all(axis=1)
     good &= np.isfinite(centre).all(axis=1) & (height > 1e-4) & ~touches_edge(camera, box)
-    numbers, count = np.unique(track[good], return_counts=True)
-    good &= np.isin(track, numbers[count >= MIN_VIEWS])
-    rows = np.flatnonzero(good)
+    rows = _chosen(t_ns, track, good)
     if len(rows) == 0:
         return None
-    rows = rows[np.argsort(t_ns[rows], kind="stable")]
     _, first, sign = np.unique(track[rows], return_index=True, return_inverse=True)
     rank = np.empty(len(first), np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
@@ -143,9 +145,10 @@ def boxes_of(
         float(poses.height_m[rows[0]]),
     )
     pos = local_ned(poses.lat_rad[rows], poses.lon_rad[rows], poses.height_m[rows], origin)
-    around = [rpy_to_matrix(poses_at(trajectory, t_ns[rows] + d).rpy) for d in (-STEP_NS, STEP_NS)]
-    turned = np.swapaxes(around[0], 1, 2) @ around[1]
-    turned[~np.isfinite(turned).all(axis=(1, 2))] = np.eye(3)
+    dcm = rpy_to_matrix(poses.rpy[rows])
+    past, next_ = (poses_at(trajectory, t_ns[rows] + d) for d in (-STEP_NS, STEP_NS))
+    came, goes = _turned(rpy_to_matrix(past.rpy), dcm), _turned(dcm, rpy_to_matrix(next_.rpy))
+    step = STEP_NS * 1e-9
     sd = np.nan_to_num(poses.sd_rpy[rows])
     return Boxes(
         camera=camera,
@@ -154,8 +157,10 @@ def boxes_of(
         window=window.astype(np.int64),
         pos=pos,
         vel=poses.vel_ned[rows],
-        dcm=rpy_to_matrix(poses.rpy[rows]),
-        rate=matrix_to_rotation_vector(turned) / (2e-9 * STEP_NS),
+        acc=np.nan_to_num(next_.vel_ned - past.vel_ned) / (2.0 * step),
+        dcm=dcm,
+        rate=(came + goes) / (2.0 * step),
+        rate_change=(goes - came) / step**2,
         measured=np.column_stack([centre, np.log(np.where(good, height, 1.0))])[rows],
         height=height[rows],
         share=row_share(middle[rows, 1], camera.height),
@@ -164,6 +169,27 @@ def boxes_of(
         velocity_sd=max(float(np.median(np.nan_to_num(poses.sd_vel_ned[rows]))), 1e-3),
         margin_sd=MARGIN_SD_PX / focal_length(camera),
     )
+
+
+def _chosen(t_ns: IntArray, track: IntArray, good: BoolArray) -> IntArray:
+    """Rows of the boxes to take, in the order of time: evenly some of each sign's."""
+    numbers, count = np.unique(track[good], return_counts=True)
+    kept = [np.zeros(0, np.int64)]
+    for number in numbers[count >= MIN_VIEWS]:
+        rows = np.flatnonzero(good & (track == number))
+        rows = rows[np.argsort(t_ns[rows], kind="stable")]
+        if len(rows) > MAX_VIEWS:
+            rows = rows[np.linspace(0, len(rows) - 1, MAX_VIEWS).round().astype(np.int64)]
+        kept.append(rows)
+    every = np.concatenate(kept)
+    return every[np.argsort(t_ns[every], kind="stable")]
+
+
+def _turned(before: FloatArray, after: FloatArray) -> FloatArray:
+    """Rotation vectors [n, 3] in body axes from one attitude to the next, none where unknown."""
+    turn = np.swapaxes(before, 1, 2) @ after
+    turn[~np.isfinite(turn).all(axis=(1, 2))] = np.eye(3)
+    return np.asarray(matrix_to_rotation_vector(turn))
 
 
 def foretell(boxes: Boxes, common: FloatArray, local: FloatArray) -> FloatArray:
@@ -175,10 +201,12 @@ def foretell(boxes: Boxes, common: FloatArray, local: FloatArray) -> FloatArray:
     value = {key: common[i] for i, key in enumerate(KEYS)}
     late = value["camera_time_offset", "s"] + value["rolling_shutter", "s"] * boxes.share
     attitude = common[ATTITUDE : ATTITUDE + 3] + common[ATTITUDE + 3 :].reshape(-1, 3)[boxes.window]
-    there = own[:, :3] - boxes.pos - boxes.vel * late[:, None] - own[:, 4:7] * boxes.since[:, None]
+    late = late[:, None]
+    moved = boxes.vel * late + 0.5 * boxes.acc * late**2
+    there = own[:, :3] - boxes.pos - moved - own[:, 4:7] * boxes.since[:, None]
     body = np.einsum("nji,nj->ni", boxes.dcm, there)
     # small turns: of the body while the frame waits, and of the path's own error
-    turn = boxes.rate * late[:, None] + attitude
+    turn = boxes.rate * late + 0.5 * boxes.rate_change * late**2 + attitude
     body = np.einsum("nji,nj->ni", rotation_vector_to_matrix(turn), body)
     shift = np.array([value["camera_lever_arm", a] for a in "xyz"])
     C_body_cam = rpy_to_matrix(boxes.camera.mount_rpy) @ rpy_to_matrix(
