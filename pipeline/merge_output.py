@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
+import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from automap import __version__
+from automap.errors import StageError
 from automap.io import names
 from automap.io.atomic import make_folder, write_json, write_text
 from automap.io.map_tables import COVERAGE, SIGHTINGS
 from automap.mapping.sightings import DrivePath
+from pipeline.lock import locked
 from pipeline.merge_inputs import GPS_CLOCK
 
 if TYPE_CHECKING:
@@ -36,14 +42,44 @@ def write_map(
     progress: Callable[[float], None],
 ) -> list[Path]:
     """Write all files of the map; returns them. ``signs`` are all merged ones, the unlikely
-    ones without a name; ``folders`` those of the drives, in their order."""
+    ones without a name; ``folders`` those of the drives, in their order.
+
+    An older map gives way when the new one is complete. ConfigError while another process
+    writes there.
+    """
+    out = make_folder(outcome.folder)
+    with locked(out), tempfile.TemporaryDirectory(dir=out, prefix=".merge.") as temporary:
+        new = Path(temporary)
+        with suppress(FileNotFoundError):
+            # what a reviewer decided about the older map
+            shutil.copyfile(out / names.REVIEW, new / names.REVIEW)
+        try:
+            written = _write_files(new, outcome, signs, folders, previous, progress)
+        except StageError as error:
+            raise StageError(str(error).replace(str(new), str(out))) from error
+        (new / names.REVIEW).unlink(missing_ok=True)
+        if not (new / CHANGES).exists():
+            (out / CHANGES).unlink(missing_ok=True)
+        # merge.json last: it says that the map is complete
+        for path in sorted(new.iterdir(), key=lambda path: path.name == names.MERGE):
+            os.replace(path, out / path.name)
+    return [out / path.name for path in written]
+
+
+def _write_files(
+    out: Path,
+    outcome: MergeOutcome,
+    signs: Sequence[Sign],
+    folders: Sequence[Path],
+    previous: Path | None,
+    progress: Callable[[float], None],
+) -> list[Path]:
     from automap.io.clock_json import write_clock
     from automap.io.map_tables import write_coverage
     from automap.io.signs_table import write_signs
     from pipeline.export import FORMATS, STANDARD_FORMATS, map_content, write_dictionary
     from pipeline.merge_report import merge_report
 
-    out = make_folder(outcome.folder)
     write_signs(out / names.SIGNS_RAW, outcome.signs)
     write_clock(out / names.SYNC, GPS_CLOCK)
     progress(0.1)
@@ -51,7 +87,7 @@ def write_map(
     write_coverage(out / COVERAGE, coverage_of(outcome.merged))
     progress(0.25)
     write_json(out / names.RUN, _run_record(outcome, folders))
-    content = map_content(out, out.resolve().name)
+    content = map_content(out, outcome.folder.resolve().name)
     files = []
     for number, fmt in enumerate(STANDARD_FORMATS):
         name, write = FORMATS[fmt]
@@ -63,11 +99,8 @@ def write_map(
     if changes is not None:
         write_text(out / CHANGES, changes_geojson(changes))
         files.append(out / CHANGES)
-    else:
-        (out / CHANGES).unlink(missing_ok=True)
     summary = merge_summary(outcome, signs, folders, previous)
     write_text(out / names.REPORT, merge_report(outcome, summary))
-    # the last file says that the map is complete
     write_json(out / names.MERGE, summary)
     return [*files, out / names.REPORT, out / names.MERGE]
 

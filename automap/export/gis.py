@@ -5,7 +5,10 @@ All in WGS-84 with ellipsoidal heights. Every file appears whole or not at all.
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,11 +23,13 @@ from automap.export.geopackage import complete_geopackage
 from automap.export.layers import Layer, point_wkb, times_of_texts
 from automap.export.qgis_style import QgisStyle
 from automap.export.sign_columns import SignColumns
-from automap.io.atomic import atomic_path
+from automap.io.atomic import atomic_path, write_failure
 
 WGS84_3D = "EPSG:4979"
 ROW_GROUP = 65_536
 """Signs a row group of GeoParquet: readers skip whole groups by their bounding box."""
+_FULL_BYTES = 1 << 17
+"""A disk with less room is full to GDAL, which writes in larger pieces."""
 
 
 def write_layers(
@@ -78,11 +83,19 @@ def write_layers(
                     },
                 )
             except (DataSourceError, DataLayerError) as error:
-                raise StageError(f"cannot write layer {layer.name} of {path}: {error}.") from error
+                target.unlink(missing_ok=True)
+                raise _failure(path, layer, error) from error
         if target != temporary:
             target.replace(temporary)
         if driver == "GPKG":
             complete_geopackage(temporary, [layer.name for layer in layers], styles)
+
+
+def _failure(path: Path, layer: Layer, error: Exception) -> StageError:
+    """GDAL's failure in our words: of a full disk it says many things."""
+    if shutil.disk_usage(path.parent).free < _FULL_BYTES:
+        return write_failure(path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+    return StageError(f"cannot write layer {layer.name} of {path}: {error}.")
 
 
 def write_geoparquet(

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from automap import __version__
-from automap.errors import ConfigError, InputError
+from automap.errors import ConfigError, InputError, StageError
 from automap.io import names
 from automap.io.atomic import make_folder, write_failure, write_json, write_text
 from automap.io.json_text import parse_json
@@ -75,6 +75,9 @@ def new_drive(kind: str, source: Path, out: Path) -> Iterator[Import]:
         run = Import(kind, source, out, folder)
         try:
             yield run
+        except StageError as error:
+            # the user knows the drive's folder, not the one that is filled
+            raise StageError(str(error).replace(str(folder), str(out))) from error
         except OSError as error:
             raise _reworded(error, run) from error
         except _DAMAGE as error:

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
@@ -149,3 +150,12 @@ def test_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
         gis.write_layers(target, [layers.sign_layer(columns())], driver="NoSuchDriver")
     assert target.read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_full_disk_is_told_as_such(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    usage = SimpleNamespace(total=1 << 30, used=1 << 30, free=4096)
+    monkeypatch.setattr("shutil.disk_usage", lambda path: usage)
+    with pytest.raises(StageError, match="the disk is full"):
+        # a failure of GDAL's of whatever kind
+        gis.write_layers(tmp_path / "a.gpkg", [layers.sign_layer(columns())], driver="NoSuchDriver")
+    assert list(tmp_path.iterdir()) == []

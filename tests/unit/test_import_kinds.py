@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import zipfile
 from collections.abc import Callable
@@ -18,7 +19,7 @@ from import_data_sets import write_euroc, write_kitti
 from import_phones import write_gnss_logger, write_mapillary, write_sensor_logger
 from import_rtklib import write_rtklib
 
-from automap.errors import ConfigError, InputError
+from automap.errors import ConfigError, InputError, StageError
 from automap.io.drive import load_drive
 from automap.io.frame_times import frame_times
 from automap.io.recording import Recording, read_recording
@@ -328,3 +329,15 @@ def test_what_is_not_there_or_of_no_kind_is_exit_code_three(
         assert said.startswith("error: ")
         assert said.count("\n") == 1
         assert not (tmp_path / "drive").exists()
+
+
+def test_a_full_disk_names_the_drive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, text: str) -> None:
+        raise StageError(f"cannot write {path}: the disk is full.")
+
+    source = write_euroc(tmp_path / "asl")
+    monkeypatch.setattr("pipeline.importers.parts.write_text", full)
+    out = tmp_path / "drive"
+    with pytest.raises(StageError, match=re.escape(f"cannot write {out / 'imu.csv'}:")):
+        import_euroc(source, out)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["asl"]

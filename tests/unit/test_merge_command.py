@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,10 @@ from geojson_pydantic import FeatureCollection
 from merge_folders import write_run
 from merge_scene import Errors, drive_through, street
 
-from automap.errors import ConfigError, InputError
+from automap.errors import ConfigError, InputError, StageError
 from automap.mapping.sightings import DriveSigns
 from pipeline.cli.root import run_command
+from pipeline.lock import locked
 from pipeline.merge import MergeOutcome, merge_runs
 
 DAY_S = 86400.0
@@ -69,6 +71,33 @@ def test_the_map_has_the_files_of_a_run(folders: list[Path], tmp_path: Path) -> 
 
 def outcome_of(folders: list[Path], out: Path, previous: Path | None = None) -> MergeOutcome:
     return merge_runs(folders, out, previous)
+
+
+def test_a_merge_that_fails_leaves_the_older_map(
+    folders: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, text: str) -> None:
+        raise StageError(f"cannot write {path}: the disk is full.")
+
+    out = tmp_path / "map"
+    with monkeypatch.context() as patch:
+        patch.setattr("pipeline.merge_output.write_text", full)
+        with pytest.raises(StageError, match=re.escape(f"cannot write {out / 'report.html'}:")):
+            outcome_of(folders[:2], out)
+    assert list(out.iterdir()) == []
+    outcome_of(folders[:2], out)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    with monkeypatch.context() as patch:
+        patch.setattr("pipeline.merge_output.write_text", full)
+        with pytest.raises(StageError):
+            outcome_of(folders, out)
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_two_merges_into_one_folder(folders: list[Path], tmp_path: Path) -> None:
+    (tmp_path / "map").mkdir()
+    with locked(tmp_path / "map"), pytest.raises(ConfigError, match="writing there"):
+        outcome_of(folders, tmp_path / "map")
 
 
 def test_the_order_of_the_folders_changes_nothing(folders: list[Path], tmp_path: Path) -> None:
