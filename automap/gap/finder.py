@@ -142,7 +142,7 @@ def _result(
         )
     findings = []
     for trial in state.trials:
-        number = list(_order(stages)).index(trial.effect) + 1
+        number = trial.stage
         units = {p.name: p.unit for p in CATALOGUE[trial.effect].parameters}
         parameters = {
             p: ParameterValue(v, sd, units[p]) for p, (v, sd) in joint.of(trial.effect).items()
@@ -209,16 +209,6 @@ def with_cameras(
         nothing = not result.findings and result.unexplained is None
         verdict = text if nothing else f"{verdict}; {text}"
     return replace(result, findings=findings, warnings=told, verdict=verdict)
-
-
-def _order(
-    stages: Sequence[tuple[GapModel, Mapping[str, Mapping[str, float]]]],
-) -> list[str]:
-    """Names in the order in which they were accepted."""
-    out: list[str] = []
-    for _, values in stages:
-        out += [e for e in values if e not in out]
-    return out
 
 
 def _unexplained(state: State) -> Unexplained | None:

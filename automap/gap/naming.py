@@ -22,7 +22,7 @@ CLOSE_SHARE = 0.03
 OVERLAP = 0.8
 PRIOR_ROOM = 5.0
 """So much of a parameter's information is another effect's, then they are confusable."""
-OFFSETS = SAME_STATE[0]
+OFFSETS, VELOCITY_AGES = SAME_STATE
 APART_SHARE = 0.2
 APART_S = 5e-3
 """Clocks that nowhere in a drive come nearer than this share of what their skew adds up to, and
@@ -51,11 +51,19 @@ def by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
 
 
 def latency_first(trials: list[Trial]) -> list[Trial]:
-    """Put an offset before a skew of the clock that would need one besides."""
-    if not trials or trials[0].effect != SKEW or not offset_besides(trials[0].fits):
+    """Put an offset between the clocks before what it may be instead: a skew that would need one
+    besides, and an age of velocities alone that explains no more; whole fixes are late more
+    often."""
+    if not trials:
         return trials
+    best = trials[0]
     offsets = [t for t in trials if t.effect in OFFSETS and t.nats >= MIN_NATS]
-    return offsets + [t for t in trials if t not in offsets]
+    if best.effect == SKEW:
+        sooner = offset_besides(best.fits)
+    else:
+        close = [t for t in offsets if best.joint.nats - t.joint.nats < CLOSE_NATS]
+        sooner = best.effect in VELOCITY_AGES and bool(close)
+    return offsets + [t for t in trials if t not in offsets] if sooner else trials
 
 
 def offset_besides(fits: Sequence[Fit]) -> bool:

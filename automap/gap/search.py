@@ -19,6 +19,7 @@ from automap.gap.model import SKEW, GapModel
 from automap.gap.naming import (
     CLOSE_NATS,
     OFFSETS,
+    VELOCITY_AGES,
     by_sign,
     latency_first,
     offset_besides,
@@ -54,6 +55,7 @@ from automap.gap.whitening import Whitener
 MAX_FINDINGS = 8
 HELD_OUT_SLACK = 3.0
 SURE_NATS = 20.0
+SWAP_NATS = 1.0
 
 
 def begin(
@@ -144,7 +146,7 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
 
 def _accept(state: State, best: Trial) -> Trial:
     state.accepted[best.effect] = best.scale
-    state.trials.append(best)
+    state.trials.append(replace(best, stage=len(state.trials) + 1))
     state.model, state.fits = best.model, list(best.fits)
     return best
 
@@ -172,9 +174,35 @@ def _formula_helps(state: State, formula: Formula, say: Say) -> bool:
     return confirmed(state.held_out, state.model, values, formula)
 
 
+def _settle_age(state: State, say: Say) -> None:
+    """Whether velocities come late or through a low-pass, once all else is named: with other
+    delays still missing one resembles the other."""
+    for age, other in (VELOCITY_AGES, VELOCITY_AGES[::-1]):
+        if age not in state.accepted or other in state.accepted or other in state.exclude:
+            continue
+        say(f"checking whether {age} is {other}")
+        swapped = {other if e == age else e: s for e, s in state.accepted.items()}
+        fits = fit_all(state, state.model, swapped)
+        whitener = whitener_of(state.fits[0])
+        gain = sum(
+            robust_score(a, whitener) - robust_score(b, whitener)
+            for a, b in zip(fits, state.fits, strict=True)
+        )
+        if gain < SWAP_NATS or min(fits[0].value_of(other).values()) <= 0.0:
+            return
+        state.accepted, state.fits = swapped, fits
+        state.rivals[other] = (age, *(e for e in state.rivals.pop(age, ()) if e != other))
+        state.trials = [
+            replace(t, candidate=replace(t.candidate, effect=other)) if t.effect == age else t
+            for t in state.trials
+        ]
+        return
+
+
 def eliminate(state: State, say: Say) -> Joint:
     """Drop effects that others, accepted later, have made unnecessary; returns the estimate."""
     zeros = [0.0] * len(state.fits)
+    _settle_age(state, say)
     for effect in list(state.accepted) if len(state.accepted) > 1 else []:
         if effect in OFFSETS and SKEW in state.accepted and offset_besides(state.fits):
             continue

@@ -41,7 +41,8 @@ Say = Callable[[str], None]
 @dataclass(frozen=True)
 class Trial:
     """A candidate that was fitted: joint estimate of all estimated effects, evidence in nats,
-    p-value, the model it was fitted under, the null's largest evidences."""
+    p-value, the model it was fitted under, the null's largest evidences; ``stage`` counts the
+    accepted ones from 1."""
 
     candidate: Candidate
     joint: Joint
@@ -50,6 +51,7 @@ class Trial:
     nats: float
     p_value: float
     maxima: FloatArray
+    stage: int = 0
 
     @property
     def effect(self) -> str:
