@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 WINDOW_S = 5.0
 SHOWN_S = 25.0
+SETTLED_S = 10.0
 LEAST = 30
 SEGMENTS = 8
 CLIP = 10.0
@@ -55,13 +56,12 @@ def overlay(before: Fit, after: Fit, name: str, unit: str) -> list[Plot]:
     # the same measurements, though a delay may have moved them in time
     same = len(old.t) == len(new.t)
     past = old.innovation if same else np.interp(new.t, old.t, old.innovation)
-    excess = (
-        np.clip(past / new.sd, -CLIP, CLIP) ** 2
-        - np.clip(new.innovation / new.sd, -CLIP, CLIP) ** 2
-    )
-    count = max(int(np.searchsorted(new.t, new.t[0] + SHOWN_S)), 2)
-    total = np.convolve(excess, np.ones(min(count, len(excess))), mode="valid")
-    first = int(np.argmax(total))
+    errs = np.clip(past / new.sd, -CLIP, CLIP) ** 2
+    errs -= np.clip(new.innovation / new.sd, -CLIP, CLIP) ** 2
+    # at the start nothing is known yet
+    errs[: int(np.searchsorted(new.t, new.t[0] + SETTLED_S))] = -(CLIP**2)
+    count = min(max(int(np.searchsorted(new.t, new.t[0] + SHOWN_S)), 2), len(errs))
+    first = int(np.argmax(np.convolve(errs, np.ones(count), mode="valid")))
     rows = slice(first, first + count)
     t = new.t[rows] - new.t[rows][0]
     title = f"{name.replace('_', ' ')}, from {new.t[first]:.0f} s into the held-out data"
@@ -205,8 +205,8 @@ def camera_plots(before: CameraFit, after: CameraFit) -> list[Plot]:
             out += draw(
                 name,
                 [
-                    Series("before", old[0], old[1], "dots", "bad"),
-                    Series("after", new[0], new[1], "dots", 0),
+                    Series("before", old[0], old[1], "line", "bad"),
+                    Series("after", new[0], new[1], "line", 0),
                 ],
                 "residual / sd",
                 float(old[0][-1]),

@@ -187,7 +187,8 @@ def _spectra(result: GapResult) -> Section:
     if fits is None:
         section.absent = "No held-out data."
         return section
-    shown = [c.channel for c in result.channels if not c.channel.startswith("z")]
+    # the vehicle constraint is loose on purpose: what it says has a colour of its own
+    shown = [c.channel for c in result.channels if c.channel.startswith(("position", "velocity"))]
     for name in shown:
         section.plots += spectrum(*fits, name)
     return section

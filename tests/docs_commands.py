@@ -51,3 +51,10 @@ def commands(page: Path) -> list[Command]:
             if own or (language == "sh" and line and not line.startswith("#")):
                 found.append(Command(str(page.relative_to(DOCS)), line, own and language == "sh"))
     return found
+
+
+def files(page: Path) -> dict[str, str]:
+    """The files that a page shows whole: code blocks with a title, name -> content."""
+    text = page.read_text(encoding="utf-8")
+    blocks = re.findall(r'^```\w+ title="([\w.]+)"\n(.*?)^```', text, re.MULTILINE | re.DOTALL)
+    return dict(blocks)

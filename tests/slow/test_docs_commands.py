@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.docs_commands import DOCS, ROOT, commands, pages
+from tests.docs_commands import DOCS, ROOT, commands, files, pages
 
 SAMPLE = ROOT / "data" / "sample-drive"
 # the tutorial makes the map that other pages start from
@@ -52,6 +52,8 @@ def test_every_command_of_a_page_runs(folder: Path, page: Path) -> None:
         # a browser that shows nothing
         "BROWSER": "true",
     }
+    for name, content in files(page).items():
+        (folder / name).write_text(content, encoding="utf-8")
     for command in commands(page):
         if not command.runnable:
             continue

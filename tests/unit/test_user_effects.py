@@ -22,7 +22,9 @@ from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive, motion_of
 from automap.gap.screening import whitened_innovations
 from pipeline.config import load_settings
+from pipeline.simulate import simulate
 from pipeline.user_effects import activate
+from tests.docs_commands import DOCS, files
 from tests.unit.test_gap import simulated
 
 PULL = {"k": {"on": "accel_x", "formula": "sin(heading)", "prior_sd": 0.05, "unit": "m/s^2"}}
@@ -252,3 +254,41 @@ def test_an_effect_on_the_fixes_is_found_and_taken_out() -> None:
     known = fit_drive(opened, replace(model, values={"stretch": {"k": 0.8}}), start=plain.start)
     assert known.score > plain.score + 10.0
     assert [e for e, _ in found.names] == ["stretch", "gyro_scale", "gyro_scale", "gyro_scale"]
+
+
+def test_the_files_of_the_documentation_are_accepted(tmp_path: Path) -> None:
+    for name, content in files(DOCS / "gap.md").items():
+        (tmp_path / name).write_text(content, encoding="utf-8")
+    settings = load_settings(tmp_path / "magnet.toml")
+    activate(settings.effects)
+    assert settings.fuse.fixed == {"magnet_pull": {"k": 0.1}}
+    assert CATALOGUE["magnet_pull"].parameters[0].unit == "m/s^2"
+    both = tmp_path / "both.toml"
+    text = (tmp_path / "my_effects.toml").read_text(encoding="utf-8")
+    both.write_text('[effects]\nfiles = ["my_effects.py"]\n' + text, encoding="utf-8")
+    activate(load_settings(both).effects)
+    signals = some_signals()
+    hum = signal_of("tyre_hum", "k", signals)
+    np.testing.assert_allclose(hum, signals.speed * np.abs(signals.rate_z))
+
+
+def test_a_model_gives_a_scenario_its_errors(tmp_path: Path) -> None:
+    for name, content in files(DOCS / "gap.md").items():
+        (tmp_path / name).write_text(content, encoding="utf-8")
+    scenario = tmp_path / "short.toml"
+    scenario.write_text(
+        'schema = "automap.scenario/1"\nname = "short"\n[start]\nutc = 2026-03-14T09:20:00Z\n'
+        "lat_deg = -35.28\nlon_deg = 149.13\nheading_deg = 90.0\n[errors]\ngyro_bias = { x = 0.001 }\n[gnss]\n"
+        "[route]\nlegs = [{ length_m = 30.0, speed_m_s = 10.0 }]\n",
+        encoding="utf-8",
+    )
+    simulate(scenario, tmp_path / "plain")
+    simulate(scenario, tmp_path / "pulled", config=tmp_path / "magnet.toml")
+    read = [
+        np.loadtxt(tmp_path / name / "imu.csv", delimiter=",", skiprows=1)
+        for name in ("plain", "pulled")
+    ]
+    off = read[1][:, 4] - read[0][:, 4]
+    # to the east the sine of the heading is one
+    assert np.abs(off - 0.1).max() < 1e-3
+    np.testing.assert_array_equal(read[0][:, :4], read[1][:, :4])
