@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     import pyarrow as pa
 
-    from automap.geolocation.locate import GeolocationResult, GeolocationRules
+    from automap.geolocation.locate import GeolocationResult
+    from automap.geolocation.rules import GeolocationRules
     from automap.io.drive import Drive
     from automap.records import Camera, Detections, IntArray, Trajectory
     from pipeline.settings.geolocate import GeolocateSettings
@@ -141,7 +142,7 @@ def rules_from(settings: GeolocateSettings, drive: str) -> GeolocationRules:
     from automap.geolocation.assembly import AssemblyRules
     from automap.geolocation.boresight import CameraPriors
     from automap.geolocation.landmark import SizePrior
-    from automap.geolocation.locate import GeolocationRules
+    from automap.geolocation.rules import GeolocationRules
     from automap.geolocation.tracking import TrackingRules
     from automap.geolocation.views import MeasurementNoise
 

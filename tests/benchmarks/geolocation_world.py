@@ -55,7 +55,8 @@ class Difficulty:
 class World:
     """A drive: ``trajectory`` as geolocation gets it, ``true`` as it was; ``detections`` with
     the sign each box shows in ``owner`` (-1 clutter); signs ``position`` [m, 3] NED at ORIGIN
-    with ``class_name``; ``camera`` as in the manifest, ``true_camera`` as it is."""
+    with ``class_name`` and ``size`` in m; ``camera`` as in the manifest, ``true_camera`` as it
+    is."""
 
     trajectory: Trajectory
     true: Trajectory
@@ -63,6 +64,7 @@ class World:
     owner: IntArray
     position: FloatArray
     class_name: tuple[str, ...]
+    size: FloatArray
     camera: Camera
     true_camera: Camera
 
@@ -135,7 +137,7 @@ def make_world(seed: int, d: Difficulty | None = None, rate: float = 50.0) -> Wo
     camera, true_camera = _cameras(d)
     detections, owner = _boxes(rng, d, true, true_camera, position, kind, size, approach)
     names = tuple(CLASSES[k] for k in kind)
-    return World(given, true, detections, owner, position, names, camera, true_camera)
+    return World(given, true, detections, owner, position, names, size, camera, true_camera)
 
 
 def _trajectory(

@@ -1,0 +1,130 @@
+"""Sightings as rays in the plane: what a point costs them, and the point that fits them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.earth import local_ned
+from automap.records import FloatArray, IntArray
+
+_NEWTON_STEPS = 10
+
+
+@dataclass(frozen=True)
+class Bearings:
+    """Sightings [n]: camera position, bearing clockwise from north, depth (NaN unknown),
+    class ("" unknown), one-sigma error of the bearing (NaN unknown)."""
+
+    lat_rad: FloatArray
+    lon_rad: FloatArray
+    bearing_rad: FloatArray
+    depth_m: FloatArray
+    class_name: npt.NDArray[np.object_]
+    sd_rad: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.lat_rad)
+
+
+@dataclass(frozen=True)
+class BearingRules:
+    """``bearing_sd_rad`` where the sighting gives none; ``position_sd_m`` of a camera;
+    ``depth_log_sd`` relative error of a depth; ``max_range_m`` beyond which nothing is seen;
+    ``alone_cost`` what a sighting without an object costs, ``object_cost`` what an object
+    costs, both in squared sigmas; ``min_distance_m`` between two objects, ``max_joined_m``
+    between two that may be one. ``depth_offset_sd_m`` and ``depth_scale_log_sd`` of what all
+    depths have in common; ``single`` whether a sighting that meets no other makes an object."""
+
+    bearing_sd_rad: float = float(np.radians(2.0))
+    position_sd_m: float = 1.0
+    depth_log_sd: float = 0.3
+    depth_offset_sd_m: float = 3.0
+    depth_scale_log_sd: float = 0.3
+    max_joined_m: float = 6.0
+    single: bool = False
+    max_range_m: float = 40.0
+    alone_cost: float = 9.0
+    object_cost: float = 9.0
+    min_distance_m: float = 1.0
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Sightings in the local plane: ``centre`` [n, 2] north, east; the rest as in Bearings."""
+
+    centre: FloatArray
+    bearing: FloatArray
+    sd: FloatArray
+    log_depth: FloatArray
+    camera: IntArray
+
+
+def in_plane(bearings: Bearings, rules: BearingRules, origin: tuple[float, float, float]) -> Rays:
+    zero = np.zeros(len(bearings))
+    centre = local_ned(bearings.lat_rad, bearings.lon_rad, zero, origin).reshape(-1, 3)[:, :2]
+    _, camera = np.unique(np.round(centre, 2), axis=0, return_inverse=True)
+    usable = bearings.depth_m > 0.0
+    return Rays(
+        centre=centre,
+        bearing=bearings.bearing_rad,
+        sd=np.where(np.isfinite(bearings.sd_rad), bearings.sd_rad, rules.bearing_sd_rad),
+        log_depth=np.log(np.where(usable, bearings.depth_m, np.nan)),
+        camera=np.asarray(camera, np.int64).reshape(-1),
+    )
+
+
+def costs(rays: Rays, rows: IntArray, points: FloatArray, rules: BearingRules) -> FloatArray:
+    """Squared sigmas [n, m] of sightings ``rows`` [n] for points [m, 2], 0 = perfect.
+
+    A camera that is ``position_sd_m`` off turns the bearing of a near object by more than
+    that of a far one. Infinite beyond the greatest range.
+    """
+    offset = points[None] - rays.centre[rows, None]
+    distance = np.maximum(np.hypot(offset[..., 0], offset[..., 1]), 0.1)
+    turn = np.arctan2(offset[..., 1], offset[..., 0]) - rays.bearing[rows, None]
+    turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
+    near = rules.position_sd_m / distance
+    cost = turn**2 / (rays.sd[rows, None] ** 2 + near**2)
+    stretch = np.log(distance) - rays.log_depth[rows, None]
+    depth_cost = stretch**2 / (rules.depth_log_sd**2 + near**2)
+    cost += np.where(np.isfinite(stretch), depth_cost, 0.0)
+    return np.where((distance <= rules.max_range_m) & (np.abs(turn) < np.pi / 2), cost, np.inf)
+
+
+def fit_point(rays: Rays, rows: IntArray, start: FloatArray, rules: BearingRules) -> FloatArray:
+    """Least-squares point [2] of some sightings (Gauss-Newton with fixed weights a step)."""
+    point = np.array(start, np.float64)
+    for _ in range(_NEWTON_STEPS):
+        N, g = normal_equations(rays, rows, point, rules)
+        step = np.linalg.solve(N + 1e-9 * np.eye(2), g)
+        length = float(np.hypot(step[0], step[1]))
+        point += step * min(1.0, 5.0 / max(length, 1e-9))
+        if length < 1e-4:
+            break
+    return point
+
+
+def normal_equations(
+    rays: Rays, rows: IntArray, point: FloatArray, rules: BearingRules
+) -> tuple[FloatArray, FloatArray]:
+    """Normal matrix [2, 2] and right-hand side [2] of a point."""
+    offset = point - rays.centre[rows]
+    distance = np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 0.1)
+    turn = np.arctan2(offset[:, 1], offset[:, 0]) - rays.bearing[rows]
+    turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
+    near = rules.position_sd_m / distance
+    J = np.column_stack([-offset[:, 1], offset[:, 0]]) / distance[:, None] ** 2
+    weight = 1.0 / (rays.sd[rows] ** 2 + near**2)
+    N = (J * weight[:, None]).T @ J
+    g = -(J * weight[:, None]).T @ turn
+    stretch = np.log(distance) - rays.log_depth[rows]
+    known = np.isfinite(stretch)
+    K = offset[known] / distance[known, None] ** 2
+    weight = 1.0 / (rules.depth_log_sd**2 + near[known] ** 2)
+    N += (K * weight[:, None]).T @ K
+    g += -(K * weight[:, None]).T @ stretch[known]
+    # without depth a single direction leaves the range open
+    return N + 1e-6 * np.eye(2), g

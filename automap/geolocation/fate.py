@@ -1,0 +1,120 @@
+"""What became of every detection, and what the user is told of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.geolocation.landmark import Landmark, direction_residuals
+from automap.geolocation.views import CameraCorrection, Views
+from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+
+
+@dataclass(frozen=True)
+class Observations:
+    """What became of every detection, in the order of the detections given.
+
+    ``track`` [n] number of the pass in which its sign was tracked (-1 none), ``sign_id`` [n]
+    ("" none), ``residual_px`` [n, 2] right and down (NaN without a sign), ``range_m`` [n]
+    distance to the sign, ``used`` [n], ``note`` [n] why not ("no_pose", "no_direction",
+    "misfit", "no_place", "too_far", "unconfirmed"; "" when used).
+    """
+
+    track: IntArray
+    sign_id: npt.NDArray[np.object_]
+    residual_px: FloatArray
+    range_m: FloatArray
+    used: npt.NDArray[np.bool_]
+    note: npt.NDArray[np.object_]
+
+
+def no_fate(
+    total: int,
+    views: Views,
+    trajectory: Trajectory,
+    detections: Sequence[Detections],
+    cameras: Mapping[str, Camera],
+    corrections: Mapping[str, CameraCorrection],
+) -> Observations:
+    """Nothing known yet of ``total`` detections but which have no pose and no direction."""
+    fate = Observations(
+        track=np.full(total, -1, np.int64),
+        sign_id=np.full(total, "", np.object_),
+        residual_px=np.full((total, 2), np.nan),
+        range_m=np.full(total, np.nan),
+        used=np.zeros(total, np.bool_),
+        note=np.full(total, "no_place", np.object_),
+    )
+    fate.note[np.setdiff1d(np.arange(total), views.row)] = "no_direction"
+    fate.note[_rows_without_pose(trajectory, detections, cameras, corrections)] = "no_pose"
+    return fate
+
+
+def _rows_without_pose(
+    trajectory: Trajectory,
+    detections: Sequence[Detections],
+    cameras: Mapping[str, Camera],
+    corrections: Mapping[str, CameraCorrection],
+) -> IntArray:
+    from automap.interpolation import poses_at
+
+    missing, first = [], 0
+    for found in detections:
+        correction = corrections.get(found.camera)
+        offset = cameras[found.camera].time_offset_s + (correction.time_s if correction else 0.0)
+        poses = poses_at(trajectory, found.t_ns + np.int64(round(offset * 1e9)))
+        missing.append(first + np.flatnonzero(~(poses.covered & np.isfinite(poses.rpy[:, 2]))))
+        first += len(found)
+    return np.concatenate(missing) if missing else np.zeros(0, np.int64)
+
+
+def record_sign(
+    fate: Observations, views: Views, mark: Landmark, track: int, sign_id: str, focal: FloatArray
+) -> None:
+    rows = views.row[mark.rows]
+    fate.track[rows] = track
+    fate.sign_id[rows] = sign_id
+    residual = direction_residuals(views, mark)
+    fate.residual_px[rows] = residual * focal[views.camera[mark.rows], None]
+    fate.range_m[rows] = np.linalg.norm(views.centre[mark.rows] - mark.position, axis=1)
+    fate.used[rows] = True
+    fate.note[rows] = ""
+
+
+def warnings_of(
+    fate: Observations,
+    corrections: Mapping[str, CameraCorrection],
+    cameras: Mapping[str, Camera],
+) -> list[str]:
+    reasons = {
+        "no_pose": "lie outside the trajectory or in a long gap of it",
+        "no_direction": "have no direction (no height, or outside the lens model)",
+        "misfit": "fit no sign's other views",
+        "no_place": "belong to no place in front of the camera",
+        "unconfirmed": "show things that were not seen again when they should have been",
+        "too_far": "were seen once only and too far away to be placed",
+    }
+    sentences = []
+    for note, text in reasons.items():
+        n = int(np.count_nonzero(fate.note == note))
+        if n:
+            advice = ""
+            if note == "no_pose" and n == len(fate.note):
+                advice = " Check the clock of the frames: time and start_ns in [video], t_ns."
+            sentences.append(
+                f"{n} of {len(fate.note)} detections {text}; they were left out.{advice}"
+            )
+    for name, correction in corrections.items():
+        camera = cameras[name]
+        sd = np.array([camera.mount_sd] * 3 + [camera.time_offset_sd])
+        if (np.abs(correction.values[:4]) > 3.0 * np.maximum(sd, 1e-9)).any():
+            turn = ", ".join(f"{v:.2f}" for v in np.degrees(correction.turn))
+            sentences.append(
+                f"camera {name} seems turned by ({turn}) deg in roll, pitch, yaw and its frames "
+                f"{correction.time_s:+.3f} s off, more than the manifest's sigmas allow; check "
+                "mount_rpy_deg and time_offset_s."
+            )
+    return sentences
