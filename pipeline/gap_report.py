@@ -145,16 +145,17 @@ def _by_gain(result: GapResult) -> list[str]:
 def _overlay(result: GapResult) -> Section:
     section = Section(
         sentences=[
-            "Where the old model errs most: measurements and what the models say of them before "
-            "they are seen, all against the new model. Dots outside the band are too many if the "
-            "new model is wrong; the line is the old model."
+            "Where the old model errs most: measurements, and what the models foretell of them, "
+            "all against the new model. Under a right model one dot in twenty lies outside the "
+            "band; the line is what the old model foretold."
         ]
     )
     fits = _held_out(result)
     if fits is None:
         section.absent = "No held-out data."
         return section
-    for name in _by_gain(result)[:OVERLAYS]:
+    measured = [n for n in _by_gain(result) if n.startswith(("position", "velocity"))]
+    for name in measured[:OVERLAYS]:
         unit = "m" if name.startswith("position") else "m/s"
         section.plots += overlay(*fits, name, unit)
     return section

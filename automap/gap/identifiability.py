@@ -8,14 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.gap.advice import advice
+from automap.gap.columns import ORIGIN
 from automap.gap.fit import Fit
 from automap.gap.screening import rows_of
 from automap.records import FloatArray, IntArray
 
 SHOWS = 3.0
 """A parameter of its usual size shows where it stands out by so many sigmas."""
-ALIKE = 0.9
-"""So much of what a parameter shows is another effect's, then the two cannot be told apart."""
+ALIKE = 0.8
+"""So much of what a parameter shows may be another effect's, and what is left stays below
+``SHOWS``: then the two cannot be told apart."""
 PRIOR_ROOM = 5.0
 
 
@@ -54,7 +56,7 @@ def identifiability(fits: Sequence[Fit], effects: Sequence[str]) -> Identifiabil
                 continue
             share = _share(info, rows, groups[other], priors)
             pair = frozenset({one, other})
-            if share > ALIKE and (pair not in found or share > found[pair].share):
+            if share > 0.0 and (pair not in found or share > found[pair].share):
                 found[pair] = Alike((one, other), share, advice(one, (other,)))
     alike = sorted(found.values(), key=lambda a: -a.share)
     return Identifiability(tuple(alike), tuple(e for e in effects if e not in shown))
@@ -69,12 +71,15 @@ def _information(
     parts = []
     for fit in fits:
         columns, rows, _ = rows_of(fit, effects)
-        names = [(c.effect, c.parameter) for c in columns]
-        for name, column in zip(names, columns, strict=True):
+        # a skew's origin is no parameter of its own
+        kept = [i for i, c in enumerate(columns) if c.parameter != ORIGIN]
+        names = [(columns[i].effect, columns[i].parameter) for i in kept]
+        for name, i in zip(names, kept, strict=True):
             if name not in layout:
                 layout.append(name)
-                priors.append(column.prior_sd)
-        parts.append((names, rows.phi.T @ rows.phi))
+                priors.append(columns[i].prior_sd)
+        phi = rows.phi[:, kept]
+        parts.append((names, phi.T @ phi))
     info: FloatArray = np.zeros((len(layout), len(layout)))
     for names, part in parts:
         at = [layout.index(n) for n in names]
@@ -83,8 +88,12 @@ def _information(
 
 
 def _share(info: FloatArray, rows: IntArray, other: IntArray, priors: FloatArray) -> float:
-    """The largest share of what one of ``rows`` shows that the ``other`` columns show too."""
+    """The largest share of what one of ``rows`` shows that the ``other`` columns show too; zero
+    where they can be told apart."""
     inner = info[np.ix_(other, other)] + np.diag((PRIOR_ROOM * priors[other]) ** -2.0)
     cross = info[np.ix_(rows, other)]
     explained = np.einsum("ij,ij->i", cross, np.linalg.solve(inner, cross.T).T)
-    return float(np.max(explained / np.maximum(np.diag(info)[rows], 1e-300)))
+    own = np.maximum(np.diag(info)[rows], 1e-300)
+    left = priors[rows] * np.sqrt(np.maximum(own - explained, 0.0))
+    share = np.where(left < SHOWS, explained / own, 0.0)
+    return float(np.max(np.where(share > ALIKE, share, 0.0)))

@@ -1,0 +1,59 @@
+"""The plots of gap.html: measurement and simulation, spectra, error bars."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from automap.gap import base_model
+from automap.gap.drive import open_drive
+from automap.gap.fit import Fit, fit_drive
+from pipeline.gap_plots import _spectrum, error_bars, overlay, running, spectrum
+from tests.unit.test_gap import simulated
+
+ARM = {"gnss_lever_arm": {"x": 0.6, "y": 0.0, "z": 0.0}}
+
+
+@pytest.fixture(scope="module")
+def fits() -> tuple[Fit, Fit]:
+    """A drive with a lever arm, under the model without it and with it."""
+    model = base_model()
+    opened = open_drive(simulated(ARM), model.options)
+    before = fit_drive(opened, model)
+    return before, fit_drive(opened, replace(model, values=ARM), start=before.start)
+
+
+def test_a_right_model_has_a_flat_spectrum_and_the_wrong_one_more_power(
+    fits: tuple[Fit, Fit],
+) -> None:
+    powers = []
+    for fit in fits:
+        found = _spectrum(fit, "velocity_n")
+        assert found is not None
+        powers.append(found[1])
+    assert np.mean(powers[1]) == pytest.approx(1.0, abs=0.25)
+    # in bends: slow
+    assert powers[0][:6].mean() > 2.5 * powers[1][:6].mean()
+
+
+@pytest.mark.parametrize("name", ["velocity_n", "velocity_e"])
+def test_every_plot_says_what_its_lines_are(fits: tuple[Fit, Fit], name: str) -> None:
+    drawn = overlay(*fits, name, "m/s") + running(*fits, name) + spectrum(*fits, name)
+    assert [len(p.legend) for p in drawn] == [3, 2, 3]
+    for plot in drawn:
+        assert plot.svg.startswith("<svg")
+        assert "nan" not in plot.svg
+
+
+def test_what_is_not_measured_is_not_drawn(fits: tuple[Fit, Fit]) -> None:
+    assert overlay(*fits, "odometer", "m/s") == []
+    assert spectrum(*fits, "odometer") == []
+
+
+def test_error_bars_are_of_position_and_heading(fits: tuple[Fit, Fit]) -> None:
+    titles = [p.title for p in error_bars(*fits)]
+    assert len(titles) == 2
+    assert "position" in titles[0]
+    assert "heading" in titles[1]
