@@ -38,6 +38,7 @@ def strongest_formula(
     """A formula that beats every name of the library, each fitted."""
     say("screening formulas")
     named = max(trials[0].joint.nats, 0.0) if trials else 0.0
+    enough = named + max(FORMULA_NATS, FORMULA_SHARE * named)
     contexts = [(state.model, state.fits)]
     if trials and trials[0].effect in SLOW_EFFECTS and trials[0].nats >= MIN_NATS:
         # under the noise that the best name was judged with: drift hides slow formulas too
@@ -50,7 +51,8 @@ def strongest_formula(
     best: Formula | None = None
     for model, fits in contexts:
         for formula in screen_formulas(fits, exclude)[:FORMULA_TRIALS]:
-            if formula.nats < FORMULA_NATS or formula.p_value > FORMULA_P:
+            # a fit never has more than the screening
+            if formula.nats < enough or formula.p_value > FORMULA_P:
                 continue
             tried = _fit_formula(state, model, formula)
             say(
@@ -59,7 +61,7 @@ def strongest_formula(
             )
             if best is None or tried.nats > best.nats:
                 best = tried
-    if best is None or best.nats < named + max(FORMULA_NATS, FORMULA_SHARE * named):
+    if best is None or best.nats < enough:
         return None
     if best.p_value > FORMULA_P:
         return None

@@ -56,6 +56,7 @@ MAX_FINDINGS = 8
 HELD_OUT_SLACK = 3.0
 SURE_NATS = 20.0
 SWAP_NATS = 1.0
+FIX_AGE = "gnss_latency"
 
 
 def begin(
@@ -175,28 +176,35 @@ def _formula_helps(state: State, formula: Formula, say: Say) -> bool:
 
 
 def _settle_age(state: State, say: Say) -> None:
-    """Whether velocities come late or through a low-pass, once all else is named: with other
-    delays still missing one resembles the other."""
-    for age, other in (VELOCITY_AGES, VELOCITY_AGES[::-1]):
-        if age not in state.accepted or other in state.accepted or other in state.exclude:
+    """Whether velocities come late, through a low-pass or with their whole fix, once all else is
+    named: with other effects still missing one resembles the other."""
+    free = set(candidates_of(state, state.exclude)) | set(VELOCITY_AGES) - state.exclude
+    age = next((e for e in VELOCITY_AGES if e in state.accepted), None)
+    if age is None:
+        return
+    whitener = whitener_of(state.fits[0])
+    before = total_score(state.fits, whitener)
+    found = []
+    for other in (*VELOCITY_AGES, FIX_AGE):
+        if other in state.accepted or other not in free:
             continue
         say(f"checking whether {age} is {other}")
         swapped = {other if e == age else e: s for e, s in state.accepted.items()}
         fits = fit_all(state, state.model, swapped)
-        whitener = whitener_of(state.fits[0])
-        gain = sum(
-            robust_score(a, whitener) - robust_score(b, whitener)
-            for a, b in zip(fits, state.fits, strict=True)
-        )
-        if gain < SWAP_NATS or min(fits[0].value_of(other).values()) <= 0.0:
-            return
-        state.accepted, state.fits = swapped, fits
-        state.rivals[other] = (age, *(e for e in state.rivals.pop(age, ()) if e != other))
-        state.trials = [
-            replace(t, candidate=replace(t.candidate, effect=other)) if t.effect == age else t
-            for t in state.trials
-        ]
+        # whole fixes are late more often
+        head_start = CLOSE_NATS if other == FIX_AGE else -SWAP_NATS
+        gain = total_score(fits, whitener) - before + head_start
+        say(f"{other}: {gain - head_start:.1f} nats more")
+        if gain > 0.0 and min(fits[0].value_of(other).values()) > 0.0:
+            found.append((gain, other, swapped, fits))
+    if not found:
         return
+    _, other, state.accepted, state.fits = max(found, key=lambda item: item[0])
+    state.rivals[other] = (age, *(e for e in state.rivals.pop(age, ()) if e != other))
+    state.trials = [
+        replace(t, candidate=replace(t.candidate, effect=other)) if t.effect == age else t
+        for t in state.trials
+    ]
 
 
 def eliminate(state: State, say: Say) -> Joint:

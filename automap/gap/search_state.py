@@ -41,8 +41,8 @@ Say = Callable[[str], None]
 @dataclass(frozen=True)
 class Trial:
     """A candidate that was fitted: joint estimate of all estimated effects, evidence in nats,
-    p-value, the model it was fitted under, the null's largest evidences; ``stage`` counts the
-    accepted ones from 1."""
+    p-value, the model it was fitted under, the null's largest evidences; ``own_noise`` where all
+    levels of that model were fitted with it; ``stage`` counts the accepted ones from 1."""
 
     candidate: Candidate
     joint: Joint
@@ -51,6 +51,7 @@ class Trial:
     nats: float
     p_value: float
     maxima: FloatArray
+    own_noise: bool = False
     stage: int = 0
 
     @property

@@ -192,7 +192,7 @@ def with_own_noise(state: State, trials: Sequence[Trial], say: Say) -> list[Tria
     out = []
     for i, trial in enumerate(trials):
         strong = trial.nats >= MIN_NATS and trial.nats > FINALIST_SHARE * trials[0].nats
-        if i >= FINALISTS or not strong:
+        if i >= FINALISTS or not strong or trial.own_noise:
             out.append(trial)
             continue
         say(f"fitting the noise with {trial.effect}")
@@ -258,5 +258,6 @@ def gross_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
         model = replace(plain, factors=fit_noise(trial.fits))
         estimate = state.accepted | {trial.effect: trial.scale}
         again = fit_all(replace(state, fits=list(trial.fits)), model, estimate)
-        out.append(_judge(state, trial.candidate, model, again, screening.maxima))
+        judged = _judge(state, trial.candidate, model, again, screening.maxima)
+        out.append(replace(judged, own_noise=True))
     return out

@@ -11,8 +11,12 @@ from automap.earth import metres_per_radian
 from automap.gap import base_model
 from automap.gap.ages import Ages, without_remainder
 from automap.gap.drive import open_drive
+from automap.gap.evidence import Evidence
 from automap.gap.fit import Fit, at_times, fit_drive, motion_of
-from automap.gap.naming import offset_besides
+from automap.gap.naming import latency_first, offset_besides
+from automap.gap.scoring import Joint
+from automap.gap.screening import Candidate
+from automap.gap.search_state import Trial
 from tests.unit.test_gap import simulated
 
 MODEL = base_model()
@@ -71,3 +75,22 @@ def test_clocks_of_different_rates_may_agree_somewhere(offset: float, apart: boo
     fit = fit_drive(opened, MODEL, {"imu_clock_skew": 20.0})
     assert fit.value_of("imu_clock_skew")["skew"] == pytest.approx(5e-4, abs=1e-4)
     assert offset_besides([fit]) is apart
+
+
+def trial(effect: str, nats: float) -> Trial:
+    one = np.ones(1)
+    evidence = Evidence(nats, one, one, 1.0, 1.0)
+    candidate = Candidate(effect, ("s",), np.array([0]), one, evidence, 0.0)
+    joint = Joint(((effect, "s"),), one, np.eye(1), nats)
+    return Trial(candidate, joint, (), MODEL, nats, 0.0, one)
+
+
+@pytest.mark.parametrize(
+    ("nats", "first"), [(98.0, "gnss_latency"), (90.0, "gnss_velocity_latency")]
+)
+def test_whole_fixes_are_late_where_late_velocities_explain_no_more(
+    nats: float, first: str
+) -> None:
+    trials = [trial("gnss_velocity_latency", 100.0), trial("gnss_latency", nats)]
+    assert latency_first(trials)[0].effect == first
+    assert len(latency_first(trials)) == 2
