@@ -13,7 +13,7 @@ from automap.vision.classes import load_classes
 from automap.vision.classifier import crop_faces
 from automap.vision.training import scenes
 from automap.vision.training.art import Face
-from automap.vision.training.degrade import at_random
+from automap.vision.training.degrade import at_random, exposed
 from automap.vision.training.drawings import Drawings
 from automap.vision.training.street_data import Crop, Street
 from automap.vision.vocabulary import load_vocabulary
@@ -63,7 +63,7 @@ class CropMaker:
         one = self._real[name][int(rng.integers(len(self._real[name])))]
         image, box = _near(one.image, one.box)
         if rng.random() < 0.5:
-            image = at_random(image, rng, 0.7)
+            image = at_random(exposed(image, rng), rng, 0.7)
         size = float((box[2:] - box[:2]).max())
         if rng.random() < 0.25 and size > 24:
             image, box = _smaller(image, box, rng.uniform(12, 24) / size)
@@ -127,7 +127,7 @@ class CropMaker:
         if rng.random() < 0.6:
             scenes.pole(part, box, rng)
         placed = scenes.draw_face(part, face, box, rng)
-        part = at_random(part, rng, 0.8)
+        part = at_random(exposed(part, rng), rng, 0.8)
         return np.asarray(
             crop_faces(part, jittered(box if placed is None else placed, rng)[None])[0], np.uint8
         )

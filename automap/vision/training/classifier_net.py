@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
+
+_FACE_PX = 18.0
+"""Radius of what belongs to the face in a crop whatever its shape."""
+_BRIGHTEST = 3.0
 
 
 def _convolution(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
@@ -32,13 +37,20 @@ class FaceNet(nn.Module):
         self.hidden = nn.Linear(32 * 6 * 6, 192)
         self.drop = nn.Dropout(0.25)
         self.out = nn.Linear(192, labels)
+        across = torch.arange(48.0) - 23.5
+        inside = (across[:, None] ** 2 + across**2 < _FACE_PX**2).float()
+        self.register_buffer("inside", inside / inside.sum(), persistent=False)
 
     def forward(self, x: Tensor) -> Tensor:
-        # every crop by its own light: its mean and spread, all channels alike so that colour stays
+        # every face by its own light, whatever stands around it: its mean and spread, all channels
+        # alike so that colour stays
         x = x * (1.0 / 255.0)
-        mean = x.mean(dim=(1, 2, 3), keepdim=True)
-        spread = ((x - mean) ** 2).mean(dim=(1, 2, 3), keepdim=True).sqrt()
-        x = (x - mean) / (spread + 0.05)
+        inside: Tensor = self.inside
+        grey = x.mean(dim=1, keepdim=True)
+        mean = (grey * inside).sum(dim=(2, 3), keepdim=True)
+        power = ((x - mean) ** 2).mean(dim=1, keepdim=True)
+        spread = (power * inside).sum(dim=(2, 3), keepdim=True).sqrt()
+        x = ((x - mean) / (1.25 * spread + 0.004)).clamp(-_BRIGHTEST, _BRIGHTEST)
         x = F.relu(self.squeeze(self.body(x))).flatten(1)
         x = self.drop(F.relu(self.hidden(x)))
         logits: Tensor = self.out(x)

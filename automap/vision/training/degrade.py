@@ -129,6 +129,16 @@ def at_random(image: Image, rng: Random, strength: float = 1.0) -> Image:
     return image
 
 
+def exposed(image: Image, rng: Random) -> Image:
+    """Sometimes far too dark, as against the sun or at dusk, or far too bright."""
+    chance = rng.random()
+    if chance < 0.15:
+        return tone(image, float(np.exp(rng.uniform(np.log(0.08), np.log(0.6)))), 1.0, 1.0)
+    if chance < 0.22:
+        return _clipped(image.astype(np.float32) * rng.uniform(1.3, 2.2))
+    return image
+
+
 def desaturated(image: Image, by: float) -> Image:
     """With colour taken out, 0 none to 1 all."""
     grey = cv2.cvtColor(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR)

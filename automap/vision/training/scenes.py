@@ -104,7 +104,9 @@ def draw_face(image: Image, face: Image, box: FloatArray, rng: Random) -> FloatA
     target = (quad - low + 0.5) * over - 0.5
     matrix = cv2.getPerspectiveTransform(source, np.asarray(target, np.float32))
     full = ((top - low) * over).tolist()
-    light = np.clip(_local_light(image, box) * rng.uniform(0.75, 1.6), 25, 250) / 245.0
+    # one in six stands against the light
+    gain = rng.uniform(0.75, 1.6) if rng.random() < 5 / 6 else rng.uniform(0.2, 0.75)
+    light = np.clip(_local_light(image, box) * gain, 20, 250) / 245.0
     art = art.astype(np.float32)
     art[:, :, :3] *= light * art[:, :, 3:] / 255.0
     patch = cv2.warpPerspective(art, matrix, (full[0], full[1]), flags=cv2.INTER_LINEAR)

@@ -1,37 +1,26 @@
 """Train the sign detector; can be stopped and resumed at any time.
 
-python -m automap.vision.training.train_detector --data DIR --work DIR --steps 4000 --decay 800
+python -m automap.vision.training.train_detector --data DIR --work DIR
 
-The rate of learning is constant until ``decay`` steps before the end and then falls to zero,
-so a training may be prolonged, or ended early, by resuming it with another number of steps.
-The weights that are used are the running mean of the last thousand steps or so. With
-``--ranks N`` as many processes, started with ``--rank`` 0 to N - 1, share the work.
+With ``--ranks N`` as many processes, started with ``--rank`` 0 to N - 1, share the work.
 """
 
 from __future__ import annotations
 
-import argparse
-import copy
-import json
-import os
-import time
-from pathlib import Path
-
-import cv2
 import numpy as np
 import torch
-from torch.utils.data import DataLoader, IterableDataset, get_worker_info
+from torch import Tensor, nn
+from torch.utils.data import IterableDataset, get_worker_info
 
 from automap.vision.training.art import load_faces
 from automap.vision.training.cache import training_streets
 from automap.vision.training.detector_data import Sample, SampleMaker, mirrored
 from automap.vision.training.detector_net import SignNet, detection_loss
-from automap.vision.training.ranks import follow, join, share_gradients
+from automap.vision.training.loop import Recipe, fit, prepare, read_options
 
-BATCH = 8
-RATE = 2e-3
-_WARM_UP = 150
-_MEAN_STEPS = 400.0
+RECIPE = Recipe(
+    "detector", rate=2e-3, weight_decay=1e-3, warm_up=150, mean_steps=400.0, batch=8, norm=5.0
+)
 _WAITING = 96
 
 
@@ -62,88 +51,18 @@ def _batch(samples: list[Sample]) -> tuple[torch.Tensor, ...]:
     return tuple(tensors)
 
 
-def _rate(step: int, steps: int, decay: int) -> float:
-    warm = min(1.0, (step + 1) / _WARM_UP)
-    return RATE * warm * min(1.0, max(0.0, (steps - step) / max(decay, 1)))
-
-
-def train(
-    data: Path, work: Path, steps: int, decay: int, workers: int, rank: int, ranks: int
-) -> None:
-    """Train up to ``steps``, from the last checkpoint in ``work`` if there is one."""
-    work.mkdir(parents=True, exist_ok=True)
-    # a pool of threads does not survive the forking of the workers
-    cv2.setNumThreads(0)
-    faces = load_faces(data / "sign-art", work / "faces.pkl")
-    streets = training_streets(data, work)
-    net = SignNet().to(memory_format=torch.channels_last)
-    mean = copy.deepcopy(net)
-    optimizer = torch.optim.AdamW(net.parameters(), lr=RATE, weight_decay=1e-3)
-    step = 0
-    checkpoint = work / "detector.pt"
-    if checkpoint.is_file():
-        state = torch.load(checkpoint, weights_only=True)
-        net.load_state_dict(state["net"])
-        mean.load_state_dict(state["mean"])
-        optimizer.load_state_dict(state["optimizer"])
-        step = int(state["step"])
-    loader = DataLoader(
-        _Stream(SampleMaker(streets, faces), seed=1000 + step + 100_000 * rank),
-        BATCH,
-        num_workers=workers,
-        collate_fn=_batch,
-        prefetch_factor=4 if workers else None,
-        # the pictures are shared with the workers, not copied
-        multiprocessing_context="fork" if workers else None,
-    )
-    join(work / "detector-meeting", rank, ranks)
-    log = (work / "detector-log.jsonl").open("a", encoding="utf-8")
-    started, losses = time.time(), []
-    for image, heat, weight, box, near in loader:
-        if step >= steps:
-            break
-        for group in optimizer.param_groups:
-            group["lr"] = _rate(step, steps, decay)
-        loss = detection_loss(net(image.float()), heat, weight, box, near)
-        optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        share_gradients(net, ranks)
-        torch.nn.utils.clip_grad_norm_(net.parameters(), 5.0)
-        optimizer.step()
-        step += 1
-        follow(mean, net, 1.0 / min(_MEAN_STEPS, step / 5.0 + 1.0))
-        losses.append(float(loss.detach()))
-        if rank == 0 and (step % 50 == 0 or step == steps):
-            row = {"step": step, "loss": round(float(np.mean(losses)), 4),
-                   "batch": BATCH * ranks, "seconds": round(time.time() - started)}  # fmt: skip
-            print(json.dumps(row), file=log, flush=True)
-            losses = []
-        if rank == 0 and (step % 100 == 0 or step == steps):
-            temporary = work / "detector.pt.tmp"
-            torch.save(
-                {"net": net.state_dict(), "mean": mean.state_dict(),
-                 "optimizer": optimizer.state_dict(), "step": step}, temporary)  # fmt: skip
-            os.replace(temporary, checkpoint)
+def _judge(net: nn.Module, batch: tuple[torch.Tensor, ...]) -> tuple[Tensor, dict[str, float]]:
+    image, heat, weight, box, near = batch
+    return detection_loss(net(image.float()), heat, weight, box, near), {}
 
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description="Train the sign detector")
-    parser.add_argument("--data", type=Path, required=True, help="folder with gtsdb and sign-art")
-    parser.add_argument("--work", type=Path, required=True, help="checkpoints and log")
-    parser.add_argument("--steps", type=int, default=4000)
-    parser.add_argument("--decay", type=int, default=800)
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--rank", type=int, default=0)
-    parser.add_argument("--ranks", type=int, default=1)
-    options = parser.parse_args()
-    torch.set_num_threads(options.threads)
-    torch.manual_seed(1)
-    train(
-        options.data, options.work, options.steps, options.decay, options.workers,
-        options.rank, options.ranks,
-    )  # fmt: skip
+    options = read_options("Train the sign detector", steps=19500, decay=2600)
+    prepare(options, seed=1)
+    faces = load_faces(options.data / "sign-art", options.work / "faces.pkl")
+    maker = SampleMaker(training_streets(options.data, options.work), faces)
+    fit(SignNet(), RECIPE, options, lambda seed: _Stream(maker, 1000 + seed), _batch, _judge)
 
 
 if __name__ == "__main__":
