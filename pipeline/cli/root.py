@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import importlib
 import os
+import signal
 import sys
+import threading
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
@@ -33,6 +35,9 @@ _COMMANDS = {
     "record": "pipeline.cli.record",
     "regress": "pipeline.cli.regress",
 }
+
+_RESUMED = frozenset({"run", "gap", "regress", "experiment"})
+"""They keep the stages that were done."""
 
 _EPILOG = """\b
 Example:
@@ -74,8 +79,32 @@ def cli(debug: bool) -> None:
 
 def main(args: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and leave the process with the contract's exit code."""
+    _interruptible()
     words = list(sys.argv[1:] if args is None else args)
     sys.exit(run_command(words))
+
+
+_interrupted = threading.Event()
+
+
+def _interrupt(signum: int, frame: Any) -> None:
+    _interrupted.set()
+    raise KeyboardInterrupt
+
+
+def _interruptible() -> None:
+    """Take away what a command has begun when it is told to end, as on Ctrl-C."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    # ignored is what a shell makes it for what runs in the background
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
+
+
+def _end_interrupted(words: list[str]) -> int:
+    command = next((word for word in words if not word.startswith("-")), "")
+    then = "resumes" if command in _RESUMED else "starts over"
+    click.echo(f"interrupted; the same command {then}", err=True)
+    return 130
 
 
 def run_command(words: list[str]) -> int:
@@ -90,8 +119,7 @@ def run_command(words: list[str]) -> int:
         error.show()
         return error.exit_code
     except (click.Abort, KeyboardInterrupt):
-        click.echo("interrupted; the same command resumes", err=True)
-        return 130
+        return _end_interrupted(words)
     except AutoMapError as error:
         show_failure(error, debug)
         return error.exit_code
@@ -104,6 +132,9 @@ def run_command(words: list[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
+        if _interrupted.is_set():
+            # a compiled module makes an error of its own of an interrupt while it is loaded
+            return _end_interrupted(words)
         if debug:
             show_failure(error, debug)
         else:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -97,7 +95,6 @@ def command(
         dry_run=dry_run,
         command=["automap", *sys.argv[1:]],
     )
-    signal.signal(signal.SIGTERM, _interrupt)
     reporter = Silent() if quiet or as_json else Terminal(len(selected))
     outcomes = run_drives(drives, out, request, reporter)
     for outcome in outcomes:
@@ -108,7 +105,3 @@ def command(
         summary = {"exit_code": code, "drives": [as_dict(outcome) for outcome in outcomes]}
         click.echo(json.dumps(summary, indent=1, ensure_ascii=False))
     return code
-
-
-def _interrupt(signum: int, frame: Any) -> None:
-    raise KeyboardInterrupt

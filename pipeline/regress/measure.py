@@ -237,6 +237,7 @@ def run_tasks(tasks: Sequence[Task], jobs: int) -> list[Measured]:
     from concurrent.futures import ProcessPoolExecutor
     from concurrent.futures.process import BrokenProcessPool
 
+    others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
     workers = max(1, min(jobs, len(tasks)))
     pool = ProcessPoolExecutor(
@@ -257,5 +258,10 @@ def run_tasks(tasks: Sequence[Task], jobs: int) -> list[Measured]:
                     )
                 )
         return results
+    except KeyboardInterrupt:
+        # a run that nobody waits for any more would hold the command for minutes
+        for child in set(multiprocessing.active_children()) - others:
+            child.terminate()
+        raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)

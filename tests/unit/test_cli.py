@@ -160,6 +160,18 @@ def test_an_interrupt_is_130(
     assert "interrupted" in capsys.readouterr().err
 
 
+def test_a_command_that_keeps_nothing_starts_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*args: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("automap.simulation.drive_writer.write_drive", interrupted)
+    assert run_command(["simulate", "sample", "-o", str(tmp_path / "drive")]) == 130
+    assert capsys.readouterr().err.strip() == "interrupted; the same command starts over"
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_run_cleanly(drive: Path, number: signal.Signals) -> None:
     code = (
