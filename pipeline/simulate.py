@@ -13,7 +13,10 @@ from automap.io.atomic import make_folder, write_failure
 
 if TYPE_CHECKING:
     from automap.simulation.scenario import Scenario
-    from pipeline.settings.fuse import FuseSettings
+    from pipeline.config import Settings
+
+CAMERA = "front"
+"""The name of a scenario's camera in its manifest."""
 
 
 def simulate(
@@ -40,13 +43,14 @@ def simulate(
     activate(settings.effects)
     description = load_scenario(_scenario_file(scenario))
     if config is not None:
-        errors = {**description.errors, **_errors_of(settings.fuse, description)}
+        errors = {**description.errors, **_errors_of(settings, description)}
         description = description.model_copy(update={"errors": errors})
     _write(out, lambda folder: write_drive(description, folder, seed, progress))
 
 
-def _errors_of(model: FuseSettings, scenario: Scenario) -> dict[str, dict[str, float] | bool]:
+def _errors_of(settings: Settings, scenario: Scenario) -> dict[str, dict[str, float] | bool]:
     """What a model says of the sensors, as the errors of a scenario."""
+    model = settings.fuse
     errors: dict[str, dict[str, float] | bool] = {e: dict(v) for e, v in model.fixed.items()}
     arm = errors.get("gnss_lever_arm")
     if isinstance(arm, dict) and scenario.gnss is not None:
@@ -55,6 +59,8 @@ def _errors_of(model: FuseSettings, scenario: Scenario) -> dict[str, dict[str, f
         errors["gnss_lever_arm"] = {p: arm.get(p, 0.0) - stated[p] for p in "xyz"}
     if not model.earth_rotation:
         errors["earth_rotation"] = False
+    for effect, values in settings.geolocate.fixed.get(CAMERA, {}).items():
+        errors[effect] = dict(values)
     return errors
 
 

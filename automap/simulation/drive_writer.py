@@ -9,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from automap.effects.vehicle import parameter
 from automap.errors import ConfigError
 from automap.io import names
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, IntArray
+from automap.simulation.boxes import detections_csv, sign_boxes
 from automap.simulation.camera import Painter, camera_views, principal_point
+from automap.simulation.errors import error_values
 from automap.simulation.gnss import arrivals
 from automap.simulation.odometer import write_odometer_csv
 from automap.simulation.scenario import CameraSetup, Gnss, Scenario
@@ -26,6 +29,7 @@ Progress = Callable[[float, str], None]
 
 _VIDEO_CLOCK = 90_000
 ODOMETER_FILE = "odometer.csv"
+DETECTIONS_FILE = "front_detections.csv"
 
 
 def write_drive(
@@ -147,18 +151,47 @@ def _write_video(
     rng: np.random.Generator,
     progress: Progress,
 ) -> None:
-    """Frames at jittered true times; the container's stamps are exact, the table's are noisy."""
-    import av
+    """Frames at jittered true times; the container's stamps are exact, the table's are noisy.
 
+    A camera whose boxes are wanted has these in place of the video.
+    """
     setup = scenario.camera
     assert setup is not None
     period = 1.0 / setup.frame_rate_hz
     count = int((drive.duration_s - 0.2) / period)
     times: FloatArray = 0.1 + np.arange(count) * np.float64(period)
     times += np.clip(rng.standard_normal(count) * setup.frame_jitter_s, -period / 3, period / 3)
+    errors = error_values(scenario.errors)
+    if setup.box_sd_px is not None:
+        boxes = sign_boxes(drive, setup, errors, times, scene, rng)
+        path = folder / DETECTIONS_FILE
+        path.write_text(detections_csv(boxes), encoding="utf-8", newline="\n")
+    else:
+        _draw_video(folder / "front.mp4", scenario, setup, drive, scene, times, rng, progress)
+    rate = 1.0 + scenario.clock.drift_ppm * 1e-6
+    stamps = times + rng.standard_normal(count) * setup.stamp_noise_s
+    stamps -= parameter(errors, "camera_time_offset")
+    t_ns = scenario.clock.start_ns + np.rint(stamps / rate * 1e9).astype(np.int64)
+    text = "frame,t_ns\n" + "".join(f"{i},{t}\n" for i, t in enumerate(t_ns))
+    (folder / "front_frames.csv").write_text(text, encoding="utf-8", newline="\n")
+
+
+def _draw_video(
+    path: Path,
+    scenario: Scenario,
+    setup: CameraSetup,
+    drive: DriveMotion,
+    scene: Scene,
+    times: FloatArray,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> None:
+    import av
+
+    count = len(times)
     painter = Painter(scene, setup, scenario.scenery.brightness, rng)
     views = camera_views(drive, setup, times, scene.ref)
-    with av.open(str(folder / "front.mp4"), "w") as container:
+    with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=Fraction(setup.frame_rate_hz))
         stream.width, stream.height, stream.pix_fmt = setup.width, setup.height, "yuv420p"
         stream.time_base = stream.codec_context.time_base = Fraction(1, _VIDEO_CLOCK)
@@ -178,11 +211,6 @@ def _write_video(
             if i % 10 == 0:
                 progress(i / count, f"frame {i} of {count}")
         container.mux(stream.encode())
-    rate = 1.0 + scenario.clock.drift_ppm * 1e-6
-    stamps = times + rng.standard_normal(count) * setup.stamp_noise_s
-    t_ns = scenario.clock.start_ns + np.rint(stamps / rate * 1e9).astype(np.int64)
-    text = "frame,t_ns\n" + "".join(f"{i},{t}\n" for i, t in enumerate(t_ns))
-    (folder / "front_frames.csv").write_text(text, encoding="utf-8", newline="\n")
 
 
 def _manifest(scenario: Scenario) -> str:
@@ -227,7 +255,9 @@ def _video_section(setup: CameraSetup) -> list[str]:
     return [
         "",
         "[video.front]",
-        'files = ["video/front.mp4"]',
+        'files = ["video/front.mp4"]'
+        if setup.box_sd_px is None
+        else f'detections = "video/{DETECTIONS_FILE}"',
         'frames = "video/front_frames.csv"',
         'time = "boot_ns"',
         f"width = {setup.width}",

@@ -12,7 +12,6 @@ from automap.errors import ConfigError
 Errors = Mapping[str, Mapping[str, float] | bool]
 EARTH = "earth_rotation"
 TEMPERATURE = ("accel_temperature", "gyro_temperature")
-_SIMULATED = ("imu", "noise", "clock", "gnss", "vehicle")
 _NOT_NEGATIVE = (
     "accel_bias_walk",
     "gyro_bias_walk",
@@ -23,12 +22,15 @@ _NOT_NEGATIVE = (
 )
 
 
-def check_errors(errors: Errors, has_gnss: bool = True, has_odometer: bool = True) -> None:
+def check_errors(
+    errors: Errors, has_gnss: bool = True, has_odometer: bool = True, has_boxes: bool = False
+) -> None:
     """Refuse what cannot be simulated.
 
     Raises:
         ConfigError: an effect or a parameter that does not exist (the nearest is named), one of
-            the camera, one of a sensor that the scenario does not have, or an impossible value.
+            a sensor that the scenario does not have, or an impossible value. A camera has effects
+            where its boxes are written in place of a video (``has_boxes``).
     """
     for name, values in errors.items():
         effect = effect_named(name)
@@ -36,10 +38,10 @@ def check_errors(errors: Errors, has_gnss: bool = True, has_odometer: bool = Tru
             if not isinstance(values, bool):
                 raise ConfigError(f"errors.{EARTH} is on or off; give true or false")
             continue
-        if effect.family not in _SIMULATED:
+        if effect.family == "camera" and not has_boxes:
             raise ConfigError(
-                f"effect '{name}' cannot be given under [errors]; remove it and describe the "
-                "camera under [camera]"
+                f"effect '{name}' needs boxes in place of a video; give box_sd_px under [camera], "
+                "or describe the camera that takes the video there"
             )
         known = [p.name for p in effect.parameters]
         if isinstance(values, bool):

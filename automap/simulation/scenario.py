@@ -140,7 +140,11 @@ class Odometer(_Part):
 
 
 class CameraSetup(_Part):
-    """Camera on the vehicle; ``mount_rpy_deg`` is true, the manifest's differs by the error."""
+    """Camera on the vehicle; ``mount_rpy_deg`` is true, the manifest's differs by the error.
+
+    With ``box_sd_px`` no video is drawn: the boxes that a detector would find are written, their
+    edges with so much noise. Only such a camera can have effects under ``errors``.
+    """
 
     width: Annotated[int, Field(ge=64, le=4096)] = 1280
     height: Annotated[int, Field(ge=64, le=4096)] = 720
@@ -156,6 +160,7 @@ class CameraSetup(_Part):
     image_noise: NonNegative = 2.5
     blur_px: NonNegative = 0.6
     quality: Annotated[int, Field(ge=0, le=51)] = 27
+    box_sd_px: Positive | None = None
 
 
 class SignPlacement(_Part):

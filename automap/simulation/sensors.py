@@ -66,7 +66,12 @@ def simulate_sensors(
     IMU stamps carry ``imu_time_offset`` and ``imu_clock_skew``; fixes and wheel speeds stand on
     the right clock. Raises ConfigError for errors that cannot be simulated.
     """
-    check_errors(scenario.errors, scenario.gnss is not None, scenario.odometer is not None)
+    check_errors(
+        scenario.errors,
+        scenario.gnss is not None,
+        scenario.odometer is not None,
+        scenario.camera is not None and scenario.camera.box_sd_px is not None,
+    )
     errors = error_values(scenario.errors)
     progress(0.0, "trajectory")
     drive = drive_motion(scenario, streams.road)

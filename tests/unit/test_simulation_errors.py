@@ -17,11 +17,13 @@ from automap.io.odometer_csv import read_odometer_csv
 from automap.simulation.drive_writer import write_drive
 from automap.simulation.errors import check_errors
 from automap.simulation.scenario import (
+    CameraSetup,
     Gnss,
     Leg,
     Odometer,
     Route,
     Scenario,
+    SignPlacement,
     Start,
     load_scenario,
 )
@@ -199,3 +201,45 @@ def test_wheels_and_temperature_are_written_and_read(tmp_path: Path) -> None:
     base = simulated({}).imu.accel[:, 0]
     drift = table["ax"] - base
     assert drift == pytest.approx(0.01 * (warm - np.median(warm)), abs=1e-4)
+
+
+def test_a_camera_with_boxes_has_its_effects(tmp_path: Path) -> None:
+    camera = CameraSetup(box_sd_px=0.01, frame_jitter_s=0.0, stamp_noise_s=0.0)
+    signs = [
+        SignPlacement(at_m=60.0, sign="regulatory--stop--g1", offset_m=4.0, height_m=2.5),
+        SignPlacement(at_m=90.0, sign="regulatory--stop--g1", offset_m=-4.0, height_m=3.0),
+    ]
+    with pytest.raises(ConfigError, match="box_sd_px"):
+        simulated({"camera_focal": {"relative": 0.1}}, camera=CameraSetup(), signs=signs)
+    read = {}
+    cases: dict[str, dict[str, Any]] = {
+        "plain": {},
+        "turned": {"camera_boresight": {"yaw": 0.02}},
+        "late": {"camera_time_offset": {"s": 0.05}},
+        "slow": {"rolling_shutter": {"s": 0.03}},
+    }
+    for name, errors in cases.items():
+        folder = tmp_path / name
+        folder.mkdir()
+        write_drive(scenario(errors, camera=camera, signs=signs), folder, seed=4)
+        assert not (folder / "video" / "front.mp4").exists()
+        read[name] = (
+            np.genfromtxt(
+                folder / "video" / "front_detections.csv",
+                delimiter=",",
+                skip_header=1,
+                usecols=(0, 2, 3, 4, 5),
+            ),
+            np.genfromtxt(folder / "video" / "front_frames.csv", delimiter=",", skip_header=1),
+        )
+    plain, turned = read["plain"][0], read["turned"][0]
+    shared = np.intersect1d(plain[:, 0], turned[:, 0])
+    assert len(shared) > 20
+    # a camera turned to the right has everything further to the left in its picture
+    left = [plain[plain[:, 0] == f][0, 1] - turned[turned[:, 0] == f][0, 1] for f in shared[:20]]
+    assert np.median(left) == pytest.approx(20.0, abs=3.0)
+    # the offset is what must be added to a stamp
+    apart = (read["plain"][1][:, 1] - read["late"][1][:, 1]) * 1e-9
+    assert apart == pytest.approx(0.05, abs=1e-6)
+    assert len(read["slow"][0]) > 20
+    assert load_drive(tmp_path / "plain").cameras()["front"].width == camera.width
