@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.earth import from_local_ned
-from automap.geolocation.merging import combine, member_rows
+from automap.geolocation.merging import member_rows
 from automap.geolocation.path_relation import Path, relate, side_of_path
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views, tangent_rotation
@@ -37,19 +37,21 @@ class AssemblyRules:
 def assemble_sign(
     views: Views,
     sightings: Sequence[Sighting],
+    combined: tuple[FloatArray, FloatArray],
     path: Path,
     number: int,
     rules: AssemblyRules,
 ) -> Sign:
     """One sign from its sightings (at least one), seen from the views.
 
+    ``combined`` their mean position [3] and its covariance [3, 3] in the local frame.
     The height above the road is the height above the path of the IMU at the point nearest in
     plan plus the given height of the IMU above the road. The sign faces the mean direction in
     plan from it to the cameras. Confidence is the probability that at least one of the boxes
     is right, a box of score s being right with s / 2, reduced by the uncertainty of the place:
     (1 - prod(1 - s_i / 2)) / sqrt(1 + (sd / 3 m)^2).
     """
-    position, cov_ned = combine(sightings)
+    position, cov_ned = combined
     rows = member_rows(sightings)
     lat, lon, height = (float(v) for v in from_local_ned(position, views.origin))
     to_ned_here = tangent_rotation(np.array([lat]), np.array([lon]), views.origin)[0].T

@@ -26,6 +26,8 @@ from automap.records import Camera, FloatArray
 N_CAMERA = 9
 """Of the errors common to views, those that a camera shares with all signs."""
 
+_LEVER_ARM = slice(5, 8)
+
 ATTITUDE_WINDOW_S = 60.0
 """Signs seen within such a time share the trajectory's attitude error."""
 
@@ -40,7 +42,7 @@ class CameraPriors:
     taller than their signs."""
 
     focal_sd: float = 0.005
-    lever_arm_sd_m: float = 0.1
+    lever_arm_sd_m: float = 0.3
     margin_sd_px: float = 2.0
 
 
@@ -79,13 +81,16 @@ def refine_correction(
     ]
     for landmark in usable:
         rows = landmark.rows
-        own, step = _evidence(views, landmark, prior)
+        own, step = _evidence(views, landmark, prior, priors.lever_arm_sd_m)
         number = int((views.t_ns[rows[0]] - views.t_ns[0]) * 1e-9 // ATTITUDE_WINDOW_S)
         known, pull, attitude = windows.get(number, (np.zeros((n, n)), np.zeros(n), []))
         attitude.append(np.mean(views.attitude_sd[rows] ** 2, axis=0))
         windows[number] = (known + own, pull + step, attitude)
     before_any = prior_covariance(camera, priors)
-    information = np.linalg.inv(before_any)
+    # what bends tell of the lever arm is each pass's own: it has no share in the solution
+    held = before_any.copy()
+    held[_LEVER_ARM, _LEVER_ARM] = 1e-12 * np.eye(3)
+    information = np.linalg.inv(held)
     right = -information @ before
     for known, pull, attitude in windows.values():
         shared = np.zeros(n)
@@ -96,9 +101,8 @@ def refine_correction(
     covariance = np.asarray(np.linalg.inv(0.5 * (information + information.T)), np.float64)
     after = before + covariance @ right
     # the lever arm keeps its prior: its error is that of the manifest
-    kept = slice(5, 8)
-    covariance[kept] = before_any[kept]
-    covariance[:, kept] = before_any[:, kept]
+    covariance[_LEVER_ARM] = before_any[_LEVER_ARM]
+    covariance[:, _LEVER_ARM] = before_any[:, _LEVER_ARM]
     return CameraCorrection(
         turn=after[:3],
         time_s=float(after[3]),
@@ -108,7 +112,9 @@ def refine_correction(
     )
 
 
-def _evidence(views: Views, landmark: Landmark, prior: SizePrior) -> tuple[FloatArray, FloatArray]:
+def _evidence(
+    views: Views, landmark: Landmark, prior: SizePrior, lever_arm_sd_m: float
+) -> tuple[FloatArray, FloatArray]:
     """Information [9, 9] and right-hand side [9] of one sign, its own unknowns eliminated.
 
     Its own unknowns are its place and size and the errors of its pass but for the attitude,
@@ -122,7 +128,7 @@ def _evidence(views: Views, landmark: Landmark, prior: SizePrior) -> tuple[Float
     right = shared[:N_COMMON, -1] - A.T @ solved[:, -1]
     # boxes of one sign err together: their agreement is no measure of their error
     scale = max(1.0, chi2 / landmark.dof)
-    own = pass_sd(views, landmark.rows, attitude=False)
+    own = pass_sd(views, landmark.rows, lever_arm_sd_m, attitude=False)
     limited = np.linalg.inv(np.eye(N_COMMON) + information / scale * own**2)
     n = N_CAMERA
     return (limited @ information)[:n, :n] / scale, (limited @ right)[:n] / scale

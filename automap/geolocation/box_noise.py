@@ -30,12 +30,16 @@ _ABSORBED = 1.5
 
 
 def measured_noise(
-    views: Views, landmarks: Sequence[Landmark], prior: SizePrior, noise: MeasurementNoise
+    views: Views,
+    landmarks: Sequence[Landmark],
+    prior: SizePrior,
+    noise: MeasurementNoise,
+    lever_arm_sd_m: float,
 ) -> MeasurementNoise:
     """``noise`` with the scales that the residuals of ``landmarks`` (made with it) show."""
     often = [mark for mark in landmarks if mark.ok and len(mark.rows) >= MIN_VIEWS]
     step = max(1, -(-len(often) // _MOST_SIGNS))
-    settled = [settle(views, mark, prior) for mark in often[::step]]
+    settled = [settle(views, mark, prior, lever_arm_sd_m) for mark in often[::step]]
     right, down, height = (
         noise.scales[k] * scatter([mark.residual[:, k] for mark in settled]) for k in range(3)
     )

@@ -12,6 +12,7 @@ from automap.geolocation.boresight import prior_covariance
 from automap.geolocation.box_noise import measured_noise
 from automap.geolocation.camera_estimate import estimate_cameras, first_corrections, refit
 from automap.geolocation.camera_model import focal_length
+from automap.geolocation.control import ControlSigns, match_control
 from automap.geolocation.existence import existence_probabilities
 from automap.geolocation.fate import Observations, no_fate, record_sign, warnings_of
 from automap.geolocation.landmark import Landmark, fit_landmark
@@ -23,19 +24,29 @@ from automap.geolocation.sightings import make_sighting
 from automap.geolocation.splitting import clean_tracks, join_pieces
 from automap.geolocation.supports import support_numbers
 from automap.geolocation.tracking import link_views
-from automap.geolocation.views import CameraCorrection, Views, build_views
+from automap.geolocation.trajectory_adjustment import (
+    adjust_trajectory,
+    shift_sighting,
+    shift_trajectory,
+)
+from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views, build_views
 from automap.records import Camera, Detections, IntArray, Sign, Trajectory
 
 
 @dataclass(frozen=True)
 class GeolocationResult:
     """Signs in the order of first sight, the fate of every detection, what was found out
-    about each camera, and sentences for the user."""
+    about each camera, and sentences for the user; ``trajectory`` as signs seen again and control
+    signs adjusted it (None: not at all), ``n_control`` control signs that were used, ``noise``
+    of the boxes as it was taken."""
 
     signs: list[Sign]
     observations: Observations
     corrections: dict[str, CameraCorrection]
     warnings: list[str]
+    trajectory: Trajectory | None
+    n_control: int
+    noise: MeasurementNoise
 
 
 def locate_signs(
@@ -44,12 +55,14 @@ def locate_signs(
     cameras: Mapping[str, Camera],
     rules: GeolocationRules | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
+    control: ControlSigns | None = None,
 ) -> GeolocationResult:
     """Locate all signs of a drive.
 
     ``detections`` one record per camera, whose name must be in ``cameras``. Every detection
     is accounted for in the observations; what could not be used is counted in the warnings.
-    ``progress`` is called with the fraction done.
+    ``progress`` is called with the fraction done. ``control`` surveyed signs to adjust the
+    trajectory by.
     """
     rules = rules or GeolocationRules()
     corrections: dict[str, CameraCorrection] = {}
@@ -59,7 +72,9 @@ def locate_signs(
     views = build_views(trajectory, detections, cameras, rules.noise, corrections)
     landmarks, misfits = _find_landmarks(views, rules, lambda done: progress(0.1 + 0.4 * done))
     if rules.estimate_noise:
-        noise = measured_noise(views, landmarks, rules.size, rules.noise)
+        noise = measured_noise(
+            views, landmarks, rules.size, rules.noise, rules.camera.lever_arm_sd_m
+        )
         rules = replace(rules, noise=noise)
         views = build_views(trajectory, detections, cameras, noise, corrections)
         landmarks = [fit_landmark(views, mark.rows, rules.size) for mark in landmarks]
@@ -82,7 +97,7 @@ def locate_signs(
     fate.note[views.row[misfits]] = "misfit"
 
     exists = existence_probabilities(views, landmarks, trajectory, detections, cameras, corrections)
-    kept, probability = [], []
+    kept = []
     for mark, likely in zip(landmarks, exists, strict=True):
         if not mark.ok:
             continue
@@ -92,24 +107,34 @@ def locate_signs(
             fate.note[views.row[mark.rows]] = "too_far"
         else:
             kept.append(mark)
-            probability.append(float(likely))
     covariances = [
         corrections[name].covariance
         if name in corrections
         else prior_covariance(cameras[name], rules.camera)
         for name in views.camera_names
     ]
-    kept = [settle(views, mark, rules.size) for mark in kept]
+    kept = [settle(views, mark, rules.size, rules.camera.lever_arm_sd_m) for mark in kept]
     sightings = [make_sighting(views, mark, covariances) for mark in kept]
     path = make_path(trajectory, views.origin)
     focal = np.array([focal_length(cameras[name]) for name in views.camera_names])
+    groups = group_sightings(views, sightings)
+    controlled = match_control(control, sightings, groups, views.origin) if control else {}
+    adjustment = None
+    if rules.adjust_trajectory:
+        adjustment = adjust_trajectory(trajectory, sightings, groups, controlled)
+    adjusted = None
+    if adjustment is not None:
+        sightings = [shift_sighting(sighting, adjustment) for sighting in sightings]
+        adjusted = shift_trajectory(trajectory, adjustment, views.origin)
+        path = make_path(adjusted, views.origin)
     signs: list[Sign] = []
     places, own = [], []
-    for number, group in enumerate(group_sightings(views, sightings), start=1):
+    for number, group in enumerate(groups, start=1):
         members = [sightings[k] for k in group]
-        sign = assemble_sign(views, members, path, number, rules.assembly)
+        combined = combine(members, adjusted is not None)
+        sign = assemble_sign(views, members, combined, path, number, rules.assembly)
         signs.append(sign)
-        places.append(combine(members)[0])
+        places.append(combined[0])
         own.append(min((m.own_cov for m in members), key=lambda c: float(np.trace(c))))
         for k, member in zip(group, members, strict=True):
             record_sign(fate, views, member.landmark, k, sign.id, focal)
@@ -121,7 +146,15 @@ def locate_signs(
             replace(sign, support=f"p{number + 1:04d}")
             for sign, number in zip(signs, numbers, strict=True)
         ]
-    return GeolocationResult(signs, fate, corrections, warnings_of(fate, corrections, cameras))
+    sentences = warnings_of(fate, corrections, cameras)
+    if control is not None and len(controlled) < len(control):
+        sentences.append(
+            f"{len(control) - len(controlled)} of {len(control)} control signs were not seen, or "
+            "stand where the trajectory's own error does not allow them; they were not used."
+        )
+    return GeolocationResult(
+        signs, fate, corrections, sentences, adjusted, len(controlled), rules.noise
+    )
 
 
 def _find_landmarks(

@@ -87,12 +87,13 @@ def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[in
     return [sorted(groups[k]) for k in sorted(groups, key=first.__getitem__)]
 
 
-def combine(sightings: Sequence[Sighting]) -> tuple[FloatArray, FloatArray]:
+def combine(sightings: Sequence[Sighting], adjusted: bool = False) -> tuple[FloatArray, FloatArray]:
     """Mean position [3] of one sign's sightings and its total covariance [3, 3].
 
     Weights are the inverse covariances. The trajectory's error is correlated between passes
     that follow one another closely, the camera's effect between all passes of one camera:
-    neither is averaged down as if it were new.
+    neither is averaged down as if it were new. After an adjustment of the trajectory by these
+    very passes (``adjusted``) what remains of its error is common to them.
     """
     weights = [np.linalg.inv(s.covariance + 1e-6 * np.eye(3)) for s in sightings]
     inverse = np.linalg.inv(np.sum(weights, axis=0))
@@ -102,7 +103,8 @@ def combine(sightings: Sequence[Sighting]) -> tuple[FloatArray, FloatArray]:
     for share_a, a in zip(shares, sightings, strict=True):
         covariance += share_a @ (a.own_cov + a.pass_cov) @ share_a.T
         for share_b, b in zip(shares, sightings, strict=True):
-            shared = np.exp(-abs(a.time_s - b.time_s) / PATH_CORRELATION_S)
+            apart = 0.0 if adjusted else abs(a.time_s - b.time_s)
+            shared = np.exp(-apart / PATH_CORRELATION_S)
             both = np.diag(shared * a.path_sd * b.path_sd)
             if a.camera == b.camera:
                 both = both + a.camera_effect @ a.camera_cov @ b.camera_effect.T

@@ -28,22 +28,19 @@ from automap.records import FloatArray, IntArray
 STAMP_SD_S = 0.005
 """What the stamps of the frames of one pass are off by in common, beyond the camera's offset."""
 
-LEVER_ARM_SD_M = 0.3
-"""By how much the camera's place on the vehicle is off as a rule, measured by hand or left zero."""
-
 _STEPS = 5
 _SETTLED = 1e-3
 
 
 def pass_sd(
-    views: Views, rows: IntArray, attitude: bool = True, lever_arm_sd_m: float = LEVER_ARM_SD_M
+    views: Views, rows: IntArray, lever_arm_sd_m: float, attitude: bool = True
 ) -> FloatArray:
     """One-sigma errors [12] of one pass of one sign, in the order of ``N_COMMON``.
 
-    ``attitude`` whether the trajectory's attitude error is among them. The camera's place on the
-    vehicle is the same in every pass, but shows in bends only and then differently in each: on
-    the straight it is one with the place of the sign. A box that is loose on
-    one side is off its sign's centre by half as much as it is too tall.
+    ``lever_arm_sd_m`` of the camera's place on the vehicle, which shows in bends only and then
+    differently in each (on the straight it is one with the place of the sign); ``attitude``
+    whether the trajectory's attitude error is among them. A box that is loose on one side is off
+    its sign's centre by half as much as it is too tall.
     """
     sd = np.zeros(N_COMMON)
     if attitude:
@@ -72,7 +69,7 @@ def equations(
     return N, A, shared, residual, weight, float(chi2)
 
 
-def settle(views: Views, landmark: Landmark, prior: SizePrior) -> Landmark:
+def settle(views: Views, landmark: Landmark, prior: SizePrior, lever_arm_sd_m: float) -> Landmark:
     """The landmark solved together with the errors of its pass.
 
     Gauss-Newton from the landmark's own solution; where that leads nowhere (a sign passing
@@ -80,7 +77,7 @@ def settle(views: Views, landmark: Landmark, prior: SizePrior) -> Landmark:
     """
     if not landmark.ok:
         return landmark
-    sd = pass_sd(views, landmark.rows)
+    sd = pass_sd(views, landmark.rows, lever_arm_sd_m)
     parameters, z = landmark.parameters.copy(), np.zeros(N_COMMON)
     identity = np.eye(N_COMMON)
     for _ in range(_STEPS):

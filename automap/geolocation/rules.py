@@ -14,7 +14,8 @@ from automap.geolocation.views import MeasurementNoise
 @dataclass(frozen=True)
 class GeolocationRules:
     """``estimate_camera`` and ``estimate_noise``: the camera's turn and time offset, and the
-    scatter of its boxes, from all signs. ``max_single_view_m`` is the greatest distance, judged
+    scatter of its boxes, from all signs; ``adjust_trajectory`` by signs seen again and control
+    signs. ``max_single_view_m`` is the greatest distance, judged
     by the box's size alone, at which a sign seen once is still put on the map;
     ``min_existence`` the least probability of existence (seen, and missed when it should have
     been seen) of a sign on the map."""
@@ -26,5 +27,6 @@ class GeolocationRules:
     camera: CameraPriors = field(default_factory=CameraPriors)
     estimate_camera: bool = True
     estimate_noise: bool = True
+    adjust_trajectory: bool = True
     max_single_view_m: float = 60.0
     min_existence: float = 0.5

@@ -1,0 +1,202 @@
+"""The trajectory, adjusted weakly by signs seen again and by surveyed ones.
+
+A sign seen in two passes says how the trajectory's errors of the two differ, a control sign
+what they are. The error of the position is a Gauss-Markov process with the sigma that the
+trajectory reports and the time constant of satellite errors, one value a node of a few
+seconds; the signs' places are eliminated (Schur complement). What no sign tells keeps its
+prior, so that parts of a drive without such signs stay as they were.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from automap.earth import metres_per_radian
+from automap.geolocation.merging import PATH_CORRELATION_S
+from automap.geolocation.sightings import Sighting
+from automap.geolocation.views import tangent_rotation
+from automap.records import FloatArray, Trajectory
+
+_NODE_S = 5.0
+_MOST_NODES = 400
+_ROUNDS = 4
+_CAUCHY_SQUARE = 9.0
+_LEAST_GAIN = 0.02
+_FLAT = 1e-9
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """Error of the trajectory's position at ``time_s`` [k] host seconds: ``error`` [k, 3] and
+    one sigma ``sd`` [k, 3] of it, m NED at the map's origin."""
+
+    time_s: FloatArray
+    error: FloatArray
+    sd: FloatArray
+
+    def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Error and sigma [n, 3] at other times [n]; at the ends the last ones hold."""
+        columns = [
+            np.column_stack([np.interp(time_s, self.time_s, values[:, k]) for k in range(3)])
+            for values in (self.error, self.sd)
+        ]
+        return columns[0], columns[1]
+
+
+def adjust_trajectory(
+    trajectory: Trajectory,
+    sightings: Sequence[Sighting],
+    groups: Sequence[Sequence[int]],
+    control: Mapping[int, tuple[FloatArray, FloatArray]],
+) -> Adjustment | None:
+    """The trajectory's error from ``groups`` of sightings, each of one sign.
+
+    ``control`` gives for the number of a group its surveyed place [3] in the local frame and
+    the covariance [3, 3] of that (a coordinate not surveyed has a large variance). None where
+    no sign was seen twice or surveyed, or where that tells next to nothing.
+    """
+    telling = [k for k, group in enumerate(groups) if len(group) > 1 or k in control]
+    if not telling or len(trajectory) < 2:
+        return None
+    nodes, sd = _nodes(trajectory)
+    prior = _prior_information(nodes)
+    u = np.zeros(3 * len(nodes))
+    covariance: FloatArray = np.eye(len(u))
+    weights = {k: np.ones(len(groups[k])) for k in telling}
+    for _ in range(_ROUNDS):
+        information, right = prior.copy(), np.zeros(len(u))
+        for k in telling:
+            members = [sightings[m] for m in groups[k]]
+            A = np.vstack([_design(nodes, sd, m.time_s) for m in members])
+            N, r = _eliminated(members, A, control.get(k), weights[k])
+            information += N
+            right += r
+        covariance = np.asarray(np.linalg.inv(information), np.float64)
+        u = covariance @ right
+        for k in telling:
+            members = [sightings[m] for m in groups[k]]
+            weights[k] = _weights(
+                members, [_design(nodes, sd, m.time_s) @ u for m in members], control.get(k)
+            )
+    posterior = np.sqrt(np.diag(covariance)).reshape(-1, 3)
+    if posterior.min() > 1.0 - _LEAST_GAIN:
+        return None
+    return Adjustment(nodes, u.reshape(-1, 3) * sd, posterior * sd)
+
+
+def _nodes(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
+    """Times [k] of the nodes and the trajectory's sigma there [k, 3]."""
+    time = trajectory.t_ns * 1e-9
+    count = int(np.clip(np.ceil((time[-1] - time[0]) / _NODE_S) + 1, 2, _MOST_NODES))
+    nodes = np.linspace(time[0], time[-1], count)
+    known = np.maximum(np.nan_to_num(trajectory.sd_pos_ned), 1e-6)
+    return nodes, np.column_stack([np.interp(nodes, time, known[:, k]) for k in range(3)])
+
+
+def _prior_information(nodes: FloatArray) -> FloatArray:
+    """Information [3k, 3k] of a unit Gauss-Markov process at the nodes, three axes alike."""
+    n = len(nodes)
+    alike = np.exp(-np.diff(nodes) / PATH_CORRELATION_S)
+    fresh = 1.0 / (1.0 - alike**2)
+    one = np.zeros((n, n))
+    one[0, 0] = 1.0
+    rows = np.arange(1, n)
+    one[rows, rows] += fresh
+    one[rows - 1, rows - 1] += alike**2 * fresh
+    one[rows, rows - 1] -= alike * fresh
+    one[rows - 1, rows] -= alike * fresh
+    return np.asarray(np.kron(one, np.eye(3)))
+
+
+def _design(nodes: FloatArray, sd: FloatArray, time_s: float) -> FloatArray:
+    """Derivative [3, 3k] of the trajectory's error at a time by the values at the nodes."""
+    right = int(np.clip(np.searchsorted(nodes, time_s), 1, len(nodes) - 1))
+    share = float(np.clip((time_s - nodes[right - 1]) / (nodes[right] - nodes[right - 1]), 0, 1))
+    A = np.zeros((3, 3 * len(nodes)))
+    A[:, 3 * right - 3 : 3 * right] = np.diag((1.0 - share) * sd[right - 1])
+    A[:, 3 * right : 3 * right + 3] = np.diag(share * sd[right])
+    return A
+
+
+def _own_information(sighting: Sighting) -> FloatArray:
+    own = sighting.covariance - np.diag(sighting.path_sd**2)
+    return np.asarray(np.linalg.inv(own + 0.1**2 * np.eye(3)))
+
+
+def _eliminated(
+    members: Sequence[Sighting],
+    A: FloatArray,
+    control: tuple[FloatArray, FloatArray] | None,
+    weight: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Information and right-hand side of a sign's sightings for the nodes, without its place."""
+    start = members[0].position
+    W = [w * _own_information(m) for w, m in zip(weight, members, strict=True)]
+    z = [m.position - start for m in members]
+    place: FloatArray = _FLAT * np.eye(3)
+    pull = np.zeros(3)
+    if control is not None:
+        place = np.asarray(np.linalg.inv(control[1]), np.float64)
+        pull = place @ (control[0] - start)
+    parts = [A[3 * k : 3 * k + 3] for k in range(len(members))]
+    N = np.sum([part.T @ w @ part for part, w in zip(parts, W, strict=True)], axis=0)
+    r = np.sum([part.T @ w @ v for part, w, v in zip(parts, W, z, strict=True)], axis=0)
+    cross = np.sum([part.T @ w for part, w in zip(parts, W, strict=True)], axis=0)
+    place = place + np.sum(W, axis=0)
+    pull = pull + np.sum([w @ v for w, v in zip(W, z, strict=True)], axis=0)
+    solved = np.linalg.solve(place, np.column_stack([cross.T, pull]))
+    return N - cross @ solved[:, :-1], r - cross @ solved[:, -1]
+
+
+def _weights(
+    members: Sequence[Sighting],
+    error: Sequence[FloatArray],
+    control: tuple[FloatArray, FloatArray] | None,
+) -> FloatArray:
+    """Cauchy's weights [m] of a sign's sightings, by their distance from the sign's place."""
+    W = [_own_information(m) for m in members]
+    z = [m.position - e for m, e in zip(members, error, strict=True)]
+    N, g = np.sum(W, axis=0), np.sum([w @ v for w, v in zip(W, z, strict=True)], axis=0)
+    if control is not None:
+        N, g = N + np.linalg.inv(control[1]), g + np.linalg.solve(control[1], control[0])
+    place = np.linalg.solve(N, g)
+    square = np.array([(v - place) @ w @ (v - place) for w, v in zip(W, z, strict=True)])
+    return np.asarray(1.0 / (1.0 + square / _CAUCHY_SQUARE))
+
+
+def shift_sighting(sighting: Sighting, adjustment: Adjustment) -> Sighting:
+    """The sighting as the adjusted trajectory gives it."""
+    error, sd = adjustment.at(np.array([sighting.time_s]))
+    position = sighting.position - error[0]
+    return replace(
+        sighting,
+        position=position,
+        landmark=replace(sighting.landmark, position=position),
+        path_sd=np.minimum(sd[0], sighting.path_sd),
+    )
+
+
+def shift_trajectory(
+    trajectory: Trajectory, adjustment: Adjustment, origin: tuple[float, float, float]
+) -> Trajectory:
+    """The adjusted trajectory: positions, velocities and sigmas of the positions."""
+    time = np.asarray(trajectory.t_ns * 1e-9, np.float64)
+    error, sd = adjustment.at(time)
+    slope = np.gradient(adjustment.error, adjustment.time_s, axis=0)
+    drift = np.column_stack([np.interp(time, adjustment.time_s, slope[:, k]) for k in range(3)])
+    C_here_origin = np.swapaxes(
+        tangent_rotation(trajectory.lat_rad, trajectory.lon_rad, origin), 1, 2
+    )
+    error, drift = (np.einsum("nij,nj->ni", C_here_origin, v) for v in (error, drift))
+    per_lat, per_lon = metres_per_radian(trajectory.lat_rad, np.nan_to_num(trajectory.height_m))
+    return replace(
+        trajectory,
+        lat_rad=trajectory.lat_rad - error[:, 0] / per_lat,
+        lon_rad=(trajectory.lon_rad - error[:, 1] / per_lon + np.pi) % (2.0 * np.pi) - np.pi,
+        height_m=trajectory.height_m + error[:, 2],
+        vel_ned=trajectory.vel_ned - drift,
+        sd_pos_ned=np.minimum(sd, trajectory.sd_pos_ned),
+    )

@@ -1,0 +1,93 @@
+"""The trajectory adjusted by control signs and by signs seen again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from geolocation_scene import ORIGIN, Scene, boxes, camera, drive_path, roadside
+
+from automap.earth import from_local_ned, local_ned
+from automap.geolocation.control import ControlSigns
+from automap.geolocation.locate import GeolocationResult, locate_signs
+from automap.geolocation.rules import GeolocationRules
+from automap.records import Detections, Trajectory
+
+SHIFT = np.array([3.0, -2.0, 0.0])
+
+
+def moved(trajectory: Trajectory, shift: np.ndarray, sd_m: float) -> Trajectory:
+    """The trajectory with a constant or row-wise position error [3] or [n, 3]."""
+    place = local_ned(trajectory.lat_rad, trajectory.lon_rad, trajectory.height_m, ORIGIN)
+    lat, lon, height = from_local_ned(place + shift, ORIGIN)
+    sd = np.full((len(trajectory), 3), sd_m)
+    return replace(trajectory, lat_rad=lat, lon_rad=lon, height_m=height, sd_pos_ned=sd)
+
+
+def error(result: GeolocationResult, true: Trajectory) -> np.ndarray:
+    """Horizontal error [n, 2] of the adjusted trajectory."""
+    assert result.trajectory is not None
+    one, other = (
+        local_ned(t.lat_rad, t.lon_rad, t.height_m, ORIGIN) for t in (result.trajectory, true)
+    )
+    return np.asarray(one - other)[:, :2]
+
+
+@pytest.fixture(scope="module")
+def passed() -> tuple[Trajectory, Scene, Detections]:
+    path = drive_path(40.0)
+    scene = roadside(path, every_s=4.0)
+    return path, scene, boxes(path, scene, camera(), np.random.default_rng(0), noise_px=0.5)[0]
+
+
+def surveyed(scene: Scene, rows: list[int], sd_m: float = 0.05) -> ControlSigns:
+    lat, lon, _ = from_local_ned(scene.position[rows], ORIGIN)
+    return ControlSigns(lat, lon, np.full(len(rows), "", np.object_), np.full(len(rows), sd_m))
+
+
+def test_control_signs_take_the_common_error_off(passed) -> None:
+    path, scene, found = passed
+    off = moved(path, SHIFT, 3.0)
+    rows = list(range(0, len(scene.position), 2))
+    result = locate_signs(off, [found], {"front": camera()}, control=surveyed(scene, rows))
+    assert result.n_control >= len(rows) - 1
+    assert np.linalg.norm(error(result, path), axis=1).max() < 1.0
+    assert result.trajectory is not None
+    assert result.trajectory.sd_pos_ned[:, :2].max() < 1.5
+    np.testing.assert_array_equal(result.trajectory.rpy, off.rpy)
+    for sign in result.signs:
+        place = local_ned(sign.lat_rad, sign.lon_rad, 0.0, ORIGIN)[:2]
+        assert np.linalg.norm(scene.position[:, :2] - place, axis=1).min() < 1.2
+
+
+def test_without_control_or_second_pass_nothing_is_adjusted(passed) -> None:
+    path, _, found = passed
+    result = locate_signs(moved(path, SHIFT, 3.0), [found], {"front": camera()})
+    assert result.trajectory is None
+    assert result.n_control == 0
+
+
+def test_control_signs_of_another_place_are_left_out_and_said(passed) -> None:
+    path, scene, found = passed
+    far = replace(scene, position=scene.position + np.array([500.0, 500.0, 0.0]))
+    result = locate_signs(path, [found], {"front": camera()}, control=surveyed(far, [0, 1]))
+    assert result.n_control == 0
+    assert result.trajectory is None
+    assert any("2 of 2 control signs" in text for text in result.warnings)
+
+
+def test_a_second_pass_halves_the_difference_of_the_two() -> None:
+    """The same circle twice, the second lap's trajectory shifted: both laps meet halfway."""
+    lap_s = 40.0
+    path = drive_path(2.0 * lap_s, turn_rate=2.0 * np.pi / lap_s)
+    scene = roadside(drive_path(lap_s, turn_rate=2.0 * np.pi / lap_s), every_s=4.0)
+    found, _ = boxes(path, scene, camera(), np.random.default_rng(0), noise_px=0.5)
+    seconds = (path.t_ns - path.t_ns[0]) * 1e-9
+    late = np.clip((seconds - lap_s) / 5.0 + 0.5, 0.0, 1.0)[:, None] * np.array([2.0, 0.0, 0.0])
+    result = locate_signs(moved(path, late, 2.0), [found], {"front": camera()})
+    after = error(result, path)
+    first, second = after[seconds < 0.8 * lap_s, 0], after[seconds > 1.2 * lap_s, 0]
+    assert abs(second.mean() - first.mean()) < 0.8, "two metres apart before"
+    off = GeolocationRules(adjust_trajectory=False)
+    assert locate_signs(path, [found], {"front": camera()}, off).trajectory is None
