@@ -33,7 +33,7 @@ class MeasurementNoise:
     pixel_sd: float = 1.5
     box_fraction: float = 0.05
     attitude_sd: float = 0.002
-    margin_sd_px: float = 1.5
+    margin_sd_px: float = 2.0
     scales: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 

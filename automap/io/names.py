@@ -55,3 +55,4 @@ TRUTH_TRAJECTORY = "trajectory.csv"
 TRUTH_SIGNS = "signs.geojson"
 FINISHED_TRAJECTORIES = ("trajectory.csv", "trajectory.pos")
 BEARINGS = "bearings.csv"
+CONTROL_SIGNS = "control_signs.geojson"

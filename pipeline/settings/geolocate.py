@@ -20,6 +20,12 @@ class GeolocateSettings(Section):
     """Spread of the logarithm of sign heights (0.4: two thirds lie within -33 and +49 %)."""
     max_silence_s: float = Field(default=20.0, gt=0)
     """A sign not seen for so long starts a new track, s."""
+    box_margin_sd_px: float = Field(default=2.0, ge=0)
+    """One sigma of the height that boxes have beyond their signs, pixels."""
+    estimate_noise: bool = True
+    """Measure how the boxes scatter about the signs, in place of pixel_sd and box_fraction."""
+    adjust_trajectory: bool = True
+    """Adjust the trajectory by signs seen again and by control_signs.geojson."""
     estimate_camera: bool = True
     """Estimate the camera's turn and time offset from all signs together."""
     max_single_view_m: float = Field(default=60.0, gt=0)
@@ -28,7 +34,7 @@ class GeolocateSettings(Section):
     """Least probability that a sign exists, from seen and not seen when it should have been."""
     focal_sd: float = Field(default=0.005, ge=0)
     """One sigma of the focal length, as part of it."""
-    lever_arm_sd_m: float = Field(default=0.1, ge=0)
+    lever_arm_sd_m: float = Field(default=0.3, ge=0)
     """One sigma of the camera's place on the vehicle, m."""
     fixed: dict[str, dict[str, dict[str, float]]] = Field(default_factory=dict)
     """Errors of the stated cameras that are known: camera, effect, parameter, value."""

@@ -5,24 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from automap.errors import InputError
 from automap.io import names
+from pipeline.geolocate_output import report_result, write_nothing, write_observations_of
 from pipeline.stage import Stage, StageContext
 
 if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
     import pyarrow as pa
 
-    from automap.geolocation.locate import GeolocationResult
+    from automap.geolocation.control import ControlSigns
     from automap.geolocation.rules import GeolocationRules
     from automap.io.drive import Drive
     from automap.records import Camera, Detections, IntArray, Trajectory
     from pipeline.settings.geolocate import GeolocateSettings
-
-_LISTED = 3
 
 
 def run(context: StageContext) -> None:
@@ -56,7 +53,7 @@ def run(context: StageContext) -> None:
             context.warn("Without a trajectory the detections cannot be placed on the map.")
         known = []
     if not known or trajectory is None:
-        _write_nothing(context, table)
+        write_nothing(context, table)
         return
     _locate(context, trajectory, table, known)
 
@@ -147,12 +144,22 @@ def rules_from(settings: GeolocateSettings, drive: str) -> GeolocationRules:
     from automap.geolocation.views import MeasurementNoise
 
     return GeolocationRules(
-        noise=MeasurementNoise(pixel_sd=settings.pixel_sd, box_fraction=settings.box_fraction),
+        noise=MeasurementNoise(
+            pixel_sd=settings.pixel_sd,
+            box_fraction=settings.box_fraction,
+            margin_sd_px=settings.box_margin_sd_px,
+        ),
         size=SizePrior(size_m=settings.sign_size_m, log_sd=settings.sign_size_log_sd),
         tracking=TrackingRules(max_silence_s=settings.max_silence_s),
         assembly=AssemblyRules(imu_above_road_m=settings.imu_above_road_m, drive=drive),
-        camera=CameraPriors(focal_sd=settings.focal_sd, lever_arm_sd_m=settings.lever_arm_sd_m),
+        camera=CameraPriors(
+            focal_sd=settings.focal_sd,
+            lever_arm_sd_m=settings.lever_arm_sd_m,
+            margin_sd_px=settings.box_margin_sd_px,
+        ),
         estimate_camera=settings.estimate_camera,
+        estimate_noise=settings.estimate_noise,
+        adjust_trajectory=settings.adjust_trajectory,
         min_existence=settings.min_existence,
         max_single_view_m=settings.max_single_view_m,
     )
@@ -168,6 +175,7 @@ def _locate(
 
     from automap.geolocation.locate import locate_signs
     from automap.io.signs_table import write_signs
+    from automap.io.trajectory_table import write_trajectory
 
     settings = context.settings.geolocate
     cameras, records = _as_known(context.drive.cameras(), [r for r, _ in parts], settings.fixed)
@@ -177,16 +185,19 @@ def _locate(
         cameras,
         rules_from(settings, context.drive.name),
         lambda fraction: context.progress(fraction, "linking detections"),
+        _control_signs(context.drive),
     )
     rows = np.concatenate([rows for _, rows in parts])
     signs = [
         replace(sign, detection_rows=np.sort(rows[sign.detection_rows])) for sign in result.signs
     ]
     write_signs(context.work / names.SIGNS_RAW, signs)
-    _write_observations(context.work / names.OBSERVATIONS, table, parts, result)
+    if result.trajectory is not None:
+        write_trajectory(context.work / names.TRAJECTORY_ADJUSTED, result.trajectory)
+    write_observations_of(context.work / names.OBSERVATIONS, table, parts, result)
     for text in result.warnings:
         context.warn(text)
-    _report(context, result)
+    report_result(context, result)
 
 
 def _as_known(
@@ -208,111 +219,31 @@ def _as_known(
     return cameras, out
 
 
-def _write_observations(
-    path: Path,
-    table: pa.Table,
-    parts: list[tuple[Detections, IntArray]],
-    result: GeolocationResult,
-) -> None:
-    import numpy as np
+def _control_signs(drive: Drive) -> ControlSigns | None:
+    """The surveyed signs of a drive folder."""
+    from automap.geolocation.control import ControlSigns
+    from automap.io.sign_points import read_sign_points
 
-    from automap.io.observations_table import write_observations
-
-    rows = np.concatenate([own for _, own in parts])
-
-    def spread(values: npt.NDArray[Any], missing: Any) -> npt.NDArray[Any]:
-        column: np.ndarray[Any, Any] = np.full(len(table), missing, values.dtype)
-        column[rows] = values
-        return column
-
-    fate = result.observations
-    t_ns = table["t_ns"].to_numpy().copy()
-    for record, own in parts:
-        t_ns[own] = record.t_ns
-    results = {
-        "t_ns": t_ns,
-        "track": spread(fate.track, -1),
-        "sign_id": spread(fate.sign_id, ""),
-        "residual_x_px": spread(fate.residual_px[:, 0], np.nan),
-        "residual_y_px": spread(fate.residual_px[:, 1], np.nan),
-        "range_m": spread(fate.range_m, np.nan),
-        "used": spread(fate.used, False),
-        "note": spread(fate.note, "no_camera"),
-    }
-    write_observations(path, table, results)
-
-
-def _write_nothing(context: StageContext, table: pa.Table) -> None:
-    """No signs; every detection is still listed, unused."""
-    import numpy as np
-
-    from automap.io.observations_table import write_observations
-    from automap.io.signs_table import write_signs
-
-    n = len(table)
-    unknown = np.full(n, np.nan)
-    columns = {
-        "track": np.full(n, -1, np.int64),
-        "sign_id": np.full(n, "", np.object_),
-        "residual_x_px": unknown,
-        "residual_y_px": unknown,
-        "range_m": unknown,
-        "used": np.zeros(n, np.bool_),
-        "note": np.full(n, "no_pose", np.object_),
-    }
-    write_observations(context.work / names.OBSERVATIONS, table, columns)
-    write_signs(context.work / names.SIGNS_RAW, [])
-    context.metric("detections", n)
-    context.metric("detections_used", 0)
-    context.result = f"0 signs from {n} detections"
-
-
-def _report(context: StageContext, result: GeolocationResult) -> None:
-    import numpy as np
-
-    signs, fate = result.signs, result.observations
-    context.metric("detections", len(fate.used))
-    context.metric("detections_used", int(fate.used.sum()))
-    statuses = sorted({s.status for s in signs})
-    context.metric("sign_status", {k: sum(s.status == k for s in signs) for k in statuses})
-    for name, found in result.corrections.items():
-        sd = np.sqrt(np.diag(found.covariance))
-        context.metric(
-            f"camera_{name}",
-            {
-                "boresight_rpy_deg": np.degrees(found.turn).tolist(),
-                "boresight_rpy_sd_deg": np.degrees(sd[:3]).tolist(),
-                "time_offset_s": found.time_s,
-                "time_offset_sd_s": float(sd[3]),
-                "focal_scale": float(np.exp(found.focal_log)),
-                "focal_scale_sd": float(sd[4]),
-            },
-        )
-    context.result = f"{len(signs)} signs from {len(fate.used)} detections"
-    if signs:
-        sd = np.sqrt([0.5 * (s.cov_enu[0, 0] + s.cov_enu[1, 1]) for s in signs])
-        context.result += f", median sd {float(np.median(sd)):.1f} m"
-        residual = fate.residual_px[fate.used]
-        if len(residual):
-            context.metric("residual_rms_px", float(np.sqrt(np.mean(residual**2))))
-    flagged = [s for s in signs if s.status != "ok"]
-    if flagged:
-        some = ", ".join(f"{s.id} {s.status}" for s in flagged[:_LISTED])
-        more = f" and {len(flagged) - _LISTED} more" if len(flagged) > _LISTED else ""
-        context.warn(f"{len(flagged)} of {len(signs)} signs are placed uncertainly: {some}{more}.")
+    path = drive.path / names.CONTROL_SIGNS
+    if not path.is_file():
+        return None
+    points = read_sign_points(path)
+    return ControlSigns(points.lat_rad, points.lon_rad, points.class_name, points.sd_m)
 
 
 def _inputs(drive: Drive) -> list[Path]:
-    return [] if drive.bearings_file is None else [drive.bearings_file]
+    control = drive.path / names.CONTROL_SIGNS
+    files = [] if drive.bearings_file is None else [drive.bearings_file]
+    return [*files, control] if control.is_file() else files
 
 
 STAGE = Stage(
     name="geolocate",
-    version=3,
+    version=4,
     run=run,
     inputs=_inputs,
     needs=(names.TRAJECTORY, names.DETECTIONS, names.SYNC),
-    # the adjusted trajectory is written by a geolocation that moves the vehicle as well
+    # the adjusted trajectory is written where signs seen again or surveyed ones move the vehicle
     outputs=(names.SIGNS_RAW, names.OBSERVATIONS, names.TRAJECTORY_ADJUSTED),
     settings=("geolocate",),
     manifest=("name", "video"),

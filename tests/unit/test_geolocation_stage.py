@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from automap.io import names
 from automap.io.detections_table import write_detections
 from automap.io.drive import load_drive
 from automap.io.signs_table import read_signs, write_signs
-from automap.io.trajectory_table import write_trajectory
+from automap.io.trajectory_table import read_trajectory, write_trajectory
 from automap.records import Detections, Sign
 from pipeline.config import load_settings
 from pipeline.stage import StageContext
@@ -153,3 +154,27 @@ def test_unreadable_signs_are_one_sentence(tmp_path: Path, content: bytes | None
         path.write_bytes(content)
     with pytest.raises(InputError, match=r"signs\.parquet"):
         read_signs(path)
+
+
+def test_control_signs_of_the_folder_adjust_the_trajectory(context: StageContext) -> None:
+    path = drive_path(duration_s=14.0, sd_m=2.0)
+    scene = roadside(path)
+    lat, lon, _ = from_local_ned(scene.position + np.array([1.5, 0.0, 0.0]), ORIGIN)
+    features = [
+        {
+            "type": "Feature",
+            "geometry": {"type": "Point", "coordinates": [float(x), float(y)]},
+            "properties": {"sd_m": 0.02},
+        }
+        for x, y in zip(np.degrees(lon), np.degrees(lat), strict=True)
+    ]
+    text = json.dumps({"type": "FeatureCollection", "features": features})
+    (context.drive.path / names.CONTROL_SIGNS).write_text(text)
+    assert context.drive.path / names.CONTROL_SIGNS in STAGE.inputs(context.drive)
+    write_trajectory(context.out / names.TRAJECTORY, path)
+    write_detections(context.out / names.DETECTIONS, [seen()])
+    STAGE.run(context)
+    adjusted = read_trajectory(context.work / names.TRAJECTORY_ADJUSTED)
+    north = (adjusted.lat_rad - path.lat_rad) * 6.36e6
+    assert np.median(north) == pytest.approx(1.5, abs=0.6)
+    assert adjusted.sd_pos_ned[:, 0].mean() < 1.5
