@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from automap.earth import from_local_ned
 from automap.effects.camera import row_delay_s, true_camera
+from automap.errors import ConfigError
 from automap.frames import rpy_to_matrix
 from automap.gap.camera_fit import box_noise, fit_camera
 from automap.gap.camera_search import find_camera_gap
@@ -14,6 +17,7 @@ from automap.gap.camera_views import Boxes, boxes_of, foretell
 from automap.geolocation.camera_model import project
 from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+from pipeline.config import load_settings
 
 ORIGIN = (-0.6, 2.6, 500.0)
 PIXEL_SD = 0.7
@@ -159,3 +163,36 @@ def test_too_few_signs_are_told() -> None:
     gap = find_camera_gap("front", boxes, None)
     assert gap.findings == ()
     assert "only 5 signs" in gap.warnings[0]
+
+
+def test_the_true_camera_is_the_stated_one_with_its_errors() -> None:
+    same = true_camera(CAMERA, {})
+    np.testing.assert_allclose(same.mount_rpy, CAMERA.mount_rpy, atol=1e-12)
+    np.testing.assert_array_equal(same.matrix, CAMERA.matrix)
+    true = true_camera(CAMERA, VALUES)
+    assert true.matrix[0, 0] == pytest.approx(1030.0)
+    assert true.matrix[0, 2] == CAMERA.matrix[0, 2]
+    assert true.time_offset_s == pytest.approx(0.06)
+    np.testing.assert_allclose(true.lever_arm_m, [2.2, 0.5, -0.6])
+    np.testing.assert_allclose(true.distortion[:2], [-0.12, 0.05])
+    # further turned in the camera's own axes
+    turn = rpy_to_matrix(CAMERA.mount_rpy).T @ rpy_to_matrix(true.mount_rpy)
+    np.testing.assert_allclose(turn, rpy_to_matrix(np.array([0.0, 0.012, -0.02])), atol=1e-12)
+    assert row_delay_s(np.array([-0.5, 359.5, 719.5]), 720, VALUES) == pytest.approx(
+        [-0.02, 0.0, 0.02]
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[geolocate.fixed.front.camera_boresigt]\nyaw = 0.01\n", "no effect of a camera"),
+        ("[geolocate.fixed.front.camera_boresight]\njaw = 0.01\n", "has no parameter 'jaw'"),
+        ("[geolocate.fixed.front.gyro_bias]\nx = 0.01\n", "no effect of a camera"),
+    ],
+)
+def test_wrong_errors_of_a_camera_are_refused(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "model.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=said):
+        load_settings(path)
