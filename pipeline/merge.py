@@ -155,7 +155,7 @@ def _read_older(folder: Path) -> OlderMap:
     from automap.io.map_tables import COVERAGE, SIGHTINGS, read_coverage, read_members
     from automap.io.signs_table import read_signs
     from automap.mapping.changes import OlderMap
-    from pipeline.merge_inputs import GPS_CLOCK
+    from pipeline.merge_signs import GPS_CLOCK
 
     if not folder.is_dir():
         raise InputError(f"{folder}: no such map; give a folder that automap merge wrote.")

@@ -1,24 +1,23 @@
-"""What ``automap merge`` reads of each run: signs, where the drive looked, and how surely."""
+"""What ``automap merge`` reads of each run: where the drive looked, and how surely."""
 
 from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from automap.errors import AutoMapError, InputError
 from automap.export.clock import clock_from_trajectory
 from automap.io import names
 from automap.io.json_text import parse_json
-from automap.mapping.sightings import CameraView, DrivePath, DriveSigns
-from automap.mapping.visibility import DEFAULT_CAMERA
-from automap.records import NO_TIME, ClockModel, FloatArray, IntArray, Sign
+from automap.mapping.sightings import DrivePath, DriveSigns
+from automap.records import ClockModel, FloatArray, IntArray
+from pipeline.merge_cameras import cameras_of_run
+from pipeline.merge_signs import sign_columns
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -56,9 +55,9 @@ def read_run(folder: Path) -> RunSigns:
     table = _trajectory(folder, warnings)
     if clock is None and table is not None:
         clock = _clock_of(table)
-    columns = _signs(folder, clock)
+    columns = sign_columns(folder, clock)
     path = None if table is None else _path(table)
-    cameras = _cameras(folder, record)
+    cameras = cameras_of_run(folder, record)
     if path is None and len(columns["ids"]):
         warnings.append(
             f"{folder}: without a trajectory nothing tells what its signs' errors have in common, "
@@ -210,146 +209,3 @@ def _start(path: DrivePath | None, columns: dict[str, Any]) -> float:
     times = columns["first_gps_s"] if path is None else path.gps_s
     known = times[np.isfinite(times)]
     return float(known.min()) if len(known) else math.nan
-
-
-def _cameras(folder: Path, record: dict[str, Any]) -> tuple[CameraView, ...]:
-    """The cameras by the lineage of the run, else by the drive's manifest, else a usual one."""
-    found = _cameras_of_record(record)
-    if found:
-        return found
-    drive = record.get("drive")
-    path = drive.get("path") if isinstance(drive, dict) else None
-    manifest = Path(path) / names.MANIFEST if isinstance(path, str) else None
-    if manifest is not None and manifest.is_file():
-        from automap.io.manifest import read_manifest
-
-        try:
-            sections = read_manifest(manifest).video.values()
-        except AutoMapError:
-            sections = ()  # type: ignore[assignment]
-        views = [
-            _view(section.width, section.camera_matrix, section.mount_rpy_deg)
-            for section in sections
-        ]
-        if views:
-            return tuple(views)
-    return (DEFAULT_CAMERA,)
-
-
-def _cameras_of_record(record: dict[str, Any]) -> tuple[CameraView, ...]:
-    stages = record.get("stages")
-    stage = stages.get("geolocate") if isinstance(stages, dict) else None
-    lines = stage.get("manifest") if isinstance(stage, dict) else None
-    cameras: dict[str, dict[str, Any]] = {}
-    for key, value in lines.items() if isinstance(lines, dict) else ():
-        section, _, field = str(key).rpartition(".")
-        if section.startswith("video."):
-            cameras.setdefault(section, {})[field] = value
-    return tuple(
-        _view(c.get("width"), c.get("camera_matrix"), c.get("mount_rpy_deg"))
-        for c in cameras.values()
-    )
-
-
-def _view(width: Any, matrix: Any, mount_rpy_deg: Any) -> CameraView:
-    try:
-        half = math.atan(0.5 * float(width) / float(matrix[0][0]))
-        yaw = math.radians(float(mount_rpy_deg[2])) if mount_rpy_deg is not None else 0.0
-    except (TypeError, ValueError, IndexError, ZeroDivisionError):
-        return DEFAULT_CAMERA
-    return CameraView(yaw, half)
-
-
-def _signs(folder: Path, clock: ClockModel | None) -> dict[str, Any]:
-    """Columns of ``DriveSigns`` from the run's table of signs, else from its GeoJSON."""
-    table, review = folder / names.SIGNS_RAW, folder / names.REVIEW
-    if table.is_file() and not review.is_file():
-        return _table_columns(table, clock)
-    if table.is_file():
-        from automap.export.review import apply_review
-        from automap.io.review_json import read_review
-        from automap.io.signs_table import read_signs
-
-        return _columns(apply_review(read_signs(table), read_review(review)).signs, clock)
-    file = folder / names.SIGNS_GEOJSON
-    if not file.is_file():
-        raise InputError(
-            f"{folder} holds no signs ({names.SIGNS_RAW} or {names.SIGNS_GEOJSON}); run the drive "
-            "up to the export first."
-        )
-    from automap.export.geojson import read_signs_geojson
-
-    # a clock that counts GPS nanoseconds turns the file's UTC into GPS time
-    return _columns(read_signs_geojson(file, GPS_CLOCK), GPS_CLOCK)
-
-
-GPS_CLOCK = ClockModel(0, 0.0, 0.0, 0.0, 0.0, "gps")
-"""Stamps that are GPS time in nanoseconds."""
-
-
-def _table_columns(path: Path, clock: ClockModel | None) -> dict[str, Any]:
-    from automap.io.signs_table import COVARIANCE_COLUMNS
-    from automap.io.tables import floats, ints, read_table
-
-    wanted = (
-        "id", "class", "lat_rad", "lon_rad", "height_m", "confidence", "n_views",
-        "first_seen_ns", "last_seen_ns", "height_above_road_m", "facing_rad", "size_m", "side",
-        "status", *(name for name, _, _ in COVARIANCE_COLUMNS),
-    )  # fmt: skip
-    table = read_table(path, wanted)
-    covariance = np.empty((len(table), 3, 3))
-    for name, i, j in COVARIANCE_COLUMNS:
-        covariance[:, i, j] = covariance[:, j, i] = floats(table, name)
-
-    def texts(name: str) -> npt.NDArray[np.object_]:
-        return np.array([value or "" for value in table[name].to_pylist()], np.object_)
-
-    return {
-        "ids": tuple(table["id"].to_pylist()),
-        "class_name": texts("class"),
-        "cov_enu": covariance,
-        "n_views": ints(table, "n_views"),
-        "first_gps_s": _gps(ints(table, "first_seen_ns"), clock),
-        "last_gps_s": _gps(ints(table, "last_seen_ns"), clock),
-        "side": texts("side"),
-        "status": texts("status"),
-    } | {
-        name: floats(table, name)
-        for name in (
-            "lat_rad", "lon_rad", "height_m", "confidence", "height_above_road_m", "facing_rad",
-            "size_m",
-        )
-    }  # fmt: skip
-
-
-def _columns(signs: Sequence[Sign], clock: ClockModel | None) -> dict[str, Any]:
-    def real(name: str) -> FloatArray:
-        return np.array([getattr(sign, name) for sign in signs], np.float64)
-
-    def stamps(name: str) -> FloatArray:
-        return _gps(np.array([getattr(sign, name) for sign in signs], np.int64), clock)
-
-    def texts(name: str) -> npt.NDArray[np.object_]:
-        return np.array([getattr(sign, name) for sign in signs], np.object_)
-
-    numbers = (
-        "lat_rad", "lon_rad", "height_m", "confidence", "height_above_road_m", "facing_rad",
-        "size_m",
-    )  # fmt: skip
-    return {
-        "ids": tuple(sign.id for sign in signs),
-        "class_name": texts("class_name"),
-        "cov_enu": np.array([s.cov_enu for s in signs], np.float64).reshape(-1, 3, 3),
-        "n_views": np.array([s.n_views for s in signs], np.int64),
-        "first_gps_s": stamps("first_seen_ns"),
-        "last_gps_s": stamps("last_seen_ns"),
-        "side": texts("side"),
-        "status": texts("status"),
-    } | {name: real(name) for name in numbers}
-
-
-def _gps(stamps: IntArray, clock: ClockModel | None) -> FloatArray:
-    if clock is None:
-        return np.full(len(stamps), np.nan)
-    known = stamps != NO_TIME
-    return np.where(known, clock.gps_s(np.where(known, stamps, clock.ref_ns)), np.nan)

@@ -20,7 +20,7 @@ from automap.io.atomic import make_folder, write_json, write_text
 from automap.io.map_tables import COVERAGE, SIGHTINGS
 from automap.mapping.sightings import DrivePath
 from pipeline.lock import locked
-from pipeline.merge_inputs import GPS_CLOCK
+from pipeline.merge_signs import GPS_CLOCK
 
 if TYPE_CHECKING:
     from automap.mapping.changes import Change
@@ -112,7 +112,7 @@ def _run_record(outcome: MergeOutcome, folders: Sequence[Path]) -> dict[str, Any
         "automap": __version__,
         "drive": {"name": outcome.folder.resolve().name, "path": str(outcome.folder.resolve())},
         "status": "done",
-        "merged": [str(folder) for folder in folders],
+        "merged": [str(folder.resolve()) for folder in folders],
         "warnings": outcome.warnings,
         "stages": {},
         "metrics": {"signs": len(outcome.signs), "drives": len(folders)},
@@ -148,7 +148,7 @@ def merge_summary(
     if outcome.comparison is not None:
         found = outcome.comparison
         kinds = [change.kind for change in found.changes]
-        summary["previous"] = str(previous)
+        summary["previous"] = None if previous is None else str(previous.resolve())
         summary["changes"] = {
             kind: kinds.count(kind) for kind in ("new", "gone", "class", "moved")
         } | {
@@ -171,7 +171,7 @@ def _drive_summary(
     likely = (pairs.drive == number) & (merged.existence[pairs.sign] >= 0.5)
     return {
         "name": drive.name,
-        "folder": str(folder),
+        "folder": str(folder.resolve()),
         "start": iso_texts(utc_of_gps(np.array([drive.start_gps_s])))[0],
         "signs": hi - lo,
         "signs_in_map": int(counted[lo:hi].sum()),

@@ -61,6 +61,7 @@ def test_the_map_has_the_files_of_a_run(folders: list[Path], tmp_path: Path) -> 
         assert feature["properties"]["first_seen"].endswith("Z")
     summary = json.loads((out / "merge.json").read_text(encoding="utf-8"))
     assert [d["name"] for d in summary["drives"]] == ["d0", "d1", "d2", "d3"]
+    assert all(Path(d["folder"]).is_absolute() for d in summary["drives"])
     for drive in summary["drives"]:
         assert abs(drive["offset_m"]["e"]) < 4 * drive["offset_sd_m"]["e"] + 1.0
     assert not (out / "changes.geojson").exists()

@@ -1,0 +1,108 @@
+"""The signs of a run as columns, for a merge."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.errors import InputError
+from automap.io import names
+from automap.records import NO_TIME, ClockModel, FloatArray, IntArray, Sign
+
+GPS_CLOCK = ClockModel(0, 0.0, 0.0, 0.0, 0.0, "gps")
+"""Stamps that are GPS time in nanoseconds."""
+
+
+def sign_columns(folder: Path, clock: ClockModel | None) -> dict[str, Any]:
+    """Columns of ``DriveSigns`` from the run's table of signs, else from its GeoJSON."""
+    table, review = folder / names.SIGNS_RAW, folder / names.REVIEW
+    if table.is_file() and not review.is_file():
+        return _table_columns(table, clock)
+    if table.is_file():
+        from automap.export.review import apply_review
+        from automap.io.review_json import read_review
+        from automap.io.signs_table import read_signs
+
+        return _columns(apply_review(read_signs(table), read_review(review)).signs, clock)
+    file = folder / names.SIGNS_GEOJSON
+    if not file.is_file():
+        raise InputError(
+            f"{folder} holds no signs ({names.SIGNS_RAW} or {names.SIGNS_GEOJSON}); run the drive "
+            "up to the export first."
+        )
+    from automap.export.geojson import read_signs_geojson
+
+    # a clock that counts GPS nanoseconds turns the file's UTC into GPS time
+    return _columns(read_signs_geojson(file, GPS_CLOCK), GPS_CLOCK)
+
+
+def _table_columns(path: Path, clock: ClockModel | None) -> dict[str, Any]:
+    from automap.io.signs_table import COVARIANCE_COLUMNS
+    from automap.io.tables import floats, ints, read_table
+
+    wanted = (
+        "id", "class", "lat_rad", "lon_rad", "height_m", "confidence", "n_views",
+        "first_seen_ns", "last_seen_ns", "height_above_road_m", "facing_rad", "size_m", "side",
+        "status", *(name for name, _, _ in COVARIANCE_COLUMNS),
+    )  # fmt: skip
+    table = read_table(path, wanted)
+    covariance = np.empty((len(table), 3, 3))
+    for name, i, j in COVARIANCE_COLUMNS:
+        covariance[:, i, j] = covariance[:, j, i] = floats(table, name)
+
+    def texts(name: str) -> npt.NDArray[np.object_]:
+        return np.array([value or "" for value in table[name].to_pylist()], np.object_)
+
+    return {
+        "ids": tuple(table["id"].to_pylist()),
+        "class_name": texts("class"),
+        "cov_enu": covariance,
+        "n_views": ints(table, "n_views"),
+        "first_gps_s": _gps(ints(table, "first_seen_ns"), clock),
+        "last_gps_s": _gps(ints(table, "last_seen_ns"), clock),
+        "side": texts("side"),
+        "status": texts("status"),
+    } | {
+        name: floats(table, name)
+        for name in (
+            "lat_rad", "lon_rad", "height_m", "confidence", "height_above_road_m", "facing_rad",
+            "size_m",
+        )
+    }  # fmt: skip
+
+
+def _columns(signs: Sequence[Sign], clock: ClockModel | None) -> dict[str, Any]:
+    def real(name: str) -> FloatArray:
+        return np.array([getattr(sign, name) for sign in signs], np.float64)
+
+    def stamps(name: str) -> FloatArray:
+        return _gps(np.array([getattr(sign, name) for sign in signs], np.int64), clock)
+
+    def texts(name: str) -> npt.NDArray[np.object_]:
+        return np.array([getattr(sign, name) for sign in signs], np.object_)
+
+    numbers = (
+        "lat_rad", "lon_rad", "height_m", "confidence", "height_above_road_m", "facing_rad",
+        "size_m",
+    )  # fmt: skip
+    return {
+        "ids": tuple(sign.id for sign in signs),
+        "class_name": texts("class_name"),
+        "cov_enu": np.array([s.cov_enu for s in signs], np.float64).reshape(-1, 3, 3),
+        "n_views": np.array([s.n_views for s in signs], np.int64),
+        "first_gps_s": stamps("first_seen_ns"),
+        "last_gps_s": stamps("last_seen_ns"),
+        "side": texts("side"),
+        "status": texts("status"),
+    } | {name: real(name) for name in numbers}
+
+
+def _gps(stamps: IntArray, clock: ClockModel | None) -> FloatArray:
+    if clock is None:
+        return np.full(len(stamps), np.nan)
+    known = stamps != NO_TIME
+    return np.where(known, clock.gps_s(np.where(known, stamps, clock.ref_ns)), np.nan)
