@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from automap.errors import ConfigError
+from automap.errors import ConfigError, InputError
 from automap.io.atomic import make_folder, write_failure
 
 if TYPE_CHECKING:
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
 
 CAMERA = "front"
 """The name of a scenario's camera in its manifest."""
+_DAMAGE = (
+    *(ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError, struct.error),
+)
+"""What results that are not what they should be can end in."""
 
 
 def simulate(
@@ -74,7 +79,16 @@ def simulate_like(run: Path, out: Path, seed: int = 1) -> None:
     """
     from pipeline.twin import write_twin
 
-    _write(out, lambda folder: write_twin(Path(run), folder, seed))
+    def fill(folder: Path) -> None:
+        try:
+            write_twin(Path(run), folder, seed)
+        except _DAMAGE as error:
+            raise InputError(
+                f"{run}: its results are damaged or incomplete ({type(error).__name__}: {error}); "
+                "run the drive again with --force."
+            ) from error
+
+    _write(out, fill)
 
 
 def _write(out: Path, fill: Callable[[Path], None]) -> None:

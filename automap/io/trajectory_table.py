@@ -10,9 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
+from automap.errors import InputError
 from automap.io.tables import floats, ints, read_table, write_columns
 from automap.records import FloatArray, Trajectory
 
+_HIGHEST_M = 1e6
+_LATEST_GPS_S = 1e10
 COLUMNS = (
     "t_ns",
     "gps_s",
@@ -85,4 +88,17 @@ def write_trajectory(path: Path, trajectory: Trajectory) -> None:
 def read_trajectory(path: Path) -> Trajectory:
     """Read what ``write_trajectory`` wrote; InputError when it is missing or damaged."""
     table = read_table(path, COLUMNS)
-    return from_columns(lambda name: floats(table, name), ints(table, "t_ns"))
+    trajectory = from_columns(lambda name: floats(table, name), ints(table, "t_ns"))
+    if len(trajectory) and not _is_plausible(trajectory):
+        raise InputError(f"{path} holds no positions on Earth; run the drive again with --force.")
+    return trajectory
+
+
+def _is_plausible(trajectory: Trajectory) -> bool:
+    """Whether a position is known and no row lies beyond what can be; rows may have gaps."""
+    beyond = (
+        (np.abs(trajectory.lat_rad) > 0.5 * np.pi + 1e-9)
+        | (np.abs(trajectory.height_m) > _HIGHEST_M)
+        | (np.abs(trajectory.gps_s) > _LATEST_GPS_S)
+    )
+    return bool(np.isfinite(trajectory.lat_rad).any() and not beyond.any())

@@ -14,6 +14,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from automap.errors import AutoMapError
 from automap.io import names
+from automap.io.atomic import plain
 from automap.io.json_text import parse_json
 from pipeline.viewer import guard
 from pipeline.viewer.viewed_map import ViewedMap
@@ -138,7 +139,7 @@ class _Handler(BaseHTTPRequestHandler):
         return self._send(200, kind or "application/octet-stream", data, policy)
 
     def _json(self, value: Any) -> None:
-        data = json.dumps(value, allow_nan=False, separators=(",", ":")).encode()
+        data = json.dumps(plain(value), allow_nan=False, separators=(",", ":")).encode()
         self._send(200, "application/json", data)
 
     def _send(

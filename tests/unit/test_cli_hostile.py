@@ -274,3 +274,43 @@ def test_a_folder_without_rights_does_not_stop_the_others(
     for form in ("csv", "gpkg", "flatgeobuf", "parquet"):
         words = ["export", str(out), "--format", form, "-o", str(closed / "x")]
         assert "no permission" in failed(words, 4, capsys)
+
+
+@pytest.mark.parametrize("value", [np.nan, 1e300])
+def test_a_trajectory_off_the_earth_is_left_out(
+    value: float, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = out / names.TRAJECTORY
+    table = pq.read_table(path)
+    changed = {
+        name: pa.array(np.full(len(table), value)) if name != "t_ns" else table[name]
+        for name in table.column_names
+    }
+    pq.write_table(pa.table(changed), path)
+    assert run_command(["export", str(out), "--format", "kml"]) == 0
+    text = capsys.readouterr().err
+    assert "no positions on Earth" in text
+    assert "RuntimeWarning" not in text
+
+
+def test_the_twin_of_damaged_results(
+    out: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def damaged(run: Path, folder: Path, seed: int) -> None:
+        (folder / "imu.csv").touch()
+        raise KeyError("settings")
+
+    monkeypatch.setattr("pipeline.twin.write_twin", damaged)
+    words = ["simulate", "--like", str(out), "-o", str(out.parent / "twin")]
+    assert "damaged or incomplete" in failed(words, 3, capsys)
+    assert [path.name for path in out.parent.iterdir()] == ["out"]
+
+
+def test_a_folder_in_the_place_of_the_clock(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (out / names.SYNC).unlink(missing_ok=True)
+    (out / names.SYNC).mkdir()
+    assert run_command(["merge", str(out), "-o", str(out.parent / "map")]) in (0, 3)
+    assert "unexpectedly" not in capsys.readouterr().err
