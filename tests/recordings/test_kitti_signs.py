@@ -79,7 +79,7 @@ def test_errors_and_classes(located) -> None:
     for _, found, truth in located:
         distances.append(match(found, truth, 15.0).distance_m)
         classes.append(summarise_signs(found, truth)["class_accuracy"])
-    assert np.median(np.concatenate(distances)) < 0.8
+    assert np.median(np.concatenate(distances)) < 0.7
     assert np.mean(classes) > 0.9
 
 
@@ -87,7 +87,7 @@ def test_no_drive_falls_out(located) -> None:
     for name, found, truth in located:
         hits = len(match(found, truth, 5.0))
         assert hits >= 0.6 * len(truth), name
-        assert len(found) <= 1.3 * len(truth) + 1, name
+        assert len(found) <= len(truth) + 1, name
 
 
 def test_covariances_are_honest(located) -> None:
@@ -97,4 +97,4 @@ def test_covariances_are_honest(located) -> None:
         summary = summarise_signs(found, truth)
         inside += summary["coverage95"] * summary["n_pairs"]
         pairs += summary["n_pairs"]
-    assert inside / pairs > 0.75
+    assert inside / pairs > 0.8
