@@ -139,6 +139,11 @@ def find_camera_gap(
         found.append((best, rivals))
         held_fits.append(after)
         now = best.fit
+    now, accepted = _eliminate(now, sd, accepted)
+    found = [(t, r) for t, r in found if t.effect in accepted]
+    held_fits[1:] = [
+        _with_values(held, held_sd, now, accepted[: k + 1]) for k in range(len(accepted))
+    ]
     n = max(len(held.sign), 1)
     gaps = [(f.cost - held_fits[-1].cost) / n for f in held_fits]
     rest = _remaining(held_fits[-1])
@@ -171,6 +176,23 @@ def find_camera_gap(
         (held_fits[0], held_fits[-1]),
         tuple(warnings),
     )
+
+
+def _eliminate(
+    now: CameraFit, sd: FloatArray, accepted: Sequence[str]
+) -> tuple[CameraFit, list[str]]:
+    """Drop effects that others, accepted later, have made unnecessary."""
+    kept = list(accepted)
+    for effect in accepted if len(accepted) > 1 else ():
+        others = [e for e in kept if e != effect]
+        start = now.common.copy()
+        start[columns_of(effect)] = 0.0
+        fewer = prior_sds(now.boxes, others, FREE_FACTOR)
+        fit = fit_camera(now.boxes, sd, fewer, start, now.local)
+        every = fewer + prior_sds(now.boxes, (effect,), FREE_FACTOR)
+        if _gain(fit, now, effect, others, every) < MIN_NATS:
+            now, kept = fit, others
+    return now, kept
 
 
 def _trials(
