@@ -151,7 +151,10 @@ def exit_codes() -> str:
     for name in ("ConfigError", "InputError", "StageError", "RegressionError"):
         kind = getattr(errors, name)
         found[kind.exit_code] = (kind.__doc__ or "").strip().splitlines()[0]
-    found[130] = "Interrupted; the same command resumes."
+    found[130] = (
+        "Interrupted; nothing half-written is left. `run`, `gap`, `regress` and `experiment` "
+        "resume, the others start over."
+    )
     rows = [[str(code), _cell(meaning)] for code, meaning in sorted(found.items())]
     return (
         "# Exit codes\n\n"
