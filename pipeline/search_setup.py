@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pipeline.config import Settings
     from pipeline.settings.detect import DetectSettings
 
-_WIDTH_OF_MANY = 1600
+_WIDTH_OF_MANY = 1440
 
 
 def open_detector(settings: DetectSettings, country: str | None) -> Detector:

