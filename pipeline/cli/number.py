@@ -24,3 +24,7 @@ class Finite(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value} is no number that can be used.", param, ctx)
         return number
+
+    def _describe_range(self) -> str:
+        """Limits for the help, nothing where there are none."""
+        return "" if self.min is None and self.max is None else super()._describe_range()

@@ -50,6 +50,18 @@ def test_the_help_lists_the_commands(capsys: pytest.CaptureFixture[str]) -> None
         assert re.search(rf"^  {name} +\w", text, re.MULTILINE)
 
 
+def test_a_mistyped_command_names_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["exprot", "x"]) == 2
+    assert "Did you mean export?" in capsys.readouterr().err
+
+
+def test_help_tells_limits_only_where_there_are_some(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["experiment", "--help"]) == 0
+    text = capsys.readouterr().out
+    assert "[x>=1.0]" in text
+    assert "None" not in text
+
+
 def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["--version"]) == 0
     assert __version__ in capsys.readouterr().out
