@@ -27,6 +27,7 @@ FREE_FACTOR = 5.0
 SHRINK = 12.0
 MAX_EXCESS = 9.0
 MAX_ROUNDS = 6
+SHUTTER_SLACK_S, LONGEST_SHUTTER_S = 0.005, 0.12
 
 Say = Callable[[str], None]
 
@@ -213,14 +214,25 @@ def _trials(
     for effect, seen in ranked:
         if seen.nats < least:
             continue
-        factor = max(1.0, seen.scale)
+        factor = min(max(1.0, seen.scale), FREE_FACTOR)
         prior = prior_sds(now.boxes, accepted, FREE_FACTOR) + prior_sds(
             now.boxes, (effect,), factor
         )
         fit = fit_camera(now.boxes, sd, prior, now.common, now.local)
+        if not _possible(fit, effect):
+            continue
         nats = _gain(now, fit, effect, accepted, prior)
         out.append(_Trial(effect, fit, nats, p_value(nats, maxima)))
     return sorted(out, key=lambda t: -t.nats)
+
+
+def _possible(fit: CameraFit, effect: str) -> bool:
+    """Whether a fitted value can be: rows are read from the top, within a frame's time. On a
+    straight road a shutter beyond that is a lever arm in disguise."""
+    if effect != "rolling_shutter":
+        return True
+    value = float(fit.common[columns_of(effect)[0]])
+    return -SHUTTER_SLACK_S < value < LONGEST_SHUTTER_S
 
 
 def _marginal(fit: CameraFit, accepted: Sequence[str]) -> Scores:
