@@ -60,7 +60,7 @@ def _judge(
 
 def main() -> None:
     """Command line."""
-    options = read_options("Train the classifier of sign faces", steps=14700, decay=2400)
+    options = read_options("Train the classifier of sign faces", steps=13800, decay=3600)
     prepare(options, seed=2)
     faces = load_faces(options.data / "sign-art", options.work / "faces.pkl")
     maker = CropMaker(*face_data(options.data, options.work), faces)
