@@ -134,6 +134,7 @@ def figures(world: World, result: GeolocationResult, d: Difficulty) -> dict[str,
         "pitch_error_deg": float(off[1]),
         "yaw_error_deg": float(off[2]),
         "trajectory_yaw_error_deg": float(tilt_at_boxes[:, 2].mean()),
+        "both_yaw_errors_deg": float(off[2] + tilt_at_boxes[:, 2].mean()),
         "time_error_s": camera.time_s - world.true_camera.time_offset_s,
     }
 
@@ -164,7 +165,13 @@ def main() -> None:
     print(f"all: error over the oracle's {rms / best:.3f}, over the bound {rms / bound:.3f}")
     for key in ("precision_3m", "recall_3m", "coverage95"):
         print(f"all: {key} {np.average([row[key] for row in rows], weights=weight):.3f}")
-    for key in ("roll_error_deg", "pitch_error_deg", "yaw_error_deg", "time_error_s"):
+    for key in (
+        "roll_error_deg",
+        "pitch_error_deg",
+        "yaw_error_deg",
+        "both_yaw_errors_deg",
+        "time_error_s",
+    ):
         print(f"all: rms {key} {np.sqrt(np.mean([row[key] ** 2 for row in rows])):.4f}")
 
 
