@@ -9,11 +9,20 @@ from typing import Any
 import numpy as np
 
 from automap.effects import CATALOGUE
+from automap.gap.camera_evidence import (
+    FREE_FACTOR,
+    columns_of,
+    covariance,
+    gain,
+    marginal,
+    parameters,
+    prior_sds,
+)
 from automap.gap.camera_fit import CameraFit, box_noise, estimate_noise, fit_camera
-from automap.gap.camera_views import EFFECTS, KEYS, Boxes
-from automap.gap.evidence import Scores, evidence, null_maxima, p_value, without
-from automap.gap.result import Finding, ParameterValue
-from automap.records import FloatArray, IntArray
+from automap.gap.camera_views import EFFECTS, Boxes
+from automap.gap.evidence import evidence, null_maxima, p_value
+from automap.gap.result import Finding
+from automap.records import FloatArray
 
 MIN_NATS = 7.0
 MAX_P = 1e-3
@@ -23,9 +32,6 @@ CLOSE_NATS = 3.0
 CLOSE_SHARE = 0.03
 NULL_DRAWS = 4000
 MIN_SIGNS = 6
-FREE_FACTOR = 5.0
-SHRINK = 12.0
-MAX_EXCESS = 9.0
 MAX_ROUNDS = 6
 SHUTTER_SLACK_S, LONGEST_SHUTTER_S = 0.005, 0.12
 
@@ -59,19 +65,6 @@ class _Trial:
     fit: CameraFit
     nats: float
     p: float
-
-
-def columns_of(effect: str) -> IntArray:
-    """Rows of an effect's parameters among the shared ones."""
-    return np.array([i for i, (e, _) in enumerate(KEYS) if e == effect], np.int64)
-
-
-def prior_sds(boxes: Boxes, effects: Collection[str], factor: float = 1.0) -> FloatArray:
-    """Prior one sigma [g] of the shared parameters, zero of effects that are not ``effects``."""
-    out = np.zeros(boxes.n_common)
-    for effect in effects:
-        out[columns_of(effect)] = [factor * p.prior_sd for p in CATALOGUE[effect].parameters]
-    return out
 
 
 def find_camera_gap(
@@ -148,13 +141,13 @@ def find_camera_gap(
     n = max(len(held.sign), 1)
     gaps = [(f.cost - held_fits[-1].cost) / n for f in held_fits]
     rest = _remaining(held_fits[-1])
-    cov = _covariance(now, accepted)
+    cov = covariance(now, accepted)
     findings = []
     for number, (trial, rivals) in enumerate(found):
         findings.append(
             Finding(
                 trial.effect,
-                _parameters(now, trial.effect, accepted, cov),
+                parameters(now, trial.effect, accepted, cov),
                 trial.nats,
                 trial.p,
                 rest + gaps[number],
@@ -164,7 +157,7 @@ def find_camera_gap(
             )
         )
     values = {
-        e: {p: v.value for p, v in _parameters(now, e, accepted, cov).items()} for e in accepted
+        e: {p: v.value for p, v in parameters(now, e, accepted, cov).items()} for e in accepted
     }
     return CameraGap(
         camera,
@@ -191,7 +184,7 @@ def _eliminate(
         fewer = prior_sds(now.boxes, others, FREE_FACTOR)
         fit = fit_camera(now.boxes, sd, fewer, start, now.local)
         every = fewer + prior_sds(now.boxes, (effect,), FREE_FACTOR)
-        if _gain(fit, now, effect, others, every) < MIN_NATS:
+        if gain(fit, now, effect, others, every) < MIN_NATS:
             now, kept = fit, others
     return now, kept
 
@@ -200,7 +193,7 @@ def _trials(
     now: CameraFit, sd: FloatArray, accepted: Sequence[str], left: Sequence[str]
 ) -> list[_Trial]:
     """Fits of the candidates that stand out, best first."""
-    scores = _marginal(now, accepted)
+    scores = marginal(now, accepted)
     groups = []
     ranked = []
     for effect in left:
@@ -221,7 +214,7 @@ def _trials(
         fit = fit_camera(now.boxes, sd, prior, now.common, now.local)
         if not _possible(fit, effect):
             continue
-        nats = _gain(now, fit, effect, accepted, prior)
+        nats = gain(now, fit, effect, accepted, prior)
         out.append(_Trial(effect, fit, nats, p_value(nats, maxima)))
     return sorted(out, key=lambda t: -t.nats)
 
@@ -235,90 +228,12 @@ def _possible(fit: CameraFit, effect: str) -> bool:
     return -SHUTTER_SLACK_S < value < LONGEST_SHUTTER_S
 
 
-def _marginal(fit: CameraFit, accepted: Sequence[str]) -> Scores:
-    """Scores of the effects, everything else marginalised."""
-    prior = fit.boxes.prior_sd()
-    nuisances = np.flatnonzero(np.isfinite(prior))
-    sds = prior[nuisances]
-    for effect in accepted:
-        rows = columns_of(effect)
-        nuisances = np.concatenate([nuisances, rows])
-        sds = np.concatenate(
-            [sds, [FREE_FACTOR * p.prior_sd for p in CATALOGUE[effect].parameters]]
-        )
-    kept = without(fit.scores, nuisances, sds)
-    k = len(KEYS)
-    return Scores(kept.score[:k], kept.info[:k, :k], kept.blocks[:, :k], kept.block_info[:, :k, :k])
-
-
-def _gain(
-    before: CameraFit, after: CameraFit, effect: str, accepted: Sequence[str], prior: FloatArray
-) -> float:
-    """Log Bayes factor of a fitted effect in nats, by Laplace's approximation; the scatter of
-    the signs' scores at the top says how much less the boxes know than they claim."""
-    scores = _marginal(after, accepted)
-    rows = columns_of(effect)
-    info = scores.info[np.ix_(rows, rows)]
-    own = prior[rows]
-    occam = 0.5 * float(np.linalg.slogdet(np.eye(len(rows)) + info * np.outer(own, own))[1])
-    gained = before.cost - after.cost
-    return gained / _excess(scores, rows, after.common[rows]) - occam
-
-
-def _excess(scores: Scores, rows: IntArray, theta: FloatArray) -> float:
-    """How much more the score along ``theta`` scatters than its information says.
-
-    The sandwich of White (1980) with the signs as clusters. What the information owes to the
-    priors of the path's own errors does not scatter from sign to sign.
-    """
-    along = scores.blocks[:, rows] @ theta
-    expected = np.einsum("bij,i,j->b", scores.block_info[:, rows][:, :, rows], theta, theta)
-    total = float(theta @ scores.info[np.ix_(rows, rows)] @ theta)
-    own = float(expected.sum())
-    if total <= 0.0 or own <= 0.0:
-        return 1.0
-    along = along - along.mean()
-    count = own**2 / max(float(np.sum(expected**2)), 1e-300)
-    ratio = float(np.sum(along**2)) / own
-    ratio = min(max(1.0, (count * ratio + SHRINK) / (count + SHRINK)), MAX_EXCESS)
-    return 1.0 + (ratio - 1.0) * min(own / total, 1.0)
-
-
 def _with_values(held: Boxes, sd: FloatArray, fit: CameraFit, effects: Sequence[str]) -> CameraFit:
     """Held-out signs with the effects at the values of a fit."""
     start = np.zeros(held.n_common)
     for effect in effects:
         start[columns_of(effect)] = fit.common[columns_of(effect)]
     return fit_camera(held, sd, prior_sds(held, ()), start)
-
-
-def _covariance(fit: CameraFit, accepted: Sequence[str]) -> FloatArray:
-    """Covariance [p, p] of the accepted effects' parameters, in their order."""
-    scores = _marginal(fit, ())
-    rows = np.concatenate([columns_of(e) for e in accepted]) if accepted else np.zeros(0, np.int64)
-    info = scores.info[np.ix_(rows, rows)]
-    sds = np.array([FREE_FACTOR * p.prior_sd for e in accepted for p in CATALOGUE[e].parameters])
-    cov = np.linalg.inv(info + np.diag(sds**-2.0)) if len(rows) else np.zeros((0, 0))
-    scale = [_excess(scores, columns_of(e), fit.common[columns_of(e)]) for e in accepted]
-    widths = np.array(
-        [s for e, s in zip(accepted, scale, strict=True) for _ in CATALOGUE[e].parameters]
-    )
-    return np.asarray(cov * np.sqrt(np.outer(widths, widths)))
-
-
-def _parameters(
-    fit: CameraFit, effect: str, accepted: Sequence[str], cov: FloatArray
-) -> dict[str, ParameterValue]:
-    order = [k for e in accepted for k in KEYS if k[0] == e]
-    sd = np.sqrt(np.diag(cov))
-    return {
-        p.name: ParameterValue(
-            float(fit.common[KEYS.index((effect, p.name))]),
-            float(sd[order.index((effect, p.name))]),
-            p.unit,
-        )
-        for p in CATALOGUE[effect].parameters
-    }
 
 
 def _remaining(fit: CameraFit) -> float:

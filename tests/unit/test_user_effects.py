@@ -278,7 +278,8 @@ def test_a_model_gives_a_scenario_its_errors(tmp_path: Path) -> None:
     scenario = tmp_path / "short.toml"
     scenario.write_text(
         'schema = "automap.scenario/1"\nname = "short"\n[start]\nutc = 2026-03-14T09:20:00Z\n'
-        "lat_deg = -35.28\nlon_deg = 149.13\nheading_deg = 90.0\n[errors]\ngyro_bias = { x = 0.001 }\n[gnss]\n"
+        "lat_deg = -35.28\nlon_deg = 149.13\nheading_deg = 90.0\n[errors]\n"
+        "gyro_bias = { x = 0.001 }\n[gnss]\n"
         "[route]\nlegs = [{ length_m = 30.0, speed_m_s = 10.0 }]\n",
         encoding="utf-8",
     )
