@@ -247,6 +247,7 @@ def test_a_trajectory_is_stored_in_degrees(tmp_path: Path) -> None:
 
     n = 30
     data = [_random(n) for _ in range(4)] + [_random(n, 3) for _ in range(5)]
+    data[1] = np.arctan(data[1])  # latitudes
     trajectory = Trajectory(np.arange(n), *data)
     write_trajectory(tmp_path / "t.parquet", trajectory)
     table = pq.read_table(tmp_path / "t.parquet")
