@@ -53,11 +53,17 @@ def start(*words: object, as_user: bool = False, before: str = "") -> subprocess
         text=True,
         start_new_session=True,
         cwd=Path(__file__).parents[2],
-        preexec_fn=_drop_overrides if as_user else None,
+        preexec_fn=_as_user if as_user else _as_started_by_hand,
     )
 
 
-def _drop_overrides() -> None:
+def _as_started_by_hand() -> None:
+    # a background job ignores interrupts, and what it starts does too
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def _as_user() -> None:
+    _as_started_by_hand()
     for capability in _OVERRIDES:
         ctypes.CDLL(None).prctl(_DROP_BOUND, capability, 0, 0, 0)
 
