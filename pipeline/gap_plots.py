@@ -58,10 +58,12 @@ def overlay(before: Fit, after: Fit, name: str, unit: str) -> list[Plot]:
     past = old.innovation if same else np.interp(new.t, old.t, old.innovation)
     errs = np.clip(past / new.sd, -CLIP, CLIP) ** 2
     errs -= np.clip(new.innovation / new.sd, -CLIP, CLIP) ** 2
-    # at the start nothing is known yet
-    errs[: int(np.searchsorted(new.t, new.t[0] + SETTLED_S))] = -(CLIP**2)
-    count = min(max(int(np.searchsorted(new.t, new.t[0] + SHOWN_S)), 2), len(errs))
-    first = int(np.argmax(np.convolve(errs, np.ones(count), mode="valid")))
+    # at the start nothing is known yet, and its band would hide all else
+    settled = int(np.searchsorted(new.t, new.t[0] + SETTLED_S))
+    settled = settled if len(errs) - settled >= LEAST else 0
+    count = max(int(np.searchsorted(new.t, new.t[0] + SHOWN_S)), 2)
+    count = min(count, len(errs) - settled)
+    first = settled + int(np.argmax(np.convolve(errs[settled:], np.ones(count), mode="valid")))
     rows = slice(first, first + count)
     t = new.t[rows] - new.t[rows][0]
     title = f"{name.replace('_', ' ')}, from {new.t[first]:.0f} s into the held-out data"
