@@ -290,17 +290,20 @@ class Receiver:
         if before == baud:
             outcome.done.append(f"{baud} baud, as it was")
             return
-        # the acknowledgement comes at either rate, so what counts is hearing it at the new one
-        self._exchange(frame, lambda m: m.key in (ACK, NAK), self._timeout_s)
-        set_host_baud(baud)
-        try:
-            self.version()
-        except SilentError:
-            set_host_baud(before)
-            outcome.refused.append(f"{baud} baud: it is not heard at that rate; left at {before}")
+        for _ in range(self._tries):
+            # the acknowledgement comes at either rate: what counts is hearing it at the new one
+            self._exchange(frame, lambda m: m.key in (ACK, NAK), self._timeout_s)
+            set_host_baud(baud)
+            try:
+                self.version()
+            except SilentError:
+                # it may have missed the command
+                set_host_baud(before)
+                continue
+            outcome.baud_before = before
+            outcome.done.append(f"{baud} baud")
             return
-        outcome.baud_before = before
-        outcome.done.append(f"{baud} baud")
+        outcome.refused.append(f"{baud} baud: it is not heard at that rate; left at {before}")
 
     def _command(self, key: int, payload: bytes) -> None:
         """Send a setting and wait for its acknowledgement."""
