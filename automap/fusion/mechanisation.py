@@ -19,8 +19,6 @@ EARTH_RATE = earth.RATE
 GRAVITY_GRADIENT = 3.086e-6
 """Decrease of gravity per metre of height, 1/s^2."""
 
-# a nominal state row: latitude, longitude, height, velocity NED, quaternion
-N_NOMINAL = 10
 # what changes slowly with place, refreshed at every node: see ``earth_terms``
 N_EARTH = 9
 

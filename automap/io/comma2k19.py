@@ -16,7 +16,6 @@ import numpy as np
 from automap.errors import InputError
 from automap.io.nmea_writer import Positions, nmea_positions, unknown
 from automap.records import FloatArray, IntArray
-from automap.timebase import unix_to_gps
 
 _LOG = "processed_log"
 _POSE = "global_pose"
@@ -276,8 +275,3 @@ def nmea_log(live: LiveFixes) -> tuple[bytes, IntArray]:
             fix=np.full(n, 3),
         )
     )
-
-
-def gps_times(live: LiveFixes) -> FloatArray:
-    """GPS seconds [n] of the UTC tags."""
-    return unix_to_gps(live.unix_ms * 1e-3)

@@ -15,7 +15,6 @@ import numpy as np
 from automap.records import FloatArray
 
 _HEADER = 8
-_MAX_DEPTH = 8
 
 _TYPES = {
     b"b": "i1",
@@ -159,9 +158,6 @@ class Stream:
         if item is None or item.kind not in (b"J", b"j", b"L", b"l") or not item.data:
             return None
         return int.from_bytes(item.data[: item.size], "big")
-
-
-_CONTAINERS = ("DEVC", "STRM")
 
 
 def streams(payload: bytes) -> list[tuple[str, Stream]]:

@@ -21,7 +21,6 @@ from automap.io.nmea_writer import Positions
 from automap.records import FloatArray, IntArray
 
 _G = 9.80665
-_SUM_MATCH_NS = 50_000_000
 
 
 @dataclass(frozen=True)
@@ -122,7 +121,7 @@ def _csv_texts(source: Path) -> tuple[dict[str, str], list[Path]]:
                 for name in archive.namelist()
                 if name.lower().endswith(".csv") and not name.startswith("__MACOSX")
             }
-    except (zipfile.BadZipFile, OSError, RuntimeError, NotImplementedError) as error:
+    except (zipfile.BadZipFile, OSError, RuntimeError) as error:
         raise InputError(
             f"{source} is no folder and no whole .zip ({error}); export the recording again."
         ) from error

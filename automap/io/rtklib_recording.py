@@ -16,7 +16,6 @@ from automap.errors import ConfigError, InputError
 from automap.io.rtklib_tag import TimeTag, read_time_tag
 from automap.records import FloatArray, IntArray
 
-STANDARD_COLUMNS = ("ax", "ay", "az", "gx", "gy", "gz", "t_ms")
 _TIMES = {"t_s": 1e9, "t_ms": 1e6, "t_us": 1e3, "t_ns": 1.0}
 _SENSORS = ("gx", "gy", "gz", "ax", "ay", "az")
 _RATE_SD = 100e-6

@@ -13,7 +13,6 @@ from automap.io.json_text import parse_json
 from automap.regression.record import DriveRecord, from_json, to_json
 
 SCHEMA = "automap.regression/1"
-DEFAULT_NAME = "automap-baseline.json"
 
 
 def read_baseline(path: Path) -> dict[str, DriveRecord]:

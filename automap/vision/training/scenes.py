@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from automap.records import FloatArray
-from automap.vision.training.art import Face
 
 Image = npt.NDArray[np.uint8]
 Random = np.random.Generator
-
-
-@dataclass(frozen=True)
-class Placed:
-    """A face as it stands in a picture: its box [4] px and which face it is."""
-
-    box: FloatArray
-    face: Face
 
 
 def worn(face: Image, rng: Random, size: float) -> Image:
