@@ -122,8 +122,8 @@ def refine_noise(
         return measured + _expected(trial, levels)
 
     limit = COARSE.limit if tuple(levels) == WHITE_LEVELS else FINE.limit
-    _, factors = climb(likelihood, initial, tuple(levels), lambda level: (1.0 / limit, limit))
-    return factors
+    top = climb(likelihood, initial, tuple(levels), lambda level: (1.0 / limit, limit))
+    return top.factors
 
 
 def _expected(factors: Mapping[str, float], levels: Sequence[str]) -> LevelLikelihood:

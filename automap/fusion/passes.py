@@ -100,6 +100,40 @@ def lateral_acceleration(
     return np.asarray(speed * np.interp(speed_t, t_imu, smooth))
 
 
+def problem_of(session: Session) -> Problem:
+    """What the filter needs of a session but its nodes, noise levels as the options state them."""
+    model = build_state_model(session.options, session.means, session.sds)
+    speed_t, speed, _ = fix_speed(session.fixes)
+    along = None
+    if len(speed_t):
+        t_imu = np.asarray((session.imu.t_ns - session.imu.t_ns[0]) * 1e-9)
+        along = np.interp(t_imu, speed_t, speed)
+    return make_problem(session.imu, model, session.options, along, signals_for(session, model))
+
+
+def nodes_of(
+    session: Session,
+    problem: Problem,
+    shift: Shift,
+    speed_t: FloatArray,
+    speed: FloatArray,
+    constrained: bool,
+) -> Nodes:
+    """The nodes of a pass at times that contain ``shift``, along speeds [m] at ``speed_t`` [m]."""
+    return build_nodes(
+        session.fixes,
+        shift,
+        session.span,
+        session.standstill,
+        speed_t,
+        speed,
+        lateral_acceleration(session.imu, problem.t, speed_t, speed),
+        session.odometer,
+        session.options,
+        constrained,
+    )
+
+
 def run_passes(
     session: Session,
     start: Start | None,
@@ -114,31 +148,17 @@ def run_passes(
     """
     session = without_known(session)
     options = session.options
-    model = build_state_model(options, session.means, session.sds)
+    base = problem_of(session)
+    model = base.model
     speed_t, speed, _ = fix_speed(session.fixes)
     shift = Shift(session.means[DELAY_STATE] if DELAY_STATE in model.names else 0.0)
-    t_imu = np.asarray((session.imu.t_ns - session.imu.t_ns[0]) * 1e-9)
-    along = np.interp(t_imu, speed_t, speed) if len(speed_t) else None
-    problem = make_problem(session.imu, model, options, along, signals_for(session, model))
     margin = np.inf
     factors = dict.fromkeys(LEVELS, 1.0) | dict(options.factors)
-    base = problem
     problem = scale_problem(base, factors)
     last: Pass | None = None
     relinearised = 0
     for number in range(max(options.passes, 2 + options.iterations)):
-        nodes = build_nodes(
-            session.fixes,
-            shift,
-            session.span,
-            session.standstill,
-            speed_t,
-            speed,
-            lateral_acceleration(session.imu, t_imu, speed_t, speed),
-            session.odometer,
-            options,
-            constrained,
-        )
+        nodes = nodes_of(session, problem, shift, speed_t, speed, constrained)
         if start is None:
             bias = np.array([session.means.get(f"gyro_bias_{a}", 0.0) for a in "xyz"])
             found = align(problem, session.fixes, nodes, bias, shift)
@@ -177,11 +197,9 @@ def run_passes(
         if number > 0:
             speed_t = nodes.t
             speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
-        following = _next_shift(model, smooth, shift)
-        if not options.retime:
-            following = Shift(following.delay_s)
-        settled = number > 0 and _settled(model, smooth, following, shift)
-        if settled and relinearised >= options.iterations:
+        following = next_shift(model, smooth, shift, options.retime)
+        still = number > 0 and settled(model, smooth, following, shift)
+        if still and relinearised >= options.iterations:
             break
         shift = following
     assert last is not None
@@ -189,14 +207,17 @@ def run_passes(
     return last, Alignment(start, margin)
 
 
-def _next_shift(model: StateModel, smooth: SmoothRun, shift: Shift) -> Shift:
-    """The delays found so far, for the nodes' times of the next pass.
+def next_shift(model: StateModel, smooth: SmoothRun, shift: Shift, retime: bool) -> Shift:
+    """The delays found so far, for the nodes' times of the next pass; without ``retime`` only
+    that between the clocks.
 
     A small age of the velocities stays a state: to first order that is enough, and velocities
     share the nodes of their positions.
     """
     left = dict(zip(model.names, smooth.params[-1], strict=True))
     found = {name: value + float(left.get(name, 0.0)) for name, value in contained(shift)}
+    if not retime:
+        return Shift(found[DELAY_STATE])
     if abs(found[VEL_LATENCY_STATE] + found[VEL_LAG_STATE]) < MIN_SPLIT_S:
         found[VEL_LATENCY_STATE] = found[VEL_LAG_STATE] = 0.0
     return Shift(
@@ -208,7 +229,7 @@ def _next_shift(model: StateModel, smooth: SmoothRun, shift: Shift) -> Shift:
     )
 
 
-def _settled(model: StateModel, smooth: SmoothRun, a: Shift, b: Shift) -> bool:
+def settled(model: StateModel, smooth: SmoothRun, a: Shift, b: Shift) -> bool:
     """Whether the delays moved by no more than what does not matter."""
     noted = np.flatnonzero(np.isfinite(smooth.param_var).all(axis=1))[-1]
     sd = np.sqrt(np.maximum(smooth.param_var[noted], 0.0))

@@ -15,12 +15,17 @@ from automap.earth import local_ned
 from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H
 from automap.fusion.measurements import FixModel
-from automap.records import IntArray
+from automap.records import BoolArray, FloatArray, IntArray
 
 ROUNDS = 6
 LIMIT_SQUARED = 16.0
 """A squared distance of so many variances is wild (two axes: three in ten thousand)."""
 ACCELERATION_PSD = 1.0
+AGE_SD_S = 0.2
+AGE_WINDOW_S = 1.0
+"""Receivers tell velocities of some instant of the last few tenths of a second, or a mean over
+them; which is not known yet. So a velocity counts as unsure by its change in such a time, taken
+over the window."""
 NEVER = 1e12
 NONE = np.zeros(0, dtype=np.int64)
 
@@ -59,6 +64,7 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
     ).reshape(-1, 3)
     has_velocity = (model.flags[use] & HAS_VEL_H) > 0
     expected = model.white_var[use, :3] + model.wander_sd[use] ** 2
+    velocity_var = model.white_var[use, 3:5] + _age_var(t, model.values[use, 3:5], has_velocity)
     extra = np.zeros(len(use))
     distance = np.zeros(len(use))
     for _ in range(ROUNDS):
@@ -69,7 +75,7 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
                 t,
                 np.column_stack([ned[:, axis], model.values[use, 3 + axis]]),
                 np.column_stack([np.ones(len(use), dtype=bool), has_velocity]),
-                np.column_stack([expected[:, axis] + extra, model.white_var[use, 3 + axis]]),
+                np.column_stack([expected[:, axis] + extra, velocity_var[:, axis]]),
                 np.zeros(len(use)),
                 ACCELERATION_PSD,
                 tau_s,
@@ -91,3 +97,15 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
     return Screening(
         replace(model, white_var=var), model.row[use[wild]], float(distance[wild].max())
     )
+
+
+def _age_var(t: FloatArray, velocity: FloatArray, known: BoolArray) -> FloatArray:
+    """Variances [n, 2] in m^2/s^2 of velocities for not knowing of which instant they are."""
+    if int(known.sum()) < 2:
+        return np.zeros_like(velocity)
+    half = 0.5 * AGE_WINDOW_S
+    change = [
+        np.interp(t + half, t[known], v[known]) - np.interp(t - half, t[known], v[known])
+        for v in velocity.T
+    ]
+    return np.asarray((AGE_SD_S * np.column_stack(change) / AGE_WINDOW_S) ** 2)

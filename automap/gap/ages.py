@@ -44,6 +44,12 @@ class Ages:
         )
 
 
+def ages_matter(where: Mapping[str, Mapping[str, tuple[str, float]]]) -> bool:
+    """Whether a model, ``where`` its effects' states, has ages of the fixes at all."""
+    states = {state for places in where.values() for state, _ in places.values()}
+    return bool(states & {LATENCY_STATE, SKEW_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE})
+
+
 def ages_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) -> Ages:
     """The ages that the states of a pass have found; ``where`` the effects' states."""
     found = last.totals()

@@ -113,7 +113,7 @@ def _result(
     formula: UserEffect | None,
 ) -> GapResult:
     final_values = values_of(joint, state.accepted)
-    final = fit_held_out(state.held_out, state.model, final_values)
+    final = fit_held_out(state.held_out, state.model, final_values, state.held_fits)
     whitener = whitener_of(state.fits[0])
     count = epochs(final)
     rest = remaining_gap(final)
@@ -125,7 +125,7 @@ def _result(
     trail = []
     first: list[Fit] = final
     for number, (model, values) in enumerate(stages):
-        fits = fit_held_out(state.held_out, model, values)
+        fits = fit_held_out(state.held_out, model, values, final)
         if number == 0:
             first = fits
         trail.append(gap(fits))
@@ -183,7 +183,7 @@ def _unclear(state: State, model: GapModel) -> Identifiability:
     """What the fitted drives cannot tell, the accepted effects held at their values."""
     fits = state.fits
     if state.accepted:
-        fits = [fit_drive(d, model, start=f.start) for d, f in zip(state.drives, fits, strict=True)]
+        fits = [fit_drive(d, model, near=f) for d, f in zip(state.drives, fits, strict=True)]
     wheels = any(d.session.odometer is not None for d in state.drives)
     effects = library(frozenset(state.exclude), wheels, model.options.earth_rotation)
     return identifiability(fits, effects)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from automap.effects.user_fixes import acts_on_fixes
+from automap.fusion.again import run_again
 from automap.fusion.layout import N_NAV
-from automap.fusion.passes import Pass, run_passes
+from automap.fusion.passes import Pass, Session, run_passes
 from automap.fusion.problem import Start, full_covariance
-from automap.gap.ages import Ages, ages_of, without_remainder
+from automap.gap.ages import Ages, ages_matter, ages_of, without_remainder
 from automap.gap.drive import OpenDrive
 from automap.gap.model import GapModel, parameter_names, session_with
 from automap.gap.motion import Motion, at_times, lagged, motion_of
@@ -26,7 +27,8 @@ class Fit:
 
     ``values`` [p] and ``cov`` [p, p] of the estimated effects' parameters, ``names`` as
     (effect, parameter); ``score`` the log-likelihood in nats, marginal over all states and,
-    by ``occam``, over the effects that are no states.
+    by ``occam``, over the effects that are no states; ``ages`` what was taken out of the fixes
+    beyond the first order.
     """
 
     opened: OpenDrive
@@ -38,6 +40,7 @@ class Fit:
     cov: FloatArray
     score: float
     occam: float = 0.0
+    ages: Ages = field(default_factory=Ages)
 
     def value_of(self, effect: str) -> dict[str, float]:
         """Estimated parameters of an effect."""
@@ -55,26 +58,34 @@ def fit_drive(
     opened: OpenDrive,
     model: GapModel,
     estimate: Mapping[str, float] | None = None,
-    start: Start | None = None,
+    near: Fit | None = None,
 ) -> Fit:
     """Run the passes under the model, with the effects ``estimate`` (effect -> factor on the
-    prior sd) as states and all others of the model at their values."""
+    prior sd) as states and all others of the model at their values.
+
+    ``near`` another model's fit to the same drive: the passes begin about its path.
+    """
     estimate = estimate or {}
     if any(acts_on_fixes(e) for e in estimate):
         from automap.gap.fix_effects import fit_with_fix_effects
 
-        return fit_with_fix_effects(opened, model, estimate, start)
+        return fit_with_fix_effects(opened, model, estimate, near)
     session, where = session_with(opened, model, estimate)
-    last, found = run_passes(session, start, constrained=True)
-    start = found.start
-    before = Ages()
+    ages = Ages()
+    if near is None:
+        last, found = run_passes(session, None, constrained=True)
+        start = found.start
+    else:
+        last, start = near.last, near.start
+        if near.ages != ages and ages_matter(where):
+            ages = near.ages
+        last, start = _pass_less(session, last, start, ages)
     for _ in range(AGE_ROUNDS):
-        ages = ages_of(last, where)
-        if ages.near(before, session.span[1]):
+        found_ages = ages_of(last, where)
+        if found_ages.near(ages, session.span[1]):
             break
-        fixes = without_remainder(session.fixes, last, motion_of(last), ages)
-        last, found = run_passes(replace(session, fixes=fixes), start, constrained=True)
-        start, before = found.start, ages
+        ages = found_ages
+        last, start = _pass_less(session, last, start, ages)
     model_names = last.problem.model.names
     n = last.problem.model.size
     names, rows, signs = [], [], []
@@ -90,7 +101,18 @@ def fit_drive(
     values = sign_row * final[at] - _stated(opened, names)
     cov = full_covariance(last.forward.store.cov[-1:], n)[0]
     part = cov[np.ix_(at + N_NAV, at + N_NAV)] * np.outer(sign_row, sign_row)
-    return Fit(opened, model, last, start, tuple(names), values, part, float(last.forward.score))
+    return Fit(
+        opened, model, last, start, tuple(names), values, part, float(last.forward.score), ages=ages
+    )
+
+
+def _pass_less(session: Session, last: Pass, start: Start, ages: Ages) -> tuple[Pass, Start]:
+    """The passes again about the path of ``last``, without what ``ages`` do to the fixes beyond
+    the first order."""
+    if ages != Ages():
+        fixes = without_remainder(session.fixes, last, motion_of(last), ages)
+        session = replace(session, fixes=fixes)
+    return run_again(session, last, start)
 
 
 def _stated(opened: OpenDrive, names: list[tuple[str, str]]) -> FloatArray:

@@ -14,7 +14,6 @@ import numpy as np
 
 from automap.effects.user_fixes import acts_on_fixes, unit_errors
 from automap.fusion.layout import CH_POS, CH_VEL, MAX_SCALARS
-from automap.fusion.problem import Start
 from automap.gap.columns import Column, Direct, NodeMotion, node_motion, sensitivities
 from automap.gap.drive import OpenDrive
 from automap.gap.evidence import scores_of
@@ -45,7 +44,7 @@ def fix_columns(
 
 
 def fit_with_fix_effects(
-    opened: OpenDrive, model: GapModel, estimate: Mapping[str, float], start: Start | None
+    opened: OpenDrive, model: GapModel, estimate: Mapping[str, float], near: Fit | None
 ) -> Fit:
     """``fit_drive`` where some of the effects to be estimated act on the fixes."""
     sought = [e for e in estimate if acts_on_fixes(e)]
@@ -58,8 +57,8 @@ def fit_with_fix_effects(
         known: dict[str, dict[str, float]] = {e: {} for e in sought}
         for (e, p), value in zip(keys, theta, strict=True):
             known[e][p] = float(value)
-        fit = fit_drive(opened, replace(model, values={**model.values, **known}), others, start)
-        start = fit.start
+        fit = fit_drive(opened, replace(model, values={**model.values, **known}), others, near)
+        near = fit
         motion = motion_of(fit.last)
         at = node_motion(fit, motion)
         columns = [

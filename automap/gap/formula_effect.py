@@ -9,7 +9,6 @@ from automap.effects import CATALOGUE
 from automap.effects.formula_text import parse_formula
 from automap.effects.user import ACTS_ON, UserEffect, UserTerm, add_user_effect, user_effect
 from automap.gap.columns import effect_columns, node_motion, sensitivities
-from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit, motion_of
 from automap.gap.formula import Formula
 from automap.gap.heldout import fit_held_out, total_score
@@ -65,29 +64,30 @@ def adopt(state: State, say: Say) -> UserEffect | None:
     room = max(1.0, ROOM * abs(formula.coefficient) / formula.prior_sd)
     estimate = {**state.accepted, effect.name: room}
     fits = fit_all(state, state.model, estimate)
-    model = replace(state.model, factors=fit_noise(fits))
+    model = replace(state.model, factors=fit_noise(fits, known=state.curvatures))
     state.model, state.accepted = model, estimate
     state.fits = fit_all(replace(state, fits=fits), model, estimate)
     return effect
 
 
 def confirmed(
-    held_out: Sequence[OpenDrive],
+    before: Sequence[Fit],
     model: GapModel,
     values: Mapping[str, Mapping[str, float]],
     formula: Formula,
 ) -> bool:
     """Whether held-out data become likelier with the formula, as far as they can tell.
 
-    ``values`` those of the named effects. The formula's effect becomes one of the users'.
+    ``before`` fits of the held-out drives without it, ``values`` those of the named effects. The
+    formula's effect becomes one of the users'.
     """
     effect = effect_of(formula)
-    if effect is None or not held_out:
+    if effect is None or not before:
         return True
     add_user_effect(effect)
     found = {effect.name: {PARAMETER: formula.coefficient}}
-    before = fit_held_out(held_out, model, values)
-    after = fit_held_out(held_out, model, {**values, **found})
+    held_out = [fit.opened for fit in before]
+    after = fit_held_out(held_out, model, {**values, **found}, before)
     expected = sum(_shows(f, effect.name, formula.coefficient) for f in after)
     whitener = whitener_of(after[0])
     gain = total_score(after, whitener) - total_score(before, whitener)

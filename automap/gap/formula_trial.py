@@ -79,7 +79,7 @@ def _fit_formula(state: State, model: GapModel, formula: Formula) -> Formula:
             state.drives, state.fits, formula.columns, before, whiteners, strict=False
         ):
             changed = without_formula(opened, fit, column, k)
-            new = fit_drive(changed, model, state.accepted, start=fit.start)
+            new = fit_drive(changed, model, state.accepted, near=fit)
             total += robust_score(new, whitener) - old
         return total
 

@@ -36,11 +36,18 @@ def epochs(fits: Sequence[Fit]) -> int:
 
 
 def fit_held_out(
-    opened: Sequence[OpenDrive], model: GapModel, values: Mapping[str, Mapping[str, float]]
+    opened: Sequence[OpenDrive],
+    model: GapModel,
+    values: Mapping[str, Mapping[str, float]],
+    near: Sequence[Fit] = (),
 ) -> list[Fit]:
-    """The model on held-out drives, effects at the given values, nuisances found anew."""
+    """The model on held-out drives, effects at the given values, nuisances found anew.
+
+    ``near`` fits of the same drives under another model, where there are any.
+    """
     carried = replace(model, values={**model.values, **values})
-    return [fit_drive(item, carried) for item in opened]
+    about: Sequence[Fit | None] = near or [None] * len(opened)
+    return [fit_drive(o, carried, near=n) for o, n in zip(opened, about, strict=True)]
 
 
 def fit_held_out_unsure(
@@ -49,12 +56,13 @@ def fit_held_out_unsure(
     values: Mapping[str, Mapping[str, float]],
     effect: str,
     sds: Mapping[str, float],
+    near: Sequence[Fit],
 ) -> list[Fit]:
     """The same with one effect as sure as it was found: ``sds`` of its parameters. What a fit
     could not tell then does no harm where it is carried over."""
     options = replace(model.options, prior_sd={**model.options.prior_sd, effect: dict(sds)})
     carried = replace(model, values={**model.values, **values}, options=options)
-    return [fit_drive(item, carried, {effect: 1.0}) for item in opened]
+    return [fit_drive(o, carried, {effect: 1.0}, n) for o, n in zip(opened, near, strict=True)]
 
 
 def total_score(fits: Sequence[Fit], whitener: Whitener) -> float:

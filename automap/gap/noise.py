@@ -22,7 +22,10 @@ from automap.fusion.measurements import Nodes
 from automap.fusion.passes import Pass
 from automap.fusion.problem import Problem, SmoothRun, run_forward
 from automap.gap.fit import Fit
+from automap.records import FloatArray
 
+Curvatures = dict[tuple[str, ...], FloatArray]
+"""Inverse curvatures of the likelihood by the levels that moved."""
 LIMIT = 256.0
 TAU_STEPS = (2.0, 2.0**0.5)
 MAX_NODES = 4000
@@ -43,23 +46,31 @@ def fit_noise(
     fits: Sequence[Fit],
     levels: Collection[str] = ALL_LEVELS,
     initial: Mapping[str, float] | None = None,
+    known: Curvatures | None = None,
 ) -> dict[str, float]:
     """Factors on the noise levels that make the drives' innovations most likely.
 
     ``levels`` are those that may move. The climb begins at ``initial``, else at the fits' own
-    factors; it is linearised about the fits' smoothed states.
+    factors; it is linearised about the fits' smoothed states. What it learns of the hill's
+    curvature it leaves in ``known`` for the next.
     """
+    known = {} if known is None else known
     factors = dict(initial or fits[0].model.factors)
     factors = {k: float(np.clip(v, *_limits(k))) if k in levels else v for k, v in factors.items()}
     smooth = [level for level in _BY_SLOPE if level in levels]
-    best = -np.inf
     for _ in range(2):
-        before = best
-        best, factors = climb(lambda trial: noise_slopes(fits, trial), factors, smooth, _limits)
+        top = climb(
+            lambda trial: noise_slopes(fits, trial),
+            factors,
+            smooth,
+            _limits,
+            known.get(tuple(smooth)),
+        )
+        known[tuple(smooth)] = top.inverse
         if "wander_tau" not in levels:
-            break
-        best, factors = _time_constant(fits, best, factors)
-        if best - before < GAIN:
+            return top.factors
+        best, factors = _time_constant(fits, top.score, top.factors)
+        if best - top.score < GAIN:
             break
     return factors
 

@@ -25,7 +25,7 @@ from automap.gap.naming import (
     offset_besides,
     rivals_of,
 )
-from automap.gap.noise import fit_noise, noise_score
+from automap.gap.noise import Curvatures, fit_noise, noise_score
 from automap.gap.scoring import Joint, robust_score, whitener_of
 from automap.gap.screening import screen
 from automap.gap.search_state import (
@@ -69,16 +69,18 @@ def begin(
     others = tuple(k for k in ALL_LEVELS if k not in INERTIAL_LEVELS)
     say("fitting the noise")
     # the sensors' noise first or the fixes': the likelihood has a top for either
+    known: Curvatures = {}
     found = [
-        fit_noise(fits, initial=fit_noise(fits, levels)) for levels in (INERTIAL_LEVELS, others)
+        fit_noise(fits, initial=fit_noise(fits, levels, known=known), known=known)
+        for levels in (INERTIAL_LEVELS, others)
     ]
     found.sort(key=lambda factors: -noise_score(fits, factors))
     best = found[0]
     for last in (False, True):
         model = replace(model, factors=best)
-        fits = [fit_drive(d, model, start=f.start) for d, f in zip(drives, fits, strict=True)]
-        best = best if last else fit_noise(fits)
-    return State(list(drives), list(held_out), asked, model, fits)
+        fits = [fit_drive(d, model, near=f) for d, f in zip(drives, fits, strict=True)]
+        best = best if last else fit_noise(fits, known=known)
+    return State(list(drives), list(held_out), asked, model, fits, curvatures=known)
 
 
 def candidates_of(state: State, exclude: Collection[str]) -> list[str]:
@@ -161,8 +163,8 @@ def _helps(state: State, trial: Trial, say: Say) -> bool:
     after = values_of(trial.joint, [*state.accepted, trial.effect])
     wider = float(np.sqrt(trial.candidate.evidence.excess))
     sds = {p: wider * sd for p, (_, sd) in trial.joint.of(trial.effect).items()}
-    new = fit_held_out_unsure(state.held_out, trial.model, after, trial.effect, sds)
-    old = fit_held_out(state.held_out, state.model, before)
+    old = state.held_fits = fit_held_out(state.held_out, state.model, before, state.held_fits)
+    new = fit_held_out_unsure(state.held_out, trial.model, after, trial.effect, sds, old)
     whitener: Whitener = whitener_of(trial.fits[0])
     gain = total_score(new, whitener) - total_score(old, whitener)
     return gain > (-HELD_OUT_SLACK if trial.nats > SURE_NATS else 0.0)
@@ -172,7 +174,8 @@ def _formula_helps(state: State, formula: Formula, say: Say) -> bool:
     """Whether the held-out data are more likely with the formula, as far as they can tell."""
     say(f"checking {formula.channel} += k * {formula.text} on held-out data")
     values = values_of(state.trials[-1].joint, state.accepted) if state.trials else {}
-    return confirmed(state.held_out, state.model, values, formula)
+    old = state.held_fits = fit_held_out(state.held_out, state.model, values, state.held_fits)
+    return confirmed(old, state.model, values, formula)
 
 
 def _settle_age(state: State, say: Say) -> None:

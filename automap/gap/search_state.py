@@ -11,6 +11,7 @@ from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.formula import Formula
 from automap.gap.model import GapModel, parameter_names, prior_sd
+from automap.gap.noise import Curvatures
 from automap.gap.scoring import Joint, combine
 from automap.gap.screening import Candidate
 from automap.records import FloatArray
@@ -73,13 +74,16 @@ class Trial:
 @dataclass
 class State:
     """Where a search stands: fits of the drives under ``model`` with the accepted effects, the
-    noise factors ``asked`` for."""
+    noise factors ``asked`` for; ``held_fits`` the newest ones of the held-out drives,
+    ``curvatures`` what is known of the noise's likelihood."""
 
     drives: list[OpenDrive]
     held_out: list[OpenDrive]
     asked: Mapping[str, float]
     model: GapModel
     fits: list[Fit]
+    held_fits: list[Fit] = field(default_factory=list)
+    curvatures: Curvatures = field(default_factory=dict)
     accepted: dict[str, float] = field(default_factory=dict)
     trials: list[Trial] = field(default_factory=list)
     rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -94,8 +98,7 @@ class State:
 def fit_all(state: State, model: GapModel, estimate: Mapping[str, float]) -> list[Fit]:
     """All drives under a model with effects as states."""
     return [
-        fit_drive(d, model, estimate, start=f.start)
-        for d, f in zip(state.drives, state.fits, strict=True)
+        fit_drive(d, model, estimate, near=f) for d, f in zip(state.drives, state.fits, strict=True)
     ]
 
 

@@ -158,7 +158,7 @@ def found_better_noise(state: State, nulls: Sequence[list[Fit] | None], say: Say
     for fits in nulls:
         if fits is not None and sum(f.score for f in fits) > now + BETTER_NATS:
             say("starting again from better noise")
-            state.model = replace(fits[0].model, factors=fit_noise(fits))
+            state.model = replace(fits[0].model, factors=fit_noise(fits, known=state.curvatures))
             state.fits = fit_all(state, state.model, state.accepted)
             state.restarts += 1
             return True
@@ -196,10 +196,10 @@ def with_own_noise(state: State, trials: Sequence[Trial], say: Say) -> list[Tria
             out.append(trial)
             continue
         say(f"fitting the noise with {trial.effect}")
-        model = replace(trial.model, factors=fit_noise(trial.fits))
+        model = replace(trial.model, factors=fit_noise(trial.fits, known=state.curvatures))
         estimate = state.accepted | {trial.effect: trial.scale}
         fits = [
-            fit_drive(d, model, estimate, start=f.start)
+            fit_drive(d, model, estimate, near=f)
             for d, f in zip(state.drives, trial.fits, strict=True)
         ]
         again = _judge(state, trial.candidate, model, fits, trial.maxima)
@@ -228,7 +228,7 @@ def slow_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
         say(f"trying {candidate.effect} in place of drift")
         estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
         fits = fit_all(state, low, estimate)
-        model = replace(low, factors=fit_noise(fits, raised))
+        model = replace(low, factors=fit_noise(fits, raised, known=state.curvatures))
         out.append(
             _judge(state, candidate, model, fit_all(state, model, estimate), screening.maxima)
         )
@@ -255,7 +255,7 @@ def gross_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
     out = []
     for trial in trials[: GROSS_SHORTLIST + 1]:
         say(f"fitting the noise with {trial.effect}")
-        model = replace(plain, factors=fit_noise(trial.fits))
+        model = replace(plain, factors=fit_noise(trial.fits, known=state.curvatures))
         estimate = state.accepted | {trial.effect: trial.scale}
         again = fit_all(replace(state, fits=list(trial.fits)), model, estimate)
         judged = _judge(state, trial.candidate, model, again, screening.maxima)

@@ -130,6 +130,7 @@ def _likelihood(top: float, width: float) -> Callable[[dict[str, float]], LevelL
 @pytest.mark.parametrize("start", [0.1, 0.7, 1.0, 8.0])
 def test_the_climb_comes_back_from_flat_ground(start: float) -> None:
     hill = _likelihood(1.0, 0.5)
-    _, found = climb(hill, dict.fromkeys(LEVELS, start), ("accel",), lambda level: (0.01, 100.0))
+    top = climb(hill, dict.fromkeys(LEVELS, start), ("accel",), lambda level: (0.01, 100.0))
+    found = top.factors
     assert found["accel"] == pytest.approx(1.0, rel=0.12)
     assert found["gyro"] == start

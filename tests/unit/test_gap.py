@@ -93,7 +93,7 @@ def test_sensitivities_foretell_what_an_effect_does_to_the_innovations(
     column = 2 if effect == "gyro_scale" else 0
     phi = sensitivities(plain, motion, columns)[:, column]
     values = {effect: {columns[column].parameter: size}}
-    other = fit_drive(plain.opened, replace(plain.model, values=values), start=plain.start)
+    other = fit_drive(plain.opened, replace(plain.model, values=values), near=plain)
     before, _, channel = whitened_innovations(plain)
     after, _, _ = whitened_innovations(other)
     assert len(before) == len(after)
