@@ -20,8 +20,10 @@ GAIN = 0.3
 MAX_STEPS = 20
 LARGEST_STEP = 0.5
 """Of a logarithm: further away a level's slope says little."""
-SHORTER = (1.0, 0.35, 0.12)
-"""A step that leads down is tried again, shorter."""
+TRIES = 3
+SHORTEST, LONGEST = 0.02, 0.5
+"""A step that leads down is tried again, so much shorter as the parabola through the slope and
+what was found says, within these shares."""
 LEAST_INFO = 20.0
 """The variance of a process noise's slope is summed as if intervals knew nothing of one another:
 too small, and its steps would be too long."""
@@ -80,13 +82,14 @@ def climb(
         gained = 0.0
         # what a parabola promises; not worth a look if too little
         worth = 0.5 * float(step @ here.slope) >= 0.5 * GAIN
-        for shorter in SHORTER if worth else ():
-            there = place(np.clip(here.x + shorter * step, low, high))
+        for _ in range(TRIES if worth else 0):
+            there = place(np.clip(here.x + step, low, high))
             if there.score > here.score:
                 gained = there.score - here.score
                 inverse = _updated(inverse, there.x - here.x, here.slope - there.slope)
                 here = there
                 break
+            step = step * _share(float(step @ here.slope), there.score - here.score)
         if gained >= GAIN:
             fresh = False
         elif fresh:
@@ -95,6 +98,15 @@ def climb(
             # a poor step may be a poor curvature's fault, not the top
             inverse, fresh = _by_information(here), True
     return Summit(here.score, {**factors, **_by_name(levels, here.x)}, inverse)
+
+
+def _share(promised: float, gained: float) -> float:
+    """Share of a step at which the parabola has its top that rises by ``promised`` a step at its
+    beginning and has ``gained``, less than nothing, at its end."""
+    if not np.isfinite(gained):
+        return SHORTEST
+    share = promised / max(2.0 * (promised - gained), 1e-300)
+    return float(np.clip(share, SHORTEST, LONGEST))
 
 
 def _by_information(place: _Place) -> FloatArray:

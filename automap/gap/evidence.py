@@ -42,14 +42,19 @@ class Scores:
         )
 
 
+def block_starts(t: FloatArray) -> IntArray:
+    """First rows of the stretches of ``BLOCK_S`` s along times [n], at least one, in s."""
+    index = ((t - t[0]) / BLOCK_S).astype(np.int64)
+    return np.flatnonzero(np.diff(index, prepend=-1))
+
+
 def scores_of(rows: WhiteRows) -> Scores:
     """Sum the rows of one drive."""
     c = rows.phi.shape[1]
     if len(rows.t) == 0:
         return Scores(np.zeros(c), np.zeros((c, c)), np.zeros((0, c)), np.zeros((0, c, c)))
-    index = ((rows.t - rows.t[0]) / BLOCK_S).astype(np.int64)
-    edges = np.flatnonzero(np.diff(index, prepend=-1))
-    stops = np.append(edges[1:], len(index))
+    edges = block_starts(rows.t)
+    stops = np.append(edges[1:], len(rows.t))
     blocks = np.stack([rows.phi[a:b].T @ rows.w[a:b] for a, b in zip(edges, stops, strict=True)])
     infos = np.stack([rows.phi[a:b].T @ rows.phi[a:b] for a, b in zip(edges, stops, strict=True)])
     return Scores(blocks.sum(axis=0), infos.sum(axis=0), blocks, infos)

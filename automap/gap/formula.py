@@ -22,7 +22,7 @@ from automap.gap.columns import (
 )
 from automap.gap.dictionary import formula_columns
 from automap.gap.drive import OpenDrive
-from automap.gap.evidence import Evidence, Scores, evidence, null_maxima, p_value, scores_of
+from automap.gap.evidence import Evidence, Scores, block_starts, evidence, null_maxima, p_value
 from automap.gap.fit import Fit, Motion, motion_of
 from automap.gap.screening import whitened_innovations
 from automap.gap.whitening import WhiteRows, fit_whitener, white_rows
@@ -143,10 +143,7 @@ def _scores(fit: Fit, motion: Motion, columns: Sequence[Column]) -> Scores:
         parts.append(white_rows(whitener, whitened, phi, t, channel))
     rows = parts[0]
     phi = np.concatenate([p.phi for p in parts], axis=1)
-    blocks, infos = [], []
-    for i in range(phi.shape[1]):
-        single = scores_of(WhiteRows(rows.w, phi[:, i : i + 1], rows.t, rows.channel))
-        blocks.append(single.blocks[:, 0])
-        infos.append(single.block_info[:, 0, 0])
-    block_info = np.stack(infos, axis=1)[:, :, None]
-    return Scores(phi.T @ rows.w, phi.T @ phi, np.stack(blocks, axis=1), block_info)
+    starts = block_starts(rows.t)
+    blocks = np.add.reduceat(phi * rows.w[:, None], starts, axis=0)
+    block_info = np.add.reduceat(phi**2, starts, axis=0)[:, :, None]
+    return Scores(phi.T @ rows.w, phi.T @ phi, blocks, block_info)

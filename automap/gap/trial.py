@@ -49,6 +49,8 @@ FINALIST_SHARE = 0.5
 SHORTLIST_SHARE = 0.3
 INERTIAL_LEVELS = ("accel", "gyro")
 GROSS = 2.5
+GROSS_SHARE = 0.1
+"""Of what raised noise has brought, an effect must bring so much under the noise as stated."""
 
 
 def shortlist(
@@ -252,8 +254,13 @@ def gross_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
     chosen = shortlist(screening, state.accepted, GROSS_SHORTLIST)
     trials = [try_candidate(stand_in, c, plain, screening, say) for c in chosen]
     trials.sort(key=lambda t: -t.joint.nats)
+    without = sum(f.score for f in fits)
+    deficit = sum(f.score for f in state.fits) - without
     out = []
     for trial in trials[: GROSS_SHORTLIST + 1]:
+        # what makes up for little of it cannot be what has driven the noise up
+        if sum(f.score for f in trial.fits) - without < GROSS_SHARE * deficit:
+            continue
         say(f"fitting the noise with {trial.effect}")
         model = replace(plain, factors=fit_noise(trial.fits, known=state.curvatures))
         estimate = state.accepted | {trial.effect: trial.scale}
