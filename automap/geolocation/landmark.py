@@ -16,8 +16,9 @@ Orbit Determination, 2004, chapter 6).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -41,10 +42,19 @@ VELOCITY_ERROR_S = 5.0
 
 @dataclass(frozen=True)
 class SizePrior:
-    """Physical height of a sign: log-normal with median ``size_m`` and spread ``log_sd``."""
+    """Physical height of a sign: log-normal with median ``size_m`` and spread ``log_sd``;
+    ``by_class`` what is known of single classes besides."""
 
     size_m: float = 0.7
     log_sd: float = 0.4
+    by_class: Mapping[str, SizePrior] = field(default_factory=dict)
+
+    def of(self, names: Iterable[str]) -> SizePrior:
+        """The prior of a sign whose boxes have these class names: the commonest decides."""
+        if not self.by_class:
+            return self
+        name = min(Counter(names).items(), key=lambda item: (-item[1], item[0]))[0]
+        return self.by_class.get(name, self)
 
 
 @dataclass(frozen=True)
@@ -103,6 +113,7 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
     M, b = relative_views(views, rows, anchor)
     drift = view_drift(views, rows, anchor)
     measured, sd = views.measured[rows], view_sd(views, rows)
+    prior = prior.of(views.class_name[rows].tolist())
     prior_mean, prior_sd = float(np.log(prior.size_m)), prior.log_sd
     starts = [prior_mean - views.measured[anchor, 2]]
     if len(rows) > 1:

@@ -135,7 +135,7 @@ def _cost(theta, M, b, measured, sd, drift, prior_mean, prior_sd, kind):  # type
     J = np.zeros((3, 4))
     q = np.zeros(3)
     r = (theta[3] - prior_mean) / prior_sd
-    total = r * r
+    total = _loss(r * r, kind)[0]
     for i in range(len(sd)):
         if not _measure(theta, M[i], b[i], h, J, q):
             return np.inf
@@ -160,8 +160,10 @@ def _accumulate(theta, M, b, measured, sd, drift, prior_mean, prior_sd, kind, N,
     w3 = np.zeros(3)
     N[:] = 0.0
     g[:] = 0.0
-    N[3, 3] = 1.0 / (prior_sd * prior_sd)
-    g[3] = (prior_mean - theta[3]) / (prior_sd * prior_sd)
+    r = (theta[3] - prior_mean) / prior_sd
+    own = _loss(r * r, kind)[1] / (prior_sd * prior_sd)
+    N[3, 3] = own
+    g[3] = (prior_mean - theta[3]) * own
     for i in range(len(sd)):
         _measure(theta, M[i], b[i], h, J, q)
         slack = drift[i] / q[0]
@@ -320,10 +322,12 @@ def normal_equations(  # type: ignore[no-untyped-def]
     shared = np.zeros((N_COMMON + 4, N_COMMON + 1))
     residual = np.zeros((n, 3))
     weight = np.zeros(n)
-    N[3, 3] = 1.0 / (prior_sd * prior_sd)
     r = (theta[3] - prior_mean) / prior_sd
-    shared[N_COMMON + 3, N_COMMON] = -r / prior_sd
-    chi2 = r * r
+    # sizes come in steps: a sign of another size than expected is no rarity
+    factor = _loss(r * r, kind)[1]
+    N[3, 3] = factor / (prior_sd * prior_sd)
+    shared[N_COMMON + 3, N_COMMON] = -factor * r / prior_sd
+    chi2 = factor * r * r
     for i in range(n):
         if not _measure(theta, M[i], b[i], h, J, q):
             residual[i, :] = np.inf

@@ -12,6 +12,7 @@ from automap.geolocation.boresight import prior_covariance
 from automap.geolocation.box_noise import measured_noise
 from automap.geolocation.camera_estimate import estimate_cameras, first_corrections, refit
 from automap.geolocation.camera_model import focal_length
+from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
 from automap.geolocation.control import ControlSigns, match_control
 from automap.geolocation.existence import existence_probabilities
 from automap.geolocation.fate import Observations, no_fate, record_sign, warnings_of
@@ -70,6 +71,8 @@ def locate_signs(
         corrections = first_corrections(trajectory, detections, cameras, rules)
     progress(0.1)
     views = build_views(trajectory, detections, cameras, rules.noise, corrections)
+    usual = usual_sizes(views.class_name.tolist())
+    rules = replace(rules, size=replace(rules.size, by_class={**usual, **rules.size.by_class}))
     landmarks, misfits = _find_landmarks(views, rules, lambda done: progress(0.1 + 0.4 * done))
     if rules.estimate_noise:
         noise = measured_noise(
@@ -113,7 +116,7 @@ def locate_signs(
         else prior_covariance(cameras[name], rules.camera)
         for name in views.camera_names
     ]
-    kept = [settle(views, mark, rules.size, rules.camera.lever_arm_sd_m) for mark in kept]
+    kept = _settled(views, kept, rules)
     sightings = [make_sighting(views, mark, covariances) for mark in kept]
     path = make_path(trajectory, views.origin)
     focal = np.array([focal_length(cameras[name]) for name in views.camera_names])
@@ -163,6 +166,20 @@ def _find_landmarks(
     tracks = link_views(views, rules.size, rules.tracking, progress=progress)
     landmarks, misfits = clean_tracks(views, tracks, rules.size, rules.tracking)
     return join_pieces(views, landmarks, rules.size, rules.tracking), misfits
+
+
+def _settled(
+    views: Views, landmarks: Sequence[Landmark], rules: GeolocationRules
+) -> list[Landmark]:
+    """The landmarks with the errors of their passes and what other signs tell of their sizes."""
+    lever_arm = rules.camera.lever_arm_sd_m
+    alone = [settle(views, mark, rules.size, lever_arm) for mark in landmarks]
+    return [
+        mark
+        if size == rules.size.of(views.class_name[mark.rows].tolist())
+        else settle(views, fit_landmark(views, mark.rows, size), size, lever_arm)
+        for mark, size in zip(alone, sizes_of_others(views, alone, rules.size), strict=True)
+    ]
 
 
 def _acceptable(landmark: Landmark, rules: GeolocationRules) -> bool:

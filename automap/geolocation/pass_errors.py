@@ -60,6 +60,7 @@ def equations(
     """``normal_equations`` of a landmark's views at other parameters [4] and biases [12]."""
     rows, anchor = landmark.rows, landmark.anchor
     M, b = relative_views(views, rows, anchor)
+    prior = prior.of(views.class_name[rows].tolist())
     result = normal_equations(
         *(parameters, M, b, views.measured[rows], view_sd(views, rows), np.zeros(len(rows))),
         *(views.rate[rows], views.velocity[rows], views.C_cam_body[rows]),

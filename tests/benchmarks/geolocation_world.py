@@ -93,8 +93,9 @@ def _route(rng: np.random.Generator, d: Difficulty, rate: float) -> tuple[FloatA
     t = np.arange(0.0, d.duration_s, 1.0 / rate)
     half = 0.5 * d.duration_s if d.twice else d.duration_s
     turn = np.zeros_like(t)
-    at = 25.0
-    while at < half - 20.0:
+    # eight right turns bring a lap back to where and how it began
+    at = half / 16.0 - 2.0 if d.twice else 25.0
+    while at < half - (0.0 if d.twice else 20.0):
         side = 1.0 if d.twice or rng.random() < 0.5 else -1.0
         during = (t >= at) & (t < at + 4.0)
         turn[during] = side * (np.pi / 2) / 4.0

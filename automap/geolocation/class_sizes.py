@@ -1,0 +1,108 @@
+"""How tall signs of a class are: by the table of classes, then by the other signs of the drive.
+
+A country makes its signs in a few sizes, and most of a class in a drive have the same one. What
+the other signs of a class measure, each where bearings from several places tell its distance, is
+the best guess for a sign whose own boxes tell little. A class that stands in two sizes shows by
+its spread; that a single sign is of another size is allowed for by the heavy tails of the fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from automap.geolocation.landmark import Landmark, SizePrior
+from automap.geolocation.views import Views
+from automap.records import FloatArray
+
+USUAL_LOG_SD = 0.25
+"""About a usual size: national sizes are steps of 1.2 to 1.5."""
+_UNSURE_LOG_SD = 0.35
+"""Where the table's width says less of the height: plates are taller or wider than square."""
+_HEIGHT_BY_WIDTH = {"red-triangle-up": 0.87, "red-triangle-down": 0.87}
+_UNSURE_GROUPS = ("white-square", "black-square", "blue-square", "yellow-square", "other")
+
+_SPREAD = 0.15
+_SPREAD_FREEDOM = 3.0
+_LEAST_SPREAD = 0.05
+_LEAST_GAIN = 0.5
+"""Of the variance of a size, what bearings must have removed for it to tell of others."""
+_CAUCHY_SQUARE = 6.25
+_ROUNDS = 5
+
+
+def usual_sizes(names: Iterable[str]) -> dict[str, SizePrior]:
+    """Priors of the heights of the classes that the table knows, among ``names``."""
+    from automap.vision.classes import load_classes
+
+    known = load_classes()
+    result = {}
+    for name in sorted({str(n) for n in names} & known.keys()):
+        entry = known[name]
+        unsure = entry.group in _UNSURE_GROUPS
+        result[name] = SizePrior(
+            size_m=entry.size_m * _HEIGHT_BY_WIDTH.get(entry.group, 1.0),
+            log_sd=_UNSURE_LOG_SD if unsure else USUAL_LOG_SD,
+        )
+    return result
+
+
+def sizes_of_others(
+    views: Views, landmarks: Sequence[Landmark], prior: SizePrior
+) -> list[SizePrior]:
+    """For each landmark the prior of its size by the other landmarks of its class.
+
+    ``landmarks`` were settled with ``prior``; where no other of the class tells anything, it is
+    that prior.
+    """
+    names = [_name(views, mark) for mark in landmarks]
+    result = [prior.of([name]) for name in names]
+    for name in set(names):
+        members = [k for k, other in enumerate(names) if other == name]
+        if len(members) < 2:
+            continue
+        general = prior.of([name])
+        size, variance = _measured([landmarks[k] for k in members], general)
+        for i, k in enumerate(members):
+            others = np.isfinite(size)
+            others[i] = False
+            if others.any():
+                result[k] = _predicted(size[others], variance[others], general)
+    return result
+
+
+def _name(views: Views, mark: Landmark) -> str:
+    names, count = np.unique(views.class_name[mark.rows].astype(str), return_counts=True)
+    return str(names[np.argmax(count)])
+
+
+def _measured(marks: Sequence[Landmark], prior: SizePrior) -> tuple[FloatArray, FloatArray]:
+    """Logarithms [n] of the sizes by boxes and bearings alone and their variances [n]; NaN
+    where those tell next to nothing."""
+    size, variance = np.full(len(marks), np.nan), np.full(len(marks), np.nan)
+    before = prior.log_sd**2
+    for k, mark in enumerate(marks):
+        after = float(mark.covariance[3, 3] + mark.pass_covariance[3, 3])
+        if mark.ok and after < (1.0 - _LEAST_GAIN) * before:
+            variance[k] = 1.0 / (1.0 / after - 1.0 / before)
+            pull = np.log(prior.size_m) / before
+            size[k] = (mark.parameters[3] / after - pull) * variance[k]
+    return size, variance
+
+
+def _predicted(size: FloatArray, variance: FloatArray, prior: SizePrior) -> SizePrior:
+    """What sizes [n] with variances [n] let expect of one more of their class."""
+    start = float(np.log(prior.size_m))
+    mean, spread = float(np.median(size)), _SPREAD**2
+    sure = 0.0
+    for _ in range(_ROUNDS):
+        square = (size - mean) ** 2
+        weight = 1.0 / (spread + variance)
+        weight = weight / (1.0 + square * weight / _CAUCHY_SQUARE)
+        sure = prior.log_sd**-2 + float(weight.sum())
+        mean = (start * prior.log_sd**-2 + float(weight @ size)) / sure
+        beyond = float(np.sum(np.maximum(square - variance, 0.0)))
+        spread = (_SPREAD_FREEDOM * _SPREAD**2 + beyond) / (_SPREAD_FREEDOM + len(size))
+        spread = max(spread, _LEAST_SPREAD**2)
+    return SizePrior(float(np.exp(mean)), float(min(np.sqrt(spread + 1.0 / sure), prior.log_sd)))
