@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from automap.records import FloatArray, IntArray
 from automap.vision.classifier import SignClassifier
+from automap.vision.dark import brightened
 from automap.vision.detector import FoundSigns, Image, Region
 from automap.vision.onnx_model import OnnxModel
 
@@ -86,7 +87,8 @@ class NetworkDetector:
         """
         if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
             raise ValueError("the detector takes pictures with three channels of 8 bits")
-        boxes, scores = self.propose(image, region, zoom)
+        image = brightened(image)
+        boxes, scores = self._propose(image, region, zoom)
         return self._named(image, boxes, scores)
 
     def detect_in(self, image: Image, region: Region) -> FoundSigns:
@@ -101,6 +103,11 @@ class NetworkDetector:
         self, image: Image, region: Region | None = None, zoom: float | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Boxes [n, 4] px and scores [n] of what may be signs, best first, not yet named."""
+        return self._propose(brightened(image), region, zoom)
+
+    def _propose(
+        self, image: Image, region: Region | None, zoom: float | None
+    ) -> tuple[FloatArray, FloatArray]:
         height, width = image.shape[:2]
         zoom = self.zoom_of(image) if zoom is None else zoom
         x0, y0, x1, y1 = _window(region, width, height)

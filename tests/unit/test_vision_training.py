@@ -10,12 +10,17 @@ import pytest
 from automap.vision.classes import load_classes
 from automap.vision.faces import draw_face
 from automap.vision.training.art import Face
-from automap.vision.training.drawings import Drawings, group_of_face
+from automap.vision.training.classifier_data import jittered
+from automap.vision.training.degrade import against_light
+from automap.vision.training.digits import road_digits
+from automap.vision.training.drawings import Drawings, group_of_face, group_of_kind
+from automap.vision.training.mirror import mirrored_name
 from automap.vision.training.numbers import (
     LIMITS,
     letter_face,
     limit_face,
     limit_name,
+    on_plate,
     other_number,
 )
 from automap.vision.training.pictograms import picture_of, transplanted
@@ -102,4 +107,68 @@ def test_held_drawings_are_never_trained_on() -> None:
     assert name == ROUNDABOUT
     np.testing.assert_array_equal(image, held.image)
     assert training.named(rng)[1] == ROUNDABOUT
-    assert training.other(rng)[1] == group_of_face(strange)
+    kind = training.other(rng)[1]
+    assert kind == "yellow-diamond/warning--camel-crossing"
+    assert kind in training.kinds
+    assert group_of_kind(kind) == group_of_face(strange)
+
+
+def holes(picture: Image) -> int:
+    """Areas of black that white encloses."""
+    framed = cv2.copyMakeBorder(picture, 4, 4, 4, 4, cv2.BORDER_CONSTANT, value=0)
+    black = (framed < 128).astype(np.uint8)
+    count, _, stats, _ = cv2.connectedComponentsWithStats(black, connectivity=4)
+    return int((stats[1:, cv2.CC_STAT_AREA] > 12).sum()) - 1 if count > 1 else 0
+
+
+@pytest.mark.parametrize(
+    ("digit", "enclosed"), [("0", 1), ("2", 0), ("3", 0), ("5", 0), ("6", 1), ("8", 2), ("9", 1)]
+)
+def test_constructed_digits_keep_what_tells_them_apart(digit: str, enclosed: int) -> None:
+    rng = np.random.default_rng(6)
+    for _ in range(60):
+        picture = road_digits(digit, rng)
+        assert picture.shape[0] == 96
+        assert holes(picture) == enclosed
+
+
+def test_a_face_stands_on_a_plate() -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(12):
+        plate = on_plate(draw_face("regulatory--no-entry--g1"), rng)
+        assert plate.shape[0] >= plate.shape[1]
+        assert (plate[:, :, 3] == 255).all()
+        red = plate[:, :, 2].astype(int) - plate[:, :, 0] > 60
+        assert 0.1 < red.mean() < 0.7
+
+
+def test_mirrors_exchange_left_and_right() -> None:
+    assert mirrored_name("warning--curve-left--g1") == "warning--curve-right--g1"
+    assert mirrored_name("warning--curve-left--g2") == "warning--curve-right--g2"
+    assert mirrored_name("regulatory--no-entry--g1") == "regulatory--no-entry--g1"
+    for unreadable in (limit_name(50), "regulatory--stop--g1", "regulatory--one-way-left--g2"):
+        assert mirrored_name(unreadable) is None
+    for name, entry in load_classes().items():
+        other = mirrored_name(name)
+        if other is not None:
+            assert mirrored_name(other) == name
+            assert load_classes()[other].group == entry.group
+
+
+def test_pictures_against_the_light_lose_contrast_and_black() -> None:
+    rng = np.random.default_rng(8)
+    picture = np.zeros((40, 40, 3), np.uint8)
+    picture[:, 20:] = 240
+    for _ in range(10):
+        spoilt = against_light(picture, rng).astype(float)
+        assert spoilt[:, :20].mean() > 3
+        assert spoilt[:, 20:].mean() - spoilt[:, :20].mean() < 190
+
+
+def test_jittered_boxes_stay_about_the_sign() -> None:
+    rng = np.random.default_rng(9)
+    box = np.array([10.0, 20.0, 49.0, 59.0])
+    moved = np.array([jittered(box, rng) for _ in range(2000)])
+    np.testing.assert_allclose(moved.mean(axis=0), box, atol=0.3)
+    wide = moved[:, 2] - moved[:, 0]
+    assert 2.0 < wide.std() < 6.0

@@ -22,8 +22,8 @@ from automap.vision.classes import load_classes
 from automap.vision.classifier import crop_faces
 from automap.vision.network import NetworkDetector
 from automap.vision.training.art import load_faces
-from automap.vision.training.classifier_data import CropMaker, labels
-from automap.vision.training.classifier_net import FaceNet
+from automap.vision.training.classifier_data import CropMaker, label_of, labels
+from automap.vision.training.classifier_net import FaceNet, Folded
 from automap.vision.training.metrics import judge_image
 from automap.vision.training.rendered import make_scenes
 from automap.vision.training.street_data import load_crops, load_streets
@@ -43,12 +43,13 @@ def temperature(data: Path, work: Path) -> float:
     state = torch.load(work / "classifier.pt", weights_only=True)
     net = FaceNet(len(state["labels"]))
     net.load_state_dict(state["mean"])
-    net.eval()
+    folded = Folded(net, [label_of(name) for name in state["labels"]], labels())
+    folded.eval()
     number = {e.gtsdb: name for name, e in load_classes().items() if e.gtsdb is not None}
     index = {name: i for i, name in enumerate(labels())}
     rng = np.random.default_rng(11)
     crops = load_crops(data / "gtsrb", "tune")[::2]
-    samples = [(crop_faces(c.image, c.box[None])[0], index[number[c.class_id]]) for c in crops]
+    samples = [(crop_faces(c.image, c.box[None])[0], number[c.class_id]) for c in crops]
     streets = load_streets(data / "gtsdb", "tune")
     faces = load_faces(data / "sign-art", work / "faces.pkl")
     seen = CropMaker(streets, crops, faces)
@@ -57,9 +58,9 @@ def temperature(data: Path, work: Path) -> float:
         samples += [make(rng) for _ in range(_DRAWN // 4)]
     images = torch.from_numpy(np.stack([image for image, _ in samples])).permute(0, 3, 1, 2)
     with torch.no_grad():
-        parts = [net(images[i : i + 64].float()) for i in range(0, len(images), 64)]
+        parts = [folded(images[i : i + 64].float()) for i in range(0, len(images), 64)]
     logits = torch.cat(parts)
-    truth = torch.tensor([label for _, label in samples])
+    truth = torch.tensor([index[label_of(name)] for _, name in samples])
     candidates = np.exp(np.linspace(np.log(0.4), np.log(4.0), 60))
     losses = [float(torch.nn.functional.cross_entropy(logits / t, truth)) for t in candidates]
     best = float(candidates[int(np.argmin(losses))])

@@ -9,6 +9,8 @@ from torch.nn import functional as F  # noqa: N812
 _FACE_PX = 18.0
 """Radius of what belongs to the face in a crop whatever its shape."""
 _BRIGHTEST = 3.0
+_HIDDEN = 288
+_LEAST = 1e-30
 
 
 def _convolution(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
@@ -34,9 +36,9 @@ class FaceNet(nn.Module):
             _convolution(128, 160),
         )
         self.squeeze = nn.Conv2d(160, 32, 1)
-        self.hidden = nn.Linear(32 * 6 * 6, 192)
+        self.hidden = nn.Linear(32 * 6 * 6, _HIDDEN)
         self.drop = nn.Dropout(0.25)
-        self.out = nn.Linear(192, labels)
+        self.out = nn.Linear(_HIDDEN, labels)
         across = torch.arange(48.0) - 23.5
         inside = (across[:, None] ** 2 + across**2 < _FACE_PX**2).float()
         self.register_buffer("inside", inside / inside.sum(), persistent=False)
@@ -55,3 +57,24 @@ class FaceNet(nn.Module):
         x = self.drop(F.relu(self.hidden(x)))
         logits: Tensor = self.out(x)
         return logits
+
+
+class Folded(nn.Module):
+    """A network whose outputs of one name are one: kinds of unknown faces to their group.
+
+    ``outputs`` the name of each output after folding, ``labels`` the names in the order wanted;
+    crops [n, 3, 48, 48] to logits [n, labels], whose softmax adds up that of ``net``.
+    """
+
+    def __init__(self, net: nn.Module, outputs: list[str], labels: list[str]) -> None:
+        super().__init__()
+        self.net = net
+        belongs = torch.tensor([[float(a == b) for b in labels] for a in outputs])
+        self.register_buffer("belongs", belongs, persistent=False)
+
+    def forward(self, x: Tensor) -> Tensor:
+        logits: Tensor = self.net(x)
+        top = logits.amax(dim=1, keepdim=True)
+        belongs: Tensor = self.belongs
+        parts = (logits - top).exp() @ belongs
+        return parts.clamp_min(_LEAST).log() + top

@@ -130,13 +130,30 @@ def at_random(image: Image, rng: Random, strength: float = 1.0) -> Image:
 
 
 def exposed(image: Image, rng: Random) -> Image:
-    """Sometimes far too dark, as against the sun or at dusk, or far too bright."""
+    """Sometimes far too dark, as at dusk, against the light, or far too bright."""
     chance = rng.random()
-    if chance < 0.15:
-        return tone(image, float(np.exp(rng.uniform(np.log(0.08), np.log(0.6)))), 1.0, 1.0)
-    if chance < 0.22:
+    if chance < 0.14:
+        gain = float(np.exp(rng.uniform(np.log(0.07), np.log(0.6))))
+        # what the eighth bit leaves is the sensor's noise
+        dark = image * np.float32(gain) + grain(rng, image.shape, rng.uniform(0.0, 2.0))
+        return _clipped(dark + 0.5)
+    if chance < 0.21:
+        return against_light(image, rng)
+    if chance < 0.27:
         return _clipped(image.astype(np.float32) * rng.uniform(1.3, 2.2))
     return image
+
+
+def against_light(image: Image, rng: Random) -> Image:
+    """Dark, behind the light that scatters in lens and windscreen, stronger on one side."""
+    height, width = image.shape[:2]
+    y, x = np.mgrid[0:height, 0:width].astype(np.float32)
+    a = rng.uniform(0.0, 2.0 * np.pi)
+    ramp = np.cos(a) * (x / width - 0.5) + np.sin(a) * (y / height - 0.5)
+    veil = rng.uniform(8.0, 90.0) * (1.0 + rng.uniform(0.0, 0.8) * ramp)
+    colour = rng.uniform([0.75, 0.85, 0.9], [1.1, 1.05, 1.15]).astype(np.float32)
+    values = image * np.float32(rng.uniform(0.12, 0.6)) + veil[:, :, None] * colour
+    return _clipped(values + grain(rng, image.shape, rng.uniform(0.0, 2.5)) + 0.5)
 
 
 def desaturated(image: Image, by: float) -> Image:

@@ -15,6 +15,7 @@ from automap.vision.training.numbers import (
     letter_face,
     limit_face,
     limit_name,
+    on_plate,
     other_number,
 )
 from automap.vision.training.pictograms import picture_of, transplanted
@@ -28,11 +29,14 @@ _CIRCLES = {"red": "red-circle", "blue": "blue-circle", "green": "green-circle",
 
 
 _LETTERS = {"information--parking--g1": "P", "information--hospital--g1": "H"}
+_OTHER_NUMBER, _OTHER_LETTER = "red-circle/number", "blue-square/letter"
+_GENERATED_KINDS = (_OTHER_NUMBER, _OTHER_LETTER)
 _GENERATED = 0.4
 _TRANSPLANTED = 0.3
 _VARIANT = 0.25
 """Shares of a class's drawings: generated; with a picture from elsewhere; of another variant."""
 _VARIED = 0.75
+_ON_PLATE = 0.2
 
 
 def group_of_face(face: Face) -> str:
@@ -51,6 +55,11 @@ def group_of_face(face: Face) -> str:
     return "other"
 
 
+def group_of_kind(kind: str) -> str:
+    """The group of a kind of unknown face; any other name as it is."""
+    return kind.split("/")[0]
+
+
 def _base(name: str) -> str:
     """A class name without its number of variant."""
     return re.sub(r"--(g\d+|au)$", "", name)
@@ -59,9 +68,10 @@ def _base(name: str) -> str:
 class Drawings:
     """Draws faces to train on; ``held`` draws those that are kept out of training instead.
 
-    ``art`` by class, ``unknown`` by group. The held ones come as they are. The others come in
-    many hands: varied, generated, or with the picture that another country's sign of the same
-    meaning shows, since a class is known to most countries by a drawing we do not have.
+    ``art`` by class, ``unknown`` by group, ``kinds`` of these: ``group/meaning``. The held ones
+    come as they are. The others come in many hands: varied, generated, or with the picture that
+    another country's sign of the same meaning shows, since a class is known to most countries by
+    a drawing we do not have.
     """
 
     def __init__(self, faces: list[Face], held: bool = False) -> None:
@@ -95,6 +105,8 @@ class Drawings:
                     self._variants.setdefault(only[look], []).append(face)
             elif face.held == held:
                 self.unknown.setdefault(look[1], []).append(face)
+        kinds = {f"{group}/{_base(f.name)}" for group, of in self.unknown.items() for f in of}
+        self.kinds = sorted(kinds | set(_GENERATED_KINDS))
         self._pictures = {} if held else self._of_same_meaning(faces, set(only.values()), of_art)
 
     def _of_same_meaning(
@@ -136,23 +148,28 @@ class Drawings:
                 picture = pictures[int(rng.integers(len(pictures)))]
                 other = transplanted(image, picture, rng)
                 image = image if other is None else other
-        return _perhaps_varied(image, rng), name
+        image = _perhaps_varied(image, rng)
+        if load_classes()[name].group == "red-circle" and rng.random() < _ON_PLATE:
+            image = on_plate(image, rng)
+        return image, name
 
     def other(self, rng: Random) -> tuple[Image, str]:
-        """A drawing, BGRA, of a face that is no class, and its group."""
+        """A drawing, BGRA, of a face that is no class, and its kind."""
         groups = list(self.unknown)
         share = np.array([len(self.unknown[g]) ** 0.5 for g in groups])
         group = groups[int(rng.choice(len(groups), p=share / share.sum()))]
-        image = _one(self.unknown[group], rng)
+        face = self.unknown[group][int(rng.integers(len(self.unknown[group])))]
+        kind = f"{group}/{_base(face.name)}"
         if self._held:
-            return image, group
+            return face.image, kind
         if rng.random() < 0.15:
             if group == "red-circle":
-                return limit_face(other_number(rng), rng), group
+                return limit_face(other_number(rng), rng), _OTHER_NUMBER
             if group == "blue-square":
                 letters = "ABCDEFGIJKLMNOQRSTUVWXYZ123456789"
-                return letter_face(letters[int(rng.integers(len(letters)))], rng), group
-        return _perhaps_varied(image, rng), group
+                letter = letters[int(rng.integers(len(letters)))]
+                return letter_face(letter, rng), _OTHER_LETTER
+        return _perhaps_varied(face.image, rng), kind
 
 
 def _one(faces: list[Face], rng: Random) -> Image:

@@ -15,7 +15,8 @@ import onnx
 import torch
 from torch import Tensor, nn
 
-from automap.vision.training.classifier_net import FaceNet
+from automap.vision.training.classifier_data import label_of, labels
+from automap.vision.training.classifier_net import FaceNet, Folded
 from automap.vision.training.detector_net import SignNet
 from automap.vision.training.quantize import quantized
 
@@ -58,10 +59,11 @@ def export_classifier(checkpoint: Path, out: Path) -> None:
     state = torch.load(checkpoint, weights_only=True)
     net = FaceNet(len(state["labels"]))
     net.load_state_dict(state["mean"])
-    notes = {"labels": state["labels"], "temperature": state.get("temperature", 1.0)}
+    folded = Folded(net, [label_of(name) for name in state["labels"]], labels())
+    notes = {"labels": labels(), "temperature": state.get("temperature", 1.0)}
     axes = {"crops": {0: "n"}, "logits": {0: "n"}}
     crops = torch.zeros(2, 48, 48, 3, dtype=torch.uint8)
-    _write(_FromPixels(net), crops, out, ("crops", "logits"), axes, notes)
+    _write(_FromPixels(folded), crops, out, ("crops", "logits"), axes, notes)
 
 
 def _write(

@@ -12,6 +12,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from automap.vision.training.digits import road_digits
+
 Image = npt.NDArray[np.uint8]
 Random = np.random.Generator
 
@@ -21,6 +23,8 @@ _STROKES = "strokes"
 _TYPES = ("DejaVuSans-Bold", "DejaVuSans", "DejaVuSansMono-Bold", "STIXGeneralBol", "cmss10",
           _STROKES, _STROKES)  # fmt: skip
 _SIDE = 112
+_CONSTRUCTED = 0.4
+"""Share of numbers whose digits are constructed."""
 
 
 def limit_name(number: int) -> str:
@@ -72,17 +76,23 @@ def _spaced(text: str, kind: str, rng: Random) -> Image:
     return np.asarray(np.hstack(parts[:-1]), np.uint8)
 
 
-def text_cover(text: str, rng: Random, wide: float, high: float) -> npt.NDArray[np.float32]:
-    """Text [rows, columns] of 0..1 within ``wide`` by ``high`` px, in a type at random."""
+def _lettered(text: str, rng: Random) -> Image:
+    """Text in one of the types, its strokes heavier or not."""
     kind = _TYPES[int(rng.integers(len(_TYPES)))]
     drawn = _spaced(text, kind, rng) if rng.random() < 0.6 else _letters(text, kind)
     weight = int(rng.integers(-1, 7))
-    if weight > 0:
-        drawn = np.asarray(
-            cv2.dilate(cv2.copyMakeBorder(drawn, 4, 4, 4, 4, 0), np.ones((weight, weight))),
-            np.uint8,
-        )
-    narrow = rng.uniform(0.55, 1.1)
+    if weight <= 0:
+        return drawn
+    framed = cv2.copyMakeBorder(drawn, 4, 4, 4, 4, 0)
+    return np.asarray(cv2.dilate(framed, np.ones((weight, weight))), np.uint8)
+
+
+def text_cover(text: str, rng: Random, wide: float, high: float) -> npt.NDArray[np.float32]:
+    """Text [rows, columns] of 0..1 within ``wide`` by ``high`` px, in a type at random."""
+    if text.isdigit() and rng.random() < _CONSTRUCTED:
+        drawn, narrow = road_digits(text, rng), rng.uniform(0.85, 1.15)
+    else:
+        drawn, narrow = _lettered(text, rng), rng.uniform(0.55, 1.1)
     scale = min(high / drawn.shape[0], wide / (drawn.shape[1] * narrow))
     size = (
         max(3, round(drawn.shape[1] * narrow * scale)),
@@ -132,6 +142,30 @@ def limit_face(number: int, rng: Random) -> Image:
     )
     _print(face, text, middle, rng.uniform(5, 45, 3))
     return face
+
+
+def on_plate(face: Image, rng: Random) -> Image:
+    """A face on a white plate, as prohibitions stand in Australia, at times above words; BGRA."""
+    high = round(_SIDE * rng.uniform(1.0, 1.5))
+    side = _SIDE * rng.uniform(0.72, 0.94)
+    size = (round(side * min(1.0, face.shape[1] / face.shape[0])), round(side))
+    drawn = np.asarray(cv2.resize(face, size, interpolation=cv2.INTER_AREA), np.uint8)
+    white = rng.uniform(225, 255, 3)
+    plate = np.full((high, _SIDE, 4), (*white, 255), np.uint8)
+    if rng.random() < 0.6:
+        edge = int(rng.integers(1, 5))
+        last = (_SIDE - 1 - edge, high - 1 - edge)
+        cv2.rectangle(plate, (edge, edge), last, (20, 20, 20, 255), int(rng.integers(1, 3)))
+    x = (_SIDE - size[0]) // 2
+    part = plate[x : x + size[1], x : x + size[0], :3]
+    cover = drawn[: part.shape[0], :, 3:] / 255.0
+    part[:] = np.asarray(part * (1 - cover) + drawn[: part.shape[0], :, :3] * cover, np.uint8)
+    left = high - 2 * x - size[1]
+    if left > 12 and rng.random() < 0.7:
+        word = "".join(rng.choice(list("ABCDEGHILNOPRSTU"), int(rng.integers(3, 8))))
+        text = text_cover(word, rng, 0.85 * _SIDE, 0.8 * left)
+        _print(plate, text, ((_SIDE - 1) / 2, high - x - left / 2), rng.uniform(5, 45, 3))
+    return plate
 
 
 def letter_face(letter: str, rng: Random) -> Image:

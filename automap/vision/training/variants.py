@@ -20,16 +20,20 @@ _SIZE = 112
 
 
 def varied(face: Image, rng: Random) -> Image:
-    """Another drawing of a face: BGRA [height, width, 4], at most 112 px and its outline kept."""
+    """Another drawing of a face: BGRA [height, width, 4], at most 112 px and its outline kept.
+
+    Most differ a little, some as much as two countries' drawings of one sign.
+    """
     high, wide = face.shape[:2]
     scale = _SIZE / max(high, wide)
     if scale < 1.0:
         size = (max(8, round(wide * scale)), max(8, round(high * scale)))
         face = np.asarray(cv2.resize(face, size, interpolation=cv2.INTER_AREA), np.uint8)
+    much = rng.uniform(0.8, 1.8)
     if rng.random() < 0.8:
-        face = _moved(face, rng)
+        face = _moved(face, rng, much)
     if rng.random() < 0.6:
-        face = _inked(face, rng)
+        face = _inked(face, rng, 0.02 * much)
     if rng.random() < 0.5:
         face = _coloured(face, rng)
     return face
@@ -42,24 +46,24 @@ def depth_of(face: Image) -> Floats:
     return np.asarray(depth / max(face.shape[:2]), np.float32)
 
 
-def _moved(face: Image, rng: Random) -> Image:
+def _moved(face: Image, rng: Random, much: float) -> Image:
     """The picture within the rim turned, stretched, shifted and bent; the rim wider or not."""
     high, wide = face.shape[:2]
     y, x = np.mgrid[0:high, 0:wide].astype(np.float32)
     depth = depth_of(face)
     inner = np.clip((depth - _RIM[0]) / (_RIM[1] - _RIM[0]), 0.0, 1.0)
-    size = float(np.exp(rng.normal(0.0, 0.08)))
-    stretch = np.exp(rng.normal(0.0, 0.07, 2)) * size
+    size = float(np.exp(rng.normal(0.0, 0.08 * much)))
+    stretch = np.exp(rng.normal(0.0, 0.07 * much, 2)) * size
     angle = rng.normal(0.0, 0.05)
     matrix = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     matrix = matrix / stretch[:, None]
     centre = np.array([wide - 1, high - 1]) / 2
-    shift = rng.normal(0.0, 0.015, 2) * max(high, wide)
+    shift = rng.normal(0.0, 0.015 * much, 2) * max(high, wide)
     u, v = x - centre[0], y - centre[1]
     dx = matrix[0, 0] * u + matrix[0, 1] * v - u + shift[0]
     dy = matrix[1, 0] * u + matrix[1, 1] * v - v + shift[1]
     if rng.random() < 0.5:
-        bend = rng.normal(0.0, 0.018 * max(high, wide), (4, 4, 2)).astype(np.float32)
+        bend = rng.normal(0.0, 0.016 * much * max(high, wide), (4, 4, 2)).astype(np.float32)
         field = cv2.resize(bend, (wide, high), interpolation=cv2.INTER_CUBIC)
         dx, dy = dx + field[:, :, 0], dy + field[:, :, 1]
     moved = cv2.remap(
@@ -69,9 +73,9 @@ def _moved(face: Image, rng: Random) -> Image:
     return np.dstack([moved, face[:, :, 3]])
 
 
-def _inked(face: Image, rng: Random) -> Image:
-    """Dark strokes heavier or lighter by up to a fiftieth of the face."""
-    radius = rng.uniform(0.0, 0.02) * max(face.shape[:2])
+def _inked(face: Image, rng: Random, most: float) -> Image:
+    """Dark strokes heavier or lighter by up to ``most`` of the face."""
+    radius = rng.uniform(0.0, most) * max(face.shape[:2])
     n = 2 * int(radius) + 3
     y, x = np.mgrid[0:n, 0:n] - n // 2
     kernel = (np.hypot(x, y) <= radius + 0.5).astype(np.uint8)
