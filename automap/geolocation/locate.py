@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.geolocation.assembly import assemble_sign
+from automap.geolocation.backs import find_backs
 from automap.geolocation.boresight import prior_covariance
 from automap.geolocation.box_noise import measured_noise
 from automap.geolocation.camera_estimate import estimate_cameras, first_corrections, refit
@@ -121,6 +122,11 @@ def locate_signs(
     path = make_path(trajectory, views.origin)
     focal = np.array([focal_length(cameras[name]) for name in views.camera_names])
     groups = group_sightings(views, sightings)
+    backs = find_backs(views, sightings, groups)
+    for group in (g for g, back in zip(groups, backs, strict=True) if back):
+        for k in group:
+            fate.note[views.row[sightings[k].landmark.rows]] = "back"
+    groups = [group for group, back in zip(groups, backs, strict=True) if not back]
     controlled = match_control(control, sightings, groups, views.origin) if control else {}
     adjustment = None
     if rules.adjust_trajectory:

@@ -16,11 +16,11 @@ PATH_CORRELATION_S = 60.0
 MAX_DISTANCE_M = 10.0
 _GATE = 16.3  # chi-square, three coordinates, 99.9 %
 _OTHER_CLASS = 9.0
-_HEIGHT_SLACK_M = 1.0
+HEIGHT_SLACK_M = 1.0
 _MIN_FACING_COSINE = 0.0
 
 
-def _difference_covariance(a: Sighting, b: Sighting) -> FloatArray:
+def difference_covariance(a: Sighting, b: Sighting) -> FloatArray:
     """Covariance [3, 3] of the difference of two sightings' positions."""
     shared = np.exp(-abs(a.time_s - b.time_s) / PATH_CORRELATION_S)
     path = a.path_sd**2 + b.path_sd**2 - 2.0 * shared * a.path_sd * b.path_sd
@@ -42,7 +42,7 @@ def _link_cost(a: Sighting, b: Sighting) -> float:
         return np.inf  # the other face of a sign is another sign
     # positions of one place agree to no better than the extent of the sign; heights of a
     # trajectory drift between passes, and no two signs of a class hang one above the other
-    covariance = _difference_covariance(a, b) + np.diag([0.1**2, 0.1**2, _HEIGHT_SLACK_M**2])
+    covariance = difference_covariance(a, b) + np.diag([0.1**2, 0.1**2, HEIGHT_SLACK_M**2])
     cost = float(difference @ np.linalg.solve(covariance, difference))
     if a.class_name != b.class_name:
         cost += _OTHER_CLASS

@@ -1,0 +1,74 @@
+"""Backs of signs: a grey face where a sign stands that faces the other way is no new sign.
+
+A detector that takes the back of a sign for a sign finds no colours on it, and names it by a class
+of its own ("...--back") or after a colourless shape. From the other side, in another pass, the same
+sign shows its face.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from automap.geolocation.merging import HEIGHT_SLACK_M, difference_covariance
+from automap.geolocation.sightings import Sighting
+from automap.geolocation.views import Views
+
+COLOURLESS = ("white-square", "white-diamond", "white-circle", "black-square", "other")
+"""Groups of shape and colour that a back may be taken for."""
+
+_GATE = 13.8  # chi-square, three coordinates, 99.7 %
+_AWAY_COSINE = -0.5
+_THICKNESS_M = 0.2
+"""Face and back of a sign, and the middles of boxes about them, are no further apart."""
+_MAX_DISTANCE_M = 5.0
+
+
+def is_back(class_name: str) -> bool:
+    """Whether a class is that of backs and of nothing else."""
+    return class_name.lower().replace("_", "-").split("-")[-1] in ("back", "backside")
+
+
+def may_be_back(class_name: str) -> bool:
+    """Whether a detector gives such a class to a back: its own, or a face without colours that
+    could not be read."""
+    from automap.vision.vocabulary import load_vocabulary
+
+    groups = load_vocabulary().groups
+    return is_back(class_name) or class_name in {groups[g] for g in COLOURLESS if g in groups}
+
+
+def find_backs(
+    views: Views, sightings: Sequence[Sighting], groups: Sequence[Sequence[int]]
+) -> list[bool]:
+    """Which groups of sightings are backs of signs.
+
+    One whose class is that of backs always is; one without a readable face is where a sign with
+    one stands, faces the other way, and is in none of its frames (a camera sees one side).
+    """
+    maybe = [all(may_be_back(sightings[k].class_name) for k in group) for group in groups]
+    result = [all(is_back(sightings[k].class_name) for k in group) for group in groups]
+    fronts = [k for k, back in enumerate(maybe) if not back]
+    for number in np.flatnonzero(maybe).tolist():
+        if not result[number]:
+            result[number] = any(
+                _is_other_side(views, sightings[a], sightings[b])
+                for front in fronts
+                for a in groups[number]
+                for b in groups[front]
+            )
+    return result
+
+
+def _is_other_side(views: Views, back: Sighting, front: Sighting) -> bool:
+    difference = back.position - front.position
+    if float(np.linalg.norm(difference)) > _MAX_DISTANCE_M:
+        return False
+    if float(back.facing @ front.facing) > _AWAY_COSINE:
+        return False
+    if np.isin(views.frame[back.landmark.rows], views.frame[front.landmark.rows]).any():
+        return False
+    slack = np.diag([_THICKNESS_M**2, _THICKNESS_M**2, HEIGHT_SLACK_M**2])
+    covariance = difference_covariance(back, front) + slack
+    return float(difference @ np.linalg.solve(covariance, difference)) < _GATE
