@@ -1,7 +1,8 @@
 """Traffic lights of Regent Street from finished sightings, against the published method.
 
 Krylov, Kenny and Dahyot's own program reaches on these 173 sightings, matched one to one,
-recall 0.38 at 2 m and 0.78 at 6 m.
+recall 0.38 at 2 m and 0.78 at 6 m (precision 0.34 and 0.70). Here 0.46 and 0.78 (0.45 and 0.76);
+one light is 0.02, so the limits leave room for one or two.
 """
 
 from __future__ import annotations
@@ -47,6 +48,8 @@ def test_recall_is_that_of_the_published_method(shared_data: Path) -> None:
     )
     found = points(np.array([s.lat_rad for s in signs]), np.array([s.lon_rad for s in signs]))
     lights = points(truth[:, 1], truth[:, 0])
-    assert len(match(found, lights, 2.0)) >= 0.38 * len(lights)
-    assert len(match(found, lights, 6.0)) >= 0.72 * len(lights)
-    assert len(match(found, lights, 6.0)) >= 0.45 * len(found)
+    near, far = len(match(found, lights, 2.0)), len(match(found, lights, 6.0))
+    assert near >= 0.40 * len(lights)
+    assert near >= 0.40 * len(found)
+    assert far >= 0.74 * len(lights)
+    assert far >= 0.72 * len(found)
