@@ -59,22 +59,29 @@ class FaceNet(nn.Module):
         return logits
 
 
-class Folded(nn.Module):
-    """A network whose outputs of one name are one: kinds of unknown faces to their group.
+def membership(outputs: list[str], labels: list[str]) -> Tensor:
+    """Which of ``outputs``, named as after folding, belongs to which of ``labels``: [n, m]."""
+    return torch.tensor([[float(a == b) for b in labels] for a in outputs])
 
-    ``outputs`` the name of each output after folding, ``labels`` the names in the order wanted;
-    crops [n, 3, 48, 48] to logits [n, labels], whose softmax adds up that of ``net``.
+
+def fold(logits: Tensor, belongs: Tensor) -> Tensor:
+    """Logits [k, n] to logits [k, m] whose softmax adds up what belongs together."""
+    top = logits.amax(dim=1, keepdim=True)
+    parts = (logits - top).exp() @ belongs
+    return parts.clamp_min(_LEAST).log() + top
+
+
+class Folded(nn.Module):
+    """A network whose kinds of unknown faces are one output for each group.
+
+    Crops [n, 3, 48, 48] to logits [n, labels] by ``belongs`` of ``membership``.
     """
 
-    def __init__(self, net: nn.Module, outputs: list[str], labels: list[str]) -> None:
+    def __init__(self, net: nn.Module, belongs: Tensor) -> None:
         super().__init__()
         self.net = net
-        belongs = torch.tensor([[float(a == b) for b in labels] for a in outputs])
         self.register_buffer("belongs", belongs, persistent=False)
 
     def forward(self, x: Tensor) -> Tensor:
-        logits: Tensor = self.net(x)
-        top = logits.amax(dim=1, keepdim=True)
         belongs: Tensor = self.belongs
-        parts = (logits - top).exp() @ belongs
-        return parts.clamp_min(_LEAST).log() + top
+        return fold(self.net(x), belongs)

@@ -5,6 +5,9 @@ python -m automap.vision.training.train_classifier --data DIR --work DIR
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import cv2
 import numpy as np
 import torch
 from torch import Tensor, nn
@@ -13,14 +16,18 @@ from torch.utils.data import IterableDataset, get_worker_info
 
 from automap.vision.training.art import load_faces
 from automap.vision.training.cache import face_data
-from automap.vision.training.classifier_data import CropMaker, Image
-from automap.vision.training.classifier_net import FaceNet
+from automap.vision.training.classifier_data import CropMaker, Image, label_of, labels
+from automap.vision.training.classifier_net import FaceNet, fold, membership
 from automap.vision.training.degrade import tone
 from automap.vision.training.loop import Recipe, fit, prepare, read_options
 
 _SHARES = (0.34, 0.38, 0.19, 0.09)
 """Real signs, drawn classes, unknown faces, no signs."""
-_WAITING, _SERVINGS = 3000, 4
+_KINDS_SHARE = 0.2
+Judge = Callable[
+    [nn.Module, tuple[torch.Tensor, torch.Tensor]], tuple[torch.Tensor, dict[str, float]]
+]
+_WAITING, _SERVINGS = 5000, 3
 
 
 class _Stream(IterableDataset[tuple[Image, int]]):
@@ -40,16 +47,27 @@ class _Stream(IterableDataset[tuple[Image, int]]):
             yield sample
             if len(waiting) < _WAITING:
                 continue
-            # every crop serves several times, later and in other light: drawing takes longer
+            # every crop serves several times, later and a little other: drawing takes longer
             for _ in range(_SERVINGS - 1):
                 at = int(rng.integers(len(waiting)))
                 image, label, left = waiting[at]
-                yield tone(image, rng.uniform(0.8, 1.2), rng.uniform(0.8, 1.25), 1.0), label
+                yield _again(image, rng), label
                 if left > 1:
                     waiting[at] = image, label, left - 1
                 else:
                     waiting[at] = waiting[-1]
                     waiting.pop()
+
+
+def _again(image: Image, rng: np.random.Generator) -> Image:
+    """A crop moved, turned and in other light."""
+    middle = (image.shape[0] - 1) / 2
+    turn = cv2.getRotationMatrix2D((middle, middle), rng.normal(0.0, 3.0), rng.normal(1.0, 0.04))
+    matrix = np.asarray(turn, np.float64) + np.outer(rng.normal(0.0, 1.2, 2), [0.0, 0.0, 1.0])
+    moved = cv2.warpAffine(
+        image, matrix, image.shape[1::-1], flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
+    return tone(np.asarray(moved, np.uint8), rng.uniform(0.8, 1.2), rng.uniform(0.8, 1.25), 1.0)
 
 
 def _batch(samples: list[tuple[Image, int]]) -> tuple[torch.Tensor, torch.Tensor]:
@@ -59,13 +77,22 @@ def _batch(samples: list[tuple[Image, int]]) -> tuple[torch.Tensor, torch.Tensor
     )
 
 
-def _judge(
-    net: nn.Module, batch: tuple[torch.Tensor, torch.Tensor]
-) -> tuple[Tensor, dict[str, float]]:
-    image, label = batch
-    logits = net(image.float())
-    right = float((logits.argmax(1) == label).float().mean())
-    return F.cross_entropy(logits, label), {"right": right}
+def _judged_by(belongs: Tensor) -> Judge:
+    """The loss of the labels as they are used, and for a part of the kinds of unknown faces."""
+    label_of_output = belongs.argmax(dim=1)
+
+    def judge(
+        net: nn.Module, batch: tuple[torch.Tensor, torch.Tensor]
+    ) -> tuple[Tensor, dict[str, float]]:
+        image, output = batch
+        logits = net(image.float())
+        label = label_of_output[output]
+        folded = fold(logits, belongs)
+        right = float((folded.argmax(1) == label).float().mean())
+        kinds = F.cross_entropy(logits, output)
+        return F.cross_entropy(folded, label) + _KINDS_SHARE * kinds, {"right": right}
+
+    return judge
 
 
 def main() -> None:
@@ -80,7 +107,8 @@ def main() -> None:
         stored={"labels": names},
     )  # fmt: skip
     net = FaceNet(len(names))
-    fit(net, recipe, options, lambda seed: _Stream(maker, 5000 + seed), _batch, _judge)
+    judge = _judged_by(membership([label_of(name) for name in names], labels()))
+    fit(net, recipe, options, lambda seed: _Stream(maker, 5000 + seed), _batch, judge)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,38 @@
+"""Kinds of unknown faces are learnt one by one and used as one output for each group."""
+
+from __future__ import annotations
+
+import pytest
+
+torch = pytest.importorskip("torch", reason="the training needs torch")
+
+from automap.vision.training.classifier_data import label_of, labels  # noqa: E402
+from automap.vision.training.classifier_net import FaceNet, Folded, fold, membership  # noqa: E402
+
+OUTPUTS = ["regulatory--stop--g1", "red-circle/number", "red-circle/no-horns", "other/x", "no-sign"]
+WANTED = ["regulatory--stop--g1", "red-circle", "blue-circle", "other", "no-sign"]
+
+
+def test_folding_adds_probabilities_up() -> None:
+    belongs = membership([label_of(name) for name in OUTPUTS], WANTED)
+    logits = torch.tensor([[3.0, 1.0, 2.0, -1.0, 0.0], [-50.0, 40.0, 39.0, 0.0, 2.0]])
+    folded = fold(logits, belongs).softmax(dim=1)
+    each = logits.softmax(dim=1)
+    assert torch.allclose(folded[:, 0], each[:, 0], atol=1e-6)
+    assert torch.allclose(folded[:, 1], each[:, 1] + each[:, 2], atol=1e-6)
+    assert torch.allclose(folded[:, 3:], each[:, 3:], atol=1e-6)
+    # a group that nothing belongs to is never chosen
+    assert float(folded[:, 2].max()) < 1e-12
+
+
+def test_the_network_as_it_is_used_knows_classes_groups_and_no_sign() -> None:
+    names = [*labels()[:3], "red-circle/number", "no-sign"]
+    net = FaceNet(len(names)).eval()
+    folded = Folded(net, membership([label_of(name) for name in names], labels()))
+    crops = torch.rand(2, 3, 48, 48) * 255
+    with torch.no_grad():
+        out = folded(crops)
+        own = net(crops)
+    assert out.shape == (2, len(labels()))
+    assert torch.allclose(out[:, :3], own[:, :3], atol=1e-4)
+    assert torch.allclose(out[:, -1], own[:, -1], atol=1e-4)
