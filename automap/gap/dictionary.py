@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+import re
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -56,6 +57,11 @@ QUANTITIES = (
 ON_FIXES = ("speed", "speed^2", "acceleration", "lateral_acceleration", "abs(rate_z)")
 DECAYS = (0.05, 0.1, 0.15, 0.2, 0.3)
 STEPS = 16
+INSTANT = re.compile(r"step\(time - ([\d.e+]+)\)")
+CONSTANT = re.compile(r"exp\(-time / ([\d.e+]+)\)")
+FINER, WIDER = 33, 1.6
+"""The dictionary's instants and time constants are coarse; between them the strongest are looked
+for in so many steps."""
 ALIKE = 0.999
 """A quantity that correlates so with a catalogue effect's is that effect."""
 
@@ -81,6 +87,31 @@ def _texts(signals: Signals, has_temperature: bool) -> Iterator[str]:
         yield f"step(time - {begin + i / STEPS * length:.0f})"
 
 
+def finer_texts(text: str, length_s: float) -> list[str]:
+    """A formula with its instant or time constant moved in small steps; nothing for others."""
+    instant, constant = INSTANT.fullmatch(text), CONSTANT.fullmatch(text)
+    if instant is not None:
+        around = float(instant[1]) + length_s / STEPS * np.linspace(-1.0, 1.0, FINER)
+        return [f"step(time - {at:.4g})" for at in around]
+    if constant is not None:
+        around = float(constant[1]) * np.geomspace(1.0 / WIDER, WIDER, FINER)
+        return [f"exp(-time / {tau:.3g})" for tau in around]
+    return []
+
+
+def inertial_columns(fit: Fit, motion: Motion, channel: str, texts: Sequence[str]) -> list[Column]:
+    """Formulas on one axis of a sensor as columns."""
+    signals = motion_signals(fit, motion)
+    return [_inertial(channel, text, parse_formula(text)(signals)) for text in texts]
+
+
+def _inertial(channel: str, text: str, signal: FloatArray) -> Column:
+    i = CHANNELS.index(channel)
+    sensor, axis = (0, i) if i < 3 else (1, i - 3)
+    sd = SIZES[channel[:-2]] / max(float(np.std(signal)), 1e-12)
+    return Column(channel, text, sd, (Inertial(sensor, axis, signal),))
+
+
 def formula_columns(
     fit: Fit, motion: Motion, at: NodeMotion, exclude: Collection[str]
 ) -> list[Column]:
@@ -95,12 +126,10 @@ def formula_columns(
         if size < 1e-12:
             continue
         unit = (signal - signal.mean()) / size
-        for i, channel in enumerate(CHANNELS):
+        for channel in CHANNELS:
             if any(abs(float(np.mean(unit * u))) > ALIKE for u in known.get(channel, ())):
                 continue
-            sensor, axis = (0, i) if i < 3 else (1, i - 3)
-            sd = SIZES[channel[:-2]] / size
-            out.append(Column(channel, text, sd, (Inertial(sensor, axis, signal),)))
+            out.append(_inertial(channel, text, signal))
     out += _fix_columns(signals.at(at.t + fit.opened.drive.begin_s))
     for effect in exclude:
         if effect in CATALOGUE and CATALOGUE[effect].family in ("imu", "gnss", "vehicle", "clock"):

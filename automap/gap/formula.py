@@ -8,19 +8,17 @@ unless that effect is kept out of the library.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+import operator
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
 from automap.earth import metres_per_radian
-from automap.gap.columns import (
-    Column,
-    NodeMotion,
-    node_motion,
-    sensitivities,
-)
-from automap.gap.dictionary import formula_columns
+from automap.fusion.layout import CH_NHC
+from automap.gap.columns import Column, node_motion, sensitivities
+from automap.gap.dictionary import CHANNELS, finer_texts, formula_columns, inertial_columns
 from automap.gap.drive import OpenDrive
 from automap.gap.evidence import Evidence, Scores, block_starts, evidence, null_maxima, p_value
 from automap.gap.fit import Fit, Motion, motion_of
@@ -29,6 +27,10 @@ from automap.gap.whitening import WhiteRows, fit_whitener, white_rows
 from automap.records import FloatArray
 
 NULL_DRAWS = 2000
+VEHICLE = (CH_NHC, CH_NHC + 1)
+CONFLICT = 4.0
+"""Sigmas between what measurements and what the vehicle constraint say of a coefficient. Beyond
+them the constraint has no say: what slips or sways is the vehicle, not a sensor."""
 BATCH = 96
 
 
@@ -80,10 +82,15 @@ def without_formula(opened: OpenDrive, fit: Fit, column: Column, coefficient: fl
 def screen_formulas(
     fits: Sequence[Fit],
     exclude: Collection[str] = (),
-    users: Callable[[Fit, Motion, NodeMotion], list[Column]] | None = None,
+    scattering: bool = True,
 ) -> list[Formula]:
-    """The strongest formulas of fitted drives, best first."""
+    """The strongest formulas of fitted drives, best first.
+
+    Without ``scattering`` a score that scatters more than it should counts in full: under noise
+    that is known to be too small everything scatters.
+    """
     total: dict[tuple[str, str], Scores] = {}
+    measured: dict[tuple[str, str], Scores] = {}
     sds: dict[tuple[str, str], float] = {}
     joint: Scores | None = None
     order: list[tuple[str, str]] = []
@@ -92,18 +99,12 @@ def screen_formulas(
         motion = motion_of(fit.last)
         at = node_motion(fit, motion)
         columns = formula_columns(fit, motion, at, exclude)
-        if users is not None:
-            columns += users(fit, motion, at)
-        scores = _scores(fit, motion, columns)
+        scores, seen = _scores(fit, motion, columns)
         names = [(c.effect, c.parameter) for c in columns]
         for i, (name, column) in enumerate(zip(names, columns, strict=True)):
-            own = Scores(
-                scores.score[i : i + 1],
-                scores.info[i : i + 1, i : i + 1],
-                scores.blocks[:, i : i + 1],
-                scores.block_info[:, i : i + 1, :],
-            )
-            total[name] = total[name] + own if name in total else own
+            for known, part in ((total, scores), (measured, seen)):
+                own = _single(part, i)
+                known[name] = known[name] + own if name in known else own
             sds.setdefault(name, column.prior_sd)
             kept.setdefault(name, []).append(column)
         if joint is None or len(columns) > len(order):
@@ -114,9 +115,8 @@ def screen_formulas(
     groups = [(np.array([i]), np.array([sds[name]])) for i, name in enumerate(order)]
     maxima = null_maxima(flat, groups, NULL_DRAWS)
     out = []
-    zero = np.array([0])
     for name, part in total.items():
-        found = evidence(part, zero, np.array([sds[name]]))
+        found = _evidence(part, measured[name], sds[name], scattering)
         out.append(
             Formula(
                 name[0],
@@ -133,8 +133,73 @@ def screen_formulas(
     return sorted(out, key=lambda f: -f.evidence.nats)
 
 
-def _scores(fit: Fit, motion: Motion, columns: Sequence[Column]) -> Scores:
-    """Scores of many columns: the full information, of the stretches the diagonal alone."""
+def refined(fits: Sequence[Fit], formula: Formula, scattering: bool = True) -> Formula:
+    """The formula with the instant or time constant that the drives show best."""
+    if formula.channel not in CHANNELS:
+        return formula
+    texts = finer_texts(formula.text, fits[0].last.problem.t[-1])
+    if not texts:
+        return formula
+    per_drive: list[tuple[Scores, Scores]] = []
+    columns: list[list[Column]] = []
+    for fit in fits:
+        motion = motion_of(fit.last)
+        columns.append(inertial_columns(fit, motion, formula.channel, texts))
+        per_drive.append(_scores(fit, motion, columns[-1]))
+    best = formula
+    for i, text in enumerate(texts):
+        part = reduce(operator.add, (_single(every, i) for every, _ in per_drive))
+        seen = reduce(operator.add, (_single(free, i) for _, free in per_drive))
+        own = tuple(c[i] for c in columns)
+        found = _evidence(part, seen, own[0].prior_sd, scattering)
+        if found.nats > best.nats:
+            best = replace(
+                formula,
+                text=text,
+                evidence=found,
+                coefficient=float(found.estimate[0]),
+                sd=float(found.sd[0]),
+                p_value=p_value(found.nats, formula.maxima),
+                prior_sd=own[0].prior_sd,
+                columns=own,
+            )
+    return best
+
+
+def _evidence(part: Scores, measured: Scores, prior_sd: float, scattering: bool) -> Evidence:
+    """Evidence of one column; ``measured`` its scores without the vehicle constraint."""
+    if _conflict(part, measured):
+        part = measured
+    if not scattering:
+        part = replace(part, blocks=part.blocks[:0], block_info=part.block_info[:0])
+    return evidence(part, np.array([0]), np.array([prior_sd]))
+
+
+def _single(scores: Scores, i: int) -> Scores:
+    """Scores of one column alone; ``info`` may hold the diagonal only."""
+    info = scores.info if scores.info.ndim == 1 else np.diag(scores.info)
+    return Scores(
+        scores.score[i : i + 1],
+        info[i : i + 1, None],
+        scores.blocks[:, i : i + 1],
+        scores.block_info[:, i : i + 1, :],
+    )
+
+
+def _conflict(everything: Scores, measured: Scores) -> bool:
+    """Whether measurements and the vehicle constraint contradict each other on a coefficient."""
+    info = float(measured.info[0, 0])
+    other = float(everything.info[0, 0]) - info
+    if min(info, other) <= 0.0:
+        return False
+    score = float(measured.score[0])
+    apart = score / info - (float(everything.score[0]) - score) / other
+    return apart**2 > CONFLICT**2 * (1.0 / info + 1.0 / other)
+
+
+def _scores(fit: Fit, motion: Motion, columns: Sequence[Column]) -> tuple[Scores, Scores]:
+    """Scores of many columns: the full information, of the stretches the diagonal alone. Beside
+    them those of all measurements without the vehicle constraint, with the diagonal only."""
     whitened, t, channel = whitened_innovations(fit)
     whitener = fit_whitener(whitened, channel)
     parts: list[WhiteRows] = []
@@ -144,6 +209,10 @@ def _scores(fit: Fit, motion: Motion, columns: Sequence[Column]) -> Scores:
     rows = parts[0]
     phi = np.concatenate([p.phi for p in parts], axis=1)
     starts = block_starts(rows.t)
-    blocks = np.add.reduceat(phi * rows.w[:, None], starts, axis=0)
-    block_info = np.add.reduceat(phi**2, starts, axis=0)[:, :, None]
-    return Scores(phi.T @ rows.w, phi.T @ phi, blocks, block_info)
+    free = ~np.isin(rows.channel, VEHICLE)
+    out = []
+    for use in (np.ones(len(free)), free.astype(np.float64)):
+        blocks = np.add.reduceat(phi * (use * rows.w)[:, None], starts, axis=0)
+        infos = np.add.reduceat(phi**2 * use[:, None], starts, axis=0)
+        out.append(Scores(blocks.sum(axis=0), infos.sum(axis=0), blocks, infos[:, :, None]))
+    return replace(out[0], info=phi.T @ phi), out[1]

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.fusion.levels import ALL_LEVELS
+from automap.gap.drive import OpenDrive
 from automap.gap.evidence import p_value
-from automap.gap.fit import fit_drive
-from automap.gap.formula import Formula, screen_formulas, without_formula
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.formula import Formula, refined, screen_formulas, without_formula
 from automap.gap.model import GapModel
+from automap.gap.naming import CLOSE_NATS
+from automap.gap.noise import fit_noise
 from automap.gap.scoring import robust_score, whitener_of
 from automap.gap.search_state import (
     LOW_WALK,
@@ -26,19 +31,26 @@ from automap.gap.search_state import (
 FORMULA_TRIALS = 4
 FORMULA_NATS = 25.0
 FORMULA_P = 1e-4
-FORMULA_SHARE = 0.1
-"""A formula must beat all names by so many nats, or this share of their evidence: among a
-thousand formulas one resembles whatever rough roads leave behind."""
+OVER_NAMES_NATS = 10.0
+FORMULA_SHARE = 0.05
+"""A formula needs so many nats, since among a thousand formulas one resembles whatever rough
+roads leave behind. It must beat names by the logarithm of that thousand and some, or by this share
+of their evidence, which is linearised."""
 RAISED = 1.5
+SAME_SHAPE = 1
+NUMBERS = re.compile(r"\d+(\.\d+)?(e[+-]?\d+)?")
 
 
 def strongest_formula(
     state: State, trials: Sequence[Trial], exclude: Collection[str], say: Say
 ) -> Formula | None:
-    """A formula that beats every name of the library, each fitted."""
+    """A formula that beats every name of the library, each fitted.
+
+    One that does as well as the best name, but no better, is left in the state.
+    """
     say("screening formulas")
     named = max(trials[0].joint.nats, 0.0) if trials else 0.0
-    enough = named + max(FORMULA_NATS, FORMULA_SHARE * named)
+    enough = max(FORMULA_NATS, named + max(OVER_NAMES_NATS, FORMULA_SHARE * named))
     contexts = [(state.model, state.fits)]
     if trials and trials[0].effect in SLOW_EFFECTS and trials[0].nats >= MIN_NATS:
         # under the noise that the best name was judged with: drift hides slow formulas too
@@ -48,54 +60,132 @@ def strongest_formula(
         low = {w: LOW_WALK * state.asked[w] for w in WALKS}
         model = replace(state.model, factors={**state.model.factors, **low})
         contexts.append((model, fit_all(state, model, state.accepted)))
-    best: Formula | None = None
+    best: _Tried | None = None
     for model, fits in contexts:
-        for formula in screen_formulas(fits, exclude)[:FORMULA_TRIALS]:
+        own = model is state.model
+        for formula in _different(screen_formulas(fits, exclude, scattering=own)):
             # a fit never has more than the screening
             if formula.nats < enough or formula.p_value > FORMULA_P:
                 continue
-            tried = _fit_formula(state, model, formula)
+            formula = refined(fits, formula, scattering=own)
+            tried = _fit_formula(state, model, fits, formula)
             say(
-                f"{formula.channel} += k * {formula.text}: {tried.nats:.1f} nats fitted, "
+                f"{formula.channel} += k * {formula.text}: {tried.formula.nats:.1f} nats fitted, "
                 f"{formula.nats:.1f} screened, names {named:.1f}"
             )
-            if best is None or tried.nats > best.nats:
+            if best is None or tried.formula.nats > best.formula.nats:
                 best = tried
-    if best is None or best.nats < enough:
+    if best is not None and best.formula.nats < enough + OVER_NAMES_NATS:
+        best = _with_own_noise(state, best, say)
+    state.alike_formula = None
+    if best is None or best.formula.nats < enough or best.formula.p_value > FORMULA_P:
+        if best is not None and best.formula.nats > named - CLOSE_NATS:
+            state.alike_formula = f"{best.formula.channel} += k * {best.formula.text}"
         return None
-    if best.p_value > FORMULA_P:
-        return None
-    return best
+    return best.formula
 
 
-def _fit_formula(state: State, model: GapModel, formula: Formula) -> Formula:
-    """The evidence of a formula by fits with its part taken out, along the coefficient."""
-    whiteners = [whitener_of(f) for f in state.fits]
-    before = [robust_score(f, w) for f, w in zip(state.fits, whiteners, strict=True)]
+def _different(formulas: Sequence[Formula]) -> list[Formula]:
+    """The strongest formulas, one of those that differ in their numbers alone."""
+    out: list[Formula] = []
+    seen: dict[tuple[str, str], int] = {}
+    for formula in formulas:
+        shape = (formula.channel, NUMBERS.sub("#", formula.text))
+        seen[shape] = seen.get(shape, 0) + 1
+        if seen[shape] <= SAME_SHAPE:
+            out.append(formula)
+        if len(out) == FORMULA_TRIALS:
+            break
+    return out
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A formula that was fitted: with its evidence and coefficient, fits to the drives without
+    its part, the evidence that the screening of ``context`` allows."""
+
+    formula: Formula
+    drives: tuple[OpenDrive, ...]
+    fits: tuple[Fit, ...]
+    allowed: float
+
+
+def _fit_formula(state: State, model: GapModel, context: Sequence[Fit], formula: Formula) -> _Tried:
+    """The evidence of a formula by fits with its part taken out, along the coefficient.
+
+    ``context`` the fits without it under ``model``. Where that drifts less than the state's, it
+    is given the drift that is still wanted with the formula.
+    """
+    known: dict[float, _Tried] = {}
 
     def gain(k: float) -> float:
-        total = 0.0
-        for opened, fit, column, old, whitener in zip(
-            state.drives, state.fits, formula.columns, before, whiteners, strict=False
-        ):
-            changed = without_formula(opened, fit, column, k)
-            new = fit_drive(changed, model, state.accepted, near=fit)
-            total += robust_score(new, whitener) - old
-        return total
+        drives = [
+            without_formula(opened, fit, column, k)
+            for opened, fit, column in zip(state.drives, context, formula.columns, strict=False)
+        ]
+        fits = [
+            fit_drive(opened, model, state.accepted, near=fit)
+            for opened, fit in zip(drives, context, strict=False)
+        ]
+        known[k] = _Tried(formula, tuple(drives), tuple(fits), formula.nats)
+        return _gain(state, fits)
 
     sizes = np.array([0.5, 1.0, 1.5]) * formula.coefficient
-    gains = [gain(float(k)) for k in sizes]
-    best, most = float(sizes[int(np.argmax(gains))]), max(gains)
+    gains = [_gain(state, context), *(gain(float(k)) for k in sizes)]
+    tops = np.array([0.0, *sizes])
+    best, most = float(tops[int(np.argmax(gains))]), max(gains)
     # the top of the parabola through nothing and the three
-    curve = np.polyfit(np.concatenate([[0.0], sizes]), [0.0, *gains], 2)
+    curve = np.polyfit(tops, gains, 2)
     if curve[0] < 0.0:
         top = -curve[1] / (2.0 * curve[0])
         if 0.3 * abs(formula.coefficient) < abs(top) < 2.0 * abs(formula.coefficient):
             best, most = float(top), max(most, float(np.polyval(curve, top)))
+    nearest = float(sizes[int(np.argmin(np.abs(sizes - best)))])
+    tried = replace(known[nearest], formula=replace(formula, coefficient=best))
+    if model is not state.model:
+        tried, again = _with_noise(state, tried, WALKS)
+        most = max(most, again)
+    return _judged(tried, most)
+
+
+def _gain(state: State, fits: Sequence[Fit]) -> float:
+    """Log-likelihood of fits over that of the state's own, nats."""
+    total = 0.0
+    for before, after in zip(state.fits, fits, strict=True):
+        whitener = whitener_of(before)
+        total += robust_score(after, whitener) - robust_score(before, whitener)
+    return total
+
+
+def _with_noise(state: State, tried: _Tried, levels: Collection[str]) -> tuple[_Tried, float]:
+    """The formula again with noise levels that suit it, and what it gains so over the better of
+    two models without it: the state's and that with the same noise."""
+    factors = fit_noise(tried.fits, levels, known=state.curvatures)
+    model = replace(tried.fits[0].model, factors=factors)
+    fits = [
+        fit_drive(opened, model, state.accepted, near=fit)
+        for opened, fit in zip(tried.drives, tried.fits, strict=True)
+    ]
+    without = _gain(state, fit_all(state, model, state.accepted))
+    return replace(tried, fits=tuple(fits)), _gain(state, fits) - max(without, 0.0)
+
+
+def _with_own_noise(state: State, tried: _Tried, say: Say) -> _Tried:
+    """The better of a fitted formula and the same with the noise that suits it, as the strongest
+    names have theirs."""
+    say(f"fitting the noise with {tried.formula.channel} += k * {tried.formula.text}")
+    again, gained = _with_noise(state, tried, ALL_LEVELS)
+    again = _judged(again, gained)
+    return again if again.formula.nats > tried.formula.nats else tried
+
+
+def _judged(tried: _Tried, gained: float) -> _Tried:
+    """The formula with the evidence that ``gained`` nats of likelihood are."""
+    formula = tried.formula
     occam = 0.5 * np.log1p((formula.prior_sd / max(formula.sd, 1e-300)) ** 2)
-    nats = (most - occam) / np.sqrt(formula.evidence.excess) if most > 0.0 else most
+    nats = (gained - occam) / np.sqrt(formula.evidence.excess) if gained > 0.0 else gained
     # linear in its coefficient: what the fits show beyond the screening is not the formula's
-    nats = min(nats, formula.nats)
-    found = replace(formula.evidence, nats=float(nats))
-    p = p_value(float(nats), formula.maxima)
-    return replace(formula, evidence=found, coefficient=best, p_value=p)
+    nats = min(float(nats), tried.allowed)
+    found = replace(formula.evidence, nats=nats)
+    p = p_value(nats, formula.maxima)
+    return replace(tried, formula=replace(formula, evidence=found, p_value=p))

@@ -23,6 +23,7 @@ OVERLAP = 0.8
 PRIOR_ROOM = 5.0
 """So much of a parameter's information is another effect's, then they are confusable."""
 OFFSETS, VELOCITY_AGES = SAME_STATE
+SKEW_SIGMAS = 4.0
 APART_SHARE = 0.2
 APART_S = 5e-3
 """Clocks that nowhere in a drive come nearer than this share of what their skew adds up to, and
@@ -32,17 +33,21 @@ this much, are offset besides."""
 def by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
     """Give effects that differ in sign alone the name that makes physical sense.
 
-    Fixes come late and stamps are late; neither is early. A low-pass has a positive constant.
+    Fixes come late and stamps are late; neither is early. A low-pass has a positive constant,
+    and clocks whose rates do not differ have no skew.
     """
     out: dict[str, Trial] = {}
     for trial in trials:
         effect = trial.effect
-        value = next(iter(trial.joint.of(effect).values()), (0.0, 0.0))[0]
+        value, sd = next(iter(trial.joint.of(effect).values()), (0.0, 0.0))
         if effect in ("gnss_latency", "imu_time_offset") and value < 0.0:
             other = "imu_time_offset" if effect == "gnss_latency" else "gnss_latency"
             if other in effects:
                 trial = _renamed(trial, other)
         if effect == "gnss_velocity_lag" and value <= 0.0:
+            continue
+        if effect == SKEW and abs(value) < SKEW_SIGMAS * sd:
+            # what helps is the offset that a skew brings along
             continue
         known = out.get(trial.effect)
         if known is None or trial.nats > known.nats:

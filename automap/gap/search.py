@@ -144,6 +144,8 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
         )
         return step(state, exclude, say)
     state.rivals[best.effect] = rivals_of(best, trials[1:], effects, screening)
+    if state.alike_formula is not None:
+        state.rivals[best.effect] += (state.alike_formula,)
     return _accept(state, best)
 
 

@@ -93,6 +93,7 @@ class State:
     warnings: list[str] = field(default_factory=list)
     unexplained: Formula | None = None
     resembles: str | None = None
+    alike_formula: str | None = None
 
 
 def fit_all(state: State, model: GapModel, estimate: Mapping[str, float]) -> list[Fit]:

@@ -7,12 +7,15 @@ by likelihood ratio: drift of the biases, receivers whose figures are off, wild 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from automap.fusion.layout import CH_VEL
+from automap.fusion.levels import ALL_LEVELS
+from automap.fusion.measurements import model_fixes
 from automap.gap.fit import Fit
-from automap.gap.noise import noise_score
+from automap.gap.noise import fit_noise, noise_score
 from automap.gap.result import Finding, ParameterValue
 from automap.records import FloatArray
 
@@ -40,7 +43,8 @@ def stochastic_findings(
         ratio = fitted[name] / asked[name]
         if name in exclude or ratio < WALK_FACTOR:
             continue
-        nats = score(fitted) - score(fitted | {name: asked[name]}) - OCCAM_NATS
+        nats = score(fitted) - score(_at_best(fits, fitted | {name: asked[name]}, (name,)))
+        nats -= OCCAM_NATS
         if nats < MIN_NATS:
             continue
         value = float(getattr(fits[0].model.options, name)) * fitted[name]
@@ -52,6 +56,14 @@ def stochastic_findings(
         if found is not None and found.effect not in exclude:
             out.append(found)
     return out
+
+
+def _at_best(
+    fits: Sequence[Fit], factors: Mapping[str, float], held: Collection[str]
+) -> dict[str, float]:
+    """The factors with all levels but those ``held`` moved to where they suit the drives best:
+    what another level can say as well is no evidence for one."""
+    return fit_noise(fits, [k for k in ALL_LEVELS if k not in held], factors)
 
 
 def _memo(
@@ -101,7 +113,7 @@ def _noise_scale(
 
     ratios = [total(k, fitted) / total(k, asked) for k in ("position_h", "position_v")]
     ratios += [fitted[k] / asked[k] for k in ("velocity_h", "velocity_v")]
-    logs = np.log(ratios)
+    logs = np.log(ratios) + np.log(_floored(fits))
     factor = float(np.exp(np.mean(logs)))
     low, high = float(np.exp(logs.min())), float(np.exp(logs.max()))
     if not (factor > SCALE_FACTOR and low > SCALE_FACTOR**0.5) and not (
@@ -109,12 +121,30 @@ def _noise_scale(
     ):
         return None
     stated = {**fitted, **{k: asked[k] for k in GNSS_LEVELS}}
-    nats = score(fitted) - score(stated) - OCCAM_NATS
+    nats = score(fitted) - score(_at_best(fits, stated, GNSS_LEVELS)) - OCCAM_NATS
     if nats < MIN_NATS:
         return None
     spread = factor * max(float(np.std(logs)) / 2.0, 0.02)
     parameters = {"factor": ParameterValue(factor, spread, "")}
     return Finding("gnss_noise_scale", parameters, nats, _p(nats), gap, gap)
+
+
+def _floored(fits: Sequence[Fit]) -> FloatArray:
+    """By how much the model took the receivers' figures for larger than they are [4]: positions
+    horizontal and vertical, velocities likewise. It believes no figure below its floors."""
+    taken: list[FloatArray] = []
+    told: list[FloatArray] = []
+    for fit in fits:
+        options = fit.model.options
+        bare = replace(options, min_position_sd_m=0.0, min_velocity_sd=0.0)
+        fixes = fit.opened.drive.fixes
+        as_told = model_fixes(fixes, np.zeros(len(fixes)), bare)
+        for out, model in ((taken, fit.opened.session.fixes), (told, as_told)):
+            var = model.white_var.copy()
+            var[:, :3] += model.wander_sd**2
+            out.append(np.median(np.sqrt(var), axis=0))
+    ratio = np.median(taken, axis=0) / np.maximum(np.median(told, axis=0), 1e-12)
+    return np.asarray(ratio[[0, 2, 3, 5]])
 
 
 def _outliers(fits: Sequence[Fit], gap: float) -> Finding | None:

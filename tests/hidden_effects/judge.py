@@ -165,6 +165,8 @@ def _outside(
             case.formula_kind, answer["unexplained"]
         )
         verdict.outcome = "formula right" if verdict.formula_right else "flagged"
+    elif shown and case.kind == "formula" and _beside(case.formula_kind, shown):
+        verdict.outcome = "formula beside a name"
     elif shown:
         verdict.outcome = "mis-named"
     else:
@@ -182,6 +184,14 @@ def _outside(
         verdict.wrong = []
     if not verdict.formula_right:
         verdict.why += _describe(shown, answer)
+
+
+def _beside(kind: str, shown: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether the right formula is told as what a name cannot be told from."""
+    rivals = (str(r) for f in shown for r in f.get("confusable_with", ()) if "+=" in str(r))
+    return any(
+        formula_is_right(kind, {"channel": r.partition(" ")[0], "formula": r}) for r in rivals
+    )
 
 
 def _describe(shown: Sequence[Mapping[str, Any]], answer: Mapping[str, Any]) -> str:
