@@ -63,6 +63,28 @@ def test_good_fixes_stay_as_they_are(seed: int) -> None:
     assert found.fixes is model
 
 
+@pytest.mark.parametrize("lag_s", [0.15, 0.3])
+def test_old_velocities_make_no_position_wild(lag_s: float) -> None:
+    # hard braking and starting, velocities of a while ago
+    t = np.arange(0.0, 120.0, 0.1)
+    speed = 8.0 + 7.0 * np.sin(0.5 * t)
+    rng = np.random.default_rng(3)
+    velocity = np.zeros((len(t), 3))
+    velocity[:, 0] = np.interp(t - lag_s, t, speed) + 0.03 * rng.standard_normal(len(t))
+    north = np.cumsum(speed) * 0.1 + 0.02 * rng.standard_normal(len(t))
+    values = np.column_stack(
+        [LAT + north * M_LAT, np.full(len(t), LON), np.full(len(t), 100.0), velocity]
+    )
+    var = np.column_stack([np.full((len(t), 3), 0.02**2), np.full((len(t), 3), 0.03**2)])
+    rows = np.arange(len(t), dtype=np.int64)
+    model = FixModel(
+        t, np.full(len(t), ALL, np.int64), values, var, np.full((len(t), 3), 0.02), rows
+    )
+    assert screen_fixes(model, 60.0).n_wild == 0
+    jumped = _moved(model, slice(300, 306), 12.0)
+    assert screen_fixes(jumped, 60.0).n_wild == 6
+
+
 def test_velocities_may_be_missing() -> None:
     model = _drive()
     model = replace(model, flags=np.full_like(model.flags, HAS_POS_H))

@@ -134,3 +134,34 @@ def test_the_climb_comes_back_from_flat_ground(start: float) -> None:
     found = top.factors
     assert found["accel"] == pytest.approx(1.0, rel=0.12)
     assert found["gyro"] == start
+
+
+def test_a_known_curvature_saves_steps() -> None:
+    calls = 0
+    hill = _likelihood(1.0, 0.5)
+
+    def counted(factors: dict[str, float]) -> LevelLikelihood:
+        nonlocal calls
+        calls += 1
+        return hill(factors)
+
+    first = climb(counted, dict.fromkeys(LEVELS, 1.6), ("accel",), lambda level: (0.01, 100.0))
+    cold, calls = calls, 0
+    start = dict.fromkeys(LEVELS, 1.6)
+    again = climb(counted, start, ("accel",), lambda level: (0.01, 100.0), first.inverse)
+    assert again.factors["accel"] == pytest.approx(1.0, rel=0.12)
+    assert calls <= cold
+
+
+def test_a_step_too_far_is_shortened_by_what_was_found() -> None:
+    # a parabola whose curvature is taken for a hundredth of what it is
+    row = ALL_LEVELS.index("accel")
+
+    def steep(factors: dict[str, float]) -> LevelLikelihood:
+        x = float(np.log(factors["accel"]))
+        slope, info = np.zeros(len(ALL_LEVELS)), np.zeros(len(ALL_LEVELS))
+        slope[row], info[row] = -2000.0 * (x - 0.1), 20.0
+        return LevelLikelihood(-1000.0 * (x - 0.1) ** 2, slope, info)
+
+    top = climb(steep, dict.fromkeys(LEVELS, 1.0), ("accel",), lambda level: (0.01, 100.0))
+    assert np.log(top.factors["accel"]) == pytest.approx(0.1, abs=0.02)

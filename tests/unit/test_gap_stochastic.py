@@ -1,0 +1,40 @@
+"""Noise told as a finding: only what no other noise says as well, and no floor of the model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from automap.gap import base_model
+from automap.gap.drive import open_drive
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.noise import fit_noise
+from automap.gap.stochastic import _floored, stochastic_findings
+from tests.unit.test_gap import simulated
+
+
+def _noise_fitted(told: float) -> tuple[Fit, dict[str, float]]:
+    """A drive whose receiver claims ``told`` times its velocity error."""
+    drive = simulated({}, noise=0.2)
+    fixes = replace(drive.fixes, sd_vel_ned=drive.fixes.sd_vel_ned * told)
+    model = base_model()
+    fit = fit_drive(open_drive(replace(drive, fixes=fixes), model.options), model)
+    factors = fit_noise([fit])
+    return fit_drive(fit.opened, replace(model, factors=factors), near=fit), dict(model.factors)
+
+
+def test_a_receiver_better_than_the_models_floor_is_no_finding() -> None:
+    # 1 cm/s, as it says itself; the model believes nobody below 3 cm/s
+    fit, asked = _noise_fitted(1.0)
+    assert fit.model.factors["velocity_h"] < 0.6
+    ratio = _floored([fit])
+    assert ratio[2] == pytest.approx(3.0, rel=0.1)
+    named = [f.effect for f in stochastic_findings([fit], asked, 0.0, ())]
+    assert "gnss_noise_scale" not in named
+
+
+def test_figures_above_the_floors_are_taken_as_they_are() -> None:
+    fit, _ = _noise_fitted(20.0)
+    np.testing.assert_allclose(_floored([fit]), 1.0, rtol=0.05)
