@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from automap.geolocation.landmark import Landmark, SizePrior
+from automap.geolocation.landmark_kernels import MARGIN
 from automap.geolocation.pass_errors import settle
 from automap.geolocation.views import MeasurementNoise, Views
 from automap.records import FloatArray
@@ -25,6 +26,11 @@ _PRIOR_FREEDOM = 20.0
 _SCALE_LIMITS = (0.3, 3.0)
 _MOST_ALIKE = 0.8
 _OUTLIER = 3.5
+_MARGIN_SIGNS = 60
+_MARGIN_FREEDOM = 4.0
+_MARGIN_ROUNDS = 4
+_MARGIN_LIMITS = (0.15, 2.0)
+"""Of the sigma of margins in the settings."""
 _ABSORBED = 1.5
 """Of each component of a sign's boxes, what its place, size and pass errors absorb."""
 
@@ -43,7 +49,34 @@ def measured_noise(
     right, down, height = (
         noise.scales[k] * scatter([mark.residual[:, k] for mark in settled]) for k in range(3)
     )
-    return replace(noise, scales=(right, down, height))
+    measured = replace(noise, scales=(right, down, height))
+    step = max(1, -(-len(often) // _MARGIN_SIGNS))
+    finer = replace(views, sd=views.sd * (np.array(measured.scales) / np.array(noise.scales)))
+    share = margin_scatter(finer, often[::step], prior, lever_arm_sd_m)
+    return replace(measured, margin_sd_px=noise.margin_sd_px * share)
+
+
+def margin_scatter(
+    views: Views, landmarks: Sequence[Landmark], prior: SizePrior, lever_arm_sd_m: float
+) -> float:
+    """Factor on the one-sigma margin of a sign's boxes, from how margins differ between signs.
+
+    Expectation maximisation: what every sign tells of its own margin, with the variance that
+    remains, about the mean of all (which the camera's own margin is for).
+    """
+    share = 1.0
+    if len(landmarks) < 2 or not (views.margin_sd > 0.0).all():
+        return share
+    stated = np.array([views.margin_sd[mark.rows].mean() for mark in landmarks])
+    for _ in range(_MARGIN_ROUNDS):
+        scaled = replace(views, margin_sd=views.margin_sd * share)
+        settled = [settle(scaled, mark, prior, lever_arm_sd_m) for mark in landmarks]
+        margin = np.array([mark.pass_bias[MARGIN] for mark in settled]) / stated
+        variance = np.array([mark.pass_bias_variance[MARGIN] for mark in settled]) / stated**2
+        square = float(np.sum((margin - margin.mean()) ** 2 + variance))
+        share = float(np.sqrt((_MARGIN_FREEDOM + square) / (_MARGIN_FREEDOM + len(settled) - 1)))
+        share = float(np.clip(share, *_MARGIN_LIMITS))
+    return share
 
 
 def scatter(residuals: Sequence[FloatArray]) -> float:

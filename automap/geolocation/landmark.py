@@ -65,7 +65,9 @@ class Landmark:
     them from the measurements alone, ``pass_covariance`` [4, 4] what the errors of the
     trajectory during the pass add (zero until ``pass_errors.settle`` has regarded them),
     ``common`` [4, 12] their derivative by what is common to the views: turn (rad), time offset
-    (s), log focal length, lever arm (m), box margin (rad), velocity error (m/s). ``position`` [3]
+    (s), log focal length, lever arm (m), box margin (rad), velocity error (m/s). ``pass_bias``
+    [12] what these were found to be in the pass and ``pass_bias_variance`` [12] (zero until
+    ``settle``). ``position`` [3]
     in the local frame; ``residual`` [n, 3] in sigmas, ``weight`` [n] of the direction
     (1 = fully used). ``chi2`` weighted sum of squares over ``dof``.
     ``ok`` is False when no place in front of all cameras was found.
@@ -77,6 +79,8 @@ class Landmark:
     covariance: FloatArray
     pass_covariance: FloatArray
     common: FloatArray
+    pass_bias: FloatArray
+    pass_bias_variance: FloatArray
     position: FloatArray
     residual: FloatArray
     weight: FloatArray
@@ -144,6 +148,8 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
         covariance=covariance,
         pass_covariance=np.zeros((4, 4)),
         common=-covariance / max(1.0, chi2 / dof) @ A,
+        pass_bias=np.zeros(N_COMMON),
+        pass_bias_variance=np.zeros(N_COMMON),
         position=place(views, anchor, parameters),
         residual=residual,
         weight=weight,

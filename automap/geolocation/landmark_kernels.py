@@ -19,6 +19,9 @@ N_COMMON = 12
 """Common to the views of a sign: turn (3), time offset, log focal length, lever arm (3), box
 margin, which its camera shares with other signs, and the trajectory's velocity error (3)."""
 
+MARGIN = 8
+"""Place of the box margin among them."""
+
 _HUBER = 1.5
 _CAUCHY = 2.5
 _MIN_PIVOT = 1e-300

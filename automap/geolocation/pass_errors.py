@@ -100,6 +100,7 @@ def settle(views: Views, landmark: Landmark, prior: SizePrior, lever_arm_sd_m: f
     absorbed = np.linalg.solve(M, sd[:, None] * np.hstack([A.T, S]))
     alone = np.linalg.inv(N)
     total = np.linalg.inv(N - (A * sd) @ absorbed[:, :4])
+    remaining = np.linalg.inv(M - (A * sd).T @ alone @ (A * sd))
     dof = max(3 * len(landmark.rows) + 1 - 4, 1)
     return replace(
         landmark,
@@ -107,6 +108,8 @@ def settle(views: Views, landmark: Landmark, prior: SizePrior, lever_arm_sd_m: f
         covariance=np.asarray(alone * max(1.0, chi2 / dof)),
         pass_covariance=np.asarray(total - alone),
         common=np.asarray(-total @ (A - (A * sd) @ absorbed[:, 4:])),
+        pass_bias=sd * z,
+        pass_bias_variance=sd**2 * np.diag(remaining),
         position=place(views, landmark.anchor, parameters),
         residual=residual,
         weight=weight,

@@ -1,0 +1,101 @@
+"""Signs of the KITTI drives against their true places, with the reference trajectory.
+
+    python tests/benchmarks/kitti_signs.py [--data DIR]
+
+Prints the figures, and every sign outside its 95 % ellipse with what its boxes say of both places:
+how far off the direction is (first view to last, deg) and how large the sign would have to
+be (first view to last, m). A sign keeps its size while a car drives up to it, so a place where
+it would have to shrink to a third is not the sign's. ``automap evaluate`` gives the figures of runs
+with their own trajectory.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+import numpy as np
+
+from automap.earth import local_ned
+from automap.evaluation.sign_matching import SignPoints, match
+from automap.geolocation.locate import locate_signs
+from automap.geolocation.views import MeasurementNoise, Views, build_views
+from automap.io.detections_csv import read_detections_csv
+from automap.io.drive import load_drive
+from automap.io.frame_times import frame_times
+from automap.io.sign_points import read_sign_points
+from automap.io.trajectory_csv import read_trajectory_csv
+from automap.records import FloatArray, Sign
+
+LIMIT = -2.0 * np.log(0.05)
+
+
+def as_points(signs: list[Sign]) -> SignPoints:
+    return SignPoints(
+        lat_rad=np.array([s.lat_rad for s in signs]),
+        lon_rad=np.array([s.lon_rad for s in signs]),
+        class_name=np.array([s.class_name for s in signs], np.object_),
+        cov_en=np.array([s.cov_enu[:2, :2] for s in signs]).reshape(-1, 2, 2),
+        sd_m=np.zeros(len(signs)),
+    )
+
+
+def said_of(views: Views, rows: FloatArray, place: FloatArray) -> str:
+    """What boxes say of a place [3]: error of direction and size in the first and last view."""
+    ends = rows[[0, -1]]
+    q = np.einsum("nij,nj->ni", views.C_cam_ref[ends], place - views.centre[ends])
+    off = np.degrees(np.arctan(views.measured[ends, 0]) - np.arctan2(q[:, 1], q[:, 0]))
+    size = np.exp(views.measured[ends, 2]) * q[:, 0]
+    return f"{off[0]:+.1f} to {off[1]:+.1f} deg, {size[0]:.2f} to {size[1]:.2f} m"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", default=os.environ.get("AUTOMAP_SHARED_DATA", "../shared/data"))
+    distances, squares, hits, lost, n_found, n_truth = [], [], 0, 0, 0, 0
+    for folder in sorted((Path(parser.parse_args().data) / "drives").glob("kitti-*")):
+        drive = load_drive(folder)
+        video = drive.videos["front"]
+        assert video.detections is not None
+        found = read_detections_csv(video.detections, frame_times(video)).data
+        trajectory = read_trajectory_csv(folder / "truth" / "trajectory.csv").data
+        result = locate_signs(trajectory, [found], drive.cameras())
+        located, truth = as_points(result.signs), read_sign_points(folder / "truth/signs.geojson")
+        views = build_views(
+            trajectory, [found], drive.cameras(), MeasurementNoise(), result.corrections
+        )
+        pairs = match(located, truth, 15.0)
+        zero = np.zeros(len(truth))
+        there = local_ned(truth.lat_rad, truth.lon_rad, zero, views.origin)
+        for i, j, distance in zip(pairs.estimate, pairs.truth, pairs.distance_m, strict=True):
+            sign = result.signs[i]
+            height = np.array([sign.height_m])
+            here = local_ned(
+                located.lat_rad[i : i + 1], located.lon_rad[i : i + 1], height, views.origin
+            )[0]
+            error = (here - there[j])[[1, 0]]
+            total = located.cov_en[i] + truth.sd_m[j] ** 2 * np.eye(2)
+            square = float(error @ np.linalg.solve(total, error))
+            squares.append(square)
+            if square > LIMIT:
+                rows = np.flatnonzero(np.isin(views.row, sign.detection_rows))
+                print(
+                    f"{drive.name} {sign.id} {distance:.1f} m off, {sign.n_views} views; "
+                    f"located: {said_of(views, rows, here)}; "
+                    f"true: {said_of(views, rows, np.array([*there[j, :2], here[2]]))}"
+                )
+        distances += pairs.distance_m.tolist()
+        hits += len(match(located, truth, 2.0))
+        near = match(located, truth, 10.0).estimate
+        lost += sum(s.status == "ok" and k not in near for k, s in enumerate(result.signs))
+        n_found, n_truth = n_found + len(located), n_truth + len(truth)
+    print(
+        f"median error {np.median(distances):.3f} m, within 2 m {hits / n_truth:.3f} of {n_truth}, "
+        f"in the 95 % ellipse {np.mean(np.array(squares) <= LIMIT):.3f} of {len(squares)}, "
+        f"beyond 10 m without a flag {lost} of {n_found}"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,31 @@
+"""By how much the margins of boxes differ from sign to sign."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from geolocation_scene import boxes, camera, drive_path, roadside
+
+from automap.geolocation.box_noise import margin_scatter
+from automap.geolocation.landmark import SizePrior, fit_landmark
+from automap.geolocation.views import MeasurementNoise, build_views
+
+
+def test_margins_that_differ_from_sign_to_sign_are_measured() -> None:
+    """Boxes three pixels too tall about one sign, too low about the next."""
+    path = drive_path(turn_rate=0.02, duration_s=80.0)
+    scene = roadside(path)
+    found, owner = boxes(path, scene, camera(), np.random.default_rng(3), noise_px=0.5)
+    loose = np.where(np.arange(len(scene.size_m)) % 4 < 2, 1.5, -1.5)[owner]
+    wide = replace(found, box=found.box + loose[:, None] * np.array([-1.0, -1.0, 1.0, 1.0]))
+    share = {}
+    for name, seen in (("tight", found), ("loose", wide)):
+        noise = MeasurementNoise(scales=(0.5, 0.5, 0.5))
+        views = build_views(path, [seen], {"front": camera()}, noise)
+        shown = owner[views.row]
+        rows = [np.flatnonzero(shown == k) for k in np.unique(shown)]
+        marks = [fit_landmark(views, r, SizePrior()) for r in rows if len(r) >= 6]
+        share[name] = margin_scatter(views, marks, SizePrior(), 0.1)
+    assert share["tight"] < 0.7
+    assert share["loose"] > 1.1
