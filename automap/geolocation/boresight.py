@@ -28,8 +28,9 @@ N_CAMERA = 9
 
 _LEVER_ARM = slice(5, 8)
 
-ATTITUDE_WINDOW_S = 60.0
-"""Signs seen within such a time share the trajectory's attitude error."""
+ATTITUDE_WINDOW_S = 120.0
+"""Signs seen within such a time share the trajectory's attitude error: a process with a time
+constant of a minute has one independent value in two."""
 
 MIN_VIEWS = 4
 """Signs with fewer views say nothing about the camera that their own unknowns do not absorb."""

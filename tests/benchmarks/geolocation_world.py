@@ -118,25 +118,32 @@ def _route(rng: np.random.Generator, d: Difficulty, rate: float) -> tuple[FloatA
     return t, place, yaw, velocity
 
 
-def make_world(seed: int, d: Difficulty | None = None, rate: float = 50.0) -> World:
-    """One drive; everything random comes from ``seed``."""
+def make_world(
+    seed: int, d: Difficulty | None = None, rate: float = 50.0, errors_seed: int | None = None
+) -> World:
+    """One drive; everything random comes from ``seed``.
+
+    With ``errors_seed`` the errors and boxes come from both, street and signs from ``seed``
+    alone: another drive past the same signs.
+    """
     d = d or Difficulty()
     rng = np.random.default_rng(seed)
+    errors = rng if errors_seed is None else np.random.default_rng([seed, errors_seed])
     t, place, yaw, velocity = _route(rng, d, rate)
     rpy = np.column_stack([np.zeros_like(yaw), 0.01 * np.sin(t / 9.0), yaw])
     true = _trajectory(t, place, velocity, rpy, d)
     late = np.column_stack(
-        [_wander(rng, t, s, d.tau_s) for s in (d.position_sd, d.position_sd, d.height_sd)]
+        [_wander(errors, t, s, d.tau_s) for s in (d.position_sd, d.position_sd, d.height_sd)]
     )
     tilt = np.radians(
-        np.column_stack([_wander(rng, t, s, d.tau_s) for s in (d.tilt_sd, d.tilt_sd, d.yaw_sd)])
+        np.column_stack([_wander(errors, t, s, d.tau_s) for s in (d.tilt_sd, d.tilt_sd, d.yaw_sd)])
     )
     given = _trajectory(
         t, place + late, velocity + np.gradient(late, 1.0 / rate, axis=0), rpy + tilt, d
     )
     position, kind, size, approach = _signs(rng, d, t, place, yaw)
     camera, true_camera = _cameras(d)
-    detections, owner = _boxes(rng, d, true, true_camera, position, kind, size, approach)
+    detections, owner = _boxes(errors, d, true, true_camera, position, kind, size, approach)
     names = tuple(CLASSES[k] for k in kind)
     return World(given, true, detections, owner, position, names, size, camera, true_camera)
 
