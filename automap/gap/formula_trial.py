@@ -37,6 +37,8 @@ FORMULA_SHARE = 0.05
 roads leave behind. It must beat names by the logarithm of that thousand and some, or by this share
 of their evidence, which is linearised."""
 RAISED = 1.5
+BESIDES_SHARE = 0.3
+"""A name that keeps this share of its evidence beside a formula is not what the formula is."""
 SAME_SHAPE = 1
 NUMBERS = re.compile(r"\d+(\.\d+)?(e[+-]?\d+)?")
 
@@ -82,7 +84,25 @@ def strongest_formula(
         if best is not None and best.formula.nats > named - CLOSE_NATS:
             state.alike_formula = f"{best.formula.channel} += k * {best.formula.text}"
         return None
+    if trials and trials[0].nats >= MIN_NATS:
+        left = _left_for(state, best, trials[0])
+        say(f"{trials[0].effect}: {left:.1f} nats beside the formula")
+        if left > max(MIN_NATS, BESIDES_SHARE * trials[0].nats):
+            # both are there: the name first, and what it leaves to the formula after it
+            return None
     return best.formula
+
+
+def _left_for(state: State, tried: _Tried, trial: Trial) -> float:
+    """Nats that a name still explains once the formula's part is out of the drives."""
+    estimate = state.accepted | {trial.effect: trial.scale}
+    model = tried.fits[0].model
+    total = 0.0
+    for opened, before in zip(tried.drives, tried.fits, strict=True):
+        whitener = whitener_of(before)
+        after = fit_drive(opened, model, estimate, near=before)
+        total += robust_score(after, whitener) - robust_score(before, whitener)
+    return total
 
 
 def _different(formulas: Sequence[Formula]) -> list[Formula]:
