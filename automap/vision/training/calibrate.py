@@ -23,7 +23,7 @@ from automap.vision.classifier import crop_faces
 from automap.vision.network import NetworkDetector
 from automap.vision.training.art import load_faces
 from automap.vision.training.classifier_data import CropMaker, label_of, labels
-from automap.vision.training.classifier_net import FaceNet, Folded, membership
+from automap.vision.training.classifier_net import Folded, membership, trained
 from automap.vision.training.metrics import judge_image
 from automap.vision.training.rendered import make_scenes
 from automap.vision.training.street_data import load_crops, load_streets
@@ -41,9 +41,9 @@ def temperature(data: Path, work: Path) -> float:
     were held; the rest unknown faces that were held, and crops without signs.
     """
     state = torch.load(work / "classifier.pt", weights_only=True)
-    net = FaceNet(len(state["labels"]))
-    net.load_state_dict(state["mean"])
-    folded = Folded(net, membership([label_of(name) for name in state["labels"]], labels()))
+    folded = Folded(
+        trained(state), membership([label_of(name) for name in state["labels"]], labels())
+    )
     folded.eval()
     number = {e.gtsdb: name for name, e in load_classes().items() if e.gtsdb is not None}
     index = {name: i for i, name in enumerate(labels())}

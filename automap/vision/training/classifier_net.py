@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
@@ -9,7 +11,7 @@ from torch.nn import functional as F  # noqa: N812
 _FACE_PX = 18.0
 """Radius of what belongs to the face in a crop whatever its shape."""
 _BRIGHTEST = 3.0
-_HIDDEN = 288
+HIDDEN = 288
 _LEAST = 1e-30
 
 
@@ -24,7 +26,7 @@ def _convolution(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
 class FaceNet(nn.Module):
     """BGR crops [n, 3, 48, 48] of 0..255 to logits [n, labels]."""
 
-    def __init__(self, labels: int) -> None:
+    def __init__(self, labels: int, hidden: int = HIDDEN) -> None:
         super().__init__()
         self.body = nn.Sequential(
             _convolution(3, 24),
@@ -36,9 +38,9 @@ class FaceNet(nn.Module):
             _convolution(128, 160),
         )
         self.squeeze = nn.Conv2d(160, 32, 1)
-        self.hidden = nn.Linear(32 * 6 * 6, _HIDDEN)
+        self.hidden = nn.Linear(32 * 6 * 6, hidden)
         self.drop = nn.Dropout(0.25)
-        self.out = nn.Linear(_HIDDEN, labels)
+        self.out = nn.Linear(hidden, labels)
         across = torch.arange(48.0) - 23.5
         inside = (across[:, None] ** 2 + across**2 < _FACE_PX**2).float()
         self.register_buffer("inside", inside / inside.sum(), persistent=False)
@@ -57,6 +59,15 @@ class FaceNet(nn.Module):
         x = self.drop(F.relu(self.hidden(x)))
         logits: Tensor = self.out(x)
         return logits
+
+
+def trained(state: dict[str, Any]) -> FaceNet:
+    """The running mean of a training, of the size that its checkpoint has."""
+    mean = state["mean"]
+    net = FaceNet(len(state["labels"]), mean["hidden.bias"].numel())
+    net.load_state_dict(mean)
+    net.eval()
+    return net
 
 
 def membership(outputs: list[str], labels: list[str]) -> Tensor:

@@ -31,7 +31,8 @@ _CIRCLES = {"red": "red-circle", "blue": "blue-circle", "green": "green-circle",
 _LETTERS = {"information--parking--g1": "P", "information--hospital--g1": "H"}
 _OTHER_NUMBER, _OTHER_LETTER = "red-circle/number", "blue-square/letter"
 _GENERATED_KINDS = (_OTHER_NUMBER, _OTHER_LETTER)
-_GENERATED = 0.6
+_MORE_LIMITS = 4
+_GENERATED = 0.7
 _TRANSPLANTED = 0.3
 _VARIANT = 0.25
 """Shares of a class's drawings: generated; with a picture from elsewhere; of another variant."""
@@ -133,7 +134,7 @@ class Drawings:
         names = list(self.art)
         if not self._held:
             # the most frequent signs of all, and those whose drawings differ the most
-            names += [name for name in names if name in _LIMIT_OF]
+            names += _MORE_LIMITS * [name for name in names if name in _LIMIT_OF]
         name = names[int(rng.integers(len(names)))]
         if self._held:
             return _one(self.art[name], rng), name

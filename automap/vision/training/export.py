@@ -16,7 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from automap.vision.training.classifier_data import label_of, labels
-from automap.vision.training.classifier_net import FaceNet, Folded, membership
+from automap.vision.training.classifier_net import Folded, membership, trained
 from automap.vision.training.detector_net import SignNet
 from automap.vision.training.quantize import quantized
 
@@ -57,9 +57,9 @@ def export_detector(checkpoint: Path, out: Path) -> None:
 def export_classifier(checkpoint: Path, out: Path) -> None:
     """A trained classifier as ONNX with its labels and temperature."""
     state = torch.load(checkpoint, weights_only=True)
-    net = FaceNet(len(state["labels"]))
-    net.load_state_dict(state["mean"])
-    folded = Folded(net, membership([label_of(name) for name in state["labels"]], labels()))
+    folded = Folded(
+        trained(state), membership([label_of(name) for name in state["labels"]], labels())
+    )
     notes = {"labels": labels(), "temperature": state.get("temperature", 1.0)}
     axes = {"crops": {0: "n"}, "logits": {0: "n"}}
     crops = torch.zeros(2, 48, 48, 3, dtype=torch.uint8)

@@ -23,7 +23,7 @@ _STROKES = "strokes"
 _TYPES = ("DejaVuSans-Bold", "DejaVuSans", "DejaVuSansMono-Bold", "STIXGeneralBol", "cmss10",
           _STROKES, _STROKES)  # fmt: skip
 _SIDE = 112
-_CONSTRUCTED = 0.5
+_CONSTRUCTED = 0.65
 """Share of numbers whose digits are constructed."""
 
 
