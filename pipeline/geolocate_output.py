@@ -91,6 +91,7 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
     statuses = sorted({s.status for s in signs})
     context.metric("sign_status", {k: sum(s.status == k for s in signs) for k in statuses})
     context.metric("box_scatter_scales", list(result.noise.scales))
+    context.metric("box_margin_scatter_px", result.noise.margin_sd_px)
     if result.trajectory is not None:
         context.metric("control_signs_used", result.n_control)
         context.metric("trajectory_adjusted", True)

@@ -33,18 +33,26 @@ _ROUNDS = 5
 
 
 def usual_sizes(names: Iterable[str]) -> dict[str, SizePrior]:
-    """Priors of the heights of the classes that the table knows, among ``names``."""
+    """Priors of the heights of the classes that the table knows, among ``names``.
+
+    A face known by colour and shape alone is as tall as most that look like that.
+    """
     from automap.vision.classes import load_classes
+    from automap.vision.vocabulary import load_vocabulary
 
     known = load_classes()
+    group_named = {name: group for group, name in load_vocabulary().groups.items()}
     result = {}
-    for name in sorted({str(n) for n in names} & known.keys()):
-        entry = known[name]
-        unsure = entry.group in _UNSURE_GROUPS
-        result[name] = SizePrior(
-            size_m=entry.size_m * _HEIGHT_BY_WIDTH.get(entry.group, 1.0),
-            log_sd=_UNSURE_LOG_SD if unsure else USUAL_LOG_SD,
-        )
+    for name in sorted({str(n) for n in names}):
+        entry, group = known.get(name), group_named.get(name, "other")
+        alike = [e.size_m for e in known.values() if e.group == group and group != "other"]
+        if entry is not None:
+            sure = entry.group not in _UNSURE_GROUPS
+            sd = USUAL_LOG_SD if sure else _UNSURE_LOG_SD
+            result[name] = SizePrior(entry.size_m * _HEIGHT_BY_WIDTH.get(entry.group, 1.0), sd)
+        elif alike:
+            height = float(np.median(alike)) * _HEIGHT_BY_WIDTH.get(group, 1.0)
+            result[name] = SizePrior(height, _UNSURE_LOG_SD)
     return result
 
 

@@ -134,6 +134,8 @@ def figures(world: World, result: GeolocationResult, d: Difficulty) -> dict[str,
         "pitch_error_deg": float(off[1]),
         "yaw_error_deg": float(off[2]),
         "trajectory_yaw_error_deg": float(tilt_at_boxes[:, 2].mean()),
+        "both_roll_errors_deg": float(off[0] + tilt_at_boxes[:, 0].mean()),
+        "both_pitch_errors_deg": float(off[1] + tilt_at_boxes[:, 1].mean()),
         "both_yaw_errors_deg": float(off[2] + tilt_at_boxes[:, 2].mean()),
         "time_error_s": camera.time_s - world.true_camera.time_offset_s,
     }
@@ -169,6 +171,8 @@ def main() -> None:
         "roll_error_deg",
         "pitch_error_deg",
         "yaw_error_deg",
+        "both_roll_errors_deg",
+        "both_pitch_errors_deg",
         "both_yaw_errors_deg",
         "time_error_s",
     ):

@@ -32,6 +32,11 @@ def test_known_classes_have_their_height_and_others_the_general_prior() -> None:
     assert abs(prior.of([YIELD]).size_m - 0.78) < 0.01
     assert prior.of([STOP]).log_sd == USUAL_LOG_SD
     assert prior.of(["kitti-ts-4"]) is prior
+    # a face of which only colour and shape are known is as tall as most of that look
+    shape = usual_sizes(["warning--unknown-yellow-diamond", "information--unknown-other"])
+    assert shape["warning--unknown-yellow-diamond"].size_m == 0.75
+    assert shape["warning--unknown-yellow-diamond"].log_sd > USUAL_LOG_SD
+    assert "information--unknown-other" not in shape
     # one wrong name among the views does not decide
     assert prior.of([YIELD, STOP, STOP]).size_m == 0.75
 
