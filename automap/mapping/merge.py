@@ -10,6 +10,7 @@ import numpy as np
 from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust
 from automap.mapping.association import Association, associate
 from automap.mapping.attributes import Attributes, combine_attributes
+from automap.mapping.backs import backs_of_others
 from automap.mapping.duplicates import join_duplicates
 from automap.mapping.error_levels import estimate_levels
 from automap.mapping.existence import (
@@ -80,6 +81,11 @@ def merge_drives(
     rates = detection_rates(pairs, m, len(ordered))
     times = np.array([drive.start_gps_s for drive in ordered], np.float64)
     belief = existence(pairs, rates, m, times)
+    names = [sightings.classes[code] for code in attributes.code.tolist()]
+    backs = backs_of_others(
+        names, adjusted.lat, adjusted.lon, attributes.facing_rad, adjusted.cov_enu
+    )
+    belief = np.where(backs, 0.0, belief)
     progress(0.9, "the signs' records")
     keys: list[list[str]] = [[] for _ in range(m)]
     sign_of = found.sign.tolist()

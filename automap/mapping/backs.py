@@ -1,0 +1,53 @@
+"""Map signs that are the backs of others, which drives the other way saw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.earth import metres_per_radian
+from automap.geolocation.backs import is_back, may_be_back
+from automap.records import FloatArray
+
+MAX_DISTANCE_M = 3.0
+_GATE = 11.8  # chi-square, two coordinates, 99.7 %
+_THICKNESS_M = 0.3
+_AWAY_COSINE = -0.5
+
+
+def backs_of_others(
+    class_name: Sequence[str],
+    lat: FloatArray,
+    lon: FloatArray,
+    facing_rad: FloatArray,
+    cov_enu: FloatArray,
+) -> npt.NDArray[np.bool_]:
+    """Which of the map signs [n] are backs of others among them.
+
+    ``cov_enu`` [n, 3, 3] m^2. A sign whose class is that of backs is one; so is a face without
+    colours that nobody could read, where one that was read faces the other way.
+    """
+    from scipy.spatial import cKDTree
+
+    names = [str(name) for name in class_name]
+    result = np.array([is_back(name) for name in names], np.bool_)
+    maybe = np.array([may_be_back(name) for name in names], np.bool_)
+    if not (maybe & ~result).any() or maybe.all():
+        return result
+    per_lat, per_lon = metres_per_radian(lat, np.zeros(len(lat)))
+    first = float(lon[0])
+    around = (lon - first + np.pi) % (2.0 * np.pi) - np.pi
+    place = np.column_stack([around * per_lon, (lat - lat[0]) * per_lat])
+    fronts = np.flatnonzero(~maybe)
+    tree = cKDTree(place[fronts])
+    for k in np.flatnonzero(maybe & ~result).tolist():
+        for j in fronts[tree.query_ball_point(place[k], MAX_DISTANCE_M)].tolist():
+            if not np.cos(facing_rad[k] - facing_rad[j]) < _AWAY_COSINE:
+                continue
+            offset = place[k] - place[j]
+            total = (cov_enu[k] + cov_enu[j])[:2, :2] + _THICKNESS_M**2 * np.eye(2)
+            if float(offset @ np.linalg.solve(total, offset)) < _GATE:
+                result[k] = True
+    return result
