@@ -31,13 +31,14 @@ _CIRCLES = {"red": "red-circle", "blue": "blue-circle", "green": "green-circle",
 _LETTERS = {"information--parking--g1": "P", "information--hospital--g1": "H"}
 _OTHER_NUMBER, _OTHER_LETTER = "red-circle/number", "blue-square/letter"
 _GENERATED_KINDS = (_OTHER_NUMBER, _OTHER_LETTER)
-_MORE_LIMITS = 4
 _GENERATED = 0.7
 _TRANSPLANTED = 0.3
 _VARIANT = 0.25
 """Shares of a class's drawings: generated; with a picture from elsewhere; of another variant."""
 _VARIED = 0.75
 _ON_PLATE = 0.2
+_MORE_LIMITS = 4
+"""How many times more often a limit of speed is drawn than another class."""
 
 
 def group_of_face(face: Face) -> str:
