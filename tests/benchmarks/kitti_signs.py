@@ -7,6 +7,9 @@ how far off the direction is (first view to last, deg) and how large the sign wo
 be (first view to last, m). A sign keeps its size while a car drives up to it, so a place where
 it would have to shrink to a third is not the sign's. ``automap evaluate`` gives the figures of runs
 with their own trajectory.
+
+Signs of a class are alike in size, so their measured sizes, and with them the ranges, should differ
+by what their sds say, whatever the true places are: the ratio is printed last.
 """
 
 from __future__ import annotations
@@ -19,16 +22,21 @@ import numpy as np
 
 from automap.earth import local_ned
 from automap.evaluation.sign_matching import SignPoints, match
+from automap.geolocation.boresight import N_CAMERA
+from automap.geolocation.landmark import SizePrior, fit_landmark
 from automap.geolocation.locate import locate_signs
-from automap.geolocation.views import MeasurementNoise, Views, build_views
+from automap.geolocation.pass_errors import settle
+from automap.geolocation.views import Views, build_views
 from automap.io.detections_csv import read_detections_csv
 from automap.io.drive import load_drive
 from automap.io.frame_times import frame_times
 from automap.io.sign_points import read_sign_points
 from automap.io.trajectory_csv import read_trajectory_csv
-from automap.records import FloatArray, Sign
+from automap.records import FloatArray, IntArray, Sign
 
 LIMIT = -2.0 * np.log(0.05)
+LEVER_ARM_SD_M = 0.3
+LEVER_ARM = slice(5, 8)
 
 
 def as_points(signs: list[Sign]) -> SignPoints:
@@ -41,7 +49,7 @@ def as_points(signs: list[Sign]) -> SignPoints:
     )
 
 
-def said_of(views: Views, rows: FloatArray, place: FloatArray) -> str:
+def said_of(views: Views, rows: IntArray, place: FloatArray) -> str:
     """What boxes say of a place [3]: error of direction and size in the first and last view."""
     ends = rows[[0, -1]]
     q = np.einsum("nij,nj->ni", views.C_cam_ref[ends], place - views.centre[ends])
@@ -50,9 +58,35 @@ def said_of(views: Views, rows: FloatArray, place: FloatArray) -> str:
     return f"{off[0]:+.1f} to {off[1]:+.1f} deg, {size[0]:.2f} to {size[1]:.2f} m"
 
 
+def measured_size(views: Views, rows: IntArray, camera: FloatArray) -> tuple[float, float]:
+    """Logarithm of a sign's size by its boxes and bearings, and its sd; ``camera`` [9, 9] the
+    covariance of what was found out about the camera."""
+    prior = SizePrior()
+    mark = settle(views, fit_landmark(views, rows, prior), prior, LEVER_ARM_SD_M)
+    by_camera = np.delete(mark.common[3, :N_CAMERA], LEVER_ARM)
+    of_camera = np.delete(np.delete(camera, LEVER_ARM, 0), LEVER_ARM, 1)
+    own = float(mark.covariance[3, 3] + mark.pass_covariance[3, 3])
+    return float(mark.parameters[3]), float(np.sqrt(own + by_camera @ of_camera @ by_camera))
+
+
+def size_ratio(sizes: dict[str, list[tuple[float, float]]]) -> tuple[float, int]:
+    """Differences from the median of the others of a class over their sds: the robust scale of
+    this (1.4826 times the median), and how many there are."""
+    ratios = []
+    for members in sizes.values():
+        size, sd = np.array(members).T
+        for k in range(len(members) if len(members) > 3 else 0):
+            others, their_sd = np.delete(size, k), float(np.median(np.delete(sd, k)))
+            # the median of n has 1.25 / sqrt(n) of the sd of one
+            total = np.hypot(sd[k], 1.25 * their_sd / np.sqrt(len(others)))
+            ratios.append(abs(size[k] - np.median(others)) / total)
+    return 1.4826 * float(np.median(ratios)), len(ratios)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", default=os.environ.get("AUTOMAP_SHARED_DATA", "../shared/data"))
+    sizes: dict[str, list[tuple[float, float]]] = {}
     distances, squares, hits, lost, n_found, n_truth = [], [], 0, 0, 0, 0
     for folder in sorted((Path(parser.parse_args().data) / "drives").glob("kitti-*")):
         drive = load_drive(folder)
@@ -62,9 +96,11 @@ def main() -> None:
         trajectory = read_trajectory_csv(folder / "truth" / "trajectory.csv").data
         result = locate_signs(trajectory, [found], drive.cameras())
         located, truth = as_points(result.signs), read_sign_points(folder / "truth/signs.geojson")
-        views = build_views(
-            trajectory, [found], drive.cameras(), MeasurementNoise(), result.corrections
-        )
+        views = build_views(trajectory, [found], drive.cameras(), result.noise, result.corrections)
+        for sign in result.signs:
+            rows = np.flatnonzero(np.isin(views.row, sign.detection_rows))
+            size = measured_size(views, rows, result.corrections["front"].covariance)
+            sizes.setdefault(sign.class_name, []).append(size)
         pairs = match(located, truth, 15.0)
         zero = np.zeros(len(truth))
         there = local_ned(truth.lat_rad, truth.lon_rad, zero, views.origin)
@@ -95,6 +131,8 @@ def main() -> None:
         f"in the 95 % ellipse {np.mean(np.array(squares) <= LIMIT):.3f} of {len(squares)}, "
         f"beyond 10 m without a flag {lost} of {n_found}"
     )
+    ratio, n_sizes = size_ratio(sizes)
+    print(f"sizes within a class differ by {ratio:.2f} of what their sds say ({n_sizes} signs)")
 
 
 if __name__ == "__main__":
