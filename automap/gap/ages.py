@@ -19,8 +19,8 @@ from automap.fusion.problem import LATENCY_STATE, SKEW_STATE, VEL_LAG_STATE, VEL
 from automap.gap.motion import Motion, at_times, lagged
 from automap.records import FloatArray
 
-LEAST_S = 0.01
-CHANGE = 0.03
+LEAST_S = 5e-4
+CHANGE = 5e-4
 """Ages that moved by less, in s or as a share, change nothing of the remainder."""
 
 

@@ -18,7 +18,7 @@ from automap.gap.model import GapModel, parameter_names, session_with
 from automap.gap.motion import Motion, at_times, lagged, motion_of
 from automap.records import FloatArray
 
-AGE_ROUNDS = 3
+AGE_ROUNDS = 8
 
 
 @dataclass(frozen=True)
