@@ -24,7 +24,7 @@ from automap.gap.evidence import Evidence, Scores, block_starts, evidence, null_
 from automap.gap.fit import Fit, Motion, motion_of
 from automap.gap.screening import whitened_innovations
 from automap.gap.whitening import WhiteRows, fit_whitener, white_rows
-from automap.records import FloatArray
+from automap.records import BoolArray, FloatArray
 
 NULL_DRAWS = 2000
 VEHICLE = (CH_NHC, CH_NHC + 1)
@@ -202,17 +202,33 @@ def _scores(fit: Fit, motion: Motion, columns: Sequence[Column]) -> tuple[Scores
     them those of all measurements without the vehicle constraint, with the diagonal only."""
     whitened, t, channel = whitened_innovations(fit)
     whitener = fit_whitener(whitened, channel)
-    parts: list[WhiteRows] = []
+    every: list[Scores] = []
+    free: list[Scores] = []
+    phi: FloatArray = np.zeros((0, len(columns)))
     for start in range(0, len(columns), BATCH):
-        phi = sensitivities(fit, motion, columns[start : start + BATCH])
-        parts.append(white_rows(whitener, whitened, phi, t, channel))
-    rows = parts[0]
-    phi = np.concatenate([p.phi for p in parts], axis=1)
+        part = sensitivities(fit, motion, columns[start : start + BATCH])
+        rows = white_rows(whitener, whitened, part, t, channel)
+        if start == 0:
+            phi = np.empty((len(rows.w), len(columns)))
+        phi[:, start : start + BATCH] = rows.phi
+        every.append(_diagonal(rows, np.ones(len(rows.w), dtype=bool)))
+        free.append(_diagonal(rows, ~np.isin(rows.channel, VEHICLE)))
+    return replace(_beside(every), info=phi.T @ phi), _beside(free)
+
+
+def _diagonal(rows: WhiteRows, use: BoolArray) -> Scores:
+    """Scores of columns each by itself, from the rows to be used; ``info`` [c] the diagonal."""
     starts = block_starts(rows.t)
-    free = ~np.isin(rows.channel, VEHICLE)
-    out = []
-    for use in (np.ones(len(free)), free.astype(np.float64)):
-        blocks = np.add.reduceat(phi * (use * rows.w)[:, None], starts, axis=0)
-        infos = np.add.reduceat(phi**2 * use[:, None], starts, axis=0)
-        out.append(Scores(blocks.sum(axis=0), infos.sum(axis=0), blocks, infos[:, :, None]))
-    return replace(out[0], info=phi.T @ phi), out[1]
+    blocks = np.add.reduceat(rows.phi * np.where(use, rows.w, 0.0)[:, None], starts, axis=0)
+    infos = np.add.reduceat(np.where(use[:, None], rows.phi**2, 0.0), starts, axis=0)
+    return Scores(blocks.sum(axis=0), infos.sum(axis=0), blocks, infos[:, :, None])
+
+
+def _beside(parts: Sequence[Scores]) -> Scores:
+    """Diagonal scores of groups of columns as those of all."""
+    return Scores(
+        np.concatenate([p.score for p in parts]),
+        np.concatenate([p.info for p in parts]),
+        np.concatenate([p.blocks for p in parts], axis=1),
+        np.concatenate([p.block_info for p in parts], axis=1),
+    )
