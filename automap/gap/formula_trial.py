@@ -31,11 +31,12 @@ from automap.gap.search_state import (
 FORMULA_TRIALS = 4
 FORMULA_NATS = 25.0
 FORMULA_P = 1e-4
-OVER_NAMES_NATS = 10.0
+OVER_NAMES_NATS = 15.0
 FORMULA_SHARE = 0.05
-"""A formula needs so many nats, since among a thousand formulas one resembles whatever rough
-roads leave behind. It must beat names by the logarithm of that thousand and some, or by this share
-of their evidence, which is linearised."""
+"""A formula needs so many nats, since among hundreds of formulas one resembles whatever rough
+roads leave behind. Over names it needs the logarithm of their number, 6, that of how much oftener
+an effect of the library is what is missing, 3, and twice the scatter of fitted evidence, 6; or this
+share of the names' evidence, which is linearised."""
 RAISED = 1.5
 BESIDES_SHARE = 0.3
 """A name that keeps this share of its evidence beside a formula is not what the formula is."""
