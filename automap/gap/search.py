@@ -153,6 +153,9 @@ def _accept(state: State, best: Trial) -> Trial:
     state.accepted[best.effect] = best.scale
     state.trials.append(replace(best, stage=len(state.trials) + 1))
     state.model, state.fits = best.model, list(best.fits)
+    # what held-out data refused may have been bent by what was still missing
+    state.refused.clear()
+    state.warnings = [w for w in state.warnings if not w.startswith(f"{best.effect} would ")]
     return best
 
 
