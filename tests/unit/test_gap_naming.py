@@ -1,0 +1,47 @@
+"""When a name is given, refused and asked for again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from automap.gap.evidence import Evidence
+from automap.gap.model import SKEW, base_model
+from automap.gap.naming import by_sign
+from automap.gap.scoring import Joint
+from automap.gap.screening import Candidate
+from automap.gap.search import _accept
+from automap.gap.search_state import State, Trial
+
+MODEL = base_model()
+
+
+def trial(effect: str, value: float = 1.0, sd: float = 1.0, nats: float = 50.0) -> Trial:
+    one = np.ones(1)
+    candidate = Candidate(
+        effect, ("p",), np.array([0]), one, Evidence(nats, one, one, 1.0, 1.0), 0.0
+    )
+    joint = Joint(((effect, "p"),), np.array([value]), np.array([[sd**2]]), nats)
+    return Trial(candidate, joint, (), MODEL, nats, 0.0, one)
+
+
+@pytest.mark.parametrize(("value", "kept"), [(9e-6, False), (-1e-4, True), (2e-4, True)])
+def test_clocks_whose_rates_do_not_differ_have_no_skew(value: float, kept: bool) -> None:
+    found = by_sign([trial(SKEW, value, 2e-5)], [SKEW])
+    assert bool(found) is kept
+
+
+def test_what_was_refused_is_asked_for_again_once_something_is_named() -> None:
+    state = State([], [], {}, MODEL, [])
+    state.refused = {"imu_mounting"}
+    state.warnings = [
+        "imu_mounting would explain 224 nats of the fitted data, but it is not named",
+        "accel_y += k * speed would explain 30 nats of the fitted data, but it is not told",
+    ]
+    _accept(state, trial("speed_vibration"))
+    assert state.refused == set()
+    assert len(state.warnings) == 2
+    _accept(state, trial("imu_mounting"))
+    assert list(state.accepted) == ["speed_vibration", "imu_mounting"]
+    assert [t.stage for t in state.trials] == [1, 2]
+    assert [w.partition(" ")[0] for w in state.warnings] == ["accel_y"]
