@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -143,6 +144,17 @@ def open_drive(drive: GapDrive, options: FusionOptions) -> OpenDrive:
     begin = drive.begin_s
     session = Session(drive.imu, fixes, options, still, means, sds, span, wheels, begin)
     return OpenDrive(drive, session, screened.n_wild)
+
+
+def wild_fixes(drive: GapDrive, options: FusionOptions, factors: Mapping[str, float]) -> int:
+    """How many fixes lie off the path of the others by far more than noise of other levels."""
+    t = np.asarray((drive.clock.t_ns(drive.fixes.gps_s) - int(drive.imu.t_ns[0])) * 1e-9)
+    fixes = model_fixes(drive.fixes, t, options)
+    levels = ("position_h", "position_h", "position_v", "velocity_h", "velocity_h", "velocity_v")
+    white = fixes.white_var * np.array([factors[level] for level in levels]) ** 2
+    wander = fixes.wander_sd * factors["wander"]
+    scaled = replace(fixes, white_var=white, wander_sd=wander)
+    return screen_fixes(scaled, options.wander_tau_s).n_wild
 
 
 def _rows(fixes: FixModel, keep: BoolArray) -> FixModel:

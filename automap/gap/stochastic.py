@@ -14,6 +14,7 @@ import numpy as np
 from automap.fusion.layout import CH_VEL
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.measurements import model_fixes
+from automap.gap.drive import wild_fixes
 from automap.gap.fit import Fit
 from automap.gap.noise import fit_noise, noise_score
 from automap.gap.result import Finding, ParameterValue
@@ -158,7 +159,12 @@ def _outliers(fits: Sequence[Fit], gap: float) -> Finding | None:
         measured = np.isfinite(nis).any(axis=1)
         count += int(measured.sum())
         beyond = np.nan_to_num(nis[measured]).max(axis=1) > WILD_NIS
-        wild += min(int(beyond.sum()) + fit.opened.n_wild, int(measured.sum()))
+        screened = fit.opened.n_wild
+        if screened:
+            # that was by the receiver's own figures; by what they turned out to be they may be none
+            drive, model = fit.opened.drive, fit.model
+            screened = min(screened, wild_fixes(drive, model.options, model.factors))
+        wild += min(int(beyond.sum()) + screened, int(measured.sum()))
     share = wild / max(count, 1)
     if share < MIN_SHARE or wild < 3:
         return None

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from automap.gap import base_model
-from automap.gap.drive import open_drive
+from automap.gap.drive import open_drive, wild_fixes
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.noise import fit_noise
 from automap.gap.stochastic import _floored, stochastic_findings
@@ -38,3 +38,22 @@ def test_a_receiver_better_than_the_models_floor_is_no_finding() -> None:
 def test_figures_above_the_floors_are_taken_as_they_are() -> None:
     fit, _ = _noise_fitted(20.0)
     np.testing.assert_allclose(_floored([fit]), 1.0, rtol=0.05)
+
+
+@pytest.mark.parametrize(("claims", "wild"), [(1.0, True), (0.2, False)])
+def test_fixes_are_wild_by_what_their_noise_turned_out_to_be(claims: float, wild: bool) -> None:
+    drive = simulated({})
+    lat, sd = drive.fixes.lat_rad.copy(), drive.fixes.sd_pos_ned * claims
+    if wild:
+        lat[50:60] += 60.0 / 6.37e6
+    else:
+        # noise all along, five times what is claimed
+        rng = np.random.default_rng(2)
+        lat += rng.standard_normal(len(lat)) * 5.0 * sd[:, 0] / 6.37e6
+    drive = replace(drive, fixes=replace(drive.fixes, lat_rad=lat, sd_pos_ned=sd))
+    model = base_model()
+    before = open_drive(drive, model.options).n_wild
+    factors = dict(model.factors) | {"position_h": 20.0, "wander": 1.0}
+    after = wild_fixes(drive, model.options, factors)
+    assert before > 0
+    assert (after > 0) is wild
