@@ -10,7 +10,7 @@ import numpy as np
 
 from automap.errors import AutoMapError, InputError
 from automap.evaluation.requirements import check_requirements
-from automap.evaluation.sign_matching import SignPoints, summarise_signs
+from automap.evaluation.sign_matching import SignPoints, points_of, summarise_signs
 from automap.evaluation.trajectory_errors import (
     position_rms,
     raw_fix_errors,
@@ -145,14 +145,7 @@ def _result_signs(out: Path) -> SignPoints | None:
         return None
     from automap.io.signs_table import read_signs
 
-    signs = read_signs(out / names.SIGNS_RAW)
-    return SignPoints(
-        lat_rad=np.array([s.lat_rad for s in signs], np.float64),
-        lon_rad=np.array([s.lon_rad for s in signs], np.float64),
-        class_name=np.array([s.class_name for s in signs], np.object_),
-        cov_en=np.array([s.cov_enu[:2, :2] for s in signs], np.float64).reshape(-1, 2, 2),
-        sd_m=np.zeros(len(signs)),
-    )
+    return points_of(read_signs(out / names.SIGNS_RAW))
 
 
 def _truth_signs(path: Path, truth_sd: float | None) -> SignPoints:

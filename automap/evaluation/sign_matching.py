@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from automap.records import FloatArray, IntArray
+from automap.records import FloatArray, IntArray, Sign
 
 GATES_M = (1.0, 2.0, 3.0, 5.0, 6.0, 10.0)
 PAIR_GATE_M = 15.0
@@ -33,6 +34,17 @@ class SignPoints:
 
     def __len__(self) -> int:
         return len(self.lat_rad)
+
+
+def points_of(signs: Sequence[Sign]) -> SignPoints:
+    """Located signs as points."""
+    return SignPoints(
+        lat_rad=np.array([s.lat_rad for s in signs], np.float64),
+        lon_rad=np.array([s.lon_rad for s in signs], np.float64),
+        class_name=np.array([s.class_name for s in signs], np.object_),
+        cov_en=np.array([s.cov_enu[:2, :2] for s in signs], np.float64).reshape(-1, 2, 2),
+        sd_m=np.zeros(len(signs)),
+    )
 
 
 @dataclass(frozen=True)

@@ -12,37 +12,15 @@ import argparse
 
 import numpy as np
 
-from automap.earth import from_local_ned
-from automap.evaluation.sign_matching import SignPoints, match, summarise_signs
+from automap.evaluation.sign_matching import SignPoints, match, points_of, summarise_signs
 from automap.geolocation.locate import locate_signs
 from automap.mapping.merge import LEAST_EXISTENCE, merge_drives
 from automap.mapping.sightings import CameraView, DrivePath, DriveSigns
 from automap.records import FloatArray, Sign, Trajectory
-from tests.benchmarks.geolocation_world import ORIGIN, Difficulty, World, make_world
+from tests.benchmarks.geolocation_world import Difficulty, World, make_world, true_points
 
 DAY_S = 86400.0
 _PATH_ROWS = 25
-
-
-def as_points(signs: list[Sign]) -> SignPoints:
-    return SignPoints(
-        lat_rad=np.array([s.lat_rad for s in signs]),
-        lon_rad=np.array([s.lon_rad for s in signs]),
-        class_name=np.array([s.class_name for s in signs], np.object_),
-        cov_en=np.array([s.cov_enu[:2, :2] for s in signs]).reshape(-1, 2, 2),
-        sd_m=np.zeros(len(signs)),
-    )
-
-
-def true_points(world: World) -> SignPoints:
-    """The signs that have two boxes at least."""
-    seen = np.bincount(world.owner[world.owner >= 0], minlength=len(world.position)) >= 2
-    lat, lon, _ = from_local_ned(world.position[seen], ORIGIN)
-    names = np.array(world.class_name, np.object_)[seen]
-    n = len(names)
-    return SignPoints(
-        np.asarray(lat), np.asarray(lon), names, np.full((n, 2, 2), np.nan), np.zeros(n)
-    )
 
 
 def of_drive(name: str, day: int, world: World, signs: list[Sign]) -> DriveSigns:
@@ -114,13 +92,13 @@ def main() -> None:
             drives.append(of_drive(f"pass-{day}", day, world, signs))
             here = true_points(world)
             truth = here if len(here) > len(truth) else truth
-            single.append(match(as_points(signs), here, 15.0).distance_m)
+            single.append(match(points_of(signs), here, 15.0).distance_m)
         merged = merge_drives(drives)
         kept = [
             s for s, e in zip(merged.signs, merged.existence, strict=True) if e >= LEAST_EXISTENCE
         ]
-        summary = summarise_signs(as_points(kept), truth)
-        together.append(match(as_points(kept), truth, 15.0).distance_m)
+        summary = summarise_signs(points_of(kept), truth)
+        together.append(match(points_of(kept), truth, 15.0).distance_m)
 
         alone = np.median(np.concatenate(single[-len(drives) :]))
         print(

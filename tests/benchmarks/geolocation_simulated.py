@@ -16,13 +16,13 @@ import argparse
 import numpy as np
 
 from automap.earth import from_local_ned, local_ned
-from automap.evaluation.sign_matching import SignPoints, match, summarise_signs
+from automap.evaluation.sign_matching import match, points_of, summarise_signs
 from automap.frames import matrix_to_rpy, rpy_to_matrix
 from automap.geolocation.landmark import SizePrior
 from automap.geolocation.locate import GeolocationResult, locate_signs
 from automap.geolocation.views import MeasurementNoise, build_views
 from automap.records import FloatArray
-from tests.benchmarks.geolocation_world import ORIGIN, Difficulty, World, make_world
+from tests.benchmarks.geolocation_world import Difficulty, World, make_world, true_points
 
 _SIZE = SizePrior()
 
@@ -97,22 +97,11 @@ def _cross(v: FloatArray) -> FloatArray:
     return M - np.swapaxes(M, 1, 2)
 
 
-def points(lat: FloatArray, lon: FloatArray, names: list[str], cov: FloatArray) -> SignPoints:
-    return SignPoints(lat, lon, np.array(names, np.object_), cov, np.zeros(len(lat)))
-
-
 def figures(world: World, result: GeolocationResult, d: Difficulty) -> dict[str, float]:
     """What the acceptance asks for; recall over the signs with two boxes or more."""
     seen = np.bincount(world.owner[world.owner >= 0], minlength=len(world.position)) >= 2
-    lat, lon, _ = from_local_ned(world.position[seen], ORIGIN)
-    names = [world.class_name[k] for k in np.flatnonzero(seen)]
-    truth = points(lat, lon, names, np.full((len(lat), 2, 2), np.nan))
-    found = points(
-        np.array([s.lat_rad for s in result.signs]),
-        np.array([s.lon_rad for s in result.signs]),
-        [s.class_name for s in result.signs],
-        np.array([s.cov_enu[:2, :2] for s in result.signs]).reshape(-1, 2, 2),
-    )
+    truth = true_points(world)
+    found = points_of(result.signs)
     summary = summarise_signs(found, truth)
     pairs = match(found, truth, 15.0)
     best, bound = (values[seen][pairs.truth] for values in oracle(world, d))

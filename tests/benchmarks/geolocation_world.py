@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.earth import from_local_ned, local_ned
+from automap.evaluation.sign_matching import SignPoints
 from automap.frames import rpy_to_matrix
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 
@@ -116,6 +117,17 @@ def _route(rng: np.random.Generator, d: Difficulty, rate: float) -> tuple[FloatA
             place -= drift * np.arange(len(t))[:, None]
             velocity = velocity - drift * rate
     return t, place, yaw, velocity
+
+
+def true_points(world: World) -> SignPoints:
+    """The signs that have two boxes at least."""
+    seen = np.bincount(world.owner[world.owner >= 0], minlength=len(world.position)) >= 2
+    lat, lon, _ = from_local_ned(world.position[seen], ORIGIN)
+    names = np.array(world.class_name, np.object_)[seen]
+    n = len(names)
+    return SignPoints(
+        np.asarray(lat), np.asarray(lon), names, np.full((n, 2, 2), np.nan), np.zeros(n)
+    )
 
 
 def make_world(

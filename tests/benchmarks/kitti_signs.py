@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from automap.earth import local_ned
-from automap.evaluation.sign_matching import SignPoints, match
+from automap.evaluation.sign_matching import match, points_of
 from automap.geolocation.boresight import N_CAMERA
 from automap.geolocation.landmark import SizePrior, fit_landmark
 from automap.geolocation.locate import locate_signs
@@ -32,21 +32,11 @@ from automap.io.drive import load_drive
 from automap.io.frame_times import frame_times
 from automap.io.sign_points import read_sign_points
 from automap.io.trajectory_csv import read_trajectory_csv
-from automap.records import FloatArray, IntArray, Sign
+from automap.records import FloatArray, IntArray
 
 LIMIT = -2.0 * np.log(0.05)
 LEVER_ARM_SD_M = 0.3
 LEVER_ARM = slice(5, 8)
-
-
-def as_points(signs: list[Sign]) -> SignPoints:
-    return SignPoints(
-        lat_rad=np.array([s.lat_rad for s in signs]),
-        lon_rad=np.array([s.lon_rad for s in signs]),
-        class_name=np.array([s.class_name for s in signs], np.object_),
-        cov_en=np.array([s.cov_enu[:2, :2] for s in signs]).reshape(-1, 2, 2),
-        sd_m=np.zeros(len(signs)),
-    )
 
 
 def said_of(views: Views, rows: IntArray, place: FloatArray) -> str:
@@ -95,7 +85,7 @@ def main() -> None:
         found = read_detections_csv(video.detections, frame_times(video)).data
         trajectory = read_trajectory_csv(folder / "truth" / "trajectory.csv").data
         result = locate_signs(trajectory, [found], drive.cameras())
-        located, truth = as_points(result.signs), read_sign_points(folder / "truth/signs.geojson")
+        located, truth = points_of(result.signs), read_sign_points(folder / "truth/signs.geojson")
         views = build_views(trajectory, [found], drive.cameras(), result.noise, result.corrections)
         for sign in result.signs:
             rows = np.flatnonzero(np.isin(views.row, sign.detection_rows))

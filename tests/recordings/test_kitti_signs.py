@@ -12,24 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automap.evaluation.sign_matching import SignPoints, match, summarise_signs
+from automap.evaluation.sign_matching import SignPoints, match, points_of, summarise_signs
 from automap.geolocation.locate import locate_signs
 from automap.io.detections_csv import read_detections_csv
 from automap.io.drive import load_drive
 from automap.io.frame_times import frame_times
 from automap.io.sign_points import read_sign_points
 from automap.io.truth_trajectory import read_truth_trajectory
-from automap.records import Sign
-
-
-def as_points(signs: list[Sign]) -> SignPoints:
-    return SignPoints(
-        lat_rad=np.array([s.lat_rad for s in signs]),
-        lon_rad=np.array([s.lon_rad for s in signs]),
-        class_name=np.array([s.class_name for s in signs], np.object_),
-        cov_en=np.array([s.cov_enu[:2, :2] for s in signs]).reshape(-1, 2, 2),
-        sd_m=np.zeros(len(signs)),
-    )
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +38,7 @@ def located(shared_data: Path) -> list[tuple[str, SignPoints, SignPoints]]:
         found = read_detections_csv(video.detections, times).data
         signs = locate_signs(reference, [found], drive.cameras()).signs
         truth = read_sign_points(folder / "truth" / "signs.geojson")
-        result.append((drive.name, as_points(signs), truth))
+        result.append((drive.name, points_of(signs), truth))
     if not result:
         pytest.skip(f"no kitti-* drives in {shared_data / 'drives'}")
     return result
