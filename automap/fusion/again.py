@@ -9,6 +9,7 @@ import numpy as np
 from automap.fusion.adapt import scale_nodes, scale_problem
 from automap.fusion.layout import N_NAV
 from automap.fusion.levels import LEVELS
+from automap.fusion.measurements import Shift
 from automap.fusion.passes import Pass, Session, next_shift, nodes_of, problem_of, settled
 from automap.fusion.problem import PathStates, Problem, SmoothRun, Start, states_about
 from automap.fusion.sections import filter_and_smooth
@@ -34,7 +35,7 @@ def run_again(session: Session, earlier: Pass, start: Start) -> tuple[Pass, Star
     factors = dict.fromkeys(LEVELS, 1.0) | dict(options.factors)
     problem = scale_problem(problem_of(session), factors)
     smooth, before = _under(problem, earlier), earlier.shift
-    shift = before if options.retime else replace(type(before)(), delay_s=before.delay_s)
+    shift = before if options.retime else Shift(before.delay_s)
     for _ in range(MOST_PASSES):
         speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
         nodes = nodes_of(session, problem, shift, smooth.nodes.t, speed, constrained=True)

@@ -87,6 +87,13 @@ def _texts(signals: Signals, has_temperature: bool) -> Iterator[str]:
         yield f"step(time - {begin + i / STEPS * length:.0f})"
 
 
+def shape_of(text: str) -> str:
+    """A formula without its instant or time constant; others as they are."""
+    if INSTANT.fullmatch(text):
+        return "step"
+    return "decay" if CONSTANT.fullmatch(text) else text
+
+
 def finer_texts(text: str, length_s: float) -> list[str]:
     """A formula with its instant or time constant moved in small steps; nothing for others."""
     instant, constant = INSTANT.fullmatch(text), CONSTANT.fullmatch(text)

@@ -172,7 +172,7 @@ def _result(
         _verdict(findings, trail[0], rest, unexplained),
         model,
         base,
-        warnings=tuple(state.warnings),
+        warnings=(*state.warnings, *state.refused.values()),
         places=tuple(found),
         held_out=(tuple(first), tuple(final)),
         unclear=_unclear(state, model),

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from automap.fusion.levels import ALL_LEVELS
+from automap.gap.dictionary import shape_of
 from automap.gap.drive import OpenDrive
 from automap.gap.evidence import p_value
 from automap.gap.fit import Fit, fit_drive
@@ -40,8 +40,6 @@ share of the names' evidence, which is linearised."""
 RAISED = 1.5
 BESIDES_SHARE = 0.3
 """A name that keeps this share of its evidence beside a formula is not what the formula is."""
-SAME_SHAPE = 1
-NUMBERS = re.compile(r"\d+(\.\d+)?(e[+-]?\d+)?")
 
 
 def strongest_formula(
@@ -107,14 +105,14 @@ def _left_for(state: State, tried: _Tried, trial: Trial) -> float:
 
 
 def _different(formulas: Sequence[Formula]) -> list[Formula]:
-    """The strongest formulas, one of those that differ in their numbers alone."""
+    """The strongest formulas, one of those that differ in their time alone."""
     out: list[Formula] = []
-    seen: dict[tuple[str, str], int] = {}
+    seen: set[tuple[str, str]] = set()
     for formula in formulas:
-        shape = (formula.channel, NUMBERS.sub("#", formula.text))
-        seen[shape] = seen.get(shape, 0) + 1
-        if seen[shape] <= SAME_SHAPE:
+        shape = (formula.channel, shape_of(formula.text))
+        if shape not in seen:
             out.append(formula)
+        seen.add(shape)
         if len(out) == FORMULA_TRIALS:
             break
     return out

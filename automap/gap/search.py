@@ -86,7 +86,7 @@ def begin(
 def candidates_of(state: State, exclude: Collection[str]) -> list[str]:
     """Effects that may be missing and were not refused already."""
     has_wheels = any(d.session.odometer is not None for d in state.drives)
-    settled = state.model.settled | set(state.accepted) | state.refused | set(exclude)
+    settled = state.model.settled | set(state.accepted) | set(state.refused) | set(exclude)
     for opened in state.drives:
         if opened.drive.mounting_sd.any():
             settled |= {"imu_mounting"}
@@ -137,8 +137,7 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
         return None
     best = trials[0]
     if not _helps(state, best, say):
-        state.refused.add(best.effect)
-        state.warnings.append(
+        state.refused[best.effect] = (
             f"{best.effect} would explain {best.nats:.0f} nats of the fitted data, but the "
             "held-out data do not confirm it; it is not named"
         )
@@ -155,7 +154,6 @@ def _accept(state: State, best: Trial) -> Trial:
     state.model, state.fits = best.model, list(best.fits)
     # what held-out data refused may have been bent by what was still missing
     state.refused.clear()
-    state.warnings = [w for w in state.warnings if not w.startswith(f"{best.effect} would ")]
     return best
 
 

@@ -74,7 +74,8 @@ class Trial:
 @dataclass
 class State:
     """Where a search stands: fits of the drives under ``model`` with the accepted effects, the
-    noise factors ``asked`` for; ``held_fits`` the newest ones of the held-out drives,
+    noise factors ``asked`` for, ``refused`` effects that held-out data did not confirm under the
+    present model, with a sentence on each; ``held_fits`` the newest ones of the held-out drives,
     ``curvatures`` what is known of the noise's likelihood."""
 
     drives: list[OpenDrive]
@@ -87,7 +88,7 @@ class State:
     accepted: dict[str, float] = field(default_factory=dict)
     trials: list[Trial] = field(default_factory=list)
     rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    refused: set[str] = field(default_factory=set)
+    refused: dict[str, str] = field(default_factory=dict)
     exclude: frozenset[str] = frozenset()
     restarts: int = 0
     warnings: list[str] = field(default_factory=list)

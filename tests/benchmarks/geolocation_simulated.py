@@ -22,7 +22,13 @@ from automap.geolocation.landmark import SizePrior
 from automap.geolocation.locate import GeolocationResult, locate_signs
 from automap.geolocation.views import MeasurementNoise, build_views
 from automap.records import FloatArray
-from tests.benchmarks.geolocation_world import Difficulty, World, make_world, true_points
+from tests.benchmarks.geolocation_world import (
+    ORIGIN,
+    Difficulty,
+    World,
+    make_world,
+    true_points,
+)
 
 _SIZE = SizePrior()
 
