@@ -10,15 +10,17 @@ import numpy.typing as npt
 
 from automap.vision.classes import load_classes
 from automap.vision.training.art import Face
-from automap.vision.training.numbers import (
-    LIMITS,
-    letter_face,
-    limit_face,
-    limit_name,
-    on_plate,
-    other_number,
+from automap.vision.training.composed import on_board, prohibition
+from automap.vision.training.numbers import letter_face, limit_face, on_plate, other_number
+from automap.vision.training.pictograms import picture_of, silhouette_of, transplanted
+from automap.vision.training.recipes import (
+    BOARDED,
+    LIMIT_OF,
+    other_prohibition,
+    recipes,
+    stands_on_plate,
+    words_of,
 )
-from automap.vision.training.pictograms import picture_of, transplanted
 from automap.vision.training.variants import varied
 
 Image = npt.NDArray[np.uint8]
@@ -28,17 +30,20 @@ _CIRCLES = {"red": "red-circle", "blue": "blue-circle", "green": "green-circle",
             "yellow": "yellow-circle", "orange": "yellow-circle"}  # fmt: skip
 
 
-_LETTERS = {"information--parking--g1": "P", "information--hospital--g1": "H"}
 _OTHER_NUMBER, _OTHER_LETTER = "red-circle/number", "blue-square/letter"
+"""Kinds of unknown faces drawn by rule; letters in red rings are among the numbers."""
 _GENERATED_KINDS = (_OTHER_NUMBER, _OTHER_LETTER)
-_GENERATED = 0.7
+_GENERATED, _GENERATED_LIMIT = 0.6, 0.85
 _TRANSPLANTED = 0.3
 _VARIANT = 0.25
 """Shares of a class's drawings: generated; with a picture from elsewhere; of another variant."""
 _VARIED = 0.75
-_ON_PLATE = 0.2
+_ON_PLATE, _ON_USUAL_PLATE, _ON_BOARD = 0.1, 0.4, 0.3
+"""Shares on a plate of faces that stand on one nowhere, or somewhere; of those on boards."""
 _MORE_LIMITS = 4
 """How many times more often a limit of speed is drawn than another class."""
+_WARNINGS = ("yellow-diamond", "red-triangle-up")
+_WARNING_SHAPES = ("diamond", "triangle-up")
 
 
 def group_of_face(face: Face) -> str:
@@ -109,54 +114,64 @@ class Drawings:
                 self.unknown.setdefault(look[1], []).append(face)
         kinds = {f"{group}/{_base(f.name)}" for group, of in self.unknown.items() for f in of}
         self.kinds = sorted(kinds | set(_GENERATED_KINDS))
-        self._pictures = {} if held else self._of_same_meaning(faces, set(only.values()), of_art)
-
-    def _of_same_meaning(
-        self, faces: list[Face], names: set[str], of_art: dict[str, str]
-    ) -> dict[str, list[Image]]:
-        """Pictures of all free warnings of a class's meaning."""
         by_base: dict[str, list[Face]] = {}
         for face in faces:
-            if not face.held:
+            if not face.held and not held:
                 by_base.setdefault(_base(of_art.get(face.name, face.name)), []).append(face)
-        result: dict[str, list[Image]] = {}
-        for name in sorted(names):
-            group = load_classes()[name].group
-            if group in ("yellow-diamond", "red-triangle-up"):
-                shapes = ("diamond", "triangle-up")
-                sources = [f.image for f in by_base.get(_base(name), []) if f.shape in shapes]
-                pictures = [p for p in map(picture_of, sources) if p is not None]
-                if len(pictures) > 1:
-                    result[name] = pictures
-        return result
+        self._recipes = recipes([(base, f) for base, of in by_base.items() for f in of])
+        groups = {name: classes[name].group for name in only.values()}
+        groups |= {kind: group_of_kind(kind) for kind in self.kinds}
+        self._pictures = _of_same_meaning(by_base, groups)
+        self._prohibited = {
+            kind: pictures
+            for kind in self.kinds
+            if group_of_kind(kind) == "red-circle"
+            and (pictures := _silhouettes(by_base.get(kind.split("/")[1], [])))
+        }
 
     def named(self, rng: Random) -> tuple[Image, str]:
         """A drawing, BGRA, of a class at random, and the class."""
         names = list(self.art)
         if not self._held:
             # the most frequent signs of all, and those whose drawings differ the most
-            names += _MORE_LIMITS * [name for name in names if name in _LIMIT_OF]
+            names += _MORE_LIMITS * [name for name in names if name in LIMIT_OF]
         name = names[int(rng.integers(len(names)))]
         if self._held:
             return _one(self.art[name], rng), name
+        return self._drawn(name, rng), name
+
+    def _drawn(self, name: str, rng: Random) -> Image:
+        """A drawing to train on of a class."""
         image: Image | None = None
-        if rng.random() < _GENERATED:
-            image = _generated(name, rng)
-        if image is not None:
-            return image, name
-        if name in self._variants and rng.random() < _VARIANT:
+        if rng.random() < (_GENERATED_LIMIT if name in LIMIT_OF else _GENERATED):
+            image = self._recipes.composed(name, rng)
+            if image is not None and name in LIMIT_OF:
+                return image
+        if image is None and name in self._variants and rng.random() < _VARIANT:
             image = _one(self._variants[name], rng)
-        else:
-            image = _one(self.art[name], rng)
-            if name in self._pictures and rng.random() < _TRANSPLANTED:
-                pictures = self._pictures[name]
-                picture = pictures[int(rng.integers(len(pictures)))]
-                other = transplanted(image, picture, rng)
-                image = image if other is None else other
+        elif image is None:
+            image = self._other_picture(name, _one(self.art[name], rng), rng)
         image = _perhaps_varied(image, rng)
-        if load_classes()[name].group == "red-circle" and rng.random() < _ON_PLATE:
-            image = on_plate(image, rng)
-        return image, name
+        if stands_on_plate(name):
+            share = _ON_USUAL_PLATE
+        else:
+            share = _ON_PLATE if load_classes()[name].group == "red-circle" else 0.0
+        if rng.random() < share and _round(image):
+            image = on_plate(image, rng, words_of(name))
+        if name in BOARDED and rng.random() < _ON_BOARD:
+            image = on_board(image, rng)
+        return image
+
+    def _other_picture(self, name: str, image: Image, rng: Random) -> Image:
+        """A face of a class or kind, at times with another picture of the same meaning."""
+        other: Image | None = None
+        if rng.random() < _TRANSPLANTED:
+            if name in self._pictures:
+                pictures = self._pictures[name]
+                other = transplanted(image, pictures[int(rng.integers(len(pictures)))], rng)
+            else:
+                other = self._recipes.redrawn(name, image, rng)
+        return image if other is None else other
 
     def other(self, rng: Random) -> tuple[Image, str]:
         """A drawing, BGRA, of a face that is no class, and its kind."""
@@ -169,12 +184,43 @@ class Drawings:
             return face.image, kind
         if rng.random() < 0.15:
             if group == "red-circle":
+                if rng.random() < 0.5:
+                    return _perhaps_on_plate(other_prohibition(rng), rng), _OTHER_NUMBER
                 return limit_face(other_number(rng), rng), _OTHER_NUMBER
             if group == "blue-square":
                 letters = "ABCDEFGIJKLMNOQRSTUVWXYZ123456789"
                 letter = letters[int(rng.integers(len(letters)))]
                 return letter_face(letter, rng), _OTHER_LETTER
-        return _perhaps_varied(face.image, rng), kind
+        image = self._other_picture(kind, face.image, rng)
+        if kind in self._prohibited and rng.random() < _TRANSPLANTED:
+            pictures = self._prohibited[kind]
+            picture = pictures[int(rng.integers(len(pictures)))]
+            image = prohibition(picture, bool(rng.random() < 0.6), rng)
+        image = _perhaps_varied(image, rng)
+        return (_perhaps_on_plate(image, rng) if group == "red-circle" else image), kind
+
+
+def _of_same_meaning(
+    by_base: dict[str, list[Face]], groups: dict[str, str]
+) -> dict[str, list[Image]]:
+    """Pictures of all warnings of the same meaning, for the classes and kinds that are warnings.
+
+    ``by_base`` faces by meaning, ``groups`` of the classes and kinds.
+    """
+    result: dict[str, list[Image]] = {}
+    for name, group in sorted(groups.items()):
+        if group in _WARNINGS:
+            of = by_base.get(_base(name.split("/")[-1]), [])
+            sources = [face.image for face in of if face.shape in _WARNING_SHAPES]
+            pictures = [p for p in map(picture_of, sources) if p is not None]
+            if len(pictures) > 1:
+                result[name] = pictures
+    return result
+
+
+def _silhouettes(faces: list[Face]) -> list[Image]:
+    circles = [face.image for face in faces if face.shape == "circle"]
+    return [picture for picture in map(silhouette_of, circles) if picture is not None]
 
 
 def _one(faces: list[Face], rng: Random) -> Image:
@@ -185,12 +231,12 @@ def _perhaps_varied(image: Image, rng: Random) -> Image:
     return varied(image, rng) if rng.random() < _VARIED else image
 
 
-def _generated(name: str, rng: Random) -> Image | None:
-    """A drawing by rule of a class that has one."""
-    if name in _LETTERS:
-        return letter_face(_LETTERS[name], rng)
-    number = _LIMIT_OF.get(name)
-    return None if number is None else limit_face(number, rng)
+def _perhaps_on_plate(image: Image, rng: Random) -> Image:
+    if rng.random() < 0.5 * _ON_USUAL_PLATE and _round(image):
+        return on_plate(image, rng)
+    return image
 
 
-_LIMIT_OF = {limit_name(number): number for number in LIMITS}
+def _round(image: Image) -> bool:
+    """Whether a face leaves its corners free, as one that is no plate itself."""
+    return bool(image[[0, 0, -1, -1], [0, -1, 0, -1], 3].max() < 128)

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from automap.vision.training.composed import red_ring
 from automap.vision.training.digits import road_digits
 
 Image = npt.NDArray[np.uint8]
@@ -68,7 +69,9 @@ def _spaced(text: str, kind: str, rng: Random) -> Image:
     space = int(rng.integers(4, 22))
     parts = []
     for letter in text:
-        if letter == "1" and rng.random() < 0.6:
+        if letter == " ":
+            part = np.zeros((96, 40), np.uint8)
+        elif letter == "1" and rng.random() < 0.6:
             part = np.full((96, int(rng.integers(10, 18))), 255, np.uint8)
         else:
             part = _letters(letter, kind)
@@ -117,7 +120,6 @@ def limit_face(number: int, rng: Random) -> Image:
     high = round(_SIDE * (rng.uniform(1.0, 1.35) if plate else 1.0))
     face = np.zeros((high, _SIDE, 4), np.uint8)
     white = rng.uniform(225, 255, 3)
-    red = np.array([rng.uniform(15, 70), rng.uniform(15, 60), rng.uniform(165, 230)])
     middle = ((_SIDE - 1) / 2, diameter / 2 + (_SIDE - diameter) / 2 - 0.5)
     if plate:
         cv2.rectangle(face, (0, 0), (_SIDE - 1, high - 1), (*white, 255), -1)
@@ -126,17 +128,7 @@ def limit_face(number: int, rng: Random) -> Image:
             cv2.rectangle(face, (edge, edge), (_SIDE - 1 - edge, high - 1 - edge),
                           (20, 20, 20, 255), int(rng.integers(1, 3)), cv2.LINE_AA)  # fmt: skip
         middle = (middle[0], min(middle[1], high - 1 - diameter / 2))
-    y, x = np.mgrid[0:high, 0:_SIDE]
-    away = np.hypot(x - middle[0], y - middle[1])
-    ring = diameter * rng.uniform(0.08, 0.16)
-    rim = diameter * rng.uniform(0.01, 0.03) if rng.random() < 0.3 else 0.0
-    for radius, colour in (
-        (diameter / 2, white), (diameter / 2 - rim, red), (diameter / 2 - rim - ring, white)
-    ):  # fmt: skip
-        cover = np.clip(radius - away + 0.5, 0.0, 1.0)[:, :, None]
-        face[:, :, :3] = face[:, :, :3] * (1 - cover) + colour * cover
-        face[:, :, 3] = np.maximum(face[:, :, 3], 255 * cover[:, :, 0])
-    inner = diameter - 2 * (ring + rim)
+    inner, _ = red_ring(face, middle, diameter, white, rng)
     text = text_cover(
         str(number), rng, inner * rng.uniform(0.74, 0.9), inner * rng.uniform(0.45, 0.68)
     )
@@ -144,10 +136,13 @@ def limit_face(number: int, rng: Random) -> Image:
     return face
 
 
-def on_plate(face: Image, rng: Random) -> Image:
-    """A face on a white plate, as prohibitions stand in Australia, at times above words; BGRA."""
-    high = round(_SIDE * rng.uniform(1.0, 1.5))
-    side = _SIDE * rng.uniform(0.72, 0.94)
+def on_plate(face: Image, rng: Random, words: str = "") -> Image:
+    """A face on a white plate, as prohibitions stand in Australia, at times above words; BGRA.
+
+    ``words`` are those of its meaning; without any, or now and then, they are any letters.
+    """
+    high = round(_SIDE * rng.uniform(1.0, 1.8))
+    side = _SIDE * rng.uniform(0.6, 0.94)
     size = (round(side * min(1.0, face.shape[1] / face.shape[0])), round(side))
     drawn = np.asarray(cv2.resize(face, size, interpolation=cv2.INTER_AREA), np.uint8)
     white = rng.uniform(225, 255, 3)
@@ -157,15 +152,37 @@ def on_plate(face: Image, rng: Random) -> Image:
         last = (_SIDE - 1 - edge, high - 1 - edge)
         cv2.rectangle(plate, (edge, edge), last, (20, 20, 20, 255), int(rng.integers(1, 3)))
     x = (_SIDE - size[0]) // 2
-    part = plate[x : x + size[1], x : x + size[0], :3]
-    cover = drawn[: part.shape[0], :, 3:] / 255.0
-    part[:] = np.asarray(part * (1 - cover) + drawn[: part.shape[0], :, :3] * cover, np.uint8)
-    left = high - 2 * x - size[1]
-    if left > 12 and rng.random() < 0.7:
-        word = "".join(rng.choice(list("ABCDEGHILNOPRSTU"), int(rng.integers(3, 8))))
-        text = text_cover(word, rng, 0.85 * _SIDE, 0.8 * left)
-        _print(plate, text, ((_SIDE - 1) / 2, high - x - left / 2), rng.uniform(5, 45, 3))
+    y = min(x, (high - size[1]) // 2)
+    part = plate[y : y + size[1], x : x + size[0], :3]
+    cover = drawn[:, :, 3:] / 255.0
+    part[:] = np.asarray(part * (1 - cover) + drawn[:, :, :3] * cover, np.uint8)
+    first = y + size[1]
+    if high - first > 14 and rng.random() < 0.8:
+        ink = rng.uniform(5, 45, 3)
+        for text, middle, room in _lines(words, first, high - 5, rng):
+            printed = text_cover(text, rng, rng.uniform(0.6, 0.85) * _SIDE, 0.75 * room)
+            _print(plate, printed, ((_SIDE - 1) / 2, middle), ink)
     return plate
+
+
+def _lines(words: str, first: int, last: int, rng: Random) -> list[tuple[str, float, float]]:
+    """What stands in the lines from row ``first`` to ``last``: text, middle and height."""
+    if not words or rng.random() < 0.3:
+        count = int(rng.integers(1, 4))
+        letters = list("ABCDEGHILNOPRSTU")
+        lengths = rng.integers(2, 8, count).tolist()
+        words = " ".join("".join(rng.choice(letters, length)) for length in lengths)
+    lines = words.split()
+    # several lines only where there is room for them
+    while len(lines) > max(1, (last - first) // 12):
+        lines = [*lines[:-2], f"{lines[-2]} {lines[-1]}"]
+    room = (last - first) / len(lines)
+    return [(text, first + (i + 0.5) * room, room) for i, text in enumerate(lines)]
+
+
+def letter_symbol(letter: str, rng: Random) -> Image:
+    """A letter in a type at random as white on black."""
+    return np.asarray(255 * text_cover(letter, rng, 90.0, 90.0), np.uint8)
 
 
 def letter_face(letter: str, rng: Random) -> Image:

@@ -16,6 +16,8 @@ _RIM = 0.12
 _UNLIKE = 90
 _LEAST = 0.25
 _SIDE = 112
+_ONE_INK, _RED = 48.0, 60.0
+"""Levels by which pixels of one ink, edges included, differ on average; of red over blue."""
 
 
 def _reduced(face: Image) -> Image:
@@ -67,6 +69,31 @@ def picture_of(face: Image) -> Image | None:
     return np.asarray(
         picture[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1], np.uint8
     )
+
+
+def silhouette_of(face: Image) -> Image | None:
+    """The picture of a face as white on black, if it has one ink alone and that is not red."""
+    picture = picture_of(face)
+    if picture is None:
+        return None
+    drawn = picture[picture[:, :, 3] > 200][:, :3].astype(np.float64)
+    # of a second ink, or of a bar that crosses the picture
+    if len(drawn) == 0 or np.abs(drawn - np.median(drawn, axis=0)).max(axis=1).mean() > _ONE_INK:
+        return None
+    blue, _, red = np.median(drawn, axis=0)
+    return None if red - blue > _RED else np.asarray(picture[:, :, 3], np.uint8)
+
+
+def redrawn(face: Image, silhouette: Image, rng: Random) -> Image | None:
+    """``face`` with another silhouette, white on black, in the place and ink of its picture."""
+    ink, _ = _ink(_reduced(face))
+    drawn = _reduced(face)[ink > 0.9][:, :3]
+    if len(drawn) == 0:
+        return None
+    colour = np.median(drawn, axis=0)
+    picture = np.empty((*silhouette.shape, 4), np.uint8)
+    picture[:, :, :3], picture[:, :, 3] = colour, silhouette
+    return transplanted(face, picture, rng)
 
 
 def transplanted(face: Image, picture: Image, rng: Random) -> Image | None:

@@ -21,13 +21,13 @@ from automap.vision.training.classifier_net import FaceNet, fold, membership
 from automap.vision.training.degrade import tone
 from automap.vision.training.loop import Recipe, fit, prepare, read_options
 
-_SHARES = (0.34, 0.38, 0.19, 0.09)
+_SHARES = (0.3, 0.41, 0.21, 0.08)
 """Real signs, drawn classes, unknown faces, no signs."""
 _KINDS_SHARE = 0.2
 Judge = Callable[
     [nn.Module, tuple[torch.Tensor, torch.Tensor]], tuple[torch.Tensor, dict[str, float]]
 ]
-_WAITING, _SERVINGS = 5000, 3
+_WAITING, _SERVINGS = 8000, 4
 
 
 class _Stream(IterableDataset[tuple[Image, int]]):

@@ -1,0 +1,131 @@
+"""What the faces of some classes are composed of, and what some pictures show."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.vision.classes import load_classes
+from automap.vision.training.art import Face
+from automap.vision.training.composed import crossing_face, prohibition
+from automap.vision.training.numbers import (
+    LIMITS,
+    letter_face,
+    letter_symbol,
+    limit_face,
+    limit_name,
+)
+from automap.vision.training.pictograms import redrawn, silhouette_of
+from automap.vision.training.symbols import turn_arrow
+
+Image = npt.NDArray[np.uint8]
+Random = np.random.Generator
+
+LIMIT_OF = {limit_name(number): number for number in LIMITS}
+_LETTERS = {"information--parking--g1": "P", "information--hospital--g1": "H"}
+_NO_WAY = {
+    "regulatory--no-left-turn--g1": "left",
+    "regulatory--no-right-turn--g1": "right",
+    "regulatory--no-u-turn--g1": "u",
+}
+_NO_LETTER = {"regulatory--no-parking--g2": "P", "regulatory--no-stopping--g5": "S"}
+_OTHER_LETTERS = "ABCDEFGHJKLMNRTVXZ"
+_PICTURES = {
+    "bicycle": ("warning--bicycles-crossing", "regulatory--bicycles-only",
+                "regulatory--no-bicycles"),
+    "pedestrian": ("regulatory--pedestrians-only", "regulatory--no-pedestrians",
+                   "warning--pedestrians-crossing--g4"),
+    "crossing": ("warning--pedestrians-crossing", "regulatory--pedestrians-only"),
+    "truck": ("warning--trucks-crossing", "regulatory--no-heavy-goods-vehicles"),
+}  # fmt: skip
+"""The faces, by their names or these without variants, whose pictures show a subject alone."""
+_NO_PICTURE = {
+    "regulatory--no-bicycles--g1": ("bicycle", False),
+    "regulatory--no-bicycles--g2": ("bicycle", True),
+    "regulatory--no-pedestrians--g2": ("crossing", True),
+    "regulatory--no-heavy-goods-vehicles--g1": ("truck", None),
+}
+"""Subject, and whether a bar crosses it; None: in some countries."""
+_SHOWS = {
+    "warning--bicycles-crossing--g1": "bicycle",
+    "warning--bicycles-crossing--g3": "bicycle",
+    "regulatory--bicycles-only--g1": "bicycle",
+    "regulatory--pedestrians-only--g1": "pedestrian",
+    "warning--pedestrians-crossing--g4": "pedestrian",
+    "warning--trucks-crossing--g1": "truck",
+}
+_SHAPES = ("circle", "diamond", "triangle-up")
+
+
+@dataclass(frozen=True)
+class Recipes:
+    """Draws classes by rule; ``silhouettes`` by subject, white on black."""
+
+    silhouettes: dict[str, list[Image]]
+
+    def composed(self, name: str, rng: Random) -> Image | None:
+        """A drawing by rule of a class, BGRA; None if it has no rule."""
+        if name in LIMIT_OF:
+            return limit_face(LIMIT_OF[name], rng)
+        if name in _LETTERS:
+            return letter_face(_LETTERS[name], rng)
+        if name in _NO_WAY:
+            return prohibition(turn_arrow(_NO_WAY[name], rng), bool(rng.random() < 0.9), rng)
+        if name in _NO_LETTER:
+            return prohibition(letter_symbol(_NO_LETTER[name], rng), True, rng)
+        if name in _NO_PICTURE:
+            subject, bar = _NO_PICTURE[name]
+            picture = self._silhouette(subject, rng)
+            crossed = bool(rng.random() < 0.5) if bar is None else bar
+            return None if picture is None else prohibition(picture, crossed, rng)
+        if name == "information--pedestrians-crossing--g1":
+            picture = self._silhouette("crossing", rng)
+            return None if picture is None else crossing_face(picture, rng)
+        return None
+
+    def redrawn(self, name: str, face: Image, rng: Random) -> Image | None:
+        """A face of a class with another picture of what it shows; None if none is known."""
+        picture = self._silhouette(_SHOWS.get(name, ""), rng)
+        return None if picture is None else redrawn(face, picture, rng)
+
+    def _silhouette(self, subject: str, rng: Random) -> Image | None:
+        known = self.silhouettes.get(subject, [])
+        return known[int(rng.integers(len(known)))] if known else None
+
+
+def recipes(free: list[tuple[str, Face]]) -> Recipes:
+    """The rules, with the pictures of faces that are free to train on: base name and face."""
+    silhouettes: dict[str, list[Image]] = {}
+    for base, face in free:
+        subjects = [s for s, of in _PICTURES.items() if base in of or face.name in of]
+        picture = silhouette_of(face.image) if subjects and face.shape in _SHAPES else None
+        for subject in subjects:
+            if picture is not None:
+                silhouettes.setdefault(subject, []).append(picture)
+    return Recipes(silhouettes)
+
+
+def other_prohibition(rng: Random) -> Image:
+    """A ring about a letter, or an arrow ahead, that is no class."""
+    if rng.random() < 0.3:
+        return prohibition(turn_arrow("straight", rng), bool(rng.random() < 0.7), rng)
+    letter = _OTHER_LETTERS[int(rng.integers(len(_OTHER_LETTERS)))]
+    return prohibition(letter_symbol(letter, rng), bool(rng.random() < 0.7), rng)
+
+
+def words_of(name: str) -> str:
+    """What a plate below or about the face of a class says: its meaning in capitals."""
+    return re.sub(r"[-\s]+", " ", name.split("--")[1]).upper()
+
+
+def stands_on_plate(name: str) -> bool:
+    """Whether a class is a ring that stands on white plates in some country."""
+    entry = load_classes()[name]
+    return name in _NO_LETTER or (entry.group == "red-circle" and "AU" in entry.codes)
+
+
+BOARDED = ("regulatory--railroad-crossing--au",)
+"""Classes that stand on boards of one colour as well as on their own."""

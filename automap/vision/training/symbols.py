@@ -1,0 +1,75 @@
+"""Symbols on signs constructed by rule: arrows that turn, in many proportions."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from automap.records import FloatArray
+
+Image = npt.NDArray[np.uint8]
+Random = np.random.Generator
+
+_SIDE = 96
+_FRAME = 40
+_PARTS = 16
+
+
+def turn_arrow(way: str, rng: Random) -> Image:
+    """An arrow as white on black, cropped: ``way`` left, right, u or straight."""
+    if way == "straight":
+        path = np.array([[0.5, 1.0], [0.5, 0.15]])
+    else:
+        path = _u_turn(rng) if way == "u" else _left_turn(rng)
+    if way == "right" or (way != "left" and rng.random() < 0.5):
+        path = path * [-1.0, 1.0] + [1.0, 0.0]
+    return _drawn(path, rng)
+
+
+def _left_turn(rng: Random) -> FloatArray:
+    """Points [n, 2] of an arrow up and then left, its bend sharp or round, in the unit square."""
+    right, top = rng.uniform(0.62, 0.95), rng.uniform(0.2, 0.45)
+    end = rng.uniform(0.15, 0.3)
+    radius = rng.uniform(0.0, 0.9) * min(right - end, 0.95 - top)
+    angle = np.linspace(0.0, np.pi / 2, 12)
+    bend = np.stack([right - radius * (1 - np.cos(angle)), top + radius * (1 - np.sin(angle))], 1)
+    return np.concatenate([[[right, 1.0]], bend, [[end, top]]])
+
+
+def _u_turn(rng: Random) -> FloatArray:
+    """Points [n, 2] of an arrow up, round to the left and down again."""
+    wide, low = rng.uniform(0.34, 0.6), rng.uniform(0.5, 0.75)
+    left, right = 0.5 - wide / 2, 0.5 + wide / 2
+    power = rng.uniform(2.0, 4.5)
+    high = rng.uniform(0.7, 1.1) * wide / 2
+    angle = np.linspace(0.0, np.pi, 24)
+    x = 0.5 + wide / 2 * np.sign(np.cos(angle)) * np.abs(np.cos(angle)) ** (2 / power)
+    y = 0.1 + high * (1.0 - np.abs(np.sin(angle)) ** (2 / power))
+    return np.concatenate([[[right, 1.0]], np.stack([x, y], 1), [[left, low]]])
+
+
+def _drawn(path: FloatArray, rng: Random) -> Image:
+    """A line of one width with a head at its end."""
+    stroke = _SIDE * rng.uniform(0.1, 0.24)
+    long = stroke * rng.uniform(1.1, 2.2)
+    half = stroke * rng.uniform(0.95, 1.5)
+    points = path * _SIDE + _FRAME
+    ahead = points[-1] - points[-2]
+    ahead = ahead / np.hypot(*ahead)
+    aside = np.array([-ahead[1], ahead[0]])
+    # barbs swept back or a plain triangle
+    back = rng.uniform(0.0, 0.35) * long if rng.random() < 0.4 else 0.0
+    base = points[-1]
+    head = np.array([base + ahead * long, base + aside * half - ahead * back, base,
+                     base - aside * half - ahead * back])  # fmt: skip
+    picture = np.zeros((_SIDE + 2 * _FRAME, _SIDE + 2 * _FRAME), np.uint8)
+    line = [(points * _PARTS).round().astype(np.int32)]
+    cv2.polylines(picture, line, False, 255, max(2, round(stroke)), cv2.LINE_AA, 4)
+    cv2.fillPoly(picture, [(head * _PARTS).round().astype(np.int32)], 255, cv2.LINE_AA, 4)
+    # the round end of the line becomes a straight one
+    picture[_FRAME + _SIDE :] = 0
+    rows, columns = np.nonzero(picture > 127)
+    return np.asarray(
+        picture[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1], np.uint8
+    )

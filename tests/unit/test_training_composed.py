@@ -1,0 +1,137 @@
+"""Faces composed by rule keep what their meaning hangs on."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from automap.vision.classes import load_classes
+from automap.vision.faces import draw_face
+from automap.vision.training.art import Face
+from automap.vision.training.composed import crossing_face, on_board, prohibition
+from automap.vision.training.drawings import Drawings
+from automap.vision.training.numbers import letter_symbol, on_plate
+from automap.vision.training.pictograms import redrawn, silhouette_of
+from automap.vision.training.recipes import other_prohibition, recipes, words_of
+from automap.vision.training.symbols import turn_arrow
+
+Image = npt.NDArray[np.uint8]
+PEDESTRIAN = "warning--pedestrians-crossing--g4"
+NO_BICYCLES = "regulatory--no-bicycles--g2"
+
+
+def red_share(face: Image) -> float:
+    red = face[:, :, 2].astype(int) - face[:, :, 0] > 60
+    return float((red & (face[:, :, 3] > 127)).mean())
+
+
+def dark(face: Image) -> npt.NDArray[np.bool_]:
+    return np.asarray((face[:, :, :3].max(axis=2) < 90) & (face[:, :, 3] > 200))
+
+
+@pytest.mark.parametrize("way", ["left", "right"])
+def test_turning_arrows_point_where_they_are_to(way: str) -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(40):
+        picture = turn_arrow(way, rng) > 127
+        high, wide = picture.shape
+        # the shaft stands on the one side of the lowest rows, the head lies on the other
+        foot = float(np.nonzero(picture[-max(3, high // 12) :])[1].mean()) / wide
+        edge = picture[:, : wide // 6] if way == "left" else picture[:, -(wide // 6) :]
+        assert (foot > 0.5) == (way == "left")
+        assert np.nonzero(edge)[0].mean() < 0.6 * high
+
+
+def test_u_turns_come_back_and_arrows_ahead_do_not() -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(40):
+        back = turn_arrow("u", rng) > 127
+        runs = np.diff(np.pad(back[back.shape[0] * 45 // 100].astype(int), 1))
+        # two legs, and the barbs of the head at times
+        assert (runs == 1).sum() >= 2
+        ahead = turn_arrow("straight", rng) > 127
+        assert ahead[:, ahead.shape[1] // 2].mean() > 0.9
+
+
+def test_a_bar_adds_red_and_keeps_the_symbol() -> None:
+    with_bar, without = (
+        [prohibition(letter_symbol("P", rng), bar, rng) for _ in range(15)]
+        for bar, rng in ((True, np.random.default_rng(3)), (False, np.random.default_rng(3)))
+    )
+    for face in with_bar + without:
+        assert face.shape == (112, 112, 4)
+        assert 0.015 < dark(face).mean() < 0.4
+        # the ring alone is left free of all that is not its own
+        assert face[0, 0, 3] == 0
+    share = [np.mean([red_share(face) for face in faces]) for faces in (with_bar, without)]
+    assert share[0] > share[1] + 0.03
+
+
+def test_a_silhouette_has_one_ink_and_moves_to_other_grounds() -> None:
+    rng = np.random.default_rng(4)
+    walking = silhouette_of(draw_face(PEDESTRIAN))
+    assert walking is not None
+    assert 0.1 < (walking > 127).mean() < 0.9
+    # red, amber and green are no one ink
+    assert silhouette_of(draw_face("warning--traffic-signals--g2")) is None
+    keep = draw_face("regulatory--keep-left--g1")
+    moved = redrawn(keep, walking, rng)
+    assert moved is not None
+    # white as the arrow was, not black as the walker
+    assert (moved[30:80, 30:80, :3].min(axis=2) > 200).mean() > 0.05
+    assert dark(moved).mean() < 0.02
+    face = crossing_face(walking, rng)
+    blue = face[:, :, 0].astype(int) - face[:, :, 2] > 60
+    white = face[:, :, :3].min(axis=2) > 180
+    assert blue.mean() > 0.2
+    assert white.mean() > 0.1
+
+
+def test_faces_on_boards_and_plates_are_whole() -> None:
+    rng = np.random.default_rng(5)
+    stop = draw_face("regulatory--stop--g1")
+    for _ in range(10):
+        board = on_board(stop, rng)
+        assert (board[:, :, 3] == 255).all()
+        assert min(board.shape[:2]) > 112
+    for words in ("", "NO LEFT TURN", "NO HEAVY GOODS VEHICLES"):
+        for _ in range(10):
+            plate = on_plate(stop, rng, words)
+            assert plate.shape[1] == 112
+            assert red_share(plate) > 0.08
+
+
+def test_classes_are_drawn_by_rule_with_free_pictures_only() -> None:
+    image = draw_face(PEDESTRIAN)
+    source = Face(PEDESTRIAN, image, "diamond", "yellow", "yellow", held=False)
+    rules = recipes([("warning--pedestrians-crossing", source)])
+    rng = np.random.default_rng(6)
+    assert rules.composed("regulatory--no-pedestrians--g2", rng) is not None
+    # nothing shows a bicycle
+    assert rules.composed(NO_BICYCLES, rng) is None
+    assert rules.composed("regulatory--stop--g1", rng) is None
+    assert rules.redrawn("regulatory--stop--g1", image, rng) is None
+    for name in ("regulatory--no-u-turn--g1", "regulatory--no-stopping--g5"):
+        face = rules.composed(name, rng)
+        assert name in load_classes()
+        assert face is not None
+        assert red_share(face) > 0.1
+    assert red_share(other_prohibition(rng)) > 0.1
+    assert words_of("regulatory--no-left-turn--g1") == "NO LEFT TURN"
+
+
+def test_held_pictures_are_not_drawn_by_rule() -> None:
+    image = cv2.resize(draw_face("regulatory--no-entry--g1"), (96, 96))
+    free = Face(NO_BICYCLES, image, "circle", "red", "red", held=False)
+    bicycle = draw_face(PEDESTRIAN)
+    held = Face("regulatory--bicycles-only--g9", bicycle, "diamond", "yellow", "yellow", held=True)
+    drawings = Drawings([free, held])
+    rng = np.random.default_rng(7)
+    for _ in range(30):
+        face, name = drawings.named(rng)
+        assert name == NO_BICYCLES
+        # the held picture is black, and the free face has no black but that of plates
+        if face[0, 0, 3] == 0:
+            assert dark(face)[20:-20, 20:-20].mean() < 0.02
