@@ -123,8 +123,10 @@ def test_classes_are_drawn_by_rule_with_free_pictures_only() -> None:
 
 
 def test_held_pictures_are_not_drawn_by_rule() -> None:
-    image = cv2.resize(draw_face("regulatory--no-entry--g1"), (96, 96))
-    free = Face(NO_BICYCLES, image, "circle", "red", "red", held=False)
+    ring = np.zeros((96, 96, 4), np.uint8)
+    cv2.circle(ring, (48, 48), 46, (30, 30, 200, 255), -1)
+    cv2.circle(ring, (48, 48), 38, (250, 250, 250, 255), -1)
+    free = Face(NO_BICYCLES, ring, "circle", "red", "red", held=False)
     bicycle = draw_face(PEDESTRIAN)
     held = Face("regulatory--bicycles-only--g9", bicycle, "diamond", "yellow", "yellow", held=True)
     drawings = Drawings([free, held])

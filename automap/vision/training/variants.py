@@ -67,10 +67,12 @@ def _moved(face: Image, rng: Random, much: float) -> Image:
         field = cv2.resize(bend, (wide, high), interpolation=cv2.INTER_CUBIC)
         dx, dy = dx + field[:, :, 0], dy + field[:, :, 1]
     moved = cv2.remap(
-        face[:, :, :3], np.asarray(x + inner * dx, np.float32),
+        face, np.asarray(x + inner * dx, np.float32),
         np.asarray(y + inner * dy, np.float32), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE,
     )  # fmt: skip
-    return np.dstack([moved, face[:, :, 3]])
+    # nothing comes in from beyond the outline
+    colour = np.where(moved[:, :, 3:] > 127, moved[:, :, :3], face[:, :, :3])
+    return np.dstack([colour, face[:, :, 3]])
 
 
 def _inked(face: Image, rng: Random, most: float) -> Image:
