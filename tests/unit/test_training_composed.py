@@ -11,11 +11,11 @@ from automap.vision.classes import load_classes
 from automap.vision.faces import draw_face
 from automap.vision.training.art import Face
 from automap.vision.training.composed import crossing_face, on_board, prohibition
-from automap.vision.training.drawings import Drawings
+from automap.vision.training.drawings import Drawings, group_of_kind
 from automap.vision.training.numbers import letter_symbol, on_plate
 from automap.vision.training.pictograms import redrawn, silhouette_of
 from automap.vision.training.recipes import other_prohibition, recipes, words_of
-from automap.vision.training.symbols import turn_arrow
+from automap.vision.training.symbols import strange_symbol, turn_arrow
 
 Image = npt.NDArray[np.uint8]
 PEDESTRIAN = "warning--pedestrians-crossing--g4"
@@ -137,3 +137,20 @@ def test_held_pictures_are_not_drawn_by_rule() -> None:
         # the held picture is black, and the free face has no black but that of plates
         if face[0, 0, 3] == 0:
             assert dark(face)[20:-20, 20:-20].mean() < 0.02
+
+
+def test_strange_pictures_make_unknown_faces() -> None:
+    rng = np.random.default_rng(8)
+    symbols = [strange_symbol(rng) for _ in range(40)]
+    assert len({symbol.tobytes() for symbol in symbols}) > 15
+    assert all((symbol > 127).any() for symbol in symbols)
+    warning = Face(PEDESTRIAN, draw_face(PEDESTRIAN), "diamond", "yellow", "yellow", held=False)
+    camel = Face(
+        "warning--camel-crossing--g1", draw_face("warning--roundabout--g2"), "diamond", "yellow",
+        "yellow", held=False,
+    )  # fmt: skip
+    drawings = Drawings([warning, camel])
+    kinds = {drawings.other(rng)[1] for _ in range(60)}
+    assert kinds == {"yellow-diamond/warning--camel-crossing", "yellow-diamond/strange"}
+    assert kinds <= set(drawings.kinds)
+    assert {group_of_kind(kind) for kind in kinds} == {"yellow-diamond"}

@@ -12,7 +12,7 @@ from automap.vision.classes import load_classes
 from automap.vision.training.art import Face
 from automap.vision.training.composed import on_board, prohibition
 from automap.vision.training.numbers import letter_face, limit_face, on_plate, other_number
-from automap.vision.training.pictograms import picture_of, silhouette_of, transplanted
+from automap.vision.training.pictograms import picture_of, redrawn, silhouette_of, transplanted
 from automap.vision.training.recipes import (
     BOARDED,
     LIMIT_OF,
@@ -21,6 +21,7 @@ from automap.vision.training.recipes import (
     stands_on_plate,
     words_of,
 )
+from automap.vision.training.symbols import strange_symbol
 from automap.vision.training.variants import varied
 
 Image = npt.NDArray[np.uint8]
@@ -32,7 +33,12 @@ _CIRCLES = {"red": "red-circle", "blue": "blue-circle", "green": "green-circle",
 
 _OTHER_NUMBER, _OTHER_LETTER = "red-circle/number", "blue-square/letter"
 """Kinds of unknown faces drawn by rule; letters in red rings are among the numbers."""
-_GENERATED_KINDS = (_OTHER_NUMBER, _OTHER_LETTER)
+_STRANGE_GROUPS = ("yellow-diamond", "red-triangle-up", "red-circle", "blue-circle", "blue-square")
+_GENERATED_KINDS = (
+    _OTHER_NUMBER, _OTHER_LETTER, *(f"{group}/strange" for group in _STRANGE_GROUPS)
+)  # fmt: skip
+_STRANGE = 0.2
+"""Share of the unknown faces of these groups whose picture is one that no sign shows."""
 _GENERATED, _GENERATED_LIMIT = 0.6, 0.85
 _TRANSPLANTED = 0.3
 _VARIANT = 0.25
@@ -122,6 +128,9 @@ class Drawings:
         groups = {name: classes[name].group for name in only.values()}
         groups |= {kind: group_of_kind(kind) for kind in self.kinds}
         self._pictures = _of_same_meaning(by_base, groups)
+        self._of_group = {group: list(self.unknown.get(group, [])) for group in _STRANGE_GROUPS}
+        for name, drawn in self.art.items():
+            self._of_group.get(classes[name].group, []).extend(drawn)
         self._prohibited = {
             kind: pictures
             for kind in self.kinds
@@ -162,6 +171,13 @@ class Drawings:
             image = on_board(image, rng)
         return image
 
+    def _strange(self, group: str, rng: Random) -> Image | None:
+        """A face of a class or of none with a picture that no sign shows; None if it has none."""
+        symbol = strange_symbol(rng)
+        if group == "red-circle":
+            return prohibition(symbol, bool(rng.random() < 0.5), rng)
+        return redrawn(_one(self._of_group[group], rng), symbol, rng)
+
     def _other_picture(self, name: str, image: Image, rng: Random) -> Image:
         """A face of a class or kind, at times with another picture of the same meaning."""
         other: Image | None = None
@@ -191,6 +207,10 @@ class Drawings:
                 letters = "ABCDEFGIJKLMNOQRSTUVWXYZ123456789"
                 letter = letters[int(rng.integers(len(letters)))]
                 return letter_face(letter, rng), _OTHER_LETTER
+        if group in _STRANGE_GROUPS and rng.random() < _STRANGE:
+            strange = self._strange(group, rng)
+            if strange is not None:
+                return _perhaps_varied(strange, rng), f"{group}/strange"
         image = self._other_picture(kind, face.image, rng)
         if kind in self._prohibited and rng.random() < _TRANSPLANTED:
             pictures = self._prohibited[kind]

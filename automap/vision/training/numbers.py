@@ -36,15 +36,15 @@ def limit_name(number: int) -> str:
 @cache
 def _letters(text: str, kind: str) -> Image:
     """Text as white on black, cropped to what is drawn, 96 px high."""
-    grey = _stroked(text) if kind == _STROKES else _typed(text, kind)
+    grey = _stroked(text) if kind == _STROKES else typed(text, kind)
     rows, columns = np.nonzero(grey > 127)
     part = grey[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
     wide = max(8, round(part.shape[1] * 96 / part.shape[0]))
     return np.asarray(cv2.resize(part, (wide, 96), interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _typed(text: str, kind: str) -> Image:
-    """In one of matplotlib's types."""
+def typed(text: str, kind: str) -> Image:
+    """Text as white on black in one of matplotlib's types, larger than it by a frame."""
     import matplotlib
     from PIL import Image as Picture
     from PIL import ImageDraw, ImageFont

@@ -1,12 +1,15 @@
-"""Symbols on signs constructed by rule: arrows that turn, in many proportions."""
+"""Symbols on signs: arrows constructed in many proportions, and pictures that no sign shows."""
 
 from __future__ import annotations
+
+from functools import cache
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from automap.records import FloatArray
+from automap.vision.training.numbers import typed
 
 Image = npt.NDArray[np.uint8]
 Random = np.random.Generator
@@ -14,6 +17,14 @@ Random = np.random.Generator
 _SIDE = 96
 _FRAME = 40
 _PARTS = 16
+_STRANGE_TYPE = "DejaVuSans"
+_STRANGE = (
+    (0x2600, 0x2604), (0x2614, 0x2619), (0x2620, 0x2620), (0x2622, 0x262F), (0x2638, 0x263B),
+    (0x2640, 0x266F), (0x2680, 0x2685), (0x2690, 0x269C), (0x26A1, 0x26A9), (0x26C0, 0x26C3),
+    (0x2702, 0x2718), (0x2721, 0x274D), (0x2761, 0x2767),
+)  # fmt: skip
+"""Ranges of characters that are pictures: tools, chessmen, flowers. Those that some sign could
+show are left out: arrows, crosses, bars, numbers."""
 
 
 def turn_arrow(way: str, rng: Random) -> Image:
@@ -73,3 +84,26 @@ def _drawn(path: FloatArray, rng: Random) -> Image:
     return np.asarray(
         picture[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1], np.uint8
     )
+
+
+def strange_symbol(rng: Random) -> Image:
+    """A picture that no sign of any country shows, as white on black, cropped."""
+    characters = _strange_characters()
+    return _picture(characters[int(rng.integers(len(characters)))])
+
+
+@cache
+def _strange_characters() -> tuple[str, ...]:
+    import matplotlib
+    from matplotlib.ft2font import FT2Font
+
+    path = f"{matplotlib.get_data_path()}/fonts/ttf/{_STRANGE_TYPE}.ttf"
+    known = FT2Font(path).get_charmap()
+    return tuple(chr(c) for first, last in _STRANGE for c in range(first, last + 1) if c in known)
+
+
+@cache
+def _picture(character: str) -> Image:
+    grey = typed(character, _STRANGE_TYPE)
+    rows, columns = np.nonzero(grey > 127)
+    return grey[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
