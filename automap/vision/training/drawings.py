@@ -15,7 +15,9 @@ from automap.vision.training.numbers import letter_face, limit_face, on_plate, o
 from automap.vision.training.pictograms import picture_of, redrawn, silhouette_of, transplanted
 from automap.vision.training.recipes import (
     BOARDED,
+    COMPOSED,
     LIMIT_OF,
+    SHOWS,
     other_prohibition,
     recipes,
     stands_on_plate,
@@ -40,14 +42,14 @@ _GENERATED_KINDS = (
 _STRANGE = 0.2
 """Share of the unknown faces of these groups whose picture is one that no sign shows."""
 _GENERATED, _GENERATED_LIMIT = 0.6, 0.85
-_TRANSPLANTED = 0.3
+_TRANSPLANTED = 0.45
 _VARIANT = 0.25
 """Shares of a class's drawings: generated; with a picture from elsewhere; of another variant."""
 _VARIED = 0.75
-_ON_PLATE, _ON_USUAL_PLATE, _ON_BOARD = 0.1, 0.4, 0.3
+_ON_PLATE, _ON_USUAL_PLATE, _ON_BOARD = 0.1, 0.4, 0.5
 """Shares on a plate of faces that stand on one nowhere, or somewhere; of those on boards."""
-_MORE_LIMITS = 4
-"""How many times more often a limit of speed is drawn than another class."""
+_MORE_LIMITS, _MORE_COMPOSED = 4, 1
+"""How many times more often than another class limits of speed are drawn, and others by rule."""
 _WARNINGS = ("yellow-diamond", "red-triangle-up")
 _WARNING_SHAPES = ("diamond", "triangle-up")
 
@@ -143,7 +145,8 @@ class Drawings:
         names = list(self.art)
         if not self._held:
             # the most frequent signs of all, and those whose drawings differ the most
-            names += _MORE_LIMITS * [name for name in names if name in LIMIT_OF]
+            names += _MORE_LIMITS * [name for name in self.art if name in LIMIT_OF]
+            names += _MORE_COMPOSED * [name for name in self.art if name in COMPOSED]
         name = names[int(rng.integers(len(names)))]
         if self._held:
             return _one(self.art[name], rng), name
@@ -182,7 +185,7 @@ class Drawings:
         """A face of a class or kind, at times with another picture of the same meaning."""
         other: Image | None = None
         if rng.random() < _TRANSPLANTED:
-            if name in self._pictures:
+            if name in self._pictures and (name not in SHOWS or rng.random() < 0.5):
                 pictures = self._pictures[name]
                 other = transplanted(image, pictures[int(rng.integers(len(pictures)))], rng)
             else:

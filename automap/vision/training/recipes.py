@@ -31,6 +31,7 @@ _NO_WAY = {
     "regulatory--no-right-turn--g1": "right",
     "regulatory--no-u-turn--g1": "u",
 }
+_CROSSING = "information--pedestrians-crossing--g1"
 _NO_LETTER = {"regulatory--no-parking--g2": "P", "regulatory--no-stopping--g5": "S"}
 _OTHER_LETTERS = "ABCDEFGHJKLMNRTVXZ"
 _PICTURES = {
@@ -49,7 +50,7 @@ _NO_PICTURE = {
     "regulatory--no-heavy-goods-vehicles--g1": ("truck", None),
 }
 """Subject, and whether a bar crosses it; None: in some countries."""
-_SHOWS = {
+SHOWS = {
     "warning--bicycles-crossing--g1": "bicycle",
     "warning--bicycles-crossing--g3": "bicycle",
     "regulatory--bicycles-only--g1": "bicycle",
@@ -57,6 +58,9 @@ _SHOWS = {
     "warning--pedestrians-crossing--g4": "pedestrian",
     "warning--trucks-crossing--g1": "truck",
 }
+"""Classes that show a subject as they are, by the subject."""
+COMPOSED = frozenset({*_LETTERS, *_NO_WAY, *_NO_LETTER, *_NO_PICTURE, _CROSSING, *SHOWS})
+"""Classes other than limits that are drawn by rule or with other pictures of their subject."""
 _SHAPES = ("circle", "diamond", "triangle-up")
 
 
@@ -81,14 +85,14 @@ class Recipes:
             picture = self._silhouette(subject, rng)
             crossed = bool(rng.random() < 0.5) if bar is None else bar
             return None if picture is None else prohibition(picture, crossed, rng)
-        if name == "information--pedestrians-crossing--g1":
+        if name == _CROSSING:
             picture = self._silhouette("crossing", rng)
             return None if picture is None else crossing_face(picture, rng)
         return None
 
     def redrawn(self, name: str, face: Image, rng: Random) -> Image | None:
         """A face of a class with another picture of what it shows; None if none is known."""
-        picture = self._silhouette(_SHOWS.get(name, ""), rng)
+        picture = self._silhouette(SHOWS.get(name, ""), rng)
         return None if picture is None else redrawn(face, picture, rng)
 
     def _silhouette(self, subject: str, rng: Random) -> Image | None:
