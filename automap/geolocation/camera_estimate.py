@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.geolocation.boresight import prior_covariance, refine_correction
+from automap.geolocation import time_minima
+from automap.geolocation.boresight import MIN_VIEWS, prior_covariance, refine_correction
 from automap.geolocation.camera_model import focal_length
 from automap.geolocation.landmark import Landmark, fit_landmark
 from automap.geolocation.rules import GeolocationRules
@@ -14,6 +16,8 @@ from automap.geolocation.views import CameraCorrection, Views, build_views, map_
 from automap.records import Camera, Detections, IntArray, Trajectory
 
 _BORESIGHT_ROUNDS = 4
+_SEARCH_ROUNDS = 8
+_HELD_S = 1e-6
 _SURE_TURN_RAD = 0.002
 _SURE_TIME_S = 0.005
 
@@ -53,25 +57,88 @@ def estimate_cameras(
     views: Views,
     rules: GeolocationRules,
 ) -> dict[str, CameraCorrection]:
-    """Turn and time offset of every camera, from landmarks found with the start values."""
-    corrections = dict(start)
+    """Turn and time offset of every camera, from landmarks found with the start values.
+
+    A time offset that few signs tell is looked for from several starts; where several explain
+    the boxes alike it keeps its prior, and the others are named in ``time_minima``.
+    """
     boxes = [views.row[mark.rows] for mark in landmarks]
-    for _ in range(_BORESIGHT_ROUNDS):
-        before = corrections
-        corrections = {
-            name: refine_correction(
-                *(views, landmarks, index, cameras[name], corrections.get(name)),
-                *(rules.size, rules.camera),
-            )
-            for index, name in enumerate(views.camera_names)
-        }
-        if all(
-            name in before and _settled(before[name], corrections[name]) for name in corrections
-        ):
-            break
-        views = build_views(trajectory, detections, cameras, rules.noise, corrections)
-        landmarks = refit(views, boxes, rules)
-    return corrections
+
+    def descend(
+        known: Mapping[str, Camera], start: Mapping[str, CameraCorrection], rounds: int
+    ) -> _End:
+        """Gauss-Newton steps until they are small, with the priors of the cameras ``known``."""
+        corrections, small = dict(start), False
+        seen = build_views(trajectory, detections, cameras, rules.noise, corrections)
+        marks = refit(seen, boxes, rules)
+        for _ in range(rounds):
+            before = corrections
+            corrections = {
+                name: refine_correction(
+                    *(seen, marks, index, known[name], corrections.get(name)),
+                    *(rules.size, rules.camera),
+                )
+                for index, name in enumerate(seen.camera_names)
+            }
+            small = all(n in before and _settled(before[n], corrections[n]) for n in known)
+            if small:
+                break
+            seen = build_views(trajectory, detections, cameras, rules.noise, corrections)
+            marks = refit(seen, boxes, rules)
+        return _End(corrections, seen, marks, small)
+
+    used = {name: cameras[name] for name in views.camera_names}
+    end = descend(used, start, _BORESIGHT_ROUNDS)
+    few = 0 < sum(len(rows) >= MIN_VIEWS for rows in boxes) <= time_minima.MOST_SIGNS
+    for name, camera in used.items() if few else ():
+        others = [
+            descend(used, _at_time(end.corrections, name, time_s), _SEARCH_ROUNDS)
+            for time_s in time_minima.starts(camera.time_offset_sd)
+        ]
+        ends = [end, *(other for other in others if other.settled)]
+        best, times = time_minima.alike(
+            [time_minima.Minimum(e.corrections[name], _cost(e, camera, name, rules)) for e in ends]
+        )
+        end = ends[best]
+        if times:
+            held = {**used, name: replace(camera, time_offset_sd=_HELD_S)}
+            end = descend(held, _at_time(end.corrections, name, 0.0), _SEARCH_ROUNDS)
+            end.corrections[name] = _time_as_given(end.corrections[name], camera, times, rules)
+    return end.corrections
+
+
+@dataclass(frozen=True)
+class _End:
+    """Where a descent ended: corrections, views and landmarks with them, whether it settled."""
+
+    corrections: dict[str, CameraCorrection]
+    views: Views
+    landmarks: list[Landmark]
+    settled: bool
+
+
+def _at_time(
+    corrections: Mapping[str, CameraCorrection], name: str, time_s: float
+) -> dict[str, CameraCorrection]:
+    """The same with another time offset of one camera."""
+    return {**corrections, name: replace(corrections[name], time_s=float(time_s))}
+
+
+def _cost(end: _End, camera: Camera, name: str, rules: GeolocationRules) -> float:
+    correction = end.corrections[name]
+    return time_minima.cost_of(
+        end.views, end.landmarks, camera, correction, rules.size, rules.camera
+    )
+
+
+def _time_as_given(
+    correction: CameraCorrection, camera: Camera, times: tuple[float, ...], rules: GeolocationRules
+) -> CameraCorrection:
+    """The same with the time offset as uncertain as before any sign was seen."""
+    before = prior_covariance(camera, rules.camera)
+    covariance = correction.covariance.copy()
+    covariance[3], covariance[:, 3] = before[3], before[:, 3]
+    return replace(correction, time_s=0.0, covariance=covariance, time_minima=times)
 
 
 def _settled(before: CameraCorrection, after: CameraCorrection) -> bool:

@@ -110,6 +110,12 @@ def warnings_of(
             )
     for name, correction in corrections.items():
         camera = cameras[name]
+        if correction.time_minima:
+            times = " or ".join(f"{v:+.2f}" for v in correction.time_minima)
+            sentences.append(
+                f"camera {name}: too few signs to tell by how much its frames are off; {times} s "
+                "explain the boxes alike. The manifest's time_offset_s was kept."
+            )
         sd = np.array([camera.mount_sd] * 3 + [camera.time_offset_sd])
         if (np.abs(correction.values[:4]) > 3.0 * np.maximum(sd, 1e-9)).any():
             turn = ", ".join(f"{v:.2f}" for v in np.degrees(correction.turn))

@@ -132,6 +132,11 @@ def _loss(square, kind):  # type: ignore[no-untyped-def]
     return square, 1.0
 
 
+def robust_loss(square: FloatArray) -> FloatArray:
+    """Cauchy's loss [n] of squared residuals [n] in sigmas, as the last fit takes it."""
+    return np.asarray(_CAUCHY**2 * np.log1p(square / _CAUCHY**2))
+
+
 @njit(cache=True)
 def _cost(theta, M, b, measured, sd, drift, prior_mean, prior_sd, kind):  # type: ignore[no-untyped-def]
     h = np.zeros(3)

@@ -90,13 +90,15 @@ class CameraCorrection:
     length over the given one, and the margin that boxes leave above and below their signs, in
     sum and over the focal length (rad). ``covariance`` [9, 9] of turn, time, focal length, lever
     arm (m) and margin; the lever arm is considered, not corrected: on a straight road it is one
-    with the place of all."""
+    with the place of all. ``time_minima`` time offsets that explain the boxes alike, where the
+    drive does not tell one from another."""
 
     turn: FloatArray
     time_s: float
     covariance: FloatArray
     focal_log: float = 0.0
     margin: float = 0.0
+    time_minima: tuple[float, ...] = ()
 
     @property
     def values(self) -> FloatArray:

@@ -1,0 +1,91 @@
+"""Time offsets of a camera that its boxes agree with alike.
+
+Where a drive has few signs, what tells of the time offset is how a sign rises and falls in the
+picture while the car pitches over a bump. That swings at one to two hertz, and frames half a
+swing early or late fit about as well: the sum of squares has several minima, and a descent ends
+in the one that is nearest to its start. So the descent starts at several offsets; where minima
+that are clearly apart differ by no more than chance allows, the drive does not determine the
+offset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.geolocation.boresight import CameraPriors, prior_covariance
+from automap.geolocation.landmark import Landmark, SizePrior
+from automap.geolocation.landmark_kernels import robust_loss
+from automap.geolocation.pass_errors import pass_sd, settle
+from automap.geolocation.views import CameraCorrection, Views
+from automap.records import Camera, FloatArray
+
+MOST_SIGNS = 30
+"""More see so many different motions of the car that no second offset fits them all."""
+REACH = 3.0
+"""How far to look, in sigmas of the offset before any sign was seen."""
+_STARTS = 7
+_APART = 3.0
+"""Minima nearer than this, in sigmas of the offset, are one."""
+_ALIKE = 9.0
+"""Difference of sums of squares that chance allows (three sigma of one coordinate)."""
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where a descent ended and the sum of squares there, the prior's among them."""
+
+    correction: CameraCorrection
+    cost: float
+
+
+def starts(sd_s: float) -> FloatArray:
+    """Offsets [7] to start from, by the sigma of the offset before any sign was seen."""
+    return np.linspace(-REACH * sd_s, REACH * sd_s, _STARTS)
+
+
+def cost_of(
+    views: Views,
+    landmarks: Sequence[Landmark],
+    camera: Camera,
+    correction: CameraCorrection,
+    prior: SizePrior,
+    priors: CameraPriors,
+) -> float:
+    """Robust sum of squares of all signs with the errors of their passes, and of the camera."""
+    values = correction.values
+    total = float(np.sum(values**2 / np.diag(prior_covariance(camera, priors))))
+    for mark in landmarks:
+        if not mark.ok:
+            continue
+        settled = settle(views, mark, prior, priors.lever_arm_sd_m)
+        sd = np.maximum(pass_sd(views, mark.rows, priors.lever_arm_sd_m), 1e-12)
+        own = prior.of(views.class_name[mark.rows].tolist())
+        size = (settled.parameters[3] - np.log(own.size_m)) / own.log_sd
+        r = settled.residual
+        squares = np.concatenate([r[:, 0] ** 2 + r[:, 1] ** 2, r[:, 2] ** 2, [size**2]])
+        total += float(robust_loss(squares).sum() + np.sum((settled.pass_bias / sd) ** 2))
+    return total
+
+
+def alike(minima: Sequence[Minimum]) -> tuple[int, tuple[float, ...]]:
+    """The number of the least of the minima, and the offsets (s, ascending) that explain the
+    boxes as well.
+
+    The offsets are empty where the least stands alone; else its own is among them.
+    """
+    order = sorted(range(len(minima)), key=lambda k: minima[k].cost)
+    best = minima[order[0]]
+    found: list[CameraCorrection] = []
+    for k in order:
+        one = minima[k]
+        if one.cost < best.cost + _ALIKE and all(_apart(one.correction, f) for f in found):
+            found.append(one.correction)
+    return order[0], tuple(sorted(c.time_s for c in found)) if len(found) > 1 else ()
+
+
+def _apart(a: CameraCorrection, b: CameraCorrection) -> bool:
+    sd = float(np.sqrt(max(a.covariance[3, 3], b.covariance[3, 3])))
+    return abs(a.time_s - b.time_s) > _APART * sd

@@ -1,0 +1,64 @@
+"""Time offsets that a drive does not tell apart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from geolocation_scene import boxes, camera, drive_path, roadside
+
+from automap.geolocation.locate import GeolocationResult, locate_signs
+from automap.geolocation.time_minima import Minimum, alike
+from automap.geolocation.views import CameraCorrection
+from automap.records import FloatArray
+
+SWING_S = 0.66
+
+
+def minimum(time_s: float, cost: float, sd_s: float = 0.03) -> Minimum:
+    covariance = np.diag([1e-6] * 3 + [sd_s**2] + [1e-6] * 5)
+    return Minimum(CameraCorrection(np.zeros(3), time_s, covariance), cost)
+
+
+def test_minima_that_chance_does_not_tell_apart_are_all_named() -> None:
+    best, times = alike([minimum(0.3, 44.0), minimum(-0.34, 39.0), minimum(0.0, 60.0)])
+    assert best == 1
+    assert times == (-0.34, 0.3)
+
+
+def test_a_minimum_that_stands_alone_or_was_found_twice_leaves_nothing_open() -> None:
+    assert alike([minimum(0.3, 49.0), minimum(-0.34, 39.0)]) == (1, ())
+    assert alike([minimum(0.02, 39.1), minimum(0.0, 39.0)]) == (1, ())
+
+
+def pitching(pitch_deg: FloatArray, time_offset_s: float = 0.0) -> GeolocationResult:
+    """Two signs of a straight road, the car pitching by ``pitch_deg`` [1200] at 100 Hz."""
+    level = drive_path(12.0, turn_rate=0.0)
+    rpy = level.rpy.copy()
+    rpy[:, 1] = np.radians(pitch_deg)
+    trajectory = replace(level, rpy=rpy)
+    scene = roadside(trajectory)
+    view = camera(time_offset_sd=0.3, time_offset_s=time_offset_s)
+    found, _ = boxes(trajectory, scene, view, np.random.default_rng(3), noise_px=0.5)
+    return locate_signs(trajectory, [found], {"front": camera(time_offset_sd=0.3)})
+
+
+def test_a_steady_swing_leaves_the_offset_open() -> None:
+    t = np.arange(1200) * 0.01
+    result = pitching(0.7 * np.sin(2.0 * np.pi * t / SWING_S))
+    found = result.corrections["front"]
+    assert found.time_s == 0.0
+    np.testing.assert_allclose(np.sqrt(found.covariance[3, 3]), 0.3)
+    assert len(found.time_minima) > 1
+    apart = np.diff(found.time_minima)
+    np.testing.assert_allclose(apart, SWING_S * np.rint(apart / SWING_S), atol=0.05)
+    assert any("explain the boxes alike" in text for text in result.warnings)
+
+
+def test_a_bump_tells_the_offset() -> None:
+    t = np.arange(1200) * 0.01
+    bumps = sum(np.exp(-(((t - at) / 0.25) ** 2)) for at in (4.5, 8.6))
+    result = pitching(1.5 * bumps, time_offset_s=0.2)
+    found = result.corrections["front"]
+    assert found.time_minima == ()
+    np.testing.assert_allclose(found.time_s, 0.2, atol=0.03)
