@@ -97,18 +97,18 @@ def _cropped(face: Image) -> Image:
     return face[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
 
 
-def foreign_faces(maker: CropMaker, only: str | None = None) -> Chooser:
+def foreign_faces(maker: CropMaker, country: str = "") -> Chooser:
     """Held faces that are no class of ours, called by their group's name.
 
-    ``maker`` one of held faces; ``only`` one group. The Nordic warnings are among them: red
-    triangles on yellow, a look that no training face has.
+    ``maker`` one of held faces; ``country``: those alone whose drawings' names begin with it. The
+    Nordic warnings are among them: red triangles on yellow, a look that no training face has.
     """
     groups = load_vocabulary().groups
     choices = [
         (face.image, groups[group])
         for group, members in maker.unknown.items()
-        if only is None or group == only
         for face in members
+        if face.name.startswith(country)
     ]
     return lambda rng: choices[int(rng.integers(len(choices)))]
 
@@ -116,19 +116,22 @@ def foreign_faces(maker: CropMaker, only: str | None = None) -> Chooser:
 @dataclass(frozen=True)
 class Outcome:
     """Of ``faces``: shares ``found``, and of those ``right`` in name, ``group`` right by group's
-    name only, and ``wrong``: named as a class that they are not."""
+    name only, and ``wrong``: named as a class that they are not; ``by_name``: of every name how
+    many were found and how many of these were right."""
 
     faces: int
     found: float
     right: float
     group: float
     wrong: float
+    by_name: dict[str, tuple[int, int]]
 
 
 def judge_scenes(detector: NetworkDetector, made: list[Scene]) -> Outcome:
     """What the detector makes of the scenes, at a score of 0.3."""
     vocabulary = load_vocabulary()
     faces = found = right = group = wrong = 0
+    by_name: dict[str, tuple[int, int]] = {}
     for scene in made:
         signs = detector.detect(scene.image)
         faces += len(scene.names)
@@ -143,8 +146,10 @@ def judge_scenes(detector: NetworkDetector, made: list[Scene]) -> Outcome:
             found += 1
             said = signs.class_name[i]
             right += said == name
+            before = by_name.get(name, (0, 0))
+            by_name[name] = before[0] + 1, before[1] + int(said == name)
             in_group = vocabulary.group_of(said) == vocabulary.group_of(name)
             group += said != name and in_group and said in vocabulary.groups.values()
             wrong += said != name and said in load_classes()
     n = max(found, 1)
-    return Outcome(faces, found / max(faces, 1), right / n, group / n, wrong / n)
+    return Outcome(faces, found / max(faces, 1), right / n, group / n, wrong / n, by_name)
