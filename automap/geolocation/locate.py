@@ -8,29 +8,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.geolocation.assembly import assemble_sign
-from automap.geolocation.backs import find_backs
 from automap.geolocation.boresight import prior_covariance
 from automap.geolocation.box_noise import measured_noise
 from automap.geolocation.camera_estimate import estimate_cameras, first_corrections, refit
 from automap.geolocation.camera_model import focal_length
 from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
-from automap.geolocation.control import ControlSigns, match_control
+from automap.geolocation.control import ControlSigns
 from automap.geolocation.existence import existence_probabilities
 from automap.geolocation.fate import Observations, no_fate, record_sign, warnings_of
 from automap.geolocation.landmark import Landmark, fit_landmark
-from automap.geolocation.merging import combine, group_sightings
+from automap.geolocation.merging import combine
 from automap.geolocation.pass_errors import settle
+from automap.geolocation.passes import join_passes
 from automap.geolocation.path_relation import make_path
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.sightings import make_sighting
 from automap.geolocation.splitting import clean_tracks, join_pieces
 from automap.geolocation.supports import support_numbers
 from automap.geolocation.tracking import link_views
-from automap.geolocation.trajectory_adjustment import (
-    adjust_trajectory,
-    shift_sighting,
-    shift_trajectory,
-)
+from automap.geolocation.trajectory_adjustment import shift_trajectory
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views, build_views
 from automap.records import Camera, Detections, IntArray, Sign, Trajectory
 
@@ -121,20 +117,13 @@ def locate_signs(
     sightings = [make_sighting(views, mark, covariances) for mark in kept]
     path = make_path(trajectory, views.origin)
     focal = np.array([focal_length(cameras[name]) for name in views.camera_names])
-    groups = group_sightings(views, sightings)
-    backs = find_backs(views, sightings, groups)
-    for group in (g for g, back in zip(groups, backs, strict=True) if back):
-        for k in group:
-            fate.note[views.row[sightings[k].landmark.rows]] = "back"
-    groups = [group for group, back in zip(groups, backs, strict=True) if not back]
-    controlled = match_control(control, sightings, groups, views.origin) if control else {}
-    adjustment = None
-    if rules.adjust_trajectory:
-        adjustment = adjust_trajectory(trajectory, sightings, groups, controlled)
+    passes = join_passes(views, sightings, trajectory, control, rules.adjust_trajectory)
+    sightings, groups = passes.sightings, passes.groups
+    for k in passes.backs:
+        fate.note[views.row[sightings[k].landmark.rows]] = "back"
     adjusted = None
-    if adjustment is not None:
-        sightings = [shift_sighting(sighting, adjustment) for sighting in sightings]
-        adjusted = shift_trajectory(trajectory, adjustment, views.origin)
+    if passes.adjustment is not None:
+        adjusted = shift_trajectory(trajectory, passes.adjustment, views.origin)
         path = make_path(adjusted, views.origin)
     signs: list[Sign] = []
     places, own = [], []
@@ -156,13 +145,14 @@ def locate_signs(
             for sign, number in zip(signs, numbers, strict=True)
         ]
     sentences = warnings_of(fate, corrections, cameras)
-    if control is not None and len(controlled) < len(control):
+    unused = 0 if control is None else len(control) - len(passes.controlled)
+    if control is not None and unused:
         sentences.append(
-            f"{len(control) - len(controlled)} of {len(control)} control signs were not seen, or "
+            f"{unused} of {len(control)} control signs were not seen, or "
             "stand where the trajectory's own error does not allow them; they were not used."
         )
     return GeolocationResult(
-        signs, fate, corrections, sentences, adjusted, len(controlled), rules.noise
+        signs, fate, corrections, sentences, adjusted, len(passes.controlled), rules.noise
     )
 
 

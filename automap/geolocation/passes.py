@@ -1,0 +1,67 @@
+"""Which sightings of several passes show one sign, and the trajectory's error in each pass.
+
+Each needs the other. A pass that is metres off its true way sees all its signs moved alike, and
+taken one by one a sign of it may lie nearer to its neighbour than to itself; signs that stand
+alone tell how far the pass is off. So sightings are grouped, the trajectory is adjusted by the
+groups, and the sightings, moved with it, are grouped anew until nothing changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from automap.geolocation.backs import find_backs
+from automap.geolocation.control import ControlSigns, match_control
+from automap.geolocation.merging import group_sightings
+from automap.geolocation.sightings import Sighting
+from automap.geolocation.trajectory_adjustment import (
+    Adjustment,
+    adjust_trajectory,
+    shift_sighting,
+)
+from automap.geolocation.views import Views
+from automap.records import FloatArray, Trajectory
+
+_ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class Passes:
+    """Sightings as the adjusted trajectory gives them; ``groups`` of their numbers, one a sign;
+    ``backs`` numbers of the sightings that show the backs of signs; ``controlled`` surveyed
+    place [3] and covariance [3, 3] by the number of a group; ``adjustment`` None where nothing
+    tells the trajectory's error."""
+
+    sightings: list[Sighting]
+    groups: list[list[int]]
+    backs: list[int]
+    controlled: Mapping[int, tuple[FloatArray, FloatArray]]
+    adjustment: Adjustment | None
+
+
+def join_passes(
+    views: Views,
+    sightings: Sequence[Sighting],
+    trajectory: Trajectory,
+    control: ControlSigns | None,
+    adjust: bool,
+) -> Passes:
+    """Group the sightings, and adjust the trajectory by them when ``adjust``."""
+    seen, adjustment = list(sightings), None
+    before: list[list[int]] | None = None
+    for _ in range(_ROUNDS):
+        groups = group_sightings(views, seen)
+        is_back = find_backs(views, seen, groups)
+        backs = [k for group, back in zip(groups, is_back, strict=True) if back for k in group]
+        groups = [group for group, back in zip(groups, is_back, strict=True) if not back]
+        controlled = match_control(control, seen, groups, views.origin) if control else {}
+        if not adjust or groups == before:
+            break
+        adjustment = adjust_trajectory(trajectory, sightings, groups, controlled)
+        if adjustment is None:
+            seen = list(sightings)
+            break
+        seen = [shift_sighting(sighting, adjustment) for sighting in sightings]
+        before = groups
+    return Passes(seen, groups, backs, controlled, adjustment)
