@@ -15,7 +15,12 @@ from automap.vision.training.drawings import Drawings, group_of_kind
 from automap.vision.training.numbers import letter_symbol, on_plate
 from automap.vision.training.pictograms import redrawn, silhouette_of
 from automap.vision.training.recipes import other_prohibition, recipes, words_of
-from automap.vision.training.symbols import strange_symbol, turn_arrow
+from automap.vision.training.symbols import (
+    hand_in_hand,
+    riding,
+    strange_symbol,
+    turn_arrow,
+)
 
 Image = npt.NDArray[np.uint8]
 PEDESTRIAN = "warning--pedestrians-crossing--g4"
@@ -87,6 +92,22 @@ def test_a_silhouette_has_one_ink_and_moves_to_other_grounds() -> None:
     white = face[:, :, :3].min(axis=2) > 180
     assert blue.mean() > 0.2
     assert white.mean() > 0.1
+
+
+def test_figures_stand_beside_each_other_and_ride() -> None:
+    rng = np.random.default_rng(9)
+    figure = np.full((60, 24), 255, np.uint8)
+    wheels = np.full((40, 80), 128, np.uint8)
+    for _ in range(20):
+        pair = hand_in_hand(figure, figure, rng)
+        # one is as high as the picture, the other a child
+        heights = np.unique((pair > 127).sum(axis=0))
+        assert heights[-1] == pair.shape[0]
+        assert ((0.4 * pair.shape[0] < heights) & (heights < 0.9 * pair.shape[0])).any()
+        rider = riding(figure, wheels, rng)
+        assert rider.shape[0] == pair.shape[0]
+        assert (rider[-1] == 128).sum() > 1.5 * (rider[2] == 255).sum() > 0
+        assert (rider[2] < 128).any()
 
 
 def test_faces_on_boards_and_plates_are_whole() -> None:

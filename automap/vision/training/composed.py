@@ -11,8 +11,8 @@ Floats = npt.NDArray[np.float64]
 Random = np.random.Generator
 
 _SIDE = 112
-_BOARDS = ((245, 245, 245), (40, 30, 190), (30, 30, 30), (20, 200, 245), (170, 90, 20))
-"""White, red, black, yellow and blue, BGR."""
+_BOARDS = ((245, 245, 245), (40, 30, 190), (20, 200, 245))
+"""White, red and yellow, BGR."""
 
 
 def red_ring(

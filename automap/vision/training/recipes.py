@@ -19,7 +19,7 @@ from automap.vision.training.numbers import (
     limit_name,
 )
 from automap.vision.training.pictograms import redrawn, silhouette_of
-from automap.vision.training.symbols import turn_arrow
+from automap.vision.training.symbols import hand_in_hand, riding, turn_arrow
 
 Image = npt.NDArray[np.uint8]
 Random = np.random.Generator
@@ -57,10 +57,14 @@ SHOWS = {
     "regulatory--pedestrians-only--g1": "pedestrian",
     "warning--pedestrians-crossing--g4": "pedestrian",
     "warning--trucks-crossing--g1": "truck",
+    "warning--children--g1": "children",
+    "warning--children--g2": "children",
 }
 """Classes that show a subject as they are, by the subject."""
 COMPOSED = frozenset({*_LETTERS, *_NO_WAY, *_NO_LETTER, *_NO_PICTURE, _CROSSING, *SHOWS})
 """Classes other than limits that are drawn by rule or with other pictures of their subject."""
+_RIDDEN = 0.35
+"""Share of the bicycles with a rider."""
 _SHAPES = ("circle", "diamond", "triangle-up")
 
 
@@ -96,8 +100,17 @@ class Recipes:
         return None if picture is None else redrawn(face, picture, rng)
 
     def _silhouette(self, subject: str, rng: Random) -> Image | None:
-        known = self.silhouettes.get(subject, [])
-        return known[int(rng.integers(len(known)))] if known else None
+        if subject == "children":
+            pair = [self._silhouette("pedestrian", rng) for _ in range(2)]
+            known = [figure for figure in pair if figure is not None]
+            return hand_in_hand(known[0], known[1], rng) if len(known) == 2 else None
+        pictures = self.silhouettes.get(subject, [])
+        if not pictures:
+            return None
+        picture = pictures[int(rng.integers(len(pictures)))]
+        figure = self._silhouette("pedestrian", rng) if subject == "bicycle" else None
+        ridden = figure is not None and rng.random() < _RIDDEN
+        return riding(figure, picture, rng) if figure is not None and ridden else picture
 
 
 def recipes(free: list[tuple[str, Face]]) -> Recipes:

@@ -1,4 +1,4 @@
-"""Symbols on signs: arrows constructed in many proportions, and pictures that no sign shows."""
+"""Symbols on signs: arrows and figures put together, and pictures that no sign shows."""
 
 from __future__ import annotations
 
@@ -84,6 +84,50 @@ def _drawn(path: FloatArray, rng: Random) -> Image:
     return np.asarray(
         picture[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1], np.uint8
     )
+
+
+def hand_in_hand(large: Image, small: Image, rng: Random) -> Image:
+    """Two figures, white on black, one of them a child: beside each other on one ground."""
+    heights = [_SIDE, round(_SIDE * rng.uniform(0.5, 0.85))]
+    figures = [
+        _of_height(picture, high) for picture, high in zip((large, small), heights, strict=True)
+    ]
+    order = (0, 1) if rng.random() < 0.5 else (1, 0)
+    left, right = (figures[i] for i in order)
+    # their arms may overlap
+    apart = round(rng.uniform(-0.25, 0.15) * min(left.shape[1], right.shape[1]))
+    wide = max(left.shape[1], left.shape[1] + apart + right.shape[1])
+    result = np.zeros((_SIDE, wide), np.uint8)
+    _add(result, left, 0)
+    _add(result, right, left.shape[1] + apart)
+    return result
+
+
+def riding(figure: Image, bicycle: Image, rng: Random) -> Image:
+    """A figure on a bicycle, both white on black: its legs end among the wheels."""
+    rider = _of_height(figure, round(_SIDE * rng.uniform(0.65, 0.85)))
+    scale = _SIDE * rng.uniform(0.45, 0.6) / bicycle.shape[0]
+    size = (max(4, round(bicycle.shape[1] * scale)), max(4, round(bicycle.shape[0] * scale)))
+    wheels = np.asarray(cv2.resize(bicycle, size, interpolation=cv2.INTER_AREA), np.uint8)
+    result = np.zeros((_SIDE, max(rider.shape[1], wheels.shape[1])), np.uint8)
+    _add(result, wheels, (result.shape[1] - wheels.shape[1]) // 2)
+    # a little behind the middle
+    free = result.shape[1] - rider.shape[1]
+    x = int(np.clip(free * rng.uniform(0.25, 0.6), 0, free))
+    part = result[: rider.shape[0], x : x + rider.shape[1]]
+    np.maximum(part, rider, out=part)
+    return result
+
+
+def _of_height(picture: Image, high: int) -> Image:
+    wide = max(4, round(picture.shape[1] * high / picture.shape[0]))
+    return np.asarray(cv2.resize(picture, (wide, high), interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _add(result: Image, picture: Image, x: int) -> None:
+    """A picture set onto the ground of another, from column ``x`` on, in place."""
+    part = result[-picture.shape[0] :, x : x + picture.shape[1]]
+    np.maximum(part, picture, out=part)
 
 
 def strange_symbol(rng: Random) -> Image:
