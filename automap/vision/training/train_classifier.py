@@ -27,7 +27,7 @@ _KINDS_SHARE = 0.2
 Judge = Callable[
     [nn.Module, tuple[torch.Tensor, torch.Tensor]], tuple[torch.Tensor, dict[str, float]]
 ]
-_WAITING, _SERVINGS = 8000, 4
+_WAITING, _SERVINGS = 4000, 5
 
 
 class _Stream(IterableDataset[tuple[Image, int]]):
