@@ -119,6 +119,25 @@ def test_a_country_prefers_its_own_signs_but_forbids_none() -> None:
     assert classifier_saying("AU", **{foreign: 0.999}).name(GREY, BOX)[0].name == foreign
 
 
+def test_where_the_signs_are_known_fewer_are_taken_for_strange_ones() -> None:
+    even = {FIFTY: 0.6, "red-circle": 0.4}
+    share = {}
+    for country in ("AU", "DE", "US", None):
+        named = classifier_saying(country, **even).name(GREY, BOX)[0]
+        share[country] = dict(named.alternatives)[FIFTY]
+        assert (named.name == FIFTY) == (country in ("AU", "DE"))
+    assert share["AU"] == share["DE"] > 0.7
+    assert share["US"] == share[None] < 0.4
+
+
+@pytest.mark.parametrize("country", ["AU", "US"])
+def test_the_country_does_not_say_whether_there_is_a_sign(country: str) -> None:
+    foreign = "warning--children--g1"
+    for face in (foreign, FIFTY, "red-circle"):
+        named = classifier_saying(country, **{face: 0.7, "no-sign": 0.3}).name(GREY, BOX)[0]
+        assert named.sign == pytest.approx(0.7, abs=0.01)
+
+
 @pytest.mark.parametrize("size", [9.0, 24.0, 48.0, 200.0])
 def test_crops_hold_the_box_in_their_middle(size: float) -> None:
     image = np.zeros((300, 300, 3), np.uint8)
