@@ -70,23 +70,60 @@ def refine_correction(
     errors of its own frames and boxes, that of all signs of a minute by the attitude error of
     the trajectory: they look like a turn or an offset but are others elsewhere.
     """
-    n = N_CAMERA
-    before = np.zeros(n) if current is None else current.values
-    windows: dict[int, tuple[FloatArray, FloatArray, list[FloatArray]]] = {}
-    usable = [
+    before = np.zeros(N_CAMERA) if current is None else current.values
+    usable = tell_of_camera(views, landmarks, camera_index)
+    evidence = [
+        evidence_of(
+            *(views, mark, prior),
+            pass_sd(views, mark.rows, priors.lever_arm_sd_m, attitude=False),
+        )
+        for mark in usable
+    ]
+    attitude = [np.mean(views.attitude_sd[mark.rows] ** 2, axis=0) for mark in usable]
+    after, covariance = solve_camera(views, usable, evidence, attitude, before, camera, priors)
+    return CameraCorrection(
+        turn=after[:3],
+        time_s=float(after[3]),
+        focal_log=float(after[4]),
+        margin=float(after[8]),
+        covariance=covariance,
+    )
+
+
+def tell_of_camera(
+    views: Views, landmarks: Sequence[Landmark], camera_index: int
+) -> list[Landmark]:
+    """The landmarks with views enough of one camera to say something about it."""
+    return [
         landmark
         for landmark in landmarks
         if len(landmark.rows) >= MIN_VIEWS
         and landmark.ok
         and (views.camera[landmark.rows] == camera_index).all()
     ]
-    for landmark in usable:
-        rows = landmark.rows
-        own, step = _evidence(views, landmark, prior, priors.lever_arm_sd_m)
-        number = int((views.t_ns[rows[0]] - views.t_ns[0]) * 1e-9 // ATTITUDE_WINDOW_S)
+
+
+def solve_camera(
+    views: Views,
+    landmarks: Sequence[Landmark],
+    evidence: Sequence[tuple[FloatArray, FloatArray]],
+    attitude_variance: Sequence[FloatArray],
+    before: FloatArray,
+    camera: Camera,
+    priors: CameraPriors,
+) -> tuple[FloatArray, FloatArray]:
+    """Values [9] of a camera and their covariance [9, 9] from the ``evidence`` of landmarks.
+
+    ``before`` [9] the values that views and landmarks were made with; ``attitude_variance`` [3]
+    of every landmark, of the trajectory's error that it shares with others of its time.
+    """
+    n = N_CAMERA
+    windows: dict[int, tuple[FloatArray, FloatArray, list[FloatArray]]] = {}
+    for landmark, (own, step), variance in zip(landmarks, evidence, attitude_variance, strict=True):
+        first = landmark.rows[0]
+        number = int((views.t_ns[first] - views.t_ns[0]) * 1e-9 // ATTITUDE_WINDOW_S)
         known, pull, attitude = windows.get(number, (np.zeros((n, n)), np.zeros(n), []))
-        attitude.append(np.mean(views.attitude_sd[rows] ** 2, axis=0))
-        windows[number] = (known + own, pull + step, attitude)
+        windows[number] = (known + own, pull + step, [*attitude, variance])
     before_any = prior_covariance(camera, priors)
     # what bends tell of the lever arm is each pass's own: it has no share in the solution
     held = before_any.copy()
@@ -104,22 +141,16 @@ def refine_correction(
     # the lever arm keeps its prior: its error is that of the manifest
     covariance[_LEVER_ARM] = before_any[_LEVER_ARM]
     covariance[:, _LEVER_ARM] = before_any[:, _LEVER_ARM]
-    return CameraCorrection(
-        turn=after[:3],
-        time_s=float(after[3]),
-        focal_log=float(after[4]),
-        margin=float(after[8]),
-        covariance=covariance,
-    )
+    return np.asarray(after), covariance
 
 
-def _evidence(
-    views: Views, landmark: Landmark, prior: SizePrior, lever_arm_sd_m: float
+def evidence_of(
+    views: Views, landmark: Landmark, prior: SizePrior, pass_errors: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Information [9, 9] and right-hand side [9] of one sign, its own unknowns eliminated.
 
-    Its own unknowns are its place and size and the errors of its pass but for the attitude,
-    which it shares with its neighbours in time.
+    Its own unknowns are its place and size and the errors of its pass, of sigmas
+    ``pass_errors`` [12], but for the attitude, which it shares with its neighbours in time.
     """
     N, A, shared, _, _, chi2 = equations(
         views, landmark, landmark.parameters, np.zeros(N_COMMON), prior
@@ -129,7 +160,6 @@ def _evidence(
     right = shared[:N_COMMON, -1] - A.T @ solved[:, -1]
     # boxes of one sign err together: their agreement is no measure of their error
     scale = max(1.0, chi2 / landmark.dof)
-    own = pass_sd(views, landmark.rows, lever_arm_sd_m, attitude=False)
-    limited = np.linalg.inv(np.eye(N_COMMON) + information / scale * own**2)
+    limited = np.linalg.inv(np.eye(N_COMMON) + information / scale * pass_errors**2)
     n = N_CAMERA
     return (limited @ information)[:n, :n] / scale, (limited @ right)[:n] / scale

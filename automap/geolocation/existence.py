@@ -1,10 +1,11 @@
 """Whether a few boxes are a sign: seen, and not seen when it should have been.
 
 A sign is in view before and after the frames in which it was found. Every frame in which it
-must have been at least as large as when it was found, and was not reported, speaks against it
-by what the detector misses as a rule; every further box that fits speaks for it. Bayes' rule
-with those two gives the probability that the sign exists (existence in the sense of Musicki
-and Evans, Joint Integrated Probabilistic Data Association, IEEE T-AES 40, 2004).
+must have been at least as large as when it was found, and have shown itself from the same side,
+and was not reported, speaks against it by what the detector misses as a rule; frames in a row
+speak together, since one thing may hide it in all of them. Every further box that fits speaks for
+it. Bayes' rule with those two gives the probability that the sign exists (existence in the sense
+of Musicki and Evans, Joint Integrated Probabilistic Data Association, IEEE T-AES 40, 2004).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from automap.geolocation.camera_model import focal_length, project
 from automap.geolocation.landmark import Landmark
@@ -23,8 +25,11 @@ _FITTING_BOX = 3.0
 _MANY_VIEWS = 5
 _AROUND = 6
 _LIKE_SEEN = 0.9
+_LIKE_ASPECT_RAD = float(np.radians(30.0))
 _PROBABILITY_LIMITS = (0.2, 0.95)
 _IMAGINARY = 4.0
+_HIDDEN = 0.05
+"""Of stretches of road, where something is in the way of a sign for all frames alike."""
 _BASE_RATE_ROUNDS = 20
 _SCORE_LIMITS = (0.2, 0.9)
 
@@ -66,13 +71,15 @@ class FrameGrid:
 def _apparent_heights(
     position: FloatArray,
     size_m: float,
+    seen_from: FloatArray,
     t_ns: IntArray,
     trajectory: Trajectory,
     camera: Camera,
     correction: CameraCorrection | None,
     origin: tuple[float, float, float],
 ) -> FloatArray:
-    """Height in pixels [n] of a sign at the frame stamps; zero where it is not wholly in view."""
+    """Height in pixels [n] of a sign at the frame stamps; zero where it is not wholly in view, or
+    shows itself from another side than to the cameras at ``seen_from`` [m, 3]."""
     from automap.frames import rpy_to_matrix
 
     offset_s = camera.time_offset_s + (correction.time_s if correction else 0.0)
@@ -88,7 +95,19 @@ def _apparent_heights(
         inside = (q[:, 0] > 1.0) & (pixels[:, 0] > margin) & (pixels[:, 1] > margin)
         inside &= pixels[:, 0] < camera.width - 1 - margin
         inside &= pixels[:, 1] < camera.height - 1 - margin
+        inside &= _aspect(position, seen_from, centre)
     return np.where(inside, np.nan_to_num(height), 0.0)
+
+
+def _aspect(
+    position: FloatArray, seen_from: FloatArray, centre: FloatArray
+) -> npt.NDArray[np.bool_]:
+    """Whether cameras [n, 3] look at a face from directions like those it was seen from."""
+    towards = [c[:, :2] - position[:2] for c in (seen_from, centre)]
+    seen, now = (t / np.maximum(np.linalg.norm(t, axis=1), 1e-6)[:, None] for t in towards)
+    mean = seen.mean(axis=0) / max(float(np.linalg.norm(seen.mean(axis=0))), 1e-6)
+    widest = np.arccos(np.clip(seen @ mean, -1.0, 1.0)).max()
+    return np.asarray(np.arccos(np.clip(now @ mean, -1.0, 1.0)) < widest + _LIKE_ASPECT_RAD)
 
 
 def existence_probabilities(
@@ -116,7 +135,8 @@ def existence_probabilities(
         missed = _missed(
             views, mark, grids, trajectory, cameras, corrections, seen_t=views.t_ns[mark.rows]
         )
-        log_odds_of[k] = log_odds + missed * np.log1p(-found_rate)
+        unseen = _HIDDEN + (1.0 - _HIDDEN) * (1.0 - found_rate) ** missed
+        log_odds_of[k] = log_odds + float(np.log(unseen).sum())
     single = np.array([len(mark.rows) == 1 for mark in landmarks], np.bool_)
     log_odds_of[single] += _base_rate(log_odds_of[single])
     return _probability(log_odds_of)
@@ -168,24 +188,30 @@ def _missed(
     cameras: Mapping[str, Camera],
     corrections: Mapping[str, CameraCorrection],
     seen_t: IntArray,
-) -> int:
-    """Frames near those with a box in which the sign was as large, in view, and not found."""
+) -> IntArray:
+    """Stretches [k] of frames near those with a box in which the sign was as large, in view, and
+    not found: the number of frames of each."""
     name = views.camera_names[int(views.camera[mark.anchor])]
     camera, correction, grid = cameras[name], corrections.get(name), grids[name]
     offset = camera.time_offset_s + (correction.time_s if correction else 0.0)
     stamps = seen_t - np.int64(round(offset * 1e9))  # as the frames were stamped
     times = np.unique(np.concatenate([grid.around(int(t), _AROUND) for t in np.unique(stamps)]))
     if len(times) == 0:
-        return 0
+        return np.zeros(0, np.int64)
     half = 0.25 * grid.interval_ns
     free = np.abs(times[:, None] - stamps[None]).min(axis=1) > half
     # neighbours of two boxes name the same frame twice
     times = times[free]
     if len(times) == 0:
-        return 0
+        return np.zeros(0, np.int64)
     times = times[np.concatenate([[True], np.diff(times) > half])]
     height = _apparent_heights(
-        mark.position, mark.size_m, times, trajectory, camera, correction, views.origin
+        *(mark.position, mark.size_m, views.centre[mark.rows], times, trajectory),
+        *(camera, correction, views.origin),
     )
     least = focal_length(camera) * float(np.exp(views.measured[mark.rows, 2].min()))
-    return int(np.count_nonzero(height >= _LIKE_SEEN * least))
+    due = height >= _LIKE_SEEN * least
+    # a box between two frames, or a frame that says nothing, begins another stretch
+    breaks = (np.diff(times) > 1.5 * grid.interval_ns) | ~due[1:]
+    stretch = np.concatenate([[0], np.cumsum(breaks)])
+    return np.asarray(np.unique(stretch[due], return_counts=True)[1], np.int64)

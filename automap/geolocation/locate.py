@@ -14,6 +14,7 @@ from automap.geolocation.camera_estimate import estimate_cameras, first_correcti
 from automap.geolocation.camera_model import focal_length
 from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
 from automap.geolocation.control import ControlSigns
+from automap.geolocation.course_yaw import yaw_by_course
 from automap.geolocation.existence import existence_probabilities
 from automap.geolocation.fate import Observations, no_fate, record_sign, warnings_of
 from automap.geolocation.landmark import Landmark, fit_landmark
@@ -91,6 +92,16 @@ def locate_signs(
         views = build_views(trajectory, detections, cameras, rules.noise, corrections)
         landmarks = refit(views, [rows[mark.rows] for mark in landmarks], rules)
         misfits = np.flatnonzero(np.isin(views.row, rows[misfits]))
+        corrections = {
+            name: replace(
+                corrections[name],
+                course_yaw=yaw_by_course(
+                    *(views, landmarks, index, cameras[name], corrections[name]),
+                    *(rules.size, rules.camera),
+                ),
+            )
+            for index, name in enumerate(views.camera_names)
+        }
 
     total = sum(len(d) for d in detections)
     fate = no_fate(total, views, trajectory, detections, cameras, corrections)

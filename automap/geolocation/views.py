@@ -91,7 +91,8 @@ class CameraCorrection:
     sum and over the focal length (rad). ``covariance`` [9, 9] of turn, time, focal length, lever
     arm (m) and margin; the lever arm is considered, not corrected: on a straight road it is one
     with the place of all. ``time_minima`` time offsets that explain the boxes alike, where the
-    drive does not tell one from another."""
+    drive does not tell one from another. ``course_yaw`` (rad) the yaw of the turn as it is against
+    the direction of travel in place of the trajectory's heading, and its sd."""
 
     turn: FloatArray
     time_s: float
@@ -99,6 +100,7 @@ class CameraCorrection:
     focal_log: float = 0.0
     margin: float = 0.0
     time_minima: tuple[float, ...] = ()
+    course_yaw: tuple[float, float] | None = None
 
     @property
     def values(self) -> FloatArray:
@@ -241,8 +243,9 @@ def _camera_views(
 
     C_cam_body = rpy_to_matrix(camera.mount_rpy).T
     if correction is not None:
-        C_cam_ref = np.swapaxes(rpy_to_matrix(correction.turn), 0, 1) @ C_cam_ref
-        C_cam_body = rpy_to_matrix(correction.turn).T @ C_cam_body
+        turn = rpy_to_matrix(correction.turn).T
+        C_cam_ref, C_cam_body = turn @ C_cam_ref, turn @ C_cam_body
+        velocity, rate = velocity @ turn.T, rate @ turn.T
 
     box = np.asarray(found.box, np.float64).reshape(-1, 4)
     middle_x = 0.5 * (box[:, 0] + box[:, 2])

@@ -116,6 +116,8 @@ def _route(rng: np.random.Generator, d: Difficulty, rate: float) -> tuple[FloatA
             drift = (place[period] - place[0]) / period
             place -= drift * np.arange(len(t))[:, None]
             velocity = velocity - drift * rate
+            # a car goes where it points
+            yaw = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
     return t, place, yaw, velocity
 
 
