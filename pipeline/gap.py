@@ -137,6 +137,15 @@ def as_json(result: GapResult) -> dict[str, Any]:
             "effect": unexplained.effect,
             "gap_before": unexplained.gap_before,
             "gap_after": unexplained.gap_after,
+            "terms": [
+                {
+                    "channel": term.channel,
+                    "formula": term.text,
+                    "coefficient": term.coefficient,
+                    "sd": term.sd,
+                }
+                for term in unexplained.terms
+            ],
         },
         "alike": [
             {"effects": list(a.effects), "share": a.share, "advice": a.advice}

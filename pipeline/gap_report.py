@@ -96,7 +96,7 @@ def _verdict(result: GapResult) -> Section:
     if other is not None:
         text = (
             f"No effect of the library explains what is left. The formula that fits best is "
-            f"{other.formula} with k = {other.coefficient:.3g} ± {other.sd:.2g} "
+            f"{other.formula} with {other.numbers} "
             f"({other.evidence_nats:.0f} nats, p {other.p_value:.0e})."
         )
         if other.resembles:

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-from automap.effects import CATALOGUE, UserEffect
+from automap.effects import CATALOGUE
 from automap.errors import InputError
 from automap.fusion.model import FusionOptions
 from automap.gap.advice import advice
 from automap.gap.camera_search import CameraGap
+from automap.gap.challenge import challenge
 from automap.gap.drive import GapDrive, in_vehicle_axes, open_drive
 from automap.gap.effect_library import library
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.formula_effect import PARAMETER, adopt
+from automap.gap.formula_effect import adopt, name_of
 from automap.gap.heldout import channel_gaps, epochs, fit_held_out, remaining_gap, total_score
 from automap.gap.identifiability import Identifiability, identifiability
 from automap.gap.locate import places, worst_by_channel
@@ -69,10 +70,13 @@ def find_gaps(
         if found is None:
             break
         stages.append((state.model, _values(state)))
-    formula = adopt(state, say)
+    adopt(state, say)
     joint = eliminate(state, say)
+    if state.unexplained is None:
+        challenge(state, exclude, say)
+        joint = eliminate(state, say)
     say("measuring the gap on held-out data")
-    return _result(state, base, stages, joint, formula)
+    return _result(state, base, stages, joint)
 
 
 def _values(state: State) -> dict[str, dict[str, float]]:
@@ -110,7 +114,6 @@ def _result(
     base: GapModel,
     stages: Sequence[tuple[GapModel, Mapping[str, Mapping[str, float]]]],
     joint: Joint,
-    formula: UserEffect | None,
 ) -> GapResult:
     final_values = values_of(joint, state.accepted)
     final = fit_held_out(state.held_out, state.model, final_values, state.held_fits)
@@ -130,13 +133,18 @@ def _result(
             first = fits
         trail.append(gap(fits))
     unexplained = _unexplained(state)
-    if unexplained is not None and formula is not None and formula.name in state.accepted:
-        value, sd = joint.of(formula.name)[PARAMETER]
+    effect = None if state.unexplained is None else name_of(state.unexplained)
+    if unexplained is not None and effect is not None and effect in state.accepted:
+        terms = tuple(
+            replace(t, coefficient=value, sd=sd)
+            for t, (value, sd) in zip(unexplained.terms, joint.of(effect).values(), strict=True)
+        )
         unexplained = replace(
             unexplained,
-            coefficient=value,
-            sd=sd,
-            effect=formula.name,
+            coefficient=terms[0].coefficient,
+            sd=terms[0].sd,
+            terms=terms,
+            effect=effect,
             gap_before=trail[-1],
             gap_after=rest,
         )
@@ -217,12 +225,13 @@ def _unexplained(state: State) -> Unexplained | None:
         return None
     return Unexplained(
         formula.channel,
-        f"{formula.channel} += k * {formula.text}",
+        formula.told,
         formula.coefficient,
         formula.sd,
         formula.evidence.nats,
         formula.p_value,
         state.resembles,
+        terms=formula.terms,
     )
 
 
@@ -235,8 +244,8 @@ def _verdict(
             names = ", ".join(f.effect for f in findings)
             text = f"missing from the model: {names}; and {text}"
         return (
-            f"{text}; what fits best is {unexplained.formula} with k = "
-            f"{unexplained.coefficient:.3g} ({unexplained.evidence_nats:.0f} nats); with it the "
+            f"{text}; what fits best is {unexplained.formula} with {unexplained.numbers} "
+            f"({unexplained.evidence_nats:.0f} nats); with it the "
             f"gap on held-out data falls from {before:.3g} to {after:.3g} nats an epoch"
         )
     if not findings:

@@ -1,4 +1,4 @@
-"""Effects that are in no library: one regressor on one channel, as a formula.
+"""Effects that are in no library: regressors on the channels, as a formula.
 
 A dictionary of physical quantities (speed, heading, turn rate, forces, temperature, time, their
 powers and products, one-sided and decaying terms) on every axis of the sensors and on the
@@ -35,9 +35,30 @@ BATCH = 96
 
 
 @dataclass(frozen=True)
+class Term:
+    """One regressor on one channel; coefficient and sds in the unit of the channel per unit of the
+    quantity."""
+
+    channel: str
+    text: str
+    coefficient: float
+    sd: float
+    prior_sd: float
+
+
+def coefficient_names(count: int) -> tuple[str, ...]:
+    """k, k2, k3 and so on."""
+    return ("k", *(f"k{i}" for i in range(2, count + 1)))
+
+
+@dataclass(frozen=True)
 class Formula:
-    """A candidate formula: its channel and text, the evidence, coefficient and sd in the unit
-    of the channel per unit of the quantity."""
+    """A candidate formula: its strongest channel and text, the evidence, coefficient and sd in the
+    unit of the channel per unit of the quantity.
+
+    ``others`` further terms; ``columns`` (one a drive) act as the whole does where the first
+    term's coefficient is one. ``occam`` what the freedom of several coefficients costs in nats.
+    """
 
     channel: str
     text: str
@@ -48,11 +69,56 @@ class Formula:
     prior_sd: float
     columns: tuple[Column, ...]
     maxima: FloatArray
+    others: tuple[Term, ...] = ()
+    occam: float | None = None
+    spent: float = 0.0
 
     @property
     def nats(self) -> float:
         """Evidence of the screening."""
         return self.evidence.nats
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """All its terms."""
+        first = Term(self.channel, self.text, self.coefficient, self.sd, self.prior_sd)
+        return first, *self.others
+
+    @property
+    def told(self) -> str:
+        """What it adds, as a person writes it; the coefficient of a single term is k."""
+        return "; ".join(
+            f"{term.channel} += {name} * {term.text}"
+            for name, term in zip(self.names, self.terms, strict=True)
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coefficients."""
+        return coefficient_names(1 + len(self.others))
+
+    def of_terms(self, numbers: Sequence[int]) -> Formula:
+        """The formula of some of its terms by number, strongest first; without columns."""
+        kept = [self.terms[i] for i in numbers]
+        first = kept[0]
+        share = len(kept) / len(self.terms)
+        return replace(
+            self,
+            channel=first.channel,
+            text=first.text,
+            coefficient=first.coefficient,
+            sd=first.sd,
+            prior_sd=first.prior_sd,
+            columns=(),
+            others=tuple(kept[1:]),
+            spent=share * self.spent,
+        )
+
+    def scaled_to(self, coefficient: float) -> Formula:
+        """The formula with another first coefficient, all others in proportion."""
+        by = coefficient / self.coefficient
+        others = tuple(replace(o, coefficient=by * o.coefficient) for o in self.others)
+        return replace(self, coefficient=coefficient, others=others)
 
 
 def without_formula(opened: OpenDrive, fit: Fit, column: Column, coefficient: float) -> OpenDrive:

@@ -5,9 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from automap.effects import CATALOGUE
 from automap.effects.formula_text import parse_formula
-from automap.effects.user import ACTS_ON, UserEffect, UserTerm, add_user_effect, user_effect
+from automap.effects.user import (
+    ACTS_ON,
+    UserEffect,
+    UserTerm,
+    add_user_effect,
+    set_user_effects,
+    user_effect,
+    user_effects,
+)
 from automap.gap.columns import effect_columns, node_motion, sensitivities
 from automap.gap.fit import Fit, motion_of
 from automap.gap.formula import Formula
@@ -19,7 +29,6 @@ from automap.gap.screening import whitened_innovations
 from automap.gap.search_state import Say, State, fit_all
 from automap.gap.whitening import white_rows
 
-PARAMETER = "k"
 ROOM = 1.5
 SHOWS_NATS = 3.0
 """Held-out data that would show a formula with less than this have no say."""
@@ -27,47 +36,60 @@ SHOWS_NATS = 3.0
 
 def effect_of(formula: Formula) -> UserEffect | None:
     """The formula as an effect, None where it is an effect of the catalogue that was left out."""
-    if formula.channel not in ACTS_ON:
+    if any(term.channel not in ACTS_ON for term in formula.terms):
         return None
-    term = UserTerm(
-        PARAMETER,
-        formula.channel,
-        parse_formula(formula.text),
-        formula.prior_sd,
-        formula=formula.text,
-    )
-    return user_effect(_name(formula), "a formula that the data show", term)
+    terms = [
+        UserTerm(name, term.channel, parse_formula(term.text), term.prior_sd, formula=term.text)
+        for name, term in zip(formula.names, formula.terms, strict=True)
+    ]
+    return user_effect(name_of(formula), "a formula that the data show", *terms)
 
 
-def _name(formula: Formula) -> str:
-    """A name that no other formula has."""
+def name_of(formula: Formula) -> str:
+    """The name of the formula's effect, which no other formula has."""
     name, number = f"formula_{formula.channel}", 1
     while (known := CATALOGUE.get(name)) is not None:
-        if isinstance(known, UserEffect) and known.terms[0].formula == formula.text:
+        texts = [(term.channel, term.text) for term in formula.terms]
+        if isinstance(known, UserEffect) and [(k.on, k.formula) for k in known.terms] == texts:
             break
         number += 1
         name = f"formula_{formula.channel}_{number}"
     return name
 
 
-def adopt(state: State, say: Say) -> UserEffect | None:
-    """Make the formula that was found one of the accepted effects, with the noise that suits it.
+def adopt(state: State, say: Say) -> bool:
+    """Make the formula that was found one of the accepted effects, with the noise that suits it;
+    whether it can be one.
 
     Noise that was fitted without it has swallowed part of it.
     """
+    if not fit_as_effect(state):
+        return False
+    assert state.unexplained is not None
+    say(f"fitting the noise with {state.unexplained.told}")
+    fit_its_noise(state)
+    return True
+
+
+def fit_as_effect(state: State) -> bool:
+    """Make the formula that was found one of the accepted effects, under the state's noise;
+    whether it can be one."""
     formula = state.unexplained
     effect = None if formula is None else effect_of(formula)
     if formula is None or effect is None:
-        return None
+        return False
     add_user_effect(effect)
-    say(f"fitting the noise with {formula.channel} += k * {formula.text}")
-    room = max(1.0, ROOM * abs(formula.coefficient) / formula.prior_sd)
-    estimate = {**state.accepted, effect.name: room}
-    fits = fit_all(state, state.model, estimate)
-    model = replace(state.model, factors=fit_noise(fits, known=state.curvatures))
-    state.model, state.accepted = model, estimate
-    state.fits = fit_all(replace(state, fits=fits), model, estimate)
-    return effect
+    room = max(1.0, *(ROOM * abs(term.coefficient) / term.prior_sd for term in formula.terms))
+    state.accepted = {**state.accepted, effect.name: room}
+    state.fits = fit_all(state, state.model, state.accepted)
+    return True
+
+
+def fit_its_noise(state: State) -> None:
+    """Noise levels that suit the state's effects."""
+    factors = fit_noise(state.fits, known=state.curvatures)
+    state.model = replace(state.model, factors=factors)
+    state.fits = fit_all(state, state.model, state.accepted)
 
 
 def confirmed(
@@ -79,27 +101,42 @@ def confirmed(
     """Whether held-out data become likelier with the formula, as far as they can tell.
 
     ``before`` fits of the held-out drives without it, ``values`` those of the named effects. The
-    formula's effect becomes one of the users'.
+    formula's effect becomes one of the users' where they do.
     """
     effect = effect_of(formula)
     if effect is None or not before:
         return True
     add_user_effect(effect)
-    found = {effect.name: {PARAMETER: formula.coefficient}}
+    found = {effect.name: coefficients(formula)}
     held_out = [fit.opened for fit in before]
     after = fit_held_out(held_out, model, {**values, **found}, before)
-    expected = sum(_shows(f, effect.name, formula.coefficient) for f in after)
+    expected = sum(_shows(f, effect.name, coefficients(formula)) for f in after)
     whitener = whitener_of(after[0])
     gain = total_score(after, whitener) - total_score(before, whitener)
-    return gain > 0.0 or expected < SHOWS_NATS
+    helps = gain > 0.0 or expected < SHOWS_NATS
+    if not helps:
+        dismiss(formula)
+    return helps
 
 
-def _shows(fit: Fit, effect: str, coefficient: float) -> float:
+def dismiss(formula: Formula) -> None:
+    """Take a formula's effect out of the users' effects, that nobody is asked for it as a name."""
+    name = name_of(formula)
+    set_user_effects(e for e in user_effects() if e.name != name)
+
+
+def coefficients(formula: Formula) -> dict[str, float]:
+    """Parameter of the formula's effect -> coefficient."""
+    return dict(zip(formula.names, (t.coefficient for t in formula.terms), strict=True))
+
+
+def _shows(fit: Fit, effect: str, values: Mapping[str, float]) -> float:
     """Nats that a formula of this size should be worth on a drive."""
     motion = motion_of(fit.last)
     at = node_motion(fit, motion)
-    columns = effect_columns(effect, fit, motion, at, {PARAMETER: 1.0})
-    phi = sensitivities(fit, motion, columns)
+    columns = effect_columns(effect, fit, motion, at, dict.fromkeys(values, 1.0))
+    each = sensitivities(fit, motion, columns)
+    phi = each @ np.array([[values[column.parameter]] for column in columns])
     whitened, t, channel = whitened_innovations(fit)
     rows = white_rows(whitener_of(fit), whitened, phi, t, channel)
-    return 0.5 * coefficient**2 * float((rows.phi**2).sum())
+    return 0.5 * float((rows.phi**2).sum())

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from automap.gap.fit import Fit
+from automap.gap.formula import Term, coefficient_names
 from automap.gap.identifiability import Identifiability
 from automap.gap.locate import Place
 from automap.gap.model import GapModel
@@ -42,7 +43,8 @@ class Finding:
 
 @dataclass(frozen=True)
 class Unexplained:
-    """Something that no effect of the library explains: channel, formula, coefficient with sd.
+    """Something that no effect of the library explains: channel, formula, coefficient with sd;
+    ``terms`` all of a formula that acts in several places, that of ``channel`` first.
 
     ``effect`` its name in the new model, None where the model does without it (an effect of the
     catalogue that was to be left out); gaps before and after it on held-out data.
@@ -58,6 +60,18 @@ class Unexplained:
     effect: str | None = None
     gap_before: float | None = None
     gap_after: float | None = None
+    terms: tuple[Term, ...] = ()
+
+    @property
+    def numbers(self) -> str:
+        """The coefficients in words."""
+        if len(self.terms) < 2:
+            return f"k = {self.coefficient:.3g} ± {self.sd:.2g}"
+        names = coefficient_names(len(self.terms))
+        return ", ".join(
+            f"{name} = {term.coefficient:.3g} ± {term.sd:.2g}"
+            for name, term in zip(names, self.terms, strict=True)
+        )
 
 
 @dataclass(frozen=True)

@@ -124,7 +124,7 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
     formula = strongest_formula(state, trials, exclude, say)
     if formula is not None and not _formula_helps(state, formula, say):
         state.warnings.append(
-            f"{formula.channel} += k * {formula.text} would explain {formula.nats:.0f} nats of the "
+            f"{formula.told} would explain {formula.nats:.0f} nats of the "
             "fitted data, but the held-out data do not confirm it; it is not told"
         )
         formula = None
@@ -175,7 +175,7 @@ def _helps(state: State, trial: Trial, say: Say) -> bool:
 
 def _formula_helps(state: State, formula: Formula, say: Say) -> bool:
     """Whether the held-out data are more likely with the formula, as far as they can tell."""
-    say(f"checking {formula.channel} += k * {formula.text} on held-out data")
+    say(f"checking {formula.told} on held-out data")
     values = values_of(state.trials[-1].joint, state.accepted) if state.trials else {}
     old = state.held_fits = fit_held_out(state.held_out, state.model, values, state.held_fits)
     return confirmed(old, state.model, values, formula)

@@ -49,3 +49,13 @@ def test_an_effect_kept_out_of_the_library_is_not_given_another_name() -> None:
     result = find_gaps([drive], [held], exclude=("gyro_scale",))
     assert result.unexplained is not None
     assert result.unexplained.channel == "gyro_z"
+
+
+def test_a_name_that_only_resembles_what_is_missing_gives_way_to_a_formula() -> None:
+    hidden: dict[str, Any] = {"gyro_misalignment": {"xz": 0.01, "yz": -0.008}}
+    drive, held = simulated(hidden), simulated(hidden, seed=8)
+    result = find_gaps([drive], [held], exclude=("gyro_misalignment",))
+    assert result.unexplained is not None
+    told = {(t.channel, t.text) for t in result.unexplained.terms}
+    assert told & {("gyro_x", "rate_z"), ("gyro_y", "rate_z")}
+    assert "accel_misalignment" not in [f.effect for f in result.findings]

@@ -1,0 +1,199 @@
+"""Whether names that were found are what is missing, or only resemble it.
+
+An effect that is in no library is often told by a name that can take on part of it. Once all
+names are found, each is taken out again, and a formula of several terms may have its place: where
+the formula explains what the name does and much more, and the name nothing beside the formula,
+the name only resembles what is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from automap.gap.composite import composite_for
+from automap.gap.evidence import p_value
+from automap.gap.fit import Fit
+from automap.gap.formula import Formula
+from automap.gap.formula_effect import dismiss, fit_as_effect, fit_its_noise, name_of
+from automap.gap.formula_trial import (
+    BESIDES_SHARE,
+    FORMULA_NATS,
+    FORMULA_P,
+    OVER_NAMES_NATS,
+    RAISED,
+)
+from automap.gap.heldout import fit_held_out, total_score
+from automap.gap.scoring import robust_score, whitener_of
+from automap.gap.search_state import (
+    LOW_WALK,
+    MIN_NATS,
+    WALKS,
+    Say,
+    State,
+    Trial,
+    fit_all,
+    joint_of,
+    values_of,
+)
+
+ROUNDS = 2
+PROMISING = 0.7
+"""A first formula, chosen under the name's noise, must have this share of the name's nats."""
+
+
+def challenge(state: State, exclude: Collection[str], say: Say) -> None:
+    """Put a formula in the place of a name, or of drift, that only resembles what is missing.
+
+    The state then has the formula as what is unexplained, fitted where it can be an effect.
+    """
+    for trial in sorted(state.trials, key=lambda t: -t.nats):
+        if trial.effect not in state.accepted:
+            continue
+        say(f"checking {trial.effect} against formulas")
+        fewer = {e: s for e, s in state.accepted.items() if e != trial.effect}
+        without = replace(
+            state,
+            accepted=fewer,
+            fits=fit_all(state, state.model, fewer),
+            trials=[t for t in state.trials if t.effect != trial.effect],
+            resembles=trial.effect,
+        )
+        if _in_its_place(state, without, trial, exclude, say):
+            return
+    raised = [w for w in WALKS if state.model.factors[w] > RAISED * LOW_WALK * state.asked[w]]
+    if raised:
+        say("checking the drift against formulas")
+        low = {w: LOW_WALK * state.asked[w] for w in raised}
+        model = replace(state.model, factors={**state.model.factors, **low})
+        without = replace(state, model=model, fits=fit_all(state, model, state.accepted))
+        _in_its_place(state, without, None, exclude, say)
+
+
+def _in_its_place(
+    state: State, without: State, trial: Trial | None, exclude: Collection[str], say: Say
+) -> bool:
+    """Whether a formula explains more than what ``without`` does without, each fitted, on held-out
+    data too, and leaves nothing to it; it is then in the state."""
+    named = _gain(state.fits, without.fits)
+    found = _fitted(without, named, exclude, say)
+    if found is None:
+        return False
+    formula = _formula_of(found)
+    left = 0.0
+    if trial is not None:
+        both = found.accepted | {trial.effect: trial.scale}
+        left = _gain(fit_all(found, found.model, both), found.fits)
+    say(f"{formula.told}: {formula.nats:.1f} nats; in its place {named:.1f}, beside it {left:.1f}")
+    alone = left <= max(MIN_NATS, BESIDES_SHARE * named) and formula.p_value <= FORMULA_P
+    # both were fitted, and the formula has paid for its choice
+    more = min(formula.nats - named, _gain(found.fits, state.fits) - formula.spent)
+    enough = formula.nats >= FORMULA_NATS and more >= OVER_NAMES_NATS
+    if alone and enough and _likelier_on_held_out(state, found, say):
+        state.accepted, state.trials = found.accepted, found.trials
+        state.model, state.fits = found.model, found.fits
+        state.unexplained, state.resembles = formula, found.resembles
+        return True
+    dismiss(formula)
+    if alone and trial is not None and formula.nats + formula.spent >= named:
+        state.rivals[trial.effect] = (*state.rivals.get(trial.effect, ()), formula.told)
+    return False
+
+
+def _fitted(without: State, named: float, exclude: Collection[str], say: Say) -> State | None:
+    """The best formula of some rounds, each chosen under the noise that suited the last one."""
+    best: State | None = None
+    fits = without.fits
+    told: set[str] = set()
+    for _ in range(ROUNDS):
+        formula = composite_for(fits, exclude)
+        if formula is None or formula.told in told or formula.nats < max(FORMULA_NATS, named):
+            break
+        told.add(formula.told)
+        tried = _pruned(without, formula)
+        if tried is None:
+            break
+        fit_its_noise(tried)
+        tried = _pruned(replace(without, model=tried.model), _formula_of(tried)) or tried
+        tried = _judged(without, tried)
+        text = _formula_of(tried).told
+        say(f"{text}: {formula.nats:.1f} nats screened, {_nats(tried):.1f} fitted")
+        if best is None or _nats(tried) > _nats(best):
+            best, tried = tried, best or tried
+        if tried is not best:
+            dismiss(_formula_of(tried))
+        if _nats(best) < PROMISING * named:
+            break
+        fits = fit_all(without, tried.model, without.accepted)
+    return best
+
+
+def _pruned(without: State, formula: Formula) -> State | None:
+    """The state with a formula as an effect, of the terms that are worth what they cost by their
+    fitted values; None where it cannot be one."""
+    while True:
+        tried = replace(without, unexplained=formula)
+        if not fit_as_effect(tried):
+            return None
+        kept = _needed(tried, formula)
+        if not kept or len(kept) == len(formula.terms):
+            return tried
+        dismiss(formula)
+        formula = formula.of_terms(kept)
+
+
+def _needed(tried: State, formula: Formula) -> list[int]:
+    """Numbers of the terms whose evidence is more than their choice costs."""
+    joint = joint_of(tried.model, tried.accepted, tried.fits, [0.0] * len(tried.fits))
+    cost = formula.spent / len(formula.terms)
+    out = []
+    for i, (value, sd) in enumerate(joint.of(name_of(formula)).values()):
+        room = formula.terms[i].prior_sd / sd
+        if 0.5 * (value / sd) ** 2 - 0.5 * float(np.log1p(room**2)) > cost:
+            out.append(i)
+    return out
+
+
+def _judged(without: State, tried: State) -> State:
+    """The state with the evidence of its fitted formula."""
+    formula = _formula_of(tried)
+    nats = _gain(tried.fits, without.fits) - formula.spent
+    p = p_value(nats, formula.maxima)
+    found = replace(formula, evidence=replace(formula.evidence, nats=nats), p_value=p)
+    return replace(tried, unexplained=found)
+
+
+def _formula_of(state: State) -> Formula:
+    assert state.unexplained is not None
+    return state.unexplained
+
+
+def _nats(state: State) -> float:
+    return _formula_of(state).nats
+
+
+def _gain(after: Sequence[Fit], before: Sequence[Fit]) -> float:
+    """Log-likelihood of fits over others', nats."""
+    total = 0.0
+    for a, b in zip(after, before, strict=True):
+        whitener = whitener_of(a)
+        total += robust_score(a, whitener) - robust_score(b, whitener)
+    return total
+
+
+def _likelier_on_held_out(state: State, found: State, say: Say) -> bool:
+    """Whether held-out data are likelier with the formula than with the name."""
+    if not state.held_out:
+        return True
+    say("checking the formula on held-out data")
+    named = fit_held_out(state.held_out, state.model, _values(state), state.held_fits)
+    after = fit_held_out(state.held_out, found.model, _values(found), named)
+    whitener = whitener_of(after[0])
+    return total_score(after, whitener) > total_score(named, whitener)
+
+
+def _values(state: State) -> dict[str, dict[str, float]]:
+    joint = joint_of(state.model, state.accepted, state.fits, [0.0] * len(state.fits))
+    return values_of(joint, state.accepted)

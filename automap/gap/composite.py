@@ -1,0 +1,175 @@
+"""Formulas of several terms, built one term at a time from the dictionary.
+
+An effect of a triad or of a whole receiver acts on several channels at once. Which terms those are
+is chosen by forward selection with the joint evidence of all coefficients, then terms that the
+others have made unnecessary are dropped (as in sparse regression, Miller 2002, *Subset Selection
+in Regression*, chapter 3). Every term pays for having been chosen among all of the dictionary.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from automap.gap.columns import Column, Direct, Inertial, node_motion, sensitivities
+from automap.gap.dictionary import formula_columns
+from automap.gap.evidence import Evidence, Scores, evidence, null_maxima, p_value
+from automap.gap.fit import Fit, motion_of
+from automap.gap.formula import NULL_DRAWS, Formula, Term
+from automap.gap.screening import whitened_innovations
+from automap.gap.whitening import WhiteRows, fit_whitener, white_rows
+from automap.records import FloatArray, IntArray
+
+MOST_TERMS = 6
+TERM_NATS = 8.0
+"""A further term must bring the logarithm of the dictionary's length, 6, and be likely itself."""
+
+
+@dataclass(frozen=True)
+class _Table:
+    """White rows of all drives, ``columns`` of each, ``count`` of them; prior sds [c]."""
+
+    rows: tuple[WhiteRows, ...]
+    columns: tuple[tuple[Column, ...], ...]
+    count: int
+    prior_sd: FloatArray
+
+
+def composite_for(fits: Sequence[Fit], exclude: Collection[str]) -> Formula | None:
+    """The formula that explains most of what fits leave, None where not even one term is likely.
+
+    Terms on the fixes and such on the sensors are not mixed.
+    """
+    table = _table(fits, exclude)
+    if table.count == 0:
+        return None
+    sums = _sums(table)
+    chosen = _backward(sums, table, _forward(sums, table))
+    return _formula(table, sums, chosen) if chosen else None
+
+
+def _table(fits: Sequence[Fit], exclude: Collection[str]) -> _Table:
+    found: list[tuple[list[Column], WhiteRows]] = []
+    for fit in fits:
+        motion = motion_of(fit.last)
+        columns = formula_columns(fit, motion, node_motion(fit, motion), exclude)
+        whitened, t, channel = whitened_innovations(fit)
+        phi = sensitivities(fit, motion, columns)
+        rows = white_rows(fit_whitener(whitened, channel), whitened, phi, t, channel)
+        found.append((columns, rows))
+    # instants and time constants go by a drive's length: what all drives have
+    known = [{_key(c): i for i, c in enumerate(columns)} for columns, _ in found]
+    shared = [name for name in known[0] if all(name in place for place in known)]
+    out_rows, out_columns = [], []
+    for (columns, rows), place in zip(found, known, strict=True):
+        keep = [place[name] for name in shared]
+        out_columns.append(tuple(columns[i] for i in keep))
+        out_rows.append(replace(rows, phi=rows.phi[:, keep]))
+    sds = np.array([c.prior_sd for c in out_columns[0]])
+    return _Table(tuple(out_rows), tuple(out_columns), len(shared), sds)
+
+
+def _key(column: Column) -> tuple[str, str]:
+    return column.effect, column.parameter
+
+
+def _sums(table: _Table) -> Scores:
+    """Score and full information of all columns, without those of stretches."""
+    c = len(table.prior_sd)
+    score: FloatArray = np.zeros(c)
+    info: FloatArray = np.zeros((c, c))
+    for rows in table.rows:
+        score = score + rows.phi.T @ rows.w
+        info = info + rows.phi.T @ rows.phi
+    return Scores(score, info, np.zeros((0, c)), np.zeros((0, c, c)))
+
+
+def _joint(sums: Scores, chosen: Sequence[int], table: _Table) -> Evidence:
+    at: IntArray = np.array(chosen, np.int64)
+    return evidence(sums, at, table.prior_sd[at])
+
+
+def _forward(sums: Scores, table: _Table) -> list[int]:
+    """The terms that together explain most, one by one."""
+    chosen: list[int] = []
+    nats = 0.0
+    inertial = [bool(c.inertial) for c in table.columns[0]]
+    while len(chosen) < MOST_TERMS:
+        rest = [
+            i
+            for i in range(table.count)
+            if i not in chosen and (not chosen or inertial[i] == inertial[chosen[0]])
+        ]
+        tried = [(_joint(sums, [*chosen, i], table).nats, i) for i in rest]
+        best, i = max(tried, default=(0.0, -1))
+        if best < nats + TERM_NATS:
+            break
+        chosen.append(i)
+        nats = best
+    return chosen
+
+
+def _backward(sums: Scores, table: _Table, chosen: list[int]) -> list[int]:
+    """The terms less those that the others have made unnecessary."""
+    nats = _joint(sums, chosen, table).nats
+    for i in list(chosen):
+        fewer = [j for j in chosen if j != i]
+        if fewer and (left := _joint(sums, fewer, table).nats) > nats - TERM_NATS:
+            chosen, nats = fewer, left
+    return chosen
+
+
+def _formula(table: _Table, sums: Scores, chosen: list[int]) -> Formula:
+    found = _joint(sums, chosen, table)
+    spent = float(np.log(table.count)) * len(chosen)
+    order = sorted(range(len(chosen)), key=lambda i: -abs(found.estimate[i]) / found.sd[i])
+    terms = [
+        Term(
+            table.columns[0][chosen[i]].effect,
+            table.columns[0][chosen[i]].parameter,
+            float(found.estimate[i]),
+            float(found.sd[i]),
+            float(table.prior_sd[chosen[i]]),
+        )
+        for i in order
+    ]
+    first = terms[0]
+    weights = found.estimate / first.coefficient
+    columns = tuple(_together([c[i] for i in chosen], weights) for c in table.columns)
+    # chosen among all of the dictionary, for which the null's draws of single terms stand
+    singles = [(np.array([i]), table.prior_sd[i : i + 1]) for i in range(table.count)]
+    maxima = null_maxima(sums, singles, NULL_DRAWS)
+    nats = found.nats - spent
+    return Formula(
+        first.channel,
+        first.text,
+        replace(found, nats=nats),
+        first.coefficient,
+        first.sd,
+        p_value(nats, maxima),
+        first.prior_sd,
+        columns,
+        maxima,
+        tuple(terms[1:]),
+        occam=max(0.5 * float(found.estimate @ sums.score[chosen]) - nats, 0.0),
+        spent=spent,
+    )
+
+
+def _together(columns: Sequence[Column], weights: FloatArray) -> Column:
+    """Several columns with their weights as one."""
+    inertial = tuple(
+        Inertial(part.sensor, part.axis, w * part.signal)
+        for column, w in zip(columns, weights, strict=True)
+        for part in column.inertial
+    )
+    acts = [
+        w * column.direct.by_channel
+        for column, w in zip(columns, weights, strict=True)
+        if column.direct is not None
+    ]
+    direct = Direct(np.sum(acts, axis=0)) if acts else None
+    first = columns[0]
+    return Column(first.effect, first.parameter, first.prior_sd, inertial, direct)
