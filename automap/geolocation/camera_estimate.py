@@ -91,11 +91,16 @@ def estimate_cameras(
     end = descend(used, start, _BORESIGHT_ROUNDS)
     few = 0 < sum(len(rows) >= MIN_VIEWS for rows in boxes) <= time_minima.MOST_SIGNS
     for name, camera in used.items() if few else ():
-        others = [
-            descend(used, _at_time(end.corrections, name, time_s), _SEARCH_ROUNDS)
-            for time_s in time_minima.starts(camera.time_offset_sd)
-        ]
-        ends = [end, *(other for other in others if other.settled)]
+        ends = [end]
+        for side in time_minima.starts(camera.time_offset_sd):
+            for time_s in side:
+                other = descend(used, _at_time(end.corrections, name, time_s), _SEARCH_ROUNDS)
+                if not other.settled:
+                    continue
+                ends.append(other)
+                # nearer starts end there too
+                if not time_minima.apart(other.corrections[name], end.corrections[name]):
+                    break
         best, times = time_minima.alike(
             [time_minima.Minimum(e.corrections[name], _cost(e, camera, name, rules)) for e in ends]
         )

@@ -26,7 +26,7 @@ MOST_SIGNS = 30
 """More see so many different motions of the car that no second offset fits them all."""
 REACH = 3.0
 """How far to look, in sigmas of the offset before any sign was seen."""
-_STARTS = 7
+_STARTS = 3
 _APART = 3.0
 """Minima nearer than this, in sigmas of the offset, are one."""
 _ALIKE = 9.0
@@ -41,9 +41,11 @@ class Minimum:
     cost: float
 
 
-def starts(sd_s: float) -> FloatArray:
-    """Offsets [7] to start from, by the sigma of the offset before any sign was seen."""
-    return np.linspace(-REACH * sd_s, REACH * sd_s, _STARTS)
+def starts(sd_s: float) -> tuple[FloatArray, FloatArray]:
+    """Offsets [3] to start from on either side, the outermost first, by the sigma of the offset
+    before any sign was seen."""
+    side = REACH * sd_s * np.arange(_STARTS, 0, -1) / _STARTS
+    return -side, side
 
 
 def cost_of(
@@ -81,11 +83,12 @@ def alike(minima: Sequence[Minimum]) -> tuple[int, tuple[float, ...]]:
     found: list[CameraCorrection] = []
     for k in order:
         one = minima[k]
-        if one.cost < best.cost + _ALIKE and all(_apart(one.correction, f) for f in found):
+        if one.cost < best.cost + _ALIKE and all(apart(one.correction, f) for f in found):
             found.append(one.correction)
     return order[0], tuple(sorted(c.time_s for c in found)) if len(found) > 1 else ()
 
 
-def _apart(a: CameraCorrection, b: CameraCorrection) -> bool:
+def apart(a: CameraCorrection, b: CameraCorrection) -> bool:
+    """Whether two offsets are clearly different."""
     sd = float(np.sqrt(max(a.covariance[3, 3], b.covariance[3, 3])))
     return abs(a.time_s - b.time_s) > _APART * sd

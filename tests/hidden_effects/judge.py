@@ -171,7 +171,10 @@ def _outside(
         verdict.outcome = "mis-named"
     else:
         verdict.outcome = "missed"
-    if case.kind == "removed":
+    if case.kind == "removed" and not verdict.flagged and _told_beside(case.effects, shown):
+        verdict.outcome = "formula beside a name"
+        verdict.wrong = []
+    elif case.kind == "removed":
         # what was taken out of the library may come back under a name that is the same thing
         verdict.wrong = [] if verdict.flagged else verdict.wrong
         if verdict.wrong and not set(case.effects) & STOCHASTIC:
@@ -192,6 +195,38 @@ def _beside(kind: str, shown: Sequence[Mapping[str, Any]]) -> bool:
     return any(
         formula_is_right(kind, {"channel": r.partition(" ")[0], "formula": r}) for r in rivals
     )
+
+
+def _told_beside(
+    effects: Mapping[str, Mapping[str, float]], shown: Sequence[Mapping[str, Any]]
+) -> bool:
+    """Whether what a name cannot be told from is a formula of the hidden effect's terms alone."""
+    true = {term for effect in effects for term in _terms_of(effect, effects[effect])}
+    for finding in shown:
+        for rival in map(str, finding.get("confusable_with", ())):
+            terms = {(c, q) for c, q in re.findall(r"(\w+) \+= k\d* \* ([^;]+)", rival)}
+            if terms and terms <= true:
+                return True
+    return False
+
+
+def _terms_of(effect: str, values: Mapping[str, float]) -> set[tuple[str, str]]:
+    """What an effect of the sensors adds, as (axis, quantity)."""
+    sensor, _, kind = effect.partition("_")
+    quantity = {"accel": "force", "gyro": "rate"}.get(sensor, "")
+    out = set()
+    for p in values:
+        where = f"{sensor}_{p[0]}"
+        if kind in ("misalignment", "g_sensitivity") and len(p) == 2:
+            out.add((where, f"{'force' if kind == 'g_sensitivity' else quantity}_{p[1]}"))
+        elif kind == "scale_asymmetry":
+            same = (f"abs({quantity}_{p})", f"max({quantity}_{p}, 0)", f"min({quantity}_{p}, 0)")
+            out |= {(where, text) for text in same}
+        elif kind == "quadratic":
+            out.add((where, f"{quantity}_{p}^2"))
+        elif kind == "temperature":
+            out.add((where, "temperature"))
+    return out
 
 
 def _describe(shown: Sequence[Mapping[str, Any]], answer: Mapping[str, Any]) -> str:

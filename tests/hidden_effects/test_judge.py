@@ -197,3 +197,19 @@ def test_the_list_has_every_effect_and_enough_of_each_kind() -> None:
     assert COUNTS["null"] >= 200
     assert COUNTS["triple"] >= 20
     assert all(sum(c.startswith(f"formula-{kind}-") for c in cases) >= 3 for kind in KINDS)
+
+
+@pytest.mark.parametrize(
+    ("told", "outcome"),
+    [
+        ("accel_z += k * force_x; accel_z += k2 * force_y", "formula beside a name"),
+        ("accel_z += k * force_x; gyro_x += k2 * rate_z", "mis-named"),
+        ("accel_y += k * force_x", "mis-named"),
+        ("gyro_g_sensitivity", "mis-named"),
+    ],
+)
+def test_a_left_out_effect_told_as_a_rival_formula_is_not_silent(told: str, outcome: str) -> None:
+    drawn = short("removed-accel_misalignment-0")
+    assert set(drawn.case.effects["accel_misalignment"]) == {"zx", "zy"}
+    name = finding("gnss_datum_shift", {"north": 0.1}, confusable_with=[told])
+    assert judge(drawn, answer(name)).outcome == outcome
