@@ -15,12 +15,19 @@ import numpy as np
 
 from automap.gap.columns import Column, Direct, Inertial, node_motion, sensitivities
 from automap.gap.dictionary import formula_columns
-from automap.gap.evidence import Evidence, Scores, evidence, null_maxima, p_value
+from automap.gap.evidence import (
+    PRIOR_SCALES,
+    Evidence,
+    Scores,
+    evidence,
+    null_maxima,
+    p_value,
+)
 from automap.gap.fit import Fit, motion_of
 from automap.gap.formula import NULL_DRAWS, Formula, Term
 from automap.gap.screening import whitened_innovations
 from automap.gap.whitening import WhiteRows, fit_whitener, white_rows
-from automap.records import FloatArray, IntArray
+from automap.records import BoolArray, FloatArray, IntArray
 
 MOST_TERMS = 6
 TERM_NATS = 8.0
@@ -94,21 +101,42 @@ def _joint(sums: Scores, chosen: Sequence[int], table: _Table) -> Evidence:
 def _forward(sums: Scores, table: _Table) -> list[int]:
     """The terms that together explain most, one by one."""
     chosen: list[int] = []
-    nats = 0.0
-    inertial = [bool(c.inertial) for c in table.columns[0]]
+    sds: list[float] = []
+    open_: BoolArray = np.ones(table.count, dtype=bool)
+    inertial = np.array([bool(c.inertial) for c in table.columns[0]])
     while len(chosen) < MOST_TERMS:
-        rest = [
-            i
-            for i in range(table.count)
-            if i not in chosen and (not chosen or inertial[i] == inertial[chosen[0]])
-        ]
-        tried = [(_joint(sums, [*chosen, i], table).nats, i) for i in rest]
-        best, i = max(tried, default=(0.0, -1))
-        if best < nats + TERM_NATS:
+        gains, scales = _gains(sums, table, chosen, sds)
+        i = int(np.argmax(np.where(open_, gains, -np.inf)))
+        if not open_[i] or gains[i] < TERM_NATS:
             break
         chosen.append(i)
-        nats = best
+        sds.append(float(scales[i] * table.prior_sd[i]))
+        open_[i] = False
+        open_ &= inertial == inertial[chosen[0]]
     return chosen
+
+
+def _gains(
+    sums: Scores, table: _Table, chosen: Sequence[int], sds: Sequence[float]
+) -> tuple[FloatArray, FloatArray]:
+    """What each column [c] adds in nats to those ``chosen`` of prior ``sds``, and the factor on
+    its own prior sd that suits it."""
+    score, info = sums.score, np.diag(sums.info)
+    if chosen:
+        at = np.array(chosen, np.int64)
+        inner = sums.info[np.ix_(at, at)] + np.diag(np.array(sds) ** -2.0)
+        through = np.linalg.solve(inner, sums.info[at])
+        score = score - through.T @ sums.score[at]
+        info = np.maximum(info - np.einsum("qc,qc->c", sums.info[at], through), 0.0)
+    best: FloatArray = np.full(len(score), -np.inf)
+    scales: FloatArray = np.ones(len(score))
+    for scale in PRIOR_SCALES:
+        room = (scale * table.prior_sd) ** 2
+        shown = 1.0 + info * room
+        gain = 0.5 * score**2 * room / shown - 0.5 * np.log(shown) - np.log(2.0) * (scale > 1.0)
+        scales = np.where(gain > best, scale, scales)
+        best = np.maximum(best, gain)
+    return best, scales
 
 
 def _backward(sums: Scores, table: _Table, chosen: list[int]) -> list[int]:
