@@ -46,12 +46,13 @@ def effect_of(formula: Formula) -> UserEffect | None:
 
 
 def name_of(formula: Formula) -> str:
-    """The name of the formula's effect, which no other formula has."""
+    """The name of the formula's effect: that of one of the same terms, or a free one."""
+    texts = [(term.channel, term.text) for term in formula.terms]
+    for known in user_effects():
+        if [(k.on, k.formula) for k in known.terms] == texts:
+            return known.name
     name, number = f"formula_{formula.channel}", 1
-    while (known := CATALOGUE.get(name)) is not None:
-        texts = [(term.channel, term.text) for term in formula.terms]
-        if isinstance(known, UserEffect) and [(k.on, k.formula) for k in known.terms] == texts:
-            break
+    while name in CATALOGUE:
         number += 1
         name = f"formula_{formula.channel}_{number}"
     return name
@@ -122,7 +123,7 @@ def confirmed(
 def dismiss(formula: Formula) -> None:
     """Take a formula's effect out of the users' effects, that nobody is asked for it as a name."""
     name = name_of(formula)
-    set_user_effects(e for e in user_effects() if e.name != name)
+    set_user_effects([e for e in user_effects() if e.name != name])
 
 
 def coefficients(formula: Formula) -> dict[str, float]:

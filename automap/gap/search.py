@@ -44,6 +44,7 @@ from automap.gap.trial import (
     found_better_noise,
     gross_trials,
     missing_offset,
+    on_common_ground,
     shortlist,
     slow_trials,
     try_candidate,
@@ -118,7 +119,7 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
     nulls = without_effects(state, trials)
     if found_better_noise(state, nulls, say):
         return step(state, exclude, say)
-    trials = latency_first(beyond_noise(state, trials, nulls))
+    trials = latency_first(on_common_ground(beyond_noise(state, trials, nulls)))
     for t in trials:
         say(f"{t.effect}: {t.nats:.1f} nats, screened {t.screened:.1f}, p {t.p_value:.1e}")
     formula = strongest_formula(state, trials, exclude, say)

@@ -204,8 +204,33 @@ def with_own_noise(state: State, trials: Sequence[Trial], say: Say) -> list[Tria
             fit_drive(d, model, estimate, near=f)
             for d, f in zip(state.drives, trial.fits, strict=True)
         ]
+        # by the filter's own likelihood: whiteners of different noise cannot be compared
+        better = sum(f.score for f in fits) > sum(f.score for f in trial.fits)
         again = _judge(state, trial.candidate, model, fits, trial.maxima)
-        out.append(again if again.joint.nats > trial.joint.nats else trial)
+        out.append(again if better else trial)
+    return sorted(out, key=lambda t: -t.joint.nats)
+
+
+def on_common_ground(trials: Sequence[Trial]) -> list[Trial]:
+    """The strongest trials compared under the same spread and autoregression, best first.
+
+    Each was judged under those of its own innovations, and a whitener that suits one better hides
+    a difference of many nats between two. The difference is the mean of what the whiteners of both
+    say.
+    """
+    if not trials or trials[0].nats < MIN_NATS:
+        return list(trials)
+    best = trials[0]
+    out = [best]
+    for trial in trials[1:]:
+        if trial.nats < max(MIN_NATS, FINALIST_SHARE * best.nats):
+            out.append(trial)
+            continue
+        ahead = 0.0
+        for a, b in zip(trial.fits, best.fits, strict=True):
+            for whitener in (whitener_of(a), whitener_of(b)):
+                ahead += 0.5 * (robust_score(a, whitener) - robust_score(b, whitener))
+        out.append(_with_nats(trial, best.joint.nats + ahead))
     return sorted(out, key=lambda t: -t.joint.nats)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from automap.effects import CATALOGUE
+from automap.effects.user import add_user_effect
 from automap.gap import base_model
 from automap.gap.columns import Column, Inertial
 from automap.gap.composite import _backward, _forward, _joint, _sums, _Table, composite_for
@@ -109,11 +110,25 @@ def test_terms_can_be_left_out(formula: Formula) -> None:
 
 
 def test_a_dismissed_formula_is_no_effect_any_more(formula: Formula) -> None:
-    from automap.effects.user import add_user_effect
-
     effect = effect_of(formula)
     assert effect is not None
     add_user_effect(effect)
     assert name_of(formula) in CATALOGUE
     dismiss(formula)
     assert name_of(formula) not in CATALOGUE
+
+
+def test_formulas_of_one_channel_keep_their_names_when_another_is_dismissed(
+    formula: Formula,
+) -> None:
+    first, second = formula.of_terms([0]), replace(formula.of_terms([0]), text="speed")
+    names = []
+    for one in (first, second):
+        effect = effect_of(one)
+        assert effect is not None
+        add_user_effect(effect)
+        names.append(effect.name)
+    assert len(set(names)) == 2
+    dismiss(first)
+    assert name_of(second) == names[1]
+    dismiss(second)
