@@ -36,17 +36,25 @@ def difference_covariance(a: Sighting, b: Sighting) -> FloatArray:
 def _link_cost(a: Sighting, b: Sighting) -> float:
     """Squared distance in sigmas, with what a different class costs; infinite when impossible."""
     difference = a.position - b.position
-    if float(np.linalg.norm(difference)) > MAX_DISTANCE_M:
-        return np.inf
     if float(a.facing @ b.facing) < _MIN_FACING_COSINE:
         return np.inf  # the other face of a sign is another sign
     # positions of one place agree to no better than the extent of the sign; heights of a
     # trajectory drift between passes, and no two signs of a class hang one above the other
     covariance = difference_covariance(a, b) + np.diag([0.1**2, 0.1**2, HEIGHT_SLACK_M**2])
     cost = float(difference @ np.linalg.solve(covariance, difference))
-    if a.class_name != b.class_name:
-        cost += _OTHER_CLASS
-    return cost
+    return cost + _OTHER_CLASS * (1.0 - class_agreement(a, b))
+
+
+def class_agreement(a: Sighting, b: Sighting) -> float:
+    """1 for one class, else the share of the scores that the classes of both have in common: two
+    boxes of which one was misread still say half of what the sign is."""
+    if a.class_name == b.class_name:
+        return 1.0
+    one, other = (
+        {name: score / sum(s.class_score.values()) for name, score in s.class_score.items()}
+        for s in (a, b)
+    )
+    return sum(min(share, other.get(name, 0.0)) for name, share in one.items())
 
 
 def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[int]]:

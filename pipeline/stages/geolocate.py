@@ -239,7 +239,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="geolocate",
-    version=7,
+    version=8,
     run=run,
     inputs=_inputs,
     needs=(names.TRAJECTORY, names.DETECTIONS, names.SYNC),

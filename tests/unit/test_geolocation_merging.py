@@ -1,0 +1,53 @@
+"""Sightings of one sign in passes that tell little by themselves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from geolocation_scene import boxes, camera, drive_path, roadside
+
+from automap.geolocation.landmark import SizePrior, fit_landmark
+from automap.geolocation.merging import class_agreement, group_sightings
+from automap.geolocation.sightings import Sighting, make_sighting
+from automap.geolocation.views import MeasurementNoise, Views, build_views
+
+
+@pytest.fixture(scope="module")
+def seen() -> tuple[Views, list[Sighting]]:
+    """One sign in three parts of its approach, as if they were three passes."""
+    path = drive_path(20.0)
+    scene = roadside(path, every_s=40.0)
+    found, _ = boxes(path, scene, camera(), np.random.default_rng(0))
+    views = build_views(path, [found], {"front": camera()}, MeasurementNoise())
+    thirds = np.array_split(np.arange(len(views)), 3)
+    marks = [fit_landmark(views, rows, SizePrior()) for rows in thirds]
+    return views, [make_sighting(views, mark, [1e-8 * np.eye(9)]) for mark in marks]
+
+
+def placed(sighting: Sighting, east_m: float, sd_m: float) -> Sighting:
+    """The sighting at a place east of the first, with an uncertainty to the east."""
+    cov = np.diag([0.5, sd_m, 0.5]) ** 2
+    return replace(sighting, position=np.array([0.0, east_m, 0.0]), own_cov=cov)
+
+
+def test_two_poor_sightings_either_side_of_a_good_one_are_one_sign(
+    seen: tuple[Views, list[Sighting]],
+) -> None:
+    views, (a, b, c) = seen
+    poor = [placed(a, -6.0, 4.0), placed(b, 0.0, 0.3), placed(c, 6.0, 4.0)]
+    assert group_sightings(views, poor) == [[0, 1, 2]], "the poor ones are 12 m apart"
+    sure = [placed(a, -6.0, 0.3), placed(b, 0.0, 0.3), placed(c, 6.0, 0.3)]
+    assert len(group_sightings(views, sure)) == 3
+
+
+def test_a_misread_box_of_two_does_not_make_another_class(
+    seen: tuple[Views, list[Sighting]],
+) -> None:
+    _, (a, b, _) = seen
+    stop = replace(a, class_score={"stop": 9.0, "yield": 1.0})
+    assert class_agreement(stop, replace(b, class_score={"stop": 2.0})) == 1.0
+    half = class_agreement(stop, replace(b, class_score={"yield": 0.6, "stop": 0.4}))
+    np.testing.assert_allclose(half, 0.5)
+    assert class_agreement(stop, replace(b, class_score={"parking": 1.0})) == 0.0
