@@ -25,7 +25,7 @@ from automap.gap.formula_trial import (
     OVER_NAMES_NATS,
     RAISED,
 )
-from automap.gap.heldout import fit_held_out, total_score
+from automap.gap.heldout import HELD_OUT_SLACK, SURE_NATS, fit_held_out, total_score
 from automap.gap.scoring import robust_score, whitener_of
 from automap.gap.search_state import (
     LOW_WALK,
@@ -90,8 +90,9 @@ def _in_its_place(
     alone = left <= max(MIN_NATS, BESIDES_SHARE * named) and formula.p_value <= FORMULA_P
     # both were fitted, and the formula has paid for its choice
     more = min(formula.nats - named, _gain(found.fits, state.fits) - formula.spent)
+    slack = HELD_OUT_SLACK if more > SURE_NATS else 0.0
     enough = formula.nats >= FORMULA_NATS and more >= OVER_NAMES_NATS
-    if alone and enough and _likelier_on_held_out(state, found, say):
+    if alone and enough and _holds(state, found, say) >= -slack:
         state.accepted, state.trials = found.accepted, found.trials
         state.model, state.fits = found.model, found.fits
         state.unexplained, state.resembles = formula, found.resembles
@@ -120,10 +121,13 @@ def _fitted(without: State, named: float, exclude: Collection[str], say: Say) ->
         tried = _judged(without, tried)
         text = _formula_of(tried).told
         say(f"{text}: {formula.nats:.1f} nats screened, {_nats(tried):.1f} fitted")
+        worse = best
         if best is None or _nats(tried) > _nats(best):
-            best, tried = tried, best or tried
-        if tried is not best:
-            dismiss(_formula_of(tried))
+            best = tried
+        else:
+            worse = tried
+        if worse is not None and name_of(_formula_of(worse)) != name_of(_formula_of(best)):
+            dismiss(_formula_of(worse))
         if _nats(best) < PROMISING * named:
             break
         fits = fit_all(without, tried.model, without.accepted)
@@ -183,15 +187,16 @@ def _gain(after: Sequence[Fit], before: Sequence[Fit]) -> float:
     return total
 
 
-def _likelier_on_held_out(state: State, found: State, say: Say) -> bool:
-    """Whether held-out data are likelier with the formula than with the name."""
+def _holds(state: State, found: State, say: Say) -> float:
+    """How much likelier held-out data are with the formula than with the name, nats."""
     if not state.held_out:
-        return True
-    say("checking the formula on held-out data")
+        return 0.0
     named = fit_held_out(state.held_out, state.model, _values(state), state.held_fits)
     after = fit_held_out(state.held_out, found.model, _values(found), named)
     whitener = whitener_of(after[0])
-    return total_score(after, whitener) > total_score(named, whitener)
+    gain = total_score(after, whitener) - total_score(named, whitener)
+    say(f"held-out data are {gain:.1f} nats likelier with the formula")
+    return gain
 
 
 def _values(state: State) -> dict[str, dict[str, float]]:

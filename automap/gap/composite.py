@@ -141,7 +141,7 @@ def _gains(
 
 def _backward(sums: Scores, table: _Table, chosen: list[int]) -> list[int]:
     """The terms less those that the others have made unnecessary."""
-    nats = _joint(sums, chosen, table).nats
+    nats = _joint(sums, chosen, table).nats if chosen else 0.0
     for i in list(chosen):
         fewer = [j for j in chosen if j != i]
         if fewer and (left := _joint(sums, fewer, table).nats) > nats - TERM_NATS:

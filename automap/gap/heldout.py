@@ -27,6 +27,9 @@ MEASURED = CH_VEL + 3
 """Channels of the receiver. The vehicle constraint is no measurement: what it says counts where
 models are compared, but a vehicle that sways on its springs is no gap of the sensors."""
 SHOWN = MEASURED + 2
+HELD_OUT_SLACK = 3.0
+SURE_NATS = 20.0
+"""What fitted data tell with so much evidence, held-out data may speak against by so much."""
 CLIP = 4.0
 
 

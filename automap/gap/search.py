@@ -14,7 +14,13 @@ from automap.gap.fit import fit_drive
 from automap.gap.formula import Formula
 from automap.gap.formula_effect import confirmed
 from automap.gap.formula_trial import strongest_formula
-from automap.gap.heldout import fit_held_out, fit_held_out_unsure, total_score
+from automap.gap.heldout import (
+    HELD_OUT_SLACK,
+    SURE_NATS,
+    fit_held_out,
+    fit_held_out_unsure,
+    total_score,
+)
 from automap.gap.model import SKEW, GapModel
 from automap.gap.naming import (
     CLOSE_NATS,
@@ -54,8 +60,6 @@ from automap.gap.trial import (
 from automap.gap.whitening import Whitener
 
 MAX_FINDINGS = 8
-HELD_OUT_SLACK = 3.0
-SURE_NATS = 20.0
 SWAP_NATS = 1.0
 FIX_AGE = "gnss_latency"
 

@@ -47,7 +47,9 @@ def test_the_terms_that_act_are_chosen_and_no_others() -> None:
 def test_noise_has_no_terms() -> None:
     rng = np.random.default_rng(3)
     table = table_of(rng.standard_normal(ROWS), rng.standard_normal((ROWS, NAMES)))
-    assert _forward(_sums(table), table) == []
+    sums = _sums(table)
+    assert _forward(sums, table) == []
+    assert _backward(sums, table, []) == []
 
 
 def test_a_term_that_two_others_replace_is_dropped() -> None:
