@@ -97,7 +97,7 @@ def _judged_by(belongs: Tensor) -> Judge:
 
 def main() -> None:
     """Command line."""
-    options = read_options("Train the classifier of sign faces", steps=13800, decay=3600)
+    options = read_options("Train the classifier of sign faces", steps=23600, decay=7000)
     prepare(options, seed=2)
     faces = load_faces(options.data / "sign-art", options.work / "faces.pkl")
     maker = CropMaker(*face_data(options.data, options.work), faces)
