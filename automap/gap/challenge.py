@@ -13,10 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from automap.gap.columns import effect_columns, node_motion
 from automap.gap.composite import composite_for
 from automap.gap.evidence import p_value
-from automap.gap.fit import Fit
-from automap.gap.formula import Formula
+from automap.gap.fit import Fit, fit_drive, motion_of
+from automap.gap.formula import Formula, borne_out
 from automap.gap.formula_effect import dismiss, fit_as_effect, fit_its_noise, name_of
 from automap.gap.formula_trial import (
     BESIDES_SHARE,
@@ -33,7 +34,6 @@ from automap.gap.search_state import (
     WALKS,
     Say,
     State,
-    Trial,
     fit_all,
     joint_of,
     values_of,
@@ -61,7 +61,7 @@ def challenge(state: State, exclude: Collection[str], say: Say) -> None:
             trials=[t for t in state.trials if t.effect != trial.effect],
             resembles=trial.effect,
         )
-        if _in_its_place(state, without, trial, exclude, say):
+        if _in_its_place(state, without, [trial.effect], exclude, say):
             return
     raised = [w for w in WALKS if state.model.factors[w] > RAISED * LOW_WALK * state.asked[w]]
     if raised:
@@ -69,23 +69,25 @@ def challenge(state: State, exclude: Collection[str], say: Say) -> None:
         low = {w: LOW_WALK * state.asked[w] for w in raised}
         model = replace(state.model, factors={**state.model.factors, **low})
         without = replace(state, model=model, fits=fit_all(state, model, state.accepted))
-        _in_its_place(state, without, None, exclude, say)
+        _in_its_place(state, without, raised, exclude, say)
 
 
 def _in_its_place(
-    state: State, without: State, trial: Trial | None, exclude: Collection[str], say: Say
+    state: State, without: State, names: Sequence[str], exclude: Collection[str], say: Say
 ) -> bool:
-    """Whether a formula explains more than what ``without`` does without, each fitted, on held-out
-    data too, and leaves nothing to it; it is then in the state."""
+    """Whether a formula explains more than ``names``, which ``without`` does without, each fitted,
+    on held-out data too, and leaves nothing to them; it is then in the state.
+
+    One that explains as much stands with the names as what they cannot be told from.
+    """
     named = _gain(state.fits, without.fits)
     found = _fitted(without, named, exclude, say)
     if found is None:
         return False
     formula = _formula_of(found)
-    left = 0.0
-    if trial is not None:
-        both = found.accepted | {trial.effect: trial.scale}
-        left = _gain(fit_all(found, found.model, both), found.fits)
+    back = {e: state.accepted[e] for e in names if e in state.accepted}
+    both = fit_all(found, found.model, found.accepted | back)
+    left = _gain(both, found.fits) if back else 0.0
     say(f"{formula.told}: {formula.nats:.1f} nats; in its place {named:.1f}, beside it {left:.1f}")
     alone = left <= max(MIN_NATS, BESIDES_SHARE * named) and formula.p_value <= FORMULA_P
     # both were fitted, and the formula has paid for its choice
@@ -98,8 +100,9 @@ def _in_its_place(
         state.unexplained, state.resembles = formula, found.resembles
         return True
     dismiss(formula)
-    if alone and trial is not None and formula.nats + formula.spent >= named:
-        state.rivals[trial.effect] = (*state.rivals.get(trial.effect, ()), formula.told)
+    if alone and formula.nats + formula.spent >= max(FORMULA_NATS, named):
+        for name in names:
+            state.rivals[name] = (*state.rivals.get(name, ()), formula.told)
     return False
 
 
@@ -117,8 +120,10 @@ def _fitted(without: State, named: float, exclude: Collection[str], say: Say) ->
         if tried is None:
             break
         fit_its_noise(tried)
-        tried = _pruned(replace(without, model=tried.model), _formula_of(tried)) or tried
-        tried = _judged(without, tried)
+        agreed = _agreed(replace(without, model=tried.model), tried)
+        if agreed is None:
+            break
+        tried = _judged(without, agreed)
         text = _formula_of(tried).told
         say(f"{text}: {formula.nats:.1f} nats screened, {_nats(tried):.1f} fitted")
         worse = best
@@ -146,6 +151,33 @@ def _pruned(without: State, formula: Formula) -> State | None:
             return tried
         dismiss(formula)
         formula = formula.of_terms(kept)
+
+
+def _agreed(without: State, tried: State) -> State | None:
+    """The state with those terms of its formula that measurements bear out: what slips or sways
+    is the vehicle, no sensor. None where nothing is left."""
+    while True:
+        formula, values = _formula_of(tried), _values(tried)
+        name = name_of(formula)
+        known = replace(tried.model, values={**tried.model.values, name: values[name]})
+        fits = [
+            fit_drive(opened, known, without.accepted, near=fit)
+            for opened, fit in zip(tried.drives, tried.fits, strict=True)
+        ]
+        columns = []
+        for fit in fits:
+            motion = motion_of(fit.last)
+            at = node_motion(fit, motion)
+            columns.append(effect_columns(name, fit, motion, at, dict.fromkeys(values[name], 1.0)))
+        good = borne_out(fits, columns, list(values[name].values()))
+        kept = [i for i in _needed(tried, formula) if good[i]]
+        if len(kept) == len(formula.terms):
+            return tried
+        dismiss(formula)
+        if not kept:
+            return None
+        tried = replace(without, unexplained=formula.of_terms(kept))
+        fit_as_effect(tried)
 
 
 def _needed(tried: State, formula: Formula) -> list[int]:

@@ -167,7 +167,10 @@ def _result(
                 advice(trial.effect, state.rivals.get(trial.effect, ())),
             )
         )
-    findings += stochastic_findings(state.fits, state.asked, rest, state.exclude)
+    findings += [
+        replace(f, confusable_with=(*f.confusable_with, *state.rivals.get(f.effect, ())))
+        for f in stochastic_findings(state.fits, state.asked, rest, state.exclude)
+    ]
     found = places(first, final)
     model = replace(state.model, values={**state.model.values, **final_values})
     return GapResult(
