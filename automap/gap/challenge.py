@@ -13,12 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from automap.effects.user import UserEffect, add_user_effect
 from automap.gap.columns import effect_columns, node_motion
 from automap.gap.composite import composite_for
 from automap.gap.evidence import p_value
 from automap.gap.fit import Fit, fit_drive, motion_of
 from automap.gap.formula import Formula, borne_out
-from automap.gap.formula_effect import dismiss, fit_as_effect, fit_its_noise, name_of
+from automap.gap.formula_effect import dismiss, effect_of, fit_as_effect, fit_its_noise, name_of
 from automap.gap.formula_trial import (
     BESIDES_SHARE,
     FORMULA_NATS,
@@ -109,6 +110,7 @@ def _in_its_place(
 def _fitted(without: State, named: float, exclude: Collection[str], say: Say) -> State | None:
     """The best formula of some rounds, each chosen under the noise that suited the last one."""
     best: State | None = None
+    effect: UserEffect | None = None
     fits = without.fits
     told: set[str] = set()
     for _ in range(ROUNDS):
@@ -128,7 +130,7 @@ def _fitted(without: State, named: float, exclude: Collection[str], say: Say) ->
         say(f"{text}: {formula.nats:.1f} nats screened, {_nats(tried):.1f} fitted")
         worse = best
         if best is None or _nats(tried) > _nats(best):
-            best = tried
+            best, effect = tried, effect_of(_formula_of(tried))
         else:
             worse = tried
         if worse is not None and name_of(_formula_of(worse)) != name_of(_formula_of(best)):
@@ -136,6 +138,9 @@ def _fitted(without: State, named: float, exclude: Collection[str], say: Say) ->
         if _nats(best) < PROMISING * named:
             break
         fits = fit_all(without, tried.model, without.accepted)
+    if effect is not None:
+        # another round may have dismissed the same terms
+        add_user_effect(effect)
     return best
 
 

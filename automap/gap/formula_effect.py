@@ -29,6 +29,7 @@ from automap.gap.screening import whitened_innovations
 from automap.gap.search_state import Say, State, fit_all
 from automap.gap.whitening import white_rows
 
+PREFIX = "formula_"
 ROOM = 1.5
 SHOWS_NATS = 3.0
 """Held-out data that would show a formula with less than this have no say."""
@@ -49,12 +50,13 @@ def name_of(formula: Formula) -> str:
     """The name of the formula's effect: that of one of the same terms, or a free one."""
     texts = [(term.channel, term.text) for term in formula.terms]
     for known in user_effects():
-        if [(k.on, k.formula) for k in known.terms] == texts:
+        # what the user defined stays the user's
+        if known.name.startswith(PREFIX) and [(k.on, k.formula) for k in known.terms] == texts:
             return known.name
-    name, number = f"formula_{formula.channel}", 1
+    name, number = PREFIX + formula.channel, 1
     while name in CATALOGUE:
         number += 1
-        name = f"formula_{formula.channel}_{number}"
+        name = f"{PREFIX}{formula.channel}_{number}"
     return name
 
 
