@@ -103,7 +103,8 @@ def _in_its_place(
     dismiss(formula)
     if alone and formula.nats + formula.spent >= max(FORMULA_NATS, named):
         for name in names:
-            state.rivals[name] = (*state.rivals.get(name, ()), formula.told)
+            known = state.rivals.get(name, ())
+            state.rivals[name] = known if formula.told in known else (*known, formula.told)
     return False
 
 
