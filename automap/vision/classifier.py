@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from automap.records import FloatArray
+from automap.records import FloatArray, IntArray
 from automap.vision.classes import country_set, load_classes
 from automap.vision.detector import Alternatives, Image
 from automap.vision.onnx_model import OnnxModel
@@ -45,6 +45,17 @@ class Named:
     name: str
     alternatives: Alternatives
     sign: float
+
+
+@dataclass(frozen=True)
+class _Outcomes:
+    """The outputs but "no sign": their ``names``, the first ``n_classes`` of them classes;
+    each output's group as a number, and what an unknown face of each group is called."""
+
+    names: tuple[str, ...]
+    n_classes: int
+    group_of: IntArray
+    unknown: tuple[str, ...]
 
 
 def crop_faces(image: Image, boxes: FloatArray) -> Image:
@@ -85,6 +96,7 @@ class SignClassifier:
         self._model = OnnxModel("sign-classifier.onnx", path, threads)
         self._country = country
         self._prior: Floats | None = None
+        self._called: _Outcomes | None = None
 
     @property
     def labels(self) -> list[str]:
@@ -120,22 +132,31 @@ class SignClassifier:
         A class is named if it is at least as probable as everything else together; otherwise
         the group whose classes and unknown faces are the most probable together.
         """
-        labels, n_classes = self.labels, len(load_classes())
-        vocabulary = load_vocabulary()
+        outcomes = self._outcomes()
         sign = 1.0 - float(probabilities[-1])
         p = probabilities[:-1] / max(sign, 1e-6)
-        names = labels[:n_classes] + [vocabulary.groups[g] for g in labels[n_classes:-1]]
         order = np.argsort(-p, kind="stable")[:_LISTED]
-        listed = [(names[i], float(p[i])) for i in order if p[i] >= _FAINT]
+        listed = tuple((outcomes.names[i], float(p[i])) for i in order if p[i] >= _FAINT)
         best = int(order[0])
-        if best < n_classes and p[best] >= 0.5:
-            return Named(names[best], tuple(listed), sign)
-        groups: dict[str, float] = {}
-        for i, label in enumerate(labels[:-1]):
-            group = load_classes()[label].group if i < n_classes else label
-            groups[group] = groups.get(group, 0.0) + float(p[i])
-        unknown = vocabulary.groups[max(groups, key=lambda g: groups[g])]
-        return Named(unknown, tuple(listed), sign)
+        if best < outcomes.n_classes and p[best] >= 0.5:
+            return Named(outcomes.names[best], listed, sign)
+        together = np.bincount(outcomes.group_of, weights=p)
+        return Named(outcomes.unknown[int(together.argmax())], listed, sign)
+
+    def _outcomes(self) -> _Outcomes:
+        """What the outputs but the last are called."""
+        if self._called is None:
+            labels, known = self.labels[:-1], load_classes()
+            groups = [known[label].group if label in known else label for label in labels]
+            order = list(dict.fromkeys(groups))
+            told = load_vocabulary().groups
+            self._called = _Outcomes(
+                tuple(label if label in known else told[label] for label in labels),
+                len(known),
+                np.array([order.index(group) for group in groups], np.int64),
+                tuple(told[group] for group in order),
+            )
+        return self._called
 
     def _weights(self) -> Floats:
         """Prior weights of all outputs but the last."""

@@ -246,16 +246,18 @@ def distinct(
     ``inside`` of the smaller one lies in the larger.
     """
     order = np.argsort(-scores, kind="stable")
-    area = np.prod(np.maximum(boxes[:, 2:] - boxes[:, :2], 1e-9), axis=1)
+    ranked = boxes[order]
+    area = np.prod(np.maximum(ranked[:, 2:] - ranked[:, :2], 1e-9), axis=1)
+    low = np.maximum(ranked[:, None, :2], ranked[None, :, :2])
+    high = np.minimum(ranked[:, None, 2:], ranked[None, :, 2:])
+    common = np.prod(np.maximum(high - low, 0.0), axis=2)
+    union = area[:, None] + area - common
+    smaller = np.minimum(area[:, None], area)
+    same = (common > overlap * union) | (common > inside * smaller)
+    open_ = np.ones(len(order), dtype=bool)
     kept: list[int] = []
-    for i in order:
-        if kept:
-            other = boxes[kept]
-            sides = np.minimum(boxes[i, 2:], other[:, 2:]) - np.maximum(boxes[i, :2], other[:, :2])
-            common = np.prod(np.maximum(sides, 0.0), axis=1)
-            union = area[i] + area[kept] - common
-            smaller = np.minimum(area[i], area[kept])
-            if ((common > overlap * union) | (common > inside * smaller)).any():
-                continue
-        kept.append(int(i))
-    return np.array(kept, np.int64)
+    for i in range(len(order)):
+        if open_[i]:
+            kept.append(i)
+            open_ &= ~same[i]
+    return np.asarray(order[np.array(kept, np.int64)], np.int64)
