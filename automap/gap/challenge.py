@@ -35,9 +35,9 @@ from automap.gap.search_state import (
     WALKS,
     Say,
     State,
+    estimated,
     fit_all,
     joint_of,
-    values_of,
 )
 
 ROUNDS = 2
@@ -163,7 +163,7 @@ def _agreed(without: State, tried: State) -> State | None:
     """The state with those terms of its formula that measurements bear out: what slips or sways
     is the vehicle, no sensor. None where nothing is left."""
     while True:
-        formula, values = _formula_of(tried), _values(tried)
+        formula, values = _formula_of(tried), estimated(tried)
         name = name_of(formula)
         known = replace(tried.model, values={**tried.model.values, name: values[name]})
         fits = [
@@ -229,14 +229,9 @@ def _holds(state: State, found: State, say: Say) -> float:
     """How much likelier held-out data are with the formula than with the name, nats."""
     if not state.held_out:
         return 0.0
-    named = fit_held_out(state.held_out, state.model, _values(state), state.held_fits)
-    after = fit_held_out(state.held_out, found.model, _values(found), named)
+    named = fit_held_out(state.held_out, state.model, estimated(state), state.held_fits)
+    after = fit_held_out(state.held_out, found.model, estimated(found), named)
     whitener = whitener_of(after[0])
     gain = total_score(after, whitener) - total_score(named, whitener)
     say(f"held-out data are {gain:.1f} nats likelier with the formula")
     return gain
-
-
-def _values(state: State) -> dict[str, dict[str, float]]:
-    joint = joint_of(state.model, state.accepted, state.fits, [0.0] * len(state.fits))
-    return values_of(joint, state.accepted)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.gap.columns import Column, Direct, Inertial, node_motion, sensitivities
+from automap.gap.columns import Column, node_motion, sensitivities
 from automap.gap.dictionary import formula_columns
 from automap.gap.evidence import (
     PRIOR_SCALES,
@@ -164,8 +164,6 @@ def _formula(table: _Table, sums: Scores, chosen: list[int]) -> Formula:
         for i in order
     ]
     first = terms[0]
-    weights = found.estimate / first.coefficient
-    columns = tuple(_together([c[i] for i in chosen], weights) for c in table.columns)
     # chosen among all of the dictionary, for which the null's draws of single terms stand
     singles = [(np.array([i]), table.prior_sd[i : i + 1]) for i in range(table.count)]
     maxima = null_maxima(sums, singles, NULL_DRAWS)
@@ -178,26 +176,8 @@ def _formula(table: _Table, sums: Scores, chosen: list[int]) -> Formula:
         first.sd,
         p_value(nats, maxima),
         first.prior_sd,
-        columns,
+        (),
         maxima,
         tuple(terms[1:]),
-        occam=max(0.5 * float(found.estimate @ sums.score[chosen]) - nats, 0.0),
         spent=spent,
     )
-
-
-def _together(columns: Sequence[Column], weights: FloatArray) -> Column:
-    """Several columns with their weights as one."""
-    inertial = tuple(
-        Inertial(part.sensor, part.axis, w * part.signal)
-        for column, w in zip(columns, weights, strict=True)
-        for part in column.inertial
-    )
-    acts = [
-        w * column.direct.by_channel
-        for column, w in zip(columns, weights, strict=True)
-        if column.direct is not None
-    ]
-    direct = Direct(np.sum(acts, axis=0)) if acts else None
-    first = columns[0]
-    return Column(first.effect, first.parameter, first.prior_sd, inertial, direct)

@@ -22,7 +22,7 @@ from automap.gap.model import GapModel, base_model
 from automap.gap.result import Finding, GapResult, ParameterValue, Unexplained
 from automap.gap.scoring import Joint, whitener_of
 from automap.gap.search import MAX_FINDINGS, begin, eliminate, step
-from automap.gap.search_state import Say, State, joint_of, values_of
+from automap.gap.search_state import Say, State, estimated, values_of
 from automap.gap.stochastic import stochastic_findings
 
 FIT_SHARE = 2.0 / 3.0
@@ -69,7 +69,7 @@ def find_gaps(
         found = step(state, exclude, say)
         if found is None:
             break
-        stages.append((state.model, _values(state)))
+        stages.append((state.model, estimated(state)))
     adopt(state, say)
     joint = eliminate(state, say)
     if state.unexplained is None:
@@ -77,11 +77,6 @@ def find_gaps(
         joint = eliminate(state, say)
     say("measuring the gap on held-out data")
     return _result(state, base, stages, joint)
-
-
-def _values(state: State) -> dict[str, dict[str, float]]:
-    joint = joint_of(state.model, state.accepted, state.fits, [0.0] * len(state.fits))
-    return values_of(joint, state.accepted)
 
 
 def _turning_options(options: FusionOptions) -> FusionOptions:

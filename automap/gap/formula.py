@@ -58,8 +58,8 @@ class Formula:
     """A candidate formula: its strongest channel and text, the evidence, coefficient and sd in the
     unit of the channel per unit of the quantity.
 
-    ``others`` further terms; ``columns`` (one a drive) act as the whole does where the first
-    term's coefficient is one. ``occam`` what the freedom of several coefficients costs in nats.
+    ``columns`` one a drive; ``others`` further terms: a formula of several is fitted as an effect
+    and has no columns. ``spent`` what the choice of its terms from the dictionary costs in nats.
     """
 
     channel: str
@@ -72,7 +72,6 @@ class Formula:
     columns: tuple[Column, ...]
     maxima: FloatArray
     others: tuple[Term, ...] = ()
-    occam: float | None = None
     spent: float = 0.0
 
     @property
@@ -100,7 +99,7 @@ class Formula:
         return coefficient_names(1 + len(self.others))
 
     def of_terms(self, numbers: Sequence[int]) -> Formula:
-        """The formula of some of its terms by number, strongest first; without columns."""
+        """The formula of some of its terms by number, strongest first."""
         kept = [self.terms[i] for i in numbers]
         first = kept[0]
         share = len(kept) / len(self.terms)
@@ -111,16 +110,9 @@ class Formula:
             coefficient=first.coefficient,
             sd=first.sd,
             prior_sd=first.prior_sd,
-            columns=(),
             others=tuple(kept[1:]),
             spent=share * self.spent,
         )
-
-    def scaled_to(self, coefficient: float) -> Formula:
-        """The formula with another first coefficient, all others in proportion."""
-        by = coefficient / self.coefficient
-        others = tuple(replace(o, coefficient=by * o.coefficient) for o in self.others)
-        return replace(self, coefficient=coefficient, others=others)
 
 
 def without_formula(opened: OpenDrive, fit: Fit, column: Column, coefficient: float) -> OpenDrive:

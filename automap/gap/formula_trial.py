@@ -51,7 +51,7 @@ def strongest_formula(
     """
     say("screening formulas")
     named = max(trials[0].joint.nats, 0.0) if trials else 0.0
-    enough = enough_over(named)
+    enough = max(FORMULA_NATS, named + max(OVER_NAMES_NATS, FORMULA_SHARE * named))
     contexts = [(state.model, state.fits)]
     if trials and trials[0].effect in SLOW_EFFECTS and trials[0].nats >= MIN_NATS:
         # under the noise that the best name was judged with: drift hides slow formulas too
@@ -61,7 +61,7 @@ def strongest_formula(
         low = {w: LOW_WALK * state.asked[w] for w in WALKS}
         model = replace(state.model, factors={**state.model.factors, **low})
         contexts.append((model, fit_all(state, model, state.accepted)))
-    best: Tried | None = None
+    best: _Tried | None = None
     for model, fits in contexts:
         own = model is state.model
         for formula in _different(screen_formulas(fits, exclude, scattering=own)):
@@ -69,7 +69,7 @@ def strongest_formula(
             if formula.nats < enough or formula.p_value > FORMULA_P:
                 continue
             formula = refined(fits, formula, scattering=own)
-            tried = fit_formula(state, model, fits, formula)
+            tried = _fit_formula(state, model, fits, formula)
             say(
                 f"{formula.told}: {tried.formula.nats:.1f} nats fitted, "
                 f"{formula.nats:.1f} screened, names {named:.1f}"
@@ -77,14 +77,14 @@ def strongest_formula(
             if best is None or tried.formula.nats > best.formula.nats:
                 best = tried
     if best is not None and best.formula.nats < enough + OVER_NAMES_NATS:
-        best = formula_with_own_noise(state, best, say)
+        best = _with_own_noise(state, best, say)
     state.alike_formula = None
     if best is None or best.formula.nats < enough or best.formula.p_value > FORMULA_P:
         if best is not None and best.formula.nats > named - CLOSE_NATS:
             state.alike_formula = best.formula.told
         return None
     if trials and trials[0].nats >= MIN_NATS:
-        left = left_for(state, best, trials[0])
+        left = _left_for(state, best, trials[0])
         say(f"{trials[0].effect}: {left:.1f} nats beside the formula")
         if left > max(MIN_NATS, BESIDES_SHARE * trials[0].nats):
             # both are there: the name first, and what it leaves to the formula after it
@@ -92,12 +92,7 @@ def strongest_formula(
     return best.formula
 
 
-def enough_over(named: float) -> float:
-    """Nats that a formula must have where names have ``named``."""
-    return max(FORMULA_NATS, named + max(OVER_NAMES_NATS, FORMULA_SHARE * named))
-
-
-def left_for(state: State, tried: Tried, trial: Trial) -> float:
+def _left_for(state: State, tried: _Tried, trial: Trial) -> float:
     """Nats that a name still explains once the formula's part is out of the drives."""
     estimate = state.accepted | {trial.effect: trial.scale}
     model = tried.fits[0].model
@@ -124,7 +119,7 @@ def _different(formulas: Sequence[Formula]) -> list[Formula]:
 
 
 @dataclass(frozen=True)
-class Tried:
+class _Tried:
     """A formula that was fitted: with its evidence and coefficient, fits to the drives without
     its part, the evidence that the screening of ``context`` allows."""
 
@@ -134,13 +129,13 @@ class Tried:
     allowed: float
 
 
-def fit_formula(state: State, model: GapModel, context: Sequence[Fit], formula: Formula) -> Tried:
+def _fit_formula(state: State, model: GapModel, context: Sequence[Fit], formula: Formula) -> _Tried:
     """The evidence of a formula by fits with its part taken out, along the coefficient.
 
     ``context`` the fits without it under ``model``. Where that drifts less than the state's, it
     is given the drift that is still wanted with the formula.
     """
-    known: dict[float, Tried] = {}
+    known: dict[float, _Tried] = {}
 
     def gain(k: float) -> float:
         drives = [
@@ -151,7 +146,7 @@ def fit_formula(state: State, model: GapModel, context: Sequence[Fit], formula: 
             fit_drive(opened, model, state.accepted, near=fit)
             for opened, fit in zip(drives, context, strict=False)
         ]
-        known[k] = Tried(formula, tuple(drives), tuple(fits), formula.nats)
+        known[k] = _Tried(formula, tuple(drives), tuple(fits), formula.nats)
         return _gain(state, fits)
 
     sizes = np.array([0.5, 1.0, 1.5]) * formula.coefficient
@@ -165,7 +160,7 @@ def fit_formula(state: State, model: GapModel, context: Sequence[Fit], formula: 
         if 0.3 * abs(formula.coefficient) < abs(top) < 2.0 * abs(formula.coefficient):
             best, most = float(top), max(most, float(np.polyval(curve, top)))
     nearest = float(sizes[int(np.argmin(np.abs(sizes - best)))])
-    tried = replace(known[nearest], formula=formula.scaled_to(best))
+    tried = replace(known[nearest], formula=replace(formula, coefficient=best))
     if model is not state.model:
         tried, again = _with_noise(state, tried, WALKS)
         most = max(most, again)
@@ -181,7 +176,7 @@ def _gain(state: State, fits: Sequence[Fit]) -> float:
     return total
 
 
-def _with_noise(state: State, tried: Tried, levels: Collection[str]) -> tuple[Tried, float]:
+def _with_noise(state: State, tried: _Tried, levels: Collection[str]) -> tuple[_Tried, float]:
     """The formula again with noise levels that suit it, and what it gains so over the better of
     two models without it: the state's and that with the same noise."""
     factors = fit_noise(tried.fits, levels, known=state.curvatures)
@@ -194,7 +189,7 @@ def _with_noise(state: State, tried: Tried, levels: Collection[str]) -> tuple[Tr
     return replace(tried, fits=tuple(fits)), _gain(state, fits) - max(without, 0.0)
 
 
-def formula_with_own_noise(state: State, tried: Tried, say: Say) -> Tried:
+def _with_own_noise(state: State, tried: _Tried, say: Say) -> _Tried:
     """The better of a fitted formula and the same with the noise that suits it, as the strongest
     names have theirs."""
     say(f"fitting the noise with {tried.formula.told}")
@@ -203,12 +198,10 @@ def formula_with_own_noise(state: State, tried: Tried, say: Say) -> Tried:
     return again if again.formula.nats > tried.formula.nats else tried
 
 
-def _judged(tried: Tried, gained: float) -> Tried:
+def _judged(tried: _Tried, gained: float) -> _Tried:
     """The formula with the evidence that ``gained`` nats of likelihood are."""
     formula = tried.formula
-    occam = formula.occam
-    if occam is None:
-        occam = 0.5 * float(np.log1p((formula.prior_sd / max(formula.sd, 1e-300)) ** 2))
+    occam = 0.5 * np.log1p((formula.prior_sd / max(formula.sd, 1e-300)) ** 2)
     nats = (gained - occam) / np.sqrt(formula.evidence.excess) if gained > 0.0 else gained
     # linear in its coefficient: what the fits show beyond the screening is not the formula's
     nats = min(float(nats), tried.allowed)

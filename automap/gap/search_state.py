@@ -125,3 +125,9 @@ def joint_of(
 def values_of(joint: Joint, effects: Collection[str]) -> dict[str, dict[str, float]]:
     """Effect -> parameter -> value out of a joint estimate."""
     return {e: {p: v for p, (v, _) in joint.of(e).items()} for e in effects}
+
+
+def estimated(state: State) -> dict[str, dict[str, float]]:
+    """Values of the accepted effects by the state's fits."""
+    joint = joint_of(state.model, state.accepted, state.fits, [0.0] * len(state.fits))
+    return values_of(joint, state.accepted)
