@@ -50,11 +50,9 @@ def class_agreement(a: Sighting, b: Sighting) -> float:
     boxes of which one was misread still say half of what the sign is."""
     if a.class_name == b.class_name:
         return 1.0
-    # boxes of a table may all have the score nought
-    total = [max(sum(s.class_score.values()), 1e-9) for s in (a, b)]
     one, other = (
-        {name: score / whole for name, score in s.class_score.items()}
-        for s, whole in zip((a, b), total, strict=True)
+        {name: score / sum(s.class_score.values()) for name, score in s.class_score.items()}
+        for s in (a, b)
     )
     return sum(min(share, other.get(name, 0.0)) for name, share in one.items())
 

@@ -51,4 +51,3 @@ def test_a_misread_box_of_two_does_not_make_another_class(
     half = class_agreement(stop, replace(b, class_score={"yield": 0.6, "stop": 0.4}))
     np.testing.assert_allclose(half, 0.5)
     assert class_agreement(stop, replace(b, class_score={"parking": 1.0})) == 0.0
-    assert class_agreement(stop, replace(b, class_score={"parking": 0.0})) == 0.0
