@@ -24,6 +24,12 @@ from tests.hidden_effects.sizes import SCALES, STOCHASTIC, DrawnEffect
 NOISE_NAMES = frozenset({"gnss_correlated_noise"})
 DIRTY_NAMES = NOISE_NAMES | {"gnss_outliers", "gnss_noise_scale"}
 """Naming the noise that is really there is no false alarm."""
+LEVELS_OF = {
+    "gnss_noise_scale": ("position_h", "velocity_h"),
+    "accel_bias_walk": ("accel_bias_walk",),
+    "gyro_bias_walk": ("gyro_bias_walk",),
+}
+"""Factors on noise levels that grow with a hidden noise."""
 SAME_NATS = 5.0
 """A name that falls short of the truth by less cannot be told from it on that drive."""
 KNOWN_SHARE = 0.5
@@ -144,13 +150,7 @@ def _inside(
 def _noise_shows(truth: set[str], answer: Mapping[str, Any]) -> bool:
     """Whether the noise block has grown where the noise was hidden."""
     noise = {str(k): float(v) for k, v in answer.get("noise", {}).items()}
-    keys = {
-        "gnss_noise_scale": ("position_h", "velocity_h"),
-        "gnss_outliers": (),
-        "accel_bias_walk": ("accel_bias_walk",),
-        "gyro_bias_walk": ("gyro_bias_walk",),
-    }
-    return all(noise.get(key, 1.0) > 1.0 for name in truth for key in keys.get(name, ()))
+    return all(noise.get(key, 1.0) > 1.0 for name in truth for key in LEVELS_OF.get(name, ()))
 
 
 def _outside(
@@ -169,6 +169,9 @@ def _outside(
         verdict.outcome = "formula beside a name"
     elif shown:
         verdict.outcome = "mis-named"
+    elif set(case.effects) <= LEVELS_OF.keys() and _noise_shows(set(case.effects), answer):
+        # a level of noise stays in the model without the effect of that name
+        verdict.outcome = "as noise"
     else:
         verdict.outcome = "missed"
     if case.kind == "removed" and not verdict.flagged and _told_beside(case.effects, shown):

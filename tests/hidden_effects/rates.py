@@ -124,6 +124,12 @@ def report(verdicts: Sequence[Verdict]) -> list[str]:
             "-",
         ),
         _line(
+            "  fitted as a level of noise, or beside a name",
+            count(removed, lambda v: v.outcome in ("as noise", "formula beside a name")),
+            len(removed),
+            "-",
+        ),
+        _line(
             "  silently under a wrong name",
             count(removed, lambda v: v.outcome == "mis-named"),
             len(removed),

@@ -213,3 +213,9 @@ def test_a_left_out_effect_told_as_a_rival_formula_is_not_silent(told: str, outc
     assert set(drawn.case.effects["accel_misalignment"]) == {"zx", "zy"}
     name = finding("gnss_datum_shift", {"north": 0.1}, confusable_with=[told])
     assert judge(drawn, answer(name)).outcome == outcome
+
+
+@pytest.mark.parametrize(("factor", "outcome"), [(1.6, "as noise"), (1.0, "missed")])
+def test_a_noise_taken_out_of_the_library_is_told_by_its_level(factor: float, outcome: str) -> None:
+    drawn = short("removed-gyro_bias_walk-0")
+    assert judge(drawn, answer() | {"noise": {"gyro_bias_walk": factor}}).outcome == outcome
