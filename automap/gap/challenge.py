@@ -14,12 +14,18 @@ from dataclasses import replace
 import numpy as np
 
 from automap.effects.user import UserEffect, add_user_effect
-from automap.gap.columns import effect_columns, node_motion
 from automap.gap.composite import composite_for
 from automap.gap.evidence import p_value
-from automap.gap.fit import Fit, fit_drive, motion_of
-from automap.gap.formula import Formula, borne_out
-from automap.gap.formula_effect import dismiss, effect_of, fit_as_effect, fit_its_noise, name_of
+from automap.gap.fit import Fit
+from automap.gap.formula import Formula
+from automap.gap.formula_effect import (
+    borne_out,
+    dismiss,
+    effect_of,
+    fit_as_effect,
+    fit_its_noise,
+    name_of,
+)
 from automap.gap.formula_trial import (
     BESIDES_SHARE,
     FORMULA_NATS,
@@ -163,19 +169,8 @@ def _agreed(without: State, tried: State) -> State | None:
     """The state with those terms of its formula that measurements bear out: what slips or sways
     is the vehicle, no sensor. None where nothing is left."""
     while True:
-        formula, values = _formula_of(tried), estimated(tried)
-        name = name_of(formula)
-        known = replace(tried.model, values={**tried.model.values, name: values[name]})
-        fits = [
-            fit_drive(opened, known, without.accepted, near=fit)
-            for opened, fit in zip(tried.drives, tried.fits, strict=True)
-        ]
-        columns = []
-        for fit in fits:
-            motion = motion_of(fit.last)
-            at = node_motion(fit, motion)
-            columns.append(effect_columns(name, fit, motion, at, dict.fromkeys(values[name], 1.0)))
-        good = borne_out(fits, columns, list(values[name].values()))
+        formula = _formula_of(tried)
+        good = borne_out(tried)
         kept = [i for i in _needed(tried, formula) if good[i]]
         if len(kept) == len(formula.terms):
             return tried

@@ -63,7 +63,10 @@ FINER, WIDER = 33, 1.6
 """The dictionary's instants and time constants are coarse; between them the strongest are looked
 for in so many steps."""
 ALIKE = 0.999
-"""A quantity that correlates so with a catalogue effect's is that effect."""
+"""A quantity that correlates so with a sum of catalogue effects' is those effects: a one-sided
+rate is a scale and an asymmetry."""
+LEAST_OWN = 1e-6
+"""Share of a signal's variance below which the others make it up."""
 
 
 def quantities(signals: Signals, has_temperature: bool) -> Iterator[tuple[str, FloatArray]]:
@@ -134,7 +137,7 @@ def formula_columns(
             continue
         unit = (signal - signal.mean()) / size
         for channel in CHANNELS:
-            if any(abs(float(np.mean(unit * u))) > ALIKE for u in known.get(channel, ())):
+            if channel in known and np.sum(np.mean(known[channel] * unit, axis=1) ** 2) > ALIKE**2:
                 continue
             out.append(_inertial(channel, text, signal))
     out += _fix_columns(signals.at(at.t + fit.opened.drive.begin_s))
@@ -180,8 +183,9 @@ def _basis_text(term: ImuTerm) -> str:
 
 def _catalogue_signals(
     fit: Fit, motion: Motion, signals: Signals, exclude: Collection[str]
-) -> dict[str, list[FloatArray]]:
-    """Unit signals that catalogue effects already add to each channel."""
+) -> dict[str, FloatArray]:
+    """What catalogue effects already add to each channel: signals [k, n] of mean square one that
+    are at right angles to one another."""
     names = [e for e in CATALOGUE if CATALOGUE[e].family == "imu" and e not in exclude]
     terms = imu_terms(names)
     speed = np.linalg.norm(motion.vel, axis=1)
@@ -197,7 +201,18 @@ def _catalogue_signals(
         if size > 1e-12:
             channel = CHANNELS[(0 if term.sensor == 0 else 3) + term.axis]
             out.setdefault(channel, []).append((raw - raw.mean()) / size)
-    return out
+    return {channel: _at_right_angles(rows) for channel, rows in out.items()}
+
+
+def _at_right_angles(rows: Sequence[FloatArray]) -> FloatArray:
+    """What spans the same as unit signals [k][n], by Gram and Schmidt: [at most k, n]."""
+    out: list[FloatArray] = []
+    for row in rows:
+        own = row - sum(float(np.mean(row * u)) * u for u in out)
+        size = float(np.mean(own**2))
+        if size > LEAST_OWN:
+            out.append(own / np.sqrt(size))
+    return np.array(out)
 
 
 def _fix_columns(signals: Signals) -> list[Column]:

@@ -31,8 +31,6 @@ VEHICLE = (CH_NHC, CH_NHC + 1)
 CONFLICT = 4.0
 """Sigmas between what measurements and what the vehicle constraint say of a coefficient. Beyond
 them the constraint has no say: what slips or sways is the vehicle, not a sensor."""
-SEEN = 3.0
-"""Sigmas by which measurements alone show what they and the constraint disagree on."""
 BATCH = 96
 
 
@@ -244,26 +242,6 @@ def _single(scores: Scores, i: int) -> Scores:
         scores.blocks[:, i : i + 1],
         scores.block_info[:, i : i + 1, :],
     )
-
-
-def borne_out(
-    fits: Sequence[Fit], columns: Sequence[Sequence[Column]], values: Sequence[float]
-) -> list[bool]:
-    """Of each column whether measurements bear out the value that fits have it at.
-
-    ``columns`` those of each fit. Where measurements and the vehicle constraint contradict each
-    other, the measurements must show a value of this sign by themselves.
-    """
-    parts = [_scores(f, motion_of(f.last), c) for f, c in zip(fits, columns, strict=True)]
-    out = []
-    for i, value in enumerate(values):
-        everything = reduce(operator.add, (_single(every, i) for every, _ in parts))
-        measured = reduce(operator.add, (_single(free, i) for _, free in parts))
-        info = max(float(measured.info[0, 0]), 1e-300)
-        shown = value + float(measured.score[0]) / info
-        seen = shown * np.sign(value) * np.sqrt(info) > SEEN
-        out.append(bool(seen) or not _conflict(everything, measured))
-    return out
 
 
 def _conflict(everything: Scores, measured: Scores) -> bool:

@@ -18,19 +18,25 @@ from automap.effects.user import (
     user_effect,
     user_effects,
 )
+from automap.fusion.levels import VEHICLE_LEVELS
 from automap.gap.columns import effect_columns, node_motion, sensitivities
 from automap.gap.fit import Fit, motion_of
-from automap.gap.formula import Formula
+from automap.gap.formula import CONFLICT, Formula
 from automap.gap.heldout import fit_held_out, total_score
 from automap.gap.model import GapModel
 from automap.gap.noise import fit_noise
 from automap.gap.scoring import whitener_of
 from automap.gap.screening import whitened_innovations
-from automap.gap.search_state import Say, State, fit_all
+from automap.gap.search_state import Say, State, fit_all, joint_of
 from automap.gap.whitening import white_rows
 
 PREFIX = "formula_"
 ROOM = 1.5
+LOOSE = 100.0
+"""Factor on the vehicle constraint's sds that takes all it says away."""
+SEEN = 3.0
+"""Sigmas by which measurements alone show what they and the constraint disagree on."""
+LEAST_SHARE = 0.3
 SHOWS_NATS = 3.0
 """Held-out data that would show a formula with less than this have no say."""
 
@@ -93,6 +99,36 @@ def fit_its_noise(state: State) -> None:
     factors = fit_noise(state.fits, known=state.curvatures)
     state.model = replace(state.model, factors=factors)
     state.fits = fit_all(state, state.model, state.accepted)
+
+
+def borne_out(state: State) -> list[bool]:
+    """Of each term of the state's fitted formula whether measurements bear out its value.
+
+    Everything is fitted again without the vehicle constraint, which bends all states. Where the
+    value with it and the value without it contradict each other, the latter must be of the same
+    sign by itself: what slips or sways is the vehicle, no sensor.
+    """
+    assert state.unexplained is not None
+    loose = {**state.model.factors, **dict.fromkeys(VEHICLE_LEVELS, LOOSE)}
+    model = replace(state.model, factors=loose)
+    values, free = (
+        _terms(state, m, fits)
+        for m, fits in ((state.model, state.fits), (model, fit_all(state, model, state.accepted)))
+    )
+    out = []
+    for (value, sd), (alone, alone_sd) in zip(values, free, strict=True):
+        # the sd of what one more source of information moves an estimate by
+        apart = max(alone_sd**2 - sd**2, (LEAST_SHARE * alone_sd) ** 2) ** 0.5
+        agree = abs(alone - value) < CONFLICT * apart
+        out.append(bool(agree or alone * np.sign(value) > SEEN * alone_sd))
+    return out
+
+
+def _terms(state: State, model: GapModel, fits: Sequence[Fit]) -> list[tuple[float, float]]:
+    """Value and sd of each term of the state's formula."""
+    assert state.unexplained is not None
+    joint = joint_of(model, state.accepted, fits, [0.0] * len(fits))
+    return list(joint.of(name_of(state.unexplained)).values())
 
 
 def confirmed(

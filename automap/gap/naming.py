@@ -24,6 +24,7 @@ PRIOR_ROOM = 5.0
 """So much of a parameter's information is another effect's, then they are confusable."""
 OFFSETS, VELOCITY_AGES = SAME_STATE
 SKEW_SIGMAS = 4.0
+START_SIGMAS = 5.0
 APART_SHARE = 0.2
 APART_S = 5e-3
 """Clocks that nowhere in a drive come nearer than this share of what their skew adds up to, and
@@ -74,14 +75,33 @@ def latency_first(trials: list[Trial]) -> list[Trial]:
 def offset_besides(fits: Sequence[Fit]) -> bool:
     """Whether clocks of different rates agree at no instant of some drive."""
     for fit in fits:
-        totals = fit.last.totals()
-        first = totals.get(DELAY_STATE, 0.0) - totals.get(LATENCY_STATE, 0.0)
-        first -= fit.opened.drive.delay.mean
-        grown = totals.get(SKEW_STATE, 0.0) * float(fit.last.problem.t[-1])
+        first, _ = first_offset(fit)
+        grown = fit.last.totals().get(SKEW_STATE, 0.0) * float(fit.last.problem.t[-1])
         least = min(abs(first), abs(first + grown)) if first * (first + grown) > 0.0 else 0.0
         if least > APART_SHARE * abs(grown) + APART_S:
             return True
     return False
+
+
+def first_offset(fit: Fit) -> tuple[float, float]:
+    """How much later than the truth the stamp of a drive's first sample is, s, and its sd."""
+    last = fit.last
+    totals = last.totals()
+    value = totals.get(DELAY_STATE, 0.0) - totals.get(LATENCY_STATE, 0.0)
+    names = last.problem.model.names
+    rows = [names.index(n) for n in (DELAY_STATE, LATENCY_STATE) if n in names]
+    variance = float(last.smooth.param_var[-1, rows].sum())
+    return value - fit.opened.drive.delay.mean, variance**0.5
+
+
+def offset_at_start(fits: Sequence[Fit]) -> float:
+    """How much later than the truth first samples are beside a skew, s; 0 where one stated to be
+    right agrees with it, as it does by the definition of a skew (``stamp_error_s``)."""
+    known = [first_offset(fit) for fit in fits if fit.opened.drive.delay.sd == 0.0]
+    if not known or any(abs(v) < max(APART_S, START_SIGMAS * sd) for v, sd in known):
+        return 0.0
+    weights = np.array([sd**-2.0 for _, sd in known])
+    return float(np.average([v for v, _ in known], weights=weights))
 
 
 def _renamed(trial: Trial, effect: str) -> Trial:

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from automap.fusion.levels import ALL_LEVELS
+from automap.gap.clock_offset import missing_offset, starting_offset
 from automap.gap.drive import OpenDrive
 from automap.gap.effect_library import library
 from automap.gap.fit import fit_drive
 from automap.gap.formula import Formula
-from automap.gap.formula_effect import confirmed
+from automap.gap.formula_effect import borne_out, confirmed, dismiss, fit_as_effect
 from automap.gap.formula_trial import strongest_formula
 from automap.gap.heldout import (
     HELD_OUT_SLACK,
@@ -28,6 +29,7 @@ from automap.gap.naming import (
     VELOCITY_AGES,
     by_sign,
     latency_first,
+    offset_at_start,
     offset_besides,
     rivals_of,
 )
@@ -49,7 +51,6 @@ from automap.gap.trial import (
     beyond_noise,
     found_better_noise,
     gross_trials,
-    missing_offset,
     on_common_ground,
     shortlist,
     slow_trials,
@@ -127,10 +128,11 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
     for t in trials:
         say(f"{t.effect}: {t.nats:.1f} nats, screened {t.screened:.1f}, p {t.p_value:.1e}")
     formula = strongest_formula(state, trials, exclude, say)
-    if formula is not None and not _formula_helps(state, formula, say):
+    objection = None if formula is None else _objection(state, formula, say)
+    if formula is not None and objection is not None:
         state.warnings.append(
             f"{formula.told} would explain {formula.nats:.0f} nats of the "
-            "fitted data, but the held-out data do not confirm it; it is not told"
+            f"fitted data, but {objection}; it is not told"
         )
         formula = None
     if formula is not None:
@@ -139,7 +141,8 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
             state.resembles = trials[0].effect
         return None
     if not trials or trials[0].nats < MIN_NATS or trials[0].p_value > MAX_P:
-        return None
+        besides = starting_offset(state, effects, say)
+        return None if besides is None else _accept(state, besides)
     best = trials[0]
     if not _helps(state, best, say):
         state.refused[best.effect] = (
@@ -178,12 +181,19 @@ def _helps(state: State, trial: Trial, say: Say) -> bool:
     return gain > (-HELD_OUT_SLACK if trial.nats > SURE_NATS else 0.0)
 
 
-def _formula_helps(state: State, formula: Formula, say: Say) -> bool:
-    """Whether the held-out data are more likely with the formula, as far as they can tell."""
+def _objection(state: State, formula: Formula, say: Say) -> str | None:
+    """Why a formula is not to be believed: measurements do not show it, or held-out data do not
+    become more likely with it, as far as they can tell."""
     say(f"checking {formula.told} on held-out data")
+    tried = replace(state, unexplained=formula)
+    if fit_as_effect(tried) and not all(borne_out(tried)):
+        dismiss(formula)
+        return "only the vehicle constraint shows it"
     values = values_of(state.trials[-1].joint, state.accepted) if state.trials else {}
     old = state.held_fits = fit_held_out(state.held_out, state.model, values, state.held_fits)
-    return confirmed(old, state.model, values, formula)
+    if not confirmed(old, state.model, values, formula):
+        return "the held-out data do not confirm it"
+    return None
 
 
 def _settle_age(state: State, say: Say) -> None:
@@ -218,12 +228,17 @@ def _settle_age(state: State, say: Say) -> None:
     ]
 
 
+def _stands_beside(state: State) -> bool:
+    """Whether the clocks have an offset besides their skew."""
+    return offset_besides(state.fits) or offset_at_start(state.fits) != 0.0
+
+
 def eliminate(state: State, say: Say) -> Joint:
     """Drop effects that others, accepted later, have made unnecessary; returns the estimate."""
     zeros = [0.0] * len(state.fits)
     _settle_age(state, say)
     for effect in list(state.accepted) if len(state.accepted) > 1 else []:
-        if effect in OFFSETS and SKEW in state.accepted and offset_besides(state.fits):
+        if effect in OFFSETS and SKEW in state.accepted and _stands_beside(state):
             continue
         say(f"checking whether {effect} is still needed")
         fewer = {e: s for e, s in state.accepted.items() if e != effect}

@@ -9,8 +9,8 @@ import numpy as np
 
 from automap.gap.evidence import p_value
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.model import SKEW, GapModel
-from automap.gap.naming import OFFSETS, by_sign, offset_besides
+from automap.gap.model import GapModel
+from automap.gap.naming import OFFSETS
 from automap.gap.noise import fit_noise
 from automap.gap.scoring import robust_score, whitener_of
 from automap.gap.screening import Candidate, Screening, screen
@@ -80,27 +80,6 @@ def try_candidate(
     estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
     fits = fit_all(state, model, estimate)
     return _judge(state, candidate, model, fits, screening.maxima)
-
-
-def missing_offset(state: State, effects: Sequence[str], say: Say) -> Trial | None:
-    """The offset between clocks of which so far only the skew is named, though they agree at no
-    instant of the drives: a skew brings its own offset along, which nobody is told."""
-    offsets = [e for e in effects if e in OFFSETS]
-    if SKEW not in state.accepted or not offsets or not offset_besides(state.fits):
-        return None
-    say("clocks agree nowhere: trying an offset besides their skew")
-    fewer = {e: s for e, s in state.accepted.items() if e != SKEW}
-    plain = replace(state, accepted=fewer, fits=fit_all(state, state.model, fewer))
-    screening = screen(plain.fits, offsets)
-    alone = [try_candidate(plain, c, state.model, screening, say) for c in screening.candidates[:1]]
-    alone = [t for t in by_sign(alone, offsets) if t.nats >= MIN_NATS]
-    if not alone:
-        return None
-    estimate = state.accepted | {alone[0].effect: alone[0].scale}
-    fits = fit_all(state, state.model, estimate)
-    joint = joint_of(state.model, estimate, fits, [0.0] * len(fits))
-    joint = replace(joint, nats=alone[0].joint.nats)
-    return replace(alone[0], joint=joint, fits=tuple(fits), model=state.model)
 
 
 def _judge(
