@@ -14,10 +14,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, NHC, ODOMETER, STANDSTILL, WANDER
+from automap.fusion.layout import (
+    CH_NHC,
+    CH_POS,
+    CH_VEL,
+    N_NAV,
+    NHC,
+    ODOMETER,
+    STANDSTILL,
+    VEL_WANDER,
+    WANDER,
+)
 from automap.fusion.level_climb import climb
 from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
-from automap.fusion.levels import ALL_LEVELS, LEVELS, VEHICLE_LEVELS, WHITE_LEVELS
+from automap.fusion.levels import (
+    ALL_LEVELS,
+    LEVELS,
+    VEHICLE_LEVELS,
+    VELOCITY_WANDER,
+    WHITE_LEVELS,
+)
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.problem import PathStates, Problem, Start, run_forward, with_options
 
@@ -185,7 +201,7 @@ def scale_problem(problem: Problem, factors: Mapping[str, float]) -> Problem:
         gyro_noise=problem.options.gyro_noise * factors["gyro"],
     )
     model = problem.model
-    walk, tau = model.walk.copy(), model.tau.copy()
+    walk, tau, prior_sd = model.walk.copy(), model.tau.copy(), model.prior_sd.copy()
     for name in ("accel_bias", "gyro_bias"):
         for axis in "xyz":
             if f"{name}_{axis}" in model.names:
@@ -193,7 +209,13 @@ def scale_problem(problem: Problem, factors: Mapping[str, float]) -> Problem:
     offset = int(model.offsets[WANDER])
     if offset >= 0:
         tau[offset : offset + 3] *= factors["wander_tau"]
-    return with_options(replace(problem, model=replace(model, walk=walk, tau=tau)), options)
+    offset = int(model.offsets[VEL_WANDER])
+    if offset >= 0:
+        factor = factors.get(VELOCITY_WANDER, 1.0)
+        walk[offset : offset + 3] *= factor**2
+        prior_sd[offset - N_NAV : offset - N_NAV + 3] *= factor
+    scaled = replace(model, walk=walk, tau=tau, prior_sd=prior_sd)
+    return with_options(replace(problem, model=scaled), options)
 
 
 def scale_nodes(nodes: Nodes, factors: Mapping[str, float]) -> Nodes:

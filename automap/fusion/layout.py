@@ -28,9 +28,10 @@ N_NAV = 9
     SIDESLIP,
     ODOMETER_SCALE,
     VEHICLE_PITCH,
-) = range(13)
-N_BLOCKS = 13
-BLOCK_SIZE = (3, 1, 1, 3, 3, 3, 1, 1, 1, 3, 1, 1, 1)
+    VEL_WANDER,
+) = range(14)
+N_BLOCKS = 14
+BLOCK_SIZE = (3, 1, 1, 3, 3, 3, 1, 1, 1, 3, 1, 1, 1, 3)
 
 # bits of a node's flags
 HAS_POS_H = 1

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.fusion.kernels.level_slopes import level_slopes
-from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, MAX_SCALARS, N_NAV, WANDER
-from automap.fusion.levels import ALL_LEVELS
+from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, MAX_SCALARS, N_NAV, VEL_WANDER, WANDER
+from automap.fusion.levels import ALL_LEVELS, VELOCITY_WANDER
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.problem import PathStates, Problem, Start, run_forward
 from automap.records import FloatArray, IntArray
@@ -83,6 +83,9 @@ def _level_of_state(problem: Problem) -> IntArray:
     offset = int(model.offsets[WANDER])
     if offset >= N_NAV:
         out[offset : offset + 3] = ALL_LEVELS.index("wander")
+    offset = int(model.offsets[VEL_WANDER])
+    if offset >= N_NAV:
+        out[offset : offset + 3] = ALL_LEVELS.index(VELOCITY_WANDER)
     return out
 
 

@@ -9,4 +9,6 @@ SLOPED_LEVELS = tuple(level for level in LEVELS if level != "wander_tau")
 """Those along which the likelihood's slope is computed."""
 VEHICLE_LEVELS = ("nhc_y", "nhc_z")
 """How far the vehicle slips and how far its springs move: fitted by the gap finder alone."""
-ALL_LEVELS = LEVELS + VEHICLE_LEVELS
+VELOCITY_WANDER = "velocity_wander"
+"""The part of a receiver's velocity error that lasts longer than an epoch: for the gap finder."""
+ALL_LEVELS = (*LEVELS, *VEHICLE_LEVELS, VELOCITY_WANDER)

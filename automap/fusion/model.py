@@ -25,6 +25,7 @@ from automap.fusion.layout import (
     VEHICLE_PITCH,
     VEL_LAG,
     VEL_LATENCY,
+    VEL_WANDER,
     WANDER,
     WHEEL,
 )
@@ -76,8 +77,9 @@ class FusionOptions:
     parameter -> sd (parameter "*" for all). ``fixed``: effects that are not estimated but have
     these values (parameters not named are zero). ``wander_tau_s`` and ``wander_share``: the
     Gauss-Markov part of a fix's error relative to the receiver's own accuracy figure,
-    ``white_share`` the white part. ``passes`` at most that many to settle the delays,
-    ``iterations`` of the smoother about its own result after that. With ``adapt`` the white
+    ``white_share`` the white part. ``velocity_wander_sd`` m/s and ``velocity_wander_tau_s`` the
+    Gauss-Markov part of its velocity's error, none with 0. ``passes`` at most that many to
+    settle the delays, ``iterations`` of the smoother about its own result after that. With ``adapt`` the white
     levels are starting values that the drive's own innovations correct, with ``tune`` all
     levels, finely; ``factors`` on the levels are where that begins (see ``adapt.LEVELS``).
     Without ``retime``
@@ -94,6 +96,8 @@ class FusionOptions:
     wander_tau_s: float = 60.0
     wander_share: float = 1.0
     white_share: float = 0.25
+    velocity_wander_sd: float = 0.0
+    velocity_wander_tau_s: float = 2.0
     horizontal_sd_m: float = 1.2
     vertical_sd_m: float = 2.4
     velocity_sd: float = 0.1
@@ -124,7 +128,8 @@ class StateModel:
 
     ``terms`` the inertial parameters in order, ``term_table`` [m, 3] their codes, ``offsets``
     [N_BLOCKS] of the measurement-side blocks (-1 off), ``names`` of the states after the nine
-    navigation errors, ``prior_mean`` and ``prior_sd`` [n - 9], ``tau`` and ``walk`` [n].
+    navigation errors, ``prior_mean`` and ``prior_sd`` [n - 9], ``tau`` [n] s, 0
+    where a state only walks, ``walk`` [n] its variance, or the walk's growth of it in a second.
     """
 
     terms: tuple[ImuTerm, ...]
@@ -179,6 +184,10 @@ def build_state_model(
         for parameter in CATALOGUE[effect].parameters[: BLOCK_SIZE[block]]:
             names.append(f"{effect}_{parameter.name}")
             sd.append(_prior(options, effect, parameter.name, parameter.prior_sd))
+    if options.velocity_wander_sd > 0.0:
+        offsets[VEL_WANDER] = N_NAV + len(names)
+        names += [f"gnss_velocity_wander_{a}" for a in "ned"]
+        sd += [options.velocity_wander_sd] * 3
     means = {**(means or {}), **given}
     sds = {**(sds or {}), **dict.fromkeys(given, 0.0)}
     n = N_NAV + len(names)
@@ -191,6 +200,10 @@ def build_state_model(
         block_rows = slice(int(offsets[WANDER]), int(offsets[WANDER]) + 3)
         tau[block_rows] = options.wander_tau_s
         walk[block_rows] = 1.0
+    if offsets[VEL_WANDER] >= 0:
+        block_rows = slice(int(offsets[VEL_WANDER]), int(offsets[VEL_WANDER]) + 3)
+        tau[block_rows] = options.velocity_wander_tau_s
+        walk[block_rows] = options.velocity_wander_sd**2
     mean = np.array([means.get(name, 0.0) for name in names])
     spread = np.array([sds.get(name, s) for name, s in zip(names, sd, strict=True)])
     table = np.array([(t.sensor, t.axis, t.basis) for t in terms], dtype=np.int64).reshape(-1, 3)

@@ -25,6 +25,7 @@ from automap.gap.formula_effect import (
     fit_as_effect,
     fit_its_noise,
     name_of,
+    unconstrained,
 )
 from automap.gap.formula_trial import (
     BESIDES_SHARE,
@@ -99,6 +100,9 @@ def _in_its_place(
     alone = left <= max(MIN_NATS, BESIDES_SHARE * named) and formula.p_value <= FORMULA_P
     # both were fitted, and the formula has paid for its choice
     more = min(formula.nats - named, _gain(found.fits, state.fits) - formula.spent)
+    # the constraint bends a formula and a name differently
+    more_free = _gain(unconstrained(found).fits, unconstrained(state).fits)
+    say(f"more {more:.1f}, without the vehicle constraint {more_free:.1f}")
     slack = HELD_OUT_SLACK if more > SURE_NATS else 0.0
     enough = formula.nats >= FORMULA_NATS and more >= OVER_NAMES_NATS
     if alone and enough and _holds(state, found, say) >= -slack:

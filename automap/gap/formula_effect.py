@@ -109,12 +109,8 @@ def borne_out(state: State) -> list[bool]:
     sign by itself: what slips or sways is the vehicle, no sensor.
     """
     assert state.unexplained is not None
-    loose = {**state.model.factors, **dict.fromkeys(VEHICLE_LEVELS, LOOSE)}
-    model = replace(state.model, factors=loose)
-    values, free = (
-        _terms(state, m, fits)
-        for m, fits in ((state.model, state.fits), (model, fit_all(state, model, state.accepted)))
-    )
+    loose = unconstrained(state)
+    values, free = (_terms(state, one.model, one.fits) for one in (state, loose))
     out = []
     for (value, sd), (alone, alone_sd) in zip(values, free, strict=True):
         # the sd of what one more source of information moves an estimate by
@@ -122,6 +118,13 @@ def borne_out(state: State) -> list[bool]:
         agree = abs(alone - value) < CONFLICT * apart
         out.append(bool(agree or alone * np.sign(value) > SEEN * alone_sd))
     return out
+
+
+def unconstrained(state: State) -> State:
+    """The state fitted without the vehicle constraint."""
+    factors = {**state.model.factors, **dict.fromkeys(VEHICLE_LEVELS, LOOSE)}
+    model = replace(state.model, factors=factors)
+    return replace(state, model=model, fits=fit_all(state, model, state.accepted))
 
 
 def _terms(state: State, model: GapModel, fits: Sequence[Fit]) -> list[tuple[float, float]]:

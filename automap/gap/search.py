@@ -58,6 +58,7 @@ from automap.gap.trial import (
     with_own_noise,
     without_effects,
 )
+from automap.gap.velocity_wander import with_velocity_wander
 from automap.gap.whitening import Whitener
 
 MAX_FINDINGS = 8
@@ -82,6 +83,8 @@ def begin(
     ]
     found.sort(key=lambda factors: -noise_score(fits, factors))
     best = found[0]
+    model, best = with_velocity_wander(fits, replace(model, factors=best), say)
+    known = {}
     for last in (False, True):
         model = replace(model, factors=best)
         fits = [fit_drive(d, model, near=f) for d, f in zip(drives, fits, strict=True)]

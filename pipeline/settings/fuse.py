@@ -41,6 +41,10 @@ class FuseSettings(Section):
     """Vertical error at HDOP 1 where the receiver gives none, m."""
     velocity_sd: PositiveFloat = _D.velocity_sd
     """Velocity error per axis where the receiver gives none, m/s."""
+    velocity_wander_sd: NonNegativeFloat = _D.velocity_wander_sd
+    """The part of the velocity error that wanders, m/s; 0 for none."""
+    velocity_wander_tau_s: PositiveFloat = _D.velocity_wander_tau_s
+    """Correlation time of that part, s."""
     nhc_sd: PositiveFloat = _D.nhc_sd
     """Sideways speed of the vehicle over one second, m/s."""
     nhc_slip: NonNegativeFloat = _D.nhc_slip

@@ -85,7 +85,7 @@ def level_slopes(
             q = walk[j] * span
             if tau[j] > 0.0:
                 # at the start a correlated state has all of its variance
-                q = (1.0 - decay[j] ** 2) * walk[j] if k > 0 else 1.0
+                q = (1.0 - decay[j] ** 2 if k > 0 else 1.0) * walk[j]
             slope[level] += q * (lam[j] ** 2 - big[j, j])
             info[level] += 2.0 * (q * big[j, j]) ** 2
         if k > 0 and span > 0.0:

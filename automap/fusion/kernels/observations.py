@@ -23,6 +23,7 @@ from automap.fusion.layout import (
     VEHICLE_PITCH,
     VEL_LAG,
     VEL_LATENCY,
+    VEL_WANDER,
     WANDER,
     WHEEL,
 )
@@ -124,7 +125,8 @@ def velocity_block(
     off: IntArray,
     t: float,
 ) -> None:
-    """Residual and rows of an antenna velocity NED; ``rate`` [3] body, ``acc`` [3] NED."""
+    """Residual and rows of an antenna velocity NED, its wander added; ``rate`` [3] body, ``acc``
+    [3] NED."""
     n = h.shape[1]
     lever = np.zeros(3)
     if off[LEVER] >= 0:
@@ -154,6 +156,10 @@ def velocity_block(
     _shift_in_time(h, z, acc, xi, off[VEL_LATENCY], -1.0)
     # a first-order low-pass delays by its time constant, to first order
     _shift_in_time(h, z, acc, xi, off[VEL_LAG], -1.0)
+    if off[VEL_WANDER] >= 0:
+        for a in range(3):
+            z[a] -= xi[off[VEL_WANDER] - N_NAV + a]
+            h[a, off[VEL_WANDER] + a] = 1.0
 
 
 @kernel
