@@ -46,6 +46,8 @@ def model_toml(
     options, asked = model.options, result.base.options
     if not options.earth_rotation or not asked.earth_rotation:
         lines.append(f"earth_rotation = {str(options.earth_rotation).lower()}")
+    if options.shocks:
+        lines.append("shocks = true")
     if options.velocity_wander_sd > 0.0:
         lines.append(f"velocity_wander_sd = {options.velocity_wander_sd:.6g}")
         lines.append(f"velocity_wander_tau_s = {options.velocity_wander_tau_s:.6g}")

@@ -78,10 +78,12 @@ class FusionOptions:
     these values (parameters not named are zero). ``wander_tau_s`` and ``wander_share``: the
     Gauss-Markov part of a fix's error relative to the receiver's own accuracy figure,
     ``white_share`` the white part. ``velocity_wander_sd`` m/s and ``velocity_wander_tau_s`` the
-    Gauss-Markov part of its velocity's error, none with 0. ``passes`` at most that many to
-    settle the delays, ``iterations`` of the smoother about its own result after that. With ``adapt`` the white
-    levels are starting values that the drive's own innovations correct, with ``tune`` all
-    levels, finely; ``factors`` on the levels are where that begins (see ``adapt.LEVELS``).
+    Gauss-Markov part of its velocity's error, none with 0; with ``shocks`` noise is larger
+    where readings scatter much (``shock_noise``). ``passes`` at most that many to settle the
+    delays, ``iterations`` of the smoother about its own result after that. With
+    ``adapt`` the white levels are starting values that the drive's own innovations correct, with
+    ``tune`` all levels, finely; ``factors`` on the levels are where that begins (see
+    ``levels``).
     Without ``retime``
     only the IMU's delay moves the nodes; ages of fixes stay states, and the nodes stay the same.
     """
@@ -98,6 +100,7 @@ class FusionOptions:
     white_share: float = 0.25
     velocity_wander_sd: float = 0.0
     velocity_wander_tau_s: float = 2.0
+    shocks: bool = False
     horizontal_sd_m: float = 1.2
     vertical_sd_m: float = 2.4
     velocity_sd: float = 0.1

@@ -24,6 +24,7 @@ from automap.fusion.layout import (
 from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.model import FusionOptions, StateModel
 from automap.fusion.resample import states_at
+from automap.fusion.shocks import shock_noise
 from automap.fusion.stamp_error import reported_rows
 from automap.records import FloatArray, ImuData
 
@@ -134,12 +135,14 @@ def make_problem(
 
     t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)
     step = float(np.median(np.diff(t)))
-    raw = _for_linear_steps(np.concatenate([imu.gyro, imu.accel], axis=1), t, step)
+    readings = np.concatenate([imu.gyro, imu.accel], axis=1)
+    raw = _for_linear_steps(readings, t, step)
     terms = list(model.terms)
     extra = extra_basis(terms, imu.gyro, imu.accel, imu.temp_c, speed, signals=signals)
     width = max(2 * round(0.5 * FORCE_WINDOW_S / step) + 1, 1)
     force = uniform_filter1d(imu.accel, width, axis=0, mode="nearest")
-    samples = Samples(t, raw, np.ascontiguousarray(extra), np.ascontiguousarray(force))
+    shocks = shock_noise(readings, step) if options.shocks else np.zeros((len(t), 2))
+    samples = Samples(t, raw, np.ascontiguousarray(extra), np.ascontiguousarray(force), shocks)
     return with_options(Problem(samples, model, options, _model_arrays(model, options, step)))
 
 

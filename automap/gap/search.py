@@ -34,6 +34,7 @@ from automap.gap.naming import (
     rivals_of,
 )
 from automap.gap.noise import Curvatures, fit_noise, noise_score
+from automap.gap.noise_kinds import with_kinds_of_noise
 from automap.gap.scoring import Joint, robust_score, whitener_of
 from automap.gap.screening import screen
 from automap.gap.search_state import (
@@ -58,7 +59,6 @@ from automap.gap.trial import (
     with_own_noise,
     without_effects,
 )
-from automap.gap.velocity_wander import with_velocity_wander
 from automap.gap.whitening import Whitener
 
 MAX_FINDINGS = 8
@@ -77,19 +77,13 @@ def begin(
     say("fitting the noise")
     # the sensors' noise first or the fixes': the likelihood has a top for either
     known: Curvatures = {}
-    found = [
+    tops = [
         fit_noise(fits, initial=fit_noise(fits, levels, known=known), known=known)
         for levels in (INERTIAL_LEVELS, others)
     ]
-    found.sort(key=lambda factors: -noise_score(fits, factors))
-    best = found[0]
-    model, best = with_velocity_wander(fits, replace(model, factors=best), say)
-    known = {}
-    for last in (False, True):
-        model = replace(model, factors=best)
-        fits = [fit_drive(d, model, near=f) for d, f in zip(drives, fits, strict=True)]
-        best = best if last else fit_noise(fits, known=known)
-    return State(list(drives), list(held_out), asked, model, fits, curvatures=known)
+    best = max(tops, key=lambda factors: noise_score(fits, factors))
+    found = with_kinds_of_noise(fits, replace(model, factors=best), say)
+    return State(list(drives), list(held_out), asked, found.model, found.fits)
 
 
 def candidates_of(state: State, exclude: Collection[str]) -> list[str]:

@@ -45,6 +45,8 @@ class FuseSettings(Section):
     """The part of the velocity error that wanders, m/s; 0 for none."""
     velocity_wander_tau_s: PositiveFloat = _D.velocity_wander_tau_s
     """Correlation time of that part, s."""
+    shocks: bool = _D.shocks
+    """Whether noise is larger where readings scatter much from sample to sample."""
     nhc_sd: PositiveFloat = _D.nhc_sd
     """Sideways speed of the vehicle over one second, m/s."""
     nhc_slip: NonNegativeFloat = _D.nhc_slip

@@ -9,12 +9,14 @@ from automap.records import FloatArray, IntArray
 
 class Samples(NamedTuple):
     """Samples: ``t`` [n] s, ``raw`` [n, 6] rates and forces, ``extra`` [n, e] extra basis
-    signals, ``force`` [n, 3] the forces low-passed without delay."""
+    signals, ``force`` [n, 3] the forces low-passed without delay, ``shocks`` [n, 2] PSD that
+    shocks add to the noise of force and rate."""
 
     t: FloatArray
     raw: FloatArray
     extra: FloatArray
     force: FloatArray
+    shocks: FloatArray
 
 
 class ModelArrays(NamedTuple):

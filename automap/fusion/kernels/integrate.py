@@ -41,7 +41,7 @@ def integrate(
     corrected reading and extra signals.
     """
     # taken out of the tuples once: in the loop that would count references at every access
-    times, readings, extra = samples.t, samples.raw, samples.extra
+    times, readings, extra, shocks = samples.t, samples.raw, samples.extra, samples.shocks
     terms, gap = model.terms, model.gap
     qa0, qg0 = model.noise[0], model.noise[1]
     n_imu = times.shape[0]
@@ -92,7 +92,7 @@ def integrate(
                 for b in range(3):
                     c_mid[a, b] += 0.5 * c[a, b]
             add_transition(phi, terms, c_mid, mid, dvn, dt)
-            qa, qg = qa0, qg0
+            qa, qg = qa0 + shocks[i, 0], qg0 + shocks[i, 1]
             if wide:
                 qa += gap[1] * gap[1] * width
                 qg += gap[2] * gap[2] * width

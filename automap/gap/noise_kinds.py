@@ -1,0 +1,84 @@
+"""Kinds of noise that a drive may have beyond the usual ones, where it shows them.
+
+Velocities with errors that last longer than an epoch are believed far too much where they are
+taken for white, and a few shocks make the sensors look noisy all the time. Either way the sensors'
+noise grows until no effect of theirs shows any more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from automap.fusion.levels import VELOCITY_WANDER
+from automap.fusion.shocks import shock_noise
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.model import GapModel
+from automap.gap.noise import fit_noise, noise_score
+from automap.gap.search_state import Say
+
+WANDER_SD = 0.05
+"""m/s, where the search for the size of lasting velocity errors begins."""
+TIMES_S = (2.0, 0.6, 6.0)
+WORTH_NATS = 10.0
+
+
+@dataclass(frozen=True)
+class Suited:
+    """Fits under a model whose noise levels suit them, and their log-likelihood in nats."""
+
+    model: GapModel
+    fits: list[Fit]
+    score: float
+
+
+def with_kinds_of_noise(fits: Sequence[Fit], model: GapModel, say: Say) -> Suited:
+    """The model with shocks and velocity errors that last, as far as the drives show them, its
+    noise fitted. ``model`` has the levels that suit it without them."""
+    best = suited(fits, model)
+    options = best.model.options
+    if not options.shocks and any(_shaken(fit) for fit in fits):
+        say("fitting the noise of shocks")
+        tried = suited(best.fits, replace(best.model, options=replace(options, shocks=True)))
+        best = tried if tried.score > best.score + WORTH_NATS else best
+    if options.velocity_wander_sd > 0.0:
+        return best
+    without = best
+    for tau in TIMES_S:
+        say(f"fitting velocity errors that last {tau:g} s")
+        tried = _wandering(best, tau)
+        if best is without:
+            if tried.score < best.score + WORTH_NATS:
+                break
+            best = tried
+        elif tried.score > best.score:
+            return tried
+    return best
+
+
+def suited(fits: Sequence[Fit], model: GapModel) -> Suited:
+    """Fits under the model with the noise levels that suit them."""
+    begun = [fit_drive(fit.opened, model, near=fit) for fit in fits]
+    model = replace(model, factors=fit_noise(begun))
+    done = [fit_drive(fit.opened, model, near=fit) for fit in begun]
+    return Suited(model, done, noise_score(done, model.factors))
+
+
+def _wandering(known: Suited, tau_s: float) -> Suited:
+    """The same with velocity errors that last so long."""
+    options = replace(
+        known.model.options, velocity_wander_sd=WANDER_SD, velocity_wander_tau_s=tau_s
+    )
+    factors = known.model.factors
+    if known.model.options.velocity_wander_sd == 0.0:
+        factors = {**factors, VELOCITY_WANDER: 1.0}
+    return suited(known.fits, replace(known.model, options=options, factors=factors))
+
+
+def _shaken(fit: Fit) -> bool:
+    """Whether the drive has shocks that are worth a look."""
+    imu = fit.opened.drive.imu
+    step = float(np.median(np.diff(imu.t_ns))) * 1e-9
+    return bool(shock_noise(np.concatenate([imu.gyro, imu.accel], axis=1), step).any())
