@@ -13,7 +13,7 @@ from automap.gap.ages import Ages, without_remainder
 from automap.gap.drive import open_drive
 from automap.gap.evidence import Evidence
 from automap.gap.fit import Fit, at_times, fit_drive, motion_of
-from automap.gap.naming import latency_first, offset_besides
+from automap.gap.naming import latency_first, offset_at_start, offset_besides
 from automap.gap.scoring import Joint
 from automap.gap.screening import Candidate
 from automap.gap.search_state import Trial
@@ -75,6 +75,17 @@ def test_clocks_of_different_rates_may_agree_somewhere(offset: float, apart: boo
     fit = fit_drive(opened, MODEL, {"imu_clock_skew": 20.0})
     assert fit.value_of("imu_clock_skew")["skew"] == pytest.approx(5e-4, abs=1e-4)
     assert offset_besides([fit]) is apart
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.06, -0.06])
+def test_a_skew_alone_agrees_with_the_first_sample(offset: float) -> None:
+    # over the drive the clocks part by more than that: they agree somewhere
+    hidden = {"imu_clock_skew": {"skew": 2e-3 if offset < 0.0 else -2e-3}}
+    hidden["imu_time_offset"] = {"s": offset}
+    opened = open_drive(simulated(hidden), MODEL.options)
+    fit = fit_drive(opened, MODEL, {"imu_clock_skew": 40.0})
+    assert not offset_besides([fit])
+    assert offset_at_start([fit]) == pytest.approx(offset, abs=0.02)
 
 
 def trial(effect: str, nats: float) -> Trial:

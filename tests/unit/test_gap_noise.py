@@ -15,13 +15,14 @@ from tests.unit.test_gap import simulated
 STEP = 1e-3
 
 
-@pytest.fixture(scope="module")
-def ungated() -> Fit:
+@pytest.fixture(scope="module", params=[0.0, 0.05], ids=["white", "wandering"])
+def ungated(request: pytest.FixtureRequest) -> Fit:
     """A drive whose every measurement counts in full: trust by surprise has no slope."""
     from dataclasses import replace
 
     model = base_model()
-    model = replace(model, options=replace(model.options, gate_probability=1e-12))
+    options = replace(model.options, gate_probability=1e-12, velocity_wander_sd=request.param)
+    model = replace(model, options=options)
     return fit_drive(open_drive(simulated({}), model.options), model)
 
 
