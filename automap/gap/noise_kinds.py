@@ -7,7 +7,7 @@ noise grows until no effect of theirs shows any more.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,9 @@ WANDER_SD = 0.05
 """m/s, where the search for the size of lasting velocity errors begins."""
 TIMES_S = (2.0, 0.6, 6.0)
 WORTH_NATS = 10.0
+LIKE_NOISE = ("gnss_latency", "gnss_velocity_latency", "gnss_lever_arm")
+"""Effects that make velocity errors that last, in every bend: with them free, what is left is
+noise."""
 
 
 @dataclass(frozen=True)
@@ -37,18 +40,25 @@ class Suited:
 def with_kinds_of_noise(fits: Sequence[Fit], model: GapModel, say: Say) -> Suited:
     """The model with shocks and velocity errors that last, as far as the drives show them, its
     noise fitted. ``model`` has the levels that suit it without them."""
-    best = suited(fits, model)
+    free = {e: 1.0 for e in LIKE_NOISE if e not in model.settled}
+    kinds = _kinds(suited(fits, model, free), free, say).model
+    return suited(fits, kinds)
+
+
+def _kinds(best: Suited, free: Mapping[str, float], say: Say) -> Suited:
+    """The kinds of noise that fits show with the effects ``free`` estimated."""
     options = best.model.options
-    if not options.shocks and any(_shaken(fit) for fit in fits):
+    if not options.shocks and any(_shaken(fit) for fit in best.fits):
         say("fitting the noise of shocks")
-        tried = suited(best.fits, replace(best.model, options=replace(options, shocks=True)))
+        shaken = replace(best.model, options=replace(options, shocks=True))
+        tried = suited(best.fits, shaken, free)
         best = tried if tried.score > best.score + WORTH_NATS else best
     if options.velocity_wander_sd > 0.0:
         return best
     without = best
     for tau in TIMES_S:
         say(f"fitting velocity errors that last {tau:g} s")
-        tried = _wandering(best, tau)
+        tried = _wandering(best, tau, free)
         if best is without:
             if tried.score < best.score + WORTH_NATS:
                 break
@@ -58,15 +68,16 @@ def with_kinds_of_noise(fits: Sequence[Fit], model: GapModel, say: Say) -> Suite
     return best
 
 
-def suited(fits: Sequence[Fit], model: GapModel) -> Suited:
-    """Fits under the model with the noise levels that suit them."""
-    begun = [fit_drive(fit.opened, model, near=fit) for fit in fits]
+def suited(fits: Sequence[Fit], model: GapModel, free: Mapping[str, float] | None = None) -> Suited:
+    """Fits under the model, with the effects ``free`` as states, and the noise levels that suit
+    them."""
+    begun = [fit_drive(fit.opened, model, free, near=fit) for fit in fits]
     model = replace(model, factors=fit_noise(begun))
-    done = [fit_drive(fit.opened, model, near=fit) for fit in begun]
+    done = [fit_drive(fit.opened, model, free, near=fit) for fit in begun]
     return Suited(model, done, noise_score(done, model.factors))
 
 
-def _wandering(known: Suited, tau_s: float) -> Suited:
+def _wandering(known: Suited, tau_s: float, free: Mapping[str, float]) -> Suited:
     """The same with velocity errors that last so long."""
     options = replace(
         known.model.options, velocity_wander_sd=WANDER_SD, velocity_wander_tau_s=tau_s
@@ -74,7 +85,7 @@ def _wandering(known: Suited, tau_s: float) -> Suited:
     factors = known.model.factors
     if known.model.options.velocity_wander_sd == 0.0:
         factors = {**factors, VELOCITY_WANDER: 1.0}
-    return suited(known.fits, replace(known.model, options=options, factors=factors))
+    return suited(known.fits, replace(known.model, options=options, factors=factors), free)
 
 
 def _shaken(fit: Fit) -> bool:
