@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -34,7 +35,7 @@ from automap.gap.formula_trial import (
     OVER_NAMES_NATS,
     RAISED,
 )
-from automap.gap.heldout import HELD_OUT_SLACK, SURE_NATS, fit_held_out, total_score
+from automap.gap.heldout import HELD_OUT_SLACK, SURE_NATS, fit_held_out, suiting_score
 from automap.gap.scoring import robust_score, whitener_of
 from automap.gap.search_state import (
     LOW_WALK,
@@ -228,9 +229,14 @@ def _holds(state: State, found: State, say: Say) -> float:
     """How much likelier held-out data are with the formula than with the name, nats."""
     if not state.held_out:
         return 0.0
-    named = fit_held_out(state.held_out, state.model, estimated(state), state.held_fits)
-    after = fit_held_out(state.held_out, found.model, estimated(found), named)
-    whitener = whitener_of(after[0])
-    gain = total_score(after, whitener) - total_score(named, whitener)
+    named, after = (
+        suiting_score(
+            partial(fit_held_out, state.held_out, values=estimated(one), near=state.held_fits),
+            (state.model, found.model),
+            whitener_of(found.fits[0]),
+        )
+        for one in (state, found)
+    )
+    gain = after - named
     say(f"held-out data are {gain:.1f} nats likelier with the formula")
     return gain

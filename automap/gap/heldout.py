@@ -8,7 +8,7 @@ autoregression of its own innovations could still gain (a Kullback-Leibler dista
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -71,6 +71,18 @@ def fit_held_out_unsure(
 def total_score(fits: Sequence[Fit], whitener: Whitener) -> float:
     """Robust log-likelihood of all drives in nats."""
     return sum(robust_score(f, whitener) for f in fits)
+
+
+def suiting_score(
+    fit: Callable[[GapModel], Sequence[Fit]], models: Sequence[GapModel], whitener: Whitener
+) -> float:
+    """Robust log-likelihood under the better of models that differ in their noise levels: whether
+    other data need an effect is not to be mixed up with how noisy they are."""
+    different: list[GapModel] = []
+    for model in models:
+        if all(model.factors != known.factors for known in different):
+            different.append(model)
+    return max(total_score(fit(model), whitener) for model in different)
 
 
 def remaining_gap(fits: Sequence[Fit]) -> float:

@@ -11,7 +11,7 @@ from automap.fusion.levels import ALL_LEVELS
 from automap.gap.clock_offset import missing_offset, starting_offset
 from automap.gap.drive import OpenDrive
 from automap.gap.effect_library import library
-from automap.gap.fit import fit_drive
+from automap.gap.fit import Fit, fit_drive
 from automap.gap.formula import Formula
 from automap.gap.formula_effect import borne_out, confirmed, dismiss, fit_as_effect
 from automap.gap.formula_trial import strongest_formula
@@ -20,6 +20,7 @@ from automap.gap.heldout import (
     SURE_NATS,
     fit_held_out,
     fit_held_out_unsure,
+    suiting_score,
     total_score,
 )
 from automap.gap.model import SKEW, GapModel
@@ -172,9 +173,16 @@ def _helps(state: State, trial: Trial, say: Say) -> bool:
     wider = float(np.sqrt(trial.candidate.evidence.excess))
     sds = {p: wider * sd for p, (_, sd) in trial.joint.of(trial.effect).items()}
     old = state.held_fits = fit_held_out(state.held_out, state.model, before, state.held_fits)
-    new = fit_held_out_unsure(state.held_out, trial.model, after, trial.effect, sds, old)
     whitener: Whitener = whitener_of(trial.fits[0])
-    gain = total_score(new, whitener) - total_score(old, whitener)
+
+    def without(model: GapModel) -> list[Fit]:
+        return fit_held_out(state.held_out, model, before, old)
+
+    def with_effect(model: GapModel) -> list[Fit]:
+        return fit_held_out_unsure(state.held_out, model, after, trial.effect, sds, old)
+
+    models = (state.model, trial.model)
+    gain = suiting_score(with_effect, models, whitener) - suiting_score(without, models, whitener)
     return gain > (-HELD_OUT_SLACK if trial.nats > SURE_NATS else 0.0)
 
 
