@@ -41,6 +41,7 @@ from automap.gap.screening import screen
 from automap.gap.search_state import (
     MAX_P,
     MIN_NATS,
+    WALKS,
     Say,
     State,
     Trial,
@@ -64,6 +65,7 @@ from automap.gap.whitening import Whitener
 
 MAX_FINDINGS = 8
 SWAP_NATS = 1.0
+LESS_DRIFT = 0.7
 FIX_AGE = "gnss_latency"
 
 
@@ -140,7 +142,10 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
         return None
     if not trials or trials[0].nats < MIN_NATS or trials[0].p_value > MAX_P:
         besides = starting_offset(state, effects, say)
-        return None if besides is None else _accept(state, besides)
+        if besides is not None:
+            return _accept(state, besides)
+        _note_what_is_like_drift(state, trials)
+        return None
     best = trials[0]
     if not _helps(state, best, say):
         state.refused[best.effect] = (
@@ -152,6 +157,21 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
     if state.alike_formula is not None:
         state.rivals[best.effect] += (state.alike_formula,)
     return _accept(state, best)
+
+
+def _note_what_is_like_drift(state: State, trials: Sequence[Trial]) -> None:
+    """Keep the names that a drift of the biases cannot be told from: with them less of it is left,
+    and the data are as likely."""
+    for walk in WALKS:
+        alike = [
+            t.effect
+            for t in trials
+            if t.effect.startswith(walk.partition("_")[0])
+            and t.nats > -CLOSE_NATS
+            and t.model.factors[walk] < LESS_DRIFT * state.model.factors[walk]
+        ]
+        if alike:
+            state.rivals[walk] = (*state.rivals.get(walk, ()), *alike)
 
 
 def _accept(state: State, best: Trial) -> Trial:
