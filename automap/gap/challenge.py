@@ -101,12 +101,9 @@ def _in_its_place(
     alone = left <= max(MIN_NATS, BESIDES_SHARE * named) and formula.p_value <= FORMULA_P
     # both were fitted, and the formula has paid for its choice
     more = min(formula.nats - named, _gain(found.fits, state.fits) - formula.spent)
-    # the constraint bends a formula and a name differently
-    more_free = _gain(unconstrained(found).fits, unconstrained(state).fits)
-    say(f"more {more:.1f}, without the vehicle constraint {more_free:.1f}")
     slack = HELD_OUT_SLACK if more > SURE_NATS else 0.0
     enough = formula.nats >= FORMULA_NATS and more >= OVER_NAMES_NATS
-    if alone and enough and _holds(state, found, say) >= -slack:
+    if alone and enough and _measured(state, found, say) and _holds(state, found, say) >= -slack:
         state.accepted, state.trials = found.accepted, found.trials
         state.model, state.fits = found.model, found.fits
         state.unexplained, state.resembles = formula, found.resembles
@@ -223,6 +220,14 @@ def _gain(after: Sequence[Fit], before: Sequence[Fit]) -> float:
         whitener = whitener_of(a)
         total += robust_score(a, whitener) - robust_score(b, whitener)
     return total
+
+
+def _measured(state: State, found: State, say: Say) -> bool:
+    """Whether measurements without the vehicle constraint, which bends the two differently, are
+    likelier with the formula than with the name."""
+    more = _gain(unconstrained(found).fits, unconstrained(state).fits)
+    say(f"without the vehicle constraint the formula explains {more:.1f} nats more")
+    return more > 0.0
 
 
 def _holds(state: State, found: State, say: Say) -> float:
