@@ -201,8 +201,12 @@ def _helps(state: State, trial: Trial, say: Say) -> bool:
     def with_effect(model: GapModel) -> list[Fit]:
         return fit_held_out_unsure(state.held_out, model, after, trial.effect, sds, old)
 
+    # with the noise that either model was fitted with, or both under whichever suits them better
     models = (state.model, trial.model)
-    gain = suiting_score(with_effect, models, whitener) - suiting_score(without, models, whitener)
+    gain = max(
+        total_score(with_effect(trial.model), whitener) - total_score(old, whitener),
+        suiting_score(with_effect, models, whitener) - suiting_score(without, models, whitener),
+    )
     return gain > (-HELD_OUT_SLACK if trial.nats > SURE_NATS else 0.0)
 
 

@@ -160,6 +160,7 @@ def _outside(
     shown: Sequence[Mapping[str, Any]],
 ) -> None:
     case = drawn.case
+    truth = set(case.effects)
     if verdict.flagged:
         verdict.formula_right = case.kind == "formula" and formula_is_right(
             case.formula_kind, answer["unexplained"]
@@ -169,7 +170,7 @@ def _outside(
         verdict.outcome = "formula beside a name"
     elif shown:
         verdict.outcome = "mis-named"
-    elif set(case.effects) <= LEVELS_OF.keys() and _noise_shows(set(case.effects), answer):
+    elif case.effects and case.effects.keys() <= LEVELS_OF.keys() and _noise_shows(truth, answer):
         # a level of noise stays in the model without the effect of that name
         verdict.outcome = "as noise"
     else:
