@@ -2,9 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
 from numba import njit
+
+PACKAGE = Path(__file__).resolve().parent.parent
 
 # divisions by zero give infinity instead of a check at every division, and sums may be taken
 # in any order; NaN and infinity keep their meaning
 kernel = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz", "arcp"})
 """Decorator of all numba functions of the fusion."""
+
+
+def drop_stale(folders: Iterable[Path]) -> None:
+    """Remove the index of compiled code beside the sources that is older than any of them.
+
+    Numba compiles a function anew when its own file changes, not when a function or a constant
+    that it takes from another file does.
+    """
+    folders = list(folders)
+    # where nothing may be written nothing was compiled
+    with suppress(OSError):
+        newest = max(p.stat().st_mtime for folder in folders for p in folder.glob("*.py"))
+        for folder in folders:
+            for index in (folder / "__pycache__").glob("*.nbi"):
+                if index.stat().st_mtime < newest:
+                    index.unlink(missing_ok=True)
+
+
+drop_stale([PACKAGE / "fusion", PACKAGE / "fusion" / "kernels", PACKAGE / "gap"])
