@@ -25,7 +25,8 @@ def drop_stale(folders: Iterable[Path]) -> None:
     folders = list(folders)
     # where nothing may be written nothing was compiled
     with suppress(OSError):
-        newest = max(p.stat().st_mtime for folder in folders for p in folder.glob("*.py"))
+        sources = [p for folder in folders for p in folder.glob("*.py")]
+        newest = max((p.stat().st_mtime for p in sources), default=0.0)
         for folder in folders:
             for index in (folder / "__pycache__").glob("*.nbi"):
                 if index.stat().st_mtime < newest:
