@@ -56,6 +56,7 @@ from automap.gap.trial import (
     gross_trials,
     on_common_ground,
     shortlist,
+    shown,
     slow_trials,
     try_candidate,
     with_own_noise,
@@ -277,7 +278,9 @@ def eliminate(state: State, say: Say) -> Joint:
             robust_score(a, whitener) - robust_score(b, whitener)
             for a, b in zip(state.fits, fits, strict=True)
         )
-        if loss < CLOSE_NATS:
+        if min(loss, shown(joint_of(state.model, state.accepted, state.fits, zeros), effect)) < (
+            CLOSE_NATS
+        ):
             state.accepted, state.fits = fewer, fits
             state.trials = [t for t in state.trials if t.effect != effect]
     return joint_of(state.model, state.accepted, state.fits, zeros)

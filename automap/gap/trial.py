@@ -96,7 +96,7 @@ def _judge(
         whitener = whitener_of(after)
         gains.append(robust_score(after, whitener) - robust_score(before, whitener))
     joint = joint_of(model, estimate, fits, gains)
-    joint = replace(joint, nats=min(joint.nats, _shown(joint, candidate.effect)))
+    joint = replace(joint, nats=min(joint.nats, shown(joint, candidate.effect)))
     nats = _scattering(joint.nats, candidate)
     return Trial(candidate, joint, tuple(fits), model, nats, p_value(nats, maxima), maxima)
 
@@ -107,7 +107,7 @@ def _scattering(nats: float, candidate: Candidate) -> float:
     return float(nats / np.sqrt(candidate.evidence.excess)) if nats > 0.0 else nats
 
 
-def _shown(joint: Joint, effect: str) -> float:
+def shown(joint: Joint, effect: str) -> float:
     """Nats that an effect's estimate can be worth at most: half its squared distance from nothing
     in sigmas (Wald). A filter that trusts surprising measurements less may gain more by a state
     that is unsure, whatever its value turns out to be."""
@@ -120,7 +120,7 @@ def _shown(joint: Joint, effect: str) -> float:
 
 def _with_nats(trial: Trial, nats: float) -> Trial:
     """The trial with another evidence of its fit."""
-    nats = min(nats, _shown(trial.joint, trial.effect))
+    nats = min(nats, shown(trial.joint, trial.effect))
     own = _scattering(nats, trial.candidate)
     joint = replace(trial.joint, nats=nats)
     return replace(trial, joint=joint, nats=own, p_value=p_value(own, trial.maxima))
