@@ -47,6 +47,7 @@ from automap.gap.search_state import (
     fit_all,
     joint_of,
 )
+from automap.gap.trial import few_gain
 
 ROUNDS = 2
 PROMISING = 0.7
@@ -89,7 +90,8 @@ def _in_its_place(
 
     One that explains as much stands with the names as what they cannot be told from.
     """
-    named = _gain(state.fits, without.fits)
+    few = _few_gain(state, names)
+    named = _gain(state.fits, without.fits) + few
     found = _fitted(without, named, exclude, say)
     if found is None:
         return False
@@ -100,7 +102,7 @@ def _in_its_place(
     say(f"{formula.told}: {formula.nats:.1f} nats; in its place {named:.1f}, beside it {left:.1f}")
     alone = left <= max(MIN_NATS, BESIDES_SHARE * named) and formula.p_value <= FORMULA_P
     # both were fitted, and the formula has paid for its choice
-    more = min(formula.nats - named, _gain(found.fits, state.fits) - formula.spent)
+    more = min(formula.nats - named, _gain(found.fits, state.fits) - formula.spent - few)
     slack = HELD_OUT_SLACK if more > SURE_NATS else 0.0
     enough = formula.nats >= FORMULA_NATS and more >= OVER_NAMES_NATS
     if alone and enough and _measured(state, found, say) and _holds(state, found, say) >= -slack:
@@ -114,6 +116,13 @@ def _in_its_place(
             known = state.rivals.get(name, ())
             state.rivals[name] = known if formula.told in known else (*known, formula.told)
     return False
+
+
+def _few_gain(state: State, names: Sequence[str]) -> float:
+    """Nats that the names among these gain where few of their parameters act."""
+    joint = joint_of(state.model, state.accepted, state.fits, [0.0] * len(state.fits))
+    known = [name for name in names if name in state.accepted]
+    return sum(few_gain(joint, state.model, state.accepted, name) for name in known)
 
 
 def _fitted(without: State, named: float, exclude: Collection[str], say: Say) -> State | None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.gap.sparse import choices
 from automap.gap.whitening import WhiteRows
 from automap.records import FloatArray, IntArray
 
@@ -92,8 +93,11 @@ class Evidence:
     excess: float
 
 
-def evidence(scores: Scores, columns: IntArray, prior_sd: FloatArray) -> Evidence:
-    """Evidence of the candidate with these columns [p] and prior sds [p]."""
+def evidence(
+    scores: Scores, columns: IntArray, prior_sd: FloatArray, sparse: bool = False
+) -> Evidence:
+    """Evidence of the candidate with these columns [p] and prior sds [p]; where ``sparse``, of
+    few of them as of all."""
     g = scores.score[columns]
     info = scores.info[np.ix_(columns, columns)]
     best: Evidence | None = None
@@ -104,6 +108,8 @@ def evidence(scores: Scores, columns: IntArray, prior_sd: FloatArray) -> Evidenc
         root = np.linalg.cholesky(b + np.eye(len(g)))
         y = np.linalg.solve(root, h)
         nats = 0.5 * float(y @ y) - float(np.log(np.diag(root)).sum())
+        if sparse:
+            nats = float(_sparse(h[:, None], b)[0])
         if scale > 1.0:
             nats -= np.log(2.0)
         if best is None or nats > best.nats + 1e-9:
@@ -125,6 +131,18 @@ def evidence(scores: Scores, columns: IntArray, prior_sd: FloatArray) -> Evidenc
             excess,
         )
     return best
+
+
+def _sparse(h: FloatArray, b: FloatArray) -> FloatArray:
+    """Evidence [d] of a candidate of few or all parameters, from scores ``h`` [p, d] and
+    information ``b`` [p, p] in units of the prior."""
+    total = np.full(h.shape[1], -np.inf)
+    for acting, weight in choices(len(h)):
+        root = np.linalg.cholesky(b[np.ix_(acting, acting)] + np.eye(len(acting)))
+        y = np.linalg.solve(root, h[acting])
+        each = weight + 0.5 * (y**2).sum(axis=0) - float(np.log(np.diag(root)).sum())
+        total = np.logaddexp(total, each)
+    return total
 
 
 def _excess(scores: Scores, columns: IntArray, theta: FloatArray) -> float:
@@ -150,7 +168,11 @@ def _excess(scores: Scores, columns: IntArray, theta: FloatArray) -> float:
 
 
 def null_maxima(
-    scores: Scores, groups: list[tuple[IntArray, FloatArray]], draws: int, seed: int = 1
+    scores: Scores,
+    groups: list[tuple[IntArray, FloatArray]],
+    draws: int,
+    seed: int = 1,
+    sparse: bool = False,
 ) -> FloatArray:
     """The largest evidence [draws] over all candidates where none acts, sorted.
 
@@ -170,9 +192,13 @@ def null_maxima(
         info = scores.info[np.ix_(columns, columns)]
         for scale in PRIOR_SCALES:
             sd = scale * prior_sd
-            low = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(sd)))
-            y = np.linalg.solve(low, (g[:, columns] * sd).T)
-            nats = 0.5 * (y**2).sum(axis=0) - np.log(np.diag(low)).sum()
+            h, b = (g[:, columns] * sd).T, info * np.outer(sd, sd)
+            if sparse:
+                nats = _sparse(h, b)
+            else:
+                low = np.linalg.cholesky(b + np.eye(len(sd)))
+                y = np.linalg.solve(low, h)
+                nats = 0.5 * (y**2).sum(axis=0) - np.log(np.diag(low)).sum()
             best = np.maximum(best, nats - (np.log(2.0) if scale > 1.0 else 0.0))
     return np.sort(best)
 

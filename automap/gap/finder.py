@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from automap.effects import CATALOGUE
@@ -14,6 +14,7 @@ from automap.gap.challenge import challenge
 from automap.gap.drive import GapDrive, in_vehicle_axes, open_drive
 from automap.gap.effect_library import library
 from automap.gap.fit import Fit, fit_drive
+from automap.gap.fork import search
 from automap.gap.formula_effect import adopt, name_of
 from automap.gap.heldout import channel_gaps, epochs, fit_held_out, remaining_gap, total_score
 from automap.gap.identifiability import Identifiability, identifiability
@@ -21,8 +22,8 @@ from automap.gap.locate import places, worst_by_channel
 from automap.gap.model import GapModel, base_model
 from automap.gap.result import Finding, GapResult, ParameterValue, Unexplained
 from automap.gap.scoring import Joint, whitener_of
-from automap.gap.search import MAX_FINDINGS, begin, eliminate, step
-from automap.gap.search_state import Say, State, estimated, values_of
+from automap.gap.search import begin, eliminate
+from automap.gap.search_state import Say, State, values_of
 from automap.gap.stochastic import stochastic_findings
 
 FIT_SHARE = 2.0 / 3.0
@@ -64,19 +65,14 @@ def find_gaps(
     state = begin(opened, kept, model, say)
     state.exclude = frozenset(exclude)
     base = state.model
-    stages: list[tuple[GapModel, Mapping[str, Mapping[str, float]]]] = [(base, {})]
-    while len(state.accepted) < MAX_FINDINGS:
-        found = step(state, exclude, say)
-        if found is None:
-            break
-        stages.append((state.model, estimated(state)))
+    search(state, exclude, say)
     adopt(state, say)
     joint = eliminate(state, say)
     if state.unexplained is None:
         challenge(state, exclude, say)
         joint = eliminate(state, say)
     say("measuring the gap on held-out data")
-    return _result(state, base, stages, joint)
+    return _result(state, base, joint)
 
 
 def _turning_options(options: FusionOptions) -> FusionOptions:
@@ -107,7 +103,6 @@ def _split(drives: Sequence[GapDrive]) -> tuple[list[GapDrive], list[GapDrive]]:
 def _result(
     state: State,
     base: GapModel,
-    stages: Sequence[tuple[GapModel, Mapping[str, Mapping[str, float]]]],
     joint: Joint,
 ) -> GapResult:
     final_values = values_of(joint, state.accepted)
@@ -122,7 +117,7 @@ def _result(
 
     trail = []
     first: list[Fit] = final
-    for number, (model, values) in enumerate(stages):
+    for number, (model, values) in enumerate(state.stages):
         fits = fit_held_out(state.held_out, model, values, final)
         if number == 0:
             first = fits

@@ -34,8 +34,8 @@ this much, are offset besides."""
 def by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
     """Give effects that differ in sign alone the name that makes physical sense.
 
-    Fixes come late and stamps are late; neither is early. A low-pass has a positive constant,
-    and clocks whose rates do not differ have no skew.
+    Fixes come late and stamps are late; neither is early, nor is a velocity. A low-pass has a
+    positive constant, a tyre gives way outwards, and clocks whose rates do not differ have no skew.
     """
     out: dict[str, Trial] = {}
     for trial in trials:
@@ -45,7 +45,10 @@ def by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
             other = "imu_time_offset" if effect == "gnss_latency" else "gnss_latency"
             if other in effects:
                 trial = _renamed(trial, other)
-        if effect == "gnss_velocity_lag" and value <= 0.0:
+        if effect in ("gnss_velocity_lag", "vehicle_sideslip") and value <= 0.0:
+            continue
+        if effect == "gnss_velocity_latency" and value + _latency(trial.joint) < 0.0:
+            # no velocity is told before its time: where it is ahead of the fixes, those are late
             continue
         if effect == SKEW and abs(value) < SKEW_SIGMAS * sd:
             # what helps is the offset that a skew brings along
@@ -54,6 +57,11 @@ def by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
         if known is None or trial.nats > known.nats:
             out[trial.effect] = trial
     return list(out.values())
+
+
+def _latency(joint: Joint) -> float:
+    """How late whole fixes are by a joint estimate, s; nothing where that is not estimated."""
+    return next((value for value, _ in joint.of("gnss_latency").values()), 0.0)
 
 
 def latency_first(trials: list[Trial]) -> list[Trial]:

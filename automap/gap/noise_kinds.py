@@ -45,6 +45,21 @@ def with_kinds_of_noise(fits: Sequence[Fit], model: GapModel, say: Say) -> Suite
     return suited(fits, kinds)
 
 
+def without_wander(
+    fits: Sequence[Fit], model: GapModel, accepted: Mapping[str, float], say: Say
+) -> Suited | None:
+    """The fits without velocity errors that last, where the effects ``accepted`` explain what was
+    taken for such errors; None where they do not, or none were there."""
+    if model.options.velocity_wander_sd == 0.0:
+        return None
+    say("checking whether velocity errors still last")
+    now = noise_score(fits, model.factors)
+    options = replace(model.options, velocity_wander_sd=0.0)
+    factors = {**model.factors, VELOCITY_WANDER: 1.0}
+    plain = suited(fits, replace(model, options=options, factors=factors), accepted)
+    return plain if plain.score > now - WORTH_NATS else None
+
+
 def _kinds(best: Suited, free: Mapping[str, float], say: Say) -> Suited:
     """The kinds of noise that fits show with the effects ``free`` estimated."""
     options = best.model.options

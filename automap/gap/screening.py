@@ -89,10 +89,10 @@ def _ranked(scores: Scores, layout: list[Column], effects: Sequence[str]) -> Scr
     }
     groups = {e: rows for e, rows in groups.items() if len(rows)}
     priors = {e: np.array([layout[i].prior_sd for i in rows]) for e, rows in groups.items()}
-    maxima = null_maxima(scores, [(groups[e], priors[e]) for e in groups], NULL_DRAWS)
+    maxima = null_maxima(scores, [(groups[e], priors[e]) for e in groups], NULL_DRAWS, sparse=True)
     found = []
     for effect, rows in groups.items():
-        item = evidence(scores, rows, priors[effect])
+        item = evidence(scores, rows, priors[effect], sparse=True)
         parameters = tuple(layout[i].parameter for i in rows)
         found.append(
             Candidate(effect, parameters, rows, priors[effect], item, p_value(item.nats, maxima))

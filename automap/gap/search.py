@@ -35,7 +35,7 @@ from automap.gap.naming import (
     rivals_of,
 )
 from automap.gap.noise import Curvatures, fit_noise, noise_score
-from automap.gap.noise_kinds import with_kinds_of_noise
+from automap.gap.noise_kinds import LIKE_NOISE, with_kinds_of_noise, without_wander
 from automap.gap.scoring import Joint, robust_score, whitener_of
 from automap.gap.screening import screen
 from automap.gap.search_state import (
@@ -45,6 +45,7 @@ from automap.gap.search_state import (
     Say,
     State,
     Trial,
+    estimated,
     fit_all,
     joint_of,
     values_of,
@@ -52,6 +53,7 @@ from automap.gap.search_state import (
 from automap.gap.trial import (
     INERTIAL_LEVELS,
     beyond_noise,
+    few_gain,
     found_better_noise,
     gross_trials,
     on_common_ground,
@@ -68,6 +70,8 @@ MAX_FINDINGS = 8
 SWAP_NATS = 1.0
 LESS_DRIFT = 0.7
 FIX_AGE = "gnss_latency"
+LIKE_WANDER = (*LIKE_NOISE, *VELOCITY_AGES, *OFFSETS, SKEW)
+"""Effects of which a part may have been taken for velocity errors that last."""
 
 
 def begin(
@@ -87,7 +91,9 @@ def begin(
     ]
     best = max(tops, key=lambda factors: noise_score(fits, factors))
     found = with_kinds_of_noise(fits, replace(model, factors=best), say)
-    return State(list(drives), list(held_out), asked, found.model, found.fits)
+    state = State(list(drives), list(held_out), asked, found.model, found.fits)
+    state.stages.append((state.model, {}))
+    return state
 
 
 def candidates_of(state: State, exclude: Collection[str]) -> list[str]:
@@ -109,9 +115,9 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
     if not effects:
         return None
     offset = missing_offset(state, effects, say)
-    if offset is not None and _helps(state, offset, say):
+    if offset is not None and helps(state, offset, say):
         state.rivals[offset.effect] = rivals_of(offset, (), effects, None)
-        return _accept(state, offset)
+        return accept(state, offset, say)
     say("screening the library")
     screening = screen(state.fits, effects)
     trials = gross_trials(state, effects, say)
@@ -125,10 +131,10 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
     nulls = without_effects(state, trials)
     if found_better_noise(state, nulls, say):
         return step(state, exclude, say)
-    trials = latency_first(on_common_ground(beyond_noise(state, trials, nulls)))
+    trials = latency_first(on_common_ground(state, beyond_noise(state, trials, nulls)))
     for t in trials:
         say(f"{t.effect}: {t.nats:.1f} nats, screened {t.screened:.1f}, p {t.p_value:.1e}")
-    formula = strongest_formula(state, trials, exclude, say)
+    formula = strongest_formula(state, trials, exclude, say) if state.formulas else None
     objection = None if formula is None else _objection(state, formula, say)
     if formula is not None and objection is not None:
         state.warnings.append(
@@ -140,15 +146,16 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
         state.unexplained = formula
         if trials and trials[0].nats > MIN_NATS:
             state.resembles = trials[0].effect
+            state.contender = trials[0] if trials[0].p_value <= MAX_P else None
         return None
     if not trials or trials[0].nats < MIN_NATS or trials[0].p_value > MAX_P:
         besides = starting_offset(state, effects, say)
         if besides is not None:
-            return _accept(state, besides)
+            return accept(state, besides, say)
         _note_what_is_like_drift(state, trials)
         return None
     best = trials[0]
-    if not _helps(state, best, say):
+    if not helps(state, best, say):
         state.refused[best.effect] = (
             f"{best.effect} would explain {best.nats:.0f} nats of the fitted data, but the "
             "held-out data do not confirm it; it is not named"
@@ -157,7 +164,7 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
     state.rivals[best.effect] = rivals_of(best, trials[1:], effects, screening)
     if state.alike_formula is not None:
         state.rivals[best.effect] += (state.alike_formula,)
-    return _accept(state, best)
+    return accept(state, best, say)
 
 
 def _note_what_is_like_drift(state: State, trials: Sequence[Trial]) -> None:
@@ -175,21 +182,27 @@ def _note_what_is_like_drift(state: State, trials: Sequence[Trial]) -> None:
             state.rivals[walk] = (*state.rivals.get(walk, ()), *alike)
 
 
-def _accept(state: State, best: Trial) -> Trial:
+def accept(state: State, best: Trial, say: Say) -> Trial:
+    """Make a trial's effect one of the state's."""
     state.accepted[best.effect] = best.scale
     state.trials.append(replace(best, stage=len(state.trials) + 1))
     state.model, state.fits = best.model, list(best.fits)
     # what held-out data refused may have been bent by what was still missing
     state.refused.clear()
+    if best.effect in LIKE_WANDER:
+        plain = without_wander(state.fits, state.model, state.accepted, say)
+        if plain is not None:
+            state.model, state.fits = plain.model, plain.fits
+    state.stages.append((state.model, estimated(state)))
     return best
 
 
-def _helps(state: State, trial: Trial, say: Say) -> bool:
+def helps(state: State, trial: Trial, say: Say) -> bool:
     """Whether the held-out data are more likely with the effect than without."""
     if not state.held_out:
         return True
     say(f"checking {trial.effect} on held-out data")
-    before = values_of(state.trials[-1].joint, state.accepted) if state.trials else {}
+    before = estimated(state)
     after = values_of(trial.joint, [*state.accepted, trial.effect])
     wider = float(np.sqrt(trial.candidate.evidence.excess))
     sds = {p: wider * sd for p, (_, sd) in trial.joint.of(trial.effect).items()}
@@ -219,7 +232,7 @@ def _objection(state: State, formula: Formula, say: Say) -> str | None:
     if fit_as_effect(tried) and not all(borne_out(tried)):
         dismiss(formula)
         return "only the vehicle constraint shows it"
-    values = values_of(state.trials[-1].joint, state.accepted) if state.trials else {}
+    values = estimated(state)
     old = state.held_fits = fit_held_out(state.held_out, state.model, values, state.held_fits)
     if not confirmed(old, state.model, values, formula):
         return "the held-out data do not confirm it"
@@ -278,9 +291,9 @@ def eliminate(state: State, say: Say) -> Joint:
             robust_score(a, whitener) - robust_score(b, whitener)
             for a, b in zip(state.fits, fits, strict=True)
         )
-        if min(loss, shown(joint_of(state.model, state.accepted, state.fits, zeros), effect)) < (
-            CLOSE_NATS
-        ):
+        joint = joint_of(state.model, state.accepted, state.fits, zeros)
+        loss += few_gain(joint, state.model, state.accepted, effect)
+        if min(loss, shown(joint, effect)) < CLOSE_NATS:
             state.accepted, state.fits = fewer, fits
             state.trials = [t for t in state.trials if t.effect != effect]
     return joint_of(state.model, state.accepted, state.fits, zeros)

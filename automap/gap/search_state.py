@@ -37,6 +37,7 @@ SLOW_EFFECTS = (
 """Effects that a random walk of the bias can stand in for."""
 WALKS = ("accel_bias_walk", "gyro_bias_walk")
 Say = Callable[[str], None]
+Stage = tuple[GapModel, Mapping[str, Mapping[str, float]]]
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,9 @@ class Trial:
 class State:
     """Where a search stands: fits of the drives under ``model`` with the accepted effects, the
     noise factors ``asked`` for, ``refused`` effects that held-out data did not confirm under the
-    present model, with a sentence on each; ``held_fits`` the newest ones of the held-out drives,
+    present model, with a sentence on each; ``contender`` the best name where a formula beat it;
+    ``formulas`` whether any are tried; ``stages`` models and effects' values, the base model's
+    first, then after each name; ``held_fits`` the newest ones of the held-out drives,
     ``curvatures`` what is known of the noise's likelihood."""
 
     drives: list[OpenDrive]
@@ -95,6 +98,9 @@ class State:
     unexplained: Formula | None = None
     resembles: str | None = None
     alike_formula: str | None = None
+    contender: Trial | None = None
+    formulas: bool = True
+    stages: list[Stage] = field(default_factory=list)
 
 
 def fit_all(state: State, model: GapModel, estimate: Mapping[str, float]) -> list[Fit]:
@@ -129,5 +135,7 @@ def values_of(joint: Joint, effects: Collection[str]) -> dict[str, dict[str, flo
 
 def estimated(state: State) -> dict[str, dict[str, float]]:
     """Values of the accepted effects by the state's fits."""
+    if not state.fits:
+        return {}
     joint = joint_of(state.model, state.accepted, state.fits, [0.0] * len(state.fits))
     return values_of(joint, state.accepted)

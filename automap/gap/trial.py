@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +24,9 @@ from automap.gap.search_state import (
     Trial,
     fit_all,
     joint_of,
+    prior_of,
 )
+from automap.gap.sparse import sparse_gain
 from automap.records import FloatArray
 
 ALIKE = (
@@ -96,7 +98,8 @@ def _judge(
         whitener = whitener_of(after)
         gains.append(robust_score(after, whitener) - robust_score(before, whitener))
     joint = joint_of(model, estimate, fits, gains)
-    joint = replace(joint, nats=min(joint.nats, shown(joint, candidate.effect)))
+    nats = joint.nats + few_gain(joint, model, estimate, candidate.effect)
+    joint = replace(joint, nats=min(nats, shown(joint, candidate.effect)))
     nats = _scattering(joint.nats, candidate)
     return Trial(candidate, joint, tuple(fits), model, nats, p_value(nats, maxima), maxima)
 
@@ -105,6 +108,20 @@ def _scattering(nats: float, candidate: Candidate) -> float:
     """Evidence of a fit less what the score scatters too much: the screening knows that, the fit
     what is not linear."""
     return float(nats / np.sqrt(candidate.evidence.excess)) if nats > 0.0 else nats
+
+
+def few_gain(joint: Joint, model: GapModel, estimate: Mapping[str, float], effect: str) -> float:
+    """Nats that an estimated effect gains where few of its parameters act: fits have all free."""
+    rows = [i for i, (name, _) in enumerate(joint.names) if name == effect]
+    if not rows:
+        return 0.0
+    prior_sd = prior_of(model, {effect: estimate[effect]})
+    return sparse_gain(joint.values[rows], joint.cov[np.ix_(rows, rows)], prior_sd)
+
+
+def _few_gain_of(trial: Trial, state: State) -> float:
+    estimate = state.accepted | {trial.effect: trial.scale}
+    return few_gain(trial.joint, trial.model, estimate, trial.effect)
 
 
 def shown(joint: Joint, effect: str) -> float:
@@ -203,7 +220,7 @@ def with_own_noise(state: State, trials: Sequence[Trial], say: Say) -> list[Tria
     return sorted(out, key=lambda t: -t.joint.nats)
 
 
-def on_common_ground(trials: Sequence[Trial]) -> list[Trial]:
+def on_common_ground(state: State, trials: Sequence[Trial]) -> list[Trial]:
     """The strongest trials compared under the same spread and autoregression, best first.
 
     Each was judged under those of its own innovations, and a whitener that suits one better hides
@@ -218,7 +235,7 @@ def on_common_ground(trials: Sequence[Trial]) -> list[Trial]:
         if trial.nats < max(MIN_NATS, FINALIST_SHARE * best.nats):
             out.append(trial)
             continue
-        ahead = 0.0
+        ahead = _few_gain_of(trial, state) - _few_gain_of(best, state)
         for a, b in zip(trial.fits, best.fits, strict=True):
             for whitener in (whitener_of(a), whitener_of(b)):
                 ahead += 0.5 * (robust_score(a, whitener) - robust_score(b, whitener))

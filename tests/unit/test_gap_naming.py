@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from automap.gap.model import SKEW, base_model
 from automap.gap.naming import by_sign
 from automap.gap.scoring import Joint
 from automap.gap.screening import Candidate
-from automap.gap.search import _accept, candidates_of
+from automap.gap.search import accept, candidates_of
 from automap.gap.search_state import State, Trial
 
 MODEL = base_model()
@@ -31,15 +33,30 @@ def test_clocks_whose_rates_do_not_differ_have_no_skew(value: float, kept: bool)
     assert bool(found) is kept
 
 
+@pytest.mark.parametrize(
+    "effect", ["gnss_velocity_latency", "gnss_velocity_lag", "vehicle_sideslip"]
+)
+def test_no_velocity_is_early_and_no_tyre_slips_inwards(effect: str) -> None:
+    assert by_sign([trial(effect, -0.02, 1e-3)], [effect]) == []
+    assert [t.effect for t in by_sign([trial(effect, 0.02, 1e-3)], [effect])] == [effect]
+
+
+def test_velocities_may_be_less_late_than_their_fixes() -> None:
+    found = trial("gnss_velocity_latency", -0.05, 1e-3)
+    names = (("gnss_latency", "s"), ("gnss_velocity_latency", "s"))
+    joint = replace(found.joint, names=names, values=np.array([0.07, -0.05]), cov=np.eye(2) * 1e-6)
+    assert by_sign([replace(found, joint=joint)], ["gnss_velocity_latency"])
+
+
 def test_what_was_refused_is_asked_for_again_once_something_is_named() -> None:
     state = State([], [], {}, MODEL, [])
     state.refused = {"imu_mounting": "held-out data do not confirm it"}
     state.warnings = ["a formula was not confirmed"]
     assert "imu_mounting" not in candidates_of(state, ())
-    _accept(state, trial("speed_vibration"))
+    accept(state, trial("speed_vibration"), print)
     assert not state.refused
     assert "imu_mounting" in candidates_of(state, ())
-    _accept(state, trial("imu_mounting"))
+    accept(state, trial("imu_mounting"), print)
     assert list(state.accepted) == ["speed_vibration", "imu_mounting"]
     assert [t.stage for t in state.trials] == [1, 2]
     assert state.warnings == ["a formula was not confirmed"]
