@@ -149,11 +149,22 @@ def formula_columns(
     return out
 
 
+def left_out(effect: str) -> str:
+    """The channel of an effect on fixes or constraint that the library does without."""
+    return f"{'vehicle' if CATALOGUE[effect].family == 'vehicle' else 'fixes'} ({effect})"
+
+
+def left_out_effect(channel: str) -> str | None:
+    """The effect of such a channel, None for others."""
+    _, bracket, rest = channel.partition(" (")
+    return rest.removesuffix(")") if bracket else None
+
+
 def _as_formula(column: Column) -> Column:
     """A column of an effect that the library does without, told as a formula."""
     if not column.inertial:
         text = column.parameter
-        return Column(f"fixes ({column.effect})", text, column.prior_sd, direct=column.direct)
+        return Column(left_out(column.effect), text, column.prior_sd, direct=column.direct)
     part = column.inertial[0]
     channel = CHANNELS[3 * part.sensor + part.axis]
     term: ImuTerm = next(

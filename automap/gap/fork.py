@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import fields, replace
 
-from automap.gap.formula_effect import adopt, dismiss
+from automap.gap.formula_effect import adopt, dismiss, effect_of
 from automap.gap.formula_trial import OVER_NAMES_NATS
 from automap.gap.scoring import robust_score, whitener_of
 from automap.gap.search import MAX_FINDINGS, accept, helps, step
@@ -25,6 +25,8 @@ def search(state: State, exclude: Collection[str], say: Say) -> None:
     if state.unexplained is None or state.contender is None:
         return
     formula, name = state.unexplained, state.contender
+    if effect_of(formula) is None:
+        return
     dismiss(formula)
     if not helps(state, name, say):
         return
@@ -35,8 +37,7 @@ def search(state: State, exclude: Collection[str], say: Say) -> None:
     told = _branch(state)
     told.unexplained = formula
     say(f"{name.effect} or {formula.told}: carrying on with the formula")
-    if not adopt(told, say):
-        return
+    adopt(told, say)
     _name_all(told, exclude, say)
     ahead = _nats(told, named)
     more = MIN_NATS * (len(told.accepted) - len(named.accepted))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.fusion.levels import ALL_LEVELS
-from automap.gap.dictionary import shape_of
+from automap.gap.dictionary import left_out_effect, shape_of
 from automap.gap.drive import OpenDrive
 from automap.gap.evidence import p_value
 from automap.gap.fit import Fit, fit_drive
@@ -136,14 +136,19 @@ def _fit_formula(state: State, model: GapModel, context: Sequence[Fit], formula:
     is given the drift that is still wanted with the formula.
     """
     known: dict[float, _Tried] = {}
+    effect = left_out_effect(formula.channel)
 
     def gain(k: float) -> float:
-        drives = [
-            without_formula(opened, fit, column, k)
-            for opened, fit, column in zip(state.drives, context, formula.columns, strict=False)
-        ]
+        drives, with_it = list(state.drives), model
+        if effect is not None:
+            with_it = replace(model, values={**model.values, effect: {formula.text: k}})
+        else:
+            drives = [
+                without_formula(opened, fit, column, k)
+                for opened, fit, column in zip(drives, context, formula.columns, strict=False)
+            ]
         fits = [
-            fit_drive(opened, model, state.accepted, near=fit)
+            fit_drive(opened, with_it, state.accepted, near=fit)
             for opened, fit in zip(drives, context, strict=False)
         ]
         known[k] = _Tried(formula, tuple(drives), tuple(fits), formula.nats)
@@ -185,7 +190,8 @@ def _with_noise(state: State, tried: _Tried, levels: Collection[str]) -> tuple[_
         fit_drive(opened, model, state.accepted, near=fit)
         for opened, fit in zip(tried.drives, tried.fits, strict=True)
     ]
-    without = _gain(state, fit_all(state, model, state.accepted))
+    plain = replace(model, values=state.model.values)
+    without = _gain(state, fit_all(state, plain, state.accepted))
     return replace(tried, fits=tuple(fits)), _gain(state, fits) - max(without, 0.0)
 
 
