@@ -15,6 +15,7 @@ from automap.fusion.layout import (
     CH_ODOMETER,
     CH_POS,
     CH_VEL,
+    LEVER,
     MAX_SCALARS,
     MOUNT,
     N_NAV,
@@ -60,8 +61,8 @@ class Column:
 
 @dataclass(frozen=True)
 class NodeMotion:
-    """The motion at the nodes: velocity, acceleration NED, ``dcm`` body to NED, rate, and the
-    velocity of the point that does not slide in body axes ``u`` [k, 3]."""
+    """The motion at the nodes: velocity, acceleration NED, ``dcm`` body to NED, rate, the velocity
+    of the point that does not slide in body axes ``u`` [k, 3], ``arm`` [3] m to the antenna."""
 
     t: FloatArray
     vel: FloatArray
@@ -70,6 +71,7 @@ class NodeMotion:
     rate: FloatArray
     u: FloatArray
     turn: FloatArray
+    arm: FloatArray
 
 
 def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
@@ -93,7 +95,10 @@ def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
     turn = np.eye(3) + np.array(
         [[0.0, -mount[2], mount[1]], [mount[2], 0.0, -mount[0]], [-mount[1], mount[0], 0.0]]
     )
-    return NodeMotion(t, vel, at_times(motion, motion.acc, t), dcm, rate, u, turn)
+    antenna = np.zeros(3)
+    if offsets[LEVER] >= 0:
+        antenna = final[offsets[LEVER] - N_NAV :][:3]
+    return NodeMotion(t, vel, at_times(motion, motion.acc, t), dcm, rate, u, turn, antenna)
 
 
 def effect_columns(
@@ -210,6 +215,11 @@ def _direct(effect: str, motion: Motion, at: NodeMotion) -> dict[str, FloatArray
         for name, (x, y, z) in rows.items():
             d = blank()
             d[:, CH_NHC], d[:, CH_NHC + 1], d[:, CH_ODOMETER] = y, z, x
+            axis = "rpy".index(name[0])
+            # the antenna is on the vehicle, not on the sensor
+            swung = np.cross(at.arm, np.eye(3)[axis])
+            d[:, pos] = at.dcm @ swung
+            d[:, vel] = np.einsum("kij,kj->ki", at.dcm, np.cross(at.rate, swung))
             out[name] = d
     elif effect == "nhc_lever_arm":
         for i, name in enumerate("xyz"):

@@ -93,8 +93,9 @@ class Seen:
     h: np.ndarray
 
 
-def _seen(errors: Values, model: StateModel) -> Seen:
-    """What is left when the truth of a drive with these errors is taken for error-free."""
+def _seen(errors: Values, model: StateModel, told: Values | None = None) -> Seen:
+    """What is left when the truth of a drive with these errors is taken for error-free, but for
+    what the filter is ``told``."""
     drive = _drive(errors)
     place, velocity = ideal_epochs(drive, Gnss(), INSTANTS, errors)
     wheels = wheel_speed(forward_speed(drive, INSTANTS), errors)
@@ -102,6 +103,9 @@ def _seen(errors: Values, model: StateModel) -> Seen:
     motion = drive.at(INSTANTS - stamp_error_s(INSTANTS, errors))
     C_v_s = sensor_to_vehicle(errors)
     xi = np.zeros(model.size - N_NAV)
+    for effect, values in (told or {}).items():
+        for parameter, value in values.items():
+            xi[model.index(f"{effect}_{parameter}") - N_NAV] = value
     off, one = model.offsets, np.ones(3)
     z_all, h_all = [], []
     for k, t in enumerate(INSTANTS):
@@ -156,6 +160,26 @@ def test_effects_on_the_vehicle_leave_the_fixes_of_the_imu_alone(
 ) -> None:
     errors = {effect: {p.name: 0.01 for p in CATALOGUE[effect].parameters}}
     assert np.abs(_seen(errors, model).z[:, :6]).max() < 1e-6
+
+
+def test_the_antenna_stays_on_the_vehicle_when_the_imu_is_turned(model: StateModel) -> None:
+    """A lever arm is along the vehicle's axes, the filter's attitude is the sensor's."""
+    errors: Values = {
+        "imu_mounting": {"roll": 0.02, "pitch": -0.03, "yaw": 0.03},
+        "gnss_lever_arm": {"x": 1.2, "y": 0.4, "z": -1.1},
+    }
+    seen = _seen(errors, model, told=errors)
+    # m of the antenna; the mounting is a small angle to first order
+    assert np.abs(seen.z[:, :3]).max() < 2e-3
+    assert np.abs(seen.z[:, 3:6]).max() < 1e-3
+    turned = dict(errors["imu_mounting"])
+    for parameter in ("roll", "pitch", "yaw"):
+        step = 1e-4
+        more = {**errors, "imu_mounting": {**turned, parameter: turned[parameter] + step}}
+        numeric = -(_seen(errors, model, told=more).z - seen.z)[:, :6] / step
+        row = seen.h[:, :6, model.index(f"imu_mounting_{parameter}")]
+        assert np.abs(row).max() > 0.1
+        assert numeric == pytest.approx(row, abs=1e-6)
 
 
 def test_data_are_older_than_their_tag() -> None:

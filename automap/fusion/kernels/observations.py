@@ -43,6 +43,47 @@ def _lever_rows(h: FloatArray, phi_row: int, cl: FloatArray, sign: float) -> Non
 
 
 @kernel
+def _lever_in_sensor_axes(
+    lever: FloatArray, turn: FloatArray, xi: FloatArray, off: IntArray
+) -> None:
+    """The antenna's ``lever`` [3], stated along the vehicle's axes, along the sensor's: l - m x l,
+    with the mounting m (small). ``turn`` [3, 3] := I - [m x]."""
+    stated = np.zeros(3)
+    m = np.zeros(3)
+    for a in range(3):
+        stated[a] = xi[off[LEVER] - N_NAV + a]
+        if off[MOUNT] >= 0:
+            m[a] = xi[off[MOUNT] - N_NAV + a]
+    turn[0, 0] = turn[1, 1] = turn[2, 2] = 1.0
+    turn[0, 1], turn[0, 2] = m[2], -m[1]
+    turn[1, 0], turn[1, 2] = -m[2], m[0]
+    turn[2, 0], turn[2, 1] = m[1], -m[0]
+    for a in range(3):
+        lever[a] = turn[a, 0] * stated[0] + turn[a, 1] * stated[1] + turn[a, 2] * stated[2]
+
+
+@kernel
+def _lever_columns(
+    h: FloatArray, g: FloatArray, turn: FloatArray, xi: FloatArray, off: IntArray
+) -> None:
+    """Columns of the lever arm, and of the mounting that turns it, where ``g`` [3, 3] is the
+    derivative by the lever arm along the sensor's axes."""
+    o = off[LEVER]
+    for a in range(3):
+        for b in range(3):
+            h[a, o + b] = g[a, 0] * turn[0, b] + g[a, 1] * turn[1, b] + g[a, 2] * turn[2, b]
+    if off[MOUNT] < 0:
+        return
+    l0, l1, l2 = xi[o - N_NAV], xi[o - N_NAV + 1], xi[o - N_NAV + 2]
+    q = off[MOUNT]
+    for a in range(3):
+        # d(-m x l)/dm = [l x]
+        h[a, q] = g[a, 1] * l2 - g[a, 2] * l1
+        h[a, q + 1] = -g[a, 0] * l2 + g[a, 2] * l0
+        h[a, q + 2] = g[a, 0] * l1 - g[a, 1] * l0
+
+
+@kernel
 def _shift_in_time(
     h: FloatArray, z: FloatArray, slope: FloatArray, xi: FloatArray, offset: int, factor: float
 ) -> None:
@@ -70,14 +111,15 @@ def position_block(
 ) -> None:
     """Residual ``z`` [3] in metres NED and rows ``h`` [3, n] of an antenna position.
 
-    ``fix`` [3] latitude, longitude, height. Predicted: p + C l + wander, at the fix's time
-    shifted by the remaining delay (p + v delay).
+    ``fix`` [3] latitude, longitude, height. Predicted: p + C (I - [m x]) l + wander, at the fix's
+    time shifted by the remaining delay (p + v delay); the lever arm l is the vehicle's, C the
+    sensor's attitude, m the mounting between the two.
     """
     n = h.shape[1]
     lever = np.zeros(3)
+    turn = np.zeros((3, 3))
     if off[LEVER] >= 0:
-        for a in range(3):
-            lever[a] = xi[off[LEVER] - N_NAV + a]
+        _lever_in_sensor_axes(lever, turn, xi, off)
     cl = np.zeros(3)
     for a in range(3):
         cl[a] = c[a, 0] * lever[0] + c[a, 1] * lever[1] + c[a, 2] * lever[2]
@@ -96,9 +138,7 @@ def position_block(
         h[a, a] = 1.0
     _lever_rows(h, PHI_ID, cl, 1.0)
     if off[LEVER] >= 0:
-        for a in range(3):
-            for b in range(3):
-                h[a, off[LEVER] + b] = c[a, b]
+        _lever_columns(h, c, turn, xi, off)
     _shift_in_time(h, z, vel, xi, off[DELAY], 1.0)
     _shift_in_time(h, z, vel, xi, off[SKEW], t)
     _shift_in_time(h, z, vel, xi, off[LATENCY], -1.0)
@@ -129,9 +169,9 @@ def velocity_block(
     [3] NED."""
     n = h.shape[1]
     lever = np.zeros(3)
+    turn = np.zeros((3, 3))
     if off[LEVER] >= 0:
-        for a in range(3):
-            lever[a] = xi[off[LEVER] - N_NAV + a]
+        _lever_in_sensor_axes(lever, turn, xi, off)
     b0 = rate[1] * lever[2] - rate[2] * lever[1]
     b1 = rate[2] * lever[0] - rate[0] * lever[2]
     b2 = rate[0] * lever[1] - rate[1] * lever[0]
@@ -145,11 +185,13 @@ def velocity_block(
         h[a, V_ID + a] = 1.0
     _lever_rows(h, PHI_ID, cv, 1.0)
     if off[LEVER] >= 0:
+        # C [omega x]
+        g = np.zeros((3, 3))
         for a in range(3):
-            # C [omega x]
-            h[a, off[LEVER]] = c[a, 1] * rate[2] - c[a, 2] * rate[1]
-            h[a, off[LEVER] + 1] = c[a, 2] * rate[0] - c[a, 0] * rate[2]
-            h[a, off[LEVER] + 2] = c[a, 0] * rate[1] - c[a, 1] * rate[0]
+            g[a, 0] = c[a, 1] * rate[2] - c[a, 2] * rate[1]
+            g[a, 1] = c[a, 2] * rate[0] - c[a, 0] * rate[2]
+            g[a, 2] = c[a, 0] * rate[1] - c[a, 1] * rate[0]
+        _lever_columns(h, g, turn, xi, off)
     _shift_in_time(h, z, acc, xi, off[DELAY], 1.0)
     _shift_in_time(h, z, acc, xi, off[SKEW], t)
     _shift_in_time(h, z, acc, xi, off[LATENCY], -1.0)
