@@ -11,7 +11,7 @@ from automap.fusion.shocks import shock_noise
 from automap.gap import GapDrive, base_model
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive
-from automap.gap.noise_kinds import Suited, suited, with_kinds_of_noise
+from automap.gap.noise_kinds import Suited, suited, with_kinds_of_noise, without_wander
 from automap.records import FloatArray
 from tests.unit.test_gap import simulated
 
@@ -64,6 +64,26 @@ def test_velocity_errors_that_last_are_not_the_sensors_noise() -> None:
     assert 0.6 <= options.velocity_wander_tau_s <= 6.0
     assert kinds.score > usual.score + 30.0
     assert factors["accel"] < usual.model.factors["accel"]
+
+
+def believed_to_wander(drive: GapDrive, effect: str) -> Suited | None:
+    """What is left of lasting velocity errors once an effect is a state."""
+    model = base_model()
+    options = replace(model.options, velocity_wander_sd=0.05)
+    model = replace(model, options=options)
+    accepted = {effect: 3.0}
+    began = suited([fit_drive(open_drive(drive, options), model)], model, accepted)
+    return without_wander(began.fits, began.model, accepted, lambda said: None)
+
+
+def test_velocity_errors_that_an_effect_makes_do_not_stay_noise() -> None:
+    lag = {"gnss_velocity_lag": {"tau": 0.25}}
+    left = believed_to_wander(simulated(lag), "gnss_velocity_lag")
+    assert left is not None
+    assert left.model.options.velocity_wander_sd == 0.0
+    assert left.fits[0].value_of("gnss_velocity_lag")["tau"] == pytest.approx(0.25, abs=0.03)
+    wander = wandering(simulated({}), np.random.default_rng(5))
+    assert believed_to_wander(wander, "gnss_velocity_lag") is None
 
 
 def test_shocks_do_not_make_the_sensors_noisy_everywhere() -> None:
