@@ -122,7 +122,7 @@ def _few_gain(state: State, names: Sequence[str]) -> float:
     """Nats that the names among these gain where few of their parameters act."""
     joint = joint_of(state.model, state.accepted, state.fits, [0.0] * len(state.fits))
     known = [name for name in names if name in state.accepted]
-    return sum(few_gain(joint, state.model, state.accepted, name) for name in known)
+    return sum(few_gain(joint, state.model, name, state.accepted[name]) for name in known)
 
 
 def _fitted(without: State, named: float, exclude: Collection[str], say: Say) -> State | None:

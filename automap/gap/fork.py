@@ -88,4 +88,4 @@ def _nats(one: State, other: State) -> float:
 
 def _few(state: State) -> float:
     joint = joint_of(state.model, state.accepted, state.fits, [0.0] * len(state.fits))
-    return sum(few_gain(joint, state.model, state.accepted, e) for e in state.accepted)
+    return sum(few_gain(joint, state.model, e, s) for e, s in state.accepted.items())

@@ -131,7 +131,7 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
     nulls = without_effects(state, trials)
     if found_better_noise(state, nulls, say):
         return step(state, exclude, say)
-    trials = latency_first(on_common_ground(state, beyond_noise(state, trials, nulls)))
+    trials = latency_first(on_common_ground(beyond_noise(state, trials, nulls)))
     for t in trials:
         say(f"{t.effect}: {t.nats:.1f} nats, screened {t.screened:.1f}, p {t.p_value:.1e}")
     formula = strongest_formula(state, trials, exclude, say) if state.formulas else None
@@ -292,8 +292,9 @@ def eliminate(state: State, say: Say) -> Joint:
             for a, b in zip(state.fits, fits, strict=True)
         )
         joint = joint_of(state.model, state.accepted, state.fits, zeros)
-        loss += few_gain(joint, state.model, state.accepted, effect)
-        if min(loss, shown(joint, effect)) < CLOSE_NATS:
+        scale = state.accepted[effect]
+        loss += few_gain(joint, state.model, effect, scale)
+        if min(loss, shown(joint, state.model, effect, scale)) < CLOSE_NATS:
             state.accepted, state.fits = fewer, fits
             state.trials = [t for t in state.trials if t.effect != effect]
     return joint_of(state.model, state.accepted, state.fits, zeros)

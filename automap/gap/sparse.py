@@ -32,6 +32,15 @@ def choices(p: int) -> tuple[tuple[IntArray, float], ...]:
     return tuple(out)
 
 
+def estimate_nats(values: FloatArray, cov: FloatArray, prior_sd: FloatArray) -> float:
+    """Nats that an estimate [p] of covariance [p, p] is worth against nothing: the density of the
+    prior, of sds [p], at zero over that of the estimate (Savage and Dickey)."""
+    z = values / prior_sd
+    root = np.linalg.cholesky(cov / np.outer(prior_sd, prior_sd) + 1e-12 * np.eye(len(z)))
+    y = np.linalg.solve(root, z)
+    return 0.5 * float(y @ y) + float(np.log(np.diag(root)).sum())
+
+
 def sparse_gain(values: FloatArray, cov: FloatArray, prior_sd: FloatArray) -> float:
     """Nats by which an effect of few parameters is likelier than one with all of them free: from
     the estimate [p] with all, its covariance [p, p] and the prior sds [p]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,7 +26,7 @@ from automap.gap.search_state import (
     joint_of,
     prior_of,
 )
-from automap.gap.sparse import sparse_gain
+from automap.gap.sparse import estimate_nats, sparse_gain
 from automap.records import FloatArray
 
 ALIKE = (
@@ -98,8 +98,9 @@ def _judge(
         whitener = whitener_of(after)
         gains.append(robust_score(after, whitener) - robust_score(before, whitener))
     joint = joint_of(model, estimate, fits, gains)
-    nats = joint.nats + few_gain(joint, model, estimate, candidate.effect)
-    joint = replace(joint, nats=min(nats, shown(joint, candidate.effect)))
+    effect, scale = candidate.effect, candidate.evidence.scale
+    nats = joint.nats + few_gain(joint, model, effect, scale)
+    joint = replace(joint, nats=min(nats, shown(joint, model, effect, scale)))
     nats = _scattering(joint.nats, candidate)
     return Trial(candidate, joint, tuple(fits), model, nats, p_value(nats, maxima), maxima)
 
@@ -110,37 +111,37 @@ def _scattering(nats: float, candidate: Candidate) -> float:
     return float(nats / np.sqrt(candidate.evidence.excess)) if nats > 0.0 else nats
 
 
-def few_gain(joint: Joint, model: GapModel, estimate: Mapping[str, float], effect: str) -> float:
+def few_gain(joint: Joint, model: GapModel, effect: str, scale: float) -> float:
     """Nats that an estimated effect gains where few of its parameters act: fits have all free."""
     rows = [i for i, (name, _) in enumerate(joint.names) if name == effect]
     if not rows:
         return 0.0
-    prior_sd = prior_of(model, {effect: estimate[effect]})
+    prior_sd = prior_of(model, {effect: scale})
     return sparse_gain(joint.values[rows], joint.cov[np.ix_(rows, rows)], prior_sd)
 
 
-def _few_gain_of(trial: Trial, state: State) -> float:
-    estimate = state.accepted | {trial.effect: trial.scale}
-    return few_gain(trial.joint, trial.model, estimate, trial.effect)
-
-
-def shown(joint: Joint, effect: str) -> float:
-    """Nats that an effect's estimate can be worth at most: half its squared distance from nothing
-    in sigmas (Wald). A filter that trusts surprising measurements less may gain more by a state
-    that is unsure, whatever its value turns out to be."""
+def shown(joint: Joint, model: GapModel, effect: str, scale: float) -> float:
+    """Nats that an effect's estimate is worth by itself, and the most that it can be worth. A
+    filter that trusts surprising measurements less may gain more by a state that is unsure,
+    whatever its value turns out to be."""
     rows = [i for i, (name, _) in enumerate(joint.names) if name == effect]
     if not rows:
         return np.inf
-    value = joint.values[rows]
-    return 0.5 * float(value @ np.linalg.solve(joint.cov[np.ix_(rows, rows)], value))
+    values, cov = joint.values[rows], joint.cov[np.ix_(rows, rows)]
+    prior_sd = prior_of(model, {effect: scale})
+    return estimate_nats(values, cov, prior_sd) + sparse_gain(values, cov, prior_sd)
 
 
 def _with_nats(trial: Trial, nats: float) -> Trial:
     """The trial with another evidence of its fit."""
-    nats = min(nats, shown(trial.joint, trial.effect))
+    nats = min(nats, shown(trial.joint, trial.model, trial.effect, trial.scale))
     own = _scattering(nats, trial.candidate)
     joint = replace(trial.joint, nats=nats)
     return replace(trial, joint=joint, nats=own, p_value=p_value(own, trial.maxima))
+
+
+def _few_gain_of(trial: Trial) -> float:
+    return few_gain(trial.joint, trial.model, trial.effect, trial.scale)
 
 
 def without_effects(state: State, trials: Sequence[Trial]) -> list[list[Fit] | None]:
@@ -220,7 +221,7 @@ def with_own_noise(state: State, trials: Sequence[Trial], say: Say) -> list[Tria
     return sorted(out, key=lambda t: -t.joint.nats)
 
 
-def on_common_ground(state: State, trials: Sequence[Trial]) -> list[Trial]:
+def on_common_ground(trials: Sequence[Trial]) -> list[Trial]:
     """The strongest trials compared under the same spread and autoregression, best first.
 
     Each was judged under those of its own innovations, and a whitener that suits one better hides
@@ -235,7 +236,7 @@ def on_common_ground(state: State, trials: Sequence[Trial]) -> list[Trial]:
         if trial.nats < max(MIN_NATS, FINALIST_SHARE * best.nats):
             out.append(trial)
             continue
-        ahead = _few_gain_of(trial, state) - _few_gain_of(best, state)
+        ahead = _few_gain_of(trial) - _few_gain_of(best)
         for a, b in zip(trial.fits, best.fits, strict=True):
             for whitener in (whitener_of(a), whitener_of(b)):
                 ahead += 0.5 * (robust_score(a, whitener) - robust_score(b, whitener))

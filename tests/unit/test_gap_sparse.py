@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from automap.gap.evidence import Scores, evidence, null_maxima
-from automap.gap.sparse import choices, sparse_gain
+from automap.gap.sparse import choices, estimate_nats, sparse_gain
 from automap.records import FloatArray
 
 
@@ -47,6 +47,16 @@ def test_estimate_and_score_say_the_same(p: int) -> None:
     full = evidence(scores, columns, prior_sd).nats
     few = evidence(scores, columns, prior_sd, sparse=True).nats
     assert few - full == pytest.approx(sparse_gain(*_posterior(scores, prior_sd), prior_sd))
+
+
+def test_an_estimate_is_worth_what_its_score_is() -> None:
+    p = 3
+    prior_sd, info = np.full(p, 0.3), _info(3)
+    scores = _scores(info, info @ np.array([0.05, 0.0, -0.1]))
+    full = evidence(scores, np.arange(p), prior_sd).nats
+    assert estimate_nats(*_posterior(scores, prior_sd), prior_sd) == pytest.approx(full)
+    # what is not known at all is worth nothing
+    assert estimate_nats(np.zeros(p), np.diag(prior_sd**2), prior_sd) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_one_axis_of_nine_is_likelier_than_all() -> None:
