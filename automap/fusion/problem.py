@@ -26,6 +26,7 @@ from automap.fusion.model import FusionOptions, StateModel
 from automap.fusion.resample import states_at
 from automap.fusion.shocks import shock_noise
 from automap.fusion.stamp_error import reported_rows
+from automap.fusion.steady_rate import steady_rate
 from automap.records import FloatArray, ImuData
 
 FORCE_WINDOW_S = 0.2
@@ -142,7 +143,10 @@ def make_problem(
     width = max(2 * round(0.5 * FORCE_WINDOW_S / step) + 1, 1)
     force = uniform_filter1d(imu.accel, width, axis=0, mode="nearest")
     shocks = shock_noise(readings, step) if options.shocks else np.zeros((len(t), 2))
-    samples = Samples(t, raw, np.ascontiguousarray(extra), np.ascontiguousarray(force), shocks)
+    calm = steady_rate(t, imu.gyro) - raw[:, :3]
+    samples = Samples(
+        t, raw, np.ascontiguousarray(extra), np.ascontiguousarray(force), calm, shocks
+    )
     return with_options(Problem(samples, model, options, _model_arrays(model, options, step)))
 
 

@@ -21,6 +21,7 @@ from automap.fusion.layout import (
     N_NAV,
     WHEEL,
 )
+from automap.fusion.steady_rate import steady_rate
 from automap.gap.fit import Fit, Motion, at_times, lagged, motion_of
 from automap.gap.kernels import push_columns
 from automap.gap.motion_signals import motion_signals
@@ -82,7 +83,7 @@ def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
     t = fit.last.nodes.t
     dcm = quat_to_matrix(nominal[:, 6:10])
     vel = nominal[:, 3:6]
-    rate = at_times(motion, motion.rate, t)
+    rate = at_times(motion, steady_rate(motion.t, motion.rate), t)
     u = np.einsum("kji,kj->ki", dcm, vel)
     final = fit.last.smooth.params[-1]
     offsets = fit.last.problem.model.offsets

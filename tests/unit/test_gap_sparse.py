@@ -56,7 +56,9 @@ def test_an_estimate_is_worth_what_its_score_is() -> None:
     full = evidence(scores, np.arange(p), prior_sd).nats
     assert estimate_nats(*_posterior(scores, prior_sd), prior_sd) == pytest.approx(full)
     # what is not known at all is worth nothing
-    assert estimate_nats(np.zeros(p), np.diag(prior_sd**2), prior_sd) == pytest.approx(0.0, abs=1e-9)
+    assert estimate_nats(np.zeros(p), np.diag(prior_sd**2), prior_sd) == pytest.approx(
+        0.0, abs=1e-9
+    )
 
 
 def test_one_axis_of_nine_is_likelier_than_all() -> None:

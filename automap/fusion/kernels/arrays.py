@@ -9,13 +9,15 @@ from automap.records import FloatArray, IntArray
 
 class Samples(NamedTuple):
     """Samples: ``t`` [n] s, ``raw`` [n, 6] rates and forces, ``extra`` [n, e] extra basis
-    signals, ``force`` [n, 3] the forces low-passed without delay, ``shocks`` [n, 2] PSD that
-    shocks add to the noise of force and rate."""
+    signals, ``force`` [n, 3] the forces low-passed without delay, ``calm`` [n, 3] what rates
+    without the noise of single readings are more than these, ``shocks`` [n, 2] PSD that shocks add
+    to the noise of force and rate."""
 
     t: FloatArray
     raw: FloatArray
     extra: FloatArray
     force: FloatArray
+    calm: FloatArray
     shocks: FloatArray
 
 

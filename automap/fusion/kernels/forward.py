@@ -11,6 +11,7 @@ from automap.fusion.kernels.arrays import ForwardStore, ModelArrays, NodeArrays,
 from automap.fusion.kernels.integrate import integrate, reading_at
 from automap.fusion.kernels.observations import (
     acceleration,
+    calm_rate,
     constraint_block,
     odometer_row,
     position_block,
@@ -69,7 +70,8 @@ def observe(
 ) -> tuple[int, int]:
     """Rows and residuals of one block of a node: number of rows, first channel.
 
-    ``rate`` [3] is the mean over the interval, for standstill; ``rate_now`` that at the node.
+    ``rate`` [3] is the mean over the interval, for standstill; ``rate_now`` that at the
+    node, without the noise of its reading.
 
     Blocks: 0 position, 1 velocity, 2 vehicle constraint, 3 odometer, 4 zero velocity, 5 zero
     rate.
@@ -181,6 +183,7 @@ def run_forward(
         if k == 0:
             reading_at(samples, model, i, t, xi, rate, mid)
             rate_now[:] = rate
+            calm_rate(samples, i, t, rate_now)
         else:
             earth_terms(pos, model.earth_on, place)
             if span > 0.0:
@@ -202,6 +205,7 @@ def run_forward(
                     rate_now,
                     mid,
                 )
+                calm_rate(samples, i, nodes.t[k], rate_now)
             t = nodes.t[k]
             end_interval(
                 phi,

@@ -366,6 +366,16 @@ def standstill_rate_rows(
 
 
 @kernel
+def calm_rate(samples: Samples, i: int, t: float, rate: FloatArray) -> None:
+    """Take the noise of a single reading out of the rate [3] at ``t`` between samples i, i + 1."""
+    s = (t - samples.t[i]) / (samples.t[i + 1] - samples.t[i])
+    s = min(max(s, 0.0), 1.0)
+    d = samples.calm
+    for a in range(3):
+        rate[a] += d[i, a] + s * (d[i + 1, a] - d[i, a])
+
+
+@kernel
 def acceleration(
     samples: Samples, i: int, t: float, gravity: float, c: FloatArray, out: FloatArray
 ) -> None:
