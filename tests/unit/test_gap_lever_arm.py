@@ -1,0 +1,33 @@
+"""Lever arms where the gyro is noisy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from automap.gap import base_model
+from automap.gap.drive import open_drive
+from automap.gap.fit import fit_drive
+from automap.gap.noise_kinds import suited
+from tests.unit.test_gap import ARM, simulated
+
+NOISE = 0.015
+"""rad/s of a single reading, as of the cheapest gyros."""
+
+
+def test_noise_of_the_gyro_draws_no_arm_towards_nothing() -> None:
+    """The stated arm, 1 m up, is right: what is found besides is nothing."""
+    pulls, sizes = [], []
+    for seed in range(3, 7):
+        drive = simulated({}, seed)
+        noise = np.random.default_rng(seed).normal(0.0, NOISE, drive.imu.gyro.shape)
+        drive = replace(drive, imu=replace(drive.imu, gyro=drive.imu.gyro + noise))
+        model = base_model()
+        began = fit_drive(open_drive(drive, model.options), model)
+        fit = suited([began], model, {"gnss_lever_arm": 3.0}).fits[0]
+        value, sd = fit.value_of("gnss_lever_arm")["z"], fit.sd_of("gnss_lever_arm")["z"]
+        pulls.append(value / sd)
+        sizes.append(sd)
+    assert max(sizes) < 0.5 * abs(ARM[2])
+    assert abs(np.mean(pulls)) < 1.8
