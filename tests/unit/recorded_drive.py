@@ -106,7 +106,7 @@ def play_in_background(player: Replay, **options: object) -> threading.Thread:
     return thread
 
 
-def wait_until(true: Callable[[], bool], timeout_s: float = 20.0) -> bool:
+def wait_until(true: Callable[[], bool], timeout_s: float = 60.0) -> bool:
     """Whether something becomes true in time."""
     end = time.monotonic() + timeout_s
     while time.monotonic() < end:
