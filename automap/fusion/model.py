@@ -79,7 +79,9 @@ class FusionOptions:
     Gauss-Markov part of a fix's error relative to the receiver's own accuracy figure,
     ``white_share`` the white part. ``velocity_wander_sd`` m/s and ``velocity_wander_tau_s`` the
     Gauss-Markov part of its velocity's error, none with 0; with ``shocks`` noise is larger
-    where readings scatter much (``shock_noise``). ``passes`` at most that many to settle the
+    where readings scatter much (``shock_noise``). With ``calm_rates`` lever arms take turn rates
+    without the noise of single readings, where delays are told too: a velocity whose age nobody
+    knows makes an arm of its own. ``passes`` at most that many to settle the
     delays, ``iterations`` of the smoother about its own result after that. With
     ``adapt`` the white levels are starting values that the drive's own innovations correct, with
     ``tune`` all levels, finely; ``factors`` on the levels are where that begins (see
@@ -101,6 +103,7 @@ class FusionOptions:
     velocity_wander_sd: float = 0.0
     velocity_wander_tau_s: float = 2.0
     shocks: bool = False
+    calm_rates: bool = False
     horizontal_sd_m: float = 1.2
     vertical_sd_m: float = 2.4
     velocity_sd: float = 0.1

@@ -143,7 +143,7 @@ def make_problem(
     width = max(2 * round(0.5 * FORCE_WINDOW_S / step) + 1, 1)
     force = uniform_filter1d(imu.accel, width, axis=0, mode="nearest")
     shocks = shock_noise(readings, step) if options.shocks else np.zeros((len(t), 2))
-    calm = steady_rate(t, imu.gyro) - raw[:, :3]
+    calm = steady_rate(t, imu.gyro) - raw[:, :3] if options.calm_rates else np.zeros((len(t), 3))
     samples = Samples(
         t, raw, np.ascontiguousarray(extra), np.ascontiguousarray(force), calm, shocks
     )

@@ -53,7 +53,8 @@ def base_model(options: FusionOptions | None = None) -> GapModel:
     options = vehicle_options(options or FusionOptions(effects=BASE_NUISANCES))
     values = {e: dict(v) for e, v in options.fixed.items() if e != "gnss_lever_arm"}
     factors = dict.fromkeys(ALL_LEVELS, 1.0) | dict(options.factors)
-    return GapModel(plain_options(options), values, factors)
+    options = replace(plain_options(options), calm_rates=True)
+    return GapModel(options, values, factors)
 
 
 def vehicle_options(options: FusionOptions) -> FusionOptions:
