@@ -47,7 +47,7 @@ from automap.gap.search_state import (
     fit_all,
     joint_of,
 )
-from automap.gap.trial import few_gain
+from automap.gap.trial import few_gains
 
 ROUNDS = 2
 PROMISING = 0.7
@@ -90,7 +90,7 @@ def _in_its_place(
 
     One that explains as much stands with the names as what they cannot be told from.
     """
-    few = _few_gain(state, names)
+    few = few_gains(state, names)
     named = _gain(state.fits, without.fits) + few
     found = _fitted(without, named, exclude, say)
     if found is None:
@@ -116,13 +116,6 @@ def _in_its_place(
             known = state.rivals.get(name, ())
             state.rivals[name] = known if formula.told in known else (*known, formula.told)
     return False
-
-
-def _few_gain(state: State, names: Sequence[str]) -> float:
-    """Nats that the names among these gain where few of their parameters act."""
-    joint = joint_of(state.model, state.accepted, state.fits, [0.0] * len(state.fits))
-    known = [name for name in names if name in state.accepted]
-    return sum(few_gain(joint, state.model, name, state.accepted[name]) for name in known)
 
 
 def _fitted(without: State, named: float, exclude: Collection[str], say: Say) -> State | None:

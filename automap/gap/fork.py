@@ -14,8 +14,8 @@ from automap.gap.formula_effect import adopt, dismiss, effect_of
 from automap.gap.formula_trial import OVER_NAMES_NATS
 from automap.gap.scoring import robust_score, whitener_of
 from automap.gap.search import MAX_FINDINGS, accept, helps, step
-from automap.gap.search_state import MIN_NATS, Say, State, joint_of
-from automap.gap.trial import few_gain
+from automap.gap.search_state import MIN_NATS, Say, State
+from automap.gap.trial import few_gains
 
 
 def search(state: State, exclude: Collection[str], say: Say) -> None:
@@ -79,13 +79,8 @@ def _branch(state: State) -> State:
 def _nats(one: State, other: State) -> float:
     """Nats by which the fits of one state are likelier than those of another, by the mean of what
     the whiteners of both say."""
-    total = _few(one) - _few(other)
+    total = few_gains(one, one.accepted) - few_gains(other, other.accepted)
     for a, b in zip(one.fits, other.fits, strict=True):
         for whitener in (whitener_of(a), whitener_of(b)):
             total += 0.5 * (robust_score(a, whitener) - robust_score(b, whitener))
     return total
-
-
-def _few(state: State) -> float:
-    joint = joint_of(state.model, state.accepted, state.fits, [0.0] * len(state.fits))
-    return sum(few_gain(joint, state.model, e, s) for e, s in state.accepted.items())

@@ -120,6 +120,16 @@ def few_gain(joint: Joint, model: GapModel, effect: str, scale: float) -> float:
     return sparse_gain(joint.values[rows], joint.cov[np.ix_(rows, rows)], prior_sd)
 
 
+def few_gains(state: State, effects: Collection[str]) -> float:
+    """The same of all accepted effects among these, by the state's fits."""
+    joint = joint_of(state.model, state.accepted, state.fits, [0.0] * len(state.fits))
+    return sum(
+        few_gain(joint, state.model, e, scale)
+        for e, scale in state.accepted.items()
+        if e in effects
+    )
+
+
 def shown(joint: Joint, model: GapModel, effect: str, scale: float) -> float:
     """Nats that an effect's estimate is worth by itself, and the most that it can be worth. A
     filter that trusts surprising measurements less may gain more by a state that is unsure,
