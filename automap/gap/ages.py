@@ -16,6 +16,7 @@ from automap.earth import gravity, metres_per_radian
 from automap.fusion.measurements import FixModel
 from automap.fusion.passes import Pass
 from automap.fusion.problem import LATENCY_STATE, SKEW_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE
+from automap.fusion.steady_rate import steady_rate
 from automap.gap.motion import Motion, at_times, lagged
 from automap.records import FloatArray
 
@@ -65,7 +66,9 @@ def without_remainder(fixes: FixModel, last: Pass, motion: Motion, ages: Ages) -
     """Fixes less what their ages do to them beyond the first order."""
     found = last.totals()
     arm = np.array([found.get(f"gnss_lever_arm_{a}", 0.0) for a in "xyz"])
-    swing = np.einsum("nij,nj->ni", motion.dcm, np.cross(motion.rate, arm))
+    # not the noise of single readings: on rough roads an arm would turn it into velocities
+    rate = steady_rate(motion.t, motion.rate)
+    swing = np.einsum("nij,nj->ni", motion.dcm, np.cross(rate, arm))
     antenna = replace(motion, vel=motion.vel + swing)
     t = last.shift.position_times(fixes.t)
     late = ages.all_s + ages.skew * t

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from automap.effects.user import UserEffect, add_user_effect
-from automap.gap.composite import composite_for
+from automap.gap.composite import composite_for, slow_triads
 from automap.gap.evidence import p_value
 from automap.gap.fit import Fit
 from automap.gap.formula import Formula
@@ -50,6 +50,7 @@ from automap.gap.search_state import (
 from automap.gap.trial import few_gains
 
 ROUNDS = 2
+SLOW_TRIALS = 8
 PROMISING = 0.7
 """A first formula, chosen under the name's noise, must have this share of the name's nats."""
 
@@ -93,6 +94,9 @@ def _in_its_place(
     few = few_gains(state, names)
     named = _gain(state.fits, without.fits) + few
     found = _fitted(without, named, exclude, say)
+    if names[0] in WALKS and named >= FORMULA_NATS:
+        slow = _slow_triad(without, names, exclude, say)
+        found = _better(found, slow) if found is not None and slow is not None else found or slow
     if found is None:
         return False
     formula = _formula_of(found)
@@ -139,19 +143,48 @@ def _fitted(without: State, named: float, exclude: Collection[str], say: Say) ->
         tried = _judged(without, agreed)
         text = _formula_of(tried).told
         say(f"{text}: {formula.nats:.1f} nats screened, {_nats(tried):.1f} fitted")
-        worse = best
-        if best is None or _nats(tried) > _nats(best):
-            best, effect = tried, effect_of(_formula_of(tried))
-        else:
-            worse = tried
-        if worse is not None and name_of(_formula_of(worse)) != name_of(_formula_of(best)):
-            dismiss(_formula_of(worse))
+        best = tried if best is None else _better(best, tried)
+        effect = effect_of(_formula_of(best))
         if _nats(best) < PROMISING * named:
             break
         fits = fit_all(without, tried.model, without.accepted)
     if effect is not None:
         # another round may have dismissed the same terms
         add_user_effect(effect)
+    return best
+
+
+def _better(one: State, other: State) -> State:
+    """The state of the likelier formula; the effect of the other's is dismissed."""
+    best, worse = (one, other) if _nats(one) >= _nats(other) else (other, one)
+    if name_of(_formula_of(worse)) != name_of(_formula_of(best)):
+        dismiss(_formula_of(worse))
+    return best
+
+
+def _slow_triad(
+    without: State, walks: Sequence[str], exclude: Collection[str], say: Say
+) -> State | None:
+    """The slow quantity that explains most of what was taken for drift, acting on all axes of a
+    sensor. What is slow looks alike and is large: only fits tell one from another."""
+    best: State | None = None
+    for walk in walks:
+        tried: list[tuple[float, Formula]] = []
+        formulas = slow_triads(without.fits, exclude, walk.partition("_")[0])
+        for formula in formulas[:SLOW_TRIALS]:
+            one = replace(without, unexplained=formula)
+            if fit_as_effect(one):
+                tried.append((_gain(one.fits, without.fits), formula))
+                say(f"{formula.told}: {tried[-1][0]:.1f} nats fitted")
+                dismiss(formula)
+        if not tried:
+            continue
+        found = _pruned(without, max(tried, key=lambda item: item[0])[1])
+        if found is None:
+            continue
+        fit_its_noise(found)
+        judged = _judged(without, found)
+        best = judged if best is None else _better(best, judged)
     return best
 
 

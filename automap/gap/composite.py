@@ -8,6 +8,7 @@ in Regression*, chapter 3). Every term pays for having been chosen among all of 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
@@ -30,6 +31,7 @@ from automap.gap.whitening import WhiteRows, fit_whitener, white_rows
 from automap.records import BoolArray, FloatArray, IntArray
 
 MOST_TERMS = 6
+SLOW = re.compile(r"(?!.*\b(speed|step)\b).*\b(time|temperature)\b")
 TERM_NATS = 8.0
 """A further term must bring the logarithm of the dictionary's length, 6, and be likely itself."""
 
@@ -55,6 +57,19 @@ def composite_for(fits: Sequence[Fit], exclude: Collection[str]) -> Formula | No
     sums = _sums(table)
     chosen = _backward(sums, table, _forward(sums, table))
     return _formula(table, sums, chosen) if chosen else None
+
+
+def slow_triads(fits: Sequence[Fit], exclude: Collection[str], sensor: str) -> list[Formula]:
+    """Formulas of one slow quantity (of time or temperature alone) on all axes of ``sensor``, the
+    likeliest first. The quantity pays for having been chosen once."""
+    table = _table(fits, exclude)
+    sums = _sums(table)
+    places: dict[str, list[int]] = {}
+    for i, column in enumerate(table.columns[0]):
+        if column.effect in (f"{sensor}_{axis}" for axis in "xyz") and SLOW.match(column.parameter):
+            places.setdefault(column.parameter, []).append(i)
+    found = [_formula(table, sums, rows, 1) for rows in places.values()]
+    return sorted(found, key=lambda formula: -formula.nats)
 
 
 def _table(fits: Sequence[Fit], exclude: Collection[str]) -> _Table:
@@ -149,9 +164,10 @@ def _backward(sums: Scores, table: _Table, chosen: list[int]) -> list[int]:
     return chosen
 
 
-def _formula(table: _Table, sums: Scores, chosen: list[int]) -> Formula:
+def _formula(table: _Table, sums: Scores, chosen: list[int], choices: int | None = None) -> Formula:
+    """Chosen columns as a formula; ``choices`` how often one was chosen, each term by default."""
     found = _joint(sums, chosen, table)
-    spent = float(np.log(table.count)) * len(chosen)
+    spent = float(np.log(table.count)) * (len(chosen) if choices is None else choices)
     order = sorted(range(len(chosen)), key=lambda i: -abs(found.estimate[i]) / found.sd[i])
     terms = [
         Term(

@@ -84,13 +84,15 @@ def without(scores: Scores, nuisances: IntArray, prior_sd: FloatArray) -> Scores
 @dataclass(frozen=True)
 class Evidence:
     """Of one candidate: log Bayes factor in nats, estimate [p] and sd [p], factor on the prior
-    that leaves room for the estimate, factor by which the score scatters more than it should."""
+    that leaves room for the estimate, factor by which the score scatters more than it should,
+    and the nats before these were lowered for it."""
 
     nats: float
     estimate: FloatArray
     sd: FloatArray
     scale: float
     excess: float
+    unscattered: float
 
 
 def evidence(
@@ -116,7 +118,7 @@ def evidence(
             inverse = np.linalg.inv(root)
             cov = inverse.T @ inverse
             estimate = sd * (cov @ h)
-            best = Evidence(nats, estimate, sd * np.sqrt(np.diag(cov)), scale, 1.0)
+            best = Evidence(nats, estimate, sd * np.sqrt(np.diag(cov)), scale, 1.0, nats)
     assert best is not None
     excess = _excess(scores, columns, best.estimate)
     room = ROOM * float(np.max(np.abs(best.estimate) / prior_sd))
@@ -129,6 +131,7 @@ def evidence(
             best.sd * np.sqrt(excess),
             best.scale,
             excess,
+            best.unscattered,
         )
     return best
 

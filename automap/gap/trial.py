@@ -44,6 +44,7 @@ ALIKE = (
 MAX_RESTARTS = 3
 BETTER_NATS = 10.0
 SHORTLIST = 5
+SCATTERED_SHORTLIST = 2
 SLOW_SHORTLIST = 3
 GROSS_SHORTLIST = 3
 FINALISTS = 2
@@ -60,12 +61,16 @@ def shortlist(
 ) -> list[Candidate]:
     """The candidates worth a fit of their own, and those that look like the strongest or like an
     effect that was accepted, which may have taken their part; of two that differ in sign alone,
-    one."""
+    one. While more than one effect is missing, scores scatter, not of all candidates alike: those
+    that lead but for that are worth a fit too."""
     candidates = screening.candidates
     if not candidates or candidates[0].evidence.nats < 0.5 * MIN_NATS:
         return []
     least = max(0.25 * MIN_NATS, SHORTLIST_SHARE * candidates[0].evidence.nats)
     out = [c for c in candidates if c.evidence.nats >= least][:most]
+    bare = sorted(candidates, key=lambda c: -c.evidence.unscattered)[:SCATTERED_SHORTLIST]
+    ahead = out[0].evidence.unscattered
+    out += [c for c in bare if c.evidence.unscattered > ahead and c not in out]
     alike = {e for family in ALIKE for e in family if candidates[0].effect in family}
     out += [c for c in candidates if c.effect in alike and c not in out]
     alike = {e for family in ALIKE for e in family if set(family) & set(accepted)}

@@ -52,6 +52,19 @@ def test_old_fixes_less_the_remainder_are_old_to_first_order(plain: Fit) -> None
     assert np.abs(seen - expected).max() < 3e-3
 
 
+def test_noise_of_single_turn_rates_does_not_age_velocities(plain: Fit) -> None:
+    motion = motion_of(plain.last)
+    fixes = plain.opened.session.fixes
+    noise = 0.1 * np.random.default_rng(1).standard_normal(motion.rate.shape)
+    rough = replace(motion, rate=motion.rate + noise)
+    seen = [without_remainder(fixes, plain.last, m, Ages(all_s=0.02)) for m in (motion, rough)]
+    arm = np.array([plain.last.totals()[f"gnss_lever_arm_{a}"] for a in "xyz"])
+    apart = np.std(seen[1].values[:, 3:6] - seen[0].values[:, 3:6])
+    # two readings of that noise would part them by 0.14 rad/s times the arm
+    assert np.linalg.norm(arm) > 0.5
+    assert apart < 0.3 * 0.1 * np.linalg.norm(arm)
+
+
 def test_large_ages_are_found_without_bias(monkeypatch: pytest.MonkeyPatch) -> None:
     hidden = {"gnss_latency": {"s": 0.15}, "gnss_velocity_latency": {"s": 0.2}}
     opened = open_drive(simulated(hidden), MODEL.options)
@@ -90,7 +103,7 @@ def test_a_skew_alone_agrees_with_the_first_sample(offset: float) -> None:
 
 def trial(effect: str, nats: float) -> Trial:
     one = np.ones(1)
-    evidence = Evidence(nats, one, one, 1.0, 1.0)
+    evidence = Evidence(nats, one, one, 1.0, 1.0, nats)
     candidate = Candidate(effect, ("s",), np.array([0]), one, evidence, 0.0)
     joint = Joint(((effect, "s"),), one, np.eye(1), nats)
     return Trial(candidate, joint, (), MODEL, nats, 0.0, one)

@@ -11,7 +11,15 @@ from automap.effects import CATALOGUE
 from automap.effects.user import add_user_effect
 from automap.gap import base_model
 from automap.gap.columns import Column, Inertial
-from automap.gap.composite import _backward, _forward, _joint, _sums, _Table, composite_for
+from automap.gap.composite import (
+    _backward,
+    _forward,
+    _joint,
+    _sums,
+    _Table,
+    composite_for,
+    slow_triads,
+)
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.formula import Formula
@@ -132,3 +140,26 @@ def test_formulas_of_one_channel_keep_their_names_when_another_is_dismissed(
     dismiss(first)
     assert name_of(second) == names[1]
     dismiss(second)
+
+
+def test_a_slow_quantity_on_all_axes_is_one_formula_and_paid_for_once() -> None:
+    drive = simulated({})
+    t = 1e-9 * (drive.imu.t_ns - drive.imu.t_ns[0])
+    warming = np.exp(-t / (0.1 * t[-1]))[:, None] * [1e-3, -1.5e-3, 1e-3]
+    drive = replace(drive, imu=replace(drive.imu, gyro=drive.imu.gyro + warming))
+    model = base_model()
+    low = {**model.factors, "accel_bias_walk": 0.1, "gyro_bias_walk": 0.1}
+    fit = fit_drive(open_drive(drive, model.options), replace(model, factors=low))
+    found = slow_triads([fit], (), "gyro")
+    texts = {term.text for formula in found for term in formula.terms}
+    assert texts
+    assert all("time" in text or "temperature" in text for text in texts)
+    assert not any("step" in text or "speed" in text for text in texts)
+    best = found[0]
+    assert {term.channel for term in best.terms} <= {"gyro_x", "gyro_y", "gyro_z"}
+    assert len({term.text for term in best.terms}) == 1
+    assert "exp" in best.text
+    assert best.nats > 20.0
+    single = composite_for([fit], ())
+    assert single is not None
+    assert best.spent == pytest.approx(single.spent / len(single.terms))

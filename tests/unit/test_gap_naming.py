@@ -21,7 +21,7 @@ MODEL = base_model()
 def trial(effect: str, value: float = 1.0, sd: float = 1.0, nats: float = 50.0) -> Trial:
     one = np.ones(1)
     candidate = Candidate(
-        effect, ("p",), np.array([0]), one, Evidence(nats, one, one, 1.0, 1.0), 0.0
+        effect, ("p",), np.array([0]), one, Evidence(nats, one, one, 1.0, 1.0, nats), 0.0
     )
     joint = Joint(((effect, "p"),), np.array([value]), np.array([[sd**2]]), nats)
     return Trial(candidate, joint, (), MODEL, nats, 0.0, one)
