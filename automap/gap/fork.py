@@ -2,7 +2,8 @@
 
 With several effects missing a formula may look like what is left of them all, and beat each name
 taken by itself: the neighbour of a name, and a part of the next. So the name is given its chance
-with the names that follow it, and the formula with those that follow it; the two ends are compared.
+with the names that follow it, and the formula with those that follow it; the two ends are compared,
+each without what is not needed any more.
 """
 
 from __future__ import annotations
@@ -10,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import fields, replace
 
-from automap.gap.formula_effect import adopt, dismiss, effect_of
+from automap.gap.formula_effect import adopt, dismiss, effect_of, name_of
 from automap.gap.formula_trial import OVER_NAMES_NATS
 from automap.gap.scoring import robust_score, whitener_of
-from automap.gap.search import MAX_FINDINGS, accept, helps, step
+from automap.gap.search import MAX_FINDINGS, accept, eliminate, helps, step
 from automap.gap.search_state import MIN_NATS, Say, State
 from automap.gap.trial import few_gains
 
@@ -34,22 +35,28 @@ def search(state: State, exclude: Collection[str], say: Say) -> None:
     named = _branch(state)
     accept(named, name, say)
     _name_all(named, exclude, say)
+    eliminate(named, say)
     told = _branch(state)
     told.unexplained = formula
     say(f"{name.effect} or {formula.told}: carrying on with the formula")
     adopt(told, say)
     _name_all(told, exclude, say)
+    eliminate(told, say)
     ahead = _nats(told, named)
+    needed = name_of(formula) in told.accepted
     more = MIN_NATS * (len(told.accepted) - len(named.accepted))
     say(
         f"{formula.told} explains {ahead:.1f} nats more than {', '.join(named.accepted)} where "
         f"{', '.join(told.accepted)} are named"
     )
-    if ahead - more < OVER_NAMES_NATS:
-        dismiss(formula)
-        for each in fields(State):
-            setattr(state, each.name, getattr(named, each.name))
-        state.formulas = True
+    if needed and ahead - more >= OVER_NAMES_NATS:
+        return
+    dismiss(formula)
+    best = named if needed or ahead <= 0.0 else told
+    best.unexplained = None
+    for each in fields(State):
+        setattr(state, each.name, getattr(best, each.name))
+    state.formulas = True
 
 
 def _name_all(state: State, exclude: Collection[str], say: Say) -> None:
