@@ -121,11 +121,12 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
     say("screening the library")
     screening = screen(state.fits, effects)
     trials = gross_trials(state, effects, say)
+    slow: list[Trial] = []
     if not any(t.nats >= MIN_NATS for t in trials):
         chosen = shortlist(screening, state.accepted)
         trials += [try_candidate(state, c, state.model, screening, say) for c in chosen]
-        trials += slow_trials(state, effects, say)
-    trials = by_sign(trials, effects)
+        slow = slow_trials(state, effects, say)
+    trials = by_sign([*trials, *slow], effects)
     trials.sort(key=lambda t: -t.joint.nats)
     trials = with_own_noise(state, trials, say)
     nulls = without_effects(state, trials)
@@ -152,7 +153,7 @@ def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
         besides = starting_offset(state, effects, say)
         if besides is not None:
             return accept(state, besides, say)
-        _note_what_is_like_drift(state, trials)
+        _note_what_is_like_drift(state, [*trials, *slow])
         return None
     best = trials[0]
     if not helps(state, best, say):
@@ -178,8 +179,8 @@ def _note_what_is_like_drift(state: State, trials: Sequence[Trial]) -> None:
             and t.nats > -CLOSE_NATS
             and t.model.factors[walk] < LESS_DRIFT * state.model.factors[walk]
         ]
-        if alike:
-            state.rivals[walk] = (*state.rivals.get(walk, ()), *alike)
+        known = state.rivals.get(walk, ())
+        state.rivals[walk] = (*known, *dict.fromkeys(e for e in alike if e not in known))
 
 
 def accept(state: State, best: Trial, say: Say) -> Trial:
