@@ -50,6 +50,7 @@ from automap.gap.search_state import (
     joint_of,
     values_of,
 )
+from automap.gap.shortlist import shortlist
 from automap.gap.trial import (
     INERTIAL_LEVELS,
     beyond_noise,
@@ -57,7 +58,6 @@ from automap.gap.trial import (
     found_better_noise,
     gross_trials,
     on_common_ground,
-    shortlist,
     shown,
     slow_trials,
     try_candidate,

@@ -10,7 +10,6 @@ import numpy as np
 from automap.gap.evidence import p_value
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.model import GapModel
-from automap.gap.naming import OFFSETS
 from automap.gap.noise import fit_noise
 from automap.gap.scoring import Joint, robust_score, whitener_of
 from automap.gap.screening import Candidate, Screening, screen
@@ -26,57 +25,20 @@ from automap.gap.search_state import (
     joint_of,
     prior_of,
 )
+from automap.gap.shortlist import shortlist
 from automap.gap.sparse import estimate_nats, sparse_gain
 from automap.records import FloatArray
 
-ALIKE = (
-    (
-        "gnss_latency",
-        "imu_time_offset",
-        "gnss_velocity_latency",
-        "gnss_velocity_lag",
-        "imu_clock_skew",
-    ),
-    ("gnss_lever_arm", "nhc_lever_arm", "vehicle_sideslip"),
-    ("accel_misalignment", "imu_mounting"),
-)
-"""Families that a noisy screening mixes up: when one leads, all are fitted."""
 MAX_RESTARTS = 3
 BETTER_NATS = 10.0
-SHORTLIST = 5
-SCATTERED_SHORTLIST = 2
 SLOW_SHORTLIST = 3
 GROSS_SHORTLIST = 3
 FINALISTS = 2
 FINALIST_SHARE = 0.5
-SHORTLIST_SHARE = 0.3
 INERTIAL_LEVELS = ("accel", "gyro")
 GROSS = 2.5
 GROSS_SHARE = 0.1
 """Of what raised noise has brought, an effect must bring so much under the noise as stated."""
-
-
-def shortlist(
-    screening: Screening, accepted: Collection[str] = (), most: int = SHORTLIST
-) -> list[Candidate]:
-    """The candidates worth a fit of their own, and those that look like the strongest or like an
-    effect that was accepted, which may have taken their part; of two that differ in sign alone,
-    one. While more than one effect is missing, scores scatter, not of all candidates alike: those
-    that lead but for that are worth a fit too."""
-    candidates = screening.candidates
-    if not candidates or candidates[0].evidence.nats < 0.5 * MIN_NATS:
-        return []
-    least = max(0.25 * MIN_NATS, SHORTLIST_SHARE * candidates[0].evidence.nats)
-    out = [c for c in candidates if c.evidence.nats >= least][:most]
-    bare = sorted(candidates, key=lambda c: -c.evidence.unscattered)[:SCATTERED_SHORTLIST]
-    ahead = out[0].evidence.unscattered
-    out += [c for c in bare if c.evidence.unscattered > ahead and c not in out]
-    alike = {e for family in ALIKE for e in family if candidates[0].effect in family}
-    out += [c for c in candidates if c.effect in alike and c not in out]
-    alike = {e for family in ALIKE for e in family if set(family) & set(accepted)}
-    out += [c for c in candidates if c.effect in alike and c not in out and c.evidence.nats > 0.0]
-    twins = [c for c in out if c.effect in OFFSETS]
-    return [c for c in out if c not in twins[1:]]
 
 
 def try_candidate(

@@ -6,7 +6,7 @@ import numpy as np
 
 from automap.gap.evidence import Evidence, Scores
 from automap.gap.screening import Candidate, Screening
-from automap.gap.trial import shortlist
+from automap.gap.shortlist import shortlist
 
 
 def screening_of(**found: tuple[float, float]) -> Screening:
