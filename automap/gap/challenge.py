@@ -50,7 +50,7 @@ from automap.gap.search_state import (
 from automap.gap.trial import few_gains
 
 ROUNDS = 2
-SLOW_TRIALS = 8
+SLOW_TRIALS, PART = 5, 0.3
 PROMISING = 0.7
 """A first formula, chosen under the name's noise, must have this share of the name's nats."""
 
@@ -95,7 +95,7 @@ def _in_its_place(
     named = _gain(state.fits, without.fits) + few
     found = _fitted(without, named, exclude, say)
     if names[0] in WALKS and named >= FORMULA_NATS:
-        slow = _slow_triad(without, names, exclude, say)
+        slow = _slow_triad(without, names, named, exclude, say)
         found = _better(found, slow) if found is not None and slow is not None else found or slow
     if found is None:
         return False
@@ -163,10 +163,11 @@ def _better(one: State, other: State) -> State:
 
 
 def _slow_triad(
-    without: State, walks: Sequence[str], exclude: Collection[str], say: Say
+    without: State, walks: Sequence[str], named: float, exclude: Collection[str], say: Say
 ) -> State | None:
-    """The slow quantity that explains most of what was taken for drift, acting on all axes of a
-    sensor. What is slow looks alike and is large: only fits tell one from another."""
+    """The slow quantity that explains most of the ``named`` nats that were taken for drift, acting
+    on all axes of a sensor. What is slow looks alike and is large: only fits tell one from
+    another."""
     best: State | None = None
     for walk in walks:
         tried: list[tuple[float, Formula]] = []
@@ -177,6 +178,9 @@ def _slow_triad(
                 tried.append((_gain(one.fits, without.fits), formula))
                 say(f"{formula.told}: {tried[-1][0]:.1f} nats fitted")
                 dismiss(formula)
+            if tried and tried[0][0] < PART * named:
+                # that sensor does not drift
+                break
         if not tried:
             continue
         found = _pruned(without, max(tried, key=lambda item: item[0])[1])
