@@ -177,10 +177,12 @@ def _lines(result: GapResult) -> list[str]:
 
 
 def _line(f: Finding) -> str:
+    from automap.gap.result import p_text
+
     numbers = ", ".join(
         f"{p} {v.value:.3g} ± {v.sd:.2g} {v.unit}".rstrip() for p, v in f.parameters.items()
     )
-    line = f"  {f.effect}: {numbers} ({f.evidence_nats:.0f} nats, p {f.p_value:.0e})"
+    line = f"  {f.effect}: {numbers} ({f.evidence_nats:.0f} nats, p {p_text(f.p_value)})"
     if f.confusable_with:
         line += f"; not to be told from {', '.join(f.confusable_with)}"
     return line

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automap import __version__
+from automap.gap.result import p_text
 from pipeline.calibration_report import Figure
 from pipeline.gap_plots import WINDOW_S, camera_plots, error_bars, overlay, running, spectrum
 from pipeline.report.sections import Section, draw
@@ -97,7 +98,7 @@ def _verdict(result: GapResult) -> Section:
         text = (
             f"No effect of the library explains what is left. The formula that fits best is "
             f"{other.formula} with {other.numbers} "
-            f"({other.evidence_nats:.0f} nats, p {other.p_value:.0e})."
+            f"({other.evidence_nats:.0f} nats, p {p_text(other.p_value)})."
         )
         if other.resembles:
             text += f" Of the named effects {other.resembles} resembles it most."
@@ -121,7 +122,7 @@ def _findings(findings: Sequence[Finding]) -> Section:
                 f.effect,
                 values,
                 f"{f.evidence_nats:.0f}",
-                f"{f.p_value:.0e}",
+                p_text(f.p_value),
                 f"{f.gap_before:.3g}",
                 f"{f.gap_after:.3g}",
                 ", ".join(f.confusable_with) or "none",

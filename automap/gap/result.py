@@ -11,6 +11,8 @@ from automap.gap.identifiability import Identifiability
 from automap.gap.locate import Place
 from automap.gap.model import GapModel
 
+LEAST_TOLD_P = 1e-12
+
 
 @dataclass(frozen=True)
 class ParameterValue:
@@ -109,3 +111,9 @@ class GapResult:
     places: tuple[Place, ...] = ()
     held_out: tuple[tuple[Fit, ...], tuple[Fit, ...]] = ((), ())
     unclear: Identifiability = field(default_factory=Identifiability)
+
+
+def p_text(p: float) -> str:
+    """A p-value as a person reads it: far out the tail is extrapolated, and its exponent says
+    nothing."""
+    return f"{p:.0e}" if p >= LEAST_TOLD_P else f"below {LEAST_TOLD_P:.0e}"

@@ -10,6 +10,7 @@ import pytest
 from automap.gap import base_model
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
+from automap.gap.result import p_text
 from pipeline.gap_plots import _spectrum, error_bars, overlay, running, spectrum
 from tests.unit.test_gap import simulated
 
@@ -57,3 +58,10 @@ def test_error_bars_are_of_position_and_heading(fits: tuple[Fit, Fit]) -> None:
     assert len(titles) == 2
     assert "position" in titles[0]
     assert "heading" in titles[1]
+
+
+@pytest.mark.parametrize(
+    ("p", "told"), [(2e-5, "2e-05"), (3e-80, "below 1e-12"), (0.0, "below 1e-12"), (0.2, "2e-01")]
+)
+def test_a_p_value_far_out_is_told_as_a_bound(p: float, told: str) -> None:
+    assert p_text(p) == told
