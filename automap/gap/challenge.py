@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from automap.effects.user import UserEffect, add_user_effect
-from automap.gap.composite import composite_for, slow_triads
+from automap.gap.composite import composite_for, slow_formulas
 from automap.gap.evidence import p_value
 from automap.gap.fit import Fit
 from automap.gap.formula import Formula
@@ -36,6 +36,7 @@ from automap.gap.formula_trial import (
     RAISED,
 )
 from automap.gap.heldout import HELD_OUT_SLACK, SURE_NATS, fit_held_out, suiting_score
+from automap.gap.jumps import jumps_of
 from automap.gap.scoring import robust_score, whitener_of
 from automap.gap.search_state import (
     LOW_WALK,
@@ -95,7 +96,7 @@ def _in_its_place(
     named = _gain(state.fits, without.fits) + few
     found = _fitted(without, named, exclude, say)
     if names[0] in WALKS and named >= FORMULA_NATS:
-        slow = _slow_triad(without, names, named, exclude, say)
+        slow = _slow_formula(state, without, names, named, exclude, say)
         found = _better(found, slow) if found is not None and slow is not None else found or slow
     if found is None:
         return False
@@ -162,23 +163,32 @@ def _better(one: State, other: State) -> State:
     return best
 
 
-def _slow_triad(
-    without: State, walks: Sequence[str], named: float, exclude: Collection[str], say: Say
+def _slow_formula(
+    state: State,
+    without: State,
+    walks: Sequence[str],
+    named: float,
+    exclude: Collection[str],
+    say: Say,
 ) -> State | None:
-    """The slow quantity that explains most of the ``named`` nats that were taken for drift, acting
-    on all axes of a sensor. What is slow looks alike and is large: only fits tell one from
-    another."""
+    """The slow quantity that explains most of the ``named`` nats that were taken for drift: a step
+    of an axis where the drift shows one, or what acts on all axes of a sensor. What is slow looks
+    alike and is large: only fits tell one from another."""
     best: State | None = None
     for walk in walks:
+        sensor = walk.partition("_")[0]
+        # instants belong to one drive
+        steps = jumps_of(state.fits[0], sensor) if len(state.fits) == 1 else []
+        jumps, triads = slow_formulas(without.fits, exclude, sensor, steps)
         tried: list[tuple[float, Formula]] = []
-        formulas = slow_triads(without.fits, exclude, walk.partition("_")[0])
-        for formula in formulas[:SLOW_TRIALS]:
+        for formula in [*jumps, *triads[:SLOW_TRIALS]]:
             one = replace(without, unexplained=formula)
-            if fit_as_effect(one):
-                tried.append((_gain(one.fits, without.fits), formula))
-                say(f"{formula.told}: {tried[-1][0]:.1f} nats fitted")
-                dismiss(formula)
-            if tried and tried[0][0] < PART * named:
+            if not fit_as_effect(one):
+                continue
+            tried.append((_gain(one.fits, without.fits), formula))
+            say(f"{formula.told}: {tried[-1][0]:.1f} nats fitted")
+            dismiss(formula)
+            if formula is triads[0] and max(gain for gain, _ in tried) < PART * named:
                 # that sensor does not drift
                 break
         if not tried:

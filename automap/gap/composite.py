@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.gap.columns import Column, node_motion, sensitivities
-from automap.gap.dictionary import formula_columns
+from automap.gap.dictionary import formula_columns, inertial_columns
 from automap.gap.evidence import (
     PRIOR_SCALES,
     Evidence,
@@ -59,24 +59,37 @@ def composite_for(fits: Sequence[Fit], exclude: Collection[str]) -> Formula | No
     return _formula(table, sums, chosen) if chosen else None
 
 
-def slow_triads(fits: Sequence[Fit], exclude: Collection[str], sensor: str) -> list[Formula]:
-    """Formulas of one slow quantity (of time or temperature alone) on all axes of ``sensor``, the
-    likeliest first. The quantity pays for having been chosen once."""
-    table = _table(fits, exclude)
+def slow_formulas(
+    fits: Sequence[Fit],
+    exclude: Collection[str],
+    sensor: str,
+    steps: Collection[tuple[str, str]] = (),
+) -> tuple[list[Formula], list[Formula]]:
+    """Formulas of ``steps`` (channel and text), together where there are several, and of one slow
+    quantity (of time or temperature alone) on all axes of ``sensor``, the likeliest first. A
+    quantity pays for having been chosen once."""
+    table = _table(fits, exclude, steps)
     sums = _sums(table)
     places: dict[str, list[int]] = {}
     for i, column in enumerate(table.columns[0]):
         if column.effect in (f"{sensor}_{axis}" for axis in "xyz") and SLOW.match(column.parameter):
             places.setdefault(column.parameter, []).append(i)
+    jumping = [i for i, column in enumerate(table.columns[0]) if _key(column) in steps]
+    jumps = [_formula(table, sums, jumping, len(jumping))] if jumping else []
     found = [_formula(table, sums, rows, 1) for rows in places.values()]
-    return sorted(found, key=lambda formula: -formula.nats)
+    return jumps, sorted(found, key=lambda formula: -formula.nats)
 
 
-def _table(fits: Sequence[Fit], exclude: Collection[str]) -> _Table:
+def _table(
+    fits: Sequence[Fit], exclude: Collection[str], more: Collection[tuple[str, str]] = ()
+) -> _Table:
+    """The dictionary's columns, and those of ``more`` channels and texts."""
     found: list[tuple[list[Column], WhiteRows]] = []
     for fit in fits:
         motion = motion_of(fit.last)
         columns = formula_columns(fit, motion, node_motion(fit, motion), exclude)
+        for on, text in more:
+            columns += inertial_columns(fit, motion, on, [text])
         whitened, t, channel = whitened_innovations(fit)
         phi = sensitivities(fit, motion, columns)
         rows = white_rows(fit_whitener(whitened, channel), whitened, phi, t, channel)
