@@ -51,7 +51,10 @@ from automap.gap.search_state import (
 from automap.gap.trial import few_gains
 
 ROUNDS = 2
-SLOW_TRIALS, PART = 5, 0.3
+SLOW_TRIALS = 5
+PART = 0.3
+"""Of what is taken for drift a sensor's likeliest slow formula explains so much, or that sensor
+does not drift."""
 PROMISING = 0.7
 """A first formula, chosen under the name's noise, must have this share of the name's nats."""
 
@@ -96,7 +99,11 @@ def _in_its_place(
     named = _gain(state.fits, without.fits) + few
     found = _fitted(without, named, exclude, say)
     if names[0] in WALKS and named >= FORMULA_NATS:
+        kept = None if found is None else effect_of(_formula_of(found))
         slow = _slow_formula(state, without, names, named, exclude, say)
+        if kept is not None:
+            # the trials may have dismissed the same terms
+            add_user_effect(kept)
         found = _better(found, slow) if found is not None and slow is not None else found or slow
     if found is None:
         return False
@@ -175,11 +182,11 @@ def _slow_formula(
     of an axis where the drift shows one, or what acts on all axes of a sensor. What is slow looks
     alike and is large: only fits tell one from another."""
     best: State | None = None
-    for walk in walks:
-        sensor = walk.partition("_")[0]
-        # instants belong to one drive
-        steps = jumps_of(state.fits[0], sensor) if len(state.fits) == 1 else []
-        jumps, triads = slow_formulas(without.fits, exclude, sensor, steps)
+    sensors = [walk.partition("_")[0] for walk in walks]
+    # instants belong to one drive
+    fit = state.fits[0] if len(state.fits) == 1 else None
+    steps = [] if fit is None else [jump for sensor in sensors for jump in jumps_of(fit, sensor)]
+    for jumps, triads in slow_formulas(without.fits, exclude, sensors, steps).values():
         tried: list[tuple[float, Formula]] = []
         for formula in [*jumps, *triads[:SLOW_TRIALS]]:
             one = replace(without, unexplained=formula)
@@ -188,8 +195,8 @@ def _slow_formula(
             tried.append((_gain(one.fits, without.fits), formula))
             say(f"{formula.told}: {tried[-1][0]:.1f} nats fitted")
             dismiss(formula)
-            if formula is triads[0] and max(gain for gain, _ in tried) < PART * named:
-                # that sensor does not drift
+            first = triads and formula is triads[0]
+            if first and max(gain for gain, _ in tried) < PART * named:
                 break
         if not tried:
             continue

@@ -32,6 +32,7 @@ from automap.records import BoolArray, FloatArray, IntArray
 
 MOST_TERMS = 6
 SLOW = re.compile(r"(?!.*\b(speed|step)\b).*\b(time|temperature)\b")
+"""Formulas of time or temperature alone, without steps."""
 TERM_NATS = 8.0
 """A further term must bring the logarithm of the dictionary's length, 6, and be likely itself."""
 
@@ -62,22 +63,28 @@ def composite_for(fits: Sequence[Fit], exclude: Collection[str]) -> Formula | No
 def slow_formulas(
     fits: Sequence[Fit],
     exclude: Collection[str],
-    sensor: str,
+    sensors: Collection[str],
     steps: Collection[tuple[str, str]] = (),
-) -> tuple[list[Formula], list[Formula]]:
-    """Formulas of ``steps`` (channel and text), together where there are several, and of one slow
-    quantity (of time or temperature alone) on all axes of ``sensor``, the likeliest first. A
-    quantity pays for having been chosen once."""
+) -> dict[str, tuple[list[Formula], list[Formula]]]:
+    """Of each sensor ("accel", "gyro") one formula of its ``steps`` (channel and text), where there
+    are any, and those of one slow quantity on all of its axes, the likeliest first. A quantity
+    pays for having been chosen once."""
     table = _table(fits, exclude, steps)
     sums = _sums(table)
-    places: dict[str, list[int]] = {}
-    for i, column in enumerate(table.columns[0]):
-        if column.effect in (f"{sensor}_{axis}" for axis in "xyz") and SLOW.match(column.parameter):
-            places.setdefault(column.parameter, []).append(i)
-    jumping = [i for i, column in enumerate(table.columns[0]) if _key(column) in steps]
-    jumps = [_formula(table, sums, jumping, len(jumping))] if jumping else []
-    found = [_formula(table, sums, rows, 1) for rows in places.values()]
-    return jumps, sorted(found, key=lambda formula: -formula.nats)
+    out = {}
+    for sensor in sensors:
+        axes = {f"{sensor}_{axis}" for axis in "xyz"}
+        places: dict[str, list[int]] = {}
+        jumping = []
+        for i, column in enumerate(table.columns[0]):
+            if column.effect in axes and _key(column) in steps:
+                jumping.append(i)
+            elif column.effect in axes and SLOW.match(column.parameter):
+                places.setdefault(column.parameter, []).append(i)
+        jumps = [_formula(table, sums, jumping, len(jumping))] if jumping else []
+        found = [_formula(table, sums, rows, 1) for rows in places.values()]
+        out[sensor] = (jumps, sorted(found, key=lambda formula: -formula.nats))
+    return out
 
 
 def _table(

@@ -15,7 +15,7 @@ from automap.gap.formula_effect import adopt, dismiss, effect_of, name_of
 from automap.gap.formula_trial import OVER_NAMES_NATS
 from automap.gap.scoring import robust_score, whitener_of
 from automap.gap.search import MAX_FINDINGS, accept, eliminate, helps, step
-from automap.gap.search_state import MIN_NATS, Say, State
+from automap.gap.search_state import MIN_NATS, Say, Stage, State
 from automap.gap.trial import few_gains
 
 
@@ -51,12 +51,19 @@ def search(state: State, exclude: Collection[str], say: Say) -> None:
     )
     if needed and ahead - more >= OVER_NAMES_NATS:
         return
+    best = named if needed or ahead <= more else _of_names(told, name_of(formula))
     dismiss(formula)
-    best = named if needed or ahead <= 0.0 else told
-    best.unexplained = None
     for each in fields(State):
         setattr(state, each.name, getattr(best, each.name))
     state.formulas = True
+
+
+def _of_names(told: State, effect: str) -> State:
+    """A formula's end that does not need the formula any more, without a trace of its effect."""
+    stages: list[Stage] = [
+        (model, {e: v for e, v in values.items() if e != effect}) for model, values in told.stages
+    ]
+    return replace(told, unexplained=None, stages=stages)
 
 
 def _name_all(state: State, exclude: Collection[str], say: Say) -> None:

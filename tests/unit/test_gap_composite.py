@@ -150,7 +150,7 @@ def test_a_slow_quantity_on_all_axes_is_one_formula_and_paid_for_once() -> None:
     model = base_model()
     low = {**model.factors, "accel_bias_walk": 0.1, "gyro_bias_walk": 0.1}
     fit = fit_drive(open_drive(drive, model.options), replace(model, factors=low))
-    jumps, found = slow_formulas([fit], (), "gyro", [("gyro_z", "step(time - 31.25)")])
+    jumps, found = slow_formulas([fit], (), ["gyro"], [("gyro_z", "step(time - 31.25)")])["gyro"]
     assert [j.told for j in jumps] == ["gyro_z += k * step(time - 31.25)"]
     texts = {term.text for formula in found for term in formula.terms}
     assert texts

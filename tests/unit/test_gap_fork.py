@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -13,7 +13,8 @@ from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive
 from automap.gap.formula import screen_formulas
 from automap.gap.screening import screen
-from automap.gap.search_state import State
+from automap.gap.search import accept
+from automap.gap.search_state import State, Trial
 from automap.gap.trial import try_candidate, with_own_noise
 from tests.unit.test_gap import simulated
 
@@ -34,8 +35,9 @@ def decided(
     name: str,
     monkeypatch: pytest.MonkeyPatch,
     exclude: frozenset[str] = frozenset(),
+    follows: Callable[[State], Trial | None] = lambda state: None,
 ) -> State:
-    """A drive on which a formula stands against a name, with nothing that follows."""
+    """A drive on which a formula stands against a name, with what ``follows``."""
     model = base_model()
     opened = open_drive(simulated(hidden), model.options)
     fit = fit_drive(opened, model)
@@ -46,7 +48,7 @@ def decided(
     tried = try_candidate(state, candidate, model, screening, nobody)
     (state.contender,) = with_own_noise(state, [tried], nobody)
     state.unexplained = next(f for f in known if (f.channel, f.text) == formula)
-    monkeypatch.setattr(fork, "step", lambda *_: None)
+    monkeypatch.setattr(fork, "step", lambda state, *_: follows(state))
     fork.search(state, exclude, nobody)
     return state
 
@@ -69,3 +71,25 @@ def test_what_no_name_explains_stays_a_formula(monkeypatch: pytest.MonkeyPatch) 
     assert state.unexplained is not None
     assert (state.unexplained.channel, state.unexplained.text) == formula
     assert not state.accepted
+
+
+def test_a_formula_that_its_own_end_does_without_leaves_no_trace(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    right = "speed_vibration"
+
+    def follows(state: State) -> Trial | None:
+        with_formula = any(e.startswith("formula_") for e in state.accepted)
+        if not with_formula or right in state.accepted:
+            return None
+        screening = screen(state.fits, [right])
+        (candidate,) = screening.candidates
+        trial = try_candidate(state, candidate, state.model, screening, nobody)
+        return accept(state, trial, nobody)
+
+    hidden = {right: {"y": 1.5e-3}}
+    state = decided(hidden, ("accel_y", "speed"), "gnss_lever_arm", monkeypatch, follows=follows)
+    assert state.unexplained is None
+    assert list(state.accepted) == [right]
+    assert not user_effects()
+    assert all(set(values) <= {right} for _, values in state.stages)
