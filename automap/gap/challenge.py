@@ -10,14 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from automap.effects.user import UserEffect, add_user_effect
 from automap.gap.composite import composite_for, slow_formulas
 from automap.gap.evidence import p_value
-from automap.gap.fit import Fit
 from automap.gap.formula import Formula
 from automap.gap.formula_effect import (
     borne_out,
@@ -26,7 +24,6 @@ from automap.gap.formula_effect import (
     fit_as_effect,
     fit_its_noise,
     name_of,
-    unconstrained,
 )
 from automap.gap.formula_trial import (
     BESIDES_SHARE,
@@ -35,16 +32,15 @@ from automap.gap.formula_trial import (
     OVER_NAMES_NATS,
     RAISED,
 )
-from automap.gap.heldout import HELD_OUT_SLACK, SURE_NATS, fit_held_out, suiting_score
+from automap.gap.heldout import HELD_OUT_SLACK, SURE_NATS
 from automap.gap.jumps import jumps_of
-from automap.gap.scoring import robust_score, whitener_of
+from automap.gap.rivalry import gain, held_out_gain, take_its_noise, unconstrained_gain
 from automap.gap.search_state import (
     LOW_WALK,
     MIN_NATS,
     WALKS,
     Say,
     State,
-    estimated,
     fit_all,
     joint_of,
 )
@@ -96,7 +92,7 @@ def _in_its_place(
     One that explains as much stands with the names as what they cannot be told from.
     """
     few = few_gains(state, names)
-    named = _gain(state.fits, without.fits) + few
+    named = gain(state.fits, without.fits) + few
     found = _fitted(without, named, exclude, say)
     if names[0] in WALKS and named >= FORMULA_NATS:
         kept = None if found is None else effect_of(_formula_of(found))
@@ -108,16 +104,19 @@ def _in_its_place(
     if found is None:
         return False
     formula = _formula_of(found)
+    if take_its_noise(state, found, say):
+        named = gain(state.fits, without.fits) + few
     back = {e: state.accepted[e] for e in names if e in state.accepted}
     both = fit_all(found, found.model, found.accepted | back)
-    left = _gain(both, found.fits) if back else 0.0
+    left = gain(both, found.fits) if back else 0.0
     say(f"{formula.told}: {formula.nats:.1f} nats; in its place {named:.1f}, beside it {left:.1f}")
     alone = left <= max(MIN_NATS, BESIDES_SHARE * named) and formula.p_value <= FORMULA_P
     # both were fitted, and the formula has paid for its choice
-    more = min(formula.nats - named, _gain(found.fits, state.fits) - formula.spent - few)
+    more = min(formula.nats - named, gain(found.fits, state.fits) - formula.spent - few)
     slack = HELD_OUT_SLACK if more > SURE_NATS else 0.0
     enough = formula.nats >= FORMULA_NATS and more >= OVER_NAMES_NATS
-    if alone and enough and _measured(state, found, say) and _holds(state, found, say) >= -slack:
+    borne = alone and enough and unconstrained_gain(found, state, say) > 0.0
+    if borne and held_out_gain(found, state, say) >= -slack:
         state.accepted, state.trials = found.accepted, found.trials
         state.model, state.fits = found.model, found.fits
         state.unexplained, state.resembles = formula, found.resembles
@@ -192,7 +191,7 @@ def _slow_formula(
             one = replace(without, unexplained=formula)
             if not fit_as_effect(one):
                 continue
-            tried.append((_gain(one.fits, without.fits), formula))
+            tried.append((gain(one.fits, without.fits), formula))
             say(f"{formula.told}: {tried[-1][0]:.1f} nats fitted")
             dismiss(formula)
             first = triads and formula is triads[0]
@@ -254,7 +253,7 @@ def _needed(tried: State, formula: Formula) -> list[int]:
 def _judged(without: State, tried: State) -> State:
     """The state with the evidence of its fitted formula."""
     formula = _formula_of(tried)
-    nats = _gain(tried.fits, without.fits) - formula.spent
+    nats = gain(tried.fits, without.fits) - formula.spent
     p = p_value(nats, formula.maxima)
     found = replace(formula, evidence=replace(formula.evidence, nats=nats), p_value=p)
     return replace(tried, unexplained=found)
@@ -267,37 +266,3 @@ def _formula_of(state: State) -> Formula:
 
 def _nats(state: State) -> float:
     return _formula_of(state).nats
-
-
-def _gain(after: Sequence[Fit], before: Sequence[Fit]) -> float:
-    """Log-likelihood of fits over others', nats."""
-    total = 0.0
-    for a, b in zip(after, before, strict=True):
-        whitener = whitener_of(a)
-        total += robust_score(a, whitener) - robust_score(b, whitener)
-    return total
-
-
-def _measured(state: State, found: State, say: Say) -> bool:
-    """Whether measurements without the vehicle constraint, which bends the two differently, are
-    likelier with the formula than with the name."""
-    more = _gain(unconstrained(found).fits, unconstrained(state).fits)
-    say(f"without the vehicle constraint the formula explains {more:.1f} nats more")
-    return more > 0.0
-
-
-def _holds(state: State, found: State, say: Say) -> float:
-    """How much likelier held-out data are with the formula than with the name, nats."""
-    if not state.held_out:
-        return 0.0
-    named, after = (
-        suiting_score(
-            partial(fit_held_out, state.held_out, values=estimated(one), near=state.held_fits),
-            (state.model, found.model),
-            whitener_of(found.fits[0]),
-        )
-        for one in (state, found)
-    )
-    gain = after - named
-    say(f"held-out data are {gain:.1f} nats likelier with the formula")
-    return gain
