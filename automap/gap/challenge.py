@@ -195,7 +195,7 @@ def _slow_formula(
             say(f"{formula.told}: {tried[-1][0]:.1f} nats fitted")
             dismiss(formula)
             first = triads and formula is triads[0]
-            if first and max(gain for gain, _ in tried) < PART * named:
+            if first and max(nats for nats, _ in tried) < PART * named:
                 break
         if not tried:
             continue
