@@ -151,13 +151,13 @@ def command(
     from automap.errors import ConfigError
 
     if list_ports:
-        from pipeline.record_devices import port_lines
+        from pipeline.record.devices import port_lines
 
         for line in port_lines():
             click.echo(line)
         return 0
     if restore_receiver is not None:
-        from pipeline.record_restore import restore_receiver as restore
+        from pipeline.record.restore_receiver import restore_receiver as restore
 
         failed = restore(restore_receiver)
         for text in failed:
@@ -167,7 +167,7 @@ def command(
     if replay is not None:
         if links is None:
             raise ConfigError("--replay needs --links DIR, where its terminals are to appear.")
-        from pipeline.record_replay import ReplayRequest, play_drive
+        from pipeline.record.play_drive import ReplayRequest, play_drive
 
         for line in play_drive(ReplayRequest(replay, links, speed, line_baud, feed_log)):
             click.echo(line)
@@ -176,7 +176,7 @@ def command(
 
 
 def _record(cameras: tuple[str, ...], options: dict[str, Any]) -> int:
-    from pipeline.record import RecordRequest, record
+    from pipeline.record.command import RecordRequest, record
 
     ending, cut_short = record(RecordRequest(cameras=cameras, **options))
     for text in list(dict.fromkeys(ending.warnings))[:_SHOWN]:

@@ -27,11 +27,11 @@ import numpy as np
 
 from automap.io.arrival import read_arrival
 from automap.io.drive import Drive, load_drive
-from automap.recording.messages import ubx_frame
-from automap.recording.pump import hurry
-from automap.recording.replay import Feed, Replay, copy_rest, drive_feeds
-from automap.recording.ublox_keys import RXM_RAWX
 from automap.records import IntArray
+from pipeline.record.messages import ubx_frame
+from pipeline.record.pump import hurry
+from pipeline.record.replay import Feed, Replay, copy_rest, drive_feeds
+from pipeline.record.ublox_keys import RXM_RAWX
 
 BAUD = 460_800
 BYTE_NS = 1e10 / BAUD

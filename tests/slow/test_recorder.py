@@ -19,10 +19,10 @@ import pytest
 
 from automap.io.drive import Drive, load_drive
 from automap.io.recording import read_recording
-from automap.recording.ports import PortSpec
-from automap.recording.recorder import Plan
-from automap.recording.replay import Replay, Terminal, copy_rest
-from automap.recording.ublox import Wish
+from pipeline.record.ports import PortSpec
+from pipeline.record.recorder import Plan
+from pipeline.record.replay import Replay, Terminal, copy_rest
+from pipeline.record.ublox import Wish
 from tests.unit.recorded_drive import (
     BAUD,
     PROGRAM,

@@ -11,9 +11,9 @@ import pytest
 from automap.vision.classes import load_classes
 from automap.vision.classifier import SignClassifier, crop_faces
 from automap.vision.network import default_detector
-from automap.vision.training.evaluate import class_of_found, labelled_kinds, run
-from automap.vision.training.metrics import average_precision, recall_at
-from automap.vision.training.street_data import load_crops, load_streets
+from pipeline.train.evaluate import class_of_found, labelled_kinds, run
+from pipeline.train.metrics import average_precision, recall_at
+from pipeline.train.street_data import load_crops, load_streets
 
 PROJECT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("AUTOMAP_SHARED_DATA", PROJECT.parent / "shared" / "data"))

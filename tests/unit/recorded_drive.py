@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from automap.io.drive import load_drive
-from automap.recording.clock import HostClock
-from automap.recording.imu_format import load_format
-from automap.recording.ports import PortSpec
-from automap.recording.recorder import Plan, Recorder
-from automap.recording.replay import Feed, Replay, drive_feeds
+from pipeline.record.clock import HostClock
+from pipeline.record.imu_format import load_format
+from pipeline.record.ports import PortSpec
+from pipeline.record.recorder import Plan, Recorder
+from pipeline.record.replay import Feed, Replay, drive_feeds
 from tests.unit.simulated_receiver import nav_pvt
 
 BAUD = 460_800

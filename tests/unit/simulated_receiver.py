@@ -9,9 +9,9 @@ import threading
 import time
 from pathlib import Path
 
-from automap.recording import ublox_keys as keys
-from automap.recording.messages import Message, MessageStream, ubx_frame
-from automap.recording.replay import Terminal
+from pipeline.record import ublox_keys as keys
+from pipeline.record.messages import Message, MessageStream, ubx_frame
+from pipeline.record.replay import Terminal
 
 _SPEEDS = {
     getattr(termios, name): int(name[1:])

@@ -56,7 +56,7 @@ RUNTIME = required(PROJECT["dependencies"])
 DEV = required(PROJECT["optional-dependencies"]["dev"])
 # what trains the networks is never imported by what uses them
 TRAINING = required(PROJECT["optional-dependencies"]["training"])
-TRAINING_FOLDER = Path("automap/vision/training")
+TRAINING_FOLDER = Path("pipeline/train")
 
 
 @pytest.mark.parametrize(

@@ -17,10 +17,10 @@ from automap.io.drive import load_drive
 from automap.io.frame_times import frame_times
 from automap.io.video import video_chapters
 from automap.io.video_decode import iter_frames
-from automap.recording.camera import Camera
-from automap.recording.clock import HostClock
-from automap.recording.recorder import Plan, Recorder
-from automap.recording.video_source import parse_camera
+from pipeline.record.camera import Camera
+from pipeline.record.clock import HostClock
+from pipeline.record.recorder import Plan, Recorder
+from pipeline.record.video_source import parse_camera
 from tests.unit.recorded_drive import wait_until
 
 TEST_PICTURE = "lavfi:testsrc=size=160x120:rate=20"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automap.recording.clock import DeviceClock, HostClock
+from pipeline.record.clock import DeviceClock, HostClock
 
 
 def deliver(

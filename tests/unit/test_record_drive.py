@@ -18,16 +18,16 @@ from automap.errors import ConfigError, InputError
 from automap.io.arrival import read_arrival
 from automap.io.drive import load_drive
 from automap.io.recording import read_recording
-from automap.recording import ublox_keys as keys
-from automap.recording.clock import HostClock
-from automap.recording.imu_format import known_formats, load_format
-from automap.recording.manifest_text import read_rig
-from automap.recording.ports import PortInfo, PortSpec, parse_port
-from automap.recording.probe import probe_port
-from automap.recording.reader import PortReader
-from automap.recording.recorder import Plan, Recorder
-from automap.recording.replay import Terminal
-from automap.recording.ublox import Wish
+from pipeline.record import ublox_keys as keys
+from pipeline.record.clock import HostClock
+from pipeline.record.imu_format import known_formats, load_format
+from pipeline.record.manifest_text import read_rig
+from pipeline.record.ports import PortInfo, PortSpec, parse_port
+from pipeline.record.probe import probe_port
+from pipeline.record.reader import PortReader
+from pipeline.record.recorder import Plan, Recorder
+from pipeline.record.replay import Terminal
+from pipeline.record.ublox import Wish
 from tests.unit.recorded_drive import (
     BAUD,
     feed_of,
@@ -170,7 +170,7 @@ class recording_of:  # noqa: N801
 
 
 def test_settings_are_undone_at_the_end_and_after_a_crash(make: Make, tmp_path: Path) -> None:
-    from pipeline.record_restore import restore_receiver
+    from pipeline.record.restore_receiver import restore_receiver
 
     receiver = make(generation=8)
     spec = PortSpec(str(tmp_path / "gnss"), 38400)
@@ -268,9 +268,9 @@ def test_a_usb_device_is_found_under_another_name(
         PortInfo("/dev/ttyUSB0", "", "0403:6001 A5"),
         PortInfo("/dev/ttyACM1", "", "1546:01A8 7"),
     ]
-    monkeypatch.setattr("automap.recording.reader.list_ports", lambda: others)
+    monkeypatch.setattr("pipeline.record.reader.list_ports", lambda: others)
     assert reader._find() == "/dev/ttyACM1"
-    monkeypatch.setattr("automap.recording.reader.list_ports", lambda: others[:1])
+    monkeypatch.setattr("pipeline.record.reader.list_ports", lambda: others[:1])
     assert reader._find() is None
     assert reader.native_usb
 

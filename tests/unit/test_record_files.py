@@ -11,10 +11,10 @@ import pytest
 from automap.errors import StageError
 from automap.io.arrival import read_arrival
 from automap.io.manifest import read_manifest
-from automap.recording.append_file import AppendFile, ByteLog
-from automap.recording.conditions import Conditions
-from automap.recording.imu_format import load_format
-from automap.recording.manifest_text import manifest_text, read_rig
+from pipeline.record.append_file import AppendFile, ByteLog
+from pipeline.record.conditions import Conditions
+from pipeline.record.imu_format import load_format
+from pipeline.record.manifest_text import manifest_text, read_rig
 
 
 class Disk:
@@ -23,7 +23,7 @@ class Disk:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, room: int) -> None:
         self.room = room
         self._write = os.write
-        monkeypatch.setattr("automap.recording.append_file.os.write", self.write)
+        monkeypatch.setattr("pipeline.record.append_file.os.write", self.write)
 
     def write(self, fd: int, data: bytes) -> int:
         if not self.room:

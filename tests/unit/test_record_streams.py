@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from automap.errors import ConfigError
-from automap.recording.checksums import CHECKSUMS
-from automap.recording.imu_decode import ImuDecoder, Sample
-from automap.recording.imu_format import ImuFormat, known_formats, load_format, read_format
-from automap.recording.messages import Message, MessageStream, ubx_frame
+from pipeline.record.checksums import CHECKSUMS
+from pipeline.record.imu_decode import ImuDecoder, Sample
+from pipeline.record.imu_format import ImuFormat, known_formats, load_format, read_format
+from pipeline.record.messages import Message, MessageStream, ubx_frame
 from tests.unit.simulated_receiver import nav_pvt
 
 GGA = b"$GNGGA,092000.00,3516.80,S,14907.80,E,1,12,0.80,560.0,M,20.0,M,,*5A\r\n"

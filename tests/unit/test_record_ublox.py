@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from automap.recording import ublox_keys as keys
-from automap.recording.messages import ubx_frame
-from automap.recording.ports import SerialPort
-from automap.recording.restore import port_exchange
-from automap.recording.ublox import Outcome, Receiver, RefusedError, SilentError, Wish
-from automap.recording.ublox_version import parse_version
+from pipeline.record import ublox_keys as keys
+from pipeline.record.messages import ubx_frame
+from pipeline.record.ports import SerialPort
+from pipeline.record.restore import port_exchange
+from pipeline.record.ublox import Outcome, Receiver, RefusedError, SilentError, Wish
+from pipeline.record.ublox_version import parse_version
 from tests.unit.simulated_receiver import PVT_KEY_UART1, RAWX_KEY_UART1, SimulatedReceiver
 
 Make = Callable[..., SimulatedReceiver]

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automap.recording.camera import CameraState
-from automap.recording.gnss_watch import GnssState, GnssWatch
-from automap.recording.imu_format import load_format
-from automap.recording.imu_watch import ImuState, ImuWatch
-from automap.recording.messages import MessageStream
-from automap.recording.recorder import Snapshot
-from pipeline.record_view import new_events, panel, rows, status_line
+from pipeline.record.camera import CameraState
+from pipeline.record.gnss_watch import GnssState, GnssWatch
+from pipeline.record.imu_format import load_format
+from pipeline.record.imu_watch import ImuState, ImuWatch
+from pipeline.record.messages import MessageStream
+from pipeline.record.recorder import Snapshot
+from pipeline.record.view import new_events, panel, rows, status_line
 from tests.unit.simulated_receiver import nav_pvt
 
 SECOND = 1_000_000_000

@@ -9,13 +9,13 @@ import pytest
 
 from automap.vision.classes import load_classes
 from automap.vision.faces import draw_face
-from automap.vision.training.art import Face
-from automap.vision.training.composed import crossing_face, on_board, prohibition
-from automap.vision.training.drawings import Drawings, group_of_kind
-from automap.vision.training.numbers import letter_symbol, on_plate
-from automap.vision.training.pictograms import redrawn, silhouette_of
-from automap.vision.training.recipes import other_prohibition, recipes, words_of
-from automap.vision.training.symbols import (
+from pipeline.train.art import Face
+from pipeline.train.composed import crossing_face, on_board, prohibition
+from pipeline.train.drawings import Drawings, group_of_kind
+from pipeline.train.numbers import letter_symbol, on_plate
+from pipeline.train.pictograms import redrawn, silhouette_of
+from pipeline.train.recipes import other_prohibition, recipes, words_of
+from pipeline.train.symbols import (
     hand_in_hand,
     riding,
     strange_symbol,

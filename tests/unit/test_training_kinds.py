@@ -6,8 +6,8 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="the training needs torch")
 
-from automap.vision.training.classifier_data import label_of, labels  # noqa: E402
-from automap.vision.training.classifier_net import FaceNet, Folded, fold, membership  # noqa: E402
+from pipeline.train.classifier_data import label_of, labels  # noqa: E402
+from pipeline.train.classifier_net import FaceNet, Folded, fold, membership  # noqa: E402
 
 OUTPUTS = ["regulatory--stop--g1", "red-circle/number", "red-circle/no-horns", "other/x", "no-sign"]
 WANTED = ["regulatory--stop--g1", "red-circle", "blue-circle", "other", "no-sign"]

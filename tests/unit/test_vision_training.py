@@ -9,13 +9,13 @@ import pytest
 
 from automap.vision.classes import load_classes
 from automap.vision.faces import draw_face
-from automap.vision.training.art import Face
-from automap.vision.training.classifier_data import jittered
-from automap.vision.training.degrade import against_light
-from automap.vision.training.digits import road_digits
-from automap.vision.training.drawings import Drawings, group_of_face, group_of_kind
-from automap.vision.training.mirror import mirrored_name
-from automap.vision.training.numbers import (
+from pipeline.train.art import Face
+from pipeline.train.classifier_data import jittered
+from pipeline.train.degrade import against_light
+from pipeline.train.digits import road_digits
+from pipeline.train.drawings import Drawings, group_of_face, group_of_kind
+from pipeline.train.mirror import mirrored_name
+from pipeline.train.numbers import (
     LIMITS,
     letter_face,
     limit_face,
@@ -23,8 +23,8 @@ from automap.vision.training.numbers import (
     on_plate,
     other_number,
 )
-from automap.vision.training.pictograms import picture_of, transplanted
-from automap.vision.training.variants import varied
+from pipeline.train.pictograms import picture_of, transplanted
+from pipeline.train.variants import varied
 
 Image = npt.NDArray[np.uint8]
 CHILDREN, ROUNDABOUT = "warning--children--g2", "warning--roundabout--g2"

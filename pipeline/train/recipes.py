@@ -1,0 +1,148 @@
+"""What the faces of some classes are composed of, and what some pictures show."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.vision.classes import load_classes
+from pipeline.train.art import Face
+from pipeline.train.composed import crossing_face, prohibition
+from pipeline.train.numbers import (
+    LIMITS,
+    letter_face,
+    letter_symbol,
+    limit_face,
+    limit_name,
+)
+from pipeline.train.pictograms import redrawn, silhouette_of
+from pipeline.train.symbols import hand_in_hand, riding, turn_arrow
+
+Image = npt.NDArray[np.uint8]
+Random = np.random.Generator
+
+LIMIT_OF = {limit_name(number): number for number in LIMITS}
+_LETTERS = {"information--parking--g1": "P", "information--hospital--g1": "H"}
+_NO_WAY = {
+    "regulatory--no-left-turn--g1": "left",
+    "regulatory--no-right-turn--g1": "right",
+    "regulatory--no-u-turn--g1": "u",
+}
+_CROSSING = "information--pedestrians-crossing--g1"
+_NO_LETTER = {"regulatory--no-parking--g2": "P", "regulatory--no-stopping--g5": "S"}
+_OTHER_LETTERS = "ABCDEFGHJKLMNRTVXZ"
+_PICTURES = {
+    "bicycle": ("warning--bicycles-crossing", "regulatory--bicycles-only",
+                "regulatory--no-bicycles"),
+    "pedestrian": ("regulatory--pedestrians-only", "regulatory--no-pedestrians",
+                   "warning--pedestrians-crossing--g4"),
+    "crossing": ("warning--pedestrians-crossing", "regulatory--pedestrians-only"),
+    "truck": ("warning--trucks-crossing", "regulatory--no-heavy-goods-vehicles"),
+}  # fmt: skip
+"""The faces, by their names or these without variants, whose pictures show a subject alone."""
+_NO_PICTURE = {
+    "regulatory--no-bicycles--g1": ("bicycle", False),
+    "regulatory--no-bicycles--g2": ("bicycle", True),
+    "regulatory--no-pedestrians--g2": ("crossing", True),
+    "regulatory--no-heavy-goods-vehicles--g1": ("truck", None),
+}
+"""Subject, and whether a bar crosses it; None: in some countries."""
+SHOWS = {
+    "warning--bicycles-crossing--g1": "bicycle",
+    "warning--bicycles-crossing--g3": "bicycle",
+    "regulatory--bicycles-only--g1": "bicycle",
+    "regulatory--pedestrians-only--g1": "pedestrian",
+    "warning--pedestrians-crossing--g4": "pedestrian",
+    "warning--trucks-crossing--g1": "truck",
+    "warning--children--g1": "children",
+    "warning--children--g2": "children",
+}
+"""Classes that show a subject as they are, by the subject."""
+COMPOSED = frozenset({*_LETTERS, *_NO_WAY, *_NO_LETTER, *_NO_PICTURE, _CROSSING, *SHOWS})
+"""Classes other than limits that are drawn by rule or with other pictures of their subject."""
+_RIDDEN = 0.35
+"""Share of the bicycles with a rider."""
+_SHAPES = ("circle", "diamond", "triangle-up")
+
+
+@dataclass(frozen=True)
+class Recipes:
+    """Draws classes by rule; ``silhouettes`` by subject, white on black."""
+
+    silhouettes: dict[str, list[Image]]
+
+    def composed(self, name: str, rng: Random) -> Image | None:
+        """A drawing by rule of a class, BGRA; None if it has no rule."""
+        if name in LIMIT_OF:
+            return limit_face(LIMIT_OF[name], rng)
+        if name in _LETTERS:
+            return letter_face(_LETTERS[name], rng)
+        if name in _NO_WAY:
+            return prohibition(turn_arrow(_NO_WAY[name], rng), bool(rng.random() < 0.9), rng)
+        if name in _NO_LETTER:
+            return prohibition(letter_symbol(_NO_LETTER[name], rng), True, rng)
+        if name in _NO_PICTURE:
+            subject, bar = _NO_PICTURE[name]
+            picture = self._silhouette(subject, rng)
+            crossed = bool(rng.random() < 0.5) if bar is None else bar
+            return None if picture is None else prohibition(picture, crossed, rng)
+        if name == _CROSSING:
+            picture = self._silhouette("crossing", rng)
+            return None if picture is None else crossing_face(picture, rng)
+        return None
+
+    def redrawn(self, name: str, face: Image, rng: Random) -> Image | None:
+        """A face of a class with another picture of what it shows; None if none is known."""
+        picture = self._silhouette(SHOWS.get(name, ""), rng)
+        return None if picture is None else redrawn(face, picture, rng)
+
+    def _silhouette(self, subject: str, rng: Random) -> Image | None:
+        if subject == "children":
+            pair = [self._silhouette("pedestrian", rng) for _ in range(2)]
+            known = [figure for figure in pair if figure is not None]
+            return hand_in_hand(known[0], known[1], rng) if len(known) == 2 else None
+        pictures = self.silhouettes.get(subject, [])
+        if not pictures:
+            return None
+        picture = pictures[int(rng.integers(len(pictures)))]
+        figure = self._silhouette("pedestrian", rng) if subject == "bicycle" else None
+        ridden = figure is not None and rng.random() < _RIDDEN
+        return riding(figure, picture, rng) if figure is not None and ridden else picture
+
+
+def recipes(free: list[tuple[str, Face]]) -> Recipes:
+    """The rules, with the pictures of faces that are free to train on: base name and face."""
+    silhouettes: dict[str, list[Image]] = {}
+    for base, face in free:
+        subjects = [s for s, of in _PICTURES.items() if base in of or face.name in of]
+        picture = silhouette_of(face.image) if subjects and face.shape in _SHAPES else None
+        for subject in subjects:
+            if picture is not None:
+                silhouettes.setdefault(subject, []).append(picture)
+    return Recipes(silhouettes)
+
+
+def other_prohibition(rng: Random) -> Image:
+    """A ring about a letter, or an arrow ahead, that is no class."""
+    if rng.random() < 0.3:
+        return prohibition(turn_arrow("straight", rng), bool(rng.random() < 0.7), rng)
+    letter = _OTHER_LETTERS[int(rng.integers(len(_OTHER_LETTERS)))]
+    return prohibition(letter_symbol(letter, rng), bool(rng.random() < 0.7), rng)
+
+
+def words_of(name: str) -> str:
+    """What a plate below or about the face of a class says: its meaning in capitals."""
+    return re.sub(r"[-\s]+", " ", name.split("--")[1]).upper()
+
+
+def stands_on_plate(name: str) -> bool:
+    """Whether a class is a ring that stands on white plates in some country."""
+    entry = load_classes()[name]
+    return name in _NO_LETTER or (entry.group == "red-circle" and "AU" in entry.codes)
+
+
+BOARDED = ("regulatory--railroad-crossing--au",)
+"""Classes that stand on boards of one colour as well as on their own."""
