@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from automap import earth
-from automap.fusion.jit import kernel
+from automap.jit import kernel
 from automap.records import FloatArray
 
 radii = kernel(earth.radii)

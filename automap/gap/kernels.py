@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from automap.fusion.jit import kernel
+from automap.jit import kernel
 from automap.fusion.layout import N_NAV, WANDER
 from automap.records import BoolArray, FloatArray, IntArray
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from automap.fusion.jit import drop_stale
+from automap.jit import drop_stale
 
 
 def put(path: Path, age_s: float) -> Path:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from automap.fusion.jit import kernel
+from automap.jit import kernel
 from automap.fusion.kernels.arrays import ForwardStore, ModelArrays, NodeArrays, Samples
 from automap.fusion.kernels.integrate import integrate, reading_at
 from automap.fusion.kernels.observations import (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.fusion.jit import kernel
+from automap.jit import kernel
 from automap.fusion.kernels.arrays import Samples
 from automap.records import FloatArray, IntArray
 

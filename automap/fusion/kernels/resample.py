@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from automap.fusion.jit import kernel
+from automap.jit import kernel
 from automap.fusion.mechanisation import radii
 from automap.records import FloatArray
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from automap.fusion.jit import kernel
+from automap.jit import kernel
 from automap.fusion.kernels.arrays import ForwardStore
 from automap.fusion.kernels.update import unpack
 from automap.fusion.layout import N_NAV

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from automap.fusion.jit import kernel
+from automap.jit import kernel
 from automap.fusion.layout import N_NAV, V_ID
 from automap.records import FloatArray, IntArray
 

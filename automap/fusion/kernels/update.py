@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from automap.fusion.jit import kernel
+from automap.jit import kernel
 from automap.records import FloatArray
 
 

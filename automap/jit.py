@@ -1,4 +1,4 @@
-"""How the fusion's kernels are compiled."""
+"""How the kernels of sensor model, fusion and gap finder are compiled."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 
 from numba import njit
 
-PACKAGE = Path(__file__).resolve().parent.parent
+PACKAGE = Path(__file__).resolve().parent
 
 # divisions by zero give infinity instead of a check at every division, and sums may be taken
 # in any order; NaN and infinity keep their meaning
 kernel = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz", "arcp"})
-"""Decorator of all numba functions of the fusion."""
+"""Decorator of the numba functions that make up one filter run."""
 
 
 def drop_stale(folders: Iterable[Path]) -> None:
@@ -33,4 +33,9 @@ def drop_stale(folders: Iterable[Path]) -> None:
                     index.unlink(missing_ok=True)
 
 
-drop_stale([PACKAGE / "fusion", PACKAGE / "fusion" / "kernels", PACKAGE / "gap"])
+drop_stale(
+    [
+        PACKAGE / folder
+        for folder in ("", "effects", "fusion", "fusion/kernels", "gap", "geolocation")
+    ]
+)
