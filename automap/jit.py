@@ -33,9 +33,5 @@ def drop_stale(folders: Iterable[Path]) -> None:
                     index.unlink(missing_ok=True)
 
 
-drop_stale(
-    [
-        PACKAGE / folder
-        for folder in ("", "effects", "fusion", "fusion/kernels", "gap", "geolocation")
-    ]
-)
+_WITH_KERNELS = ("", "effects", "fusion", "fusion/kernels", "gap", "geolocation")
+drop_stale([PACKAGE / folder for folder in _WITH_KERNELS])

@@ -13,8 +13,8 @@ import math
 
 import numpy as np
 
-from automap.jit import kernel
 from automap.fusion.layout import N_NAV, WANDER
+from automap.jit import kernel
 from automap.records import BoolArray, FloatArray, IntArray
 
 

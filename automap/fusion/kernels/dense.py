@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from automap.jit import kernel
 from automap.fusion.kernels.arrays import ModelArrays, Samples
 from automap.fusion.kernels.integrate import GAP_STEP_S
 from automap.fusion.kernels.readings import correct, correction_of, raw_at, shift_of
@@ -19,6 +18,7 @@ from automap.fusion.mechanisation import (
     rotate_left,
     strapdown_step,
 )
+from automap.jit import kernel
 from automap.records import FloatArray
 
 

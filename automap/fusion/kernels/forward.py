@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from automap.jit import kernel
 from automap.fusion.kernels.arrays import ForwardStore, ModelArrays, NodeArrays, Samples
 from automap.fusion.kernels.integrate import integrate, reading_at
 from automap.fusion.kernels.observations import (
@@ -47,6 +46,7 @@ from automap.fusion.layout import (
     WANDER,
 )
 from automap.fusion.mechanisation import N_EARTH, earth_terms, quat_to_dcm
+from automap.jit import kernel
 from automap.records import FloatArray
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.jit import kernel
 from automap.fusion.kernels.arrays import ModelArrays, Samples
 from automap.fusion.kernels.readings import correct, correction_of, raw_at, shift_of
 from automap.fusion.kernels.transition import add_noise, add_transition
 from automap.fusion.mechanisation import strapdown_step
+from automap.jit import kernel
 from automap.records import FloatArray
 
 GAP_STEP_S = 0.02

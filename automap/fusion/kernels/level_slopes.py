@@ -13,10 +13,10 @@ import math
 
 import numpy as np
 
-from automap.jit import kernel
 from automap.fusion.kernels.arrays import ForwardStore
 from automap.fusion.kernels.smoother import undo_interval, undo_scalar
 from automap.fusion.layout import N_NAV
+from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
 ACCEL, GYRO = 0, 1

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from automap.jit import kernel
 from automap.fusion.kernels.arrays import Samples
 from automap.fusion.layout import (
     DATUM,
@@ -28,6 +27,7 @@ from automap.fusion.layout import (
     WHEEL,
 )
 from automap.fusion.mechanisation import radii
+from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.jit import kernel
 from automap.fusion.kernels.arrays import Samples
+from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
 

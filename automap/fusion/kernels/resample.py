@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from automap.jit import kernel
 from automap.fusion.mechanisation import radii
+from automap.jit import kernel
 from automap.records import FloatArray
 
 

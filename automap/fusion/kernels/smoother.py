@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from automap.jit import kernel
 from automap.fusion.kernels.arrays import ForwardStore
 from automap.fusion.kernels.update import unpack
 from automap.fusion.layout import N_NAV
+from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
 

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from automap.jit import kernel
 from automap.fusion.layout import N_NAV, PHI_ID, V_ID
 from automap.fusion.mechanisation import quat_to_dcm, radii, rotate_left
+from automap.jit import kernel
 from automap.records import FloatArray
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from automap.jit import kernel
 from automap.fusion.layout import N_NAV, V_ID
+from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
 # process noise over an interval, in compact form: see ``add_noise``
