@@ -11,7 +11,7 @@ import numpy as np
 
 from automap.calibration.fold import angles, corrected, folded_covariance
 from automap.errors import ConfigError
-from automap.io.imu_calibration import ImuCalibration, TriadCalibration
+from automap.records import ImuCalibration, TriadCalibration
 from pipeline.calibration_logs import LogSource, local_gravity, read_logs, stated
 from pipeline.calibration_output import Outcome, Sections, conditions, digest_entry, write
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automap.errors import ConfigError
-from automap.io.imu_calibration import ImuCalibration, TriadCalibration
+from automap.records import ImuCalibration, TriadCalibration
 
 if TYPE_CHECKING:
     from automap.io.imu_log import ImuLog

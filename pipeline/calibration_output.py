@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from automap.io.imu_calibration import ImuCalibration
+from automap.records import ImuCalibration
 
 if TYPE_CHECKING:
     from automap.io.imu_log import ImuLog

@@ -19,8 +19,7 @@ from pipeline.targets import spare_recordings
 
 if TYPE_CHECKING:
     from automap.io.drive import Drive, VideoInput
-    from automap.records import Detections
-    from automap.vision.crops import Crop
+    from automap.records import Crop, Detections
 
 Progress = Callable[[float, str], None]
 Row = tuple[str | int, ...]

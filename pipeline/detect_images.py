@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from automap.errors import InputError
 
 if TYPE_CHECKING:
-    from automap.vision.crops import Crop
-    from automap.vision.detector import Detector, FoundSigns, Image
+    from automap.records import Crop, Image
+    from automap.vision.detector import Detector, FoundSigns
     from automap.vision.parallel import Candidate
 
 _SUFFIXES = {".bmp", ".jpeg", ".jpg", ".png", ".ppm", ".tif", ".tiff", ".webp"}
@@ -83,7 +83,7 @@ def search_images(
 
 def _pictures(images: list[Path], warn: Callable[[str], None]) -> Iterator[Candidate[Path]]:
 
-    from automap.io.video_decode import VideoFrame
+    from automap.records import VideoFrame
     from automap.vision.parallel import Candidate
 
     for number, path in enumerate(images):

@@ -14,8 +14,8 @@ from automap.errors import AutoMapError, InputError
 from automap.export.clock import clock_from_trajectory
 from automap.io import names
 from automap.io.json_text import parse_json
-from automap.mapping.sightings import DrivePath, DriveSigns
-from automap.records import ClockModel, FloatArray, IntArray
+from automap.mapping.sightings import DriveSigns
+from automap.records import ClockModel, DrivePath, FloatArray, IntArray
 from pipeline.merge_cameras import cameras_of_run
 from pipeline.merge_signs import sign_columns
 

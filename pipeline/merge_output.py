@@ -18,7 +18,7 @@ from automap.errors import StageError
 from automap.io import names
 from automap.io.atomic import make_folder, write_json, write_text
 from automap.io.map_tables import COVERAGE, SIGHTINGS
-from automap.mapping.sightings import DrivePath
+from automap.records import DrivePath
 from pipeline.lock import locked
 from pipeline.merge_signs import GPS_CLOCK
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.io.imu_calibration import ImuCalibration, TriadCalibration
-from automap.records import FloatArray
+from automap.records import FloatArray, ImuCalibration, TriadCalibration
 
 
 def corrected(before: ImuCalibration, errors: FloatArray) -> ImuCalibration:

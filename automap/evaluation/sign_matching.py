@@ -7,33 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from automap.records import FloatArray, IntArray, Sign
+from automap.records import FloatArray, IntArray, Sign, SignPoints
 
 GATES_M = (1.0, 2.0, 3.0, 5.0, 6.0, 10.0)
 PAIR_GATE_M = 15.0
 """Errors, coverage and class accuracy are taken over the pairs within this distance."""
 
 _CHI2_95_2D = -2.0 * np.log(0.05)
-
-
-@dataclass(frozen=True)
-class SignPoints:
-    """Positions of signs [n], with what is known of their uncertainty.
-
-    ``cov_en`` [n, 2, 2] east and north, square metres (NaN unknown); ``sd_m`` [n] one sigma
-    per horizontal axis of a truth's own error (zero when the source gives none).
-    """
-
-    lat_rad: FloatArray
-    lon_rad: FloatArray
-    class_name: npt.NDArray[np.object_]
-    cov_en: FloatArray
-    sd_m: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.lat_rad)
 
 
 def points_of(signs: Sequence[Sign]) -> SignPoints:

@@ -13,14 +13,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from automap.records import FloatArray
+from automap.records import FloatArray, Image
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-Image = npt.NDArray[np.uint8]
 
 VIEWS = 3
 """Pictures a sign: the largest, and ones from about two and four times as far."""

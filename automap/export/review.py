@@ -13,9 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from automap.records import FloatArray, Sign
+from automap.records import FloatArray, ReviewAction, Sign
 
-Kind = Literal["accept", "reject", "correct", "note", "reset", "undo"]
 Status = Literal["", "accepted", "rejected", "corrected"]
 
 MATCH_M = 15.0
@@ -23,29 +22,6 @@ MATCH_M = 15.0
 
 HAND_SD_M = 1.0
 """One sigma, per axis, of a position set by hand where the action gives none."""
-
-
-@dataclass(frozen=True)
-class Action:
-    """One decision. Positions are degrees; ``seen_*`` is the sign as it was before any review.
-
-    ``kind`` "correct" sets ``class_name`` or the position (or both), "note" the text ``note``;
-    "reset" drops all that was decided about the sign before, "undo" the action ``undoes``.
-    """
-
-    id: str
-    time: str
-    sign: str
-    kind: Kind
-    seen_class: str = ""
-    seen_lon_deg: float = float("nan")
-    seen_lat_deg: float = float("nan")
-    class_name: str | None = None
-    lon_deg: float | None = None
-    lat_deg: float | None = None
-    sd_m: float | None = None
-    note: str | None = None
-    undoes: str | None = None
 
 
 @dataclass(frozen=True)
@@ -73,9 +49,9 @@ class Reviewed:
     problems: list[str] = field(default_factory=list)
 
 
-def verdicts(actions: Iterable[Action]) -> dict[str, Verdict]:
+def verdicts(actions: Iterable[ReviewAction]) -> dict[str, Verdict]:
     """The state of every sign that was reviewed, by its id, in the order of first review."""
-    by_sign: dict[str, list[Action]] = {}
+    by_sign: dict[str, list[ReviewAction]] = {}
     for action in standing(actions):
         kept = by_sign.setdefault(action.sign, [])
         if action.kind == "reset":
@@ -85,7 +61,7 @@ def verdicts(actions: Iterable[Action]) -> dict[str, Verdict]:
     return {sign: _verdict(sign, kept) for sign, kept in by_sign.items() if kept}
 
 
-def standing(actions: Iterable[Action]) -> list[Action]:
+def standing(actions: Iterable[ReviewAction]) -> list[ReviewAction]:
     """The actions that were not taken back, in their order, without the undoing ones."""
     listed = list(actions)
     undone: set[str] = set()
@@ -96,7 +72,7 @@ def standing(actions: Iterable[Action]) -> list[Action]:
     return [a for a in listed if a.kind != "undo" and a.id not in undone]
 
 
-def _verdict(sign: str, actions: list[Action]) -> Verdict:
+def _verdict(sign: str, actions: list[ReviewAction]) -> Verdict:
     seen = actions[0]
     verdict = Verdict(sign, "", seen.seen_class, seen.seen_lon_deg, seen.seen_lat_deg)
     corrected = False
@@ -118,7 +94,7 @@ def _verdict(sign: str, actions: list[Action]) -> Verdict:
     return verdict
 
 
-def apply_review(signs: Sequence[Sign], actions: Iterable[Action]) -> Reviewed:
+def apply_review(signs: Sequence[Sign], actions: Iterable[ReviewAction]) -> Reviewed:
     """Signs with the review applied, in their order.
 
     An accepted or corrected sign says so in ``status``; a rejected one is left out and listed

@@ -5,28 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from automap.earth import local_ned
-from automap.records import FloatArray, IntArray
+from automap.records import Bearings, FloatArray, IntArray
 
 _NEWTON_STEPS = 10
-
-
-@dataclass(frozen=True)
-class Bearings:
-    """Sightings [n]: camera position, bearing clockwise from north, depth (NaN unknown),
-    class ("" unknown), one-sigma error of the bearing (NaN unknown)."""
-
-    lat_rad: FloatArray
-    lon_rad: FloatArray
-    bearing_rad: FloatArray
-    depth_m: FloatArray
-    class_name: npt.NDArray[np.object_]
-    sd_rad: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.lat_rad)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,6 @@ from automap.earth import from_local_ned
 from automap.geolocation.bearing_cover import candidates, cover, joined, settle
 from automap.geolocation.bearing_rays import (
     BearingRules,
-    Bearings,
     Rays,
     costs,
     fit_point,
@@ -28,7 +27,7 @@ from automap.geolocation.bearing_rays import (
     normal_equations,
 )
 from automap.geolocation.depth_scale import DepthScale, fit_depth_scale
-from automap.records import NO_TIME, FloatArray, IntArray, Sign
+from automap.records import NO_TIME, Bearings, FloatArray, IntArray, Sign
 
 __all__ = ["BearingRules", "Bearings", "locate_from_bearings"]
 

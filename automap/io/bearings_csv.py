@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from automap.errors import InputError
-from automap.geolocation.bearings import Bearings
 from automap.io.csv_columns import Kind, read_columns
-from automap.records import FloatArray
+from automap.records import Bearings, FloatArray
 
 _REQUIRED: dict[str, Kind] = {"lat_deg": "float", "lon_deg": "float", "bearing_deg": "float"}
 _OPTIONAL: dict[str, Kind] = {"depth_m": "float", "class": "text", "sd_deg": "float"}

@@ -10,8 +10,7 @@ from typing import Any, TypeVar
 from automap.errors import InputError
 from automap.io.atomic import write_json
 from automap.io.json_text import parse_json
-from automap.records import ClockModel
-from automap.sync.stamps import DriveClocks
+from automap.records import ClockModel, DriveClocks
 
 _T = TypeVar("_T")
 

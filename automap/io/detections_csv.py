@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from automap.io.csv_columns import Kind, read_columns
-from automap.io.frame_times import FrameTimes
-from automap.records import Detections
+from automap.records import Detections, FrameTimes
 
 _BOX = ("x_min", "y_min", "x_max", "y_max")
 _REQUIRED: dict[str, Kind] = {

@@ -6,43 +6,17 @@ rate. Frames count from 0 over all chapters in the order in which they are shown
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from automap.io.csv_columns import read_columns
 from automap.io.video import Chapter, video_chapters
-from automap.records import IntArray
+from automap.records import FrameTimes, IntArray
 
 if TYPE_CHECKING:
     from automap.io.drive import VideoInput
-
-
-@dataclass(frozen=True)
-class FrameTimes:
-    """Stamps of the frames of one camera.
-
-    ``frame`` [n] increasing numbers, ``t_ns`` [n] in the clock that the manifest names for
-    this video.
-    """
-
-    frame: IntArray
-    t_ns: IntArray
-    warnings: tuple[str, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.frame)
-
-    def at(self, frame: npt.ArrayLike) -> tuple[IntArray, npt.NDArray[np.bool_]]:
-        """Stamps [k] of frame numbers [k], and which of them are known."""
-        wanted = np.asarray(frame, dtype=np.int64)
-        if not len(self.frame):
-            return np.zeros(len(wanted), np.int64), np.zeros(len(wanted), bool)
-        index = np.searchsorted(self.frame, wanted).clip(max=len(self.frame) - 1)
-        return self.t_ns[index], self.frame[index] == wanted
 
 
 def frame_times(video: VideoInput, chapters: list[Chapter] | None = None) -> FrameTimes:

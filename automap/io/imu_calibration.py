@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,43 +12,9 @@ import numpy as np
 from automap.errors import ConfigError
 from automap.io.atomic import write_text
 from automap.io.toml_file import read_toml
-from automap.records import FloatArray
+from automap.records import FloatArray, ImuCalibration, TriadCalibration
 
 SCHEMA = "automap.imu-calibration/1"
-
-
-@dataclass(frozen=True)
-class TriadCalibration:
-    """true = matrix @ (scale * reading + bias), reading in the log's own unit.
-
-    ``scale`` [3] SI per reading unit, ``bias`` [3] SI, ``matrix`` [3, 3].
-    """
-
-    scale: FloatArray
-    bias: FloatArray
-    matrix: FloatArray
-
-    def apply(self, reading: FloatArray) -> FloatArray:
-        """Readings [n, 3] to true values [n, 3] in SI units, in the accelerometer's axes."""
-        return np.asarray((reading * self.scale + self.bias) @ self.matrix.T, dtype=np.float64)
-
-
-@dataclass(frozen=True)
-class ImuCalibration:
-    """Both triads; ``accel_unit`` and ``gyro_unit`` are those of the log that was used to
-    calibrate, None when the file does not say. ``g_sensitivity`` [3, 3] (rad/s)/(m/s^2) is
-    what the gyro reads of specific force, in the accelerometer's axes."""
-
-    accel: TriadCalibration
-    gyro: TriadCalibration
-    accel_unit: str | None = None
-    gyro_unit: str | None = None
-    g_sensitivity: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
-
-    def apply(self, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rates [n, 3] rad/s and forces [n, 3] m/s^2 of readings [n, 3] in the log's units."""
-        force = self.accel.apply(accel)
-        return self.gyro.apply(gyro) - force @ self.g_sensitivity.T, force
 
 
 def read_imu_calibration(path: Path) -> ImuCalibration:

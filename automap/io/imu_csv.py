@@ -10,10 +10,10 @@ import numpy as np
 from automap.errors import ConfigError, InputError
 from automap.io.csv_columns import CsvColumns, Kind, read_columns
 from automap.io.drive import Drive
-from automap.io.imu_calibration import ImuCalibration, read_imu_calibration
+from automap.io.imu_calibration import read_imu_calibration
 from automap.io.sensor_file import STANDARD_GRAVITY, SensorModel, find_sensor, read_sensor
 from automap.io.stamps import StampOrder, find_gaps, order_stamps
-from automap.records import FloatArray, ImuData
+from automap.records import FloatArray, ImuCalibration, ImuData
 
 _GYRO = ("gx", "gy", "gz")
 _ACCEL = ("ax", "ay", "az")

@@ -10,7 +10,7 @@ import numpy as np
 
 from automap.io.atomic import atomic_path
 from automap.io.tables import floats, read_table, write_columns
-from automap.mapping.sightings import DrivePath
+from automap.records import DrivePath
 
 SIGHTINGS = "sightings.parquet"
 COVERAGE = "coverage.parquet"

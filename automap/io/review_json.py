@@ -16,18 +16,18 @@ from pathlib import Path
 from typing import Any
 
 from automap.errors import InputError
-from automap.export.review import Action, Kind
 from automap.io.atomic import write_failure, write_json
 from automap.io.json_text import parse_json
+from automap.records import ReviewAction, ReviewKind
 
 SCHEMA = "automap.review/1"
 _LOCK = ".review.lock"
-_KINDS = typing.get_args(Kind)
+_KINDS = typing.get_args(ReviewKind)
 _NUMBERS = ("seen_lon_deg", "seen_lat_deg", "lon_deg", "lat_deg", "sd_m")
 _TEXTS = ("id", "time", "sign", "seen_class", "class_name", "note", "undoes")
 
 
-def read_review(path: Path) -> list[Action]:
+def read_review(path: Path) -> list[ReviewAction]:
     """The actions in their order; none when there is no file.
 
     Raises InputError when the file is damaged or is no review.
@@ -55,7 +55,7 @@ def read_review(path: Path) -> list[Action]:
     return read
 
 
-def append_action(path: Path, action: Action) -> int:
+def append_action(path: Path, action: ReviewAction) -> int:
     """Add one action to the file, durably; returns how many it has then.
 
     Raises InputError for a damaged file, which stays as it is, and StageError when it cannot
@@ -67,11 +67,11 @@ def append_action(path: Path, action: Action) -> int:
     return len(actions)
 
 
-def action_of(value: Any) -> Action:
+def action_of(value: Any) -> ReviewAction:
     """An action from JSON's types; ValueError says what is wrong with it."""
     if not isinstance(value, dict):
         raise ValueError("it is no object")
-    unknown = sorted(set(value) - set(Action.__dataclass_fields__))
+    unknown = sorted(set(value) - set(ReviewAction.__dataclass_fields__))
     if unknown:
         raise ValueError(f"it has an unknown key {unknown[0]!r}")
     if value.get("kind") not in _KINDS:
@@ -100,10 +100,10 @@ def action_of(value: Any) -> Action:
             raise ValueError(f"its {name} is beyond {limit:.0f} degrees")
     if not 0.0 <= fields.get("sd_m", 0.0) <= 1000.0:
         raise ValueError("its sd_m is not between 0 and 1000 m")
-    return Action(**fields)
+    return ReviewAction(**fields)
 
 
-def _plain(action: Action) -> dict[str, Any]:
+def _plain(action: ReviewAction) -> dict[str, Any]:
     values = asdict(action)
     return {
         name: value

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from automap.errors import InputError
-from automap.evaluation.sign_matching import SignPoints
 from automap.io.json_text import parse_json
+from automap.records import SignPoints
 
 
 def read_sign_points(path: Path) -> SignPoints:

@@ -7,32 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from automap.io.frame_times import FrameTimes, first_frames, frame_times
+from automap.io.frame_times import first_frames, frame_times
 from automap.io.video import Chapter, open_video, video_chapters, video_stream
-from automap.records import IntArray
+from automap.records import FrameTimes, Image, IntArray, VideoFrame
 
 if TYPE_CHECKING:
     from automap.io.drive import VideoInput
 
-Image = npt.NDArray[np.uint8]
 
 _JUMP = 8
 """Frames that must be spared for a jump to a key frame to be worth emptying the decoder."""
-
-
-@dataclass(frozen=True)
-class VideoFrame:
-    """A decoded picture: number over all chapters, stamp, BGR image [height, width, 3]."""
-
-    frame: int
-    t_ns: int
-    image: Image
 
 
 def iter_frames(

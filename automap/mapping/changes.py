@@ -11,8 +11,7 @@ import numpy as np
 from automap.earth import metres_per_radian
 from automap.mapping.candidates import facing_evidence
 from automap.mapping.classes import DIFFERENT, SAME_GROUP, class_evidence
-from automap.mapping.sightings import DrivePath
-from automap.records import FloatArray, Sign
+from automap.records import DrivePath, FloatArray, Sign
 
 SAME_PLACE_SIGMAS = 4.0
 SAME_PLACE_M = 6.0

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.earth import metres_per_radian
-from automap.records import FloatArray, IntArray
+from automap.records import DrivePath, FloatArray, IntArray
 
 UNKNOWN_SD_M = 3.0
 """Taken for the error of a sighting whose covariance is not known."""
@@ -21,24 +21,6 @@ _STACKED = (
     "drive", "row", "time_s", "lat", "lon", "height", "per_lat", "per_lon", "own", "own_u",
     "shared_sd", "facing", "code", "confidence",
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class DrivePath:
-    """A trajectory thinned to one row every few metres.
-
-    ``gps_s``, ``lat_rad``, ``lon_rad``, ``yaw_rad`` [k] (of the vehicle, clockwise from
-    north) and ``sd_enu`` [k, 3] m.
-    """
-
-    gps_s: FloatArray
-    lat_rad: FloatArray
-    lon_rad: FloatArray
-    yaw_rad: FloatArray
-    sd_enu: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.lat_rad)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 
 from automap.mapping.grid import delta, filled_table, neighbours
-from automap.mapping.sightings import CameraView, DrivePath, DriveSigns
-from automap.records import BoolArray, FloatArray, IntArray
+from automap.mapping.sightings import CameraView, DriveSigns
+from automap.records import BoolArray, DrivePath, FloatArray, IntArray
 
 NEAREST_M = 7.0
 FARTHEST_M = 60.0

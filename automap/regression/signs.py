@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from automap.evaluation.sign_matching import SignPoints, match
-from automap.records import FloatArray, Sign
+from automap.evaluation.sign_matching import match
+from automap.records import FloatArray, Sign, SignPoints
 from automap.regression.change import Change, Tolerance
 
 _SAME_SIGN_M = 10.0

@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 
 from automap import earth, frames
-from automap.records import FloatArray
+from automap.records import FloatArray, Image
 from automap.simulation.scenario import CameraSetup
 from automap.simulation.scene import Ball, Colour, Patch, Scene, SceneSign
 from automap.simulation.trajectory import DriveMotion
-from automap.vision.faces import Image, draw_face, outline_points
+from automap.vision.faces import draw_face, outline_points
 from automap.vision.vocabulary import load_vocabulary
 
 _NEAR_M = 0.4

@@ -2,28 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from automap.errors import InputError
-from automap.records import ClockModel, IntArray
+from automap.records import DriveClocks, IntArray
 from automap.sync.clock import stated_clock
-
-
-@dataclass(frozen=True)
-class DriveClocks:
-    """The clocks of a drive.
-
-    ``clock`` leads from the stamps of the trajectory, which are ``time_base`` ("boot_ns",
-    "gps_ns" or "unix_ns"), to GPS time; ``arrival`` from the arrival times of the receiver's
-    bytes where those are another clock, ``arrival_time_base``.
-    """
-
-    clock: ClockModel
-    time_base: str
-    arrival: ClockModel | None = None
-    arrival_time_base: str | None = None
 
 
 def in_trajectory_time(t_ns: IntArray, time_base: str, clocks: DriveClocks) -> IntArray:

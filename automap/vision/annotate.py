@@ -17,10 +17,8 @@ from automap.io.drive import VideoInput
 from automap.io.frame_times import frame_times
 from automap.io.video import video_chapters
 from automap.io.video_decode import decode_frames
-from automap.records import Detections, FloatArray
+from automap.records import Detections, FloatArray, Image
 from automap.vision.contact_sheet import short_name
-
-Image = npt.NDArray[np.uint8]
 
 _LONGEST_BRIDGE_S = 1.5
 """Between two views of a track its box is drawn too, unless they are further apart."""

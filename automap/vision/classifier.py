@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from automap.records import FloatArray, IntArray
+from automap.records import FloatArray, Image, IntArray
 from automap.vision.classes import country_set, load_classes
-from automap.vision.detector import Alternatives, Image
+from automap.vision.detector import Alternatives
 from automap.vision.onnx_model import OnnxModel
 from automap.vision.vocabulary import load_vocabulary
 

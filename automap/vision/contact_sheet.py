@@ -6,11 +6,8 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from automap.vision.crops import Crop
-
-Image = npt.NDArray[np.uint8]
+from automap.records import Crop, Image
 
 _CELL = 144
 _CAPTION = 34

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from automap.records import FloatArray
-
-Image = npt.NDArray[np.uint8]
+from automap.records import Crop, FloatArray, Image
 
 _SURROUND = 0.35
 """What is shown around a box, in parts of its longer side."""
@@ -18,26 +15,6 @@ _LARGEST_PX = 160
 _SMALLEST_PX = 64
 _QUALITY = 85
 _BETTER = 1.1
-
-
-@dataclass(frozen=True)
-class Crop:
-    """A sign as it was seen best.
-
-    ``box`` [4] in the pixels of the frame, ``box_in_crop`` [4] in those of the picture;
-    ``jpeg`` the picture, at most 160 px wide and high; ``worth`` how good a view it is.
-    """
-
-    camera: str
-    track: int
-    frame: int
-    t_ns: int
-    class_name: str
-    score: float
-    box: FloatArray
-    box_in_crop: FloatArray
-    jpeg: bytes
-    worth: float
 
 
 class BestCrops:

@@ -12,8 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from automap.errors import ConfigError, InputError
 from automap.io.toml_file import read_toml
-from automap.records import FloatArray
-from automap.vision.detector import FoundSigns, Image
+from automap.records import FloatArray, Image
+from automap.vision.detector import FoundSigns
 
 SCHEMA = "automap.detector/1"
 

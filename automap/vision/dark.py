@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-Image = npt.NDArray[np.uint8]
+from automap.records import Image
 
 _STEP = 8
 _WHITE_SHARE = 95.0

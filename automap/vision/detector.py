@@ -5,12 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-import numpy.typing as npt
+from automap.records import FloatArray, Image
 
-from automap.records import FloatArray
-
-Image = npt.NDArray[np.uint8]
 Region = tuple[float, float, float, float]
 """x_min, y_min, x_max, y_max in pixels."""
 Alternatives = tuple[tuple[str, float], ...]

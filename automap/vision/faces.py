@@ -10,11 +10,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from automap.records import FloatArray
+from automap.records import FloatArray, Image
 from automap.vision.glyphs import text_strokes
 from automap.vision.vocabulary import SignClass, Vocabulary, load_vocabulary
-
-Image = npt.NDArray[np.uint8]
 
 _OVERSAMPLING = 4
 _SHIFT = 4

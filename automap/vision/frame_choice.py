@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.io.frame_times import FrameTimes
-from automap.records import BoolArray, FloatArray, IntArray
+from automap.records import BoolArray, FloatArray, FrameTimes, IntArray
 from automap.vision.camera_path import CameraPath
 
 

@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from automap.records import FloatArray, IntArray
+from automap.records import FloatArray, Image, IntArray
 from automap.vision.classifier import SignClassifier
 from automap.vision.dark import brightened
-from automap.vision.detector import FoundSigns, Image, Region
+from automap.vision.detector import FoundSigns, Region
 from automap.vision.onnx_model import OnnxModel
 
 Floats = npt.NDArray[np.float32]

@@ -16,7 +16,7 @@ from typing import Generic, TypeVar
 
 import cv2
 
-from automap.io.video_decode import VideoFrame
+from automap.records import VideoFrame
 from automap.vision.detector import FoundSigns
 
 T = TypeVar("T")

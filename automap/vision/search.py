@@ -11,13 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.io.drive import VideoInput
-from automap.io.frame_times import FrameTimes, frame_times
+from automap.io.frame_times import frame_times
 from automap.io.video import Chapter, video_chapters
-from automap.io.video_decode import VideoFrame, decode_frames
-from automap.records import Camera, Detections, IntArray
+from automap.io.video_decode import decode_frames
+from automap.records import Camera, Crop, Detections, FrameTimes, IntArray, VideoFrame
 from automap.vision.camera_motion import ImageMotion, Motion, motion_on_path
 from automap.vision.camera_path import CameraPath
-from automap.vision.crops import BestCrops, Crop
+from automap.vision.crops import BestCrops
 from automap.vision.detector import Detector, FoundSigns, RegionDetector
 from automap.vision.frame_choice import ChoiceRules, FramePlan, every_frame, plan_frames
 from automap.vision.parallel import Beside, Candidate, detections, prefetched, worker_count

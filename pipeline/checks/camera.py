@@ -160,7 +160,8 @@ def _start(video: VideoInput, headers: list[VideoHeader]) -> list[Finding]:
 def _listed(video: VideoInput) -> Iterator[tuple[Path, list[Finding]]]:
     """The frames file and the detections."""
     from automap.io.detections_csv import read_detections_csv
-    from automap.io.frame_times import FrameTimes, frame_times
+    from automap.io.frame_times import frame_times
+    from automap.records import FrameTimes
 
     times: FrameTimes | None = None
     if video.frames is not None:

@@ -15,7 +15,7 @@ from pipeline.stage import Stage, StageContext
 
 if TYPE_CHECKING:
     from automap.io.drive import Drive, VideoInput
-    from automap.vision.crops import Crop
+    from automap.records import Crop
     from automap.vision.search import SearchResult
 
 

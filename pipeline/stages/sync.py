@@ -19,7 +19,7 @@ def run(context: StageContext) -> None:
     """Write sync.json and, for a clock from arrival times, sync_delays.parquet."""
     from automap.io.clock_json import write_clocks
     from automap.io.tables import read_fixes, read_imu
-    from automap.sync.stamps import DriveClocks
+    from automap.records import DriveClocks
 
     imu_path, fixes_path = context.out / names.IMU, context.out / names.FIXES
     imu = read_imu(imu_path) if imu_path.exists() else None

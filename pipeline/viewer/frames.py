@@ -13,9 +13,8 @@ from automap.records import IntArray
 
 if TYPE_CHECKING:
     from automap.io.drive import VideoInput
-    from automap.io.frame_times import FrameTimes
     from automap.io.video import Chapter
-    from automap.io.video_decode import VideoFrame
+    from automap.records import FrameTimes, VideoFrame
 
 WIDTH_LIMIT = 1280
 """Pictures are sent at most this wide."""

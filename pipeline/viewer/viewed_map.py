@@ -15,12 +15,12 @@ import numpy as np
 from automap.errors import AutoMapError, InputError
 from automap.export.clock import iso_texts, utc_of_stamps
 from automap.export.fields import SIGN_FIELDS
-from automap.export.review import Action, Verdict, match, standing, verdicts
+from automap.export.review import Verdict, match, standing, verdicts
 from automap.export.uncertainty import ce95
 from automap.io import names
 from automap.io.json_text import parse_json
 from automap.io.review_json import action_of, append_action, read_review
-from automap.records import ClockModel, IntArray
+from automap.records import ClockModel, IntArray, ReviewAction
 from pipeline.run_record import utc_now
 from pipeline.viewer.drives import MapDrive
 from pipeline.viewer.payload import sign_payload
@@ -40,7 +40,7 @@ class ViewedMap:
     signs: SignTable | None
     drives: list[MapDrive]
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
-    _review: tuple[tuple[int, int], list[Action]] | None = field(default=None, repr=False)
+    _review: tuple[tuple[int, int], list[ReviewAction]] | None = field(default=None, repr=False)
 
     @cached_property
     def payload(self) -> bytes:
@@ -217,7 +217,7 @@ class ViewedMap:
         append_action(self.out / names.REVIEW, action)
         return self.review()
 
-    def _decided(self, actions: list[Action]) -> list[tuple[Verdict, int | None]]:
+    def _decided(self, actions: list[ReviewAction]) -> list[tuple[Verdict, int | None]]:
         """What was decided about signs, each with its row, None for one that is gone."""
         decided = list(verdicts(actions).values())
         signs = self.signs
@@ -227,7 +227,7 @@ class ViewedMap:
         rows = match(decided, signs.ids, classes, signs.lon_deg, signs.lat_deg)
         return list(zip(decided, rows, strict=True))
 
-    def _name_in_review(self, actions: list[Action], row: int) -> str:
+    def _name_in_review(self, actions: list[ReviewAction], row: int) -> str:
         """What the review calls a sign: its id, unless an earlier run's sign has that name or
         this one was reviewed under another."""
         assert self.signs is not None
@@ -240,7 +240,7 @@ class ViewedMap:
         candidates = itertools.chain([name], (f"{name}#{k}" for k in itertools.count(2)))
         return next(n for n in candidates if n not in taken)
 
-    def _actions(self) -> list[Action]:
+    def _actions(self) -> list[ReviewAction]:
         """The actions in the file, which another program may have changed."""
         path = self.out / names.REVIEW
         with self._lock:

@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from automap.earth import from_local_ned, local_ned
-from automap.evaluation.sign_matching import SignPoints, match
-from automap.geolocation.bearings import BearingRules, Bearings, locate_from_bearings
-from automap.records import FloatArray
+from automap.evaluation.sign_matching import match
+from automap.geolocation.bearings import BearingRules, locate_from_bearings
+from automap.records import Bearings, FloatArray, SignPoints
 
 ORIGIN = (float(np.radians(53.344)), float(np.radians(-6.25)), 0.0)
 SPACING_M = 6.0

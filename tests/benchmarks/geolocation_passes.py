@@ -12,11 +12,11 @@ import argparse
 
 import numpy as np
 
-from automap.evaluation.sign_matching import SignPoints, match, points_of, summarise_signs
+from automap.evaluation.sign_matching import match, points_of, summarise_signs
 from automap.geolocation.locate import locate_signs
 from automap.mapping.merge import LEAST_EXISTENCE, merge_drives
-from automap.mapping.sightings import CameraView, DrivePath, DriveSigns
-from automap.records import FloatArray, Sign, Trajectory
+from automap.mapping.sightings import CameraView, DriveSigns
+from automap.records import DrivePath, FloatArray, Sign, SignPoints, Trajectory
 from tests.benchmarks.geolocation_world import Difficulty, World, make_world, true_points
 
 DAY_S = 86400.0

@@ -18,12 +18,12 @@ import argparse
 import numpy as np
 
 from automap.earth import from_local_ned, local_ned
-from automap.evaluation.sign_matching import SignPoints, match, points_of, summarise_signs
+from automap.evaluation.sign_matching import match, points_of, summarise_signs
 from automap.frames import matrix_to_rpy, rpy_to_matrix
 from automap.geolocation.landmark import SizePrior
 from automap.geolocation.locate import GeolocationResult, locate_signs
 from automap.geolocation.views import MeasurementNoise, build_views
-from automap.records import BoolArray, FloatArray
+from automap.records import BoolArray, FloatArray, SignPoints
 from tests.benchmarks.geolocation_world import (
     ORIGIN,
     Difficulty,

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.earth import from_local_ned, local_ned
-from automap.evaluation.sign_matching import SignPoints
 from automap.frames import rpy_to_matrix
-from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.records import Camera, Detections, FloatArray, IntArray, SignPoints, Trajectory
 
 ORIGIN = (np.radians(-35.3), np.radians(149.1), 580.0)
 CLASSES = tuple(f"sign-{k}" for k in range(12))

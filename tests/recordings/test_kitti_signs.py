@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automap.evaluation.sign_matching import SignPoints, match, points_of, summarise_signs
+from automap.evaluation.sign_matching import match, points_of, summarise_signs
 from automap.geolocation.locate import locate_signs
 from automap.io.detections_csv import read_detections_csv
 from automap.io.drive import load_drive
 from automap.io.frame_times import frame_times
 from automap.io.sign_points import read_sign_points
 from automap.io.truth_trajectory import read_truth_trajectory
+from automap.records import SignPoints
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automap.evaluation.sign_matching import SignPoints, match
-from automap.geolocation.bearings import Bearings, locate_from_bearings
+from automap.evaluation.sign_matching import match
+from automap.geolocation.bearings import locate_from_bearings
+from automap.records import Bearings, SignPoints
 
 
 def rows(path: Path) -> np.ndarray:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from automap.earth import metres_per_radian
-from automap.mapping.sightings import CameraView, DrivePath, DriveSigns
-from automap.records import FloatArray, IntArray
+from automap.mapping.sightings import CameraView, DriveSigns
+from automap.records import DrivePath, FloatArray, IntArray
 
 ORIGIN = (np.radians(-35.28), np.radians(149.13), 580.0)
 CLASSES = (

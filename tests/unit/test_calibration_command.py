@@ -11,9 +11,9 @@ from calibration_scene import GRAVITY, random_errors, random_poses, recorded, tu
 
 from automap.calibration.fold import corrected
 from automap.io.drive import load_drive
-from automap.io.imu_calibration import ImuCalibration, TriadCalibration, read_imu_calibration
+from automap.io.imu_calibration import read_imu_calibration
 from automap.io.imu_csv import imu_format, read_imu_csv
-from automap.records import RawImu
+from automap.records import ImuCalibration, RawImu, TriadCalibration
 from pipeline.cli import root
 
 NAMES = "t_ns,gx,gy,gz,ax,ay,az"

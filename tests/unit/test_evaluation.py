@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from automap.earth import from_local_ned
 from automap.errors import ConfigError, InputError
 from automap.evaluation.requirements import check_requirements
-from automap.evaluation.sign_matching import SignPoints, match, summarise_signs
+from automap.evaluation.sign_matching import match, summarise_signs
 from automap.evaluation.trajectory_errors import (
     path_length,
     raw_fix_errors,
@@ -26,7 +26,7 @@ from automap.evaluation.trajectory_errors import (
 from automap.interpolation import poses_at
 from automap.io import names
 from automap.io.trajectory_table import to_columns, write_trajectory
-from automap.records import NO_TIME, Fixes, Trajectory
+from automap.records import NO_TIME, Fixes, SignPoints, Trajectory
 from pipeline.evaluate import evaluate_run
 
 

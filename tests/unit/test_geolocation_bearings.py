@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from automap.earth import from_local_ned, local_ned
 from automap.errors import InputError
-from automap.geolocation.bearings import BearingRules, Bearings, locate_from_bearings
+from automap.geolocation.bearings import BearingRules, locate_from_bearings
 from automap.geolocation.depth_scale import fit_depth_scale
 from automap.io.bearings_csv import read_bearings
+from automap.records import Bearings
 
 
 def sightings(

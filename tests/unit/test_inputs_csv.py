@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from automap.errors import ConfigError, InputError
 from automap.io.csv_columns import read_columns
 from automap.io.detections_csv import read_detections_csv
-from automap.io.frame_times import FrameTimes
 from automap.io.imu_calibration import read_imu_calibration
 from automap.io.imu_csv import ImuFormat, read_imu_csv
 from automap.io.sensor_file import SCHEMA as SENSOR_SCHEMA
 from automap.io.sensor_file import find_sensor, preset_names, read_sensor
 from automap.io.stamps import find_gaps, order_stamps
 from automap.io.trajectory_csv import read_trajectory_csv
+from automap.records import FrameTimes
 
 _HEADER = "t_ns,gx,gy,gz,ax,ay,az"
 

@@ -16,7 +16,7 @@ from automap.mapping.existence import (
 )
 from automap.mapping.grid import filled_table
 from automap.mapping.merge import merge_drives
-from automap.mapping.sightings import CameraView, DrivePath
+from automap.mapping.sightings import CameraView
 from automap.mapping.visibility import (
     FARTHEST_M,
     Opportunities,
@@ -25,6 +25,7 @@ from automap.mapping.visibility import (
     in_view,
     opportunities,
 )
+from automap.records import DrivePath
 
 RATES = DetectionRates(0.85, np.full(50, 0.85), 0.9)
 DAY_S = 86400.0

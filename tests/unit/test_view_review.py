@@ -17,16 +17,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from automap.errors import InputError
-from automap.export.review import Action, apply_review, verdicts
+from automap.export.review import apply_review, verdicts
 from automap.io import names
 from automap.io.review_json import action_of, append_action, read_review
 from automap.io.signs_table import write_signs
-from automap.records import Sign
+from automap.records import ReviewAction, Sign
 from pipeline.cli.root import run_command
 from pipeline.products import load_products
 
 
-def action(number: int, kind: str, of: Sign | None = None, **fields: Any) -> Action:
+def action(number: int, kind: str, of: Sign | None = None, **fields: Any) -> ReviewAction:
     """An action on a sign as the page sends it."""
     of = sign(1) if of is None else of
     return action_of(
@@ -43,7 +43,7 @@ def action(number: int, kind: str, of: Sign | None = None, **fields: Any) -> Act
     )
 
 
-def status(*actions: Action) -> str:
+def status(*actions: ReviewAction) -> str:
     found = verdicts(actions)
     return found["s0001"].status if "s0001" in found else "none"
 

@@ -14,8 +14,8 @@ from automap.io import names
 from automap.io.crops_table import read_crops
 from automap.io.detections_table import read_detections, write_detections
 from automap.io.drive import load_drive
-from automap.records import Detections
-from automap.vision.detector import FoundSigns, Image
+from automap.records import Detections, Image
+from automap.vision.detector import FoundSigns
 from automap.vision.faces import draw_face
 from pipeline.config import Settings
 from pipeline.detect import detect_to_csv

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from automap.frames import rpy_to_matrix
-from automap.io.frame_times import FrameTimes
-from automap.records import FloatArray
+from automap.records import FloatArray, FrameTimes
 from automap.vision.camera_path import CameraPath
 from automap.vision.frame_choice import ChoiceRules, every_frame, plan_frames
 

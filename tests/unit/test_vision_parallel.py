@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from automap.io.video_decode import VideoFrame
+from automap.records import VideoFrame
 from automap.vision.detector import FoundSigns
 from automap.vision.parallel import Beside, Candidate, detections, prefetched, worker_count
 

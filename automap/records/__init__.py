@@ -1,0 +1,51 @@
+"""What passes between modules: small frozen records of plain arrays.
+
+Shapes are given as ``[n]`` and ``[n, 3]``; all floats are float64. A value that the
+source did not give is NaN. Nothing here knows about files.
+"""
+
+from __future__ import annotations
+
+from automap.records.arrays import NO_TIME, BoolArray, FloatArray, Image, IntArray
+from automap.records.clocks import ClockModel, DriveClocks
+from automap.records.motion import DrivePath, Trajectory
+from automap.records.pictures import Camera, Crop, Detections, FrameTimes, VideoFrame
+from automap.records.sensors import (
+    Fixes,
+    FixType,
+    ImuCalibration,
+    ImuData,
+    RawImu,
+    TriadCalibration,
+    WheelSpeed,
+)
+from automap.records.signs import Bearings, ReviewAction, ReviewKind, Sign, SignPoints
+
+__all__ = [
+    "NO_TIME",
+    "Bearings",
+    "BoolArray",
+    "Camera",
+    "ClockModel",
+    "Crop",
+    "Detections",
+    "DriveClocks",
+    "DrivePath",
+    "FixType",
+    "Fixes",
+    "FloatArray",
+    "FrameTimes",
+    "Image",
+    "ImuCalibration",
+    "ImuData",
+    "IntArray",
+    "RawImu",
+    "ReviewAction",
+    "ReviewKind",
+    "Sign",
+    "SignPoints",
+    "Trajectory",
+    "TriadCalibration",
+    "VideoFrame",
+    "WheelSpeed",
+]

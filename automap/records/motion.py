@@ -1,0 +1,49 @@
+"""Where the vehicle went."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from automap.records.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Vehicle trajectory at the IMU origin, with one-sigma uncertainties.
+
+    ``t_ns`` [n], ``gps_s`` [n], ``lat_rad``, ``lon_rad``, ``height_m`` [n], ``vel_ned``
+    [n, 3], ``rpy`` [n, 3] roll, pitch, yaw of the vehicle (ZYX, rad), ``sd_pos_ned``,
+    ``sd_vel_ned``, ``sd_rpy`` [n, 3] (sd_rpy in rad).
+    """
+
+    t_ns: IntArray
+    gps_s: FloatArray
+    lat_rad: FloatArray
+    lon_rad: FloatArray
+    height_m: FloatArray
+    vel_ned: FloatArray
+    rpy: FloatArray
+    sd_pos_ned: FloatArray
+    sd_vel_ned: FloatArray
+    sd_rpy: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+
+@dataclass(frozen=True)
+class DrivePath:
+    """A trajectory thinned to one row every few metres.
+
+    ``gps_s``, ``lat_rad``, ``lon_rad``, ``yaw_rad`` [k] (of the vehicle, clockwise from
+    north) and ``sd_enu`` [k, 3] m.
+    """
+
+    gps_s: FloatArray
+    lat_rad: FloatArray
+    lon_rad: FloatArray
+    yaw_rad: FloatArray
+    sd_enu: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.lat_rad)

@@ -1,0 +1,107 @@
+"""Cameras, their frames, and the signs seen in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.records.arrays import FloatArray, Image, IntArray
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Pinhole camera with OpenCV distortion, mounted on the vehicle.
+
+    ``matrix`` [3, 3], ``distortion`` [k] OpenCV order, ``lever_arm_m`` [3] IMU to camera in
+    body axes, ``mount_rpy`` [3] rad (C_body_cam = Rz(yaw) Ry(pitch) Rx(roll), camera axes
+    forward, right, down), ``mount_sd`` rad, ``time_offset_s`` added to frame stamps.
+    """
+
+    width: int
+    height: int
+    matrix: FloatArray
+    distortion: FloatArray
+    lever_arm_m: FloatArray
+    mount_rpy: FloatArray
+    mount_sd: float
+    time_offset_s: float
+    time_offset_sd: float
+
+
+@dataclass(frozen=True)
+class FrameTimes:
+    """Stamps of the frames of one camera.
+
+    ``frame`` [n] increasing numbers, ``t_ns`` [n] in the clock that the manifest names for
+    this video.
+    """
+
+    frame: IntArray
+    t_ns: IntArray
+    warnings: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    def at(self, frame: npt.ArrayLike) -> tuple[IntArray, npt.NDArray[np.bool_]]:
+        """Stamps [k] of frame numbers [k], and which of them are known."""
+        wanted = np.asarray(frame, dtype=np.int64)
+        if not len(self.frame):
+            return np.zeros(len(wanted), np.int64), np.zeros(len(wanted), bool)
+        index = np.searchsorted(self.frame, wanted).clip(max=len(self.frame) - 1)
+        return self.t_ns[index], self.frame[index] == wanted
+
+
+@dataclass(frozen=True)
+class VideoFrame:
+    """A decoded picture: number over all chapters, stamp, BGR image [height, width, 3]."""
+
+    frame: int
+    t_ns: int
+    image: Image
+
+
+@dataclass(frozen=True)
+class Detections:
+    """Boxes of signs in frames, one row each.
+
+    ``frame`` [n] counts from 0 over all chapters; ``t_ns`` [n] the frame's stamp; ``class_name``
+    [n] str; ``box`` [n, 4] x_min, y_min, x_max, y_max in pixels; ``score`` [n] in 0..1;
+    ``track`` [n] (-1 untracked); ``camera`` the name of the video section. ``view_class`` [n] is
+    what the single view looks like where ``class_name`` is that of the whole track, None where
+    there is no such difference.
+    """
+
+    frame: IntArray
+    t_ns: IntArray
+    class_name: npt.NDArray[np.object_]
+    box: FloatArray
+    score: FloatArray
+    track: IntArray
+    camera: str = "front"
+    view_class: npt.NDArray[np.object_] | None = None
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A sign as it was seen best.
+
+    ``box`` [4] in the pixels of the frame, ``box_in_crop`` [4] in those of the picture;
+    ``jpeg`` the picture, at most 160 px wide and high; ``worth`` how good a view it is.
+    """
+
+    camera: str
+    track: int
+    frame: int
+    t_ns: int
+    class_name: str
+    score: float
+    box: FloatArray
+    box_in_crop: FloatArray
+    jpeg: bytes
+    worth: float
