@@ -43,8 +43,8 @@ def class_icon(class_name: str, px: int = ICON_PX) -> bytes:
     """The face of a class as PNG with transparency [px, px]."""
     import cv2
 
-    from automap.vision.faces import draw_face
-    from automap.vision.vocabulary import load_vocabulary
+    from automap.signs.faces import draw_face
+    from automap.signs.vocabulary import load_vocabulary
 
     known = class_name in load_vocabulary().classes
     image = draw_face(class_name, px) if known else _drawn(class_name, px)
@@ -67,7 +67,7 @@ def icon_text(class_name: str) -> str:
 def _drawn(class_name: str, px: int) -> Any:
     import cv2
 
-    from automap.vision.faces import outline_points
+    from automap.signs.faces import outline_points
 
     name = class_name.lower()
     _, shape, fill, border, ink = next(row for row in _SHAPES if re.search(row[0], name))

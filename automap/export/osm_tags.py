@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 
-from automap.vision.classes import ClassEntry, load_classes
+from automap.signs.classes import ClassEntry, load_classes
 
 _WORDS = {
     "stop": "stop",

@@ -14,29 +14,13 @@ import numpy as np
 from automap.geolocation.merging import HEIGHT_SLACK_M, difference_covariance
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
-
-COLOURLESS = ("white-square", "white-diamond", "white-circle", "black-square", "other")
-"""Groups of shape and colour that a back may be taken for."""
+from automap.signs.backs import is_back, may_be_back
 
 _GATE = 13.8  # chi-square, three coordinates, 99.7 %
 _AWAY_COSINE = -0.5
 _THICKNESS_M = 0.2
 """Face and back of a sign, and the middles of boxes about them, are no further apart."""
 _MAX_DISTANCE_M = 5.0
-
-
-def is_back(class_name: str) -> bool:
-    """Whether a class is that of backs and of nothing else."""
-    return class_name.lower().replace("_", "-").split("-")[-1] in ("back", "backside")
-
-
-def may_be_back(class_name: str) -> bool:
-    """Whether a detector gives such a class to a back: its own, or a face without colours that
-    could not be read."""
-    from automap.vision.vocabulary import load_vocabulary
-
-    groups = load_vocabulary().groups
-    return is_back(class_name) or class_name in {groups[g] for g in COLOURLESS if g in groups}
 
 
 def find_backs(

@@ -15,6 +15,8 @@ import numpy as np
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.views import Views
 from automap.records import FloatArray
+from automap.signs.classes import load_classes
+from automap.signs.vocabulary import load_vocabulary
 
 USUAL_LOG_SD = 0.25
 """About a usual size: national sizes are steps of 1.2 to 1.5."""
@@ -37,9 +39,6 @@ def usual_sizes(names: Iterable[str]) -> dict[str, SizePrior]:
 
     A face known by colour and shape alone is as tall as most that look like that.
     """
-    from automap.vision.classes import load_classes
-    from automap.vision.vocabulary import load_vocabulary
-
     known = load_classes()
     group_named = {name: group for group, name in load_vocabulary().groups.items()}
     result = {}

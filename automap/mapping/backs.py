@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.earth import metres_per_radian
-from automap.geolocation.backs import is_back, may_be_back
 from automap.records import FloatArray
+from automap.signs.backs import is_back, may_be_back
 
 MAX_DISTANCE_M = 3.0
 _GATE = 11.8  # chi-square, two coordinates, 99.7 %

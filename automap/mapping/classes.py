@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from automap.records import FloatArray
+from automap.signs.vocabulary import load_vocabulary
 
 SAME = 2.0
 """Evidence in nats that two sightings of one class are one sign, before any position."""
@@ -22,8 +23,6 @@ def class_evidence(classes: Sequence[str]) -> FloatArray:
     Faces of one colour and shape are taken for one another more easily than others; a class
     that only names colour and shape fits all of its group.
     """
-    from automap.vision.vocabulary import load_vocabulary
-
     vocabulary = load_vocabulary()
     generic = set(vocabulary.groups.values())
     group = [vocabulary.group_of(name) for name in classes]

@@ -7,11 +7,11 @@ import numpy as np
 
 from automap import earth, frames
 from automap.records import FloatArray, Image
+from automap.signs.faces import draw_face, outline_points
+from automap.signs.vocabulary import load_vocabulary
 from automap.simulation.scenario import CameraSetup
 from automap.simulation.scene import Ball, Colour, Patch, Scene, SceneSign
 from automap.simulation.trajectory import DriveMotion
-from automap.vision.faces import draw_face, outline_points
-from automap.vision.vocabulary import load_vocabulary
 
 _NEAR_M = 0.4
 _FAR_M = 130.0

@@ -13,6 +13,7 @@ from automap.effects.vehicle import parameter
 from automap.errors import ConfigError
 from automap.io import names
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, IntArray
+from automap.signs.vocabulary import load_vocabulary
 from automap.simulation.boxes import detections_csv, sign_boxes
 from automap.simulation.camera import Painter, camera_views, principal_point
 from automap.simulation.errors import error_values
@@ -23,7 +24,6 @@ from automap.simulation.scene import Scene, build_scene
 from automap.simulation.sensors import random_streams, simulate_sensors
 from automap.simulation.trajectory import DriveMotion, Motion
 from automap.simulation.ubx_writer import nav_pvt
-from automap.vision.vocabulary import load_vocabulary
 
 Progress = Callable[[float, str], None]
 
@@ -72,7 +72,7 @@ def _check_signs(scenario: Scenario) -> None:
         if placed.sign not in known:
             raise ConfigError(
                 f"the scenario has a sign '{placed.sign}' at {placed.at_m} m that is not in the "
-                "vocabulary; use a name of automap/vision/data/vocabulary.toml"
+                "vocabulary; use a name of automap/signs/data/vocabulary.toml"
             )
 
 

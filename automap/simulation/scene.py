@@ -9,9 +9,9 @@ import numpy as np
 
 from automap import earth
 from automap.records import FloatArray
+from automap.signs.vocabulary import load_vocabulary
 from automap.simulation.scenario import Scenario
 from automap.simulation.trajectory import DriveMotion
-from automap.vision.vocabulary import load_vocabulary
 
 Colour = tuple[int, int, int]
 """Blue, green, red."""

@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.records import FloatArray, Image, IntArray
-from automap.vision.classes import country_set, load_classes
+from automap.signs.classes import country_set, load_classes
+from automap.signs.vocabulary import load_vocabulary
 from automap.vision.detector import Alternatives
 from automap.vision.onnx_model import OnnxModel
-from automap.vision.vocabulary import load_vocabulary
 
 Floats = npt.NDArray[np.float32]
 

@@ -8,9 +8,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from automap.vision.classes import load_classes
+from automap.signs.classes import load_classes
+from automap.signs.vocabulary import load_vocabulary
 from automap.vision.detector import Alternatives, FoundSigns
-from automap.vision.vocabulary import load_vocabulary
 
 _CLEAR_PX = 32.0
 """From this height a face shows all that a classifier can read."""

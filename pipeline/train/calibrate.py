@@ -18,7 +18,7 @@ import numpy.typing as npt
 import torch
 from scipy.optimize import minimize
 
-from automap.vision.classes import load_classes
+from automap.signs.classes import load_classes
 from automap.vision.classifier import crop_faces
 from automap.vision.network import NetworkDetector
 from pipeline.train.art import load_faces

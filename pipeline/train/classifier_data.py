@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.records import FloatArray
-from automap.vision.classes import load_classes
+from automap.signs.classes import load_classes
+from automap.signs.vocabulary import load_vocabulary
 from automap.vision.classifier import crop_faces
-from automap.vision.vocabulary import load_vocabulary
 from pipeline.train import scenes
 from pipeline.train.art import Face
 from pipeline.train.degrade import at_random, exposed

@@ -8,7 +8,7 @@ from collections import Counter
 import numpy as np
 import numpy.typing as npt
 
-from automap.vision.classes import load_classes
+from automap.signs.classes import load_classes
 from pipeline.train.art import Face
 from pipeline.train.composed import on_board, prohibition
 from pipeline.train.numbers import letter_face, limit_face, on_plate, other_number

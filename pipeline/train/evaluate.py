@@ -18,11 +18,11 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.records import FloatArray
-from automap.vision.classes import load_classes
+from automap.signs.classes import load_classes
+from automap.signs.vocabulary import load_vocabulary
 from automap.vision.classifier import SignClassifier, crop_faces
 from automap.vision.detector import FoundSigns
 from automap.vision.network import NetworkDetector, default_detector
-from automap.vision.vocabulary import load_vocabulary
 from pipeline.train import degrade
 from pipeline.train.art import Face, load_faces
 from pipeline.train.classifier_data import CropMaker

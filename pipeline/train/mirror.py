@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from functools import cache
 
-from automap.vision.classes import load_classes
+from automap.signs.classes import load_classes
 
 _PLAIN = ("red-circle", "blue-circle", "red-triangle-up", "yellow-diamond")
 """Groups whose faces show arrows and pictures, no text."""

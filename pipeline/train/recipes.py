@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automap.vision.classes import load_classes
+from automap.signs.classes import load_classes
 from pipeline.train.art import Face
 from pipeline.train.composed import crossing_face, prohibition
 from pipeline.train.numbers import (

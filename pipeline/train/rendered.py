@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.records import FloatArray
-from automap.vision.classes import load_classes
-from automap.vision.faces import draw_face as draw_vocabulary_face
+from automap.signs.classes import load_classes
+from automap.signs.faces import draw_face as draw_vocabulary_face
+from automap.signs.vocabulary import load_vocabulary
 from automap.vision.network import NetworkDetector
-from automap.vision.vocabulary import load_vocabulary
 from pipeline.train import degrade, scenes
 from pipeline.train.art import Face
 from pipeline.train.classifier_data import CropMaker

@@ -53,7 +53,7 @@ class ViewedMap:
         ``classes_known`` are the names that a correction may choose, ``faces`` the numbers of
         the classes that have a picture.
         """
-        from automap.vision.vocabulary import load_vocabulary
+        from automap.signs.vocabulary import load_vocabulary
 
         vocabulary = set(load_vocabulary().classes)
         own = [] if self.signs is None else self.signs.classes

@@ -26,7 +26,7 @@ from automap.io.atomic import write_json
 from automap.io.signs_table import COVARIANCE_COLUMNS
 from automap.io.tables import write_columns
 from automap.records import FloatArray, IntArray
-from automap.vision.vocabulary import load_vocabulary
+from automap.signs.vocabulary import load_vocabulary
 
 BLOCK_M = 150.0
 SIGNS_PER_BLOCK = 4

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automap.vision.classes import load_classes
+from automap.signs.classes import load_classes
 from automap.vision.classifier import SignClassifier, crop_faces
 from automap.vision.network import default_detector
 from pipeline.train.evaluate import class_of_found, labelled_kinds, run

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from geolocation_scene import Scene, boxes, camera, drive_path, roadside
 
-from automap.geolocation.backs import is_back, may_be_back
 from automap.geolocation.locate import locate_signs
 from automap.records import Detections, Trajectory
+from automap.signs.backs import is_back, may_be_back
 
 STOP = "regulatory--stop--g1"
 LATER_NS = np.int64(3600e9)

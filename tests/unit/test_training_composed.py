@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from automap.vision.classes import load_classes
-from automap.vision.faces import draw_face
+from automap.signs.classes import load_classes
+from automap.signs.faces import draw_face
 from pipeline.train.art import Face
 from pipeline.train.composed import crossing_face, on_board, prohibition
 from pipeline.train.drawings import Drawings, group_of_kind

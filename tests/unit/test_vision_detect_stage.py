@@ -15,8 +15,8 @@ from automap.io.crops_table import read_crops
 from automap.io.detections_table import read_detections, write_detections
 from automap.io.drive import load_drive
 from automap.records import Detections, Image
+from automap.signs.faces import draw_face
 from automap.vision.detector import FoundSigns
-from automap.vision.faces import draw_face
 from pipeline.config import Settings
 from pipeline.detect import detect_to_csv
 from pipeline.settings.detect import DetectSettings

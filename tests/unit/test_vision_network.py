@@ -13,9 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from automap.errors import InputError
-from automap.vision.classes import country_set, load_classes, national_code
+from automap.signs.classes import country_set, load_classes, national_code
+from automap.signs.faces import draw_face, usual_size
+from automap.signs.vocabulary import SHAPES, load_vocabulary
 from automap.vision.classifier import CROP_PX, MARGIN, SignClassifier, crop_faces
-from automap.vision.faces import draw_face, usual_size
 from automap.vision.network import (
     NetworkDetector,
     NetworkRules,
@@ -24,7 +25,6 @@ from automap.vision.network import (
     default_detector,
     distinct,
 )
-from automap.vision.vocabulary import SHAPES, load_vocabulary
 
 Image = npt.NDArray[np.uint8]
 NOTHING = np.zeros((6, 40, 60), np.float32) - 9.0

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from automap.vision.classes import load_classes
-from automap.vision.faces import draw_face
+from automap.signs.classes import load_classes
+from automap.signs.faces import draw_face
 from pipeline.train.art import Face
 from pipeline.train.classifier_data import jittered
 from pipeline.train.degrade import against_light

@@ -8,6 +8,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from automap.signs.classes import load_classes
+
 SHAPES = ("circle", "octagon", "triangle-up", "triangle-down", "diamond", "square")
 
 
@@ -36,8 +38,6 @@ class Vocabulary:
 
     def group_of(self, class_name: str) -> str | None:
         """The colour-shape group of a class or of a group's own name; None if unknown."""
-        from automap.vision.classes import load_classes
-
         if class_name in self.classes:
             return self.classes[class_name].group
         if class_name in load_classes():
@@ -48,7 +48,7 @@ class Vocabulary:
 @cache
 def load_vocabulary() -> Vocabulary:
     """The vocabulary that comes with the package."""
-    text = files("automap.vision").joinpath("data/vocabulary.toml").read_text(encoding="utf-8")
+    text = files("automap.signs").joinpath("data/vocabulary.toml").read_text(encoding="utf-8")
     data = tomllib.loads(text)
     classes = {
         item["name"]: SignClass(**{**item, "marks": tuple(item["marks"])}) for item in data["class"]

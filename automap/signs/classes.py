@@ -83,7 +83,7 @@ class ClassEntry:
 @cache
 def load_classes() -> dict[str, ClassEntry]:
     """All classes by name, in the order of the table."""
-    text = files("automap.vision").joinpath("data/classes.toml").read_text(encoding="utf-8")
+    text = files("automap.signs").joinpath("data/classes.toml").read_text(encoding="utf-8")
     rows = tomllib.loads(text)["class"]
     entries = [ClassEntry(**{**row, "art": tuple(row["art"])}) for row in rows]
     return {entry.name: entry for entry in entries}

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.records import FloatArray, Image
-from automap.vision.glyphs import text_strokes
-from automap.vision.vocabulary import SignClass, Vocabulary, load_vocabulary
+from automap.signs.glyphs import text_strokes
+from automap.signs.vocabulary import SignClass, Vocabulary, load_vocabulary
 
 _OVERSAMPLING = 4
 _SHIFT = 4
