@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from automap.errors import AutoMapError, InputError
 from automap.io import names
 from automap.io.drive import Drive, load_drive
-from automap.plausibility import Finding, Severity
+from automap.evaluation.plausibility import Finding, Severity
 from pipeline.checks import camera, gnss, imu, timing
 
 if TYPE_CHECKING:

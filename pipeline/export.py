@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from automap.datum import is_moving
+from automap.export.datum import is_moving
 from automap.errors import ConfigError, InputError
 from automap.export import geojson, kml, trajectory_formats
 from automap.export.fields import SIGN_FIELDS, Field

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from automap.datum import Datum, InDatum, decimal_year, parse_datum, to_datum
+from automap.export.datum import Datum, InDatum, decimal_year, parse_datum, to_datum
 from automap.errors import ConfigError
 from automap.export.sign_columns import SignColumns
 from automap.records import FixType, FloatArray

@@ -173,7 +173,7 @@ def _write(
     from automap.records import NO_TIME
     from automap.simulation.drive_writer import write_imu, write_truth
     from automap.simulation.odometer import write_odometer_csv
-    from automap.simulation.ubx_writer import nav_pvt
+    from automap.io.ubx_writer import nav_pvt
 
     arrived = bool((twin.fixes.arrival_ns != NO_TIME).all())
     imu = twin.imu

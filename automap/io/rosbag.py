@@ -192,7 +192,7 @@ def read_ublox(bag: Bag, topic: str) -> tuple[IntArray, list[bytes]]:
     """NAV-PVT messages of ublox_msgs as the receiver sent them, and when each was recorded."""
     import struct
 
-    from automap.simulation.ubx_writer import frame
+    from automap.io.ubx_writer import frame
 
     stamps, frames = [], []
     layout = struct.Struct("<IHBBBBBBIiBBBBiiiiIIiiiiiIIH")

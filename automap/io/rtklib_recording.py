@@ -1,7 +1,6 @@
 """A folder logged by RTKLIB (str2str, RTKNAVI): a receiver's stream, an IMU's lines, tags.
 
-The IMU's lines carry its own clock, the tags those of the computer that logged both streams.
-The line below all delays between the two puts the IMU's stamps on the computer's clock.
+The IMU's lines carry its own clock, the tags that of the computer that logged both streams.
 """
 
 from __future__ import annotations
@@ -18,11 +17,8 @@ from automap.records import FloatArray, IntArray
 
 _TIMES = {"t_s": 1e9, "t_ms": 1e6, "t_us": 1e3, "t_ns": 1.0}
 _SENSORS = ("gx", "gy", "gz", "ax", "ay", "az")
-_RATE_SD = 100e-6
-"""Error of the rate of an IMU's clock."""
 _TAIL = 0.01
 """Part of a stream that may be missing at its end, where a copy was cut short."""
-_TICK_S = 1e-3
 _RECEIVER = (".ubx", ".nmea", ".gps", ".log")
 _LINES = (".csv", ".txt", ".imu")
 
@@ -165,13 +161,11 @@ def as_logged(lines: ImuLines, tag: TimeTag) -> ImuLines | None:
     return lines if lost < _TAIL * lines.size else None
 
 
-def on_logger_clock(lines: ImuLines, tag: TimeTag, path: Path) -> tuple[IntArray, float]:
-    """The IMU's stamps [n] on the logging computer's clock, and the rate of its clock's error.
+def line_arrivals(lines: ImuLines, tag: TimeTag, path: Path) -> IntArray:
+    """When each of the IMU's lines [n] came in, on the logging computer's clock.
 
-    Raises InputError where the tag's times do not go with the stamps.
+    Raises InputError where the tag is of a stream of another length.
     """
-    from automap.sync.envelope import lower_envelope
-
     placed = as_logged(lines, tag)
     if placed is None:
         raise InputError(
@@ -179,17 +173,7 @@ def on_logger_clock(lines: ImuLines, tag: TimeTag, path: Path) -> tuple[IntArray
             "and tag together again."
         )
     row = np.searchsorted(tag.offset, placed.end - 1, side="right") - 1
-    arrival = tag.t_ns[np.maximum(row, 0)]
-    own = (lines.stamp_ns - lines.stamp_ns[0]) * 1e-9
-    delay = (arrival - arrival[0]) * 1e-9 - own
-    if own[-1] <= 0.0 or np.ptp(delay) > max(0.02 * own[-1], 2.0):
-        raise InputError(
-            f"{path}: the IMU's clock and the arrival times of its tag do not go together; check "
-            "which column is the time (--columns) and that the tag belongs to the log."
-        )
-    edge = lower_envelope(own, delay, _RATE_SD, _TICK_S)
-    shift_ns = np.rint(edge.at(own) * 1e9).astype(np.int64)
-    return arrival[0] + (lines.stamp_ns - lines.stamp_ns[0]) + shift_ns, edge.slope
+    return tag.t_ns[np.maximum(row, 0)]
 
 
 def read_tag(path: Path | None) -> TimeTag | None:

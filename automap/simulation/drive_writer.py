@@ -23,7 +23,7 @@ from automap.simulation.scenario import CameraSetup, Gnss, Scenario
 from automap.simulation.scene import Scene, build_scene
 from automap.simulation.sensors import random_streams, simulate_sensors
 from automap.simulation.trajectory import DriveMotion, Motion
-from automap.simulation.ubx_writer import nav_pvt
+from automap.io.ubx_writer import nav_pvt
 
 Progress = Callable[[float, str], None]
 

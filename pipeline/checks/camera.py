@@ -11,7 +11,7 @@ import numpy as np
 from automap.errors import InputError
 from automap.io.drive import Drive, VideoInput
 from automap.io.video import VideoHeader, read_chapter, read_header
-from automap.plausibility import Finding
+from automap.evaluation.plausibility import Finding
 
 _SAME_START_S = 3.0
 _COUNTED_BYTES = 1 << 30

@@ -6,7 +6,7 @@ import numpy as np
 
 from automap.io.drive import Drive
 from automap.io.recording import Recording
-from automap.plausibility import Finding, Severity
+from automap.evaluation.plausibility import Finding, Severity
 from automap.records import FixType
 from automap.timebase import gps_to_iso
 

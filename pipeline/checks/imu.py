@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap import plausibility
+from automap.evaluation import plausibility
 from automap.io.drive import Drive
 from automap.io.recording import Recording
-from automap.plausibility import Finding, Severity
+from automap.evaluation.plausibility import Finding, Severity
 from pipeline.checks.timing import imu_gps_time
 
 ABSENT: tuple[Severity, str, str] = (

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from automap.errors import InputError
 from automap.io import names
 from automap.io.atomic import make_folder, write_text
 from pipeline.importers.parts import write_arrival, write_csv
@@ -67,7 +68,8 @@ def _write_imu(
 ) -> str:
     """``imu.csv`` and its section; ``slow``: no vehicle moved, so motion cannot tell the axes."""
     from automap.io.level_axes import level_axes
-    from automap.io.rtklib_recording import on_logger_clock, read_imu_lines, read_tag
+    from automap.io.rtklib_recording import line_arrivals, read_imu_lines, read_tag
+    from automap.sync.logger_clock import on_logger_clock
 
     if files.imu is None:
         run.warn(f"{run.source}: no IMU log (.csv, .txt); the drive has positions alone")
@@ -83,7 +85,11 @@ def _write_imu(
             "put together by its motion"
         )
     else:
-        t_ns, _ = on_logger_clock(lines, tag, files.imu)
+        arrival_ns = line_arrivals(lines, tag, files.imu)
+        try:
+            t_ns = on_logger_clock(lines.stamp_ns, arrival_ns)
+        except InputError as error:
+            raise InputError(f"{files.imu}: {error}") from None
     write_csv(
         run.folder / "imu.csv",
         ("t_ns", "gx", "gy", "gz", "ax", "ay", "az"),

@@ -20,7 +20,7 @@ class ExportSettings(Section):
     @field_validator("datum", mode="after")
     @classmethod
     def _datum_exists(cls, value: str) -> str:
-        from automap.datum import parse_datum
+        from automap.export.datum import parse_datum
         from automap.errors import ConfigError
 
         if value:

@@ -105,7 +105,7 @@ def _refuse_implausible(context: StageContext, recording: Recording) -> None:
     """
     import numpy as np
 
-    from automap import plausibility
+    from automap.evaluation import plausibility
 
     drive, imu = context.drive, recording.imu
     assert imu is not None

@@ -25,7 +25,7 @@ from automap.fusion.measurements import Nodes, Shift, build_nodes, model_fixes
 from automap.fusion.model import DEFAULT_EFFECTS, FusionOptions, build_state_model
 from automap.fusion.problem import Start, make_problem, run_forward, run_smoother
 from automap.records import Fixes, ImuData
-from automap.simulation.ubx_writer import nav_pvt
+from automap.io.ubx_writer import nav_pvt
 from tests.unit.fusion_drive import (
     BASE_NS,
     CLOCK,

@@ -12,7 +12,7 @@ from import_sources import FIX_NS, N_FIX, N_IMU, SPEED, force, gyro, place
 def write_rtklib(folder: Path, carriage_returns_lost: bool = False) -> Path:
     """An RTKLIB recording: a u-blox log, IMU lines and their tags."""
     from automap.records import Fixes
-    from automap.simulation.ubx_writer import nav_pvt
+    from automap.io.ubx_writer import nav_pvt
     from automap.timebase import unix_to_gps
 
     folder.mkdir(parents=True)

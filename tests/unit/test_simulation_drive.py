@@ -14,7 +14,7 @@ from automap.io.drive import load_drive
 from automap.records import NO_TIME, Fixes, FixType
 from automap.simulation.gnss import arrivals
 from automap.simulation.scenario import Gnss, load_scenario
-from automap.simulation.ubx_writer import nav_pvt
+from automap.io.ubx_writer import nav_pvt
 from pipeline.simulate import simulate
 
 SMALL = """

@@ -8,10 +8,9 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from automap.records import Fixes, FixType
-from automap.timebase import leap_seconds_at_gps
+from automap.timebase import WEEK_S, leap_seconds_at_gps
 
 _GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
-_WEEK_S = 604800
 _PVT = struct.Struct("<IHBBBBBBIiBBBBiiiiIIiiiiiIIHHIiHh")  # 92 bytes
 
 
@@ -52,7 +51,7 @@ def _pvt_payload(fixes: Fixes, i: int) -> bytes:
     head_acc = np.degrees(np.arctan2(s_acc * 1e-3, max(ground, 0.1)))
     height = float(fixes.height_m[i]) * 1e3
     return _PVT.pack(
-        ms % (_WEEK_S * 1000),
+        ms % (WEEK_S * 1000),
         second.year, second.month, second.day, second.hour, second.minute, second.second,
         0x07,  # date and time valid and fully resolved
         25,  # tAcc, ns

@@ -18,6 +18,7 @@ import numpy as np
 
 from automap.errors import ConfigError, InputError
 from automap.records import FloatArray
+from automap.timebase import gps_to_unix
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -298,8 +299,6 @@ def _operation(
 
 def decimal_year(gps_s: float) -> float:
     """Year with fraction of a GPS time in s."""
-    from automap.timebase import gps_to_unix
-
     moment = np.datetime64(round(float(gps_to_unix(gps_s))), "s")
     year = moment.astype("datetime64[Y]")
     start, end = year.astype("datetime64[s]"), (year + 1).astype("datetime64[s]")
