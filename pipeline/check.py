@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from automap.errors import AutoMapError, InputError
+from automap.evaluation.plausibility import Finding, Severity
 from automap.io import names
 from automap.io.drive import Drive, load_drive
-from automap.evaluation.plausibility import Finding, Severity
 from pipeline.checks import camera, gnss, imu, timing
 
 if TYPE_CHECKING:

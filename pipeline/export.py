@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from automap.export.datum import is_moving
 from automap.errors import ConfigError, InputError
 from automap.export import geojson, kml, trajectory_formats
+from automap.export.datum import is_moving
 from automap.export.fields import SIGN_FIELDS, Field
 from automap.export.icons import class_icon
 from automap.export.kml import KmlOptions

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from automap.export.datum import Datum, InDatum, decimal_year, parse_datum, to_datum
 from automap.errors import ConfigError
+from automap.export.datum import Datum, InDatum, decimal_year, parse_datum, to_datum
 from automap.export.sign_columns import SignColumns
 from automap.records import FixType, FloatArray
 from pipeline.products import RunProducts

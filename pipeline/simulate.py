@@ -39,9 +39,8 @@ def simulate(
     folder appears whole or not at all. Raises ConfigError for a bad scenario or an existing folder
     that is not empty, StageError when the folder cannot be written.
     """
-    from automap.simulation.drive_writer import write_drive
-    from automap.simulation.scenario import load_scenario
     from pipeline.config import load_settings
+    from pipeline.drive_writer import write_drive
     from pipeline.user_effects import activate
 
     settings = load_settings(config)
@@ -51,6 +50,17 @@ def simulate(
         errors = {**description.errors, **_errors_of(settings, description)}
         description = description.model_copy(update={"errors": errors})
     _write(out, lambda folder: write_drive(description, folder, seed, progress))
+
+
+def load_scenario(path: Path) -> Scenario:
+    """Read and check a scenario file.
+
+    Raises ConfigError naming the file, the key and, for an unknown key, the nearest one.
+    """
+    from automap.io.toml_file import read_toml
+    from automap.simulation.scenario import parse_scenario
+
+    return parse_scenario(read_toml(path, "scenario file"), path)
 
 
 def _errors_of(settings: Settings, scenario: Scenario) -> dict[str, dict[str, float] | bool]:

@@ -170,16 +170,17 @@ def _write(
     import numpy as np
 
     from automap.io.atomic import write_json
-    from automap.records import NO_TIME
-    from automap.simulation.drive_writer import write_imu, write_truth
-    from automap.simulation.odometer import write_odometer_csv
+    from automap.io.imu_csv import write_imu_csv
+    from automap.io.odometer_csv import write_odometer_csv
     from automap.io.ubx_writer import nav_pvt
+    from automap.records import NO_TIME
+    from pipeline.drive_writer import write_truth
 
     arrived = bool((twin.fixes.arrival_ns != NO_TIME).all())
     imu = twin.imu
     if not arrived:
         imu = replace(imu, t_ns=np.rint((twin.truth.t_s + begin_gps_s) * 1e9).astype(np.int64))
-    write_imu(folder / "imu.csv", imu)
+    write_imu_csv(folder / "imu.csv", imu)
     messages = nav_pvt(twin.fixes)
     (folder / "gnss.ubx").write_bytes(b"".join(messages))
     manifest = [

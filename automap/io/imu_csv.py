@@ -246,3 +246,13 @@ def _mended(quality: ImuQuality) -> str:
 
 def _count(rows: int) -> str:
     return "1 row" if rows == 1 else f"{rows} rows"
+
+
+def write_imu_csv(path: Path, imu: ImuData) -> None:
+    """Write the readings as ``t_ns, gx, gy, gz, ax, ay, az [, temp_c]``, SI units."""
+    warm = imu.temp_c
+    with path.open("w", encoding="utf-8", newline="\n") as out:
+        out.write("t_ns,gx,gy,gz,ax,ay,az" + ("\n" if warm is None else ",temp_c\n"))
+        for i, (t, g, a) in enumerate(zip(imu.t_ns, imu.gyro, imu.accel, strict=True)):
+            out.write(f"{t},{g[0]:.7f},{g[1]:.7f},{g[2]:.7f},{a[0]:.5f},{a[1]:.5f},{a[2]:.5f}")
+            out.write("\n" if warm is None else f",{warm[i]:.3f}\n")

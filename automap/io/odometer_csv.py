@@ -40,3 +40,9 @@ def read_odometer_csv(path: Path) -> tuple[WheelSpeed, list[str]]:
     if not first.all():
         warnings.append(f"{path}: {int((~first).sum())} rows with a repeated t_ns left out")
     return WheelSpeed(t_ns[first], speed[first]), warnings
+
+
+def write_odometer_csv(path: Path, wheels: WheelSpeed) -> None:
+    """Write the speeds as ``t_ns, speed_m_s``."""
+    rows = [f"{t},{v:.4f}\n" for t, v in zip(wheels.t_ns, wheels.speed, strict=True)]
+    path.write_text("t_ns,speed_m_s\n" + "".join(rows), encoding="utf-8", newline="\n")

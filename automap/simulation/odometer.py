@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
@@ -38,9 +37,3 @@ def count_wheels(
     if setup.resolution > 0.0:
         speed = np.rint(speed / setup.resolution) * setup.resolution
     return WheelSpeed(host_ns(t), speed)
-
-
-def write_odometer_csv(path: Path, wheels: WheelSpeed) -> None:
-    """Write the speeds as ``t_ns, speed_m_s``."""
-    rows = [f"{t},{v:.4f}\n" for t, v in zip(wheels.t_ns, wheels.speed, strict=True)]
-    path.write_text("t_ns,speed_m_s\n" + "".join(rows), encoding="utf-8", newline="\n")

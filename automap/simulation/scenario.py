@@ -7,6 +7,7 @@ errors carry the names and units of the effects (errors of the reading).
 from __future__ import annotations
 
 import difflib
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,7 +15,6 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from automap.errors import ConfigError
-from automap.io.toml_file import read_toml
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -219,12 +219,11 @@ class Scenario(_Part):
     site: Site = Site()
 
 
-def load_scenario(path: Path) -> Scenario:
-    """Read and check a scenario file.
+def parse_scenario(data: Mapping[str, Any], path: Path) -> Scenario:
+    """Check the content of a scenario file.
 
     Raises ConfigError naming the file, the key and, for an unknown key, the nearest one.
     """
-    data = read_toml(path, "scenario file")
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:

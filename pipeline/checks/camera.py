@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from automap.errors import InputError
+from automap.evaluation.plausibility import Finding
 from automap.io.drive import Drive, VideoInput
 from automap.io.video import VideoHeader, read_chapter, read_header
-from automap.evaluation.plausibility import Finding
 
 _SAME_START_S = 3.0
 _COUNTED_BYTES = 1 << 30

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.evaluation.plausibility import Finding, Severity
 from automap.io.drive import Drive
 from automap.io.recording import Recording
-from automap.evaluation.plausibility import Finding, Severity
 from automap.records import FixType
 from automap.timebase import gps_to_iso
 

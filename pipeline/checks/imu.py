@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from automap.evaluation import plausibility
+from automap.evaluation.plausibility import Finding, Severity
 from automap.io.drive import Drive
 from automap.io.recording import Recording
-from automap.evaluation.plausibility import Finding, Severity
 from pipeline.checks.timing import imu_gps_time
 
 ABSENT: tuple[Severity, str, str] = (

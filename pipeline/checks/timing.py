@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from automap.errors import InputError
+from automap.evaluation.plausibility import Finding, overlap_s
 from automap.io.drive import Drive, VideoInput
 from automap.io.recording import Recording, imu_time
-from automap.evaluation.plausibility import Finding, overlap_s
 from automap.records import NO_TIME, FloatArray
 from automap.timebase import gps_to_iso, unix_to_gps
 

@@ -20,8 +20,8 @@ class ExportSettings(Section):
     @field_validator("datum", mode="after")
     @classmethod
     def _datum_exists(cls, value: str) -> str:
-        from automap.export.datum import parse_datum
         from automap.errors import ConfigError
+        from automap.export.datum import parse_datum
 
         if value:
             try:

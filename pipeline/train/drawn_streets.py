@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.simulation.camera import Painter, camera_views
-from automap.simulation.scenario import load_scenario
 from automap.simulation.scene import build_scene
 from automap.simulation.trajectory import drive_motion
+from pipeline.simulate import load_scenario
 from pipeline.train.street_data import Street
 
 Image = npt.NDArray[np.uint8]

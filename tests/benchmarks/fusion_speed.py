@@ -24,8 +24,8 @@ from automap.fusion.engine import Prior, fuse_imu_gnss
 from automap.fusion.measurements import Nodes, Shift, build_nodes, model_fixes
 from automap.fusion.model import DEFAULT_EFFECTS, FusionOptions, build_state_model
 from automap.fusion.problem import Start, make_problem, run_forward, run_smoother
-from automap.records import Fixes, ImuData
 from automap.io.ubx_writer import nav_pvt
+from automap.records import Fixes, ImuData
 from tests.unit.fusion_drive import (
     BASE_NS,
     CLOCK,

@@ -12,11 +12,11 @@ from automap.io.frame_times import frame_times
 from automap.io.video import read_chapter
 from automap.io.video_decode import iter_frames
 from automap.simulation.camera import camera_views, visible_box
-from automap.simulation.scenario import load_scenario
 from automap.simulation.scene import build_scene
 from automap.simulation.trajectory import drive_motion
 from automap.vision.network import default_detector
 from automap.vision.search import above
+from pipeline.simulate import load_scenario
 
 PROJECT = Path(__file__).resolve().parents[2]
 EVERY = 6

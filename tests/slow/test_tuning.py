@@ -13,9 +13,9 @@ import pytest
 from automap.fusion.model import FusionOptions
 from automap.io import names
 from automap.io.tables import floats, read_table
-from automap.simulation.drive_writer import write_drive
 from automap.simulation.scenario import Gnss, Imu
 from pipeline.cli.root import run_command
+from pipeline.drive_writer import write_drive
 from tests.slow.test_effect_recovery import _scenario
 
 pytestmark = pytest.mark.slow

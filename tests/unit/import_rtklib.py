@@ -11,8 +11,8 @@ from import_sources import FIX_NS, N_FIX, N_IMU, SPEED, force, gyro, place
 
 def write_rtklib(folder: Path, carriage_returns_lost: bool = False) -> Path:
     """An RTKLIB recording: a u-blox log, IMU lines and their tags."""
-    from automap.records import Fixes
     from automap.io.ubx_writer import nav_pvt
+    from automap.records import Fixes
     from automap.timebase import unix_to_gps
 
     folder.mkdir(parents=True)

@@ -178,7 +178,7 @@ def test_a_command_that_keeps_nothing_starts_over(
     def interrupted(*args: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("automap.simulation.drive_writer.write_drive", interrupted)
+    monkeypatch.setattr("pipeline.drive_writer.write_drive", interrupted)
     assert run_command(["simulate", "sample", "-o", str(tmp_path / "drive")]) == 130
     assert capsys.readouterr().err.strip() == "interrupted; the same command starts over"
     assert list(tmp_path.iterdir()) == []

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymap3d import ecef2geodetic, geodetic2ecef
 
-from automap.export.datum import Datum, InDatum, decimal_year, is_moving, parse_datum, to_datum
 from automap.errors import ConfigError, InputError
+from automap.export.datum import Datum, InDatum, decimal_year, is_moving, parse_datum, to_datum
 
 CANBERRA = (149.13, -35.28)
 MAS = np.pi / 180 / 3600 / 1000

@@ -11,11 +11,11 @@ from pyubx2 import UBXReader
 
 from automap.errors import ConfigError
 from automap.io.drive import load_drive
+from automap.io.ubx_writer import nav_pvt
 from automap.records import NO_TIME, Fixes, FixType
 from automap.simulation.gnss import arrivals
-from automap.simulation.scenario import Gnss, load_scenario
-from automap.io.ubx_writer import nav_pvt
-from pipeline.simulate import simulate
+from automap.simulation.scenario import Gnss
+from pipeline.simulate import load_scenario, simulate
 
 SMALL = """
 schema = "automap.scenario/1"

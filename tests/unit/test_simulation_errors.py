@@ -14,7 +14,6 @@ from automap.effects import CATALOGUE
 from automap.errors import ConfigError
 from automap.io.drive import load_drive
 from automap.io.odometer_csv import read_odometer_csv
-from automap.simulation.drive_writer import write_drive
 from automap.simulation.errors import check_errors
 from automap.simulation.scenario import (
     CameraSetup,
@@ -25,9 +24,10 @@ from automap.simulation.scenario import (
     Scenario,
     SignPlacement,
     Start,
-    load_scenario,
 )
 from automap.simulation.sensors import SimulatedSensors, random_streams, simulate_sensors
+from pipeline.drive_writer import write_drive
+from pipeline.simulate import load_scenario
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "configs" / "scenarios"
 QUIET = Gnss(sigma_correlated_m=(0, 0, 0), sigma_white_m=(0, 0, 0), sigma_velocity=(0, 0, 0))

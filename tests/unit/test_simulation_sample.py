@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automap.simulation.drive_writer import write_drive
-from automap.simulation.scenario import load_scenario
+from pipeline.drive_writer import write_drive
+from pipeline.simulate import load_scenario
 
 PROJECT = Path(__file__).resolve().parents[2]
 SAMPLE = PROJECT / "data" / "sample-drive"

@@ -12,18 +12,19 @@ import numpy as np
 from automap.effects.vehicle import parameter
 from automap.errors import ConfigError
 from automap.io import names
-from automap.records import ClockModel, Fixes, FloatArray, ImuData, IntArray
+from automap.io.imu_csv import write_imu_csv
+from automap.io.odometer_csv import write_odometer_csv
+from automap.io.ubx_writer import nav_pvt
+from automap.records import ClockModel, Fixes, FloatArray, IntArray
 from automap.signs.vocabulary import load_vocabulary
 from automap.simulation.boxes import detections_csv, sign_boxes
 from automap.simulation.camera import Painter, camera_views, principal_point
 from automap.simulation.errors import error_values
 from automap.simulation.gnss import arrivals
-from automap.simulation.odometer import write_odometer_csv
 from automap.simulation.scenario import CameraSetup, Gnss, Scenario
 from automap.simulation.scene import Scene, build_scene
 from automap.simulation.sensors import random_streams, simulate_sensors
 from automap.simulation.trajectory import DriveMotion, Motion
-from automap.io.ubx_writer import nav_pvt
 
 Progress = Callable[[float, str], None]
 
@@ -48,7 +49,7 @@ def write_drive(
     streams = random_streams(scenario.seed if seed is None else seed)
     sensors = simulate_sensors(scenario, streams, progress)
     drive, imu = sensors.drive, sensors.imu
-    write_imu(folder / "imu.csv", imu)
+    write_imu_csv(folder / "imu.csv", imu)
     truth = folder / names.TRUTH_DIR
     truth.mkdir()
     # the vehicle's state at the instants of the stamps, whatever is wrong with these
@@ -74,15 +75,6 @@ def _check_signs(scenario: Scenario) -> None:
                 f"the scenario has a sign '{placed.sign}' at {placed.at_m} m that is not in the "
                 "vocabulary; use a name of automap/signs/data/vocabulary.toml"
             )
-
-
-def write_imu(path: Path, imu: ImuData) -> None:
-    warm = imu.temp_c
-    with path.open("w", encoding="utf-8", newline="\n") as out:
-        out.write("t_ns,gx,gy,gz,ax,ay,az" + ("\n" if warm is None else ",temp_c\n"))
-        for i, (t, g, a) in enumerate(zip(imu.t_ns, imu.gyro, imu.accel, strict=True)):
-            out.write(f"{t},{g[0]:.7f},{g[1]:.7f},{g[2]:.7f},{a[0]:.5f},{a[1]:.5f},{a[2]:.5f}")
-            out.write("\n" if warm is None else f",{warm[i]:.3f}\n")
 
 
 def write_truth(path: Path, motion: Motion, t_ns: IntArray, begin_gps_s: float) -> None:
