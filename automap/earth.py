@@ -20,6 +20,8 @@ F = 1.0 / 298.257223563
 E2 = F * (2.0 - F)
 RATE = 7.292115e-5
 """Earth rotation, rad/s."""
+STANDARD_GRAVITY = 9.80665
+"""The "g" of data sheets and units, m/s^2; ``gravity`` is that of a place."""
 GM = 3.986004418e14
 _B = A * (1.0 - F)
 _GE = 9.7803253359
@@ -87,6 +89,13 @@ def from_local_ned(
     return tuple(np.asarray(v, dtype=np.float64).reshape(shape) for v in (lat, lon, h))  # type: ignore[return-value]
 
 
+def ecef(lat_rad: npt.ArrayLike, lon_rad: npt.ArrayLike, height_m: npt.ArrayLike) -> FloatArray:
+    """Earth-fixed coordinates [n, 3] in m of positions [n]."""
+    from pymap3d import geodetic2ecef
+
+    return np.stack(geodetic2ecef(lat_rad, lon_rad, height_m, deg=False), axis=-1)
+
+
 def ecef_axes(lat_rad: npt.ArrayLike, lon_rad: npt.ArrayLike) -> FloatArray:
     """Matrices ``C_e_n`` [n, 3, 3], NED to Earth-fixed axes, at latitudes and longitudes [n]."""
     lat, lon = np.atleast_1d(lat_rad).astype(float), np.atleast_1d(lon_rad).astype(float)
@@ -96,3 +105,11 @@ def ecef_axes(lat_rad: npt.ArrayLike, lon_rad: npt.ArrayLike) -> FloatArray:
     east = np.stack([-so, co, zero], axis=-1)
     down = np.stack([-ca * co, -ca * so, -sa], axis=-1)
     return np.stack([north, east, down], axis=-1)
+
+
+def tangent_rotation(
+    lat_rad: npt.ArrayLike, lon_rad: npt.ArrayLike, origin: tuple[float, float, float]
+) -> FloatArray:
+    """Rotations [n, 3, 3] from the NED axes at each point [n] to the NED axes at ``origin``
+    (lat rad, lon rad, height m)."""
+    return np.asarray(ecef_axes(origin[0], origin[1])[0].T @ ecef_axes(lat_rad, lon_rad))

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from automap.earth import STANDARD_GRAVITY
 from automap.errors import ConfigError
 from automap.records import ImuCalibration, TriadCalibration
 
 if TYPE_CHECKING:
     from automap.io.imu_log import ImuLog
-
-STANDARD_GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)

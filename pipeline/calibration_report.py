@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from automap import __version__
+from automap.earth import STANDARD_GRAVITY
 from automap.records import FloatArray
 from pipeline.report.sections import AXES, Plot, Section, draw
 from pipeline.report.svg_plot import Series, plot, thin_dots
@@ -117,8 +118,8 @@ def _gyro_section(result: StaticCalibration) -> Section:
     )
     if with_g is not None:
         series.append(Series("with g-sensitivity", number, _DEG * with_g.turn_errors, "dots", 1))
-        largest = _DEG * 9.80665 * float(np.abs(with_g.g_sensitivity).max())
-        width = _DEG * 9.80665 * float(with_g.half_width[12:].max())
+        largest = _DEG * STANDARD_GRAVITY * float(np.abs(with_g.g_sensitivity).max())
+        width = _DEG * STANDARD_GRAVITY * float(with_g.half_width[12:].max())
         section.sentences.append(
             f"With g-sensitivity (largest term {largest:.4f} ± {width:.4f} deg/s per g) gravity "
             f"arrives within {_DEG * with_g.turn_rms:.3f} deg, not {_DEG * gyro.turn_rms:.3f}."

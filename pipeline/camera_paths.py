@@ -10,7 +10,8 @@ from automap.errors import AutoMapError, InputError
 from automap.io import names
 
 if TYPE_CHECKING:
-    from automap.io.drive import Drive, VideoInput
+    from automap.io.drive import Drive
+    from automap.io.video import VideoInput
     from automap.records import IntArray
     from automap.vision.camera_path import CameraPath
 

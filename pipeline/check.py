@@ -215,7 +215,7 @@ def _finished(drive: Drive, collector: _Collector) -> bool | None:
     there are none."""
     usable = None
     if drive.trajectory_file is not None:
-        from automap.io.finished import read_finished
+        from automap.io.trajectory_file import read_finished
 
         try:
             finished = read_finished(drive.trajectory_file)

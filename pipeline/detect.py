@@ -18,7 +18,8 @@ from pipeline.settings.detect import DetectSettings
 from pipeline.targets import spare_recordings
 
 if TYPE_CHECKING:
-    from automap.io.drive import Drive, VideoInput
+    from automap.io.drive import Drive
+    from automap.io.video import VideoInput
     from automap.records import Crop, Detections
 
 Progress = Callable[[float, str], None]
@@ -90,8 +91,8 @@ def detect_to_csv(
 
 
 def _lone_video(path: Path) -> VideoInput:
-    from automap.io.drive import VideoInput
     from automap.io.manifest import VideoSection
+    from automap.io.video import VideoInput
 
     return VideoInput(name="front", section=VideoSection(start_ns=0), chapters=(path,))
 

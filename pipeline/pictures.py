@@ -20,7 +20,7 @@ from automap.io.atomic import write_bytes, write_text
 from pipeline.products import RunProducts
 
 if TYPE_CHECKING:
-    from automap.io.drive import VideoInput
+    from automap.io.video import VideoInput
 
 
 @dataclass(frozen=True)

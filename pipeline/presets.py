@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from automap.earth import STANDARD_GRAVITY
 from automap.fusion.model import FusionOptions
 from automap.io.drive import Drive
 from automap.io.receiver_file import ReceiverModel, find_receiver, read_receiver
-from automap.io.sensor_file import STANDARD_GRAVITY, SensorModel, find_sensor, read_sensor
+from automap.io.sensor_file import SensorModel, find_sensor, read_sensor
 from pipeline.settings.fuse import FuseSettings
 
 _PLAIN_ACCEL = 300e-6 * STANDARD_GRAVITY

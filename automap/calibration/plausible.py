@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.earth import STANDARD_GRAVITY
 from automap.errors import InputError
 from automap.records import FloatArray, RawImu
 
@@ -59,7 +60,8 @@ def refuse_wrong_accel_unit(log: RawImu, scale: FloatArray) -> None:
     """Raise when gravity's size in the readings belies their unit."""
     if log.accel_scale is not None:
         _refuse(log.name, "accelerometer", "--accel-unit", log.accel_unit, scale / log.accel_scale,
-                (("g", 9.80665), ("milli-g", 9.80665e-3), ("m/s^2", 1.0 / 9.80665)))  # fmt: skip
+                (("g", STANDARD_GRAVITY), ("milli-g", 1e-3 * STANDARD_GRAVITY),
+                 ("m/s^2", 1.0 / STANDARD_GRAVITY)))  # fmt: skip
 
 
 def refuse_wrong_gyro_unit(log: RawImu, scale: FloatArray) -> None:

@@ -19,6 +19,7 @@ from automap.calibration.rest_attitude import (
     rest_attitude,
     roll_pitch_since_start,
 )
+from automap.earth import STANDARD_GRAVITY
 from automap.errors import InputError
 from automap.frames import quat_to_matrix, rpy_to_matrix
 from automap.records import FloatArray, RawImu
@@ -27,7 +28,6 @@ SEQUENCES = 10
 SHORTEST_S = 5.0
 SIMULATED_S = 50.0
 _RATE_HZ = 100.0
-_GRAVITY = 9.80665
 _TURN_ON = (np.radians(0.15), 0.05)
 """One sigma of a simulated turn-on: gyro rad/s, accelerometer m/s^2; of consumer sensors."""
 _NOISE = (np.radians(0.01), 0.002)
@@ -134,7 +134,7 @@ def _simulated(seed: int) -> RestSequence:
     rng = np.random.default_rng(seed)
     n = round(SIMULATED_S * _RATE_HZ)
     tilt = np.radians(np.concatenate([rng.uniform(-30.0, 30.0, 2), [0.0]]))
-    force = rpy_to_matrix(tilt).T @ np.array([0.0, 0.0, -_GRAVITY])
+    force = rpy_to_matrix(tilt).T @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
     root = np.sqrt(_RATE_HZ)
     gyro = rng.normal(0.0, _TURN_ON[0], 3) + rng.normal(0.0, _NOISE[0] * root, (n, 3))
     accel = force + rng.normal(0.0, _TURN_ON[1], 3) + rng.normal(0.0, _NOISE[1] * root, (n, 3))

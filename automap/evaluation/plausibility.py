@@ -11,11 +11,11 @@ from typing import Literal
 
 import numpy as np
 
+from automap.earth import STANDARD_GRAVITY
 from automap.records import Fixes, FixType, FloatArray, ImuData, IntArray
 
 Severity = Literal["ok", "info", "warning", "error"]
 
-GRAVITY = 9.80665
 _GRAVITY_TOLERANCE = 0.25
 _TURN_WINDOW_S = 2.0
 _TURN_RATIO = 15.0
@@ -46,7 +46,7 @@ class Finding:
 def accel_unit(accel: FloatArray, rate_hz: float) -> Finding:
     """Whether specific force [n, 3], taken as m/s^2, has the size of gravity."""
     size = float(np.median(np.linalg.norm(accel, axis=1)))
-    if abs(size / GRAVITY - 1.0) < _GRAVITY_TOLERANCE:
+    if abs(size / STANDARD_GRAVITY - 1.0) < _GRAVITY_TOLERANCE:
         return Finding("ok", f"specific force is {size:.2f} m/s^2 in the median, as gravity is")
     shown = f"specific force is {size:.4g} m/s^2 in the median where gravity is 9.81"
     steady = float(np.linalg.norm(np.median(accel, axis=0)))
@@ -60,10 +60,10 @@ def accel_unit(accel: FloatArray, rate_hz: float) -> Finding:
     guesses = (
         (1.0, 'the file is in g: write accel_unit = "g" in [imu]'),
         (1e3, 'the file is in milli-g: divide by 1000 and write accel_unit = "g"'),
-        (GRAVITY**2, 'the file is in m/s^2: write accel_unit = "m/s^2" in [imu]'),
-        (1e3 * GRAVITY, "the file is in milli-g: divide by 1000"),
+        (STANDARD_GRAVITY**2, 'the file is in m/s^2: write accel_unit = "m/s^2" in [imu]'),
+        (1e3 * STANDARD_GRAVITY, "the file is in milli-g: divide by 1000"),
         (
-            GRAVITY / rate_hz,
+            STANDARD_GRAVITY / rate_hz,
             "these are velocity increments: divide by the sampling step to get m/s^2",
         ),
     )

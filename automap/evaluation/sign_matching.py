@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from automap.earth import ecef
 from automap.records import FloatArray, IntArray, Sign, SignPoints
 
 GATES_M = (1.0, 2.0, 3.0, 5.0, 6.0, 10.0)
@@ -42,10 +43,7 @@ class Pairs:
 
 def _on_ellipsoid(points: SignPoints) -> FloatArray:
     """ECEF [n, 3] at height zero: chords are horizontal distances, at the date line too."""
-    import pymap3d
-
-    zero = np.zeros(len(points))
-    return np.column_stack(pymap3d.geodetic2ecef(points.lat_rad, points.lon_rad, zero, deg=False))
+    return ecef(points.lat_rad, points.lon_rad, np.zeros(len(points)))
 
 
 def match(estimate: SignPoints, truth: SignPoints, gate_m: float) -> Pairs:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.earth import from_local_ned
+from automap.earth import from_local_ned, tangent_rotation
 from automap.geolocation.merging import member_rows
 from automap.geolocation.path_relation import Path, relate, side_of_path
 from automap.geolocation.sightings import Sighting
-from automap.geolocation.views import Views, tangent_rotation
+from automap.geolocation.views import Views
 from automap.records import FloatArray, Sign
 
 C_ENU_NED: FloatArray = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])

@@ -14,10 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.earth import metres_per_radian
+from automap.earth import metres_per_radian, tangent_rotation
 from automap.geolocation.merging import PATH_CORRELATION_S
 from automap.geolocation.sightings import Sighting
-from automap.geolocation.views import tangent_rotation
 from automap.records import FloatArray, Trajectory
 
 _NODE_S = 5.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automap.earth import local_ned
+from automap.earth import local_ned, tangent_rotation
 from automap.frames import matrix_to_rotation_vector, rpy_to_matrix
 from automap.geolocation.camera_model import focal_length, normalise, touches_edge
 from automap.interpolation import Poses, poses_at
@@ -188,26 +188,6 @@ def camera_poses(
     centre = vehicle + C_ref_body @ camera.lever_arm_m
     C_body_cam = rpy_to_matrix(camera.mount_rpy)
     return centre, np.swapaxes(C_ref_body @ C_body_cam, 1, 2)
-
-
-def tangent_rotation(
-    lat_rad: FloatArray, lon_rad: FloatArray, origin: tuple[float, float, float]
-) -> FloatArray:
-    """Rotation [n, 3, 3] from the NED axes at each point to the NED axes at ``origin``."""
-    return np.asarray(_ecef_to_ned(origin[0], origin[1]) @ _ned_to_ecef(lat_rad, lon_rad))
-
-
-def _ned_to_ecef(lat: FloatArray, lon: FloatArray) -> FloatArray:
-    sl, cl, so, co = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
-    zero = np.zeros_like(sl)
-    north = np.stack([-sl * co, -sl * so, cl], axis=-1)
-    east = np.stack([-so, co, zero], axis=-1)
-    down = np.stack([-cl * co, -cl * so, -sl], axis=-1)
-    return np.stack([north, east, down], axis=-1)
-
-
-def _ecef_to_ned(lat: float, lon: float) -> FloatArray:
-    return np.asarray(_ned_to_ecef(np.array(lat), np.array(lon)).T)
 
 
 def _vehicle_velocity_sd(sd_ned: FloatArray) -> FloatArray:

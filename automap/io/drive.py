@@ -22,6 +22,7 @@ from automap.io.manifest import (
 )
 from automap.io.receiver_file import find_receiver
 from automap.io.sensor_file import find_sensor
+from automap.io.video import VideoInput, image_size
 from automap.records import Camera, FloatArray
 
 _IMU_FILE = "imu.csv"
@@ -33,17 +34,6 @@ _VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".m4v", ".ts", ".360")
 _DEFAULT_FOV_RAD = np.radians(60.0)
 """Horizontal angle of view taken for a camera without a matrix; an action camera in its
 linear mode and a phone are near it."""
-
-
-@dataclass(frozen=True)
-class VideoInput:
-    """The files of one camera: chapters in order, frame stamps, external detections."""
-
-    name: str
-    section: VideoSection
-    chapters: tuple[Path, ...] = ()
-    frames: Path | None = None
-    detections: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -322,8 +312,6 @@ def _image_size(video: VideoInput) -> tuple[int, int] | None:
     if section.width is not None and section.height is not None:
         return section.width, section.height
     if video.chapters:
-        from automap.io.video import image_size
-
         size = image_size(video.chapters)
         if size is not None:
             return size

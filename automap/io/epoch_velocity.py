@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.earth import ecef_axes
 from automap.io.epoch_source import Epochs, Source, select
 from automap.records import BoolArray, FloatArray
 
@@ -35,8 +36,9 @@ def velocities(
         if name in ("NAV-PVT", "NAV-VELNED"):
             parts = [source.value(f, epochs) for f in ("velN", "velE", "velD")]
         elif name == "NAV-SOL":
-            ecef = [source.value(f, epochs) for f in ("ecefVX", "ecefVY", "ecefVZ")]
-            parts = _ecef_to_ned(ecef, lat[epochs], lon[epochs])
+            along = [source.value(f, epochs) for f in ("ecefVX", "ecefVY", "ecefVZ")]
+            axes = ecef_axes(lat[epochs], lon[epochs])
+            parts = list(np.einsum("jn,nji->in", along, axes))
         else:
             parts = _from_course(source, epochs)
         for axis, part in enumerate(parts):
@@ -70,14 +72,3 @@ def _from_course(source: Source, epochs: Epochs) -> list[FloatArray]:
     if source.name == "PUBX00":
         down = source.value("vVel", epochs)
     return [speed * np.cos(course), speed * np.sin(course), down]
-
-
-def _ecef_to_ned(ecef: list[FloatArray], lat: FloatArray, lon: FloatArray) -> list[FloatArray]:
-    x, y, z = ecef
-    sin_lat, cos_lat, sin_lon, cos_lon = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
-    outward = cos_lon * x + sin_lon * y
-    return [
-        -sin_lat * outward + cos_lat * z,
-        -sin_lon * x + cos_lon * y,
-        -cos_lat * outward - sin_lat * z,
-    ]

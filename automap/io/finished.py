@@ -38,17 +38,6 @@ class FinishedTrajectory:
     warnings: tuple[str, ...]
 
 
-def read_finished(path: Path) -> FinishedTrajectory:
-    """Read a finished trajectory, ``.csv`` or RTKLIB's ``.pos``; InputError when unusable."""
-    if path.suffix.lower() == ".pos":
-        from automap.io.trajectory_pos import read_trajectory_pos
-
-        return read_trajectory_pos(path)
-    from automap.io.trajectory_csv import read_trajectory_csv
-
-    return read_trajectory_csv(path)
-
-
 def given_or(values: FloatArray, default: float) -> FloatArray:
     """Standard deviations, the default where one is missing or not positive."""
     with np.errstate(invalid="ignore"):

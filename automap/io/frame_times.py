@@ -16,7 +16,7 @@ from automap.io.video import Chapter, video_chapters
 from automap.records import FrameTimes, IntArray
 
 if TYPE_CHECKING:
-    from automap.io.drive import VideoInput
+    from automap.io.video import VideoInput
 
 
 def frame_times(video: VideoInput, chapters: list[Chapter] | None = None) -> FrameTimes:

@@ -11,14 +11,13 @@ from automap.errors import ConfigError, InputError
 from automap.io.csv_columns import CsvColumns, Kind, read_columns
 from automap.io.drive import Drive
 from automap.io.imu_calibration import read_imu_calibration
-from automap.io.sensor_file import STANDARD_GRAVITY, SensorModel, find_sensor, read_sensor
+from automap.io.sensor_file import SI_PER_UNIT, SensorModel, find_sensor, read_sensor
 from automap.io.stamps import StampOrder, find_gaps, order_stamps
 from automap.records import FloatArray, ImuCalibration, ImuData
 
 _GYRO = ("gx", "gy", "gz")
 _ACCEL = ("ax", "ay", "az")
 _REQUIRED: dict[str, Kind] = {"t_ns": "int", **dict.fromkeys(_GYRO + _ACCEL, "float")}
-_FACTORS = {"rad/s": 1.0, "deg/s": np.pi / 180.0, "m/s^2": 1.0, "g": STANDARD_GRAVITY}
 
 
 @dataclass(frozen=True)
@@ -173,7 +172,7 @@ def _to_si(reading: FloatArray, triad: str, form: ImuFormat) -> FloatArray:
         if form.sensor is None:
             raise ConfigError(f"{triad} readings in counts need a sensor file.")
         return (form.sensor.gyro if triad == "gyro" else form.sensor.accel).from_counts(reading)
-    return reading * _FACTORS[unit]
+    return reading * SI_PER_UNIT[unit]
 
 
 def _fill(temp_c: FloatArray) -> FloatArray | None:

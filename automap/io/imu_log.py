@@ -11,15 +11,12 @@ from automap.errors import ConfigError, InputError
 from automap.io import names
 from automap.io.csv_columns import read_columns
 from automap.io.number_columns import read_numbers
-from automap.io.sensor_file import STANDARD_GRAVITY, SensorModel
-from automap.io.stamps import order_stamps
+from automap.io.sensor_file import SI_PER_UNIT, SensorModel
+from automap.io.stamps import TIME_COLUMNS, order_stamps
 from automap.records import FloatArray, IntArray, RawImu
 
 _GYRO = ("gx", "gy", "gz")
 _ACCEL = ("ax", "ay", "az")
-_TIMES = {"t_ns": 1.0, "t_us": 1e3, "t_ms": 1e6, "t_s": 1e9}
-"""Time columns and their unit in nanoseconds."""
-_UNITS = {"rad/s": 1.0, "deg/s": np.pi / 180.0, "m/s^2": 1.0, "g": STANDARD_GRAVITY}
 SKIP = "-"
 """Stands for a column that is not wanted."""
 _ABSURD = 1e12
@@ -67,7 +64,7 @@ def read_imu_log(path: Path, form: LogFormat) -> ImuLog:
         }
         _require(path, columns, _GYRO + _ACCEL)
         return _assemble(path.name, (path,), columns, form, list(numbers.warnings))
-    optional = {**dict.fromkeys(_TIMES, "float"), "t_ns": "int", "temp_c": "float"}
+    optional = {**dict.fromkeys(TIME_COLUMNS, "float"), "t_ns": "int", "temp_c": "float"}
     table = read_columns(path, dict.fromkeys(_GYRO + _ACCEL, "float"), optional)  # type: ignore[arg-type]
     return _assemble(path.name, (path,), table.columns, form, table.warnings())
 
@@ -86,9 +83,9 @@ def read_imu_pair(accel: Path, gyro: Path, form: LogFormat) -> ImuLog:
         _require(path, table, ("x", "y", "z"))
         tables.append(table)
         warnings += numbers.warnings
-    joined = {k: v for k, v in tables[0].items() if k in _TIMES or k == "temp_c"}
+    joined = {k: v for k, v in tables[0].items() if k in TIME_COLUMNS or k == "temp_c"}
     joined.update(zip(_ACCEL, (tables[0][k] for k in "xyz"), strict=True))
-    time = next((k for k in columns if k in _TIMES), None)
+    time = next((k for k in columns if k in TIME_COLUMNS), None)
     n = len(tables[0]["x"])
     if time is None and len(tables[1]["x"]) != n:
         raise InputError(
@@ -191,7 +188,7 @@ def _assemble(
 
 def _stamps(name: str, columns: dict[str, np.ndarray], n: int, rate: float | None) -> IntArray:
     """Nanoseconds [n]; -1 where there is no stamp."""
-    time = next((k for k in _TIMES if k in columns), None)
+    time = next((k for k in TIME_COLUMNS if k in columns), None)
     if time is None:
         if rate is None:
             raise ConfigError(f"{name} has no time column; give its rate with --rate HZ.")
@@ -202,7 +199,7 @@ def _stamps(name: str, columns: dict[str, np.ndarray], n: int, rate: float | Non
     finite = np.isfinite(values)
     if not finite.any():
         raise InputError(f"{name}: the column {time} holds no number; correct --columns.")
-    since = np.where(finite, values - values[finite].min(), -1.0) * _TIMES[time]
+    since = np.where(finite, values - values[finite].min(), -1.0) * TIME_COLUMNS[time]
     return np.asarray(np.rint(np.where(since < _LONGEST_NS, since, -1.0)), dtype=np.int64)
 
 
@@ -217,6 +214,6 @@ def _with_units(raw: RawImu, form: LogFormat) -> RawImu:
     for key, unit in (("gyro", gyro_unit), ("accel", accel_unit)):
         triad = counts[key]
         known = None if triad is None else triad.scale
-        scales[f"{key}_scale"] = known if unit == "counts" else np.full(3, _UNITS[unit])
+        scales[f"{key}_scale"] = known if unit == "counts" else np.full(3, SI_PER_UNIT[unit])
         scales[f"{key}_zero"] = None if triad is None else triad.zero
     return replace(raw, gyro_unit=gyro_unit, accel_unit=accel_unit, **scales)  # type: ignore[arg-type]

@@ -16,11 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
+from automap.earth import STANDARD_GRAVITY
 from automap.errors import InputError
 from automap.io.nmea_writer import Positions
 from automap.records import FloatArray, IntArray
-
-_G = 9.80665
 
 
 @dataclass(frozen=True)
@@ -157,7 +156,7 @@ def _specific_force(
         accel = accel + np.column_stack([_at(t, t_pull, pull[:, k]) for k in range(3)])
     size = float(np.nanmedian(np.linalg.norm(accel, axis=1))) if len(accel) else 0.0
     if 0.5 < size < 2.0:
-        accel = accel * _G
+        accel = accel * STANDARD_GRAVITY
         warnings.append(f"{source}: accelerations of about 1 are taken as g")
     metadata = _first(tables, ("Metadata",))
     ios = metadata is not None and _says(metadata, "platform", "ios")

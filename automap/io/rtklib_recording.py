@@ -13,9 +13,9 @@ import numpy as np
 
 from automap.errors import ConfigError, InputError
 from automap.io.rtklib_tag import TimeTag, read_time_tag
+from automap.io.stamps import TIME_COLUMNS
 from automap.records import FloatArray, IntArray
 
-_TIMES = {"t_s": 1e9, "t_ms": 1e6, "t_us": 1e3, "t_ns": 1.0}
 _SENSORS = ("gx", "gy", "gz", "ax", "ay", "az")
 _TAIL = 0.01
 """Part of a stream that may be missing at its end, where a copy was cut short."""
@@ -92,7 +92,7 @@ def read_imu_lines(path: Path, columns: Sequence[str]) -> ImuLines:
     A line that has not so many numbers (the first and last of a stream are often cut) is left
     out. Raises ConfigError for columns that make no IMU, InputError when hardly a line is one.
     """
-    times = [name for name in columns if name in _TIMES]
+    times = [name for name in columns if name in TIME_COLUMNS]
     missing = [name for name in _SENSORS if name not in columns]
     if (
         len(times) != 1
@@ -101,7 +101,7 @@ def read_imu_lines(path: Path, columns: Sequence[str]) -> ImuLines:
     ):
         raise ConfigError(
             f"--columns {','.join(columns)}: name each of {', '.join(_SENSORS)} and one of "
-            f"{', '.join(_TIMES)} once, and - for a column to pass over."
+            f"{', '.join(reversed(TIME_COLUMNS))} once, and - for a column to pass over."
         )
     try:
         data = path.read_bytes()
@@ -136,7 +136,7 @@ def read_imu_lines(path: Path, columns: Sequence[str]) -> ImuLines:
             f"{','.join(columns)}; name the columns of this log with --columns."
         )
     table = np.array(rows)
-    stamp_ns = np.rint(table[:, 0] * _TIMES[times[0]]).astype(np.int64)
+    stamp_ns = np.rint(table[:, 0] * TIME_COLUMNS[times[0]]).astype(np.int64)
     return ImuLines(
         stamp_ns,
         table[:, 1:],

@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from automap.earth import STANDARD_GRAVITY
 from automap.errors import ConfigError
 from automap.io.toml_file import read_toml
 from automap.records import FloatArray
 
 SCHEMA = "automap.sensor/1"
-STANDARD_GRAVITY = 9.80665
+SI_PER_UNIT = {"rad/s": 1.0, "deg/s": np.pi / 180.0, "m/s^2": 1.0, "g": STANDARD_GRAVITY}
+"""The units in which an inertial log may be, but for counts."""
 _TRIAD_KEYS = frozenset(
     {
         "bits",

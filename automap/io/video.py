@@ -14,9 +14,20 @@ from automap.errors import InputError
 from automap.records import IntArray
 
 if TYPE_CHECKING:
-    from automap.io.drive import VideoInput
+    from automap.io.manifest import VideoSection
 
 _MISSING_S = 0.5
+
+
+@dataclass(frozen=True)
+class VideoInput:
+    """The files of one camera: chapters in order, frame stamps, external detections."""
+
+    name: str
+    section: VideoSection
+    chapters: tuple[Path, ...] = ()
+    frames: Path | None = None
+    detections: Path | None = None
 
 
 @dataclass(frozen=True)

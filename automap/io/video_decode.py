@@ -17,7 +17,7 @@ from automap.io.video import Chapter, open_video, video_chapters, video_stream
 from automap.records import FrameTimes, Image, IntArray, VideoFrame
 
 if TYPE_CHECKING:
-    from automap.io.drive import VideoInput
+    from automap.io.video import VideoInput
 
 
 _JUMP = 8

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.earth import ecef, ecef_axes
 from automap.mapping.association import Association, renumbered
 from automap.mapping.candidates import SLACK_M, facing_evidence
 from automap.mapping.classes import class_evidence
@@ -78,8 +79,6 @@ def join_duplicates(
 
 
 def _places(sightings: Sightings, association: Association, sign: IntArray) -> _Places:
-    from automap.earth import ecef_axes
-
     m = int(sign.max()) + 1
     order = np.argsort(sign, kind="stable")
     first = order[np.searchsorted(sign[order], np.arange(m))]
@@ -107,7 +106,7 @@ def _places(sightings: Sightings, association: Association, sign: IntArray) -> _
         height = total(w_u * up) / a_u
     lat = sightings.lat[first] + mean_n / sightings.per_lat[first]
     lon = sightings.lon[first] + mean_e / sightings.per_lon[first]
-    position, axes = _earth_fixed(lat, lon, np.nan_to_num(height)), ecef_axes(lat, lon)
+    position, axes = ecef(lat, lon, np.nan_to_num(height)), ecef_axes(lat, lon)
     enu = np.stack([axes[:, :, 1], axes[:, :, 0], -axes[:, :, 2]], axis=1)
     count = np.bincount(sign, minlength=m)
     wander = np.stack([total(association.offset_var[:, k]) / count**2 for k in range(3)], axis=1)
@@ -130,12 +129,6 @@ def dominant_code(sign: IntArray, code: IntArray, confidence: FloatArray) -> Int
     order = np.lexsort((keys, -weight, keys // width))
     _, first = np.unique(keys[order] // width, return_index=True)
     return np.asarray(keys[order][first] % width, np.int64)
-
-
-def _earth_fixed(lat: FloatArray, lon: FloatArray, height: FloatArray) -> FloatArray:
-    from pymap3d import geodetic2ecef
-
-    return np.stack(geodetic2ecef(lat, lon, height, deg=False), axis=1)
 
 
 def _close_pairs(places: _Places) -> IntArray:

@@ -13,9 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.io.atomic import atomic_path
-from automap.io.drive import VideoInput
 from automap.io.frame_times import frame_times
-from automap.io.video import video_chapters
+from automap.io.video import VideoInput, video_chapters
 from automap.io.video_decode import decode_frames
 from automap.records import Detections, FloatArray, Image
 from automap.vision.contact_sheet import short_name

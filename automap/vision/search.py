@@ -10,9 +10,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from automap.io.drive import VideoInput
 from automap.io.frame_times import frame_times
-from automap.io.video import Chapter, video_chapters
+from automap.io.video import Chapter, VideoInput, video_chapters
 from automap.io.video_decode import decode_frames
 from automap.records import Camera, Crop, Detections, FrameTimes, IntArray, VideoFrame
 from automap.vision.camera_motion import ImageMotion, Motion, motion_on_path

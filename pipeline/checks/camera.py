@@ -10,8 +10,8 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.evaluation.plausibility import Finding
-from automap.io.drive import Drive, VideoInput
-from automap.io.video import VideoHeader, read_chapter, read_header
+from automap.io.drive import Drive
+from automap.io.video import VideoHeader, VideoInput, read_chapter, read_header
 
 _SAME_START_S = 3.0
 _COUNTED_BYTES = 1 << 30

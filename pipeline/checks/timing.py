@@ -6,8 +6,9 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.evaluation.plausibility import Finding, overlap_s
-from automap.io.drive import Drive, VideoInput
+from automap.io.drive import Drive
 from automap.io.recording import Recording, imu_time
+from automap.io.video import VideoInput
 from automap.records import NO_TIME, FloatArray
 from automap.timebase import gps_to_iso, unix_to_gps
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.io.sensor_file import STANDARD_GRAVITY, SensorModel, find_sensor, read_sensor
+from automap.earth import STANDARD_GRAVITY
+from automap.io.sensor_file import SensorModel, find_sensor, read_sensor
 from automap.records import FloatArray
 from pipeline.record.imu_format import ImuFormat
 

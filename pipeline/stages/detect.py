@@ -14,7 +14,8 @@ from pipeline.search_setup import detector_files, open_detector, search_rules
 from pipeline.stage import Stage, StageContext
 
 if TYPE_CHECKING:
-    from automap.io.drive import Drive, VideoInput
+    from automap.io.drive import Drive
+    from automap.io.video import VideoInput
     from automap.records import Crop
     from automap.vision.search import SearchResult
 

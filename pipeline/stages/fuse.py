@@ -62,7 +62,7 @@ def _is_receivers_own(context: StageContext) -> bool:
 def _take_finished(context: StageContext) -> None:
     """A trajectory from other software, completed and passed on."""
     from automap.io.clock_json import read_clock
-    from automap.io.finished import read_finished
+    from automap.io.trajectory_file import read_finished
 
     assert context.drive.trajectory_file is not None
     finished = read_finished(context.drive.trajectory_file)

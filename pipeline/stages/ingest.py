@@ -132,7 +132,7 @@ def _refuse_implausible(context: StageContext, recording: Recording) -> None:
 def _check_trajectory(
     context: StageContext, path: Path, failures: list[str]
 ) -> dict[str, Any] | None:
-    from automap.io.finished import read_finished
+    from automap.io.trajectory_file import read_finished
 
     try:
         finished = read_finished(path)

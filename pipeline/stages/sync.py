@@ -48,7 +48,7 @@ def _find_clock(
     drive = context.drive
     drift_sd = context.settings.sync.drift_sd_ppm * 1e-6
     if drive.trajectory_file is not None:
-        from automap.io.finished import read_finished
+        from automap.io.trajectory_file import read_finished
 
         finished = read_finished(drive.trajectory_file)
         t_ns = finished.data.t_ns

@@ -12,8 +12,7 @@ import numpy as np
 from automap.records import IntArray
 
 if TYPE_CHECKING:
-    from automap.io.drive import VideoInput
-    from automap.io.video import Chapter
+    from automap.io.video import Chapter, VideoInput
     from automap.records import FrameTimes, VideoFrame
 
 WIDTH_LIMIT = 1280

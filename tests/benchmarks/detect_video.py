@@ -17,8 +17,8 @@ from pathlib import Path
 # as the command line does: small matrices gain nothing from threads
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from automap.io.drive import VideoInput
 from automap.io.manifest import VideoSection
+from automap.io.video import VideoInput
 from automap.vision.search import search_video
 from pipeline.config import Settings
 from pipeline.search_setup import open_detector, search_rules

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from automap.io import names
-from automap.io.drive import VideoInput, load_drive
+from automap.io.drive import load_drive
 from automap.io.frame_times import frame_times
 from automap.io.manifest import VideoSection
 from automap.io.recording import imu_time, read_recording
 from automap.io.tables import read_fixes, read_imu
-from automap.io.video import read_chapter
+from automap.io.video import VideoInput, read_chapter
 from automap.io.video_decode import iter_frames
 from pipeline.check import check_drive
 from pipeline.config import Settings

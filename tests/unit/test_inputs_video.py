@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from automap.errors import InputError
-from automap.io.drive import VideoInput
 from automap.io.frame_times import frame_times
 from automap.io.manifest import VideoSection
-from automap.io.video import image_size, read_chapter, read_header
+from automap.io.video import VideoInput, image_size, read_chapter, read_header
 from automap.io.video_decode import iter_frames
 
 # an uneven cadence: frame number over rate would be wrong by up to 80 ms

@@ -13,7 +13,7 @@ from automap.errors import InputError
 from automap.export.trajectory_formats import rtklib_pos
 from automap.frames import wrap_pi
 from automap.io import names
-from automap.io.finished import read_finished
+from automap.io.trajectory_file import read_finished
 from automap.io.trajectory_table import read_trajectory
 from automap.records import Trajectory
 from pipeline.check import check_drive
