@@ -8,15 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from automap.io.atomic import atomic_path
 from automap.io.tables import read_table
-
-if TYPE_CHECKING:
-    from automap.records import Crop
+from automap.records import Crop
 
 _BOX = ("x_min", "y_min", "x_max", "y_max")
 _IN_CROP = tuple(f"crop_{name}" for name in _BOX)
@@ -49,8 +46,6 @@ def write_crops(path: Path, crops: Sequence[Crop]) -> None:
 
 def read_crops(path: Path) -> list[Crop]:
     """Read what ``write_crops`` wrote; InputError when it is missing or damaged."""
-    from automap.records import Crop
-
     return [
         Crop(
             camera=row["camera"],

@@ -7,16 +7,12 @@ rate. Frames count from 0 over all chapters in the order in which they are shown
 from __future__ import annotations
 
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from automap.io.csv_columns import read_columns
-from automap.io.video import Chapter, video_chapters
+from automap.io.video import Chapter, VideoInput, video_chapters
 from automap.records import FrameTimes, IntArray
-
-if TYPE_CHECKING:
-    from automap.io.video import VideoInput
 
 
 def frame_times(video: VideoInput, chapters: list[Chapter] | None = None) -> FrameTimes:

@@ -7,18 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from automap.io.frame_times import first_frames, frame_times
-from automap.io.video import Chapter, open_video, video_chapters, video_stream
+from automap.io.video import Chapter, VideoInput, open_video, video_chapters, video_stream
 from automap.records import FrameTimes, Image, IntArray, VideoFrame
-
-if TYPE_CHECKING:
-    from automap.io.video import VideoInput
-
 
 _JUMP = 8
 """Frames that must be spared for a jump to a key frame to be worth emptying the decoder."""
