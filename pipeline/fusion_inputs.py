@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
-from automap.fusion.model import FusionOptions
+from automap.fusion.options import FusionOptions
 from automap.io import names
 from automap.io.clock_json import read_clock
 from automap.io.drive import Drive

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from automap.earth import STANDARD_GRAVITY
-from automap.fusion.model import FusionOptions
+from automap.fusion.options import FusionOptions
 from automap.io.drive import Drive
 from automap.io.receiver_file import ReceiverModel, find_receiver, read_receiver
 from automap.io.sensor_file import SensorModel, find_sensor, read_sensor

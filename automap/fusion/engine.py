@@ -17,8 +17,8 @@ from automap.frames import (
 from automap.fusion.alignment import SURE_MARGIN_NATS
 from automap.fusion.layout import HAS_POS_H
 from automap.fusion.measurements import Nodes, Odometer, model_fixes
-from automap.fusion.model import FusionOptions
 from automap.fusion.mounting import Mounting, estimate_mounting
+from automap.fusion.options import FusionOptions
 from automap.fusion.output import (
     Innovations,
     NodeStates,

@@ -21,7 +21,7 @@ from automap.fusion.layout import (
     ODOMETER,
     STANDSTILL,
 )
-from automap.fusion.model import FusionOptions
+from automap.fusion.options import FusionOptions
 from automap.records import BoolArray, Fixes, FixType, FloatArray, IntArray
 
 MAX_NODE_SPACING_S = 0.5

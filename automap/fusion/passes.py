@@ -12,7 +12,8 @@ from automap.fusion.alignment import Alignment, align
 from automap.fusion.layout import HAS_VEL_H
 from automap.fusion.levels import LEVELS, SLOPED_LEVELS, WHITE_LEVELS
 from automap.fusion.measurements import MIN_SPLIT_S, FixModel, Nodes, Odometer, Shift, build_nodes
-from automap.fusion.model import FusionOptions, StateModel, build_state_model
+from automap.fusion.model import StateModel, build_state_model
+from automap.fusion.options import FusionOptions
 from automap.fusion.problem import (
     DELAY_STATE,
     LATENCY_STATE,

@@ -22,7 +22,8 @@ from automap.fusion.layout import (
     WANDER,
 )
 from automap.fusion.measurements import Nodes, Shift
-from automap.fusion.model import FusionOptions, StateModel
+from automap.fusion.model import StateModel
+from automap.fusion.options import FusionOptions
 from automap.fusion.resample import states_at
 from automap.fusion.shocks import shock_noise
 from automap.fusion.stamp_error import reported_rows

@@ -11,7 +11,7 @@ from automap.errors import InputError
 from automap.fusion.engine import Prior, fuse_imu_gnss
 from automap.fusion.layout import HAS_POS_H
 from automap.fusion.measurements import FixModel, Odometer, model_fixes
-from automap.fusion.model import FusionOptions
+from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Session, fix_speed
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias

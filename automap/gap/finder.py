@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from automap.effects import CATALOGUE
 from automap.errors import InputError
-from automap.fusion.model import FusionOptions
+from automap.fusion.options import FusionOptions
 from automap.gap.advice import advice
 from automap.gap.camera_search import CameraGap
 from automap.gap.challenge import challenge

@@ -10,7 +10,7 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.effects.user_fixes import acts_on_fixes
 from automap.fusion.levels import ALL_LEVELS
-from automap.fusion.model import FusionOptions
+from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Session
 from automap.fusion.problem import DELAY_STATE, LATENCY_STATE
 from automap.gap.drive import OpenDrive

@@ -11,7 +11,7 @@ import numpy as np
 
 from automap.earth import local_ned
 from automap.errors import InputError
-from automap.fusion.model import FusionOptions
+from automap.fusion.options import FusionOptions
 from automap.io import names
 from automap.io.atomic import atomic_path, make_folder, write_json
 from automap.records import Fixes, FloatArray, Trajectory

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, field_validator
 
-from automap.fusion.model import DEFAULT_EFFECTS, FusionOptions
+from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
 from pipeline.settings.section import Section
 
 _D = FusionOptions()

@@ -17,7 +17,7 @@ import numpy as np
 
 from automap.frames import rotation_vector_to_matrix
 from automap.fusion.engine import Prior, fuse_imu_gnss
-from automap.fusion.model import FusionOptions
+from automap.fusion.options import FusionOptions
 from automap.records import FloatArray
 from tests.benchmarks.optimal_smoother import optimal_errors
 from tests.unit.fusion_drive import (

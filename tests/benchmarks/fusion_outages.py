@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from automap.frames import rpy_to_matrix
 from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
-from automap.fusion.model import FusionOptions
+from automap.fusion.options import FusionOptions
 from automap.interpolation import poses_at_gps
 from automap.io.clock_json import read_clock
 from automap.io.tables import read_fixes, read_imu

@@ -116,7 +116,7 @@ def motion_of_drive(drive: GapDrive) -> tuple[FloatArray, FloatArray]:
 
 def search(name: str, change: str, runs: Path) -> dict[str, Any]:
     """Findings on one spoilt drive as plain values."""
-    from automap.fusion.model import FusionOptions
+    from automap.fusion.options import FusionOptions
     from automap.gap import find_gaps
     from automap.gap.drive import in_vehicle_axes
     from pipeline.gap_inputs import gap_drives, gap_model

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
-from automap.fusion.model import DEFAULT_EFFECTS, FusionOptions
+from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
 from automap.simulation.scenario import (
     Gnss,
     Imu,

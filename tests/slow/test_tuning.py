@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from automap.fusion.model import FusionOptions
+from automap.fusion.options import FusionOptions
 from automap.io import names
 from automap.io.tables import floats, read_table
 from automap.simulation.scenario import Gnss, Imu

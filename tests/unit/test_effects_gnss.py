@@ -35,7 +35,8 @@ from automap.fusion.kernels.observations import (
     velocity_block,
 )
 from automap.fusion.layout import N_NAV
-from automap.fusion.model import FusionOptions, StateModel, build_state_model
+from automap.fusion.model import StateModel, build_state_model
+from automap.fusion.options import FusionOptions
 from automap.simulation.gnss import ideal_epochs
 from automap.simulation.odometer import forward_speed
 from automap.simulation.scenario import Gnss, Leg, Route, Scenario, Start, Vehicle

@@ -12,7 +12,7 @@ from automap.errors import InputError
 from automap.frames import rpy_to_matrix
 from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
 from automap.fusion.gnss_only import smooth_fixes
-from automap.fusion.model import FusionOptions
+from automap.fusion.options import FusionOptions
 from automap.records import Fixes, FixType, FloatArray, ImuData
 from tests.unit.fusion_drive import (
     CLOCK,

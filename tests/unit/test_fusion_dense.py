@@ -20,7 +20,8 @@ from automap.fusion.layout import (
     STANDSTILL,
 )
 from automap.fusion.measurements import Nodes, Shift
-from automap.fusion.model import FusionOptions, build_state_model
+from automap.fusion.model import build_state_model
+from automap.fusion.options import FusionOptions
 from automap.fusion.output import Innovations, innovations
 from automap.fusion.problem import (
     ForwardRun,

@@ -33,7 +33,8 @@ from automap.fusion.layout import (
     WHEEL,
 )
 from automap.fusion.mechanisation import N_EARTH, earth_terms, quat_to_dcm
-from automap.fusion.model import FusionOptions, StateModel, build_state_model
+from automap.fusion.model import StateModel, build_state_model
+from automap.fusion.options import FusionOptions
 from tests.unit.fusion_drive import Receiver, make_motion, receive
 from tests.unit.fusion_problem import nominal_of
 

@@ -13,7 +13,8 @@ from automap.fusion import kernels
 from automap.fusion.kernels.observations import odometer_row
 from automap.fusion.layout import N_NAV
 from automap.fusion.mechanisation import quat_to_dcm
-from automap.fusion.model import FusionOptions, build_state_model
+from automap.fusion.model import build_state_model
+from automap.fusion.options import FusionOptions
 from automap.io.odometer_csv import read_odometer_csv
 
 EFFECTS = ("accel_bias", "imu_mounting", "nhc_lever_arm", "odometer_scale")

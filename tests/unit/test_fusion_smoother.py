@@ -18,7 +18,8 @@ from automap.fusion.layout import (
     STANDSTILL,
 )
 from automap.fusion.measurements import Shift
-from automap.fusion.model import FusionOptions, build_state_model
+from automap.fusion.model import build_state_model
+from automap.fusion.options import FusionOptions
 from automap.fusion.problem import (
     ForwardRun,
     Problem,

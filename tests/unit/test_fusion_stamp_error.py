@@ -7,7 +7,8 @@ import pytest
 
 from automap.frames import matrix_to_quat, rpy_to_matrix
 from automap.fusion.layout import DELAY, MOUNT, N_NAV, SKEW
-from automap.fusion.model import DEFAULT_EFFECTS, FusionOptions, build_state_model
+from automap.fusion.model import build_state_model
+from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
 from automap.fusion.stamp_error import (
     mounting_rows,
     rates_of_change,

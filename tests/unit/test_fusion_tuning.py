@@ -14,7 +14,8 @@ from automap.fusion.level_climb import climb
 from automap.fusion.level_likelihood import LevelLikelihood
 from automap.fusion.levels import ALL_LEVELS, LEVELS
 from automap.fusion.measurements import Nodes, Shift
-from automap.fusion.model import FusionOptions, build_state_model
+from automap.fusion.model import build_state_model
+from automap.fusion.options import FusionOptions
 from automap.fusion.problem import PathStates, Problem, Start, make_problem
 from automap.fusion.sections import filter_and_smooth
 from tests.unit.fusion_drive import BASE_NS, GPS0, Receiver, Sensor, city_drive, receive, record

@@ -10,7 +10,7 @@ import pytest
 from input_drive import write_drive
 
 from automap.errors import ConfigError
-from automap.fusion.model import FusionOptions
+from automap.fusion.options import FusionOptions
 from automap.io import names
 from automap.io.drive import load_drive
 from automap.io.receiver_file import SCHEMA, find_receiver, read_receiver
