@@ -36,9 +36,9 @@ class DriveTest(pytest.Item):
 
     def runtest(self) -> None:
         """Run the drive; raises DriveMovedError with the table of what moved."""
-        from pipeline.config import load_settings
         from pipeline.regress.command import Request, regress
         from pipeline.regress.table import lines_of
+        from pipeline.settings.load import load_settings
 
         baseline = self.config.rootpath / self.config.getini(_BASELINE)
         work = self.config.rootpath / self.config.getini(_WORK)

@@ -13,8 +13,8 @@ from pipeline.cli.number import Finite
 from pipeline.cli.paths import ANY_PATH
 
 if TYPE_CHECKING:
-    from pipeline.calibration_logs import LogSource
-    from pipeline.calibration_output import Outcome
+    from pipeline.calibrate.logs import LogSource
+    from pipeline.calibrate.output import Outcome
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -89,7 +89,7 @@ def _gravity_options(function: F) -> F:
 
 
 def _source(logs: tuple[Path, ...], options: dict[str, Any]) -> LogSource:
-    from pipeline.calibration_logs import LogSource
+    from pipeline.calibrate.logs import LogSource
 
     keys = ("accel", "gyro", "columns", "gyro_unit", "accel_unit", "sensor")
     return LogSource(logs=logs, rate_hz=options["rate"], **{key: options[key] for key in keys})
@@ -121,7 +121,7 @@ def static_command(
     Hold the sensor still for a few seconds in twelve or more poses, all sides up and some in
     between, and turn it by 90 degrees or more from one to the next.
     """
-    from pipeline.calibrate import static
+    from pipeline.calibrate.command import static
 
     _show(
         static(
@@ -151,7 +151,7 @@ def dynamic_command(log: Path | None, calibration: Path | None, **options: Any) 
 
     Turn the sensor in your hand about all three axes, in place, for a minute or two.
     """
-    from pipeline.calibrate import dynamic
+    from pipeline.calibrate.command import dynamic
 
     logs = () if log is None else (log,)
     _show(
@@ -174,6 +174,6 @@ def allan_command(log: Path | None, **options: Any) -> None:
 
     Leave the sensor alone for an hour or more, at even temperature.
     """
-    from pipeline.calibrate import allan
+    from pipeline.calibrate.command import allan
 
     _show(allan(_source(() if log is None else (log,), options), options["out"]))

@@ -26,7 +26,7 @@ def command(drives: tuple[Path, ...], as_json: bool) -> int:
 
     The exit code is 3 when the drive cannot be used.
     """
-    from pipeline.check import check_drive
+    from pipeline.check.command import check_drive
 
     code = 0
     reports = []

@@ -61,9 +61,9 @@ def command(
     Frames are chosen by what a map needs: how far the vehicle went and turned, more of them
     where a sign is in sight. Boxes of one sign share a track, and all its views say its class.
     """
-    from pipeline.config import load_settings
-    from pipeline.detect import detect_to_csv
-    from pipeline.terminal import progress_bar
+    from pipeline.detect.command import detect_to_csv
+    from pipeline.settings.load import load_settings
+    from pipeline.shared.terminal import progress_bar
 
     settings = load_settings(config, assignments).detect
     changes: dict[str, object] = {"every_frame": True} if every_frame else {}

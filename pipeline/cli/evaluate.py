@@ -45,8 +45,8 @@ def command(
     as_json: bool,
 ) -> None:
     """Compare the results in OUT with the truth and write evaluation.json there."""
-    from pipeline.cache import flatten
-    from pipeline.evaluate import check_requirements, evaluate_run
+    from pipeline.evaluate.command import check_requirements, evaluate_run
+    from pipeline.run.cache import flatten
 
     result = evaluate_run(out, truth, truth_sd)
     if as_json:

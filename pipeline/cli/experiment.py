@@ -60,9 +60,9 @@ def command(
         click.echo(f"{out / 'rest.png'}")
         return
     from automap.evaluation.requirements import flatten
-    from pipeline.config import load_settings
     from pipeline.experiments import biases, calibration, dropout, nis
     from pipeline.experiments.base import prepare
+    from pipeline.settings.load import load_settings
 
     if every < outage + 5.0:
         raise ConfigError(

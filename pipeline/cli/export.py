@@ -81,8 +81,8 @@ def command(
 
     The meaning of every column is written beside it, in data_dictionary.csv.
     """
-    from pipeline.export import export_run
-    from pipeline.export_view import TrajectoryView
+    from pipeline.export.command import export_run
+    from pipeline.export.trajectory_view import TrajectoryView
 
     path, warnings = export_run(
         out, form, target, TrajectoryView(at, point, filtered), min_confidence, datum

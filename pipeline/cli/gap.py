@@ -13,7 +13,7 @@ from pipeline.cli.number import Finite
 from pipeline.cli.paths import ANY_PATH
 
 if TYPE_CHECKING:
-    from pipeline.gap import GapOutcome
+    from pipeline.gap.command import GapOutcome
 
 _EPILOG = """\b
 Examples:
@@ -67,7 +67,7 @@ def command(
     static takes it, is searched for what the accelerometer's six-parameter model lacks.
     """
     from automap.errors import ConfigError
-    from pipeline.gap import find_in_logs
+    from pipeline.gap.command import find_in_logs
 
     out = options["out"]
     desk = options["accel"] is not None or options["gyro"] is not None or options["columns"]
@@ -92,8 +92,8 @@ def _on_drives(
     without: tuple[str, ...],
     out: Path,
 ) -> GapOutcome:
-    from pipeline.gap import find
-    from pipeline.terminal import progress_bar
+    from pipeline.gap.command import find
+    from pipeline.shared.terminal import progress_bar
 
     with progress_bar("gap") as progress:
         return find(drives, holdout, config, without, out, progress)

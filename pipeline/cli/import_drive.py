@@ -10,8 +10,8 @@ from typing import Any
 import click
 
 from pipeline.cli.command import Command
+from pipeline.cli.import_kinds import KINDS, Kind
 from pipeline.cli.paths import ANY_PATH
-from pipeline.importers.kinds import KINDS, Kind
 
 _EPILOG = """\b
 Examples:

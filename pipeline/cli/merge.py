@@ -61,9 +61,9 @@ def command(
     by several drives becomes one, with the covariance of their mean; one that was not seen
     although it should have been loses belief.
     """
-    from pipeline.merge import merge_runs
-    from pipeline.merge_terminal import summary_lines
-    from pipeline.terminal import progress_bar
+    from pipeline.merge.command import merge_runs
+    from pipeline.merge.terminal import summary_lines
+    from pipeline.shared.terminal import progress_bar
 
     with progress_bar("merge") as progress:
         outcome = merge_runs(folders, out, previous, min_existence, progress)

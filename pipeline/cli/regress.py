@@ -82,9 +82,9 @@ def command(
     """
     from automap.errors import ConfigError
     from automap.regression.change import Tolerance
-    from pipeline.config import load_settings
     from pipeline.regress.command import Request, as_dict, regress, store
     from pipeline.regress.table import lines_of
+    from pipeline.settings.load import load_settings
 
     if yes and not update:
         raise ConfigError("--yes belongs to --update; leave it out, or add --update")

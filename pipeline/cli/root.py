@@ -83,7 +83,7 @@ class LazyGroup(click.Group):
 @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
 def cli(debug: bool) -> None:
     """Turn recorded drives (IMU, u-blox log, video) into a map of road signs."""
-    from pipeline.kernel_cache import ensure_kernel_cache
+    from pipeline.shared.kernel_cache import ensure_kernel_cache
 
     ensure_kernel_cache()
 

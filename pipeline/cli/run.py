@@ -10,7 +10,7 @@ import click
 
 from pipeline.cli.command import Command, debug_wanted, show_failure
 from pipeline.cli.paths import ANY_PATH
-from pipeline.stages.registry import ORDER
+from pipeline.run.registry import ORDER
 
 _EPILOG = """\b
 Examples:
@@ -72,13 +72,13 @@ def command(
     inputs and settings have not changed since the last run is kept; why another one runs is
     said beside it.
     """
-    from pipeline.batch import run_drives
-    from pipeline.config import load_settings
-    from pipeline.progress import Silent
-    from pipeline.runner import Request
-    from pipeline.stages import registry
-    from pipeline.summary import as_dict
-    from pipeline.terminal import Terminal
+    from pipeline.run import registry
+    from pipeline.run.batch import run_drives
+    from pipeline.run.runner import Request
+    from pipeline.settings.load import load_settings
+    from pipeline.shared.progress import Silent
+    from pipeline.shared.summary import as_dict
+    from pipeline.shared.terminal import Terminal
 
     if datum:
         assignments = (*assignments, f"export.datum={datum}")

@@ -54,8 +54,8 @@ def command(
     speed; no camera) have the errors and the noise that the run found: what differs between the
     recording and its twin, the model does not have.
     """
-    from pipeline.simulate import simulate, simulate_like
-    from pipeline.terminal import progress_bar
+    from pipeline.shared.terminal import progress_bar
+    from pipeline.simulate.command import simulate, simulate_like
 
     if (scenario is None) == (like is None):
         raise click.UsageError("give a scenario or --like OUT, one of the two")

@@ -29,6 +29,6 @@ def command(out: Path, port: int, browser: bool) -> None:
     applied by the next run or export. Only this machine can open the page, with the address
     that is printed.
     """
-    from pipeline.view import view
+    from pipeline.view.command import view
 
     view(out, port, browser, click.echo)

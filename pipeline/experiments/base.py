@@ -15,9 +15,9 @@ from automap.fusion.options import FusionOptions
 from automap.io import names
 from automap.io.atomic import atomic_path, make_folder, write_json
 from automap.records import Fixes, FloatArray, Trajectory
-from pipeline.config import Settings
-from pipeline.fusion_inputs import FusionInputs, read_inputs
-from pipeline.presets import fusion_options
+from pipeline.run.fusion_inputs import FusionInputs, read_inputs
+from pipeline.settings.load import Settings
+from pipeline.settings.presets import fusion_options
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,8 +53,8 @@ def prepare(drive_path: Path, out: Path, settings: Settings) -> Experiment:
         InputError: the drive has no IMU or no fixes.
     """
     from automap.io.drive import load_drive
-    from pipeline.runner import Request, run_drive
-    from pipeline.stages import registry
+    from pipeline.run import registry
+    from pipeline.run.runner import Request, run_drive
 
     make_folder(out)
     run_out = out / "run"

@@ -30,7 +30,7 @@ def play_drive(request: ReplayRequest) -> list[str]:
     from automap.io.atomic import write_json
     from automap.io.drive import load_drive
     from pipeline.record.replay import Replay, drive_feeds
-    from pipeline.terminal import progress_bar
+    from pipeline.shared.terminal import progress_bar
 
     drive = load_drive(request.drive)
     player = Replay(drive_feeds(drive), request.links, request.baud)

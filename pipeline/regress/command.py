@@ -10,9 +10,9 @@ from typing import Any
 from automap.errors import ConfigError
 from automap.io.atomic import make_folder, plain, write_json, write_text
 from automap.regression.change import Tolerance
-from pipeline.config import Settings
 from pipeline.regress.baseline import read_baseline, write_baseline
 from pipeline.regress.session import WORK_FOLDER, DriveResult, drive_names, run_session
+from pipeline.settings.load import Settings
 
 PAGE = "regress.html"
 RESULT = "regress.json"

@@ -12,14 +12,14 @@ import numpy as np
 
 from automap.errors import AutoMapError
 from automap.io import names
-from pipeline.progress import Silent, StageLine
 from pipeline.regress.reference import processor_seconds, reference_seconds
+from pipeline.shared.progress import Silent, StageLine
 
 if TYPE_CHECKING:
     from automap.records import Trajectory
     from automap.regression import scalars
     from automap.regression.record import DriveRecord
-    from pipeline.config import Settings
+    from pipeline.settings.load import Settings
 
 _COUNTS = ("fixes", "fixes_used", "n_detections", "detections_used")
 _PATH_TOLERANCE_M = 0.5
@@ -72,9 +72,9 @@ class _StageTimes(Silent):
 
 def measure(task: Task) -> Measured:
     """Run the stages of the task, whatever is there of an earlier run, and time them."""
-    from pipeline.kernel_cache import ensure_kernel_cache
-    from pipeline.runner import Request, run_drive
-    from pipeline.stages import registry
+    from pipeline.run import registry
+    from pipeline.run.runner import Request, run_drive
+    from pipeline.shared.kernel_cache import ensure_kernel_cache
 
     ensure_kernel_cache()
     request = Request(
@@ -108,7 +108,7 @@ def read_record(task: Task, timing: dict[str, float]) -> DriveRecord:
     from automap.io.tables import floats, read_table
     from automap.regression import epochs, scalars, signs
     from automap.regression.record import DriveRecord
-    from pipeline.run_record import read_record as read_run
+    from pipeline.shared.run_record import read_record as read_run
 
     out = task.out
     run = read_run(out)
@@ -175,8 +175,8 @@ def _path(trajectory: Trajectory) -> list[list[float]]:
 
 def _truth(task: Task) -> dict[str, float]:
     """Errors against the drive's truth, where it has one and it can be compared."""
-    from pipeline.cache import flatten
-    from pipeline.evaluate import evaluate_run
+    from pipeline.evaluate.command import evaluate_run
+    from pipeline.run.cache import flatten
 
     try:
         result = evaluate_run(task.out, task.drive / names.TRUTH_DIR)
@@ -203,8 +203,8 @@ def _inputs(drive: Path, run: dict[str, Any]) -> dict[str, str]:
 
 def _settings(settings: Settings) -> dict[str, Any]:
     """Settings that are not the defaults, by dotted name."""
-    from pipeline.cache import flatten
-    from pipeline.config import load_settings
+    from pipeline.run.cache import flatten
+    from pipeline.settings.load import load_settings
 
     plain, mine = flatten(load_settings().echo()), flatten(settings.echo())
     return {key: value for key, value in mine.items() if plain.get(key) != value}

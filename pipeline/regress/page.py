@@ -45,7 +45,7 @@ def page_html(results: Sequence[DriveResult]) -> str:
 
 
 def _asset(name: str) -> str:
-    return (resources.files("pipeline") / "templates" / name).read_text(encoding="utf-8")
+    return (resources.files("pipeline") / "pages" / "templates" / name).read_text(encoding="utf-8")
 
 
 def _style() -> str:

@@ -10,7 +10,6 @@ from automap.errors import AutoMapError, ConfigError, StageError
 from automap.io import names
 from automap.regression.change import Change, Tolerance
 from automap.regression.record import DriveRecord, compare, slower_stages
-from pipeline.config import Settings
 from pipeline.regress.measure import (
     Measured,
     Task,
@@ -18,6 +17,7 @@ from pipeline.regress.measure import (
     read_trajectory_of,
     run_tasks,
 )
+from pipeline.settings.load import Settings
 
 _TIMED_AGAIN = 2
 """A stage that seems slower is run so many times more; the fastest counts."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from automap.io import names
-from pipeline.products import RunProducts
 from pipeline.report.sections import Section
+from pipeline.shared.products import RunProducts
 
 
 def evaluation_section(products: RunProducts) -> Section:

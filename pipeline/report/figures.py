@@ -9,8 +9,8 @@ import numpy as np
 from automap.export.sign_columns import SignColumns
 from automap.io import names
 from automap.records import FixType, FloatArray, Trajectory
-from pipeline.products import RunProducts
 from pipeline.report.outages import outages
+from pipeline.shared.products import RunProducts
 
 
 @dataclass(frozen=True)

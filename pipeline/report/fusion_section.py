@@ -9,10 +9,10 @@ import numpy as np
 
 from automap.fusion.consistency import PLAUSIBLE_CORRELATION, PLAUSIBLE_RMS
 from automap.io import names
-from pipeline.products import RunProducts
 from pipeline.report.channels import channel_name, channel_order, is_rule
 from pipeline.report.figures import duration_text
 from pipeline.report.sections import Section
+from pipeline.shared.products import RunProducts
 
 _NOISE = {
     "accel": ("accelerometer noise", "the setting"),

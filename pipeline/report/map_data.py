@@ -16,11 +16,11 @@ from automap.export.path import simplified_path
 from automap.export.sign_columns import SignColumns
 from automap.export.uncertainty import CHI2_95_2, principal_axes
 from automap.records import FixType, FloatArray
-from pipeline.pictures import Picture
-from pipeline.products import RunProducts
 from pipeline.report.outages import outages
 from pipeline.report.path_modes import path_modes
 from pipeline.report.sign_cards import sign_cards
+from pipeline.shared.pictures import Picture
+from pipeline.shared.products import RunProducts
 
 FIX_LIMIT = 6000
 SIGN_LIMIT = 5000

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from automap.records import BoolArray, FloatArray, IntArray
-from pipeline.report.svg_plot import Series
+from pipeline.pages.svg_plot import Series
 
 WINDOWS = 48
 LEAST = 6

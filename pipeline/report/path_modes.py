@@ -11,7 +11,7 @@ import numpy as np
 from automap.export.path import Path
 from automap.export.uncertainty import sigma_classes
 from automap.records import Fixes, FixType, FloatArray, IntArray
-from pipeline.products import RunProducts
+from pipeline.shared.products import RunProducts
 
 _SATELLITES = (5, 8, 12)
 _SILENCE_S = (1.5, 5.0, 15.0)

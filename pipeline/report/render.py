@@ -11,8 +11,6 @@ from automap.export.clock import iso_texts, utc_of_gps
 from automap.export.fields import SIGN_FIELDS
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
-from pipeline.pictures import read_pictures
-from pipeline.products import RunProducts
 from pipeline.report.evaluation_section import evaluation_section
 from pipeline.report.figures import key_figures
 from pipeline.report.fusion_section import fusion_section
@@ -24,6 +22,8 @@ from pipeline.report.sections import (
     uncertainty_section,
 )
 from pipeline.report.sync_section import sync_section
+from pipeline.shared.pictures import read_pictures
+from pipeline.shared.products import RunProducts
 
 TABLE_LIMIT = 1000
 
@@ -78,7 +78,7 @@ def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str
 
 
 def _asset(name: str) -> str:
-    return (resources.files("pipeline") / "templates" / name).read_text(encoding="utf-8")
+    return (resources.files("pipeline") / "pages" / "templates" / name).read_text(encoding="utf-8")
 
 
 def _leaflet_script() -> str:

@@ -9,10 +9,10 @@ import numpy as np
 
 from automap.io import names
 from automap.records import FloatArray
-from pipeline.products import RunProducts
+from pipeline.pages.svg_plot import Series, plot, thin_dots, time_unit
 from pipeline.report.channels import channel_name, channel_order, is_rule
 from pipeline.report.nis_plots import nis_series
-from pipeline.report.svg_plot import Series, plot, thin_dots, time_unit
+from pipeline.shared.products import RunProducts
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from automap.records import Sign, Trajectory
-from pipeline.pictures import Picture, pictures_by_sign
-from pipeline.products import RunProducts
+from pipeline.shared.pictures import Picture, pictures_by_sign
+from pipeline.shared.products import RunProducts
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -8,10 +8,10 @@ import numpy as np
 
 from automap.io import names
 from automap.records import FloatArray
-from pipeline.products import RunProducts
+from pipeline.pages.svg_plot import Series, thin_dots
 from pipeline.report.figures import metres_text
 from pipeline.report.sections import Section, draw
-from pipeline.report.svg_plot import Series, thin_dots
+from pipeline.shared.products import RunProducts
 
 METHODS = {
     "arrival": "The host clock was tied to GPS time by the arrival times of the receiver's data.",

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from automap.simulation.camera import Painter, camera_views
 from automap.simulation.scene import build_scene
 from automap.simulation.trajectory import drive_motion
-from pipeline.simulate import load_scenario
+from pipeline.simulate.command import load_scenario
 from pipeline.train.street_data import Street
 
 Image = npt.NDArray[np.uint8]

@@ -119,7 +119,7 @@ def search(name: str, change: str, runs: Path) -> dict[str, Any]:
     from automap.fusion.options import FusionOptions
     from automap.gap import find_gaps
     from automap.gap.drive import in_vehicle_axes
-    from pipeline.gap_inputs import gap_drives, gap_model
+    from pipeline.gap.inputs import gap_drives, gap_model
 
     model, settings = gap_model(None)
     (drive,) = gap_drives([DATA / "drives" / name], runs / f"{name}-{change}", settings)

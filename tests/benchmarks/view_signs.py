@@ -15,7 +15,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from pipeline.view import serving
+from pipeline.view.command import serving
 from tests.browser import launched, watched
 from tests.unit.view_maps import write_large_map
 

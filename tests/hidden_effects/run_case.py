@@ -17,7 +17,7 @@ def run_case(case_id: str, keep: Path | None = None) -> Verdict:
 
     The drives lie in a temporary folder and are removed, or stay under ``keep``.
     """
-    from pipeline.gap import find
+    from pipeline.gap.command import find
 
     drawn = draw_case(case_id)
     folder = Path(tempfile.mkdtemp(prefix="hidden-")) if keep is None else keep / case_id

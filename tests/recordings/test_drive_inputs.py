@@ -15,10 +15,10 @@ from automap.io.recording import imu_time, read_recording
 from automap.io.tables import read_fixes, read_imu
 from automap.io.video import VideoInput, read_chapter
 from automap.io.video_decode import iter_frames
-from pipeline.check import check_drive
-from pipeline.config import Settings
-from pipeline.stage import StageContext
-from pipeline.stages import ingest
+from pipeline.check.command import check_drive
+from pipeline.run.stage import StageContext
+from pipeline.run.stages import ingest
+from pipeline.settings.load import Settings
 
 _DRIVES = (
     "drives/kitti-20110926-0009",

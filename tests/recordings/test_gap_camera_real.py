@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.gap_camera import camera_gaps
+from pipeline.gap.camera import camera_gaps
 
 AHEAD_M = 1.08
 """How far before the inertial unit the camera stands, by the data set's own calibration: 0.81 m

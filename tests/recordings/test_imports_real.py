@@ -11,13 +11,13 @@ from automap.errors import InputError
 from automap.io.drive import load_drive
 from automap.io.gopro import read_gopro
 from automap.io.recording import read_recording
-from pipeline.check import check_drive
-from pipeline.config import load_settings
-from pipeline.evaluate import evaluate_run
+from pipeline.check.command import check_drive
+from pipeline.evaluate.command import evaluate_run
 from pipeline.importers.gopro import import_gopro
 from pipeline.importers.rtklib import import_rtklib
-from pipeline.runner import Request, run_drive
-from pipeline.stages import registry
+from pipeline.run import registry
+from pipeline.run.runner import Request, run_drive
+from pipeline.settings.load import load_settings
 
 
 def test_every_sample_of_a_gopro_is_there(shared_data: Path, tmp_path: Path) -> None:

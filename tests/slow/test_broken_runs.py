@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from automap.io import names
-from pipeline.stages.registry import ORDER
+from pipeline.run.registry import ORDER
 from tests.unit.broken_drive import write_short_drive
 
 pytestmark = pytest.mark.slow
@@ -32,7 +32,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 # the stage has written its files, and they are not in their place yet
 _HELD = """
 import pathlib, sys, time
-from pipeline import execute
+from pipeline.run import execute
 whole, held, ready = execute._call, sys.argv.pop(1), pathlib.Path(sys.argv.pop(1))
 def call(stage, context):
     whole(stage, context)

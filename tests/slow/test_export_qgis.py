@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from export_inputs import write_run
 
 from automap.io import names
-from pipeline.export import export_run
+from pipeline.export.command import export_run
 
 LOAD = """
 import json, sys

@@ -41,7 +41,7 @@ def test_the_wheel_carries_configs_and_data(tmp_path: Path) -> None:
     assert "automap = pipeline.cli:main" in (tmp_path / "unpacked" / points).read_text()
     # the unpacked wheel works by itself, away from the checkout
     code = (
-        "from pipeline.config import configs_dir, load_settings; load_settings();"
+        "from pipeline.settings.load import configs_dir, load_settings; load_settings();"
         "print(configs_dir())"
     )
     done = subprocess.run(

@@ -116,7 +116,7 @@ def test_the_manifest_is_accepted(tmp_path: Path) -> None:
 
 
 def test_every_file_of_the_outputs_table_is_written_by_a_stage() -> None:
-    from pipeline.stages.registry import load_stages
+    from pipeline.run.registry import load_stages
 
     table = README.split("## What comes out")[1].split("##")[0]
     listed = set(re.findall(r"`([\w.]+\.\w+)`", table))

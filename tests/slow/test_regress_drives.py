@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.config import load_settings
 from pipeline.regress.command import Request, Session, regress, store
+from pipeline.settings.load import load_settings
 
 pytestmark = pytest.mark.slow
 

@@ -16,7 +16,7 @@ from automap.simulation.scene import build_scene
 from automap.simulation.trajectory import drive_motion
 from automap.vision.network import default_detector
 from automap.vision.search import above
-from pipeline.simulate import load_scenario
+from pipeline.simulate.command import load_scenario
 
 PROJECT = Path(__file__).resolve().parents[2]
 EVERY = 6

@@ -15,7 +15,7 @@ from automap.io import names
 from automap.io.tables import floats, read_table
 from automap.simulation.scenario import Gnss, Imu
 from pipeline.cli.root import run_command
-from pipeline.drive_writer import write_drive
+from pipeline.simulate.drive_writer import write_drive
 from tests.slow.test_effect_recovery import _scenario
 
 pytestmark = pytest.mark.slow
@@ -108,8 +108,8 @@ def test_the_path_is_as_sure_as_it_says_only_when_tuned(runs: dict[str, Path]) -
 
 
 def test_the_report_says_what_was_found(runs: dict[str, Path]) -> None:
-    from pipeline.products import RunProducts
     from pipeline.report.fusion_section import fusion_section
+    from pipeline.shared.products import RunProducts
 
     section = fusion_section(RunProducts(runs["tuned"]))
     text = " ".join([*section.sentences, *(words for _, words in section.verdicts)])

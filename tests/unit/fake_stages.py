@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from pipeline.stage import Stage, StageContext
+from pipeline.run.stage import Stage, StageContext
 
 Action = Callable[[StageContext], None]
 

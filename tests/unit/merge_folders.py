@@ -13,7 +13,7 @@ from automap.io.signs_table import write_signs
 from automap.io.trajectory_table import write_trajectory
 from automap.mapping.sightings import DriveSigns
 from automap.records import Sign, Trajectory
-from pipeline.merge_signs import GPS_CLOCK
+from pipeline.merge.signs import GPS_CLOCK
 
 
 def write_run(folder: Path, drive: DriveSigns, inputs: str = "") -> Path:

@@ -81,7 +81,7 @@ def test_allan_writes_settings(tmp_path: Path) -> None:
     words = ["calibrate", "allan", str(path), "--columns", "gx,gy,gz,ax,ay,az", "--rate", "100",
              "-o", str(tmp_path)]  # fmt: skip
     assert root.run_command(words) == 0
-    from pipeline.config import load_settings
+    from pipeline.settings.load import load_settings
 
     settings = load_settings(tmp_path / "noise.toml")
     assert settings.fuse.gyro_noise == pytest.approx(0.001, rel=0.1)

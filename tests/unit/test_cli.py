@@ -15,8 +15,8 @@ import pytest
 from automap import __version__
 from automap.errors import InputError
 from pipeline.cli.root import _COMMANDS, cli, run_command
-from pipeline.stage import StageContext
-from pipeline.stages import registry
+from pipeline.run import registry
+from pipeline.run.stage import StageContext
 from tests.unit.fake_stages import doubler, make_drive, reader, teller
 
 ROOT = Path(__file__).parents[2]
@@ -178,7 +178,7 @@ def test_a_command_that_keeps_nothing_starts_over(
     def interrupted(*args: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pipeline.drive_writer.write_drive", interrupted)
+    monkeypatch.setattr("pipeline.simulate.drive_writer.write_drive", interrupted)
     assert run_command(["simulate", "sample", "-o", str(tmp_path / "drive")]) == 130
     assert capsys.readouterr().err.strip() == "interrupted; the same command starts over"
     assert list(tmp_path.iterdir()) == []
@@ -189,7 +189,7 @@ def test_a_signal_ends_a_run_cleanly(drive: Path, number: signal.Signals) -> Non
     code = (
         # a shell that runs the tests in the background lets its children ignore the interrupt
         "import signal, time\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "from pipeline.cli import main\nfrom pipeline.stages import registry\n"
+        "from pipeline.cli import main\nfrom pipeline.run import registry\n"
         "from tests.unit.fake_stages import reader\n"
         "def wait(context): print('waiting', flush=True); time.sleep(60)\n"
         "registry.load_stages = lambda names: [reader(wait)]\n"
@@ -230,9 +230,9 @@ def test_an_unexpected_failure_of_a_command_is_4(
 def test_a_requirement_not_met_is_5(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    import pipeline.evaluate
+    import pipeline.evaluate.command
 
-    monkeypatch.setattr(pipeline.evaluate, "evaluate_run", lambda *a: {"signs": {"n": 3.0}})
+    monkeypatch.setattr(pipeline.evaluate.command, "evaluate_run", lambda *a: {"signs": {"n": 3.0}})
     words = ["evaluate", str(tmp_path)]
     assert run_command([*words, "--require", "signs.n>2"]) == 0
     assert run_command([*words, "--require", "signs.n>4"]) == 5

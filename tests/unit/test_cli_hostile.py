@@ -17,8 +17,8 @@ from automap.errors import ConfigError
 from automap.io import names
 from automap.io.toml_file import read_toml
 from pipeline.cli.root import run_command
-from pipeline.detect_images import images_in
-from pipeline.targets import spare_recordings
+from pipeline.detect.images import images_in
+from pipeline.shared.targets import spare_recordings
 
 
 @pytest.fixture(scope="module")
@@ -303,7 +303,7 @@ def test_the_twin_of_damaged_results(
         (folder / "imu.csv").touch()
         raise KeyError("settings")
 
-    monkeypatch.setattr("pipeline.twin.write_twin", damaged)
+    monkeypatch.setattr("pipeline.simulate.twin.write_twin", damaged)
     words = ["simulate", "--like", str(out), "-o", str(out.parent / "twin")]
     assert "damaged or incomplete" in failed(words, 3, capsys)
     assert [path.name for path in out.parent.iterdir()] == ["out"]

@@ -27,7 +27,7 @@ from automap.interpolation import poses_at
 from automap.io import names
 from automap.io.trajectory_table import to_columns, write_trajectory
 from automap.records import NO_TIME, Fixes, SignPoints, Trajectory
-from pipeline.evaluate import evaluate_run
+from pipeline.evaluate.command import evaluate_run
 
 
 def every(trajectory: Trajectory, step: slice) -> Trajectory:

@@ -14,9 +14,9 @@ from lxml import etree, html
 from automap.export.csv_text import csv_cell
 from automap.io import names
 from automap.io.signs_table import write_signs
-from pipeline.export import FORMATS, export_run
-from pipeline.products import load_products
+from pipeline.export.command import FORMATS, export_run
 from pipeline.report.render import report_html
+from pipeline.shared.products import load_products
 
 TEXTS = (
     "<script>alert(1)</script>",

@@ -12,8 +12,8 @@ from export_inputs import HOSTILE, sign, write_run
 
 from automap.export.pictures import choose_views, safe_name, sign_picture
 from automap.io import names
-from pipeline.pictures import Picture, read_pictures, take_pictures, write_pictures
-from pipeline.products import RunProducts, load_products
+from pipeline.shared.pictures import Picture, read_pictures, take_pictures, write_pictures
+from pipeline.shared.products import RunProducts, load_products
 
 
 def observations(sizes: list[float], sign_id: str = "s0001", used: bool = True) -> pa.Table:

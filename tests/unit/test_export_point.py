@@ -18,8 +18,8 @@ from automap.io import names
 from automap.io.trajectory_table import write_trajectory
 from automap.records import Trajectory
 from pipeline.cli.root import run_command
-from pipeline.export import export_run
-from pipeline.export_view import TrajectoryView, lever_arm
+from pipeline.export.command import export_run
+from pipeline.export.trajectory_view import TrajectoryView, lever_arm
 
 REF = (np.radians(-35.3), np.radians(179.9999), 580.0)
 T0, GPS0 = 5_000_000_000, 1_400_000_000.0

@@ -14,11 +14,11 @@ from export_inputs import HOSTILE, write_run
 
 from automap.errors import ConfigError, InputError
 from automap.io import names
-from pipeline.config import load_settings
-from pipeline.export import FORMATS, export_run
-from pipeline.products import geoid_separation, load_products
-from pipeline.stage import StageContext
-from pipeline.stages.export import STAGE
+from pipeline.export.command import FORMATS, export_run
+from pipeline.run.stage import StageContext
+from pipeline.run.stages.export import STAGE
+from pipeline.settings.load import load_settings
+from pipeline.shared.products import geoid_separation, load_products
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from automap.gap.camera_views import Boxes, boxes_of, foretell
 from automap.geolocation.camera_model import project
 from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
-from pipeline.config import load_settings
+from pipeline.settings.load import load_settings
 
 ORIGIN = (-0.6, 2.6, 500.0)
 PIXEL_SD = 0.7

@@ -11,7 +11,7 @@ from automap.gap import base_model
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.result import p_text
-from pipeline.gap_plots import _spectrum, error_bars, overlay, running, spectrum
+from pipeline.gap.plots import _spectrum, error_bars, overlay, running, spectrum
 from tests.unit.test_gap import simulated
 
 ARM = {"gnss_lever_arm": {"x": 0.6, "y": 0.0, "z": 0.0}}

@@ -19,9 +19,9 @@ from automap.io.drive import load_drive
 from automap.io.signs_table import read_signs, write_signs
 from automap.io.trajectory_table import read_trajectory, write_trajectory
 from automap.records import Detections, Sign
-from pipeline.config import load_settings
-from pipeline.stage import StageContext
-from pipeline.stages.geolocate import STAGE
+from pipeline.run.stage import StageContext
+from pipeline.run.stages.geolocate import STAGE
+from pipeline.settings.load import load_settings
 
 MANIFEST = """
 schema = "automap.drive/1"

@@ -25,10 +25,10 @@ from automap.io.frame_times import frame_times
 from automap.io.recording import Recording, read_recording
 from automap.io.video import read_chapter
 from automap.timebase import unix_to_gps
-from pipeline.check import check_drive
+from pipeline.check.command import check_drive
+from pipeline.cli.import_kinds import KINDS
 from pipeline.cli.root import run_command
 from pipeline.importers.euroc import import_euroc
-from pipeline.importers.kinds import KINDS
 from pipeline.importers.kitti import import_kitti
 from pipeline.importers.mapillary import import_mapillary
 from pipeline.importers.openpilot import import_openpilot

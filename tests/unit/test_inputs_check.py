@@ -15,10 +15,10 @@ from automap.io import names
 from automap.io.drive import load_drive
 from automap.io.tables import read_fixes, read_imu
 from automap.timebase import unix_to_gps
-from pipeline.check import CheckReport, check_drive
-from pipeline.config import Settings
-from pipeline.stage import StageContext
-from pipeline.stages import ingest
+from pipeline.check.command import CheckReport, check_drive
+from pipeline.run.stage import StageContext
+from pipeline.run.stages import ingest
+from pipeline.settings.load import Settings
 
 
 def _ingest(drive: Path, work: Path) -> StageContext:
@@ -260,7 +260,7 @@ def test_frames_that_the_header_does_not_give_are_counted(
 ) -> None:
     import av
 
-    from pipeline.checks import camera
+    from pipeline.check import camera
 
     with av.open(str(drive / "front.mkv"), "w", options={"live": "1"}) as container:
         stream = container.add_stream("mpeg4", rate=10, width=96, height=64, pix_fmt="yuv420p")

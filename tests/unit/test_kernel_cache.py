@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import kernel_cache
+from pipeline.shared import kernel_cache
 
 
 @pytest.fixture(autouse=True)

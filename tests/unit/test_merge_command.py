@@ -15,8 +15,8 @@ from merge_scene import Errors, drive_through, street
 from automap.errors import ConfigError, InputError, StageError
 from automap.mapping.sightings import DriveSigns
 from pipeline.cli.root import run_command
-from pipeline.lock import locked
-from pipeline.merge import MergeOutcome, merge_runs
+from pipeline.merge.command import MergeOutcome, merge_runs
+from pipeline.shared.lock import locked
 
 DAY_S = 86400.0
 CALM = Errors(clutter=0.0, missed=0.03, wrong_class=0.0)
@@ -82,14 +82,14 @@ def test_a_merge_that_fails_leaves_the_older_map(
 
     out = tmp_path / "map"
     with monkeypatch.context() as patch:
-        patch.setattr("pipeline.merge_output.write_text", full)
+        patch.setattr("pipeline.merge.output.write_text", full)
         with pytest.raises(StageError, match=re.escape(f"cannot write {out / 'report.html'}:")):
             outcome_of(folders[:2], out)
     assert list(out.iterdir()) == []
     outcome_of(folders[:2], out)
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     with monkeypatch.context() as patch:
-        patch.setattr("pipeline.merge_output.write_text", full)
+        patch.setattr("pipeline.merge.output.write_text", full)
         with pytest.raises(StageError):
             outcome_of(folders, out)
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before

@@ -16,11 +16,11 @@ from automap.io.drive import load_drive
 from automap.io.receiver_file import SCHEMA, find_receiver, read_receiver
 from automap.io.sensor_file import SCHEMA as SENSOR_SCHEMA
 from automap.io.sensor_file import find_sensor, preset_names, read_sensor
-from pipeline.check import check_drive
+from pipeline.check.command import check_drive
 from pipeline.cli.root import run_command
-from pipeline.config import load_settings
-from pipeline.presets import fusion_options
-from pipeline.stages import fuse
+from pipeline.run.stages import fuse
+from pipeline.settings.load import load_settings
+from pipeline.settings.presets import fusion_options
 
 DEFAULT = FusionOptions()
 M8 = 'receiver = "u-blox-m8"'

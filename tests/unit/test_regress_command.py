@@ -9,12 +9,12 @@ import pytest
 
 from automap.regression.record import DriveRecord, to_json
 from pipeline.cli.root import run_command
-from pipeline.config import load_settings
 from pipeline.regress import command
 from pipeline.regress.baseline import read_baseline, write_baseline
 from pipeline.regress.page import page_html
 from pipeline.regress.session import DriveResult
 from pipeline.regress.table import lines_of
+from pipeline.settings.load import load_settings
 from tests.unit.test_regress_figures import record, trajectory
 
 pytest_plugins = ("pytester",)

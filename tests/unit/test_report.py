@@ -18,13 +18,13 @@ from automap.export.sign_columns import sign_columns
 from automap.export.uncertainty import sigma_classes
 from automap.io import names
 from automap.io.signs_table import write_signs
-from pipeline.products import RunProducts, load_products
 from pipeline.report.figures import distance_m, duration_text, metres_text
 from pipeline.report.map_data import embedded_json, map_data
 from pipeline.report.outages import outages
 from pipeline.report.render import report_html
-from pipeline.stage import StageContext
-from pipeline.stages.report import STAGE
+from pipeline.run.stage import StageContext
+from pipeline.run.stages.report import STAGE
+from pipeline.shared.products import RunProducts, load_products
 
 
 @pytest.fixture(scope="module")

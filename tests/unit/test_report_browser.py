@@ -20,9 +20,9 @@ from browser import launched, watched
 from automap.io import names
 from automap.io.signs_table import write_signs
 from automap.io.tables import write_columns, write_fixes
-from pipeline.pictures import take_pictures, write_pictures
-from pipeline.products import load_products
 from pipeline.report.render import report_html
+from pipeline.shared.pictures import take_pictures, write_pictures
+from pipeline.shared.products import load_products
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -54,7 +54,9 @@ def with_views(out: Path, signs: int, rng: np.random.Generator) -> None:
     )
     products = load_products(out)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pipeline.pictures._from_video", lambda video, views, done: drawn(views, rng))
+        patch.setattr(
+            "pipeline.shared.pictures._from_video", lambda video, views, done: drawn(views, rng)
+        )
         video = type("Video", (), {"chapters": ("front.mp4",)})()
         write_pictures(out, take_pictures(products, {"front": video}))
 
@@ -62,7 +64,7 @@ def with_views(out: Path, signs: int, rng: np.random.Generator) -> None:
 def drawn(views, rng):  # type: ignore[no-untyped-def]
     """Pictures as rich in detail as those of a real street."""
     from automap.export.pictures import sign_picture
-    from pipeline.pictures import Picture
+    from pipeline.shared.pictures import Picture
 
     pictures = []
     noise = rng.integers(0, 30, (300, 400, 3), dtype=np.uint8)

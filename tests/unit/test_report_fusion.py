@@ -11,11 +11,11 @@ import pytest
 from export_inputs import FUSION
 
 from automap.io import names
-from pipeline.products import RunProducts
 from pipeline.report.channels import channel_name, channel_order, is_rule
 from pipeline.report.evaluation_section import evaluation_section
 from pipeline.report.fusion_section import fusion_section
 from pipeline.report.map_data import sign_faces
+from pipeline.shared.products import RunProducts
 
 EVALUATION = {
     "position_rms_m": {"n": 0.5, "e": 0.3, "d": 0.9, "horizontal": 0.6},

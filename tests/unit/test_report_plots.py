@@ -10,9 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
 
-from pipeline.report.nis_plots import chance_limits, nis_series
-from pipeline.report.sections import innovation_verdict
-from pipeline.report.svg_plot import (
+from pipeline.pages.svg_plot import (
     BOTTOM,
     HEIGHT,
     LEFT,
@@ -26,6 +24,8 @@ from pipeline.report.svg_plot import (
     ticks,
     time_unit,
 )
+from pipeline.report.nis_plots import chance_limits, nis_series
+from pipeline.report.sections import innovation_verdict
 
 finite = st.floats(-1e9, 1e9)
 

@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 from automap.errors import ConfigError, InputError
-from pipeline.batch import out_folders, run_drives
-from pipeline.config import load_settings
-from pipeline.lock import locked
-from pipeline.progress import Outcome, Silent
-from pipeline.runner import Request, run_drive
-from pipeline.stage import Stage, StageContext
+from pipeline.run.batch import out_folders, run_drives
+from pipeline.run.runner import Request, run_drive
+from pipeline.run.stage import Stage, StageContext
+from pipeline.settings.load import load_settings
+from pipeline.shared.lock import locked
+from pipeline.shared.progress import Outcome, Silent
 from tests.unit.fake_stages import doubler, make_drive, reader, teller
 
 Stages = Sequence[Stage]
@@ -265,7 +265,7 @@ def test_a_killed_run_resumes(drive: Path, out: Path) -> None:
     code = (
         "import sys, time; from pathlib import Path\n"
         "from tests.unit.fake_stages import *; from tests.unit.test_runner import request\n"
-        "from pipeline.runner import run_drive\n"
+        "from pipeline.run.runner import run_drive\n"
         "def wait(context): print('waiting', flush=True); time.sleep(60)\n"
         "run_drive(Path(sys.argv[1]), Path(sys.argv[2]),"
         " request((reader(), doubler(wait), teller())))\n"

@@ -15,7 +15,7 @@ from automap.io.ubx_writer import nav_pvt
 from automap.records import NO_TIME, Fixes, FixType
 from automap.simulation.gnss import arrivals
 from automap.simulation.scenario import Gnss
-from pipeline.simulate import load_scenario, simulate
+from pipeline.simulate.command import load_scenario, simulate
 
 SMALL = """
 schema = "automap.scenario/1"

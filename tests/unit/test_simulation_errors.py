@@ -26,8 +26,8 @@ from automap.simulation.scenario import (
     Start,
 )
 from automap.simulation.sensors import SimulatedSensors, random_streams, simulate_sensors
-from pipeline.drive_writer import write_drive
-from pipeline.simulate import load_scenario
+from pipeline.simulate.command import load_scenario
+from pipeline.simulate.drive_writer import write_drive
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "configs" / "scenarios"
 QUIET = Gnss(sigma_correlated_m=(0, 0, 0), sigma_white_m=(0, 0, 0), sigma_velocity=(0, 0, 0))

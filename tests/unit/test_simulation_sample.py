@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.drive_writer import write_drive
-from pipeline.simulate import load_scenario
+from pipeline.simulate.command import load_scenario
+from pipeline.simulate.drive_writer import write_drive
 
 PROJECT = Path(__file__).resolve().parents[2]
 SAMPLE = PROJECT / "data" / "sample-drive"

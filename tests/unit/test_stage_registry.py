@@ -6,8 +6,8 @@ import pytest
 
 from automap.errors import ConfigError
 from automap.io import names
-from pipeline.config import Settings
-from pipeline.stages.registry import ORDER, load_stages, select
+from pipeline.run.registry import ORDER, load_stages, select
+from pipeline.settings.load import Settings
 
 
 def test_no_file_has_two_writers_and_every_need_is_written_earlier() -> None:

@@ -16,9 +16,9 @@ from automap.io.drive import load_drive
 from automap.io.tables import read_table, write_fixes, write_imu
 from automap.records import ClockModel
 from automap.sync.stamps import in_trajectory_time
-from pipeline.config import Settings
-from pipeline.stage import StageContext
-from pipeline.stages.sync import STAGE
+from pipeline.run.stage import StageContext
+from pipeline.run.stages.sync import STAGE
+from pipeline.settings.load import Settings
 from tests.unit.sync_scene import GPS_START, drive, fixes_of, imu_of
 
 MANIFEST = 'schema = "automap.drive/1"\n[gnss]\noutput_delay_s = 0.07\n'

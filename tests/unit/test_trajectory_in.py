@@ -16,7 +16,7 @@ from automap.io import names
 from automap.io.trajectory_file import read_finished
 from automap.io.trajectory_table import read_trajectory
 from automap.records import Trajectory
-from pipeline.check import check_drive
+from pipeline.check.command import check_drive
 from pipeline.cli.root import run_command
 
 REF = (np.radians(-35.3), np.radians(149.1), 580.0)

@@ -21,9 +21,9 @@ from automap.gap.columns import effect_columns, node_motion, sensitivities
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive, motion_of
 from automap.gap.screening import whitened_innovations
-from pipeline.config import load_settings
-from pipeline.simulate import simulate
-from pipeline.user_effects import activate
+from pipeline.settings.load import load_settings
+from pipeline.settings.user_effects import activate
+from pipeline.simulate.command import simulate
 from tests.docs_commands import DOCS, files
 from tests.unit.test_gap import simulated
 

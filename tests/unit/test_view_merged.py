@@ -15,7 +15,7 @@ from automap.io.clock_json import write_clock
 from automap.io.map_tables import SIGHTINGS, write_sightings
 from automap.io.review_json import read_review
 from automap.io.signs_table import write_signs
-from pipeline.viewer.viewed_map import open_map
+from pipeline.view.viewed_map import open_map
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from automap.io.review_json import read_review
 from automap.io.signs_table import write_signs
 from automap.records import Detections
 from pipeline.cli.root import run_command
-from pipeline.view import serving
+from pipeline.view.command import serving
 from tests.browser import launched, watched
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from automap.io.review_json import action_of, append_action, read_review
 from automap.io.signs_table import write_signs
 from automap.records import ReviewAction, Sign
 from pipeline.cli.root import run_command
-from pipeline.products import load_products
+from pipeline.shared.products import load_products
 
 
 def action(number: int, kind: str, of: Sign | None = None, **fields: Any) -> ReviewAction:

@@ -24,10 +24,10 @@ from automap.io.review_json import read_review
 from automap.io.signs_table import write_signs
 from automap.records import Sign
 from pipeline.cli.root import run_command
-from pipeline.view import serving
-from pipeline.viewer import guard
-from pipeline.viewer.server import ViewServer
-from pipeline.viewer.signs import read_sign_table
+from pipeline.view import guard
+from pipeline.view.command import serving
+from pipeline.view.server import ViewServer
+from pipeline.view.signs import read_sign_table
 
 ROOT = Path(__file__).parents[2]
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import terminal
 from pipeline.cli.root import run_command
-from pipeline.progress import StageLine
-from pipeline.runner import LOG_FILE
-from pipeline.stages import registry
+from pipeline.run import registry
+from pipeline.run.runner import LOG_FILE
+from pipeline.shared import terminal
+from pipeline.shared.progress import StageLine
 from tests.unit.fake_stages import doubler, make_drive, reader, teller
 
 
@@ -97,6 +97,6 @@ def test_the_log_says_what_ran_with_what_and_how_it_ended(
     assert run_command(["run", str(drive), "-o", str(out), "--quiet"]) == 0
     assert capsys.readouterr().out == ""
     log = (out / LOG_FILE).read_text(encoding="utf-8")
-    assert re.search(r"INFO pipeline\.runner: .* with automap \S+, Python 3\.\d+\.\d+, ", log)
+    assert re.search(r"INFO pipeline\.run\.runner: .* with automap \S+, Python 3\.\d+\.\d+, ", log)
     assert re.search(r"stage ingest ran after \d+\.\d{3} s: 2 lines", log)
     assert re.search(r"done after \d+\.\d{3} s\n$", log)

@@ -11,8 +11,8 @@ import pytest
 from automap.errors import ConfigError
 from automap.vision.custom import CustomDetector, read_description, suppress_overlaps
 from pipeline.cli.root import run_command
-from pipeline.config import Settings
-from pipeline.search_setup import detector_files
+from pipeline.detect.search_setup import detector_files
+from pipeline.settings.load import Settings
 
 SIZE = 64
 CELL = 16

@@ -17,11 +17,11 @@ from automap.io.drive import load_drive
 from automap.records import Detections, Image
 from automap.signs.faces import draw_face
 from automap.vision.detector import FoundSigns
-from pipeline.config import Settings
-from pipeline.detect import detect_to_csv
+from pipeline.detect.command import detect_to_csv
+from pipeline.run.stage import StageContext
+from pipeline.run.stages.detect import STAGE
 from pipeline.settings.detect import DetectSettings
-from pipeline.stage import StageContext
-from pipeline.stages.detect import STAGE
+from pipeline.settings.load import Settings
 
 STOP = "regulatory--stop--g1"
 
@@ -44,7 +44,7 @@ class RedFinder:
 
 @pytest.fixture(autouse=True)
 def _red_finder(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in ("pipeline.detect", "pipeline.stages.detect"):
+    for module in ("pipeline.detect.command", "pipeline.run.stages.detect"):
         monkeypatch.setattr(f"{module}.open_detector", lambda settings, country: RedFinder())
 
 

@@ -1,0 +1,1 @@
+"""``automap calibrate``: the parameters of a sensor from a log of it."""

@@ -1,0 +1,247 @@
+"""What ``automap check`` says of a drive folder: what is there, what looks wrong, what to do."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from automap.errors import AutoMapError, InputError
+from automap.evaluation.plausibility import Finding, Severity
+from automap.io import names
+from automap.io.drive import Drive, load_drive
+from pipeline.check import camera, gnss, imu, timing
+
+if TYPE_CHECKING:
+    from automap.io.recording import Recording
+
+_MARKS = {"ok": "ok", "info": "info", "warning": "WARNING", "error": "ERROR"}
+
+
+@dataclass(frozen=True)
+class FileFinding:
+    """One finding about one file of the drive."""
+
+    file: str
+    severity: Severity
+    text: str
+    advice: str = ""
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """All findings on a drive; ``usable`` is whether it can be run as it is."""
+
+    drive: str
+    name: str
+    usable: bool
+    findings: tuple[FileFinding, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The report in JSON's types."""
+        return {
+            "drive": self.drive,
+            "name": self.name,
+            "usable": self.usable,
+            "findings": [vars(finding) for finding in self.findings],
+        }
+
+    def text(self) -> str:
+        """The report for a terminal: a block for each file, then the verdict."""
+        lines = [f"{self.name}  ({self.drive})"]
+        file = None
+        for finding in self.findings:
+            if finding.file != file:
+                file = finding.file
+                lines.append(f"  {file}")
+            lines.append(f"    {_MARKS[finding.severity]:8}{finding.text}")
+            if finding.advice:
+                lines.append(f"    {'':8}-> {finding.advice}")
+        count = {s: sum(f.severity == s for f in self.findings) for s in ("error", "warning")}
+        verdict = "usable" if self.usable else "not usable as it is"
+        counts = [f"{n} {what}{'s' if n != 1 else ''}" for what, n in count.items()]
+        lines.append(f"  {verdict}: {', '.join(counts)}")
+        return "\n".join(lines)
+
+
+class _Collector:
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.findings: list[FileFinding] = []
+
+    def add(self, path: Path | str, findings: Iterable[Finding]) -> None:
+        for finding in findings:
+            label = self.label(path)
+            text = self._short(finding.text).removeprefix(f"{label}: ")
+            self.findings.append(FileFinding(label, finding.severity, text, finding.advice))
+
+    def by_file(self) -> tuple[FileFinding, ...]:
+        """All findings, those of one file together."""
+        files = list(dict.fromkeys(finding.file for finding in self.findings))
+        return tuple(sorted(self.findings, key=lambda finding: files.index(finding.file)))
+
+    def label(self, path: Path | str) -> str:
+        path = Path(path)
+        return str(path.relative_to(self.folder)) if path.is_relative_to(self.folder) else str(path)
+
+    def _short(self, text: str) -> str:
+        """Without the folder, which stands above all findings."""
+        return text.replace(f"{self.folder}/", "").rstrip(".")
+
+
+def check_drive(path: Path | str) -> CheckReport:
+    """Look into every file of a drive folder and say what was found.
+
+    Never raises for a bad drive: what is wrong is a finding, and ``usable`` is False when a
+    run would fail or its result would be wrong.
+    """
+    folder = Path(path)
+    try:
+        drive = load_drive(folder)
+    except AutoMapError as error:
+        finding = FileFinding(names.MANIFEST, "error", str(error).rstrip("."))
+        return CheckReport(str(folder), folder.resolve().name, False, (finding,))
+    collector = _Collector(drive.path)
+    collector.add(drive.manifest_file, _manifest(drive))
+    fatal, recording = _recordings(drive, collector)
+    for video in drive.videos.values():
+        for file, findings in camera.check(drive, video):
+            collector.add(file, findings)
+        if recording is not None and drive.trajectory_file is None:
+            collector.add(drive.manifest_file, timing.camera_clock(drive, recording, video))
+    other = _finished(drive, collector)
+    if drive.truth_dir is not None:
+        collector.add(drive.truth_dir, [Finding("info", "truth is there, for evaluate alone")])
+    usable = not fatal if other is None else other
+    # what reading them gave is among the findings; a run stops at such a file
+    usable &= all(os.access(file, os.R_OK) for file in drive.input_files())
+    return CheckReport(str(drive.path), drive.name, usable, collector.by_file())
+
+
+def _manifest(drive: Drive) -> list[Finding]:
+    findings = [Finding("ok", f"drive {drive.name}, {len(drive.input_files()) - 1} input files")]
+    findings += [Finding("warning", text) for text in drive.warnings]
+    findings += _presets(drive)
+    site = drive.site
+    if site.country is None and site.traffic_side is None:
+        findings.append(
+            Finding(
+                "info",
+                "no [site]",
+                "add country and traffic_side for the right sign faces and sides",
+            )
+        )
+    return findings
+
+
+def _presets(drive: Drive) -> list[Finding]:
+    """The named sensor and receiver, whose figures the fusion will use."""
+    from pipeline.settings.load import load_settings
+    from pipeline.settings.presets import fusion_options
+
+    try:
+        _, presets = fusion_options(drive, load_settings().fuse)
+    except AutoMapError as error:
+        return [Finding("error", str(error).rstrip("."))]
+    return [
+        Finding("ok", f"{'sensor' if p.role == 'imu' else 'receiver'} {p.file.stem}: {p.name}")
+        for p in presets
+    ]
+
+
+def _recordings(drive: Drive, collector: _Collector) -> tuple[bool, Recording | None]:
+    """Check IMU and receiver log, alone and together; whether a run would be spoilt."""
+    from automap.io.recording import read_recording
+
+    try:
+        recording = read_recording(drive)
+    except AutoMapError as error:
+        collector.add(drive.manifest_file, [Finding("error", str(error))])
+        return True, None
+    failed = _by_file(drive, recording.failures)
+    warned = _by_file(drive, recording.warnings)
+    spoilt = False
+    if drive.imu_file is not None or recording.imu is not None:
+        file = drive.imu_file or drive.gnss_file or drive.manifest_file
+        findings = [Finding("error", text) for text in failed.get(drive.imu_file, [])]
+        findings += [
+            Finding("info" if imu.is_harmless(recording, text) else "warning", text)
+            for text in warned.get(drive.imu_file, [])
+        ]
+        if recording.imu is not None:
+            measured = imu.check(drive, recording)
+            spoilt |= any(finding.severity == "error" for finding in measured)
+            findings += measured
+        collector.add(file, findings)
+    elif not _has_other_positions(drive):
+        collector.add(names.MANIFEST, [Finding(*imu.ABSENT)])
+    if drive.gnss_file is not None:
+        findings = [Finding("error", text) for text in failed.get(drive.gnss_file, [])]
+        findings += [Finding("warning", text) for text in warned.get(drive.gnss_file, [])]
+        if recording.log is not None:
+            findings += gnss.check(drive, recording)
+        collector.add(drive.gnss_file, findings)
+        clock = timing.check(drive, recording)
+        spoilt |= any(finding.severity == "error" for finding in clock)
+        arrival = [Finding("error", text) for text in failed.get(drive.arrival_file, [])]
+        if drive.arrival_file is not None:
+            arrival += [Finding("warning", text) for text in warned.get(drive.arrival_file, [])]
+        collector.add(drive.arrival_file or drive.gnss_file, [*arrival, *clock])
+    elif not _has_other_positions(drive):
+        collector.add(names.MANIFEST, [Finding(*gnss.ABSENT)])
+    collector.add(drive.manifest_file, gnss.lever_arm(drive))
+    return spoilt or not gnss.has_fix(recording), recording
+
+
+def _has_other_positions(drive: Drive) -> bool:
+    return drive.trajectory_file is not None or drive.bearings_file is not None
+
+
+def _by_file(drive: Drive, sentences: Iterable[str]) -> dict[Path | None, list[str]]:
+    """Sentences under the file that each begins with."""
+    sorted_out: dict[Path | None, list[str]] = {}
+    files = sorted(drive.input_files(), key=lambda path: -len(str(path)))
+    for text in sentences:
+        file = next((path for path in files if text.startswith(str(path))), drive.gnss_file)
+        body = text.removeprefix(str(file)).removeprefix(":").strip()
+        sorted_out.setdefault(file, []).append(body)
+    return sorted_out
+
+
+def _finished(drive: Drive, collector: _Collector) -> bool | None:
+    """Check a finished trajectory and bearings; whether they make the drive usable, None when
+    there are none."""
+    usable = None
+    if drive.trajectory_file is not None:
+        from automap.io.trajectory_file import read_finished
+
+        try:
+            finished = read_finished(drive.trajectory_file)
+        except InputError as error:
+            collector.add(drive.trajectory_file, [Finding("error", str(error))])
+            usable = False
+        else:
+            text = f"{len(finished.data)} rows; used instead of the IMU and the receiver"
+            findings = [Finding("ok", text)]
+            findings += [Finding("warning", text) for text in finished.warnings]
+            if drive.trajectory_file.suffix == ".pos" and drive.lever_arm.any():
+                text = "positions are taken as the IMU's; lever_arm_m is not applied to them"
+                findings.append(Finding("info", text))
+            collector.add(drive.trajectory_file, findings)
+            usable = True
+    if drive.bearings_file is not None:
+        from automap.io.bearings_csv import read_bearings
+
+        try:
+            bearings, sentences = read_bearings(drive.bearings_file)
+        except InputError as error:
+            collector.add(drive.bearings_file, [Finding("error", str(error))])
+            usable = bool(usable)
+        else:
+            findings = [Finding("ok" if len(bearings) else "warning", f"{len(bearings)} bearings")]
+            findings += [Finding("warning", text) for text in sentences]
+            collector.add(drive.bearings_file, findings)
+            usable = True
+    return usable

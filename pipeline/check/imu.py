@@ -1,0 +1,75 @@
+"""Checks of the inertial recording."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.evaluation import plausibility
+from automap.evaluation.plausibility import Finding, Severity
+from automap.io.drive import Drive
+from automap.io.recording import Recording
+from pipeline.check.timing import imu_gps_time
+
+ABSENT: tuple[Severity, str, str] = (
+    "warning",
+    "no IMU recording",
+    "the trajectory will come from the fixes alone, smoothed; add imu.csv if there is one",
+)
+_SLOW_HZ = 20.0
+_LONG_GAP_S = 1.0
+
+
+def check(drive: Drive, recording: Recording) -> list[Finding]:
+    """What the readings look like: amount, rate, gaps, units, gravity, axes."""
+    imu = recording.imu
+    assert imu is not None
+    rate = 1e9 / float(np.median(np.diff(imu.t_ns)))
+    span = float(imu.t_ns[-1] - imu.t_ns[0]) * 1e-9
+    source = "" if recording.imu_source == "csv" else " of the receiver's own sensors"
+    temperature = ", with temperature" if imu.temp_c is not None else ""
+    findings = [
+        Finding("ok", f"{len(imu)} readings{source}, {rate:.1f} Hz, {span:.1f} s{temperature}")
+    ]
+    if rate < _SLOW_HZ:
+        findings.append(
+            Finding("warning", f"{rate:.1f} Hz is slow for a car", "record at 50 Hz or more")
+        )
+    if recording.imu_file is not None:
+        long = [gap for gap in recording.imu_file.quality.gaps if gap[1] > _LONG_GAP_S]
+        if long:
+            at, length = max(long, key=lambda gap: gap[1])
+            findings.append(
+                Finding(
+                    "warning",
+                    f"{len(long)} of the gaps are longer than {_LONG_GAP_S:g} s; the longest, "
+                    f"{length:.1f} s, after t_ns {at}",
+                    "the position drifts there; look for a slow disk or a loose cable",
+                )
+            )
+        if recording.imu_file.extra_columns:
+            columns = ", ".join(recording.imu_file.extra_columns)
+            findings.append(Finding("info", f"columns that nothing reads: {columns}"))
+    stamps = plausibility.stamp_unit(rate)
+    findings += [] if stamps is None else [stamps]
+    unit = plausibility.accel_unit(imu.accel, rate)
+    findings += [unit, plausibility.gyro_unit(imu, recording.fixes)]
+    findings += plausibility.stuck_readings(imu)
+    C = drive.imu_axes if imu.axes_known else None
+    if C is None:
+        findings.append(Finding("info", "axes unknown: the mounting is estimated from the drive"))
+    elif unit.severity == "ok":
+        findings.append(plausibility.gravity_direction(imu.accel, C))
+        gps_s = imu_gps_time(drive, recording)
+        if gps_s is not None and recording.fixes is not None:
+            findings += plausibility.driving_axes(imu, recording.fixes, gps_s)
+    return findings
+
+
+def is_harmless(recording: Recording, text: str) -> bool:
+    """Whether a warning of the reader speaks of what every recording has a little of."""
+    if recording.imu_file is None or (" gap" not in text and " t_ns" not in text):
+        return False
+    quality = recording.imu_file.quality
+    longest = max((length for _, length in quality.gaps), default=0.0)
+    left_out = quality.rows - quality.used
+    return longest <= _LONG_GAP_S and left_out <= 0.02 * quality.rows

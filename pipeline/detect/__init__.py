@@ -1,0 +1,1 @@
+"""``automap detect``, and the search for signs that the detect stage shares with it."""

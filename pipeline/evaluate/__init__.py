@@ -1,0 +1,1 @@
+"""``automap evaluate``: a run against a truth."""

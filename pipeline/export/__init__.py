@@ -1,0 +1,1 @@
+"""``automap export``: the map of a run in every format."""

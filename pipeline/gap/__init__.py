@@ -1,0 +1,1 @@
+"""``automap gap``: what is missing between the model and recorded drives."""

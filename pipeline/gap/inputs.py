@@ -1,0 +1,88 @@
+"""Drives and model of ``automap gap``, from folders and a configuration file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from automap.fusion.engine import Prior
+from automap.gap import GapDrive, GapModel, base_model
+from automap.gap.drive import KNOWN
+from automap.gap.model import BASE_NUISANCES
+from automap.io.toml_file import read_toml
+from automap.records import ClockModel
+from pipeline.experiments.base import prepare
+from pipeline.settings.load import Settings, load_settings
+from pipeline.settings.user_effects import activate
+
+ARRIVAL_SD_S = 5e-4
+"""A clock from arrival times is never taken for better than this, s."""
+UNKNOWN_DELAY = Prior(-0.1, 0.1)
+"""IMU stamps against fixes whose output delay nobody stated: minus the delay."""
+FREE_SD_S = 0.1
+
+
+def gap_model(config: Path | None) -> tuple[GapModel, Settings]:
+    """The model of a configuration file, and all its settings.
+
+    Without ``fuse.effects`` in the file the base model's nuisances are taken, not those of an
+    ordinary run.
+    """
+    settings = load_settings(config)
+    activate(settings.effects)
+    options = settings.fuse.options()
+    given = read_toml(config).get("fuse", {}) if config is not None else {}
+    if "effects" not in given:
+        options = replace(options, effects=BASE_NUISANCES)
+    model = base_model(options)
+    return model, settings
+
+
+def gap_drives(paths: Sequence[Path], runs: Path, settings: Settings) -> list[GapDrive]:
+    """Ingest and synchronise drive folders, as ``automap run`` does.
+
+    Raises InputError where a drive has no IMU or no fixes.
+    """
+    return [_gap_drive(path, runs / _name(path, paths), settings) for path in paths]
+
+
+def run_folder(path: Path, paths: Sequence[Path], runs: Path) -> Path:
+    """Where the run of a drive, one of ``paths``, for its camera stands."""
+    return runs / f"{_name(path, paths)}-camera"
+
+
+def _name(path: Path, paths: Sequence[Path]) -> str:
+    same = [p for p in paths if p.resolve().name == path.resolve().name]
+    name = path.resolve().name
+    return name if len(same) == 1 else f"{name}-{same.index(path) + 1}"
+
+
+def _gap_drive(path: Path, out: Path, settings: Settings) -> GapDrive:
+    inputs = prepare(path, out, settings).inputs
+    arm = inputs.lever_arm
+    fixed = settings.fuse.fixed.get("gnss_lever_arm")
+    if fixed is not None:
+        arm = np.array([fixed.get(a, 0.0) for a in "xyz"])
+    return GapDrive(
+        imu=inputs.imu,
+        fixes=inputs.fixes,
+        clock=inputs.clock,
+        name=path.resolve().name,
+        lever_arm=arm,
+        delay=delay_prior(inputs.clock),
+        odometer=inputs.odometer,
+    )
+
+
+def delay_prior(clock: ClockModel) -> Prior:
+    """What the clock leaves open of the time between IMU and fixes."""
+    if clock.method == "identity":
+        return KNOWN
+    if clock.method == "arrival":
+        if clock.output_delay_s is None:
+            return UNKNOWN_DELAY
+        return Prior(0.0, max(clock.sd_offset_s, ARRIVAL_SD_S))
+    return Prior(0.0, max(FREE_SD_S, min(clock.sd_offset_s, 1.0)))

@@ -1,0 +1,344 @@
+"""gap.html: where the gap is, what closes it, how sure, before and after, what next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from automap import __version__
+from automap.gap.result import p_text
+from pipeline.calibrate.report import Figure
+from pipeline.gap.plots import WINDOW_S, camera_plots, error_bars, overlay, running, spectrum
+from pipeline.pages.svg_plot import Series
+from pipeline.report.sections import Section, draw
+
+if TYPE_CHECKING:
+    from automap.gap import GapResult
+    from automap.gap.camera_search import CameraGap
+    from automap.gap.fit import Fit
+    from automap.gap.laboratory import LaboratoryResult
+    from automap.gap.result import Finding
+
+OVERLAYS = 2
+PLOTS = 4
+PLACES = 12
+
+
+def gap_report(result: GapResult, names: Sequence[str], cameras: Sequence[CameraGap] = ()) -> str:
+    """The page of a search on drives called ``names``."""
+    figures = [
+        Figure(str(len(result.findings)), "missing effects", "named with evidence below"),
+        Figure(f"{result.gap_before:.3g}", "gap before, nats an epoch", "on held-out data"),
+        Figure(f"{result.gap_after:.3g}", "gap after, nats an epoch", "0 is a perfect model"),
+    ]
+    parts = [
+        ("Verdict", _verdict(result)),
+        ("What is missing", _findings(result.findings)),
+        ("Measured and simulated", _overlay(result)),
+        ("Before and after", _before_after(result)),
+        ("Where the gap was", _where(result)),
+        ("Channels", _channels(result)),
+        ("Slow or fast", _spectra(result)),
+        ("Error bars", _bars(result)),
+        ("What this drive cannot tell", _unclear(result)),
+        ("Noise", _noise(result)),
+        ("What next", _next(result)),
+    ]
+    if cameras:
+        parts.insert(len(parts) - 2, ("Camera", _cameras(cameras)))
+    return _page("Gap", ", ".join(names), figures, parts, list(result.warnings))
+
+
+def laboratory_report(result: LaboratoryResult, names: Sequence[str]) -> str:
+    """The page of a search on desk logs."""
+    figures = [
+        Figure(f"{1e3 * result.gap_before:.2f} mm/s²", "norm off gravity before", "held-out poses"),
+        Figure(f"{1e3 * result.gap_after:.2f} mm/s²", "norm off gravity after", "held-out poses"),
+        Figure(str(len(result.poses.accel_before)), "rest poses", "each judged by the others"),
+    ]
+    section = Section(sentences=[result.verdict[:1].upper() + result.verdict[1:] + "."])
+    poses = np.arange(len(result.poses.accel_before), dtype=float)
+    plots = Section()
+    plots.plots += draw(
+        "Norm off gravity of held-out poses, mm/s²",
+        [
+            Series("before", poses, 1e3 * result.poses.accel_before, "dots", "bad"),
+            Series("after", poses, 1e3 * result.poses.accel_after, "dots", 0),
+        ],
+        "mm/s²",
+        1.0,
+        include=(0.0,),
+    )
+    turns = np.arange(len(result.poses.gyro_before), dtype=float)
+    plots.plots += draw(
+        "Gravity after held-out turns, degrees off",
+        [
+            Series("before", turns, np.degrees(result.poses.gyro_before), "dots", "bad"),
+            Series("after", turns, np.degrees(result.poses.gyro_after), "dots", 0),
+        ],
+        "deg",
+        1.0,
+        include=(0.0,),
+    )
+    parts = [
+        ("Verdict", section),
+        ("What is missing", _findings(result.findings)),
+        ("Before and after", plots),
+    ]
+    return _page("Gap", ", ".join(names), figures, parts, [])
+
+
+def _verdict(result: GapResult) -> Section:
+    section = Section(sentences=[result.verdict[:1].upper() + result.verdict[1:] + "."])
+    other = result.unexplained
+    if other is not None:
+        text = (
+            f"No effect of the library explains what is left. The formula that fits best is "
+            f"{other.formula} with {other.numbers} "
+            f"({other.evidence_nats:.0f} nats, p {p_text(other.p_value)})."
+        )
+        if other.resembles:
+            text += f" Of the named effects {other.resembles} resembles it most."
+        section.sentences.append(text)
+    return section
+
+
+def _findings(findings: Sequence[Finding]) -> Section:
+    section = Section(
+        header=("effect", "values", "evidence, nats", "p", "gap before", "after", "not told from")
+    )
+    if not findings:
+        section.absent = "Nothing stands out above what chance gives."
+        return section
+    for f in findings:
+        values = ", ".join(
+            f"{p} {v.value:.3g} ± {v.sd:.1g} {v.unit}".strip() for p, v in f.parameters.items()
+        )
+        section.rows.append(
+            (
+                f.effect,
+                values,
+                f"{f.evidence_nats:.0f}",
+                p_text(f.p_value),
+                f"{f.gap_before:.3g}",
+                f"{f.gap_after:.3g}",
+                ", ".join(f.confusable_with) or "none",
+            )
+        )
+    return section
+
+
+def _held_out(result: GapResult) -> tuple[Fit, Fit] | None:
+    """The first held-out drive before and after."""
+    before, after = result.held_out
+    return (before[0], after[0]) if before and after else None
+
+
+def _by_gain(result: GapResult) -> list[str]:
+    """Channels, those that gained most first."""
+    gains = sorted(result.channels, key=lambda c: -(c.rms_before - c.rms_after))
+    return [c.channel for c in gains]
+
+
+def _overlay(result: GapResult) -> Section:
+    section = Section(
+        sentences=[
+            "Where the old model errs most: measurements, and what the models foretell of them, "
+            "all against the new model. Under a right model one dot in twenty lies outside the "
+            "band; the line is what the old model foretold."
+        ]
+    )
+    fits = _held_out(result)
+    if fits is None:
+        section.absent = "No held-out data."
+        return section
+    measured = [n for n in _by_gain(result) if n.startswith(("position", "velocity"))]
+    for name in measured[:OVERLAYS]:
+        unit = "m" if name.startswith("position") else "m/s"
+        section.plots += overlay(*fits, name, unit)
+    return section
+
+
+def _before_after(result: GapResult) -> Section:
+    section = Section(
+        sentences=[
+            "Innovations of the held-out data over the sd that the model states, root mean "
+            f"square of {WINDOW_S:.0f} s. A right model stays near 1."
+        ]
+    )
+    fits = _held_out(result)
+    if fits is None:
+        section.absent = "No held-out data."
+        return section
+    for name in _by_gain(result)[:PLOTS]:
+        section.plots += running(*fits, name)
+    return section
+
+
+def _spectra(result: GapResult) -> Section:
+    section = Section(
+        sentences=[
+            "How slow or fast the disagreement is. Innovations of a right model have the same "
+            "power at all frequencies; simulations from the model stay within the band."
+        ]
+    )
+    fits = _held_out(result)
+    if fits is None:
+        section.absent = "No held-out data."
+        return section
+    # the vehicle constraint is loose on purpose: what it says has a colour of its own
+    shown = [c.channel for c in result.channels if c.channel.startswith(("position", "velocity"))]
+    for name in shown:
+        section.plots += spectrum(*fits, name)
+    return section
+
+
+def _bars(result: GapResult) -> Section:
+    section = Section(
+        sentences=[
+            "Error bars of the smoothed path on the held-out drive under both models, and how far "
+            "the path itself moves. Bars of the old model are what it claims, not what is true."
+        ]
+    )
+    fits = _held_out(result)
+    if fits is None:
+        section.absent = "No held-out data."
+        return section
+    section.plots += error_bars(*fits)
+    return section
+
+
+def _cameras(cameras: Sequence[CameraGap]) -> Section:
+    section = Section(header=("camera", "signs", "boxes", "gap before", "gap after"))
+    section.sentences.append(
+        "Boxes of tracked signs against the path of the new model, every sign's own place and "
+        "size free. Gaps are in nats a box on held-out signs."
+    )
+    for c in cameras:
+        if c.held_out is None:
+            section.sentences += list(c.warnings)
+            continue
+        section.rows.append(
+            (c.camera, str(c.signs), str(c.boxes), f"{c.gap_before:.3g}", f"{c.gap_after:.3g}")
+        )
+        if c.findings:
+            section.plots += camera_plots(*c.held_out)
+    return section
+
+
+def _where(result: GapResult) -> Section:
+    section = Section(header=("channel", "manoeuvre", "measurements", "NIS before", "NIS after"))
+    section.sentences.append(
+        "Mean squared innovation over its variance by channel and manoeuvre; 1 is right."
+    )
+    for place in result.places[:PLACES]:
+        section.rows.append(
+            (
+                place.channel.replace("_", " "),
+                place.manoeuvre,
+                str(place.count),
+                f"{place.before:.2f}",
+                f"{place.after:.2f}",
+            )
+        )
+    return section
+
+
+def _channels(result: GapResult) -> Section:
+    section = Section(
+        header=("channel", "gap before", "after", "rms before", "after", "memory before", "after")
+    )
+    section.sentences.append(
+        "Gap in nats a measurement by size and colour of the innovations alone; memory is the "
+        "correlation of neighbours."
+    )
+    for c in result.channels:
+        section.rows.append(
+            (
+                c.channel.replace("_", " "),
+                f"{c.gap_before:.3f}",
+                f"{c.gap_after:.3f}",
+                f"{c.rms_before:.2f}",
+                f"{c.rms_after:.2f}",
+                f"{c.correlation_before:+.2f}",
+                f"{c.correlation_after:+.2f}",
+            )
+        )
+    return section
+
+
+def _unclear(result: GapResult) -> Section:
+    section = Section(header=("cannot be told apart", "alike by", "the manoeuvre that would tell"))
+    alike, hidden = result.unclear.alike, result.unclear.hidden
+    section.sentences.append(
+        "Effects that leave the same traces in the fitted drives: where one is named, the other "
+        "may be meant."
+        if alike
+        else "All effects that show at all can be told apart on the fitted drives."
+    )
+    if hidden:
+        section.sentences.append(
+            f"These would hardly show at their usual size: {', '.join(hidden)}. A drive with bends "
+            "both ways, hard braking, halts and a warm-up shows more."
+        )
+    for pair in alike:
+        section.rows.append((" and ".join(pair.effects), f"{100 * pair.share:.0f} %", pair.advice))
+    return section
+
+
+def _noise(result: GapResult) -> Section:
+    section = Section(header=("level", "times the stated"), folded="All noise levels")
+    section.sentences.append(
+        "Noise was fitted by maximum likelihood before anything was named, and with it."
+    )
+    section.rows = [(k.replace("_", " "), f"{v:.2f}") for k, v in result.noise.items()]
+    return section
+
+
+def _next(result: GapResult) -> Section:
+    section = Section()
+    if result.findings or result.unexplained:
+        section.sentences.append(
+            "Use the new model with: automap run DRIVE --config model.toml. Where an effect is a "
+            "fault of the installation or of a setting, mend it there instead."
+        )
+    for f in result.findings:
+        if f.advice:
+            section.sentences.append(
+                f"To tell {f.effect} from {', '.join(f.confusable_with)}: {f.advice}."
+            )
+    if not section.sentences:
+        section.sentences.append(
+            "Nothing to do. A drive with bends both ways, hard braking, halts and a warm-up "
+            "shows more than a quiet one."
+        )
+    return section
+
+
+def _page(
+    title: str,
+    name: str,
+    figures: list[Figure],
+    parts: list[tuple[str, Section]],
+    warnings: list[str],
+) -> str:
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    folder = resources.files("pipeline") / "pages" / "templates"
+    environment = Environment(autoescape=True, undefined=StrictUndefined)
+    environment.trim_blocks = environment.lstrip_blocks = True
+    template = environment.from_string((folder / "calibration.html.j2").read_text(encoding="utf-8"))
+    return template.render(
+        title=title,
+        name=name,
+        version=__version__,
+        figures=figures,
+        parts=parts,
+        warnings=warnings,
+        facts=[("version", __version__)],
+        style=Markup((folder / "report.css").read_text(encoding="utf-8")),
+    )

@@ -1,0 +1,1 @@
+"""``automap merge``: one map of many drives."""

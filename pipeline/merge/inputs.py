@@ -1,0 +1,211 @@
+"""What ``automap merge`` reads of each run: where the drive looked, and how surely."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from automap.errors import AutoMapError, InputError
+from automap.export.clock import clock_from_trajectory
+from automap.io import names
+from automap.io.json_text import parse_json
+from automap.mapping.sightings import DriveSigns
+from automap.records import ClockModel, DrivePath, FloatArray, IntArray
+from pipeline.merge.cameras import cameras_of_run
+from pipeline.merge.signs import sign_columns
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+STEP_M = 4.0
+"""The path is thinned to a row every so many metres."""
+_PATH_COLUMNS = ("t_ns", "gps_s", "lat_deg", "lon_deg", "yaw_deg", "sd_n_m", "sd_e_m", "sd_d_m")
+_SLACK_S = 10.0
+
+
+@dataclass(frozen=True)
+class RunSigns:
+    """A run ready to be merged: its ``folder``, ``signs``, and sentences about what is missing."""
+
+    folder: Path
+    signs: DriveSigns
+    warnings: tuple[str, ...]
+
+
+def read_run(folder: Path) -> RunSigns:
+    """Read one output folder.
+
+    Raises InputError when it is no output of a run, or a map that was merged already.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such output folder; give folders that automap run wrote.")
+    if (folder / names.MERGE).is_file():
+        raise InputError(
+            f"{folder} is a merged map; give the output folders it was made of, and the map "
+            "itself with --previous."
+        )
+    warnings: list[str] = []
+    record = _json(folder / names.RUN)
+    clock = _clock(folder)
+    table = _trajectory(folder, warnings)
+    if clock is None and table is not None:
+        clock = _clock_of(table)
+    columns = sign_columns(folder, clock)
+    path = None if table is None else _path(table)
+    cameras = cameras_of_run(folder, record)
+    if path is None and len(columns["ids"]):
+        warnings.append(
+            f"{folder}: without a trajectory nothing tells what its signs' errors have in common, "
+            "nor what it should have seen."
+        )
+    if path is not None:
+        path = _while_filmed(folder, path, clock)
+    start = _start(path, columns)
+    if not np.isfinite(start):
+        warnings.append(f"{folder}: its clock is not tied to GPS time, so its signs have no date.")
+    signs = DriveSigns(
+        name=_name(record, folder),
+        start_gps_s=start,
+        path=path,
+        cameras=cameras,
+        key=_recording_key(record),
+        **columns,
+    )
+    return RunSigns(folder, signs, tuple(warnings))
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        value = parse_json(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return value if isinstance(value, dict) else {}
+
+
+def _name(record: dict[str, Any], folder: Path) -> str:
+    drive = record.get("drive")
+    name = drive.get("name") if isinstance(drive, dict) else None
+    return str(name) if name else folder.resolve().name
+
+
+def _recording_key(record: dict[str, Any]) -> str:
+    """A name of the recording made from the digests of what the run read; "" when unknown."""
+    inputs = record.get("inputs")
+    if not isinstance(inputs, dict) or not inputs:
+        return ""
+    digests = sorted(
+        str(value.get("sha256", value) if isinstance(value, dict) else value)
+        for value in inputs.values()
+    )
+    return hashlib.sha256("\n".join(digests).encode()).hexdigest()[:16]
+
+
+def _clock(folder: Path) -> ClockModel | None:
+    from automap.io.clock_json import read_clock
+
+    try:
+        return read_clock(folder / names.SYNC)
+    except AutoMapError:
+        return None
+
+
+def _trajectory(folder: Path, warnings: list[str]) -> pa.Table | None:
+    """Rows of the trajectory that the signs rest on, some metres apart."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    for name in (names.TRAJECTORY_ADJUSTED, names.TRAJECTORY):
+        path = folder / name
+        if not path.is_file():
+            continue
+        try:
+            with pq.ParquetFile(path) as file:
+                table = file.read(columns=list(_PATH_COLUMNS))
+        except (pa.ArrowException, OSError) as error:
+            warnings.append(f"{path} is left out: {str(error).splitlines()[0]}")
+            continue
+        missing = [c for c in _PATH_COLUMNS if c not in table.column_names]
+        if missing:
+            warnings.append(f"{path} is left out: it lacks the column {missing[0]}.")
+        elif len(table) > 1:
+            return _thinned(table)
+    return None
+
+
+def _thinned(table: pa.Table) -> pa.Table:
+    lat = np.radians(np.asarray(table["lat_deg"].to_numpy(), np.float64))
+    lon = np.radians(np.asarray(table["lon_deg"].to_numpy(), np.float64))
+    good = np.flatnonzero(np.isfinite(lat) & np.isfinite(lon))
+    if len(good) < 2:
+        return table.slice(0, 0)
+    east = np.diff(np.unwrap(lon[good])) * np.cos(lat[good][1:])
+    gone = np.concatenate([[0.0], np.cumsum(6.371e6 * np.hypot(east, np.diff(lat[good])))])
+    keep = np.concatenate([[True], np.diff(np.floor(gone / STEP_M)) > 0])
+    keep[-1] = True
+    return table.take(good[keep])
+
+
+def _clock_of(table: pa.Table) -> ClockModel | None:
+    from automap.records import Trajectory
+
+    n = len(table)
+    if n < 2:
+        return None
+    blank = np.zeros(n)
+    three = np.zeros((n, 3))
+    t_ns = np.asarray(table["t_ns"].to_numpy(), np.int64)
+    gps_s = np.asarray(table["gps_s"].to_numpy(), np.float64)
+    return clock_from_trajectory(
+        Trajectory(t_ns, gps_s, blank, blank, blank, three, three, three, three, three)
+    )
+
+
+def _path(table: pa.Table) -> DrivePath:
+    def column(name: str) -> FloatArray:
+        return np.asarray(table[name].to_numpy(), np.float64)
+
+    return DrivePath(
+        gps_s=column("gps_s"),
+        lat_rad=np.radians(column("lat_deg")),
+        lon_rad=np.radians(column("lon_deg")),
+        yaw_rad=np.radians(column("yaw_deg")),
+        sd_enu=np.column_stack([column("sd_e_m"), column("sd_n_m"), column("sd_d_m")]),
+    )
+
+
+def _while_filmed(folder: Path, path: DrivePath, clock: ClockModel | None) -> DrivePath:
+    """The path while the cameras saw anything at all, by the first and last detection.
+
+    Its sds are kept for all times: only the heading is struck out, so that nothing is in view
+    from there.
+    """
+    stamps = _detection_stamps(folder)
+    if clock is None or stamps is None or len(stamps) == 0:
+        return path
+    first, last = clock.gps_s(np.array([stamps.min(), stamps.max()]))
+    outside = (path.gps_s < first - _SLACK_S) | (path.gps_s > last + _SLACK_S)
+    yaw = np.where(outside, np.nan, path.yaw_rad)
+    return DrivePath(path.gps_s, path.lat_rad, path.lon_rad, yaw, path.sd_enu)
+
+
+def _detection_stamps(folder: Path) -> IntArray | None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(folder / names.OBSERVATIONS) as file:
+            column = file.read(columns=["t_ns"])["t_ns"].drop_null()
+            return np.asarray(column.to_numpy(), np.int64)
+    except (pa.ArrowException, OSError, KeyError):
+        return None
+
+
+def _start(path: DrivePath | None, columns: dict[str, Any]) -> float:
+    times = columns["first_gps_s"] if path is None else path.gps_s
+    known = times[np.isfinite(times)]
+    return float(known.min()) if len(known) else math.nan

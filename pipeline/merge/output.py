@@ -1,0 +1,279 @@
+"""The folder of a merged map: the files of a run, and what only a merge has."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from automap import __version__
+from automap.errors import StageError
+from automap.io import names
+from automap.io.atomic import make_folder, write_json, write_text
+from automap.io.map_tables import COVERAGE, SIGHTINGS
+from automap.records import DrivePath
+from pipeline.merge.signs import GPS_CLOCK
+from pipeline.shared.lock import locked
+
+if TYPE_CHECKING:
+    from automap.mapping.changes import Change
+    from automap.mapping.merge import Merged
+    from automap.records import FloatArray, IntArray, Sign
+    from pipeline.merge.command import MergeOutcome
+
+CHANGES = "changes.geojson"
+SCHEMA = "automap.merge/1"
+_CELL_RAD = 8.0 / 6.371e6
+_SECTORS = 16
+
+
+def write_map(
+    outcome: MergeOutcome,
+    signs: Sequence[Sign],
+    folders: Sequence[Path],
+    previous: Path | None,
+    progress: Callable[[float], None],
+) -> list[Path]:
+    """Write all files of the map; returns them. ``signs`` are all merged ones, the unlikely
+    ones without a name; ``folders`` those of the drives, in their order.
+
+    An older map gives way when the new one is complete. ConfigError while another process
+    writes there.
+    """
+    out = make_folder(outcome.folder)
+    with locked(out), tempfile.TemporaryDirectory(dir=out, prefix=".merge.") as temporary:
+        new = Path(temporary)
+        with suppress(FileNotFoundError):
+            # what a reviewer decided about the older map
+            shutil.copyfile(out / names.REVIEW, new / names.REVIEW)
+        try:
+            written = _write_files(new, outcome, signs, folders, previous, progress)
+        except StageError as error:
+            raise StageError(str(error).replace(str(new), str(out))) from error
+        (new / names.REVIEW).unlink(missing_ok=True)
+        if not (new / CHANGES).exists():
+            (out / CHANGES).unlink(missing_ok=True)
+        # merge.json last: it says that the map is complete
+        for path in sorted(new.iterdir(), key=lambda path: path.name == names.MERGE):
+            os.replace(path, out / path.name)
+    return [out / path.name for path in written]
+
+
+def _write_files(
+    out: Path,
+    outcome: MergeOutcome,
+    signs: Sequence[Sign],
+    folders: Sequence[Path],
+    previous: Path | None,
+    progress: Callable[[float], None],
+) -> list[Path]:
+    from automap.io.clock_json import write_clock
+    from automap.io.map_tables import write_coverage
+    from automap.io.signs_table import write_signs
+    from pipeline.export.command import FORMATS, STANDARD_FORMATS, map_content, write_dictionary
+    from pipeline.merge.report import merge_report
+
+    write_signs(out / names.SIGNS_RAW, outcome.signs)
+    write_clock(out / names.SYNC, GPS_CLOCK)
+    progress(0.1)
+    _write_sightings(out / SIGHTINGS, outcome.merged, signs)
+    write_coverage(out / COVERAGE, coverage_of(outcome.merged))
+    progress(0.25)
+    write_json(out / names.RUN, _run_record(outcome, folders))
+    content = map_content(out, outcome.folder.resolve().name)
+    files = []
+    for number, fmt in enumerate(STANDARD_FORMATS):
+        name, write = FORMATS[fmt]
+        write(content, out / name)
+        files.append(out / name)
+        progress(0.3 + 0.6 * (number + 1) / len(STANDARD_FORMATS))
+    write_dictionary(out / names.DICTIONARY)
+    changes = outcome.comparison.changes if outcome.comparison is not None else None
+    if changes is not None:
+        write_text(out / CHANGES, changes_geojson(changes))
+        files.append(out / CHANGES)
+    summary = merge_summary(outcome, signs, folders, previous)
+    write_text(out / names.REPORT, merge_report(outcome, summary))
+    write_json(out / names.MERGE, summary)
+    return [*files, out / names.REPORT, out / names.MERGE]
+
+
+def _run_record(outcome: MergeOutcome, folders: Sequence[Path]) -> dict[str, Any]:
+    """The lineage of the map, in the form in which a run states its own."""
+    return {
+        "schema": "automap.run/1",
+        "automap": __version__,
+        "drive": {"name": outcome.folder.resolve().name, "path": str(outcome.folder.resolve())},
+        "status": "done",
+        "merged": [str(folder.resolve()) for folder in folders],
+        "warnings": outcome.warnings,
+        "stages": {},
+        "metrics": {"signs": len(outcome.signs), "drives": len(folders)},
+    }
+
+
+def merge_summary(
+    outcome: MergeOutcome, signs: Sequence[Sign], folders: Sequence[Path], previous: Path | None
+) -> dict[str, Any]:
+    """The content of merge.json."""
+    merged = outcome.merged
+    in_map = np.array([bool(sign.id) for sign in signs], np.bool_)
+    counted = in_map[merged.association.sign] if len(signs) else np.zeros(0, np.bool_)
+    levels, rates = merged.levels, merged.rates
+    summary: dict[str, Any] = {
+        "schema": SCHEMA,
+        "automap": __version__,
+        "signs": len(outcome.signs),
+        "unlikely_signs": int((~in_map).sum()),
+        "sightings": len(merged.sightings),
+        "sightings_in_map": int(counted.sum()),
+        "detection_rate": rates.overall,
+        "error_levels": {
+            "shared": levels.shared,
+            "own": levels.own,
+            "time_constant_s": levels.tau_s,
+        },
+        "drives": [
+            _drive_summary(merged, number, folder, counted) for number, folder in enumerate(folders)
+        ],
+        "warnings": outcome.warnings,
+    }
+    if outcome.comparison is not None:
+        found = outcome.comparison
+        kinds = [change.kind for change in found.changes]
+        summary["previous"] = None if previous is None else str(previous.resolve())
+        summary["changes"] = {
+            kind: kinds.count(kind) for kind in ("new", "gone", "class", "moved")
+        } | {
+            "unchanged": found.unchanged,
+            "unvisited": found.unvisited,
+            "unconfirmed": found.unconfirmed,
+        }
+    return summary
+
+
+def _drive_summary(
+    merged: Merged, number: int, folder: Path, counted: np.ndarray[Any, np.dtype[np.bool_]]
+) -> dict[str, Any]:
+    from automap.export.clock import iso_texts, utc_of_gps
+
+    drive = merged.drives[number]
+    lo, hi = (int(v) for v in merged.sightings.first[number : number + 2])
+    axes = ("e", "n", "u")
+    pairs = merged.pairs
+    likely = (pairs.drive == number) & (merged.existence[pairs.sign] >= 0.5)
+    return {
+        "name": drive.name,
+        "folder": str(folder.resolve()),
+        "start": iso_texts(utc_of_gps(np.array([drive.start_gps_s])))[0],
+        "signs": hi - lo,
+        "signs_in_map": int(counted[lo:hi].sum()),
+        "offset_m": dict(zip(axes, merged.adjusted.drive_offset[number].tolist(), strict=True)),
+        "offset_sd_m": dict(zip(axes, merged.adjusted.drive_sd[number].tolist(), strict=True)),
+        "in_view": int(likely.sum()),
+        "seen_of_in_view": int((likely & pairs.seen).sum()),
+        "detection_rate": float(merged.rates.drive[number]),
+    }
+
+
+def _write_sightings(path: Path, merged: Merged, signs: Sequence[Sign]) -> None:
+    from automap.io.map_tables import write_sightings
+    from automap.mapping.identity import sighting_key
+
+    s, sign = merged.sightings, merged.association.sign
+    drives = [merged.drives[k] for k in s.drive.tolist()]
+    own_ids = [d.ids[row] for d, row in zip(drives, s.row.tolist(), strict=True)]
+    a = merged.adjusted
+    turn = (s.lon - a.lon[sign] + np.pi) % (2 * np.pi) - np.pi
+    east, north = turn * s.per_lon, (s.lat - a.lat[sign]) * s.per_lat
+    write_sightings(
+        path,
+        {
+            "key": [sighting_key(d, i) for d, i in zip(drives, own_ids, strict=True)],
+            "drive": [d.name for d in drives],
+            "drive_sign": own_ids,
+            "class": [s.classes[code] for code in s.code.tolist()],
+            "sign_id": [signs[k].id for k in sign.tolist()],
+        },
+        {
+            "lat_deg": np.degrees(s.lat),
+            "lon_deg": np.degrees(s.lon),
+            "height_m": s.height,
+            "existence": merged.existence[sign],
+            "offset_e_m": a.offset[:, 0],
+            "offset_n_m": a.offset[:, 1],
+            "offset_u_m": a.offset[:, 2],
+            "residual_e_m": east - a.offset[:, 0],
+            "residual_n_m": north - a.offset[:, 1],
+            "residual_u_m": s.height - a.height[sign] - a.offset[:, 2],
+        },
+    )
+
+
+def coverage_of(merged: Merged) -> DrivePath:
+    """Where cameras looked from and which way, thinned to cells of 8 m and 16 directions."""
+    none = np.zeros(0)
+    parts = [(np.zeros(0, np.int64), none, none, none)]
+    for drive in merged.drives:
+        if drive.path is None:
+            continue
+        filmed = np.isfinite(drive.path.yaw_rad)
+        lat, lon = drive.path.lat_rad[filmed], drive.path.lon_rad[filmed]
+        for camera in drive.cameras:
+            looking = drive.path.yaw_rad[filmed] + camera.yaw_rad
+            cell = _cells(lat, lon, looking)
+            cell, first = np.unique(cell, return_index=True)
+            parts.append((cell, lat[first], lon[first], looking[first]))
+    cell, lat, lon, looking = (np.concatenate([part[k] for part in parts]) for k in range(4))
+    _, first = np.unique(cell, return_index=True)
+    first.sort()
+    zero: FloatArray = np.zeros(len(first))
+    return DrivePath(zero, lat[first], lon[first], looking[first], np.zeros((len(first), 3)))
+
+
+def _cells(lat: FloatArray, lon: FloatArray, looking: FloatArray) -> IntArray:
+    """One number for each place and direction."""
+    row = np.floor(lat / _CELL_RAD).astype(np.int64)
+    column = np.floor(lon * np.cos(row * _CELL_RAD) / _CELL_RAD).astype(np.int64)
+    sector = np.floor((looking % (2 * np.pi)) / (2 * np.pi) * _SECTORS).astype(np.int64)
+    return np.asarray((row * 2**24 + column) * _SECTORS + sector, np.int64)
+
+
+def changes_geojson(changes: Sequence[Change]) -> str:
+    """The changes as a collection of points (RFC 7946, WGS-84); for "gone" where it was."""
+    features = [json.dumps(_feature(change), ensure_ascii=False) for change in changes]
+    text = '{"type": "FeatureCollection",\n"features": [\n' + ",\n".join(features) + "\n]}\n"
+    return text.encode("utf-8", "replace").decode("utf-8")
+
+
+def _feature(change: Change) -> dict[str, Any]:
+    sign, older = change.sign, change.older
+    coordinates = [
+        round(float(np.degrees(sign.lon_rad)), 7),
+        round(float(np.degrees(sign.lat_rad)), 7),
+    ]
+    if np.isfinite(sign.height_m):
+        coordinates.append(round(sign.height_m, 3))
+    properties: dict[str, Any] = {
+        "change": change.kind,
+        "id": sign.id,
+        "class": sign.class_name,
+        "previous_class": None if older is None else older.class_name,
+        "belief": round(change.belief, 3),
+        "moved_m": round(change.distance_m, 2) if change.kind == "moved" else None,
+        "visited_before": change.visited_before,
+        "drives": list(sign.drives),
+    }
+    return {
+        "type": "Feature",
+        "id": sign.id,
+        "geometry": {"type": "Point", "coordinates": coordinates},
+        "properties": properties,
+    }

@@ -1,0 +1,203 @@
+"""The page of a merged map: how many, how sure, what changed, how far off each drive was."""
+
+from __future__ import annotations
+
+from collections import Counter
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from automap import __version__
+from automap.export.uncertainty import ce95
+from pipeline.calibrate.report import Figure
+from pipeline.pages.svg_plot import Series, plot
+from pipeline.report.sections import Plot, Section
+
+if TYPE_CHECKING:
+    from pipeline.merge.command import MergeOutcome
+
+_ROWS = 500
+_DOTS = 4000
+_KINDS = {"new": "new", "gone": "gone", "class": "another class", "moved": "moved"}
+
+
+def merge_report(outcome: MergeOutcome, summary: dict[str, Any]) -> str:
+    """The page; ``summary`` is the content of merge.json."""
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    parts = [("The map", _map_section(outcome))]
+    if outcome.comparison is not None:
+        parts.append(("Changes", changes_section(outcome, summary)))
+    parts += [
+        ("Drives", _drives_section(summary)),
+        ("Errors", _error_section(outcome, summary)),
+        ("Classes", _class_section(outcome)),
+    ]
+    folder = resources.files("pipeline") / "pages" / "templates"
+    environment = Environment(autoescape=True, undefined=StrictUndefined)
+    environment.trim_blocks = environment.lstrip_blocks = True
+    template = environment.from_string((folder / "calibration.html.j2").read_text(encoding="utf-8"))
+    page = template.render(
+        title="Merged map",
+        name=outcome.folder.resolve().name,
+        version=__version__,
+        figures=_figures(outcome, summary),
+        parts=parts,
+        warnings=outcome.warnings,
+        facts=[("version", __version__), ("previous map", summary.get("previous", "none"))],
+        style=Markup((folder / "report.css").read_text(encoding="utf-8")),
+    )
+    return page.encode("utf-8", "replace").decode("utf-8")
+
+
+def _radius(outcome: MergeOutcome) -> np.ndarray[Any, np.dtype[np.float64]]:
+    cov = np.array([s.cov_enu for s in outcome.signs], np.float64).reshape(-1, 3, 3)
+    return ce95(cov[:, 0, 0], cov[:, 0, 1], cov[:, 1, 1])
+
+
+def _figures(outcome: MergeOutcome, summary: dict[str, Any]) -> list[Figure]:
+    radius = _radius(outcome)
+    figures = [
+        Figure(str(summary["signs"]), "signs", f"from {summary['sightings']} sightings"),
+        Figure(str(len(summary["drives"])), "drives", ""),
+    ]
+    if len(radius):
+        text = f"{np.median(radius):.2f} m"
+        figures.append(Figure(text, "95 % radius, median", "trajectory errors included"))
+    figures.append(
+        Figure(f"{100 * summary['detection_rate']:.0f} %", "seen when in view", "by one drive")
+    )
+    if "changes" in summary:
+        count = sum(summary["changes"][kind] for kind in _KINDS)
+        figures.append(Figure(str(count), "changes", "against the older map"))
+    return figures
+
+
+def _map_section(outcome: MergeOutcome) -> Section:
+    section = Section(
+        sentences=[
+            f"{len(outcome.signs)} signs. Open map.kml in Google Earth or map.gpkg in a GIS."
+        ]
+    )
+    if not outcome.signs:
+        section.absent = "The drives saw no signs."
+        return section
+    lat = np.degrees([s.lat_rad for s in outcome.signs])
+    lon = np.unwrap(np.array([s.lon_rad for s in outcome.signs]))
+    middle = float(np.median(lat))
+    east = (np.degrees(lon) - np.degrees(np.median(lon))) * 111.32 * np.cos(np.radians(middle))
+    north = (lat - middle) * 110.95
+    several = np.array([len(s.drives) > 1 for s in outcome.signs])
+    step = max(1, len(lat) // _DOTS)
+    series = [
+        Series("one drive", east[~several][::step], north[~several][::step], "dots", "bad"),
+        Series("several drives", east[several][::step], north[several][::step], "dots", 0),
+    ]
+    svg = plot([s for s in series if len(s.x)], "Signs in plan", "north, km", "east, km")
+    if svg:
+        legend = (("seen by one drive", "bad"), ("by several", "c0"))
+        section.plots.append(Plot("Signs in plan", svg, legend))
+    counts = Counter(len(s.drives) for s in outcome.signs)
+    section.header = ("drives that saw a sign", "signs", "95 % radius, median, m")
+    radius = _radius(outcome)
+    seen_by = np.array([len(s.drives) for s in outcome.signs])
+    for number in sorted(counts)[:30]:
+        text = f"{np.median(radius[seen_by == number]):.2f}"
+        section.rows.append((str(number), str(counts[number]), text))
+    return section
+
+
+def changes_section(outcome: MergeOutcome, summary: dict[str, Any]) -> Section:
+    """The list of changes, the same as changes.geojson."""
+    found = outcome.comparison
+    assert found is not None
+    section = Section(header=("change", "id", "class", "before", "belief", "note"))
+    section.sentences.append(
+        f"{found.unchanged} signs as before; {found.unvisited} were not passed again; "
+        f"{found.unconfirmed} were missed, but not often enough to be called gone."
+    )
+    if not found.changes:
+        section.absent = "Nothing has changed."
+    for change in found.changes[:_ROWS]:
+        section.rows.append(change_row(change))
+    if len(found.changes) > _ROWS:
+        rest = len(found.changes) - _ROWS
+        section.sentences.append(f"{rest} further changes are in changes.geojson.")
+    return section
+
+
+def change_row(change: Any) -> tuple[str, ...]:
+    """One change as texts: kind, id, class, class before, belief, note."""
+    note = ""
+    if change.kind == "moved":
+        note = f"{change.distance_m:.1f} m"
+    elif change.kind == "new" and change.visited_before is not None:
+        note = "passed before without it" if change.visited_before else "not passed before"
+    before = "" if change.older is None else change.older.class_name
+    return (
+        _KINDS[change.kind], change.sign.id, change.sign.class_name,
+        before if before != change.sign.class_name else "", f"{change.belief:.2f}", note,
+    )  # fmt: skip
+
+
+def _drives_section(summary: dict[str, Any]) -> Section:
+    section = Section(
+        header=(
+            "drive", "start", "signs", "in the map", "off east, m", "north", "up",
+            "seen of those in view",
+        ),
+        folded="All drives" if len(summary["drives"]) > 40 else "",
+    )  # fmt: skip
+    section.sentences.append(
+        "How far each drive's signs lie off the map on average, with one sigma: the error of its "
+        "trajectory, which its signs share. It wanders along a drive; sightings.parquet has it "
+        "sign by sign."
+    )
+    for drive in summary["drives"][:_ROWS]:
+        offsets = [
+            _with_sd(drive["offset_m"][axis], drive["offset_sd_m"][axis])
+            for axis in ("e", "n", "u")
+        ]
+        seen = f"{drive['seen_of_in_view']} of {drive['in_view']}" if drive["in_view"] else ""
+        section.rows.append(
+            (
+                drive["name"], (drive["start"] or "")[:19].replace("T", " "),
+                str(drive["signs"]), str(drive["signs_in_map"]), *offsets, seen,
+            )
+        )  # fmt: skip
+    if len(summary["drives"]) > _ROWS:
+        section.sentences.append("The rest is in merge.json.")
+    return section
+
+
+def _with_sd(value: float, sd: float) -> str:
+    value = round(value, 2) + 0.0
+    return f"{value:+.2f} ± {sd:.2f}" if np.isfinite(value) and np.isfinite(sd) else ""
+
+
+def _error_section(outcome: MergeOutcome, summary: dict[str, Any]) -> Section:
+    levels = summary["error_levels"]
+    section = Section()
+    section.sentences.append(
+        f"Where drives overlap their shared errors are {levels['shared']:.2f} times and the signs' "
+        f"own errors {levels['own']:.2f} times what the drives state, with a time constant of "
+        f"{levels['time_constant_s']:.0f} s; covariances are scaled by that."
+    )
+    section.sentences.append(
+        f"A drive that has a sign in view sees it with probability "
+        f"{summary['detection_rate']:.2f}. "
+        f"{summary['unlikely_signs']} places where something was seen are left out of the map, "
+        "because drives that should have seen a sign there did not."
+    )
+    return section
+
+
+def _class_section(outcome: MergeOutcome) -> Section:
+    counts = Counter(sign.class_name for sign in outcome.signs)
+    return Section(
+        header=("class", "signs"),
+        rows=[(name, str(n)) for name, n in counts.most_common()],
+        folded="All classes" if len(counts) > 20 else "",
+    )

@@ -1,0 +1,83 @@
+"""What the fusion of a drive starts from, out of the files of ingest and sync."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
+from automap.fusion.options import FusionOptions
+from automap.io import names
+from automap.io.clock_json import read_clock
+from automap.io.drive import Drive
+from automap.io.tables import read_fixes, read_imu, read_odometer
+from automap.records import ClockModel, Fixes, FloatArray, ImuData, WheelSpeed
+from pipeline.run.stage import Progress
+
+SEPARATE_CLOCK_SD_S = 0.1
+"""IMU stamps already in GPS time carry the recorder's own delay, s."""
+OUTPUT_DELAY = (0.1, 0.1)
+"""Least output delay of a receiver that nobody measured: mean and one sigma, s."""
+
+
+@dataclass(frozen=True)
+class FusionInputs:
+    """Recordings, clock and priors of one drive.
+
+    ``delay_is_clock``: the delay between IMU stamps and fixes is an error of the clock model.
+    ``lever_arm`` [3] m, None where the manifest gives none.
+    """
+
+    imu: ImuData
+    fixes: Fixes
+    clock: ClockModel
+    delay: Prior
+    delay_is_clock: bool
+    lever_arm: FloatArray | None
+    odometer: WheelSpeed | None = None
+
+    def fuse(
+        self,
+        options: FusionOptions,
+        fixes: Fixes | None = None,
+        progress: Progress = lambda fraction, text: None,
+    ) -> FusionResult:
+        """Run the fusion, on other fixes if given."""
+        return fuse_imu_gnss(
+            self.imu,
+            self.fixes if fixes is None else fixes,
+            self.clock,
+            options,
+            self.delay,
+            lever_arm=self.lever_arm,
+            delay_is_clock=self.delay_is_clock,
+            odometer=self.odometer,
+            progress=progress,
+        )
+
+
+def read_inputs(drive: Drive, out: Path, shared_clock_sd_s: float) -> FusionInputs:
+    """Inputs from OUT after ingest and sync.
+
+    ``shared_clock_sd_s``: IMU stamps against a clock shared with the receiver, one sigma.
+    """
+    clock = read_clock(out / names.SYNC)
+    delay, is_clock = _delay_prior(clock, shared_clock_sd_s)
+    arm = None if drive.gnss.lever_arm_m is None else drive.lever_arm
+    imu, fixes = read_imu(out / names.IMU), read_fixes(out / names.FIXES)
+    wheels = out / names.ODOMETER
+    odometer = read_odometer(wheels) if wheels.exists() else None
+    return FusionInputs(imu, fixes, clock, delay, is_clock, arm, odometer)
+
+
+def _delay_prior(clock: ClockModel, shared_sd: float) -> tuple[Prior, bool]:
+    """Prior of the delay between IMU stamps and fixes, and whether it is the clock's error."""
+    if clock.method == "identity":
+        return Prior(0.0, SEPARATE_CLOCK_SD_S), False
+    if clock.method == "arrival" and clock.output_delay_s is None:
+        mean, sd = OUTPUT_DELAY
+        return Prior(-mean, sd), True
+    sd_offset = min(clock.sd_offset_s, 1.0)
+    if clock.method == "arrival":
+        return Prior(0.0, (shared_sd**2 + sd_offset**2) ** 0.5), False
+    return Prior(0.0, max(SEPARATE_CLOCK_SD_S, sd_offset)), True

@@ -1,0 +1,128 @@
+"""What the stage geolocate writes: every detection's fate, and the figures of the run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from automap.io import names
+from pipeline.run.stage import StageContext
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+    import pyarrow as pa
+
+    from automap.geolocation.locate import GeolocationResult
+    from automap.records import Detections, IntArray
+
+_LISTED = 3
+
+
+def write_observations_of(
+    path: Path,
+    table: pa.Table,
+    parts: list[tuple[Detections, IntArray]],
+    result: GeolocationResult,
+) -> None:
+    """Every detection with its track, sign and residual; unused ones with the reason."""
+    import numpy as np
+
+    from automap.io.observations_table import write_observations
+
+    rows = np.concatenate([own for _, own in parts])
+
+    def spread(values: npt.NDArray[Any], missing: Any) -> npt.NDArray[Any]:
+        column: np.ndarray[Any, Any] = np.full(len(table), missing, values.dtype)
+        column[rows] = values
+        return column
+
+    fate = result.observations
+    t_ns = table["t_ns"].to_numpy().copy()
+    for record, own in parts:
+        t_ns[own] = record.t_ns
+    results = {
+        "t_ns": t_ns,
+        "track": spread(fate.track, -1),
+        "sign_id": spread(fate.sign_id, ""),
+        "residual_x_px": spread(fate.residual_px[:, 0], np.nan),
+        "residual_y_px": spread(fate.residual_px[:, 1], np.nan),
+        "range_m": spread(fate.range_m, np.nan),
+        "used": spread(fate.used, False),
+        "note": spread(fate.note, "no_camera"),
+    }
+    write_observations(path, table, results)
+
+
+def write_nothing(context: StageContext, table: pa.Table) -> None:
+    """No signs; every detection is still listed, unused."""
+    import numpy as np
+
+    from automap.io.observations_table import write_observations
+    from automap.io.signs_table import write_signs
+
+    n = len(table)
+    unknown = np.full(n, np.nan)
+    columns = {
+        "track": np.full(n, -1, np.int64),
+        "sign_id": np.full(n, "", np.object_),
+        "residual_x_px": unknown,
+        "residual_y_px": unknown,
+        "range_m": unknown,
+        "used": np.zeros(n, np.bool_),
+        "note": np.full(n, "no_pose", np.object_),
+    }
+    write_observations(context.work / names.OBSERVATIONS, table, columns)
+    write_signs(context.work / names.SIGNS_RAW, [])
+    context.metric("detections", n)
+    context.metric("detections_used", 0)
+    context.result = f"0 signs from {n} detections"
+
+
+def report_result(context: StageContext, result: GeolocationResult) -> None:
+    """Figures for the record of the run, and what the user should look at."""
+    import numpy as np
+
+    from automap.geolocation.camera_model import focal_length
+
+    signs, fate = result.signs, result.observations
+    context.metric("detections", len(fate.used))
+    context.metric("detections_used", int(fate.used.sum()))
+    statuses = sorted({s.status for s in signs})
+    context.metric("sign_status", {k: sum(s.status == k for s in signs) for k in statuses})
+    context.metric("box_scatter_scales", list(result.noise.scales))
+    context.metric("box_margin_scatter_px", result.noise.margin_sd_px)
+    if result.trajectory is not None:
+        context.metric("control_signs_used", result.n_control)
+        context.metric("trajectory_adjusted", True)
+    cameras = context.drive.cameras()
+    for name, found in result.corrections.items():
+        sd = np.sqrt(np.diag(found.covariance))
+        course = found.course_yaw
+        context.metric(
+            f"camera_{name}",
+            {
+                "boresight_rpy_deg": np.degrees(found.turn).tolist(),
+                "boresight_rpy_sd_deg": np.degrees(sd[:3]).tolist(),
+                "yaw_by_course_deg": float(np.degrees(course[0])) if course else None,
+                "yaw_by_course_sd_deg": float(np.degrees(course[1])) if course else None,
+                "time_offset_s": found.time_s,
+                "time_offset_sd_s": float(sd[3]),
+                "focal_scale": float(np.exp(found.focal_log)),
+                "focal_scale_sd": float(sd[4]),
+                "box_margin_px": found.margin * focal_length(cameras[name]),
+                "box_margin_sd_px": float(sd[8]) * focal_length(cameras[name]),
+            },
+        )
+    context.result = f"{len(signs)} signs from {len(fate.used)} detections"
+    if signs:
+        sd = np.sqrt([0.5 * (s.cov_enu[0, 0] + s.cov_enu[1, 1]) for s in signs])
+        context.result += f", median sd {float(np.median(sd)):.1f} m"
+        residual = fate.residual_px[fate.used]
+        if len(residual):
+            context.metric("residual_rms_px", float(np.sqrt(np.mean(residual**2))))
+    flagged = [s for s in signs if s.status != "ok"]
+    if flagged:
+        some = ", ".join(f"{s.id} {s.status}" for s in flagged[:_LISTED])
+        more = f" and {len(flagged) - _LISTED} more" if len(flagged) > _LISTED else ""
+        context.warn(f"{len(flagged)} of {len(signs)} signs are placed uncertainly: {some}{more}.")

@@ -1,0 +1,167 @@
+"""Stage detect: signs in the video, or an external detector's boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from automap.errors import InputError
+from automap.io import names
+from pipeline.detect.camera_paths import path_finder
+from pipeline.detect.search_setup import detector_files, open_detector, search_rules
+from pipeline.run.stage import Stage, StageContext
+
+if TYPE_CHECKING:
+    from automap.io.drive import Drive
+    from automap.io.video import VideoInput
+    from automap.records import Crop
+    from automap.vision.search import SearchResult
+
+
+def run(context: StageContext) -> None:
+    """Write detections.parquet and what was seen; an external detector's boxes win over video."""
+    from automap.io.detections_table import write_detections
+
+    found: list[SearchResult] = []
+    cameras = len(context.drive.videos)
+    for index, video in enumerate(context.drive.videos.values()):
+
+        def progress(
+            fraction: float, text: str, index: int = index, cameras: int = cameras
+        ) -> None:
+            context.progress((index + fraction) / cameras, text)
+
+        try:
+            part = _camera(context, video, progress)
+        except InputError as error:
+            context.warn(f"The camera {video.name} gives no detections: {error}")
+            continue
+        if part is not None:
+            found.append(part)
+    if not found and context.drive.bearings_file is None:
+        context.warn(
+            "The drive has neither a readable video nor detections, so no signs are found; the "
+            "trajectory is all there is."
+        )
+    found = _numbered(found)
+    write_detections(context.work / names.DETECTIONS, [part.detections for part in found])
+    _write_crops(context, [crop for part in found for crop in part.crops])
+    _report(context, found)
+
+
+def _camera(
+    context: StageContext, video: VideoInput, progress: Callable[[float, str], None]
+) -> SearchResult | None:
+    from automap.io.detections_csv import read_detections_csv
+    from automap.io.frame_times import frame_times
+    from automap.vision.search import SearchResult, search_video
+
+    _warn_of_geometry(context, video)
+    cameras = context.drive.cameras()
+    camera = cameras.get(video.name)
+    if video.detections is not None:
+        times = frame_times(video)
+        size = None if camera is None else (camera.width, camera.height)
+        table = read_detections_csv(video.detections, times, video.name, size)
+        for text in (*times.warnings, *table.warnings):
+            context.warn(text)
+        return SearchResult(table.data)
+    if not video.chapters:
+        return None
+    settings = context.settings.detect
+    detector = open_detector(settings, context.drive.site.country)
+    return search_video(
+        video,
+        detector,
+        search_rules(settings),
+        camera,
+        path_finder(context.out, context.drive, video),
+        context.warn,
+        progress,
+    )
+
+
+def _numbered(found: list[SearchResult]) -> list[SearchResult]:
+    """The same with track numbers that no two cameras share."""
+    first = 0
+    numbered = []
+    for part in found:
+        tracks = part.detections.track
+        crops = tuple(replace(crop, track=crop.track + first) for crop in part.crops)
+        moved = replace(part.detections, track=tracks + first * (tracks >= 0))
+        numbered.append(replace(part, detections=moved, crops=crops))
+        first = max([first, *(int(t) + 1 for t in moved.track)])
+    return numbered
+
+
+def _write_crops(context: StageContext, crops: list[Crop]) -> None:
+    """What was seen, as pictures; nothing where nothing was."""
+    if not crops:
+        return
+    from automap.io.atomic import write_bytes
+    from automap.io.crops_table import write_crops
+    from automap.vision.contact_sheet import contact_sheet
+
+    write_crops(context.work / names.CROPS, crops)
+    write_bytes(context.work / names.CONTACT_SHEET, contact_sheet(crops))
+
+
+def _report(context: StageContext, found: list[SearchResult]) -> None:
+    boxes = [part.detections for part in found]
+    total = sum(len(part) for part in boxes)
+    tracks = sum(len({t for t in part.track.tolist() if t >= 0}) for part in boxes)
+    searched, frames = sum(p.searched for p in found), sum(p.frames for p in found)
+    context.metric("n_detections", total)
+    context.metric("n_detection_frames", sum(len(set(part.frame.tolist())) for part in boxes))
+    context.metric("n_tracks", tracks)
+    if frames:
+        context.metric("n_frames", frames)
+        context.metric("n_frames_searched", searched)
+    context.result = f"{total} detections" if found else "no video and no detections"
+    if tracks:
+        context.result += f" in {tracks} tracks"
+    if searched:
+        context.result += f", {searched} of {frames} frames searched"
+
+
+def _warn_of_geometry(context: StageContext, video: VideoInput) -> None:
+    """Numbers of the camera that would put every sign in the wrong place."""
+    from automap.io.video import image_size
+    from pipeline.check.camera import geometry, size_mismatch
+
+    manifest = context.drive.manifest_file
+    for finding in geometry(context.drive, video, []):
+        if finding.severity == "error":
+            context.warn(f"{manifest}: {finding.sentence()}")
+    size = image_size(video.chapters)
+    mismatch = None if size is None else size_mismatch(video, *size)
+    if mismatch is not None:
+        context.warn(f"{video.chapters[0]}: {mismatch.sentence()}")
+
+
+def _inputs(drive: Drive) -> list[Path]:
+    files = [drive.manifest_file] if drive.manifest_file.is_file() else []
+    for video in drive.videos.values():
+        if video.detections is not None:
+            files.append(video.detections)
+            # without a table of stamps the video's own times date the boxes
+            files += [video.frames] if video.frames is not None else list(video.chapters)
+            continue
+        files += video.chapters
+        files += [video.frames] if video.frames is not None else []
+    return files
+
+
+STAGE = Stage(
+    name="detect",
+    version=2,
+    run=run,
+    inputs=_inputs,
+    # where the camera was when says which frames are worth a search
+    needs=(names.TRAJECTORY, names.SYNC),
+    outputs=(names.DETECTIONS, names.CROPS, names.CONTACT_SHEET),
+    settings=("detect",),
+    setting_files=detector_files,
+)

@@ -1,0 +1,89 @@
+"""Stage export: the map for people and for other software."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from automap.io import names
+from pipeline.run.stage import Stage, StageContext
+
+if TYPE_CHECKING:
+    from automap.io.drive import Drive
+
+
+def run(context: StageContext) -> None:
+    """Write the map in every standard format with its pictures; whatever is missing is said."""
+    from pipeline.export.command import (
+        FORMATS,
+        STANDARD_FORMATS,
+        map_content,
+        write_dictionary,
+        write_rejected,
+    )
+    from pipeline.export.datum import DATUM_FORMATS, in_datum
+    from pipeline.shared.pictures import take_pictures, write_pictures
+
+    settings = context.settings.export
+    content = map_content(context.out, context.drive.name, settings.min_confidence)
+    content.pictures = []
+    if settings.pictures:
+        content.pictures = take_pictures(
+            content.products,
+            context.drive.videos,
+            context.warn,
+            lambda done: context.progress(0.7 * done, "sign pictures"),
+        )
+        if content.pictures:
+            write_pictures(context.work, content.pictures)
+    elsewhere = in_datum(content, settings.datum) if settings.datum else content
+    for text in elsewhere.warnings:
+        context.warn(text)
+    for number, fmt in enumerate(STANDARD_FORMATS):
+        file_name, write = FORMATS[fmt]
+        context.progress(0.7 + 0.3 * number / len(STANDARD_FORMATS), file_name)
+        write(elsewhere if fmt in DATUM_FORMATS else content, context.work / file_name)
+    write_dictionary(context.work / names.DICTIONARY)
+    if content.products.rejected:
+        write_rejected(content, context.work / names.REJECTED)
+    context.metric("signs", len(content.signs))
+    points = 0 if content.path is None else len(content.path)
+    context.result = (
+        f"{len(content.signs)} signs and a path of {points} points in {len(STANDARD_FORMATS)} "
+        f"formats, {len(content.pictures)} pictures"
+    )
+
+
+def _inputs(drive: Drive) -> list[Path]:
+    return [path for video in drive.videos.values() for path in video.chapters]
+
+
+STAGE = Stage(
+    name="export",
+    version=2,
+    run=run,
+    inputs=_inputs,
+    needs=(
+        names.RUN,
+        names.SIGNS_RAW,
+        names.OBSERVATIONS,
+        names.TRAJECTORY,
+        names.TRAJECTORY_ADJUSTED,
+        names.FIXES,
+        names.SYNC,
+        names.REVIEW,
+    ),
+    outputs=(
+        names.SIGNS_GEOJSON,
+        names.KML,
+        names.KMZ,
+        names.GPKG,
+        names.SIGNS_TABLE,
+        names.DICTIONARY,
+        names.REJECTED,
+        names.PICTURES,
+        names.PICTURE_INDEX,
+    ),
+    settings=("export",),
+    manifest=("name", "video", "site"),
+)

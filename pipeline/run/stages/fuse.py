@@ -1,0 +1,271 @@
+"""Stage fuse: the trajectory, from whatever the drive has."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from automap.errors import InputError, StageError
+from automap.io import names
+from pipeline.run.stage import Stage, StageContext
+
+if TYPE_CHECKING:
+    from automap.fusion.engine import FusionResult
+    from automap.io.drive import Drive
+    from automap.records import ClockModel, Trajectory
+    from pipeline.settings.presets import Preset
+
+
+def run(context: StageContext) -> None:
+    """Write the trajectories, sensor errors, innovations and fusion.json."""
+    from automap.io.clock_json import read_clock
+
+    drive = context.drive
+    if drive.trajectory_file is not None:
+        _take_finished(context)
+        return
+    if not (context.out / names.FIXES).exists():
+        if drive.bearings_file is not None:
+            _write_summary(context, {"method": "none"})
+            context.result = "no trajectory"
+            return
+        raise InputError(
+            f"{drive.path}: there are no fixes, and without GPS nothing can be placed on a map; "
+            "add the receiver's log (gnss.ubx or gnss.nmea) or a finished trajectory "
+            "(trajectory.csv or trajectory.pos)"
+        )
+    clock = read_clock(context.out / names.SYNC)
+    if not (context.out / names.IMU).exists():
+        _smooth_fixes(context, clock, "no IMU recording")
+        return
+    try:
+        _fuse(context)
+    except StageError as error:
+        # nobody asked for the receiver's own sensors: without them there is still its track
+        if not _is_receivers_own(context):
+            raise
+        context.metrics.clear()
+        context.warn(f"{error} (the receiver's own sensors served as the IMU)")
+        _smooth_fixes(context, clock, "the receiver's own sensors are left out")
+
+
+def _is_receivers_own(context: StageContext) -> bool:
+    import json
+
+    path = context.out / names.INGEST
+    if not path.exists():
+        return False
+    return bool(json.loads(path.read_text(encoding="utf-8"))["imu"]["source"] == "receiver")
+
+
+def _take_finished(context: StageContext) -> None:
+    """A trajectory from other software, completed and passed on."""
+    from automap.io.clock_json import read_clock
+    from automap.io.trajectory_file import read_finished
+
+    assert context.drive.trajectory_file is not None
+    finished = read_finished(context.drive.trajectory_file)
+    trajectory = finished.data
+    if finished.time == "t_ns" and (context.out / names.SYNC).exists():
+        clock = read_clock(context.out / names.SYNC)
+        trajectory = replace(trajectory, gps_s=clock.gps_s(trajectory.t_ns))
+    # what is wrong with the file was said by ingest
+    _write_trajectory(context, trajectory, names.TRAJECTORY)
+    _write_summary(context, {"method": "finished trajectory"})
+    context.result = f"{len(trajectory)} rows of the finished trajectory"
+
+
+def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None:
+    from automap.fusion.gnss_only import smooth_fixes
+    from automap.io.tables import read_fixes
+    from pipeline.settings.presets import fusion_options
+
+    context.warn(
+        f"{reason}: the trajectory is the smoothed GPS track alone, with headings from the "
+        "course; positions of signs will be less sure"
+    )
+    fixes = read_fixes(context.out / names.FIXES)
+    options, presets = fusion_options(context.drive, context.settings.fuse)
+    trajectory = smooth_fixes(fixes, clock, options)
+    _write_trajectory(context, trajectory, names.TRAJECTORY)
+    content = {"method": "gnss only", "epochs": len(trajectory)}
+    _write_summary(context, content | {"presets": _note_presets(context, presets)})
+    context.result = f"{len(trajectory)} epochs from GPS alone, smoothed"
+
+
+def _fuse(context: StageContext) -> None:
+    from pipeline.run.fusion_inputs import read_inputs
+    from pipeline.settings.presets import fusion_options
+    from pipeline.settings.user_effects import activate
+
+    settings = context.settings.fuse
+    activate(context.settings.effects)
+    inputs = read_inputs(context.drive, context.out, settings.imu_delay_sd_s)
+    options, presets = fusion_options(context.drive, settings)
+    result = inputs.fuse(options, progress=context.progress)
+    for text in result.warnings:
+        context.warn(text)
+    _write_trajectory(context, result.trajectory, names.TRAJECTORY)
+    _write_trajectory(context, result.filtered, names.TRAJECTORY_FILTER)
+    _write_parameters(context, result)
+    _write_innovations(context, result)
+    _report(context, result, inputs.delay_is_clock, _note_presets(context, presets))
+    if settings.tune:
+        _write_tuned(context, result, presets)
+    metrics = context.metrics
+    context.result = (
+        f"{len(result.trajectory)} epochs from {result.n_fixes_used} fixes, horizontal sd "
+        f"{metrics['horizontal_sd_m']:.2f} m, IMU delay {1e3 * result.delay.mean:.0f} ms"
+    )
+
+
+def _write_trajectory(context: StageContext, trajectory: Trajectory, name: str) -> None:
+    from automap.io.trajectory_table import write_trajectory
+
+    write_trajectory(context.work / name, trajectory)
+
+
+def _write_parameters(context: StageContext, result: FusionResult) -> None:
+    from automap.io.tables import write_columns
+
+    history = result.parameters
+    columns: dict[str, Any] = {"t_ns": history.t_ns}
+    for i, name in enumerate(history.names):
+        columns[name] = history.values[:, i]
+        columns[f"sd_{name}"] = history.sd[:, i]
+    write_columns(context.work / names.IMU_ERRORS, columns)
+
+
+def _write_innovations(context: StageContext, result: FusionResult) -> None:
+    from automap.io.tables import write_columns
+
+    table = result.innovations
+    write_columns(
+        context.work / names.INNOVATIONS,
+        {
+            "t_ns": table.t_ns,
+            "channel": table.channel,
+            "innovation": table.innovation,
+            "sd": table.sd,
+            "nis": table.nis,
+            "accepted": table.accepted,
+        },
+    )
+
+
+def _write_tuned(context: StageContext, result: FusionResult, presets: list[Preset]) -> None:
+    """The noise levels that were found, as a file for --config."""
+    from automap.io.atomic import write_text
+
+    begun = " and ".join(preset.file.stem for preset in presets)
+    lines = [
+        "# Noise levels found by likelihood on this drive; use them with --config on others.",
+        *([f"# They multiply what {begun} say: name the same there."] if begun else []),
+        "[fuse]",
+        "adapt = false",
+        "[fuse.factors]",
+        *(f"{name} = {value:.6g}" for name, value in result.noise_factors.items()),
+    ]
+    write_text(context.work / names.TUNED, "\n".join(lines) + "\n")
+
+
+def _note_presets(context: StageContext, presets: list[Preset]) -> dict[str, Any]:
+    """The presets in use, as metrics and for fusion.json."""
+    for preset in presets:
+        context.metric(f"{preset.role}_preset", preset.file.stem)
+    return {preset.role: preset.as_dict() for preset in presets}
+
+
+def _report(
+    context: StageContext, result: FusionResult, is_clock: bool, presets: dict[str, Any]
+) -> None:
+    """Figures for run.json and fusion.json."""
+    from dataclasses import asdict
+
+    import numpy as np
+
+    from automap.fusion.consistency import channel_consistency, verdict
+
+    table = result.innovations
+    channels = channel_consistency(table)
+    refused = 1.0 - float(table.accepted.mean()) if len(table.accepted) else 0.0
+    if refused > 0.2:
+        context.warn(
+            f"{100 * refused:.0f} % of the measurements contradict the others and were trusted "
+            "less; look at the innovations in the report"
+        )
+    said = verdict(channels)
+    context.metric("innovations_verdict", said)
+    # run.json tells each channel's size (1 is right) and whiteness (0 is right)
+    context.metric("innovations_rms", {n: c.normalised_rms for n, c in channels.items()})
+    context.metric("innovations_lag1", {n: c.lag1 for n, c in channels.items()})
+    rest = sum(stop - start for start, stop in result.standstill)
+    context.metric("imu_delay_s", result.delay.mean)
+    context.metric("imu_delay_sd_s", result.delay.sd)
+    if is_clock:
+        context.metric("output_delay_s", -result.delay.mean)
+        context.metric("output_delay_sd_s", result.delay.sd)
+    context.metric("mounting_rpy_deg", [float(a) for a in np.degrees(result.mounting.rpy)])
+    context.metric("mounting_rpy_sd_deg", [float(a) for a in np.degrees(result.mounting.sd)])
+    context.metric("standstill_s", rest)
+    context.metric("fixes_used", result.n_fixes_used)
+    moments = result.trajectory
+    context.metric(
+        "horizontal_sd_m",
+        float(np.median(np.hypot(moments.sd_pos_ned[:, 0], moments.sd_pos_ned[:, 1]))),
+    )
+    _write_summary(
+        context,
+        {
+            "method": "inertial",
+            "presets": presets,
+            "imu_delay_s": result.delay.mean,
+            "imu_delay_sd_s": result.delay.sd,
+            "delay_is_clock": is_clock,
+            "mounting_rpy_deg": [float(a) for a in np.degrees(result.mounting.rpy)],
+            "mounting_rpy_sd_deg": [float(a) for a in np.degrees(result.mounting.sd)],
+            "align_margin_nats": float(result.align_margin),
+            "noise_factors": result.noise_factors,
+            "nodes": result.n_nodes,
+            "fixes_used": result.n_fixes_used,
+            "refused_share": refused,
+            "standstill": [[float(a), float(b)] for a, b in result.standstill],
+            "channels": {name: asdict(item) for name, item in channels.items()},
+            "verdict": said,
+        },
+    )
+
+
+def _write_summary(context: StageContext, content: dict[str, Any]) -> None:
+    from automap.io.atomic import write_json
+
+    write_json(context.work / names.FUSION, content)
+
+
+def _inputs(drive: Drive) -> list[Path]:
+    from pipeline.settings.presets import preset_files
+
+    files = [drive.manifest_file, *preset_files(drive)]
+    if drive.trajectory_file is not None:
+        files.append(drive.trajectory_file)
+    return files
+
+
+STAGE = Stage(
+    name="fuse",
+    version=2,
+    run=run,
+    inputs=_inputs,
+    needs=(names.IMU, names.FIXES, names.ODOMETER, names.SYNC, names.INGEST),
+    outputs=(
+        names.TRAJECTORY,
+        names.TRAJECTORY_FILTER,
+        names.IMU_ERRORS,
+        names.INNOVATIONS,
+        names.FUSION,
+        names.TUNED,
+    ),
+    settings=("effects", "fuse"),
+    setting_files=lambda settings: settings.effects.paths(),
+)

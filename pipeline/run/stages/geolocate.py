@@ -1,0 +1,250 @@
+"""Stage geolocate: where the detected signs stand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from automap.errors import InputError
+from automap.io import names
+from pipeline.run.geolocate_output import report_result, write_nothing, write_observations_of
+from pipeline.run.stage import Stage, StageContext
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from automap.geolocation.control import ControlSigns
+    from automap.geolocation.rules import GeolocationRules
+    from automap.io.drive import Drive
+    from automap.records import Camera, Detections, IntArray, Trajectory
+    from pipeline.settings.geolocate import GeolocateSettings
+
+
+def run(context: StageContext) -> None:
+    """Write signs_raw.parquet and observations.parquet; empty ones where there is nothing."""
+    from automap.io.observations_table import read_detection_rows
+    from automap.io.signs_table import write_signs
+
+    if context.drive.bearings_file is not None:
+        _locate_bearings(context, context.drive.bearings_file)
+        return
+    detections_file = context.out / names.DETECTIONS
+    if not detections_file.is_file():
+        context.warn("There are no detections, so the map has no signs.")
+        write_signs(context.work / names.SIGNS_RAW, [])
+        context.result = "no detections"
+        return
+    table, parts = read_detection_rows(detections_file)
+    parts = _in_trajectory_time(context, parts)
+    trajectory = _trajectory(context)
+    cameras = context.drive.cameras()
+    known = [part for part in parts if part[0].camera in cameras]
+    for record, rows in parts:
+        if record.camera not in cameras:
+            context.warn(
+                f"{len(rows)} detections of the camera {record.camera} were left out: the "
+                "manifest has no such camera; add a section [video."
+                f"{record.camera}] with its camera_matrix."
+            )
+    if trajectory is None or len(trajectory) < 2:
+        if len(table):
+            context.warn("Without a trajectory the detections cannot be placed on the map.")
+        known = []
+    if not known or trajectory is None:
+        write_nothing(context, table)
+        return
+    _locate(context, trajectory, table, known)
+
+
+def _locate_bearings(context: StageContext, path: Path) -> None:
+    """Signs of a drive that brings finished sightings in place of detections."""
+    import numpy as np
+
+    from automap.geolocation.bearings import BearingRules, locate_from_bearings
+    from automap.io.bearings_csv import read_bearings
+    from automap.io.signs_table import write_signs
+    from automap.io.tables import write_columns
+
+    bearings, sentences = read_bearings(path)
+    for text in sentences:
+        context.warn(text)
+    if (context.out / names.DETECTIONS).is_file() and context.drive.videos:
+        context.warn(f"{path} is used for the map; the detections in the video are not.")
+    bearing_rules = BearingRules(single=context.settings.geolocate.single_sightings)
+    signs, index = locate_from_bearings(bearings, bearing_rules, drive=context.drive.name)
+    write_signs(context.work / names.SIGNS_RAW, signs)
+    ids = np.array([sign.id for sign in signs] + [""], np.object_)
+    columns = {
+        "lat_deg": np.degrees(bearings.lat_rad),
+        "lon_deg": np.degrees(bearings.lon_rad),
+        "bearing_deg": np.degrees(bearings.bearing_rad),
+        "depth_m": bearings.depth_m,
+        "class": bearings.class_name.astype(str),
+        "sign_id": ids[index].astype(str),
+        "used": index >= 0,
+    }
+    write_columns(context.work / names.OBSERVATIONS, columns)
+    unused = int((index < 0).sum())
+    if unused:
+        context.warn(f"{unused} of {len(bearings)} sightings meet no other and have no object.")
+    alone = sum(sign.status == "single_view" for sign in signs)
+    if alone:
+        context.warn(f"{alone} of {len(signs)} objects rest on one sighting and its depth alone.")
+    context.metric("detections", len(bearings))
+    context.metric("detections_used", len(bearings) - unused)
+    context.result = f"{len(signs)} signs from {len(bearings)} sightings"
+
+
+def _trajectory(context: StageContext) -> Trajectory | None:
+    from automap.io.trajectory_table import read_trajectory
+
+    path = context.out / names.TRAJECTORY
+    return read_trajectory(path) if path.is_file() else None
+
+
+def _in_trajectory_time(
+    context: StageContext, parts: list[tuple[Detections, IntArray]]
+) -> list[tuple[Detections, IntArray]]:
+    """The detections with stamps of the trajectory's clock; a camera whose clock nothing ties
+    to it is left out, and said."""
+    from automap.io.clock_json import read_clocks
+    from automap.sync.stamps import in_trajectory_time
+
+    path = context.out / names.SYNC
+    if not path.is_file() or not (context.out / names.TRAJECTORY).is_file():
+        return parts
+    clocks = read_clocks(path)
+    converted = []
+    for record, rows in parts:
+        video = context.drive.videos.get(record.camera)
+        if video is None:
+            converted.append((record, rows))
+            continue
+        try:
+            t_ns = in_trajectory_time(record.t_ns, video.section.time, clocks)
+        except InputError as error:
+            context.warn(
+                f"{context.drive.manifest_file}: [video.{record.camera}]: the {len(rows)} "
+                f"detections of this camera cannot be placed: {error}."
+            )
+            continue
+        converted.append((replace(record, t_ns=t_ns), rows))
+    return converted
+
+
+def rules_from(settings: GeolocateSettings, drive: str) -> GeolocationRules:
+    """The library's rules from the stage's settings."""
+    from automap.geolocation.assembly import AssemblyRules
+    from automap.geolocation.boresight import CameraPriors
+    from automap.geolocation.landmark import SizePrior
+    from automap.geolocation.rules import GeolocationRules
+    from automap.geolocation.tracking import TrackingRules
+    from automap.geolocation.views import MeasurementNoise
+
+    return GeolocationRules(
+        noise=MeasurementNoise(
+            pixel_sd=settings.pixel_sd,
+            box_fraction=settings.box_fraction,
+            margin_sd_px=settings.box_margin_sd_px,
+        ),
+        size=SizePrior(size_m=settings.sign_size_m, log_sd=settings.sign_size_log_sd),
+        tracking=TrackingRules(max_silence_s=settings.max_silence_s),
+        assembly=AssemblyRules(imu_above_road_m=settings.imu_above_road_m, drive=drive),
+        camera=CameraPriors(
+            focal_sd=settings.focal_sd,
+            lever_arm_sd_m=settings.lever_arm_sd_m,
+            margin_sd_px=settings.box_margin_sd_px,
+        ),
+        estimate_camera=settings.estimate_camera,
+        estimate_noise=settings.estimate_noise,
+        adjust_trajectory=settings.adjust_trajectory,
+        min_existence=settings.min_existence,
+        max_single_view_m=settings.max_single_view_m,
+    )
+
+
+def _locate(
+    context: StageContext,
+    trajectory: Trajectory,
+    table: pa.Table,
+    parts: list[tuple[Detections, IntArray]],
+) -> None:
+    import numpy as np
+
+    from automap.geolocation.locate import locate_signs
+    from automap.io.signs_table import write_signs
+    from automap.io.trajectory_table import write_trajectory
+
+    settings = context.settings.geolocate
+    cameras, records = _as_known(context.drive.cameras(), [r for r, _ in parts], settings.fixed)
+    result = locate_signs(
+        trajectory,
+        records,
+        cameras,
+        rules_from(settings, context.drive.name),
+        lambda fraction: context.progress(fraction, "linking detections"),
+        _control_signs(context.drive),
+    )
+    rows = np.concatenate([rows for _, rows in parts])
+    signs = [
+        replace(sign, detection_rows=np.sort(rows[sign.detection_rows])) for sign in result.signs
+    ]
+    write_signs(context.work / names.SIGNS_RAW, signs)
+    if result.trajectory is not None:
+        write_trajectory(context.work / names.TRAJECTORY_ADJUSTED, result.trajectory)
+    write_observations_of(context.work / names.OBSERVATIONS, table, parts, result)
+    for text in result.warnings:
+        context.warn(text)
+    report_result(context, result)
+
+
+def _as_known(
+    stated: Mapping[str, Camera],
+    records: list[Detections],
+    known: Mapping[str, Mapping[str, Mapping[str, float]]],
+) -> tuple[dict[str, Camera], list[Detections]]:
+    """Cameras as they are where their errors are known, and boxes at the instants of their rows."""
+    from automap.effects.camera import row_delay_s, true_camera
+
+    cameras = {n: true_camera(c, known[n]) if n in known else c for n, c in stated.items()}
+    out = []
+    for record in records:
+        if "rolling_shutter" in known.get(record.camera, {}):
+            rows = 0.5 * (record.box[:, 1] + record.box[:, 3])
+            late = row_delay_s(rows, cameras[record.camera].height, known[record.camera])
+            record = replace(record, t_ns=record.t_ns + (late * 1e9).astype(record.t_ns.dtype))
+        out.append(record)
+    return cameras, out
+
+
+def _control_signs(drive: Drive) -> ControlSigns | None:
+    """The surveyed signs of a drive folder."""
+    from automap.geolocation.control import ControlSigns
+    from automap.io.sign_points import read_sign_points
+
+    path = drive.path / names.CONTROL_SIGNS
+    if not path.is_file():
+        return None
+    points = read_sign_points(path)
+    return ControlSigns(points.lat_rad, points.lon_rad, points.class_name, points.sd_m)
+
+
+def _inputs(drive: Drive) -> list[Path]:
+    control = drive.path / names.CONTROL_SIGNS
+    files = [] if drive.bearings_file is None else [drive.bearings_file]
+    return [*files, control] if control.is_file() else files
+
+
+STAGE = Stage(
+    name="geolocate",
+    version=8,
+    run=run,
+    inputs=_inputs,
+    needs=(names.TRAJECTORY, names.DETECTIONS, names.SYNC),
+    # the adjusted trajectory is written where signs seen again or surveyed ones move the vehicle
+    outputs=(names.SIGNS_RAW, names.OBSERVATIONS, names.TRAJECTORY_ADJUSTED),
+    settings=("geolocate",),
+    manifest=("name", "video"),
+)

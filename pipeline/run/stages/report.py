@@ -1,0 +1,59 @@
+"""Stage report: one page that shows the run, without the network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from automap.io import names
+from pipeline.run.stage import Stage, StageContext
+
+if TYPE_CHECKING:
+    from automap.io.drive import Drive
+
+
+def run(context: StageContext) -> None:
+    """Write report.html from whatever the earlier stages left."""
+    from automap.io.atomic import write_text
+    from pipeline.report.render import report_html
+    from pipeline.shared.products import load_products
+
+    products = load_products(context.out)
+    record = products.json(names.RUN)
+    context.progress(0.2, "drawing")
+    text = report_html(products, context.drive.name, record)
+    for problem in products.problems:
+        context.warn(problem)
+    write_text(context.work / names.REPORT, text)
+    context.result = f"{len(text.encode()) / 1e6:.1f} MB"
+
+
+def _inputs(drive: Drive) -> list[Path]:
+    return []
+
+
+STAGE = Stage(
+    name="report",
+    version=3,
+    run=run,
+    inputs=_inputs,
+    needs=(
+        names.RUN,
+        names.INGEST,
+        names.SYNC,
+        names.SYNC_DELAYS,
+        names.FIXES,
+        names.FUSION,
+        names.TRAJECTORY,
+        names.TRAJECTORY_ADJUSTED,
+        names.IMU_ERRORS,
+        names.INNOVATIONS,
+        names.SIGNS_RAW,
+        names.OBSERVATIONS,
+        names.EVALUATION,
+        names.REVIEW,
+        names.PICTURE_INDEX,
+    ),
+    outputs=(names.REPORT,),
+    settings=("report",),
+)

@@ -1,0 +1,1 @@
+"""What several commands use: what a run left in OUT, progress on the terminal, care for files."""

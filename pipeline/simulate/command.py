@@ -1,0 +1,134 @@
+"""``automap simulate``: a scenario file becomes a drive folder."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from automap.errors import ConfigError, InputError
+from automap.io.atomic import make_folder, write_failure
+
+if TYPE_CHECKING:
+    from automap.simulation.scenario import Scenario
+    from pipeline.settings.load import Settings
+
+CAMERA = "front"
+"""The name of a scenario's camera in its manifest."""
+_DAMAGE = (
+    *(ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError, struct.error),
+)
+"""What results that are not what they should be can end in."""
+
+
+def simulate(
+    scenario: Path | str,
+    out: Path,
+    seed: int | None = None,
+    progress: Callable[[float, str], None] = lambda fraction, text: None,
+    config: Path | None = None,
+) -> None:
+    """Write the drive of a scenario, truth included, to the new folder ``out``.
+
+    ``scenario`` is a file, or the name of one that comes with AutoMap ("sample"). The same
+    seed gives the same drive; ``seed`` replaces the scenario's. The sensors have the errors that
+    the model ``config`` knows besides the scenario's, and the scenario may use its effects. The
+    folder appears whole or not at all. Raises ConfigError for a bad scenario or an existing folder
+    that is not empty, StageError when the folder cannot be written.
+    """
+    from pipeline.settings.load import load_settings
+    from pipeline.settings.user_effects import activate
+    from pipeline.simulate.drive_writer import write_drive
+
+    settings = load_settings(config)
+    activate(settings.effects)
+    description = load_scenario(_scenario_file(scenario))
+    if config is not None:
+        errors = {**description.errors, **_errors_of(settings, description)}
+        description = description.model_copy(update={"errors": errors})
+    _write(out, lambda folder: write_drive(description, folder, seed, progress))
+
+
+def load_scenario(path: Path) -> Scenario:
+    """Read and check a scenario file.
+
+    Raises ConfigError naming the file, the key and, for an unknown key, the nearest one.
+    """
+    from automap.io.toml_file import read_toml
+    from automap.simulation.scenario import parse_scenario
+
+    return parse_scenario(read_toml(path, "scenario file"), path)
+
+
+def _errors_of(settings: Settings, scenario: Scenario) -> dict[str, dict[str, float] | bool]:
+    """What a model says of the sensors, as the errors of a scenario."""
+    model = settings.fuse
+    errors: dict[str, dict[str, float] | bool] = {e: dict(v) for e, v in model.fixed.items()}
+    arm = errors.get("gnss_lever_arm")
+    if isinstance(arm, dict) and scenario.gnss is not None:
+        # a model has the whole lever, a scenario the error of the stated one
+        stated = dict(zip("xyz", scenario.gnss.lever_arm_m, strict=True))
+        errors["gnss_lever_arm"] = {p: arm.get(p, 0.0) - stated[p] for p in "xyz"}
+    if not model.earth_rotation:
+        errors["earth_rotation"] = False
+    for effect, values in settings.geolocate.fixed.get(CAMERA, {}).items():
+        errors[effect] = dict(values)
+    return errors
+
+
+def simulate_like(run: Path, out: Path, seed: int = 1) -> None:
+    """Write the twin of a recorded drive, truth included, to the new folder ``out``.
+
+    ``run`` is the output folder of a finished run of a drive with an IMU: the twin follows its
+    smoothed trajectory with the errors and the noise that were fitted. Raises InputError
+    for another folder, ConfigError for an ``out`` that is not empty, StageError when it cannot
+    be written.
+    """
+    from pipeline.simulate.twin import write_twin
+
+    def fill(folder: Path) -> None:
+        try:
+            write_twin(Path(run), folder, seed)
+        except _DAMAGE as error:
+            raise InputError(
+                f"{run}: its results are damaged or incomplete ({type(error).__name__}: {error}); "
+                "run the drive again with --force."
+            ) from error
+
+    _write(out, fill)
+
+
+def _write(out: Path, fill: Callable[[Path], None]) -> None:
+    """Fill a new folder that appears whole or not at all."""
+    out = Path(out)
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise ConfigError(f"{out} exists already; remove it or choose another folder with -o")
+    make_folder(out.parent)
+    temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
+    try:
+        temporary.mkdir()
+        fill(temporary)
+        if out.exists():
+            out.rmdir()
+        os.replace(temporary, out)
+    except OSError as error:
+        raise write_failure(out, error) from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _scenario_file(scenario: Path | str) -> Path:
+    path = Path(scenario)
+    if path.suffix == ".toml" or path.exists():
+        return path
+    from pipeline.settings.load import configs_dir
+
+    folder = configs_dir() / "scenarios"
+    named = folder / f"{scenario}.toml"
+    if named.is_file():
+        return named
+    known = ", ".join(sorted(p.stem for p in folder.glob("*.toml")))
+    raise ConfigError(f"there is no scenario '{scenario}'; give a TOML file or one of: {known}")

@@ -1,0 +1,216 @@
+"""``automap simulate --like OUT``: the twin of a recorded drive as a drive folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from automap.errors import InputError
+from automap.io import names
+from automap.io.json_text import parse_json
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from automap.effects.vehicle import Values
+    from automap.simulation.twin import NoiseModel, Twin
+
+ODOMETER_FILE = "odometer.csv"
+_EFFECTS = (
+    "accel_bias",
+    "gyro_bias",
+    "accel_scale",
+    "gyro_scale",
+    "accel_misalignment",
+    "gyro_misalignment",
+    "accel_scale_asymmetry",
+    "gyro_scale_asymmetry",
+    "accel_quadratic",
+    "gyro_g_sensitivity",
+    "accel_temperature",
+    "gyro_temperature",
+    "speed_vibration",
+    "gnss_lever_arm",
+    "gnss_velocity_latency",
+    "gnss_velocity_lag",
+    "gnss_latency",
+    "odometer_scale",
+)
+"""What the sensors of a twin have of the fitted errors. The vehicle's own (slip, springs, where
+the axle is) are in the path already."""
+
+
+def write_twin(out: Path, folder: Path, seed: int) -> None:
+    """Write the twin of the run in OUT into an existing empty folder.
+
+    Raises InputError where OUT is no finished run of a drive with an IMU.
+    """
+    import numpy as np
+
+    from automap.effects.user_fixes import acts_on_fixes
+    from automap.io.clock_json import read_clock
+    from automap.io.tables import read_fixes, read_imu, read_odometer
+    from automap.io.trajectory_table import read_trajectory
+    from automap.simulation.twin import make_twin
+    from pipeline.settings.effects import EffectsSettings
+    from pipeline.settings.user_effects import activate
+
+    run, fusion = _json(out / names.RUN), _json(out / names.FUSION)
+    if fusion.get("method") != "inertial":
+        raise InputError(
+            f"{out}: this run had no IMU, so there is no model of one to simulate; run a drive "
+            "with an IMU"
+        )
+    trajectory = read_trajectory(out / names.TRAJECTORY)
+    fixes, imu = read_fixes(out / names.FIXES), read_imu(out / names.IMU)
+    clock = read_clock(out / names.SYNC)
+    late = 0.0 if fusion["delay_is_clock"] else float(fusion["imu_delay_s"])
+    # the users' effects of that run
+    activate(EffectsSettings.model_validate(run["settings"].get("effects", {})))
+    errors = dict(_last_errors(out))
+    fixed = run["settings"]["fuse"].get("fixed", {})
+    errors |= {e: dict(v) for e, v in fixed.items() if acts_on_fixes(e)}
+    if late:
+        errors["imu_time_offset"] = {"s": late}
+    angles = np.radians(fusion["mounting_rpy_deg"])
+    errors["imu_mounting"] = dict(zip(("roll", "pitch", "yaw"), map(float, angles), strict=True))
+    settings = run["settings"]["fuse"]
+    factors = fusion.get("noise_factors", {})
+    for sensor in ("accel", "gyro"):
+        walk = settings[f"{sensor}_bias_walk"] * factors.get(f"{sensor}_bias_walk", 1.0)
+        errors[f"{sensor}_bias_walk"] = dict.fromkeys("xyz", float(walk))
+    if len(imu.t_ns) != len(trajectory.t_ns):
+        raise InputError(f"{out}: trajectory and IMU have different lengths; run it with --force")
+    wheels = out / names.ODOMETER
+    odometer = read_odometer(wheels) if wheels.is_file() else None
+    twin = make_twin(
+        trajectory,
+        fixes,
+        errors,
+        _noise(settings, factors),
+        late,
+        np.random.default_rng(seed),
+        imu.temp_c,
+        odometer,
+        None if odometer is None else clock.gps_s(odometer.t_ns),
+    )
+    begin = float(trajectory.gps_s[0])
+    name = str(run.get("drive", {}).get("name", out.name))
+    known = bool(_json(out / names.INGEST).get("imu", {}).get("axes_known", True))
+    _write(folder, twin, begin, name, out, clock.output_delay_s, known)
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        return dict(parse_json(path.read_text(encoding="utf-8")))
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError(
+            f"{path} is missing; give the output folder of a finished `automap run`"
+        ) from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); check its rights") from None
+    except ValueError as error:
+        raise InputError(f"{path} is damaged ({error}); run the drive again") from None
+
+
+def _last_errors(out: Path) -> Values:
+    """The fitted errors at the end of the run."""
+    from automap.effects import CATALOGUE
+    from automap.effects.user import user_effects
+    from automap.io.tables import floats, read_table
+    from automap.simulation.twin import estimated_errors
+
+    table = read_table(out / names.IMU_ERRORS, ("t_ns",))
+    last = {c: float(floats(table, c)[-1]) for c in table.column_names if c != "t_ns"}
+    own = [e.name for e in user_effects()]
+    known = {e: [p.name for p in CATALOGUE[e].parameters] for e in (*_EFFECTS, *own)}
+    return estimated_errors(last, known)
+
+
+def _noise(settings: Mapping[str, Any], factors: Mapping[str, float]) -> NoiseModel:
+    import numpy as np
+
+    from automap.simulation.twin import NoiseModel
+
+    def level(name: str) -> float:
+        return float(factors.get(name, 1.0))
+
+    def by_axis(horizontal: str, vertical: str) -> np.ndarray:
+        return np.array([level(horizontal), level(horizontal), level(vertical)])
+
+    wander = settings["wander_share"] * level("wander")
+    return NoiseModel(
+        accel=settings["accel_noise"] * level("accel"),
+        gyro=settings["gyro_noise"] * level("gyro"),
+        wander_tau_s=settings["wander_tau_s"] * level("wander_tau"),
+        wander=np.full(3, wander),
+        white=settings["white_share"] * by_axis("position_h", "position_v"),
+        velocity=by_axis("velocity_h", "velocity_v"),
+        position_sd=np.array(
+            [settings["horizontal_sd_m"], settings["horizontal_sd_m"], settings["vertical_sd_m"]]
+        ),
+        velocity_sd=np.full(3, settings["velocity_sd"]),
+        odometer=settings["odometer_sd"],
+    )
+
+
+def _write(
+    folder: Path,
+    twin: Twin,
+    begin_gps_s: float,
+    name: str,
+    source: Path,
+    delay_s: float | None,
+    axes_known: bool,
+) -> None:
+    """The drive folder; its stamps are the recorder's where arrival times tie them to GPS."""
+    import numpy as np
+
+    from automap.io.atomic import write_json
+    from automap.io.imu_csv import write_imu_csv
+    from automap.io.odometer_csv import write_odometer_csv
+    from automap.io.ubx_writer import nav_pvt
+    from automap.records import NO_TIME
+    from pipeline.simulate.drive_writer import write_truth
+
+    arrived = bool((twin.fixes.arrival_ns != NO_TIME).all())
+    imu = twin.imu
+    if not arrived:
+        imu = replace(imu, t_ns=np.rint((twin.truth.t_s + begin_gps_s) * 1e9).astype(np.int64))
+    write_imu_csv(folder / "imu.csv", imu)
+    messages = nav_pvt(twin.fixes)
+    (folder / "gnss.ubx").write_bytes(b"".join(messages))
+    manifest = [
+        'schema = "automap.drive/1"',
+        f"name = {json.dumps(name + ' (twin)')}",
+        "",
+        "[imu]",
+        'file = "imu.csv"',
+        f'axes = "{"FRD" if axes_known else "unknown"}"',
+        f'time = "{"boot_ns" if arrived else "gps_ns"}"',
+        'gyro_unit = "rad/s"',
+        'accel_unit = "m/s^2"',
+        "",
+        "[gnss]",
+        'file = "gnss.ubx"',
+    ]
+    if arrived:
+        offsets = np.cumsum([0] + [len(m) for m in messages[:-1]])
+        rows = zip(offsets, twin.fixes.arrival_ns, strict=True)
+        text = "offset,t_ns\n" + "".join(f"{o},{t}\n" for o, t in rows)
+        (folder / "gnss_arrival.csv").write_text(text, encoding="utf-8", newline="\n")
+        manifest += ['arrival = "gnss_arrival.csv"', 'arrival_time = "boot_ns"']
+        manifest += [] if delay_s is None else [f"output_delay_s = {delay_s}"]
+    manifest.append(f"lever_arm_m = {twin.lever_arm_m}")
+    if twin.odometer is not None and arrived:
+        write_odometer_csv(folder / ODOMETER_FILE, twin.odometer)
+        manifest += ["", "[odometer]", f'file = "{ODOMETER_FILE}"']
+    truth = folder / names.TRUTH_DIR
+    truth.mkdir()
+    write_truth(truth / names.TRUTH_TRAJECTORY, twin.truth, imu.t_ns, begin_gps_s)
+    # what the simulated sensors have, for comparison with what is found
+    write_json(truth / "errors.json", {"source": source.name, "errors": twin.errors})
+    (folder / names.MANIFEST).write_text("\n".join(manifest) + "\n", encoding="utf-8")

@@ -1,0 +1,81 @@
+"""Columns for the page as one block of bytes, which it reads without parsing numbers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.export.uncertainty import CHI2_95_2, principal_axes
+from automap.records import FloatArray
+from pipeline.view.signs import SignTable
+
+_TYPES = {"float64": "f8", "float32": "f4", "uint32": "u4", "uint16": "u2", "uint8": "u1"}
+
+
+def packed(header: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]]) -> bytes:
+    """Length of the header (uint32, little endian), the header as JSON, then the arrays.
+
+    The header lists every array's name, type, offset from the end of the header's block and
+    length; each array begins at a multiple of eight bytes.
+    """
+    blocks: list[bytes] = []
+    listed = []
+    offset = 0
+    for name, values in arrays.items():
+        data = np.ascontiguousarray(values).astype(values.dtype.newbyteorder("<")).tobytes()
+        listed.append(
+            {"name": name, "type": _TYPES[values.dtype.name], "at": offset, "n": len(values)}
+        )
+        pad = -len(data) % 8
+        blocks.append(data + b"\0" * pad)
+        offset += len(data) + pad
+    text = json.dumps({**header, "arrays": listed}, allow_nan=False).encode()
+    text += b" " * (-(len(text) + 4) % 8)
+    return len(text).to_bytes(4, "little") + text + b"".join(blocks)
+
+
+def mercator(lon_deg: FloatArray, lat_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Web Mercator x to the east and y to the south [n], both 0 to 1 over the world."""
+    lat = np.radians(np.clip(lat_deg, -89.9, 89.9))
+    return (lon_deg + 180.0) / 360.0, 0.5 - np.arcsinh(np.tan(lat)) / (2.0 * np.pi)
+
+
+def sign_payload(signs: SignTable) -> bytes:
+    """All signs as the page's map needs them; a sign without a position has x NaN."""
+    x, y = mercator(signs.lon_deg, signs.lat_deg)
+    x[~np.isfinite(y)] = np.nan
+    major, minor, azimuth = principal_axes(signs.cov_ee_m2, signs.cov_en_m2, signs.cov_nn_m2)
+    scale = np.sqrt(CHI2_95_2)
+    header = {
+        "n": len(signs),
+        "ids": [_writable(text) for text in signs.ids],
+        "classes": [_writable(text) for text in signs.classes],
+        "statuses": [_writable(text) for text in signs.statuses],
+        "drives": [_writable(text) for text in signs.drives],
+    }
+    small = np.float32
+    return packed(
+        header,
+        {
+            "x": x,
+            "y": y,
+            "class": signs.class_index.astype(np.uint32),
+            "status": signs.status_index.astype(np.uint32),
+            "confidence": signs.confidence.astype(small),
+            "facing": signs.facing_deg.astype(small),
+            "major": (scale * major).astype(small),
+            "minor": (scale * minor).astype(small),
+            "azimuth": azimuth.astype(small),
+            "drive_starts": signs.drive_starts.astype(np.uint32),
+            "drive_members": signs.drive_members.astype(np.uint32),
+        },
+    )
+
+
+def _writable(text: str) -> str:
+    # lone surrogates (from odd file names) cannot be written as UTF-8
+    return text.encode("utf-8", "replace").decode("utf-8")
