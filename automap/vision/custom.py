@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,7 +12,6 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from automap.errors import ConfigError, InputError
-from automap.io.toml_file import read_toml
 from automap.records import FloatArray, Image
 from automap.vision.detector import FoundSigns
 
@@ -49,9 +49,8 @@ class Description(BaseModel):
     nms_iou: Share = 0.5
 
 
-def read_description(path: Path) -> Description:
-    """Read and check the TOML file; ConfigError names the file, the key and what is wrong."""
-    data = read_toml(path, "detector")
+def parse_description(data: Mapping[str, Any], path: Path) -> Description:
+    """Check the content of the TOML file; ConfigError names file, key and what is wrong."""
     if data.get("schema") != SCHEMA:
         raise ConfigError(f'{path}: the first line must be schema = "{SCHEMA}"')
     try:
@@ -72,14 +71,14 @@ def read_description(path: Path) -> Description:
 class CustomDetector:
     """Runs a YOLO-style network on whole pictures."""
 
-    def __init__(self, path: Path, threads: int = 1) -> None:
-        """Load the detector that ``path`` describes.
+    def __init__(self, path: Path, description: Description, threads: int = 1) -> None:
+        """Load the detector whose ``description`` stands in ``path``.
 
         Raises ConfigError when the description is wrong, InputError when the model cannot be
         loaded or gives something else than described.
         """
-        self._file = Path(path)
-        self._description = read_description(self._file)
+        self._file = path
+        self._description = description
         self.name = self._file.stem
         self._model = self._file.parent / self._description.model
         self._session = _session(self._model, self._file, threads)

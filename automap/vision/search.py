@@ -1,18 +1,15 @@
-"""Run a detector over a video: choose frames, search them, follow the signs."""
+"""Run a detector over the frames of a video: choose frames, search them, follow the signs."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from automap.io.frame_times import frame_times
-from automap.io.video import Chapter, VideoInput, video_chapters
-from automap.io.video_decode import decode_frames
 from automap.records import Camera, Crop, Detections, FrameTimes, IntArray, VideoFrame
 from automap.vision.camera_motion import ImageMotion, Motion, motion_on_path
 from automap.vision.camera_path import CameraPath
@@ -113,38 +110,36 @@ class _Rows:
         )
 
 
-def search_video(
-    video: VideoInput,
+def nothing_found(name: str) -> SearchResult:
+    """The result for the camera ``name`` where no frame can be searched."""
+    return SearchResult(_Rows().detections({}, name))
+
+
+def search_frames(
+    name: str,
+    times: FrameTimes,
+    pictures: Callable[[IntArray], Iterable[VideoFrame]],
     detector: Detector,
     rules: SearchRules,
-    camera: Camera | None = None,
-    path_of: Callable[[IntArray], CameraPath | None] = lambda t_ns: None,
-    warn: Callable[[str], None] = lambda text: None,
+    camera: Camera,
+    path: CameraPath | None = None,
     progress: Progress = lambda fraction, text: None,
 ) -> SearchResult:
-    """Search a camera's video.
+    """Search the frames of the camera ``name``.
 
-    ``path_of`` gives the camera's path at the frames' stamps [n], None where no trajectory is
-    known: then frames are chosen by time and by change, and tracks follow the pictures.
-    ``warn`` receives a sentence for every trouble with the files. Memory does not grow with
-    the length of the video, but for its list of frames and the boxes found.
+    ``pictures`` decodes the frames of these numbers [k], in order, as far as they can be.
+    ``path`` is the camera's at the frames' stamps [n], None where no trajectory is known: then
+    frames are chosen by time and by change, and tracks follow the pictures. Memory does not grow
+    with the length of the video, but for its list of frames and the boxes found.
     """
-    chapters, troubles = video_chapters(video)
-    times = frame_times(video, chapters)
-    for text in (*troubles, *times.warnings):
-        warn(text)
-    rows, best = _Rows(), BestCrops(video.name)
-    if not chapters or not len(times):
-        return SearchResult(rows.detections({}, video.name))
-    path = path_of(times.t_ns)
+    rows, best = _Rows(), BestCrops(name)
     plan = every_frame(times) if rules.every else plan_frames(times, path, rules.choice)
-    camera = camera or default_camera(chapters[0].width, chapters[0].height)
     tracker = Tracker(camera, rules.tracking)
     motions = _Motions(camera, path)
     report = _Report(progress, len(plan))
     searched = 0
     found_in = detections(
-        prefetched(_candidates(chapters, times, plan, warn)),
+        prefetched(_candidates(pictures(plan.frame), times, plan)),
         lambda mark, picture, beside: _find(detector, picture, rules, beside),
         lambda found: bool((found.score >= rules.hint).any()),
         rules.workers or worker_count(),
@@ -164,7 +159,7 @@ def search_video(
         report(mark.number, searched)
     class_of = rows.class_of_tracks()
     return SearchResult(
-        rows.detections(class_of, video.name), tuple(best.crops(class_of)), len(times), searched
+        rows.detections(class_of, name), tuple(best.crops(class_of)), len(times), searched
     )
 
 
@@ -234,12 +229,12 @@ class _Mark:
 
 
 def _candidates(
-    chapters: list[Chapter], times: FrameTimes, plan: FramePlan, warn: Callable[[str], None]
+    pictures: Iterable[VideoFrame], times: FrameTimes, plan: FramePlan
 ) -> Iterator[Candidate[_Mark]]:
     """The planned frames as they are decoded, without those in which nothing has changed."""
     seen: npt.NDArray[np.float32] | None = None
     seen_ns = 0
-    for picture in decode_frames(chapters, times, plan.frame, warn):
+    for picture in pictures:
         number = int(np.searchsorted(plan.frame, picture.frame))
         if plan.still[number]:
             small = cv2.resize(picture.image, _THUMBNAIL, interpolation=cv2.INTER_AREA)

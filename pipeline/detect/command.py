@@ -135,7 +135,7 @@ class _Job:
 
     def video(self, video: VideoInput, drive: Drive | None) -> Outcome:
         """Search one camera's video."""
-        from automap.vision.search import search_video
+        from pipeline.detect.video_search import search_video
 
         said: list[str] = []
 
@@ -163,7 +163,7 @@ class _Job:
         files = [self.out, *self._sheet(result.crops)]
         _write(self.out, "frame", _rows(found))
         if self.annotate:
-            from automap.vision.annotate import annotate_video
+            from pipeline.detect.annotated_video import annotate_video
 
             shown = _annotated_of(self.out)
             annotate_video(

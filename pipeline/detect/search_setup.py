@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from automap.vision.custom import Description
     from automap.vision.detector import Detector
     from automap.vision.search import SearchRules
     from pipeline.settings.detect import DetectSettings
@@ -22,7 +23,8 @@ def open_detector(settings: DetectSettings, country: str | None) -> Detector:
     if settings.detector:
         from automap.vision.custom import CustomDetector
 
-        return CustomDetector(_path(settings.detector))
+        path = _path(settings.detector)
+        return CustomDetector(path, read_description(path))
     from automap.vision.network import NetworkDetector, NetworkRules
 
     rules = NetworkRules(
@@ -34,6 +36,14 @@ def open_detector(settings: DetectSettings, country: str | None) -> Detector:
     return NetworkDetector(country=country, rules=rules)
 
 
+def read_description(path: Path) -> Description:
+    """The description of a user's detector; ConfigError names the file and what is wrong."""
+    from automap.io.toml_file import read_toml
+    from automap.vision.custom import parse_description
+
+    return parse_description(read_toml(path, "detector"), path)
+
+
 def detector_files(settings: Settings) -> list[Path]:
     """The files that make the detector, as far as they are known."""
     if not settings.detect.detector:
@@ -41,7 +51,6 @@ def detector_files(settings: Settings) -> list[Path]:
 
         return sorted((Path(automap.vision.__path__[0]) / "models").glob("*.onnx"))
     from automap.errors import ConfigError
-    from automap.vision.custom import read_description
 
     path = _path(settings.detect.detector)
     try:

@@ -19,8 +19,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from automap.io.manifest import VideoSection
 from automap.io.video import VideoInput
-from automap.vision.search import search_video
 from pipeline.detect.search_setup import open_detector, search_rules
+from pipeline.detect.video_search import search_video
 from pipeline.settings.load import Settings
 
 SHARED = Path(os.environ.get("AUTOMAP_SHARED_DATA", "../shared/data"))

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from automap.errors import ConfigError
-from automap.vision.custom import CustomDetector, read_description, suppress_overlaps
+from automap.vision.custom import CustomDetector, suppress_overlaps
 from pipeline.cli.root import run_command
-from pipeline.detect.search_setup import detector_files
+from pipeline.detect.search_setup import detector_files, read_description
 from pipeline.settings.load import Settings
 
 SIZE = 64
@@ -75,6 +75,10 @@ def picture(colour: tuple[int, int, int], box: tuple[int, int, int, int], size: 
     return image
 
 
+def described(path: Path) -> CustomDetector:
+    return CustomDetector(path, read_description(path))
+
+
 @pytest.mark.parametrize("layout", ["4+nc", "5+nc"])
 @pytest.mark.parametrize("fraction", [False, True])
 @pytest.mark.parametrize("resize", ["letterbox", "stretch"])
@@ -84,7 +88,7 @@ def test_boxes_come_back_in_the_pictures_own_pixels(
     build(tmp_path / "mine.onnx", layout, fraction)
     unit = "fraction" if fraction else "pixels"
     extra = f'layout = "{layout}"\nbox_unit = "{unit}"\nresize = "{resize}"\npadding = 0'
-    detector = CustomDetector(describe(tmp_path, extra))
+    detector = described(describe(tmp_path, extra))
     # 256x128 in 64x64: a letterbox shrinks by 4 and leaves 16 rows above
     image = picture((0, 0, 255), (64, 0, 128, 64), (256, 128))
     found = detector.detect(image)
@@ -101,18 +105,18 @@ def test_boxes_come_back_in_the_pictures_own_pixels(
 def test_order_and_range_of_the_channels_are_settings(tmp_path: Path) -> None:
     build(tmp_path / "mine.onnx")
     image = picture((0, 0, 255), (0, 0, 16, 16), (64, 64))
-    assert CustomDetector(describe(tmp_path)).detect(image).class_name == ("red",)
-    swapped = CustomDetector(describe(tmp_path, 'channels = "BGR"'))
+    assert described(describe(tmp_path)).detect(image).class_name == ("red",)
+    swapped = described(describe(tmp_path, 'channels = "BGR"'))
     assert swapped.detect(image).class_name == ("blue",)
-    weak = CustomDetector(describe(tmp_path, "mean = [0.6, 0.0, 0.0]"))
+    weak = described(describe(tmp_path, "mean = [0.6, 0.0, 0.0]"))
     assert len(weak.detect(image)) == 0
 
 
 def test_a_model_for_any_size_needs_one(tmp_path: Path) -> None:
     build(tmp_path / "mine.onnx", size="side")
     with pytest.raises(ConfigError, match="add input_size"):
-        CustomDetector(describe(tmp_path))
-    detector = CustomDetector(describe(tmp_path, f"input_size = [{SIZE}, {SIZE}]"))
+        described(describe(tmp_path))
+    detector = described(describe(tmp_path, f"input_size = [{SIZE}, {SIZE}]"))
     assert len(detector.detect(picture((0, 255, 0), (16, 16, 32, 32), (64, 64)))) == 1
 
 

@@ -56,7 +56,8 @@ def _camera(
 ) -> SearchResult | None:
     from automap.io.detections_csv import read_detections_csv
     from automap.io.frame_times import frame_times
-    from automap.vision.search import SearchResult, search_video
+    from automap.vision.search import SearchResult
+    from pipeline.detect.video_search import search_video
 
     _warn_of_geometry(context, video)
     cameras = context.drive.cameras()

@@ -1,0 +1,265 @@
+"""The layers of the code: arrows point downwards, nothing goes round in a circle, and what
+estimates touches no file.
+
+Every import counts, wherever it stands: at the top, inside a function, for the type checker.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+LAYERS = (
+    # what everybody speaks of: plain data, pure functions
+    *("errors", "records", "earth", "frames", "timebase", "interpolation", "jit"),
+    # what signs look like, what sensors do wrong
+    *("signs", "effects"),
+    # formats: bytes to records and back
+    "io",
+    # estimators: records in, records out
+    *("sync", "fusion", "calibration", "vision", "geolocation", "mapping"),
+    # what uses them
+    *("simulation", "evaluation", "regression", "gap"),
+    # records to files of other people's formats
+    "export",
+)
+"""Packages and modules of ``automap`` from the ground up: each imports what stands before it."""
+
+TOUCH_FILES = ("io", "export")
+"""The packages that open files; of the library only the second may import the first."""
+
+OPENS_FILES = {
+    "automap.jit": "the kernels' compiled code beside the sources is thrown away when it is stale",
+    "automap.vision.onnx_model": "onnxruntime opens a network by its path",
+    "automap.vision.custom": "onnxruntime opens a network by its path",
+}
+"""Modules elsewhere that touch a file all the same, and why."""
+
+
+UNMENDED_ARROWS = {
+    ("automap.vision.camera_motion", "automap.geolocation.camera_model"): "one camera, in effects",
+    ("automap.vision.tracking", "automap.geolocation.camera_model"): "one camera, in effects",
+    ("automap.vision.camera_path", "automap.geolocation.views"): "one camera, in effects",
+}
+UNMENDED_CIRCLES = {
+    "automap.fusion.passes, automap.fusion.user_effects": "users' effects become states",
+    "automap.gap.columns, automap.gap.effect_library, automap.gap.fit, automap.gap.fix_effects, "
+    "automap.gap.motion_signals, automap.gap.screening": "columns come from the effects",
+    "pipeline.export.command, pipeline.export.datum": "",
+    "pipeline.merge.command, pipeline.merge.output, pipeline.merge.report": "",
+    "pipeline.record.command, pipeline.record.devices": "",
+}
+UNMENDED_FILES = {"automap.effects.user_files": "a user's effects are Python code, which is run"}
+"""What is still to be mended, and how; a line whose matter is mended must go."""
+
+
+@dataclass(frozen=True)
+class Import:
+    """``source`` imports ``target``, both modules, in ``line`` of ``path``."""
+
+    source: str
+    target: str
+    path: Path
+    line: int
+
+    def __str__(self) -> str:
+        where = self.path.relative_to(ROOT) if self.path.is_relative_to(ROOT) else self.path
+        return f"{where}:{self.line}: {self.source} -> {self.target}"
+
+
+def modules(root: Path) -> dict[str, Path]:
+    """The files of ``automap`` and ``pipeline`` by the names of their modules."""
+    found = {}
+    for top in ("automap", "pipeline"):
+        for path in sorted((root / top).rglob("*.py")):
+            name = ".".join(path.relative_to(root).with_suffix("").parts)
+            found[name.removesuffix(".__init__")] = path
+    return found
+
+
+@cache
+def trees(root: Path) -> dict[str, ast.Module]:
+    return {name: ast.parse(path.read_bytes()) for name, path in modules(root).items()}
+
+
+@cache
+def imports(root: Path) -> list[Import]:
+    """All imports between our own modules; ``from package import module`` is one of the module."""
+    files = modules(root)
+    found = []
+    for source, tree in trees(root).items():
+        for node in ast.walk(tree):
+            for name in _imported(node):
+                target = name
+                while target and target not in files:
+                    target = target.rpartition(".")[0]
+                if target and target != source:
+                    found.append(Import(source, target, files[source], node.lineno))
+    return found
+
+
+def _imported(node: ast.AST) -> Iterator[str]:
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        assert node.level == 0, f"line {node.lineno}: a relative import"
+        yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def package(module: str) -> str:
+    """``automap.io`` of ``automap.io.ubx``."""
+    return ".".join(module.split(".")[:2])
+
+
+def upward(arrows: Iterable[Import]) -> list[Import]:
+    """Imports of the library that point upwards, or from below to the formats."""
+    rank = {"automap": -1} | {f"automap.{name}": place for place, name in enumerate(LAYERS)}
+    formats = f"automap.{TOUCH_FILES[0]}"
+    may_read = {f"automap.{name}" for name in TOUCH_FILES}
+    wrong = []
+    for arrow in arrows:
+        source, target = package(arrow.source), package(arrow.target)
+        if source == target or not source.startswith("automap"):
+            continue
+        assert source in rank, f"{arrow}: {source} has no place in LAYERS"
+        if rank.get(target, len(LAYERS)) > rank[source] or (
+            target == formats and source not in may_read
+        ):
+            wrong.append(arrow)
+    return wrong
+
+
+def circles(arrows: Iterable[tuple[str, str]]) -> list[list[str]]:
+    """The sets of two names or more that lead to each other (Tarjan's strong components)."""
+    graph: dict[str, set[str]] = {}
+    for source, target in arrows:
+        graph.setdefault(source, set()).add(target)
+        graph.setdefault(target, set())
+    number: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[list[str]] = []
+
+    def visit(name: str) -> None:
+        number[name] = low[name] = len(number)
+        stack.append(name)
+        for other in sorted(graph[name]):
+            if other not in number:
+                visit(other)
+            if other in stack:
+                low[name] = min(low[name], low[other])
+        if low[name] == number[name]:
+            at = stack.index(name)
+            if len(stack) - at > 1:
+                found.append(sorted(stack[at:]))
+            del stack[at:]
+
+    for name in sorted(graph):
+        if name not in number:
+            visit(name)
+    return found
+
+
+_FILE_CALLS = frozenset(
+    (
+        *("open", "read_text", "write_text", "read_bytes", "write_bytes", "mkdir", "touch"),
+        *("unlink", "iterdir", "glob", "rglob", "symlink_to", "ZipFile", "NamedTemporaryFile"),
+        *("TemporaryDirectory", "mkdtemp", "run_path", "urlopen", "loadtxt", "genfromtxt"),
+        *("fromfile", "memmap", "savez", "savez_compressed", "tofile", "read_csv", "read_parquet"),
+        *("read_table", "read_json", "read_excel", "write_table", "to_csv", "to_parquet"),
+        *("imread", "imwrite", "VideoCapture", "VideoWriter", "InferenceSession"),
+    )
+)
+"""Names of functions and methods that open, make or remove files, whosever they are,"""
+_FILE_CALLS_OF = {
+    **dict.fromkeys(("np", "numpy"), ("load", "save")),
+    **dict.fromkeys(("json", "pickle", "tomllib"), ("load", "dump")),
+    "os": ("remove", "rename", "replace", "makedirs", "listdir", "scandir", "fdopen"),
+    "shutil": ("copy", "copyfile", "copytree", "move", "rmtree"),
+}
+"""and those of certain modules."""
+
+
+def file_calls(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Line and name of each call that touches a file, but for a package's own data."""
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        called = node.func
+        if isinstance(called, ast.Name) and called.id in _FILE_CALLS:
+            yield node.lineno, called.id
+        elif isinstance(called, ast.Attribute):
+            of = called.value.id if isinstance(called.value, ast.Name) else ""
+            listed = called.attr in _FILE_CALLS or called.attr in _FILE_CALLS_OF.get(of, ())
+            if listed and not _is_own_data(called.value):
+                yield node.lineno, f"{of}.{called.attr}" if of else called.attr
+
+
+def _is_own_data(node: ast.AST) -> bool:
+    """``files("automap.signs").joinpath(...)``: what is installed with the code."""
+    return any(
+        isinstance(part, ast.Call) and isinstance(part.func, ast.Name) and part.func.id == "files"
+        for part in ast.walk(node)
+    )
+
+
+def files_touched(root: Path, excused: Mapping[str, str]) -> list[str]:
+    """Places in the library, outside of the formats and the exports, that touch files."""
+    allowed = {f"automap.{name}" for name in TOUCH_FILES}
+    return [
+        f"{modules(root)[name].relative_to(root)}:{line}: {name} calls {call}"
+        for name, tree in trees(root).items()
+        if name.startswith("automap.") and package(name) not in allowed and name not in excused
+        for line, call in file_calls(tree)
+    ]
+
+
+def told(arrows: Iterable[object], what: str) -> str:
+    return f"{what}:\n" + "\n".join(f"  {arrow}" for arrow in arrows)
+
+
+def test_arrows_point_downwards() -> None:
+    wrong = upward(imports(ROOT))
+    new = [a for a in wrong if (a.source, a.target) not in UNMENDED_ARROWS]
+    assert not new, told(new, "imports that point upwards, or from below to the formats")
+    assert not set(UNMENDED_ARROWS) - {(a.source, a.target) for a in wrong}, "mended: take it out"
+
+
+def test_the_library_does_not_know_the_application() -> None:
+    arrows = imports(ROOT)
+    assert {package(a.source) for a in arrows if a.source.startswith("automap.")} <= {
+        f"automap.{name}" for name in LAYERS
+    }
+    assert not [a for a in arrows if a.source.startswith("automap") and "pipeline" in a.target]
+
+
+@pytest.mark.parametrize("of", [package, str], ids=["packages", "modules"])
+def test_nothing_goes_round_in_a_circle(of: Callable[[str], str]) -> None:
+    arrows = [a for a in imports(ROOT) if of(a.source) != of(a.target)]
+    wrong = []
+    for circle in circles((of(a.source), of(a.target)) for a in arrows):
+        if ", ".join(circle) in UNMENDED_CIRCLES:
+            continue
+        wrong += [f"{', '.join(circle)} import each other:"]
+        wrong += [str(a) for a in arrows if of(a.source) in circle and of(a.target) in circle]
+    assert not wrong, told(wrong, "circles")
+
+
+def test_only_formats_and_exports_touch_files() -> None:
+    wrong = files_touched(ROOT, OPENS_FILES | UNMENDED_FILES)
+    assert not wrong, told(wrong, "files are touched outside of automap.io and automap.export")
+
+
+def test_every_excuse_is_needed() -> None:
+    touched = " ".join(files_touched(ROOT, {}))
+    excused = OPENS_FILES | UNMENDED_FILES
+    assert [name for name in excused if f" {name} calls" not in touched] == []
+    arrows = [(a.source, a.target) for a in imports(ROOT)]
+    assert set(UNMENDED_CIRCLES) <= {", ".join(circle) for circle in circles(arrows)}
