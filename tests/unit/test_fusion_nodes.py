@@ -1,0 +1,163 @@
+"""From fixes to nodes and the start: what is trusted how much, and where a drive begins."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pymap3d
+import pytest
+
+from automap.fusion.alignment import start_state
+from automap.fusion.layout import CHANNELS, NHC, STANDSTILL
+from automap.fusion.measurements import Nodes, Odometer, Shift, build_nodes, model_fixes
+from automap.fusion.model import FusionOptions, build_state_model
+from automap.fusion.passes import lateral_acceleration
+from automap.fusion.problem import make_problem
+from automap.records import Fixes, FixType, ImuData
+from tests.unit.fusion_drive import (
+    BASE_NS,
+    GPS0,
+    PERFECT,
+    Receiver,
+    city_drive,
+    make_motion,
+    receive,
+    record,
+    select,
+)
+
+OPTIONS = FusionOptions(
+    effects=(),
+    zero_velocity_sd=0.021,
+    zero_rate_sd=0.0017,
+    nhc_sd=0.05,
+    nhc_slip=0.04,
+    odometer_sd=0.06,
+    min_velocity_sd=0.001,
+)
+SD_POS, SD_VEL = np.array([1.1, 1.7, 2.9]), np.array([0.11, 0.17, 0.29])
+WORSE = {
+    FixType.DEAD_RECKONING: 5.0,
+    FixType.TWO_D: 2.0,
+    FixType.THREE_D: 1.0,
+    FixType.DGNSS: 1.0,
+    FixType.FLOAT: 1.0,
+    FixType.FIXED: 1.0,
+}
+
+
+def _fixes(kind: FixType = FixType.THREE_D) -> Fixes:
+    """Fixes of a drive with a figure of its own for every axis."""
+    fixes = receive(city_drive(30.0, 3), Receiver(), 1)
+    n = len(fixes)
+    return replace(
+        fixes,
+        sd_pos_ned=np.tile(SD_POS, (n, 1)),
+        sd_vel_ned=np.tile(SD_VEL, (n, 1)),
+        fix_type=np.full(n, kind, np.int64),
+    )
+
+
+@pytest.mark.parametrize("kind", WORSE)
+def test_a_poorer_kind_of_fix_is_trusted_less_in_position_and_velocity(kind: FixType) -> None:
+    fixes = _fixes(kind)
+    model = model_fixes(fixes, fixes.gps_s - GPS0, OPTIONS)
+    sd = np.sqrt(model.white_var)
+    stated = np.broadcast_to(WORSE[kind] * SD_VEL, (len(sd), 3))
+    assert sd[:, 3:] == pytest.approx(stated)
+    carrier = kind in (FixType.FLOAT, FixType.FIXED)
+    share = 1.0 if carrier else OPTIONS.white_share
+    stated = np.broadcast_to(WORSE[kind] * SD_POS, (len(sd), 3))
+    assert sd[:, :3] == pytest.approx(share * stated)
+    assert model.wander_sd == pytest.approx(OPTIONS.wander_share * stated)
+
+
+def test_a_velocity_without_a_figure_is_worse_with_a_poorer_fix_too() -> None:
+    sds = []
+    for kind in (FixType.THREE_D, FixType.DEAD_RECKONING):
+        fixes = replace(_fixes(kind), sd_vel_ned=np.full((len(_fixes()), 3), np.nan))
+        sds.append(np.sqrt(model_fixes(fixes, fixes.gps_s - GPS0, OPTIONS).white_var[:, 3:]))
+    assert sds[1] == pytest.approx(5.0 * sds[0])
+
+
+def _by_channel(nodes: Nodes) -> dict[str, np.ndarray]:
+    return dict(zip(CHANNELS, nodes.var.T, strict=True))
+
+
+def test_every_channel_has_the_variance_that_was_stated_for_it() -> None:
+    fixes = _fixes()
+    model = model_fixes(fixes, fixes.gps_s - GPS0, OPTIONS)
+    speed_t = np.arange(0.0, 31.0)
+    lateral = np.linspace(0.0, 3.0, len(speed_t))
+    wheels = Odometer(np.arange(0.0, 30.5, 0.1), 10.0 + 0.5 * np.arange(0.0, 30.5, 0.1))
+    speed = np.full(len(speed_t), 12.0)
+    nodes = build_nodes(
+        model, Shift(), (0.0, 29.9), [(4.05, 9.05)], speed_t, speed, lateral, wheels, OPTIONS, True
+    )
+    var = _by_channel(nodes)
+    fix = nodes.fix_row >= 0
+    for axis, name in enumerate("ned"):
+        stated = (OPTIONS.white_share * SD_POS[axis]) ** 2
+        assert var[f"position_{name}"][fix] == pytest.approx(stated)
+        assert var[f"velocity_{name}"][fix] == pytest.approx(SD_VEL[axis] ** 2)
+    # what is assumed holds for a second: nodes five times a second carry a fifth of it each
+    rows = fix & (nodes.t > 0.5)
+    spacing = np.diff(nodes.t, prepend=np.nan)[rows]
+    for name in ("zupt_n", "zupt_e", "zupt_d"):
+        assert var[name][rows] == pytest.approx(OPTIONS.zero_velocity_sd**2 / spacing)
+    for name in ("zaru_x", "zaru_y", "zaru_z"):
+        assert var[name][rows] == pytest.approx(OPTIONS.zero_rate_sd**2 / spacing)
+    slip = OPTIONS.nhc_slip * np.interp(nodes.t[rows], speed_t, lateral)
+    own = OPTIONS.nhc_sd**2 + slip**2
+    assert var["nhc_y"][rows] == pytest.approx(own / spacing)
+    assert var["nhc_z"][rows] == pytest.approx(4.0 * own / spacing)
+    # 0.5 m/s^2 for a tenth of a second that the wheels report late
+    assert var["odometer"][rows] == pytest.approx((OPTIONS.odometer_sd**2 + 0.05**2) / spacing)
+    still = (nodes.t >= 4.05) & (nodes.t <= 9.05)
+    assert (((nodes.flags & STANDSTILL) > 0) == still).all()
+    assert (((nodes.flags & NHC) > 0) == ~still).all()
+
+
+def _turning(bias: float) -> tuple[ImuData, np.ndarray, np.ndarray]:
+    """Twenty metres a second straight ahead but for one bend of 0.1 rad/s, by a gyro that is
+    off by ``bias`` about all axes."""
+    motion = make_motion([(0.0, 20.0)], [(40.0, 10.0, float(np.degrees(1.0)))], 100.0, slope=0.0)
+    imu = record(motion, replace(PERFECT, gyro_bias=(bias, -bias, bias)), 0, rate=50.0)
+    return imu, (imu.t_ns - BASE_NS) * 1e-9, motion.at(np.arange(100.0)).vel
+
+
+def test_lateral_acceleration_is_that_of_the_bend_whatever_the_gyros_bias() -> None:
+    imu, t, vel = _turning(0.05)
+    speed = np.linalg.norm(vel, axis=1)
+    found = lateral_acceleration(imu, t, np.arange(100.0), speed)
+    assert found[42:48] == pytest.approx(2.0, rel=0.05)
+    assert np.abs(found[5:38]).max() < 0.1
+    assert np.abs(found[55:95]).max() < 0.1
+    plain, t, _ = _turning(0.0)
+    assert found == pytest.approx(lateral_acceleration(plain, t, np.arange(100.0), speed), abs=1e-9)
+
+
+@pytest.mark.parametrize("lat_deg", [-60.0, 10.0, 68.0])
+def test_a_start_before_the_first_fix_lies_where_the_vehicle_came_from(lat_deg: float) -> None:
+    """Four seconds at 15 m/s to the north-east: 60 m, of them 42 m to the east."""
+    motion = make_motion(
+        [(0.0, 15.0)], [], 20.0, origin_deg=(lat_deg, 24.0, 100.0), heading_deg=45.0, slope=0.0
+    )
+    imu = record(motion, PERFECT, 0, rate=50.0)
+    quiet = Receiver(wander=(0.0,) * 3, white=(0.0,) * 3, velocity=0.0)
+    fixes = receive(motion, quiet, 0)
+    fixes = select(fixes, fixes.gps_s - GPS0 >= 4.0)
+    problem = make_problem(imu, build_state_model(OPTIONS), OPTIONS)
+    model = model_fixes(fixes, fixes.gps_s - GPS0, OPTIONS)
+    true = motion.at(np.zeros(1))
+    start = start_state(problem, model, 0.0, true.c_n_b[0], np.full(3, 0.1))
+    ned = np.array(
+        pymap3d.geodetic2ned(
+            *start.nominal[:3], true.lat[0], true.lon[0], true.height[0], deg=False
+        )
+    )
+    # the Earth is taken as a sphere: half a percent of 60 m
+    assert np.abs(ned).max() < 0.5
+    assert (np.abs(ned) < start.sd[:3]).all()
+    assert start.nominal[3:6] == pytest.approx(true.vel[0], abs=0.01)
