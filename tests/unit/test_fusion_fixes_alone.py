@@ -1,0 +1,111 @@
+"""The smoother of fixes alone against the solution of all its equations at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pymap3d
+import pytest
+
+from automap.fusion.gnss_only import ACCELERATION_PSD, smooth_fixes
+from automap.fusion.model import FusionOptions
+from automap.records import Fixes, FloatArray
+from tests.unit.fusion_drive import CLOCK, Receiver, city_drive, receive, select
+
+ORIGIN = (56.0, 10.0, 40.0)
+TAU_S, SHARE, WHITE = 7.0, 0.8, 0.3
+OPTIONS = FusionOptions(wander_tau_s=TAU_S, wander_share=SHARE, white_share=WHITE)
+SD_POS, SD_VEL = np.array([1.2, 1.9, 2.6]), np.array([0.15, 0.22, 0.4])
+PRIOR = np.array([100.0, 30.0, 1.0])
+
+
+def _fixes(seed: int) -> Fixes:
+    """Fixes at uneven times, some without a velocity, with a figure for every axis."""
+    motion = city_drive(25.0, 4, start_speed=9.0, origin_deg=ORIGIN)
+    receiver = Receiver(rate=4.0, wander=tuple(SHARE * SD_POS), tau=TAU_S, velocity=0.1)
+    fixes = receive(motion, receiver, seed)
+    n = len(fixes)
+    vel = fixes.vel_ned.copy()
+    vel[7:30:6] = np.nan
+    # another figure for a while: the slow error grows in its own units
+    worse = np.where((np.arange(n) > 40) & (np.arange(n) < 60), 1.5, 1.0)[:, None]
+    fixes = replace(
+        fixes, vel_ned=vel, sd_pos_ned=SD_POS * worse, sd_vel_ned=np.tile(SD_VEL, (n, 1))
+    )
+    keep = np.random.default_rng(seed).random(n) > 0.3
+    keep[0] = True
+    return select(fixes, keep)
+
+
+def _all_at_once(
+    t: FloatArray, z: FloatArray, var: FloatArray, wander: FloatArray, psd: float
+) -> tuple[FloatArray, FloatArray]:
+    """Position and velocity [k, 2] with their sd: prior, white acceleration between the epochs,
+    a slow error of unit size, and the measurements ``z`` [k, 2] (NaN none), all in one system of
+    normal equations."""
+    k = len(t)
+    information, right = np.zeros((3 * k, 3 * k)), np.zeros(3 * k)
+    information[:3, :3] = np.diag(1.0 / PRIOR**2)
+    right[0] = z[0, 0] / PRIOR[0] ** 2
+    for i in range(1, k):
+        dt = t[i] - t[i - 1]
+        d = np.exp(-dt / TAU_S)
+        f = np.array([[1.0, dt, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, d]])
+        q = np.zeros((3, 3))
+        q[:2, :2] = psd * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+        q[2, 2] = 1.0 - d * d
+        both = np.hstack([-f, np.eye(3)])
+        at = slice(3 * i - 3, 3 * i + 3)
+        information[at, at] += both.T @ np.linalg.solve(q, both)
+    for i in range(k):
+        for m, h in enumerate(([1.0, 0.0, wander[i]], [0.0, 1.0, 0.0])):
+            if np.isfinite(z[i, m]):
+                at = slice(3 * i, 3 * i + 3)
+                information[at, at] += np.outer(h, h) / var[i, m]
+                right[at] += np.array(h) * z[i, m] / var[i, m]
+    cov = np.linalg.inv(information)
+    x, sd = (cov @ right).reshape(k, 3), np.sqrt(np.diag(cov)).reshape(k, 3)
+    return x[:, :2], sd[:, :2]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_smoothed_fixes_are_the_solution_of_all_equations_at_once(seed: int) -> None:
+    fixes = _fixes(seed)
+    path = smooth_fixes(fixes, CLOCK, OPTIONS)
+    assert len(path) == len(fixes)
+    ref = (float(fixes.lat_rad[0]), float(fixes.lon_rad[0]), float(fixes.height_m[0]))
+    ned = np.stack(
+        pymap3d.geodetic2ned(fixes.lat_rad, fixes.lon_rad, fixes.height_m, *ref, deg=False), axis=1
+    )
+    got = np.stack(
+        pymap3d.geodetic2ned(path.lat_rad, path.lon_rad, path.height_m, *ref, deg=False), axis=1
+    )
+    t = fixes.gps_s - fixes.gps_s[0]
+    for axis in range(3):
+        z = np.column_stack([ned[:, axis], fixes.vel_ned[:, axis]])
+        var = np.column_stack([WHITE * fixes.sd_pos_ned[:, axis], fixes.sd_vel_ned[:, axis]]) ** 2
+        x, sd = _all_at_once(t, z, var, SHARE * fixes.sd_pos_ned[:, axis], ACCELERATION_PSD[axis])
+        assert path.sd_pos_ned[:, axis] == pytest.approx(sd[:, 0], rel=1e-5)
+        assert path.sd_vel_ned[:, axis] == pytest.approx(sd[:, 1], rel=1e-5)
+        assert np.abs((got[:, axis] - x[:, 0]) / sd[:, 0]).max() < 1e-4
+        assert np.abs((path.vel_ned[:, axis] - x[:, 1]) / sd[:, 1]).max() < 1e-4
+    course = np.arctan2(path.vel_ned[:, 1], path.vel_ned[:, 0])
+    speed = np.hypot(*path.vel_ned[:, :2].T)
+    fast = speed > 2.0
+    assert path.rpy[fast, 2] == pytest.approx(course[fast])
+    assert path.rpy[fast, 1] == pytest.approx(np.arctan2(-path.vel_ned[fast, 2], speed[fast]))
+
+
+def test_a_fix_far_off_pulls_no_further_than_its_surprise() -> None:
+    """One height of forty is 60 m too high: trusted less, it moves the path by less than a sigma
+    of a plain fix, and the path is less sure there."""
+    fixes = _fixes(0)
+    plain = smooth_fixes(fixes, CLOCK, OPTIONS)
+    height = fixes.height_m.copy()
+    height[20] += 60.0
+    pulled = smooth_fixes(replace(fixes, height_m=height), CLOCK, OPTIONS)
+    moved = pulled.height_m - plain.height_m
+    assert 0.0 < moved[20] < 2.0
+    assert pulled.sd_pos_ned[20, 2] > plain.sd_pos_ned[20, 2]
+    assert np.abs(moved[[0, -1]]).max() < 0.5 * moved[20]
