@@ -1,0 +1,214 @@
+"""One sign's estimate against a plain least-squares solver, and what passes of it make together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from geolocation_scene import boxes, camera, drive_path, roadside
+from scipy.optimize import least_squares
+
+from automap.geolocation.landmark import (
+    Landmark,
+    SizePrior,
+    distances_to,
+    elapsed_s,
+    fit_landmark,
+    position_jacobian,
+    view_sd,
+)
+from automap.geolocation.merging import PATH_CORRELATION_S, combine, difference_covariance
+from automap.geolocation.sightings import Sighting, make_sighting
+from automap.geolocation.views import MeasurementNoise, Views, build_views
+from automap.records import FloatArray
+
+PRIOR = SizePrior(0.6, 0.3)
+COMMON = (
+    "roll", "pitch", "yaw", "time", "focal", "lever_x", "lever_y", "lever_z", "margin",
+    "velocity_x", "velocity_y", "velocity_z",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def views() -> Views:
+    """One sign on a bend; the trajectory's velocity is sure, so that boxes alone have errors."""
+    path = drive_path(20.0)
+    scene = roadside(path, every_s=40.0)
+    found, _ = boxes(path, scene, camera(), np.random.default_rng(0))
+    seen = build_views(path, [found], {"front": camera()}, MeasurementNoise())
+    return replace(seen, speed_sd=np.zeros(len(seen)))
+
+
+def expected(views: Views, position: FloatArray, log_size: float) -> FloatArray:
+    """Right / forward, down / forward and logarithm of the apparent height [n, 3]."""
+    q = np.einsum("nij,nj->ni", views.C_cam_ref, position - views.centre)
+    return np.column_stack([q[:, 1] / q[:, 0], q[:, 2] / q[:, 0], log_size - np.log(q[:, 0])])
+
+
+def test_place_size_and_covariance_are_those_of_plain_least_squares(views: Views) -> None:
+    rows = np.arange(len(views))
+    landmark = fit_landmark(views, rows, PRIOR, robust=False)
+    sd = view_sd(views, rows)
+
+    def residuals(x: FloatArray) -> FloatArray:
+        own = (x[3] - np.log(PRIOR.size_m)) / PRIOR.log_sd
+        return np.append((views.measured - expected(views, x[:3], x[3])) / sd, own)
+
+    start = np.append(landmark.position + np.array([1.0, -1.0, 0.5]), 0.0)
+    found = least_squares(residuals, start, x_scale=[1.0, 1.0, 1.0, 0.1], xtol=1e-14, ftol=1e-14)
+    assert landmark.position == pytest.approx(found.x[:3], abs=1e-4)
+    assert np.log(landmark.size_m) == pytest.approx(found.x[3], abs=1e-4)
+    square = float(np.sum(found.fun**2))
+    assert landmark.chi2 == pytest.approx(square, rel=1e-6)
+    assert landmark.cost == pytest.approx(square, rel=1e-6)
+    assert landmark.dof == 3 * len(rows) - 3
+    cov = np.linalg.inv(found.jac.T @ found.jac) * max(1.0, square / landmark.dof)
+    J = position_jacobian(views, landmark)
+    size = np.sqrt(np.diag(cov)[:3])
+    miss = (J @ landmark.covariance @ J.T - cov[:3, :3]) / np.outer(size, size)
+    assert np.abs(miss).max() < 1e-3
+    assert np.sqrt(landmark.covariance[3, 3]) == pytest.approx(np.sqrt(cov[3, 3]), rel=1e-3)
+    assert abs(cov[0, 1]) > 0.3 * size[0] * size[1], "a covariance without cross terms tells little"
+
+
+def moved(views: Views, name: str, step: float) -> Views:
+    """The views as they are with something common to them taken to be off by ``step``."""
+    part, _, axis = name.partition("_")
+    direction = np.zeros(3)
+    if axis:
+        direction["xyz".index(axis)] = step
+    C_ref_body = np.swapaxes(views.C_cam_ref, 1, 2) @ views.C_cam_body
+    if part == "lever":
+        return replace(views, centre=views.centre + C_ref_body @ direction)
+    if part == "velocity":
+        anchor = int(np.argmax(views.measured[:, 2]))
+        seconds = elapsed_s(views, np.arange(len(views)), anchor)
+        return replace(views, centre=views.centre + seconds[:, None] * (C_ref_body @ direction))
+    measured = views.measured.copy()
+    if name == "focal":
+        measured[:, :2] *= np.exp(-step)
+        measured[:, 2] -= step
+    else:
+        assert name == "margin"
+        measured[:, 2] -= step * np.exp(-measured[:, 2])
+    return replace(views, measured=measured)
+
+
+@pytest.mark.parametrize("name", [n for n in COMMON if n not in ("roll", "pitch", "yaw", "time")])
+def test_what_is_common_to_the_views_moves_the_sign_as_its_derivative_says(
+    views: Views, name: str
+) -> None:
+    """Turn and time have a test of their own, by another camera."""
+    rows = np.arange(len(views))
+    plain = fit_landmark(views, rows, PRIOR, robust=False)
+    # boxes without noise: then the derivative of first order is all
+    exact = replace(views, measured=expected(views, plain.position, float(plain.parameters[3])))
+    prior = replace(PRIOR, size_m=plain.size_m)
+    landmark = fit_landmark(exact, rows, prior, robust=False)
+    step = 1e-4
+    ends = []
+    for sign in (1.0, -1.0):
+        fit = fit_landmark(moved(exact, name, sign * step), rows, prior, robust=False)
+        ends.append(np.append(fit.position, np.log(fit.size_m)))
+    numeric = (ends[0] - ends[1]) / (2.0 * step)
+    place_and_size = np.vstack([position_jacobian(exact, landmark), [0.0, 0.0, 0.0, 1.0]])
+    effect = place_and_size @ landmark.common[:, COMMON.index(name)]
+    assert np.abs(effect - numeric).max() < 0.01 * np.abs(numeric).max()
+
+
+def test_distances_of_boxes_are_those_of_the_full_covariance(views: Views) -> None:
+    """From signs fitted to other views, by their expectation's numeric derivative."""
+    n = len(views)
+    marks = [fit_landmark(views, np.arange(first, n // 2 + first), PRIOR) for first in (0, 2)]
+    row, slack = n - 1, 0.004
+    frame = np.array([row])
+    found = distances_to(views, marks, frame, slack)
+    one = replace(
+        views,
+        **{name: getattr(views, name)[frame] for name in ("C_cam_ref", "centre", "measured", "sd")},
+    )
+
+    def seen(mark: Landmark, parameters: FloatArray) -> FloatArray:
+        direction = np.exp(parameters[2]) * np.array([1.0, *parameters[:2]])
+        anchor = mark.anchor
+        position = views.centre[anchor] + views.C_cam_ref[anchor].T @ direction
+        return expected(one, position, float(parameters[3]))[0]
+
+    for k, mark in enumerate(marks):
+        J = np.empty((3, 4))
+        for j in range(4):
+            step = np.zeros(4)
+            step[j] = 1e-5
+            J[:, j] = (
+                seen(mark, mark.parameters + step) - seen(mark, mark.parameters - step)
+            ) / 2e-5
+        S = J @ mark.covariance @ J.T + np.diag(one.sd[0] ** 2 + [slack**2, slack**2, 0.0])
+        miss = one.measured[0] - seen(mark, mark.parameters)
+        assert found[0, k] == pytest.approx(float(miss @ np.linalg.solve(S, miss)), rel=1e-5)
+
+
+def tilted(rng: np.random.Generator, size: float) -> FloatArray:
+    """A covariance [3, 3] with all its cross terms."""
+    root = size * rng.standard_normal((3, 3))
+    return root @ root.T
+
+
+@pytest.fixture(scope="module")
+def passes(views: Views) -> list[Sighting]:
+    """Three sightings with errors of every kind; the first two by one camera."""
+    rng = np.random.default_rng(6)
+    base = make_sighting(views, fit_landmark(views, np.arange(len(views)), PRIOR), [np.eye(9)])
+    camera_cov = [0.01 * np.cov(rng.standard_normal((9, 40))) for _ in range(2)]
+    return [
+        replace(
+            base,
+            camera=camera,
+            position=rng.normal(0.0, 0.5, 3),
+            own_cov=tilted(rng, 0.3),
+            pass_cov=tilted(rng, 0.2),
+            camera_effect=rng.normal(0.0, 1.0, (3, 9)),
+            camera_cov=camera_cov[camera],
+            path_sd=rng.uniform(0.3, 1.0, 3),
+            time_s=time_s,
+        )
+        for camera, time_s in ((0, 0.0), (0, 45.0), (1, 100.0))
+    ]
+
+
+def joint(passes: list[Sighting], adjusted: bool = False) -> FloatArray:
+    """Covariance [9, 9] of the three positions."""
+    total = np.zeros((9, 9))
+    for i, a in enumerate(passes):
+        for j, b in enumerate(passes):
+            apart = 0.0 if adjusted else a.time_s - b.time_s
+            keep = np.exp(-abs(apart) / PATH_CORRELATION_S)
+            block = keep * np.diag(a.path_sd) @ np.diag(b.path_sd)
+            if a.camera == b.camera:
+                block = block + a.camera_effect @ a.camera_cov @ b.camera_effect.T
+            if i == j:
+                block = block + a.own_cov + a.pass_cov
+            total[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = block
+    return total
+
+
+@pytest.mark.parametrize("adjusted", [False, True])
+def test_the_mean_of_passes_has_the_covariance_of_all_their_errors(
+    passes: list[Sighting], adjusted: bool
+) -> None:
+    mean, covariance = combine(passes, adjusted)
+    blocks = joint(passes)
+    weight = [np.linalg.inv(blocks[k : k + 3, k : k + 3] + 1e-6 * np.eye(3)) for k in (0, 3, 6)]
+    G = np.hstack([np.linalg.solve(sum(weight), w) for w in weight])
+    assert mean == pytest.approx(G @ np.concatenate([s.position for s in passes]), abs=1e-9)
+    assert covariance == pytest.approx(G @ joint(passes, adjusted) @ G.T, abs=1e-9)
+
+
+@pytest.mark.parametrize(("i", "j"), [(0, 1), (0, 2), (1, 2)])
+def test_the_difference_of_two_passes_has_the_covariance_of_its_parts(
+    passes: list[Sighting], i: int, j: int
+) -> None:
+    D = np.zeros((3, 9))
+    D[:, 3 * i : 3 * i + 3], D[:, 3 * j : 3 * j + 3] = np.eye(3), -np.eye(3)
+    expected_cov = D @ joint(passes) @ D.T
+    assert difference_covariance(passes[i], passes[j]) == pytest.approx(expected_cov, abs=1e-9)
