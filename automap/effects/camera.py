@@ -1,18 +1,29 @@
-"""Effects of the camera: what the manifest says of it, corrected by values that were found.
+"""The camera on the vehicle: where it is, when its rows are read, what its errors do.
 
 Values map effect to parameter to value, in the catalogue's names and units. They are errors of
-what is stated: the true camera is the stated one with them.
+what is stated: the true camera is the stated one with them. What a camera sees of a point is
+that point in camera axes (``in_camera``), its direction, distorted by the lens into a pixel
+(``lens``); what errors of the camera do to it are the columns of ``error_columns``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from automap.earth import local_ned, tangent_rotation
+from automap.effects.lens import lens_of, project
 from automap.effects.vehicle import Values, parameter, parameters
 from automap.frames import matrix_to_rpy, rpy_to_matrix
+from automap.interpolation import Poses
 from automap.records import Camera, FloatArray
+
+PoseAt = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+"""Position [n, 3] m NED and attitude ``C_n_b`` [n, 3, 3] of the vehicle at seconds [n]."""
+
+_SHUTTER_ROUNDS = 3
 
 
 def true_camera(stated: Camera, values: Values) -> Camera:
@@ -46,3 +57,82 @@ def row_share(rows: FloatArray, height: int) -> FloatArray:
 def row_delay_s(rows: FloatArray, height: int, values: Values) -> FloatArray:
     """When pixel rows [n] are read, in s after the middle one, ``rolling_shutter``."""
     return parameter(values, "rolling_shutter") * row_share(rows, height)
+
+
+def camera_poses(
+    poses: Poses, camera: Camera, origin: tuple[float, float, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Camera centres [n, 3] and ``C_cam_ref`` [n, 3, 3] in the tangent plane at ``origin``."""
+    height = np.where(np.isfinite(poses.height_m), poses.height_m, origin[2])
+    vehicle = local_ned(poses.lat_rad, poses.lon_rad, height, origin)
+    C_ref_ned = tangent_rotation(poses.lat_rad, poses.lon_rad, origin)
+    C_ref_body = C_ref_ned @ rpy_to_matrix(poses.rpy)
+    centre = vehicle + C_ref_body @ camera.lever_arm_m
+    C_body_cam = rpy_to_matrix(camera.mount_rpy)
+    return centre, np.swapaxes(C_ref_body @ C_body_cam, 1, 2)
+
+
+def in_camera(
+    camera: Camera, position: FloatArray, C_n_b: FloatArray, point: FloatArray
+) -> FloatArray:
+    """A point [3] or points [n, 3] m NED in the axes [n, 3] (forward, right, down) of the camera
+    of a vehicle at ``position`` [n, 3] with attitude ``C_n_b`` [n, 3, 3]."""
+    body = np.einsum("nji,nj->ni", C_n_b, point - position) - camera.lever_arm_m
+    return np.asarray(body @ rpy_to_matrix(camera.mount_rpy))
+
+
+def exposed(
+    camera: Camera, values: Values, pose_at: PoseAt, t_s: FloatArray, point: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """A point in camera axes [n, 3] when the row that shows it is read, and that time [n] s.
+
+    ``t_s`` [n] s when the middle row is read; ``camera`` is the true one.
+    """
+    late = np.zeros(len(t_s))
+    for _ in range(_SHUTTER_ROUNDS if "rolling_shutter" in values else 1):
+        q = in_camera(camera, *pose_at(t_s + late), point)
+        row = np.nan_to_num(project(camera, q)[:, 1], nan=-1e6)
+        read, late = t_s + late, row_delay_s(row, camera.height, values)
+    return q, read
+
+
+def error_columns(
+    camera: Camera,
+    values: Values,
+    q: FloatArray,
+    height: FloatArray,
+    share: FloatArray,
+    rate: FloatArray,
+    velocity: FloatArray,
+) -> FloatArray:
+    """What errors of the camera do to what it sees: columns [n, 3, 11].
+
+    Rows: direction right and down (normalised, the distortion of the lens removed as the camera
+    has it) and the logarithm of the apparent height. Columns: the parameters of the catalogue's
+    effects of a camera, in its order, at ``values``, which ``camera`` was made with. ``q`` [n, 3] m
+    things in camera axes, ``height`` [n] normalised, ``share`` [n] of their rows, ``rate`` [n, 3]
+    rad/s and ``velocity`` [n, 3] m/s of the camera in its axes.
+    """
+    from automap.effects.camera_kernels import FOCAL, all_columns
+
+    C_cam_body = rpy_to_matrix(camera.mount_rpy).T
+    out = all_columns(q, height, share, rate, velocity, C_cam_body, lens_of(camera))
+    out[:, :, :3] = out[:, :, :3] @ _turn_by_rpy(parameters(values, "camera_boresight"))
+    out[:, :, FOCAL] /= 1.0 + parameter(values, "camera_focal")
+    return np.asarray(out)
+
+
+def _turn_by_rpy(rpy: FloatArray) -> FloatArray:
+    """Small turn [3] about the axes of the turned camera by its roll, pitch, yaw: [3, 3]."""
+    sr, cr, sp, cp = np.sin(rpy[0]), np.cos(rpy[0]), np.sin(rpy[1]), np.cos(rpy[1])
+    return np.array([[1.0, 0.0, -sp], [0.0, cr, sr * cp], [0.0, -sr, cr * cp]])
+
+
+def direction_by_point(q: FloatArray) -> FloatArray:
+    """Derivative [n, 3, 3] of right / forward, down / forward and the logarithm of the apparent
+    size by a point [n, 3] in camera axes."""
+    out = np.zeros((len(q), 3, 3))
+    out[:, 0, 0], out[:, 0, 1] = -q[:, 1] / q[:, 0] ** 2, 1.0 / q[:, 0]
+    out[:, 1, 0], out[:, 1, 2] = -q[:, 2] / q[:, 0] ** 2, 1.0 / q[:, 0]
+    out[:, 2, 0] = -1.0 / q[:, 0]
+    return out

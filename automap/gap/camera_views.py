@@ -14,8 +14,8 @@ import numpy as np
 from automap.earth import local_ned
 from automap.effects import CATALOGUE
 from automap.effects.camera import row_share
+from automap.effects.lens import focal_length, normalise, touches_edge
 from automap.frames import matrix_to_rotation_vector, rotation_vector_to_matrix, rpy_to_matrix
-from automap.geolocation.camera_model import focal_length, normalise, touches_edge
 from automap.interpolation import poses_at
 from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.geolocation.camera_model import focal_length
+from automap.effects.lens import focal_length
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.landmark_kernels import N_COMMON
 from automap.geolocation.pass_errors import equations, pass_sd

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.effects.lens import focal_length
 from automap.geolocation import time_minima
 from automap.geolocation.boresight import MIN_VIEWS, prior_covariance, refine_correction
-from automap.geolocation.camera_model import focal_length
 from automap.geolocation.landmark import Landmark, fit_landmark
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import CameraCorrection, Views, build_views, map_origin

@@ -15,6 +15,7 @@ import numpy as np
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.views import Views
 from automap.records import FloatArray
+from automap.robust import cauchy_weight
 from automap.signs.classes import load_classes
 from automap.signs.vocabulary import load_vocabulary
 
@@ -30,7 +31,6 @@ _SPREAD_FREEDOM = 3.0
 _LEAST_SPREAD = 0.05
 _LEAST_GAIN = 0.5
 """Of the variance of a size, what bearings must have removed for it to tell of others."""
-_CAUCHY_SQUARE = 6.25
 _ROUNDS = 5
 
 
@@ -106,7 +106,7 @@ def _predicted(size: FloatArray, variance: FloatArray, prior: SizePrior) -> Size
     for _ in range(_ROUNDS):
         square = (size - mean) ** 2
         weight = 1.0 / (spread + variance)
-        weight = weight / (1.0 + square * weight / _CAUCHY_SQUARE)
+        weight = weight * cauchy_weight(square * weight)
         sure = prior.log_sd**-2 + float(weight.sum())
         mean = (start * prior.log_sd**-2 + float(weight @ size)) / sure
         beyond = float(np.sum(np.maximum(square - variance, 0.0)))

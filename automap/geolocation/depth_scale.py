@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.records import FloatArray
+from automap.robust import huber_weight
 
 _STEPS = 10
-_HUBER = 1.5
 _LEAST_DEPTH_M = 0.5
 
 
@@ -50,8 +50,7 @@ def fit_depth_scale(
         corrected = np.maximum(x[0] + scale * measured, _LEAST_DEPTH_M)
         residual = np.log(distance) - np.log(corrected)
         J = np.column_stack([1.0 / corrected, scale * measured / corrected])
-        size = np.abs(residual) / log_sd
-        weight = np.minimum(1.0, _HUBER / np.maximum(size, 1e-12)) / log_sd**2
+        weight = huber_weight((residual / log_sd) ** 2) / log_sd**2
         N = (J * weight[:, None]).T @ J + np.diag(prior)
         step = np.linalg.solve(N, (J * weight[:, None]).T @ residual - prior * x)
         x = x + step

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.effects.camera import camera_poses
+from automap.effects.lens import normalise
 from automap.frames import rpy_to_matrix
-from automap.geolocation.camera_model import normalise
-from automap.geolocation.views import camera_poses
 from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 

@@ -15,9 +15,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from automap.geolocation.camera_model import focal_length, project
+from automap.effects.camera import camera_poses
+from automap.effects.lens import focal_length, project
 from automap.geolocation.landmark import Landmark
-from automap.geolocation.views import CameraCorrection, Views, camera_poses
+from automap.geolocation.views import Views
 from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 
@@ -75,18 +76,12 @@ def _apparent_heights(
     t_ns: IntArray,
     trajectory: Trajectory,
     camera: Camera,
-    correction: CameraCorrection | None,
     origin: tuple[float, float, float],
 ) -> FloatArray:
     """Height in pixels [n] of a sign at the frame stamps; zero where it is not wholly in view, or
     shows itself from another side than to the cameras at ``seen_from`` [m, 3]."""
-    from automap.frames import rpy_to_matrix
-
-    offset_s = camera.time_offset_s + (correction.time_s if correction else 0.0)
-    poses = poses_at(trajectory, t_ns + np.int64(round(offset_s * 1e9)))
+    poses = poses_at(trajectory, t_ns + np.int64(round(camera.time_offset_s * 1e9)))
     centre, C_cam_ref = camera_poses(poses, camera, origin)
-    if correction is not None:
-        C_cam_ref = np.swapaxes(rpy_to_matrix(correction.turn), 0, 1) @ C_cam_ref
     q = np.einsum("nij,nj->ni", C_cam_ref, position - centre)
     with np.errstate(invalid="ignore", divide="ignore"):
         pixels = project(camera, q)
@@ -116,12 +111,11 @@ def existence_probabilities(
     trajectory: Trajectory,
     detections: Sequence[Detections],
     cameras: Mapping[str, Camera],
-    corrections: Mapping[str, CameraCorrection],
 ) -> FloatArray:
     """Probability [m] that each landmark is a sign.
 
-    The detector's rate of finding a sign is taken from the landmarks with many views, the share
-    of signs among things seen once from all of these.
+    ``cameras`` are as they were found to be. The detector's rate of finding a sign is taken from
+    the landmarks with many views, the share of signs among things seen once from all of these.
     """
     grids = {found.camera: FrameGrid(found) for found in detections}
     found_rate = _found_rate(views, landmarks, grids)
@@ -132,9 +126,7 @@ def existence_probabilities(
         most_missed = 2 * _AROUND
         if log_odds + most_missed * np.log1p(-_PROBABILITY_LIMITS[1]) > 7.0:
             continue
-        missed = _missed(
-            views, mark, grids, trajectory, cameras, corrections, seen_t=views.t_ns[mark.rows]
-        )
+        missed = _missed(views, mark, grids, trajectory, cameras, seen_t=views.t_ns[mark.rows])
         unseen = _HIDDEN + (1.0 - _HIDDEN) * (1.0 - found_rate) ** missed
         log_odds_of[k] = log_odds + float(np.log(unseen).sum())
     single = np.array([len(mark.rows) == 1 for mark in landmarks], np.bool_)
@@ -186,15 +178,13 @@ def _missed(
     grids: Mapping[str, FrameGrid],
     trajectory: Trajectory,
     cameras: Mapping[str, Camera],
-    corrections: Mapping[str, CameraCorrection],
     seen_t: IntArray,
 ) -> IntArray:
     """Stretches [k] of frames near those with a box in which the sign was as large, in view, and
     not found: the number of frames of each."""
     name = views.camera_names[int(views.camera[mark.anchor])]
-    camera, correction, grid = cameras[name], corrections.get(name), grids[name]
-    offset = camera.time_offset_s + (correction.time_s if correction else 0.0)
-    stamps = seen_t - np.int64(round(offset * 1e9))  # as the frames were stamped
+    camera, grid = cameras[name], grids[name]
+    stamps = seen_t - np.int64(round(camera.time_offset_s * 1e9))  # as the frames were stamped
     times = np.unique(np.concatenate([grid.around(int(t), _AROUND) for t in np.unique(stamps)]))
     if len(times) == 0:
         return np.zeros(0, np.int64)
@@ -207,7 +197,7 @@ def _missed(
     times = times[np.concatenate([[True], np.diff(times) > half])]
     height = _apparent_heights(
         *(mark.position, mark.size_m, views.centre[mark.rows], times, trajectory),
-        *(camera, correction, views.origin),
+        *(camera, views.origin),
     )
     least = focal_length(camera) * float(np.exp(views.measured[mark.rows, 2].min()))
     due = height >= _LIKE_SEEN * least

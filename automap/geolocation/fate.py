@@ -37,9 +37,11 @@ def no_fate(
     trajectory: Trajectory,
     detections: Sequence[Detections],
     cameras: Mapping[str, Camera],
-    corrections: Mapping[str, CameraCorrection],
 ) -> Observations:
-    """Nothing known yet of ``total`` detections but which have no pose and no direction."""
+    """Nothing known yet of ``total`` detections but which have no pose and no direction.
+
+    ``cameras`` are as they were found to be.
+    """
     fate = Observations(
         track=np.full(total, -1, np.int64),
         sign_id=np.full(total, "", np.object_),
@@ -49,7 +51,7 @@ def no_fate(
         note=np.full(total, "no_place", np.object_),
     )
     fate.note[np.setdiff1d(np.arange(total), views.row)] = "no_direction"
-    fate.note[_rows_without_pose(trajectory, detections, cameras, corrections)] = "no_pose"
+    fate.note[_rows_without_pose(trajectory, detections, cameras)] = "no_pose"
     return fate
 
 
@@ -57,14 +59,12 @@ def _rows_without_pose(
     trajectory: Trajectory,
     detections: Sequence[Detections],
     cameras: Mapping[str, Camera],
-    corrections: Mapping[str, CameraCorrection],
 ) -> IntArray:
     from automap.interpolation import poses_at
 
     missing, first = [], 0
     for found in detections:
-        correction = corrections.get(found.camera)
-        offset = cameras[found.camera].time_offset_s + (correction.time_s if correction else 0.0)
+        offset = cameras[found.camera].time_offset_s
         poses = poses_at(trajectory, found.t_ns + np.int64(round(offset * 1e9)))
         missing.append(first + np.flatnonzero(~(poses.covered & np.isfinite(poses.rpy[:, 2]))))
         first += len(found)

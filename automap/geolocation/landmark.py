@@ -25,12 +25,14 @@ import numpy as np
 from automap.geolocation.landmark_kernels import (
     MIN_FORWARD_M,
     N_COMMON,
+    common_columns,
     normal_equations,
     solve_landmark,
     squared_distances,
 )
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
+from automap.robust import BY_CAUCHY, PLAIN
 
 SAME_PLACE_M = 0.25
 """Cameras nearer to one another than this see the same picture."""
@@ -132,10 +134,10 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
         if np.isfinite(cost) and (best is None or cost < best[1]):
             best = (found, cost)
     parameters, cost = best if best is not None else (first, np.inf)
-    rate, velocity = views.rate[rows], views.velocity[rows]
+    columns, _ = columns_of(views, rows, anchor, parameters)
     information, A, _, residual, weight, chi2 = normal_equations(
-        *(parameters, M, b, measured, sd, drift, rate, velocity, views.C_cam_body[rows]),
-        *(elapsed_s(views, rows, anchor), np.zeros(N_COMMON), prior_mean, prior_sd, robust),
+        *(parameters, M, b, measured, sd, drift, columns, np.zeros(N_COMMON)),
+        *(prior_mean, prior_sd, BY_CAUCHY if robust else PLAIN),
     )
     covariance = np.linalg.inv(information)
     # the residuals, the size prior's among them, say whether the sigmas were too small
@@ -158,6 +160,19 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
         dof=dof,
         ok=bool(np.isfinite(cost)),
     )
+
+
+def columns_of(
+    views: Views, rows: IntArray, anchor: int, parameters: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of the expected boxes [n, 3] of a sign with ``parameters`` [4] seen from a view:
+    [n, 3, 12] by what is common to its views, [n, 3, 11] by the errors of the camera."""
+    common, effects = common_columns(
+        *(parameters, *relative_views(views, rows, anchor), views.measured[rows]),
+        *(views.share[rows], views.rate[rows], views.velocity[rows], views.C_cam_body[rows]),
+        *(views.lens[views.camera[rows]], elapsed_s(views, rows, anchor)),
+    )
+    return common, effects
 
 
 def view_sd(views: Views, rows: IntArray) -> FloatArray:

@@ -8,9 +8,19 @@ the anchor: q_view = M q_anchor + b.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from automap.effects.camera_kernels import (
+    FOCAL,
+    LEVER_ARM,
+    N_COLUMNS,
+    TIME,
+    TURN,
+    by_point,
+    effect_columns,
+)
+from automap.jit import kernel
 from automap.records import FloatArray
+from automap.robust import BY_CAUCHY, BY_HUBER, PLAIN, loss
 
 MIN_FORWARD_M = 1.0
 """A sign nearer to the image plane than this cannot be seen as a box."""
@@ -22,12 +32,10 @@ margin, which its camera shares with other signs, and the trajectory's velocity 
 MARGIN = 8
 """Place of the box margin among them."""
 
-_HUBER = 1.5
-_CAUCHY = 2.5
 _MIN_PIVOT = 1e-300
 
 
-@njit(cache=True)
+@kernel
 def squared_distances(
     parameters: FloatArray,
     covariance: FloatArray,
@@ -50,6 +58,7 @@ def squared_distances(
     h = np.zeros(3)
     J = np.zeros((3, 4))
     q = np.zeros(3)
+    d = np.zeros(3)
     M = np.zeros((3, 3))
     b = np.zeros(3)
     S = np.zeros((3, 3))
@@ -61,7 +70,7 @@ def squared_distances(
                 M[i, k] = 0.0
                 for m in range(3):
                     M[i, k] += C_view[i, m] * C_anchor[t, k, m]
-        if not _measure(parameters[t], M, b, h, J, q):
+        if not _measure(parameters[t], M, b, h, J, q, d):
             continue
         for i in range(3):
             for j in range(3):
@@ -88,8 +97,8 @@ def squared_distances(
     return result
 
 
-@njit(cache=True)
-def _measure(theta, M, b, h, J, q):  # type: ignore[no-untyped-def]
+@kernel
+def _measure(theta, M, b, h, J, q, d):  # type: ignore[no-untyped-def]
     """Fill the expected measurement h [3], its derivative J [3, 4] and the point q [3]."""
     depth = np.exp(theta[2])
     y, z = theta[0], theta[1]
@@ -97,83 +106,62 @@ def _measure(theta, M, b, h, J, q):  # type: ignore[no-untyped-def]
         q[i] = depth * (M[i, 0] + M[i, 1] * y + M[i, 2] * z) + b[i]
     if not q[0] > MIN_FORWARD_M:
         return False
-    inverse = 1.0 / q[0]
-    h[0] = q[1] * inverse
-    h[1] = q[2] * inverse
+    h[0] = q[1] / q[0]
+    h[1] = q[2] / q[0]
     h[2] = theta[3] - np.log(q[0])
-    for k in range(3):
-        # derivative of q by direction right, direction down, log depth
-        if k == 0:
-            d0, d1, d2 = depth * M[0, 1], depth * M[1, 1], depth * M[2, 1]
-        elif k == 1:
-            d0, d1, d2 = depth * M[0, 2], depth * M[1, 2], depth * M[2, 2]
-        else:
-            d0, d1, d2 = q[0] - b[0], q[1] - b[1], q[2] - b[2]
-        J[0, k] = (d1 - h[0] * d0) * inverse
-        J[1, k] = (d2 - h[1] * d0) * inverse
-        J[2, k] = -d0 * inverse
+    # derivative of q by direction right, direction down, log depth
+    for k in range(2):
+        for i in range(3):
+            d[i] = depth * M[i, 1 + k]
+        by_point(h, q, d, J, k)
+    for i in range(3):
+        d[i] = q[i] - b[i]
+    by_point(h, q, d, J, 2)
     J[0, 3] = 0.0
     J[1, 3] = 0.0
     J[2, 3] = 1.0
     return True
 
 
-@njit(cache=True)
-def _loss(square, kind):  # type: ignore[no-untyped-def]
-    """Loss and weight of a squared residual in sigmas; kind 0 plain, 1 Huber, 2 Cauchy."""
-    if kind == 1:
-        size = np.sqrt(square)
-        if size <= _HUBER:
-            return square, 1.0
-        return 2.0 * _HUBER * size - _HUBER * _HUBER, _HUBER / size
-    if kind == 2:
-        ratio = square / (_CAUCHY * _CAUCHY)
-        return _CAUCHY * _CAUCHY * np.log(1.0 + ratio), 1.0 / (1.0 + ratio)
-    return square, 1.0
-
-
-def robust_loss(square: FloatArray) -> FloatArray:
-    """Cauchy's loss [n] of squared residuals [n] in sigmas, as the last fit takes it."""
-    return np.asarray(_CAUCHY**2 * np.log1p(square / _CAUCHY**2))
-
-
-@njit(cache=True)
+@kernel
 def _cost(theta, M, b, measured, sd, drift, prior_mean, prior_sd, kind):  # type: ignore[no-untyped-def]
     h = np.zeros(3)
     J = np.zeros((3, 4))
     q = np.zeros(3)
+    d = np.zeros(3)
     r = (theta[3] - prior_mean) / prior_sd
-    total = _loss(r * r, kind)[0]
+    total = loss(r * r, kind)[0]
     for i in range(len(sd)):
-        if not _measure(theta, M[i], b[i], h, J, q):
+        if not _measure(theta, M[i], b[i], h, J, q, d):
             return np.inf
         slack = drift[i] / q[0]
         square = 0.0
         for k in range(2):
             r = measured[i, k] - h[k]
             square += r * r / (sd[i, k] * sd[i, k] + slack * slack)
-        total += _loss(square, kind)[0]
+        total += loss(square, kind)[0]
         r = (measured[i, 2] - h[2]) / sd[i, 2]
-        total += _loss(r * r, kind)[0]
+        total += loss(r * r, kind)[0]
     return total
 
 
-@njit(cache=True)
+@kernel
 def _accumulate(theta, M, b, measured, sd, drift, prior_mean, prior_sd, kind, N, g):  # type: ignore[no-untyped-def]
     """Normal matrix N [4, 4] and right-hand side g [4] with the weights at theta."""
     h = np.zeros(3)
     J = np.zeros((3, 4))
     q = np.zeros(3)
+    d = np.zeros(3)
     r3 = np.zeros(3)
     w3 = np.zeros(3)
     N[:] = 0.0
     g[:] = 0.0
     r = (theta[3] - prior_mean) / prior_sd
-    own = _loss(r * r, kind)[1] / (prior_sd * prior_sd)
+    own = loss(r * r, kind)[1] / (prior_sd * prior_sd)
     N[3, 3] = own
     g[3] = (prior_mean - theta[3]) * own
     for i in range(len(sd)):
-        _measure(theta, M[i], b[i], h, J, q)
+        _measure(theta, M[i], b[i], h, J, q, d)
         slack = drift[i] / q[0]
         square = 0.0
         for k in range(3):
@@ -182,10 +170,10 @@ def _accumulate(theta, M, b, measured, sd, drift, prior_mean, prior_sd, kind, N,
             w3[k] = 1.0 / variance
             if k < 2:
                 square += r3[k] * r3[k] / variance
-        factor = _loss(square, kind)[1]
+        factor = loss(square, kind)[1]
         w3[0] *= factor
         w3[1] *= factor
-        w3[2] *= _loss(r3[2] * r3[2] * w3[2], kind)[1]
+        w3[2] *= loss(r3[2] * r3[2] * w3[2], kind)[1]
         for k in range(3):
             for m in range(4):
                 g[m] += J[k, m] * w3[k] * r3[k]
@@ -193,7 +181,7 @@ def _accumulate(theta, M, b, measured, sd, drift, prior_mean, prior_sd, kind, N,
                     N[m, n] += J[k, m] * w3[k] * J[k, n]
 
 
-@njit(cache=True)
+@kernel
 def _solve4(N, g, damping, step):  # type: ignore[no-untyped-def]
     """Solve (N + damping diag N) step = g by Cholesky; False when not positive definite."""
     L = np.zeros((4, 4))
@@ -223,7 +211,7 @@ def _solve4(N, g, damping, step):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True)
+@kernel
 def solve_landmark(start, M, b, measured, sd, drift, prior_mean, prior_sd, robust):  # type: ignore[no-untyped-def]
     """Levenberg-Marquardt from ``start``; parameters and cost (infinite when impossible)."""
     theta = start.copy()
@@ -232,7 +220,7 @@ def solve_landmark(start, M, b, measured, sd, drift, prior_mean, prior_sd, robus
     N = np.zeros((4, 4))
     g = np.zeros(4)
     cost = np.inf
-    first, last = (1, 2) if robust else (0, 0)
+    first, last = (BY_HUBER, BY_CAUCHY) if robust else (PLAIN, PLAIN)
     for kind in range(first, last + 1):
         cost = _cost(theta, M, b, measured, sd, drift, prior_mean, prior_sd, kind)
         if not np.isfinite(cost):
@@ -263,34 +251,43 @@ def solve_landmark(start, M, b, measured, sd, drift, prior_mean, prior_sd, robus
     return theta, cost
 
 
-@njit(cache=True)
-def _common_derivative(h, q, log_height, rate, velocity, C_cam_body, elapsed, D, B):  # type: ignore[no-untyped-def]
-    """Fill B [3, 12], the derivative of the expected box by what is common to the views."""
-    # derivative of q by the turn: [q x]; by the time offset: -rate x q - velocity
-    D[0, 1], D[0, 2] = -q[2], q[1]
-    D[1, 0], D[1, 2] = q[2], -q[0]
-    D[2, 0], D[2, 1] = -q[1], q[0]
-    D[0, 3] = -(rate[1] * q[2] - rate[2] * q[1]) - velocity[0]
-    D[1, 3] = -(rate[2] * q[0] - rate[0] * q[2]) - velocity[1]
-    D[2, 3] = -(rate[0] * q[1] - rate[1] * q[0]) - velocity[2]
-    # a camera further along an axis of the vehicle sees everything nearer by as much
-    for k in range(3):
-        for m in range(3):
-            D[k, 5 + m] = -C_cam_body[k, m]
-            D[k, 9 + m] = -C_cam_body[k, m] * elapsed
-    for m in range(N_COMMON):
-        B[0, m] = (D[1, m] - h[0] * D[0, m]) / q[0]
-        B[1, m] = (D[2, m] - h[1] * D[0, m]) / q[0]
-        B[2, m] = -D[0, m] / q[0]
-    # a longer focal length magnifies the picture
-    B[0, 4] = h[0]
-    B[1, 4] = h[1]
-    B[2, 4] = 1.0
-    # boxes with a margin are taller than their signs by the same number of pixels
-    B[2, 8] = np.exp(-log_height)
+@kernel
+def common_columns(  # type: ignore[no-untyped-def]
+    theta, M, b, measured, share, rate, velocity, C_cam_body, lens, elapsed
+):
+    """Derivatives [n, 3, N_COMMON] of the expected boxes of a sign at ``theta`` by what is common
+    to its views, and those [n, 3, 11] by the errors of the camera (``camera_kernels``).
+
+    ``C_cam_body`` [n, 3, 3] vehicle to camera axes, ``lens`` [n, 21], ``elapsed`` [n] seconds over
+    which a velocity error of the trajectory acts.
+    """
+    n = len(measured)
+    h = np.zeros(3)
+    J = np.zeros((3, 4))
+    q = np.zeros(3)
+    d = np.zeros(3)
+    effects = np.zeros((n, 3, N_COLUMNS))
+    common = np.zeros((n, 3, N_COMMON))
+    for i in range(n):
+        if not _measure(theta, M[i], b[i], h, J, q, d):
+            continue
+        E, B = effects[i], common[i]
+        height = np.exp(measured[i, 2])
+        effect_columns(h, q, height, share[i], rate[i], velocity[i], C_cam_body[i], lens[i], E)
+        for r in range(3):
+            for k in range(3):
+                B[r, k] = E[r, TURN + k]
+                B[r, 5 + k] = E[r, LEVER_ARM + k]
+                # a velocity error has moved the camera as a longer lever arm would
+                B[r, 9 + k] = E[r, LEVER_ARM + k] * elapsed[i]
+            B[r, 3] = E[r, TIME]
+            B[r, 4] = E[r, FOCAL]
+        # boxes with a margin are taller than their signs by the same number of pixels
+        B[2, MARGIN] = 1.0 / height
+    return common, effects
 
 
-@njit(cache=True)
+@kernel
 def normal_equations(  # type: ignore[no-untyped-def]
     theta,
     M,
@@ -298,77 +295,70 @@ def normal_equations(  # type: ignore[no-untyped-def]
     measured,
     sd,
     drift,
-    rate,
-    velocity,
-    C_cam_body,
-    elapsed,
+    columns,
     bias,
     prior_mean,
     prior_sd,
-    robust,
+    kind,
 ):
-    """What a sign contributes at ``theta`` and at the values ``bias`` [12] of what is common.
+    """What a sign contributes at ``theta`` and at the values ``bias`` [m] of what is common.
 
-    Information [4, 4] of its parameters, cross term [4, 12] with what is common to its views
-    (N_COMMON), the common block and right-hand sides as a [16, 13] array (first twelve rows: the
-    common information [12, 12] and its right-hand side; last four: zero but for the sign's own
-    right-hand side), residuals [n, 3] in sigmas, direction weights [n], weighted chi-square.
-    ``C_cam_body`` [n, 3, 3] vehicle to camera axes, ``elapsed`` [n] seconds over which a
-    velocity error of the trajectory acts.
+    ``columns`` [n, 3, m] are the derivatives of the expected boxes by what is common to them.
+    Information [4, 4] of the sign's parameters, cross term [4, m] with what is common, the common
+    block and right-hand sides as a [m + 4, m + 1] array (first m rows: the common information
+    [m, m] and its right-hand side; last four: zero but for the sign's own right-hand side),
+    residuals [n, 3] in sigmas, direction weights [n], weighted chi-square. ``kind`` of the
+    loss: that of ``automap.robust``.
     """
-    n = len(sd)
-    kind = 2 if robust else 0
+    n, common = len(sd), columns.shape[2]
     h = np.zeros(3)
     J = np.zeros((3, 4))
-    B = np.zeros((3, N_COMMON))
-    D = np.zeros((3, N_COMMON))
     q = np.zeros(3)
+    d = np.zeros(3)
     w3 = np.zeros(3)
     r3 = np.zeros(3)
     N = np.zeros((4, 4))
-    A = np.zeros((4, N_COMMON))
-    shared = np.zeros((N_COMMON + 4, N_COMMON + 1))
+    A = np.zeros((4, common))
+    shared = np.zeros((common + 4, common + 1))
     residual = np.zeros((n, 3))
     weight = np.zeros(n)
     r = (theta[3] - prior_mean) / prior_sd
     # sizes come in steps: a sign of another size than expected is no rarity
-    factor = _loss(r * r, kind)[1]
+    factor = loss(r * r, kind)[1]
     N[3, 3] = factor / (prior_sd * prior_sd)
-    shared[N_COMMON + 3, N_COMMON] = -factor * r / prior_sd
+    shared[common + 3, common] = -factor * r / prior_sd
     chi2 = factor * r * r
     for i in range(n):
-        if not _measure(theta, M[i], b[i], h, J, q):
+        if not _measure(theta, M[i], b[i], h, J, q, d):
             residual[i, :] = np.inf
             continue
-        _common_derivative(
-            h, q, measured[i, 2], rate[i], velocity[i], C_cam_body[i], elapsed[i], D, B
-        )
+        B = columns[i]
         slack = drift[i] / q[0]
         square = 0.0
         for k in range(3):
             variance = sd[i, k] * sd[i, k] + (slack * slack if k < 2 else 0.0)
             r3[k] = measured[i, k] - h[k]
-            for m in range(N_COMMON):
+            for m in range(common):
                 r3[k] -= B[k, m] * bias[m]
             w3[k] = 1.0 / variance
             residual[i, k] = r3[k] / np.sqrt(variance)
             if k < 2:
                 square += residual[i, k] ** 2
-        factor = _loss(square, kind)[1]
+        factor = loss(square, kind)[1]
         weight[i] = factor
         w3[0] *= factor
         w3[1] *= factor
-        w3[2] *= _loss(residual[i, 2] ** 2, kind)[1]
+        w3[2] *= loss(residual[i, 2] ** 2, kind)[1]
         for k in range(3):
             chi2 += w3[k] * r3[k] * r3[k]
             for m in range(4):
-                shared[N_COMMON + m, N_COMMON] += J[k, m] * w3[k] * r3[k]
+                shared[common + m, common] += J[k, m] * w3[k] * r3[k]
                 for p in range(4):
                     N[m, p] += J[k, m] * w3[k] * J[k, p]
-                for p in range(N_COMMON):
+                for p in range(common):
                     A[m, p] += J[k, m] * w3[k] * B[k, p]
-            for m in range(N_COMMON):
-                shared[m, N_COMMON] += B[k, m] * w3[k] * r3[k]
-                for p in range(N_COMMON):
+            for m in range(common):
+                shared[m, common] += B[k, m] * w3[k] * r3[k]
+                for p in range(common):
                     shared[m, p] += B[k, m] * w3[k] * B[k, p]
     return N, A, shared, residual, weight, chi2

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.effects.lens import focal_length
 from automap.geolocation.assembly import assemble_sign
 from automap.geolocation.boresight import prior_covariance
 from automap.geolocation.box_noise import measured_noise
 from automap.geolocation.camera_estimate import estimate_cameras, first_corrections, refit
-from automap.geolocation.camera_model import focal_length
 from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
 from automap.geolocation.control import ControlSigns
 from automap.geolocation.course_yaw import yaw_by_course
@@ -104,10 +104,11 @@ def locate_signs(
         }
 
     total = sum(len(d) for d in detections)
-    fate = no_fate(total, views, trajectory, detections, cameras, corrections)
+    found = {n: corrections[n].applied(c) if n in corrections else c for n, c in cameras.items()}
+    fate = no_fate(total, views, trajectory, detections, found)
     fate.note[views.row[misfits]] = "misfit"
 
-    exists = existence_probabilities(views, landmarks, trajectory, detections, cameras, corrections)
+    exists = existence_probabilities(views, landmarks, trajectory, detections, found)
     kept = []
     for mark, likely in zip(landmarks, exists, strict=True):
         if not mark.ok:

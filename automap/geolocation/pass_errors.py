@@ -16,7 +16,7 @@ import numpy as np
 from automap.geolocation.landmark import (
     Landmark,
     SizePrior,
-    elapsed_s,
+    columns_of,
     place,
     relative_views,
     view_sd,
@@ -24,6 +24,7 @@ from automap.geolocation.landmark import (
 from automap.geolocation.landmark_kernels import N_COMMON, normal_equations
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
+from automap.robust import BY_CAUCHY
 
 STAMP_SD_S = 0.005
 """What the stamps of the frames of one pass are off by in common, beyond the camera's offset."""
@@ -60,11 +61,11 @@ def equations(
     """``normal_equations`` of a landmark's views at other parameters [4] and biases [12]."""
     rows, anchor = landmark.rows, landmark.anchor
     M, b = relative_views(views, rows, anchor)
+    columns, _ = columns_of(views, rows, anchor, parameters)
     prior = prior.of(views.class_name[rows].tolist())
     result = normal_equations(
         *(parameters, M, b, views.measured[rows], view_sd(views, rows), np.zeros(len(rows))),
-        *(views.rate[rows], views.velocity[rows], views.C_cam_body[rows]),
-        *(elapsed_s(views, rows, anchor), bias, float(np.log(prior.size_m)), prior.log_sd, True),
+        *(columns, bias, float(np.log(prior.size_m)), prior.log_sd, BY_CAUCHY),
     )
     N, A, shared, residual, weight, chi2 = result
     return N, A, shared, residual, weight, float(chi2)

@@ -17,10 +17,10 @@ import numpy as np
 
 from automap.geolocation.boresight import CameraPriors, prior_covariance
 from automap.geolocation.landmark import Landmark, SizePrior
-from automap.geolocation.landmark_kernels import robust_loss
 from automap.geolocation.pass_errors import pass_sd, settle
 from automap.geolocation.views import CameraCorrection, Views
 from automap.records import Camera, FloatArray
+from automap.robust import cauchy_loss
 
 MOST_SIGNS = 30
 """More see so many different motions of the car that no second offset fits them all."""
@@ -68,7 +68,7 @@ def cost_of(
         size = (settled.parameters[3] - np.log(own.size_m)) / own.log_sd
         r = settled.residual
         squares = np.concatenate([r[:, 0] ** 2 + r[:, 1] ** 2, r[:, 2] ** 2, [size**2]])
-        total += float(robust_loss(squares).sum() + np.sum((settled.pass_bias / sd) ** 2))
+        total += float(cauchy_loss(squares).sum() + np.sum((settled.pass_bias / sd) ** 2))
     return total
 
 

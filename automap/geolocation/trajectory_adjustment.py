@@ -18,11 +18,13 @@ from automap.earth import metres_per_radian, tangent_rotation
 from automap.geolocation.merging import PATH_CORRELATION_S
 from automap.geolocation.sightings import Sighting
 from automap.records import FloatArray, Trajectory
+from automap.robust import cauchy_weight
 
 _NODE_S = 5.0
 _MOST_NODES = 400
 _ROUNDS = 4
-_CAUCHY_SQUARE = 9.0
+_HALF_WEIGHT = 3.0
+"""Sigmas at which a sighting counts half."""
 _LEAST_GAIN = 0.02
 _FLAT = 1e-9
 
@@ -163,7 +165,7 @@ def _weights(
         N, g = N + np.linalg.inv(control[1]), g + np.linalg.solve(control[1], control[0])
     place = np.linalg.solve(N, g)
     square = np.array([(v - place) @ w @ (v - place) for w, v in zip(W, z, strict=True)])
-    return np.asarray(1.0 / (1.0 + square / _CAUCHY_SQUARE))
+    return cauchy_weight(square, _HALF_WEIGHT)
 
 
 def shift_sighting(sighting: Sighting, adjustment: Adjustment) -> Sighting:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automap.earth import local_ned, tangent_rotation
+from automap.effects.camera import camera_poses, row_share, true_camera
+from automap.effects.lens import focal_length, lens_of, normalise, touches_edge
 from automap.frames import matrix_to_rotation_vector, rpy_to_matrix
-from automap.geolocation.camera_model import focal_length, normalise, touches_edge
-from automap.interpolation import Poses, poses_at
+from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 
 _RATE_STEP_NS = 20_000_000
@@ -47,9 +47,11 @@ class Views:
     ``camera_names``; ``t_ns`` [n] with the camera's time offset applied. ``centre`` [n, 3]
     camera in the local frame, m; ``C_cam_ref`` [n, 3, 3] local frame to camera axes
     (forward, right, down); ``velocity`` [n, 3] m/s and ``rate`` [n, 3] rad/s of the camera in
-    camera axes; ``C_cam_body`` [n, 3, 3] vehicle to camera axes. ``measured`` [n, 3]: right /
+    camera axes; ``C_cam_body`` [n, 3, 3] vehicle to camera axes; ``lens`` [c, 21] of each camera
+    (``effects.lens``). ``measured`` [n, 3]: right /
     forward, down / forward of the box centre and the logarithm of the box height over the focal
-    length; ``sd`` [n, 3] their one-sigma errors. ``pose_sd`` [n, 3] m NED,
+    length; ``sd`` [n, 3] their one-sigma errors; ``share`` [n] of the image height at which they
+    are. ``pose_sd`` [n, 3] m NED,
     ``attitude_sd`` [n, 3] rad (roll, pitch, yaw) and ``velocity_sd`` [n, 3] m/s (forward, right,
     down) of the trajectory, ``speed_sd`` [n] m/s; ``margin_sd`` [n] rad what the height of a
     sign's boxes is off by in common.
@@ -57,6 +59,7 @@ class Views:
 
     origin: tuple[float, float, float]
     camera_names: tuple[str, ...]
+    lens: FloatArray
     row: IntArray
     frame: IntArray
     camera: IntArray
@@ -68,6 +71,7 @@ class Views:
     C_cam_body: FloatArray
     measured: FloatArray
     sd: FloatArray
+    share: FloatArray
     pose_sd: FloatArray
     attitude_sd: FloatArray
     velocity_sd: FloatArray
@@ -102,6 +106,17 @@ class CameraCorrection:
     time_minima: tuple[float, ...] = ()
     course_yaw: tuple[float, float] | None = None
 
+    def applied(self, camera: Camera) -> Camera:
+        """The camera with what was found out about it."""
+        return true_camera(
+            camera,
+            {
+                "camera_boresight": dict(zip(("roll", "pitch", "yaw"), self.turn, strict=True)),
+                "camera_time_offset": {"s": self.time_s},
+                "camera_focal": {"relative": float(np.expm1(self.focal_log))},
+            },
+        )
+
     @property
     def values(self) -> FloatArray:
         """All [9], the lever arm's zeros among them."""
@@ -126,10 +141,12 @@ def build_views(
     n_without_pose = n_without_ray = 0
     first_row = 0
     for index, found in enumerate(detections):
-        camera = cameras[found.camera]
-        correction = (corrections or {}).get(found.camera)
+        camera, margin = cameras[found.camera], 0.0
+        if (correction := (corrections or {}).get(found.camera)) is not None:
+            camera = correction.applied(camera)
+            margin = correction.margin * float(np.exp(-correction.focal_log))
         part, without_pose, without_ray = _camera_views(
-            trajectory, found, camera, correction, noise, origin
+            trajectory, found, camera, margin, noise, origin
         )
         part["row"] += first_row
         part["camera"] = np.full(len(part["row"]), index, np.int64)
@@ -147,6 +164,7 @@ def build_views(
     return Views(
         origin=origin,
         camera_names=tuple(d.camera for d in detections),
+        lens=np.array([lens_of(cameras[d.camera]) for d in detections]).reshape(-1, 21),
         frame=frame,
         n_without_pose=n_without_pose,
         n_without_ray=n_without_ray,
@@ -157,7 +175,7 @@ def build_views(
 def _nothing() -> dict[str, np.ndarray]:
     whole, one, three = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3))
     result: dict[str, np.ndarray] = {k: whole for k in ("row", "camera", "t_ns", "track")}
-    result |= {k: one for k in ("score", "speed_sd", "margin_sd")}
+    result |= {k: one for k in ("score", "speed_sd", "margin_sd", "share")}
     vectors = ("centre", "velocity", "rate", "measured", "sd", "pose_sd", "attitude_sd")
     result |= {k: three for k in (*vectors, "velocity_sd")}
     matrices = {"C_cam_ref": np.zeros((0, 3, 3)), "C_cam_body": np.zeros((0, 3, 3))}
@@ -177,19 +195,6 @@ def map_origin(trajectory: Trajectory) -> tuple[float, float, float]:
     )
 
 
-def camera_poses(
-    poses: Poses, camera: Camera, origin: tuple[float, float, float]
-) -> tuple[FloatArray, FloatArray]:
-    """Camera centres [n, 3] and ``C_cam_ref`` [n, 3, 3] in the tangent plane at ``origin``."""
-    height = np.where(np.isfinite(poses.height_m), poses.height_m, origin[2])
-    vehicle = local_ned(poses.lat_rad, poses.lon_rad, height, origin)
-    C_ref_ned = tangent_rotation(poses.lat_rad, poses.lon_rad, origin)
-    C_ref_body = C_ref_ned @ rpy_to_matrix(poses.rpy)
-    centre = vehicle + C_ref_body @ camera.lever_arm_m
-    C_body_cam = rpy_to_matrix(camera.mount_rpy)
-    return centre, np.swapaxes(C_ref_body @ C_body_cam, 1, 2)
-
-
 def _vehicle_velocity_sd(sd_ned: FloatArray) -> FloatArray:
     """One-sigma errors [n, 3] of the velocity along the vehicle's axes, from north, east, down."""
     level = np.sqrt(0.5 * (sd_ned[:, 0] ** 2 + sd_ned[:, 1] ** 2))
@@ -200,12 +205,11 @@ def _camera_views(
     trajectory: Trajectory,
     found: Detections,
     camera: Camera,
-    correction: CameraCorrection | None,
+    margin: float,
     noise: MeasurementNoise,
     origin: tuple[float, float, float],
 ) -> tuple[dict[str, np.ndarray], int, int]:
-    offset_s = camera.time_offset_s + (correction.time_s if correction else 0.0)
-    t_ns = np.asarray(found.t_ns, np.int64) + np.int64(round(offset_s * 1e9))
+    t_ns = np.asarray(found.t_ns, np.int64) + np.int64(round(camera.time_offset_s * 1e9))
     poses = poses_at(trajectory, t_ns)
     centre, C_cam_ref = camera_poses(poses, camera, origin)
     has_pose = poses.covered & np.isfinite(centre).all(axis=1)
@@ -214,18 +218,12 @@ def _camera_views(
     before, C_before = camera_poses(poses_at(trajectory, t_ns - _RATE_STEP_NS), camera, origin)
     after, C_after = camera_poses(poses_at(trajectory, t_ns + _RATE_STEP_NS), camera, origin)
     span = 2e-9 * _RATE_STEP_NS
-    velocity = np.einsum("nij,nj->ni", C_cam_ref, (after - before) / span)
+    velocity = np.nan_to_num(np.einsum("nij,nj->ni", C_cam_ref, (after - before) / span))
     turned = C_before @ np.swapaxes(C_after, 1, 2)
     moving = np.isfinite(turned).all(axis=(1, 2))
     rate = np.zeros_like(velocity)
     rate[moving] = matrix_to_rotation_vector(turned[moving]) / span
-    velocity = np.nan_to_num(velocity)
-
     C_cam_body = rpy_to_matrix(camera.mount_rpy).T
-    if correction is not None:
-        turn = rpy_to_matrix(correction.turn).T
-        C_cam_ref, C_cam_body = turn @ C_cam_ref, turn @ C_cam_body
-        velocity, rate = velocity @ turn.T, rate @ turn.T
 
     box = np.asarray(found.box, np.float64).reshape(-1, 4)
     middle_x = 0.5 * (box[:, 0] + box[:, 2])
@@ -234,14 +232,10 @@ def _camera_views(
     top = normalise(camera, np.column_stack([middle_x, box[:, 1]]))
     bottom = normalise(camera, np.column_stack([middle_x, box[:, 3]]))
     height = bottom[:, 1] - top[:, 1]
-    if correction is not None:
-        without = np.maximum(height - correction.margin, _LEAST_WITHOUT_MARGIN * height)
-        height = np.where(height > 0.0, without, height)
+    without = np.maximum(height - margin, _LEAST_WITHOUT_MARGIN * height)
+    height = np.where(height > 0.0, without, height)
     has_ray = np.isfinite(centre_ray).all(axis=1) & (height > 0.0)
     measured = np.column_stack([centre_ray, np.log(np.where(has_ray, height, 1.0))])
-    if correction is not None:
-        measured[:, :2] *= np.exp(-correction.focal_log)
-        measured[:, 2] -= correction.focal_log
 
     focal = focal_length(camera)
     pixel = noise.pixel_sd / focal
@@ -263,6 +257,7 @@ def _camera_views(
         "C_cam_body": np.broadcast_to(C_cam_body, C_cam_ref.shape)[ok],
         "measured": measured[ok],
         "sd": sd[ok],
+        "share": row_share(middle_y, camera.height)[ok],
         "pose_sd": np.nan_to_num(poses.sd_pos_ned[ok]),
         "attitude_sd": np.nan_to_num(poses.sd_rpy[ok]),
         "margin_sd": np.full(int(ok.sum()), noise.margin_sd_px / focal),

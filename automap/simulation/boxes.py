@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap import earth
-from automap.effects.camera import row_delay_s, true_camera
+from automap.effects.camera import exposed, true_camera
+from automap.effects.lens import project
 from automap.effects.vehicle import Values
-from automap.frames import rpy_to_matrix
-from automap.geolocation.camera_model import project
 from automap.records import Camera, FloatArray, IntArray
 from automap.simulation.scenario import CameraSetup
 from automap.simulation.scene import Scene, SceneSign
@@ -66,24 +65,24 @@ def sign_boxes(
     camera = true_camera(stated_camera(setup), errors)
     noise = setup.box_sd_px or 0.0
     frames, boxes, names = [], [], []
-    here = drive.at(t_s)
-    place = earth.local_ned(here.lat_rad, here.lon_rad, here.height_m, scene.ref)
+
+    def pose_at(seconds: FloatArray) -> tuple[FloatArray, FloatArray]:
+        motion = drive.at(np.clip(seconds, 0.0, drive.duration_s))
+        place = earth.local_ned(motion.lat_rad, motion.lon_rad, motion.height_m, scene.ref)
+        return place, motion.C_n_b
+
+    here, _ = pose_at(t_s)
     for sign in scene.signs:
-        near = np.flatnonzero(np.linalg.norm(place - sign.centre, axis=1) < FAR_M + 5.0)
+        near = np.flatnonzero(np.linalg.norm(here - sign.centre, axis=1) < FAR_M + 5.0)
         if len(near) == 0:
             continue
-        late = np.zeros(len(near))
-        for _ in range(3 if "rolling_shutter" in errors else 1):
-            at = np.clip(t_s[near] + late, 0.0, drive.duration_s)
-            ray, towards = _rays(drive, camera, at, sign, scene.ref)
-            pixel = np.nan_to_num(project(camera, ray), nan=-1e6)
-            late = row_delay_s(pixel[:, 1], camera.height, errors)
-        depth = np.maximum(ray[:, 0], 0.1)
-        half = 0.5 * camera.matrix[0, 0] * sign.size_m / depth
-        box = np.column_stack([pixel - half[:, None], pixel + half[:, None]])
+        ray, read = exposed(camera, errors, pose_at, t_s[near], sign.centre)
+        box = plate_box(camera, ray, sign.size_m)
         box += rng.standard_normal(box.shape) * noise
+        place, C_n_b = pose_at(read)
+        towards = _towards(sign, place + C_n_b @ camera.lever_arm_m)
         good = (ray[:, 0] > NEAR_M) & (ray[:, 0] < FAR_M) & (towards > FACING)
-        good &= np.hypot(ray[:, 1], ray[:, 2]) < WIDEST * depth
+        good &= np.hypot(ray[:, 1], ray[:, 2]) < WIDEST * ray[:, 0]
         good &= (box[:, :2] > 1.0).all(axis=1) & (box[:, 2] < camera.width - 2)
         good &= (box[:, 3] < camera.height - 2) & (box[:, 2] - box[:, 0] > LEAST_PX)
         good &= (box[:, 3] - box[:, 1] > LEAST_PX) & (rng.random(len(near)) < FOUND)
@@ -96,22 +95,21 @@ def sign_boxes(
     return SignBoxes(frame[order], tuple(names[i] for i in order), every[order])
 
 
-def _rays(
-    drive: DriveMotion,
-    camera: Camera,
-    t_s: FloatArray,
-    sign: SceneSign,
-    ref: tuple[float, float, float],
-) -> tuple[FloatArray, FloatArray]:
-    """The sign in camera axes [n, 3], and the cosine [n] between its normal and the camera."""
-    motion = drive.at(t_s)
-    place = earth.local_ned(motion.lat_rad, motion.lon_rad, motion.height_m, ref)
-    centre = place + motion.C_n_b @ camera.lever_arm_m
-    there = sign.centre - centre
-    body = np.einsum("nji,nj->ni", motion.C_n_b, there)
+def plate_box(camera: Camera, ray: FloatArray, size_m: float) -> FloatArray:
+    """Boxes [n, 4] of a plate at ``ray`` [n, 3] m in camera axes that faces the camera."""
+    ahead = np.column_stack([np.maximum(ray[:, 0], 0.1), ray[:, 1:]])
+    half = 0.5 * size_m * np.eye(3)
+    left, top, right, bottom = (
+        project(camera, ahead + move) for move in (-half[1], -half[2], half[1], half[2])
+    )
+    return np.column_stack([left[:, 0], top[:, 1], right[:, 0], bottom[:, 1]])
+
+
+def _towards(sign: SceneSign, place: FloatArray) -> FloatArray:
+    """Cosine [n] between a sign's normal and the way to it from places [n, 3]."""
+    there = sign.centre - place
     normal = np.array([np.cos(sign.facing_rad), np.sin(sign.facing_rad), 0.0])
-    towards = -(there @ normal) / np.maximum(np.linalg.norm(there, axis=1), 0.1)
-    return np.asarray(body @ rpy_to_matrix(camera.mount_rpy)), np.asarray(towards)
+    return np.asarray(-(there @ normal) / np.maximum(np.linalg.norm(there, axis=1), 0.1))
 
 
 def detections_csv(boxes: SignBoxes) -> str:

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from automap.geolocation.camera_model import focal_length
+from automap.effects.lens import focal_length
 from automap.records import Camera, FloatArray
 from automap.vision.camera_path import CameraPath
 

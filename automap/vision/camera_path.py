@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.effects.camera import camera_poses
 from automap.frames import matrix_to_rotation_vector
 from automap.interpolation import poses_at
 from automap.records import BoolArray, Camera, FloatArray, IntArray, Trajectory
@@ -47,8 +48,6 @@ class CameraPath:
 
 def camera_path(trajectory: Trajectory, camera: Camera, t_ns: IntArray) -> CameraPath:
     """The camera's path at frame stamps [n] of the trajectory's clock."""
-    from automap.geolocation.views import camera_poses
-
     offset = np.int64(round(camera.time_offset_s * 1e9))
     poses = poses_at(trajectory, np.asarray(t_ns, np.int64) + offset)
     rows = np.flatnonzero(poses.covered)

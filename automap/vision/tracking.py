@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.geolocation.camera_model import focal_length, normalise, touches_edge
+from automap.effects.lens import focal_length, normalise, touches_edge
 from automap.records import BoolArray, Camera, FloatArray, IntArray
 from automap.vision.camera_motion import Motion
 from automap.vision.detector import FoundSigns

@@ -83,7 +83,7 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
     """Figures for the record of the run, and what the user should look at."""
     import numpy as np
 
-    from automap.geolocation.camera_model import focal_length
+    from automap.effects.lens import focal_length
 
     signs, fate = result.signs, result.observations
     context.metric("detections", len(fate.used))

@@ -12,9 +12,10 @@ import numpy as np
 
 from automap.earth import from_local_ned, local_ned
 from automap.geolocation.landmark import SizePrior
-from automap.geolocation.landmark_kernels import N_COMMON, normal_equations
+from automap.geolocation.landmark_kernels import N_COMMON, common_columns, normal_equations
 from automap.geolocation.views import MeasurementNoise, Views, build_views
 from automap.records import FloatArray, IntArray
+from automap.robust import PLAIN
 from tests.benchmarks.geolocation_world import ORIGIN, Difficulty, World
 
 TURN_AND_TIME = slice(0, 4)
@@ -73,10 +74,13 @@ def _of_pass(
     M = np.ascontiguousarray(C @ views.C_cam_ref[anchor].T)
     b = np.einsum("nij,nj->ni", C, views.centre[anchor] - views.centre[rows])
     elapsed = (views.t_ns[rows] - views.t_ns[anchor]) * 1e-9
+    columns, _ = common_columns(
+        *(parameters, M, b, expected, views.share[rows], views.rate[rows], views.velocity[rows]),
+        *(views.C_cam_body[rows], views.lens[views.camera[rows]], elapsed),
+    )
     N, A, shared, *_ = normal_equations(
         *(parameters, M, b, expected, sd, np.zeros(len(rows))),
-        *(views.rate[rows], views.velocity[rows], views.C_cam_body[rows], elapsed),
-        *(np.zeros(N_COMMON), float(np.log(_PRIOR.size_m)), _PRIOR.log_sd, False),
+        *(columns, np.zeros(N_COMMON), float(np.log(_PRIOR.size_m)), _PRIOR.log_sd, PLAIN),
     )
     return np.asarray(shared[:N_COMMON, :N_COMMON] - A.T @ np.linalg.solve(N, A))
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.earth import from_local_ned
+from automap.effects.lens import project
 from automap.frames import rpy_to_matrix
-from automap.geolocation.camera_model import project
 from automap.records import Camera, Detections, FloatArray, Trajectory
 
 ORIGIN = (np.radians(-35.3), np.radians(149.1), 580.0)

@@ -9,12 +9,12 @@ import pytest
 
 from automap.earth import from_local_ned
 from automap.effects.camera import row_delay_s, true_camera
+from automap.effects.lens import project
 from automap.errors import ConfigError
 from automap.frames import rpy_to_matrix
 from automap.gap.camera_fit import box_noise, fit_camera
 from automap.gap.camera_search import find_camera_gap
 from automap.gap.camera_views import Boxes, boxes_of, foretell
-from automap.geolocation.camera_model import project
 from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 from pipeline.settings.load import load_settings

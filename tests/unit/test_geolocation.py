@@ -11,7 +11,7 @@ from geolocation_scene import ORIGIN, Scene, boxes, camera, drive_path, roadside
 from automap.earth import local_ned
 from automap.geolocation.landmark import (
     SizePrior,
-    elapsed_s,
+    columns_of,
     fit_landmark,
     position_jacobian,
     relative_views,
@@ -24,6 +24,7 @@ from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.tracking import TrackingRules, link_views
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, build_views
 from automap.records import Detections, Trajectory
+from automap.robust import BY_CAUCHY
 
 
 def positions(result: GeolocationResult) -> np.ndarray:
@@ -342,11 +343,11 @@ def test_gradient_vanishes_at_the_solution(world) -> None:
     prior = SizePrior()
     landmark = fit_landmark(views, every, prior)
     M, b = relative_views(views, every, landmark.anchor)
+    columns, _ = columns_of(views, every, landmark.anchor, landmark.parameters)
     N, _, shared, _, _, _ = normal_equations(
         *(landmark.parameters, M, b, views.measured, view_sd(views, every)),
-        *(view_drift(views, every, landmark.anchor), views.rate, views.velocity),
-        *(views.C_cam_body, elapsed_s(views, every, landmark.anchor), np.zeros(N_COMMON)),
-        *(float(np.log(prior.size_m)), prior.log_sd, True),
+        *(view_drift(views, every, landmark.anchor), columns, np.zeros(N_COMMON)),
+        *(float(np.log(prior.size_m)), prior.log_sd, BY_CAUCHY),
     )
     step = np.linalg.solve(N, shared[N_COMMON:, N_COMMON])
     assert np.abs(step).max() < 1e-2 * np.sqrt(np.diag(landmark.covariance)).max()

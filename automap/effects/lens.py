@@ -1,0 +1,83 @@
+"""Pixels to directions and back, for a pinhole camera with OpenCV's distortion.
+
+Directions are in camera axes forward, right, down and scaled to forward = 1: the pair
+(right / forward, down / forward) of a pixel is what OpenCV calls normalised coordinates.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.records import BoolArray, Camera, FloatArray
+
+_AGREEMENT_PX = 0.01
+
+
+def project(camera: Camera, directions: FloatArray) -> FloatArray:
+    """Pixels [n, 2] of directions [n, 3] (forward, right, down); NaN behind the camera."""
+    directions = np.asarray(directions, np.float64).reshape(-1, 3)
+    forward = np.where(directions[:, 0] > 0.0, directions[:, 0], np.nan)
+    flat = directions[:, 1:] / forward[:, None]
+    if np.any(camera.distortion):
+        from automap.effects.camera_kernels import distort
+
+        flat = distort(lens_of(camera), flat)
+    k = camera.matrix
+    return np.column_stack(
+        [
+            k[0, 0] * flat[:, 0] + k[0, 1] * flat[:, 1] + k[0, 2],
+            k[1, 1] * flat[:, 1] + k[1, 2],
+        ]
+    )
+
+
+def normalise(camera: Camera, pixels: FloatArray) -> FloatArray:
+    """Normalised coordinates [n, 2] (right, down) of pixels [n, 2].
+
+    NaN where the distortion model has no inverse, which happens outside the part of the
+    image that it was fitted to.
+    """
+    points = np.asarray(pixels, np.float64).reshape(-1, 2)
+    k = camera.matrix
+    down = (points[:, 1] - k[1, 2]) / k[1, 1]
+    right = (points[:, 0] - k[0, 2] - k[0, 1] * down) / k[0, 0]
+    flat = np.column_stack([right, down])
+    if not np.any(camera.distortion):
+        return flat
+    from automap.effects.camera_kernels import undistort
+
+    return np.asarray(undistort(lens_of(camera), flat, _AGREEMENT_PX / focal_length(camera)))
+
+
+def lens_of(camera: Camera) -> FloatArray:
+    """The camera's distortion as an array [21] for ``camera_kernels``.
+
+    The last nine are the matrix of the tilted sensor (Louhichi et al., Measurement Science and
+    Technology 18, 2007), the unit matrix without a tilt.
+    """
+    given = np.zeros(14)
+    given[: len(camera.distortion)] = camera.distortion
+    (cx, cy), (sx, sy) = np.cos(given[12:]), np.sin(given[12:])
+    turn = np.array([[cy, 0.0, -sy], [0.0, 1.0, 0.0], [sy, 0.0, cy]]) @ np.array(
+        [[1.0, 0.0, 0.0], [0.0, cx, sx], [0.0, -sx, cx]]
+    )
+    onto = np.array(
+        [[turn[2, 2], 0.0, -turn[0, 2]], [0.0, turn[2, 2], -turn[1, 2]], [0.0, 0.0, 1.0]]
+    )
+    return np.concatenate([given[:12], (onto @ turn).ravel()])
+
+
+def focal_length(camera: Camera) -> float:
+    """Mean focal length in pixels."""
+    return float(0.5 * (camera.matrix[0, 0] + camera.matrix[1, 1]))
+
+
+def touches_edge(camera: Camera, box: FloatArray, margin: float = 1.5) -> BoolArray:
+    """Whether boxes [n, 4] reach the edge of the image, so that a part of the sign is cut off."""
+    last_x, last_y = camera.width - 1, camera.height - 1
+    return np.asarray(
+        (box[:, 0] <= margin)
+        | (box[:, 1] <= margin)
+        | (box[:, 2] >= last_x - margin)
+        | (box[:, 3] >= last_y - margin)
+    )
