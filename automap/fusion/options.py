@@ -1,9 +1,16 @@
-"""What may be set about a fusion run."""
+"""What may be set about a fusion run: the one place of names, defaults, limits, units.
+
+The application's section ``[fuse]`` and ``configs/default.toml`` are made of it: the text below
+a field is its comment there. What is no setting of a run stands last.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
+
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 DEFAULT_EFFECTS = (
     "accel_bias",
@@ -22,57 +29,82 @@ DEFAULT_EFFECTS = (
 class FusionOptions:
     """Noise figures, priors and switches of the fusion, SI units.
 
-    ``accel_noise`` m/s^2/sqrt(Hz), ``gyro_noise`` rad/s/sqrt(Hz): white noise including what
-    vibration the sampling folds down. ``prior_sd`` replaces catalogue priors: effect ->
-    parameter -> sd (parameter "*" for all). ``fixed``: effects that are not estimated but have
-    these values (parameters not named are zero). ``wander_tau_s`` and ``wander_share``: the
-    Gauss-Markov part of a fix's error relative to the receiver's own accuracy figure,
-    ``white_share`` the white part. ``velocity_wander_sd`` m/s and ``velocity_wander_tau_s`` the
-    Gauss-Markov part of its velocity's error, none with 0; with ``shocks`` noise is larger
-    where readings scatter much (``shock_noise``). With ``calm_rates`` lever arms take turn rates
-    without the noise of single readings, where delays are told too: a velocity whose age nobody
-    knows makes an arm of its own. ``passes`` at most that many to settle the
-    delays, ``iterations`` of the smoother about its own result after that. With
-    ``adapt`` the white levels are starting values that the drive's own innovations correct, with
-    ``tune`` all levels, finely; ``factors`` on the levels are where that begins (see
-    ``levels``).
-    Without ``retime``
-    only the IMU's delay moves the nodes; ages of fixes stay states, and the nodes stay the same.
+    White noise includes what vibration the sampling folds down. In ``prior_sd`` the parameter "*"
+    stands for all of an effect, in ``fixed`` parameters that are not named are zero. ``wander_*``
+    are the Gauss-Markov part of a fix's error relative to the receiver's own accuracy figure, for
+    ``shocks`` see ``shock_noise``, for ``factors`` see ``levels``.
     """
 
     effects: tuple[str, ...] = DEFAULT_EFFECTS
-    prior_sd: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """estimated effects, by name"""
+    prior_sd: Mapping[str, Mapping[str, PositiveFloat]] = field(default_factory=dict)
+    """one sigma before the drive: { effect = { parameter = sd } } in the effect's unit"""
     fixed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    accel_noise: float = 0.01
-    gyro_noise: float = 4e-4
-    accel_bias_walk: float = 4e-4
-    gyro_bias_walk: float = 1e-5
-    wander_tau_s: float = 60.0
-    wander_share: float = 1.0
-    white_share: float = 0.25
-    velocity_wander_sd: float = 0.0
-    velocity_wander_tau_s: float = 2.0
+    """known values: { effect = { parameter = value } } in the effect's unit, not estimated"""
+    accel_noise: PositiveFloat = 0.01
+    """m/s^2/sqrt(Hz), white noise of the accelerometer in a car"""
+    gyro_noise: PositiveFloat = 4e-4
+    """rad/s/sqrt(Hz), white noise of the gyro in a car"""
+    accel_bias_walk: NonNegativeFloat = 4e-4
+    """m/s^2/sqrt(s), in-run drift"""
+    gyro_bias_walk: NonNegativeFloat = 1e-5
+    """rad/s/sqrt(s), in-run drift"""
+    wander_tau_s: PositiveFloat = 60.0
+    """s, correlation time of the receiver's position error"""
+    wander_share: NonNegativeFloat = 1.0
+    """share of the receiver's accuracy figure that wanders slowly"""
+    white_share: PositiveFloat = 0.25
+    """share of the receiver's accuracy figure that is white"""
+    horizontal_sd_m: PositiveFloat = 1.2
+    """m per axis at HDOP 1, where the receiver gives no accuracy"""
+    vertical_sd_m: PositiveFloat = 2.4
+    """m at HDOP 1, where the receiver gives no accuracy"""
+    velocity_sd: PositiveFloat = 0.1
+    """m/s per axis, where the receiver gives no accuracy"""
+    velocity_wander_sd: NonNegativeFloat = 0.0
+    """m/s, the part of the velocity error that wanders; 0: none"""
+    velocity_wander_tau_s: PositiveFloat = 2.0
+    """s, its correlation time"""
     shocks: bool = False
-    calm_rates: bool = False
-    horizontal_sd_m: float = 1.2
-    vertical_sd_m: float = 2.4
-    velocity_sd: float = 0.1
-    min_position_sd_m: float = 0.01
-    min_velocity_sd: float = 0.03
-    nhc_sd: float = 0.04
-    nhc_slip: float = 0.03
-    nhc_min_speed: float = 3.0
-    odometer_sd: float = 0.05
-    zero_velocity_sd: float = 0.03
-    zero_rate_sd: float = 0.001
-    gap_factor: float = 2.5
-    gap_force_sd: float = 1.0
-    gap_rate_sd: float = 0.1
-    gate_probability: float = 1e-3
-    passes: int = 6
-    iterations: int = 1
+    """larger noise where readings scatter much from sample to sample"""
+    nhc_sd: PositiveFloat = 0.04
+    """m/s, sideways speed of the vehicle over one second, driving straight"""
+    nhc_slip: NonNegativeFloat = 0.03
+    """(m/s)/(m/s^2), the same per lateral acceleration"""
+    nhc_min_speed: PositiveFloat = 3.0
+    """m/s, the vehicle constraint holds above this speed"""
+    odometer_sd: PositiveFloat = 0.05
+    """m/s, wheel speed over one second, where the drive has it"""
+    zero_velocity_sd: PositiveFloat = 0.03
+    """m/s, speed left at standstill over one second"""
+    zero_rate_sd: PositiveFloat = 1e-3
+    """rad/s, turn rate left at standstill over one second"""
+    gate_probability: Annotated[float, Field(gt=0, lt=0.5)] = 1e-3
+    """share of good measurements that are trusted less on first sight"""
+    passes: Annotated[int, Field(ge=2, le=20)] = 6
+    """passes at most until the delays have settled"""
+    iterations: Annotated[int, Field(ge=0, le=20)] = 1
+    """iterations of the smoother about its own result"""
     adapt: bool = True
+    """correct the white noise levels by the drive's own innovations"""
     tune: bool = False
-    factors: Mapping[str, float] = field(default_factory=dict)
+    """find all noise levels by likelihood, finely; as --tune does"""
+    factors: Mapping[str, PositiveFloat] = field(default_factory=dict)
+    """factors on the noise levels, as --tune writes them"""
     earth_rotation: bool = True
+    """the Earth turns under the sensor"""
+    calm_rates: bool = False
+    """lever arms take turn rates without the noise of single readings, where delays are told too:
+    a velocity whose age nobody knows makes an arm of its own"""
     retime: bool = True
+    """ages of fixes move the nodes; without it only the IMU's delay does"""
+    min_position_sd_m: float = 0.01
+    """m, no position is taken to be better"""
+    min_velocity_sd: float = 0.03
+    """m/s, no velocity is taken to be better"""
+    gap_factor: float = 2.5
+    """multiples of the median step between IMU stamps: longer is a gap"""
+    gap_force_sd: float = 1.0
+    """m/s^2, one sigma of the specific force inside a gap of the samples"""
+    gap_rate_sd: float = 0.1
+    """rad/s, one sigma of the turn rate inside a gap of the samples"""
