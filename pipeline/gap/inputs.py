@@ -63,7 +63,7 @@ def _name(path: Path, paths: Sequence[Path]) -> str:
 def _gap_drive(path: Path, out: Path, settings: Settings) -> GapDrive:
     inputs = prepare(path, out, settings).inputs
     arm = inputs.lever_arm
-    fixed = settings.fuse.fixed.get("gnss_lever_arm")
+    fixed = settings.fuse.options().fixed.get("gnss_lever_arm")
     if fixed is not None:
         arm = np.array([fixed.get(a, 0.0) for a in "xyz"])
     return GapDrive(

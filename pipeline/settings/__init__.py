@@ -1,5 +1,6 @@
 """One module per section of the configuration.
 
-To add a setting: a field with a default in the section's class here, and the same key
-with its unit in ``configs/default.toml``. A test holds the two together.
+A setting stands once: a field with its type, limits, default and comment, in the section's class
+here or, for the fusion, in ``automap.fusion.options``. ``python -m pipeline.settings.defaults``
+then writes ``configs/default.toml``; a test sees to it that this was done.
 """

@@ -11,25 +11,18 @@ class DetectSettings(Section):
     """Section ``[detect]`` of the configuration."""
 
     step_m: float = Field(default=2.0, gt=0)
-    """Metres of road between two searched frames of an approach; twice that on empty road."""
-
+    """m of road between two searched frames of an approach; twice that on empty road"""
     step_deg: float = Field(default=3.0, gt=0)
-    """Degrees of turn that count as much as ``step_m``."""
-
+    """degrees of turn that count as much as step_m"""
     idle_s: float = Field(default=2.0, gt=0)
-    """Seconds after which a frame is searched even if nothing has moved."""
-
+    """s after which a frame is searched even if nothing has moved"""
     frames_per_s: float = Field(default=15.0, gt=0)
-    """At most this many frames of each second of video are searched."""
-
+    """frames of each second of video that are searched, at most"""
     every_frame: bool = False
-    """Search every frame; the four settings above then mean nothing."""
-
+    """search every frame; the four settings above then mean nothing"""
     height_share: float = Field(default=0.89, gt=0, le=1)
-    """Part of a video's picture, from its top, that is searched; lower are road and bonnet."""
-
+    """part of a video's picture, from its top, that is searched; lower are road and bonnet"""
     min_score: float = Field(default=0.3, ge=0, le=1)
-    """Detections below this score are left out."""
-
+    """0..1, detections below are left out"""
     detector: str = ""
-    """Description (TOML) of a detector of your own; empty for the one that comes with AutoMap."""
+    """file (TOML) that describes a detector of your own; empty: the built-in one"""

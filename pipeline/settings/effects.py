@@ -14,9 +14,10 @@ class EffectsSettings(Section):
     """Section ``[effects]`` of the configuration: effects that users add."""
 
     files: tuple[str, ...] = ()
-    """Python files with a list EFFECTS; relative to the file of settings."""
+    """Python files with a list EFFECTS of effects of your own, relative to this file"""
     formulas: dict[str, dict[str, Any]] = Field(default_factory=dict)
-    """Effects as formulas: name, parameter, then on, formula, prior_sd and unit."""
+    """effects as formulas: { name = { parameter = { on = "accel_x", formula = "sin(heading)",
+    prior_sd = 0.05, unit = "m/s^2" } } }"""
 
     def paths(self) -> list[Path]:
         """The Python files."""

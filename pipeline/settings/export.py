@@ -11,11 +11,11 @@ class ExportSettings(Section):
     """Section ``[export]`` of the configuration."""
 
     min_confidence: float = Field(default=0.0, ge=0.0, le=1.0)
-    """Signs less sure than this are left out of the map."""
+    """0..1, signs less sure are left out of the map"""
     datum: str = ""
-    """Datum of the GIS files, such as GDA2020@2026.5; "" leaves WGS-84."""
+    """of the GIS files, as "GDA2020@2026.5"; "" is WGS-84"""
     pictures: bool = True
-    """Whether pictures of the signs are cut out of the video."""
+    """pictures of the signs, cut out of the video, beside the map"""
 
     @field_validator("datum", mode="after")
     @classmethod

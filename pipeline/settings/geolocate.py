@@ -11,37 +11,37 @@ class GeolocateSettings(Section):
     """Section ``[geolocate]`` of the configuration."""
 
     pixel_sd: float = Field(default=1.5, gt=0)
-    """One sigma of a box centre, pixels."""
+    """pixels, one sigma of a box centre"""
     box_fraction: float = Field(default=0.05, ge=0, le=1)
-    """One sigma of centre and height of a box, as part of its height."""
+    """one sigma of centre and height of a box, part of its height"""
     sign_size_m: float = Field(default=0.7, gt=0)
-    """Median height of a sign, m."""
+    """m, median height of a sign"""
     sign_size_log_sd: float = Field(default=0.4, gt=0)
-    """Spread of the logarithm of sign heights (0.4: two thirds lie within -33 and +49 %)."""
+    """spread of the logarithm of sign heights"""
     max_silence_s: float = Field(default=20.0, gt=0)
-    """A sign not seen for so long starts a new track, s."""
+    """s, a sign not seen for so long starts a new track"""
     box_margin_sd_px: float = Field(default=2.0, ge=0)
-    """One sigma of the height that boxes have beyond their signs, pixels."""
+    """pixels, one sigma of the height of boxes beyond their signs"""
     estimate_noise: bool = True
-    """Measure how the boxes scatter about the signs, in place of pixel_sd and box_fraction."""
+    """measure how the boxes scatter, in place of pixel_sd and box_fraction"""
     adjust_trajectory: bool = True
-    """Adjust the trajectory by signs seen again and by control_signs.geojson."""
+    """by signs seen again and by control_signs.geojson"""
     estimate_camera: bool = True
-    """Estimate the camera's turn and time offset from all signs together."""
+    """turn and time offset of the camera from all signs together"""
     max_single_view_m: float = Field(default=60.0, gt=0)
-    """Greatest distance of a sign seen once, judged by its size, m."""
+    """m, greatest distance of a sign seen once"""
     min_existence: float = Field(default=0.5, ge=0, le=1)
-    """Least probability that a sign exists, from seen and not seen when it should have been."""
+    """0..1, least probability that a sign exists (seen, and not missed)"""
     focal_sd: float = Field(default=0.005, ge=0)
-    """One sigma of the focal length, as part of it."""
+    """one sigma of the focal length, part of it"""
     lever_arm_sd_m: float = Field(default=0.3, ge=0)
-    """One sigma of the camera's place on the vehicle, m."""
+    """m, one sigma of the camera's place on the vehicle"""
     fixed: dict[str, dict[str, dict[str, float]]] = Field(default_factory=dict)
-    """Errors of the stated cameras that are known: camera, effect, parameter, value."""
+    """known errors of the stated cameras: { camera = { effect = { parameter = value } } }"""
     single_sightings: bool = False
-    """In bearings.csv, whether a sighting that meets no other makes an object by its depth."""
+    """bearings.csv: objects by the depth of one sighting alone"""
     imu_above_road_m: float = Field(default=1.0, ge=0)
-    """Height of the IMU above the road, m."""
+    """m, height of the IMU above the road"""
 
     @field_validator("fixed")
     @classmethod

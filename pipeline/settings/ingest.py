@@ -11,4 +11,4 @@ class IngestSettings(Section):
     """Section ``[ingest]`` of the configuration."""
 
     gap_factor: float = Field(default=2.5, gt=1)
-    """A step between IMU stamps longer than this many median steps is a gap."""
+    """multiples of the median step between IMU stamps: longer is a gap"""

@@ -111,5 +111,5 @@ def with_figures(options: FusionOptions, figures: Mapping[str, float]) -> Fusion
 
 def _is_stated(figure: str, settings: FuseSettings) -> bool:
     if figure.startswith("prior_sd."):
-        return figure.removeprefix("prior_sd.") in settings.prior_sd
+        return figure.removeprefix("prior_sd.") in settings.options().prior_sd
     return figure in settings.stated

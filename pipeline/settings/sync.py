@@ -11,4 +11,4 @@ class SyncSettings(Section):
     """Section ``[sync]`` of the configuration."""
 
     drift_sd_ppm: float = Field(default=50.0, gt=0)
-    """One sigma of the host clock's rate error before the data are seen, parts per million."""
+    """parts per million, one sigma of the host clock's rate error"""

@@ -65,7 +65,7 @@ def load_scenario(path: Path) -> Scenario:
 
 def _errors_of(settings: Settings, scenario: Scenario) -> dict[str, dict[str, float] | bool]:
     """What a model says of the sensors, as the errors of a scenario."""
-    model = settings.fuse
+    model = settings.fuse.options()
     errors: dict[str, dict[str, float] | bool] = {e: dict(v) for e, v in model.fixed.items()}
     arm = errors.get("gnss_lever_arm")
     if isinstance(arm, dict) and scenario.gnss is not None:

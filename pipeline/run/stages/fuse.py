@@ -111,7 +111,7 @@ def _fuse(context: StageContext) -> None:
     _write_parameters(context, result)
     _write_innovations(context, result)
     _report(context, result, inputs.delay_is_clock, _note_presets(context, presets))
-    if settings.tune:
+    if options.tune:
         _write_tuned(context, result, presets)
     metrics = context.metrics
     context.result = (
