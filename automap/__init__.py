@@ -1,7 +1,7 @@
 """AutoMap: from a recorded drive to a road-sign map.
 
-The library. It holds no command line and no progress bars; only ``automap.io``
-touches files. Conventions, everywhere:
+The library. It holds no command line and no progress bars; only ``automap.io`` and
+``automap.export`` touch files. Conventions, everywhere:
 
 - Body axes are the vehicle's: forward, right, down (FRD), origin at the IMU.
 - The navigation frame is local north, east, down (NED) on the WGS-84 ellipsoid.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.assignment import assign
 from automap.geolocation.bearing_rays import BearingRules, Rays, costs, fit_point
 from automap.records import FloatArray, IntArray
 
 _ROUNDS = 10
-_IMPOSSIBLE = 1e6
 
 
 def candidates(rays: Rays, rules: BearingRules) -> FloatArray:
@@ -100,7 +100,6 @@ def settle(
     rays: Rays, points: FloatArray, owner: IntArray, rules: BearingRules
 ) -> tuple[FloatArray, IntArray]:
     """Move sightings to better objects, join objects that coincide, drop empty ones."""
-    from scipy.optimize import linear_sum_assignment
     from scipy.spatial import cKDTree
 
     for _ in range(_ROUNDS):
@@ -113,11 +112,8 @@ def settle(
             near = np.array(
                 tree.query_ball_point(rays.centre[rows[0]], rules.max_range_m), np.int64
             )
-            alone = np.full((len(rows), len(rows)), _IMPOSSIBLE)
-            np.fill_diagonal(alone, rules.alone_cost)
-            cost = np.minimum(costs(rays, rows, points[near], rules), _IMPOSSIBLE)
-            boxes, columns = linear_sum_assignment(np.hstack([cost, alone]))
-            owner[rows[boxes]] = [int(near[c]) if c < len(near) else -1 for c in columns]
+            partner = assign(costs(rays, rows, points[near], rules), rules.alone_cost)
+            owner[rows] = [int(near[c]) if c >= 0 else -1 for c in partner]
         points, owner = _compact(rays, points, owner, rules)
         if np.array_equal(before, owner):
             break

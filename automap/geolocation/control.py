@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automap.assignment import assign
 from automap.earth import local_ned
 from automap.geolocation.merging import combine
 from automap.geolocation.sightings import Sighting
@@ -18,7 +19,6 @@ _GATE = 13.8  # chi-square, two coordinates, 99.9 %
 _OTHER_CLASS = 6.0
 _LEAST_SD_M = 0.01
 _HEIGHT_SD_M = 1e3
-_IMPOSSIBLE = 1e6
 
 
 @dataclass(frozen=True)
@@ -46,15 +46,13 @@ def match_control(
     One to one, by the horizontal distance in sigmas of both; a sign of another class costs
     extra. Heights are not surveyed: the sign's own stands in, with a sigma that says nothing.
     """
-    from scipy.optimize import linear_sum_assignment
-
     if len(control) == 0 or not groups:
         return {}
     found = [combine([sightings[m] for m in group]) for group in groups]
     names = [sightings[group[0]].class_name for group in groups]
     place = local_ned(control.lat_rad, control.lon_rad, np.full(len(control), origin[2]), origin)
     sd = np.maximum(control.sd_m, _LEAST_SD_M)
-    cost = np.full((len(control), len(groups)), _IMPOSSIBLE)
+    cost = np.full((len(control), len(groups)), np.inf)
     for j, (position, covariance) in enumerate(found):
         offset = place[:, :2] - position[:2]
         for i in np.flatnonzero(np.hypot(*offset.T) < MAX_DISTANCE_M).tolist():
@@ -63,12 +61,9 @@ def match_control(
             differs = control.class_name[i] and control.class_name[i] != names[j]
             if square < _GATE:
                 cost[i, j] = square + (_OTHER_CLASS if differs else 0.0)
-    alone = np.full((len(control), len(control)), _IMPOSSIBLE)
-    np.fill_diagonal(alone, _GATE + _OTHER_CLASS)
     result: dict[int, tuple[FloatArray, FloatArray]] = {}
-    for row, column in zip(*linear_sum_assignment(np.hstack([cost, alone])), strict=True):
-        i, j = int(row), int(column)
-        if j < len(groups) and cost[i, j] < _IMPOSSIBLE:
+    for i, j in enumerate(assign(cost, _GATE + _OTHER_CLASS).tolist()):
+        if j >= 0:
             surveyed = np.array([*place[i, :2], found[j][0][2]])
             result[j] = (surveyed, np.diag([sd[i] ** 2, sd[i] ** 2, _HEIGHT_SD_M**2]))
     return result

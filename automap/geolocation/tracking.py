@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from automap.assignment import assign
 from automap.geolocation.landmark import (
     SAME_PLACE_M,
     Landmark,
@@ -23,8 +24,6 @@ from automap.geolocation.landmark import (
 )
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
-
-_IMPOSSIBLE = 1e6
 
 
 @dataclass(frozen=True)
@@ -109,20 +108,11 @@ def _assign(
     views: Views, frame_rows: IntArray, active: list[_Track], rules: TrackingRules
 ) -> dict[int, int]:
     """The track (or -1 for a new one) of each box of a frame."""
-    taken = {int(row): -1 for row in frame_rows}
     if not active:
-        return taken
-    from scipy.optimize import linear_sum_assignment
-
-    cost = _link_costs(views, active, frame_rows, rules)
-    # a row of its own for every box lets it start a new track at the price of the gate
-    alone = np.full((len(frame_rows), len(frame_rows)), _IMPOSSIBLE)
-    np.fill_diagonal(alone, rules.gate)
-    boxes, columns = linear_sum_assignment(np.hstack([cost, alone]))
-    for i, j in zip(boxes, columns, strict=True):
-        if j < len(active) and cost[i, j] < rules.gate:
-            taken[int(frame_rows[i])] = int(j)
-    return taken
+        return {int(row): -1 for row in frame_rows}
+    # a box starts a new track at the price of the gate
+    partner = assign(_link_costs(views, active, frame_rows, rules), rules.gate)
+    return {int(row): int(track) for row, track in zip(frame_rows, partner, strict=True)}
 
 
 def _link_costs(
@@ -131,7 +121,7 @@ def _link_costs(
     """Costs [boxes, tracks] of continuing a track with a box of the frame."""
     marks = [track.landmark for track in active]
     cost = distances_to(views, marks, frame_rows, rules.slack_rad)
-    cost[~(cost < rules.gate)] = _IMPOSSIBLE
+    cost[~(cost < rules.gate)] = np.inf
     for i, j in np.argwhere(cost < rules.gate):
         track, row = active[j], frame_rows[i]
         share = track.class_score.get(str(views.class_name[row]), 0.0)

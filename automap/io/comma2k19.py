@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from automap.earth import ecef_axes
 from automap.errors import InputError
 from automap.io.nmea_writer import Positions, nmea_positions, unknown
 from automap.records import FloatArray, IntArray
@@ -228,7 +229,7 @@ def _reference(folder: Path, warnings: list[str]) -> Reference | None:
     t, position, velocity = t[:count][good], position[:count][good], velocity[:count][good]
     quaternion = quaternion[:count][good]
     lat, lon, height = pymap3d.ecef2geodetic(*position.T)
-    c_n_e = _c_ned_ecef(np.radians(lat), np.radians(lon))
+    c_n_e = np.swapaxes(ecef_axes(np.radians(lat), np.radians(lon)), 1, 2)
     # scalar first, from the phone's axes to ECEF
     c_e_b = Rotation.from_quat(quaternion[:, [1, 2, 3, 0]]).as_matrix()
     yaw_pitch_roll = Rotation.from_matrix(c_n_e @ c_e_b).as_euler("ZYX", degrees=True)
@@ -240,17 +241,6 @@ def _reference(folder: Path, warnings: list[str]) -> Reference | None:
         vel_ned=np.einsum("nij,nj->ni", c_n_e, velocity),
         rpy_deg=yaw_pitch_roll[:, ::-1],
     )
-
-
-def _c_ned_ecef(lat: FloatArray, lon: FloatArray) -> FloatArray:
-    """C_n_e [n, 3, 3], ECEF to north, east, down at latitudes and longitudes [n] (rad)."""
-    zero = np.zeros_like(lat)
-    rows = (
-        (-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)),
-        (-np.sin(lon), np.cos(lon), zero),
-        (-np.cos(lat) * np.cos(lon), -np.cos(lat) * np.sin(lon), -np.sin(lat)),
-    )
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def nmea_log(live: LiveFixes) -> tuple[bytes, IntArray]:

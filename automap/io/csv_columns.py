@@ -10,17 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from automap.errors import InputError
 from automap.io.arrow_columns import column_to_numpy
-from automap.records import FloatArray, IntArray
+from automap.records import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 Kind = Literal["int", "float", "text"]
-BoolArray = npt.NDArray[np.bool_]
 
 _NULLS = ["", "nan", "NaN", "NAN", "-nan", "null", "NULL", "None", "NA", "N/A"]
 _INTEGER = r"^\s*[+-]?\d{1,18}\s*$|^\s*[+-]?[1-8]\d{18}\s*$"

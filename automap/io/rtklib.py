@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap import timebase as tb
+from automap.earth import ecef_axes
 from automap.errors import InputError
 from automap.io.kernel import Kernel
 from automap.io.scan_kernel import Bytes
@@ -339,16 +340,12 @@ def _positions(values: FloatArray, form: _Form) -> tuple[FloatArray, FloatArray,
 
 def _ned_rows(lat: FloatArray, lon: FloatArray, position: str) -> FloatArray:
     """C [n, 3, 3] that takes a file's vector components to north, east, down."""
-    c = np.zeros((len(lat), 3, 3))
     if position == "xyz":
-        sin_lat, cos_lat, sin_lon, cos_lon = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
-        c[:, 0] = np.stack([-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat], axis=1)
-        c[:, 1] = np.stack([-sin_lon, cos_lon, np.zeros_like(lon)], axis=1)
-        c[:, 2] = np.stack([-cos_lat * cos_lon, -cos_lat * sin_lon, -sin_lat], axis=1)
-    else:
-        north, east = (1, 0) if position == "enu" else (0, 1)
-        c[:, 0, north] = c[:, 1, east] = 1.0
-        c[:, 2, 2] = -1.0
+        return np.swapaxes(ecef_axes(lat, lon), 1, 2)
+    c = np.zeros((len(lat), 3, 3))
+    north, east = (1, 0) if position == "enu" else (0, 1)
+    c[:, 0, north] = c[:, 1, east] = 1.0
+    c[:, 2, 2] = -1.0
     return c
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from automap.errors import InputError
-from automap.records import NO_TIME, ClockModel, FloatArray, IntArray
+from automap.records import NO_TIME, BoolArray, ClockModel, FloatArray, IntArray
 from automap.sync.envelope import Envelope, lower_envelope
 from automap.sync.steps import ClockStep, find_step
 from automap.timebase import gps_to_iso
@@ -27,8 +26,6 @@ lognormal waiting the lower edge is so thin that no few hundred epochs show it."
 
 _FEW = 4
 _FEW_SD_S = 0.05
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,6 @@ _STEP_S = 0.2
 _APART_S = 5.0
 _LEAST_OVERLAP_S = 20.0
 
-BoolArray = npt.NDArray[np.bool_]
-
 
 @dataclass(frozen=True)
 class CoarseOffset:

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.assignment import assign
 from automap.effects.lens import focal_length, normalise, touches_edge
 from automap.records import BoolArray, Camera, FloatArray, IntArray
 from automap.vision.camera_motion import Motion
 from automap.vision.detector import FoundSigns
 
-_IMPOSSIBLE = 1e6
 _NEAREST_M = 0.5
 _CLOSER = 0.6
 
@@ -175,8 +175,6 @@ class Tracker:
         n, m = len(z), len(self)
         if n == 0 or m == 0:
             return np.full(n, -1, np.int64)
-        from scipy.optimize import linear_sum_assignment
-
         expected, spread = self._expected()
         S = spread[None] + R[:, None, :, None] * np.eye(3)
         gap = z[:, None] - expected[None]
@@ -189,14 +187,8 @@ class Tracker:
                 votes = self._votes[j]
                 share = votes.get(name, 0.0) / sum(votes.values())
                 cost[i, j] += self._rules.other_class * (1.0 - share)
-        cost[(squared > self._rules.gate) | (cost > self._rules.alone)] = _IMPOSSIBLE
-        alone = np.full((n, n), _IMPOSSIBLE)
-        np.fill_diagonal(alone, self._rules.alone)
-        rows, columns = linear_sum_assignment(np.hstack([cost, alone]))
-        links = np.full(n, -1, np.int64)
-        taken = (columns < m) & (cost[rows, np.minimum(columns, m - 1)] < _IMPOSSIBLE)
-        links[rows[taken]] = columns[taken]
-        return links
+        cost[(squared > self._rules.gate) | (cost > self._rules.alone)] = np.inf
+        return assign(cost, self._rules.alone)
 
     def _start(self, z: FloatArray, R: FloatArray, scale_log_sd: float) -> int:
         rules = self._rules

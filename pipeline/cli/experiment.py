@@ -59,7 +59,7 @@ def command(
             click.echo(line)
         click.echo(f"{out / 'rest.png'}")
         return
-    from automap.evaluation.requirements import flatten
+    from pipeline.evaluate.requirements import flatten
     from pipeline.experiments import biases, calibration, dropout, nis
     from pipeline.experiments.base import prepare
     from pipeline.settings.load import load_settings

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from automap.errors import AutoMapError, InputError
-from automap.evaluation.requirements import check_requirements
 from automap.evaluation.sign_matching import points_of, summarise_signs
 from automap.evaluation.trajectory_errors import (
     position_rms,
@@ -23,6 +22,7 @@ from automap.io.json_text import parse_json
 from automap.io.sign_points import read_sign_points
 from automap.io.truth_trajectory import read_truth_trajectory
 from automap.records import NO_TIME, Fixes, FloatArray, SignPoints, Trajectory
+from pipeline.evaluate.requirements import check_requirements
 
 __all__ = ["check_requirements", "evaluate_run"]
 

@@ -23,9 +23,9 @@ def sign_columns(folder: Path, clock: ClockModel | None) -> dict[str, Any]:
     if table.is_file() and not review.is_file():
         return _table_columns(table, clock)
     if table.is_file():
-        from automap.export.review import apply_review
         from automap.io.review_json import read_review
         from automap.io.signs_table import read_signs
+        from automap.mapping.review import apply_review
 
         return _columns(apply_review(read_signs(table), read_review(review)).signs, clock)
     file = folder / names.SIGNS_GEOJSON

@@ -103,7 +103,7 @@ def _apply_review(products: RunProducts) -> None:
 
     actions = products.attempt(names.REVIEW, read_review)
     if actions and products.signs is not None:
-        from automap.export.review import apply_review
+        from automap.mapping.review import apply_review
 
         reviewed = apply_review(products.signs, actions)
         products.signs, products.rejected = reviewed.signs, reviewed.rejected

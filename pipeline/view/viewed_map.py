@@ -15,11 +15,11 @@ import numpy as np
 from automap.errors import AutoMapError, InputError
 from automap.export.clock import iso_texts, utc_of_stamps
 from automap.export.fields import SIGN_FIELDS
-from automap.export.review import Verdict, match, standing, verdicts
 from automap.export.uncertainty import ce95
 from automap.io import names
 from automap.io.json_text import parse_json
 from automap.io.review_json import action_of, append_action, read_review
+from automap.mapping.review import Verdict, match, standing, verdicts
 from automap.records import ClockModel, IntArray, ReviewAction
 from pipeline.shared.run_record import utc_now
 from pipeline.view.drives import MapDrive

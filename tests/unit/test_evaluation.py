@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from automap.earth import from_local_ned
 from automap.errors import ConfigError, InputError
-from automap.evaluation.requirements import check_requirements
 from automap.evaluation.sign_matching import match, summarise_signs
 from automap.evaluation.trajectory_errors import (
     path_length,
@@ -28,6 +27,7 @@ from automap.io import names
 from automap.io.trajectory_table import to_columns, write_trajectory
 from automap.records import NO_TIME, Fixes, SignPoints, Trajectory
 from pipeline.evaluate.command import evaluate_run
+from pipeline.evaluate.requirements import check_requirements
 
 
 def every(trajectory: Trajectory, step: slice) -> Trajectory:

@@ -13,11 +13,11 @@ import pytest
 from export_inputs import HOSTILE, sign, write_run
 from view_maps import write_large_map
 
-from automap.export.review import verdicts
 from automap.io import names
 from automap.io.detections_table import write_detections
 from automap.io.review_json import read_review
 from automap.io.signs_table import write_signs
+from automap.mapping.review import verdicts
 from automap.records import Detections
 from pipeline.cli.root import run_command
 from pipeline.view.command import serving

@@ -17,10 +17,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from automap.errors import InputError
-from automap.export.review import apply_review, verdicts
 from automap.io import names
 from automap.io.review_json import action_of, append_action, read_review
 from automap.io.signs_table import write_signs
+from automap.mapping.review import apply_review, verdicts
 from automap.records import ReviewAction, Sign
 from pipeline.cli.root import run_command
 from pipeline.shared.products import load_products
