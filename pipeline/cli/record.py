@@ -176,7 +176,8 @@ def command(
 
 
 def _record(cameras: tuple[str, ...], options: dict[str, Any]) -> int:
-    from pipeline.record.command import RecordRequest, record
+    from pipeline.record.command import record
+    from pipeline.record.request import RecordRequest
 
     ending, cut_short = record(RecordRequest(cameras=cameras, **options))
     for text in list(dict.fromkeys(ending.warnings))[:_SHOWN]:

@@ -14,6 +14,7 @@ from automap.io.video import VideoInput, video_chapters
 from automap.io.video_decode import decode_frames
 from automap.records import Detections
 from automap.vision.annotate import draw, frame_labels
+from pipeline.shared.progress import Progress
 
 
 def annotate_video(
@@ -21,7 +22,7 @@ def annotate_video(
     found: Detections,
     out: Path,
     warn: Callable[[str], None] = lambda text: None,
-    progress: Callable[[float, str], None] = lambda fraction, text: None,
+    progress: Progress = lambda fraction, text: None,
 ) -> None:
     """Write the whole video with the tracks drawn in, as H.264 in the container ``out`` names.
 

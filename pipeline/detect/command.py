@@ -15,14 +15,13 @@ from pipeline.detect.camera_paths import path_finder
 from pipeline.detect.images import SHEET, images_in, search_images
 from pipeline.detect.search_setup import open_detector, search_rules
 from pipeline.settings.detect import DetectSettings
+from pipeline.shared.progress import Progress
 from pipeline.shared.targets import spare_recordings
 
 if TYPE_CHECKING:
     from automap.io.drive import Drive
     from automap.io.video import VideoInput
     from automap.records import Crop, Detections
-
-Progress = Callable[[float, str], None]
 Row = tuple[str | int, ...]
 
 _BOX = ("x_min", "y_min", "x_max", "y_max")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automap.errors import InputError
+from pipeline.shared.progress import Progress
 
 if TYPE_CHECKING:
     from automap.records import Crop, Image
@@ -46,7 +47,7 @@ def search_images(
     min_score: float,
     annotated: Path | None,
     warn: Callable[[str], None],
-    progress: Callable[[float, str], None],
+    progress: Progress,
 ) -> ImageResult:
     """Search pictures one by one; those with signs are drawn into the folder ``annotated``.
 

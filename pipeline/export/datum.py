@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from automap.errors import ConfigError
 from automap.export.datum import Datum, InDatum, decimal_year, parse_datum, to_datum
-from automap.export.sign_columns import SignColumns
-from automap.records import FixType, FloatArray
+from automap.records import FixType
+from pipeline.export.content import MapContent
 from pipeline.shared.products import RunProducts
-
-if TYPE_CHECKING:
-    from pipeline.export.command import MapContent
 
 DATUM_FORMATS = ("gpkg", "parquet", "flatgeobuf", "csv")
 """Formats that can hold another datum; GeoJSON, KML, GPX and OSM are WGS-84 by definition."""
@@ -118,10 +115,3 @@ def _lineage(told: InDatum) -> dict[str, Any]:
         "datum_largest_shift_m": shift,
         "coordinate_epoch": told.epoch,
     }
-
-
-def sea_level_heights(signs: SignColumns, geoid: FloatArray | None) -> FloatArray:
-    """Heights [n] above mean sea level by the receiver's geoid, NaN where it told none."""
-    if geoid is None:
-        return np.full(len(signs), np.nan)
-    return np.asarray(signs.height_m - geoid, np.float64)

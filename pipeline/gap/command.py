@@ -13,7 +13,7 @@ from automap.errors import ConfigError
 if TYPE_CHECKING:
     from automap.gap import Finding, GapResult
     from pipeline.calibrate.logs import LogSource
-    from pipeline.run.stage import Progress
+    from pipeline.shared.progress import Progress
 
 GAP = "gap.json"
 MODEL = "model.toml"

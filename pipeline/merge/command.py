@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,28 +13,14 @@ import numpy as np
 from automap.errors import ConfigError, InputError, closed
 from automap.io import names
 from pipeline.merge.inputs import RunSigns, read_run
+from pipeline.merge.outcome import MergeOutcome
+from pipeline.shared.progress import Progress
 
 if TYPE_CHECKING:
     from automap.mapping.changes import Change, OlderMap
     from automap.mapping.compare import Comparison
     from automap.mapping.merge import Merged
     from automap.records import Sign
-
-Progress = Callable[[float, str], None]
-
-
-@dataclass(frozen=True)
-class MergeOutcome:
-    """The map's ``signs``, all that was ``merged``, the ``comparison`` with an older map (None
-    without one), ``files`` written, and ``warnings``."""
-
-    folder: Path
-    signs: list[Sign]
-    merged: Merged
-    comparison: Comparison | None
-    files: list[Path]
-    warnings: list[str]
-    seconds: float
 
 
 def merge_runs(

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from automap.mapping.changes import Change
     from automap.mapping.merge import Merged
     from automap.records import FloatArray, IntArray, Sign
-    from pipeline.merge.command import MergeOutcome
+    from pipeline.merge.outcome import MergeOutcome
 
 CHANGES = "changes.geojson"
 SCHEMA = "automap.merge/1"
@@ -77,7 +77,8 @@ def _write_files(
     from automap.io.clock_json import write_clock
     from automap.io.map_tables import write_coverage
     from automap.io.signs_table import write_signs
-    from pipeline.export.command import FORMATS, STANDARD_FORMATS, map_content, write_dictionary
+    from pipeline.export.content import map_content
+    from pipeline.export.formats import FORMATS, STANDARD_FORMATS, write_dictionary
     from pipeline.merge.report import merge_report
 
     write_signs(out / names.SIGNS_RAW, outcome.signs)

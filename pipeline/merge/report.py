@@ -15,7 +15,7 @@ from pipeline.pages.svg_plot import Series, plot
 from pipeline.report.sections import Plot, Section
 
 if TYPE_CHECKING:
-    from pipeline.merge.command import MergeOutcome
+    from pipeline.merge.outcome import MergeOutcome
 
 _ROWS = 500
 _DOTS = 4000

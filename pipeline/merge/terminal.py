@@ -10,7 +10,7 @@ from automap.export.uncertainty import ce95
 from pipeline.merge.report import change_row
 
 if TYPE_CHECKING:
-    from pipeline.merge.command import MergeOutcome
+    from pipeline.merge.outcome import MergeOutcome
 
 _CHANGES = 40
 _DRIVES = 20

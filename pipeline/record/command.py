@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from automap.errors import ConfigError, StageError
 from automap.io import names
-from pipeline.record.devices import AUTO, find_devices, named_cameras, say, warn_narrow_line
+from pipeline.record.devices import find_devices, named_cameras, say, warn_narrow_line
+from pipeline.record.request import RecordRequest
 
 if TYPE_CHECKING:
     from pipeline.record.ending import Ending
@@ -22,26 +23,6 @@ if TYPE_CHECKING:
     from pipeline.record.view import View
 
 _TICK_S = 0.2
-
-
-@dataclass(frozen=True)
-class RecordRequest:
-    """What the command line asks for. ``gnss`` and ``imu`` are a port, "auto" or "none"."""
-
-    out: Path | None = None
-    gnss: str = AUTO
-    imu: str = AUTO
-    imu_format: str | None = None
-    cameras: tuple[str, ...] = ()
-    rig: Path | None = None
-    rate_hz: float | None = None
-    raw: bool = False
-    pvt: bool = False
-    gnss_baud: int | None = None
-    restore: bool = False
-    duration_s: float | None = None
-    plain: bool = False
-    time_scale: float = 1.0
 
 
 @dataclass

@@ -7,16 +7,14 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 from automap.errors import ConfigError, InputError
+from pipeline.record.request import AUTO, NONE, RecordRequest
 
 if TYPE_CHECKING:
-    from pipeline.record.command import RecordRequest
     from pipeline.record.imu_format import ImuFormat
     from pipeline.record.ports import PortSpec
     from pipeline.record.probe import Finding
     from pipeline.record.ublox import Wish
     from pipeline.record.video_source import Source
-
-AUTO, NONE = "auto", "none"
 
 
 def named_cameras(request: RecordRequest) -> tuple[tuple[str, Source], ...]:

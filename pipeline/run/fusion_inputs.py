@@ -12,7 +12,7 @@ from automap.io.clock_json import read_clock
 from automap.io.drive import Drive
 from automap.io.tables import read_fixes, read_imu, read_odometer
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, WheelSpeed
-from pipeline.run.stage import Progress
+from pipeline.shared.progress import Progress
 
 SEPARATE_CLOCK_SD_S = 0.1
 """IMU stamps already in GPS time carry the recorder's own delay, s."""

@@ -7,13 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.shared.progress import Progress
+
 if TYPE_CHECKING:
     from automap.io.drive import Drive
     from pipeline.settings.load import Settings
-
-
-Progress = Callable[[float, str], None]
-"""Told how far a long step is, 0 to 1, and what it does."""
 
 
 @dataclass

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from automap.errors import AutoMapError
+
+Progress = Callable[[float, str], None]
+"""Told how far a long step is, 0 to 1, and what it does."""
 
 State = Literal["ran", "kept", "would run", "failed", "interrupted"]
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from pipeline.shared.progress import Outcome, StageLine
+from pipeline.shared.progress import Outcome, Progress, StageLine
 from pipeline.shared.summary import summary_lines
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
+    from rich.progress import Progress as Bar
+    from rich.progress import TaskID
 
 _COLOURS = {
     "ran": "green",
@@ -34,7 +35,7 @@ class Terminal:
     """Prints the events of a run to stdout; ``stages`` is how many each drive has."""
 
     def __init__(self, stages: int = 0) -> None:
-        self._bar: Progress | None = None
+        self._bar: Bar | None = None
         self._task: TaskID | None = None
         self._started = 0.0
         self._told = 0.0
@@ -137,7 +138,7 @@ def _duration(seconds: float) -> str:
 
 
 @contextmanager
-def progress_bar(name: str) -> Iterator[Callable[[float, str], None]]:
+def progress_bar(name: str) -> Iterator[Progress]:
     """The progress of one long piece of work: call what it yields with fraction and text."""
     terminal = Terminal()
     terminal.stage_started(name, "")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from automap.errors import ConfigError, InputError
 from automap.io.atomic import make_folder, write_failure
+from pipeline.shared.progress import Progress
 
 if TYPE_CHECKING:
     from automap.simulation.scenario import Scenario
@@ -28,7 +29,7 @@ def simulate(
     scenario: Path | str,
     out: Path,
     seed: int | None = None,
-    progress: Callable[[float, str], None] = lambda fraction, text: None,
+    progress: Progress = lambda fraction, text: None,
     config: Path | None = None,
 ) -> None:
     """Write the drive of a scenario, truth included, to the new folder ``out``.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 
@@ -25,8 +24,7 @@ from automap.simulation.scenario import CameraSetup, Gnss, Scenario
 from automap.simulation.scene import Scene, build_scene
 from automap.simulation.sensors import random_streams, simulate_sensors
 from automap.simulation.trajectory import DriveMotion, Motion
-
-Progress = Callable[[float, str], None]
+from pipeline.shared.progress import Progress
 
 _VIDEO_CLOCK = 90_000
 ODOMETER_FILE = "odometer.csv"

@@ -14,7 +14,8 @@ from lxml import etree, html
 from automap.export.csv_text import csv_cell
 from automap.io import names
 from automap.io.signs_table import write_signs
-from pipeline.export.command import FORMATS, export_run
+from pipeline.export.command import export_run
+from pipeline.export.formats import FORMATS
 from pipeline.report.render import report_html
 from pipeline.shared.products import load_products
 

@@ -14,7 +14,8 @@ from export_inputs import HOSTILE, write_run
 
 from automap.errors import ConfigError, InputError
 from automap.io import names
-from pipeline.export.command import FORMATS, export_run
+from pipeline.export.command import export_run
+from pipeline.export.formats import FORMATS
 from pipeline.run.stage import StageContext
 from pipeline.run.stages.export import STAGE
 from pipeline.settings.load import load_settings

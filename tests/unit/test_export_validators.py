@@ -20,7 +20,8 @@ from lxml import etree
 from automap.export.fields import SIGN_FIELDS
 from automap.io import names
 from automap.io.signs_table import read_signs
-from pipeline.export.command import FORMATS, TRAJECTORY_FORMATS, export_run
+from pipeline.export.command import export_run
+from pipeline.export.formats import FORMATS, TRAJECTORY_FORMATS
 from pipeline.shared.pictures import Picture, write_pictures
 
 SIGNS = 12

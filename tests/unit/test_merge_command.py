@@ -15,7 +15,8 @@ from merge_scene import Errors, drive_through, street
 from automap.errors import ConfigError, InputError, StageError
 from automap.mapping.sightings import DriveSigns
 from pipeline.cli.root import run_command
-from pipeline.merge.command import MergeOutcome, merge_runs
+from pipeline.merge.command import merge_runs
+from pipeline.merge.outcome import MergeOutcome
 from pipeline.shared.lock import locked
 
 DAY_S = 86400.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ from automap.io import names
 from pipeline.detect.camera_paths import path_finder
 from pipeline.detect.search_setup import detector_files, open_detector, search_rules
 from pipeline.run.stage import Stage, StageContext
+from pipeline.shared.progress import Progress
 
 if TYPE_CHECKING:
     from automap.io.drive import Drive
@@ -51,9 +51,7 @@ def run(context: StageContext) -> None:
     _report(context, found)
 
 
-def _camera(
-    context: StageContext, video: VideoInput, progress: Callable[[float, str], None]
-) -> SearchResult | None:
+def _camera(context: StageContext, video: VideoInput, progress: Progress) -> SearchResult | None:
     from automap.io.detections_csv import read_detections_csv
     from automap.io.frame_times import frame_times
     from automap.vision.search import SearchResult

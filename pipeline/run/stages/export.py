@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 def run(context: StageContext) -> None:
     """Write the map in every standard format with its pictures; whatever is missing is said."""
-    from pipeline.export.command import (
+    from pipeline.export.content import map_content
+    from pipeline.export.datum import DATUM_FORMATS, in_datum
+    from pipeline.export.formats import (
         FORMATS,
         STANDARD_FORMATS,
-        map_content,
         write_dictionary,
         write_rejected,
     )
-    from pipeline.export.datum import DATUM_FORMATS, in_datum
     from pipeline.shared.pictures import take_pictures, write_pictures
 
     settings = context.settings.export

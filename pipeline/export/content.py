@@ -1,0 +1,148 @@
+"""What goes on the map, from what the earlier stages left in OUT."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automap.errors import InputError
+from automap.export.path import Path as MapPath
+from automap.export.path import simplified_path
+from automap.export.sign_columns import SignColumns, sign_columns
+from automap.io import names
+from automap.io.json_text import parse_json
+from automap.records import NO_TIME, FloatArray, Trajectory
+from pipeline.export.lineage import lineage
+from pipeline.shared.pictures import Picture, read_pictures
+from pipeline.shared.products import RunProducts, geoid_separation, load_products
+
+
+@dataclass
+class MapContent:
+    """What goes on the map: signs, the simplified path, and where both came from."""
+
+    name: str
+    signs: SignColumns
+    path: MapPath | None
+    products: RunProducts
+    warnings: list[str] = field(default_factory=list)
+    every_row: bool = False
+    """The trajectory's rows were asked for one by one: none is left out."""
+    lineage: dict[str, Any] = field(default_factory=dict)
+    """Run, versions and inputs, for the metadata of every file."""
+    country: str | None = None
+    pictures: list[Picture] = field(default_factory=list)
+    crs: str | None = None
+    """Coordinate system of the positions where it is not WGS-84."""
+
+
+def map_content(out: Path, name: str, min_confidence: float = 0.0) -> MapContent:
+    """Read OUT and prepare its signs and path, with a warning for all that is missing.
+
+    Signs of less confidence than ``min_confidence`` are left out, and counted in a warning.
+    """
+    products = load_products(out)
+    left_out = _drop_unsure(products, min_confidence)
+    signs = sign_columns(products.signs or [], products.clock)
+    path = simplified_path(products.trajectory) if products.trajectory is not None else None
+    record = products.json(names.RUN)
+    pictures = read_pictures(products)
+    content = MapContent(
+        name,
+        signs,
+        path,
+        products,
+        list(products.problems),
+        lineage=lineage(record, name, products.trajectory),
+        country=_country(record),
+        pictures=pictures,
+    )
+    signs.values["height_msl_m"] = sea_level_heights(signs, geoid_heights(content)[0])
+    if min_confidence > 0.0:
+        content.lineage["min_confidence"] = min_confidence
+    if left_out:
+        content.warnings.append(
+            f"{left_out} of {left_out + len(signs)} signs are less sure than {min_confidence:g}; "
+            "they were left out."
+        )
+    if path is None or not len(path):
+        content.warnings.append("There is no trajectory, so the map shows no path.")
+    if products.signs is None:
+        content.warnings.append("No signs were located, so the map has none.")
+    lost = len(signs) - int(signs.located.sum())
+    if lost:
+        content.warnings.append(
+            f"{lost} of {len(signs)} signs have no position; they are in the files without one."
+        )
+    if products.clock is None and len(signs):
+        content.warnings.append(
+            "The recording's clock is not tied to UTC, so first_seen and last_seen are host "
+            "stamps in nanoseconds."
+        )
+    return content
+
+
+def _drop_unsure(products: RunProducts, least: float) -> int:
+    """Take signs below a confidence off the map; a confidence that is unknown is kept."""
+    if least <= 0.0 or not products.signs:
+        return 0
+    kept = [sign for sign in products.signs if not sign.confidence < least]
+    left_out = len(products.signs) - len(kept)
+    products.signs = kept
+    return left_out
+
+
+def _country(record: dict[str, Any]) -> str | None:
+    """The country that the drive's manifest named."""
+    stages = record.get("stages")
+    for stage in stages.values() if isinstance(stages, dict) else ():
+        manifest = stage.get("manifest") if isinstance(stage, dict) else None
+        country = manifest.get("site.country") if isinstance(manifest, dict) else None
+        if isinstance(country, str):
+            return country
+    return None
+
+
+def geoid_heights(content: MapContent) -> tuple[FloatArray | None, FloatArray | None]:
+    """Height of the geoid above the ellipsoid at the signs and along the path."""
+    values = content.signs.values
+    seen = [
+        NO_TIME if first is None else (first if last is None else first + (last - first) // 2)
+        for first, last in zip(values["first_seen_t_ns"], values["last_seen_t_ns"], strict=True)
+    ]
+    stamps = np.array(seen, np.int64)
+    sign_geoid = geoid_separation(content.products, stamps)
+    if sign_geoid is not None:
+        sign_geoid = np.where(stamps == NO_TIME, np.nan, sign_geoid)
+    track = content.path
+    track_geoid = None if track is None else geoid_separation(content.products, track.t_ns)
+    return sign_geoid, track_geoid
+
+
+def trajectory_of(content: MapContent) -> Trajectory:
+    """The trajectory; InputError where OUT has none."""
+    trajectory = content.products.trajectory
+    if trajectory is None or len(trajectory) == 0:
+        raise InputError("there is no trajectory in OUT; run the drive first.")
+    return trajectory
+
+
+def sea_level_heights(signs: SignColumns, geoid: FloatArray | None) -> FloatArray:
+    """Heights [n] above mean sea level by the receiver's geoid, NaN where it told none."""
+    if geoid is None:
+        return np.full(len(signs), np.nan)
+    return np.asarray(signs.height_m - geoid, np.float64)
+
+
+def run_name(out: Path) -> str:
+    """The drive's name in run.json, otherwise the folder's."""
+    try:
+        record = parse_json((out / names.RUN).read_text(encoding="utf-8"))
+        drive = record.get("drive")
+        name = drive.get("name") if isinstance(drive, dict) else record.get("name")
+    except (OSError, ValueError, AttributeError):
+        name = None
+    return str(name) if name else out.resolve().name

@@ -1,0 +1,192 @@
+"""The map in every format."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from automap.export import geojson, kml, trajectory_formats
+from automap.export.datum import is_moving
+from automap.export.fields import SIGN_FIELDS, Field
+from automap.export.icons import class_icon
+from automap.export.kml import KmlOptions
+from automap.export.sign_columns import sign_columns
+from automap.io import names
+from automap.io.atomic import write_bytes, write_chunks, write_json, write_text
+from pipeline.export.content import MapContent, geoid_heights, trajectory_of
+from pipeline.shared.pictures import pictures_by_sign
+
+
+def write_geojson(content: MapContent, path: Path) -> None:
+    """Write the signs as GeoJSON."""
+    write_bytes(path, geojson.geojson_bytes(content.signs, content.lineage))
+
+
+def write_rejected(content: MapContent, path: Path) -> None:
+    """Write the signs that a review took off the map, as GeoJSON."""
+    products = content.products
+    write_text(path, geojson.signs_geojson(sign_columns(products.rejected, products.clock)))
+
+
+def write_kml(content: MapContent, path: Path) -> None:
+    """Write signs and track as KML, in one file without pictures."""
+    options = KmlOptions(*geoid_heights(content), lineage=content.lineage)
+    write_chunks(path, kml.kml_chunks(content.name, content.signs, content.path, options))
+
+
+def write_kmz(content: MapContent, path: Path) -> None:
+    """Write the same with the faces of the classes and the pictures of the signs."""
+    from automap.export import kmz
+
+    icons, files = {}, {}
+    for number, name in enumerate(sorted(set(content.signs.values["class"]))):
+        icons[name] = f"files/class-{number}.png"
+        files[icons[name]] = class_icon(name)
+    pictures: dict[int, list[str]] = {}
+    by_sign = pictures_by_sign(content.pictures)
+    for row, sign_id in enumerate(content.signs.values["id"]):
+        for picture in by_sign.get(sign_id, ()):
+            href = f"files/{picture.view.file}"
+            files[href] = picture.jpeg
+            pictures.setdefault(row, []).append(href)
+    options = KmlOptions(
+        *geoid_heights(content),
+        lineage=content.lineage,
+        icons=icons,
+        pictures=pictures,
+        clamp_signs=True,
+    )
+    document = kml.kml_chunks(content.name, content.signs, content.path, options)
+    kmz.write_kmz(path, document, files)
+
+
+def write_gpkg(content: MapContent, path: Path) -> None:
+    """Write the layers signs, observations, trajectory and ellipses as GeoPackage."""
+    from automap.export import gis, layers, qgis_style
+    from automap.export.uncertainty import sigma_classes, sigma_limits
+
+    products = content.products
+    classes = content.signs.values["class"]
+    colours = kml.class_colours(classes)
+    icons = {name: class_icon(name) for name in colours}
+    built = [layers.sign_layer(content.signs)]
+    styles = [qgis_style.sign_style(icons, colours)]
+    if products.observations is not None:
+        built.append(
+            layers.observation_layer(products.observations, products.trajectory, products.clock)
+        )
+        styles.append(qgis_style.observation_style())
+    if content.path is not None and len(content.path) > 1:
+        built.append(layers.path_layer(content.path))
+        sigma = content.path.sd_h_m
+        styles.append(qgis_style.track_style(sigma_limits(sigma), sigma_classes(sigma)[1]))
+    built.append(layers.ellipse_layer(content.signs))
+    styles.append(qgis_style.ellipse_style())
+    crs = content.crs or gis.WGS84_3D
+    gis.write_layers(path, built, lineage=content.lineage, crs=crs, styles=styles)
+
+
+def write_geoparquet(content: MapContent, path: Path) -> None:
+    """Write the signs as GeoParquet."""
+    from automap.export import gis
+
+    # a national datum moves with its plate: its coordinates hold at all times
+    moves = content.crs is None or is_moving(content.crs)
+    epoch = content.lineage.get("coordinate_epoch") if moves else None
+    gis.write_geoparquet(path, content.signs, content.lineage, crs=content.crs, epoch=epoch)
+
+
+def write_flatgeobuf(content: MapContent, path: Path) -> None:
+    """Write the signs as FlatGeobuf."""
+    from automap.export import gis, layers
+
+    layer = layers.sign_layer(content.signs)
+    crs = content.crs or gis.WGS84_3D
+    gis.write_layers(path, [layer], driver="FlatGeobuf", lineage=content.lineage, crs=crs)
+
+
+def write_csv(content: MapContent, path: Path) -> None:
+    """Write the signs as CSV, and beside it what its columns mean (CSV on the Web)."""
+    from automap.export import gis
+    from automap.export.dictionary import POSITION_FIELDS
+
+    write_text(path, gis.signs_csv(content.signs))
+    _describe_csv(content, path, (*POSITION_FIELDS, *SIGN_FIELDS))
+
+
+def _describe_csv(content: MapContent, path: Path, fields: Sequence[Field]) -> None:
+    from automap.export.dictionary import csv_metadata
+
+    metadata = csv_metadata(path.name, fields, content.lineage)
+    write_json(path.with_name(f"{path.name}-metadata.json"), metadata)
+
+
+def write_osm(content: MapContent, path: Path) -> None:
+    """Write the signs as nodes for review in JOSM."""
+    from automap.export.osm import josm_file
+
+    write_text(path, josm_file(content.signs, content.country))
+
+
+def write_dictionary(path: Path) -> None:
+    """Write what every column of a map means."""
+    from automap.export.dictionary import dictionary_csv
+
+    write_text(path, dictionary_csv())
+
+
+def write_trajectory_csv(content: MapContent, path: Path) -> None:
+    """Write the trajectory as CSV, and beside it what its columns mean (CSV on the Web)."""
+    from automap.export.dictionary import TRAJECTORY_COLUMNS
+
+    write_text(path, trajectory_formats.trajectory_csv(trajectory_of(content)))
+    _describe_csv(content, path, TRAJECTORY_COLUMNS)
+
+
+def write_pos(content: MapContent, path: Path) -> None:
+    """Write the trajectory as an RTKLIB solution."""
+    write_text(path, trajectory_formats.rtklib_pos(trajectory_of(content)))
+
+
+def write_tum(content: MapContent, path: Path) -> None:
+    """Write the trajectory as TUM poses."""
+    write_text(path, trajectory_formats.tum_poses(trajectory_of(content)))
+
+
+def write_kitti(content: MapContent, path: Path) -> None:
+    """Write the trajectory as KITTI poses."""
+    write_text(path, trajectory_formats.kitti_poses(trajectory_of(content)))
+
+
+def write_gpx(content: MapContent, path: Path) -> None:
+    """Write the trajectory as a GPX track, with the signs as waypoints."""
+    step_s = 0.0 if content.every_row else trajectory_formats.GPX_STEP_S
+    text = trajectory_formats.gpx_track(
+        trajectory_of(content), content.name, step_s, content.signs, content.lineage
+    )
+    write_text(path, text)
+
+
+Writer = Callable[[MapContent, Path], None]
+
+FORMATS: dict[str, tuple[str, Writer]] = {
+    "geojson": (names.SIGNS_GEOJSON, write_geojson),
+    "kml": (names.KML, write_kml),
+    "kmz": (names.KMZ, write_kmz),
+    "gpkg": (names.GPKG, write_gpkg),
+    "parquet": (names.SIGNS_TABLE, write_geoparquet),
+    "flatgeobuf": ("signs.fgb", write_flatgeobuf),
+    "csv": ("signs.csv", write_csv),
+    "osm": ("signs.osm", write_osm),
+    "trajectory-csv": ("trajectory.csv", write_trajectory_csv),
+    "pos": ("trajectory.pos", write_pos),
+    "tum": ("trajectory.tum", write_tum),
+    "kitti": ("trajectory.kitti", write_kitti),
+    "gpx": ("trajectory.gpx", write_gpx),
+}
+"""Format: the file's name in OUT and what writes it."""
+
+TRAJECTORY_FORMATS = ("trajectory-csv", "pos", "tum", "kitti", "gpx")
+
+STANDARD_FORMATS = ("geojson", "kml", "kmz", "gpkg", "parquet")
+"""What every run writes."""
