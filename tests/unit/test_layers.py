@@ -48,9 +48,6 @@ UNMENDED_CIRCLES = {
     "automap.fusion.passes, automap.fusion.user_effects": "users' effects become states",
     "automap.gap.columns, automap.gap.effect_library, automap.gap.fit, automap.gap.fix_effects, "
     "automap.gap.motion_signals, automap.gap.screening": "columns come from the effects",
-    "pipeline.export.command, pipeline.export.datum": "",
-    "pipeline.merge.command, pipeline.merge.output, pipeline.merge.report": "",
-    "pipeline.record.command, pipeline.record.devices": "",
 }
 UNMENDED_FILES = {"automap.effects.user_files": "a user's effects are Python code, which is run"}
 """What is still to be mended, and how; a line whose matter is mended must go."""
