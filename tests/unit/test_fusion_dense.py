@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from automap.frames import matrix_to_quat, quat_to_matrix
 from automap.fusion.layout import (
@@ -25,12 +26,14 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.output import Innovations, innovations
 from automap.fusion.problem import (
     ForwardRun,
+    PathStates,
     Problem,
     SmoothRun,
     Start,
     filtered_states,
     filtered_variances,
     make_problem,
+    with_options,
 )
 from automap.fusion.sections import filter_and_smooth
 from automap.fusion.stamp_error import reported_rows
@@ -118,6 +121,7 @@ class Both:
     """One problem solved by the product and by the textbook."""
 
     problem: Problem
+    start: Start
     forward: ForwardRun
     smoothed: SmoothRun
     table: Innovations
@@ -199,7 +203,7 @@ def both() -> Both:
     )
     cov = np.diag(np.concatenate([sd, model.prior_sd]) ** 2)
     trace = dense.run(first, cov, _seen(nodes, table))
-    return Both(problem, forward, smoothed, table, trace, *smooth(trace))
+    return Both(problem, start, forward, smoothed, table, trace, *smooth(trace))
 
 
 def _nearly_true(motion: Motion, t: float) -> np.ndarray:
@@ -305,3 +309,80 @@ def _compare(
 
 def test_likelihood_of_all_measurements(both: Both) -> None:
     assert both.forward.score == pytest.approx(both.trace.score, abs=0.02)
+
+
+def test_the_estimate_does_not_hang_on_the_path_linearised_about(both: Both) -> None:
+    """Where the path is a third of a sigma off, another way at every node, the filter's mean makes
+    up for it."""
+    rng = np.random.default_rng(9)
+    sd = _sds(both.covs)
+    found = []
+    for size in (0.0, 0.3):
+        moved = [
+            state.moved(size * s[None] * rng.uniform(-1.0, 1.0, (1, len(s))))
+            for state, s in zip(both.states, sd, strict=True)
+        ]
+        rows = [np.concatenate([m.place[0], m.vel[0], matrix_to_quat(m.c)[0]]) for m in moved]
+        about = PathStates(np.stack(rows), np.stack([m.par[0] for m in moved]))
+        nodes = both.forward.nodes
+        _, smoothed = filter_and_smooth(both.problem, nodes, both.start, Shift(), about)
+        found.append(_miss(smoothed.nominal, smoothed.params, both.states) / sd)
+    assert np.abs(found[1] - found[0]).max() < 0.03
+    # where the filter linearised about its own first guesses it was off by as much as this
+    assert np.abs(found[0]).max() < 0.3
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ("position_n", "position_e", "position_d"),
+        ("position_n", "position_e"),
+        ("velocity_n", "velocity_e", "velocity_d"),
+        ("odometer",),
+    ],
+)
+def test_a_surprising_block_is_trusted_less_until_it_is_none(
+    both: Both, rows: tuple[str, ...]
+) -> None:
+    """The same as stating its variances larger by the factor that brings its NIS to the gate."""
+    whole = both.forward.nodes
+    wanted = sum({FLAGS[c] for c in rows})
+    mask = wanted | (HAS_POS_V if "position_n" in rows else 0)
+    k = 12 + int(np.flatnonzero((whole.flags[12:] & mask) == wanted)[0])
+    whole = whole.first(k + 3)
+    values, var = whole.values.copy(), whole.var
+    values[k, 1] += 5e-5 * ("position_e" in rows)
+    values[k, 3:5] += np.array([12.0, -7.0]) * ("velocity_n" in rows)
+    values[k, 6] += 20.0 * ("odometer" in rows)
+    wild = replace(whole, values=values)
+    open_gate = with_options(both.problem, replace(OPTIONS, gate_probability=0.0))
+
+    def run(problem: Problem, nodes: Nodes) -> tuple[Innovations, SmoothRun, float]:
+        forward, smoothed = filter_and_smooth(problem, nodes, both.start, Shift())
+        return innovations(forward, 0, np.zeros(0, np.int64)), smoothed, forward.score
+
+    def at(table: Innovations) -> np.ndarray:
+        return (table.t_ns == round(whole.t[k] * 1e9)) & np.isin(table.channel, rows)
+
+    table, smoothed, score = run(both.problem, wild)
+    plain, _, _ = run(open_gate, wild)
+    here = at(table)
+    nis = float(np.sum((plain.innovation[here] / plain.sd[here]) ** 2))
+    gate = chi2.isf(OPTIONS.gate_probability, len(rows))
+    assert nis > 3.0 * gate
+    assert table.nis[here] == pytest.approx(nis, rel=1e-6)
+    assert not table.accepted[here].any()
+    assert table.accepted[~here].all()
+    first = CHANNELS.index(rows[0])
+    factor = 1.0 + (table.sd[here][0] ** 2 - plain.sd[here][0] ** 2) / var[k, first]
+    wider = var.copy()
+    wider[k, [CHANNELS.index(c) for c in rows]] *= factor
+    again, same, likelihood = run(open_gate, replace(wild, var=wider))
+    left = float(np.sum((again.innovation[here] / again.sd[here]) ** 2))
+    assert gate / 10.0 < left <= gate
+    assert table.sd == pytest.approx(again.sd, rel=1e-6)
+    assert table.innovation == pytest.approx(again.innovation, rel=1e-4, abs=1e-7)
+    assert score == pytest.approx(likelihood, abs=1e-3)
+    sd = _sds(both.covs)[: k + 3]
+    assert np.abs((smoothed.params - same.params) / sd[:, N_NAV:]).max() < 1e-5
+    assert np.abs((smoothed.nominal - same.nominal)[:, 3:6] / sd[:, 3:6]).max() < 1e-5

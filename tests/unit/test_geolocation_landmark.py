@@ -72,6 +72,47 @@ def test_place_size_and_covariance_are_those_of_plain_least_squares(views: Views
     assert abs(cov[0, 1]) > 0.3 * size[0] * size[1], "a covariance without cross terms tells little"
 
 
+def test_an_unsure_velocity_widens_the_views_that_are_far_from_the_anchors() -> None:
+    """Cost and covariance at the solution, with the drift of the cameras among the variances of
+    the directions: its metres over the distance, not of the heights."""
+    path = drive_path(20.0)
+    found, _ = boxes(path, roadside(path, every_s=40.0), camera(), np.random.default_rng(0))
+    views = build_views(path, [found], {"front": camera()}, MeasurementNoise())
+    views = replace(views, speed_sd=np.full(len(views), 0.5))
+    rows = np.arange(len(views))
+    landmark = fit_landmark(views, rows, PRIOR, robust=False)
+    log_size = float(landmark.parameters[3])
+    forward = np.exp(log_size - expected(views, landmark.position, log_size)[:, 2])
+    late = np.abs(views.t_ns - views.t_ns[landmark.anchor]) * 1e-9
+    variance = view_sd(views, rows) ** 2
+    variance[:, :2] += ((0.5 * late / forward) ** 2)[:, None]
+    assert variance[0, 0] > 2.0 * view_sd(views, rows)[0, 0] ** 2
+    x = np.append(landmark.position, log_size)
+    miss = views.measured - expected(views, x[:3], x[3])
+    own = (log_size - np.log(PRIOR.size_m)) / PRIOR.log_sd
+    square = float(np.sum(miss**2 / variance)) + own**2
+    assert landmark.cost == pytest.approx(square, rel=1e-6)
+    assert landmark.chi2 == pytest.approx(square, rel=1e-6)
+    assert landmark.residual == pytest.approx(miss / np.sqrt(variance), rel=1e-6)
+    J = np.empty((miss.size, 4))
+    for j in range(4):
+        step = 1e-5 * np.eye(4)[j]
+        up, down = (expected(views, end[:3], end[3]) for end in (x + step, x - step))
+        J[:, j] = (up - down).ravel() / 2e-5
+    information = J.T @ (J / variance.ravel()[:, None])
+    information[3, 3] += 1.0 / PRIOR.log_sd**2
+    gradient = J.T @ (miss / variance).ravel()
+    gradient[3] -= own / PRIOR.log_sd
+    cov = np.linalg.inv(information)
+    # the weights move with the place, so that the cost is least a little beside this
+    assert np.sqrt(gradient @ cov @ gradient) < 0.3
+    to_place = position_jacobian(views, landmark)
+    size = np.sqrt(np.diag(cov)[:3])
+    scale = max(1.0, square / landmark.dof)
+    got = to_place @ landmark.covariance @ to_place.T / scale
+    assert np.abs((got - cov[:3, :3]) / np.outer(size, size)).max() < 1e-3
+
+
 def moved(views: Views, name: str, step: float) -> Views:
     """The views as they are with something common to them taken to be off by ``step``."""
     part, _, axis = name.partition("_")

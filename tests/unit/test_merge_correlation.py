@@ -260,17 +260,32 @@ def candidates(places: np.ndarray, covs: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def test_the_vote_ends_at_the_mean_of_tilted_differences() -> None:
+    """Two stretches of a drive: a sighting away from the middle of its stretch says less of it by
+    what the offset wanders, and the second stretch begins with what the first left."""
     rng = np.random.default_rng(7)
-    n, sd = 5, np.array([2.0, 3.0, 1.5])
-    covs = np.stack([ellipse(0.9, 0.2, bearing, 0.3) for bearing in (15, 30, 40, 55, 75)])
-    places = np.array([1.5, -2.0, 0.7]) + 0.5 * rng.standard_normal((n, 3))
+    n, sd = 10, np.array([2.0, 3.0, 1.5])
+    bearings = rng.uniform(10.0, 80.0, n)
+    covs = np.stack([ellipse(0.9, 0.2, bearing, 0.3) for bearing in bearings])
+    places = np.array([1.5, -2.0, 0.7]) + 0.4 * rng.standard_normal((n, 3))
+    time = np.concatenate([100.0 + 7.0 * np.arange(5), 180.0 + 6.0 * np.arange(5)])
     index, values = candidates(places, covs)
     offset = np.zeros((n, 3))
-    vote(np.full(n, 100.0), np.tile(sd, (n, 1)), TAU_S, index, values, offset)
+    vote(time, np.tile(sd, (n, 1)), TAU_S, index, values, offset)
     # the map's own frame is as far off as the drive
-    information = np.diag(1.0 / (2.0 * sd**2 + 1e-4)) + np.linalg.inv(covs).sum(axis=0)
-    mean = np.linalg.solve(information, np.einsum("nij,nj->i", np.linalg.inv(covs), places))
-    assert offset == pytest.approx(np.tile(mean, (n, 1)), abs=1e-9)
+    prior = np.diag(2.0 * sd**2 + 1e-4)
+    mean, cov, last = np.zeros(3), prior, None
+    for rows in (slice(0, 5), slice(5, 10)):
+        middle = 0.5 * (time[rows][0] + time[rows][-1])
+        if last is not None:
+            keep = np.exp(-(middle - last) / TAU_S)
+            # only the variances are carried on
+            mean, cov = keep * mean, keep**2 * np.diag(np.diag(cov)) + (1.0 - keep**2) * prior
+        wander = 1.0 - np.exp(-2.0 * np.abs(time[rows] - middle) / TAU_S)
+        weight = np.linalg.inv(covs[rows] + wander[:, None, None] * prior)
+        information = np.linalg.inv(cov) + weight.sum(axis=0)
+        right = np.linalg.solve(cov, mean) + np.einsum("nij,nj->i", weight, places[rows])
+        mean, cov, last = np.linalg.solve(information, right), np.linalg.inv(information), middle
+        assert offset[rows] == pytest.approx(np.tile(mean, (5, 1)), abs=1e-9)
 
 
 def test_offsets_along_a_drive_are_the_conditional_mean_of_the_process() -> None:

@@ -1,0 +1,128 @@
+"""How readings become rates and forces, and how much noise stands between the nodes."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from automap.fusion.measurements import Shift
+from automap.fusion.model import build_state_model
+from automap.fusion.options import FusionOptions
+from automap.fusion.problem import Problem, full_covariance, make_problem, run_dense, run_forward
+from automap.records import ImuData
+from tests.unit.fusion_drive import BASE_NS, make_motion
+from tests.unit.fusion_problem import make_nodes, true_start
+
+EFFECTS = (
+    "accel_bias",
+    "gyro_bias",
+    "accel_scale",
+    "gyro_scale",
+    "accel_misalignment",
+    "gyro_misalignment",
+    "gyro_g_sensitivity",
+    "accel_temperature",
+    "gyro_temperature",
+)
+RATE_HZ = 50.0
+
+
+def _errors(values: dict[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Matrix [6, 6], bias [6] and slope by temperature [6] with reading = true + matrix true +
+    bias + slope (T - T0); rates before forces."""
+    matrix, bias, slope = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
+    for name, value in values.items():
+        match = re.fullmatch(r"(gyro|accel)_(.*)_([xyz]+)", name)
+        assert match is not None, name
+        sensor, kind, axes = match.groups()
+        first = 0 if sensor == "gyro" else 3
+        out = first + "xyz".index(axes[0])
+        if kind == "bias":
+            bias[out] = value
+        elif kind == "temperature":
+            slope[out] = value
+        else:
+            source = 3 if kind == "g_sensitivity" else first
+            matrix[out, source + "xyz".index(axes[-1])] += value
+    return matrix, bias, slope
+
+
+def test_readings_are_freed_of_all_linear_errors_exactly() -> None:
+    """The sensor's errors by their definition, on rates and forces that rise evenly."""
+    rng = np.random.default_rng(4)
+    options = FusionOptions(effects=EFFECTS)
+    model = build_state_model(options)
+    model.prior_mean[:] = 2.0 * model.prior_sd * rng.standard_normal(len(model.prior_sd))
+    matrix, bias, slope = _errors(dict(zip(model.names, model.prior_mean.tolist(), strict=True)))
+    n = 101
+    t = np.arange(n) / RATE_HZ
+    true = rng.normal(0.0, [0.2] * 3 + [3.0] * 3) + t[:, None] * rng.normal(0.0, 0.3, 6)
+    warm = 20.0 + np.where(t < 1.0, 0.0, 6.0)
+    readings = true @ (np.eye(6) + matrix).T + bias + np.outer(warm - np.median(warm), slope)
+    t_ns = BASE_NS + np.rint(t * 1e9).astype(np.int64)
+    imu = ImuData(t_ns, readings[:, :3], readings[:, 3:], temp_c=warm, axes_known=True)
+    problem = make_problem(imu, model, options)
+    nodes = make_nodes(np.array([0.0, 0.91, 1.9]))
+    forward = run_forward(problem, nodes, true_start(make_motion([(0.0, 5.0)], [], 3.0)), Shift())
+    _, rates = run_dense(
+        problem, nodes, forward.store.nominal, forward.store.params, blend=False, with_rates=True
+    )
+    # a step takes the signals of its begin, and next to the jump samples are no straight line
+    steady = (t < 0.95) | ((t > 1.05) & (t < 1.9))
+    assert rates[steady] == pytest.approx(true[steady], abs=1e-9)
+    assert np.abs(readings - true)[steady].max() > 0.05
+
+
+def _resting(extra: np.ndarray | None = None, gap: slice | None = None) -> ImuData:
+    """Ten seconds at rest with white noise, a burst of more of it, or samples left out."""
+    rng = np.random.default_rng(1)
+    n = int(10 * RATE_HZ) + 1
+    t_ns = BASE_NS + np.rint(np.arange(n) / RATE_HZ * 1e9).astype(np.int64)
+    readings = rng.standard_normal((n, 6)) * [1e-3] * 6
+    if extra is not None:
+        readings[200:260] += rng.standard_normal((60, 6)) * extra
+    readings[:, 5] -= 9.8
+    keep = np.ones(n, bool)
+    if gap is not None:
+        keep[gap] = False
+    return ImuData(t_ns[keep], readings[keep, :3], readings[keep, 3:], axes_known=True)
+
+
+def _growth(problem: Problem, t: tuple[float, float]) -> np.ndarray:
+    """What the variances [9] grow by between two instants, from a start that is almost sure."""
+    start = true_start(make_motion([(0.0, 0.0)], [], 12.0), np.full(9, 1e-9))
+    run = run_forward(problem, make_nodes(np.array(t)), start, Shift())
+    cov = full_covariance(run.store.cov, problem.model.size)
+    return np.diag(cov[1] - cov[0])
+
+
+def test_a_gap_of_the_samples_adds_what_the_vehicle_may_have_done_in_it() -> None:
+    options = FusionOptions(effects=(), gap_force_sd=0.8, gap_rate_sd=0.05)
+    problem = make_problem(_resting(gap=slice(200, 300)), build_state_model(options), options)
+    grown = _growth(problem, (2.0, 8.0))
+    # samples 199 and 300 stand: 2.02 s between them, of which the vehicle's own is taken as even
+    width, whole = 101 / RATE_HZ, 6.0
+    tilt = (options.gap_rate_sd * width) ** 2 + options.gyro_noise**2 * whole
+    assert grown[6:9] == pytest.approx(np.full(3, tilt), rel=1e-6)
+    down = (options.gap_force_sd * width) ** 2 + options.accel_noise**2 * whole
+    assert grown[5] == pytest.approx(down, rel=1e-3)
+    # tilt turns gravity into the horizontal
+    assert (grown[3:5] > 2.0 * down).all()
+
+
+@pytest.mark.parametrize(("first", "column"), [(3, 5), (0, 8)])
+def test_a_shock_adds_noise_to_the_sensor_that_shows_it(first: int, column: int) -> None:
+    """Scatter of the forces makes velocities less sure and leaves the heading, that of rates the
+    other way round; the variance added is that of the scatter."""
+    extra = np.zeros(6)
+    extra[first : first + 3] = 0.02
+    options = FusionOptions(effects=(), shocks=True, accel_noise=1e-4, gyro_noise=1e-4)
+    model = build_state_model(options)
+    grown = _growth(make_problem(_resting(extra), model, options), (3.0, 7.0))
+    plain = _growth(make_problem(_resting(), model, options), (3.0, 7.0))
+    other = 13 - column
+    expected = 0.02**2 * 60 / RATE_HZ**2
+    assert grown[column] - plain[column] == pytest.approx(expected, rel=0.3)
+    assert grown[other] - plain[other] < 0.05 * expected
