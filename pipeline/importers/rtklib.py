@@ -67,9 +67,9 @@ def _write_imu(
     slow: bool,
 ) -> str:
     """``imu.csv`` and its section; ``slow``: no vehicle moved, so motion cannot tell the axes."""
-    from automap.io.level_axes import level_axes
     from automap.io.rtklib_recording import line_arrivals, read_imu_lines, read_tag
     from automap.sync.logger_clock import on_logger_clock
+    from pipeline.importers.level_axes import level_axes
 
     if files.imu is None:
         run.warn(f"{run.source}: no IMU log (.csv, .txt); the drive has positions alone")
