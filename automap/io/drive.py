@@ -23,7 +23,7 @@ from automap.io.manifest import (
 from automap.io.receiver_file import find_receiver
 from automap.io.sensor_file import find_sensor
 from automap.io.video import VideoInput, image_size
-from automap.records import Camera, FloatArray
+from automap.records import Camera, FloatArray, usual_matrix
 
 _IMU_FILE = "imu.csv"
 _GNSS_FILES = ("gnss.ubx", "gnss.nmea", "gnss.pos")
@@ -31,9 +31,6 @@ _ODOMETER_FILE = "odometer.csv"
 _ARRIVAL_FILE = "gnss_arrival.csv"
 _VIDEO_DIR = "video"
 _VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".m4v", ".ts", ".360")
-_DEFAULT_FOV_RAD = np.radians(60.0)
-"""Horizontal angle of view taken for a camera without a matrix; an action camera in its
-linear mode and a phone are near it."""
 
 
 @dataclass(frozen=True)
@@ -332,9 +329,7 @@ def _camera(video: VideoInput) -> Camera | None:
     if section.camera_matrix is not None:
         matrix = np.array(section.camera_matrix, dtype=np.float64)
     else:
-        f = 0.5 * width / np.tan(0.5 * _DEFAULT_FOV_RAD)
-        centre = (0.5 * (width - 1), 0.5 * (height - 1))
-        matrix = np.array([[f, 0.0, centre[0]], [0.0, f, centre[1]], [0.0, 0.0, 1.0]])
+        matrix = usual_matrix(width, height)
     return Camera(
         width=width,
         height=height,

@@ -10,7 +10,8 @@ import numpy as np
 from automap.earth import metres_per_radian
 from automap.errors import InputError
 from automap.frames import wrap_pi
-from automap.records import FloatArray, Trajectory
+from automap.io.stamps import order_stamps
+from automap.records import FloatArray, IntArray, Trajectory
 
 DEFAULT_SD_M = 0.1
 DEFAULT_SD_M_S = 0.1
@@ -36,6 +37,27 @@ class FinishedTrajectory:
     data: Trajectory
     time: str
     warnings: tuple[str, ...]
+
+
+def kept_in_time(
+    path: Path, t_ns: IntArray, total: int, again: str, warnings: list[str]
+) -> IntArray:
+    """Which of the usable rows, with stamps [k], to keep so that time increases.
+
+    What is left out of the ``total`` rows is said in ``warnings``. Raises InputError when fewer
+    than two are left; ``again`` says what to do then.
+    """
+    keep = order_stamps(t_ns).keep if len(t_ns) else t_ns
+    if len(keep) < 2:
+        raise InputError(
+            f"{path} has fewer than two rows with a time and a position on Earth; {again} again."
+        )
+    if len(keep) < total:
+        warnings.append(
+            f"{path}: {total - len(keep)} rows without a position, or whose time repeats or "
+            "jumps, left out"
+        )
+    return keep
 
 
 def given_or(values: FloatArray, default: float) -> FloatArray:

@@ -16,8 +16,8 @@ from automap.io.finished import (
     course_attitude,
     differenced_velocity,
     given_or,
+    kept_in_time,
 )
-from automap.io.stamps import order_stamps
 from automap.io.trajectory_table import COLUMNS
 from automap.records import FloatArray, IntArray, Trajectory
 
@@ -43,18 +43,7 @@ def read_trajectory_csv(path: Path) -> FinishedTrajectory:
     if time != "t_ns":
         usable &= np.isfinite(gps_s)
     rows = np.flatnonzero(usable)
-    order = order_stamps(t_ns[rows]) if len(rows) else None
-    if order is None or len(order.keep) < 2:
-        raise InputError(
-            f"{path} has fewer than two rows with a time and a position on Earth; export the "
-            "trajectory again."
-        )
-    rows = rows[order.keep]
-    if len(rows) < len(table):
-        warnings.append(
-            f"{path}: {len(table) - len(rows)} rows without a position, or whose time repeats or "
-            "jumps, left out"
-        )
+    rows = rows[kept_in_time(path, t_ns[rows], len(table), "export the trajectory", warnings)]
     t_ns, gps_s, lat, lon = t_ns[rows], gps_s[rows], lat[rows], lon[rows]
     seconds = (t_ns - t_ns[0]) * 1e-9
     height = _height(path, table, rows, warnings)

@@ -14,9 +14,9 @@ from automap.io.finished import (
     course_attitude,
     differenced_velocity,
     given_or,
+    kept_in_time,
 )
 from automap.io.rtklib import decode_pos
-from automap.io.stamps import order_stamps
 from automap.records import Trajectory
 
 
@@ -37,18 +37,8 @@ def read_trajectory_pos(path: Path) -> FinishedTrajectory:
     place = np.column_stack([fixes.lat_rad, fixes.lon_rad, fixes.height_m, fixes.gps_s])
     rows = np.flatnonzero(np.isfinite(place).all(axis=1))
     t_ns = np.rint(fixes.gps_s[rows] * 1e9).astype(np.int64)
-    order = order_stamps(t_ns) if len(rows) else None
-    if order is None or len(order.keep) < 2:
-        raise InputError(
-            f"{path} has fewer than two rows with a time and a position on Earth; write the "
-            "solution again."
-        )
-    rows, t_ns = rows[order.keep], t_ns[order.keep]
-    if len(rows) < len(fixes):
-        warnings.append(
-            f"{path}: {len(fixes) - len(rows)} rows without a position, or whose time repeats or "
-            "jumps, left out"
-        )
+    keep = kept_in_time(path, t_ns, len(fixes), "write the solution", warnings)
+    rows, t_ns = rows[keep], t_ns[keep]
     lat, lon, height, gps_s = (column[rows] for column in place.T)
     velocity = fixes.vel_ned[rows]
     if not np.isfinite(velocity).all():

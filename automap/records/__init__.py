@@ -9,7 +9,7 @@ from __future__ import annotations
 from automap.records.arrays import NO_TIME, BoolArray, FloatArray, Image, IntArray
 from automap.records.clocks import ClockModel, DriveClocks
 from automap.records.motion import DrivePath, Trajectory
-from automap.records.pictures import Camera, Crop, Detections, FrameTimes, VideoFrame
+from automap.records.pictures import Camera, Crop, Detections, FrameTimes, VideoFrame, usual_matrix
 from automap.records.sensors import (
     Fixes,
     FixType,
@@ -48,4 +48,5 @@ __all__ = [
     "TriadCalibration",
     "VideoFrame",
     "WheelSpeed",
+    "usual_matrix",
 ]

@@ -30,6 +30,13 @@ class Camera:
     time_offset_sd: float
 
 
+def usual_matrix(width: int, height: int) -> FloatArray:
+    """Camera matrix [3, 3] of a pinhole with a horizontal view of 60 degrees, which that of an
+    action camera in its linear mode and that of a phone are near."""
+    f, cx, cy = 0.5 * width / np.tan(np.radians(30.0)), 0.5 * (width - 1), 0.5 * (height - 1)
+    return np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
+
+
 @dataclass(frozen=True)
 class FrameTimes:
     """Stamps of the frames of one camera.

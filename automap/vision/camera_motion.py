@@ -13,13 +13,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from automap.effects.lens import focal_length
-from automap.records import Camera, FloatArray
+from automap.records import Camera, FloatArray, Image
 from automap.vision.camera_path import CameraPath
-
-Image = npt.NDArray[np.uint8]
 
 _WIDTH = 320
 _POINTS = 80

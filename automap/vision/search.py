@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from automap.records import Camera, Crop, Detections, FrameTimes, IntArray, VideoFrame
+from automap.records import Camera, Crop, Detections, FrameTimes, IntArray, VideoFrame, usual_matrix
 from automap.vision.camera_motion import ImageMotion, Motion, motion_on_path
 from automap.vision.camera_path import CameraPath
 from automap.vision.crops import BestCrops
@@ -196,10 +196,7 @@ def _find(
 
 def default_camera(width: int, height: int) -> Camera:
     """A pinhole of 60 degrees horizontal view, for a video of which nothing is known."""
-    focal = 0.5 * width / np.tan(np.radians(30.0))
-    matrix = np.array(
-        [[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]]
-    )
+    matrix = usual_matrix(width, height)
     zero = np.zeros(3)
     return Camera(width, height, matrix, np.zeros(5), zero, zero, 0.1, 0.0, 0.1)
 
