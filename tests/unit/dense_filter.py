@@ -236,25 +236,27 @@ class DenseFilter:
     def expected(self, state: State, seen: Seen, about: State, t0: float) -> dict[str, FloatArray]:
         """What the states [b] let expect of every channel, positions in metres from ``about``.
 
-        Turn rate and acceleration at the instant are taken as known, as of ``about``.
+        Turn rate and acceleration at the instant are taken as known, as of ``about``; the mounting
+        m is a small turn I + [m x].
         """
         r, par = self.readings, state.par
         rate = self._true(about.par, r.at(seen.t, r.calm)[None], "gyro")
         force = self._true(about.par, r.at(seen.t, r.accel)[None], "accel")
         place = about.place[0]
         acceleration = (about.c[0] @ force[0]) + [0.0, 0.0, float(gravity(place[0], place[2]))]
-        mount = Rotation.from_rotvec(
-            self._triple(par, "imu_mounting", ("roll", "pitch", "yaw"))
-        ).as_matrix()
+        angles = self._triple(par, "imu_mounting", ("roll", "pitch", "yaw"))
+        mount = np.eye(3) + cross_matrix(angles)
         # stated along the vehicle's axes
         lever = np.einsum("bji,bj->bi", mount, self._triple(par, "gnss_lever_arm"))
-        late = self._one(par, "imu_time_offset_s")[:, None]
-        age = self._one(par, "gnss_velocity_latency_s")[:, None]
+        late = self._one(par, "imu_time_offset_s") - self._one(par, "gnss_latency_s")
+        late = (late + seen.t * self._one(par, "imu_clock_skew_skew"))[:, None]
+        age = self._one(par, "gnss_velocity_latency_s") + self._one(par, "gnss_velocity_lag_tau")
         metres = np.stack(pymap3d.geodetic2ned(*state.place.T, *place, deg=False), axis=1)
         position = metres + np.einsum("bij,bj->bi", state.c, lever) + about.vel * late
         position = position + seen.wander_sd * self._triple(par, "gnss_correlated_noise", "ned")
+        position = position + self._triple(par, "gnss_datum_shift", "ned")
         velocity = state.vel + np.einsum("bij,bj->bi", state.c, np.cross(rate, lever))
-        velocity = velocity + acceleration * (late - age)
+        velocity = velocity + acceleration * (late - age[:, None])
         velocity = velocity + self._triple(par, "gnss_velocity_wander", "ned")
         own = np.einsum("bji,bj->bi", state.c, state.vel)
         own = own + np.cross(rate, self._triple(par, "nhc_lever_arm"))

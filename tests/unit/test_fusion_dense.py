@@ -63,6 +63,10 @@ EFFECTS = (
     "odometer_scale",
     "vehicle_sideslip",
     "vehicle_pitch",
+    "gnss_latency",
+    "gnss_velocity_lag",
+    "imu_clock_skew",
+    "gnss_datum_shift",
 )
 OPTIONS = FusionOptions(
     effects=EFFECTS,
@@ -77,6 +81,10 @@ OPTIONS = FusionOptions(
         "imu_mounting": {"*": 0.004},
         "nhc_lever_arm": {"*": 0.3},
         "odometer_scale": {"*": 0.01},
+        "gnss_latency": {"*": 0.01},
+        "gnss_velocity_lag": {"*": 0.01},
+        "imu_clock_skew": {"*": 1e-3},
+        "gnss_datum_shift": {"*": 0.5},
     },
     accel_noise=0.02,
     gyro_noise=2e-3,
@@ -88,6 +96,30 @@ OPTIONS = FusionOptions(
     calm_rates=True,
     gate_probability=1e-30,
 )
+MEANS = {
+    "gnss_lever_arm_x": 0.6,
+    "gnss_lever_arm_y": -0.5,
+    "gnss_lever_arm_z": -1.0,
+    "imu_mounting_roll": 0.012,
+    "imu_mounting_pitch": -0.02,
+    "imu_mounting_yaw": 0.016,
+    "nhc_lever_arm_x": -1.2,
+    "nhc_lever_arm_y": 0.3,
+    "nhc_lever_arm_z": 0.6,
+    "imu_time_offset_s": 0.012,
+    "gnss_velocity_latency_s": 0.02,
+    "gnss_latency_s": -0.008,
+    "gnss_velocity_lag_tau": 0.015,
+    "imu_clock_skew_skew": 1e-3,
+    "gnss_datum_shift_n": 0.4,
+    "gnss_datum_shift_e": -0.3,
+    "gnss_datum_shift_d": 0.2,
+    "odometer_scale_relative": 0.02,
+    "vehicle_sideslip_coefficient": 0.002,
+    "vehicle_pitch_coefficient": 0.002,
+    "gyro_scale_z": 0.004,
+}
+"""What is believed beforehand; not what the drive's sensors have, so that there is to learn."""
 SENSOR = Sensor(
     2e-3, 0.0, (0.003, -0.002, 0.004), (0.02, -0.01, 0.03), (0.001, -0.002, 0.001), (0.0,) * 3,
     0.0, 0.0, 0.0,
@@ -112,7 +144,7 @@ SIZE = {
     "zupt_e": 0.03, "zupt_d": 0.045, "zaru_x": 0.004, "zaru_y": 0.006, "zaru_z": 0.009,
     "odometer": 0.07,
 }  # fmt: skip
-FILTER_SIGMAS, CHANNEL_SIGMAS = 0.02, 0.003
+FILTER_SIGMAS, CHANNEL_SIGMAS = 0.03, 0.015
 """What second orders may come to, and the turn of the Earth that the transition leaves out."""
 
 
@@ -171,7 +203,7 @@ def _nodes(motion: Motion) -> Nodes:
 def both() -> Both:
     motion = _motion()
     imu = record(motion, SENSOR, 3, rate=RATE_HZ)
-    model = build_state_model(OPTIONS)
+    model = build_state_model(OPTIONS, MEANS)
     problem = make_problem(imu, model, OPTIONS)
     nodes = _nodes(motion)
     sd = np.array([2.0, 1.5, 3.0, 0.3, 0.2, 0.25, 0.01, 0.012, 0.02])
@@ -308,7 +340,7 @@ def _compare(
 
 
 def test_likelihood_of_all_measurements(both: Both) -> None:
-    assert both.forward.score == pytest.approx(both.trace.score, abs=0.02)
+    assert both.forward.score == pytest.approx(both.trace.score, abs=0.05)
 
 
 def test_the_estimate_does_not_hang_on_the_path_linearised_about(both: Both) -> None:

@@ -216,8 +216,8 @@ def test_levels_are_those_of_the_restricted_likelihood() -> None:
     assert 1.8 < found[1] / found[0] < 2.02
 
 
-def grouped(drives: list[DriveSigns]) -> np.ndarray:
-    return associate(stack_sightings(drives)).sign
+def grouped(drives: list[DriveSigns], rounds: int = 2) -> np.ndarray:
+    return associate(stack_sightings(drives), rounds=rounds).sign
 
 
 def test_places_differ_along_the_long_axis_of_their_errors_and_not_across_it() -> None:
@@ -241,9 +241,11 @@ def test_a_third_sighting_is_sought_where_two_tilted_errors_cross() -> None:
         seen = crossing - 2.2 * np.array([np.sin(b), np.cos(b), 0.0])
         drives.append(drive(number, seen[None], ellipse(2.0, 0.15, bearing)[None]))
     sharp = (0.1**2 * np.eye(3))[None]
-    assert grouped([*drives, drive(2, crossing[None], sharp)]).tolist() == [0, 0, 0]
-    mirrored = crossing * [1.0, 1.0, 1.0] + np.array([1.2, -1.2, 0.0])
-    assert grouped([*drives, drive(2, mirrored[None], sharp)]).tolist() == [0, 0, 1]
+    # in the first round each drive meets the map of those before it
+    third = drive(2, crossing[None], sharp)
+    assert grouped([*drives, third], rounds=0).tolist() == [0, 0, 0]
+    beside = drive(2, crossing[None] + [[1.2, -1.2, 0.0]], sharp)
+    assert grouped([*drives, beside], rounds=0).tolist() == [0, 0, 1]
 
 
 def candidates(places: np.ndarray, covs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
