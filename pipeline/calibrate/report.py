@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from automap import __version__
 from automap.earth import STANDARD_GRAVITY
 from automap.records import FloatArray
-from pipeline.pages.svg_plot import Series, plot, thin_dots
-from pipeline.report.sections import AXES, Plot, Section, draw
+from pipeline.pages.render import sections_page
+from pipeline.pages.section import AXES, Figure, Section, draw, draw_over_time
+from pipeline.pages.svg_plot import Series, thin_dots
 
 if TYPE_CHECKING:
     from automap.calibration.allan_triads import RestingFits
@@ -22,15 +20,6 @@ if TYPE_CHECKING:
 
 _DEG = 180.0 / np.pi
 _DOTS = 4000
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A key figure: its value, what it is, and a remark."""
-
-    value: str
-    name: str
-    note: str
 
 
 def static_report(
@@ -73,7 +62,7 @@ def _accel_section(result: StaticCalibration) -> Section:
     if result.left_out is not None:
         series.append(Series("pose left out", number, 1e3 * result.left_out.residuals, "dots", 2))
     section = Section(header=("", "value", "95 % ±", "unit"))
-    section.plots += _over("Norm minus gravity, pose by pose", series, "mm/s²", "pose")
+    section.plots += draw("Norm minus gravity, pose by pose", series, "mm/s²", "pose")
     if accel.n_parameters != six.n_parameters:
         section.sentences.append(
             f"Without the three angles of non-orthogonality the norm misses gravity by "
@@ -124,7 +113,7 @@ def _gyro_section(result: StaticCalibration) -> Section:
             f"With g-sensitivity (largest term {largest:.4f} ± {width:.4f} deg/s per g) gravity "
             f"arrives within {_DEG * with_g.turn_rms:.3f} deg, not {_DEG * gyro.turn_rms:.3f}."
         )
-    section.plots += _over("Gravity carried through a turn, off by", series, "deg", "turn", (0.0,))
+    section.plots += draw("Gravity carried through a turn, off by", series, "deg", "turn", (0.0,))
     for i, axis in enumerate(AXES):
         section.rows.append(
             _row(f"scale {axis}", gyro.scale[i], gyro.half_width[i], "rad/s per unit")
@@ -165,7 +154,7 @@ def _rest_section(result: StaticCalibration, logs: list[ImuLog]) -> Section:
             Series("specific force", t_s, force, "line", 0),
             Series("rests", t_s[some], rest[some], "dots", 1),
         ]
-        section.plots += draw(f"Norm of {log.data.name}", series, "m/s²", float(t_s[-1]))
+        section.plots += draw_over_time(f"Norm of {log.data.name}", series, "m/s²", float(t_s[-1]))
     return section
 
 
@@ -207,7 +196,7 @@ def dynamic_report(
                     ERROR_NAMES[first + i], factor * final[first + i], factor * sd[first + i], unit
                 )
             )
-        errors.plots += draw(title, series, unit, float(t_s[-1]))
+        errors.plots += draw_over_time(title, series, unit, float(t_s[-1]))
     parts = [
         ("Errors over time (corrections, one σ)", errors),
         ("Roll and pitch at rest", _attitude_section(result, log, gyro, accel)),
@@ -246,7 +235,9 @@ def _attitude_section(
     span = max(limits)
     for key, title in (("without", "Without dynamic calibration"), ("with", "With it")):
         length = max(float(s.x[-1]) for s in series[key])
-        section.plots += draw(title, series[key], "roll and pitch, deg", length, (-span, span))
+        section.plots += draw_over_time(
+            title, series[key], "roll and pitch, deg", length, (-span, span)
+        )
     section.sentences.append(
         "Roll and pitch integrated from the gyro over the longest rests, from their start."
     )
@@ -261,7 +252,9 @@ def _innovation_section(result: DynamicCalibration) -> Section:
         Series(part, t_s, result.innovations[:, 1 + i], "dots", i)
         for i, part in enumerate(("north", "east", "down"))
     ]
-    section.plots += draw("Velocity that should be zero", series, "m/s", float(result.t_s[-1]))
+    section.plots += draw_over_time(
+        "Velocity that should be zero", series, "m/s", float(result.t_s[-1])
+    )
     inside = np.abs(result.innovations[:, 1:4]) < 2.0 * result.innovations[:, 4:7]
     section.sentences.append(
         f"The hand moved by {result.hand_velocity:.2f} m/s and {result.hand_place:.2f} m RMS; "
@@ -289,9 +282,8 @@ def allan_report(
                 Series("measured", x, factor * fit.deviation, "line", i),
                 Series("fitted", x, factor * fit.fitted, "line", "quiet"),
             ]
-            svg = plot(series, f"{title} {axis}", units[1], "log10 of averaging time, s", log=True)
-            section.plots.append(
-                Plot(f"{title} {axis}", svg, (("measured", f"c{i}"), ("fitted", "quiet")))
+            section.plots += draw(
+                f"{title} {axis}", series, units[1], "log10 of averaging time, s", log=True
             )
             for name, term, unit in (
                 ("white noise", fit.white, units[0]),
@@ -313,14 +305,6 @@ def _row(name: str, value: float, width: float, unit: str) -> tuple[str, ...]:
     return name, f"{value:.{digits}g}", f"{width:.2g}", unit
 
 
-def _over(
-    title: str, series: list[Series], y_label: str, x_label: str, include: tuple[float, ...] = ()
-) -> list[Plot]:
-    svg = plot(series, title, y_label, x_label, include=include)
-    legend = tuple((s.label, f"c{s.colour}") for s in series)
-    return [Plot(title, svg, legend if len(legend) > 1 else ())] if svg else []
-
-
 def _page(
     title: str,
     logs: list[ImuLog],
@@ -329,23 +313,7 @@ def _page(
     sections: dict[str, Any],
     warnings: list[str],
 ) -> str:
-    from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup
-
-    folder = resources.files("pipeline") / "pages" / "templates"
-    environment = Environment(autoescape=True, undefined=StrictUndefined)
-    environment.trim_blocks = environment.lstrip_blocks = True
-    template = environment.from_string((folder / "calibration.html.j2").read_text(encoding="utf-8"))
     conditions = sections["conditions"]
     facts = [(key, str(value)) for key, value in conditions.items() if value is not None]
-    page = template.render(
-        title=title,
-        name=", ".join(log.data.name for log in logs),
-        version=__version__,
-        figures=figures,
-        parts=parts,
-        warnings=warnings,
-        facts=facts,
-        style=Markup((folder / "report.css").read_text(encoding="utf-8")),
-    )
-    return page.encode("utf-8", "replace").decode("utf-8")
+    name = ", ".join(log.data.name for log in logs)
+    return sections_page(title, name, figures, parts, warnings, facts)

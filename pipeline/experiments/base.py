@@ -15,6 +15,7 @@ from automap.fusion.options import FusionOptions
 from automap.io import names
 from automap.io.atomic import atomic_path, make_folder, write_json
 from automap.records import Fixes, FloatArray, Trajectory
+from pipeline.pages.palette import ON_LIGHT
 from pipeline.run.fusion_inputs import FusionInputs, read_inputs
 from pipeline.settings.load import Settings
 from pipeline.settings.presets import fusion_options
@@ -126,10 +127,12 @@ def rms(values: FloatArray) -> float:
 
 
 def new_figure(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, Any]:
-    """A matplotlib figure off screen, with its axes."""
+    """A matplotlib figure off screen in the colours of the pages, with its axes."""
     import matplotlib as mpl
+    from matplotlib.rcsetup import cycler
 
     mpl.use("Agg")
+    mpl.rcParams["axes.prop_cycle"] = cycler(color=ON_LIGHT)
     from matplotlib import pyplot
 
     return pyplot.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")

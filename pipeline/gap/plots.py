@@ -11,8 +11,8 @@ from automap.earth import metres_per_radian
 from automap.fusion.layout import CHANNELS
 from automap.gap.screening import whitened_innovations
 from automap.records import FloatArray
-from pipeline.pages.svg_plot import Series, plot
-from pipeline.report.sections import Plot, draw
+from pipeline.pages.section import Plot, draw, draw_over_time
+from pipeline.pages.svg_plot import Series
 
 if TYPE_CHECKING:
     from automap.gap.camera_fit import CameraFit
@@ -68,7 +68,7 @@ def overlay(before: Fit, after: Fit, name: str, unit: str) -> list[Plot]:
     t = new.t[rows] - new.t[rows][0]
     title = f"{name.replace('_', ' ')}, from {new.t[first]:.0f} s into the held-out data"
     band = 2.0 * new.sd[rows]
-    return draw(
+    return draw_over_time(
         title,
         [
             Series("new model, 95 %", t, -band, "band", 0, upper=band),
@@ -87,7 +87,7 @@ def running(before: Fit, after: Fit, name: str) -> list[Plot]:
     if lines[0] is None or lines[1] is None:
         return []
     (x0, y0), (x1, y1) = lines[0], lines[1]
-    return draw(
+    return draw_over_time(
         name.replace("_", " "),
         [Series("before", x0, y0, "line", "bad"), Series("after", x1, y1, "line", 0)],
         "innovation / sd",
@@ -131,9 +131,7 @@ def spectrum(before: Fit, after: Fit, name: str) -> list[Plot]:
         Series("before", f0, p0, "line", "bad"),
         Series("after", f1, p1, "line", 0),
     ]
-    svg = plot(series, title, "power, 1 is white", "frequency, Hz", log=True, include=(0.1, 10.0))
-    legend = (("simulated, 95 %", "c1"), ("before", "bad"), ("after", "c0"))
-    return [Plot(title, svg, legend)] if svg else []
+    return draw(title, series, "power, 1 is white", "frequency, Hz", (0.1, 10.0), log=True)
 
 
 def _spectrum(fit: Fit, name: str) -> tuple[FloatArray, FloatArray, int] | None:
@@ -157,7 +155,7 @@ def error_bars(before: Fit, after: Fit) -> list[Plot]:
     old, new = _bars(before), _bars(after)
     end = float(new[0][-1])
     moved = _moved(before, after)
-    plots = draw(
+    plots = draw_over_time(
         "horizontal position of the held-out drive, one sigma",
         [
             Series("before", old[0], old[1], "line", "bad"),
@@ -168,7 +166,7 @@ def error_bars(before: Fit, after: Fit) -> list[Plot]:
         end,
         include=(0.0,),
     )
-    return plots + draw(
+    return plots + draw_over_time(
         "heading of the held-out drive, one sigma",
         [
             Series("before", old[0], old[2], "line", "bad"),
@@ -204,7 +202,7 @@ def camera_plots(before: CameraFit, after: CameraFit) -> list[Plot]:
         old = _rms_over(before.boxes.t, before.residual[:, i])
         new = _rms_over(after.boxes.t, after.residual[:, i])
         if old is not None and new is not None:
-            out += draw(
+            out += draw_over_time(
                 name,
                 [
                     Series("before", old[0], old[1], "line", "bad"),

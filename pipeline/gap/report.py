@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import resources
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automap import __version__
 from automap.gap.result import p_text
-from pipeline.calibrate.report import Figure
 from pipeline.gap.plots import WINDOW_S, camera_plots, error_bars, overlay, running, spectrum
+from pipeline.pages.render import sections_page
+from pipeline.pages.section import Figure, Section, draw_over_time
 from pipeline.pages.svg_plot import Series
-from pipeline.report.sections import Section, draw
 
 if TYPE_CHECKING:
     from automap.gap import GapResult
@@ -49,7 +47,7 @@ def gap_report(result: GapResult, names: Sequence[str], cameras: Sequence[Camera
     ]
     if cameras:
         parts.insert(len(parts) - 2, ("Camera", _cameras(cameras)))
-    return _page("Gap", ", ".join(names), figures, parts, list(result.warnings))
+    return sections_page("Gap", ", ".join(names), figures, parts, list(result.warnings))
 
 
 def laboratory_report(result: LaboratoryResult, names: Sequence[str]) -> str:
@@ -62,7 +60,7 @@ def laboratory_report(result: LaboratoryResult, names: Sequence[str]) -> str:
     section = Section(sentences=[result.verdict[:1].upper() + result.verdict[1:] + "."])
     poses = np.arange(len(result.poses.accel_before), dtype=float)
     plots = Section()
-    plots.plots += draw(
+    plots.plots += draw_over_time(
         "Norm off gravity of held-out poses, mm/s²",
         [
             Series("before", poses, 1e3 * result.poses.accel_before, "dots", "bad"),
@@ -73,7 +71,7 @@ def laboratory_report(result: LaboratoryResult, names: Sequence[str]) -> str:
         include=(0.0,),
     )
     turns = np.arange(len(result.poses.gyro_before), dtype=float)
-    plots.plots += draw(
+    plots.plots += draw_over_time(
         "Gravity after held-out turns, degrees off",
         [
             Series("before", turns, np.degrees(result.poses.gyro_before), "dots", "bad"),
@@ -88,7 +86,7 @@ def laboratory_report(result: LaboratoryResult, names: Sequence[str]) -> str:
         ("What is missing", _findings(result.findings)),
         ("Before and after", plots),
     ]
-    return _page("Gap", ", ".join(names), figures, parts, [])
+    return sections_page("Gap", ", ".join(names), figures, parts)
 
 
 def _verdict(result: GapResult) -> Section:
@@ -316,29 +314,3 @@ def _next(result: GapResult) -> Section:
             "shows more than a quiet one."
         )
     return section
-
-
-def _page(
-    title: str,
-    name: str,
-    figures: list[Figure],
-    parts: list[tuple[str, Section]],
-    warnings: list[str],
-) -> str:
-    from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup
-
-    folder = resources.files("pipeline") / "pages" / "templates"
-    environment = Environment(autoescape=True, undefined=StrictUndefined)
-    environment.trim_blocks = environment.lstrip_blocks = True
-    template = environment.from_string((folder / "calibration.html.j2").read_text(encoding="utf-8"))
-    return template.render(
-        title=title,
-        name=name,
-        version=__version__,
-        figures=figures,
-        parts=parts,
-        warnings=warnings,
-        facts=[("version", __version__)],
-        style=Markup((folder / "report.css").read_text(encoding="utf-8")),
-    )

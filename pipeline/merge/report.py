@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from automap import __version__
 from automap.export.uncertainty import ce95
-from pipeline.calibrate.report import Figure
-from pipeline.pages.svg_plot import Series, plot
-from pipeline.report.sections import Plot, Section
+from pipeline.pages.render import sections_page
+from pipeline.pages.section import Figure, Section, draw
+from pipeline.pages.svg_plot import Series
 
 if TYPE_CHECKING:
     from pipeline.merge.outcome import MergeOutcome
@@ -24,9 +23,6 @@ _KINDS = {"new": "new", "gone": "gone", "class": "another class", "moved": "move
 
 def merge_report(outcome: MergeOutcome, summary: dict[str, Any]) -> str:
     """The page; ``summary`` is the content of merge.json."""
-    from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup
-
     parts = [("The map", _map_section(outcome))]
     if outcome.comparison is not None:
         parts.append(("Changes", changes_section(outcome, summary)))
@@ -35,21 +31,10 @@ def merge_report(outcome: MergeOutcome, summary: dict[str, Any]) -> str:
         ("Errors", _error_section(outcome, summary)),
         ("Classes", _class_section(outcome)),
     ]
-    folder = resources.files("pipeline") / "pages" / "templates"
-    environment = Environment(autoescape=True, undefined=StrictUndefined)
-    environment.trim_blocks = environment.lstrip_blocks = True
-    template = environment.from_string((folder / "calibration.html.j2").read_text(encoding="utf-8"))
-    page = template.render(
-        title="Merged map",
-        name=outcome.folder.resolve().name,
-        version=__version__,
-        figures=_figures(outcome, summary),
-        parts=parts,
-        warnings=outcome.warnings,
-        facts=[("version", __version__), ("previous map", summary.get("previous", "none"))],
-        style=Markup((folder / "report.css").read_text(encoding="utf-8")),
-    )
-    return page.encode("utf-8", "replace").decode("utf-8")
+    facts = [("version", __version__), ("previous map", summary.get("previous", "none"))]
+    name = outcome.folder.resolve().name
+    figures = _figures(outcome, summary)
+    return sections_page("Merged map", name, figures, parts, outcome.warnings, facts)
 
 
 def _radius(outcome: MergeOutcome) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -92,13 +77,10 @@ def _map_section(outcome: MergeOutcome) -> Section:
     several = np.array([len(s.drives) > 1 for s in outcome.signs])
     step = max(1, len(lat) // _DOTS)
     series = [
-        Series("one drive", east[~several][::step], north[~several][::step], "dots", "bad"),
-        Series("several drives", east[several][::step], north[several][::step], "dots", 0),
+        Series("seen by one drive", east[~several][::step], north[~several][::step], "dots", "bad"),
+        Series("by several", east[several][::step], north[several][::step], "dots", 0),
     ]
-    svg = plot([s for s in series if len(s.x)], "Signs in plan", "north, km", "east, km")
-    if svg:
-        legend = (("seen by one drive", "bad"), ("by several", "c0"))
-        section.plots.append(Plot("Signs in plan", svg, legend))
+    section.plots += draw("Signs in plan", series, "north, km", "east, km")
     counts = Counter(len(s.drives) for s in outcome.signs)
     section.header = ("drives that saw a sign", "signs", "95 % radius, median, m")
     radius = _radius(outcome)

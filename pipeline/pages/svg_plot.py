@@ -35,6 +35,11 @@ class Series:
     colour: int | Literal["bad", "quiet"] = 0
     upper: FloatArray | None = None
 
+    @property
+    def css(self) -> str:
+        """The page's class of its colour."""
+        return f"c{self.colour}" if isinstance(self.colour, int) else self.colour
+
 
 @dataclass(frozen=True)
 class Axis:
@@ -183,7 +188,7 @@ def _grid(x_axis: Axis, y_axis: Axis, x_label: str, y_label: str) -> list[str]:
 
 
 def _draw(series: Series, x_axis: Axis, y_axis: Axis) -> str:
-    css = f"c{series.colour}" if isinstance(series.colour, int) else series.colour
+    css = series.css
     if series.kind == "dots":
         x, y = x_axis(series.x), y_axis(series.y)
         # a dot is a line of no length with round ends: a tenth of the size of circles

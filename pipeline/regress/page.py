@@ -2,56 +2,33 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from importlib import resources
 from typing import Any
 
 import numpy as np
 
-from automap import __version__
 from automap.earth import metres_per_radian
 from automap.export.uncertainty import CHI2_95_2, principal_axes
 from automap.frames import wrap_pi
 from automap.records import FloatArray
 from automap.regression.record import DriveRecord
 from automap.regression.signs import StoredSign
+from pipeline.pages.render import render
 from pipeline.regress.session import DriveResult
-from pipeline.report.map_data import embedded_json
 
 
 def page_html(results: Sequence[DriveResult]) -> str:
     """The page for these drives, those that moved or failed first."""
-    from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup
-
     order = {"failed": 0, "moved": 1, "no stored figures": 2, "same": 3}
     drives = sorted(results, key=lambda result: order[result.verdict])
     maps = [_map(result) for result in drives]
-    template = Environment(autoescape=True, undefined=StrictUndefined).from_string(
-        _asset("regress.html.j2")
-    )
-    text = template.render(
+    return render(
+        "regress.html.j2",
+        leaflet=True,
         drives=drives,
-        has_map=[content is not None for content in maps],
         counts={verdict: sum(r.verdict == verdict for r in results) for verdict in order},
-        maps_json=Markup(embedded_json(maps)),
-        version=__version__,
-        style=Markup(_style()),
-        script=Markup(_asset("regress.js")),
-        leaflet=Markup(re.sub(r"\n//# sourceMappingURL=.*", "", _asset("leaflet/leaflet.js"))),
+        maps=maps,
     )
-    return text.encode("utf-8", "replace").decode("utf-8")
-
-
-def _asset(name: str) -> str:
-    return (resources.files("pipeline") / "pages" / "templates" / name).read_text(encoding="utf-8")
-
-
-def _style() -> str:
-    leaflet = re.sub(r"url\([^)]*\)", "none", _asset("leaflet/leaflet.css"))
-    leaflet = re.sub(r"/\*.*?\*/", "", leaflet, flags=re.DOTALL)
-    return leaflet + _asset("report.css") + _asset("regress.css")
 
 
 def _map(result: DriveResult) -> dict[str, Any] | None:

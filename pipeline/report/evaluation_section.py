@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from automap.io import names
-from pipeline.report.sections import Section
+from pipeline.pages.section import Section
 from pipeline.shared.products import RunProducts
 
 

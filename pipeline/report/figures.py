@@ -2,24 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from automap.export.sign_columns import SignColumns
 from automap.io import names
 from automap.records import FixType, FloatArray, Trajectory
+from pipeline.pages.section import Figure
 from pipeline.report.outages import outages
 from pipeline.shared.products import RunProducts
-
-
-@dataclass(frozen=True)
-class Figure:
-    """One figure: its value as text, what it is, and a line on how to read it."""
-
-    value: str
-    name: str
-    note: str
 
 
 def key_figures(products: RunProducts, signs: SignColumns) -> list[Figure]:

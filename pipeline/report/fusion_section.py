@@ -9,9 +9,9 @@ import numpy as np
 
 from automap.fusion.consistency import PLAUSIBLE_CORRELATION, PLAUSIBLE_RMS
 from automap.io import names
+from pipeline.pages.section import Section
 from pipeline.report.channels import channel_name, channel_order, is_rule
 from pipeline.report.figures import duration_text
-from pipeline.report.sections import Section
 from pipeline.shared.products import RunProducts
 
 _NOISE = {

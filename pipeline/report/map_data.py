@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -53,14 +52,6 @@ def map_data(
     }
     data["notes"] = notes
     return data
-
-
-def embedded_json(value: Any) -> str:
-    """JSON that can stand inside a script element whatever text it holds."""
-    text = json.dumps(value, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
-    for character in "<>&":
-        text = text.replace(character, f"\\u{ord(character):04x}")
-    return text
 
 
 def sign_faces(classes: set[str]) -> dict[str, str]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from importlib import resources
 from typing import Any
 
 from automap import __version__
@@ -11,10 +9,11 @@ from automap.export.clock import iso_texts, utc_of_gps
 from automap.export.fields import SIGN_FIELDS
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
+from pipeline.pages.render import render
 from pipeline.report.evaluation_section import evaluation_section
 from pipeline.report.figures import key_figures
 from pipeline.report.fusion_section import fusion_section
-from pipeline.report.map_data import embedded_json, map_data
+from pipeline.report.map_data import map_data
 from pipeline.report.sections import (
     innovation_section,
     motion_section,
@@ -29,14 +28,7 @@ TABLE_LIMIT = 1000
 
 
 def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str:
-    """The page for a run named ``name``; ``record`` is run.json as it stands.
-
-    All text of the recording is escaped by the template engine or passed as JSON and set as
-    text by the script; the page's security policy forbids every request.
-    """
-    from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup
-
+    """The page for a run named ``name``; ``record`` is run.json as it stands."""
     signs = sign_columns(products.signs or [], products.clock)
     sections = {
         "fusion": fusion_section(products),
@@ -49,48 +41,23 @@ def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str
     }
     content = map_data(products, signs, read_pictures(products))
     facts = _facts(products, record)
-    environment = Environment(autoescape=True, undefined=StrictUndefined)
-    environment.trim_blocks = environment.lstrip_blocks = True
-    template = environment.from_string(_asset("report.html.j2"))
-    page = template.render(
+    return render(
+        "report.html.j2",
+        leaflet=content is not None,
         name=name,
-        version=__version__,
         when=_when(products),
         figures=key_figures(products, signs),
         # last of all that reads, so that it knows every file that could not be read
         warnings=_warnings(products, record),
         sections=sections,
         sign_table=_sign_table(signs),
-        has_map=content is not None,
-        map_json=Markup(embedded_json(content)) if content is not None else "",
-        map_notes=content["notes"] if content is not None else [],
+        map=content,
         stages=_stages(record),
         settings=_flat_rows(record.get("settings")),
         metrics=_flat_rows(record.get("metrics")),
         versions=_versions(record),
         facts=facts,
-        style=Markup(_style()),
-        script=Markup(_asset("report.js")),
-        leaflet=Markup(_leaflet_script()) if content is not None else "",
     )
-    # a folder's name that is no UTF-8 cannot be written as it is
-    return page.encode("utf-8", "replace").decode("utf-8")
-
-
-def _asset(name: str) -> str:
-    return (resources.files("pipeline") / "pages" / "templates" / name).read_text(encoding="utf-8")
-
-
-def _leaflet_script() -> str:
-    # the map of its source would be another file
-    return re.sub(r"\n//# sourceMappingURL=.*", "", _asset("leaflet/leaflet.js"))
-
-
-def _style() -> str:
-    # pictures of controls that the page does not have
-    leaflet = re.sub(r"url\([^)]*\)", "none", _asset("leaflet/leaflet.css"))
-    leaflet = re.sub(r"/\*.*?\*/", "", leaflet, flags=re.DOTALL)
-    return leaflet + _asset("report.css")
 
 
 def _when(products: RunProducts) -> str:

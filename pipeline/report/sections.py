@@ -2,74 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from automap.io import names
 from automap.records import FloatArray
-from pipeline.pages.svg_plot import Series, plot, thin_dots, time_unit
+from pipeline.pages.section import Plot, Section, draw_over_time
+from pipeline.pages.svg_plot import Series, thin_dots
 from pipeline.report.channels import channel_name, channel_order, is_rule
 from pipeline.report.nis_plots import nis_series
 from pipeline.shared.products import RunProducts
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-AXES = ("x", "y", "z")
-
-
-@dataclass(frozen=True)
-class Plot:
-    """One plot: its SVG text, its title and what each series is (label, colour class)."""
-
-    title: str
-    svg: str
-    legend: tuple[tuple[str, str], ...] = ()
-
-
-@dataclass
-class Section:
-    """Sentences, plots and a table for one part of the page.
-
-    ``absent`` says why the section is empty; with ``folded`` the table hides under that title.
-    """
-
-    sentences: list[str] = field(default_factory=list)
-    plots: list[Plot] = field(default_factory=list)
-    header: tuple[str, ...] = ()
-    rows: list[tuple[str, ...]] = field(default_factory=list)
-    verdicts: list[tuple[Literal["good", "fair", "bad"], str]] = field(default_factory=list)
-    absent: str = ""
-    folded: str = ""
-
-
-def draw(
-    title: str,
-    series: list[Series],
-    y_label: str,
-    seconds: float,
-    include: tuple[float, ...] = (),
-    log: bool = False,
-) -> list[Plot]:
-    """A plot over time as a list of one, or an empty list when there is nothing to draw.
-
-    ``series`` have seconds for x; they are shown in the unit that suits ``seconds``, the span.
-    """
-    scale, unit = time_unit(seconds)
-    scaled = [
-        Series(s.label, s.x / scale, s.y, s.kind, s.colour, s.upper) for s in series if len(s.x)
-    ]
-    svg = plot(scaled, title, y_label, f"time, {unit}", log=log, include=include)
-    if not svg:
-        return []
-    legend = tuple(
-        (s.label, f"c{s.colour}" if isinstance(s.colour, int) else s.colour)
-        for s in scaled
-        if s.label
-    )
-    return [Plot(title, svg, legend if len(legend) > 1 else ())]
 
 
 def uncertainty_section(products: RunProducts) -> Section:
@@ -111,12 +57,12 @@ def motion_section(products: RunProducts) -> Section:
     top = float(np.nanmax(speed, initial=1.0))
     shades = _standstill(products, span, top)
     lines = [*shades, Series("speed" if shades else "", seconds, speed)]
-    section.plots += draw("Speed", lines, "km/h", span, (0.0,))
+    section.plots += draw_over_time("Speed", lines, "km/h", span, (0.0,))
     height = Series("", seconds, trajectory.height_m)
-    section.plots += draw("Ellipsoidal height", [height], "m", span)
+    section.plots += draw_over_time("Ellipsoidal height", [height], "m", span)
     roll, pitch, _ = np.degrees(trajectory.rpy).T
     tilt = [Series("roll", seconds, roll, colour=0), Series("pitch", seconds, pitch, colour=1)]
-    section.plots += draw("Roll and pitch", tilt, "deg", span)
+    section.plots += draw_over_time("Roll and pitch", tilt, "deg", span)
     return section
 
 
@@ -142,7 +88,9 @@ def _three_lines(
     log = bool(np.percentile(known, 99.9) > 15 * np.median(known))
     series = [Series(part, seconds, values[:, i], colour=i) for i, part in enumerate(parts)]
     include = () if log else (0.0,)
-    return draw(f"{title} {label.split(',')[0]}", series, label, float(seconds[-1]), include, log)
+    return draw_over_time(
+        f"{title} {label.split(',')[0]}", series, label, float(seconds[-1]), include, log
+    )
 
 
 def _spread_text(values: FloatArray) -> str:
@@ -185,7 +133,7 @@ def sensor_section(products: RunProducts) -> Section:
                 final_sd = "" if sd is None else f"{sd[-1]:.2g}"
                 section.rows.append((column, unit, f"{value[-1]:.4g}", final_sd))
         title = effect.replace("_", " ")
-        section.plots += draw(title, series, unit or "1", float(seconds[-1]))
+        section.plots += draw_over_time(title, series, unit or "1", float(seconds[-1]))
     return section
 
 
@@ -235,9 +183,11 @@ def innovation_section(products: RunProducts) -> Section:
             Series("accepted", seconds[shown], ratio[shown], "dots", 0),
             Series("rejected", seconds[refused], np.clip(ratio[refused], -8, 8), "dots", "bad"),
         ]
-        section.plots += draw(channel_name(channel), series, "innovation / σ", span, (-3.0, 3.0))
+        section.plots += draw_over_time(
+            channel_name(channel), series, "innovation / σ", span, (-3.0, 3.0)
+        )
     for title, lines in nis_series(channels, stamps, nis, accepted):
-        section.plots += draw(title, lines, "NIS / m", span, (0.0, 1.0))
+        section.plots += draw_over_time(title, lines, "NIS / m", span, (0.0, 1.0))
     if loose:
         section.verdicts.append(
             ("good", f"Held better than assumed, which is meant to be so: {', '.join(loose)}. "

@@ -8,9 +8,9 @@ import numpy as np
 
 from automap.io import names
 from automap.records import FloatArray
+from pipeline.pages.section import Section, draw_over_time
 from pipeline.pages.svg_plot import Series, thin_dots
 from pipeline.report.figures import metres_text
-from pipeline.report.sections import Section, draw
 from pipeline.shared.products import RunProducts
 
 METHODS = {
@@ -122,4 +122,4 @@ def _delay_plot(products: RunProducts) -> list[Any]:
             series.append(Series("lower envelope", seconds, columns[name] * 1e3, "line", 1))
             break
     title = "Delay from epoch to arrival (highest 2 % cut off)"
-    return draw(title, series, "ms", float(np.nanmax(seconds)))
+    return draw_over_time(title, series, "ms", float(np.nanmax(seconds)))

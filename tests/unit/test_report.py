@@ -18,8 +18,9 @@ from automap.export.sign_columns import sign_columns
 from automap.export.uncertainty import sigma_classes
 from automap.io import names
 from automap.io.signs_table import write_signs
+from pipeline.pages.render import embedded_json
 from pipeline.report.figures import distance_m, duration_text, metres_text
-from pipeline.report.map_data import embedded_json, map_data
+from pipeline.report.map_data import map_data
 from pipeline.report.outages import outages
 from pipeline.report.render import report_html
 from pipeline.run.stage import StageContext
