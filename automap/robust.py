@@ -12,6 +12,8 @@ from automap.records import FloatArray
 
 HUBER = 1.5
 """Sigmas up to which a residual counts fully: 96 % as sharp as least squares on normal errors."""
+HUBER_SHARE = 0.8663855974622838
+"""Mean square of a normal residual as Huber's loss counts it: erf(HUBER / sqrt(2))."""
 CAUCHY = 2.5
 """Sigmas at which a residual counts half: 96 % as sharp as well."""
 

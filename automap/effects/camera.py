@@ -18,7 +18,7 @@ from automap.effects.lens import lens_of, project
 from automap.effects.vehicle import Values, parameter, parameters
 from automap.frames import matrix_to_rpy, rpy_to_matrix
 from automap.interpolation import Poses
-from automap.records import Camera, FloatArray
+from automap.records import Camera, Detections, FloatArray, Trajectory
 
 PoseAt = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Position [n, 3] m NED and attitude ``C_n_b`` [n, 3, 3] of the vehicle at seconds [n]."""
@@ -57,6 +57,18 @@ def row_share(rows: FloatArray, height: int) -> FloatArray:
 def row_delay_s(rows: FloatArray, height: int, values: Values) -> FloatArray:
     """When pixel rows [n] are read, in s after the middle one, ``rolling_shutter``."""
     return parameter(values, "rolling_shutter") * row_share(rows, height)
+
+
+def as_stated(
+    found: Detections, camera: Camera, values: Values, trajectory: Trajectory
+) -> Detections:
+    """Boxes as a camera takes them that reads all rows at once.
+
+    ``camera`` is the true one, whose other errors it has; ``trajectory`` the vehicle's.
+    """
+    rows = 0.5 * (found.box[:, 1] + found.box[:, 3])
+    late = row_delay_s(rows, camera.height, values)
+    return replace(found, t_ns=found.t_ns + np.rint(late * 1e9).astype(np.int64))
 
 
 def camera_poses(
@@ -113,19 +125,24 @@ def error_columns(
     things in camera axes, ``height`` [n] normalised, ``share`` [n] of their rows, ``rate`` [n, 3]
     rad/s and ``velocity`` [n, 3] m/s of the camera in its axes.
     """
-    from automap.effects.camera_kernels import FOCAL, all_columns
+    from automap.effects.camera_kernels import all_columns
 
     C_cam_body = rpy_to_matrix(camera.mount_rpy).T
-    out = all_columns(q, height, share, rate, velocity, C_cam_body, lens_of(camera))
-    out[:, :, :3] = out[:, :, :3] @ _turn_by_rpy(parameters(values, "camera_boresight"))
+    own = all_columns(q, height, share, rate, velocity, C_cam_body, lens_of(camera))
+    return by_parameters(values, own)
+
+
+def by_parameters(values: Values, columns: FloatArray) -> FloatArray:
+    """Columns [n, 3, 11] by the catalogue's parameters at ``values``, from the kernels' by a turn
+    about the camera's axes and the logarithm of the focal length."""
+    from automap.effects.camera_kernels import FOCAL
+
+    roll, pitch, _ = parameters(values, "camera_boresight")
+    sr, cr, sp, cp = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
+    out = columns.copy()
+    out[:, :, :3] = columns[:, :, :3] @ np.array([[1, 0, -sp], [0, cr, sr * cp], [0, -sr, cr * cp]])
     out[:, :, FOCAL] /= 1.0 + parameter(values, "camera_focal")
-    return np.asarray(out)
-
-
-def _turn_by_rpy(rpy: FloatArray) -> FloatArray:
-    """Small turn [3] about the axes of the turned camera by its roll, pitch, yaw: [3, 3]."""
-    sr, cr, sp, cp = np.sin(rpy[0]), np.cos(rpy[0]), np.sin(rpy[1]), np.cos(rpy[1])
-    return np.array([[1.0, 0.0, -sp], [0.0, cr, sr * cp], [0.0, -sr, cr * cp]])
+    return out
 
 
 def direction_by_point(q: FloatArray) -> FloatArray:

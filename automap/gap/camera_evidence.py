@@ -8,7 +8,7 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.gap.camera_fit import CameraFit
-from automap.gap.camera_views import KEYS, Boxes
+from automap.gap.camera_views import Boxes, keys
 from automap.gap.evidence import Scores, without
 from automap.gap.result import ParameterValue
 from automap.records import FloatArray, IntArray
@@ -21,7 +21,7 @@ MAX_EXCESS = 9.0
 
 def columns_of(effect: str) -> IntArray:
     """Rows of an effect's parameters among the shared ones."""
-    return np.array([i for i, (e, _) in enumerate(KEYS) if e == effect], np.int64)
+    return np.array([i for i, (e, _) in enumerate(keys()) if e == effect], np.int64)
 
 
 def prior_sds(boxes: Boxes, effects: Collection[str], factor: float = 1.0) -> FloatArray:
@@ -44,7 +44,7 @@ def marginal(fit: CameraFit, accepted: Sequence[str]) -> Scores:
             [sds, [FREE_FACTOR * p.prior_sd for p in CATALOGUE[effect].parameters]]
         )
     kept = without(fit.scores, nuisances, sds)
-    k = len(KEYS)
+    k = len(keys())
     return Scores(kept.score[:k], kept.info[:k, :k], kept.blocks[:, :k], kept.block_info[:, :k, :k])
 
 
@@ -98,11 +98,11 @@ def covariance(fit: CameraFit, accepted: Sequence[str]) -> FloatArray:
 def parameters(
     fit: CameraFit, effect: str, accepted: Sequence[str], cov: FloatArray
 ) -> dict[str, ParameterValue]:
-    order = [k for e in accepted for k in KEYS if k[0] == e]
+    order = [k for e in accepted for k in keys() if k[0] == e]
     sd = np.sqrt(np.diag(cov))
     return {
         p.name: ParameterValue(
-            float(fit.common[KEYS.index((effect, p.name))]),
+            float(fit.common[keys().index((effect, p.name))]),
             float(sd[order.index((effect, p.name))]),
             p.unit,
         )

@@ -1,40 +1,54 @@
-"""A camera model fitted to boxes of tracked signs: robust Gauss-Newton.
+"""A camera model fitted to boxes of tracked signs.
 
-The signs' own unknowns are eliminated one by one (Schur complement: Triggs et al., Bundle
-Adjustment, 2000). Boxes far off count less (Huber).
+Geolocation's estimator gives each sign's place and its normal equations with the camera as it
+would be; the signs' own unknowns are eliminated one by one (Schur complement: Triggs et al.,
+Bundle Adjustment, 2000), and the views are made anew with the camera that comes out. Boxes far off
+count less (Huber).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.gap.camera_views import (
-    N_LOCAL,
-    SIZE_LOG_SD,
-    Boxes,
-    derivatives,
-    foretell,
-)
+from automap.effects.camera import by_parameters
+from automap.effects.camera_kernels import TURN
+from automap.effects.lens import focal_length
+from automap.effects.vehicle import Values
+from automap.gap.camera_views import Boxes, keys
 from automap.gap.evidence import Scores
+from automap.geolocation.landmark import (
+    SizePrior,
+    columns_of,
+    fit_landmark,
+    place,
+    seen_from,
+    sign_equations,
+)
+from automap.geolocation.landmark_kernels import MARGIN
+from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
+from automap.robust import BY_HUBER, HUBER_SHARE, huber_loss
 
-HUBER = 2.0
+N_LOCAL = 7
+"""Of a sign: place NED, logarithm of its size, error of the velocity while it passes."""
 ITERATIONS = 12
 HALVINGS = 6
 SETTLED_NATS = 0.02
-USUAL_SIZE_M = 0.7
-PLACE_SD_M = 1e3
+SIZE = SizePrior(0.7, 1.0)
+"""Hardly known: what the focal length is worth must not come from sizes."""
 NOISE_A_PX = (0.2, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 4.5, 7.0)
 NOISE_B = (0.0, 0.01, 0.02, 0.035, 0.05, 0.08, 0.12, 0.2)
+VELOCITY = slice(9, 12)
+"""Place of the velocity's error among what is common to the views of a sign."""
 
 
 @dataclass(frozen=True)
 class CameraFit:
     """A model on the boxes: shared parameters [g], the signs' own [s, 7], robust ``cost`` in nats
-    with all priors, whitened residuals [n, 3], and the scores of the shared parameters, the
-    signs being the blocks."""
+    with all priors, whitened residuals [n, 3] of boxes of one sigma ``sd`` [n, 3], and the scores
+    of the shared parameters, the signs being the blocks."""
 
     boxes: Boxes
     sd: FloatArray
@@ -48,14 +62,17 @@ class CameraFit:
 def box_noise(boxes: Boxes, a_px: FloatArray, b: FloatArray) -> FloatArray:
     """One sigma [n, 3] of the measurements: ``a_px`` [2] px of centre and height, and the shares
     ``b`` [2] of the box's height that they err by."""
-    focal = 0.5 * (boxes.camera.matrix[0, 0] + boxes.camera.matrix[1, 1])
-    centre = np.hypot(a_px[0] / focal, b[0] * boxes.height)
-    size = np.hypot(a_px[1] / focal / boxes.height, b[1])
+    focal = focal_length(boxes.camera)
+    box = np.concatenate([d.found.box for d in boxes.drives])
+    height = (box[:, 3] - box[:, 1]) / focal
+    centre = np.hypot(a_px[0] / focal, b[0] * height)
+    size = np.hypot(a_px[1] / focal / height, b[1])
     return np.column_stack([centre, centre, size])
 
 
 def estimate_noise(fit: CameraFit) -> FloatArray:
-    """One sigma [n, 3] that suits a fit's residuals best, by likelihood over a grid."""
+    """One sigma [n, 3] that suits a fit's residuals best, over a grid; consistent where they are
+    normal (Huber's proposal 2: Robust Statistics, 1981, chapter 6)."""
     raw = fit.residual * fit.sd
     a, b = np.zeros(2), np.zeros(2)
     for part, columns in enumerate(((0, 1), (2,))):
@@ -63,8 +80,7 @@ def estimate_noise(fit: CameraFit) -> FloatArray:
         for pixels in NOISE_A_PX:
             for share in NOISE_B:
                 sd = box_noise(fit.boxes, np.full(2, pixels), np.full(2, share))[:, columns]
-                u = np.abs(raw[:, columns] / sd)
-                loss = np.where(u < HUBER, 0.5 * u**2, HUBER * u - 0.5 * HUBER**2)
+                loss = 0.5 * huber_loss((raw[:, columns] / sd) ** 2) / HUBER_SHARE
                 cost = float((loss + np.log(sd)).sum())
                 if cost < best:
                     best, a[part], b[part] = cost, pixels, share
@@ -78,7 +94,7 @@ def fit_camera(
     start: FloatArray | None = None,
     local: FloatArray | None = None,
 ) -> CameraFit:
-    """Fit the camera to the boxes.
+    """Fit the camera to the boxes by Gauss-Newton steps.
 
     ``sd`` [n, 3] of the measurements; ``effect_sd`` [g] prior of the shared parameters, zero
     where they keep their value of ``start`` [g] (default zero); ``local`` [s, 7] a start.
@@ -87,146 +103,161 @@ def fit_camera(
     common = np.zeros(boxes.n_common) if start is None else start.copy()
     # the priors of effects lie about nothing, not about the start
     if local is None:
-        local = _first_places(boxes)
-        common, local = _iterate(boxes, sd, common, local, np.zeros_like(prior))
-    common, local = _iterate(boxes, sd, common, local, prior)
-    residual = (boxes.measured - foretell(boxes, common, local)) / sd
-    cost = _cost(residual, common, local, boxes, prior)
-    return CameraFit(
-        boxes, sd, common, local, cost, residual, _scores(boxes, sd, common, local, prior)
-    )
+        local = _first_places(boxes, sd, common)
+        at = _descend(_evaluated(boxes, sd, common, local, np.zeros_like(prior)))
+        common, local = at.common, at.local
+    at = _descend(_evaluated(boxes, sd, common, local, prior))
+    nuisance = np.where(np.isfinite(boxes.prior_sd()), at.common, 0.0)
+    blocks = at.right + at.info @ nuisance
+    scores = Scores(blocks.sum(axis=0), at.info.sum(axis=0), blocks, at.info)
+    return CameraFit(boxes, sd, at.common, at.local, at.cost, at.residual, scores)
 
 
-def _first_places(boxes: Boxes) -> FloatArray:
-    """Signs of the usual size where their largest box shows them."""
-    from automap.frames import rpy_to_matrix
+def _views(boxes: Boxes, sd: FloatArray, common: FloatArray) -> Views | None:
+    views = boxes.views(_values(common))
+    return None if views is None else replace(views, sd=sd)
 
-    C = rpy_to_matrix(boxes.camera.mount_rpy)
-    out = np.zeros((boxes.n_signs, N_LOCAL))
-    for s in range(boxes.n_signs):
-        rows = np.flatnonzero(boxes.sign == s)
-        i = rows[np.argmax(boxes.height[rows])]
-        depth = USUAL_SIZE_M / boxes.height[i]
-        ray = depth * np.array([1.0, *boxes.measured[i, :2]])
-        out[s, :3] = boxes.pos[i] + boxes.dcm[i] @ (boxes.camera.lever_arm_m + C @ ray)
-        out[s, 3] = np.log(USUAL_SIZE_M)
+
+def _values(common: FloatArray) -> Values:
+    """The shared parameters that are errors of the camera."""
+    out: dict[str, dict[str, float]] = {}
+    for (effect, parameter), value in zip(keys(), common, strict=False):
+        if value != 0.0:
+            out.setdefault(effect, {})[parameter] = float(value)
     return out
 
 
-def _local_prior(boxes: Boxes) -> FloatArray:
-    sd = [PLACE_SD_M] * 3 + [SIZE_LOG_SD] + [boxes.velocity_sd] * 3
-    return np.array(sd) ** -2.0
+def _first_places(boxes: Boxes, sd: FloatArray, common: FloatArray) -> FloatArray:
+    """Signs where geolocation puts them."""
+    views = _views(boxes, sd, common)
+    out = np.zeros((boxes.n_signs, N_LOCAL))
+    if views is not None:
+        for s, rows in enumerate(_rows_by_sign(boxes)):
+            mark = fit_landmark(views, rows, SIZE)
+            out[s, :4] = *mark.position, mark.parameters[3]
+    return out
 
 
-def _local_off(local: FloatArray) -> FloatArray:
-    """The signs' own parameters [s, 7] against their priors' means; places have none."""
-    off = local.copy()
-    off[:, :3] = 0.0
-    off[:, 3] -= np.log(USUAL_SIZE_M)
-    return off
-
-
-def _loss(u: FloatArray) -> FloatArray:
-    return np.where(u < HUBER, 0.5 * u**2, HUBER * u - 0.5 * HUBER**2)
-
-
-def _cost(
-    residual: FloatArray, common: FloatArray, local: FloatArray, boxes: Boxes, prior: FloatArray
-) -> float:
-    if not np.isfinite(residual).all():
-        return np.inf
-    total = float(_loss(np.hypot(residual[:, 0], residual[:, 1])).sum())
-    total += float(_loss(np.abs(residual[:, 2])).sum())
-    free = prior > 0.0
-    total += 0.5 * float(((common[free] / prior[free]) ** 2).sum())
-    return total + 0.5 * float((_local_off(local) ** 2 * _local_prior(boxes)).sum())
-
-
-def _weights(residual: FloatArray) -> FloatArray:
-    """Roots of the weights [n, 3]."""
-    aside = HUBER / np.maximum(np.hypot(residual[:, 0], residual[:, 1]), HUBER)
-    size = HUBER / np.maximum(np.abs(residual[:, 2]), HUBER)
-    return np.sqrt(np.column_stack([aside, aside, size]))
+def _rows_by_sign(boxes: Boxes) -> list[IntArray]:
+    order = np.argsort(boxes.sign, kind="stable")
+    return np.split(order, np.searchsorted(boxes.sign[order], np.arange(1, boxes.n_signs)))
 
 
 @dataclass(frozen=True)
-class _Equations:
-    """Of each sign: ``solved`` [7, g + 1] own normal equations against the shared ones, ``info``
-    [g, g] and ``right`` [g] of the shared, the own parameters eliminated."""
+class _At:
+    """The model at some parameters: its cost, residuals [n, 3] in sigmas, and of each sign
+    ``solved`` [7, g + 1] own normal equations against the shared ones, ``info`` [g, g] and
+    ``right`` [g] of the shared, the own parameters eliminated. Without views the cost is infinite
+    and the rest is zero."""
 
-    solved: list[FloatArray]
+    boxes: Boxes
+    sd: FloatArray
+    common: FloatArray
+    local: FloatArray
+    prior: FloatArray
+    cost: float
+    views: Views | None
+    residual: FloatArray
+    solved: FloatArray
     info: FloatArray
     right: FloatArray
 
 
-def _equations(
-    boxes: Boxes, sd: FloatArray, common: FloatArray, local: FloatArray, active: IntArray
-) -> _Equations:
-    residual = (boxes.measured - foretell(boxes, common, local)) / sd
-    root = _weights(residual) / sd
-    by_common, by_local = derivatives(boxes, common, local)
-    B = by_common[:, :, active] * root[:, :, None]
-    A = by_local * root[:, :, None]
-    r = residual * sd * root
-    prior, off = _local_prior(boxes), _local_off(local)
-    g = B.shape[2]
-    infos = np.zeros((boxes.n_signs, g, g))
-    rights = np.zeros((boxes.n_signs, g))
-    solved = []
-    order = np.argsort(boxes.sign, kind="stable")
-    edges = np.searchsorted(boxes.sign[order], np.arange(boxes.n_signs + 1))
-    for s in range(boxes.n_signs):
-        rows = order[edges[s] : edges[s + 1]]
-        m = 3 * len(rows)
-        a, b = A[rows].reshape(m, N_LOCAL), B[rows].reshape(m, g)
-        e = r[rows].reshape(-1)
-        both = np.column_stack([a.T @ b, a.T @ e - prior * off[s]])
-        answer = np.linalg.solve(a.T @ a + np.diag(prior + 1e-12), both)
-        infos[s] = b.T @ b - both[:, :-1].T @ answer[:, :-1]
-        rights[s] = b.T @ e - both[:, :-1].T @ answer[:, -1]
-        solved.append(answer)
-    return _Equations(solved, infos, rights)
-
-
-def _iterate(
+def _evaluated(
     boxes: Boxes, sd: FloatArray, common: FloatArray, local: FloatArray, prior: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    active: IntArray = np.flatnonzero(prior > 0.0).astype(np.int64)
+) -> _At:
+    n_effects, g = len(keys()), boxes.n_common
+    nothing = (np.zeros((boxes.n_signs, N_LOCAL, g + 1)), np.zeros((boxes.n_signs, g, g)))
+    nowhere = _At(
+        *(boxes, sd, common, local, prior, np.inf, None, np.zeros((len(sd), 3))),
+        *(*nothing, np.zeros((boxes.n_signs, g))),
+    )
+    views = _views(boxes, sd, common)
+    if views is None:
+        return nowhere
+    values = _values(common)
+    size = np.log(SIZE.size_m)
+    free = prior > 0.0
+    cost = 0.5 * float(((common[free] / prior[free]) ** 2).sum())
+    cost += 0.5 * float(huber_loss(((local[:, 3] - size) / SIZE.log_sd) ** 2).sum())
+    cost += 0.5 * float((local[:, 4:] ** 2).sum()) / boxes.velocity_sd**2
+    residual = np.zeros((len(sd), 3))
+    solved = np.zeros((boxes.n_signs, N_LOCAL, g + 1))
+    info, right = np.zeros((boxes.n_signs, g, g)), np.zeros((boxes.n_signs, g))
+    for s, rows in enumerate(_rows_by_sign(boxes)):
+        anchor = int(boxes.anchor[s])
+        parameters = seen_from(views, anchor, local[s, :3], local[s, 3])
+        if parameters is None:
+            return nowhere
+        shared, effects = columns_of(views, rows, anchor, parameters)
+        attitude = shared[:, :, TURN : TURN + 3] @ views.C_cam_body[anchor]
+        margin = shared[:, :, MARGIN : MARGIN + 1]
+        columns = np.concatenate(
+            [by_parameters(values, effects), margin, attitude, shared[:, :, VELOCITY]], axis=2
+        )
+        # place of each column among the shared parameters; an attitude error has two parts
+        first = n_effects + 1
+        minute = first + 3 + 3 * int(boxes.window[s])
+        wander = common[first : first + 3] + common[minute : minute + 3]
+        bias = np.concatenate([np.zeros(n_effects), common[n_effects:first], wander, local[s, 4:]])
+        N, A, S, residual[rows], _, _ = sign_equations(
+            views, rows, anchor, parameters, columns, bias, SIZE, BY_HUBER
+        )
+        m = columns.shape[2]
+        own = np.concatenate([np.arange(m, m + 4), np.arange(m - 3, m)])
+        whole = np.block([[S[:m, :m], A.T, S[:m, m:]], [A, N, S[m:, m:]]])
+        whole[m - 3 : m, m - 3 : m] += np.eye(3) / boxes.velocity_sd**2
+        whole[m - 3 : m, -1] -= local[s, 4:] / boxes.velocity_sd**2
+        inside = np.array([*range(first + 3), *range(first, first + 3)])
+        places = np.array([*range(first + 3), *range(minute, minute + 3)])
+        both = whole[np.ix_(own, [*inside, -1])]
+        answer = np.linalg.solve(whole[np.ix_(own, own)] + 1e-12 * np.eye(N_LOCAL), both)
+        reduced = whole[np.ix_(inside, [*inside, -1])] - both[:, :-1].T @ answer
+        solved[s][:, places], solved[s][:, -1] = answer[:, :-1], answer[:, -1]
+        info[s][np.ix_(places, places)], right[s][places] = reduced[:, :-1], reduced[:, -1]
+    if not np.isfinite(residual).all():
+        return nowhere
+    square = residual**2
+    cost += 0.5 * float(
+        huber_loss(square[:, 0] + square[:, 1]).sum() + huber_loss(square[:, 2]).sum()
+    )
+    return _At(boxes, sd, common, local, prior, cost, views, residual, solved, info, right)
 
-    def cost_of(c: FloatArray, o: FloatArray) -> float:
-        return _cost((boxes.measured - foretell(boxes, c, o)) / sd, c, o, boxes, prior)
 
-    cost = cost_of(common, local)
+def _descend(at: _At) -> _At:
+    active = np.flatnonzero(at.prior > 0.0)
     for _ in range(ITERATIONS):
-        equations = _equations(boxes, sd, common, local, active)
-        inverse = prior[active] ** -2.0
-        info = equations.info.sum(axis=0) + np.diag(inverse)
-        right = equations.right.sum(axis=0) - inverse * common[active]
+        if at.views is None:
+            break
+        inverse = at.prior[active] ** -2.0
+        info = at.info.sum(axis=0)[np.ix_(active, active)] + np.diag(inverse)
+        right = at.right.sum(axis=0)[active] - inverse * at.common[active]
         move = np.linalg.solve(info, right) if len(active) else np.zeros(0)
-        own = np.array([a[:, -1] - a[:, :-1] @ move for a in equations.solved])
-        factor, better = 1.0, np.inf
+        own = at.solved[:, :, -1] - at.solved[:, :, active] @ move
+        factor, better = 1.0, at
         for _ in range(HALVINGS):
-            tried = common.copy()
-            tried[active] += factor * move
-            better = cost_of(tried, local + factor * own)
-            if better < cost or (not np.isfinite(cost) and np.isfinite(better)):
+            common = at.common.copy()
+            common[active] += factor * move
+            tried = _evaluated(at.boxes, at.sd, common, _moved(at, factor * own), at.prior)
+            if tried.cost < at.cost:
+                better = tried
                 break
             factor *= 0.5
-        if not better < cost:
-            break
-        gained = cost - better
-        common, local, cost = tried, local + factor * own, better
+        gained = at.cost - better.cost
+        at = better
         if gained < SETTLED_NATS:
             break
-    return common, local
+    return at
 
 
-def _scores(
-    boxes: Boxes, sd: FloatArray, common: FloatArray, local: FloatArray, prior: FloatArray
-) -> Scores:
-    """Scores of all shared parameters about zero nuisances, the effects at their values."""
-    every = np.arange(boxes.n_common, dtype=np.int64)
-    equations = _equations(boxes, sd, common, local, every)
-    nuisance = np.where(np.isfinite(boxes.prior_sd()), common, 0.0)
-    blocks = equations.right + equations.info @ nuisance
-    return Scores(blocks.sum(axis=0), equations.info.sum(axis=0), blocks, equations.info)
+def _moved(at: _At, step: FloatArray) -> FloatArray:
+    """The signs' own parameters after steps [s, 7] of the anchors' parameters and velocities."""
+    assert at.views is not None
+    out = at.local.copy()
+    out[:, 4:] += step[:, 4:]
+    for s, anchor in enumerate(at.boxes.anchor.tolist()):
+        before = seen_from(at.views, anchor, at.local[s, :3], at.local[s, 3])
+        assert before is not None
+        after = before + step[s, :4]
+        out[s, :3], out[s, 3] = place(at.views, anchor, after), after[3]
+    return out

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from automap.gap.camera_evidence import (
     prior_sds,
 )
 from automap.gap.camera_fit import CameraFit, box_noise, estimate_noise, fit_camera
-from automap.gap.camera_views import EFFECTS, Boxes
+from automap.gap.camera_views import Boxes, keys
 from automap.gap.evidence import evidence, null_maxima, p_value
 from automap.gap.result import Finding
 from automap.records import FloatArray
@@ -90,7 +89,7 @@ def find_camera_gap(
         n = boxes.n_signs + held.n_signs
         total = len(boxes.sign) + len(held.sign)
         return CameraGap(camera, nothing, {}, 0.0, 0.0, n, total, None, (text,))
-    allowed = [e for e in EFFECTS if e not in exclude]
+    allowed = [e for e in dict(keys()) if e not in exclude]
     say(f"camera {camera}: fitting the noise of the boxes")
     first = box_noise(boxes, np.full(2, 1.5), np.full(2, 0.03))
     free = fit_camera(boxes, first, prior_sds(boxes, allowed, FREE_FACTOR))
@@ -266,26 +265,3 @@ def _advice(effect: str, rivals: Sequence[str]) -> str:
         return ""
     known = [_ADVICE[p] for r in rivals if (p := frozenset({effect, r})) in _ADVICE]
     return "; ".join(dict.fromkeys(known)) or GENERAL_ADVICE
-
-
-def joined(parts: Sequence[Boxes]) -> Boxes:
-    """Boxes of several drives with the same camera as one."""
-    if len(parts) == 1:
-        return parts[0]
-    signs = np.cumsum([0] + [p.n_signs for p in parts])
-    windows = np.cumsum([0] + [p.n_windows for p in parts])
-    arrays: dict[str, Any] = {
-        name: np.concatenate([getattr(p, name) for p in parts])
-        for name in (
-            *("t", "pos", "vel", "acc", "dcm", "rate", "rate_change"),
-            *("measured", "height", "share", "since"),
-        )
-    }
-    return replace(
-        parts[0],
-        **arrays,
-        sign=np.concatenate([p.sign + s for p, s in zip(parts, signs[:-1], strict=True)]),
-        window=np.concatenate([p.window + w for p, w in zip(parts, windows[:-1], strict=True)]),
-        attitude_sd=np.max([p.attitude_sd for p in parts], axis=0),
-        velocity_sd=max(p.velocity_sd for p in parts),
-    )

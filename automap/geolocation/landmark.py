@@ -175,6 +175,27 @@ def columns_of(
     return common, effects
 
 
+def sign_equations(
+    views: Views,
+    rows: IntArray,
+    anchor: int,
+    parameters: FloatArray,
+    columns: FloatArray,
+    bias: FloatArray,
+    prior: SizePrior,
+    kind: int,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float]:
+    """``normal_equations`` of a sign in the views ``rows`` at ``parameters`` [4] seen from a view,
+    with what is common to the views, of derivatives ``columns`` [n, 3, m], at ``bias`` [m]."""
+    M, b = relative_views(views, rows, anchor)
+    prior = prior.of(views.class_name[rows].tolist())
+    N, A, shared, residual, weight, chi2 = normal_equations(
+        *(parameters, M, b, views.measured[rows], view_sd(views, rows), np.zeros(len(rows))),
+        *(columns, bias, float(np.log(prior.size_m)), prior.log_sd, kind),
+    )
+    return N, A, shared, residual, weight, float(chi2)
+
+
 def view_sd(views: Views, rows: IntArray) -> FloatArray:
     """One-sigma errors [n, 3] of views of one sign.
 
@@ -232,6 +253,17 @@ def place(views: Views, anchor: int, parameters: FloatArray) -> FloatArray:
     """Position [3] in the local frame of a sign with ``parameters`` [4] seen from a view."""
     direction = np.array([1.0, parameters[0], parameters[1]]) * np.exp(parameters[2])
     return np.asarray(views.centre[anchor] + views.C_cam_ref[anchor].T @ direction)
+
+
+def seen_from(
+    views: Views, anchor: int, position: FloatArray, log_size: float
+) -> FloatArray | None:
+    """Parameters [4] of a sign at a place [3], the inverse of ``place``; None where it is not in
+    front of the view's camera."""
+    q = views.C_cam_ref[anchor] @ (position - views.centre[anchor])
+    if not q[0] > MIN_FORWARD_M:
+        return None
+    return np.array([q[1] / q[0], q[2] / q[0], np.log(q[0]), log_size])
 
 
 def _crossing_depth(views: Views, rows: IntArray, anchor: int) -> float:

@@ -18,10 +18,9 @@ from automap.geolocation.landmark import (
     SizePrior,
     columns_of,
     place,
-    relative_views,
-    view_sd,
+    sign_equations,
 )
-from automap.geolocation.landmark_kernels import N_COMMON, normal_equations
+from automap.geolocation.landmark_kernels import N_COMMON
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 from automap.robust import BY_CAUCHY
@@ -60,15 +59,8 @@ def equations(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float]:
     """``normal_equations`` of a landmark's views at other parameters [4] and biases [12]."""
     rows, anchor = landmark.rows, landmark.anchor
-    M, b = relative_views(views, rows, anchor)
     columns, _ = columns_of(views, rows, anchor, parameters)
-    prior = prior.of(views.class_name[rows].tolist())
-    result = normal_equations(
-        *(parameters, M, b, views.measured[rows], view_sd(views, rows), np.zeros(len(rows))),
-        *(columns, bias, float(np.log(prior.size_m)), prior.log_sd, BY_CAUCHY),
-    )
-    N, A, shared, residual, weight, chi2 = result
-    return N, A, shared, residual, weight, float(chi2)
+    return sign_equations(views, rows, anchor, parameters, columns, bias, prior, BY_CAUCHY)
 
 
 def settle(views: Views, landmark: Landmark, prior: SizePrior, lever_arm_sd_m: float) -> Landmark:

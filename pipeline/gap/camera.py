@@ -11,8 +11,8 @@ import numpy as np
 
 from automap.effects.camera import row_delay_s, true_camera
 from automap.errors import AutoMapError, ConfigError
-from automap.gap.camera_search import CameraGap, find_camera_gap, joined
-from automap.gap.camera_views import EFFECTS, Boxes, boxes_of
+from automap.gap.camera_search import CameraGap, find_camera_gap
+from automap.gap.camera_views import Boxes, boxes_of, joined, keys
 from automap.io import names
 from pipeline.gap.inputs import run_folder
 from pipeline.settings.load import Settings, load_settings
@@ -189,7 +189,7 @@ def camera_lines(gaps: Sequence[CameraGap], before: Settings) -> list[str]:
     for camera in dict.fromkeys([*before.geolocate.fixed, *found]):
         known = before.geolocate.fixed.get(camera, {})
         new = found.get(camera, {})
-        for effect in EFFECTS:
+        for effect in dict(keys()):
             if effect not in known and effect not in new:
                 continue
             old, more = known.get(effect, {}), new.get(effect, {})

@@ -99,11 +99,14 @@ def film(
             continue
         late = np.zeros(len(near))
         for _ in range(3 if shutter else 1):
-            pixel, depth, good = project(motion, effects, stamp[near] + late, place)
+            ray = rays(motion, effects, stamp[near] + late, place)
+            pixel, good = pixels(effects, ray)
             late = row_delay(shutter, pixel)
-        focal = FOCAL * (1.0 + sum(effects.get("camera_focal", {}).values()))
-        half = 0.5 * focal * metres / np.maximum(depth, 1.0)
-        box = np.column_stack([pixel - half[:, None], pixel + half[:, None]])
+        # the edges of a plate that faces the camera
+        aside, down = 0.5 * metres * np.eye(3)[1:]
+        left, right = pixels(effects, ray - aside)[0], pixels(effects, ray + aside)[0]
+        top, bottom = pixels(effects, ray - down)[0], pixels(effects, ray + down)[0]
+        box = np.column_stack([left[:, 0], top[:, 1], right[:, 0], bottom[:, 1]])
         box += rng.normal(0.0, pixel_sd, box.shape)
         inside = (box[:, 0] > 1) & (box[:, 1] > 1) & (box[:, 2] < WIDTH - 1)
         inside &= (
@@ -135,11 +138,8 @@ def _near_frames(motion: Motion, stamp: Array, place: Array, facing: float) -> I
     return np.flatnonzero((away < FAR_M + 10.0) & (ahead > 0.0) & (towards > 0.3 * away))
 
 
-def project(
-    motion: Motion, effects: Effects, stamp: Array, place: Array
-) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    """Pixels [n, 2] and depths [n] m of one place at the frames' stamps [n], and which of them
-    lie at a depth that a detector sees."""
+def rays(motion: Motion, effects: Effects, stamp: Array, place: Array) -> Array:
+    """One place [n, 3] m in camera axes at the frames' stamps [n]."""
     offset = sum(effects.get("camera_time_offset", {}).values())
     state = motion.at(stamp + offset)
     shift = effects.get("camera_lever_arm", {})
@@ -158,7 +158,12 @@ def project(
     ray = np.einsum(
         "nji,nj->ni", state.C_n_b, there - to_nav(state.C_n_b, np.tile(arm, (len(stamp), 1)))
     )
-    ray = ray @ C_body_cam
+    return np.asarray(ray @ C_body_cam)
+
+
+def pixels(effects: Effects, ray: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Pixels [n, 2] of points [n, 3] m in camera axes, and which of them lie at a depth that a
+    detector sees."""
     depth = ray[:, 0]
     forward = np.where(depth > 0.1, depth, np.nan)
     flat = ray[:, 1:] / forward[:, None]
@@ -169,7 +174,7 @@ def project(
     pixel = np.array([WIDTH / 2.0, HEIGHT / 2.0]) + focal * flat
     # beyond the field of view the polynomial of the distortion folds back into the image
     good = (depth > NEAR_M) & (depth < FAR_M) & (r2[:, 0] < 0.7)
-    return np.where(np.isfinite(pixel), pixel, 0.0), depth, good
+    return np.where(np.isfinite(pixel), pixel, 0.0), good
 
 
 def camera_nats(motion: Motion, effects: Effects, boxes: Boxes, pixel_sd: float) -> float:
@@ -179,12 +184,12 @@ def camera_nats(motion: Motion, effects: Effects, boxes: Boxes, pixel_sd: float)
     for number in np.unique(boxes.sign):
         stamp = boxes.stamp[boxes.frame[boxes.sign == number]]
         place = boxes.signs[number]
-        clean = project(motion, {}, stamp, place)[0]
+        clean = pixels({}, rays(motion, {}, stamp, place))[0]
         shutter = sum(effects.get("rolling_shutter", {}).values())
         late = row_delay(shutter, clean)
-        shifted = project(motion, effects, stamp + late, place)[0]
+        shifted = pixels(effects, rays(motion, effects, stamp + late, place))[0]
         steps = np.diag([1e-8, 1e-8, 0.05])
-        slopes = [project(motion, {}, stamp, place + step)[0] - clean for step in steps]
+        slopes = [pixels({}, rays(motion, {}, stamp, place + step))[0] - clean for step in steps]
         A = np.stack([s.ravel() for s in slopes], axis=1) / centre_sd
         A = A / np.maximum(np.linalg.norm(A, axis=0), 1e-12)
         y = (shifted - clean).ravel() / centre_sd

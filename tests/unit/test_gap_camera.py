@@ -14,9 +14,10 @@ from automap.errors import ConfigError
 from automap.frames import rpy_to_matrix
 from automap.gap.camera_fit import box_noise, fit_camera
 from automap.gap.camera_search import find_camera_gap
-from automap.gap.camera_views import Boxes, boxes_of, foretell
+from automap.gap.camera_views import Boxes, boxes_of
 from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.simulation.boxes import plate_box
 from pipeline.settings.load import load_settings
 
 ORIGIN = (-0.6, 2.6, 500.0)
@@ -89,8 +90,7 @@ def film(values: dict[str, dict[str, float]], seed: int = 1) -> tuple[Detections
             ray = _rays(trajectory, camera, t_ns, place)
             pixel = np.nan_to_num(project(camera, ray), nan=-1e4)
             late = row_delay_s(pixel[:, 1], camera.height, values)
-        half = 0.5 * camera.matrix[0, 0] * size / np.maximum(ray[:, 0], 1.0)
-        box = np.column_stack([pixel - half[:, None], pixel + half[:, None]])
+        box = plate_box(camera, ray, size)
         box += rng.normal(0.0, PIXEL_SD, box.shape)
         good = (ray[:, 0] > 5.0) & (ray[:, 0] < 60.0) & (box[:, :2] > 2.0).all(axis=1)
         good &= (box[:, 2] < 1277.0) & (box[:, 3] < 717.0)
@@ -149,12 +149,13 @@ def test_a_camera_as_stated_is_silent() -> None:
         assert gap.findings == ()
 
 
-def test_what_is_foretold_is_what_is_seen() -> None:
+def test_signs_at_their_best_places_give_back_their_boxes() -> None:
     boxes = boxes_with({})
-    common = np.zeros(boxes.n_common)
-    fit = fit_camera(boxes, box_noise(boxes, np.full(2, PIXEL_SD), np.zeros(2)), common)
-    # signs at their best places give back the boxes to the noise of their pixels
-    rest = (foretell(boxes, common, fit.local) - boxes.measured)[:, :2]
+    fit = fit_camera(
+        boxes, box_noise(boxes, np.full(2, PIXEL_SD), np.zeros(2)), np.zeros(boxes.n_common)
+    )
+    # to the noise of their edges
+    rest = (fit.residual * fit.sd)[:, :2]
     assert 0.8 < float(np.std(rest)) / (PIXEL_SD / np.sqrt(2.0) / 1000.0) < 1.05
 
 
