@@ -153,3 +153,9 @@ def direction_by_point(q: FloatArray) -> FloatArray:
     out[:, 1, 0], out[:, 1, 2] = -q[:, 2] / q[:, 0] ** 2, 1.0 / q[:, 0]
     out[:, 2, 0] = -1.0 / q[:, 0]
     return out
+
+
+def direction_by_turn(q: FloatArray) -> FloatArray:
+    """Derivative [n, 3, 3] of the same by a small turn of the camera about its axes."""
+    # what a camera sees turns the other way: q x axis
+    return direction_by_point(q) @ np.stack([np.cross(q, axis) for axis in np.eye(3)], axis=2)

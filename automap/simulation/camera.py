@@ -6,9 +6,11 @@ import cv2
 import numpy as np
 
 from automap import earth, frames
+from automap.effects.lens import normalise, project
 from automap.records import FloatArray, Image
 from automap.signs.faces import draw_face, outline_points
 from automap.signs.vocabulary import load_vocabulary
+from automap.simulation.boxes import stated_camera
 from automap.simulation.scenario import CameraSetup
 from automap.simulation.scene import Ball, Colour, Patch, Scene, SceneSign
 from automap.simulation.trajectory import DriveMotion
@@ -24,14 +26,13 @@ class View:
     """One camera pose: projects NED points into the picture.
 
     ``centre`` [3] NED of the camera, ``C_cam_n`` [3, 3] to camera axes forward, right, down.
-    Pixel centres are integers; the principal point is the middle of the picture.
     """
 
     def __init__(self, setup: CameraSetup, centre: FloatArray, C_cam_n: FloatArray) -> None:
         self.setup = setup
+        self.camera = stated_camera(setup)
         self.centre = centre
         self.C_cam_n = C_cam_n
-        self.cx, self.cy = principal_point(setup)
 
     def to_camera(self, points: FloatArray) -> FloatArray:
         """Points [k, 3] NED in camera axes."""
@@ -39,16 +40,7 @@ class View:
 
     def to_pixels(self, points_cam: FloatArray) -> FloatArray:
         """Pixels [k, 2] of points [k, 3] in camera axes, in front of the camera."""
-        f = self.setup.focal_px
-        x = points_cam[:, 0]
-        return np.stack(
-            [self.cx + f * points_cam[:, 1] / x, self.cy + f * points_cam[:, 2] / x], axis=1
-        )
-
-
-def principal_point(setup: CameraSetup) -> tuple[float, float]:
-    """The middle of the picture in pixels."""
-    return (setup.width - 1) / 2.0, (setup.height - 1) / 2.0
+        return project(self.camera, points_cam)
 
 
 def camera_views(
@@ -109,8 +101,8 @@ class Painter:
         h, w = self.setup.height, self.setup.width
         # sine of the elevation of each pixel's ray, from the down axis seen by the camera
         down = view.C_cam_n[:, 2]
-        x = (np.arange(w) - view.cx) / self.setup.focal_px
-        y = (np.arange(h) - view.cy) / self.setup.focal_px
+        x = normalise(view.camera, np.stack([np.arange(w), np.zeros(w)], axis=1))[:, 0]
+        y = normalise(view.camera, np.stack([np.zeros(h), np.arange(h)], axis=1))[:, 1]
         elevation = -(down[0] + x[None, :] * down[1] + y[:, None] * down[2])
         haze = np.clip(elevation * 3.0, 0.0, 1.0)[:, :, None].astype(np.float32)
         near = np.array([228, 222, 212], np.float32)

@@ -14,7 +14,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from automap.effects.lens import focal_length
+from automap.effects.camera import direction_by_turn
+from automap.effects.lens import focal_length, normalise
 from automap.records import Camera, FloatArray, Image
 from automap.vision.camera_path import CameraPath
 
@@ -98,9 +99,8 @@ class ImageMotion:
             return guess
         if float(np.median(np.linalg.norm(new - old, axis=1))) < _STILL_PX:
             return Motion(np.eye(3), np.zeros(3), 0.002, np.full(3, 0.05), _SPEED_LOG_SD)
-        focal = focal_length(self._camera) * scale
-        centre = self._camera.matrix[:2, 2] * scale
-        turn, sd = _turn_from_flow((old - centre) / focal, (new - centre) / focal, focal)
+        rays = (normalise(self._camera, points / scale) for points in (old, new))
+        turn, sd = _turn_from_flow(*rays, focal_length(self._camera) * scale)
         if turn is None:
             return guess
         from automap.frames import rotation_vector_to_matrix
@@ -141,27 +141,19 @@ def _turn_from_flow(
 ) -> tuple[FloatArray | None, float]:
     """Turn of the camera (rotation vector [3], rad, in its axes) and its one sigma.
 
-    ``old``, ``new`` [k, 2] normalised coordinates (right, down). A turn w moves the direction
-    (1, a, b) of a point at rest by -w x (1, a, b), to first order; its part across the radius
-    from the image centre is fitted by reweighted least squares.
+    ``old``, ``new`` [k, 2] normalised coordinates (right, down). What a turn moves across the
+    radius from the image centre is fitted by reweighted least squares.
     """
     a, b = 0.5 * (old + new).T
     radius = np.hypot(a, b)
-    use = radius > 0.03
+    # nothing is known of what lies outside the lens model
+    use = (radius > 0.03) & np.isfinite(new).all(axis=1)
     if use.sum() < _FEWEST:
         return None, 0.0
     a, b, radius = a[use], b[use], radius[use]
     across = np.column_stack([-b, a]) / radius[:, None]
     flow = (new - old)[use]
-    # d(a, b) / dw for the axes forward, right, down
-    per_axis = np.stack(
-        [
-            np.column_stack([b, -a]),
-            np.column_stack([a * b, 1.0 + b * b]),
-            np.column_stack([-(1.0 + a * a), -a * b]),
-        ],
-        axis=2,
-    )
+    per_axis = direction_by_turn(np.column_stack([np.ones(len(a)), a, b]))[:, :2]
     A = np.einsum("kc,kcj->kj", across, per_axis)
     y = np.einsum("kc,kc->k", across, flow)
     noise = 0.5 / focal

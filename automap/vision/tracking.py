@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.assignment import assign
+from automap.effects.camera import direction_by_point, direction_by_turn
 from automap.effects.lens import focal_length, normalise, touches_edge
 from automap.records import BoolArray, Camera, FloatArray, IntArray
 from automap.vision.camera_motion import Motion
@@ -120,10 +121,8 @@ class Tracker:
         direction = p[:, 1:] / p0[:, None]
 
         # derivatives of (p1, p2) / p0 and -log p0, first by p, then by the state and the motion
-        by_p = np.zeros((len(x), 3, 3))
-        by_p[:, 0, 0], by_p[:, 0, 1] = -direction[:, 0] / p0, 1.0 / p0
-        by_p[:, 1, 0], by_p[:, 1, 2] = -direction[:, 1] / p0, 1.0 / p0
-        by_p[:, 2, 0] = -1.0 / p0
+        ahead_p = np.column_stack([p0, p[:, 1:]])
+        by_p = direction_by_point(ahead_p)
         p_by_x = np.zeros((len(x), 3, 3))
         p_by_x[:, :, 0], p_by_x[:, :, 1] = R[:, 1], R[:, 2]
         p_by_x[:, :, 2] = -inverse[:, None] * (moved @ R.T)
@@ -132,11 +131,7 @@ class Tracker:
         F[:, 2, 2] += 1.0
         F[:, 3, 3] = 1.0
         by_move = -inverse[:, None, None] * (by_p @ R)
-        zero = np.zeros(len(x))
-        cross = np.stack(
-            [zero, -p[:, 2], p[:, 1], p[:, 2], zero, -p[:, 0], -p[:, 1], p[:, 0], zero], axis=1
-        ).reshape(-1, 3, 3)
-        by_turn = by_p @ cross
+        by_turn = direction_by_turn(ahead_p)
         Q = np.zeros_like(P)
         Q[:, :3, :3] = np.einsum("nij,j,nkj->nik", by_move, motion.moved_sd**2, by_move)
         Q[:, :3, :3] += motion.turn_sd**2 * by_turn @ np.swapaxes(by_turn, 1, 2)

@@ -16,8 +16,8 @@ from automap.io.odometer_csv import write_odometer_csv
 from automap.io.ubx_writer import nav_pvt
 from automap.records import ClockModel, Fixes, FloatArray, IntArray
 from automap.signs.vocabulary import load_vocabulary
-from automap.simulation.boxes import detections_csv, sign_boxes
-from automap.simulation.camera import Painter, camera_views, principal_point
+from automap.simulation.boxes import detections_csv, sign_boxes, stated_camera
+from automap.simulation.camera import Painter, camera_views
 from automap.simulation.errors import error_values
 from automap.simulation.gnss import arrivals
 from automap.simulation.scenario import CameraSetup, Gnss, Scenario
@@ -239,7 +239,7 @@ def _manifest(scenario: Scenario) -> str:
 
 
 def _video_section(setup: CameraSetup) -> list[str]:
-    cx, cy = principal_point(setup)
+    cx, cy = stated_camera(setup).matrix[:2, 2].tolist()
     f = setup.focal_px
     mount = np.array(setup.mount_rpy_deg) + np.array(setup.mount_error_deg)
     return [
