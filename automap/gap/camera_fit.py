@@ -104,8 +104,8 @@ def fit_camera(
     # the priors of effects lie about nothing, not about the start
     if local is None:
         local = _first_places(boxes, sd, common)
-        at = _descend(_evaluated(boxes, sd, common, local, np.zeros_like(prior)))
-        common, local = at.common, at.local
+        start_at = _descend(_evaluated(boxes, sd, common, local, np.zeros_like(prior)))
+        common, local = start_at.common, start_at.local
     at = _descend(_evaluated(boxes, sd, common, local, prior))
     nuisance = np.where(np.isfinite(boxes.prior_sd()), at.common, 0.0)
     blocks = at.right + at.info @ nuisance
@@ -113,8 +113,8 @@ def fit_camera(
     return CameraFit(boxes, sd, at.common, at.local, at.cost, at.residual, scores)
 
 
-def _views(boxes: Boxes, sd: FloatArray, common: FloatArray) -> Views | None:
-    views = boxes.views(_values(common))
+def _views(boxes: Boxes, sd: FloatArray, values: Values) -> Views | None:
+    views = boxes.views(values)
     return None if views is None else replace(views, sd=sd)
 
 
@@ -129,7 +129,7 @@ def _values(common: FloatArray) -> Values:
 
 def _first_places(boxes: Boxes, sd: FloatArray, common: FloatArray) -> FloatArray:
     """Signs where geolocation puts them."""
-    views = _views(boxes, sd, common)
+    views = _views(boxes, sd, _values(common))
     out = np.zeros((boxes.n_signs, N_LOCAL))
     if views is not None:
         for s, rows in enumerate(_rows_by_sign(boxes)):
@@ -164,18 +164,25 @@ class _At:
 
 
 def _evaluated(
-    boxes: Boxes, sd: FloatArray, common: FloatArray, local: FloatArray, prior: FloatArray
+    boxes: Boxes,
+    sd: FloatArray,
+    common: FloatArray,
+    local: FloatArray,
+    prior: FloatArray,
+    near: _At | None = None,
 ) -> _At:
+    """The model there; views of ``near`` serve again where the camera is the same."""
     n_effects, g = len(keys()), boxes.n_common
     nothing = (np.zeros((boxes.n_signs, N_LOCAL, g + 1)), np.zeros((boxes.n_signs, g, g)))
     nowhere = _At(
         *(boxes, sd, common, local, prior, np.inf, None, np.zeros((len(sd), 3))),
         *(*nothing, np.zeros((boxes.n_signs, g))),
     )
-    views = _views(boxes, sd, common)
+    values = _values(common)
+    same = near is not None and _values(near.common) == values
+    views = near.views if near is not None and same else _views(boxes, sd, values)
     if views is None:
         return nowhere
-    values = _values(common)
     size = np.log(SIZE.size_m)
     free = prior > 0.0
     cost = 0.5 * float(((common[free] / prior[free]) ** 2).sum())
@@ -209,10 +216,11 @@ def _evaluated(
         whole[m - 3 : m, m - 3 : m] += np.eye(3) / boxes.velocity_sd**2
         whole[m - 3 : m, -1] -= local[s, 4:] / boxes.velocity_sd**2
         inside = np.array([*range(first + 3), *range(first, first + 3)])
+        with_right = np.append(inside, m + 4)
         places = np.array([*range(first + 3), *range(minute, minute + 3)])
-        both = whole[np.ix_(own, [*inside, -1])]
+        both = whole[np.ix_(own, with_right)]
         answer = np.linalg.solve(whole[np.ix_(own, own)] + 1e-12 * np.eye(N_LOCAL), both)
-        reduced = whole[np.ix_(inside, [*inside, -1])] - both[:, :-1].T @ answer
+        reduced = whole[np.ix_(inside, with_right)] - both[:, :-1].T @ answer
         solved[s][:, places], solved[s][:, -1] = answer[:, :-1], answer[:, -1]
         info[s][np.ix_(places, places)], right[s][places] = reduced[:, :-1], reduced[:, -1]
     if not np.isfinite(residual).all():
@@ -238,7 +246,8 @@ def _descend(at: _At) -> _At:
         for _ in range(HALVINGS):
             common = at.common.copy()
             common[active] += factor * move
-            tried = _evaluated(at.boxes, at.sd, common, _moved(at, factor * own), at.prior)
+            local = _moved(at, factor * own)
+            tried = _evaluated(at.boxes, at.sd, common, local, at.prior, at)
             if tried.cost < at.cost:
                 better = tried
                 break

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -107,11 +108,13 @@ class Boxes:
             if len(one) < len(found):
                 return None
             order = np.argsort(one.row)
-            columns = {n: getattr(one, n)[order] for n in _BY_ROW}
+            columns: dict[str, Any] = {n: getattr(one, n)[order] for n in _BY_ROW}
             columns["camera"] = columns["camera"] + number
             parts.append(replace(one, **columns))
-        joined = {n: np.concatenate([getattr(p, n) for p in parts]) for n in (*_BY_ROW, "lens")}
-        return replace(parts[0], **joined)
+        together: dict[str, Any] = {
+            n: np.concatenate([getattr(p, n) for p in parts]) for n in (*_BY_ROW, "lens")
+        }
+        return replace(parts[0], **together)
 
 
 _BY_ROW = tuple(
@@ -200,7 +203,7 @@ def _first_signs(drives: Sequence[Filmed]) -> IntArray:
 def _rows(drive: Filmed, rows: IntArray) -> Filmed:
     """Some boxes of a drive, their signs numbered anew."""
     found = drive.found
-    arrays = {
+    arrays: dict[str, Any] = {
         f.name: value[rows]
         for f in fields(found)
         if isinstance(value := getattr(found, f.name), np.ndarray)

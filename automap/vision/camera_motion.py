@@ -99,8 +99,8 @@ class ImageMotion:
             return guess
         if float(np.median(np.linalg.norm(new - old, axis=1))) < _STILL_PX:
             return Motion(np.eye(3), np.zeros(3), 0.002, np.full(3, 0.05), _SPEED_LOG_SD)
-        rays = (normalise(self._camera, points / scale) for points in (old, new))
-        turn, sd = _turn_from_flow(*rays, focal_length(self._camera) * scale)
+        before_ray, now_ray = (normalise(self._camera, points / scale) for points in (old, new))
+        turn, sd = _turn_from_flow(before_ray, now_ray, focal_length(self._camera) * scale)
         if turn is None:
             return guess
         from automap.frames import rotation_vector_to_matrix

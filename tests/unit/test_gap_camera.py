@@ -14,7 +14,7 @@ from automap.errors import ConfigError
 from automap.frames import rpy_to_matrix
 from automap.gap.camera_fit import box_noise, fit_camera
 from automap.gap.camera_search import find_camera_gap
-from automap.gap.camera_views import Boxes, boxes_of
+from automap.gap.camera_views import Boxes, boxes_of, joined
 from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 from automap.simulation.boxes import plate_box
@@ -157,6 +157,18 @@ def test_signs_at_their_best_places_give_back_their_boxes() -> None:
     # to the noise of their edges
     rest = (fit.residual * fit.sd)[:, :2]
     assert 0.8 < float(np.std(rest)) / (PIXEL_SD / np.sqrt(2.0) / 1000.0) < 1.05
+
+
+def test_drives_of_one_camera_are_searched_together() -> None:
+    values = {"rolling_shutter": {"s": 0.04}}
+    parts = [boxes_with(values, seed) for seed in (1, 2)]
+    both = joined(parts)
+    assert both.n_signs == sum(p.n_signs for p in parts)
+    gap, one = find_camera_gap("front", both, None), find_camera_gap("front", parts[0], None)
+    assert [f.effect for f in gap.findings] == ["rolling_shutter"]
+    found = gap.findings[0].parameters["s"]
+    assert abs(found.value - 0.04) < 4.0 * found.sd
+    assert found.sd < 0.85 * one.findings[0].parameters["s"].sd
 
 
 def test_too_few_signs_are_told() -> None:
