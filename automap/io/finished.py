@@ -47,17 +47,17 @@ def kept_in_time(
     What is left out of the ``total`` rows is said in ``warnings``. Raises InputError when fewer
     than two are left; ``again`` says what to do then.
     """
-    keep = order_stamps(t_ns).keep if len(t_ns) else t_ns
-    if len(keep) < 2:
+    order = order_stamps(t_ns) if len(t_ns) else None
+    if order is None or len(order.keep) < 2:
         raise InputError(
             f"{path} has fewer than two rows with a time and a position on Earth; {again} again."
         )
-    if len(keep) < total:
+    if len(order.keep) < total:
         warnings.append(
-            f"{path}: {total - len(keep)} rows without a position, or whose time repeats or "
+            f"{path}: {total - len(order.keep)} rows without a position, or whose time repeats or "
             "jumps, left out"
         )
-    return keep
+    return order.keep
 
 
 def given_or(values: FloatArray, default: float) -> FloatArray:
