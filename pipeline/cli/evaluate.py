@@ -46,7 +46,7 @@ def command(
 ) -> None:
     """Compare the results in OUT with the truth and write evaluation.json there."""
     from pipeline.evaluate.command import check_requirements, evaluate_run
-    from pipeline.run.cache import flatten
+    from pipeline.shared.values import flatten
 
     result = evaluate_run(out, truth, truth_sd)
     if as_json:

@@ -59,10 +59,10 @@ def command(
             click.echo(line)
         click.echo(f"{out / 'rest.png'}")
         return
-    from pipeline.evaluate.requirements import flatten
     from pipeline.experiments import biases, calibration, dropout, nis
     from pipeline.experiments.base import prepare
     from pipeline.settings.load import load_settings
+    from pipeline.shared.values import flatten
 
     if every < outage + 5.0:
         raise ConfigError(

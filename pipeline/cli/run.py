@@ -76,7 +76,7 @@ def command(
     from pipeline.run.batch import run_drives
     from pipeline.run.runner import Request
     from pipeline.settings.load import load_settings
-    from pipeline.shared.progress import Silent
+    from pipeline.shared.progress import Reporter
     from pipeline.shared.summary import as_dict
     from pipeline.shared.terminal import Terminal
 
@@ -95,7 +95,7 @@ def command(
         dry_run=dry_run,
         command=["automap", *sys.argv[1:]],
     )
-    reporter = Silent() if quiet or as_json else Terminal(len(selected))
+    reporter = Reporter() if quiet or as_json else Terminal(len(selected))
     outcomes = run_drives(drives, out, request, reporter)
     for outcome in outcomes:
         if outcome.error is not None:

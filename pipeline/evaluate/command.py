@@ -18,11 +18,11 @@ from automap.evaluation.trajectory_errors import (
 )
 from automap.io import names
 from automap.io.atomic import write_json
-from automap.io.json_text import parse_json
 from automap.io.sign_points import read_sign_points
 from automap.io.truth_trajectory import read_truth_trajectory
 from automap.records import NO_TIME, Fixes, FloatArray, SignPoints, Trajectory
 from pipeline.evaluate.requirements import check_requirements
+from pipeline.shared.run_record import drive_of
 
 __all__ = ["check_requirements", "evaluate_run"]
 
@@ -40,7 +40,7 @@ def evaluate_run(
     out = Path(out)
     if not out.is_dir():
         raise InputError(f"{out}: no such output folder; give the folder that a run wrote.")
-    drive_dir = _drive_folder(out)
+    drive_dir = drive_of(out)[1]
     truth = Path(truth_dir) if truth_dir is not None else drive_dir / names.TRUTH_DIR
     trajectory_truth = truth / names.TRUTH_TRAJECTORY
     signs_truth = truth / names.TRUTH_SIGNS
@@ -63,21 +63,6 @@ def evaluate_run(
         )
     write_json(out / names.EVALUATION, result)
     return result
-
-
-def _drive_folder(out: Path) -> Path:
-    """The drive that ``out`` was made from, as its run record says, else the folder above."""
-    record = out / names.RUN
-    if record.is_file():
-        try:
-            drive = parse_json(record.read_text(encoding="utf-8")).get("drive")
-        except (OSError, ValueError, AttributeError):
-            drive = None
-        if isinstance(drive, dict):
-            drive = drive.get("path")
-        if isinstance(drive, str) and Path(drive).is_dir():
-            return Path(drive)
-    return out.resolve().parent
 
 
 def _evaluate_trajectory(out: Path, truth_path: Path, drive_dir: Path) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from automap.errors import ConfigError
+from pipeline.shared.values import flatten
 
 _OPERATORS = {
     "<=": operator.le,
@@ -18,17 +19,6 @@ _OPERATORS = {
     ">": operator.gt,
 }
 _PATTERN = re.compile(r"\s*([\w.\-]+)\s*(<=|>=|<|>)\s*(\S+)\s*")
-
-
-def flatten(result: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Leaves of a nested result by their dotted keys."""
-    leaves: dict[str, Any] = {}
-    for key, value in result.items():
-        if isinstance(value, Mapping):
-            leaves |= flatten(value, f"{prefix}{key}.")
-        else:
-            leaves[f"{prefix}{key}"] = value
-    return leaves
 
 
 def check_requirements(result: Mapping[str, Any], requirements: Sequence[str]) -> list[str]:

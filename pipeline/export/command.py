@@ -6,10 +6,11 @@ from pathlib import Path
 
 from automap.errors import ConfigError, InputError
 from automap.io import names
-from pipeline.export.content import map_content, run_name, trajectory_of
+from pipeline.export.content import map_content, trajectory_of
 from pipeline.export.datum import check_format, in_datum
 from pipeline.export.formats import FORMATS, TRAJECTORY_FORMATS, write_dictionary
 from pipeline.export.trajectory_view import TrajectoryView, viewed
+from pipeline.shared.run_record import drive_of
 from pipeline.shared.targets import spare_recordings, spare_results
 
 
@@ -49,7 +50,7 @@ def export_run(
     spare_recordings(path, *([] if view.at is None else [view.at]))
     if path.name == names.DICTIONARY:
         raise ConfigError(f"{path} is where the meaning of the columns goes; name another file.")
-    content = map_content(out, run_name(out), min_confidence)
+    content = map_content(out, drive_of(out)[0], min_confidence)
     if not view.is_plain:
         content.products.trajectory = viewed(out, trajectory_of(content), view)
         content.every_row = view.at is not None

@@ -13,7 +13,6 @@ from automap.export.path import Path as MapPath
 from automap.export.path import simplified_path
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
-from automap.io.json_text import parse_json
 from automap.records import NO_TIME, FloatArray, Trajectory
 from pipeline.export.lineage import lineage
 from pipeline.shared.pictures import Picture, read_pictures
@@ -135,14 +134,3 @@ def sea_level_heights(signs: SignColumns, geoid: FloatArray | None) -> FloatArra
     if geoid is None:
         return np.full(len(signs), np.nan)
     return np.asarray(signs.height_m - geoid, np.float64)
-
-
-def run_name(out: Path) -> str:
-    """The drive's name in run.json, otherwise the folder's."""
-    try:
-        record = parse_json((out / names.RUN).read_text(encoding="utf-8"))
-        drive = record.get("drive")
-        name = drive.get("name") if isinstance(drive, dict) else record.get("name")
-    except (OSError, ValueError, AttributeError):
-        name = None
-    return str(name) if name else out.resolve().name

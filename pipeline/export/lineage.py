@@ -10,6 +10,7 @@ from typing import Any
 from automap import __version__
 from automap.io import names
 from automap.records import Trajectory
+from pipeline.shared.values import mapping
 
 _LISTED = 50
 _LATE_STAGES = ("export", "report")
@@ -22,9 +23,9 @@ def lineage(record: dict[str, Any], name: str, trajectory: Trajectory | None) ->
     ``run_id`` is a digest of what the run's stages were made from: the same drive, settings
     and version give the same one. Paths of this computer are not among it.
     """
-    stages = _mapping(record.get("stages"))
+    stages = mapping(record.get("stages"))
     parts: dict[str, Any] = {
-        key: _mapping(stage).get("key") or _mapping(stage).get("started")
+        key: mapping(stage).get("key") or mapping(stage).get("started")
         for key, stage in stages.items()
         if key not in _LATE_STAGES
     }
@@ -32,7 +33,7 @@ def lineage(record: dict[str, Any], name: str, trajectory: Trajectory | None) ->
     folders = [str(path) for path in merged] if isinstance(merged, list) else []
     if folders:
         parts = {"merged": folders, "metrics": record.get("metrics")}
-    packages = _mapping(record.get("packages"))
+    packages = mapping(record.get("packages"))
     content: dict[str, Any] = {
         "software": f"AutoMap {record.get('automap', __version__)}",
         "run_id": hashlib.sha256(
@@ -45,7 +46,7 @@ def lineage(record: dict[str, Any], name: str, trajectory: Trajectory | None) ->
         "datum": "WGS-84, longitude and latitude in degrees, heights above the ellipsoid",
         "coordinate_epoch": epoch_of(trajectory),
         "settings_sha256": _digest(record.get("settings")),
-        "inputs_sha256": {str(k): str(v) for k, v in _mapping(record.get("inputs")).items()},
+        "inputs_sha256": {str(k): str(v) for k, v in mapping(record.get("inputs")).items()},
         "packages": {key: str(packages[key]) for key in _PACKAGES if key in packages},
     }
     return {key: value for key, value in content.items() if value not in (None, "", {}, [])}
@@ -90,7 +91,3 @@ def _digest(value: Any) -> str:
         return ""
     text = json.dumps(value, sort_keys=True, default=str)
     return hashlib.sha256(text.encode("utf-8", "replace")).hexdigest()
-
-
-def _mapping(value: Any) -> dict[str, Any]:
-    return value if isinstance(value, dict) else {}

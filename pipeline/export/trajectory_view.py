@@ -11,8 +11,8 @@ import numpy as np
 from automap.errors import AutoMapError, ConfigError, InputError
 from automap.export.trajectory_point import at_instants, moved_to
 from automap.io import names
-from automap.io.json_text import parse_json
 from automap.records import FloatArray, IntArray, Trajectory
+from pipeline.shared.run_record import drive_of
 
 _FARTHEST_M = 100.0
 
@@ -109,7 +109,7 @@ def lever_arm(out: Path, point: str) -> FloatArray:
 def _named_arm(out: Path, point: str) -> FloatArray:
     from automap.io.manifest import read_manifest
 
-    folder = _drive_folder(out)
+    _, folder = drive_of(out)
     try:
         manifest = read_manifest(folder / names.MANIFEST)
     except AutoMapError as error:
@@ -126,14 +126,6 @@ def _named_arm(out: Path, point: str) -> FloatArray:
     near = difflib.get_close_matches(point, known, n=1, cutoff=0.5)
     advice = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}, or x,y,z."
     raise ConfigError(f"--point {point}: the drive has no such point; {advice}")
-
-
-def _drive_folder(out: Path) -> Path:
-    try:
-        record = parse_json((out / names.RUN).read_text(encoding="utf-8"))
-        return Path(record["drive"]["path"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return out.resolve().parent
 
 
 def _estimated_antenna(out: Path, folder: Path) -> FloatArray:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from automap.gap.result import p_text
 from pipeline.gap.plots import WINDOW_S, camera_plots, error_bars, overlay, running, spectrum
 from pipeline.pages.render import sections_page
-from pipeline.pages.section import Figure, Section, draw_over_time
+from pipeline.pages.section import Figure, Plot, Section, draw_over_time
 from pipeline.pages.svg_plot import Series
 
 if TYPE_CHECKING:
@@ -129,84 +130,68 @@ def _findings(findings: Sequence[Finding]) -> Section:
     return section
 
 
-def _held_out(result: GapResult) -> tuple[Fit, Fit] | None:
-    """The first held-out drive before and after."""
-    before, after = result.held_out
-    return (before[0], after[0]) if before and after else None
-
-
 def _by_gain(result: GapResult) -> list[str]:
     """Channels, those that gained most first."""
     gains = sorted(result.channels, key=lambda c: -(c.rms_before - c.rms_after))
     return [c.channel for c in gains]
 
 
+def _measured(names: Iterable[str]) -> list[str]:
+    """Channels of the receiver; the vehicle constraint is loose on purpose, and what it says has
+    a colour of its own."""
+    return [name for name in names if name.startswith(("position", "velocity"))]
+
+
+def _held_out(
+    result: GapResult, sentence: str, plots: Callable[[Fit, Fit], Iterable[Plot]]
+) -> Section:
+    """Plots of the first held-out drive under the old and the new model."""
+    before, after = result.held_out
+    if not before or not after:
+        return Section([sentence], absent="No held-out data.")
+    return Section([sentence], list(plots(before[0], after[0])))
+
+
 def _overlay(result: GapResult) -> Section:
-    section = Section(
-        sentences=[
-            "Where the old model errs most: measurements, and what the models foretell of them, "
-            "all against the new model. Under a right model one dot in twenty lies outside the "
-            "band; the line is what the old model foretold."
-        ]
+    def plots(before: Fit, after: Fit) -> Iterator[Plot]:
+        for name in _measured(_by_gain(result))[:OVERLAYS]:
+            yield from overlay(before, after, name, "m" if name.startswith("position") else "m/s")
+
+    return _held_out(
+        result,
+        "Where the old model errs most: measurements, and what the models foretell of them, "
+        "all against the new model. Under a right model one dot in twenty lies outside the "
+        "band; the line is what the old model foretold.",
+        plots,
     )
-    fits = _held_out(result)
-    if fits is None:
-        section.absent = "No held-out data."
-        return section
-    measured = [n for n in _by_gain(result) if n.startswith(("position", "velocity"))]
-    for name in measured[:OVERLAYS]:
-        unit = "m" if name.startswith("position") else "m/s"
-        section.plots += overlay(*fits, name, unit)
-    return section
 
 
 def _before_after(result: GapResult) -> Section:
-    section = Section(
-        sentences=[
-            "Innovations of the held-out data over the sd that the model states, root mean "
-            f"square of {WINDOW_S:.0f} s. A right model stays near 1."
-        ]
+    return _held_out(
+        result,
+        "Innovations of the held-out data over the sd that the model states, root mean "
+        f"square of {WINDOW_S:.0f} s. A right model stays near 1.",
+        lambda old, new: chain(*(running(old, new, name) for name in _by_gain(result)[:PLOTS])),
     )
-    fits = _held_out(result)
-    if fits is None:
-        section.absent = "No held-out data."
-        return section
-    for name in _by_gain(result)[:PLOTS]:
-        section.plots += running(*fits, name)
-    return section
 
 
 def _spectra(result: GapResult) -> Section:
-    section = Section(
-        sentences=[
-            "How slow or fast the disagreement is. Innovations of a right model have the same "
-            "power at all frequencies; simulations from the model stay within the band."
-        ]
+    shown = _measured(c.channel for c in result.channels)
+    return _held_out(
+        result,
+        "How slow or fast the disagreement is. Innovations of a right model have the same "
+        "power at all frequencies; simulations from the model stay within the band.",
+        lambda old, new: chain(*(spectrum(old, new, name) for name in shown)),
     )
-    fits = _held_out(result)
-    if fits is None:
-        section.absent = "No held-out data."
-        return section
-    # the vehicle constraint is loose on purpose: what it says has a colour of its own
-    shown = [c.channel for c in result.channels if c.channel.startswith(("position", "velocity"))]
-    for name in shown:
-        section.plots += spectrum(*fits, name)
-    return section
 
 
 def _bars(result: GapResult) -> Section:
-    section = Section(
-        sentences=[
-            "Error bars of the smoothed path on the held-out drive under both models, and how far "
-            "the path itself moves. Bars of the old model are what it claims, not what is true."
-        ]
+    return _held_out(
+        result,
+        "Error bars of the smoothed path on the held-out drive under both models, and how far "
+        "the path itself moves. Bars of the old model are what it claims, not what is true.",
+        error_bars,
     )
-    fits = _held_out(result)
-    if fits is None:
-        section.absent = "No held-out data."
-        return section
-    section.plots += error_bars(*fits)
-    return section
 
 
 def _cameras(cameras: Sequence[CameraGap]) -> Section:

@@ -13,11 +13,12 @@ import numpy as np
 from automap.errors import AutoMapError, InputError
 from automap.export.clock import clock_from_trajectory
 from automap.io import names
-from automap.io.json_text import parse_json
 from automap.mapping.sightings import DriveSigns
 from automap.records import ClockModel, DrivePath, FloatArray, IntArray
 from pipeline.merge.cameras import cameras_of_run
 from pipeline.merge.signs import sign_columns
+from pipeline.shared.run_record import drive_of
+from pipeline.shared.values import json_object
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -50,7 +51,7 @@ def read_run(folder: Path) -> RunSigns:
             "itself with --previous."
         )
     warnings: list[str] = []
-    record = _json(folder / names.RUN)
+    record = json_object(folder / names.RUN)
     clock = _clock(folder)
     table = _trajectory(folder, warnings)
     if clock is None and table is not None:
@@ -69,7 +70,7 @@ def read_run(folder: Path) -> RunSigns:
     if not np.isfinite(start):
         warnings.append(f"{folder}: its clock is not tied to GPS time, so its signs have no date.")
     signs = DriveSigns(
-        name=_name(record, folder),
+        name=drive_of(folder)[0],
         start_gps_s=start,
         path=path,
         cameras=cameras,
@@ -77,20 +78,6 @@ def read_run(folder: Path) -> RunSigns:
         **columns,
     )
     return RunSigns(folder, signs, tuple(warnings))
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        value = parse_json(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return value if isinstance(value, dict) else {}
-
-
-def _name(record: dict[str, Any], folder: Path) -> str:
-    drive = record.get("drive")
-    name = drive.get("name") if isinstance(drive, dict) else None
-    return str(name) if name else folder.resolve().name
 
 
 def _recording_key(record: dict[str, Any]) -> str:

@@ -12,8 +12,10 @@ from automap.errors import ConfigError
 from automap.io.axes import axes_matrix
 from automap.io.sensor_file import find_sensor, read_preset, refuse_unknown
 from pipeline.record.checksums import CHECKSUMS
+from pipeline.shared.configs import configs_dir
 
 SCHEMA = "automap.imu-line/1"
+_FOLDER = "imu_lines"
 READINGS = ("gx", "gy", "gz", "ax", "ay", "az")
 _TIME = "time"
 _COLUMNS = (*READINGS, "temp_c", _TIME, "-")
@@ -74,19 +76,9 @@ class ImuFormat:
         return len(self.sync) + self.layout.size + extra
 
 
-def formats_dir() -> Path | None:
-    """The folder of the formats that come with AutoMap, in a checkout or installed."""
-    root = Path(__file__).resolve().parents[2]
-    for folder in (root / "pipeline" / "_configs" / "imu_lines", root / "configs" / "imu_lines"):
-        if folder.is_dir():
-            return folder
-    return None
-
-
 def known_formats() -> list[str]:
     """Names of the formats that come along."""
-    folder = formats_dir()
-    return sorted(path.stem for path in folder.glob("*.toml")) if folder else []
+    return sorted(path.stem for path in (configs_dir() / _FOLDER).glob("*.toml"))
 
 
 def load_format(name: str) -> ImuFormat:
@@ -97,12 +89,11 @@ def load_format(name: str) -> ImuFormat:
     path = Path(name)
     if path.suffix != ".toml":
         known = known_formats()
-        folder = formats_dir()
-        if folder is None or name not in known:
+        if name not in known:
             near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
             advice = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}."
             raise ConfigError(f"there is no IMU line format {name!r}; {advice}")
-        path = folder / f"{name}.toml"
+        path = configs_dir() / _FOLDER / f"{name}.toml"
     return read_format(path)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from automap.errors import AutoMapError
 from automap.io import names
 from pipeline.regress.reference import processor_seconds, reference_seconds
-from pipeline.shared.progress import Silent, StageLine
+from pipeline.shared.progress import Reporter, StageLine
 
 if TYPE_CHECKING:
     from automap.records import Trajectory
@@ -48,7 +48,7 @@ class Measured:
     timing: dict[str, float] = field(default_factory=dict)
 
 
-class _StageTimes(Silent):
+class _StageTimes(Reporter):
     """Processor time of each stage that ran, in units of the reference computation, which runs
     before and after it."""
 
@@ -176,7 +176,7 @@ def _path(trajectory: Trajectory) -> list[list[float]]:
 def _truth(task: Task) -> dict[str, float]:
     """Errors against the drive's truth, where it has one and it can be compared."""
     from pipeline.evaluate.command import evaluate_run
-    from pipeline.run.cache import flatten
+    from pipeline.shared.values import flatten
 
     try:
         result = evaluate_run(task.out, task.drive / names.TRUTH_DIR)
@@ -203,8 +203,8 @@ def _inputs(drive: Path, run: dict[str, Any]) -> dict[str, str]:
 
 def _settings(settings: Settings) -> dict[str, Any]:
     """Settings that are not the defaults, by dotted name."""
-    from pipeline.run.cache import flatten
     from pipeline.settings.load import load_settings
+    from pipeline.shared.values import flatten
 
     plain, mine = flatten(load_settings().echo()), flatten(settings.echo())
     return {key: value for key, value in mine.items() if plain.get(key) != value}

@@ -7,6 +7,7 @@ from typing import Any
 from automap.io import names
 from pipeline.pages.section import Section
 from pipeline.shared.products import RunProducts
+from pipeline.shared.values import mapping
 
 
 def evaluation_section(products: RunProducts) -> Section:
@@ -22,7 +23,7 @@ def evaluation_section(products: RunProducts) -> Section:
             "The comparison is older than the results on this page: run automap evaluate again."
         )
     _errors(content, section)
-    signs = _mapping(content.get("signs"))
+    signs = mapping(content.get("signs"))
     if signs:
         section.sentences += _signs(signs)
     return section
@@ -33,10 +34,6 @@ def _is_stale(products: RunProducts) -> bool:
     results = [products.out / name for name in (names.TRAJECTORY, names.SIGNS_GEOJSON)]
     # a copied folder has stamps of its own, moments apart
     return any(path.is_file() and path.stat().st_mtime > written + 2.0 for path in results)
-
-
-def _mapping(value: Any) -> dict[str, Any]:
-    return value if isinstance(value, dict) else {}
 
 
 def _text(value: Any, digits: int = 3) -> str:
@@ -52,19 +49,19 @@ def _errors(content: dict[str, Any], section: Section) -> None:
         ("attitude, rms", "deg", "attitude_rms_deg", ("roll", "pitch", "yaw")),
     )
     for title, unit, key, parts in rows:
-        values = _mapping(content.get(key))
+        values = mapping(content.get(key))
         if values:
             cells = [_text(values.get(part)) for part in parts]
             section.rows.append((title, unit, *cells, *[""] * (4 - len(cells))))
-    ratios = _mapping(content.get("sigma_ratio"))
+    ratios = mapping(content.get("sigma_ratio"))
     for title, parts in (("position, error / σ", ("n", "e", "d")),
                          ("velocity, error / σ", ("vn", "ve", "vd")),
                          ("attitude, error / σ", ("roll", "pitch", "yaw"))):  # fmt: skip
         if any(part in ratios for part in parts):
             cells = [_text(ratios.get(part), 2) for part in parts]
             section.rows.append((title, "1", *cells, ""))
-    ours = _mapping(content.get("position_rms_m")).get("horizontal")
-    raw = _mapping(content.get("raw_position_rms_m")).get("horizontal")
+    ours = mapping(content.get("position_rms_m")).get("horizontal")
+    raw = mapping(content.get("raw_position_rms_m")).get("horizontal")
     if isinstance(ours, int | float):
         text = f"The path lies {_text(ours)} m rms from the truth horizontally"
         if isinstance(raw, int | float):
@@ -74,10 +71,10 @@ def _errors(content: dict[str, Any], section: Section) -> None:
 
 def _signs(signs: dict[str, Any]) -> list[str]:
     texts = []
-    gates = _mapping(signs.get("gates"))
+    gates = mapping(signs.get("gates"))
     shares = []
     for gate in ("1", "2", "5"):
-        entry = _mapping(gates.get(gate))
+        entry = mapping(gates.get(gate))
         recall, precision = entry.get("recall"), entry.get("precision")
         if isinstance(recall, int | float) and isinstance(precision, int | float):
             shares.append(f"{gate} m {recall:.0%} and {precision:.0%}")

@@ -23,6 +23,7 @@ from pipeline.report.sections import (
 from pipeline.report.sync_section import sync_section
 from pipeline.shared.pictures import read_pictures
 from pipeline.shared.products import RunProducts
+from pipeline.shared.values import mapping
 
 TABLE_LIMIT = 1000
 
@@ -77,18 +78,14 @@ def _warnings(products: RunProducts, record: dict[str, Any]) -> list[str]:
     texts = [str(text) for text in warnings] if isinstance(warnings, list) else []
     stages = record.get("stages")
     for stage in stages.values() if isinstance(stages, dict) else ():
-        texts += [str(text) for text in _mapping(stage).get("warnings") or ()]
+        texts += [str(text) for text in mapping(stage).get("warnings") or ()]
     return list(dict.fromkeys(texts + products.problems))
-
-
-def _mapping(value: Any) -> dict[str, Any]:
-    return value if isinstance(value, dict) else {}
 
 
 def _stages(record: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
     rows = []
-    for name, value in _mapping(record.get("stages")).items():
-        stage = _mapping(value)
+    for name, value in mapping(record.get("stages")).items():
+        stage = mapping(value)
         seconds = stage.get("seconds")
         took = f"{seconds:.2f} s" if isinstance(seconds, int | float) else ""
         state = str(stage.get("status", ""))
@@ -126,7 +123,7 @@ def _text(value: Any) -> str:
 def _versions(record: dict[str, Any]) -> list[tuple[str, str]]:
     rows = [("automap", str(record.get("automap", __version__)))]
     rows += [(key, str(record[key])) for key in ("python", "platform") if key in record]
-    return rows + [(k, str(v)) for k, v in _mapping(record.get("packages")).items()]
+    return rows + [(k, str(v)) for k, v in mapping(record.get("packages")).items()]
 
 
 def _facts(products: RunProducts, record: dict[str, Any]) -> list[tuple[str, str]]:
@@ -134,7 +131,7 @@ def _facts(products: RunProducts, record: dict[str, Any]) -> list[tuple[str, str
     command = record.get("command")
     if command:
         rows.append(("command", str(command)))
-    drive = _mapping(record.get("drive"))
+    drive = mapping(record.get("drive"))
     if drive.get("path"):
         rows.append(("drive folder", str(drive["path"])))
     if record.get("started"):

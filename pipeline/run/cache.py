@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from automap.io import names
 from pipeline.run.digests import DigestCache
 from pipeline.run.stage import Stage
+from pipeline.shared.values import flatten
 
 if TYPE_CHECKING:
     from automap.io.drive import Drive
@@ -111,17 +112,6 @@ def why_run(
     if len(unique) > 3:
         unique = [*unique[:3], f"{len(unique) - 3} more changes"]
     return "; ".join(unique) or None
-
-
-def flatten(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested tables as one table with dotted keys."""
-    flat: dict[str, Any] = {}
-    for key, value in values.items():
-        if isinstance(value, Mapping):
-            flat.update(flatten(value, f"{prefix}{key}."))
-        else:
-            flat[prefix + key] = value
-    return flat
 
 
 def _manifest(path: Path, sections: tuple[str, ...] | None) -> dict[str, Any]:

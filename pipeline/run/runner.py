@@ -20,7 +20,7 @@ from pipeline.run.execute import execute, remove_leftovers, work_folder
 from pipeline.run.log_file import logging_to
 from pipeline.run.stage import Stage, StageContext
 from pipeline.shared.lock import locked
-from pipeline.shared.progress import Outcome, Reporter, Silent, StageLine
+from pipeline.shared.progress import Outcome, Reporter, StageLine
 from pipeline.shared.run_record import merge_stages, new_record, read_record, utc_now
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def run_drive(path: Path, out: Path, request: Request, reporter: Reporter | None
     Every failure becomes the outcome's ``error`` and ``exit_code``; only KeyboardInterrupt
     leaves, after the record has been brought up to date.
     """
-    reporter = reporter or Silent()
+    reporter = reporter or Reporter()
     reporter.drive_started(path, out)
     run: _Run | None = None
     error: AutoMapError | None = None

@@ -7,8 +7,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from pipeline.settings.load import Settings, configs_dir
+from pipeline.settings.load import Settings
 from pipeline.settings.section import Section
+from pipeline.shared.configs import configs_dir
 
 _HEAD = """\
 # The settings of a run. Every key stands here with its default and its unit; a file given

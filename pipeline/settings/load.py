@@ -22,6 +22,7 @@ from pipeline.settings.report import ReportSettings
 from pipeline.settings.section import Section
 from pipeline.settings.sync import SyncSettings
 from pipeline.settings.user_effects import effects_of, with_absolute_files
+from pipeline.shared.configs import configs_dir
 
 
 class Settings(Section):
@@ -39,20 +40,6 @@ class Settings(Section):
     def echo(self, sections: Sequence[str] | None = None) -> dict[str, Any]:
         """The settings as JSON-able values, all sections or the named ones."""
         return self.model_dump(mode="json", include=None if sections is None else set(sections))
-
-
-def configs_dir() -> Path:
-    """The folder with default.toml, sensors/ and scenarios/: the checkout's or the wheel's.
-
-    Raises ConfigError when neither is there.
-    """
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package / "_configs", package.parent / "configs"):
-        if (folder / "default.toml").is_file():
-            return folder
-    raise ConfigError(
-        f"the configuration folder is missing beside {package}; install automap again"
-    )
 
 
 def load_settings(path: Path | None = None, assignments: Sequence[str] = ()) -> Settings:

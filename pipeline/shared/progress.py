@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from automap.errors import AutoMapError
 
@@ -40,8 +40,8 @@ class Outcome:
     record: dict[str, Any] = field(default_factory=dict)
 
 
-class Reporter(Protocol):
-    """Receives the events of a run."""
+class Reporter:
+    """Receives the events of a run; as it stands it tells nobody."""
 
     def drive_started(self, drive: Path, out: Path) -> None:
         """A drive's turn has come."""
@@ -60,25 +60,3 @@ class Reporter(Protocol):
 
     def drive_finished(self, outcome: Outcome) -> None:
         """The drive is done or has failed."""
-
-
-class Silent:
-    """A reporter that tells nobody."""
-
-    def drive_started(self, drive: Path, out: Path) -> None:
-        """Nothing."""
-
-    def stage_started(self, name: str, reason: str) -> None:
-        """Nothing."""
-
-    def stage_progress(self, name: str, fraction: float, text: str) -> None:
-        """Nothing."""
-
-    def stage_finished(self, line: StageLine) -> None:
-        """Nothing."""
-
-    def note(self, text: str) -> None:
-        """Nothing."""
-
-    def drive_finished(self, outcome: Outcome) -> None:
-        """Nothing."""

@@ -11,7 +11,7 @@ from typing import Any
 
 from automap import __version__
 from automap.io import names
-from automap.io.json_text import parse_json
+from pipeline.shared.values import json_object, mapping
 
 SCHEMA = "automap.run/1"
 
@@ -38,13 +38,22 @@ def utc_now() -> str:
 
 def read_record(out: Path) -> dict[str, Any]:
     """The run.json of an earlier run in ``out``; empty when there is none that can be read."""
-    try:
-        record = parse_json((out / names.RUN).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    if not isinstance(record, dict) or record.get("schema") != SCHEMA:
-        return {}
-    return record
+    record = json_object(out / names.RUN)
+    return record if record.get("schema") == SCHEMA else {}
+
+
+def drive_of(out: Path) -> tuple[str, Path]:
+    """Name and folder of the drive that a run in ``out`` was made of, as its record says.
+
+    Otherwise, and where the folder is not there any more, ``out``'s own name and the folder
+    above it.
+    """
+    drive = mapping(json_object(out / names.RUN).get("drive"))
+    here, path = out.resolve(), Path(str(drive.get("path") or ""))
+    if path.is_file() and path.name == names.MANIFEST:
+        path = path.parent
+    known = bool(drive.get("path")) and path.is_dir()
+    return str(drive.get("name") or here.name), path if known else here.parent
 
 
 def new_record(drive: Path, name: str, command: str, settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pipeline.shared.progress import Outcome, Progress, StageLine
+from pipeline.shared.progress import Outcome, Progress, Reporter, StageLine
 from pipeline.shared.summary import summary_lines
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ _LINE_EVERY_S = 30.0
 """Where there is no terminal, a long stage says at this interval how far it is."""
 
 
-class Terminal:
+class Terminal(Reporter):
     """Prints the events of a run to stdout; ``stages`` is how many each drive has."""
 
     def __init__(self, stages: int = 0) -> None:

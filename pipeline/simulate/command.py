@@ -125,7 +125,7 @@ def _scenario_file(scenario: Path | str) -> Path:
     path = Path(scenario)
     if path.suffix == ".toml" or path.exists():
         return path
-    from pipeline.settings.load import configs_dir
+    from pipeline.shared.configs import configs_dir
 
     folder = configs_dir() / "scenarios"
     named = folder / f"{scenario}.toml"

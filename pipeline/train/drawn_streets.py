@@ -10,6 +10,7 @@ import numpy.typing as npt
 from automap.simulation.camera import Painter, camera_views
 from automap.simulation.scene import build_scene
 from automap.simulation.trajectory import drive_motion
+from pipeline.shared.configs import configs_dir
 from pipeline.simulate.command import load_scenario
 from pipeline.train.street_data import Street
 
@@ -18,7 +19,6 @@ PREFIX = "drawn/"
 _SCENES = 8
 _VIEWS = 6
 _SIZE = (1360, 800)
-_SCENARIO = Path(__file__).resolve().parents[2] / "configs" / "scenarios" / "sample.toml"
 
 
 def drawn_streets(cache: Path) -> list[Street]:
@@ -33,7 +33,7 @@ def drawn_streets(cache: Path) -> list[Street]:
 
 def _views(seed: int) -> list[Image]:
     rng = np.random.default_rng(seed)
-    scenario = load_scenario(_SCENARIO)
+    scenario = load_scenario(configs_dir() / "scenarios" / "sample.toml")
     assert scenario.camera is not None
     camera = scenario.camera.model_copy(
         update={

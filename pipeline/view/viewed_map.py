@@ -21,7 +21,7 @@ from automap.io.json_text import parse_json
 from automap.io.review_json import action_of, append_action, read_review
 from automap.mapping.review import Verdict, match, standing, verdicts
 from automap.records import ClockModel, IntArray, ReviewAction
-from pipeline.shared.run_record import utc_now
+from pipeline.shared.run_record import drive_of, utc_now
 from pipeline.view.drives import MapDrive
 from pipeline.view.payload import sign_payload
 from pipeline.view.signs import SignTable, read_sign_table
@@ -303,14 +303,10 @@ def _drive_of(out: Path, name: str, folder: Path) -> MapDrive:
 
 def _own_drive(out: Path) -> MapDrive:
     """The drive that a run in ``out`` was made of."""
-    try:
-        record = parse_json((out / names.RUN).read_text(encoding="utf-8"))["drive"]
-        name, folder = str(record["name"]), Path(record["path"])
-    except (OSError, ValueError, KeyError, TypeError):
-        name, folder = out.resolve().name, out.resolve().parent
-    if not (folder / names.MANIFEST).is_file() and folder.name != names.MANIFEST:
+    name, folder = drive_of(out)
+    if not (folder / names.MANIFEST).is_file():
         folder = out.resolve().parent
-    known = (folder / names.MANIFEST).is_file() or folder.name == names.MANIFEST
+    known = (folder / names.MANIFEST).is_file()
     return MapDrive(name, out, folder if known else None)
 
 

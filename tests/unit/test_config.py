@@ -19,7 +19,8 @@ from automap.sync.arrival import fit_arrival_clock
 from automap.sync.motion_clock import correlation_clock
 from pipeline.run.stages.geolocate import rules_from
 from pipeline.settings.defaults import default_toml
-from pipeline.settings.load import Settings, configs_dir, known_keys, load_settings
+from pipeline.settings.load import Settings, known_keys, load_settings
+from pipeline.shared.configs import configs_dir
 
 DEFAULTS = configs_dir() / "default.toml"
 

@@ -16,8 +16,8 @@ from lxml import html
 from automap.effects.catalogue import CATALOGUE
 from automap.export.fields import SIGN_FIELDS
 from pipeline.cli.root import cli
-from pipeline.run.cache import flatten
 from pipeline.settings.load import load_settings
+from pipeline.shared.values import flatten
 from tests.docs_commands import DOCS, ROOT, Command, commands, pages
 
 ALL = [command for page in pages() for command in commands(page)]

@@ -18,7 +18,7 @@ from pipeline.run.runner import Request, run_drive
 from pipeline.run.stage import Stage, StageContext
 from pipeline.settings.load import load_settings
 from pipeline.shared.lock import locked
-from pipeline.shared.progress import Outcome, Silent
+from pipeline.shared.progress import Outcome, Reporter
 from tests.unit.fake_stages import doubler, make_drive, reader, teller
 
 Stages = Sequence[Stage]
@@ -195,7 +195,7 @@ def test_a_selection_runs_alone_and_says_what_is_out_of_date(drive: Path, out: P
     (drive / "imu.csv").write_text("one line\n")
     notes: list[str] = []
 
-    class Listening(Silent):
+    class Listening(Reporter):
         def note(self, text: str) -> None:
             notes.append(text)
 
@@ -327,7 +327,7 @@ def test_the_lock_is_gone_with_its_holder(tmp_path: Path) -> None:
 def test_one_bad_drive_does_not_stop_the_others(drive: Path, tmp_path: Path) -> None:
     other = make_drive(tmp_path / "other")
     bad = tmp_path / "bad"
-    outcomes = run_drives([drive, bad, other], tmp_path / "maps", request(), Silent())
+    outcomes = run_drives([drive, bad, other], tmp_path / "maps", request(), Reporter())
     assert [outcome.exit_code for outcome in outcomes] == [0, 3, 0]
     assert (tmp_path / "maps" / "other" / "double.txt").exists()
     assert not (tmp_path / "maps" / "bad").exists()
