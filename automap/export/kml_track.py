@@ -15,6 +15,8 @@ from automap.records import FloatArray
 
 SIGMA_COLOURS = ("#2c7fb8", "#41ae9b", "#8fc447", "#e0b32c", "#d7553a")
 """From the surest to the least sure part of the path."""
+UNKNOWN_COLOUR = "#8a8f98"
+"""Where nothing tells how sure it is."""
 
 _ARRAYS = (
     ("speed_m_s", "speed (m/s)"),

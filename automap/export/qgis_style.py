@@ -13,7 +13,7 @@ from xml.etree import ElementTree as Xml
 
 from automap.export.icons import sign_words
 from automap.export.kml_cells import clean_text
-from automap.export.kml_track import SIGMA_COLOURS
+from automap.export.kml_track import SIGMA_COLOURS, UNKNOWN_COLOUR
 
 _HEAD = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
 _VERSION = "3.22.0"
@@ -48,7 +48,7 @@ def sign_style(icons: Mapping[str, bytes], colours: Mapping[str, str]) -> QgisSt
             layer = ("SimpleMarker", _dot(colour, "3"))
         _symbol(symbols, number, "marker", *layer)
     _range_or_category(categories, "category", len(colours), "other", value="")
-    _symbol(symbols, len(colours), "marker", "SimpleMarker", _dot("#8a8f98", "3"))
+    _symbol(symbols, len(colours), "marker", "SimpleMarker", _dot(UNKNOWN_COLOUR, "3"))
     _labels(root, "id", scale=5000)
     return QgisStyle("signs", _text(root), "faces by class")
 
@@ -96,7 +96,9 @@ def ellipse_style() -> QgisStyle:
 def observation_style() -> QgisStyle:
     """The places from which signs were seen: small grey dots."""
     root, renderer = _document("singleSymbol", {})
-    _symbol(Xml.SubElement(renderer, "symbols"), 0, "marker", "SimpleMarker", _dot("#8a8f98", "1"))
+    _symbol(
+        Xml.SubElement(renderer, "symbols"), 0, "marker", "SimpleMarker", _dot(UNKNOWN_COLOUR, "1")
+    )
     return QgisStyle("observations", _text(root), "where signs were seen from")
 
 

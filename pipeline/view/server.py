@@ -16,6 +16,7 @@ from automap.errors import AutoMapError
 from automap.io import names
 from automap.io.atomic import plain
 from automap.io.json_text import parse_json
+from pipeline.pages.palette import colours_css
 from pipeline.view import guard
 from pipeline.view.viewed_map import ViewedMap
 
@@ -184,4 +185,7 @@ def _asset(name: str) -> Answer | None:
     if suffix is None or suffix[1] not in _ASSETS:
         return None
     file = resources.files("pipeline") / "view" / "page" / name
-    return (_ASSETS[suffix[1]], file.read_bytes()) if file.is_file() else None
+    if not file.is_file():
+        return None
+    colours = colours_css().encode() if suffix[1] == ".css" else b""
+    return _ASSETS[suffix[1]], colours + file.read_bytes()

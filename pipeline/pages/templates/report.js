@@ -3,9 +3,9 @@
   const source = document.getElementById("map-data");
   if (!source || typeof L === "undefined") return;
   const data = JSON.parse(source.textContent);
-  const SIGMA = ["#2c7fb8", "#41ae9b", "#8fc447", "#e0b32c", "#d7553a"];
-  const UNKNOWN = "#8a8f98";
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const SIGMA = [0, 1, 2, 3, 4].map((k) => css(`--s${k}`));
+  const UNKNOWN = css("--unknown");
   // the plane's x is east and y is north, both in metres
   const at = (p) => L.latLng(p[1], p[0]);
 

@@ -6,10 +6,10 @@ import { listenToKeys } from "./keys.js";
 import { SignMap } from "./map.js";
 import { Player } from "./player.js";
 import { Review } from "./review.js";
-import { applyFilter, parse, place } from "./signs.js";
+import { applyFilter, css, parse, place } from "./signs.js";
 
 const byId = (id) => document.getElementById(id);
-const SIGMA = ["#2c7fb8", "#41ae9b", "#8fc447", "#e0b32c", "#d7553a"];
+const SIGMA = [0, 1, 2, 3, 4].map((k) => css(`--s${k}`));
 const PATHS_AT_ONCE = 60;
 
 const state = {
@@ -92,7 +92,7 @@ app.addPath = (k, path) => {
     const jump = Math.abs(path.x[i + 1] - path.x[i]) > 0.5;
     const last = runs.at(-1);
     if (last && last.c === c && last.to === i && !jump) last.to = i + 1;
-    else if (!jump) runs.push({ c, from: i, to: i + 1, colour: c < 0 ? "#8a8f98" : SIGMA[c] });
+    else if (!jump) runs.push({ c, from: i, to: i + 1, colour: c < 0 ? css("--unknown") : SIGMA[c] });
   }
   state.paths.set(k, { x: path.x, y: path.y, runs });
   app.map.redraw();

@@ -1,6 +1,8 @@
 // All signs as typed arrays, and which of them the filters let through.
 const TYPES = { f8: Float64Array, f4: Float32Array, u4: Uint32Array, u2: Uint16Array, u1: Uint8Array };
-export const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#b15a94", "#b98400", "#3b8fc2", "#6a3d9a", "#667085"];
+const style = getComputedStyle(document.documentElement);
+export const css = (name) => style.getPropertyValue(name).trim();
+export const COLOURS = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => css(`--c${k}`));
 
 export function parse(buffer) {
   if (!buffer.byteLength) return empty();
