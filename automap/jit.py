@@ -33,5 +33,13 @@ def drop_stale(folders: Iterable[Path]) -> None:
                     index.unlink(missing_ok=True)
 
 
-_WITH_KERNELS = ("", "effects", "fusion", "fusion/kernels", "gap", "geolocation")
-drop_stale([PACKAGE / folder for folder in _WITH_KERNELS])
+KERNEL_FOLDERS = (
+    "",
+    "effects",
+    "fusion",
+    "fusion/kernels",
+    "fusion/measurements",
+    "gap",
+    "geolocation",
+)
+drop_stale([PACKAGE / folder for folder in KERNEL_FOLDERS])

@@ -1,10 +1,11 @@
 """The sensor model: every named physical effect, defined once.
 
-An effect has a name, parameters with units and prior, and says either how it adds to an
-inertial reading (``imu``: terms theta * phi(true) on one axis), or how it acts on a fix,
-on the vehicle constraint, or on the camera. Simulator, estimator and gap finder use these
-definitions and nothing else. Names and units are those users write in configuration files.
-Users add effects of their own with ``user_effect``.
+An effect has a name, parameters with units and priors, and terms (``terms``): on which readings,
+fixes or motion of the vehicle each parameter acts, in which way, times which signal. The simulator
+applies them exactly (``imu.distort_imu``, ``measured.distortion``), filter and gap finder take
+their columns (``imu.imu_terms``, ``measured_kernels``); neither knows an effect by its name. What
+the camera's effects do is in the camera's own model (``camera``). Names and units are those users
+write in configuration files. Users add effects of their own with ``user_effect``.
 """
 
 from automap.effects.catalogue import CATALOGUE, Effect, Parameter, effect_named

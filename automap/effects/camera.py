@@ -15,7 +15,8 @@ import numpy as np
 
 from automap.earth import local_ned, tangent_rotation
 from automap.effects.lens import lens_of, project
-from automap.effects.vehicle import Values, parameter, parameters
+from automap.effects.measured import Values
+from automap.effects.vehicle import parameter, parameters
 from automap.frames import matrix_to_rpy, rpy_to_matrix
 from automap.interpolation import Poses
 from automap.records import Camera, Detections, FloatArray, Trajectory

@@ -1,20 +1,38 @@
-"""Names, parameters, units and priors of all effects."""
+"""All effects: names, parameters, units, priors, and the terms by which they act."""
 
 from __future__ import annotations
 
 import difflib
+import math
 from dataclasses import dataclass
 
+from automap.effects.terms import (
+    ACCEL,
+    ELAPSED,
+    FIX,
+    FORWARD_ACCELERATION,
+    GYRO,
+    LATERAL_ACCELERATION,
+    ONE,
+    POSITION,
+    VEHICLE,
+    VELOCITY,
+    GaussMarkov,
+    Kind,
+    Term,
+)
 from automap.errors import ConfigError
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect: its name within the effect, unit and prior one-sigma."""
+    """One number of an effect: its name within the effect, unit, prior one-sigma and range."""
 
     name: str
     unit: str
     prior_sd: float
+    at_least: float = -math.inf
+    at_most: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -22,115 +40,347 @@ class Effect:
     """A named physical effect.
 
     ``family`` is where it acts: "imu", "noise", "clock", "gnss", "vehicle", "earth", "camera".
+    ``terms`` say how each parameter acts; noise, and what the camera's own model holds, has none.
+    ``markov`` makes them errors that come and go. ``setting`` is the option of the fusion that
+    says how large it is where it is no state, ``walk_setting`` that of its random walk. ``usual``
+    effects are part of every model, never a finding. ``first_order`` names the effect that acts
+    alike to first order, and with which sign; ``unsure_zero`` the one that acts as this does at
+    an instant that nobody knows.
     """
 
     name: str
     family: str
     parameters: tuple[Parameter, ...]
     summary: str
+    terms: tuple[Term, ...] = ()
+    markov: GaussMarkov | None = None
+    setting: str = ""
+    walk_setting: str = ""
+    usual: bool = False
+    first_order: tuple[str, float] | None = None
+    unsure_zero: str = ""
+
+    def acts_on(self, *measured: str) -> bool:
+        """Whether a term acts on one of these."""
+        return any(t.on in measured for t in self.terms)
+
+    def terms_of(self, parameter: str) -> tuple[Term, ...]:
+        """The terms of one parameter."""
+        return tuple(t for t in self.terms if t.parameter == parameter)
+
+    @property
+    def needs_wheels(self) -> bool:
+        """Whether it shows in what wheels report and nowhere else."""
+        return bool(self.terms) and all(
+            t.on == VEHICLE and t.axis == 0 and t.kind in (Kind.AXIS, Kind.SCALE)
+            for t in self.terms
+        )
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """What the filter estimates of it, in order: its parameters, or its correlated errors."""
+        if self.markov is None:
+            return tuple(p.name for p in self.parameters)
+        return tuple(dict.fromkeys(t.parameter for t in self.terms))
 
 
-def _xyz(unit: str, sd: float) -> tuple[Parameter, ...]:
-    return tuple(Parameter(a, unit, sd) for a in ("x", "y", "z"))
-
-
-def _named(names: str, unit: str, sd: float) -> tuple[Parameter, ...]:
-    return tuple(Parameter(n, unit, sd) for n in names.split())
-
-
+_XYZ = "x y z"
+_RPY = "roll pitch yaw"
 _FULL = "xx xy xz yx yy yz zx zy zz"
 
+
+def _named(names: str, unit: str, sd: float, at_least: float = -math.inf) -> tuple[Parameter, ...]:
+    return tuple(Parameter(n, unit, sd, at_least) for n in names.split())
+
+
+def _xyz(unit: str, sd: float, at_least: float = -math.inf) -> tuple[Parameter, ...]:
+    return _named(_XYZ, unit, sd, at_least)
+
+
+def _axes(
+    on: str | tuple[str, ...],
+    kind: Kind = Kind.AXIS,
+    names: str = _XYZ,
+    signal: str = ONE,
+    weight: float = 1.0,
+) -> tuple[Term, ...]:
+    """A parameter an axis; ``{}`` in the signal stands for the parameter's name."""
+    measured = (on,) if isinstance(on, str) else on
+    return tuple(
+        Term(name, one, kind, axis, signal.format(name), weight)
+        for axis, name in enumerate(names.split())
+        for one in measured
+    )
+
+
+def _matrix(sensor: str, signal: str, names: str) -> tuple[Term, ...]:
+    """Parameters named by output axis and input axis; ``{}`` in the signal is the latter."""
+    return tuple(
+        Term(name, sensor, Kind.AXIS, _XYZ.split().index(name[0]), signal.format(name[1]))
+        for name in names.split()
+    )
+
+
+def _one(
+    parameter: str,
+    on: str | tuple[str, ...],
+    kind: Kind,
+    axis: int = 0,
+    signal: str = ONE,
+    weight: float = 1.0,
+) -> tuple[Term, ...]:
+    measured = (on,) if isinstance(on, str) else on
+    return tuple(Term(parameter, each, kind, axis, signal, weight) for each in measured)
+
+
 # Priors are those of a consumer MEMS unit after the sensor file's conversion to SI.
-_EFFECTS = (
-    Effect("accel_bias", "imu", _xyz("m/s^2", 0.3), "constant accelerometer offset"),
-    Effect("gyro_bias", "imu", _xyz("rad/s", 0.02), "constant gyro offset"),
-    Effect("accel_scale", "imu", _xyz("", 0.01), "accelerometer scale error"),
-    Effect("gyro_scale", "imu", _xyz("", 0.01), "gyro scale error"),
+_INERTIAL = (
     Effect(
-        "accel_bias_walk", "noise", _xyz("m/s^2/sqrt(s)", 1e-3), "in-run accelerometer bias drift"
+        "accel_bias",
+        "imu",
+        _xyz("m/s^2", 0.3),
+        "constant accelerometer offset",
+        _axes(ACCEL),
+        walk_setting="accel_bias_walk",
+        usual=True,
     ),
-    Effect("gyro_bias_walk", "noise", _xyz("rad/s/sqrt(s)", 5e-5), "in-run gyro bias drift"),
+    Effect(
+        "gyro_bias",
+        "imu",
+        _xyz("rad/s", 0.02),
+        "constant gyro offset",
+        _axes(GYRO),
+        walk_setting="gyro_bias_walk",
+        usual=True,
+    ),
+    Effect(
+        "accel_scale",
+        "imu",
+        _xyz("", 0.01),
+        "accelerometer scale error",
+        _axes(ACCEL, signal="force_{}"),
+    ),
+    Effect("gyro_scale", "imu", _xyz("", 0.01), "gyro scale error", _axes(GYRO, signal="rate_{}")),
+    Effect(
+        "accel_bias_walk",
+        "noise",
+        _xyz("m/s^2/sqrt(s)", 1e-3, 0.0),
+        "in-run accelerometer bias drift",
+        setting="fuse.accel_bias_walk",
+    ),
+    Effect(
+        "gyro_bias_walk",
+        "noise",
+        _xyz("rad/s/sqrt(s)", 5e-5, 0.0),
+        "in-run gyro bias drift",
+        setting="fuse.gyro_bias_walk",
+    ),
     Effect(
         "accel_misalignment",
         "imu",
         _named("yx zx zy", "rad", 0.01),
         "non-orthogonal accelerometer axes",
+        _matrix(ACCEL, "force_{}", "yx zx zy"),
     ),
     Effect(
         "gyro_misalignment",
         "imu",
         _named("xy xz yx yz zx zy", "rad", 0.01),
         "gyro axes turned against the accelerometer's and each other",
+        _matrix(GYRO, "rate_{}", "xy xz yx yz zx zy"),
     ),
-    Effect("accel_scale_asymmetry", "imu", _xyz("", 0.005), "scale differs with the sign"),
-    Effect("gyro_scale_asymmetry", "imu", _xyz("", 0.005), "scale differs with the sign"),
-    Effect("accel_quadratic", "imu", _xyz("1/(m/s^2)", 5e-4), "second-order accelerometer term"),
+    Effect(
+        "accel_scale_asymmetry",
+        "imu",
+        _xyz("", 0.005),
+        "scale differs with the sign",
+        _axes(ACCEL, signal="abs_force_{}"),
+    ),
+    Effect(
+        "gyro_scale_asymmetry",
+        "imu",
+        _xyz("", 0.005),
+        "scale differs with the sign",
+        _axes(GYRO, signal="abs_rate_{}"),
+    ),
+    Effect(
+        "accel_quadratic",
+        "imu",
+        _xyz("1/(m/s^2)", 5e-4),
+        "second-order accelerometer term",
+        _axes(ACCEL, signal="sq_force_{}"),
+    ),
     Effect(
         "gyro_g_sensitivity",
         "imu",
         _named(_FULL, "(rad/s)/(m/s^2)", 5e-4),
         "gyro reads specific force",
+        _matrix(GYRO, "force_{}", _FULL),
     ),
-    Effect("accel_temperature", "imu", _xyz("(m/s^2)/K", 5e-3), "bias follows temperature"),
-    Effect("gyro_temperature", "imu", _xyz("(rad/s)/K", 5e-4), "bias follows temperature"),
+    Effect(
+        "accel_temperature",
+        "imu",
+        _xyz("(m/s^2)/K", 5e-3),
+        "bias follows temperature",
+        _axes(ACCEL, signal="temperature"),
+    ),
+    Effect(
+        "gyro_temperature",
+        "imu",
+        _xyz("(rad/s)/K", 5e-4),
+        "bias follows temperature",
+        _axes(GYRO, signal="temperature"),
+    ),
     Effect(
         "speed_vibration",
         "imu",
         _xyz("(m/s^2)/(m/s)^2", 5e-4),
         "accelerometer rectifies vibration that grows with speed",
+        _axes(ACCEL, signal="speed_squared"),
     ),
+)
+
+_INSTALLATION = (
     Effect(
         "imu_mounting",
         "vehicle",
-        _named("roll pitch yaw", "rad", 0.05),
+        _named(_RPY, "rad", 0.05),
         "IMU axes turned against the vehicle's",
+        _axes((*FIX, VEHICLE), Kind.TURN, _RPY),
     ),
-    Effect("imu_time_offset", "clock", _named("s", "s", 0.1), "IMU stamps later than the truth"),
-    Effect("imu_clock_skew", "clock", _named("skew", "s/s", 5e-5), "IMU clock runs fast"),
-    Effect("earth_rotation", "earth", (), "the Earth turns under the sensor"),
-    Effect("gnss_lever_arm", "gnss", _xyz("m", 1.0), "antenna away from the IMU"),
-    Effect("gnss_latency", "gnss", _named("s", "s", 0.1), "fixes older than their tag"),
+    Effect(
+        "imu_time_offset",
+        "clock",
+        _named("s", "s", 0.1),
+        "IMU stamps later than the truth",
+        _one("s", FIX, Kind.TIME),
+        first_order=("gnss_latency", -1.0),
+    ),
+    Effect(
+        "imu_clock_skew",
+        "clock",
+        _named("skew", "s/s", 5e-5),
+        "IMU clock runs fast",
+        _one("skew", FIX, Kind.TIME, signal=ELAPSED),
+        unsure_zero="imu_time_offset",
+    ),
+    Effect(
+        "earth_rotation",
+        "earth",
+        (),
+        "the Earth turns under the sensor",
+        setting="fuse.earth_rotation",
+    ),
+)
+
+_RECEIVER = (
+    Effect(
+        "gnss_lever_arm",
+        "gnss",
+        _xyz("m", 1.0),
+        "antenna away from the IMU",
+        _axes(FIX, Kind.POINT),
+    ),
+    Effect(
+        "gnss_latency",
+        "gnss",
+        _named("s", "s", 0.1),
+        "fixes older than their tag",
+        _one("s", FIX, Kind.TIME, weight=-1.0),
+    ),
     Effect(
         "gnss_velocity_latency",
         "gnss",
         _named("s", "s", 0.1),
         "velocities older than the positions of the same fix",
+        _one("s", VELOCITY, Kind.TIME, weight=-1.0),
+        first_order=("gnss_velocity_lag", 1.0),
     ),
     Effect(
         "gnss_velocity_lag",
         "gnss",
-        _named("tau", "s", 0.2),
+        _named("tau", "s", 0.2, 0.0),
         "velocity passed through a first-order low-pass",
+        _one("tau", VELOCITY, Kind.LAG),
     ),
     Effect(
         "gnss_correlated_noise",
         "gnss",
-        (Parameter("sigma", "m", 1.0), Parameter("tau", "s", 60.0)),
+        (Parameter("sigma", "m", 1.0, 0.0), Parameter("tau", "s", 60.0, 0.0)),
         "position error that wanders",
+        _axes(POSITION, names="n e d", signal="position_sd_{}"),
+        markov=GaussMarkov("wander_tau_s", "", "wander", "wander_tau"),
+        usual=True,
     ),
-    Effect("gnss_noise_scale", "gnss", _named("factor", "", 1.0), "reported accuracy is off"),
-    Effect("gnss_outliers", "gnss", _named("fraction", "", 0.05), "wild fixes"),
-    Effect("gnss_datum_shift", "gnss", _named("n e d", "m", 1.0), "another datum"),
+    Effect(
+        "gnss_velocity_wander",
+        "gnss",
+        (Parameter("sigma", "m/s", 0.1, 0.0), Parameter("tau", "s", 2.0, 0.0)),
+        "velocity error that lasts",
+        _axes(VELOCITY, names="n e d"),
+        markov=GaussMarkov("velocity_wander_tau_s", "velocity_wander_sd", "velocity_wander", ""),
+        setting="fuse.velocity_wander_sd",
+        usual=True,
+    ),
+    Effect(
+        "gnss_noise_scale",
+        "gnss",
+        _named("factor", "", 1.0, 0.0),
+        "reported accuracy is off",
+        setting="fuse.adapt",
+        usual=True,
+    ),
+    Effect(
+        "gnss_outliers",
+        "gnss",
+        (Parameter("fraction", "", 0.05, 0.0, 1.0),),
+        "wild fixes",
+        setting="fuse.gate_probability",
+        usual=True,
+    ),
+    Effect(
+        "gnss_datum_shift",
+        "gnss",
+        _named("n e d", "m", 1.0),
+        "another datum",
+        _axes(POSITION, names="n e d"),
+    ),
+)
+
+_VEHICLE = (
     Effect(
         "vehicle_sideslip",
         "vehicle",
         _named("coefficient", "rad/(m/s^2)", 0.005),
         "the car drifts outwards in curves",
+        _one("coefficient", VEHICLE, Kind.SLIP, 2, LATERAL_ACCELERATION),
     ),
     Effect(
         "vehicle_pitch",
         "vehicle",
         _named("coefficient", "rad/(m/s^2)", 0.01),
         "the nose rises on its springs with the acceleration",
+        _one("coefficient", VEHICLE, Kind.SLIP, 1, FORWARD_ACCELERATION),
+        usual=True,
     ),
     Effect(
         "nhc_lever_arm",
         "vehicle",
         _xyz("m", 1.5),
         "from the IMU to the point that does not slide sideways",
+        _axes(VEHICLE, Kind.POINT),
     ),
-    Effect("odometer_scale", "vehicle", _named("relative", "", 0.03), "wheels turn too fast"),
-    Effect("camera_boresight", "camera", _named("roll pitch yaw", "rad", 0.03), "camera turned"),
+    Effect(
+        "odometer_scale",
+        "vehicle",
+        _named("relative", "", 0.03),
+        "wheels turn too fast",
+        _one("relative", VEHICLE, Kind.SCALE, 0),
+    ),
+)
+
+_CAMERA = (
+    Effect("camera_boresight", "camera", _named(_RPY, "rad", 0.03), "camera turned"),
     Effect("camera_time_offset", "camera", _named("s", "s", 0.1), "frame stamps off"),
     Effect("rolling_shutter", "camera", _named("s", "s/image height", 0.03), "rows read in turn"),
     Effect("camera_focal", "camera", _named("relative", "", 0.02), "focal length off"),
@@ -138,7 +388,9 @@ _EFFECTS = (
     Effect("camera_lever_arm", "camera", _xyz("m", 0.3), "camera away from where it is said"),
 )
 
-CATALOGUE: dict[str, Effect] = {e.name: e for e in _EFFECTS}
+CATALOGUE: dict[str, Effect] = {
+    e.name: e for e in (*_INERTIAL, *_INSTALLATION, *_RECEIVER, *_VEHICLE, *_CAMERA)
+}
 
 
 def effect_named(name: str) -> Effect:
@@ -152,3 +404,9 @@ def effect_named(name: str) -> Effect:
     near = difflib.get_close_matches(name, CATALOGUE, n=1)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     raise ConfigError(f"there is no effect named '{name}'{hint}")
+
+
+def alike_to_first_order() -> list[tuple[str, str]]:
+    """Pairs of effects that a filter cannot tell apart to first order."""
+    pairs = [(e.name, e.first_order[0]) for e in CATALOGUE.values() if e.first_order]
+    return [(min(pair), max(pair)) for pair in pairs]

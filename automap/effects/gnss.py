@@ -1,28 +1,19 @@
-"""Effects on fixes, as they distort an ideal receiver's epochs.
+"""Random errors of fixes, and the low-pass of their velocities.
 
-The simulator's side of what the filter's measurement rows are the derivatives of. Values map
-effect to parameter to value, in the catalogue's names and units; what is not given is zero.
+What is no random error acts by its terms (``effects.measured``). Values map effect to parameter to
+value, in the catalogue's names and units; what is not given is zero.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from automap.effects.vehicle import Values, parameter, parameters
+from automap.effects.measured import Values
+from automap.effects.vehicle import parameter
 from automap.records import FloatArray
 
 OUTLIER_M = 25.0
 """How far off, in a random horizontal direction, a position of ``gnss_outliers`` is."""
-
-
-def data_instants(t_s: FloatArray, values: Values) -> tuple[FloatArray, FloatArray]:
-    """Instants [n] whose position and whose velocity the epochs tagged ``t_s`` [n] hold.
-
-    ``gnss_latency`` makes both older than the tag, ``gnss_velocity_latency`` the velocity
-    older still.
-    """
-    position = t_s - parameter(values, "gnss_latency")
-    return position, position - parameter(values, "gnss_velocity_latency")
 
 
 def low_pass(signal: FloatArray, step_s: float, tau_s: float) -> FloatArray:
@@ -43,16 +34,20 @@ def low_pass(signal: FloatArray, step_s: float, tau_s: float) -> FloatArray:
 
 
 def gauss_markov(
-    n: int, sigma: FloatArray, step_over_tau: float, rng: np.random.Generator
+    n: int, sigma: FloatArray, step_over_tau: float | FloatArray, rng: np.random.Generator
 ) -> FloatArray:
-    """First-order Gauss-Markov sequences [n, k] that start in their stationary state."""
-    decay = np.exp(-step_over_tau)
+    """First-order Gauss-Markov sequences [n, k] that start in their stationary state.
+
+    ``sigma`` [k]; ``step_over_tau`` the time since the row before over the time constant, one
+    number or [n] (Brown and Hwang, Introduction to Random Signals, section 5.3).
+    """
+    keep = np.broadcast_to(np.exp(-np.asarray(step_over_tau)), (n,))
     drive = rng.standard_normal((n, len(sigma))) * sigma
-    drive[1:] *= np.sqrt(1.0 - decay**2)
+    drive[1:] *= np.sqrt(1.0 - keep[1:, None] ** 2)
     out = np.empty_like(drive)
     out[0] = drive[0]
     for i in range(1, n):
-        out[i] = decay * out[i - 1] + drive[i]
+        out[i] = keep[i] * out[i - 1] + drive[i]
     return out
 
 
@@ -64,21 +59,22 @@ def outliers(n: int, values: Values, rng: np.random.Generator) -> FloatArray:
     return np.stack([length * np.cos(bearing), length * np.sin(bearing), np.zeros(n)], axis=1)
 
 
-def datum_shift(values: Values) -> FloatArray:
-    """What ``gnss_datum_shift`` adds to every position, NED [3] in m."""
-    return parameters(values, "gnss_datum_shift")
-
-
 def noise_factor(values: Values) -> float:
     """True noise over reported, ``gnss_noise_scale``; 1 where it is not given."""
     return float(values.get("gnss_noise_scale", {}).get("factor", 1.0))
 
 
 def wander(sigma_m: FloatArray, tau_s: float, values: Values) -> tuple[FloatArray, float]:
-    """Sigma NED [3] and time constant of the wandering position error.
+    """Sigma NED [3] and time constant of the wandering position error, m.
 
     ``gnss_correlated_noise`` takes the place of the receiver's own ``sigma_m`` [3], ``tau_s``.
     """
     given = values.get("gnss_correlated_noise", {})
     sigma = np.full(3, given["sigma"]) if "sigma" in given else sigma_m
     return sigma, float(given.get("tau", tau_s))
+
+
+def velocity_wander(values: Values) -> tuple[float, float]:
+    """Sigma in m/s and time constant in s of the lasting velocity error."""
+    given = values.get("gnss_velocity_wander", {})
+    return float(given.get("sigma", 0.0)), float(given.get("tau", 2.0))

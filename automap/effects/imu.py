@@ -13,12 +13,12 @@ import numpy as np
 
 from automap.effects.catalogue import CATALOGUE, Parameter, effect_named
 from automap.effects.signals import Signals
-from automap.effects.user import INERTIAL, UserEffect, signal_of
+from automap.effects.terms import INERTIAL, ONE
+from automap.effects.user import is_users, user_signal
 from automap.errors import ConfigError
 from automap.records import FloatArray
 
-GYRO = 0
-ACCEL = 1
+GYRO, ACCEL = range(2)
 
 # basis signals known to the kernel: 1, angular rate x y z, specific force x y z; further
 # numbers count the extra columns of ``extra_basis``
@@ -26,8 +26,6 @@ BASIS_ONE = 0
 BASIS_RATE = 1
 BASIS_FORCE = 4
 BASIS_EXTRA = 7
-OF_USER = "."
-"""Between effect and parameter in the name of the signal of a user's effect."""
 
 
 @dataclass(frozen=True)
@@ -51,32 +49,9 @@ class ImuTerm:
         return f"{self.effect}_{self.parameter.name}"
 
 
-def _axis(letter: str) -> int:
-    return "xyz".index(letter)
-
-
-def _signal(effect: str, sensor: int, parameter: str) -> tuple[int, int, str | None]:
-    """Output axis, basis number and extra signal of a parameter."""
-    out = _axis(parameter[0])
-    kind = effect.partition("_")[2]
-    if kind == "bias":
-        return out, BASIS_ONE, None
-    if kind == "scale":
-        return out, (BASIS_FORCE if sensor == ACCEL else BASIS_RATE) + out, None
-    if kind == "misalignment":
-        base = BASIS_FORCE if sensor == ACCEL else BASIS_RATE
-        return out, base + _axis(parameter[1]), None
-    if kind == "g_sensitivity":
-        return out, BASIS_FORCE + _axis(parameter[1]), None
-    if kind == "scale_asymmetry":
-        return out, -1, f"abs_{'force' if sensor == ACCEL else 'rate'}_{parameter[0]}"
-    if kind == "quadratic":
-        return out, -1, f"sq_force_{parameter[0]}"
-    if kind == "temperature":
-        return out, -1, "temperature"
-    if kind == "vibration":
-        return out, -1, "speed_squared"
-    raise ConfigError(f"effect '{effect}' does not act on inertial readings")
+_OWN = {ONE: BASIS_ONE}
+_OWN |= {f"rate_{axis}": BASIS_RATE + i for i, axis in enumerate("xyz")}
+_OWN |= {f"force_{axis}": BASIS_FORCE + i for i, axis in enumerate("xyz")}
 
 
 def imu_terms(effects: list[str]) -> list[ImuTerm]:
@@ -87,23 +62,20 @@ def imu_terms(effects: list[str]) -> list[ImuTerm]:
     """
     terms: list[ImuTerm] = []
     extras: list[str] = []
-    extra: str | None
     for name in effects:
         effect = effect_named(name)
         if effect.family != "imu":
             raise ConfigError(f"effect '{name}' does not act on inertial readings")
-        sensor = GYRO if name.startswith("gyro") else ACCEL
         for parameter in effect.parameters:
-            if isinstance(effect, UserEffect):
-                sensor, axis = divmod(INERTIAL.index(effect.term(parameter.name).on), 3)
-                basis, extra = -1, f"{name}{OF_USER}{parameter.name}"
-            else:
-                axis, basis, extra = _signal(name, sensor, parameter.name)
-            if extra is not None:
+            (term,) = effect.terms_of(parameter.name)
+            extra = None
+            if term.signal not in _OWN:
+                extra = term.signal
                 if extra not in extras:
                     extras.append(extra)
-                basis = BASIS_EXTRA + extras.index(extra)
-            terms.append(ImuTerm(name, parameter, sensor, axis, basis, extra))
+            basis = _OWN[term.signal] if extra is None else BASIS_EXTRA + extras.index(extra)
+            sensor = INERTIAL.index(term.on)
+            terms.append(ImuTerm(name, parameter, sensor, term.axis, basis, extra))
     return terms
 
 
@@ -132,13 +104,12 @@ def extra_basis(
         elif name == "speed_squared":
             if speed is not None:
                 out[:, column] = speed**2
-        elif OF_USER in name:
+        elif is_users(name):
             if signals is not None:
-                effect, _, parameter = name.partition(OF_USER)
-                out[:, column] = signal_of(effect, parameter, signals)
+                out[:, column] = user_signal(name, signals)
         else:
             kind, source, axis = name.split("_")
-            signal = (gyro if source == "rate" else accel)[:, _axis(axis)]
+            signal = (gyro if source == "rate" else accel)[:, "xyz".index(axis)]
             out[:, column] = np.abs(signal) if kind == "abs" else signal**2
     return out
 

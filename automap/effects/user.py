@@ -10,6 +10,7 @@ import numpy as np
 
 from automap.effects.catalogue import CATALOGUE, Effect, Parameter
 from automap.effects.signals import Signals
+from automap.effects.terms import POSITION, VEHICLE, VELOCITY, Kind, Term
 from automap.errors import ConfigError
 from automap.records import FloatArray
 
@@ -17,6 +18,9 @@ Signal = Callable[[Signals], FloatArray]
 
 INERTIAL = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 """Readings, rad/s and m/s^2."""
+OF_VEHICLE = ("odometer", "nhc_y", "nhc_z")
+"""What the wheels report, and what the point that follows the road does to the right and down,
+where the vehicle constraint takes it for nothing; m/s."""
 OF_FIXES = (
     "position_along",
     "position_across",
@@ -26,7 +30,12 @@ OF_FIXES = (
     "velocity_down",
 )
 """Fixes: along the track, to its right, up; m and m/s."""
-ACTS_ON = INERTIAL + OF_FIXES
+ACTS_ON = INERTIAL + OF_FIXES + OF_VEHICLE
+_FAMILY = dict.fromkeys(INERTIAL, "imu") | dict.fromkeys(OF_FIXES, "gnss")
+_FAMILY |= dict.fromkeys(OF_VEHICLE, "vehicle")
+_SEPARATOR = "."
+COSINE, SINE = "cos", "sin"
+"""Parts of a signal along a track: times cosine or sine of the heading."""
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 
 
@@ -49,18 +58,13 @@ class UserTerm:
 
 @dataclass(frozen=True)
 class UserEffect(Effect):
-    """A user's effect; all its terms act on the readings, or all on the fixes."""
+    """A user's effect; its ``formulas`` all act on readings, on fixes, or on the vehicle."""
 
-    terms: tuple[UserTerm, ...] = ()
+    formulas: tuple[UserTerm, ...] = ()
 
-    def term(self, parameter: str) -> UserTerm:
-        """The term of a parameter."""
-        return next(t for t in self.terms if t.parameter == parameter)
-
-    @property
-    def on_fixes(self) -> bool:
-        """Whether it acts on the fixes."""
-        return self.family == "gnss"
+    def formula(self, parameter: str) -> UserTerm:
+        """The user's term of a parameter."""
+        return next(t for t in self.formulas if t.parameter == parameter)
 
 
 def user_effect(name: str, summary: str, *terms: UserTerm) -> UserEffect:
@@ -88,13 +92,57 @@ def user_effect(name: str, summary: str, *terms: UserTerm) -> UserEffect:
             )
         if not (np.isfinite(term.prior_sd) and term.prior_sd > 0.0):
             raise ConfigError(f"'{place}': prior_sd is {term.prior_sd}; give a number above 0")
-    sides = {t.on in OF_FIXES for t in terms}
-    if len(sides) > 1:
+    families = {_FAMILY[t.on] for t in terms}
+    if len(families) > 1:
         raise ConfigError(
-            f"the effect '{name}' acts on readings and on fixes; make two effects of it"
+            f"the effect '{name}' acts on more than one of readings, fixes and vehicle; make an "
+            "effect for each"
         )
     parameters = tuple(Parameter(t.parameter, t.unit, t.prior_sd) for t in terms)
-    return UserEffect(name, "gnss" if sides.pop() else "imu", parameters, summary, terms)
+    acting = tuple(term for t in terms for term in _terms(name, t))
+    return UserEffect(name, families.pop(), parameters, summary, acting, formulas=terms)
+
+
+@dataclass(frozen=True)
+class Toward:
+    """Part of a channel of users' effects: on what it acts, along which axis, with which sign;
+    ``turned``: times cosine or sine of the heading, for channels along the track or across."""
+
+    on: str
+    axis: int
+    weight: float = 1.0
+    turned: str = ""
+
+
+def towards(channel: str) -> tuple[Toward, ...]:
+    """How one of ``ACTS_ON`` acts on what is measured."""
+    if channel in INERTIAL:
+        sensor, _, letter = channel.partition("_")
+        return (Toward(sensor, "xyz".index(letter)),)
+    if channel in OF_VEHICLE:
+        axis = OF_VEHICLE.index(channel)
+        # the wheels report what is added; the constraint says nothing where there is something
+        return (Toward(VEHICLE, axis, 1.0 if axis == 0 else -1.0),)
+    on = VELOCITY if channel.startswith(VELOCITY) else POSITION
+    if channel.endswith("along"):
+        return Toward(on, 0, 1.0, COSINE), Toward(on, 1, 1.0, SINE)
+    if channel.endswith("across"):
+        return Toward(on, 0, -1.0, SINE), Toward(on, 1, 1.0, COSINE)
+    return (Toward(on, 2, -1.0 if channel == "height" else 1.0),)
+
+
+def _terms(effect: str, given: UserTerm) -> Iterable[Term]:
+    """How a user's term acts; its signal is named by effect and parameter, and the part of it."""
+    for part in towards(given.on):
+        name = _SEPARATOR.join([effect, given.parameter, *([part.turned] if part.turned else [])])
+        yield Term(given.parameter, part.on, Kind.AXIS, part.axis, name, part.weight)
+
+
+def turned(values: FloatArray, part: str, signals: Signals) -> FloatArray:
+    """Values [n] times cosine or sine of the heading, or as they are."""
+    if not part:
+        return values
+    return np.asarray(values * (np.cos if part == COSINE else np.sin)(signals.heading))
 
 
 def user_effects() -> list[UserEffect]:
@@ -137,6 +185,21 @@ def add_user_effect(effect: UserEffect) -> None:
     set_user_effects([*(e for e in user_effects() if e.name != effect.name), effect])
 
 
+def is_users(signal: str) -> bool:
+    """Whether a term's signal is a user's."""
+    return _SEPARATOR in signal
+
+
+def user_signal(name: str, signals: Signals) -> FloatArray:
+    """A user's signal [n] by its name in a term.
+
+    Raises:
+        ConfigError: its function fails, or gives something else than a number an instant.
+    """
+    effect, parameter, *part = name.split(_SEPARATOR)
+    return turned(signal_of(effect, parameter, signals), part[0] if part else "", signals)
+
+
 def signal_of(effect: str, parameter: str, signals: Signals) -> FloatArray:
     """The signal [n] of a user's effect's parameter.
 
@@ -148,7 +211,7 @@ def signal_of(effect: str, parameter: str, signals: Signals) -> FloatArray:
     place = f"the effect '{effect}', parameter '{parameter}'"
     try:
         with np.errstate(all="ignore"):
-            value = np.asarray(known.term(parameter).signal(signals), np.float64)
+            value = np.asarray(known.formula(parameter).signal(signals), np.float64)
     except Exception as error:
         # whatever a user's function does, the place of the fault is what helps
         raise ConfigError(

@@ -106,10 +106,10 @@ def _term(parameter: str, given: Any, place: str) -> UserTerm:
 
 def as_table(effect: UserEffect) -> dict[str, Any] | None:
     """The table of an effect whose terms are all formulas, else None."""
-    if not all(t.formula for t in effect.terms):
+    if not all(t.formula for t in effect.formulas):
         return None
     table: dict[str, Any] = {"summary": effect.summary}
-    for t in effect.terms:
+    for t in effect.formulas:
         table[t.parameter] = {
             "on": t.on,
             "formula": t.formula,

@@ -1,20 +1,29 @@
 """Effects of the installation, the vehicle and the clocks, as they distort ideal signals.
 
-The simulator's side of what the filter's measurement rows are the derivatives of. Values map
-effect to parameter to value, in the catalogue's names and units; what is not given is zero.
+Exactly what the filter's rows are the derivatives of. Values map effect to parameter to value, in
+the catalogue's names and units; what is not given is zero.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 
 import numpy as np
 
 from automap.effects.catalogue import CATALOGUE
+from automap.effects.measured import Distortion, Values, distortion
+from automap.effects.terms import (
+    ELAPSED,
+    FORWARD_ACCELERATION,
+    LATERAL_ACCELERATION,
+    POSITION,
+    VEHICLE,
+)
 from automap.frames import rpy_to_matrix
 from automap.records import FloatArray
 
-Values = Mapping[str, Mapping[str, float]]
+LEAST_SPEED = 1.0
+"""m/s; slower than that a vehicle slides aside by no more than it would at this speed."""
 
 
 def parameters(values: Values, effect: str) -> FloatArray:
@@ -42,28 +51,56 @@ def lever_arm_motion(
 
 def sensor_to_vehicle(values: Values) -> FloatArray:
     """``C_vehicle_sensor`` [3, 3] of ``imu_mounting``: ZYX angles, sensor to vehicle."""
-    return rpy_to_matrix(parameters(values, "imu_mounting"))
+    return rpy_to_matrix(_constant(values).turn)
+
+
+def sliding_point(values: Values) -> FloatArray:
+    """From the IMU to the point that does not slide, [3] m in vehicle axes."""
+    return _constant(values).arm
 
 
 def stamp_error_s(t_s: FloatArray, values: Values) -> FloatArray:
-    """How much later than the truth IMU stamps [n] are.
+    """How much later than the truth IMU stamps [n] are, ``t_s`` [n] s of the right clock after
+    the first sample: the delays of clocks, as fixes show them against stamps that are late."""
+    return distortion(values, POSITION, len(t_s), {ELAPSED: t_s}.__getitem__, ("clock",)).late
 
-    ``imu_time_offset`` s, and ``imu_clock_skew`` s/s over ``t_s`` [n] seconds of the right
-    clock since the first sample.
+
+def nose_angles(
+    values: Values,
+    speed: FloatArray,
+    forward: FloatArray,
+    lateral: FloatArray,
+    signal: Callable[[str], FloatArray],
+) -> FloatArray:
+    """Angles [n, 3] in rad about the vehicle's axes by which the nose is turned against the path.
+
+    ``speed`` [n] m/s, ``forward`` and ``lateral`` acceleration [n] m/s^2, right positive;
+    ``signal`` gives those of users. In a right-hand bend a car with ``vehicle_sideslip`` drifts
+    outwards: its velocity points left of its nose. Where a constraint's reading of nothing is said
+    to have something added, the point that follows the road slides by as much.
     """
-    offset = parameter(values, "imu_time_offset")
-    return np.asarray(offset + parameter(values, "imu_clock_skew") * t_s)
+    own = {FORWARD_ACCELERATION: forward, LATERAL_ACCELERATION: lateral}
+    acting = distortion(values, VEHICLE, len(speed), lambda n: own[n] if n in own else signal(n))
+    out = acting.slip.copy()
+    moving = np.maximum(speed, LEAST_SPEED)
+    # to slide to the right is to point left of the path
+    out[:, 2] += acting.added[:, 1] / moving
+    out[:, 1] -= acting.added[:, 2] / moving
+    return out
 
 
-def slip_yaw(lateral_accel: FloatArray, values: Values) -> FloatArray:
-    """Angle [n] in rad by which the nose points right of the path, ``vehicle_sideslip``.
+def wheel_speed(
+    forward: FloatArray, values: Values, signal: Callable[[str], FloatArray]
+) -> FloatArray:
+    """What the wheels report [n] m/s at the forward speed [n] of the point that does not slide;
+    ``signal`` gives those of users."""
+    none = dict.fromkeys((FORWARD_ACCELERATION, LATERAL_ACCELERATION), np.zeros(len(forward)))
+    acting = distortion(
+        values, VEHICLE, len(forward), lambda n: none[n] if n in none else signal(n)
+    )
+    return np.asarray(acting.longer[0] * forward + acting.added[:, 0])
 
-    ``lateral_accel`` [n] m/s^2, right positive: in a right-hand bend the car drifts outwards,
-    its velocity points left of its nose.
-    """
-    return np.asarray(parameter(values, "vehicle_sideslip") * lateral_accel)
 
-
-def wheel_speed(forward: FloatArray, values: Values) -> FloatArray:
-    """What the wheels report [n] m/s at the forward speed [n] of the point that does not slide."""
-    return np.asarray((1.0 + parameter(values, "odometer_scale")) * forward)
+def _constant(values: Values) -> Distortion:
+    """What is the same at all instants."""
+    return distortion(values, VEHICLE, 0, lambda name: np.zeros(0))

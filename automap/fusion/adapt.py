@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.effects import CATALOGUE
 from automap.fusion.layout import (
     CH_NHC,
     CH_POS,
@@ -22,8 +23,6 @@ from automap.fusion.layout import (
     NHC,
     ODOMETER,
     STANDSTILL,
-    VEL_WANDER,
-    WANDER,
 )
 from automap.fusion.level_climb import climb
 from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
@@ -31,10 +30,9 @@ from automap.fusion.levels import (
     ALL_LEVELS,
     LEVELS,
     VEHICLE_LEVELS,
-    VELOCITY_WANDER,
     WHITE_LEVELS,
 )
-from automap.fusion.measurements import Nodes, Shift
+from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import PathStates, Problem, Start, run_forward, with_options
 
 
@@ -202,18 +200,20 @@ def scale_problem(problem: Problem, factors: Mapping[str, float]) -> Problem:
     )
     model = problem.model
     walk, tau, prior_sd = model.walk.copy(), model.tau.copy(), model.prior_sd.copy()
-    for name in ("accel_bias", "gyro_bias"):
-        for axis in "xyz":
-            if f"{name}_{axis}" in model.names:
-                walk[model.index(f"{name}_{axis}")] *= factors[f"{name}_walk"] ** 2
-    offset = int(model.offsets[WANDER])
-    if offset >= 0:
-        tau[offset : offset + 3] *= factors["wander_tau"]
-    offset = int(model.offsets[VEL_WANDER])
-    if offset >= 0:
-        factor = factors.get(VELOCITY_WANDER, 1.0)
-        walk[offset : offset + 3] *= factor**2
-        prior_sd[offset - N_NAV : offset - N_NAV + 3] *= factor
+    for row, term in enumerate(model.terms):
+        if level := CATALOGUE[term.effect].walk_setting:
+            walk[N_NAV + row] *= factors[level] ** 2
+    for effect in model.places:
+        markov, rows = CATALOGUE[effect].markov, model.rows(effect)
+        if markov is None:
+            continue
+        if markov.time_level:
+            tau[rows] *= factors[markov.time_level]
+        if markov.sd_setting:
+            # where the fixes state the size, it is scaled with them (``scale_nodes``)
+            size = factors.get(markov.size_level, 1.0)
+            walk[rows] *= size**2
+            prior_sd[rows.start - N_NAV : rows.stop - N_NAV] *= size
     scaled = replace(model, walk=walk, tau=tau, prior_sd=prior_sd)
     return with_options(replace(problem, model=scaled), options)
 

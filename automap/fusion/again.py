@@ -9,11 +9,10 @@ import numpy as np
 from automap.fusion.adapt import scale_nodes, scale_problem
 from automap.fusion.layout import N_NAV
 from automap.fusion.levels import LEVELS
-from automap.fusion.measurements import Shift
+from automap.fusion.nodes import Shift
 from automap.fusion.passes import Pass, Session, next_shift, nodes_of, problem_of, settled
 from automap.fusion.problem import PathStates, Problem, SmoothRun, Start, states_about
 from automap.fusion.sections import filter_and_smooth
-from automap.fusion.user_effects import without_known
 from automap.records import FloatArray
 
 TURNED_RAD = 3e-3
@@ -30,7 +29,6 @@ def run_again(session: Session, earlier: Pass, start: Start) -> tuple[Pass, Star
     options. Returned with the pass is the start that the next may have: ``start`` is as unsure
     as before.
     """
-    session = without_known(session)
     options = session.options
     factors = dict.fromkeys(LEVELS, 1.0) | dict(options.factors)
     problem = scale_problem(problem_of(session), factors)

@@ -15,7 +15,7 @@ import numpy as np
 
 from automap import earth
 from automap.frames import matrix_to_quat, rotation_vector_to_matrix
-from automap.fusion.measurements import FixModel, Nodes, Shift
+from automap.fusion.nodes import FixModel, Nodes, Shift
 from automap.fusion.problem import Problem, Start, run_forward
 from automap.records import FloatArray
 

@@ -12,12 +12,13 @@ from automap.frames import (
     matrix_to_quat,
     matrix_to_rpy,
     quat_to_matrix,
-    rotation_vector_to_matrix,
+    rpy_to_matrix,
 )
 from automap.fusion.alignment import SURE_MARGIN_NATS
 from automap.fusion.layout import HAS_POS_H
-from automap.fusion.measurements import Nodes, Odometer, model_fixes
+from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.mounting import Mounting, estimate_mounting
+from automap.fusion.nodes import Nodes, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.output import (
     Innovations,
@@ -279,7 +280,7 @@ def _assemble(
     spread = dict(zip(history.names, history.sd[-1], strict=True))
     delay = Prior(float(final.get(DELAY_STATE, 0.0)), float(spread.get(DELAY_STATE, 0.0)))
     angles = [f"imu_mounting_{a}" for a in ("roll", "pitch", "yaw")]
-    turn = rotation_vector_to_matrix(np.array([final.get(name, 0.0) for name in angles]))
+    turn = rpy_to_matrix(np.array([final.get(name, 0.0) for name in angles]))
     sd = np.array([spread.get(name, 0.0) for name in angles])
     if not axes_known:
         sd[1:] = np.maximum(sd[1:], FORWARD_SD)

@@ -12,7 +12,7 @@ import numpy as np
 from automap.earth import from_local_ned, local_ned
 from automap.errors import InputError
 from automap.fusion.kernels.axis import smooth_axis
-from automap.fusion.measurements import model_fixes
+from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.screening import screen_fixes
 from automap.records import BoolArray, ClockModel, Fixes, FloatArray, Trajectory

@@ -1,37 +1,13 @@
-"""Where each state block stands in the error state, and what a node may carry.
+"""What a node may carry: flags, values, channels of innovations.
 
 The error state is position, velocity, attitude (NED, truth minus estimate; attitude phi with
-``C_true = exp([phi x]) C``), then the inertial error parameters, then the measurement-side
-states. A block that is switched off has the offset -1.
+``C_true = exp([phi x]) C``), then the inertial error parameters, then those of the effects on
+measurements.
 """
 
 from __future__ import annotations
 
-# blocks of the navigation error
-P_ID = 0
-V_ID = 3
-PHI_ID = 6
-N_NAV = 9
-
-# columns of the offsets row handed to the kernels
-(
-    LEVER,
-    DELAY,
-    VEL_LATENCY,
-    WANDER,
-    MOUNT,
-    WHEEL,
-    LATENCY,
-    VEL_LAG,
-    SKEW,
-    DATUM,
-    SIDESLIP,
-    ODOMETER_SCALE,
-    VEHICLE_PITCH,
-    VEL_WANDER,
-) = range(14)
-N_BLOCKS = 14
-BLOCK_SIZE = (3, 1, 1, 3, 3, 3, 1, 1, 1, 3, 1, 1, 1, 3)
+from automap.effects.navigation import N_NAV, P_ID, PHI_ID, V_ID
 
 # bits of a node's flags
 HAS_POS_H = 1
@@ -41,6 +17,10 @@ HAS_VEL_V = 8
 STANDSTILL = 16
 NHC = 32
 ODOMETER = 64
+
+# columns of a node's values: latitude, longitude, height, velocity NED, wheel speed
+WHEEL_SPEED = 6
+N_VALUES = 7
 
 # channels in innovation tables, by code
 CHANNELS = (
@@ -62,3 +42,27 @@ CHANNELS = (
 )
 CH_POS, CH_VEL, CH_NHC, CH_ZUPT, CH_ZARU, CH_ODOMETER = 0, 3, 6, 8, 11, 14
 MAX_SCALARS = 15
+
+__all__ = [
+    "CHANNELS",
+    "CH_NHC",
+    "CH_ODOMETER",
+    "CH_POS",
+    "CH_VEL",
+    "CH_ZARU",
+    "CH_ZUPT",
+    "HAS_POS_H",
+    "HAS_POS_V",
+    "HAS_VEL_H",
+    "HAS_VEL_V",
+    "MAX_SCALARS",
+    "NHC",
+    "N_NAV",
+    "N_VALUES",
+    "ODOMETER",
+    "PHI_ID",
+    "P_ID",
+    "STANDSTILL",
+    "V_ID",
+    "WHEEL_SPEED",
+]

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.effects import CATALOGUE
 from automap.fusion.kernels.level_slopes import level_slopes
-from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, MAX_SCALARS, N_NAV, VEL_WANDER, WANDER
-from automap.fusion.levels import ALL_LEVELS, VELOCITY_WANDER
-from automap.fusion.measurements import Nodes, Shift
+from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, MAX_SCALARS, N_NAV
+from automap.fusion.levels import ALL_LEVELS
+from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import PathStates, Problem, Start, run_forward
 from automap.records import FloatArray, IntArray
 
@@ -51,7 +52,7 @@ def level_likelihood(
         nodes.t,
         nodes.var,
         nodes.wander_keep,
-        int(problem.model.offsets[WANDER]),
+        problem.model.kept,
         problem.model.tau,
         problem.model.walk,
         problem.arrays.noise,
@@ -75,17 +76,12 @@ def _level_of_channel() -> IntArray:
 def _level_of_state(problem: Problem) -> IntArray:
     model = problem.model
     out = np.full(model.size, -1, dtype=np.int64)
-    for sensor in ("accel", "gyro"):
-        for axis in "xyz":
-            if f"{sensor}_bias_{axis}" in model.names:
-                row = model.index(f"{sensor}_bias_{axis}")
-                out[row] = ALL_LEVELS.index(f"{sensor}_bias_walk")
-    offset = int(model.offsets[WANDER])
-    if offset >= N_NAV:
-        out[offset : offset + 3] = ALL_LEVELS.index("wander")
-    offset = int(model.offsets[VEL_WANDER])
-    if offset >= N_NAV:
-        out[offset : offset + 3] = ALL_LEVELS.index(VELOCITY_WANDER)
+    for row, term in enumerate(model.terms):
+        if level := CATALOGUE[term.effect].walk_setting:
+            out[N_NAV + row] = ALL_LEVELS.index(level)
+    for effect in model.places:
+        if markov := CATALOGUE[effect].markov:
+            out[model.rows(effect)] = ALL_LEVELS.index(markov.size_level)
     return out
 
 

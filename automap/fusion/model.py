@@ -2,79 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from automap.effects import CATALOGUE, ImuTerm, effect_named, imu_terms
-from automap.effects.user_fixes import acts_on_fixes
+from automap.effects import CATALOGUE, Effect, ImuTerm, effect_named, imu_terms
+from automap.effects.measured import MEASURED, MeasuredTerms, measured_terms
 from automap.errors import ConfigError
-from automap.fusion.layout import (
-    BLOCK_SIZE,
-    DATUM,
-    DELAY,
-    LATENCY,
-    LEVER,
-    MOUNT,
-    N_BLOCKS,
-    N_NAV,
-    ODOMETER_SCALE,
-    SIDESLIP,
-    SKEW,
-    VEHICLE_PITCH,
-    VEL_LAG,
-    VEL_LATENCY,
-    VEL_WANDER,
-    WANDER,
-    WHEEL,
-)
+from automap.fusion.layout import N_NAV
 from automap.fusion.options import FusionOptions
 from automap.records import FloatArray, IntArray
-
-_BLOCK_OF_EFFECT = {
-    "gnss_lever_arm": LEVER,
-    "imu_time_offset": DELAY,
-    "gnss_velocity_latency": VEL_LATENCY,
-    "gnss_correlated_noise": WANDER,
-    "imu_mounting": MOUNT,
-    "nhc_lever_arm": WHEEL,
-    "gnss_latency": LATENCY,
-    "gnss_velocity_lag": VEL_LAG,
-    "imu_clock_skew": SKEW,
-    "gnss_datum_shift": DATUM,
-    "vehicle_sideslip": SIDESLIP,
-    "odometer_scale": ODOMETER_SCALE,
-    "vehicle_pitch": VEHICLE_PITCH,
-}
-_SETTINGS_OF_EFFECT = {
-    "accel_bias_walk": "fuse.accel_bias_walk",
-    "gyro_bias_walk": "fuse.gyro_bias_walk",
-    "earth_rotation": "fuse.earth_rotation",
-    "gnss_noise_scale": "fuse.adapt",
-    "gnss_outliers": "fuse.gate_probability",
-}
-_WALK_OF_EFFECT = {"accel_bias": "accel_bias_walk", "gyro_bias": "gyro_bias_walk"}
 
 
 @dataclass(frozen=True)
 class StateModel:
     """The error state of one run: terms, offsets, priors, process noise.
 
-    ``terms`` the inertial parameters in order, ``term_table`` [m, 3] their codes, ``offsets``
-    [N_BLOCKS] of the measurement-side blocks (-1 off), ``names`` of the states after the nine
-    navigation errors, ``prior_mean`` and ``prior_sd`` [n - 9], ``tau`` [n] s, 0
-    where a state only walks, ``walk`` [n] its variance, or the walk's growth of it in a second.
+    ``terms`` the inertial parameters in order, ``term_table`` [m, 3] their codes, ``measured`` the
+    terms on fixes and vehicle, ``places`` the first row of each such effect; ``names`` of the
+    states after the nine navigation errors, ``prior_mean`` and ``prior_sd`` [n - 9], ``tau`` [n]
+    s, 0 where a state only walks, ``walk`` [n] its variance, or the walk's growth of it in a
+    second. ``kept`` [n]: which of a node's three shares outlasts a change of the fixes' size, -1
+    where the state does not go by it.
     """
 
     terms: tuple[ImuTerm, ...]
     term_table: IntArray
-    offsets: IntArray
+    measured: MeasuredTerms
+    places: Mapping[str, int]
     names: tuple[str, ...]
     prior_mean: FloatArray
     prior_sd: FloatArray
     tau: FloatArray
     walk: FloatArray
+    kept: IntArray
 
     @property
     def size(self) -> int:
@@ -83,6 +45,13 @@ class StateModel:
     def index(self, name: str) -> int:
         """Row of a named parameter in the error state."""
         return N_NAV + self.names.index(name)
+
+    def rows(self, effect: str) -> slice:
+        """Rows in the error state of an effect on measurements; empty where it is not estimated."""
+        first = self.places.get(effect)
+        if first is None:
+            return slice(0, 0)
+        return slice(first, first + len(CATALOGUE[effect].states))
 
 
 def build_state_model(
@@ -99,50 +68,57 @@ def build_state_model(
         ConfigError: an effect that the filter has no states for.
     """
     given = _fixed_values(options)
-    # what a user says of the fixes is taken out of them beforehand
-    fixed = [e for e in options.fixed if not acts_on_fixes(e)]
-    chosen = [*options.effects, *(e for e in fixed if e not in options.effects)]
+    chosen = [*options.effects, *(e for e in options.fixed if e not in options.effects)]
+    for effect in CATALOGUE.values():
+        size = effect.markov.sd_setting if effect.markov is not None else ""
+        if size and getattr(options, size) > 0.0 and effect.name not in chosen:
+            chosen.append(effect.name)
     imu_names = [e for e in chosen if effect_named(e).family == "imu"]
     terms = tuple(imu_terms(imu_names))
     names = [t.name for t in terms]
     sd = [_prior(options, t.effect, t.parameter.name, t.parameter.prior_sd) for t in terms]
-    offsets = np.full(N_BLOCKS, -1, dtype=np.int64)
-    for effect in chosen:
-        if effect in imu_names:
-            continue
-        block = _block_of(effect)
-        offsets[block] = N_NAV + len(names)
-        if block == WANDER:
-            names += [f"{effect}_{a}" for a in "ned"]
-            sd += [1.0, 1.0, 1.0]
-            continue
-        for parameter in CATALOGUE[effect].parameters[: BLOCK_SIZE[block]]:
-            names.append(f"{effect}_{parameter.name}")
-            sd.append(_prior(options, effect, parameter.name, parameter.prior_sd))
-    if options.velocity_wander_sd > 0.0:
-        offsets[VEL_WANDER] = N_NAV + len(names)
-        names += [f"gnss_velocity_wander_{a}" for a in "ned"]
-        sd += [options.velocity_wander_sd] * 3
+    places: dict[str, int] = {}
+    for name in chosen:
+        if name not in imu_names:
+            places[name] = N_NAV + len(names)
+            for state, spread in _states(options, _estimable(name)):
+                names.append(state)
+                sd.append(spread)
     means = {**(means or {}), **given}
     sds = {**(sds or {}), **dict.fromkeys(given, 0.0)}
     n = N_NAV + len(names)
-    tau = np.zeros(n)
-    walk = np.zeros(n)
+    tau, walk = np.zeros(n), np.zeros(n)
+    kept = np.full(n, -1, dtype=np.int64)
     for i, term in enumerate(terms):
-        if term.effect in _WALK_OF_EFFECT and term.effect not in options.fixed:
-            walk[N_NAV + i] = getattr(options, _WALK_OF_EFFECT[term.effect]) ** 2
-    if offsets[WANDER] >= 0:
-        block_rows = slice(int(offsets[WANDER]), int(offsets[WANDER]) + 3)
-        tau[block_rows] = options.wander_tau_s
-        walk[block_rows] = 1.0
-    if offsets[VEL_WANDER] >= 0:
-        block_rows = slice(int(offsets[VEL_WANDER]), int(offsets[VEL_WANDER]) + 3)
-        tau[block_rows] = options.velocity_wander_tau_s
-        walk[block_rows] = options.velocity_wander_sd**2
+        setting = CATALOGUE[term.effect].walk_setting
+        if setting and term.effect not in options.fixed:
+            walk[N_NAV + i] = getattr(options, setting) ** 2
+    for name, first in places.items():
+        markov = CATALOGUE[name].markov
+        if markov is None:
+            continue
+        rows = slice(first, first + len(CATALOGUE[name].states))
+        tau[rows] = getattr(options, markov.tau_setting)
+        walk[rows] = np.square(sd[first - N_NAV : rows.stop - N_NAV])
+        if not markov.sd_setting:
+            # normalised by the accuracy that fixes state, which changes along a drive
+            kept[rows] = np.arange(rows.stop - first)
     mean = np.array([means.get(name, 0.0) for name in names])
-    spread = np.array([sds.get(name, s) for name, s in zip(names, sd, strict=True)])
+    spreads = np.array([sds.get(name, s) for name, s in zip(names, sd, strict=True)])
     table = np.array([(t.sensor, t.axis, t.basis) for t in terms], dtype=np.int64).reshape(-1, 3)
-    return StateModel(terms, table, offsets, tuple(names), mean, spread, tau, walk)
+    measured = measured_terms({e: first - N_NAV for e, first in places.items()})
+    return StateModel(terms, table, measured, places, tuple(names), mean, spreads, tau, walk, kept)
+
+
+def _states(options: FusionOptions, effect: Effect) -> Iterator[tuple[str, float]]:
+    """Names and prior sds of what the filter estimates of an effect."""
+    if effect.markov is not None:
+        setting = effect.markov.sd_setting
+        size = float(getattr(options, setting)) if setting else 1.0
+        yield from ((f"{effect.name}_{state}", size) for state in effect.states)
+        return
+    for p in effect.parameters:
+        yield f"{effect.name}_{p.name}", _prior(options, effect.name, p.name, p.prior_sd)
 
 
 def _prior(options: FusionOptions, effect: str, parameter: str, default: float) -> float:
@@ -150,22 +126,16 @@ def _prior(options: FusionOptions, effect: str, parameter: str, default: float) 
     return float(given.get(parameter, given.get("*", default)))
 
 
-def _block_of(effect: str) -> int:
-    """Block of a measurement-side effect; raises ConfigError where the filter has none."""
-    if effect in _BLOCK_OF_EFFECT:
-        return _BLOCK_OF_EFFECT[effect]
-    if effect in _SETTINGS_OF_EFFECT:
-        raise ConfigError(
-            f"fuse.effects: '{effect}' is no state; it is set by {_SETTINGS_OF_EFFECT[effect]}"
-        )
-    if acts_on_fixes(effect):
-        raise ConfigError(
-            f"fuse.effects: '{effect}' acts on the fixes; automap gap finds its value, which a run "
-            f"takes from fuse.fixed.{effect}"
-        )
-    states = [e for e in CATALOGUE if CATALOGUE[e].family == "imu"] + list(_BLOCK_OF_EFFECT)
+def _estimable(name: str) -> Effect:
+    """An effect on measurements; raises ConfigError where the filter has no states for it."""
+    effect = CATALOGUE[name]
+    if effect.acts_on(*MEASURED):
+        return effect
+    if effect.setting:
+        raise ConfigError(f"fuse.effects: '{name}' is no state; it is set by {effect.setting}")
+    states = [e.name for e in CATALOGUE.values() if e.family == "imu" or e.acts_on(*MEASURED)]
     raise ConfigError(
-        f"fuse.effects: '{effect}' cannot be estimated by the filter; choose from "
+        f"fuse.effects: '{name}' cannot be estimated by the filter; choose from "
         + ", ".join(states)
     )
 

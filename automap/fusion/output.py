@@ -15,7 +15,7 @@ from automap.frames import (
     rpy_sd_from_tilt,
 )
 from automap.fusion.layout import CH_VEL, CHANNELS, N_NAV, PHI_ID
-from automap.fusion.measurements import Nodes, Shift
+from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import (
     PARAMETER_STEP_S,
     ForwardRun,

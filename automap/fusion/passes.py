@@ -7,12 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.effects import Signals
+from automap.effects.signals import signals_of_readings
+from automap.effects.user import is_users
 from automap.fusion.adapt import COARSE, FINE, adapt_noise, refine_noise, scale_nodes, scale_problem
 from automap.fusion.alignment import Alignment, align
 from automap.fusion.layout import HAS_VEL_H
 from automap.fusion.levels import LEVELS, SLOPED_LEVELS, WHITE_LEVELS
-from automap.fusion.measurements import MIN_SPLIT_S, FixModel, Nodes, Odometer, Shift, build_nodes
+from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.model import StateModel, build_state_model
+from automap.fusion.nodes import MIN_SPLIT_S, FixModel, Nodes, Shift, build_nodes
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import (
     DELAY_STATE,
@@ -29,7 +33,6 @@ from automap.fusion.problem import (
     states_about,
 )
 from automap.fusion.sections import filter_and_smooth
-from automap.fusion.user_effects import signals_for, without_known
 from automap.records import FloatArray, ImuData
 
 DELAY_CONVERGED_S = 0.0005
@@ -101,6 +104,15 @@ def lateral_acceleration(
     return np.asarray(speed * np.interp(speed_t, t_imu, smooth))
 
 
+def session_signals(session: Session) -> Signals:
+    """The quantities of a drive at its IMU samples, as readings and fixes show them."""
+    imu, fixes = session.imu, session.fixes
+    t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9) + session.begin_s
+    has = (fixes.flags & HAS_VEL_H) > 0
+    fix_t, velocity = fixes.t[has] + session.begin_s, fixes.values[has, 3:6]
+    return signals_of_readings(t, imu.gyro, imu.accel, imu.temp_c, fix_t, velocity)
+
+
 def problem_of(session: Session) -> Problem:
     """What the filter needs of a session but its nodes, noise levels as the options state them."""
     model = build_state_model(session.options, session.means, session.sds)
@@ -109,7 +121,9 @@ def problem_of(session: Session) -> Problem:
     if len(speed_t):
         t_imu = np.asarray((session.imu.t_ns - session.imu.t_ns[0]) * 1e-9)
         along = np.interp(t_imu, speed_t, speed)
-    return make_problem(session.imu, model, session.options, along, signals_for(session, model))
+    named = [*(t.extra or "" for t in model.terms), *model.measured.signals]
+    signals = session_signals(session) if any(is_users(name) for name in named) else None
+    return make_problem(session.imu, model, session.options, along, signals)
 
 
 def nodes_of(
@@ -147,7 +161,6 @@ def run_passes(
     linearises about the filter's own estimate, all others about the smoothed path of the one
     before, at times that contain the delays found there.
     """
-    session = without_known(session)
     options = session.options
     base = problem_of(session)
     model = base.model

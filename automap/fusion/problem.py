@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from automap.effects import Signals, extra_basis
+from automap.effects.measured_kernels import TermTable
+from automap.effects.user import is_users, user_signal
 from automap.fusion import kernels
 from automap.fusion.kernels import ForwardStore, ModelArrays, NodeArrays, Samples
 from automap.fusion.layout import (
@@ -19,10 +22,9 @@ from automap.fusion.layout import (
     NHC,
     ODOMETER,
     STANDSTILL,
-    WANDER,
 )
-from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.model import StateModel
+from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.resample import states_at
 from automap.fusion.shocks import shock_noise
@@ -47,6 +49,7 @@ _ROWS_OF_FLAG = (
     (ODOMETER, 1),
     (STANDSTILL, 6),
 )
+_WANDER_SIGNALS = ("position_sd_n", "position_sd_e", "position_sd_d")
 DELAY_STATE = "imu_time_offset_s"
 VEL_LATENCY_STATE = "gnss_velocity_latency_s"
 LATENCY_STATE = "gnss_latency_s"
@@ -67,12 +70,14 @@ def contained(shift: Shift) -> tuple[tuple[str, float], ...]:
 
 @dataclass(frozen=True)
 class Problem:
-    """Readings and model in the form the kernels take; ``arrays`` are the model's."""
+    """Readings and model in the form the kernels take; ``arrays`` are the model's, ``users`` the
+    users' signals [n] at the samples that its terms on fixes and vehicle are multiplied with."""
 
     samples: Samples
     model: StateModel
     options: FusionOptions
     arrays: ModelArrays
+    users: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def t(self) -> FloatArray:
@@ -148,7 +153,10 @@ def make_problem(
     samples = Samples(
         t, raw, np.ascontiguousarray(extra), np.ascontiguousarray(force), calm, shocks
     )
-    return with_options(Problem(samples, model, options, _model_arrays(model, options, step)))
+    users = {}
+    if signals is not None:
+        users = {n: user_signal(n, signals) for n in model.measured.signals if is_users(n)}
+    return Problem(samples, model, options, _model_arrays(model, options, step), users)
 
 
 def with_options(problem: Problem, options: FusionOptions | None = None) -> Problem:
@@ -178,9 +186,10 @@ def _model_arrays(model: StateModel, options: FusionOptions, step: float) -> Mod
     thresholds = [float(chdtri(rows, options.gate_probability)) for rows in (1, 2, 3)]
     return ModelArrays(
         terms=model.term_table,
-        offsets=model.offsets,
+        measured=TermTable(model.measured.codes, model.measured.weights),
         tau=model.tau,
         walk=model.walk,
+        kept=model.kept,
         noise=np.array([options.accel_noise**2, options.gyro_noise**2]),
         gap=np.array([options.gap_factor * step, options.gap_force_sd, options.gap_rate_sd]),
         gate=np.array([*thresholds, MAX_INFLATION, REFUSED_INFLATION]),
@@ -214,6 +223,18 @@ class FilterState:
     cov: FloatArray
 
 
+def node_signals(problem: Problem, nodes: Nodes) -> FloatArray:
+    """The signals [k, e] at the nodes that the model's terms on measurements are multiplied with:
+    the size of the fixes' wandering error, or a user's."""
+    out = np.empty((len(nodes.t), len(problem.model.measured.signals)))
+    for column, name in enumerate(problem.model.measured.signals):
+        if name in problem.users:
+            out[:, column] = np.interp(nodes.t, problem.t, problem.users[name])
+        else:
+            out[:, column] = nodes.wander_sd[:, _WANDER_SIGNALS.index(name)]
+    return out
+
+
 def first_state(problem: Problem, start: Start, shift: Shift) -> FilterState:
     """The state before anything was measured."""
     model = problem.model
@@ -237,7 +258,12 @@ def filter_into(
         problem.samples,
         problem.arrays,
         NodeArrays(
-            nodes.t, nodes.flags, nodes.values, nodes.var, nodes.wander_sd, nodes.wander_keep
+            nodes.t,
+            nodes.flags,
+            nodes.values,
+            nodes.var,
+            node_signals(problem, nodes),
+            nodes.wander_keep,
         ),
         state.nominal,
         state.params,
@@ -322,7 +348,7 @@ def run_smoother(
     kernels.run_smoother(
         forward.nodes.t,
         forward.nodes.wander_keep,
-        int(problem.model.offsets[WANDER]),
+        problem.model.kept,
         problem.model.tau,
         store,
         rows,

@@ -14,7 +14,7 @@ import numpy as np
 from automap.earth import local_ned
 from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H
-from automap.fusion.measurements import FixModel
+from automap.fusion.nodes import FixModel
 from automap.records import BoolArray, FloatArray, IntArray
 
 ROUNDS = 6

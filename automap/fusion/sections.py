@@ -14,7 +14,7 @@ import numpy as np
 
 from automap.fusion import kernels
 from automap.fusion.kernels import ForwardStore
-from automap.fusion.measurements import Nodes, Shift
+from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import (
     FilterState,
     ForwardRun,

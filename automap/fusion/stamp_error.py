@@ -12,11 +12,13 @@ from __future__ import annotations
 import numpy as np
 
 from automap.frames import quat_multiply
-from automap.fusion.layout import DELAY, MOUNT, N_NAV, SKEW
+from automap.fusion.layout import N_NAV
 from automap.fusion.model import StateModel
 from automap.fusion.resample import states_at
 from automap.records import FloatArray, IntArray
 
+MOUNTING = "imu_mounting"
+STAMPS = ("imu_time_offset", "imu_clock_skew")
 HALF_STEP_S = 0.05
 """Rates of change are taken over twice this time: vibration is no motion of the vehicle."""
 
@@ -24,17 +26,14 @@ HALF_STEP_S = 0.05
 def reported_rows(model: StateModel) -> IntArray:
     """States whose covariance is kept per node: navigation, mounting, delay and skew, those of
     them that are estimated."""
-    rows = list(range(N_NAV))
-    for block, size in ((MOUNT, 3), (DELAY, 1), (SKEW, 1)):
-        offset = int(model.offsets[block])
-        if offset >= 0:
-            rows += range(offset, offset + size)
-    return np.array(rows, dtype=np.int64)
+    rows = [np.arange(N_NAV), *(np.r_[model.rows(e)] for e in (MOUNTING, *STAMPS))]
+    return np.concatenate(rows).astype(np.int64)
 
 
 def mounting_rows(model: StateModel) -> slice:
     """Where the mounting stands among the reported rows; empty where it is not estimated."""
-    return slice(N_NAV, N_NAV + (3 if int(model.offsets[MOUNT]) >= 0 else 0))
+    rows = model.rows(MOUNTING)
+    return slice(N_NAV, N_NAV + rows.stop - rows.start)
 
 
 def told_by_stamp(
@@ -47,7 +46,8 @@ def told_by_stamp(
     """
     own = mounting_rows(model).stop
     out = cov[:, :own, :own].copy()
-    weights = [w for b, w in ((DELAY, np.ones_like(node_t)), (SKEW, node_t)) if _on(model, b)]
+    late_by = zip(STAMPS, (np.ones_like(node_t), node_t), strict=True)
+    weights = [weight for effect, weight in late_by if effect in model.places]
     if not weights:
         return out
     late = np.stack(weights, axis=1)
@@ -60,10 +60,6 @@ def told_by_stamp(
     out += cross + np.swapaxes(cross, 1, 2)
     out += variance[:, None, None] * full[:, :, None] * full[:, None, :]
     return out
-
-
-def _on(model: StateModel, block: int) -> bool:
-    return int(model.offsets[block]) >= 0
 
 
 def rates_of_change(t: FloatArray, states: FloatArray, node_t: FloatArray) -> FloatArray:

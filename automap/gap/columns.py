@@ -7,20 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.earth import RATE
 from automap.effects import CATALOGUE
-from automap.effects.imu import ACCEL, BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, OF_USER, imu_terms
-from automap.effects.user_fixes import acts_on_fixes
-from automap.fusion.layout import (
-    CH_NHC,
-    CH_ODOMETER,
-    CH_POS,
-    CH_VEL,
-    LEVER,
-    MAX_SCALARS,
-    MOUNT,
-    N_NAV,
-    WHEEL,
-)
+from automap.effects.imu import ACCEL, BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, imu_terms
+from automap.effects.measured import MEASURED, measured_terms
+from automap.effects.measured_kernels import TermTable, rows_along
+from automap.effects.terms import POSITION, VEHICLE, VELOCITY, Kind
+from automap.effects.user import is_users, user_signal
+from automap.frames import quat_to_matrix
+from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS, N_NAV
+from automap.fusion.problem import node_signals
 from automap.fusion.steady_rate import steady_rate
 from automap.gap.fit import Fit, Motion, at_times, lagged, motion_of
 from automap.gap.kernels import push_columns
@@ -30,7 +26,6 @@ from automap.records import FloatArray, IntArray
 REFERENCE_TAU_S = 0.1
 """Delays and lags are told apart by what so long a one does beyond first order."""
 ORIGIN = "origin"
-EARTH_RATE = 7.292115e-5
 
 
 @dataclass(frozen=True)
@@ -62,65 +57,42 @@ class Column:
 
 @dataclass(frozen=True)
 class NodeMotion:
-    """The motion at the nodes: velocity, acceleration NED, ``dcm`` body to NED, rate, the velocity
-    of the point that does not slide in body axes ``u`` [k, 3], ``arm`` [3] m to the antenna."""
+    """The motion at the nodes: velocity, acceleration NED, ``dcm`` body to NED, rate in body axes
+    without the noise of single readings."""
 
     t: FloatArray
     vel: FloatArray
     acc: FloatArray
     dcm: FloatArray
     rate: FloatArray
-    u: FloatArray
-    turn: FloatArray
-    arm: FloatArray
 
 
 def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
     """The smoothed motion at the nodes of a fit."""
-    from automap.frames import quat_to_matrix
-
     nominal = fit.last.smooth.nominal
     t = fit.last.nodes.t
-    dcm = quat_to_matrix(nominal[:, 6:10])
-    vel = nominal[:, 3:6]
     rate = at_times(motion, steady_rate(motion.t, motion.rate), t)
-    u = np.einsum("kji,kj->ki", dcm, vel)
-    final = fit.last.smooth.params[-1]
-    offsets = fit.last.problem.model.offsets
-    if offsets[WHEEL] >= 0:
-        arm = final[offsets[WHEEL] - N_NAV :][:3]
-        u = u + np.cross(rate, arm)
-    mount = np.zeros(3)
-    if offsets[MOUNT] >= 0:
-        mount = final[offsets[MOUNT] - N_NAV :][:3]
-    turn = np.eye(3) + np.array(
-        [[0.0, -mount[2], mount[1]], [mount[2], 0.0, -mount[0]], [-mount[1], mount[0], 0.0]]
-    )
-    antenna = np.zeros(3)
-    if offsets[LEVER] >= 0:
-        antenna = final[offsets[LEVER] - N_NAV :][:3]
-    return NodeMotion(t, vel, at_times(motion, motion.acc, t), dcm, rate, u, turn, antenna)
+    acc = at_times(motion, motion.acc, t)
+    return NodeMotion(t, nominal[:, 3:6].copy(), acc, quat_to_matrix(nominal[:, 6:10]), rate)
 
 
 def effect_columns(
     effect: str, fit: Fit, motion: Motion, at: NodeMotion, prior_sds: Mapping[str, float]
 ) -> list[Column]:
     """The columns of a catalogue effect, none where the drive lacks what it needs."""
-    family = CATALOGUE[effect].family
-    if family == "imu":
+    known = CATALOGUE[effect]
+    if known.family == "imu":
         return _imu_columns(effect, fit, motion, prior_sds)
-    if acts_on_fixes(effect):
-        from automap.gap.fix_effects import fix_columns
-
-        return fix_columns(effect, fit, motion, at, prior_sds)
-    if effect == "earth_rotation":
-        return [_earth_column(fit, motion)]
-    direct = _direct(effect, motion, at)
-    if effect == "imu_clock_skew":
-        # with the instant at which the clocks agreed, which nobody says
+    if known.family == "earth":
+        return [_earth_column(effect, fit, motion)]
+    if not known.acts_on(*MEASURED):
+        return []
+    direct = _direct(effect, fit, motion, at)
+    if known.unsure_zero:
+        # with the instant at which nothing was off, which nobody says
         length = float(motion.t[-1] - motion.t[0])
-        prior_sds = {**prior_sds, ORIGIN: prior_sds["skew"] * length}
-        direct[ORIGIN] = _direct("imu_time_offset", motion, at)["s"]
+        prior_sds = {**prior_sds, ORIGIN: next(iter(prior_sds.values())) * length}
+        direct[ORIGIN] = next(iter(_direct(known.unsure_zero, fit, motion, at).values()))
     return [
         Column(effect, parameter, prior_sds[parameter], direct=Direct(values))
         for parameter, values in direct.items()
@@ -135,7 +107,7 @@ def _imu_columns(
     imu = fit.opened.drive.imu
     terms = imu_terms([effect])
     speed = np.linalg.norm(motion.vel, axis=1)
-    users = any(OF_USER in (t.extra or "") for t in terms)
+    users = any(is_users(t.extra or "") for t in terms)
     signals = motion_signals(fit, motion) if users else None
     extra = extra_basis(terms, motion.rate, motion.force, imu.temp_c, speed, signals=signals)
     out = []
@@ -157,93 +129,75 @@ def _imu_columns(
     return out
 
 
-def _earth_column(fit: Fit, motion: Motion) -> Column:
+def _earth_column(effect: str, fit: Fit, motion: Motion) -> Column:
     """What the gyro and the accelerometer would read more were the Earth turning."""
     lat = float(motion.pos[0, 0])
-    turn = EARTH_RATE * np.array([np.cos(lat), 0.0, -np.sin(lat)])
+    turn = RATE * np.array([np.cos(lat), 0.0, -np.sin(lat)])
     gyro = np.einsum("nij,i->nj", motion.dcm, turn)
     coriolis = 2.0 * np.cross(turn, motion.vel)
     accel = np.einsum("nij,ni->nj", motion.dcm, coriolis)
     acts = tuple(Inertial(0, a, gyro[:, a]) for a in range(3))
     acts += tuple(Inertial(1, a, accel[:, a]) for a in range(3))
-    return Column("earth_rotation", "on", 1.0, acts)
+    return Column(effect, "on", 1.0, acts)
 
 
-def _direct(effect: str, motion: Motion, at: NodeMotion) -> dict[str, FloatArray]:
-    """What a unit of each parameter adds to the nodes' channels [k, 15]."""
-    k = len(at.t)
-    out: dict[str, FloatArray] = {}
+_CHANNELS = {
+    POSITION: (CH_POS, CH_POS + 1, CH_POS + 2),
+    VELOCITY: (CH_VEL, CH_VEL + 1, CH_VEL + 2),
+    VEHICLE: (CH_ODOMETER, CH_NHC, CH_NHC + 1),
+}
 
-    def blank() -> FloatArray:
-        return np.zeros((k, MAX_SCALARS))
 
-    pos, vel = slice(CH_POS, CH_POS + 3), slice(CH_VEL, CH_VEL + 3)
-    if effect == "gnss_lever_arm":
-        for i, name in enumerate("xyz"):
-            d = blank()
-            d[:, pos] = at.dcm[:, :, i]
-            unit = np.zeros(3)
-            unit[i] = 1.0
-            d[:, vel] = np.einsum("kij,kj->ki", at.dcm, np.cross(at.rate, unit))
-            out[name] = d
-    elif effect in ("gnss_latency", "imu_time_offset", "imu_clock_skew"):
-        d = blank()
-        sign = -1.0 if effect == "gnss_latency" else 1.0
-        factor = sign * (at.t if effect == "imu_clock_skew" else np.ones(k))[:, None]
-        d[:, pos], d[:, vel] = factor * at.vel, factor * at.acc
-        out["skew" if effect == "imu_clock_skew" else "s"] = d
-    elif effect in ("gnss_velocity_latency", "gnss_velocity_lag"):
-        d = blank()
-        tau = REFERENCE_TAU_S
-        if effect == "gnss_velocity_lag":
-            seen = at_times(motion, lagged(motion, tau), at.t)
-        else:
-            seen = at_times(motion, motion.vel, at.t - tau)
-        d[:, vel] = (seen - at_times(motion, motion.vel, at.t)) / tau
-        out["tau" if effect == "gnss_velocity_lag" else "s"] = d
-    elif effect == "gnss_datum_shift":
-        for i, name in enumerate("ned"):
-            d = blank()
-            d[:, CH_POS + i] = 1.0
-            out[name] = d
-    elif effect == "imu_mounting":
-        u = at.u
-        rows = {
-            "roll": (np.zeros(k), -u[:, 2], u[:, 1]),
-            "pitch": (u[:, 2], np.zeros(k), -u[:, 0]),
-            "yaw": (-u[:, 1], u[:, 0], np.zeros(k)),
-        }
-        for name, (x, y, z) in rows.items():
-            d = blank()
-            d[:, CH_NHC], d[:, CH_NHC + 1], d[:, CH_ODOMETER] = y, z, x
-            axis = "rpy".index(name[0])
-            # the antenna is on the vehicle, not on the sensor
-            swung = np.cross(at.arm, np.eye(3)[axis])
-            d[:, pos] = at.dcm @ swung
-            d[:, vel] = np.einsum("kij,kj->ki", at.dcm, np.cross(at.rate, swung))
-            out[name] = d
-    elif effect == "nhc_lever_arm":
-        for i, name in enumerate("xyz"):
-            unit = np.zeros(3)
-            unit[i] = 1.0
-            swing = np.cross(at.rate, unit) @ at.turn.T
-            d = blank()
-            d[:, CH_NHC], d[:, CH_NHC + 1], d[:, CH_ODOMETER] = (
-                swing[:, 1],
-                swing[:, 2],
-                swing[:, 0],
+def _direct(effect: str, fit: Fit, motion: Motion, at: NodeMotion) -> dict[str, FloatArray]:
+    """What a unit of each parameter adds to the nodes' channels [k, 15], beside the parameters
+    that the fit has already."""
+    model, states = fit.last.problem.model, CATALOGUE[effect].states
+    places = {e: first - N_NAV for e, first in model.places.items()}
+    params = fit.last.smooth.params[-1]
+    first = places.setdefault(effect, len(params))
+    if first == len(params):
+        params = np.concatenate([params, np.zeros(len(states))])
+    table = measured_terms(places)
+    of_model = node_signals(fit.last.problem, fit.last.nodes).T
+    known = dict(zip(model.measured.signals, of_model, strict=True))
+    signals = motion_signals(fit, motion).at(at.t + fit.opened.drive.begin_s)
+    columns = [
+        user_signal(name, signals) if is_users(name) else known[name] for name in table.signals
+    ]
+    rows = np.zeros((len(at.t), len(MEASURED), 3, len(params)))
+    rows_along(
+        at.vel,
+        np.ascontiguousarray(at.dcm),
+        at.rate,
+        at.acc,
+        at.t,
+        np.stack(columns, axis=1) if columns else np.zeros((len(at.t), 0)),
+        params,
+        TermTable(table.codes, table.weights),
+        rows,
+    )
+    out = {}
+    for i, state in enumerate(states):
+        by_channel = np.zeros((len(at.t), MAX_SCALARS))
+        for number, measured in enumerate(MEASURED):
+            by_channel[:, _CHANNELS[measured]] = rows[:, number, :, first + i]
+        out[state] = by_channel
+    for term in CATALOGUE[effect].terms:
+        if term.kind in (Kind.TIME, Kind.LAG) and not CATALOGUE[effect].acts_on(POSITION):
+            out[term.parameter][:, _CHANNELS[VELOCITY]] = _beyond_first_order(
+                term.kind, term.weight, motion, at.t
             )
-            out[name] = d
-    elif effect == "vehicle_sideslip":
-        d = blank()
-        lateral = np.einsum("ki,ki->k", at.dcm[:, :, 1], at.acc)
-        d[:, CH_NHC] = lateral * at.u[:, 0]
-        out["coefficient"] = d
-    elif effect == "odometer_scale":
-        d = blank()
-        d[:, CH_ODOMETER] = at.u[:, 0]
-        out["relative"] = d
     return out
+
+
+def _beyond_first_order(kind: Kind, weight: float, motion: Motion, t: FloatArray) -> FloatArray:
+    """What a delay or a lag of ``REFERENCE_TAU_S`` makes of velocities [k, 3], per second of it."""
+    tau = REFERENCE_TAU_S
+    if kind == Kind.LAG:
+        seen = at_times(motion, lagged(motion, tau), t)
+    else:
+        seen = at_times(motion, motion.vel, t + weight * tau)
+    return (seen - at_times(motion, motion.vel, t)) / tau
 
 
 def sensitivities(fit: Fit, motion: Motion, columns: Sequence[Column]) -> FloatArray:
@@ -284,7 +238,7 @@ def sensitivities(fit: Fit, motion: Motion, columns: Sequence[Column]) -> FloatA
         store.trans,
         last.problem.model.tau,
         last.nodes.wander_keep,
-        last.problem.model.offsets,
+        last.problem.model.kept,
         store.scalars,
         store.h,
         store.gain,

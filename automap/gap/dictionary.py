@@ -9,9 +9,9 @@ import numpy as np
 
 from automap.effects import CATALOGUE, Signals, UserEffect, extra_basis, imu_terms
 from automap.effects.formula_text import parse_formula
-from automap.effects.imu import BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, OF_USER, ImuTerm
-from automap.effects.user import INERTIAL, OF_FIXES
-from automap.effects.user_fixes import direction
+from automap.effects.imu import BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, ImuTerm
+from automap.effects.terms import VELOCITY
+from automap.effects.user import INERTIAL, OF_FIXES, is_users, towards, turned
 from automap.fusion.layout import CH_POS, CH_VEL, MAX_SCALARS
 from automap.gap.columns import Column, Direct, Inertial, NodeMotion, effect_columns
 from automap.gap.fit import Fit, Motion
@@ -183,10 +183,10 @@ def _basis_text(term: ImuTerm) -> str:
     words = {"temperature": "temperature", "speed_squared": "speed^2"}
     if term.extra in words:
         return words[term.extra]
-    if OF_USER in str(term.extra):
+    if is_users(str(term.extra)):
         effect = CATALOGUE[term.effect]
         assert isinstance(effect, UserEffect)
-        return effect.term(term.parameter.name).formula or term.name
+        return effect.formula(term.parameter.name).formula or term.name
     kind, source, axis = str(term.extra).split("_")
     name = f"{source}_{axis}"
     return f"abs({name})" if kind == "abs" else f"{name}^2"
@@ -236,14 +236,14 @@ def _fix_columns(signals: Signals) -> list[Column]:
     }
     out = []
     for on in OF_FIXES:
-        first = CH_VEL if on.startswith("velocity") else CH_POS
-        vectors = direction(on, signals.heading)
         for text in ON_FIXES:
             if (on, text) in told:
                 continue
             amount = parse_formula(text)(signals)
             by_channel = np.zeros((len(amount), MAX_SCALARS))
-            by_channel[:, first : first + 3] = amount[:, None] * vectors
+            for part in towards(on):
+                channel = (CH_VEL if part.on == VELOCITY else CH_POS) + part.axis
+                by_channel[:, channel] = part.weight * turned(amount, part.turned, signals)
             sd = SIZES[on.partition("_")[0]] / max(float(amount.std()), 1e-9)
             out.append(Column(on, text, sd, direct=Direct(by_channel)))
     return out

@@ -10,7 +10,8 @@ import numpy as np
 from automap.errors import InputError
 from automap.fusion.engine import Prior, fuse_imu_gnss
 from automap.fusion.layout import HAS_POS_H
-from automap.fusion.measurements import FixModel, Odometer, model_fixes
+from automap.fusion.measurements.wheel_speed import Odometer
+from automap.fusion.nodes import FixModel, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Session, fix_speed
 from automap.fusion.screening import screen_fixes

@@ -5,38 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from automap.effects import CATALOGUE
+from automap.effects.catalogue import alike_to_first_order
 from automap.gap.columns import Column, NodeMotion, effect_columns
 from automap.gap.fit import Fit, Motion
 from automap.gap.model import prior_sd
 
-NEVER = (
-    "accel_bias",
-    "gyro_bias",
-    "gnss_correlated_noise",
-    "gnss_noise_scale",
-    "gnss_outliers",
-    "vehicle_pitch",
-)
-"""Part of every model, or of its noise."""
 FAMILIES = ("imu", "vehicle", "clock", "gnss", "earth")
-SAME_STATE = (
-    ("gnss_latency", "imu_time_offset"),
-    ("gnss_velocity_latency", "gnss_velocity_lag"),
-)
-"""Once one of a pair is in the model, the other says nothing new to first order."""
 
 
 def library(settled: frozenset[str], has_wheels: bool, earth_on: bool) -> list[str]:
     """Names of the effects that could be missing from a model."""
-    taken = set(settled) | set(NEVER)
-    for pair in SAME_STATE:
+    taken = set(settled)
+    for pair in alike_to_first_order():
         if taken & set(pair):
+            # once one is in the model, the other says nothing new to first order
             taken |= set(pair)
-    if not has_wheels:
-        taken.add("odometer_scale")
-    if earth_on:
-        taken.add("earth_rotation")
-    return [e for e in CATALOGUE if CATALOGUE[e].family in FAMILIES and e not in taken]
+    out = []
+    for name, effect in CATALOGUE.items():
+        known = name in taken or effect.usual or (effect.family == "earth" and earth_on)
+        if effect.family in FAMILIES and not known and (has_wheels or not effect.needs_wheels):
+            out.append(name)
+    return out
 
 
 def library_columns(

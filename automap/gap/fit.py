@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from automap.effects.user_fixes import acts_on_fixes
 from automap.fusion.again import run_again
 from automap.fusion.layout import N_NAV
 from automap.fusion.passes import Pass, Session, run_passes
@@ -26,9 +25,8 @@ class Fit:
     """A model on a drive.
 
     ``values`` [p] and ``cov`` [p, p] of the estimated effects' parameters, ``names`` as
-    (effect, parameter); ``score`` the log-likelihood in nats, marginal over all states and,
-    by ``occam``, over the effects that are no states; ``ages`` what was taken out of the fixes
-    beyond the first order.
+    (effect, parameter); ``score`` the log-likelihood in nats, marginal over all states; ``ages``
+    what was taken out of the fixes beyond the first order.
     """
 
     opened: OpenDrive
@@ -39,7 +37,6 @@ class Fit:
     values: FloatArray
     cov: FloatArray
     score: float
-    occam: float = 0.0
     ages: Ages = field(default_factory=Ages)
 
     def value_of(self, effect: str) -> dict[str, float]:
@@ -66,10 +63,6 @@ def fit_drive(
     ``near`` another model's fit to the same drive: the passes begin about its path.
     """
     estimate = estimate or {}
-    if any(acts_on_fixes(e) for e in estimate):
-        from automap.gap.fix_effects import fit_with_fix_effects
-
-        return fit_with_fix_effects(opened, model, estimate, near)
     session, where = session_with(opened, model, estimate)
     ages = Ages()
     if near is None:

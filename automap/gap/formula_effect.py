@@ -57,7 +57,7 @@ def name_of(formula: Formula) -> str:
     texts = [(term.channel, term.text) for term in formula.terms]
     for known in user_effects():
         # what the user defined stays the user's
-        if known.name.startswith(PREFIX) and [(k.on, k.formula) for k in known.terms] == texts:
+        if known.name.startswith(PREFIX) and [(k.on, k.formula) for k in known.formulas] == texts:
             return known.name
     name, number = PREFIX + formula.channel, 1
     while name in CATALOGUE:

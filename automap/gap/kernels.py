@@ -13,7 +13,8 @@ import math
 
 import numpy as np
 
-from automap.fusion.layout import N_NAV, WANDER
+from automap.fusion.kernels.transition import outlasting
+from automap.fusion.layout import N_NAV
 from automap.jit import kernel
 from automap.records import BoolArray, FloatArray, IntArray
 
@@ -30,7 +31,7 @@ def push_columns(
     trans: FloatArray,
     tau: FloatArray,
     keep: FloatArray,
-    offsets: IntArray,
+    kept: IntArray,
     scalars: IntArray,
     h: FloatArray,
     gain: FloatArray,
@@ -43,9 +44,8 @@ def push_columns(
     ``t`` [n] s, ``force`` [n, 3] corrected specific force, ``dcm`` [n, 3, 3] body to NED,
     ``signals`` [n, g]. ``terms`` [m, 4]: column, sensor (0 gyro, 1 accelerometer), axis, signal;
     ``weights`` [m]. The filter's run: ``node_t`` [k], ``trans`` [k, 9, n], ``tau`` [n],
-    ``keep`` [k, 3], ``offsets`` of the blocks, ``scalars`` [k] running totals, ``h``, ``gain``
-    [s, n], ``var`` [s]. ``direct`` [s, d]: the last ``d`` columns also act on the scalars
-    themselves.
+    ``keep`` [k, 3], ``kept`` [n], ``scalars`` [k] running totals, ``h``, ``gain`` [s, n], ``var``
+    [s]. ``direct`` [s, d]: the last ``d`` columns also act on the scalars themselves.
     """
     n_nodes, n_col = node_t.shape[0], out.shape[1]
     n = tau.shape[0]
@@ -55,7 +55,7 @@ def push_columns(
     psi = np.zeros((N_NAV, n_col))
     seen = np.zeros(n_col)
     n_terms = terms.shape[0]
-    wander = offsets[WANDER]
+    decay = np.ones(n)
     i = 0
     n_t = t.shape[0]
     done = 0
@@ -78,13 +78,11 @@ def push_columns(
                     i += 1
             _carry(e, moved, psi, trans[k])
             span = node_t[k] - node_t[k - 1]
+            outlasting(span, tau, kept, keep[k], decay)
             for j in range(N_NAV, n):
                 if tau[j] > 0.0:
-                    d = math.exp(-span / tau[j])
-                    if wander >= 0 and wander <= j < wander + 3:
-                        d *= keep[k, j - wander]
                     for c in range(n_col):
-                        e[j, c] *= d
+                        e[j, c] *= decay[j]
         for a in range(done, scalars[k]):
             for c in range(first_direct):
                 seen[c] = 0.0

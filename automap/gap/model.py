@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.effects.user_fixes import acts_on_fixes
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Session
@@ -24,12 +23,6 @@ EARTH = "earth_rotation"
 """On or off: an effect without parameters."""
 
 SKEW = "imu_clock_skew"
-
-STATE_OF = {
-    "gnss_velocity_latency": ("gnss_velocity_lag", 1.0),
-    "imu_time_offset": ("gnss_latency", -1.0),
-}
-"""Effects that the filter sees, to first order, as another one: that one, and the sign."""
 
 
 @dataclass(frozen=True)
@@ -102,13 +95,12 @@ def session_with(
         for a, sd in zip(("roll", "pitch", "yaw"), drive.mounting_sd, strict=True):
             sds[f"imu_mounting_{a}"] = float(sd)
     where: dict[str, dict[str, tuple[str, float]]] = {}
-    known = {e: dict(v) for e, v in model.values.items() if acts_on_fixes(e)}
     earth = options.earth_rotation or EARTH in model.values or EARTH in estimate
     for effect in dict.fromkeys([*model.values, *estimate]):
-        if effect == EARTH or acts_on_fixes(effect):
+        if effect == EARTH:
             where[effect] = {}
             continue
-        state, sign = STATE_OF.get(effect, (effect, 1.0))
+        state, sign = CATALOGUE[effect].first_order or (effect, 1.0)
         if state not in effects:
             effects.append(state)
         place = {}
@@ -143,6 +135,5 @@ def session_with(
         effects=tuple(effects),
         factors=dict(model.factors),
         earth_rotation=earth,
-        fixed=known,
     )
     return replace(session, options=scaled, means=means, sds=sds), where

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from automap.effects.catalogue import alike_to_first_order
 from automap.fusion.problem import DELAY_STATE, LATENCY_STATE, SKEW_STATE
-from automap.gap.effect_library import SAME_STATE
 from automap.gap.fit import Fit
 from automap.gap.model import SKEW
 from automap.gap.scoring import Joint
@@ -22,7 +22,7 @@ CLOSE_SHARE = 0.03
 OVERLAP = 0.8
 PRIOR_ROOM = 5.0
 """So much of a parameter's information is another effect's, then they are confusable."""
-OFFSETS, VELOCITY_AGES = SAME_STATE
+OFFSETS, VELOCITY_AGES = alike_to_first_order()
 SKEW_SIGMAS = 4.0
 START_SIGMAS = 5.0
 APART_SHARE = 0.2
@@ -173,7 +173,7 @@ def rivals_of(
     much evidence, twins to first order, and those whose sensitivities overlap."""
     close = max(CLOSE_NATS, CLOSE_SHARE * best.joint.nats)
     rivals = [t.effect for t in others if best.joint.nats - t.joint.nats < close]
-    for pair in SAME_STATE:
+    for pair in (OFFSETS, VELOCITY_AGES):
         if best.effect in pair:
             rivals += [e for e in pair if e != best.effect and e in effects]
     if screening is not None:

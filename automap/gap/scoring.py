@@ -43,7 +43,7 @@ def whitener_of(fit: Fit) -> Whitener:
 def robust_score(fit: Fit, whitener: Whitener) -> float:
     """Log-likelihood of the measurements in nats, up to a constant of the whitener."""
     whitened, _, channel = whitened_innovations(fit)
-    total = fit.occam - 0.5 * float(np.log(fit.last.forward.store.var).sum())
+    total = -0.5 * float(np.log(fit.last.forward.store.var).sum())
     for c, spread in whitener.spread.items():
         rows = whitened[channel == c]
         total -= float(_rho(filtered(rows[:, None], whitener.ar[c])[:, 0] / spread).sum())

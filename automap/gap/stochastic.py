@@ -13,7 +13,7 @@ import numpy as np
 
 from automap.fusion.layout import CH_VEL
 from automap.fusion.levels import ALL_LEVELS
-from automap.fusion.measurements import model_fixes
+from automap.fusion.nodes import model_fixes
 from automap.gap.drive import wild_fixes
 from automap.gap.fit import Fit
 from automap.gap.noise import fit_noise, noise_score

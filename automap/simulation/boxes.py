@@ -9,7 +9,7 @@ import numpy as np
 from automap import earth
 from automap.effects.camera import exposed, true_camera
 from automap.effects.lens import project
-from automap.effects.vehicle import Values
+from automap.effects.measured import Values
 from automap.records import Camera, FloatArray, IntArray
 from automap.simulation.scenario import CameraSetup
 from automap.simulation.scene import Scene, SceneSign

@@ -6,20 +6,12 @@ import difflib
 import math
 from collections.abc import Mapping
 
-from automap.effects import effect_named
+from automap.effects import Effect, Parameter, effect_named
 from automap.errors import ConfigError
 
 Errors = Mapping[str, Mapping[str, float] | bool]
 EARTH = "earth_rotation"
 TEMPERATURE = ("accel_temperature", "gyro_temperature")
-_NOT_NEGATIVE = (
-    "accel_bias_walk",
-    "gyro_bias_walk",
-    "gnss_velocity_lag",
-    "gnss_correlated_noise",
-    "gnss_noise_scale",
-    "gnss_outliers",
-)
 
 
 def check_errors(
@@ -43,10 +35,11 @@ def check_errors(
                 f"effect '{name}' needs boxes in place of a video; give box_sd_px under [camera], "
                 "or describe the camera that takes the video there"
             )
-        known = [p.name for p in effect.parameters]
+        known = {p.name: p for p in effect.parameters}
         if isinstance(values, bool):
             raise ConfigError(
-                f"errors.{name} needs values, for instance {name} = {{ {known[0]} = 0.01 }}"
+                f"errors.{name} needs values, for instance "
+                f"{name} = {{ {next(iter(known))} = 0.01 }}"
             )
         for parameter, value in values.items():
             if parameter not in known:
@@ -56,22 +49,22 @@ def check_errors(
                     f"effect '{name}' has no parameter '{parameter}'; it has "
                     f"{', '.join(known)}{hint}"
                 )
-            _check_value(name, parameter, value)
+            _check_value(effect, known[parameter], value)
         if effect.family == "gnss" and not has_gnss:
             raise ConfigError(f"effect '{name}' needs a receiver; add a [gnss] section")
-        if name == "odometer_scale" and not has_odometer:
+        if effect.needs_wheels and not has_odometer:
             raise ConfigError(f"effect '{name}' needs wheels that count; add an [odometer] section")
 
 
-def _check_value(effect: str, parameter: str, value: float) -> None:
-    place = f"errors.{effect}.{parameter}"
+def _check_value(effect: Effect, parameter: Parameter, value: float) -> None:
+    place = f"errors.{effect.name}.{parameter.name}"
     if not math.isfinite(value):
         raise ConfigError(f"{place} is {value}; give a number")
-    if effect in _NOT_NEGATIVE and value < 0.0:
+    if value < parameter.at_least:
         raise ConfigError(f"{place} is {value}; it cannot be negative")
-    if effect == "gnss_outliers" and value > 1.0:
+    if value > parameter.at_most:
         raise ConfigError(f"{place} is {value}; a fraction lies between 0 and 1")
-    if effect == "gnss_correlated_noise" and parameter == "tau" and value == 0.0:
+    if effect.markov is not None and parameter.name == "tau" and value == 0.0:
         raise ConfigError(f"{place} is 0; give a time constant above 0 s")
 
 

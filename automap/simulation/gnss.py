@@ -9,16 +9,17 @@ import numpy as np
 
 from automap import earth
 from automap.effects.gnss import (
-    data_instants,
-    datum_shift,
     gauss_markov,
     low_pass,
     noise_factor,
     outliers,
+    velocity_wander,
     wander,
 )
-from automap.effects.user_fixes import acts_on_fixes, fix_errors
-from automap.effects.vehicle import Values, lever_arm_motion, parameter, parameters
+from automap.effects.measured import Distortion, Values, distortion
+from automap.effects.terms import ELAPSED, POSITION, VELOCITY
+from automap.effects.user import user_signal
+from automap.effects.vehicle import lever_arm_motion
 from automap.records import NO_TIME, Fixes, FixType, FloatArray, IntArray
 from automap.simulation.imu import true_signals
 from automap.simulation.scenario import Gnss
@@ -34,13 +35,13 @@ def ideal_epochs(
     """Antenna positions (rad, rad, m) and velocities NED [n, 3] without noise of the epochs
     tagged ``t_s`` [n], in seconds of the drive.
 
-    The antenna stands ``gnss_lever_arm`` away from where the setup says it is.
+    The antenna stands by the errors' arm away from where the setup says it is.
     """
-    arm = np.asarray(setup.lever_arm_m) + parameters(errors, "gnss_lever_arm")
-    at_position, at_velocity = data_instants(t_s, errors)
-    motion = drive.at(np.clip(at_position, 0.0, drive.duration_s))
-    offset, swing = lever_arm_motion(motion.C_n_b, motion.turn_rate, arm)
-    offset = offset + datum_shift(errors)
+    on_position, on_velocity = (_distortion(drive, t_s, errors, on) for on in (POSITION, VELOCITY))
+    stated = np.asarray(setup.lever_arm_m)
+    motion = drive.at(np.clip(t_s + on_position.late, 0.0, drive.duration_s))
+    offset, _ = lever_arm_motion(motion.C_n_b, motion.turn_rate, stated + on_position.arm)
+    offset = offset + on_position.added
     north, east = earth.metres_per_radian(motion.lat_rad, motion.height_m)
     place = np.stack(
         [
@@ -50,23 +51,27 @@ def ideal_epochs(
         ],
         axis=1,
     )
-    lag = parameter(errors, "gnss_velocity_lag")
-    if lag > 0.0:
+    arm, at_velocity = stated + on_velocity.arm, t_s + on_velocity.late
+    if on_velocity.lag > 0.0:
         fine = np.linspace(0.0, drive.duration_s, round(drive.duration_s / _FINE_S) + 1)
-        step = float(fine[1])
-        passed = low_pass(_antenna_velocity(drive, fine, arm), step, lag)
+        passed = low_pass(_antenna_velocity(drive, fine, arm), float(fine[1]), on_velocity.lag)
         velocity = np.stack([np.interp(at_velocity, fine, v) for v in passed.T], axis=1)
-    elif np.array_equal(at_velocity, at_position):
-        velocity = motion.vel_ned + swing
     else:
         velocity = _antenna_velocity(drive, np.clip(at_velocity, 0.0, drive.duration_s), arm)
-    if any(acts_on_fixes(e) for e in errors):
+    return place, on_velocity.longer * velocity + on_velocity.added
+
+
+def _distortion(drive: DriveMotion, t_s: FloatArray, errors: Values, on: str) -> Distortion:
+    """What the errors add up to at the instants that epochs are tagged with."""
+
+    def signal(name: str) -> FloatArray:
+        if name == ELAPSED:
+            return t_s
+        motion = drive.at(np.clip(t_s, 0.0, drive.duration_s))
         # since the first IMU sample, like everywhere
-        signals = replace(true_signals(motion), time=motion.t_s)
-        moved, faster = fix_errors(errors, signals)
-        place += moved / np.stack([north, east, np.full(len(north), -1.0)], axis=1)
-        velocity = velocity + faster
-    return place, velocity
+        return user_signal(name, replace(true_signals(motion), time=motion.t_s))
+
+    return distortion(errors, on, len(t_s), signal)
 
 
 def _antenna_velocity(drive: DriveMotion, t_s: FloatArray, arm: FloatArray) -> FloatArray:
@@ -98,6 +103,9 @@ def receive(
     sd_pos = np.tile(np.hypot(sigma, white), (count, 1))
     sd_vel = np.tile(np.asarray(setup.sigma_velocity), (count, 1))
     velocity = velocity + rng.standard_normal((count, 3)) * setup.sigma_velocity * factor
+    lasting, lasts_s = velocity_wander(errors)
+    if lasting > 0.0:
+        velocity += gauss_markov(count, np.full(3, lasting), step / lasts_s, rng.spawn(1)[0])
     north, east = earth.metres_per_radian(place[:, 0], place[:, 2])
     lat = place[:, 0] + error[:, 0] / north
     lon = place[:, 1] + error[:, 1] / east

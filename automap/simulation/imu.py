@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from automap.effects import Signals, distort_imu
+from automap.effects.measured import Values
 from automap.effects.signals import signals_of
 from automap.effects.user import user_effects
-from automap.effects.vehicle import Values, sensor_to_vehicle
+from automap.effects.vehicle import sensor_to_vehicle
 from automap.records import FloatArray, ImuData, IntArray
 from automap.simulation.errors import TEMPERATURE
 from automap.simulation.scenario import Imu, Scenario, WarmUp

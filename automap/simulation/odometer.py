@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
-from automap.effects.vehicle import Values, lever_arm_motion, wheel_speed
+from automap.effects.measured import Values
+from automap.effects.user import user_signal
+from automap.effects.vehicle import lever_arm_motion, wheel_speed
 from automap.records import FloatArray, IntArray, WheelSpeed
+from automap.simulation.imu import true_signals
 from automap.simulation.scenario import Odometer
 from automap.simulation.trajectory import DriveMotion
 
@@ -22,6 +26,15 @@ def forward_speed(drive: DriveMotion, t_s: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("nj,nj->n", motion.C_n_b[:, :, 0], motion.vel_ned + swing))
 
 
+def reported_speed(drive: DriveMotion, t_s: FloatArray, errors: Values) -> FloatArray:
+    """What wheels without noise report [n] m/s at ``t_s`` [n] s of the drive."""
+    return wheel_speed(
+        forward_speed(drive, t_s),
+        errors,
+        lambda name: user_signal(name, replace(true_signals(drive.at(t_s)), time=t_s)),
+    )
+
+
 def count_wheels(
     drive: DriveMotion,
     setup: Odometer,
@@ -31,7 +44,7 @@ def count_wheels(
 ) -> WheelSpeed:
     """Speeds at the setup's rate; ``host_ns`` gives host stamps of seconds of the drive."""
     t: FloatArray = np.arange(0.0, drive.duration_s, 1.0 / setup.rate_hz)
-    speed = wheel_speed(forward_speed(drive, t), errors)
+    speed = reported_speed(drive, t, errors)
     moving = np.abs(speed) > _STANDING
     speed = np.where(moving, speed + rng.standard_normal(len(t)) * setup.noise, 0.0)
     if setup.resolution > 0.0:

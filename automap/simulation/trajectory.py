@@ -13,13 +13,17 @@ from scipy.interpolate import BSpline, CubicSpline, PPoly, make_interp_spline
 from scipy.ndimage import gaussian_filter1d
 
 from automap import earth, frames
-from automap.effects.vehicle import Values, lever_arm_motion, parameter, parameters, slip_yaw
+from automap.effects.measured import Values
+from automap.effects.signals import Signals, signals_of
+from automap.effects.user import user_signal
+from automap.effects.vehicle import lever_arm_motion, nose_angles, sliding_point
 from automap.records import FloatArray
 from automap.simulation.errors import earth_rotates, error_values
 from automap.simulation.route import RouteProfile, distance_over_time, profile_route
 from automap.simulation.scenario import Scenario
 
 _KNOT_S = 0.02
+_G = 9.80665
 _JERK_WIDTH_S = 0.4
 _SUSPENSION_WIDTH_S = 0.35
 _ROUGHNESS_WIDTH_S = 0.12
@@ -116,9 +120,8 @@ class DriveMotion:
 def drive_motion(scenario: Scenario, rng: np.random.Generator) -> DriveMotion:
     """Drive the scenario's route; ``rng`` gives the road's roughness.
 
-    Of the scenario's errors those of the vehicle act here: ``vehicle_sideslip`` turns the nose
-    against the path, ``vehicle_pitch`` adds to its springs, ``nhc_lever_arm`` is where the point
-    that follows it stands from the IMU.
+    Of the scenario's errors those of the vehicle act here: what turns its nose against the path,
+    and where the point that follows the path stands from the IMU.
     """
     vehicle, start = scenario.vehicle, scenario.start
     profile = profile_route(scenario.route, vehicle)
@@ -135,7 +138,7 @@ def drive_motion(scenario: Scenario, rng: np.random.Generator) -> DriveMotion:
     slope = np.interp(s, profile.s, profile.slope)
     errors = error_values(scenario.errors)
     rpy = _attitude(scenario, profile, t, s, speed, heading, slope, errors, rng)
-    axle = parameters(errors, "nhc_lever_arm")
+    axle = sliding_point(errors)
     level, climb = speed * np.cos(slope), speed * np.sin(slope)
     north, east = level * np.cos(heading), level * np.sin(heading)
     start_ned = np.zeros(3)
@@ -198,13 +201,31 @@ def _attitude(
     roll = np.interp(s, profile.s, profile.bank) - np.deg2rad(
         vehicle.roll_per_accel_deg
     ) * gaussian_filter1d(sideways, _SUSPENSION_WIDTH_S / _KNOT_S, mode="nearest")
-    springs = np.deg2rad(vehicle.pitch_per_accel_deg) + parameter(errors, "vehicle_pitch")
-    pitch = slope + springs * gaussian_filter1d(
-        forward, _SUSPENSION_WIDTH_S / _KNOT_S, mode="nearest"
-    )
-    yaw = heading + slip_yaw(sideways, errors)
+    lifting = gaussian_filter1d(forward, _SUSPENSION_WIDTH_S / _KNOT_S, mode="nearest")
+    pitch = slope + np.deg2rad(vehicle.pitch_per_accel_deg) * lifting
+
+    def signal(name: str) -> FloatArray:
+        return user_signal(name, _signals_on_path(t, speed, heading, forward, sideways))
+
+    nose = nose_angles(errors, speed, forward, sideways, signal)
+    pitch, yaw = pitch + nose[:, 1], heading + nose[:, 2]
     rpy = np.stack([roll + roughness[0], pitch + roughness[1], yaw], axis=1)
     return make_interp_spline(t, rpy, k=5)
+
+
+def _signals_on_path(
+    t: FloatArray,
+    speed: FloatArray,
+    heading: FloatArray,
+    forward: FloatArray,
+    sideways: FloatArray,
+) -> Signals:
+    """What users' effects are functions of, for a vehicle that is level on its path."""
+    none = np.zeros(len(t))
+    velocity = np.stack([speed * np.cos(heading), speed * np.sin(heading), none], axis=1)
+    rate = np.stack([none, none, np.gradient(heading, t)], axis=1)
+    force = np.stack([forward, sideways, none - _G], axis=1)
+    return signals_of(t, velocity, heading, forward, rate, force, None)
 
 
 def _integral(grid: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:

@@ -15,12 +15,14 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.ndimage import gaussian_filter1d
 
 from automap import earth
-from automap.effects.vehicle import Values, parameters
+from automap.effects.gnss import gauss_markov
+from automap.effects.measured import Values
+from automap.effects.vehicle import parameters
 from automap.errors import InputError
 from automap.records import Fixes, FixType, FloatArray, ImuData, Trajectory, WheelSpeed
 from automap.simulation.gnss import ideal_epochs
 from automap.simulation.imu import record_imu
-from automap.simulation.odometer import forward_speed
+from automap.simulation.odometer import reported_speed
 from automap.simulation.scenario import Gnss, Imu
 from automap.simulation.trajectory import DriveMotion, Motion
 
@@ -143,8 +145,7 @@ def make_twin(
     odometer = None
     if wheels is not None and wheel_gps_s is not None:
         at = np.clip(wheel_gps_s - begin, 0.0, motion.duration_s)
-        scale = 1.0 + float(parameters(errors, "odometer_scale")[0])
-        speed = scale * forward_speed(motion, at)
+        speed = reported_speed(motion, at, errors)
         speed = speed + rng.standard_normal(len(at)) * noise.odometer * (speed > 0.05)
         odometer = WheelSpeed(wheels.t_ns, speed)
     received = _receive(motion, begin, fixes, errors, noise, rng)
@@ -171,7 +172,8 @@ def _receive(
     place, velocity = ideal_epochs(motion, Gnss(), gps_s - begin, errors)
     sd_pos = _stated(given.sd_pos_ned, noise.position_sd)
     sd_vel = _stated(given.sd_vel_ned, noise.velocity_sd)
-    wander = _gauss_markov(np.diff(gps_s, prepend=gps_s[:1]), noise.wander_tau_s, rng)
+    steps = np.diff(gps_s, prepend=gps_s[:1])
+    wander = gauss_markov(len(steps), np.ones(3), steps / noise.wander_tau_s, rng)
     error = sd_pos * (noise.wander * wander + noise.white * rng.standard_normal(sd_pos.shape))
     velocity = velocity + sd_vel * noise.velocity * rng.standard_normal(sd_vel.shape)
     north, east = earth.metres_per_radian(place[:, 0], place[:, 2])
@@ -195,17 +197,6 @@ def _receive(
 
 def _stated(sd: FloatArray, usual: FloatArray) -> FloatArray:
     return np.where(np.isfinite(sd) & (sd > 0.0), sd, usual)
-
-
-def _gauss_markov(steps: FloatArray, tau_s: float, rng: np.random.Generator) -> FloatArray:
-    """Stationary sequences [n, 3] of size one over steps [n] s of any length."""
-    keep = np.exp(-steps / tau_s)
-    kicks = rng.standard_normal((len(steps), 3)) * np.sqrt(1.0 - keep**2)[:, None]
-    out = np.empty_like(kicks)
-    out[0] = rng.standard_normal(3)
-    for i in range(1, len(steps)):
-        out[i] = keep[i] * out[i - 1] + kicks[i]
-    return out
 
 
 def estimated_errors(last: Mapping[str, float], names: Mapping[str, list[str]]) -> Values:

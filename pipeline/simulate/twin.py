@@ -15,7 +15,7 @@ from automap.io.json_text import parse_json
 if TYPE_CHECKING:
     import numpy as np
 
-    from automap.effects.vehicle import Values
+    from automap.effects.measured import Values
     from automap.simulation.twin import NoiseModel, Twin
 
 ODOMETER_FILE = "odometer.csv"
@@ -50,7 +50,6 @@ def write_twin(out: Path, folder: Path, seed: int) -> None:
     """
     import numpy as np
 
-    from automap.effects.user_fixes import acts_on_fixes
     from automap.io.clock_json import read_clock
     from automap.io.tables import read_fixes, read_imu, read_odometer
     from automap.io.trajectory_table import read_trajectory
@@ -71,8 +70,6 @@ def write_twin(out: Path, folder: Path, seed: int) -> None:
     # the users' effects of that run
     activate(EffectsSettings.model_validate(run["settings"].get("effects", {})))
     errors = dict(_last_errors(out))
-    fixed = run["settings"]["fuse"].get("fixed", {})
-    errors |= {e: dict(v) for e, v in fixed.items() if acts_on_fixes(e)}
     if late:
         errors["imu_time_offset"] = {"s": late}
     angles = np.radians(fusion["mounting_rpy_deg"])

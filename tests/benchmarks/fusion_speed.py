@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from automap.fusion.engine import Prior, fuse_imu_gnss
-from automap.fusion.measurements import Nodes, Shift, build_nodes, model_fixes
 from automap.fusion.model import build_state_model
+from automap.fusion.nodes import Nodes, Shift, build_nodes, model_fixes
 from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
 from automap.fusion.problem import Start, make_problem, run_forward, run_smoother
 from automap.io.ubx_writer import nav_pvt

@@ -11,8 +11,8 @@ import pytest
 
 from automap.frames import matrix_to_quat, matrix_to_rpy, quat_to_matrix, rpy_to_matrix
 from automap.fusion.layout import MAX_SCALARS
-from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.model import build_state_model
+from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import (
     Start,

@@ -6,7 +6,7 @@ import numpy as np
 
 from automap.frames import matrix_to_quat
 from automap.fusion.layout import MAX_SCALARS
-from automap.fusion.measurements import Nodes
+from automap.fusion.nodes import Nodes
 from automap.fusion.problem import Start
 from automap.records import FloatArray, IntArray
 from tests.unit.fusion_drive import Motion, Truth

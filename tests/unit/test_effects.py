@@ -53,7 +53,7 @@ NAMES = {
 INERTIAL = [n for n, e in CATALOGUE.items() if e.family == "imu"]
 
 
-OWN = {"odometer_scale", "vehicle_pitch"}
+OWN = {"odometer_scale", "vehicle_pitch", "gnss_velocity_wander"}
 """Names of ours beside the published ones."""
 
 

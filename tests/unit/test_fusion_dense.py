@@ -20,8 +20,8 @@ from automap.fusion.layout import (
     ODOMETER,
     STANDSTILL,
 )
-from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.model import build_state_model
+from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.output import Innovations, innovations
 from automap.fusion.problem import (

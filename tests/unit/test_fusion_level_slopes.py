@@ -9,8 +9,9 @@ from automap.fusion.adapt import scale_nodes, scale_problem
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V, NHC
 from automap.fusion.level_likelihood import level_likelihood
 from automap.fusion.levels import ALL_LEVELS
-from automap.fusion.measurements import Nodes, Shift
-from automap.fusion.model import FusionOptions, build_state_model
+from automap.fusion.model import build_state_model
+from automap.fusion.nodes import Nodes, Shift
+from automap.fusion.options import FusionOptions
 from automap.fusion.problem import PathStates, Problem, Start, make_problem
 from automap.fusion.sections import filter_and_smooth
 from tests.unit.fusion_drive import GPS0, Receiver, Sensor, city_drive, receive, record

@@ -9,8 +9,8 @@ import pytest
 from automap.frames import matrix_to_rotation_vector, quat_to_matrix
 from automap.fusion import kernels
 from automap.fusion.kernels.transition import N_NOISE, add_noise, expand_noise
-from automap.fusion.measurements import Shift
 from automap.fusion.model import build_state_model
+from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import (
     Start,

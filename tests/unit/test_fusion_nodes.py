@@ -10,8 +10,10 @@ import pytest
 
 from automap.fusion.alignment import start_state
 from automap.fusion.layout import CHANNELS, NHC, STANDSTILL
-from automap.fusion.measurements import Nodes, Odometer, Shift, build_nodes, model_fixes
-from automap.fusion.model import FusionOptions, build_state_model
+from automap.fusion.measurements.wheel_speed import Odometer
+from automap.fusion.model import build_state_model
+from automap.fusion.nodes import Nodes, Shift, build_nodes, model_fixes
+from automap.fusion.options import FusionOptions
 from automap.fusion.passes import lateral_acceleration
 from automap.fusion.problem import make_problem
 from automap.records import Fixes, FixType, ImuData

@@ -9,34 +9,23 @@ import numpy as np
 import pymap3d
 import pytest
 
+from automap.frames import rpy_to_matrix
 from automap.fusion import kernels
-from automap.fusion.kernels.observations import (
-    constraint_block,
-    position_block,
-    standstill_rate_rows,
-    velocity_block,
-    zero_velocity_rows,
-)
 from automap.fusion.kernels.readings import correct, correction_of
-from automap.fusion.layout import (
-    DELAY,
-    LATENCY,
-    LEVER,
-    MOUNT,
-    N_NAV,
-    SIDESLIP,
-    SKEW,
-    VEHICLE_PITCH,
-    VEL_LAG,
-    VEL_LATENCY,
-    WANDER,
-    WHEEL,
-)
-from automap.fusion.mechanisation import N_EARTH, earth_terms, quat_to_dcm
+from automap.fusion.layout import N_NAV
+from automap.fusion.mechanisation import quat_to_dcm
 from automap.fusion.model import StateModel, build_state_model
 from automap.fusion.options import FusionOptions
 from tests.unit.fusion_drive import Receiver, make_motion, receive
 from tests.unit.fusion_problem import nominal_of
+from tests.unit.measured_node import (
+    CONSTRAINT,
+    POSITION,
+    VELOCITY,
+    ZERO_RATE,
+    ZERO_VELOCITY,
+    measured,
+)
 
 EFFECTS = (
     "accel_bias",
@@ -57,13 +46,22 @@ EFFECTS = (
     "vehicle_sideslip",
     "vehicle_pitch",
 )
-SHIFTS = (DELAY, VEL_LATENCY, LATENCY, VEL_LAG, SKEW, SIDESLIP, VEHICLE_PITCH)
+SECOND_ORDER = (
+    "imu_time_offset",
+    "gnss_velocity_latency",
+    "gnss_latency",
+    "gnss_velocity_lag",
+    "imu_clock_skew",
+    "vehicle_sideslip",
+    "vehicle_pitch",
+)
 T = 12.0
 RATE = np.array([0.05, -0.03, 0.4])
 ACC = np.array([0.7, -1.9, 0.3])
 WANDER_SD = np.array([1.5, 1.2, 2.5])
+PLACE = np.array([-0.6, 2.6, 500.0])
 
-Block = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
+Block = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @pytest.fixture(scope="module")
@@ -80,37 +78,31 @@ def state() -> np.ndarray:
 def _params(model: StateModel) -> np.ndarray:
     params = 0.3 * model.prior_sd * np.random.default_rng(3).standard_normal(len(model.prior_sd))
     # the blocks are exact where the delays have settled
-    for block in SHIFTS:
-        params[model.offsets[block] - N_NAV] = 0.0
+    for effect in SECOND_ORDER:
+        params[model.rows(effect).start - N_NAV] = 0.0
     return params
 
 
-def _evaluate(
-    block: Block, rows: int, state: np.ndarray, params: np.ndarray, n: int
-) -> tuple[np.ndarray, np.ndarray]:
-    h, z, c = np.full((3, n), np.nan), np.full(3, np.nan), np.zeros((3, 3))
+def _evaluate(block: Block, state: np.ndarray, params: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    c = np.zeros((3, 3))
     quat_to_dcm(state[6:10], c)
-    block(h, z, state[0:3].copy(), state[3:6].copy(), c, params)
-    return h[:rows], z[:rows]
+    return block(state[0:3].copy(), state[3:6].copy(), c, params)
 
 
-def _assert_rows(
-    block: Block, rows: int, state: np.ndarray, model: StateModel, skip: tuple[str, ...] = ()
-) -> np.ndarray:
+def _assert_rows(block: Block, rows: int, state: np.ndarray, model: StateModel) -> np.ndarray:
     params = _params(model)
-    h, _ = _evaluate(block, rows, state, params, model.size)
+    h, _ = _evaluate(block, state, params)
+    assert h.shape == (rows, model.size)
     assert np.isfinite(h).all()
     step = np.concatenate([[1e-2] * 3, [1e-4] * 3, [1e-5] * 3, 1e-4 * model.prior_sd])
     for j in range(model.size):
-        if j >= N_NAV and model.names[j - N_NAV].startswith(skip or ("none",)):
-            continue
         ends = []
         for sign in (1.0, -1.0):
             moved, moved_params = state[None].copy(), params[None].copy()
             delta = np.zeros((1, model.size))
             delta[0, j] = sign * step[j]
             kernels.apply_correction(moved, moved_params, delta)
-            ends.append(_evaluate(block, rows, moved[0], moved_params[0], model.size)[1])
+            ends.append(_evaluate(block, moved[0], moved_params[0])[1])
         numeric = -(ends[0] - ends[1]) / (2.0 * step[j])
         name = j if j < N_NAV else model.names[j - N_NAV]
         assert h[:, j] == pytest.approx(numeric, rel=1e-4, abs=2e-4), name
@@ -118,49 +110,56 @@ def _assert_rows(
 
 
 def test_position_rows(model: StateModel, state: np.ndarray) -> None:
-    fix = state[:3] + np.array([2e-7, -3e-7, 1.0])
+    fix = np.concatenate([state[:3] + np.array([2e-7, -3e-7, 1.0]), state[3:6]])
 
-    def block(h, z, pos, vel, c, xi):  # type: ignore[no-untyped-def]
-        position_block(h, z, fix, pos, vel, c, xi, model.offsets, WANDER_SD, T)
+    def block(pos, vel, c, xi):  # type: ignore[no-untyped-def]
+        return measured(POSITION, model, pos, vel, c, xi, fix, t=T, signals=WANDER_SD)
 
     h = _assert_rows(block, 3, state, model)
-    assert h[:, model.offsets[DELAY]] == pytest.approx(state[3:6])
-    wander = slice(model.offsets[WANDER], model.offsets[WANDER] + 3)
-    assert h[:, wander] == pytest.approx(np.diag(WANDER_SD))
+    assert h[:, model.rows("imu_time_offset")][:, 0] == pytest.approx(state[3:6])
+    assert h[:, model.rows("gnss_correlated_noise")] == pytest.approx(np.diag(WANDER_SD))
 
 
 def test_velocity_rows(model: StateModel, state: np.ndarray) -> None:
-    def block(h, z, pos, vel, c, xi):  # type: ignore[no-untyped-def]
-        velocity_block(h, z, state[3:6] + 0.3, vel, c, RATE, ACC, xi, model.offsets, T)
+    fix = np.concatenate([state[:3], state[3:6] + 0.3])
+
+    def block(pos, vel, c, xi):  # type: ignore[no-untyped-def]
+        return measured(VELOCITY, model, pos, vel, c, xi, fix, rate=RATE, acc=ACC, t=T)
 
     h = _assert_rows(block, 3, state, model)
-    assert h[:, model.offsets[DELAY]] == pytest.approx(ACC)
-    assert h[:, model.offsets[VEL_LATENCY]] == pytest.approx(-ACC)
-    assert h[:, model.offsets[SKEW]] == pytest.approx(ACC * T)
+    c = np.zeros((3, 3))
+    quat_to_dcm(state[6:10], c)
+    first = model.rows("gnss_lever_arm").start - N_NAV
+    mount = model.rows("imu_mounting").start - N_NAV
+    arm, angles = _params(model)[first : first + 3], _params(model)[mount : mount + 3]
+    # in a bend the antenna is drawn inwards
+    late = ACC + c @ np.cross(RATE, np.cross(RATE, rpy_to_matrix(angles).T @ arm))
+    assert h[:, model.rows("imu_time_offset")][:, 0] == pytest.approx(late)
+    assert h[:, model.rows("gnss_velocity_latency")][:, 0] == pytest.approx(-late)
+    assert h[:, model.rows("imu_clock_skew")][:, 0] == pytest.approx(late * T)
 
 
 def test_a_car_that_drifts_outwards(model: StateModel) -> None:
     """In a right-hand bend the velocity points to the left of the nose."""
     params = np.zeros(len(model.names))
-    params[model.offsets[SIDESLIP] - N_NAV] = 0.003
+    params[model.rows("vehicle_sideslip").start - N_NAV] = 0.003
     vel, acc = np.array([12.0, -0.003 * 4.0 * 12.0, 0.0]), np.array([0.0, 4.0, 0.0])
-    h, z = np.empty((3, model.size)), np.empty(3)
-    constraint_block(h, z, vel, np.eye(3), np.zeros(3), acc, params, model.offsets)
+    _, z = measured(CONSTRAINT, model, PLACE, vel, np.eye(3), params, acc=acc)
     assert z[0] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_constraint_rows(model: StateModel, state: np.ndarray) -> None:
-    def block(h, z, pos, vel, c, xi):  # type: ignore[no-untyped-def]
-        constraint_block(h, z, vel, c, RATE, ACC, xi, model.offsets)
+    def block(pos, vel, c, xi):  # type: ignore[no-untyped-def]
+        return measured(CONSTRAINT, model, pos, vel, c, xi, rate=RATE, acc=ACC)
 
     h = _assert_rows(block, 2, state, model)
-    assert np.abs(h[:, model.offsets[MOUNT]]).max() < 2.0
-    assert np.abs(h[:, model.offsets[WHEEL]]).max() > 0.1
+    assert np.abs(h[:, model.rows("imu_mounting").start]).max() < 2.0
+    assert np.abs(h[:, model.rows("nhc_lever_arm").start]).max() > 0.1
 
 
 def test_zero_velocity_rows(model: StateModel, state: np.ndarray) -> None:
-    def block(h, z, pos, vel, c, xi):  # type: ignore[no-untyped-def]
-        zero_velocity_rows(h, z, vel)
+    def block(pos, vel, c, xi):  # type: ignore[no-untyped-def]
+        return measured(ZERO_VELOCITY, model, pos, vel, c, xi)
 
     _assert_rows(block, 3, state, model)
 
@@ -168,35 +167,44 @@ def test_zero_velocity_rows(model: StateModel, state: np.ndarray) -> None:
 def test_zero_rate_rows(model: StateModel, state: np.ndarray) -> None:
     """The rate that the residual compares is the corrected reading."""
     raw = np.concatenate([RATE, [0.4, -0.2, -9.7]])
-    place = np.empty(N_EARTH)
     matrix, shift, reading = np.empty((6, 6)), np.empty(6), np.empty(6)
 
-    def block(h, z, pos, vel, c, xi):  # type: ignore[no-untyped-def]
-        earth_terms(pos, True, place)
+    def block(pos, vel, c, xi):  # type: ignore[no-untyped-def]
         correction_of(model.term_table, xi, np.zeros(0), matrix, shift)
         correct(raw, matrix, shift, reading)
-        standstill_rate_rows(h, z, reading[:3].copy(), place, c, reading, model.term_table)
+        rate = reading[:3].copy()
+        return measured(ZERO_RATE, model, pos, vel, c, xi, rate=rate, reading=reading)
 
     # a turn of the attitude moves the Earth's rate by less than the rows are good for; products
     # of two small parameters are second order
     params = _params(model) * 0.02
-    h, z = _evaluate(block, 3, state, params, model.size)
+    h, z = _evaluate(block, state, params)
+    expected = -reading[:3]
+    assert z == pytest.approx(expected, abs=1e-4)
     for m, term in enumerate(model.terms):
         moved = params.copy()
         moved[m] += 1e-4 * model.prior_sd[m]
-        change = -(_evaluate(block, 3, state, moved, model.size)[1] - z)
+        change = -(_evaluate(block, state, moved)[1] - z)
         numeric = change / (1e-4 * model.prior_sd[m])
         assert h[:, N_NAV + m] == pytest.approx(numeric, rel=2e-3, abs=2e-3), term.name
-    assert z == pytest.approx(-reading[:3], abs=1e-4)
 
 
 def test_earth_rate_is_all_that_a_gyro_at_rest_reads(model: StateModel) -> None:
     motion = make_motion([(0.0, 0.0)], [], 5.0)
     true = motion.at(np.array([1.0]))
-    place, h, z = np.empty(N_EARTH), np.empty((3, model.size)), np.empty(3)
-    earth_terms(np.array([true.lat[0], true.lon[0], true.height[0]]), True, place)
-    mid = np.concatenate([true.gyro[0], true.accel[0]])
-    standstill_rate_rows(h, z, true.gyro[0], place, true.c_n_b[0], mid, model.term_table)
+    reading = np.concatenate([true.gyro[0], true.accel[0]])
+    place = np.array([true.lat[0], true.lon[0], true.height[0]])
+    params = np.zeros(len(model.names))
+    _, z = measured(
+        ZERO_RATE,
+        model,
+        place,
+        np.zeros(3),
+        true.c_n_b[0],
+        params,
+        rate=true.gyro[0],
+        reading=reading,
+    )
     assert np.abs(z).max() < 1e-12
 
 
@@ -221,23 +229,21 @@ def test_residuals_of_the_truth_are_the_injected_errors(lon: float) -> None:
     true = motion.at(fixes.gps_s - fixes.gps_s[0])
     nominal = nominal_of(true)
     params = np.zeros(model.size - N_NAV)
-    params[model.offsets[LEVER] - N_NAV :][:3] = lever
+    params[model.rows("gnss_lever_arm").start - N_NAV :][:3] = lever
     # data are older than their tag: the position at the tag plus v times minus the latency
-    params[model.offsets[DELAY] - N_NAV] = -0.004
-    params[model.offsets[VEL_LATENCY] - N_NAV] = 0.006
+    params[model.rows("imu_time_offset").start - N_NAV] = -0.004
+    params[model.rows("gnss_velocity_latency").start - N_NAV] = 0.006
     step = 1e-3
     acc = (motion.at(true.t + step).vel - motion.at(true.t - step).vel) / (2 * step)
-    h, z, c = np.empty((3, model.size)), np.empty(3), np.zeros((3, 3))
+    c = np.zeros((3, 3))
     for k in range(2, len(fixes)):
         quat_to_dcm(nominal[k, 6:10], c)
         fix = np.array([fixes.lat_rad[k], fixes.lon_rad[k], fixes.height_m[k]])
-        args = (nominal[k, 0:3], nominal[k, 3:6], c)
-        position_block(h, z, fix, *args, params, model.offsets, WANDER_SD, T)
+        both = np.concatenate([fix, fixes.vel_ned[k]])
+        args = (model, nominal[k, 0:3], nominal[k, 3:6], c, params, both)
+        _, z = measured(POSITION, *args, t=T, signals=WANDER_SD)
         assert np.abs(z).max() < 3e-3
-        fix_vel = fixes.vel_ned[k]
-        velocity_block(
-            h, z, fix_vel, nominal[k, 3:6], c, true.turn[k], acc[k], params, model.offsets, T
-        )
+        _, z = measured(VELOCITY, *args, rate=true.turn[k], acc=acc[k], t=T)
         assert np.abs(z).max() < 6e-3
         offset = pymap3d.geodetic2ned(*fix, true.lat[k], true.lon[k], true.height[k], deg=False)
         assert np.hypot(*offset[:2]) < 1.0
@@ -253,13 +259,12 @@ def test_a_car_that_does_not_slide_meets_the_constraint(model: StateModel) -> No
     # the motion's velocity is that of the axle; the sensor stands before it
     c_n_s = true.c_n_b[0] @ turn
     rate = turn.T @ true.turn[0]
-    vel = true.vel[0] - c_n_s @ np.cross(rate, wheel)
+    vel = true.vel[0] - true.c_n_b[0] @ np.cross(true.turn[0], wheel)
     params = np.zeros(len(model.names))
-    params[model.offsets[MOUNT] - N_NAV :][:3] = mount
-    params[model.offsets[WHEEL] - N_NAV :][:3] = wheel
-    h, z = np.empty((3, model.size)), np.empty(3)
-    constraint_block(h, z, vel, c_n_s, rate, np.zeros(3), params, model.offsets)
-    assert np.abs(z[:2]).max() < 2e-3
+    params[model.rows("imu_mounting").start - N_NAV :][:3] = mount
+    params[model.rows("nhc_lever_arm").start - N_NAV :][:3] = wheel
+    _, z = measured(CONSTRAINT, model, PLACE, vel, c_n_s, params, rate=rate)
+    assert np.abs(z).max() < 2e-3
     zero = np.zeros(len(model.names))
-    constraint_block(h, z, vel, c_n_s, rate, np.zeros(3), zero, model.offsets)
-    assert np.abs(z[:2]).max() > 0.05
+    _, z = measured(CONSTRAINT, model, PLACE, vel, c_n_s, zero, rate=rate)
+    assert np.abs(z).max() > 0.05

@@ -10,12 +10,12 @@ import pytest
 from automap.errors import InputError
 from automap.frames import matrix_to_quat, rpy_to_matrix
 from automap.fusion import kernels
-from automap.fusion.kernels.observations import odometer_row
 from automap.fusion.layout import N_NAV
 from automap.fusion.mechanisation import quat_to_dcm
 from automap.fusion.model import build_state_model
 from automap.fusion.options import FusionOptions
 from automap.io.odometer_csv import read_odometer_csv
+from tests.unit.measured_node import WHEELS, measured
 
 EFFECTS = ("accel_bias", "imu_mounting", "nhc_lever_arm", "odometer_scale")
 
@@ -28,9 +28,9 @@ def test_row_agrees_with_the_numeric_derivative() -> None:
     rate = np.array([0.03, -0.02, 0.3])
 
     def evaluate(row: np.ndarray, xi: np.ndarray) -> tuple[np.ndarray, float]:
-        h, z, c = np.zeros((3, model.size)), np.zeros(3), np.zeros((3, 3))
+        c = np.zeros((3, 3))
         quat_to_dcm(row[6:10], c)
-        odometer_row(h, z, 12.0, row[3:6].copy(), c, rate, xi, model.offsets)
+        h, z = measured(WHEELS, model, row[:3], row[3:6], c, xi, speed=12.0, rate=rate)
         return h[0], float(z[0])
 
     h, _ = evaluate(state, params)
@@ -48,11 +48,10 @@ def test_row_agrees_with_the_numeric_derivative() -> None:
 
 def test_straight_ahead_the_speed_is_the_reading() -> None:
     model = build_state_model(FusionOptions(effects=EFFECTS))
-    h, z = np.zeros((3, model.size)), np.zeros(3)
     xi = np.zeros(model.size - N_NAV)
     xi[model.names.index("odometer_scale_relative")] = 0.02
     vel, c = np.array([0.0, 10.0, 0.0]), rpy_to_matrix(np.array([0.0, 0.0, np.pi / 2]))
-    odometer_row(h, z, 10.2, vel, c, np.zeros(3), xi, model.offsets)
+    _, z = measured(WHEELS, model, np.array([0.6, 1.0, 50.0]), vel, c, xi, speed=10.2)
     assert z[0] == pytest.approx(0.0, abs=1e-12)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V
-from automap.fusion.measurements import FixModel, Shift, build_nodes, hold_figure
+from automap.fusion.nodes import FixModel, Shift, build_nodes, hold_figure
 from automap.fusion.options import FusionOptions
 from automap.fusion.screening import screen_fixes
 

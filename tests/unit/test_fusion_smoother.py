@@ -17,8 +17,8 @@ from automap.fusion.layout import (
     NHC,
     STANDSTILL,
 )
-from automap.fusion.measurements import Shift
 from automap.fusion.model import build_state_model
+from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import (
     ForwardRun,

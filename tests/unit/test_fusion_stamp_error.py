@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from automap.frames import matrix_to_quat, rpy_to_matrix
-from automap.fusion.layout import DELAY, MOUNT, N_NAV, SKEW
+from automap.fusion.layout import N_NAV
 from automap.fusion.model import build_state_model
 from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
 from automap.fusion.stamp_error import (
@@ -42,11 +42,12 @@ def test_rates_of_change_of_a_bend_taken_at_rising_speed() -> None:
 def test_the_covariance_is_that_of_state_plus_rate_times_delay(more: tuple[str, ...]) -> None:
     model = build_state_model(FusionOptions(effects=(*DEFAULT_EFFECTS, *more)))
     rows = reported_rows(model)
-    m = int(model.offsets[MOUNT])
+    m = model.rows("imu_mounting").start
     assert rows[:N_NAV].tolist() == list(range(N_NAV))
     assert rows[mounting_rows(model)].tolist() == [m, m + 1, m + 2]
-    assert int(model.offsets[DELAY]) in rows
-    assert (int(model.offsets[SKEW]) in rows) == bool(more)
+    assert model.rows("imu_time_offset").start in rows
+    skew = model.rows("imu_clock_skew")
+    assert (skew.start in rows and skew.stop > skew.start) == bool(more)
     rng = np.random.default_rng(1)
     r, node_t = len(rows), np.array([3.0, 70.0])
     root = rng.standard_normal((2, r, r))

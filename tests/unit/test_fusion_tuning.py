@@ -13,8 +13,8 @@ from automap.fusion.layout import CH_NHC, HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_V
 from automap.fusion.level_climb import climb
 from automap.fusion.level_likelihood import LevelLikelihood
 from automap.fusion.levels import ALL_LEVELS, LEVELS
-from automap.fusion.measurements import Nodes, Shift
 from automap.fusion.model import build_state_model
+from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import PathStates, Problem, Start, make_problem
 from automap.fusion.sections import filter_and_smooth

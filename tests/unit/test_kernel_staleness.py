@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from automap.jit import drop_stale
+from automap.jit import KERNEL_FOLDERS, PACKAGE, drop_stale
 
 
 def put(path: Path, age_s: float) -> Path:
@@ -28,3 +28,10 @@ def test_code_older_than_any_source_is_dropped(tmp_path: Path) -> None:
 
 def test_folders_without_anything_are_no_error(tmp_path: Path) -> None:
     drop_stale([tmp_path, tmp_path / "none"])
+
+
+def test_every_kernel_is_watched_with_the_modules_that_it_is_compiled_from() -> None:
+    watched = {PACKAGE / folder for folder in KERNEL_FOLDERS}
+    users = [p for p in PACKAGE.rglob("*.py") if "from automap.jit import kernel" in p.read_text()]
+    assert len(users) > 10
+    assert {p.parent for p in users} <= watched

@@ -12,9 +12,8 @@ import pytest
 from automap.effects import CATALOGUE, Signals, UserTerm, distort_imu, user_effect
 from automap.effects.formula_text import parse_formula
 from automap.effects.signals import VOCABULARY, signals_of_readings
-from automap.effects.user import set_user_effects, signal_of
+from automap.effects.user import set_user_effects, signal_of, towards, turned
 from automap.effects.user_files import as_table, effects_of_formulas, effects_of_python
-from automap.effects.user_fixes import direction
 from automap.errors import ConfigError
 from automap.gap import base_model
 from automap.gap.columns import effect_columns, node_motion, sensitivities
@@ -88,7 +87,7 @@ def test_a_wrong_formula_is_refused(text: str, said: str) -> None:
         ({"k": {"on": "accel_x", "formula": "1"}}, "prior_sd is missing"),
         ({"k": {**PULL["k"], "prior_sd": -1.0}}, "above 0"),
         ({"k": {**PULL["k"], "on": "accel_w"}}, "accel_w"),
-        ({"k": PULL["k"], "m": STRETCH["k"]}, "make two effects"),
+        ({"k": PULL["k"], "m": STRETCH["k"]}, "make an effect for each"),
         ({"K l": PULL["k"]}, "small letters"),
     ],
 )
@@ -191,14 +190,19 @@ def test_a_reading_gets_the_signal_and_a_table_comes_back() -> None:
 
 
 def test_directions_of_the_fixes() -> None:
-    heading = np.array([0.0, 0.5 * np.pi])
-    np.testing.assert_allclose(
-        direction("position_along", heading), [[1, 0, 0], [0, 1, 0]], atol=1e-12
-    )
-    np.testing.assert_allclose(
-        direction("velocity_across", heading), [[0, 1, 0], [-1, 0, 0]], atol=1e-12
-    )
-    assert direction("height", heading)[0, 2] == -1.0
+    t = np.zeros(2)
+    east = Signals(t, **{n: t for n in VOCABULARY if n not in ("rate", "force", "time")})
+    signals = replace(east, heading=np.array([0.0, 0.5 * np.pi]))
+
+    def direction(channel: str) -> np.ndarray:
+        out = np.zeros((2, 3))
+        for part in towards(channel):
+            out[:, part.axis] += part.weight * turned(np.ones(2), part.turned, signals)
+        return out
+
+    np.testing.assert_allclose(direction("position_along"), [[1, 0, 0], [0, 1, 0]], atol=1e-12)
+    np.testing.assert_allclose(direction("velocity_across"), [[0, 1, 0], [-1, 0, 0]], atol=1e-12)
+    assert direction("height")[0, 2] == -1.0
 
 
 def test_readings_and_fixes_show_the_quantities_of_the_motion() -> None:

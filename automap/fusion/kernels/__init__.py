@@ -7,12 +7,12 @@ the modified Bryson-Frazier form (Bierman 1973): it inverts no covariance, so co
 parameters without process noise do it no harm, and it needs one pass over the scalars that
 the forward filter recorded.
 
-Reading order: ``arrays`` (what goes in and out), ``readings`` (corrected samples),
-``transition`` and ``integrate`` (between nodes), ``observations`` and ``update`` (at nodes),
+Reading order: ``fusion.arrays`` (what goes in and out), ``readings`` (corrected samples),
+``transition`` and ``integrate`` (between nodes), ``fusion.measurements`` and ``update`` (at nodes),
 ``forward``, ``smoother``, ``dense``.
 """
 
-from automap.fusion.kernels.arrays import ForwardStore, ModelArrays, NodeArrays, Samples
+from automap.fusion.arrays import ForwardStore, ModelArrays, NodeArrays, Samples
 from automap.fusion.kernels.dense import run_dense
 from automap.fusion.kernels.forward import run_forward
 from automap.fusion.kernels.smoother import run_smoother

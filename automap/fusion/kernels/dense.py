@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from automap.fusion.kernels.arrays import ModelArrays, Samples
+from automap.fusion.arrays import ModelArrays, Samples
 from automap.fusion.kernels.integrate import GAP_STEP_S
 from automap.fusion.kernels.readings import correct, correction_of, raw_at, shift_of
 from automap.fusion.kernels.state import subtract

@@ -6,18 +6,10 @@ import math
 
 import numpy as np
 
-from automap.fusion.kernels.arrays import ForwardStore, ModelArrays, NodeArrays, Samples
+from automap.effects.measured_kernels import SIGNAL_COLUMN, set_signals
+from automap.fusion.arrays import ForwardStore, ModelArrays, NodeArrays, Samples
 from automap.fusion.kernels.integrate import integrate, reading_at
-from automap.fusion.kernels.observations import (
-    acceleration,
-    calm_rate,
-    constraint_block,
-    odometer_row,
-    position_block,
-    standstill_rate_rows,
-    velocity_block,
-    zero_velocity_rows,
-)
+from automap.fusion.kernels.readings import acceleration, calm_rate
 from automap.fusion.kernels.state import inject, load_state, subtract
 from automap.fusion.kernels.transition import (
     N_NOISE,
@@ -28,90 +20,12 @@ from automap.fusion.kernels.transition import (
     start_interval,
 )
 from automap.fusion.kernels.update import inflate, pack, update_scalar
-from automap.fusion.layout import (
-    CH_NHC,
-    CH_ODOMETER,
-    CH_POS,
-    CH_VEL,
-    CH_ZARU,
-    CH_ZUPT,
-    HAS_POS_H,
-    HAS_POS_V,
-    HAS_VEL_H,
-    HAS_VEL_V,
-    N_NAV,
-    NHC,
-    ODOMETER,
-    STANDSTILL,
-    WANDER,
-)
+from automap.fusion.layout import N_NAV
+from automap.fusion.measurements.observe import N_MEASUREMENTS, observe
+from automap.fusion.measurements.state import AtNode
 from automap.fusion.mechanisation import N_EARTH, earth_terms, quat_to_dcm
 from automap.jit import kernel
 from automap.records import FloatArray
-
-
-@kernel
-def observe(
-    block: int,
-    nodes: NodeArrays,
-    model: ModelArrays,
-    k: int,
-    pos: FloatArray,
-    vel: FloatArray,
-    c: FloatArray,
-    xi: FloatArray,
-    place: FloatArray,
-    rate: FloatArray,
-    rate_now: FloatArray,
-    acc: FloatArray,
-    mid: FloatArray,
-    h: FloatArray,
-    z: FloatArray,
-) -> tuple[int, int]:
-    """Rows and residuals of one block of a node: number of rows, first channel.
-
-    ``rate`` [3] is the mean over the interval, for standstill; ``rate_now`` that at the
-    node, without the noise of its reading.
-
-    Blocks: 0 position, 1 velocity, 2 vehicle constraint, 3 odometer, 4 zero velocity, 5 zero
-    rate.
-    """
-    flags = nodes.flags[k]
-    off = model.offsets
-    if block < 2:
-        horizontal = (flags & (HAS_POS_H if block == 0 else HAS_VEL_H)) != 0
-        vertical = (flags & (HAS_POS_V if block == 0 else HAS_VEL_V)) != 0
-        if not (horizontal or vertical):
-            return 0, 0
-        if block == 0:
-            position_block(
-                h, z, nodes.fix[k, 0:3], pos, vel, c, xi, off, nodes.wander[k], nodes.t[k]
-            )
-        else:
-            velocity_block(h, z, nodes.fix[k, 3:6], vel, c, rate_now, acc, xi, off, nodes.t[k])
-        first = CH_POS if block == 0 else CH_VEL
-        if horizontal:
-            return (3 if vertical else 2), first
-        z[0] = z[2]
-        h[0, :] = h[2, :]
-        return 1, first + 2
-    if block == 2:
-        if (flags & NHC) == 0:
-            return 0, 0
-        constraint_block(h, z, vel, c, rate_now, acc, xi, off)
-        return 2, CH_NHC
-    if block == 3:
-        if (flags & ODOMETER) == 0:
-            return 0, 0
-        odometer_row(h, z, nodes.fix[k, 6], vel, c, rate_now, xi, off)
-        return 1, CH_ODOMETER
-    if (flags & STANDSTILL) == 0:
-        return 0, 0
-    if block == 4:
-        zero_velocity_rows(h, z, vel)
-        return 3, CH_ZUPT
-    standstill_rate_rows(h, z, rate, place, c, mid, model.terms)
-    return 3, CH_ZARU
 
 
 @kernel
@@ -154,6 +68,9 @@ def run_forward(
     rate_now = np.zeros(3)
     acc = np.zeros(3)
     mid = np.zeros(6 + samples.extra.shape[1])
+    signals = np.zeros(SIGNAL_COLUMN + nodes.signals.shape[1])
+    # the node's state is changed in place, here as in its parts
+    at = AtNode(pos, vel, acc, c, rate_now, rate, mid, place, xi, signals)
     h = np.zeros((3, n))
     z = np.zeros(3)
     zz = np.zeros(3)
@@ -215,7 +132,7 @@ def run_forward(
                 decay,
                 q_state,
                 xi,
-                model.offsets[WANDER],
+                model.kept,
                 nodes.keep[k],
             )
             if relinearise:
@@ -229,10 +146,9 @@ def run_forward(
         if not relinearise:
             dx[:] = 0.0
         acceleration(samples, i, t, place[2], c, acc)
-        for block in range(6):
-            rows, first = observe(
-                block, nodes, model, k, pos, vel, c, xi, place, rate, rate_now, acc, mid, h, z
-            )
+        set_signals(signals, nodes.t[k], nodes.signals[k])
+        for number in range(N_MEASUREMENTS):
+            rows, first = observe(number, nodes, k, at, model, h, z)
             if rows == 0:
                 continue
             # first as it is; the scalars' innovations add up to the block's NIS
@@ -242,18 +158,18 @@ def run_forward(
             nis = 0.0
             for attempt in range(2):
                 gained = 0.0
-                at = total
+                row = total
                 for a in range(rows):
                     nu, s = update_scalar(p, h[a], z[a], nodes.var[k, first + a] * factor, dx, gain)
                     gained -= 0.5 * (nu * nu / s + math.log(s))
                     if attempt == 0:
                         nis += nu * nu / s
                     if keep:
-                        store.h[at, :] = h[a]
-                        store.gain[at, :] = gain
-                        store.nu[at] = nu
-                        store.var[at] = s
-                        at += 1
+                        store.h[row, :] = h[a]
+                        store.gain[row, :] = gain
+                        store.nu[row] = nu
+                        store.var[row] = s
+                        row += 1
                 if attempt == 1 or nis <= model.gate[rows - 1]:
                     break
                 p[:, :] = p_before

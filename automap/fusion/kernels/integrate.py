@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.fusion.kernels.arrays import ModelArrays, Samples
+from automap.fusion.arrays import ModelArrays, Samples
 from automap.fusion.kernels.readings import correct, correction_of, raw_at, shift_of
 from automap.fusion.kernels.transition import add_noise, add_transition
 from automap.fusion.mechanisation import strapdown_step

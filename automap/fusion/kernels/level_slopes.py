@@ -9,12 +9,11 @@ forward and one back, not two runs each.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from automap.fusion.kernels.arrays import ForwardStore
+from automap.fusion.arrays import ForwardStore
 from automap.fusion.kernels.smoother import undo_interval, undo_scalar
+from automap.fusion.kernels.transition import outlasting
 from automap.fusion.layout import N_NAV
 from automap.jit import kernel
 from automap.records import FloatArray, IntArray
@@ -27,7 +26,7 @@ def level_slopes(
     node_t: FloatArray,
     var: FloatArray,
     keep: FloatArray,
-    wander: int,
+    kept: IntArray,
     tau: FloatArray,
     walk: FloatArray,
     noise: FloatArray,
@@ -41,8 +40,8 @@ def level_slopes(
     """Add to ``slope`` [l] the slopes along the logarithms of factors on sds, to ``info`` [l]
     the variance that each slope has where its level is right.
 
-    ``node_t`` [k] s, ``var`` [k, 15] by channel, ``keep`` [k, 3], ``wander`` the offset of the
-    normalised wander, ``tau``, ``walk`` [n], ``noise`` [2] PSD of force and rate. Levels of
+    ``node_t`` [k] s, ``var`` [k, 15] by channel, ``keep`` [k, 3] and ``kept`` [n] as in the
+    forward pass, ``tau``, ``walk`` [n], ``noise`` [2] PSD of force and rate. Levels of
     channels [15] and states [n], -1 none; ``store`` of a forward run about given states.
     ``surprise`` [15]: blocks of a larger NIS were trusted less and say nothing about levels.
     """
@@ -73,11 +72,7 @@ def level_slopes(
                 info[level] += 2.0 * (size * spread) ** 2
             undo_scalar(lam, big, store.h[r], store.gain[r], store.nu[r], store.var[r], work, where)
         span = node_t[k] - node_t[k - 1] if k > 0 else 0.0
-        for j in range(N_NAV, n):
-            decay[j] = math.exp(-span / tau[j]) if tau[j] > 0.0 else 1.0
-        if wander >= 0:
-            for a in range(3):
-                decay[wander + a] *= keep[k, a]
+        outlasting(span, tau, kept, keep[k], decay)
         for j in range(N_NAV, n):
             level = level_of_state[j]
             if level < 0:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.fusion.kernels.arrays import Samples
+from automap.fusion.arrays import Samples
 from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
@@ -84,3 +84,29 @@ def correct(raw: FloatArray, matrix: FloatArray, shift: FloatArray, out: FloatAr
         for j in range(6):
             s += matrix[i, j] * raw[j]
         out[i] = s
+
+
+@kernel
+def calm_rate(samples: Samples, i: int, t: float, rate: FloatArray) -> None:
+    """Take the noise of a single reading out of the rate [3] at ``t`` between samples i, i + 1."""
+    s = (t - samples.t[i]) / (samples.t[i + 1] - samples.t[i])
+    s = min(max(s, 0.0), 1.0)
+    d = samples.calm
+    for a in range(3):
+        rate[a] += d[i, a] + s * (d[i + 1, a] - d[i, a])
+
+
+@kernel
+def acceleration(
+    samples: Samples, i: int, t: float, gravity: float, c: FloatArray, out: FloatArray
+) -> None:
+    """Acceleration over ground NED [3] at ``t`` between samples i and i + 1, to first order."""
+    s = (t - samples.t[i]) / (samples.t[i + 1] - samples.t[i])
+    s = min(max(s, 0.0), 1.0)
+    f = samples.force
+    f0 = f[i, 0] + s * (f[i + 1, 0] - f[i, 0])
+    f1 = f[i, 1] + s * (f[i + 1, 1] - f[i, 1])
+    f2 = f[i, 2] + s * (f[i + 1, 2] - f[i, 2])
+    for a in range(3):
+        out[a] = c[a, 0] * f0 + c[a, 1] * f1 + c[a, 2] * f2
+    out[2] += gravity

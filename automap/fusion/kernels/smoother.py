@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from automap.fusion.kernels.arrays import ForwardStore
+from automap.fusion.arrays import ForwardStore
+from automap.fusion.kernels.transition import outlasting
 from automap.fusion.kernels.update import unpack
 from automap.fusion.layout import N_NAV
 from automap.jit import kernel
@@ -141,7 +140,7 @@ def _smoothed_variances(cov: FloatArray, big: FloatArray, out: FloatArray) -> No
 def run_smoother(
     node_t: FloatArray,
     keep: FloatArray,
-    wander: int,
+    kept: IntArray,
     tau: FloatArray,
     store: ForwardStore,
     rows: IntArray,
@@ -157,7 +156,7 @@ def run_smoother(
     ``lam`` [n] and ``big`` [n, n] the adjoint after the last node, zero at the end of a drive;
     they are left as they are before the first.
 
-    ``keep`` [k, 3] and ``wander`` as in the forward pass. They refer to the state after the
+    ``keep`` [k, 3] and ``kept`` [n] as in the forward pass. They refer to the state after the
     update of each node. ``cov_rows`` [k, r, r] receives the
     covariance of the states ``rows`` [r], or is empty; ``variances`` [k, n - 9] those of the
     parameters, at least every ``every_s`` seconds (NaN between).
@@ -188,9 +187,5 @@ def run_smoother(
             undo_scalar(lam, big, store.h[r], store.gain[r], store.nu[r], store.var[r], work, where)
         if k > 0:
             span = node_t[k] - node_t[k - 1]
-            for j in range(N_NAV, n):
-                decay[j] = math.exp(-span / tau[j]) if tau[j] > 0.0 else 1.0
-            if wander >= 0:
-                for a in range(3):
-                    decay[wander + a] *= keep[k, a]
+            outlasting(span, tau, kept, keep[k], decay)
             undo_interval(lam, big, store.trans[k], decay, u, work)

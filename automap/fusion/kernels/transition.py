@@ -145,6 +145,20 @@ def expand_noise(s: FloatArray, out: FloatArray) -> None:
 
 
 @kernel
+def outlasting(
+    span: float, tau: FloatArray, kept: IntArray, keep: FloatArray, out: FloatArray
+) -> None:
+    """What of each parameter outlasts ``span`` s, ``out`` [n]: correlated ones decay with ``tau``
+    [n] s, and normalised ones by a share of ``keep`` [3] more (``kept`` [n], -1 none)."""
+    for j in range(N_NAV, out.shape[0]):
+        out[j] = 1.0
+        if tau[j] > 0.0:
+            out[j] = math.exp(-span / tau[j])
+            if kept[j] >= 0:
+                out[j] *= keep[kept[j]]
+
+
+@kernel
 def end_interval(
     phi: FloatArray,
     span: float,
@@ -153,27 +167,23 @@ def end_interval(
     decay: FloatArray,
     q_state: FloatArray,
     xi: FloatArray,
-    wander: int,
+    kept: IntArray,
     keep: FloatArray,
 ) -> None:
     """Close an interval of ``span`` s: velocity columns, decay and noise of the parameters.
 
-    ``wander`` the offset of the normalised wander (-1 none), ``keep`` [3] what of it outlasts a
-    change of its size.
+    ``keep``, ``kept``: see ``outlasting``.
     """
     n = phi.shape[1]
     for a in range(3):
         phi[a, V_ID + a] = span
+    outlasting(span, tau, kept, keep, decay)
     for j in range(N_NAV, n):
         if tau[j] > 0.0:
-            d = math.exp(-span / tau[j])
-            if wander >= 0 and wander <= j < wander + 3:
-                d *= keep[j - wander]
-            decay[j] = d
+            d = decay[j]
             q_state[j] = (1.0 - d * d) * walk[j]
             xi[j - N_NAV] *= d
         else:
-            decay[j] = 1.0
             q_state[j] = walk[j] * span
 
 

@@ -7,22 +7,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.fusion.layout import (
-    CH_NHC,
-    CH_ODOMETER,
     CH_POS,
-    CH_ZARU,
-    CH_ZUPT,
     HAS_POS_H,
     HAS_POS_V,
     HAS_VEL_H,
     HAS_VEL_V,
     MAX_SCALARS,
-    NHC,
-    ODOMETER,
-    STANDSTILL,
+    N_VALUES,
 )
+from automap.fusion.measurements.constraint import constrain
+from automap.fusion.measurements.position import has_position, position_errors
+from automap.fusion.measurements.rest import note_rest
+from automap.fusion.measurements.velocity import has_velocity, velocity_errors
+from automap.fusion.measurements.wheel_speed import Odometer, note_wheels
 from automap.fusion.options import FusionOptions
-from automap.records import BoolArray, Fixes, FixType, FloatArray, IntArray
+from automap.records import Fixes, FixType, FloatArray, IntArray
 
 MAX_NODE_SPACING_S = 0.5
 """No stretch between nodes is longer, so that interpolated uncertainty stays true."""
@@ -38,8 +37,6 @@ _TYPE_FACTOR = {
 }
 
 
-ODOMETER_GAP_S = 0.5
-ODOMETER_LAG_S = 0.1
 MOVING_SPEED = 2.0
 HOLD_LOG = float(np.log(1.25))
 MIN_SPLIT_S = 0.02
@@ -94,20 +91,6 @@ class FixModel:
 
 
 @dataclass(frozen=True)
-class Odometer:
-    """Wheel or CAN speed: ``t`` [m] seconds on the fixes' time axis, ``speed`` [m] m/s."""
-
-    t: FloatArray
-    speed: FloatArray
-
-    def near(self, t: FloatArray) -> BoolArray:
-        """Which instants [n] lie between samples that are close together."""
-        i = np.clip(np.searchsorted(self.t, t), 1, len(self.t) - 1)
-        inside = (t >= self.t[0]) & (t <= self.t[-1])
-        return np.asarray(inside & (self.t[i] - self.t[i - 1] < ODOMETER_GAP_S))
-
-
-@dataclass(frozen=True)
 class Nodes:
     """The filter's nodes in time order; arrays as ``run_forward`` takes them.
 
@@ -154,40 +137,16 @@ class Nodes:
 
 
 def model_fixes(fixes: Fixes, t: FloatArray, options: FusionOptions) -> FixModel:
-    """Give every usable fix its error model; ``t`` [n] are the fixes' times in s.
-
-    The receiver's accuracy figure is taken as the size of its slowly wandering error; its
-    white part is a share of that. Carrier-phase solutions are short-term as good as they say.
-    Without a figure: HDOP times a consumer receiver's range error.
-    """
-    kind = fixes.fix_type
-    has_h = np.isfinite(fixes.lat_rad) & np.isfinite(fixes.lon_rad) & (kind > FixType.NONE)
-    has_v = has_h & np.isfinite(fixes.height_m) & (kind != FixType.TWO_D)
-    valid_vel = (kind > FixType.NONE) & np.isfinite(t)
-    vel_h = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1) & valid_vel
-    vel_v = np.isfinite(fixes.vel_ned[:, 2]) & vel_h
+    """Give every usable fix its error model; ``t`` [n] are the fixes' times in s."""
+    has_h, has_v = has_position(fixes)
+    vel_h, vel_v = (has & np.isfinite(t) for has in has_velocity(fixes))
     flags = has_h * HAS_POS_H + has_v * HAS_POS_V + vel_h * HAS_VEL_H + vel_v * HAS_VEL_V
     use = np.isfinite(t) & (flags > 0)
-
-    hdop = np.where(np.isfinite(fixes.hdop) & (fixes.hdop > 0), fixes.hdop, 1.0)
-    fallback = np.stack([hdop, hdop, hdop], axis=1) * np.array(
-        [options.horizontal_sd_m, options.horizontal_sd_m, options.vertical_sd_m]
-    )
-    sd = np.where(
-        np.isfinite(fixes.sd_pos_ned) & (fixes.sd_pos_ned > 0), fixes.sd_pos_ned, fallback
-    )
     factor = np.ones(len(fixes))
     for fix_type, value in _TYPE_FACTOR.items():
-        factor[kind == fix_type] = value
-    sd = np.maximum(sd * factor[:, None], options.min_position_sd_m)
-    carrier = (kind == FixType.FIXED) | (kind == FixType.FLOAT)
-    white = np.where(carrier[:, None], sd, np.maximum(options.white_share * sd, 0.02))
-    sd_vel = np.where(
-        np.isfinite(fixes.sd_vel_ned) & (fixes.sd_vel_ned > 0),
-        fixes.sd_vel_ned,
-        options.velocity_sd * np.array([1.0, 1.0, 1.5]),
-    )
-    sd_vel = np.maximum(sd_vel * factor[:, None], options.min_velocity_sd)
+        factor[fixes.fix_type == fix_type] = value
+    sd, white = position_errors(fixes, factor, options)
+    sd_vel = velocity_errors(fixes, factor, options)
     height = np.where(has_v, fixes.height_m, np.nan)
     values = np.column_stack([fixes.lat_rad, fixes.lon_rad, height, fixes.vel_ned])
     rows = np.flatnonzero(use)
@@ -238,7 +197,7 @@ def build_nodes(
 
     n = len(t)
     flags = np.zeros(n, dtype=np.int64)
-    values = np.zeros((n, 7))
+    values = np.zeros((n, N_VALUES))
     var = np.ones((n, MAX_SCALARS))
     wander = np.ones((n, 3))
     has = row >= 0
@@ -257,27 +216,12 @@ def build_nodes(
     still = np.zeros(n, dtype=bool)
     for start, stop in standstill:
         still |= (t >= start) & (t <= stop)
-    flags[still] |= STANDSTILL
-    # errors of these pseudo-measurements last about a second: the information is per second
-    var[:, CH_ZUPT : CH_ZUPT + 3] = (options.zero_velocity_sd**2 / spacing)[:, None]
-    var[:, CH_ZARU : CH_ZARU + 3] = (options.zero_rate_sd**2 / spacing)[:, None]
+    note_rest(flags, var, still, spacing, options)
     if constrained and len(speed_t):
-        v = np.interp(t, speed_t, speed)
-        moving = (v > options.nhc_min_speed) & ~still
-        flags[moving] |= NHC
-        # tyres slip with the lateral acceleration, springs move with any
-        sd = np.hypot(options.nhc_sd, options.nhc_slip * np.interp(t, speed_t, lateral))
-        var[:, CH_NHC] = sd**2 / spacing
-        var[:, CH_NHC + 1] = (2.0 * sd) ** 2 / spacing
+        at_nodes = np.interp(t, speed_t, speed), np.interp(t, speed_t, lateral)
+        constrain(flags, var, *at_nodes, still, spacing, options)
     if odometer is not None and constrained:
-        instants = shift.instants(t)
-        near = odometer.near(instants)
-        flags[near] |= ODOMETER
-        values[near, 6] = np.interp(instants[near], odometer.t, odometer.speed)
-        # wheel sensors report late by a time nobody states: less sure while the speed changes
-        slope = np.abs(np.gradient(odometer.speed, odometer.t))
-        late = ODOMETER_LAG_S * np.interp(instants, odometer.t, slope)
-        var[:, CH_ODOMETER] = (options.odometer_sd**2 + late**2) / spacing
+        note_wheels(flags, values, var, odometer, shift.instants(t), spacing, options)
     fix_row = np.where(has, model.row[np.maximum(row, 0)] if len(model.row) else -1, -1)
     return Nodes(t, flags, values, var, wander, fix_row.astype(np.int64), keep_share)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from automap.effects.measured_kernels import TermTable
 from automap.records import FloatArray, IntArray
 
 
@@ -22,16 +23,18 @@ class Samples(NamedTuple):
 
 
 class ModelArrays(NamedTuple):
-    """``terms`` [m, 3] sensor, axis, basis; ``offsets`` [N_BLOCKS]; ``tau`` [n] correlation
-    times s (0: none); ``walk`` [n] random-walk PSD, or variance of a correlated state;
+    """``terms`` [m, 3] sensor, axis, basis; ``measured`` the terms on fixes and vehicle; ``tau``
+    [n] correlation times s (0: none); ``walk`` [n] random-walk PSD, or variance of a correlated
+    state; ``kept`` [n] which of a node's shares outlasts a change of its size, -1 all of it;
     ``noise`` [2] PSD of force and rate; ``gap`` [3] longest normal step s, force sd m/s^2 and
     rate sd rad/s inside a gap; ``gate`` [5] NIS thresholds for 1..3 rows, largest inflation,
     inflation that counts as refused; ``earth_on``."""
 
     terms: IntArray
-    offsets: IntArray
+    measured: TermTable
     tau: FloatArray
     walk: FloatArray
+    kept: IntArray
     noise: FloatArray
     gap: FloatArray
     gate: FloatArray
@@ -40,14 +43,15 @@ class ModelArrays(NamedTuple):
 
 class NodeArrays(NamedTuple):
     """``t`` [k] s within the samples, ``flags`` [k], ``fix`` [k, 7] latitude, longitude,
-    height, velocity NED, wheel speed, ``var`` [k, 15] variances by channel, ``wander`` [k, 3] m;
-    ``keep`` [k, 3] the share of the normalised wander that outlasts a change of its size."""
+    height, velocity NED, wheel speed, ``var`` [k, 15] variances by channel, ``signals`` [k, e] that
+    terms are multiplied with; ``keep`` [k, 3] the share of a normalised error that outlasts a
+    change of its size."""
 
     t: FloatArray
     flags: IntArray
     fix: FloatArray
     var: FloatArray
-    wander: FloatArray
+    signals: FloatArray
     keep: FloatArray
 
 

@@ -1,0 +1,127 @@
+"""Terms on fixes and on the vehicle's motion: as the kernels' table, and exactly, for a simulator.
+
+Values map effect to parameter to value, in the catalogue's names and units; what is not given is
+zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.effects.catalogue import CATALOGUE
+from automap.effects.terms import (
+    FORWARD_ACCELERATION,
+    LATERAL_ACCELERATION,
+    ONE,
+    POSITION,
+    STATE_SIGNALS,
+    VEHICLE,
+    VELOCITY,
+    Kind,
+    Term,
+)
+from automap.records import FloatArray, IntArray
+
+Values = Mapping[str, Mapping[str, float]]
+MEASURED = (POSITION, VELOCITY, VEHICLE)
+
+
+@dataclass(frozen=True)
+class MeasuredTerms:
+    """Terms as the kernels take them: ``codes`` [m, 5], ``weights`` [m] (see
+    ``measured_kernels.TermTable``), ``signals`` the names of the columns that they need."""
+
+    codes: IntArray
+    weights: FloatArray
+    signals: tuple[str, ...]
+
+
+def measured_terms(places: Mapping[str, int]) -> MeasuredTerms:
+    """The table of effects whose first state is that parameter of the filter (``places``)."""
+    codes: list[tuple[int, int, int, int, int]] = []
+    weights: list[float] = []
+    signals: list[str] = []
+    for name, first in places.items():
+        states = CATALOGUE[name].states
+        for term in CATALOGUE[name].terms:
+            if term.on not in MEASURED:
+                continue
+            code = _signal_code(term, signals)
+            # to first order a low-pass is a delay by its time constant
+            kind, sign = (Kind.TIME, -1.0) if term.kind == Kind.LAG else (term.kind, 1.0)
+            place = first + states.index(term.parameter)
+            codes.append((place, MEASURED.index(term.on), int(kind), term.axis, code))
+            weights.append(sign * term.weight)
+    table = np.array(codes, dtype=np.int64).reshape(-1, 5)
+    return MeasuredTerms(table, np.array(weights), tuple(signals))
+
+
+def _signal_code(term: Term, signals: list[str]) -> int:
+    if term.signal not in STATE_SIGNALS:
+        if term.signal not in signals:
+            signals.append(term.signal)
+        return len(STATE_SIGNALS) + signals.index(term.signal)
+    if term.signal in (FORWARD_ACCELERATION, LATERAL_ACCELERATION):
+        assert term.on == VEHICLE, "accelerations along the vehicle are known for its velocity only"
+    return STATE_SIGNALS.index(term.signal)
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """What terms on one measurement add up to at ``n`` instants: ``arm`` [3] m and ``turn`` [3]
+    rad in vehicle axes, ``late`` [n] s, ``lag`` s of a low-pass, ``added`` [n, 3] in the
+    measurement's axes, ``slip`` [n, 3] rad, ``longer`` [3] factors on the components."""
+
+    arm: FloatArray
+    turn: FloatArray
+    late: FloatArray
+    lag: float
+    added: FloatArray
+    slip: FloatArray
+    longer: FloatArray
+
+
+def distortion(
+    values: Values,
+    on: str,
+    n: int,
+    signal: Callable[[str], FloatArray],
+    families: Sequence[str] = ("gnss", "vehicle"),
+) -> Distortion:
+    """The terms of effects of known size on one measurement; ``signal`` gives [n] by name.
+
+    Errors of clocks are left out by default: a simulator puts them into the stamps.
+    """
+    out = Distortion(
+        np.zeros(3), np.zeros(3), np.zeros(n), 0.0, np.zeros((n, 3)), np.zeros((n, 3)), np.ones(3)
+    )
+    lag = 0.0
+    for term, value in acting_terms(values, on, families):
+        amount = value * term.weight
+        if term.kind == Kind.LAG:
+            lag += amount
+        elif term.kind in (Kind.POINT, Kind.TURN, Kind.SCALE):
+            target = {Kind.POINT: out.arm, Kind.TURN: out.turn, Kind.SCALE: out.longer}[term.kind]
+            target[term.axis] += amount
+        else:
+            now = np.ones(n) if term.signal == ONE else signal(term.signal)
+            if term.kind == Kind.TIME:
+                out.late[:] += amount * now
+            else:
+                (out.added if term.kind == Kind.AXIS else out.slip)[:, term.axis] += amount * now
+    return Distortion(out.arm, out.turn, out.late, lag, out.added, out.slip, out.longer)
+
+
+def acting_terms(values: Values, on: str, families: Sequence[str]) -> Iterable[tuple[Term, float]]:
+    """Terms on one measurement whose parameters are not zero, with their values."""
+    for name, given in values.items():
+        effect = CATALOGUE.get(name)
+        if effect is None or effect.markov is not None or effect.family not in families:
+            continue
+        for term in effect.terms:
+            value = float(given.get(term.parameter, 0.0))
+            if term.on == on and value != 0.0:
+                yield term, value

@@ -1,0 +1,50 @@
+"""The non-holonomic constraint: a vehicle moves along its nose, not sideways or off the road."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.effects.measured_kernels import vehicle_velocity
+from automap.fusion.arrays import ModelArrays, NodeArrays
+from automap.fusion.layout import CH_NHC, NHC
+from automap.fusion.measurements.state import AtNode
+from automap.fusion.options import FusionOptions
+from automap.jit import kernel
+from automap.records import BoolArray, FloatArray, IntArray
+
+SPRINGS = 2.0
+"""How much larger than the slip of tyres what a body does on its springs is."""
+
+
+def constrain(
+    flags: IntArray,
+    var: FloatArray,
+    speed: FloatArray,
+    lateral: FloatArray,
+    still: BoolArray,
+    spacing: FloatArray,
+    options: FusionOptions,
+) -> None:
+    """Note at nodes [k] where the constraint holds, and its variances per second.
+
+    ``speed`` m/s, ``lateral`` acceleration m/s^2, ``spacing`` s to the node before.
+    """
+    flags[(speed > options.nhc_min_speed) & ~still] |= NHC
+    # tyres slip with the lateral acceleration, springs move with any
+    sd = np.hypot(options.nhc_sd, options.nhc_slip * lateral)
+    var[:, CH_NHC] = sd**2 / spacing
+    var[:, CH_NHC + 1] = (SPRINGS * sd) ** 2 / spacing
+
+
+@kernel
+def constraint(
+    nodes: NodeArrays, k: int, at: AtNode, model: ModelArrays, h: FloatArray, z: FloatArray
+) -> tuple[int, int]:
+    """Residual ``z`` [2] m/s to the right and down, and rows ``h`` [2, n]."""
+    if (nodes.flags[k] & NHC) == 0:
+        return 0, 0
+    vehicle_velocity(h, z, at.vel, at.c, at.rate, at.acc, at.params, model.measured, at.signals)
+    z[0], z[1] = -z[1], -z[2]
+    h[0, :] = h[1, :]
+    h[1, :] = h[2, :]
+    return 2, CH_NHC

@@ -1,0 +1,75 @@
+"""The position of the antenna, from a fix."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from automap.effects.measured_kernels import antenna_position
+from automap.fusion.arrays import ModelArrays, NodeArrays
+from automap.fusion.layout import CH_POS, HAS_POS_H, HAS_POS_V
+from automap.fusion.measurements.state import AtNode
+from automap.fusion.mechanisation import radii
+from automap.fusion.options import FusionOptions
+from automap.jit import kernel
+from automap.records import BoolArray, Fixes, FixType, FloatArray
+
+LEAST_WHITE_M = 0.02
+
+
+def position_errors(
+    fixes: Fixes, factor: FloatArray, options: FusionOptions
+) -> tuple[FloatArray, FloatArray]:
+    """Sigma NED [n, 3] m of the whole error of positions, and of its white part.
+
+    The receiver's accuracy figure, times ``factor`` [n], is taken as the size of its slowly
+    wandering error; its white part is a share of that. Carrier-phase solutions are short-term as
+    good as they say. Without a figure: HDOP times a consumer receiver's range error.
+    """
+    hdop = np.where(np.isfinite(fixes.hdop) & (fixes.hdop > 0), fixes.hdop, 1.0)
+    fallback = np.stack([hdop, hdop, hdop], axis=1) * np.array(
+        [options.horizontal_sd_m, options.horizontal_sd_m, options.vertical_sd_m]
+    )
+    sd = np.where(
+        np.isfinite(fixes.sd_pos_ned) & (fixes.sd_pos_ned > 0), fixes.sd_pos_ned, fallback
+    )
+    sd = np.maximum(sd * factor[:, None], options.min_position_sd_m)
+    carrier = (fixes.fix_type == FixType.FIXED) | (fixes.fix_type == FixType.FLOAT)
+    white = np.where(carrier[:, None], sd, np.maximum(options.white_share * sd, LEAST_WHITE_M))
+    return sd, white
+
+
+def has_position(fixes: Fixes) -> tuple[BoolArray, BoolArray]:
+    """Which fixes [n] have a horizontal position, and which a height."""
+    kind = fixes.fix_type
+    level = np.isfinite(fixes.lat_rad) & np.isfinite(fixes.lon_rad) & (kind > FixType.NONE)
+    return level, level & np.isfinite(fixes.height_m) & (kind != FixType.TWO_D)
+
+
+@kernel
+def position(
+    nodes: NodeArrays, k: int, at: AtNode, model: ModelArrays, h: FloatArray, z: FloatArray
+) -> tuple[int, int]:
+    """Residual ``z`` [3] m NED and rows ``h`` [3, n]: number of rows, first channel."""
+    horizontal = (nodes.flags[k] & HAS_POS_H) != 0
+    vertical = (nodes.flags[k] & HAS_POS_V) != 0
+    if not (horizontal or vertical):
+        return 0, 0
+    offset = np.zeros(3)
+    antenna_position(h, offset, at.vel, at.c, at.rate, at.params, model.measured, at.signals)
+    pos = at.pos
+    rm, rn = radii(pos[0])
+    dlon = nodes.fix[k, 1] - pos[1]
+    if dlon > math.pi:
+        dlon -= 2 * math.pi
+    elif dlon < -math.pi:
+        dlon += 2 * math.pi
+    z[0] = (nodes.fix[k, 0] - pos[0]) * (rm + pos[2]) - offset[0]
+    z[1] = dlon * (rn + pos[2]) * math.cos(pos[0]) - offset[1]
+    z[2] = -(nodes.fix[k, 2] - pos[2]) - offset[2]
+    if horizontal:
+        return (3 if vertical else 2), CH_POS
+    z[0] = z[2]
+    h[0, :] = h[2, :]
+    return 1, CH_POS + 2

@@ -1,0 +1,52 @@
+"""The velocity of the antenna, from a fix."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.effects.measured_kernels import antenna_velocity
+from automap.fusion.arrays import ModelArrays, NodeArrays
+from automap.fusion.layout import CH_VEL, HAS_VEL_H, HAS_VEL_V
+from automap.fusion.measurements.state import AtNode
+from automap.fusion.options import FusionOptions
+from automap.jit import kernel
+from automap.records import BoolArray, Fixes, FixType, FloatArray
+
+DOWN_FACTOR = 1.5
+"""How much worse than level a velocity that states no accuracy is downwards: dilution of
+precision is that much larger (Kaplan and Hegarty, Understanding GPS, section 7.3)."""
+
+
+def velocity_errors(fixes: Fixes, factor: FloatArray, options: FusionOptions) -> FloatArray:
+    """Sigma NED [n, 3] m/s of velocities: the receiver's figure times ``factor`` [n]."""
+    sd = np.where(
+        np.isfinite(fixes.sd_vel_ned) & (fixes.sd_vel_ned > 0),
+        fixes.sd_vel_ned,
+        options.velocity_sd * np.array([1.0, 1.0, DOWN_FACTOR]),
+    )
+    return np.maximum(sd * factor[:, None], options.min_velocity_sd)
+
+
+def has_velocity(fixes: Fixes) -> tuple[BoolArray, BoolArray]:
+    """Which fixes [n] have a horizontal velocity, and which a vertical one too."""
+    level = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1) & (fixes.fix_type > FixType.NONE)
+    return level, level & np.isfinite(fixes.vel_ned[:, 2])
+
+
+@kernel
+def velocity(
+    nodes: NodeArrays, k: int, at: AtNode, model: ModelArrays, h: FloatArray, z: FloatArray
+) -> tuple[int, int]:
+    """Residual ``z`` [3] m/s NED and rows ``h`` [3, n]: number of rows, first channel."""
+    horizontal = (nodes.flags[k] & HAS_VEL_H) != 0
+    vertical = (nodes.flags[k] & HAS_VEL_V) != 0
+    if not (horizontal or vertical):
+        return 0, 0
+    antenna_velocity(h, z, at.vel, at.c, at.rate, at.acc, at.params, model.measured, at.signals)
+    for a in range(3):
+        z[a] = nodes.fix[k, 3 + a] - z[a]
+    if horizontal:
+        return (3 if vertical else 2), CH_VEL
+    z[0] = z[2]
+    h[0, :] = h[2, :]
+    return 1, CH_VEL + 2
