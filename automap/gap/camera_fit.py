@@ -15,7 +15,7 @@ import numpy as np
 from automap.effects.camera import by_parameters
 from automap.effects.camera_kernels import TURN
 from automap.effects.lens import focal_length
-from automap.effects.vehicle import Values
+from automap.effects.measured import Values
 from automap.gap.camera_views import Boxes, keys
 from automap.gap.evidence import Scores
 from automap.geolocation.landmark import (

@@ -11,7 +11,7 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.effects.camera import as_stated, true_camera
 from automap.effects.lens import focal_length, normalise, touches_edge
-from automap.effects.vehicle import Values
+from automap.effects.measured import Values
 from automap.geolocation.views import MeasurementNoise, Views, build_views
 from automap.interpolation import poses_at
 from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory

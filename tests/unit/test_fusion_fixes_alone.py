@@ -9,7 +9,7 @@ import pymap3d
 import pytest
 
 from automap.fusion.gnss_only import ACCELERATION_PSD, smooth_fixes
-from automap.fusion.model import FusionOptions
+from automap.fusion.options import FusionOptions
 from automap.records import Fixes, FloatArray
 from tests.unit.fusion_drive import CLOCK, Receiver, city_drive, receive, select
 

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from automap.frames import matrix_to_quat, quat_to_matrix
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V
-from automap.fusion.measurements import Shift
 from automap.fusion.model import build_state_model
 from automap.fusion.mounting import estimate_mounting
+from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.output import vehicle_tilt
 from automap.fusion.problem import make_problem, run_dense

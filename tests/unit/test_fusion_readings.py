@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from automap.fusion.measurements import Shift
 from automap.fusion.model import build_state_model
+from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import Problem, full_covariance, make_problem, run_dense, run_forward
 from automap.records import ImuData

@@ -1,4 +1,4 @@
-"""A made-up effect on a measurement is a table of one line: simulator, run and gap finder take it."""
+"""A made-up effect on a measurement is one line: simulator, run and gap finder take it."""
 
 from __future__ import annotations
 
