@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from automap.effects.user import user_effects
-from automap.effects.user_files import as_table
+from automap.effects.user_tables import as_table
 
 if TYPE_CHECKING:
     from automap.gap import GapDrive, GapResult

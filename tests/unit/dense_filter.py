@@ -236,34 +236,33 @@ class DenseFilter:
     def expected(self, state: State, seen: Seen, about: State, t0: float) -> dict[str, FloatArray]:
         """What the states [b] let expect of every channel, positions in metres from ``about``.
 
-        Turn rate and acceleration at the instant are taken as known, as of ``about``; the mounting
-        m is a small turn I + [m x].
+        Turn rate, acceleration and how fast the antenna moves at the instant are taken as known,
+        as of ``about``.
         """
         r, par = self.readings, state.par
         rate = self._true(about.par, r.at(seen.t, r.calm)[None], "gyro")
         force = self._true(about.par, r.at(seen.t, r.accel)[None], "accel")
         place = about.place[0]
         acceleration = (about.c[0] @ force[0]) + [0.0, 0.0, float(gravity(place[0], place[2]))]
-        angles = self._triple(par, "imu_mounting", ("roll", "pitch", "yaw"))
-        mount = np.eye(3) + cross_matrix(angles)
-        # stated along the vehicle's axes
-        lever = np.einsum("bji,bj->bi", mount, self._triple(par, "gnss_lever_arm"))
+        mount, lever, arm = self._installation(par)
+        turned, near_lever, near_arm = (x[0] for x in self._installation(about.par))
+        swing = np.cross(rate[0], near_lever)
+        moving = about.vel[0] + about.c[0] @ swing
+        drawn = acceleration + about.c[0] @ np.cross(rate[0], swing)
         late = self._one(par, "imu_time_offset_s") - self._one(par, "gnss_latency_s")
         late = (late + seen.t * self._one(par, "imu_clock_skew_skew"))[:, None]
         age = self._one(par, "gnss_velocity_latency_s") + self._one(par, "gnss_velocity_lag_tau")
         metres = np.stack(pymap3d.geodetic2ned(*state.place.T, *place, deg=False), axis=1)
-        position = metres + np.einsum("bij,bj->bi", state.c, lever) + about.vel * late
+        position = metres + np.einsum("bij,bj->bi", state.c, lever) + moving * late
         position = position + seen.wander_sd * self._triple(par, "gnss_correlated_noise", "ned")
         position = position + self._triple(par, "gnss_datum_shift", "ned")
         velocity = state.vel + np.einsum("bij,bj->bi", state.c, np.cross(rate, lever))
-        velocity = velocity + acceleration * (late - age[:, None])
+        velocity = velocity + drawn * (late - age[:, None])
         velocity = velocity + self._triple(par, "gnss_velocity_wander", "ned")
         own = np.einsum("bji,bj->bi", state.c, state.vel)
-        own = own + np.cross(rate, self._triple(par, "nhc_lever_arm"))
-        along = np.einsum("bij,bj->bi", mount, own)
-        body = about.c[0].T @ acceleration
-        wheel = np.cross(rate, self._triple(about.par, "nhc_lever_arm"))[0]
-        forward = (about.c[0].T @ about.vel[0] + wheel)[0]
+        along = np.einsum("bij,bj->bi", mount, own + np.cross(rate, arm))
+        body = turned @ about.c[0].T @ acceleration
+        forward = (turned @ (about.c[0].T @ about.vel[0] + np.cross(rate[0], near_arm)))[0]
         drift = self._one(par, "vehicle_sideslip_coefficient") * body[1] * forward
         nose = self._one(par, "vehicle_pitch_coefficient") * body[0] * forward
         lat = state.place[:, 0]
@@ -276,6 +275,14 @@ class DenseFilter:
         out |= {f"zaru_{a}": still[:, i] for i, a in enumerate("xyz")}
         out["odometer"] = (1.0 + self._one(par, "odometer_scale_relative")) * along[:, 0]
         return out
+
+    def _installation(self, par: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mounting [b, 3, 3] sensor to vehicle, and the arms [b, 3] to the antenna and to the point
+        that does not slide, which are stated along the vehicle's axes, along the sensor's."""
+        angles = self._triple(par, "imu_mounting", ("yaw", "pitch", "roll"))
+        mount = Rotation.from_euler("ZYX", angles).as_matrix()
+        arms = (self._triple(par, effect) for effect in ("gnss_lever_arm", "nhc_lever_arm"))
+        return (mount, *(np.einsum("bji,bj->bi", mount, arm) for arm in arms))
 
     def _update(self, trace: Trace, state: State, cov: FloatArray, seen: Seen, t0: float) -> State:
         n = cov.shape[0]

@@ -44,15 +44,6 @@ OPENS_FILES = {
 """Modules elsewhere that touch a file all the same, and why."""
 
 
-UNMENDED_CIRCLES = {
-    "automap.fusion.passes, automap.fusion.user_effects": "users' effects become states",
-    "automap.gap.columns, automap.gap.effect_library, automap.gap.fit, automap.gap.fix_effects, "
-    "automap.gap.motion_signals, automap.gap.screening": "columns come from the effects",
-}
-UNMENDED_FILES = {"automap.effects.user_files": "a user's effects are Python code, which is run"}
-"""What is still to be mended, and how; a line whose matter is mended must go."""
-
-
 @dataclass(frozen=True)
 class Import:
     """``source`` imports ``target``, both modules, in ``line`` of ``path``."""
@@ -236,21 +227,16 @@ def test_nothing_goes_round_in_a_circle(of: Callable[[str], str]) -> None:
     arrows = [a for a in imports(ROOT) if of(a.source) != of(a.target)]
     wrong = []
     for circle in circles((of(a.source), of(a.target)) for a in arrows):
-        if ", ".join(circle) in UNMENDED_CIRCLES:
-            continue
         wrong += [f"{', '.join(circle)} import each other:"]
         wrong += [str(a) for a in arrows if of(a.source) in circle and of(a.target) in circle]
     assert not wrong, told(wrong, "circles")
 
 
 def test_only_formats_and_exports_touch_files() -> None:
-    wrong = files_touched(ROOT, OPENS_FILES | UNMENDED_FILES)
+    wrong = files_touched(ROOT, OPENS_FILES)
     assert not wrong, told(wrong, "files are touched outside of automap.io and automap.export")
 
 
 def test_every_excuse_is_needed() -> None:
     touched = " ".join(files_touched(ROOT, {}))
-    excused = OPENS_FILES | UNMENDED_FILES
-    assert [name for name in excused if f" {name} calls" not in touched] == []
-    arrows = [(a.source, a.target) for a in imports(ROOT)]
-    assert set(UNMENDED_CIRCLES) <= {", ".join(circle) for circle in circles(arrows)}
+    assert [name for name in OPENS_FILES if f" {name} calls" not in touched] == []

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from automap.effects.user import set_user_effects
-from automap.effects.user_files import effects_of_formulas
+from automap.effects.user_tables import effects_of_formulas
 from automap.fusion.engine import Prior, fuse_imu_gnss
 from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
 from automap.gap import base_model

@@ -13,7 +13,7 @@ from automap.effects import CATALOGUE, Signals, UserTerm, distort_imu, user_effe
 from automap.effects.formula_text import parse_formula
 from automap.effects.signals import VOCABULARY, signals_of_readings
 from automap.effects.user import set_user_effects, signal_of, towards, turned
-from automap.effects.user_files import as_table, effects_of_formulas, effects_of_python
+from automap.effects.user_tables import as_table, effects_of_formulas
 from automap.errors import ConfigError
 from automap.gap import base_model
 from automap.gap.columns import effect_columns, node_motion, sensitivities
@@ -21,7 +21,7 @@ from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive, motion_of
 from automap.gap.screening import whitened_innovations
 from pipeline.settings.load import load_settings
-from pipeline.settings.user_effects import activate
+from pipeline.settings.user_effects import activate, effects_of_python
 from pipeline.simulate.command import simulate
 from tests.docs_commands import DOCS, files
 from tests.unit.test_gap import simulated

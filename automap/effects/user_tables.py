@@ -1,54 +1,16 @@
-"""Users' effects out of files: formulas in TOML tables, or a short Python file.
-
-A Python file has a list ``EFFECTS`` of what ``user_effect`` returns.
-"""
+"""Users' effects out of tables of formulas, and back."""
 
 from __future__ import annotations
 
 import difflib
-import runpy
-import traceback
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from automap.effects.formula_text import parse_formula
 from automap.effects.user import UserEffect, UserTerm, user_effect
 from automap.errors import ConfigError
 
-LIST = "EFFECTS"
 _KEYS = ("on", "formula", "prior_sd", "unit")
-
-
-def effects_of_python(path: Path) -> list[UserEffect]:
-    """The effects of a Python file, which is run for it.
-
-    Raises:
-        ConfigError: no such file, an error in it (with its line), or no list of effects.
-    """
-    if not path.is_file():
-        raise ConfigError(f"{path}: there is no such file of effects; check effects.files")
-    try:
-        content = runpy.run_path(str(path))
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from None
-    except SyntaxError as error:
-        raise ConfigError(f"{path}: line {error.lineno}: {error.msg}; correct it") from None
-    except Exception as error:
-        lines = [
-            f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)
-        ]
-        place = f"line {lines[-1]}: " if lines else ""
-        raise ConfigError(f"{path}: {place}{type(error).__name__}: {error}; correct it") from error
-    found = content.get(LIST)
-    if not isinstance(found, list | tuple) or not found:
-        raise ConfigError(f"{path}: there is no list {LIST} in it; put the effects there")
-    for item in found:
-        if not isinstance(item, UserEffect):
-            raise ConfigError(
-                f"{path}: {LIST} holds {item!r}; put there what automap.effects.user_effect returns"
-            )
-    return list(found)
 
 
 def effects_of_formulas(tables: Mapping[str, Any], source: str) -> list[UserEffect]:
