@@ -21,13 +21,14 @@ PRIOR = np.array([100.0, 30.0, 1.0])
 
 
 def _fixes(seed: int) -> Fixes:
-    """Fixes at uneven times, some without a velocity, with a figure for every axis."""
+    """Fixes at uneven times, some without a velocity or its height, with a figure for every axis."""
     motion = city_drive(25.0, 4, start_speed=9.0, origin_deg=ORIGIN)
     receiver = Receiver(rate=4.0, wander=tuple(SHARE * SD_POS), tau=TAU_S, velocity=0.1)
     fixes = receive(motion, receiver, seed)
     n = len(fixes)
     vel = fixes.vel_ned.copy()
     vel[7:30:6] = np.nan
+    vel[5::4, 2] = np.nan
     # another figure for a while: the slow error grows in its own units
     worse = np.where((np.arange(n) > 40) & (np.arange(n) < 60), 1.5, 1.0)[:, None]
     fixes = replace(

@@ -73,6 +73,6 @@ def test_slope_is_the_difference_of_the_likelihood(
     numeric = (score(np.exp(STEP)) - score(np.exp(-STEP))) / (2.0 * STEP)
     spread = np.sqrt(found.info[row])
     assert spread > 0.0
-    # between two nodes the force is taken as constant for the noise of the sensors
-    share = 0.04 if level in ("accel", "gyro") else 0.01
+    # between two nodes the force is taken as constant
+    share = 0.04 if level == "accel" else 0.01
     assert found.slope[row] == pytest.approx(numeric, abs=share * spread, rel=2e-3)

@@ -231,15 +231,17 @@ def test_places_differ_along_the_long_axis_of_their_errors_and_not_across_it() -
         assert grouped([first, drive(1, 2.5 * across, cov)]).tolist() == [0, 1]
 
 
-def test_a_third_sighting_is_sought_where_two_tilted_errors_cross() -> None:
-    """Rays from the west of south and from the south of west cross 4 m off either sighting."""
+@pytest.mark.parametrize("bearings", [(30.0, 75.0), (60.0, 15.0)])
+def test_a_third_sighting_is_sought_where_two_tilted_errors_cross(
+    bearings: tuple[float, float],
+) -> None:
+    """Two sightings along rays from the south-west: their sign stands 3 m before either."""
     crossing = np.array([4.0, 4.0, 0.0])
-    bearings = (20.0, 70.0)
     drives = []
     for number, bearing in enumerate(bearings):
         b = np.radians(bearing)
-        seen = crossing - 2.2 * np.array([np.sin(b), np.cos(b), 0.0])
-        drives.append(drive(number, seen[None], ellipse(2.0, 0.15, bearing)[None]))
+        seen = crossing - 3.0 * np.array([np.sin(b), np.cos(b), 0.0])
+        drives.append(drive(number, seen[None], ellipse(2.5, 0.15, bearing)[None]))
     sharp = (0.1**2 * np.eye(3))[None]
     # in the first round each drive meets the map of those before it
     third = drive(2, crossing[None], sharp)
