@@ -21,7 +21,7 @@ PRIOR = np.array([100.0, 30.0, 1.0])
 
 
 def _fixes(seed: int) -> Fixes:
-    """Fixes at uneven times, some without a velocity or its height, with a figure for every axis."""
+    """Fixes at uneven times, some without velocity or its height, a figure for every axis."""
     motion = city_drive(25.0, 4, start_speed=9.0, origin_deg=ORIGIN)
     receiver = Receiver(rate=4.0, wander=tuple(SHARE * SD_POS), tau=TAU_S, velocity=0.1)
     fixes = receive(motion, receiver, seed)
