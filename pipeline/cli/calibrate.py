@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pipeline.cli.command import Command
-from pipeline.cli.number import Finite
-from pipeline.cli.paths import ANY_PATH
+from pipeline.cli.options import ANY_PATH, Finite
 
 if TYPE_CHECKING:
     from pipeline.calibrate.logs import LogSource

@@ -9,7 +9,7 @@ import click
 
 from automap.errors import AutoMapError
 from pipeline.cli.command import Command, debug_wanted, show_failure
-from pipeline.cli.paths import ANY_PATH
+from pipeline.cli.options import ANY_PATH
 
 _EPILOG = """\b
 Examples:

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.command import Command
-from pipeline.cli.paths import ANY_PATH
+from pipeline.cli.options import ANY_PATH, settings_options
 
 _EPILOG = """\b
 Examples:
@@ -35,18 +35,7 @@ Examples:
     type=ANY_PATH,
     help="Describes a detector of your own, an ONNX file.",
 )
-@click.option(
-    "--config",
-    type=ANY_PATH,
-    help="TOML file with settings that replace the defaults.",
-)
-@click.option(
-    "--set",
-    "assignments",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Replace one setting, such as detect.min_score=0.5.",
-)
+@settings_options(assignment="Replace one setting, such as detect.min_score=0.5.")
 def command(
     source: Path,
     out: Path,

@@ -9,8 +9,7 @@ import click
 
 from automap.errors import RegressionError
 from pipeline.cli.command import Command
-from pipeline.cli.number import Finite
-from pipeline.cli.paths import ANY_PATH
+from pipeline.cli.options import ANY_PATH, Finite
 
 _EPILOG = """\b
 Examples:

@@ -9,8 +9,7 @@ import click
 
 from pipeline.cli.calibrate import _log_options, _place, _source
 from pipeline.cli.command import Command
-from pipeline.cli.number import Finite
-from pipeline.cli.paths import ANY_PATH
+from pipeline.cli.options import ANY_PATH, Finite
 
 if TYPE_CHECKING:
     from pipeline.gap.command import GapOutcome

@@ -11,7 +11,7 @@ import click
 
 from pipeline.cli.command import Command
 from pipeline.cli.import_kinds import KINDS, Kind
-from pipeline.cli.paths import ANY_PATH
+from pipeline.cli.options import ANY_PATH
 
 _EPILOG = """\b
 Examples:

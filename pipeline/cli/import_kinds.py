@@ -7,8 +7,7 @@ from typing import Any
 
 import click
 
-from pipeline.cli.number import Finite
-from pipeline.cli.paths import ANY_PATH
+from pipeline.cli.options import ANY_PATH, Finite
 
 
 def _choice(*words: str) -> click.Choice[str]:

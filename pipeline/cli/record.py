@@ -8,8 +8,7 @@ from typing import Any
 import click
 
 from pipeline.cli.command import Command
-from pipeline.cli.number import Finite
-from pipeline.cli.paths import ANY_PATH
+from pipeline.cli.options import ANY_PATH, Finite
 
 _SHOWN = 12
 _EPILOG = """\b

@@ -9,8 +9,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.command import Command
-from pipeline.cli.number import Finite
-from pipeline.cli.paths import ANY_PATH
+from pipeline.cli.options import ANY_PATH, Finite, settings_options
 
 _EPILOG = """\b
 Examples:
@@ -47,10 +46,7 @@ The same as tests: pytest with automap_drives = ["drives/*"] under [tool.pytest.
 @click.option(
     "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Drives at a time."
 )
-@click.option("--config", type=ANY_PATH, help="TOML file with settings for the runs.")
-@click.option(
-    "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Replace one setting."
-)
+@settings_options("TOML file with settings for the runs.")
 @click.option(
     "--tolerance",
     type=Finite(min=0, min_open=True),

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.command import Command, debug_wanted, show_failure
-from pipeline.cli.paths import ANY_PATH
+from pipeline.cli.options import ANY_PATH, settings_options
 from pipeline.run.registry import ORDER
 
 _EPILOG = """\b
@@ -28,14 +28,7 @@ Examples:
     type=click.Path(path_type=Path, file_okay=False),
     help="Output folder; with several drives it receives one folder each. Default: DRIVE/_automap.",
 )
-@click.option(
-    "--config",
-    type=ANY_PATH,
-    help="TOML file with settings that replace the defaults.",
-)
-@click.option(
-    "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Replace one setting."
-)
+@settings_options()
 @click.option("--only", type=click.Choice(ORDER), help="Look at this stage alone.")
 @click.option("--from", "first", type=click.Choice(ORDER), help="Start with this stage.")
 @click.option("--to", "last", type=click.Choice(ORDER), help="End with this stage.")

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.command import Command
-from pipeline.cli.paths import ANY_PATH
+from pipeline.cli.options import ANY_PATH
 
 _EPILOG = """\b
 Examples:

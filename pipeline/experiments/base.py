@@ -12,11 +12,10 @@ import numpy as np
 from automap.earth import local_ned
 from automap.errors import InputError
 from automap.fusion.options import FusionOptions
-from automap.io import names
 from automap.io.atomic import atomic_path, make_folder, write_json
 from automap.records import Fixes, FloatArray, Trajectory
 from pipeline.pages.palette import ON_LIGHT
-from pipeline.run.fusion_inputs import FusionInputs, read_inputs
+from pipeline.run.fusion_inputs import FusionInputs
 from pipeline.settings.load import Settings
 from pipeline.settings.presets import fusion_options
 
@@ -54,22 +53,10 @@ def prepare(drive_path: Path, out: Path, settings: Settings) -> Experiment:
         InputError: the drive has no IMU or no fixes.
     """
     from automap.io.drive import load_drive
-    from pipeline.run import registry
-    from pipeline.run.runner import Request, run_drive
+    from pipeline.run.prepared import prepared
 
-    make_folder(out)
-    run_out = out / "run"
-    stages = registry.ORDER[:2]
-    request = Request(registry.load_stages(stages), stages, settings)
-    outcome = run_drive(drive_path, run_out, request)
-    if outcome.error is not None:
-        raise outcome.error
-    for name, what in ((names.IMU, "an IMU recording"), (names.FIXES, "GPS fixes")):
-        if not (run_out / name).exists():
-            raise InputError(f"{drive_path}: the experiment needs {what}, and the drive has none")
-    drive = load_drive(drive_path)
-    inputs = read_inputs(drive, run_out, settings.fuse.imu_delay_sd_s)
-    options, _ = fusion_options(drive, settings.fuse)
+    inputs = prepared(drive_path, make_folder(out) / "run", settings)
+    options, _ = fusion_options(load_drive(drive_path), settings.fuse)
     return Experiment(inputs, options, out)
 
 

@@ -98,8 +98,7 @@ def _boxes_of_drive(path: Path, out: Path, settings: Settings, say: Say) -> list
     from automap.io.drive import load_drive
     from automap.io.observations_table import read_detection_rows
     from automap.io.trajectory_table import read_trajectory
-    from pipeline.run import registry
-    from pipeline.run.runner import Request, run_drive
+    from pipeline.run.prepared import run_to
     from pipeline.run.stages.geolocate import rules_from
 
     drive = load_drive(path)
@@ -107,10 +106,7 @@ def _boxes_of_drive(path: Path, out: Path, settings: Settings, say: Say) -> list
     if not stated or drive.bearings_file is not None:
         return []
     say(f"{drive.name}: path and detections for its camera")
-    stages = registry.ORDER[:4]
-    outcome = run_drive(path, out, Request(registry.load_stages(stages), stages, settings))
-    if outcome.error is not None:
-        raise outcome.error
+    run_to("detect", path, out, settings)
     if not (out / names.DETECTIONS).is_file() or not (out / names.TRAJECTORY).is_file():
         return []
     _, parts = read_detection_rows(out / names.DETECTIONS)

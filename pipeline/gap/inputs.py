@@ -12,9 +12,10 @@ from automap.fusion.engine import Prior
 from automap.gap import GapDrive, GapModel, base_model
 from automap.gap.drive import KNOWN
 from automap.gap.model import BASE_NUISANCES
+from automap.io.atomic import make_folder
 from automap.io.toml_file import read_toml
 from automap.records import ClockModel
-from pipeline.experiments.base import prepare
+from pipeline.run.prepared import prepared
 from pipeline.settings.load import Settings, load_settings
 from pipeline.settings.user_effects import activate
 
@@ -61,7 +62,7 @@ def _name(path: Path, paths: Sequence[Path]) -> str:
 
 
 def _gap_drive(path: Path, out: Path, settings: Settings) -> GapDrive:
-    inputs = prepare(path, out, settings).inputs
+    inputs = prepared(path, make_folder(out) / "run", settings)
     arm = inputs.lever_arm
     fixed = settings.fuse.options().fixed.get("gnss_lever_arm")
     if fixed is not None:
