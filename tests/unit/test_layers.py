@@ -33,6 +33,19 @@ LAYERS = (
 )
 """Packages and modules of ``automap`` from the ground up: each imports what stands before it."""
 
+APPLICATION = (
+    # what several commands use
+    *("shared", "settings", "pages"),
+    # commands that do one thing, as stages of a run or on their own
+    *("check", "detect", "export", "report", "evaluate", "calibrate", "simulate", "importers"),
+    *("record", "merge", "view", "train"),
+    # what runs drives, and commands that have them run
+    *("run", "experiments", "gap", "regress"),
+    # what starts them
+    *("cli", "pytest_plugin"),
+)
+"""Packages of ``pipeline`` likewise."""
+
 TOUCH_FILES = ("io", "export")
 """The packages that open files; of the library only the second may import the first."""
 
@@ -220,6 +233,14 @@ def test_the_library_does_not_know_the_application() -> None:
         f"automap.{name}" for name in LAYERS
     }
     assert not [a for a in arrows if a.source.startswith("automap") and "pipeline" in a.target]
+
+
+def test_commands_stand_on_what_they_share_and_the_command_line_on_commands() -> None:
+    rank = {f"pipeline.{name}": place for place, name in enumerate(APPLICATION)}
+    arrows = [a for a in imports(ROOT) if a.target.startswith("pipeline.")]
+    assert {package(a.source) for a in arrows} <= set(rank), "give them their place in APPLICATION"
+    wrong = [a for a in arrows if rank[package(a.target)] > rank[package(a.source)]]
+    assert not wrong, told(wrong, "imports that point upwards in the application")
 
 
 @pytest.mark.parametrize("of", [package, str], ids=["packages", "modules"])
