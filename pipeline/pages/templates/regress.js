@@ -1,31 +1,16 @@
 "use strict";
 (function () {
   const maps = JSON.parse(document.getElementById("maps").textContent);
-  const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const { at, css, ellipse } = plane;
   const COLOUR = { then: css("--c1"), now: css("--c0") };
-  // the plane's x is east and y is north, both in metres
-  const at = (p) => L.latLng(p[1], p[0]);
   const text = (words) => { const e = document.createElement("span"); e.textContent = words; return e; };
-
-  function ellipse(p, major, minor, azimuth) {
-    const points = [], s = Math.sin(azimuth), c = Math.cos(azimuth);
-    for (let k = 0; k < 40; k++) {
-      const a = major * Math.cos(k * Math.PI / 20), b = minor * Math.sin(k * Math.PI / 20);
-      points.push(at([p[0] + a * s - b * c, p[1] + a * c + b * s]));
-    }
-    return points;
-  }
 
   function draw(details) {
     const box = details.querySelector(".overlay");
     const data = maps[Number(details.dataset.map)];
     if (!box || !data || box.dataset.drawn) return;
     box.dataset.drawn = "yes";
-    const map = L.map(box, {
-      crs: L.CRS.Simple, preferCanvas: true, attributionControl: false,
-      minZoom: -10, maxZoom: 9, zoomSnap: 0.25, zoomDelta: 0.75, wheelPxPerZoomLevel: 90, scrollWheelZoom: true,
-    });
-    L.control.scale({ imperial: false, maxWidth: 140 }).addTo(map);
+    const map = plane.map(box, { maxZoom: 9, scrollWheelZoom: true });
     const bounds = L.latLngBounds([]);
     for (const kind of ["then", "now"]) {
       if (!data[kind]) continue;

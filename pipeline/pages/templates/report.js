@@ -3,17 +3,11 @@
   const source = document.getElementById("map-data");
   if (!source || typeof L === "undefined") return;
   const data = JSON.parse(source.textContent);
-  const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const { at, css, ellipse } = plane;
   const SIGMA = [0, 1, 2, 3, 4].map((k) => css(`--s${k}`));
   const UNKNOWN = css("--unknown");
-  // the plane's x is east and y is north, both in metres
-  const at = (p) => L.latLng(p[1], p[0]);
 
-  const map = L.map("map", {
-    crs: L.CRS.Simple, preferCanvas: true, attributionControl: false,
-    minZoom: -10, maxZoom: 7, zoomSnap: 0.25, zoomDelta: 0.75, wheelPxPerZoomLevel: 90,
-  });
-  L.control.scale({ imperial: false, maxWidth: 140 }).addTo(map);
+  const map = plane.map("map", { maxZoom: 7 });
   const grid = L.layerGroup().addTo(map);
 
   // a canvas can only be drawn on once the map has a view
@@ -92,14 +86,6 @@
     const face = faceOf(signs.rows[i][column["class"]]);
     if (markers[i].setRadius) markers[i].setRadius(chosen ? 9 : 6);
     else markers[i].setIcon(icon(face, chosen ? FACE_CHOSEN : FACE)).setZIndexOffset(chosen ? 1000 : 0);
-  }
-  function ellipse(p, major, minor, azimuth) {
-    const points = [], s = Math.sin(azimuth), c = Math.cos(azimuth);
-    for (let k = 0; k < 40; k++) {
-      const a = major * Math.cos(k * Math.PI / 20), b = minor * Math.sin(k * Math.PI / 20);
-      points.push(at([p[0] + a * s - b * c, p[1] + a * c + b * s]));
-    }
-    return points;
   }
   // arrows keep their length on the screen
   function drawArrows() {
