@@ -14,12 +14,14 @@ from dataclasses import replace
 import numpy as np
 
 from automap.earth import local_ned, tangent_rotation
-from automap.effects.lens import lens_of, project
+from automap.effects.lens import lens_of, normalise, project
 from automap.effects.measured import Values
+from automap.effects.path_signals import PathSignals
+from automap.effects.signals import Signals
 from automap.effects.vehicle import parameter, parameters
 from automap.frames import matrix_to_rpy, rpy_to_matrix
 from automap.interpolation import Poses
-from automap.records import Camera, Detections, FloatArray, Trajectory
+from automap.records import Camera, Detections, FloatArray
 
 PoseAt = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Position [n, 3] m NED and attitude ``C_n_b`` [n, 3, 3] of the vehicle at seconds [n]."""
@@ -61,15 +63,32 @@ def row_delay_s(rows: FloatArray, height: int, values: Values) -> FloatArray:
 
 
 def as_stated(
-    found: Detections, camera: Camera, values: Values, trajectory: Trajectory
+    found: Detections, camera: Camera, values: Values, path: PathSignals | None = None
 ) -> Detections:
-    """Boxes as a camera takes them that reads all rows at once.
+    """Boxes as ``camera``, the true one, takes them but for what changes from box to box: all rows
+    at once, and without users' effects, which need the quantities along the ``path``."""
+    from automap.effects.camera_user import drift
 
-    ``camera`` is the true one, whose other errors it has; ``trajectory`` the vehicle's.
-    """
-    rows = 0.5 * (found.box[:, 1] + found.box[:, 3])
-    late = row_delay_s(rows, camera.height, values)
-    return replace(found, t_ns=found.t_ns + np.rint(late * 1e9).astype(np.int64))
+    box = np.asarray(found.box, np.float64)
+    late = row_delay_s(0.5 * (box[:, 1] + box[:, 3]), camera.height, values)
+    if path is not None:
+        at = found.t_ns + np.int64(round(camera.time_offset_s * 1e9))
+        turn, more = drift(values, path.at(at))
+        late = late + more
+        if turn.any():
+            box = _turned_back(camera, box, rpy_to_matrix(turn))
+    return replace(found, t_ns=found.t_ns + np.rint(late * 1e9).astype(np.int64), box=box)
+
+
+def _turned_back(camera: Camera, box: FloatArray, C_cam_turned: FloatArray) -> FloatArray:
+    """Boxes [n, 4] as a camera that is not turned has them, from the middles of their edges."""
+    x, y = 0.5 * (box[:, 0] + box[:, 2]), 0.5 * (box[:, 1] + box[:, 3])
+    out = []
+    for k, edge in enumerate(((box[:, 0], y), (x, box[:, 1]), (box[:, 2], y), (x, box[:, 3]))):
+        flat = normalise(camera, np.column_stack(edge))
+        ray = np.column_stack([np.ones(len(flat)), flat])
+        out.append(project(camera, np.einsum("nij,nj->ni", C_cam_turned, ray))[:, k % 2])
+    return np.column_stack(out)
 
 
 def camera_poses(
@@ -95,15 +114,26 @@ def in_camera(
 
 
 def exposed(
-    camera: Camera, values: Values, pose_at: PoseAt, t_s: FloatArray, point: FloatArray
+    camera: Camera,
+    values: Values,
+    pose_at: PoseAt,
+    t_s: FloatArray,
+    point: FloatArray,
+    signals: Signals | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """A point in camera axes [n, 3] when the row that shows it is read, and that time [n] s.
 
-    ``t_s`` [n] s when the middle row is read; ``camera`` is the true one.
+    ``t_s`` [n] s when the middle row is read; ``camera`` is the true one, which users' effects
+    turn further with the ``signals`` of the drive.
     """
+    from automap.effects.camera_user import drift
+
     late = np.zeros(len(t_s))
     for _ in range(_SHUTTER_ROUNDS if "rolling_shutter" in values else 1):
         q = in_camera(camera, *pose_at(t_s + late), point)
+        if signals is not None:
+            turn, _ = drift(values, signals.at(t_s + late))
+            q = np.einsum("nji,nj->ni", rpy_to_matrix(turn), q)
         row = np.nan_to_num(project(camera, q)[:, 1], nan=-1e6)
         read, late = t_s + late, row_delay_s(row, camera.height, values)
     return q, read

@@ -30,9 +30,11 @@ OF_FIXES = (
     "velocity_down",
 )
 """Fixes: along the track, to its right, up; m and m/s."""
-ACTS_ON = INERTIAL + OF_FIXES + OF_VEHICLE
+OF_CAMERA = ("camera_roll", "camera_pitch", "camera_yaw", "camera_time")
+"""The camera: turned about its own axes, rad, and what is added to its stamps, s."""
+ACTS_ON = INERTIAL + OF_FIXES + OF_VEHICLE + OF_CAMERA
 _FAMILY = dict.fromkeys(INERTIAL, "imu") | dict.fromkeys(OF_FIXES, "gnss")
-_FAMILY |= dict.fromkeys(OF_VEHICLE, "vehicle")
+_FAMILY |= dict.fromkeys(OF_VEHICLE, "vehicle") | dict.fromkeys(OF_CAMERA, "camera")
 _SEPARATOR = "."
 COSINE, SINE = "cos", "sin"
 """Parts of a signal along a track: times cosine or sine of the heading."""
@@ -58,7 +60,7 @@ class UserTerm:
 
 @dataclass(frozen=True)
 class UserEffect(Effect):
-    """A user's effect; its ``formulas`` all act on readings, on fixes, or on the vehicle."""
+    """A user's effect; its ``formulas`` all act on readings, fixes, the vehicle or the camera."""
 
     formulas: tuple[UserTerm, ...] = ()
 
@@ -95,8 +97,8 @@ def user_effect(name: str, summary: str, *terms: UserTerm) -> UserEffect:
     families = {_FAMILY[t.on] for t in terms}
     if len(families) > 1:
         raise ConfigError(
-            f"the effect '{name}' acts on more than one of readings, fixes and vehicle; make an "
-            "effect for each"
+            f"the effect '{name}' acts on more than one of readings, fixes, vehicle and camera; "
+            "make an effect for each"
         )
     parameters = tuple(Parameter(t.parameter, t.unit, t.prior_sd) for t in terms)
     acting = tuple(term for t in terms for term in _terms(name, t))
@@ -123,6 +125,8 @@ def towards(channel: str) -> tuple[Toward, ...]:
         axis = OF_VEHICLE.index(channel)
         # the wheels report what is added; the constraint says nothing where there is something
         return (Toward(VEHICLE, axis, 1.0 if axis == 0 else -1.0),)
+    if channel in OF_CAMERA:
+        return ()  # what it does to boxes: camera_user
     on = VELOCITY if channel.startswith(VELOCITY) else POSITION
     if channel.endswith("along"):
         return Toward(on, 0, 1.0, COSINE), Toward(on, 1, 1.0, SINE)

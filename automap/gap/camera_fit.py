@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.effects.camera import by_parameters
-from automap.effects.camera_kernels import TURN
+from automap.effects.camera_kernels import N_COLUMNS, TURN
 from automap.effects.lens import focal_length
 from automap.effects.measured import Values
 from automap.gap.camera_views import Boxes, keys
@@ -26,7 +26,7 @@ from automap.geolocation.landmark import (
     seen_from,
     sign_equations,
 )
-from automap.geolocation.landmark_kernels import MARGIN
+from automap.geolocation.landmark_kernels import MARGIN, N_COMMON
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 from automap.robust import BY_HUBER, HUBER_SHARE, huber_loss
@@ -188,29 +188,37 @@ def _evaluated(
     cost = 0.5 * float(((common[free] / prior[free]) ** 2).sum())
     cost += 0.5 * float(huber_loss(((local[:, 3] - size) / SIZE.log_sd) ** 2).sum())
     cost += 0.5 * float((local[:, 4:] ** 2).sum()) / boxes.velocity_sd**2
-    residual = np.zeros((len(sd), 3))
-    solved = np.zeros((boxes.n_signs, N_LOCAL, g + 1))
-    info, right = np.zeros((boxes.n_signs, g, g)), np.zeros((boxes.n_signs, g))
-    for s, rows in enumerate(_rows_by_sign(boxes)):
-        anchor = int(boxes.anchor[s])
+    signs = _rows_by_sign(boxes)
+    shared, effects = np.zeros((len(sd), 3, N_COMMON)), np.zeros((len(sd), 3, N_COLUMNS))
+    seen = np.zeros((boxes.n_signs, 4))
+    for s, (rows, anchor) in enumerate(zip(signs, boxes.anchor.tolist(), strict=True)):
         parameters = seen_from(views, anchor, local[s, :3], local[s, 3])
         if parameters is None:
             return nowhere
-        shared, effects = columns_of(views, rows, anchor, parameters)
-        attitude = shared[:, :, TURN : TURN + 3] @ views.C_cam_body[anchor]
-        margin = shared[:, :, MARGIN : MARGIN + 1]
-        columns = np.concatenate(
-            [by_parameters(values, effects), margin, attitude, shared[:, :, VELOCITY]], axis=2
-        )
+        seen[s] = parameters
+        shared[rows], effects[rows] = columns_of(views, rows, anchor, parameters)
+    every = np.concatenate(
+        [
+            *(by_parameters(values, effects), boxes.by_users(effects)),
+            shared[:, :, MARGIN : MARGIN + 1],
+            effects[:, :, TURN : TURN + 3] @ views.C_cam_body,
+            shared[:, :, VELOCITY],
+        ],
+        axis=2,
+    )
+    residual = np.zeros((len(sd), 3))
+    solved = np.zeros((boxes.n_signs, N_LOCAL, g + 1))
+    info, right = np.zeros((boxes.n_signs, g, g)), np.zeros((boxes.n_signs, g))
+    for s, (rows, anchor) in enumerate(zip(signs, boxes.anchor.tolist(), strict=True)):
         # place of each column among the shared parameters; an attitude error has two parts
         first = n_effects + 1
         minute = first + 3 + 3 * int(boxes.window[s])
         wander = common[first : first + 3] + common[minute : minute + 3]
         bias = np.concatenate([np.zeros(n_effects), common[n_effects:first], wander, local[s, 4:]])
         N, A, S, residual[rows], _, _ = sign_equations(
-            views, rows, anchor, parameters, columns, bias, SIZE, BY_HUBER
+            views, rows, anchor, seen[s], every[rows], bias, SIZE, BY_HUBER
         )
-        m = columns.shape[2]
+        m = every.shape[2]
         own = np.concatenate([np.arange(m, m + 4), np.arange(m - 3, m)])
         whole = np.block([[S[:m, :m], A.T, S[:m, m:]], [A, N, S[m:, m:]]])
         whole[m - 3 : m, m - 3 : m] += np.eye(3) / boxes.velocity_sd**2

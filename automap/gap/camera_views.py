@@ -10,8 +10,11 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.effects.camera import as_stated, true_camera
+from automap.effects.camera_kernels import N_COLUMNS
+from automap.effects.camera_user import user_columns
 from automap.effects.lens import focal_length, normalise, touches_edge
 from automap.effects.measured import Values
+from automap.effects.path_signals import PathSignals
 from automap.geolocation.views import MeasurementNoise, Views, build_views
 from automap.interpolation import poses_at
 from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory
@@ -37,12 +40,20 @@ def keys() -> tuple[tuple[str, str], ...]:
 @dataclass(frozen=True)
 class Filmed:
     """One drive: its path and the boxes [n] of its tracked signs, in the order of time; ``sign``
-    [n] 0.. in the order of their passes."""
+    [n] 0.. in the order of their passes; ``path`` quantities for users' effects."""
 
     trajectory: Trajectory
     camera: Camera
     found: Detections
     sign: IntArray
+    path: PathSignals | None = None
+
+    def by_users(self, columns: FloatArray) -> FloatArray:
+        """Derivatives [n, 3, u] by the parameters of users' effects, from the kernels'."""
+        if self.path is None:
+            return np.zeros((len(columns), 3, len(keys()) - N_COLUMNS))
+        offset_ns = np.int64(round(self.camera.time_offset_s * 1e9))
+        return user_columns(self.path.at(self.found.t_ns + offset_ns), columns)
 
 
 @dataclass(frozen=True)
@@ -95,13 +106,20 @@ class Boxes:
             ],
         )
 
+    def by_users(self, columns: FloatArray) -> FloatArray:
+        """Derivatives [n, 3, u] by the parameters of users' effects, from the kernels' [n, 3, 11]
+        of all boxes."""
+        edges = np.cumsum([len(d.sign) for d in self.drives])[:-1]
+        parts = zip(self.drives, np.split(columns, edges), strict=True)
+        return np.concatenate([drive.by_users(part) for drive, part in parts])
+
     def views(self, values: Values) -> Views | None:
         """The boxes [n] as the camera with the given errors sees them; None where it does not,
         outside its lens or before the path begins."""
         parts = []
         for number, drive in enumerate(self.drives):
             camera = true_camera(drive.camera, values)
-            found = as_stated(drive.found, camera, values, drive.trajectory)
+            found = as_stated(drive.found, camera, values, drive.path)
             one = build_views(
                 *(drive.trajectory, [found], {found.camera: camera}, MeasurementNoise())
             )
@@ -125,11 +143,16 @@ _BY_ROW = tuple(
 
 
 def boxes_of(
-    trajectory: Trajectory, camera: Camera, found: Detections, track: IntArray
+    trajectory: Trajectory,
+    camera: Camera,
+    found: Detections,
+    track: IntArray,
+    path: PathSignals | None = None,
 ) -> Boxes | None:
     """The boxes of signs that were tracked, None where there are none to speak of.
 
-    ``track`` [n] number of the sign's pass of each detection, -1 for none.
+    ``track`` [n] number of the sign's pass of each detection, -1 for none; ``path`` the quantities
+    that users' effects are functions of.
     """
     box = np.asarray(found.box, np.float64)
     t_ns = np.asarray(found.t_ns, np.int64) + np.int64(round(camera.time_offset_s * 1e9))
@@ -147,7 +170,7 @@ def boxes_of(
     _, first, sign = np.unique(track[rows], return_index=True, return_inverse=True)
     rank = np.empty(len(first), np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
-    drive = _rows(Filmed(trajectory, camera, found, np.zeros(len(found), np.int64)), rows)
+    drive = _rows(Filmed(trajectory, camera, found, np.zeros(len(found), np.int64), path), rows)
     velocity_sd = float(np.median(np.nan_to_num(poses.sd_vel_ned[rows])))
     return _of_drives(
         [replace(drive, sign=rank[sign])],

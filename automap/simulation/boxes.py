@@ -10,6 +10,7 @@ from automap import earth
 from automap.effects.camera import exposed, true_camera
 from automap.effects.lens import project
 from automap.effects.measured import Values
+from automap.effects.signals import Signals
 from automap.records import Camera, FloatArray, IntArray
 from automap.simulation.scenario import CameraSetup
 from automap.simulation.scene import Scene, SceneSign
@@ -56,8 +57,10 @@ def sign_boxes(
     t_s: FloatArray,
     scene: Scene,
     rng: np.random.Generator,
+    signals: Signals | None = None,
 ) -> SignBoxes:
-    """Boxes in frames taken at ``t_s`` [m] s of the drive, by a camera with the given errors.
+    """Boxes in frames taken at ``t_s`` [m] s of the drive, by a camera with the given errors;
+    ``signals`` of the drive where users' effects are among them.
 
     A frame is stamped when its middle row is read; ``camera_time_offset`` belongs to the stamps
     and is no business of the picture.
@@ -76,7 +79,7 @@ def sign_boxes(
         near = np.flatnonzero(np.linalg.norm(here - sign.centre, axis=1) < FAR_M + 5.0)
         if len(near) == 0:
             continue
-        ray, read = exposed(camera, errors, pose_at, t_s[near], sign.centre)
+        ray, read = exposed(camera, errors, pose_at, t_s[near], sign.centre, signals)
         box = plate_box(camera, ray, sign.size_m)
         box += rng.standard_normal(box.shape) * noise
         place, C_n_b = pose_at(read)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from automap.effects.camera import row_delay_s, true_camera
 from automap.errors import AutoMapError, ConfigError
 from automap.gap.camera_search import CameraGap, find_camera_gap
 from automap.gap.camera_views import Boxes, boxes_of, joined, keys
@@ -99,7 +98,7 @@ def _boxes_of_drive(path: Path, out: Path, settings: Settings, say: Say) -> list
     from automap.io.observations_table import read_detection_rows
     from automap.io.trajectory_table import read_trajectory
     from pipeline.run.prepared import run_to
-    from pipeline.run.stages.geolocate import rules_from
+    from pipeline.run.stages.geolocate import as_known, path_quantities, rules_from
 
     drive = load_drive(path)
     stated = drive.cameras()
@@ -111,11 +110,13 @@ def _boxes_of_drive(path: Path, out: Path, settings: Settings, say: Say) -> list
         return []
     _, parts = read_detection_rows(out / names.DETECTIONS)
     records = _on_trajectory(drive, out, [record for record, _ in parts if record.camera in stated])
-    cameras = {n: true_camera(c, settings.geolocate.fixed.get(n, {})) for n, c in stated.items()}
-    records = [_by_row(r, cameras[r.camera], settings) for r in records if len(r)]
+    trajectory = read_trajectory(out / names.TRAJECTORY)
+    quantities = path_quantities(out, trajectory)
+    cameras, records = as_known(
+        stated, [r for r in records if len(r)], settings.geolocate.fixed, quantities
+    )
     if not records:
         return []
-    trajectory = read_trajectory(out / names.TRAJECTORY)
     loose = {
         n: replace(
             c,
@@ -132,7 +133,7 @@ def _boxes_of_drive(path: Path, out: Path, settings: Settings, say: Say) -> list
     for record in records:
         rows = slice(first, first + len(record))
         first += len(record)
-        boxes = boxes_of(trajectory, cameras[record.camera], record, track[rows])
+        boxes = boxes_of(trajectory, cameras[record.camera], record, track[rows], quantities)
         if boxes is not None:
             found.append((record.camera, boxes))
     return found
@@ -155,14 +156,6 @@ def _on_trajectory(drive: Drive, out: Path, records: list[Detections]) -> list[D
         t_ns = in_trajectory_time(record.t_ns, video.section.time, clocks)
         converted.append(replace(record, t_ns=t_ns))
     return converted
-
-
-def _by_row(record: Detections, camera: Camera, settings: Settings) -> Detections:
-    """Detections stamped when their rows were read, as far as the model knows the shutter."""
-    known = settings.geolocate.fixed.get(record.camera, {})
-    rows = 0.5 * (record.box[:, 1] + record.box[:, 3])
-    late = np.rint(row_delay_s(rows, camera.height, known) * 1e9).astype(np.int64)
-    return replace(record, t_ns=record.t_ns + late)
 
 
 def camera_json(gap: CameraGap) -> dict[str, Any]:

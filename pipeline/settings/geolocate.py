@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-from pydantic import Field, field_validator
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
+from pydantic import Field
+
+from automap.errors import ConfigError
 from pipeline.settings.section import Section
+
+if TYPE_CHECKING:
+    from automap.effects import Effect
 
 
 class GeolocateSettings(Section):
@@ -43,24 +50,29 @@ class GeolocateSettings(Section):
     imu_above_road_m: float = Field(default=1.0, ge=0)
     """m, height of the IMU above the road"""
 
-    @field_validator("fixed")
-    @classmethod
-    def _effects_exist(
-        cls, value: dict[str, dict[str, dict[str, float]]]
-    ) -> dict[str, dict[str, dict[str, float]]]:
+    def check_fixed(self, users: Iterable[Effect], source: str) -> None:
+        """Refuse known errors of cameras that are none.
+
+        ``users`` effects beside those of the catalogue.
+
+        Raises:
+            ConfigError: an effect or a parameter that does not exist.
+        """
         from automap.effects import CATALOGUE
 
-        known = {n: e for n, e in CATALOGUE.items() if e.family == "camera"}
-        for effects in value.values():
+        every = {**CATALOGUE, **{e.name: e for e in users}}
+        known = {n: e for n, e in every.items() if e.family == "camera"}
+        for camera, effects in self.fixed.items():
+            place = f"{source}: geolocate.fixed.{camera}"
             for effect, given in effects.items():
                 if effect not in known:
-                    raise ValueError(
-                        f"no effect of a camera '{effect}'; there are " + ", ".join(known)
+                    raise ConfigError(
+                        f"{place}: no effect of a camera '{effect}'; there are " + ", ".join(known)
                     )
                 names = [p.name for p in known[effect].parameters]
                 wrong = sorted(set(given) - set(names))
                 if wrong:
-                    raise ValueError(
-                        f"'{effect}' has no parameter '{wrong[0]}'; it has " + ", ".join(names)
+                    raise ConfigError(
+                        f"{place}: '{effect}' has no parameter '{wrong[0]}'; it has "
+                        + ", ".join(names)
                     )
-        return value

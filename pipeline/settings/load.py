@@ -55,12 +55,14 @@ def load_settings(path: Path | None = None, assignments: Sequence[str] = ()) -> 
         overlay = with_absolute_files(read_toml(path), path.parent)
         _check_keys(overlay, str(path))
         merged, own = _overlay(merged, overlay), _overlay(own, overlay)
-        effects_of(_build(merged, str(path)).effects, str(path))
+        built = _build(merged, str(path))
+        built.geolocate.check_fixed(effects_of(built.effects, str(path)), str(path))
     for text in assignments:
         overlay = _assignment(text)
         _check_keys(overlay, f"--set {text}")
         merged, own = _overlay(merged, overlay), _overlay(own, overlay)
-        _build(merged, f"--set {text}")
+        built = _build(merged, f"--set {text}")
+        built.geolocate.check_fixed(effects_of(built.effects, f"--set {text}"), f"--set {text}")
     return _build(_overlay(merged, _stated(merged, own)), "configs/default.toml")
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from automap.effects import Signals
+from automap.effects.camera_user import depends_on_the_drive, drift
 from automap.effects.vehicle import parameter
 from automap.errors import ConfigError
 from automap.io import names
@@ -20,6 +22,7 @@ from automap.simulation.boxes import detections_csv, sign_boxes, stated_camera
 from automap.simulation.camera import Painter, camera_views
 from automap.simulation.errors import error_values
 from automap.simulation.gnss import arrivals
+from automap.simulation.imu import temperature, true_signals
 from automap.simulation.scenario import CameraSetup, Gnss, Scenario
 from automap.simulation.scene import Scene, build_scene
 from automap.simulation.sensors import random_streams, simulate_sensors
@@ -27,6 +30,7 @@ from automap.simulation.trajectory import DriveMotion, Motion
 from pipeline.shared.progress import Progress
 
 _VIDEO_CLOCK = 90_000
+_SIGNAL_STEP_S = 0.01
 ODOMETER_FILE = "odometer.csv"
 DETECTIONS_FILE = "front_detections.csv"
 
@@ -152,8 +156,9 @@ def _write_video(
     times: FloatArray = 0.1 + np.arange(count) * np.float64(period)
     times += np.clip(rng.standard_normal(count) * setup.frame_jitter_s, -period / 3, period / 3)
     errors = error_values(scenario.errors)
+    signals = _camera_signals(scenario, drive) if depends_on_the_drive(errors) else None
     if setup.box_sd_px is not None:
-        boxes = sign_boxes(drive, setup, errors, times, scene, rng)
+        boxes = sign_boxes(drive, setup, errors, times, scene, rng, signals)
         path = folder / DETECTIONS_FILE
         path.write_text(detections_csv(boxes), encoding="utf-8", newline="\n")
     else:
@@ -161,9 +166,17 @@ def _write_video(
     rate = 1.0 + scenario.clock.drift_ppm * 1e-6
     stamps = times + rng.standard_normal(count) * setup.stamp_noise_s
     stamps -= parameter(errors, "camera_time_offset")
+    if signals is not None:
+        stamps -= drift(errors, signals.at(times))[1]
     t_ns = scenario.clock.start_ns + np.rint(stamps / rate * 1e9).astype(np.int64)
     text = "frame,t_ns\n" + "".join(f"{i},{t}\n" for i, t in enumerate(t_ns))
     (folder / "front_frames.csv").write_text(text, encoding="utf-8", newline="\n")
+
+
+def _camera_signals(scenario: Scenario, drive: DriveMotion) -> Signals:
+    """The quantities of the drive that users' effects of its camera are functions of."""
+    grid = np.arange(0.0, drive.duration_s, _SIGNAL_STEP_S)
+    return true_signals(drive.at(grid), temperature(scenario, grid))
 
 
 def _draw_video(

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from automap.earth import from_local_ned
-from automap.effects.camera import row_delay_s, true_camera
-from automap.effects.lens import project
+from automap.effects.camera import as_stated, exposed, row_delay_s, true_camera
+from automap.effects.camera_user import drift
+from automap.effects.path_signals import path_signals
+from automap.effects.user import set_user_effects
+from automap.effects.user_tables import effects_of_formulas
 from automap.errors import ConfigError
 from automap.frames import rpy_to_matrix
 from automap.gap.camera_fit import box_noise, fit_camera
@@ -43,6 +48,7 @@ VALUES = {
 }
 
 
+@lru_cache
 def path() -> Trajectory:
     """Two minutes of winding road at changing speed, 20 rows a second."""
     t = np.arange(0.0, 120.0, 0.05)
@@ -72,7 +78,7 @@ def film(values: dict[str, dict[str, float]], seed: int = 1) -> tuple[Detections
     """What a detector makes of some signs, and the number of the sign of each box."""
     rng = np.random.default_rng(seed)
     trajectory = path()
-    camera = true_camera(CAMERA, values)
+    camera, signals = true_camera(CAMERA, values), path_signals(trajectory).signals
     frames = np.arange(1.0, 119.0, 0.1)
     here = poses_at(trajectory, (frames * 1e9).astype(np.int64))
     north, east = _metres(here.lat_rad, here.lon_rad)
@@ -84,12 +90,8 @@ def film(values: dict[str, dict[str, float]], seed: int = 1) -> tuple[Detections
         place = np.array([north[at] - np.sin(yaw) * aside, east[at] + np.cos(yaw) * aside, down])
         size = float(rng.uniform(0.5, 0.9))
         stamp = frames[max(0, at - 60) : at]
-        late = np.zeros(len(stamp))
-        for _ in range(3):
-            t_ns = np.rint((stamp + camera.time_offset_s + late) * 1e9).astype(np.int64)
-            ray = _rays(trajectory, camera, t_ns, place)
-            pixel = np.nan_to_num(project(camera, ray), nan=-1e4)
-            late = row_delay_s(pixel[:, 1], camera.height, values)
+        at = stamp + camera.time_offset_s + drift(values, signals.at(stamp))[1]
+        ray, _ = exposed(camera, values, pose_at, at, place, signals)
         box = plate_box(camera, ray, size)
         box += rng.normal(0.0, PIXEL_SD, box.shape)
         good = (ray[:, 0] > 5.0) & (ray[:, 0] < 60.0) & (box[:, :2] > 2.0).all(axis=1)
@@ -116,17 +118,15 @@ def _metres(lat: FloatArray, lon: FloatArray) -> tuple[FloatArray, FloatArray]:
     return place[:, 0], place[:, 1]
 
 
-def _rays(trajectory: Trajectory, camera: Camera, t_ns: IntArray, place: FloatArray) -> FloatArray:
-    pose = poses_at(trajectory, t_ns)
+def pose_at(seconds: FloatArray) -> tuple[FloatArray, FloatArray]:
+    pose = poses_at(path(), np.rint(seconds * 1e9).astype(np.int64))
     north, east = _metres(pose.lat_rad, pose.lon_rad)
-    there = place - np.column_stack([north, east, np.zeros(len(north))])
-    body = np.einsum("nji,nj->ni", rpy_to_matrix(pose.rpy), there)
-    return np.asarray((body - camera.lever_arm_m) @ rpy_to_matrix(camera.mount_rpy))
+    return np.column_stack([north, east, np.zeros(len(north))]), rpy_to_matrix(pose.rpy)
 
 
 def boxes_with(values: dict[str, dict[str, float]], seed: int = 1) -> Boxes:
     found, numbers = film(values, seed)
-    boxes = boxes_of(path(), CAMERA, found, numbers)
+    boxes = boxes_of(path(), CAMERA, found, numbers, path_signals(path()))
     assert boxes is not None
     return boxes
 
@@ -141,6 +141,48 @@ def test_an_effect_of_the_camera_is_named_and_recovered(effect: str) -> None:
         value = finding.parameters[parameter]
         assert abs(value.value - true) < 4.0 * value.sd, parameter
     assert gap.gap_after < 0.3 * gap.gap_before
+
+
+USERS = {
+    "nods": {"k": {"on": "camera_pitch", "formula": "acceleration", "prior_sd": 0.01}},
+    "dawdles": {"k": {"on": "camera_time", "formula": "speed", "prior_sd": 0.01}},
+    "leans": {
+        "roll": {"on": "camera_roll", "formula": "lateral_acceleration", "prior_sd": 0.01},
+        "yaw": {"on": "camera_yaw", "formula": "lateral_acceleration", "prior_sd": 0.01},
+    },
+}
+HIDDEN = {"nods": {"k": 0.015}, "dawdles": {"k": 0.004}, "leans": {"roll": 0.01, "yaw": 0.008}}
+
+
+@pytest.fixture
+def users() -> Iterator[None]:
+    set_user_effects(effects_of_formulas(USERS, "mine.toml"))
+    yield
+    set_user_effects([])
+
+
+@pytest.mark.usefixtures("users")
+@pytest.mark.parametrize("effect", list(HIDDEN))
+def test_a_users_effect_of_the_camera_is_named_and_recovered(effect: str) -> None:
+    gap = find_camera_gap("front", boxes_with({effect: HIDDEN[effect]}), None)
+    assert [f.effect for f in gap.findings] == [effect]
+    for parameter, true in HIDDEN[effect].items():
+        value = gap.findings[0].parameters[parameter]
+        assert abs(value.value - true) < 4.0 * value.sd, parameter
+        assert value.sd < 0.2 * true
+
+
+@pytest.mark.usefixtures("users")
+def test_known_effects_that_go_with_the_drive_are_taken_out_of_the_boxes() -> None:
+    values = {**HIDDEN, "rolling_shutter": {"s": 0.04}}
+    found, numbers = film(values)
+    back = as_stated(found, CAMERA, values, path_signals(path()))
+    assert find_camera_gap("front", boxes_with(values), None).findings
+    boxes = boxes_of(path(), CAMERA, back, numbers, path_signals(path()))
+    assert boxes is not None
+    gap = find_camera_gap("front", boxes, None)
+    assert gap.findings == ()
+    assert gap.gap_before < 0.02
 
 
 def test_a_camera_as_stated_is_silent() -> None:

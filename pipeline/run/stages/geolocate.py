@@ -15,6 +15,7 @@ from pipeline.run.stage import Stage, StageContext
 if TYPE_CHECKING:
     import pyarrow as pa
 
+    from automap.effects.path_signals import PathSignals
     from automap.geolocation.control import ControlSigns
     from automap.geolocation.rules import GeolocationRules
     from automap.io.drive import Drive
@@ -176,9 +177,14 @@ def _locate(
     from automap.geolocation.locate import locate_signs
     from automap.io.signs_table import write_signs
     from automap.io.trajectory_table import write_trajectory
+    from pipeline.settings.user_effects import activate
 
     settings = context.settings.geolocate
-    cameras, records = _as_known(context.drive.cameras(), [r for r, _ in parts], settings.fixed)
+    activate(context.settings.effects)
+    path = path_quantities(context.out, trajectory)
+    cameras, records = as_known(
+        context.drive.cameras(), [r for r, _ in parts], settings.fixed, path
+    )
     result = locate_signs(
         trajectory,
         records,
@@ -200,23 +206,33 @@ def _locate(
     report_result(context, result)
 
 
-def _as_known(
+def as_known(
     stated: Mapping[str, Camera],
     records: list[Detections],
     known: Mapping[str, Mapping[str, Mapping[str, float]]],
+    path: PathSignals | None,
 ) -> tuple[dict[str, Camera], list[Detections]]:
-    """Cameras as they are where their errors are known, and boxes at the instants of their rows."""
-    from automap.effects.camera import row_delay_s, true_camera
+    """Cameras as they are where their errors are known, and boxes without those errors that
+    change from box to box."""
+    from automap.effects.camera import as_stated, true_camera
 
     cameras = {n: true_camera(c, known[n]) if n in known else c for n, c in stated.items()}
-    out = []
-    for record in records:
-        if "rolling_shutter" in known.get(record.camera, {}):
-            rows = 0.5 * (record.box[:, 1] + record.box[:, 3])
-            late = row_delay_s(rows, cameras[record.camera].height, known[record.camera])
-            record = replace(record, t_ns=record.t_ns + (late * 1e9).astype(record.t_ns.dtype))
-        out.append(record)
-    return cameras, out
+    return cameras, [
+        as_stated(r, cameras[r.camera], known[r.camera], path) if r.camera in known else r
+        for r in records
+    ]
+
+
+def path_quantities(out: Path, trajectory: Trajectory) -> PathSignals | None:
+    """The quantities of the drive where users' effects of a camera need them."""
+    from automap.effects.camera_user import depends_on_the_drive
+    from automap.effects.path_signals import path_signals
+    from automap.io.tables import read_imu
+
+    if not depends_on_the_drive():
+        return None
+    file = out / names.IMU
+    return path_signals(trajectory, read_imu(file) if file.is_file() else None)
 
 
 def _control_signs(drive: Drive) -> ControlSigns | None:
@@ -239,12 +255,12 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="geolocate",
-    version=8,
+    version=9,
     run=run,
     inputs=_inputs,
-    needs=(names.TRAJECTORY, names.DETECTIONS, names.SYNC),
+    needs=(names.TRAJECTORY, names.DETECTIONS, names.SYNC, names.IMU),
     # the adjusted trajectory is written where signs seen again or surveyed ones move the vehicle
     outputs=(names.SIGNS_RAW, names.OBSERVATIONS, names.TRAJECTORY_ADJUSTED),
-    settings=("geolocate",),
+    settings=("effects", "geolocate"),
     manifest=("name", "video"),
 )
