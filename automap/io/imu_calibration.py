@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 
 from automap.errors import ConfigError
 from automap.io.atomic import write_text
-from automap.io.toml_file import read_toml
+from automap.io.toml_file import read_toml, toml_value
 from automap.records import FloatArray, ImuCalibration, TriadCalibration
 
 SCHEMA = "automap.imu-calibration/1"
@@ -51,26 +50,17 @@ def write_imu_calibration(path: Path, sections: Mapping[str, Mapping[str, Any]])
     lines = [f'schema = "{SCHEMA}"']
     for name, table in sections.items():
         lines += ["", f"[{name}]"]
-        lines += [f"{key} = {_toml(value)}" for key, value in table.items() if value is not None]
+        lines += [f"{key} = {_written(value)}" for key, value in table.items() if value is not None]
     write_text(path, "\n".join(lines) + "\n")
 
 
-def _toml(value: Any) -> str:
-    if isinstance(value, np.ndarray | np.generic):
+def _written(value: Any) -> str:
+    """A value of a section, a matrix with a line for each row."""
+    if isinstance(value, np.ndarray):
         value = value.tolist()
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        # JSON's escapes are TOML's; half characters of odd file names have none
-        return json.dumps(value.encode("utf-8", "replace").decode("utf-8"), ensure_ascii=False)
-    if isinstance(value, Mapping):
-        inside = ", ".join(f"{_toml(str(k))} = {_toml(v)}" for k, v in value.items())
-        return "{ " + inside + " }" if inside else "{}"
-    if isinstance(value, list | tuple):
-        if value and isinstance(value[0], list | tuple):
-            return "[\n" + "".join(f"  {_toml(row)},\n" for row in value) + "]"
-        return "[" + ", ".join(_toml(item) for item in value) + "]"
-    return repr(value)
+    if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple):
+        return "[\n" + "".join(f"  {toml_value(row)},\n" for row in value) + "]"
+    return toml_value(value)
 
 
 def _scale(path: Path, data: dict[str, Any], section: str) -> FloatArray:

@@ -1,10 +1,14 @@
-"""TOML files that people write by hand."""
+"""TOML: files that people write by hand, and values as such a file has them."""
 
 from __future__ import annotations
 
+import json
 import tomllib
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from automap.errors import ConfigError
 
@@ -37,3 +41,23 @@ def parse_toml(path: Path, raw: bytes) -> dict[str, Any]:
         raise ConfigError(f"{path}: not valid TOML: {error}; correct that place.") from None
     except RecursionError:
         raise ConfigError(f"{path}: its values are nested too deeply; correct it.") from None
+
+
+def toml_value(value: Any, number: Callable[[float], str] = repr) -> str:
+    """A text, number, truth value, array of any depth or table as TOML writes it in one line.
+
+    ``number`` writes floats; as it stands they keep all digits.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, str):
+        # JSON's escapes are TOML's; half characters of odd file names have none
+        return json.dumps(value.encode("utf-8", "replace").decode("utf-8"), ensure_ascii=False)
+    if isinstance(value, Mapping):
+        inside = (f"{toml_value(str(k))} = {toml_value(v, number)}" for k, v in value.items())
+        return f"{{ {', '.join(inside)} }}" if value else "{}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(toml_value(item, number) for item in value)}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return number(value) if isinstance(value, float) else repr(value)

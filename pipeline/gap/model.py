@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,10 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from automap.effects.user import user_effects
 from automap.effects.user_tables import as_table
+from automap.io.toml_file import toml_value
 
 if TYPE_CHECKING:
     from automap.gap import GapDrive, GapResult
-    from pipeline.settings.effects import EffectsSettings
+from pipeline.settings.effects import EffectsSettings
+
+_NINE = "{:.9g}".format
+"""Nine digits are more than any estimate has."""
 
 
 def model_toml(
@@ -75,18 +78,14 @@ def _definitions(result: GapResult, users: EffectsSettings, folder: Path) -> lis
     lines: list[str] = []
     if users.files:
         names = [Path(os.path.relpath(p, folder.resolve())).as_posix() for p in users.files]
-        lines += ["[effects]", f"files = {json.dumps(names)}", ""]
+        lines += ["[effects]", f"files = {toml_value(names)}", ""]
     for name, table in tables.items():
         lines.append(f"[effects.formulas.{name}]")
         for key, value in table.items():
             if isinstance(value, dict):
-                inner = ", ".join(f"{k} = {_value(v)}" for k, v in value.items())
+                inner = ", ".join(f"{k} = {toml_value(v, _NINE)}" for k, v in value.items())
                 lines.append(f"{key} = {{ {inner} }}")
             else:
-                lines.append(f"{key} = {_value(value)}")
+                lines.append(f"{key} = {toml_value(value, _NINE)}")
         lines.append("")
     return lines
-
-
-def _value(value: Any) -> str:
-    return f"{value:.9g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)

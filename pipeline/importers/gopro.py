@@ -9,8 +9,9 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.io.atomic import make_folder, write_bytes
+from automap.io.toml_file import toml_value
 from pipeline.importers.parts import copy_or_link, write_arrival, write_imu
-from pipeline.importers.target import Import, new_drive, toml
+from pipeline.importers.target import Import, new_drive
 
 if TYPE_CHECKING:
     from automap.io.gopro import GoProRecording
@@ -66,7 +67,7 @@ def _write(run: Import, recording: GoProRecording, chapters: list[Path], link: b
         name = f"front{'' if number == 1 else f'_{number}'}{chapter.suffix.lower()}"
         copy_or_link(chapter, folder / name, link)
         files.append(f"video/{name}")
-    listed = ", ".join(toml(name) for name in files)
+    listed = ", ".join(toml_value(name) for name in files)
     sections += (
         f"\n[video.front]\nfiles = [{listed}]\nstart_ns = 0\n"
         "mount_rpy_sigma_deg = 3.0\ntime_offset_sigma_s = 0.05\n"

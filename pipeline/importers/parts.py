@@ -12,7 +12,8 @@ import numpy as np
 from automap.io import names
 from automap.io.atomic import make_folder, write_text
 from automap.io.axes import axes_matrix
-from pipeline.importers.target import Import, toml
+from automap.io.toml_file import toml_value
+from pipeline.importers.target import Import
 
 
 def write_csv(
@@ -94,7 +95,7 @@ def imu_section(axes: str, time: str = "boot_ns") -> str:
     """``[imu]`` of a file in rad/s and m/s^2; ConfigError for axes that there are not."""
     axes_matrix(axes)
     return (
-        f'[imu]\nfile = "imu.csv"\naxes = {toml(axes)}\ntime = "{time}"\n'
+        f'[imu]\nfile = "imu.csv"\naxes = {toml_value(axes)}\ntime = "{time}"\n'
         'gyro_unit = "rad/s"\naccel_unit = "m/s^2"\n'
     )
 

@@ -11,8 +11,9 @@ import numpy as np
 from automap.errors import InputError
 from automap.io import names
 from automap.io.atomic import make_folder, write_text
+from automap.io.toml_file import toml_value
 from pipeline.importers.parts import write_arrival, write_csv
-from pipeline.importers.target import Import, new_drive, toml
+from pipeline.importers.target import Import, new_drive
 
 if TYPE_CHECKING:
     from automap.io.rtklib_recording import RtklibFiles
@@ -104,8 +105,8 @@ def _write_imu(
                 f"estimated; by gravity they are {axes}, with one level axis taken as forward"
             )
     return (
-        f'[imu]\nfile = "imu.csv"\naxes = {toml(axes)}\ntime = "boot_ns"\n'
-        f"gyro_unit = {toml(gyro_unit)}\naccel_unit = {toml(accel_unit)}\n"
+        f'[imu]\nfile = "imu.csv"\naxes = {toml_value(axes)}\ntime = "boot_ns"\n'
+        f"gyro_unit = {toml_value(gyro_unit)}\naccel_unit = {toml_value(accel_unit)}\n"
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import shutil
 import struct
@@ -19,6 +18,7 @@ from automap.errors import ConfigError, InputError, StageError
 from automap.io import names
 from automap.io.atomic import make_folder, write_failure, write_json, write_text
 from automap.io.json_text import parse_json
+from automap.io.toml_file import toml_value
 
 MARK = "# Made by automap import"
 LINEAGE = "import.json"
@@ -50,7 +50,8 @@ class Import:
         """Write ``drive.toml``: where it is from, ``notes`` on the files, then ``sections``."""
         head = [f"{MARK} {self.kind} from {_one_line(self.source.resolve().name)}", "#"]
         head += [f"# {note}".rstrip() for note in notes]
-        body = f'schema = "automap.drive/1"\nname = {toml(self.out.name)}\n\n{sections.strip()}\n'
+        name = toml_value(self.out.name)
+        body = f'schema = "automap.drive/1"\nname = {name}\n\n{sections.strip()}\n'
         write_text(self.folder / names.MANIFEST, "\n".join(head) + "\n" + body)
 
 
@@ -169,11 +170,6 @@ def _written_before(out: Path) -> list[str]:
         return list(_EARLIER)
     inside = [n for n in found if not Path(n).is_absolute() and ".." not in Path(n).parts]
     return [name for name in inside if name != names.MANIFEST]
-
-
-def toml(text: str) -> str:
-    """Text as a TOML basic string, which a JSON string is."""
-    return json.dumps(text)
 
 
 def _one_line(text: str) -> str:

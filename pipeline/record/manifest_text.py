@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from automap.io import names
 from automap.io.manifest import Manifest, read_manifest
+from automap.io.toml_file import toml_value
 from pipeline.record.imu_format import ImuFormat
 
 _SIZE = ("width", "height")
@@ -34,7 +34,7 @@ def manifest_text(
     it says of files is not. ``cameras``: name -> files, frames, width, height.
     """
     given = {} if rig is None else rig.model_dump(by_alias=True, exclude_unset=True)
-    parts = ['schema = "automap.drive/1"', f"name = {_value(name)}"]
+    parts = ['schema = "automap.drive/1"', f"name = {toml_value(name)}"]
     if imu is not None:
         ours = {"file": "imu.csv", "axes": imu.axes, "time": "boot_ns"}
         ours |= {"gyro_unit": imu.gyro_unit, "accel_unit": imu.accel_unit}
@@ -83,16 +83,5 @@ def _of_size(section: dict[str, Any], files: Mapping[str, Any]) -> dict[str, Any
 
 
 def _section(name: str, values: Mapping[str, Any]) -> list[str]:
-    lines = [f"{key} = {_value(value)}" for key, value in values.items() if value is not None]
+    lines = [f"{key} = {toml_value(value)}" for key, value in values.items() if value is not None]
     return ["", f"[{name}]", *lines]
-
-
-def _value(value: Any) -> str:
-    """A value as TOML writes it; its strings, numbers and arrays are those of JSON."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(item) for item in value) + "]"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    return repr(value)

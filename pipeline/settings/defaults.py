@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Mapping
-from typing import Any
 
+from automap.io.toml_file import toml_value
 from pipeline.settings.load import Settings
 from pipeline.settings.section import Section
 from pipeline.shared.configs import configs_dir
@@ -30,22 +28,18 @@ def default_toml() -> str:
 def _lines(section: Section) -> str:
     lines = []
     for name, info in type(section).model_fields.items():
-        stated = f"{name} = {_value(getattr(section, name))}"
+        stated = f"{name} = {toml_value(getattr(section, name), _number)}"
         note = " ".join((info.description or "").split())
         lines.append(f"{stated:<{_WIDTH}}  # {note}\n")
     return "".join(lines)
 
 
-def _value(value: Any) -> str:
-    """A value as TOML has it; small numbers with an exponent."""
-    if isinstance(value, Mapping):
-        if value:
-            raise TypeError("a table has no default but the empty one")
-        return "{}"
-    if isinstance(value, float) and 0.0 < abs(value) < 2e-3:
-        exponent = math.floor(math.log10(abs(value)))
-        return f"{value / 10.0**exponent:.12g}e{exponent}"
-    return json.dumps(value, ensure_ascii=False)
+def _number(value: float) -> str:
+    """All digits, of small numbers with an exponent."""
+    if not 0.0 < abs(value) < 2e-3:
+        return repr(value)
+    exponent = math.floor(math.log10(abs(value)))
+    return f"{value / 10.0**exponent:.12g}e{exponent}"
 
 
 if __name__ == "__main__":
