@@ -11,6 +11,7 @@ import numpy as np
 from automap.records import BoolArray, Camera, FloatArray
 
 _AGREEMENT_PX = 0.01
+_CUT_SD_FACTOR = 6.0
 
 
 def project(camera: Camera, directions: FloatArray) -> FloatArray:
@@ -81,3 +82,25 @@ def touches_edge(camera: Camera, box: FloatArray, margin: float = 1.5) -> BoolAr
         | (box[:, 2] >= last_x - margin)
         | (box[:, 3] >= last_y - margin)
     )
+
+
+def box_variances(
+    camera: Camera,
+    box: FloatArray,
+    height: FloatArray,
+    pixel_sd: float,
+    fraction: float,
+    attitude_sd: float = 0.0,
+) -> FloatArray:
+    """Variances [n, 3] of direction right and down and of the log height of boxes [n, 4] of
+    normalised ``height`` [n].
+
+    ``pixel_sd`` px of a box's centre, ``fraction`` of its height that centre and height err by,
+    ``attitude_sd`` rad of the camera. A box that the edge of the image cuts shows neither the
+    sign's centre nor its size.
+    """
+    pixel = pixel_sd / focal_length(camera)
+    cut = np.where(touches_edge(camera, box), _CUT_SD_FACTOR**2, 1.0)
+    direction = pixel**2 + (fraction * height) ** 2 + attitude_sd**2
+    size = 2.0 * (pixel / height) ** 2 + fraction**2
+    return np.column_stack([direction, direction, size]) * cut[:, None]

@@ -17,7 +17,8 @@ from automap.geolocation.views import Views
 from automap.signs.backs import is_back, may_be_back
 
 _GATE = 13.8  # chi-square, three coordinates, 99.7 %
-_AWAY_COSINE = -0.5
+AWAY_COSINE = -0.5
+"""Faces further turned from one another than 120 deg look the other way."""
 _THICKNESS_M = 0.2
 """Face and back of a sign, and the middles of boxes about them, are no further apart."""
 _MAX_DISTANCE_M = 5.0
@@ -49,7 +50,7 @@ def _is_other_side(views: Views, back: Sighting, front: Sighting) -> bool:
     difference = back.position - front.position
     if float(np.linalg.norm(difference)) > _MAX_DISTANCE_M:
         return False
-    if float(back.facing @ front.facing) > _AWAY_COSINE:
+    if float(back.facing @ front.facing) > AWAY_COSINE:
         return False
     if np.isin(views.frame[back.landmark.rows], views.frame[front.landmark.rows]).any():
         return False

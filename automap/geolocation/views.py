@@ -9,13 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.effects.camera import camera_poses, row_share, true_camera
-from automap.effects.lens import focal_length, lens_of, normalise, touches_edge
+from automap.effects.lens import box_variances, focal_length, lens_of, normalise
 from automap.frames import matrix_to_rotation_vector, rpy_to_matrix
 from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 
 _RATE_STEP_NS = 20_000_000
-_EDGE_SD_FACTOR = 6.0
 _LEAST_WITHOUT_MARGIN = 0.3
 
 
@@ -237,14 +236,11 @@ def _camera_views(
     has_ray = np.isfinite(centre_ray).all(axis=1) & (height > 0.0)
     measured = np.column_stack([centre_ray, np.log(np.where(has_ray, height, 1.0))])
 
-    focal = focal_length(camera)
-    pixel = noise.pixel_sd / focal
-    share = noise.box_fraction * height
-    centre_sd = np.sqrt(pixel**2 + share**2 + noise.attitude_sd**2)
-    size_sd = np.sqrt(2.0 * (pixel / np.where(has_ray, height, 1.0)) ** 2 + noise.box_fraction**2)
-    # a cut-off box shows neither the sign's centre nor its size
-    edge = np.where(touches_edge(camera, box), _EDGE_SD_FACTOR, 1.0)
-    sd = np.column_stack([centre_sd, centre_sd, size_sd]) * edge[:, None] * noise.scales
+    plausible = np.where(has_ray, height, 1.0)
+    variance = box_variances(
+        *(camera, box, plausible, noise.pixel_sd, noise.box_fraction, noise.attitude_sd)
+    )
+    sd = np.sqrt(variance) * noise.scales
 
     ok = has_pose & has_ray
     part: dict[str, np.ndarray] = {
@@ -260,7 +256,7 @@ def _camera_views(
         "share": row_share(middle_y, camera.height)[ok],
         "pose_sd": np.nan_to_num(poses.sd_pos_ned[ok]),
         "attitude_sd": np.nan_to_num(poses.sd_rpy[ok]),
-        "margin_sd": np.full(int(ok.sum()), noise.margin_sd_px / focal),
+        "margin_sd": np.full(int(ok.sum()), noise.margin_sd_px / focal_length(camera)),
         "velocity_sd": _vehicle_velocity_sd(poses.sd_vel_ned[ok]),
         "speed_sd": np.nan_to_num(np.linalg.norm(poses.sd_vel_ned[ok], axis=1)),
         "class_name": np.asarray(found.class_name, np.object_)[ok],

@@ -8,13 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.earth import metres_per_radian
+from automap.geolocation.backs import AWAY_COSINE
 from automap.records import FloatArray
 from automap.signs.backs import is_back, may_be_back
 
 MAX_DISTANCE_M = 3.0
 _GATE = 11.8  # chi-square, two coordinates, 99.7 %
 _THICKNESS_M = 0.3
-_AWAY_COSINE = -0.5
 
 
 def backs_of_others(
@@ -44,7 +44,7 @@ def backs_of_others(
     tree = cKDTree(place[fronts])
     for k in np.flatnonzero(maybe & ~result).tolist():
         for j in fronts[tree.query_ball_point(place[k], MAX_DISTANCE_M)].tolist():
-            if not np.cos(facing_rad[k] - facing_rad[j]) < _AWAY_COSINE:
+            if not np.cos(facing_rad[k] - facing_rad[j]) < AWAY_COSINE:
                 continue
             offset = place[k] - place[j]
             total = (cov_enu[k] + cov_enu[j])[:2, :2] + _THICKNESS_M**2 * np.eye(2)

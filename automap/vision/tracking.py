@@ -17,7 +17,7 @@ import numpy as np
 
 from automap.assignment import assign
 from automap.effects.camera import direction_by_point, direction_by_turn
-from automap.effects.lens import focal_length, normalise, touches_edge
+from automap.effects.lens import box_variances, focal_length, normalise
 from automap.records import BoolArray, Camera, FloatArray, IntArray
 from automap.vision.camera_motion import Motion
 from automap.vision.detector import FoundSigns
@@ -95,13 +95,8 @@ class Tracker:
         with np.errstate(all="ignore"):
             z = np.column_stack([normalise(self._camera, middle), np.log(height)])
         rules = self._rules
-        pixel = rules.pixel_sd / self._focal
-        height = np.maximum(np.nan_to_num(height), pixel)
-        # the edge cuts a sign, which shifts its centre and shrinks it
-        cut = np.where(touches_edge(self._camera, box), 6.0, 1.0)
-        direction = pixel**2 + (rules.box_fraction * height) ** 2
-        size = 2.0 * (pixel / height) ** 2 + rules.box_fraction**2
-        return z, np.column_stack([direction, direction, size]) * cut[:, None] ** 2
+        height = np.maximum(np.nan_to_num(height), rules.pixel_sd / self._focal)
+        return z, box_variances(self._camera, box, height, rules.pixel_sd, rules.box_fraction)
 
     def _predict(self, motion: Motion, seconds: float) -> None:
         if not len(self):
