@@ -53,6 +53,12 @@ def commands(page: Path) -> list[Command]:
     return found
 
 
+def scripts(page: Path) -> list[str]:
+    """The Python blocks without a title, which rest on what the commands before them left."""
+    text = page.read_text(encoding="utf-8")
+    return re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
 def files(page: Path) -> dict[str, str]:
     """The files that a page shows whole: code blocks with a title, name -> content."""
     text = page.read_text(encoding="utf-8")

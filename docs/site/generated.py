@@ -30,7 +30,14 @@ def pages() -> dict[str, str]:
         "reference/configuration.md": configuration(),
         "reference/sign-fields.md": sign_fields(),
         "reference/exit-codes.md": exit_codes(),
+        "contributing.md": from_root("CONTRIBUTING.md"),
+        "changelog.md": from_root("CHANGELOG.md"),
     }
+
+
+def from_root(name: str) -> str:
+    """A page that lies beside the code, its links as they are on the site."""
+    return (ROOT / name).read_text(encoding="utf-8").replace("](docs/", "](")
 
 
 def _cell(text: str) -> str:

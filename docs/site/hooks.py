@@ -15,14 +15,15 @@ from mkdocs.structure.files import File, Files
 sys.path.insert(0, str(Path(__file__).parent))
 import generated
 
-_FIXED = [
-    ("Tutorial", "tutorial.md"),
+_FIXED: list[tuple[str, list[str]]] = [
+    ("Tutorial", ["tutorial.md"]),
     (
         "How to",
         [
             "howto/own-drive.md",
             "howto/review.md",
             "howto/calibrate.md",
+            "howto/tune.md",
             "howto/own-detector.md",
             "howto/own-trajectory.md",
             "howto/batch.md",
@@ -43,6 +44,7 @@ _FIXED = [
         "Theory",
         ["theory/navigation.md", "theory/estimation.md", "theory/gnss.md", "theory/signs.md"],
     ),
+    ("Inside", ["architecture.md", "contributing.md", "changelog.md"]),
 ]
 
 
@@ -56,12 +58,11 @@ def on_files(files: Files, config: Any) -> Files:
 def on_config(config: Any) -> Any:
     """List the pages: the fixed ones, and every page that stands beside the start page."""
     folder = Path(config["docs_dir"])
-    guides = sorted(
-        p.name for p in folder.glob("*.md") if p.name not in ("index.md", "tutorial.md")
-    )
+    placed = {"index.md", *(page for _, pages in _FIXED for page in pages)}
+    guides = sorted(p.name for p in folder.glob("*.md") if p.name not in placed)
     nav: list[Any] = [{"AutoMap": "index.md"}]
     for title, pages in _FIXED:
-        nav.append({title: pages})
+        nav.append({title: pages if len(pages) > 1 else pages[0]})
         if title == "How to":
             nav.append({"Guides": guides})
     config["nav"] = nav

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.docs_commands import DOCS, ROOT, commands, files, pages
+from tests.docs_commands import DOCS, ROOT, commands, files, pages, scripts
 
 SAMPLE = ROOT / "data" / "sample-drive"
 # the tutorial makes the map that other pages start from
@@ -44,7 +44,7 @@ def in_order() -> list[Path]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", in_order(), ids=lambda page: str(page.relative_to(DOCS)))
-def test_every_command_of_a_page_runs(folder: Path, page: Path) -> None:
+def test_every_command_and_script_of_a_page_runs(folder: Path, page: Path) -> None:
     environment = {
         **os.environ,
         "PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}",
@@ -69,6 +69,17 @@ def test_every_command_of_a_page_runs(folder: Path, page: Path) -> None:
             check=False,
         )
         assert done.returncode == 0, f"{command.line}\n{done.stdout}\n{done.stderr}"
+    for script in scripts(page):
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, f"{script}\n{done.stderr}"
+        assert done.stdout.strip(), script
 
 
 def serve(line: str, folder: Path, environment: dict[str, str]) -> None:

@@ -16,6 +16,7 @@ from lxml import html
 from automap.effects.catalogue import CATALOGUE
 from automap.export.fields import SIGN_FIELDS
 from pipeline.cli.root import cli
+from pipeline.run.registry import load_stages
 from pipeline.settings.load import load_settings
 from pipeline.shared.values import flatten
 from tests.docs_commands import DOCS, ROOT, Command, commands, pages
@@ -47,6 +48,16 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def text_of(site: Path, page: str) -> str:
     content = html.parse(str(site / page)).getroot().xpath("//article")[0]
     return " ".join(str(content.text_content()).split())
+
+
+def test_every_file_that_the_outputs_name_is_written_by_a_stage() -> None:
+    page = (DOCS / "outputs.md").read_text(encoding="utf-8").split("## Columns")[0]
+    listed = set()
+    for first in re.findall(r"^\| (`[^|]+) \|", page, re.MULTILINE):
+        listed |= set(re.findall(r"`([\w./]+)`", first))
+    written = {name for stage in load_stages() for name in stage.outputs}
+    assert len(listed) > 10
+    assert {name.rstrip("/") for name in listed} - written == {"run.json", "automap.log"}
 
 
 @pytest.mark.parametrize("command", ALL, ids=lambda c: f"{c.page}: {c.line[:60]}")

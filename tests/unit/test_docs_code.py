@@ -1,0 +1,80 @@
+"""The pages for who changes the code name files, functions and layers that exist."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.docs_commands import DOCS, ROOT
+from tests.unit.test_layers import LAYERS
+
+ARCHITECTURE = DOCS / "architecture.md"
+PAGES = (ARCHITECTURE, ROOT / "CONTRIBUTING.md")
+_SPAN = re.compile(r"`([^`\n]+)`")
+_FILE = re.compile(r"[\w.-]+(/[\w.-]+)+/?|[\w-]+\.(md|toml)")
+_NAME = re.compile(r"(\w+)\(\)|([A-Z][A-Za-z]+[a-z]\w*)|([A-Z][A-Z_]{3,})")
+
+
+def spans(page: Path) -> Iterator[tuple[int, str]]:
+    """Line and text of every piece of code within the sentences and tables of a page."""
+    fenced = False
+    for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
+        fenced ^= line.startswith("```")
+        if not fenced:
+            yield from ((number, span) for span in _SPAN.findall(line))
+
+
+def missing(page: Path) -> list[str]:
+    """Files that do not exist, and names that the Python file named last before does not have."""
+    wrong = []
+    module = None
+    for line, span in spans(page):
+        if _FILE.fullmatch(span) and span.split("/")[0] in TOPS:
+            if not (ROOT / span).exists():
+                wrong.append(f"{page.name}:{line}: there is no {span}")
+            elif span.endswith(".py"):
+                name = span.removesuffix(".py").replace("/", ".")
+                module = importlib.import_module(name.removesuffix(".__init__"))
+        elif (named := _NAME.fullmatch(span)) and module is not None:
+            wanted = next(part for part in named.groups() if part)
+            if not hasattr(module, wanted):
+                wrong.append(f"{page.name}:{line}: {module.__name__} has no {wanted}")
+    return wrong
+
+
+TOPS = {path.name for path in ROOT.iterdir()}
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if p.exists()], ids=lambda page: page.name)
+def test_every_file_and_function_exists(page: Path) -> None:
+    assert missing(page) == []
+
+
+def test_a_wrong_name_would_be_noticed(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(
+        "`automap/earth.py` has `gravity_of_the_moon()` and `Moon`; see `automap/moon.py`.\n",
+        encoding="utf-8",
+    )
+    assert len(missing(page)) == 3
+
+
+def test_the_page_shows_the_layers_that_hold() -> None:
+    text = ARCHITECTURE.read_text(encoding="utf-8").split("## The layers")[1].split("\n## ")[0]
+    table = re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)
+    assert table == [*LAYERS, "pipeline"]
+    (picture,) = re.findall(r"^```text\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    drawn = [re.split(r"\s{3,}", line)[0].split() for line in reversed(picture.splitlines())]
+    assert [name for names in drawn for name in names] == [*LAYERS, "pipeline"]
+
+
+def test_each_way_is_in_the_order_of_its_numbers() -> None:
+    text = ARCHITECTURE.read_text(encoding="utf-8")
+    for way in text.split("\n## The way of one ")[1:]:
+        numbers = [int(n) for n in re.findall(r"^\| (\d+) \|", way, re.MULTILINE)]
+        assert numbers == list(range(1, len(numbers) + 1))
+        assert len(numbers) > 10
