@@ -6,6 +6,7 @@ import importlib
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -15,8 +16,8 @@ from tests.unit.test_layers import LAYERS
 ARCHITECTURE = DOCS / "architecture.md"
 PAGES = (ARCHITECTURE, ROOT / "CONTRIBUTING.md")
 _SPAN = re.compile(r"`([^`\n]+)`")
-_FILE = re.compile(r"[\w.-]+(/[\w.-]+)+/?|[\w-]+\.(md|toml)")
-_NAME = re.compile(r"(\w+)\(\)|([A-Z][A-Za-z]+[a-z]\w*)|([A-Z][A-Z_]{3,})")
+_FILE = re.compile(r"(automap|pipeline|tests|docs|configs|\.ci)/[\w./-]+")
+_NAME = re.compile(r"(\w+)\(\)|[A-Z][A-Za-z]+[a-z]\w*|(?!AUTOMAP_)[A-Z][A-Z_]{3,}")
 
 
 def spans(page: Path) -> Iterator[tuple[int, str]]:
@@ -29,27 +30,32 @@ def spans(page: Path) -> Iterator[tuple[int, str]]:
 
 
 def missing(page: Path) -> list[str]:
-    """Files that do not exist, and names that the Python file named last before does not have."""
+    """Files that do not exist, functions that neither the Python file named before nor the one
+    named after has, and other names that no file named on the page has."""
     wrong = []
-    module = None
-    for line, span in spans(page):
-        if _FILE.fullmatch(span) and span.split("/")[0] in TOPS:
-            if not (ROOT / span).exists():
-                wrong.append(f"{page.name}:{line}: there is no {span}")
-            elif span.endswith(".py"):
-                name = span.removesuffix(".py").replace("/", ".")
-                module = importlib.import_module(name.removesuffix(".__init__"))
-        elif (named := _NAME.fullmatch(span)) and module is not None:
-            wanted = next(part for part in named.groups() if part)
-            if not hasattr(module, wanted):
-                wrong.append(f"{page.name}:{line}: {module.__name__} has no {wanted}")
+    found = list(spans(page))
+    files: list[tuple[int, ModuleType]] = []
+    for place, (line, span) in enumerate(found):
+        if not _FILE.fullmatch(span):
+            continue
+        if not (ROOT / span).exists():
+            wrong.append(f"{page.name}:{line}: there is no {span}")
+        elif span.endswith(".py") and not span.startswith("tests/"):
+            name = span.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+            files.append((place, importlib.import_module(name)))
+    for place, (line, span) in enumerate(found):
+        if (named := _NAME.fullmatch(span)) is None:
+            continue
+        before = [module for at, module in files if at < place][-1:]
+        after = [module for at, module in files if at > place][:1]
+        near = before + after if named[1] else [module for _, module in files]
+        name = named[1] or span
+        if not any(hasattr(module, name) for module in near):
+            wrong.append(f"{page.name}:{line}: there is no {name} in {[m.__name__ for m in near]}")
     return wrong
 
 
-TOPS = {path.name for path in ROOT.iterdir()}
-
-
-@pytest.mark.parametrize("page", [p for p in PAGES if p.exists()], ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_file_and_function_exists(page: Path) -> None:
     assert missing(page) == []
 
