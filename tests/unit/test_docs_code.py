@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,13 +12,13 @@ from types import ModuleType
 import pytest
 
 from tests.docs_commands import DOCS, ROOT
-from tests.unit.test_layers import LAYERS
+from tests.unit.test_layers import APPLICATION, LAYERS
 
 ARCHITECTURE = DOCS / "architecture.md"
 PAGES = (ARCHITECTURE, ROOT / "CONTRIBUTING.md")
 _SPAN = re.compile(r"`([^`\n]+)`")
 _FILE = re.compile(r"(automap|pipeline|tests|docs|configs|\.ci)/[\w./-]+")
-_NAME = re.compile(r"(\w+)\(\)|[A-Z][A-Za-z]+[a-z]\w*|(?!AUTOMAP_)[A-Z][A-Z_]{3,}")
+_NAME = re.compile(r"(\w+)\(\)|[A-Z][A-Za-z]+[a-z]\w*|(?!AUTOMAP_|APPLICATION)[A-Z][A-Z_]{3,}")
 
 
 def spans(page: Path) -> Iterator[tuple[int, str]]:
@@ -73,9 +74,26 @@ def test_the_page_shows_the_layers_that_hold() -> None:
     text = ARCHITECTURE.read_text(encoding="utf-8").split("## The layers")[1].split("\n## ")[0]
     table = re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)
     assert table == [*LAYERS, "pipeline"]
-    (picture,) = re.findall(r"^```text\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    drawn = [re.split(r"\s{3,}", line)[0].split() for line in reversed(picture.splitlines())]
-    assert [name for names in drawn for name in names] == [*LAYERS, "pipeline"]
+    library, application = re.findall(r"^```text\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    assert drawn(library) == [*LAYERS, "pipeline"]
+    assert drawn(application) == [*APPLICATION]
+
+
+def drawn(picture: str) -> list[str]:
+    """The names of a picture of layers from the ground up."""
+    layers = [re.split(r"\s{3,}", line)[0].split() for line in reversed(picture.splitlines())]
+    return [name for layer in layers for name in layer]
+
+
+def test_what_is_said_to_have_moved_is_there_and_not_where_it_was() -> None:
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")[1]
+    moved = re.findall(r"^\| `([\w.]+)` \| `([\w.]+)`", text, re.MULTILINE)
+    assert len(moved) > 5
+    for before, now in moved:
+        assert importlib.util.find_spec(now) is not None, now
+        path = ROOT / before.replace(".", "/")
+        assert not path.with_suffix(".py").exists(), before
+        assert not (path / "__init__.py").exists(), before
 
 
 def test_each_way_is_in_the_order_of_its_numbers() -> None:
