@@ -30,14 +30,18 @@ _M = RATE**2 * A**2 * _B / GM
 
 
 def radii(lat: Any) -> Any:
-    """Meridian and transverse radius of curvature in m at a latitude in rad."""
+    """Meridian and transverse radius of curvature in m at a latitude in rad (Groves, 2nd ed.,
+    section 2.4.2)."""
     w = 1.0 - E2 * np.sin(lat) ** 2
     root = np.sqrt(w)
     return A * (1.0 - E2) / (w * root), A / root
 
 
 def gravity(lat: Any, height: Any) -> Any:
-    """Local gravity in m/s^2, positive down, at latitude in rad and ellipsoidal height in m."""
+    """Local gravity in m/s^2, positive down, at latitude in rad and ellipsoidal height in m.
+
+    Somigliana's formula on the ellipsoid, to second order in the height: NIMA TR8350.2, chapter 4.
+    """
     s2 = np.sin(lat) ** 2
     g0 = _GE * (1.0 + _K * s2) / np.sqrt(1.0 - E2 * s2)
     factor = 1.0 - 2.0 / A * (1.0 + F * (1.0 - 2.0 * s2) + _M) * height

@@ -115,7 +115,8 @@ def matrix_to_rotation_vector(matrix: npt.ArrayLike) -> FloatArray:
 def slerp(t: npt.ArrayLike, times: FloatArray, rpy: FloatArray) -> FloatArray:
     """Attitude matrices [k, 3, 3] at times ``t`` [k] between samples ``rpy`` [n, 3] at ``times``.
 
-    Outside the samples the end attitude is held.
+    Outside the samples the end attitude is held. K. Shoemake, "Animating rotation with quaternion
+    curves", SIGGRAPH 1985.
     """
     from scipy.spatial.transform import Rotation, Slerp
 

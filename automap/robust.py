@@ -45,7 +45,7 @@ def cauchy_weight(square: FloatArray, limit: float = CAUCHY) -> FloatArray:
 
 
 def huber_loss(square: FloatArray) -> FloatArray:
-    """Huber's loss [n] of squared residuals [n]."""
+    """Huber's loss [n] of squared residuals [n] (Annals of Mathematical Statistics 35, 1964)."""
     size = np.sqrt(square)
     return np.where(size <= HUBER, square, 2.0 * HUBER * size - HUBER**2)
 

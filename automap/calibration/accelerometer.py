@@ -56,14 +56,14 @@ class AccelFit:
 
 
 def misalignment_matrix(m: FloatArray) -> FloatArray:
-    """T [3, 3] of the three angles [3] in rad."""
+    """T [3, 3] of the three angles [3] in rad (Tedaldi, Pretto and Menegatti, ICRA 2014)."""
     return np.array([[1.0, -m[0], m[1]], [0.0, 1.0, -m[2]], [0.0, 0.0, 1.0]])
 
 
 def fit_accelerometer(
     means: FloatArray, variances: FloatArray, gravity: float, n_parameters: int = N_NINE
 ) -> AccelFit:
-    """Fit six or nine parameters to the mean readings [k, 3] of k poses.
+    """Fit six or nine parameters to the mean readings [k, 3] of k poses: equations (5) to (7).
 
     ``variances`` [k, 3] are those of the means, in squared reading units; what the residuals
     show beyond them is estimated as a floor common to all poses and enters the covariance.

@@ -90,7 +90,8 @@ def calibrate_dynamic(
     prior_sd: FloatArray = PRIOR_SD,
     least_s: float = LEAST_LOG_S,
 ) -> DynamicCalibration:
-    """Estimate the twelve errors of conditioned readings [n, 3] in rad/s and m/s^2.
+    """Estimate the twelve errors of conditioned readings [n, 3] in rad/s and m/s^2: equations
+    (8) to (28).
 
     ``log`` are the readings as logged (for the noise floor), ``gravity`` in m/s^2, ``prior_sd``
     [12] what is known of the errors before (TURN_ON_SD after a static calibration); shorter

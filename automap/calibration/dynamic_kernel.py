@@ -38,7 +38,8 @@ def run_filter(
     innov: FloatArray,
     response: FloatArray,
 ) -> int:
-    """Filter conditioned readings [n, 3]; returns the number of measurements.
+    """Filter conditioned readings [n, 3], equations (10) to (28); returns the number of
+    measurements.
 
     ``dt`` [n - 1] s; ``quat`` [4] initial attitude, ``errors`` [12] (biases, then scales,
     accelerometer first) and ``P`` [21, 21] are changed in place. ``q`` [2] white noise

@@ -29,7 +29,8 @@ def carry_direction(
     last sample into ``end`` [3], and into ``sensitivity`` [3, 3, 7] its derivative with respect
     to K in ``rate = K @ signals``, K [3, 7]: sensitivity[i, a, j] = d end_i / d K_aj.
 
-    Between samples the rate is linear; the coning term of that is included. The direction
+    Between samples the rate is linear; the coning term of that is included (Bortz, IEEE
+    Transactions on Aerospace and Electronic Systems 7, 1971). The direction
     obeys du/dt = u x omega, and its variation d(du)/dt = du x omega + u x d(omega).
     """
     for i in range(3):

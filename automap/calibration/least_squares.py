@@ -41,7 +41,8 @@ class Fit:
 def gauss_newton(
     model: Model, start: FloatArray, sd: FloatArray, iterations: int = 60
 ) -> FloatArray:
-    """Parameters that minimise the sum of (residual / sd)^2, by Levenberg and Marquardt."""
+    """Parameters that minimise the sum of (residual / sd)^2, by Levenberg and Marquardt (Journal
+    of the Society for Industrial and Applied Mathematics 11, 1963)."""
     x = start.copy()
     r, J = model(x)
     cost = float(np.sum((r / sd) ** 2))

@@ -61,7 +61,8 @@ class StaticCalibration:
 def calibrate_static(
     logs: list[RawImu], gravity: float, n_parameters: int | None = None
 ) -> StaticCalibration:
-    """Calibrate the accelerometer from rest poses and the gyro from the turns between them.
+    """Calibrate the accelerometer from rest poses and the gyro from the turns between them:
+    equations (1) to (7), the turns after Tedaldi, Pretto and Menegatti, ICRA 2014.
 
     ``gravity`` in m/s^2. ``n_parameters`` 6 or 9 of the accelerometer; None takes nine where
     the poses determine them, else six with a warning.

@@ -15,7 +15,10 @@ _CUT_SD_FACTOR = 6.0
 
 
 def project(camera: Camera, directions: FloatArray) -> FloatArray:
-    """Pixels [n, 2] of directions [n, 3] (forward, right, down); NaN behind the camera."""
+    """Pixels [n, 2] of directions [n, 3] (forward, right, down); NaN behind the camera.
+
+    Hartley and Zisserman, Multiple View Geometry, 2nd ed., sections 6.1 and 7.4.
+    """
     directions = np.asarray(directions, np.float64).reshape(-1, 3)
     forward = np.where(directions[:, 0] > 0.0, directions[:, 0], np.nan)
     flat = directions[:, 1:] / forward[:, None]

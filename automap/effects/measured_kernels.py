@@ -206,7 +206,7 @@ def antenna_velocity(
 
     S (v + C (omega x W' l)) + (a + C (omega x (omega x W' l))) d + b, with ``acc`` [3] m/s^2 NED
     over ground and S the factors on the components; that a turn begins or ends within d is left
-    out.
+    out. Groves, section 14.3.
     """
     on = ON_VELOCITY
     acting = sum_terms(on, table, now, xi)

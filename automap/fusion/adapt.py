@@ -3,8 +3,9 @@
 A sensor's data sheet says little about its noise in a car: vibration folds down, the mount
 flexes. So the filter asks the drive itself. Each level is moved up or down by a factor while
 that makes the measurements more likely; a level that does not matter stays where it is.
-``adapt_noise`` does so coarsely for the white levels in every run; ``tune_noise`` finely and
-for random walks and the receiver's slow error too.
+``adapt_noise`` does so coarsely for the white levels in every run; ``refine_noise`` climbs on along
+exact slopes, when tuning for random walks and the receiver's slow error too. The likelihood is that
+of the innovations (F. C. Schweppe, IEEE Transactions on Information Theory 11, 1965).
 """
 
 from __future__ import annotations

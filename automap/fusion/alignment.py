@@ -74,6 +74,7 @@ def level(
 
     In the starting body axes the specific force integrates to a; in NED it must integrate to
     b, the change of velocity minus gravity. Any turn about b is as good: that is the heading.
+    Y. Wu, X. Pan, IEEE Transactions on Aerospace and Electronic Systems 49(2), 2013.
     """
     stop = min(t0 + LEVEL_WINDOW_S, float(problem.t[-1]))
     mask = (problem.t >= t0) & (problem.t <= stop)

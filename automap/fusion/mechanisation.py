@@ -111,7 +111,9 @@ def strapdown_step(
 
     ``c`` [3, 3] is the attitude matrix at the start and is refreshed for the end; ``ra``,
     ``rb`` [6] are corrected angular rates and specific forces at start and end; ``e`` [9] the
-    terms of the place; ``dvn`` [3] receives the specific-force velocity increment in NED.
+    terms of the place; ``dvn`` [3] receives the specific-force velocity increment in NED. Coning
+    after J. E. Bortz (IEEE Transactions on Aerospace and Electronic Systems 7, 1971), sculling as
+    its counterpart (Savage, chapter 7); Earth and transport rate: Groves, section 5.4.
     """
     # everything in locals: the compiler cannot know that the arrays do not overlap
     p0, p1, p2 = ra[0], ra[1], ra[2]

@@ -147,7 +147,8 @@ def solve_camera(
 def evidence_of(
     views: Views, landmark: Landmark, prior: SizePrior, pass_errors: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Information [9, 9] and right-hand side [9] of one sign, its own unknowns eliminated.
+    """Information [9, 9] and right-hand side [9] of one sign, its own unknowns eliminated (Schur
+    complement: Triggs et al., Bundle Adjustment, 2000).
 
     Its own unknowns are its place and size and the errors of its pass, of sigmas
     ``pass_errors`` [12], but for the attitude, which it shares with its neighbours in time.

@@ -213,7 +213,8 @@ def _solve4(N, g, damping, step):  # type: ignore[no-untyped-def]
 
 @kernel
 def solve_landmark(start, M, b, measured, sd, drift, prior_mean, prior_sd, robust):  # type: ignore[no-untyped-def]
-    """Levenberg-Marquardt from ``start``; parameters and cost (infinite when impossible)."""
+    """Levenberg-Marquardt from ``start``; parameters and cost (infinite when impossible). Losses
+    after Zhang, Image and Vision Computing 15, 1997."""
     theta = start.copy()
     trial = np.zeros(4)
     step = np.zeros(4)

@@ -3,8 +3,8 @@
 A sign seen in two passes says how the trajectory's errors of the two differ, a control sign
 what they are. The error of the position is a Gauss-Markov process with the sigma that the
 trajectory reports and the time constant of satellite errors, one value a node of a few
-seconds; the signs' places are eliminated (Schur complement). What no sign tells keeps its
-prior, so that parts of a drive without such signs stay as they were.
+seconds; the signs' places are eliminated (Schur complement: Triggs et al., 2000). What no
+sign tells keeps its prior, so that parts of a drive without such signs stay as they were.
 """
 
 from __future__ import annotations

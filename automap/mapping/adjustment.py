@@ -75,7 +75,8 @@ def adjust(
     levels: ErrorLevels | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> Adjusted:
-    """Places of all signs by generalised least squares, tile by tile.
+    """Places of all signs by generalised least squares (A. C. Aitken, Proceedings of the Royal
+    Society of Edinburgh 55, 1936), tile by tile.
 
     In a tile every drive's sightings have the full covariance of what they share, so that the
     covariance of a sign is that of its mean under all errors; sightings outside the tile's

@@ -44,9 +44,9 @@ def assign(
 ) -> None:
     """Best one-to-one choice of candidates, ``chosen`` [n] (-1 a sign new to the map).
 
-    Bertsekas' forward auction: sightings bid for map signs, each may also stay alone at no
-    gain. Within n times the bid step of the optimum. ``owner``, ``price`` [m] must come in
-    as -1 and 0 and leave so.
+    Forward auction (D. P. Bertsekas, Annals of Operations Research 14, 1988): sightings bid for
+    map signs, each may also stay alone at no gain. Within n times the bid step of the optimum.
+    ``owner``, ``price`` [m] must come in as -1 and 0 and leave so.
     """
     n = len(index)
     gain = np.full((n, MOST), -1.0)

@@ -70,7 +70,8 @@ def _levels(x: FloatArray) -> ErrorLevels:
 def deviance(
     sightings: Sightings, data: TileData, levels: ErrorLevels, factor: FloatArray
 ) -> float:
-    """Minus twice the restricted log likelihood of a tile's places in plan, less a constant."""
+    """Minus twice the restricted log likelihood of a tile's places in plan, less a constant
+    (H. D. Patterson, R. Thompson, Biometrika 58, 1971)."""
     measured, own, shared = columns_of(sightings, data, levels, factor, 2)
     m = len(data.tile.signs)
     normal, right = np.zeros((2 * m, 2 * m)), np.zeros(2 * m)

@@ -2,7 +2,8 @@
 
 Some signs are seen by nearly every drive, some are hidden or faded: the rate at which a real
 sign is seen has a beta distribution, whose mean comes from the data, and the chances of a
-series of drives are beta-binomial. What is no sign is seen by hardly any other drive. A real
+series of drives are beta-binomial (J. G. Skellam, Journal of the Royal Statistical Society B 10,
+1948). What is no sign is seen by hardly any other drive. A real
 sign can also be put up or taken down between two drives, at a small rate.
 """
 
@@ -93,7 +94,8 @@ def chances(sign: IntArray, drive: IntArray, views: Opportunities) -> Chances:
 
 
 def detection_rates(pairs: Chances, n_signs: int, n_drives: int) -> DetectionRates:
-    """Rates by expectation maximisation over real and false signs, with weak priors.
+    """Rates by expectation maximisation (Dempster, Laird, Rubin, Journal of the Royal Statistical
+    Society B 39, 1977) over real and false signs, with weak priors.
 
     Signs that fewer than three drives had in view tell nothing about rates: that one of them
     saw it is why it is known at all.

@@ -221,8 +221,9 @@ def smooth(
 ) -> None:
     """Offset [n, 3] and its variance [n, 3] from the candidates ``chosen`` [n] (-1 none).
 
-    Kalman filter and Rauch-Tung-Striebel smoother per axis, each along its own variance (the
-    ellipses' tilt matters little here). A difference of more than three sigmas counts less.
+    Kalman filter and Rauch-Tung-Striebel smoother (AIAA Journal 3, 1965) per axis, each along its
+    own variance (the ellipses' tilt matters little here). A difference of more than three
+    sigmas counts less.
     """
     n = len(time_s)
     filtered, var_filtered = np.zeros(n), np.zeros(n)

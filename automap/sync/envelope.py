@@ -90,7 +90,7 @@ def bin_quantiles(
 def lower_envelope(
     x: FloatArray, y: FloatArray, slope_sd: float, resolution: float = 0.0
 ) -> Envelope:
-    """Fit the lower edge of the points ``x, y`` [n], n >= 4, both in seconds.
+    """Fit the lower edge of the points ``x, y`` [n], n >= 4, both in seconds (after Hall, 1982).
 
     ``slope_sd`` is the spread of the slope expected beforehand (a Student t with three
     degrees of freedom of that scale, so that a clock far off is still found).

@@ -22,12 +22,13 @@ def smooth_axis(
     surprise: float,
     out: FloatArray,
 ) -> None:
-    """Filter and smooth (modified Bryson-Frazier) the fixes of one axis.
+    """Filter and smooth the fixes of one axis.
 
     ``t`` [n] s, ``z`` [n, 2] position m and velocity m/s, ``used`` [n, 2] which of them are
     there, ``var`` [n, 2] white variances, ``wander`` [n] sigma of the slow error m, ``psd`` of
     the white acceleration, ``tau`` s; a squared innovation beyond ``surprise`` variances is
-    trusted less. ``out`` [n, 4] receives position, velocity and their sd.
+    trusted less. ``out`` [n, 4] receives position, velocity and their sd. White acceleration:
+    Bar-Shalom, Li, Kirubarajan, section 6.2.2; backwards modified Bryson-Frazier (Bierman 1973).
     """
     n = t.shape[0]
     x = np.zeros(3)

@@ -45,7 +45,8 @@ def run_forward(
     ``x0`` [10] and ``xi0`` [n - 9] the nominal start, ``p0`` [n, n] its covariance. ``about``
     [k, 10], ``about_params`` [k, n - 9]: states to linearise about (an iteration of the
     smoother), or empty: then about the filter's own running estimate. With an empty ``store``
-    only the likelihood is computed.
+    only the likelihood is computed, from the innovations (F. C. Schweppe, IEEE Transactions on
+    Information Theory 11, 1965).
     """
     n = p0.shape[0]
     keep = store.nominal.shape[0] > 0

@@ -154,7 +154,8 @@ def run_smoother(
     """Corrections ``dx`` [k, n] to the forward estimates, with their covariances.
 
     ``lam`` [n] and ``big`` [n, n] the adjoint after the last node, zero at the end of a drive;
-    they are left as they are before the first.
+    they are left as they are before the first. G. J. Bierman, "Fixed interval smoothing with
+    discrete measurements", International Journal of Control 18, 1973.
 
     ``keep`` [k, 3] and ``kept`` [n] as in the forward pass. They refer to the state after the
     update of each node. ``cov_rows`` [k, r, r] receives the

@@ -28,8 +28,9 @@ def add_transition(
     """Advance the transition rows ``phi`` [9, n] over one strapdown step.
 
     ``r`` [6 + e] the corrected reading in the middle of the step and the extra signals, ``c``
-    [3, 3] the attitude. dv/dt = -f x phi, dp/dt = v. The columns of position and velocity are
-    closed forms and are filled in at the node.
+    [3, 3] the attitude. dv/dt = -f x phi, dp/dt = v (Groves, section 14.2, without the terms of
+    Earth and transport rate). The columns of position and velocity are closed forms and are filled
+    in at the node.
     """
     fn, fe, fd = dvn[0], dvn[1], dvn[2]
     for j in range(6, 9):
@@ -172,7 +173,8 @@ def end_interval(
 ) -> None:
     """Close an interval of ``span`` s: velocity columns, decay and noise of the parameters.
 
-    ``keep``, ``kept``: see ``outlasting``.
+    ``keep``, ``kept``: see ``outlasting``. Gauss-Markov states are exact (Brown and Hwang,
+    Introduction to Random Signals, section 5.3).
     """
     n = phi.shape[1]
     for a in range(3):

@@ -47,7 +47,9 @@ def inflate(
     """Factor on ``var`` that brings the block's NIS to ``threshold``.
 
     The first answer to a surprising measurement is to trust it less; nothing is thrown away,
-    so a wrong state cannot lock the truth out, and an outlier's pull falls with its size.
+    so a wrong state cannot lock the truth out, and an outlier's pull falls with its size. G. Chang,
+    "Robust Kalman filtering based on Mahalanobis distance as outlier judging criterion", Journal of
+    Geodesy 88, 2014.
     """
     n = p.shape[0]
     hph = np.zeros((rows, rows))
@@ -105,7 +107,8 @@ def update_scalar(
     """One scalar Kalman update of ``p`` [n, n] and ``dx`` [n]; returns innovation and its variance.
 
     ``z`` is the residual against the nominal state; ``dx`` the correction so far. The gain is
-    left in ``k_out`` [n].
+    left in ``k_out`` [n]. Scalars one after the other: Bierman, Factorization Methods for Discrete
+    Sequential Estimation, 1977.
     """
     n = p.shape[0]
     for j in range(n):

@@ -40,7 +40,11 @@ def constrain(
 def constraint(
     nodes: NodeArrays, k: int, at: AtNode, model: ModelArrays, h: FloatArray, z: FloatArray
 ) -> tuple[int, int]:
-    """Residual ``z`` [2] m/s to the right and down, and rows ``h`` [2, n]."""
+    """Residual ``z`` [2] m/s to the right and down, and rows ``h`` [2, n].
+
+    Dissanayake et al., IEEE Transactions on Robotics and Automation 17 (2001); Groves,
+    section 15.4.
+    """
     if (nodes.flags[k] & NHC) == 0:
         return 0, 0
     vehicle_velocity(h, z, at.vel, at.c, at.rate, at.acc, at.params, model.measured, at.signals)

@@ -51,7 +51,8 @@ def has_position(fixes: Fixes) -> tuple[BoolArray, BoolArray]:
 def position(
     nodes: NodeArrays, k: int, at: AtNode, model: ModelArrays, h: FloatArray, z: FloatArray
 ) -> tuple[int, int]:
-    """Residual ``z`` [3] m NED and rows ``h`` [3, n]: number of rows, first channel."""
+    """Residual ``z`` [3] m NED and rows ``h`` [3, n]: number of rows, first channel (loosely
+    coupled: Groves, section 14.3)."""
     horizontal = (nodes.flags[k] & HAS_POS_H) != 0
     vertical = (nodes.flags[k] & HAS_POS_V) != 0
     if not (horizontal or vertical):

@@ -26,7 +26,8 @@ def note_rest(
 def zero_velocity(
     nodes: NodeArrays, k: int, at: AtNode, model: ModelArrays, h: FloatArray, z: FloatArray
 ) -> tuple[int, int]:
-    """Residual ``z`` [3] m/s NED and rows ``h`` [3, n] of the zero-velocity update."""
+    """Residual ``z`` [3] m/s NED and rows ``h`` [3, n] of the zero-velocity update (Groves,
+    section 15.3)."""
     if (nodes.flags[k] & STANDSTILL) == 0:
         return 0, 0
     for a in range(3):
@@ -42,7 +43,7 @@ def zero_rate(
     nodes: NodeArrays, k: int, at: AtNode, model: ModelArrays, h: FloatArray, z: FloatArray
 ) -> tuple[int, int]:
     """Residual ``z`` [3] rad/s and rows ``h`` [3, n] of the zero-rate update: the body turns with
-    the Earth only, over the interval before the node."""
+    the Earth only, over the interval before the node (Groves, section 15.3)."""
     if (nodes.flags[k] & STANDSTILL) == 0:
         return 0, 0
     c, north, down = at.c, at.place[6], at.place[7]

@@ -37,7 +37,8 @@ def has_velocity(fixes: Fixes) -> tuple[BoolArray, BoolArray]:
 def velocity(
     nodes: NodeArrays, k: int, at: AtNode, model: ModelArrays, h: FloatArray, z: FloatArray
 ) -> tuple[int, int]:
-    """Residual ``z`` [3] m/s NED and rows ``h`` [3, n]: number of rows, first channel."""
+    """Residual ``z`` [3] m/s NED and rows ``h`` [3, n]: number of rows, first channel (loosely
+    coupled: Groves, section 14.3)."""
     horizontal = (nodes.flags[k] & HAS_VEL_H) != 0
     vertical = (nodes.flags[k] & HAS_VEL_V) != 0
     if not (horizontal or vertical):

@@ -55,7 +55,7 @@ def note_wheels(
 def wheel_speed(
     nodes: NodeArrays, k: int, at: AtNode, model: ModelArrays, h: FloatArray, z: FloatArray
 ) -> tuple[int, int]:
-    """Residual ``z`` [1] m/s and row ``h`` [1, n]."""
+    """Residual ``z`` [1] m/s and row ``h`` [1, n] (Groves, section 6.3)."""
     if (nodes.flags[k] & ODOMETER) == 0:
         return 0, 0
     vehicle_velocity(h, z, at.vel, at.c, at.rate, at.acc, at.params, model.measured, at.signals)
