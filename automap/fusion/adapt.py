@@ -16,15 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.fusion.layout import (
-    CH_NHC,
-    CH_POS,
-    CH_VEL,
-    N_NAV,
-    NHC,
-    ODOMETER,
-    STANDSTILL,
-)
+from automap.fusion.layout import BESIDE_FIXES, CH_NHC, CH_POS, CH_VEL, N_NAV
 from automap.fusion.level_climb import climb
 from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
 from automap.fusion.levels import (
@@ -76,7 +68,7 @@ def adapt_noise(
     """
     part = nodes.first_moving(search.part_s, MAX_PART * search.part_s)
     if search.measured_only:
-        part = replace(part, flags=part.flags & ~(NHC | STANDSTILL | ODOMETER))
+        part = replace(part, flags=part.flags & ~BESIDE_FIXES)
     factors = dict(initial)
 
     def score(trial: dict[str, float]) -> float:
@@ -125,7 +117,7 @@ def refine_noise(
     less from drive to drive. ``problem`` and ``nodes`` without factors.
     """
     part = nodes.first_moving(REFINE_S, MAX_PART * REFINE_S)
-    part = replace(part, flags=part.flags & ~(NHC | STANDSTILL | ODOMETER))
+    part = replace(part, flags=part.flags & ~BESIDE_FIXES)
     path = PathStates(
         np.ascontiguousarray(about.nominal[: len(part.t)]),
         np.ascontiguousarray(about.params[: len(part.t)]),

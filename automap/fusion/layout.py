@@ -41,9 +41,22 @@ CHANNELS = (
     "odometer",
 )
 CH_POS, CH_VEL, CH_NHC, CH_ZUPT, CH_ZARU, CH_ODOMETER = 0, 3, 6, 8, 11, 14
-MAX_SCALARS = 15
+MAX_SCALARS = len(CHANNELS)
+ROWS_OF_FLAG = (
+    (HAS_POS_H, 2),
+    (HAS_POS_V, 1),
+    (HAS_VEL_H, 2),
+    (HAS_VEL_V, 1),
+    (NHC, 2),
+    (ODOMETER, 1),
+    (STANDSTILL, 6),
+)
+"""How many scalars each flag of a node brings."""
+BESIDE_FIXES = NHC | STANDSTILL | ODOMETER
+"""What is left out where the noise of receiver and IMU is asked for."""
 
 __all__ = [
+    "BESIDE_FIXES",
     "CHANNELS",
     "CH_NHC",
     "CH_ODOMETER",
@@ -62,6 +75,7 @@ __all__ = [
     "ODOMETER",
     "PHI_ID",
     "P_ID",
+    "ROWS_OF_FLAG",
     "STANDSTILL",
     "V_ID",
     "WHEEL_SPEED",

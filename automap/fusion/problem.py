@@ -12,17 +12,7 @@ from automap.effects.measured_kernels import TermTable
 from automap.effects.user import is_users, user_signal
 from automap.fusion import kernels
 from automap.fusion.kernels import ForwardStore, ModelArrays, NodeArrays, Samples
-from automap.fusion.layout import (
-    HAS_POS_H,
-    HAS_POS_V,
-    HAS_VEL_H,
-    HAS_VEL_V,
-    MAX_SCALARS,
-    N_NAV,
-    NHC,
-    ODOMETER,
-    STANDSTILL,
-)
+from automap.fusion.layout import MAX_SCALARS, N_NAV, ROWS_OF_FLAG
 from automap.fusion.model import StateModel
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.options import FusionOptions
@@ -40,15 +30,6 @@ PARAMETER_STEP_S = 1.0
 """How often the uncertainty of parameters is noted."""
 REFUSED_INFLATION = 9.0
 """A measurement whose variance had to grow beyond this counts as refused."""
-_ROWS_OF_FLAG = (
-    (HAS_POS_H, 2),
-    (HAS_POS_V, 1),
-    (HAS_VEL_H, 2),
-    (HAS_VEL_V, 1),
-    (NHC, 2),
-    (ODOMETER, 1),
-    (STANDSTILL, 6),
-)
 _WANDER_SIGNALS = ("position_sd_n", "position_sd_e", "position_sd_d")
 DELAY_STATE = "imu_time_offset_s"
 VEL_LATENCY_STATE = "gnss_velocity_latency_s"
@@ -296,7 +277,7 @@ def empty_store(nodes: Nodes, n: int) -> ForwardStore:
     """Room for what a run over the nodes leaves, with ``n`` states."""
     k = len(nodes.t)
     per_node = np.zeros(k, dtype=np.int64)
-    for bit, rows in _ROWS_OF_FLAG:
+    for bit, rows in ROWS_OF_FLAG:
         per_node += ((nodes.flags & bit) > 0) * rows
     total = int(per_node.sum())
     return ForwardStore(
