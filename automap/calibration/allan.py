@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.errors import InputError
+from automap.gates import OUTSIDE_95, gate, mean_square_limits
 from automap.records import FloatArray, IntArray
 
 FLICKER = np.sqrt(2.0 * np.log(2.0) / np.pi)
@@ -93,17 +94,16 @@ def allan_fit(rate: FloatArray, rate_hz: float, name: str = "the log") -> AllanF
         )
     if np.ptp(rate) == 0.0:
         raise InputError(f"{name}: an axis never changes at rest; record with finer resolution.")
-    from scipy.stats import chi2
-
     deviation = overlapping_deviation(rate - rate.mean(), rate_hz, factors)
     tau = factors / rate_hz
     edf = degrees_of_freedom(n, factors)
+    least, most = mean_square_limits(edf)
     squares = _fit_squares(tau, deviation, edf)
     return AllanFit(
         tau_s=tau,
         deviation=deviation,
-        low=deviation * np.sqrt(edf / chi2.ppf(0.975, edf)),
-        high=deviation * np.sqrt(edf / chi2.ppf(0.025, edf)),
+        low=deviation / np.sqrt(most),
+        high=deviation / np.sqrt(least),
         fitted=np.sqrt(_basis(tau) @ squares),
         **_terms(squares, n, rate_hz, factors, edf),
     )
@@ -151,11 +151,11 @@ def _terms(
     spread = np.sqrt(np.array(logs))
     values = np.sqrt(squares)
     names = ("white", "instability", "walk")
-    found = {}
+    found, sigmas = {}, float(np.sqrt(gate(OUTSIDE_95, 1)))
     for i, name in enumerate(names):
         sd = float(np.std(spread[:, i]))
         value = float(values[i])
-        found[name] = Term(value, max(value - 1.96 * sd, 0.0), value + 1.96 * sd)
+        found[name] = Term(value, max(value - sigmas * sd, 0.0), value + sigmas * sd)
     return found
 
 

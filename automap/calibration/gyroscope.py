@@ -18,6 +18,7 @@ from automap.calibration.gravity_kernel import N_SIGNALS, carry_direction
 from automap.calibration.least_squares import Fit, fit_with_floor
 from automap.calibration.rest import Rest
 from automap.errors import InputError
+from automap.gates import sd_by_median
 from automap.records import FloatArray, RawImu
 
 _N = 3 * N_SIGNALS
@@ -266,7 +267,7 @@ def _linear_start(
         weighted = X * (weight**2)[:, None]
         solution = np.asarray(np.linalg.solve(weighted.T @ X + tiny, weighted.T @ y))
         r = y - X @ solution
-        sd = 1.4826 * float(np.median(np.abs(r))) + 1e-12
+        sd = sd_by_median(r) + 1e-12
         weight = 1.0 / np.sqrt(1.0 + (r / (2.0 * sd)) ** 2)
     return solution.reshape(3, 3)
 

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from automap.earth import ecef
+from automap.gates import OUTSIDE_95, gate
 from automap.records import FloatArray, IntArray, Sign, SignPoints
 
 GATES_M = (1.0, 2.0, 3.0, 5.0, 6.0, 10.0)
 PAIR_GATE_M = 15.0
 """Errors, coverage and class accuracy are taken over the pairs within this distance."""
-
-_CHI2_95_2D = -2.0 * np.log(0.05)
 
 
 def points_of(signs: Sequence[Sign]) -> SignPoints:
@@ -110,7 +109,7 @@ def _coverage95(estimate: SignPoints, truth: SignPoints, pairs: Pairs) -> float 
     a, b, c = covariance[known, 0, 0], covariance[known, 0, 1], covariance[known, 1, 1]
     determinant = a * c - b * b
     numerator = c * error[:, 0] ** 2 - 2 * b * error[:, 0] * error[:, 1] + a * error[:, 1] ** 2
-    return float(np.mean(numerator <= _CHI2_95_2D * determinant))
+    return float(np.mean(numerator <= gate(OUTSIDE_95, 2) * determinant))
 
 
 def summarise_signs(estimate: SignPoints, truth: SignPoints) -> dict[str, Any]:
@@ -120,9 +119,9 @@ def summarise_signs(estimate: SignPoints, truth: SignPoints) -> dict[str, Any]:
     None. Errors, coverage and class accuracy are over the pairs within PAIR_GATE_M.
     """
     gates: dict[str, dict[str, float | None]] = {}
-    for gate in GATES_M:
-        n = len(match(estimate, truth, gate))
-        gates[f"{gate:g}"] = {
+    for limit in GATES_M:
+        n = len(match(estimate, truth, limit))
+        gates[f"{limit:g}"] = {
             "recall": n / len(truth) if len(truth) else None,
             "precision": n / len(estimate) if len(estimate) else None,
         }

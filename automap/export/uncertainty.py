@@ -7,10 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from automap.gates import OUTSIDE_95, gate
 from automap.records import FloatArray
-
-CHI2_95_2 = 5.991464547107979
-"""95 % point of chi-square with two degrees of freedom: -2 ln 0.05."""
 
 SIGMA_CLASSES = 5
 """Colours in which a map shows the uncertainty of a path."""
@@ -59,10 +57,10 @@ def _circle_factors() -> tuple[FloatArray, FloatArray]:
     # midpoints of one quadrant: the integrand is smooth and periodic, so this converges fast
     angle = (np.arange(_ANGLES) + 0.5) * (0.5 * np.pi / _ANGLES)
     variance = np.cos(angle) ** 2 + squares[:, None] * np.sin(angle) ** 2
-    factor = np.sqrt(np.linspace(3.8414588, CHI2_95_2, _KNOTS))
+    factor = np.sqrt(np.linspace(gate(OUTSIDE_95, 1), gate(OUTSIDE_95, 2), _KNOTS))
     for _ in range(8):
         tail = np.exp(-0.5 * factor[:, None] ** 2 / variance)
-        excess = 0.95 - (1.0 - tail.mean(axis=1))
+        excess = tail.mean(axis=1) - OUTSIDE_95
         slope = (tail / variance).mean(axis=1) * factor
         factor = factor + excess / slope
     return squares, factor
@@ -73,7 +71,7 @@ def ellipse_outlines(
 ) -> FloatArray:
     """Closed outlines [n, points + 1, 2] of the 95 % ellipses, east and north in m."""
     major, minor, azimuth = principal_axes(cov_ee, cov_en, cov_nn)
-    scale = np.sqrt(CHI2_95_2)
+    scale = np.sqrt(gate(OUTSIDE_95, 2))
     angle = np.linspace(0.0, 2.0 * np.pi, points + 1)
     along = scale * major[:, None] * np.cos(angle)
     across = scale * minor[:, None] * np.sin(angle)

@@ -15,12 +15,11 @@ from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.screening import screen_fixes
+from automap.gates import gate
 from automap.records import BoolArray, ClockModel, Fixes, FloatArray, Trajectory
 
 ACCELERATION_PSD = (1.0, 1.0, 0.1)
 """White acceleration of road traffic north, east, down, (m/s^2)^2/Hz."""
-SURPRISE = 10.8
-"""A squared innovation beyond this is trusted less (chi-square, 1 in 1000)."""
 COURSE_SPEED = 1.0
 """Below this speed in m/s a course means nothing and the last heading is kept."""
 
@@ -53,6 +52,7 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
     ned = local_ned(values[:, 0], values[:, 1], height, ref).reshape(-1, 3)
     position, velocity = np.zeros((len(t), 3)), np.zeros((len(t), 3))
     sd_pos, sd_vel = np.zeros((len(t), 3)), np.zeros((len(t), 3))
+    surprise = gate(options.gate_probability, 1)
     for axis in range(3):
         bit = 1 if axis < 2 else 2
         out = np.zeros((len(t), 4))
@@ -64,7 +64,7 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
             model.wander_sd[rows, axis],
             ACCELERATION_PSD[axis],
             options.wander_tau_s,
-            SURPRISE,
+            surprise,
             out,
         )
         position[:, axis], velocity[:, axis], sd_pos[:, axis], sd_vel[:, axis] = out.T

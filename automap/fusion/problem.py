@@ -20,6 +20,7 @@ from automap.fusion.resample import states_at
 from automap.fusion.shocks import shock_noise
 from automap.fusion.stamp_error import reported_rows
 from automap.fusion.steady_rate import steady_rate
+from automap.gates import gate
 from automap.records import FloatArray, ImuData
 
 FORCE_WINDOW_S = 0.2
@@ -162,9 +163,7 @@ def _for_linear_steps(readings: FloatArray, t: FloatArray, step: float) -> Float
 
 
 def _model_arrays(model: StateModel, options: FusionOptions, step: float) -> ModelArrays:
-    from scipy.special import chdtri
-
-    thresholds = [float(chdtri(rows, options.gate_probability)) for rows in (1, 2, 3)]
+    thresholds = [gate(options.gate_probability, rows) for rows in (1, 2, 3)]
     return ModelArrays(
         terms=model.term_table,
         measured=TermTable(model.measured.codes, model.measured.weights),

@@ -19,6 +19,7 @@ from automap.calibration.rest_search import pose_means
 from automap.calibration.static import StaticCalibration, calibrate_static
 from automap.effects import CATALOGUE, distort_imu
 from automap.gap.result import Finding, ParameterValue
+from automap.gates import OUTSIDE_95, gate, sd_by_median
 from automap.records import FloatArray, IntArray, RawImu
 
 ACCEL_LIBRARY = ("accel_misalignment", "accel_quadratic", "accel_scale_asymmetry")
@@ -191,7 +192,7 @@ def _fit_poses(scaled: FloatArray, gravity: float, effects: tuple[str, ...]) -> 
     x0 = np.zeros(6 + len(priors))
     x_scale = np.concatenate([np.full(3, 1e-2), np.full(3, 0.1), priors])
     plain = least_squares(residuals, x0, x_scale=x_scale)
-    spread = max(1.4826 * float(np.median(np.abs(plain.fun))), 1e-6)
+    spread = max(sd_by_median(plain.fun), 1e-6)
     robust = least_squares(
         residuals, plain.x, x_scale=x_scale, loss="huber", f_scale=HUBER_SD * spread
     )
@@ -277,7 +278,7 @@ def _gyro(
         return None, before, before
     names = [q.name for q in CATALOGUE["gyro_g_sensitivity"].parameters]
     # the half widths are those of 95 % intervals
-    sd = np.asarray(with_g.half_width[12:21]) / 1.96
+    sd = np.asarray(with_g.half_width[12:21]) / np.sqrt(gate(OUTSIDE_95, 1))
     values = dict(zip(names, zip(with_g.g_sensitivity.ravel(), sd, strict=True), strict=True))
     parameters = _parameters(
         "gyro_g_sensitivity", {k: (float(v), float(s)) for k, (v, s) in values.items()}

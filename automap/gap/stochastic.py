@@ -18,6 +18,7 @@ from automap.gap.drive import wild_fixes
 from automap.gap.fit import Fit
 from automap.gap.noise import fit_noise, noise_score
 from automap.gap.result import Finding, ParameterValue
+from automap.gates import exceeds
 from automap.records import FloatArray
 
 WALK_FACTOR = 2.5
@@ -83,9 +84,7 @@ def _memo(
 
 def _p(nats: float) -> float:
     """Of a likelihood ratio with one degree of freedom at its edge (Self and Liang 1987)."""
-    from scipy.stats import chi2
-
-    return float(0.5 * chi2.sf(2.0 * (nats + OCCAM_NATS), 1))
+    return 0.5 * exceeds(2.0 * (nats + OCCAM_NATS), 1)
 
 
 def _log_sd(

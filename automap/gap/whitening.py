@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.fusion.layout import CH_NHC, MAX_SCALARS
+from automap.gates import sd_by_median
 from automap.records import FloatArray, IntArray
 
 AR_ORDER = 3
@@ -41,11 +42,11 @@ def fit_whitener(whitened: FloatArray, channel: IntArray) -> Whitener:
         w = whitened[channel == c]
         if len(w) < MIN_ROWS:
             continue
-        scale = max(1.4826 * float(np.median(np.abs(w - np.median(w)))), 1e-3)
+        scale = max(sd_by_median(w - np.median(w)), 1e-3)
         clipped = np.clip(w / scale, -3.0, 3.0)
         ar[c] = autoregression(clipped)
         rest = filtered(w[:, None], ar[c])[:, 0]
-        spread[c] = max(1.4826 * float(np.median(np.abs(rest))), MIN_SPREAD[c])
+        spread[c] = max(sd_by_median(rest), MIN_SPREAD[c])
     return Whitener(spread, ar)
 
 

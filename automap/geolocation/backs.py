@@ -11,12 +11,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from automap.gates import gate
 from automap.geolocation.merging import HEIGHT_SLACK_M, difference_covariance
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
 from automap.signs.backs import is_back, may_be_back
 
-_GATE = 13.8  # chi-square, three coordinates, 99.7 %
+_APART_PROBABILITY = 3e-3
+"""A back that belongs to a sign is taken for one of its own so rarely."""
 AWAY_COSINE = -0.5
 """Faces further turned from one another than 120 deg look the other way."""
 _THICKNESS_M = 0.2
@@ -56,4 +58,4 @@ def _is_other_side(views: Views, back: Sighting, front: Sighting) -> bool:
         return False
     slack = np.diag([_THICKNESS_M**2, _THICKNESS_M**2, HEIGHT_SLACK_M**2])
     covariance = difference_covariance(back, front) + slack
-    return float(difference @ np.linalg.solve(covariance, difference)) < _GATE
+    return float(difference @ np.linalg.solve(covariance, difference)) < gate(_APART_PROBABILITY, 3)

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from automap.gates import sd_by_median
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.landmark_kernels import MARGIN
 from automap.geolocation.pass_errors import settle
@@ -88,7 +89,7 @@ def scatter(residuals: Sequence[FloatArray]) -> float:
     if not residuals:
         return 1.0
     joined = np.concatenate(residuals)
-    limit = _OUTLIER * 1.4826 * float(np.median(np.abs(joined)))
+    limit = _OUTLIER * sd_by_median(joined)
     kept = [np.where(np.abs(values) <= limit, values, 0.0) for values in residuals]
     count = float(np.sum(np.abs(joined) <= limit))
     freedom = max(count - _ABSORBED * len(residuals), 1.0)

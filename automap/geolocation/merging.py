@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from automap.gates import gate
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
@@ -14,7 +15,8 @@ PATH_CORRELATION_S = 60.0
 """Time constant of the trajectory's position error (satellite errors wander for minutes)."""
 
 MAX_DISTANCE_M = 10.0
-_GATE = 16.3  # chi-square, three coordinates, 99.9 %
+_APART_PROBABILITY = 1e-3
+"""A sign that is seen again is taken for two so rarely."""
 _OTHER_CLASS = 9.0
 HEIGHT_SLACK_M = 1.0
 _MIN_FACING_COSINE = 0.0
@@ -70,10 +72,11 @@ def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[in
         tree = cKDTree(np.array([s.position for s in sightings]))
         near = tree.query_pairs(MAX_DISTANCE_M, output_type="ndarray")
         frames = [set(views.frame[s.landmark.rows].tolist()) for s in sightings]
+        limit = gate(_APART_PROBABILITY, 3)
         costs = sorted(
             (cost, int(i), int(j))
             for i, j in near
-            if (cost := _link_cost(sightings[i], sightings[j])) < _GATE
+            if (cost := _link_cost(sightings[i], sightings[j])) < limit
         )
         owner = list(range(len(sightings)))
         for _, i, j in costs:
@@ -82,7 +85,7 @@ def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[in
                 continue
             # every member must agree with every other, else chains of signs would collapse
             if any(
-                not _link_cost(sightings[m], sightings[n]) < _GATE
+                not _link_cost(sightings[m], sightings[n]) < limit
                 for m in groups[a]
                 for n in groups[b]
             ):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.gates import gate
 from automap.geolocation.landmark import Landmark, SizePrior, distances_to, fit_landmark
 from automap.geolocation.tracking import TrackingRules, link_views
 from automap.geolocation.views import Views
@@ -11,7 +12,8 @@ from automap.records import IntArray
 
 _MIN_WEIGHT = 0.12
 """Cauchy weight of a direction about seven sigmas off."""
-_CHI2_99 = 11.34
+_SPLIT_PROBABILITY = 0.01
+"""One sign in two tracks stays two so rarely: joining them saves three coordinates."""
 
 
 def clean_tracks(
@@ -119,4 +121,4 @@ def _joined(
     both = fit_landmark(views, np.sort(np.concatenate([a.rows, b.rows])), prior)
     if not both.ok or both.weight.min() < _MIN_WEIGHT:
         return None
-    return both if both.cost - a.cost - b.cost < _CHI2_99 else None
+    return both if both.cost - a.cost - b.cost < gate(_SPLIT_PROBABILITY, 3) else None

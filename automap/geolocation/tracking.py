@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from automap.assignment import assign
+from automap.gates import gate
 from automap.geolocation.landmark import (
     SAME_PLACE_M,
     Landmark,
@@ -30,19 +31,24 @@ from automap.records import FloatArray, IntArray
 class TrackingRules:
     """When a box may continue a track.
 
-    ``gate`` limit on the squared distance in sigmas (three components); ``slack_rad`` what
+    ``missed`` how rarely a box of a track is not taken for one of it, ``gate`` the squared
+    distance in sigmas (three components) that this is; ``slack_rad`` what
     the prediction may be off by beyond its covariance (mounting, attitude); ``other_class``
     and ``other_track`` what a different class, or a different track number of the detector,
     costs in the same unit; ``same_track`` what an equal track number gains; ``max_silence_s``
     after which an unseen track ends.
     """
 
-    gate: float = 20.0
+    missed: float = 1.7e-4
     slack_rad: float = 0.003
     other_class: float = 6.0
     other_track: float = 6.0
     same_track: float = 6.0
     max_silence_s: float = 20.0
+
+    @property
+    def gate(self) -> float:
+        return gate(self.missed, 3)
 
 
 @dataclass

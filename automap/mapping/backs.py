@@ -8,12 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.earth import metres_per_radian
+from automap.gates import gate
 from automap.geolocation.backs import AWAY_COSINE
 from automap.records import FloatArray
 from automap.signs.backs import is_back, may_be_back
 
 MAX_DISTANCE_M = 3.0
-_GATE = 11.8  # chi-square, two coordinates, 99.7 %
+_APART_PROBABILITY = 2.7e-3
+"""A back that belongs to a sign is taken for one of its own so rarely: three sigmas."""
 _THICKNESS_M = 0.3
 
 
@@ -48,6 +50,6 @@ def backs_of_others(
                 continue
             offset = place[k] - place[j]
             total = (cov_enu[k] + cov_enu[j])[:2, :2] + _THICKNESS_M**2 * np.eye(2)
-            if float(offset @ np.linalg.solve(total, offset)) < _GATE:
+            if float(offset @ np.linalg.solve(total, offset)) < gate(_APART_PROBABILITY, 2):
                 result[k] = True
     return result

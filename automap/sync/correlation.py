@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.gates import sd_by_median
 from automap.records import FloatArray
 from automap.sync.motion import GnssMotion, ImuMotion
 
@@ -117,7 +118,7 @@ class _Channel:
     def reweight(self, lag: float) -> None:
         """Huber weights from the residuals at ``lag``: a fix that jumped must not decide."""
         residual = np.abs(self._fit(lag)[0])
-        scale = 1.4826 * float(np.median(residual)) + 1e-9
+        scale = sd_by_median(residual) + 1e-9
         self.noise = scale
         self.weight = np.minimum(1.0, 2.0 * scale / np.maximum(residual, 1e-12))
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from automap.effects.camera import direction_by_turn
 from automap.effects.lens import focal_length, normalise
+from automap.gates import sd_by_median
 from automap.records import Camera, FloatArray, Image
 from automap.vision.camera_path import CameraPath
 
@@ -163,7 +164,7 @@ def _turn_from_flow(
         N = A.T @ (A * weight[:, None]) + np.diag(np.full(3, 1e-6))
         turn = np.linalg.solve(N, A.T @ (weight * y))
         residual = y - A @ turn
-        sigma = max(noise, 1.4826 * float(np.median(np.abs(residual))))
+        sigma = max(noise, sd_by_median(residual))
         weight = 1.0 / (1.0 + (residual / (2.0 * sigma)) ** 2)
     if sigma > 0.03:
         return None, 0.0

@@ -18,6 +18,7 @@ import numpy as np
 from automap.assignment import assign
 from automap.effects.camera import direction_by_point, direction_by_turn
 from automap.effects.lens import box_variances, focal_length, normalise
+from automap.gates import gate
 from automap.records import BoolArray, Camera, FloatArray, IntArray
 from automap.vision.camera_motion import Motion
 from automap.vision.detector import FoundSigns
@@ -29,8 +30,8 @@ _CLOSER = 0.6
 @dataclass(frozen=True)
 class TrackingRules:
     """``pixel_sd`` px and ``box_fraction`` of its height: error of a box; ``size_m`` and
-    ``size_log_sd`` of signs; ``gate`` squared sigmas up to which a box continues a track;
-    ``alone`` what a new track costs, in the same unit, and ``other_class`` another class;
+    ``size_log_sd`` of signs; ``missed`` how rarely a box of a track is not taken for one of it;
+    ``alone`` what a new track costs, in squared sigmas, and ``other_class`` another class;
     ``silence_s`` and ``silence_m`` after both of which an unseen track ends; ``beyond`` how far
     outside the picture, in parts of its width, a track is still followed."""
 
@@ -38,7 +39,7 @@ class TrackingRules:
     box_fraction: float = 0.08
     size_m: float = 0.7
     size_log_sd: float = 0.5
-    gate: float = 16.0
+    missed: float = 1e-3
     alone: float = 22.0
     other_class: float = 6.0
     silence_s: float = 4.0
@@ -177,7 +178,7 @@ class Tracker:
                 votes = self._votes[j]
                 share = votes.get(name, 0.0) / sum(votes.values())
                 cost[i, j] += self._rules.other_class * (1.0 - share)
-        cost[(squared > self._rules.gate) | (cost > self._rules.alone)] = np.inf
+        cost[(squared > gate(self._rules.missed, 3)) | (cost > self._rules.alone)] = np.inf
         return assign(cost, self._rules.alone)
 
     def _start(self, z: FloatArray, R: FloatArray, scale_log_sd: float) -> int:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from automap.gates import mean_square_limits
 from pipeline.experiments.base import Experiment, new_figure
 
 WINDOW = 50
@@ -14,8 +15,6 @@ _BLOCKS = ("position", "velocity")
 
 def run(experiment: Experiment) -> dict[str, Any]:
     """Plot the moving mean of the normalised innovation squared with its 95 % band."""
-    from scipy.special import chdtri
-
     from automap.fusion.consistency import channel_consistency, verdict
 
     table = experiment.inputs.fuse(experiment.options).innovations
@@ -42,7 +41,7 @@ def run(experiment: Experiment) -> dict[str, Any]:
         middle = t[: len(ratio)] + 0.5 * span
         shown = np.where(span < 2.0 * np.median(span), ratio, np.nan)
         plot.plot(middle, shown, "C0", lw=1)
-        low, high = (float(chdtri(dof, p)) / dof for p in (0.975, 0.025))
+        low, high = (float(limit) for limit in mean_square_limits(dof))
         plot.axhspan(low, high, color="0.88", label="95 % if the model is right")
         plot.axhline(1.0, color="k", lw=0.5)
         plot.set(ylabel=f"{block}: NIS per degree of freedom", xlabel="time, s")

@@ -10,6 +10,7 @@ import numpy as np
 from automap.earth import metres_per_radian
 from automap.fusion.layout import CHANNELS
 from automap.gap.screening import whitened_innovations
+from automap.gates import mean_square_limits
 from automap.records import FloatArray
 from pipeline.pages.section import Plot, draw, draw_over_time
 from pipeline.pages.svg_plot import Series
@@ -121,10 +122,8 @@ def spectrum(before: Fit, after: Fit, name: str) -> list[Plot]:
     curves = [_spectrum(f, name) for f in (before, after)]
     if curves[0] is None or curves[1] is None:
         return []
-    from scipy.stats import chi2
-
     (f0, p0, k), (f1, p1, _) = curves[0], curves[1]
-    low, high = (float(chi2.ppf(share, 2 * k)) / (2 * k) for share in (0.025, 0.975))
+    low, high = (float(limit) for limit in mean_square_limits(2 * k))
     title = f"spectrum of {name.replace('_', ' ')}"
     series = [
         Series("simulated, 95 %", f1, np.full(len(f1), low), "band", 1, np.full(len(f1), high)),

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from automap.earth import metres_per_radian
-from automap.export.uncertainty import CHI2_95_2, principal_axes
+from automap.export.uncertainty import principal_axes
 from automap.frames import wrap_pi
+from automap.gates import OUTSIDE_95, gate
 from automap.records import FloatArray
 from automap.regression.record import DriveRecord
 from automap.regression.signs import StoredSign
@@ -71,7 +72,7 @@ def _sign(sign: StoredSign, origin: tuple[float, float]) -> dict[str, Any]:
         (major,), (minor,), (azimuth,) = principal_axes(
             *(np.array([v]) for v in (sign.cov_en[0, 0], sign.cov_en[0, 1], sign.cov_en[1, 1]))
         )
-        scale = float(np.sqrt(CHI2_95_2))
+        scale = float(np.sqrt(gate(OUTSIDE_95, 2)))
         ellipse = [round(major * scale, 2), round(minor * scale, 2), round(float(azimuth), 4)]
     return {
         "at": _rounded(at[None])[0],

@@ -13,7 +13,8 @@ from automap.export.icons import class_icon
 from automap.export.kml import class_colours
 from automap.export.path import simplified_path
 from automap.export.sign_columns import SignColumns
-from automap.export.uncertainty import CHI2_95_2, principal_axes
+from automap.export.uncertainty import principal_axes
+from automap.gates import OUTSIDE_95, gate
 from automap.records import FixType, FloatArray
 from pipeline.report.outages import outages
 from pipeline.report.path_modes import path_modes
@@ -149,7 +150,7 @@ def _signs(
     major, minor, azimuth = principal_axes(
         values["cov_ee_m2"][rows], values["cov_en_m2"][rows], values["cov_nn_m2"][rows]
     )
-    scale = float(np.sqrt(CHI2_95_2))
+    scale = float(np.sqrt(gate(OUTSIDE_95, 2)))
     colours = class_colours(values["class"])
     return {
         "xy": _pairs(_metres(columns.lat_deg[rows], columns.lon_deg[rows], origin)),

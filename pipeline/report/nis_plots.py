@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.gates import mean_square_limits
 from automap.records import BoolArray, FloatArray, IntArray
 from pipeline.pages.svg_plot import Series
 
@@ -45,7 +46,7 @@ def nis_series(
         enough = count >= LEAST
         if int(enough.sum()) < 2:
             continue
-        low, high = chance_limits(count[enough])
+        low, high = mean_square_limits(count[enough])
         x = middle[enough]
         plots.append(
             (
@@ -86,12 +87,3 @@ def _windows(
     total = np.bincount(slot, weights=nis, minlength=windows)
     mean = total / np.maximum(count, 1.0)
     return count, mean, (np.arange(windows) + 0.5) * span / windows
-
-
-def chance_limits(count: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Where chi-square of so many degrees, over their number, lies with 95 % probability."""
-    from scipy.special import chdtri
-
-    low = np.asarray(chdtri(count, 0.975), np.float64)
-    high = np.asarray(chdtri(count, 0.025), np.float64)
-    return low / count, high / count

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automap.export.uncertainty import CHI2_95_2, principal_axes
+from automap.export.uncertainty import principal_axes
+from automap.gates import OUTSIDE_95, gate
 from automap.records import FloatArray
 from pipeline.view.signs import SignTable
 
@@ -49,7 +50,7 @@ def sign_payload(signs: SignTable) -> bytes:
     x, y = mercator(signs.lon_deg, signs.lat_deg)
     x[~np.isfinite(y)] = np.nan
     major, minor, azimuth = principal_axes(signs.cov_ee_m2, signs.cov_en_m2, signs.cov_nn_m2)
-    scale = np.sqrt(CHI2_95_2)
+    scale = np.sqrt(gate(OUTSIDE_95, 2))
     header = {
         "n": len(signs),
         "ids": [_writable(text) for text in signs.ids],

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
 
+from automap.gates import mean_square_limits
 from pipeline.pages.svg_plot import (
     BOTTOM,
     HEIGHT,
@@ -24,7 +25,7 @@ from pipeline.pages.svg_plot import (
     ticks,
     time_unit,
 )
-from pipeline.report.nis_plots import chance_limits, nis_series
+from pipeline.report.nis_plots import nis_series
 from pipeline.report.sections import innovation_verdict
 
 finite = st.floats(-1e9, 1e9)
@@ -147,6 +148,6 @@ def test_limits_of_chance_are_those_of_chi_square() -> None:
     from scipy.stats import chi2
 
     count = np.array([6.0, 50.0, 400.0])
-    low, high = chance_limits(count)
+    low, high = mean_square_limits(count)
     np.testing.assert_allclose(low, chi2.ppf(0.025, count) / count, rtol=1e-9)
     np.testing.assert_allclose(high, chi2.ppf(0.975, count) / count, rtol=1e-9)
