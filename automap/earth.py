@@ -17,15 +17,19 @@ from automap.records import FloatArray
 A = 6378137.0
 """Semi-major axis, m."""
 F = 1.0 / 298.257223563
+"""Flattening."""
 E2 = F * (2.0 - F)
 RATE = 7.292115e-5
 """Earth rotation, rad/s."""
 STANDARD_GRAVITY = 9.80665
 """The "g" of data sheets and units, m/s^2; ``gravity`` is that of a place."""
+GRAVITY_GRADIENT = 3.086e-6
+"""Decrease of gravity per metre of height, 1/s^2."""
 GM = 3.986004418e14
+"""Gravitational constant of the Earth with its atmosphere, m^3/s^2."""
 _B = A * (1.0 - F)
-_GE = 9.7803253359
-_K = 0.00193185265241
+_GE, _K = 9.7803253359, 0.00193185265241
+"""Normal gravity at the equator, m/s^2, and the constant of Somigliana's formula."""
 _M = RATE**2 * A**2 * _B / GM
 
 

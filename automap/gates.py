@@ -26,6 +26,11 @@ def gate(probability: float, dof: int) -> float:
     return float(chdtri(dof, probability))
 
 
+def sigmas(probability: float) -> float:
+    """How many sigmas off, to either side, a right number lies with ``probability``."""
+    return float(np.sqrt(gate(probability, 1)))
+
+
 def exceeds(square: float, dof: int) -> float:
     """Probability with which chance exceeds a squared distance in sigmas: ``gate``'s inverse."""
     from scipy.special import chdtrc

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.errors import InputError
-from automap.gates import OUTSIDE_95, gate, mean_square_limits
+from automap.gates import OUTSIDE_95, mean_square_limits, sigmas
 from automap.records import FloatArray, IntArray
 
 FLICKER = np.sqrt(2.0 * np.log(2.0) / np.pi)
@@ -151,11 +151,11 @@ def _terms(
     spread = np.sqrt(np.array(logs))
     values = np.sqrt(squares)
     names = ("white", "instability", "walk")
-    found, sigmas = {}, float(np.sqrt(gate(OUTSIDE_95, 1)))
+    found, wide = {}, sigmas(OUTSIDE_95)
     for i, name in enumerate(names):
         sd = float(np.std(spread[:, i]))
         value = float(values[i])
-        found[name] = Term(value, max(value - sigmas * sd, 0.0), value + sigmas * sd)
+        found[name] = Term(value, max(value - wide * sd, 0.0), value + wide * sd)
     return found
 
 

@@ -25,6 +25,7 @@ from automap.fusion.levels import (
     VEHICLE_LEVELS,
     WHITE_LEVELS,
 )
+from automap.fusion.limits import LEVEL_SPREAD, REFINE_S, STANDING_PART
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import PathStates, Problem, Start, run_forward, with_options
 
@@ -45,10 +46,10 @@ class Search:
     measured_only: bool = False
 
 
-MAX_PART = 4.0
-"""Standing counts at most so many times the driving that is wanted."""
 COARSE = Search(WHITE_LEVELS, 2.0, 16.0, 180.0, 2, 3.0, True)
+"""Of every run. Chosen: quick, and no step without odds of 20 to 1 (three nats)."""
 FINE = Search(LEVELS, 2.0**0.5, 64.0, 1800.0, 6, 1.0, True)
+"""On request. Chosen: half an hour of driving shows the slow levels too, at many times the cost."""
 
 
 def adapt_noise(
@@ -66,7 +67,7 @@ def adapt_noise(
     white noise of accelerometer and gyro, white parts of position and velocity, horizontal and
     vertical, random walks of the biases, size and correlation time of the receiver's wander.
     """
-    part = nodes.first_moving(search.part_s, MAX_PART * search.part_s)
+    part = nodes.first_moving(search.part_s, STANDING_PART * search.part_s)
     if search.measured_only:
         part = replace(part, flags=part.flags & ~BESIDE_FIXES)
     factors = dict(initial)
@@ -95,12 +96,6 @@ def adapt_noise(
     return {k: _refined(k, v, factors, cached, search) for k, v in factors.items()}
 
 
-REFINE_S = 600.0
-"""So much driving the levels are refined on at most."""
-SPREAD = float(np.log(4.0))
-"""Data sheets and presets are right to a factor of four (one sigma of a level's logarithm)."""
-
-
 def refine_noise(
     problem: Problem,
     nodes: Nodes,
@@ -116,7 +111,7 @@ def refine_noise(
     data; here every step has exact slopes, and the whole drive counts, so the levels scatter
     less from drive to drive. ``problem`` and ``nodes`` without factors.
     """
-    part = nodes.first_moving(REFINE_S, MAX_PART * REFINE_S)
+    part = nodes.first_moving(REFINE_S, STANDING_PART * REFINE_S)
     part = replace(part, flags=part.flags & ~BESIDE_FIXES)
     path = PathStates(
         np.ascontiguousarray(about.nominal[: len(part.t)]),
@@ -138,8 +133,8 @@ def _expected(factors: Mapping[str, float], levels: Sequence[str]) -> LevelLikel
     variance would else run away to nothing."""
     slope, info = np.zeros(len(ALL_LEVELS)), np.zeros(len(ALL_LEVELS))
     rows = [ALL_LEVELS.index(level) for level in levels]
-    off = np.log([factors[level] for level in levels]) / SPREAD
-    slope[rows], info[rows] = -off / SPREAD, 1.0 / SPREAD**2
+    off = np.log([factors[level] for level in levels]) / LEVEL_SPREAD
+    slope[rows], info[rows] = -off / LEVEL_SPREAD, 1.0 / LEVEL_SPREAD**2
     return LevelLikelihood(-0.5 * float(off @ off), slope, info)
 
 

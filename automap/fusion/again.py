@@ -9,16 +9,12 @@ import numpy as np
 from automap.fusion.adapt import scale_nodes, scale_problem
 from automap.fusion.layout import N_NAV
 from automap.fusion.levels import LEVELS
+from automap.fusion.limits import MOST_REPEATS, SETTLED_TURN_RAD
 from automap.fusion.nodes import Shift
 from automap.fusion.passes import Pass, Session, next_shift, nodes_of, problem_of, settled
 from automap.fusion.problem import PathStates, Problem, SmoothRun, Start, states_about
 from automap.fusion.sections import filter_and_smooth
 from automap.records import FloatArray
-
-TURNED_RAD = 3e-3
-"""An attitude that moves by no more leaves the linearisation good: the square of this times
-gravity is some 0.1 mm/s^2."""
-MOST_PASSES = 4
 
 
 def run_again(session: Session, earlier: Pass, start: Start) -> tuple[Pass, Start]:
@@ -34,7 +30,7 @@ def run_again(session: Session, earlier: Pass, start: Start) -> tuple[Pass, Star
     problem = scale_problem(problem_of(session), factors)
     smooth, before = _under(problem, earlier), earlier.shift
     shift = before if options.retime else Shift(before.delay_s)
-    for _ in range(MOST_PASSES):
+    for _ in range(MOST_REPEATS):
         speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
         nodes = nodes_of(session, problem, shift, smooth.nodes.t, speed, constrained=True)
         about = states_about(problem, smooth, nodes, before, shift)
@@ -43,7 +39,7 @@ def run_again(session: Session, earlier: Pass, start: Start) -> tuple[Pass, Star
         forward, smooth = filter_and_smooth(problem, nodes, start, shift, about=about)
         last = Pass(problem, nodes, forward, smooth, shift, factors)
         following = next_shift(problem.model, smooth, shift, options.retime)
-        near = _largest_turn(about, smooth) <= TURNED_RAD
+        near = _largest_turn(about, smooth) <= SETTLED_TURN_RAD
         if near and settled(problem.model, smooth, following, shift):
             break
         before, shift = shift, following

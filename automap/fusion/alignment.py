@@ -15,18 +15,10 @@ import numpy as np
 
 from automap import earth
 from automap.frames import matrix_to_quat, rotation_vector_to_matrix
+from automap.fusion import limits
 from automap.fusion.nodes import FixModel, Nodes, Shift
 from automap.fusion.problem import Problem, Start, run_forward
 from automap.records import FloatArray
-
-N_HEADINGS = 12
-SURE_MARGIN_NATS = 5.0
-UNKNOWN_HEADING_SD = 1.8
-"""Spread of a heading that may be any, rad."""
-UNKNOWN_HEIGHT_SD_M = 1000.0
-LEVEL_WINDOW_S = 10.0
-TRIAL_MOVING_S = 45.0
-TRIAL_MAX_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -50,19 +42,25 @@ def start_state(
     nominal = np.zeros(10)
     nominal[0:2] = fixes.values[first, 0:2]
     nominal[2] = height
-    speed_sd = 5.0
+    speed_sd = limits.UNKNOWN_SPEED_SD
     if len(with_velocity):
         row = int(with_velocity[0])
         wait_v = abs(float(fixes.t[row]) - t0)
         nominal[3:6] = fixes.values[row, 3:6]
-        speed_sd = min(1.0 + 3.0 * wait_v, 15.0)
+        speed_sd = min(
+            limits.START_SPEED_SD + limits.START_ACCELERATION * wait_v, limits.MOST_SPEED_SD
+        )
         nominal[0] -= nominal[3] * wait / earth.A
         nominal[1] -= nominal[4] * wait / (earth.A * np.cos(nominal[0]))
     nominal[6:10] = matrix_to_quat(attitude)
-    sd_position = 3.0 * fixes.wander_sd[first] + 5.0 + 3.0 * wait
+    sd_position = (
+        limits.START_WANDERS * fixes.wander_sd[first]
+        + limits.START_SD_M
+        + limits.START_DRIFT * wait
+    )
     sd_position += np.sqrt(fixes.white_var[first, :3])
     if len(has_height) == 0:
-        sd_position[2] = UNKNOWN_HEIGHT_SD_M
+        sd_position[2] = limits.UNKNOWN_HEIGHT_SD_M
     sd = np.concatenate([sd_position, [speed_sd] * 3, sd_attitude])
     return Start(nominal, sd)
 
@@ -76,7 +74,7 @@ def level(
     b, the change of velocity minus gravity. Any turn about b is as good: that is the heading.
     Y. Wu, X. Pan, IEEE Transactions on Aerospace and Electronic Systems 49(2), 2013.
     """
-    stop = min(t0 + LEVEL_WINDOW_S, float(problem.t[-1]))
+    stop = min(t0 + limits.LEVELLING_WINDOW_S, float(problem.t[-1]))
     mask = (problem.t >= t0) & (problem.t <= stop)
     if int(mask.sum()) < 2:
         mask = np.arange(len(problem.t)) < 2
@@ -110,11 +108,13 @@ def align(
     """Choose the starting attitude by the likelihood of the first part of the drive."""
     t0 = float(nodes.t[0])
     tilt, free = level(problem, fixes, t0, gyro_bias)
-    trial = nodes.first_moving(TRIAL_MOVING_S, TRIAL_MAX_S)
-    step = 2.0 * np.pi / N_HEADINGS
-    sd_attitude = np.array([0.12, 0.12, 0.6 * step])
+    trial = nodes.first_moving(limits.TRIAL_MOVING_S, limits.TRIAL_MAX_S)
+    step = 2.0 * np.pi / limits.N_HEADINGS
+    sd_attitude = np.array(
+        [limits.START_TILT_SD, limits.START_TILT_SD, limits.START_HEADING_SD * step]
+    )
     runs = []
-    for j in range(N_HEADINGS):
+    for j in range(limits.N_HEADINGS):
         attitude = rotation_vector_to_matrix(j * step * free) @ tilt
         start = start_state(problem, fixes, t0, attitude, sd_attitude)
         score = run_forward(problem, trial, start, shift, store=False).score
@@ -122,11 +122,15 @@ def align(
     runs.sort(key=lambda item: -item[0])
     best_score, best, start = runs[0]
     # neighbours converge to the same answer; the margin is against the others
-    far = [s for s, j, _ in runs if min((j - best) % N_HEADINGS, (best - j) % N_HEADINGS) > 2]
+    far = [
+        s
+        for s, j, _ in runs
+        if min((j - best) % limits.N_HEADINGS, (best - j) % limits.N_HEADINGS) > 2
+    ]
     margin = float(best_score - max(far))
-    if margin < SURE_MARGIN_NATS:
+    if margin < limits.SURE_MARGIN_NATS:
         # nothing tells the heading: say so
-        start = Start(start.nominal, np.concatenate([start.sd[:8], [UNKNOWN_HEADING_SD]]))
+        start = Start(start.nominal, np.concatenate([start.sd[:8], [limits.UNKNOWN_HEADING_SD]]))
     return Alignment(start, margin)
 
 

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from automap.fusion.limits import LEAST_JUDGED, PLAUSIBLE_CORRELATION, PLAUSIBLE_RMS
+
 if TYPE_CHECKING:
     from automap.fusion.output import Innovations
 
-MIN_COUNT = 20
-PLAUSIBLE_RMS = (0.7, 1.4)
-PLAUSIBLE_CORRELATION = 0.35
 _AXES = {"n": "north", "e": "east", "d": "down"}
 _PSEUDO = ("nhc", "zupt", "zaru")
 
@@ -39,7 +38,7 @@ def channel_consistency(table: Innovations) -> dict[str, ChannelConsistency]:
         rows = table.channel == name
         ratio = table.innovation[rows] / table.sd[rows]
         lag1 = 0.0
-        if len(ratio) >= MIN_COUNT and float(ratio.std()) > 0.0:
+        if len(ratio) >= LEAST_JUDGED and float(ratio.std()) > 0.0:
             lag1 = float(np.mean(ratio[1:] * ratio[:-1]) / np.mean(ratio**2))
         out[str(name)] = ChannelConsistency(
             len(ratio),
@@ -56,7 +55,7 @@ def verdict(channels: dict[str, ChannelConsistency]) -> str:
     judged = {
         name: channel
         for name, channel in channels.items()
-        if not name.startswith(_PSEUDO) and channel.count >= MIN_COUNT
+        if not name.startswith(_PSEUDO) and channel.count >= LEAST_JUDGED
     }
     if not judged:
         return "too few measurements to judge the filter by its innovations"

@@ -14,7 +14,7 @@ from automap.frames import (
     quat_to_matrix,
     rpy_to_matrix,
 )
-from automap.fusion.alignment import SURE_MARGIN_NATS
+from automap.fusion import limits
 from automap.fusion.layout import HAS_POS_H
 from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.mounting import Mounting, estimate_mounting
@@ -50,9 +50,6 @@ from automap.records import (
     WheelSpeed,
 )
 
-KNOWN_ROLL_SD = 1e-3
-"""The roll of a mounting that the manifest states, rad."""
-FORWARD_SD = 0.002
 _NO_NHC = ("imu_mounting", "nhc_lever_arm")
 
 
@@ -150,7 +147,7 @@ def fuse_imu_gnss(
     if rest_bias is not None:
         for axis, value in zip("xyz", rest_bias, strict=True):
             means[f"gyro_bias_{axis}"] = float(value)
-            sds[f"gyro_bias_{axis}"] = 2e-3
+            sds[f"gyro_bias_{axis}"] = limits.REST_BIAS_SD
     wheels = None
     if odometer is not None and len(odometer) > 1:
         wheels = Odometer(np.asarray((odometer.t_ns - base_ns) * 1e-9), odometer.speed)
@@ -169,7 +166,7 @@ def fuse_imu_gnss(
     start: Start | None = None
     margin = np.inf
     # level is what the IMU says it is: the constraint cannot tell the roll of the mounting
-    known_sds = {"imu_mounting_roll": KNOWN_ROLL_SD}
+    known_sds = {"imu_mounting_roll": limits.KNOWN_ROLL_SD}
     known_means: dict[str, float] = {}
     if lever_arm is not None:
         known_means |= {
@@ -192,7 +189,7 @@ def fuse_imu_gnss(
         session, start, constrained=True, progress=lambda text: progress(0.5, text)
     )
     margin = min(margin, found.margin)
-    if margin < SURE_MARGIN_NATS:
+    if margin < limits.SURE_MARGIN_NATS:
         warnings.append(
             "the heading at the start is weakly determined "
             f"(likelihood margin {margin:.1f} nats): the drive has little change of speed or "
@@ -233,7 +230,9 @@ def _turn(session: Session, last: Pass, mounting: Mounting) -> tuple[Session, St
         means |= {f"gyro_bias_{a}": float(v) for a, v in zip("xyz", turned, strict=True)}
     nominal = last.smooth.nominal[0].copy()
     nominal[6:10] = matrix_to_quat(quat_to_matrix(nominal[6:10]) @ c.T)
-    sd = np.concatenate([np.full(3, 10.0), np.full(3, 2.0), [0.12, 0.12, 0.3]])
+    place, speed = np.full(3, limits.TURNED_START_SD_M), np.full(3, limits.TURNED_START_SPEED_SD)
+    tilt = limits.START_TILT_SD
+    sd = np.concatenate([place, speed, [tilt, tilt, limits.TURNED_HEADING_SD]])
     return replace(session, imu=imu, means=means), Start(nominal, sd)
 
 
@@ -283,7 +282,7 @@ def _assemble(
     turn = rpy_to_matrix(np.array([final.get(name, 0.0) for name in angles]))
     sd = np.array([spread.get(name, 0.0) for name in angles])
     if not axes_known:
-        sd[1:] = np.maximum(sd[1:], FORWARD_SD)
+        sd[1:] = np.maximum(sd[1:], limits.KNOWN_FORWARD_SD)
     total = turn @ mounting.matrix
 
     def trajectory(states: NodeStates, blend: bool) -> Trajectory:

@@ -10,18 +10,21 @@ from __future__ import annotations
 import numpy as np
 
 from automap.earth import from_local_ned, local_ned
+from automap.effects.signals import COURSE_SPEED
 from automap.errors import InputError
 from automap.fusion.kernels.axis import smooth_axis
+from automap.fusion.limits import (
+    COURSE_SLIP_SD,
+    LEAST_COURSE_SPEED,
+    ROAD_ACCELERATION_PSD,
+    UNKNOWN_HEADING_SD,
+    UNKNOWN_LEAN_SD,
+)
 from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.screening import screen_fixes
 from automap.gates import gate
 from automap.records import BoolArray, ClockModel, Fixes, FloatArray, Trajectory
-
-ACCELERATION_PSD = (1.0, 1.0, 0.1)
-"""White acceleration of road traffic north, east, down, (m/s^2)^2/Hz."""
-COURSE_SPEED = 1.0
-"""Below this speed in m/s a course means nothing and the last heading is kept."""
 
 
 def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Trajectory:
@@ -62,7 +65,7 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
             np.column_stack([(flags & bit) > 0, (flags & (4 * bit)) > 0]),
             model.white_var[rows][:, [axis, 3 + axis]],
             model.wander_sd[rows, axis],
-            ACCELERATION_PSD[axis],
+            ROAD_ACCELERATION_PSD[axis],
             options.wander_tau_s,
             surprise,
             out,
@@ -73,10 +76,10 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
     rpy = np.zeros((len(t), 3))
     rpy[:, 2] = _hold(np.arctan2(velocity[:, 1], velocity[:, 0]), speed > COURSE_SPEED)
     rpy[:, 1] = np.where(speed > COURSE_SPEED, np.arctan2(-velocity[:, 2], speed), 0.0)
-    sd_course = np.hypot(sd_vel[:, 0], sd_vel[:, 1]) / np.maximum(speed, 0.3)
-    sd_rpy = np.stack(
-        [np.full(len(t), 0.05), np.full(len(t), 0.05), np.minimum(sd_course + 0.03, 1.8)], axis=1
-    )
+    sd_course = np.hypot(sd_vel[:, 0], sd_vel[:, 1]) / np.maximum(speed, LEAST_COURSE_SPEED)
+    lean = np.full(len(t), UNKNOWN_LEAN_SD)
+    sd_heading = np.minimum(sd_course + COURSE_SLIP_SD, UNKNOWN_HEADING_SD)
+    sd_rpy = np.stack([lean, lean, sd_heading], axis=1)
     gps_s = fixes.gps_s[model.row[rows]]
     return Trajectory(
         clock.t_ns(gps_s),

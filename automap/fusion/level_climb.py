@@ -18,6 +18,7 @@ from automap.records import FloatArray
 GAIN = 0.3
 """The climb ends when a step brings less than so many nats."""
 MAX_STEPS = 20
+"""Bounds the time of a climb along a ridge."""
 LARGEST_STEP = 0.5
 """Of a logarithm: further away a level's slope says little."""
 TRIES = 3

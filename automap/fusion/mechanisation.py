@@ -15,9 +15,7 @@ from automap.records import FloatArray
 
 radii = kernel(earth.radii)
 gravity = kernel(earth.gravity)
-EARTH_RATE = earth.RATE
-GRAVITY_GRADIENT = 3.086e-6
-"""Decrease of gravity per metre of height, 1/s^2."""
+EARTH_RATE, GRAVITY_GRADIENT = earth.RATE, earth.GRAVITY_GRADIENT
 
 # what changes slowly with place, refreshed at every node: see ``earth_terms``
 N_EARTH = 9

@@ -13,17 +13,8 @@ import numpy.typing as npt
 
 from automap.errors import StageError
 from automap.frames import matrix_to_rpy
+from automap.fusion import limits
 from automap.records import FloatArray
-
-MIN_SPEED = 3.0
-MIN_MOVING_S = 10.0
-TURN_RATE = 0.08
-MAX_TURN_ROLL = 0.2
-LEAN_SD = 0.03
-GRADE_SD = 0.1
-"""Lean of the body in turns, and change of grade over a corner of 90 deg, rad."""
-ROAD_ROLL_SD = 0.02
-"""Mean cross-fall and suspension lean of a drive, rad, one sigma."""
 
 
 @dataclass(frozen=True)
@@ -49,30 +40,33 @@ def estimate_mounting(
     speed = np.linalg.norm(vel_ned, axis=1)
     yaw_rate = np.linalg.norm(rate, axis=1)
     dt = float(np.median(np.diff(t)))
-    straight = (speed > MIN_SPEED) & (yaw_rate < 0.1) & (np.abs(accel_long) < 1.0)
-    if straight.sum() * dt < MIN_MOVING_S:
-        straight = speed > MIN_SPEED
-    if straight.sum() * dt < MIN_MOVING_S:
+    straight = (speed > limits.MOUNTING_SPEED) & (yaw_rate < limits.STRAIGHT_RATE)
+    straight &= np.abs(accel_long) < limits.STRAIGHT_ACCELERATION
+    if straight.sum() * dt < limits.MOUNTING_MOVING_S:
+        straight = speed > limits.MOUNTING_SPEED
+    if straight.sum() * dt < limits.MOUNTING_MOVING_S:
         raise StageError(
             'the mounting of the IMU (axes = "unknown") cannot be found: the vehicle moved for '
-            f"only {straight.sum() * dt:.0f} s above {MIN_SPEED:.0f} m/s; give axes in drive.toml "
-            "or use a longer drive"
+            f"only {straight.sum() * dt:.0f} s above {limits.MOUNTING_SPEED:.0f} m/s; give axes in "
+            "drive.toml or use a longer drive"
         )
     v_s = np.einsum("nji,nj->ni", c_n_s[straight], vel_ned[straight])
     forward = _robust_direction(v_s / speed[straight, None])
     spread = v_s / speed[straight, None] - forward
-    blocks = max(straight.sum() * dt / 5.0, 1.0)
-    sd_forward = float(np.sqrt((spread**2).sum(axis=1).mean() / 2.0 / blocks)) + 0.003
+    blocks = max(straight.sum() * dt / limits.FORWARD_BLOCK_S, 1.0)
+    sd_forward = (
+        float(np.sqrt((spread**2).sum(axis=1).mean() / 2.0 / blocks)) + limits.LEAST_FORWARD_SD
+    )
 
     # down: gravity seen in the sensor, averaged over the drive, and the axis of turning
-    moving = speed > MIN_SPEED
+    moving = speed > limits.MOUNTING_SPEED
     gravity_dir = c_n_s[moving][:, 2, :].mean(axis=0)
     down_gravity = _across(gravity_dir, forward)
     turn_rate = np.einsum("ni,ni->n", rate, c_n_s[:, 2, :])
     right = np.cross(down_gravity, forward)
-    roll, var = 0.0, ROAD_ROLL_SD**2
+    roll, var = 0.0, limits.ROAD_ROLL_SD**2
     turn_roll, turn_var = _roll_from_turns(rate, turn_rate, moving, forward, right, dt)
-    if abs(turn_roll) < MAX_TURN_ROLL:
+    if abs(turn_roll) < limits.MAX_TURN_ROLL:
         weight = var / (var + turn_var)
         roll, var = weight * turn_roll, weight * turn_var
     down = np.cos(roll) * down_gravity - np.sin(roll) * right
@@ -97,13 +91,13 @@ def _roll_from_turns(
     rolls, variances = [], []
     down = np.cross(forward, right)
     for side in (1.0, -1.0):
-        use = moving & (side * turn_rate > TURN_RATE)
+        use = moving & (side * turn_rate > limits.TURN_RATE)
         angle = float(np.abs(turn_rate[use]).sum()) * dt
-        if angle < 0.5:
+        if angle < limits.LEAST_TURN:
             continue
         axis = _across(side * rate[use].sum(axis=0), forward)
         rolls.append(float(np.arctan2(-(axis @ right), axis @ down)))
-        variances.append(LEAN_SD**2 + GRADE_SD**2 * (0.5 * np.pi / angle))
+        variances.append(limits.LEAN_SD**2 + limits.GRADE_SD**2 * (0.5 * np.pi / angle))
     if not rolls:
         return 0.0, np.inf
     return float(np.mean(rolls)), float(np.sum(variances)) / len(rolls) ** 2
@@ -121,7 +115,9 @@ def _robust_direction(units: FloatArray) -> FloatArray:
     for _ in range(5):
         angle = np.arccos(np.clip(units @ axis, -1.0, 1.0))
         ahead = angle < np.pi / 2
-        limit = max(3.0 * float(np.median(angle[ahead])), 0.02)
+        limit = max(
+            limits.OTHER_WAY_MEDIANS * float(np.median(angle[ahead])), limits.OTHER_WAY_ANGLE
+        )
         axis = units[angle < limit].mean(axis=0)
         axis /= np.linalg.norm(axis)
     return np.asarray(axis)

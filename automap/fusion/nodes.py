@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.fusion import limits
 from automap.fusion.layout import (
     CH_POS,
     HAS_POS_H,
@@ -21,26 +22,7 @@ from automap.fusion.measurements.rest import note_rest
 from automap.fusion.measurements.velocity import has_velocity, velocity_errors
 from automap.fusion.measurements.wheel_speed import Odometer, note_wheels
 from automap.fusion.options import FusionOptions
-from automap.records import Fixes, FixType, FloatArray, IntArray
-
-MAX_NODE_SPACING_S = 0.5
-"""No stretch between nodes is longer, so that interpolated uncertainty stays true."""
-
-# how much worse than its own figure a fix of this type is taken
-_TYPE_FACTOR = {
-    FixType.DEAD_RECKONING: 5.0,
-    FixType.TWO_D: 2.0,
-    FixType.THREE_D: 1.0,
-    FixType.DGNSS: 1.0,
-    FixType.FLOAT: 1.0,
-    FixType.FIXED: 1.0,
-}
-
-
-MOVING_SPEED = 2.0
-HOLD_LOG = float(np.log(1.25))
-MIN_SPLIT_S = 0.02
-"""Velocities get nodes of their own from this distance to their position."""
+from automap.records import Fixes, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -129,7 +111,7 @@ class Nodes:
         has = (self.flags & HAS_VEL_H) > 0
         speed = np.where(has, np.hypot(self.values[:, 3], self.values[:, 4]), 0.0)
         spacing = np.diff(self.t, prepend=self.t[0])
-        travelled = np.cumsum(np.where(speed > MOVING_SPEED, spacing, 0.0))
+        travelled = np.cumsum(np.where(speed > limits.MOVING_SPEED, spacing, 0.0))
         enough = np.flatnonzero(travelled > moving_s)
         stop = int(enough[0]) if len(enough) else len(self.t)
         stop = min(stop, int(np.searchsorted(self.t, self.t[0] + most_s)))
@@ -143,7 +125,7 @@ def model_fixes(fixes: Fixes, t: FloatArray, options: FusionOptions) -> FixModel
     flags = has_h * HAS_POS_H + has_v * HAS_POS_V + vel_h * HAS_VEL_H + vel_v * HAS_VEL_V
     use = np.isfinite(t) & (flags > 0)
     factor = np.ones(len(fixes))
-    for fix_type, value in _TYPE_FACTOR.items():
+    for fix_type, value in limits.FIX_TYPE_FACTOR.items():
         factor[fixes.fix_type == fix_type] = value
     sd, white = position_errors(fixes, factor, options)
     sd_vel = velocity_errors(fixes, factor, options)
@@ -184,7 +166,7 @@ def build_nodes(
     inside = (fix_t >= span[0]) & (fix_t <= span[1])
     times = np.concatenate([[span[0]], fix_t[inside], [span[1]]])
     gaps = np.diff(times)
-    pieces = np.ceil(gaps / MAX_NODE_SPACING_S - 1e-9).astype(int)
+    pieces = np.ceil(gaps / limits.MAX_NODE_SPACING_S - 1e-9).astype(int)
     filler = [
         np.linspace(times[i], times[i + 1], pieces[i] + 1)[1:-1] for i in np.flatnonzero(pieces > 1)
     ]
@@ -211,8 +193,8 @@ def build_nodes(
     before = np.concatenate([wander[:1], wander[:-1]])
     keep_share = np.minimum(before / wander, wander / before)
 
-    spacing = np.diff(t, prepend=t[0] - MAX_NODE_SPACING_S)
-    spacing = np.clip(spacing, 0.01, 1.0)
+    spacing = np.diff(t, prepend=t[0] - limits.MAX_NODE_SPACING_S)
+    spacing = np.clip(spacing, limits.LEAST_SPACING_S, limits.MOST_SPACING_S)
     still = np.zeros(n, dtype=bool)
     for start, stop in standstill:
         still |= (t >= start) & (t <= stop)
@@ -265,7 +247,7 @@ def hold_figure(sd: FloatArray) -> FloatArray:
         held = log.copy()
         start = 0
         while start < len(log):
-            away = np.flatnonzero(np.abs(log[start:] - log[start]) > HOLD_LOG)
+            away = np.flatnonzero(np.abs(log[start:] - log[start]) > limits.ACCURACY_HELD)
             stop = start + int(away[0]) if len(away) else len(log)
             held[start:stop] = log[start]
             start = stop

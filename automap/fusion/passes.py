@@ -10,13 +10,14 @@ import numpy as np
 from automap.effects import Signals
 from automap.effects.signals import signals_of_readings
 from automap.effects.user import is_users
+from automap.fusion import limits
 from automap.fusion.adapt import COARSE, FINE, adapt_noise, refine_noise, scale_nodes, scale_problem
 from automap.fusion.alignment import Alignment, align
 from automap.fusion.layout import HAS_VEL_H
 from automap.fusion.levels import LEVELS, SLOPED_LEVELS, WHITE_LEVELS
 from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.model import StateModel, build_state_model
-from automap.fusion.nodes import MIN_SPLIT_S, FixModel, Nodes, Shift, build_nodes
+from automap.fusion.nodes import FixModel, Nodes, Shift, build_nodes
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import (
     DELAY_STATE,
@@ -34,14 +35,6 @@ from automap.fusion.problem import (
 )
 from automap.fusion.sections import filter_and_smooth
 from automap.records import FloatArray, ImuData
-
-DELAY_CONVERGED_S = 0.0005
-SKEW_CONVERGED = 1e-6
-MAX_AGE_S = 1.0
-MAX_SKEW = 0.01
-TURN_WINDOW_S = 0.5
-HEAD_S = 900.0
-"""The first pass goes no further than this into the drive."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +92,7 @@ def lateral_acceleration(
         return np.zeros(0)
     step = max(float(np.median(np.diff(t_imu))), 1e-4)
     rate = np.linalg.norm(imu.gyro - np.median(imu.gyro, axis=0), axis=1)
-    width = max(round(TURN_WINDOW_S / step), 1)
+    width = max(round(limits.TURN_WINDOW_S / step), 1)
     smooth = np.convolve(rate, np.full(width, 1.0 / width), mode="same")
     return np.asarray(speed * np.interp(speed_t, t_imu, smooth))
 
@@ -185,7 +178,7 @@ def run_passes(
         about = None
         if number == 0:
             # enough to settle start, delays and noise; the whole drive comes after
-            nodes = nodes.first(int(np.searchsorted(nodes.t, nodes.t[0] + HEAD_S)) + 1)
+            nodes = nodes.first(int(np.searchsorted(nodes.t, nodes.t[0] + limits.HEAD_S)) + 1)
         elif number > 1 and options.iterations > 0:
             assert last is not None
             before, smoothed = last.shift, last.smooth
@@ -232,14 +225,14 @@ def next_shift(model: StateModel, smooth: SmoothRun, shift: Shift, retime: bool)
     found = {name: value + float(left.get(name, 0.0)) for name, value in contained(shift)}
     if not retime:
         return Shift(found[DELAY_STATE])
-    if abs(found[VEL_LATENCY_STATE] + found[VEL_LAG_STATE]) < MIN_SPLIT_S:
+    if abs(found[VEL_LATENCY_STATE] + found[VEL_LAG_STATE]) < limits.MIN_SPLIT_S:
         found[VEL_LATENCY_STATE] = found[VEL_LAG_STATE] = 0.0
     return Shift(
         delay_s=found[DELAY_STATE],
-        vel_latency_s=float(np.clip(found[VEL_LATENCY_STATE], -MAX_AGE_S, MAX_AGE_S)),
-        latency_s=float(np.clip(found[LATENCY_STATE], -MAX_AGE_S, MAX_AGE_S)),
-        skew=float(np.clip(found[SKEW_STATE], -MAX_SKEW, MAX_SKEW)),
-        vel_lag_s=float(np.clip(found[VEL_LAG_STATE], 0.0, MAX_AGE_S)),
+        vel_latency_s=float(np.clip(found[VEL_LATENCY_STATE], -limits.MAX_AGE_S, limits.MAX_AGE_S)),
+        latency_s=float(np.clip(found[LATENCY_STATE], -limits.MAX_AGE_S, limits.MAX_AGE_S)),
+        skew=float(np.clip(found[SKEW_STATE], -limits.MAX_SKEW, limits.MAX_SKEW)),
+        vel_lag_s=float(np.clip(found[VEL_LAG_STATE], 0.0, limits.MAX_AGE_S)),
     )
 
 
@@ -249,8 +242,8 @@ def settled(model: StateModel, smooth: SmoothRun, a: Shift, b: Shift) -> bool:
     sd = np.sqrt(np.maximum(smooth.param_var[noted], 0.0))
     for (name, now), (_, was) in zip(contained(a), contained(b), strict=True):
         if name in model.names:
-            least = SKEW_CONVERGED if name == SKEW_STATE else DELAY_CONVERGED_S
-            limit = max(least, 0.1 * float(sd[model.names.index(name)]))
+            least = limits.SKEW_CONVERGED if name == SKEW_STATE else limits.DELAY_CONVERGED_S
+            limit = max(least, limits.CONVERGED_SIGMAS * float(sd[model.names.index(name)]))
             if abs(now - was) > limit:
                 return False
     return True

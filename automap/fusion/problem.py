@@ -13,6 +13,7 @@ from automap.effects.user import is_users, user_signal
 from automap.fusion import kernels
 from automap.fusion.kernels import ForwardStore, ModelArrays, NodeArrays, Samples
 from automap.fusion.layout import MAX_SCALARS, N_NAV, ROWS_OF_FLAG
+from automap.fusion.limits import FORCE_WINDOW_S, MAX_INFLATION, REFUSED_INFLATION
 from automap.fusion.model import StateModel
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.options import FusionOptions
@@ -23,14 +24,8 @@ from automap.fusion.steady_rate import steady_rate
 from automap.gates import gate
 from automap.records import FloatArray, ImuData
 
-FORCE_WINDOW_S = 0.2
-"""Over this time forces are averaged where the acceleration of the vehicle is wanted. Vibration
-left in it would count as slope that a delay explains, and hold the delay back."""
-MAX_INFLATION = 1e6
 PARAMETER_STEP_S = 1.0
 """How often the uncertainty of parameters is noted."""
-REFUSED_INFLATION = 9.0
-"""A measurement whose variance had to grow beyond this counts as refused."""
 _WANDER_SIGNALS = ("position_sd_n", "position_sd_e", "position_sd_d")
 DELAY_STATE = "imu_time_offset_s"
 VEL_LATENCY_STATE = "gnss_velocity_latency_s"

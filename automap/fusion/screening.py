@@ -12,21 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.earth import local_ned
+from automap.fusion import limits
 from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H
 from automap.fusion.nodes import FixModel
+from automap.gates import gate
 from automap.records import BoolArray, FloatArray, IntArray
 
-ROUNDS = 6
-LIMIT_SQUARED = 16.0
-"""A squared distance of so many variances is wild (two axes: three in ten thousand)."""
-ACCELERATION_PSD = 1.0
-AGE_SD_S = 0.2
-AGE_WINDOW_S = 1.0
-"""Receivers tell velocities of some instant of the last few tenths of a second, or a mean over
-them; which is not known yet. So a velocity counts as unsure by its change in such a time, taken
-over the window."""
 NEVER = 1e12
+"""No innovation surprises: which fixes are wild the rounds decide, all together."""
 NONE = np.zeros(0, dtype=np.int64)
 
 
@@ -65,9 +59,10 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
     has_velocity = (model.flags[use] & HAS_VEL_H) > 0
     expected = model.white_var[use, :3] + model.wander_sd[use] ** 2
     velocity_var = model.white_var[use, 3:5] + _age_var(t, model.values[use, 3:5], has_velocity)
+    wild_from = gate(limits.WILD_PROBABILITY, 2)
     extra = np.zeros(len(use))
     distance = np.zeros(len(use))
-    for _ in range(ROUNDS):
+    for _ in range(limits.SCREENING_ROUNDS):
         miss = np.zeros((len(use), 2))
         for axis in range(2):
             out = np.zeros((len(use), 4))
@@ -77,7 +72,7 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
                 np.column_stack([np.ones(len(use), dtype=bool), has_velocity]),
                 np.column_stack([expected[:, axis] + extra, velocity_var[:, axis]]),
                 np.zeros(len(use)),
-                ACCELERATION_PSD,
+                limits.ROAD_ACCELERATION_PSD[axis],
                 tau_s,
                 NEVER,
                 out,
@@ -86,7 +81,7 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
         squared = (miss**2 / expected[:, :2]).sum(axis=1)
         distance = np.hypot(miss[:, 0], miss[:, 1])
         before = extra
-        extra = np.where(squared > LIMIT_SQUARED, 4.0 * distance**2, 0.0)
+        extra = np.where(squared > wild_from, (limits.WILD_SD * distance) ** 2, 0.0)
         if np.array_equal(extra > 0, before > 0):
             break
     wild = extra > 0
@@ -103,9 +98,10 @@ def _age_var(t: FloatArray, velocity: FloatArray, known: BoolArray) -> FloatArra
     """Variances [n, 2] in m^2/s^2 of velocities for not knowing of which instant they are."""
     if int(known.sum()) < 2:
         return np.zeros_like(velocity)
-    half = 0.5 * AGE_WINDOW_S
+    window = limits.VELOCITY_AGE_WINDOW_S
+    half = 0.5 * window
     change = [
         np.interp(t + half, t[known], v[known]) - np.interp(t - half, t[known], v[known])
         for v in velocity.T
     ]
-    return np.asarray((AGE_SD_S * np.column_stack(change) / AGE_WINDOW_S) ** 2)
+    return np.asarray((limits.VELOCITY_AGE_SD_S * np.column_stack(change) / window) ** 2)

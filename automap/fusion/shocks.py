@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.fusion.limits import LEAST_SHOCK_RATIO, SHOCK_WINDOW_S, USUAL_PERCENTILE
 from automap.records import FloatArray
 
-WINDOW_S = 0.15
-USUAL_PERCENTILE = 75.0
-"""Most of a drive is driving, and little of it is shocks."""
-LEAST_RATIO = 4.0
-"""Scatter grows and shrinks by less on any road."""
 _SECOND_DIFFERENCE = 6.0
 """Variance of the second difference of white noise over its own."""
 
@@ -28,12 +24,12 @@ def shock_noise(readings: FloatArray, step_s: float) -> FloatArray:
     out = np.zeros((len(readings), 2))
     if len(readings) < 3:
         return out
-    width = max(2 * round(0.5 * WINDOW_S / step_s) + 1, 3)
+    width = max(2 * round(0.5 * SHOCK_WINDOW_S / step_s) + 1, 3)
     second = np.zeros_like(readings)
     second[1:-1] = readings[2:] - 2.0 * readings[1:-1] + readings[:-2]
     for column, part in ((0, slice(3, 6)), (1, slice(0, 3))):
         each = np.mean(second[:, part] ** 2, axis=1) / _SECOND_DIFFERENCE
         local = uniform_filter1d(each, width, mode="nearest")
         usual = float(np.percentile(local, USUAL_PERCENTILE))
-        out[:, column] = np.where(local > LEAST_RATIO * usual, (local - usual) * step_s, 0.0)
+        out[:, column] = np.where(local > LEAST_SHOCK_RATIO * usual, (local - usual) * step_s, 0.0)
     return out

@@ -13,14 +13,13 @@ import numpy as np
 
 from automap.frames import quat_multiply
 from automap.fusion.layout import N_NAV
+from automap.fusion.limits import HALF_STEP_S
 from automap.fusion.model import StateModel
 from automap.fusion.resample import states_at
 from automap.records import FloatArray, IntArray
 
 MOUNTING = "imu_mounting"
 STAMPS = ("imu_time_offset", "imu_clock_skew")
-HALF_STEP_S = 0.05
-"""Rates of change are taken over twice this time: vibration is no motion of the vehicle."""
 
 
 def reported_rows(model: StateModel) -> IntArray:

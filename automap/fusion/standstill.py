@@ -9,11 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.fusion import limits
+from automap.gates import sigmas
 from automap.records import FloatArray
-
-WINDOW_S = 0.5
-MIN_LENGTH_S = 1.0
-QUIET_FACTOR = 3.0
 
 
 def find_standstill(
@@ -34,29 +32,32 @@ def find_standstill(
     if len(t) < 10 or len(fix_t) == 0:
         return []
     dt = float(np.median(np.diff(t)))
-    width = max(round(WINDOW_S / dt), 5)
+    width = max(round(limits.STANDSTILL_WINDOW_S / dt), 5)
     spread_a = _rolling_sd(accel, width)
     spread_g = _rolling_sd(gyro, width)
     speed = np.interp(t, fix_t, fix_speed)
-    limit = np.interp(t, fix_t, np.maximum(3.0 * fix_speed_sd, 0.15))
+    doubt = sigmas(limits.MOVES_PROBABILITY) * fix_speed_sd
+    limit = np.interp(t, fix_t, np.maximum(doubt, limits.LEAST_SLOW_SPEED))
     nearest = np.abs(t - fix_t[np.clip(np.searchsorted(fix_t, t), 0, len(fix_t) - 1)])
     before = np.abs(t - fix_t[np.clip(np.searchsorted(fix_t, t) - 1, 0, len(fix_t) - 1)])
-    slow = (speed < np.minimum(limit, 0.5)) & (np.minimum(nearest, before) < 1.5)
+    slow = speed < np.minimum(limit, limits.MOST_SLOW_SPEED)
+    slow &= np.minimum(nearest, before) < limits.FIX_REACH_S
     if not slow.any():
         return []
     # quiet means: like the quietest of the slow windows, and clearly quieter than driving
-    floor_a = float(np.percentile(spread_a[slow], 10))
-    floor_g = float(np.percentile(spread_g[slow], 10))
-    moving = speed > 3.0
+    floor_a = float(np.percentile(spread_a[slow], limits.QUIETEST_PERCENTILE))
+    floor_g = float(np.percentile(spread_g[slow], limits.QUIETEST_PERCENTILE))
+    moving = speed > limits.DRIVING_SPEED
     if moving.any():
-        floor_a = min(floor_a, 0.3 * float(np.median(spread_a[moving])))
-        floor_g = min(floor_g, 0.5 * float(np.median(spread_g[moving])))
-    quiet = slow & (spread_a < QUIET_FACTOR * floor_a) & (spread_g < QUIET_FACTOR * floor_g)
+        floor_a = min(floor_a, limits.QUIET_FORCE * float(np.median(spread_a[moving])))
+        floor_g = min(floor_g, limits.QUIET_RATE * float(np.median(spread_g[moving])))
+    quiet = slow & (spread_a < limits.QUIET_FACTOR * floor_a)
+    quiet &= spread_g < limits.QUIET_FACTOR * floor_g
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]])))
-    out = []
+    out, half = [], 0.5 * limits.STANDSTILL_WINDOW_S
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        a, b = float(t[start]) + 0.5 * WINDOW_S, float(t[stop - 1]) - 0.5 * WINDOW_S
-        if b - a >= MIN_LENGTH_S - WINDOW_S:
+        a, b = float(t[start]) + half, float(t[stop - 1]) - half
+        if b - a >= limits.LEAST_STANDSTILL_S - 2.0 * half:
             out.append((a, b))
     return out
 

@@ -9,11 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.fusion.limits import STEADY_GAP_STEPS, STEADY_WINDOW_S
 from automap.records import FloatArray
-
-WINDOW_S = 0.2
-"""Parabolas are fitted over so much: what a body does on its springs, at some 2 Hz, stays."""
-GAP_STEPS = 3.0
 
 
 def steady_rate(t: FloatArray, rate: FloatArray) -> FloatArray:
@@ -25,11 +22,11 @@ def steady_rate(t: FloatArray, rate: FloatArray) -> FloatArray:
         return rate.copy()
     step = np.diff(t)
     usual = float(np.median(step))
-    half = round(0.5 * WINDOW_S / usual) if usual > 0.0 else 0
+    half = round(0.5 * STEADY_WINDOW_S / usual) if usual > 0.0 else 0
     if half < 2 or len(t) < 2 * half + 1:
         return rate.copy()
     out = np.asarray(savgol_filter(rate, 2 * half + 1, 2, axis=0, mode="nearest"), np.float64)
-    gaps = np.flatnonzero(step > GAP_STEPS * usual)
+    gaps = np.flatnonzero(step > STEADY_GAP_STEPS * usual)
     near = np.zeros(len(t) + 1, np.int64)
     np.add.at(near, np.maximum(gaps + 1 - half, 0), 1)
     np.add.at(near, np.minimum(gaps + 1 + half, len(t)), -1)

@@ -10,6 +10,7 @@ import numpy as np
 from automap.errors import InputError
 from automap.fusion.engine import Prior, fuse_imu_gnss
 from automap.fusion.layout import HAS_POS_H
+from automap.fusion.limits import REST_BIAS_SD
 from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.nodes import FixModel, model_fixes
 from automap.fusion.options import FusionOptions
@@ -19,7 +20,6 @@ from automap.fusion.standstill import find_standstill, rest_gyro_bias
 from automap.records import BoolArray, ClockModel, Fixes, FloatArray, ImuData, WheelSpeed
 
 KNOWN = Prior(0.0, 0.0)
-REST_BIAS_SD = 2e-3
 MIN_FIXES = 10
 EDGE_S = 0.35
 """Fixes so close to the ends of the IMU recording are left out."""

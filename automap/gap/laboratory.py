@@ -19,7 +19,7 @@ from automap.calibration.rest_search import pose_means
 from automap.calibration.static import StaticCalibration, calibrate_static
 from automap.effects import CATALOGUE, distort_imu
 from automap.gap.result import Finding, ParameterValue
-from automap.gates import OUTSIDE_95, gate, sd_by_median
+from automap.gates import OUTSIDE_95, sd_by_median, sigmas
 from automap.records import FloatArray, IntArray, RawImu
 
 ACCEL_LIBRARY = ("accel_misalignment", "accel_quadratic", "accel_scale_asymmetry")
@@ -278,7 +278,7 @@ def _gyro(
         return None, before, before
     names = [q.name for q in CATALOGUE["gyro_g_sensitivity"].parameters]
     # the half widths are those of 95 % intervals
-    sd = np.asarray(with_g.half_width[12:21]) / np.sqrt(gate(OUTSIDE_95, 1))
+    sd = np.asarray(with_g.half_width[12:21]) / sigmas(OUTSIDE_95)
     values = dict(zip(names, zip(with_g.g_sensitivity.ravel(), sd, strict=True), strict=True))
     parameters = _parameters(
         "gyro_g_sensitivity", {k: (float(v), float(s)) for k, (v, s) in values.items()}

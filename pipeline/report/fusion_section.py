@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from automap.fusion.consistency import PLAUSIBLE_CORRELATION, PLAUSIBLE_RMS
+from automap.fusion.limits import PLAUSIBLE_CORRELATION, PLAUSIBLE_RMS
 from automap.io import names
 from pipeline.pages.section import Section
 from pipeline.report.channels import channel_name, channel_order, is_rule

@@ -8,7 +8,8 @@ import numpy as np
 import pymap3d
 import pytest
 
-from automap.fusion.gnss_only import ACCELERATION_PSD, smooth_fixes
+from automap.fusion.gnss_only import smooth_fixes
+from automap.fusion.limits import ROAD_ACCELERATION_PSD
 from automap.fusion.options import FusionOptions
 from automap.records import Fixes, FloatArray
 from tests.unit.fusion_drive import CLOCK, Receiver, city_drive, receive, select
@@ -86,7 +87,9 @@ def test_smoothed_fixes_are_the_solution_of_all_equations_at_once(seed: int) -> 
     for axis in range(3):
         z = np.column_stack([ned[:, axis], fixes.vel_ned[:, axis]])
         var = np.column_stack([WHITE * fixes.sd_pos_ned[:, axis], fixes.sd_vel_ned[:, axis]]) ** 2
-        x, sd = _all_at_once(t, z, var, SHARE * fixes.sd_pos_ned[:, axis], ACCELERATION_PSD[axis])
+        x, sd = _all_at_once(
+            t, z, var, SHARE * fixes.sd_pos_ned[:, axis], ROAD_ACCELERATION_PSD[axis]
+        )
         assert path.sd_pos_ned[:, axis] == pytest.approx(sd[:, 0], rel=1e-5)
         assert path.sd_vel_ned[:, axis] == pytest.approx(sd[:, 1], rel=1e-5)
         assert np.abs((got[:, axis] - x[:, 0]) / sd[:, 0]).max() < 1e-4

@@ -7,13 +7,11 @@ import numpy as np
 from automap.effects.measured_kernels import vehicle_velocity
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_NHC, NHC
+from automap.fusion.limits import SPRINGS
 from automap.fusion.measurements.state import AtNode
 from automap.fusion.options import FusionOptions
 from automap.jit import kernel
 from automap.records import BoolArray, FloatArray, IntArray
-
-SPRINGS = 2.0
-"""How much larger than the slip of tyres what a body does on its springs is."""
 
 
 def constrain(

@@ -9,13 +9,12 @@ import numpy as np
 from automap.effects.measured_kernels import antenna_position
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_POS, HAS_POS_H, HAS_POS_V
+from automap.fusion.limits import LEAST_WHITE_M
 from automap.fusion.measurements.state import AtNode
 from automap.fusion.mechanisation import radii
 from automap.fusion.options import FusionOptions
 from automap.jit import kernel
 from automap.records import BoolArray, Fixes, FixType, FloatArray
-
-LEAST_WHITE_M = 0.02
 
 
 def position_errors(

@@ -9,13 +9,11 @@ import numpy as np
 from automap.effects.measured_kernels import vehicle_velocity
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_ODOMETER, ODOMETER, WHEEL_SPEED
+from automap.fusion.limits import ODOMETER_GAP_S, ODOMETER_LAG_S
 from automap.fusion.measurements.state import AtNode
 from automap.fusion.options import FusionOptions
 from automap.jit import kernel
 from automap.records import BoolArray, FloatArray, IntArray
-
-ODOMETER_GAP_S = 0.5
-ODOMETER_LAG_S = 0.1
 
 
 @dataclass(frozen=True)

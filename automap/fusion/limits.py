@@ -1,0 +1,227 @@
+"""The numbers that decide a fusion's result, and why each is what it is.
+
+What a user may want to change is in ``options``. "Chosen" says of a number that neither a
+derivation nor a data sheet gives it, and what it weighs.
+"""
+
+from __future__ import annotations
+
+import math
+
+from automap.records import FixType
+
+# fixes
+
+FIX_TYPE_FACTOR = {
+    FixType.DEAD_RECKONING: 5.0,
+    FixType.TWO_D: 2.0,
+    FixType.THREE_D: 1.0,
+    FixType.DGNSS: 1.0,
+    FixType.FLOAT: 1.0,
+    FixType.FIXED: 1.0,
+}
+"""How much worse than its own figure a fix of this type is taken. Chosen: no
+satellites, or an assumed height, make errors of position that the figure may leave out."""
+ACCURACY_HELD = math.log(1.25)
+"""A receiver's figure is held until it has changed by a quarter: less is jitter of the report,
+and every change of it lets some of the wander be forgotten."""
+LEAST_WHITE_M = 0.02
+"""Chosen: from fix to fix no position without carrier phase is steadier than one with it."""
+VELOCITY_DOWN_FACTOR = 1.5
+"""How much worse than level a velocity that states no accuracy is downwards: dilution of
+precision is that much larger (Kaplan and Hegarty, Understanding GPS, section 7.3)."""
+VELOCITY_AGE_SD_S, VELOCITY_AGE_WINDOW_S = 0.2, 1.0
+"""Receivers tell velocities of some instant of the last few tenths of a second, or a mean over
+them; which is not known yet. So a velocity counts as unsure by its change in such a time, taken
+over the window."""
+ROAD_ACCELERATION_PSD = (1.0, 1.0, 0.1)
+"""White acceleration of road traffic north, east, down, (m/s^2)^2/Hz: in a second the speed
+changes by 1 m/s (one sigma), downwards by a third of that."""
+WILD_PROBABILITY = math.exp(-8.0)
+"""A right fix is taken for wild so rarely: where it lies four sigmas off in the plane,
+exp(-4^2 / 2), five times in an hour of four fixes a second."""
+WILD_SD = 2.0
+"""Sigma of a wild fix in its own distances: it is then one of half a sigma, and pulls little."""
+SCREENING_ROUNDS = 6
+"""Chosen: a bound for fixes that are wild in one round and right in the next."""
+UNKNOWN_LEAN_SD = 0.05
+"""Roll and grade of a road and of a body on it that no IMU has seen, rad."""
+COURSE_SLIP_SD, LEAST_COURSE_SPEED = 0.03, 0.3
+"""A vehicle's nose is off its course by its slip, rad. Below that speed, m/s, a course is
+anything, and is not called less sure any more."""
+
+# surprise
+
+MAX_INFLATION = 1e6
+"""Factor on a variance at which a measurement, at a thousandth of its weight by sigma, is as
+good as none: the search for a larger one ends."""
+REFUSED_INFLATION = 9.0
+"""A measurement whose sigma had to grow to three times itself is counted as refused."""
+
+# nodes
+
+MAX_NODE_SPACING_S = 0.5
+"""No stretch between nodes is longer, so that interpolated uncertainty stays true."""
+LEAST_SPACING_S, MOST_SPACING_S = 0.01, 1.0
+"""What is noise per second is shared among nodes by their distance, within these."""
+MOVING_SPEED = 2.0
+"""Driving, where seconds of driving are counted, m/s. Chosen: more than creeping in a queue,
+and many times what receivers report at rest."""
+MIN_SPLIT_S = 0.02
+"""Velocities get nodes of their own from this distance to their position: at 5 m/s^2 a nearer
+one errs by less than the 0.1 m/s that a velocity is worth."""
+
+# vehicle and wheels
+
+SPRINGS = 2.0
+"""How much larger than the slip of tyres what a body does on its springs is."""
+ODOMETER_GAP_S = 0.5
+"""Wheel speeds come ten times a second and more: between two that are further apart some are
+missing. Chosen: braking hard from one to the other changes the speed by 4 m/s."""
+ODOMETER_LAG_S = 0.1
+"""Chosen: wheel speeds count pulses over, and pass a bus within, about so long."""
+TURN_WINDOW_S = 0.5
+"""Rates are averaged over so much where they tell a bend: vibration is none."""
+
+# standstill
+
+STANDSTILL_WINDOW_S = 0.5
+"""Scatter is taken over so much: several periods of an idling engine (10 Hz and more)."""
+LEAST_STANDSTILL_S = 1.0
+"""Chosen: shorter stops bring little, and a smooth road is as quiet for a moment."""
+QUIET_FACTOR = 3.0
+"""Scatter, in that of the quietest windows, up to which a vehicle stands. Chosen: less loses
+standstills while the engine idles unevenly, more takes creeping for standing."""
+QUIETEST_PERCENTILE = 10
+"""Which of the slow windows are the quietest ones; not the minimum, which chance decides."""
+QUIET_FORCE, QUIET_RATE = 0.3, 0.5
+"""Shares of the scatter while driving below which a vehicle stands, whatever the slow windows
+show: without them a drive that never stops would stand in its smoothest stretches."""
+DRIVING_SPEED = 3.0
+"""Above it, m/s, the scatter is that of driving."""
+MOVES_PROBABILITY = 2.7e-3
+"""A receiver's speed at rest is taken for motion so rarely: three of its own sigmas."""
+LEAST_SLOW_SPEED, MOST_SLOW_SPEED = 0.15, 0.5
+"""Limits in m/s of the speed that still counts as none, whatever sigma is stated. Chosen:
+noise at rest comes to one or two decimetres a second, and half a metre a second is creeping."""
+FIX_REACH_S = 1.5
+"""No standstill further than this from a fix: what a receiver that fixes once a second leaves."""
+REST_BIAS_SD = 2e-3
+"""How far the mean rate at rest is from the bias at the start, rad/s. Chosen: 0.1 deg/s, so that
+a consumer sensor may warm up in between."""
+
+# readings
+
+FORCE_WINDOW_S = 0.2
+"""Over this time forces are averaged where the acceleration of the vehicle is wanted. Vibration
+left in it would count as slope that a delay explains, and hold the delay back."""
+STEADY_WINDOW_S = 0.2
+"""Parabolas are fitted to turn rates over so much: what a body does on its springs, at some
+2 Hz, stays."""
+STEADY_GAP_STEPS = 3.0
+"""Across so many sampling steps no parabola is laid: two samples are missing."""
+SHOCK_WINDOW_S = 0.15
+"""Scatter is taken over so much: a wheel that hops at some 10 Hz has one or two swings."""
+USUAL_PERCENTILE = 75.0
+"""Most of a drive is driving, and little of it is shocks."""
+LEAST_SHOCK_RATIO = 4.0
+"""Scatter grows and shrinks by less on any road."""
+HALF_STEP_S = 0.05
+"""Rates of change are taken over twice this time: vibration is no motion of the vehicle."""
+
+# start
+
+N_HEADINGS = 12
+"""Headings that are tried, 30 deg apart. Chosen: fewer may miss the filter's way to the right
+one, more take longer."""
+SURE_MARGIN_NATS = 5.0
+"""A heading is sure that is so much likelier than any other: odds of 150 to 1."""
+UNKNOWN_HEADING_SD = 1.8
+"""Spread of a heading that may be any, rad: pi / sqrt(3)."""
+UNKNOWN_HEIGHT_SD_M = 1000.0
+"""Spread of a height that no fix has told, m: any road but a few."""
+LEVELLING_WINDOW_S = 10.0
+"""Forces are summed over so much for the first level: a change of speed that the fixes miss
+matters little against ten seconds of gravity, and a gyro does not drift away yet."""
+TRIAL_MOVING_S, TRIAL_MAX_S = 45.0, 600.0
+"""Headings are tried over so much driving, and over no more than so much of the drive. Chosen:
+in a town that has a corner or a stop, which tell the heading; longer takes longer."""
+START_TILT_SD = 0.12
+"""The first level is good to this, rad: 1.2 m/s^2 of the force are of the vehicle."""
+START_HEADING_SD = 0.6
+"""Sigma of a tried heading in the distance of two: neighbours overlap at their sigmas."""
+START_SD_M, START_WANDERS = 5.0, 3.0
+"""The first position is this unsure, m, and this many of the fix's own wanders. Chosen wide: the
+fixes that follow make it as good as they are."""
+START_SPEED_SD, UNKNOWN_SPEED_SD, MOST_SPEED_SD = 1.0, 5.0, 15.0
+"""Sigmas of the first velocity, m/s: of one that a fix at that instant tells, of one that none
+does, and the most that one is unsure which came later (a vehicle in a town)."""
+START_ACCELERATION, START_DRIFT = 3.0, 3.0
+"""How much less sure velocity and position are for every second that the first fix comes late,
+m/s^2 and m/s. Chosen: hard braking."""
+TURNED_START_SD_M, TURNED_START_SPEED_SD, TURNED_HEADING_SD = 10.0, 2.0, 0.3
+"""The start, m, m/s and rad, of a drive that was smoothed in the sensor's axes before: known far
+better, but the passes that follow shall not lean on it."""
+
+# mounting
+
+MOUNTING_SPEED, MOUNTING_MOVING_S = 3.0, 10.0
+"""Forward is where a vehicle goes above this speed, m/s, for so long at least. Chosen: a velocity
+that errs by a tenth of a metre a second is turned by 2 deg then, and ten seconds average that."""
+STRAIGHT_RATE, STRAIGHT_ACCELERATION = 0.1, 1.0
+"""Up to this turn rate, rad/s, and change of speed, m/s^2, a vehicle drives straight on: in bends
+an IMU that is not at the rear axle swings out, and braking pitches the body."""
+FORWARD_BLOCK_S = 5.0
+"""Directions of travel resemble each other over so long: independent ones are so far apart."""
+LEAST_FORWARD_SD = 0.003
+"""What no drive's length makes smaller, rad: body and road are not one plane."""
+KNOWN_FORWARD_SD = 0.002
+"""The same of a mounting that the filter has estimated, rad."""
+OTHER_WAY_ANGLE, OTHER_WAY_MEDIANS = 0.02, 3.0
+"""A direction of travel off the others by more than this many of their medians, and more than
+this, rad, is reversing or a slide and is left out."""
+TURN_RATE, LEAST_TURN = 0.08, 0.5
+"""Faster is a bend, rad/s (a curve of 100 m at 30 km/h); in all so much of them to one side, rad,
+tells something of the axis of turning."""
+MAX_TURN_ROLL = 0.2
+"""A roll beyond this from turns, rad, contradicts gravity: then gravity alone is believed."""
+LEAN_SD, GRADE_SD = 0.03, 0.1
+"""Lean of the body in turns, and change of grade over a corner of 90 deg, rad."""
+ROAD_ROLL_SD = 0.02
+"""Mean cross-fall and suspension lean of a drive, rad, one sigma: roads fall by 2.5 % to the side
+for the rain."""
+KNOWN_ROLL_SD = 1e-3
+"""The roll of a mounting that the manifest states, rad."""
+
+# passes
+
+DELAY_CONVERGED_S, SKEW_CONVERGED, CONVERGED_SIGMAS = 5e-4, 1e-6, 0.1
+"""A delay, s, or skew that moves by less, or by a tenth of its sigma, has settled: half a
+millisecond is 1.5 cm at 30 m/s, and 1e-6 comes to 3.6 ms in an hour."""
+MAX_AGE_S, MAX_SKEW = 1.0, 0.01
+"""Larger delays and skews are none, but an estimate that ran away."""
+HEAD_S = 900.0
+"""The first pass goes no further than this into the drive."""
+SETTLED_TURN_RAD = 3e-3
+"""An attitude that moves by no more leaves the linearisation good: the square of this times
+gravity is some 0.1 mm/s^2."""
+MOST_REPEATS = 4
+"""Passes at most about the path of another model. Chosen: bounds the time of one that wavers."""
+
+# noise levels
+
+STANDING_PART = 4.0
+"""Standing counts at most so many times the driving that is wanted."""
+REFINE_S = 600.0
+"""So much driving the levels are refined on at most."""
+LEVEL_SPREAD = math.log(4.0)
+"""Data sheets and presets are right to a factor of four (one sigma of a level's logarithm)."""
+
+# judging
+
+LEAST_JUDGED = 20
+"""Innovations from which a channel is judged: their rms is then good to 16 %."""
+PLAUSIBLE_RMS = (0.7, 1.4)
+"""Innovations over their sigma: half to twice the variance that the filter assumes."""
+PLAUSIBLE_CORRELATION = 0.35
+"""Of neighbouring innovations: two and a half sigmas of what chance makes of 50 of them."""
