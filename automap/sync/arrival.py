@@ -7,25 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from automap.errors import InputError
+from automap.gates import sigmas
 from automap.records import NO_TIME, BoolArray, ClockModel, FloatArray, IntArray
+from automap.sync import limits
 from automap.sync.envelope import Envelope, lower_envelope
 from automap.sync.steps import ClockStep, find_step
 from automap.timebase import gps_to_iso
-
-MAX_RATE = 1e-3
-"""A clock further off than this is broken or is not the clock it is said to be."""
-
-_STEP_ERROR_S = 0.1
-_STEP_SHARE = 0.1
-_WANDER_ERROR_S = 1.0
-_LONG_WAIT_S = 1.0
-_EARLY_S = 0.005
-_UNSEEN = 0.04
-"""Part of the median waiting by which the least delay may lie below all that was seen: with
-lognormal waiting the lower edge is so thin that no few hundred epochs show it."""
-
-_FEW = 4
-_FEW_SD_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -53,7 +40,7 @@ def fit_arrival_clock(
     arrival_ns: IntArray,
     gps_s: FloatArray,
     output_delay_s: float | None = None,
-    drift_sd: float = 50e-6,
+    drift_sd: float = limits.DRIFT_SD,
 ) -> ClockFit:
     """Host clock to GPS time from epochs ``gps_s`` [n] and their arrivals ``arrival_ns`` [n].
 
@@ -85,7 +72,7 @@ def fit_arrival_clock(
     step = find_step(x, y)
     if step is not None:
         consistent = _keep_longer_part(step, x, gps_s[rows], warnings)
-    if consistent.sum() < _FEW:
+    if consistent.sum() < limits.FEW:
         envelope = _few_points(x[consistent], y[consistent], drift_sd)
         warnings.append(
             f"only {int(consistent.sum())} receiver epochs have an arrival time; the clock is "
@@ -99,31 +86,32 @@ def fit_arrival_clock(
 
     above = y - envelope.at(x)
     wander = _wander(x[consistent], above[consistent], envelope)
-    if wander > _WANDER_ERROR_S:
+    if wander > limits.WANDER_ERROR_S:
         raise InputError(
             f"the arrival times depart from a straight line by {wander:.1f} s against GPS time: "
             "check that they belong to this log, that the log is one recording, and that the "
             "host's clock was not set during the drive."
         )
-    if wander > 0.01:
+    if wander > limits.WANDER_TOLD_S:
         warnings.append(
             f"the host clock departs from a straight line by {wander * 1e3:.0f} ms against GPS "
             "time; one offset and one drift are fitted to the whole drive"
         )
     sd_offset, sd_drift = np.sqrt(np.diag(envelope.covariance))
-    early = int(np.sum(above[consistent] < -max(_EARLY_S, 5.0 * float(sd_offset))))
+    edge = sigmas(limits.EARLY_PROBABILITY) * float(sd_offset)
+    early = int(np.sum(above[consistent] < -max(limits.EARLY_S, edge)))
     if early:
         warnings.append(
             f"{early} of {len(rows)} receiver epochs arrived before they can have been sent; "
             "taken as wrong tags and left out of the clock"
         )
     waiting = float(np.median(above[consistent]))
-    if waiting > _LONG_WAIT_S:
+    if waiting > limits.LONG_WAIT_S:
         warnings.append(
             f"half of the receiver epochs arrived {waiting:.1f} s or more later than they could "
             "have; the clock rests on the others: look for a host clock that was set, or a buffer"
         )
-    unseen = _UNSEEN * max(waiting, 0.0)
+    unseen = limits.UNSEEN * max(waiting, 0.0)
     least = output_delay_s or 0.0
     # at host time x_ref an epoch of the least delay has just arrived
     edge_ns = ref_ns + round(envelope.x_ref * 1e9)
@@ -164,7 +152,8 @@ def _keep_longer_part(
     keep = before if before.mean() >= 0.5 else ~before
     # waiting only ever adds: a short raised part may be a busy host, a step back may not
     shorter_is_raised = (step.size > 0.0) == bool(before.mean() >= 0.5)
-    if abs(step.size) >= _STEP_ERROR_S and share > (0.25 if shorter_is_raised else _STEP_SHARE):
+    allowed = limits.RAISED_SHARE if shorter_is_raised else limits.STEP_SHARE
+    if abs(step.size) >= limits.STEP_ERROR_S and share > allowed:
         raise InputError(
             f"{seen}: the host clock was set during the drive, or the receiver's time was wrong "
             f"in one part. Cut the recording there into two drives, or record with a monotonic "
@@ -179,7 +168,7 @@ def _keep_longer_part(
 def _few_points(x: FloatArray, y: FloatArray, drift_sd: float) -> Envelope:
     """Too few epochs for a shape: the earliest one, with an ordinary waiting as its error."""
     first = int(np.argmin(y))
-    sd = max(_FEW_SD_S / len(x), float(np.ptp(y)) / len(x))
+    sd = max(limits.FEW_SD_S / len(x), float(np.ptp(y)) / len(x))
     return Envelope(
         x_ref=float(x[first]),
         intercept=float(y[first]),
@@ -199,7 +188,7 @@ def _resolution(arrival_ns: IntArray) -> float:
 
 def _check_rate(envelope: Envelope, x: FloatArray) -> None:
     sd = float(np.sqrt(envelope.covariance[1, 1]))
-    if abs(envelope.slope) - 3.0 * sd > MAX_RATE:
+    if abs(envelope.slope) - sigmas(limits.RATE_PROBABILITY) * sd > limits.MAX_RATE:
         raise InputError(
             f"the host clock runs {envelope.slope * 1e6:+.0f} ppm against GPS time over "
             f"{np.ptp(x):.0f} s, which no clock does: check the unit of t_ns in the arrival file "
@@ -213,11 +202,13 @@ def _wander(x: FloatArray, above: FloatArray, envelope: Envelope) -> float:
     In each of up to eight parts the earliest epoch should touch the line to within the
     spacing of the epochs near the edge.
     """
-    parts = int(np.clip(len(x) // 40, 1, 8))
-    if parts < 4:
+    parts = int(np.clip(len(x) // limits.PART_EPOCHS, 1, limits.WANDER_PARTS))
+    if parts < limits.LEAST_WANDER_PARTS:
         return 0.0
     order = np.argsort(x, kind="stable")
-    gaps = np.array([np.quantile(above[part], 0.02) for part in np.array_split(order, parts)])
+    lowest = limits.LOWEST_QUANTILE
+    gaps = np.array([np.quantile(above[part], lowest) for part in np.array_split(order, parts)])
     exponent = -1.0 / max(envelope.shape, 1.0)
     spacing = envelope.width * float((envelope.points / parts) ** exponent)
-    return max(0.0, float(np.quantile(np.abs(gaps), 0.75)) - 4.0 * spacing)
+    seen = float(np.quantile(np.abs(gaps), limits.WANDER_QUANTILE))
+    return max(0.0, seen - limits.WANDER_SPACINGS * spacing)

@@ -6,22 +6,18 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.records import NO_TIME, ClockModel, Fixes, FloatArray, ImuData, IntArray
+from automap.sync import limits
 from automap.sync.arrival import fit_arrival_clock
 from automap.sync.coarse import CoarseOffset, find_offset
 from automap.sync.correlation import Lag, refine_lag
 from automap.sync.motion import ImuMotion, imu_motion
 from automap.sync.motion_clock import (
-    LAG_REACH_S,
     correlation_clock,
     gnss_motions,
     in_imu_time,
 )
 from automap.sync.result import SyncResult
 from automap.timebase import gps_to_iso, gps_to_unix, leap_seconds_at_gps, unix_to_gps
-
-_GPS_SD_S = 1e-3
-_UNIX_SD_S = 0.1  # a computer set over the network, now and then
-_WRONG_CLOCK_NATS = 40.0
 
 
 def synchronise(
@@ -30,7 +26,7 @@ def synchronise(
     imu_time: str = "boot_ns",
     arrival_time: str = "boot_ns",
     output_delay_s: float | None = None,
-    drift_sd: float = 50e-6,
+    drift_sd: float = limits.DRIFT_SD,
 ) -> SyncResult:
     """Find the clock of a drive from what was recorded.
 
@@ -71,20 +67,21 @@ def stated_clock(t_ns: IntArray, time_base: str) -> ClockModel:
 def gps_clock(t_ns: IntArray) -> ClockModel:
     """The clock of stamps [n] that are GPS time in nanoseconds."""
     ref = int(t_ns[0]) if len(t_ns) else 0
-    return ClockModel(ref, ref * 1e-9, 0.0, _GPS_SD_S, 1e-9, "identity", 0.0)
+    return ClockModel(ref, ref * 1e-9, 0.0, limits.GPS_SD_S, limits.GPS_DRIFT_SD, "identity", 0.0)
 
 
 def unix_clock(t_ns: IntArray) -> ClockModel:
     """The clock of stamps [n] that are UNIX time in nanoseconds, set as computers are."""
     ref = int(np.median(t_ns).astype(np.int64)) if len(t_ns) else 0
-    return ClockModel(ref, float(unix_to_gps(ref * 1e-9)), 0.0, _UNIX_SD_S, 1e-6, "unix", None)
+    gps_s = float(unix_to_gps(ref * 1e-9))
+    return ClockModel(ref, gps_s, 0.0, limits.UNIX_SD_S, limits.UNIX_DRIFT_SD, "unix", None)
 
 
 def unknown_clock(t_ns: IntArray) -> SyncResult:
     """Host stamps [n] that nothing ties to GPS time: taken as they are, and said."""
     ref = int(t_ns[0])
     return SyncResult(
-        ClockModel(ref, ref * 1e-9, 0.0, float("inf"), 50e-6, "none", None),
+        ClockModel(ref, ref * 1e-9, 0.0, float("inf"), limits.DRIFT_SD, "none", None),
         warnings=["no receiver and no absolute clock: times are the host's, not GPS time"],
     )
 
@@ -140,12 +137,12 @@ def _compare_motions(result: SyncResult, imu: ImuData, fixes: Fixes) -> SyncResu
     for source, gnss in gnss_motions(fixes):
         own = in_imu_time(gnss, result.clock, imu)
         if source == "velocity" or coarse is None:
-            coarse = find_offset(motion, own, reach_s=60.0) or coarse
-        seen = refine_lag(motion, own, 0.0, LAG_REACH_S)
+            coarse = find_offset(motion, own, reach_s=limits.STATED_REACH_S) or coarse
+        seen = refine_lag(motion, own, 0.0, limits.LAG_REACH_S)
         if seen is not None:
             lags[source] = seen
     warnings = list(result.warnings)
-    if coarse is not None and coarse.certain and abs(coarse.offset_s) > 1.0:
+    if coarse is not None and coarse.certain and abs(coarse.offset_s) > limits.STATED_OFF_S:
         _refuse(result.clock, coarse, _near_zero(motion, result.clock, imu, fixes), warnings)
     best, lag = _best_lag(lags)
     return SyncResult(result.clock, result.fit, lag, best, lags, coarse, warnings)
@@ -155,7 +152,7 @@ def _near_zero(
     motion: ImuMotion, clock: ClockModel, imu: ImuData, fixes: Fixes
 ) -> CoarseOffset | None:
     for _, gnss in gnss_motions(fixes):
-        near = find_offset(motion, in_imu_time(gnss, clock, imu), reach_s=1.0)
+        near = find_offset(motion, in_imu_time(gnss, clock, imu), reach_s=limits.STATED_OFF_S)
         if near is not None:
             return near
     return None
@@ -176,12 +173,12 @@ def _refuse(
         f"the IMU stamps read {coarse.offset_s:+.1f} s against the receiver's motion{hint} "
         f"(clock by {clock.method})"
     )
-    if better > _WRONG_CLOCK_NATS:
+    if better > limits.WRONG_CLOCK_NATS:
         raise InputError(
             f"{seen}: the two clocks contradict one another. Check [imu] time and [gnss] "
             "arrival_time in drive.toml, and that both files are of the same drive."
         )
-    if better > 10.0:
+    if better > limits.DOUBTED_CLOCK_NATS:
         warnings.append(f"{seen}, though the evidence is weak; check [imu] time in drive.toml")
 
 

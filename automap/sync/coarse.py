@@ -8,11 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.records import FloatArray
+from automap.sync import limits
 from automap.sync.motion import GnssMotion, ImuMotion
-
-_STEP_S = 0.2
-_APART_S = 5.0
-_LEAST_OVERLAP_S = 20.0
 
 
 @dataclass(frozen=True)
@@ -30,7 +27,8 @@ class CoarseOffset:
     @property
     def certain(self) -> bool:
         """Whether this offset stands out: odds of a million after all that were tried."""
-        return self.score_nats - self.runner_up_nats > 14.0 and self.score_nats > 25.0
+        lead = self.score_nats - self.runner_up_nats
+        return lead > limits.CERTAIN_LEAD_NATS and self.score_nats > limits.CERTAIN_NATS
 
 
 def find_offset(
@@ -44,7 +42,7 @@ def find_offset(
     Image Processing 21(5), 2012, in one dimension). None when the recordings share too
     little motion.
     """
-    if len(gnss.start) < 10 or len(imu.t_s) < 10:
+    if len(gnss.start) < limits.LEAST_MOTIONS or len(imu.t_s) < 10:
         return None
     g_turn, g_surge, g_start = _gnss_series(gnss)
     i_series, i_start = _imu_series(imu)
@@ -56,21 +54,21 @@ def find_offset(
     first, overlap = _correlation(i_series[:, 1], g_surge, size)
     second, _ = _correlation(i_series[:, 2], g_surge, size)
     unexplained = np.clip(1.0 - first**2 - second**2, 0.02, 1.0)
-    seconds = overlap * _STEP_S
+    seconds = overlap * limits.OFFSET_STEP_S
     score = -0.5 * seconds * (np.log(np.clip(1.0 - turned**2, 0.02, 1.0)) + np.log(unexplained))
     # index k of a circular correlation is a shift of k, or of k - size
     shift = np.arange(size)
     shift = np.where(shift >= len(i_series), shift - size, shift)
-    offsets = shift * _STEP_S + i_start - g_start
-    shorter = _STEP_S * min(len(g_surge), len(i_series))
-    allowed = seconds >= max(_LEAST_OVERLAP_S, 0.3 * shorter)
+    offsets = shift * limits.OFFSET_STEP_S + i_start - g_start
+    shorter = limits.OFFSET_STEP_S * min(len(g_surge), len(i_series))
+    allowed = seconds >= max(limits.LEAST_OVERLAP_S, limits.LEAST_OVERLAP * shorter)
     if reach_s is not None:
         allowed &= np.abs(offsets) <= reach_s
     if not allowed.any():
         return None
     score = np.where(allowed, score, -np.inf)
     best = int(np.argmax(score))
-    apart = allowed & (np.abs(offsets - offsets[best]) > _APART_S)
+    apart = allowed & (np.abs(offsets - offsets[best]) > limits.APART_S)
     runner_up = float(score[apart].max()) if apart.any() else 0.0
     return CoarseOffset(float(offsets[best]), float(score[best]), max(runner_up, 0.0))
 
@@ -79,7 +77,7 @@ def _gnss_series(gnss: GnssMotion) -> tuple[FloatArray, FloatArray, float]:
     """Heading change and change of speed on a regular grid [n], NaN where unknown."""
     middle = 0.5 * (gnss.start + gnss.end)
     start = float(middle[0])
-    grid = np.arange(start, float(middle[-1]) + 1e-9, _STEP_S)
+    grid = np.arange(start, float(middle[-1]) + 1e-9, limits.OFFSET_STEP_S)
     right = np.clip(np.searchsorted(middle, grid), 1, len(middle) - 1)
     spread = middle[right] - middle[right - 1]
     heading = gnss.turn / np.maximum(gnss.speed, 0.1)
@@ -88,7 +86,7 @@ def _gnss_series(gnss: GnssMotion) -> tuple[FloatArray, FloatArray, float]:
     series = []
     for values in (heading, gnss.surge):
         resampled = np.interp(grid, middle, values)
-        resampled[spread > 2.5] = np.nan
+        resampled[spread > limits.FIX_GAP_S] = np.nan
         limit = 8.0 * float(np.nanmedian(np.abs(values))) + 1e-3 if np.isfinite(values).any() else 1
         series.append(np.clip(resampled, -limit - 3.0, limit + 3.0))
     return series[0], series[1], start
@@ -97,7 +95,7 @@ def _gnss_series(gnss: GnssMotion) -> tuple[FloatArray, FloatArray, float]:
 def _imu_series(imu: ImuMotion) -> tuple[FloatArray, float]:
     """One-second increments [n, 3] on a regular grid; the horizontal two decorrelated."""
     start = float(imu.t_s[0]) + 0.5
-    grid = np.arange(start, float(imu.t_s[-1]) - 0.5, _STEP_S)
+    grid = np.arange(start, float(imu.t_s[-1]) - 0.5, limits.OFFSET_STEP_S)
     series = imu.between(grid - 0.5, grid + 0.5)
     known = np.isfinite(series).all(axis=1)
     if known.sum() > 3:

@@ -8,15 +8,8 @@ import numpy as np
 
 from automap.gates import sd_by_median
 from automap.records import FloatArray
+from automap.sync import limits
 from automap.sync.motion import GnssMotion, ImuMotion
-
-_LEAST_INTERVALS = 20
-_MOST_INTERVALS = 4000
-_COARSE_S = 0.04
-_FINE_S = 0.012
-_MODEL_SD_S = 0.01  # springs and tyres
-_ARM_SD_M = 1.5  # antenna ahead of the rear axle
-_SLIP_SD = 0.003  # rad/(m/s^2), sideslip by lateral acceleration
 
 
 @dataclass(frozen=True)
@@ -47,7 +40,7 @@ def refine_lag(imu: ImuMotion, gnss: GnssMotion, offset_s: float, half_s: float)
     """
     if len(imu.t_s) < 2 or len(gnss.start) < 2:
         return None
-    lags = offset_s + np.arange(-half_s, half_s + 0.5 * _COARSE_S, _COARSE_S)
+    lags = offset_s + np.arange(-half_s, half_s + 0.5 * limits.COARSE_S, limits.COARSE_S)
     channels = _channels(imu, gnss, float(lags[0]), float(lags[-1]))
     if not channels:
         return None
@@ -62,17 +55,19 @@ def refine_lag(imu: ImuMotion, gnss: GnssMotion, offset_s: float, half_s: float)
         return None
     gain = 0.5 * float(np.median(scores) - scores[best])
 
-    lags = lags[best] + _FINE_S * np.arange(-5, 6)
+    lags = lags[best] + limits.FINE_S * np.arange(-5, 6)
     scores = np.sum([channel.scores(lags) for channel in channels], axis=0)
     curve = np.polyfit(lags - lags[5], scores, 2)
     if curve[0] <= 0.0:
         return None
-    reach = 5.0 * _FINE_S
+    reach = 5.0 * limits.FINE_S
     lag = float(lags[5]) + float(np.clip(-curve[1] / (2.0 * curve[0]), -reach, reach))
-    information, variance = np.sum([channel.sandwich(lag, _FINE_S) for channel in channels], axis=0)
+    information, variance = np.sum(
+        [channel.sandwich(lag, limits.FINE_S) for channel in channels], axis=0
+    )
     if information <= 0.0:
         return None
-    sd = float(np.hypot(np.sqrt(variance) / information, _MODEL_SD_S))
+    sd = float(np.hypot(np.sqrt(variance) / information, limits.MODEL_SD_S))
     return Lag(lag, sd, gain, int(sum(len(channel.target) for channel in channels)))
 
 
@@ -84,8 +79,8 @@ def _channels(imu: ImuMotion, gnss: GnssMotion, first: float, last: float) -> li
         target = gnss.turn if is_turn else gnss.surge
         usable = np.isfinite(target) & (is_turn | (gnss.speed > 0.3))
         rows = np.flatnonzero(covered & usable)
-        if len(rows) >= _LEAST_INTERVALS:
-            rows = rows[:: -(-len(rows) // _MOST_INTERVALS)]
+        if len(rows) >= limits.LEAST_INTERVALS:
+            rows = rows[:: -(-len(rows) // limits.MOST_INTERVALS)]
             window = (gnss.start[rows], gnss.end[rows])
             channels.append(_Channel(imu, *window, gnss.speed[rows], target[rows], is_turn))
     return channels
@@ -120,7 +115,7 @@ class _Channel:
         residual = np.abs(self._fit(lag)[0])
         scale = sd_by_median(residual) + 1e-9
         self.noise = scale
-        self.weight = np.minimum(1.0, 2.0 * scale / np.maximum(residual, 1e-12))
+        self.weight = np.minimum(1.0, limits.HUBER_SD * scale / np.maximum(residual, 1e-12))
 
     def sandwich(self, lag: float, step: float) -> tuple[float, float]:
         """Information about the lag and the variance of the score, both in 1/s^2."""
@@ -145,7 +140,7 @@ class _Channel:
     def _reach(self) -> int:
         """Intervals over which residuals may be correlated: ten seconds' worth."""
         spacing = float(np.median(np.diff(self.start))) if len(self.start) > 1 else 1.0
-        return int(np.clip(10.0 / max(spacing, 1e-3), 2, 400))
+        return int(np.clip(limits.CORRELATED_S / max(spacing, 1e-3), 2, 400))
 
     def _fit(self, lag: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         design = self._design(lag)
@@ -177,6 +172,6 @@ class _Channel:
         normal[np.diag_indices_from(normal)] *= 1.0 + 1e-9
         normal[np.diag_indices_from(normal)] += 1e-9
         if self.is_turn:
-            normal[0, 0] += (self.noise / _ARM_SD_M) ** 2
-            normal[1, 1] += (self.noise / _SLIP_SD) ** 2
+            normal[0, 0] += (self.noise / limits.ARM_SD_M) ** 2
+            normal[1, 1] += (self.noise / limits.SLIP_SD) ** 2
         return np.asarray(np.linalg.solve(normal, weighted.T @ target))

@@ -22,15 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.records import FloatArray
+from automap.sync import limits
 
-_BACKGROUND = 0.01  # fraction of points with a wrong tag, before the data are seen
-_BACKGROUND_RANGE_S = 1.0
 _SHAPES = np.geomspace(0.9, 3.5, 9)
-_SHAPE_SPREAD = 0.4  # of ln k about k = 1
-_MAX_POINTS = 120
 _GRID = (33, 27)
-_BEND = 0.2  # of the width, from simulated gamma, Rayleigh and lognormal waiting
-_FLOOR_S = 2e-5  # no host stamps bytes better than this
 
 
 @dataclass(frozen=True)
@@ -69,7 +64,8 @@ def quantile_line(x: FloatArray, y: FloatArray, quantile: float) -> tuple[float,
     starts = bin_y[i] - slopes * bin_x[i]
     over = bin_y[None, :] - (starts[:, None] + slopes[:, None] * bin_x[None, :])
     # the bins are quantiles already: a raised bin is a burst and weighs less than a low one
-    cost = np.where(over > 0.0, 0.35 * over, -0.65 * over).sum(axis=1)
+    raised = limits.RAISED_WEIGHT
+    cost = np.where(over > 0.0, raised * over, (raised - 1.0) * over).sum(axis=1)
     best = int(np.argmin(cost))
     return float(starts[best]), float(slopes[best])
 
@@ -98,17 +94,18 @@ def lower_envelope(
     """
     x_ref = float(np.mean(x))
     u = x - x_ref
-    start, slope = quantile_line(u, y, 0.2)
+    start, slope = quantile_line(u, y, limits.LOWEST_SHARE)
     residual = y - (start + slope * u)
-    floor = max(_FLOOR_S, resolution / np.sqrt(12.0))
+    floor = max(limits.FLOOR_S, resolution / np.sqrt(12.0))
     low = _lowest(residual, floor)
     level = float(residual[low].max())
     ux, r = u[low], residual[low]
     top = max(level, float(r.min()) + 4.0 * floor) + 1e-12
 
-    width = top - float(np.quantile(r, 0.02))
+    bottom = float(np.quantile(r, limits.LOWEST_QUANTILE))
+    width = top - bottom
     span = max(float(np.ptp(ux)), 1e-9)
-    centre = np.array([float(np.quantile(r, 0.02)), 0.0])
+    centre = np.array([bottom, 0.0])
     half = np.array([1.5 * width, 3.0 * width / span])
     shape = 1.0
     covariance = np.diag(half**2)
@@ -122,7 +119,7 @@ def lower_envelope(
             break
     width = top - float(centre[0])
     # the softer the edge, the less a pure power law holds over the whole width
-    bend = _BEND * max(0.0, 1.0 - 1.0 / shape) * width
+    bend = limits.BEND * max(0.0, 1.0 - 1.0 / shape) * width
     covariance = covariance + np.diag([floor**2 + bend**2, (floor / span) ** 2])
     return Envelope(
         x_ref=x_ref,
@@ -137,7 +134,8 @@ def lower_envelope(
 
 def _lowest(residual: FloatArray, floor: float) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """Indices of the points that speak about the edge: the lowest fifth, 12 to 120 of them."""
-    count = int(np.clip(0.2 * len(residual), min(12, len(residual)), _MAX_POINTS))
+    least = min(limits.LEAST_POINTS, len(residual))
+    count = int(np.clip(limits.LOWEST_SHARE * len(residual), least, limits.MOST_POINTS))
     order = np.argsort(residual, kind="stable")
     return np.asarray(order[:count], np.int64)
 
@@ -161,12 +159,12 @@ def _posterior(
     inside = above > 0.0
     log_e = np.log(np.maximum(above, 0.1 * floor))
     log_w = np.log(width)
-    background = _BACKGROUND / _BACKGROUND_RANGE_S
+    background = limits.BACKGROUND / limits.BACKGROUND_RANGE_S
     log_p = np.empty((len(_SHAPES), *edge.shape[:2]))
     for index, k in enumerate(_SHAPES):
-        density = (1.0 - _BACKGROUND) * k * np.exp((k - 1.0) * log_e - k * log_w)
+        density = (1.0 - limits.BACKGROUND) * k * np.exp((k - 1.0) * log_e - k * log_w)
         log_p[index] = np.log(np.where(inside, density, 0.0) + background).sum(axis=2)
-        log_p[index] -= 0.5 * (np.log(k) / _SHAPE_SPREAD) ** 2
+        log_p[index] -= 0.5 * (np.log(k) / limits.SHAPE_SPREAD) ** 2
     rate = (slope_offset + b) / slope_sd
     log_p -= 2.0 * np.log1p(rate**2 / 3.0)[None, None, :]
     p = np.exp(log_p - log_p.max())

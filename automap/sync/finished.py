@@ -6,7 +6,7 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.records import ClockModel, FloatArray, IntArray
-from automap.sync.arrival import MAX_RATE
+from automap.sync.limits import LEAST_SD_S, MAX_RATE, MOST_SCATTER_S
 
 
 def trajectory_clock(t_ns: IntArray, gps_s: FloatArray) -> ClockModel:
@@ -23,13 +23,13 @@ def trajectory_clock(t_ns: IntArray, gps_s: FloatArray) -> ClockModel:
     rate = float(((x - x0) @ y) / spread) if spread > 0.0 else 0.0
     level = float(y.mean())
     residual = float(np.sqrt(np.mean((y - level - rate * (x - x0)) ** 2)))
-    if abs(rate) > MAX_RATE or residual > 0.5:
+    if abs(rate) > MAX_RATE or residual > MOST_SCATTER_S:
         raise InputError(
             f"trajectory.csv: gps_s and t_ns run apart by {rate * 1e6:+.0f} ppm and scatter by "
             f"{residual:.3f} s, so they are not two clocks of one drive; correct one of the "
             "columns or leave it out."
         )
     edge_ns = ref_ns + round(x0 * 1e9)
-    sd = float(np.hypot(residual / np.sqrt(len(x)), 1e-6))
+    sd = float(np.hypot(residual / np.sqrt(len(x)), LEAST_SD_S))
     sd_rate = residual / np.sqrt(spread) if spread > 0.0 else 0.0
     return ClockModel(edge_ns, ref_gps + x0 + level, rate, sd, sd_rate, "trajectory", 0.0)

@@ -6,12 +6,8 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.records import IntArray
+from automap.sync import limits
 from automap.sync.envelope import lower_envelope
-
-_RATE_SD = 100e-6
-"""Error of the rate of an IMU's clock."""
-_TICK_S = 1e-3
-"""Step of the logger's clock."""
 
 
 def on_logger_clock(stamp_ns: IntArray, arrival_ns: IntArray) -> IntArray:
@@ -27,6 +23,6 @@ def on_logger_clock(stamp_ns: IntArray, arrival_ns: IntArray) -> IntArray:
             "the IMU's clock and the arrival times of its tag do not go together; check "
             "which column is the time (--columns) and that the tag belongs to the log."
         )
-    edge = lower_envelope(own, delay, _RATE_SD, _TICK_S)
+    edge = lower_envelope(own, delay, limits.SENSOR_DRIFT_SD, limits.TICK_S)
     shift_ns = np.rint(edge.at(own) * 1e9).astype(np.int64)
     return np.asarray(arrival_ns[0] + (stamp_ns - stamp_ns[0]) + shift_ns, np.int64)

@@ -14,9 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.records import Fixes, FixType, FloatArray, ImuData, IntArray
-
-_GAP_S = 0.25
-_SLOW_M_S = 2.5
+from automap.sync import limits
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,8 @@ def imu_motion(imu: ImuData) -> ImuMotion:
     )
     rates -= np.median(rates, axis=0)
     dt = np.diff(t)
-    gap = dt > max(_GAP_S, 3.0 * float(np.median(dt)) if len(dt) else _GAP_S)
+    usual = float(np.median(dt)) if len(dt) else 0.0
+    gap = dt > max(limits.IMU_GAP_S, limits.IMU_GAP_STEPS * usual)
     steps = np.column_stack([0.5 * (rates[1:] + rates[:-1]) * dt[:, None], np.where(gap, dt, 0.0)])
     integral = np.concatenate([np.zeros((1, 4)), np.cumsum(steps, axis=0)])
     return ImuMotion(t_s=t, integral=integral)
@@ -127,7 +126,7 @@ def position_motion(fixes: Fixes, window_s: float = 1.0) -> GnssMotion:
     # scale errors of a spherical Earth (0.5 %) do not matter, the comparison has a free scale
     north = np.diff(lat) * 6.371e6
     east = np.diff(np.unwrap(lon)) * 6.371e6 * np.cos(0.5 * (lat[1:] + lat[:-1]))
-    usable = (dt > 1e-3) & (dt < 2.5)
+    usable = (dt > 1e-3) & (dt < limits.FIX_GAP_S)
     velocity = np.column_stack([north, east])[usable] / dt[usable, None]
     return _increments((t[:-1] + 0.5 * dt)[usable], velocity, window_s)
 
@@ -147,8 +146,8 @@ def _increments(t: FloatArray, velocity: FloatArray, window_s: float) -> GnssMot
     speed = 0.5 * (speed0 + speed1)
     course = np.arctan2(velocity[:, 1], velocity[:, 0])
     turned = _wrap(course[stride:] - course[:-stride])
-    turn = np.where(np.minimum(speed0, speed1) > _SLOW_M_S, turned * speed, np.nan)
-    keep = (end - start < 1.6 * window_s + 0.2) & (speed < 150.0)
+    turn = np.where(np.minimum(speed0, speed1) > limits.SLOW_M_S, turned * speed, np.nan)
+    keep = (end - start < 1.6 * window_s + 0.2) & (speed < limits.FASTEST_M_S)
     return GnssMotion(
         start=start[keep],
         end=end[keep],

@@ -8,6 +8,7 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.records import ClockModel, Fixes, FloatArray, ImuData
+from automap.sync import limits
 from automap.sync.coarse import find_offset
 from automap.sync.correlation import Lag, refine_lag
 from automap.sync.motion import (
@@ -19,11 +20,6 @@ from automap.sync.motion import (
 )
 from automap.sync.result import SyncResult
 
-LAG_REACH_S = 0.8
-"""The IMU's delay is searched this far to both sides."""
-
-_SEGMENT_S = 60.0
-
 
 def imu_gnss_delay(imu: ImuData, clock: ClockModel, fixes: Fixes) -> dict[str, Lag]:
     """How much later the IMU stamps read than the receiver's epochs, under a clock.
@@ -34,13 +30,13 @@ def imu_gnss_delay(imu: ImuData, clock: ClockModel, fixes: Fixes) -> dict[str, L
     motion = imu_motion(imu)
     found = {}
     for source, gnss in gnss_motions(fixes):
-        lag = refine_lag(motion, in_imu_time(gnss, clock, imu), 0.0, LAG_REACH_S)
+        lag = refine_lag(motion, in_imu_time(gnss, clock, imu), 0.0, limits.LAG_REACH_S)
         if lag is not None:
             found[source] = lag
     return found
 
 
-def correlation_clock(imu: ImuData, fixes: Fixes, drift_sd: float = 50e-6) -> SyncResult:
+def correlation_clock(imu: ImuData, fixes: Fixes, drift_sd: float = limits.DRIFT_SD) -> SyncResult:
     """The host clock by comparing motions alone, for logs without arrival times.
 
     The receiver's own latency cannot be told from the offset and is contained in it.
@@ -72,7 +68,7 @@ def correlation_clock(imu: ImuData, fixes: Fixes, drift_sd: float = 50e-6) -> Sy
         )
     lag = refine_lag(motion, gnss, coarse.offset_s, 1.0)
     if lag is None:
-        lag = Lag(coarse.offset_s, 0.2, coarse.score_nats, 0)
+        lag = Lag(coarse.offset_s, limits.OFFSET_STEP_S, coarse.score_nats, 0)
     offset, drift, sd_offset, sd_drift, middle = _lag_line(motion, gnss, lag, drift_sd)
     # IMU seconds = GPS seconds + offset + drift * (GPS seconds - middle)
     ref_ns = int(imu.t_ns[0]) + round((middle + offset) * 1e9)
@@ -103,7 +99,7 @@ def correlation_clock(imu: ImuData, fixes: Fixes, drift_sd: float = 50e-6) -> Sy
 def gnss_motions(fixes: Fixes) -> list[tuple[str, GnssMotion]]:
     """Receiver motions by source, "velocity" and "position", those long enough to compare."""
     motions = [("velocity", velocity_motion(fixes)), ("position", position_motion(fixes))]
-    return [(source, motion) for source, motion in motions if len(motion.start) >= 10]
+    return [(s, motion) for s, motion in motions if len(motion.start) >= limits.LEAST_MOTIONS]
 
 
 def in_imu_time(gnss: GnssMotion, clock: ClockModel, imu: ImuData) -> GnssMotion:
@@ -122,7 +118,7 @@ def _lag_line(
     first, last = float(gnss.start[0]), float(gnss.start[-1])
     overlap_first = max(first, -lag.lag_s)
     overlap_last = min(last, float(motion.t_s[-1]) - lag.lag_s)
-    count = int(np.clip((overlap_last - overlap_first) / _SEGMENT_S, 1, 12))
+    count = int(np.clip((overlap_last - overlap_first) / limits.SEGMENT_S, 1, limits.MOST_SEGMENTS))
     middle = 0.5 * (overlap_first + overlap_last)
     if count < 3:
         return lag.lag_s, 0.0, lag.sd_s, drift_sd, middle
@@ -130,9 +126,9 @@ def _lag_line(
     rows = []
     for start, end in pairwise(edges):
         part = gnss.part(float(start), float(end))
-        if len(part.start) >= 20:
+        if len(part.start) >= limits.LEAST_INTERVALS:
             piece = refine_lag(motion, part, lag.lag_s, 0.6)
-            if piece is not None and piece.gain_nats > 5.0:
+            if piece is not None and piece.gain_nats > limits.SEGMENT_NATS:
                 rows.append((0.5 * (start + end) - middle, piece.lag_s, piece.sd_s))
     if len(rows) < 3:
         return lag.lag_s, 0.0, lag.sd_s, drift_sd, middle

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.records import FloatArray
+from automap.sync import limits
 from automap.sync.envelope import bin_quantiles
-
-_LEAST_STEP_S = 0.02
-_SIDE_BINS = 3
 
 
 @dataclass(frozen=True)
@@ -28,15 +26,15 @@ def find_step(x: FloatArray, y: FloatArray) -> ClockStep | None:
     reported when that is far better than one level, and when the step is well above both
     the scatter of the levels and 20 ms.
     """
-    bin_x, bin_y = bin_quantiles(x, y, 0.2)
+    bin_x, bin_y = bin_quantiles(x, y, limits.LOWEST_SHARE)
     count = len(bin_x)
-    if count < 2 * _SIDE_BINS:
+    if count < 2 * limits.SIDE_BINS:
         return None
     slopes = _candidate_slopes(bin_x, bin_y)
     z = bin_y[None, :] - slopes[:, None] * bin_x[None, :]  # [slopes, bins]
     single = float(_cost(z).min())
     least, best_split, best_slope = np.inf, 0, 0
-    for split in range(_SIDE_BINS, count - _SIDE_BINS + 1):
+    for split in range(limits.SIDE_BINS, count - limits.SIDE_BINS + 1):
         cost = _cost(z[:, :split]) + _cost(z[:, split:])
         index = int(np.argmin(cost))
         if cost[index] < least:
@@ -44,7 +42,8 @@ def find_step(x: FloatArray, y: FloatArray) -> ClockStep | None:
     before, after = z[best_slope, :best_split], z[best_slope, best_split:]
     size = float(np.median(after) - np.median(before))
     scatter = least / count
-    if least > 0.4 * single or abs(size) < max(_LEAST_STEP_S, 8.0 * scatter):
+    smallest = max(limits.LEAST_STEP_S, limits.STEP_SCATTERS * scatter)
+    if least > limits.STEP_GAIN * single or abs(size) < smallest:
         return None
     level = y - slopes[best_slope] * x
     return ClockStep(x=_boundary(x, level, bin_x, best_split, before, after), size=size)

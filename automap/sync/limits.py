@@ -1,0 +1,131 @@
+"""The numbers that decide which clock a drive has, and why each is what it is.
+
+"Chosen" says of a number that neither a derivation nor a data sheet gives it, and what it weighs.
+"""
+
+from __future__ import annotations
+
+# what clocks are
+
+DRIFT_SD = 50e-6
+"""Error of the rate of a host's clock: crystals of computers are cut to some tens of ppm."""
+SENSOR_DRIFT_SD = 100e-6
+"""The same of an IMU's. Chosen: twice a host's."""
+MAX_RATE = 1e-3
+"""A clock further off than this is broken or is not the clock it is said to be."""
+GPS_SD_S, GPS_DRIFT_SD = 1e-3, 1e-9
+"""Stamps that are GPS time already. Chosen: as good as the milliseconds they are often cut to."""
+UNIX_SD_S, UNIX_DRIFT_SD = 0.1, 1e-6
+"""A computer that is set over the network, now and then."""
+TICK_S = 1e-3
+"""Step of a logger's clock."""
+LEAST_SD_S = 1e-6
+"""No pair of columns ties two clocks better than their digits."""
+MOST_SCATTER_S = 0.5
+"""Two columns of one trajectory that scatter by more are not two clocks of one drive."""
+
+# arrival of a receiver's epochs
+
+EARLY_S, EARLY_PROBABILITY = 5e-3, 5.7e-7
+"""An epoch that arrived so much before the least delay, and further than chance puts the edge so
+rarely (five sigmas), has a wrong tag. Chosen: below 5 ms the waiting is not known so well."""
+RATE_PROBABILITY = 2.7e-3
+"""A clock is refused for its rate where chance moves the rate found so far so rarely: three
+sigmas."""
+UNSEEN = 0.04
+"""Part of the median waiting by which the least delay may lie below all that was seen: with
+lognormal waiting the lower edge is so thin that no few hundred epochs show it."""
+STEP_ERROR_S, STEP_SHARE, RAISED_SHARE = 0.1, 0.1, 0.25
+"""A step of so much in a clock is an error where the shorter part is more than a tenth of the
+epochs: leaving that out would leave a part of the drive without a clock. A part that is raised may
+be a busy host's, and is left out up to a quarter."""
+WANDER_TOLD_S, WANDER_ERROR_S = 0.01, 1.0
+"""A clock's departure from a straight line that is told, and the one that is refused. Chosen: at
+20 m/s a hundredth of a second is 0.2 m, and a second is a clock that was set."""
+LONG_WAIT_S = 1.0
+"""Half of the epochs waiting longer is told: a receiver sends the next one by then."""
+FEW, FEW_SD_S = 4, 0.05
+"""Fewer epochs than this have no edge; one of them has waited for so long, as host and bus are."""
+WANDER_PARTS, LEAST_WANDER_PARTS, PART_EPOCHS = 8, 4, 40
+"""A wander is looked for in so many parts of so many epochs each: an edge needs some tens."""
+WANDER_QUANTILE, WANDER_SPACINGS = 0.75, 4.0
+"""It is what the upper quarter of the parts shows beyond so many spacings of the epochs near the
+edge. Chosen: exponential waiting alone is beyond four in one part of 55 (exp(-4))."""
+LOWEST_QUANTILE = 0.02
+"""The lower edge of a cloud of delays as one sees it, but for wrong tags."""
+
+# the lower edge
+
+BACKGROUND, BACKGROUND_RANGE_S = 0.01, 1.0
+"""Fraction of points with a wrong tag, before the data are seen, and how far off they are."""
+SHAPE_SPREAD = 0.4
+"""Of ln k about k = 1, exponential waiting."""
+LOWEST_SHARE, LEAST_POINTS, MOST_POINTS = 0.2, 12, 120
+"""The lowest points are used, within these counts: fewer say nothing of three unknowns, more lie
+where no power law of the edge holds."""
+BEND = 0.2
+"""Of the width, from simulated gamma, Rayleigh and lognormal waiting."""
+FLOOR_S = 2e-5
+"""No host stamps bytes better than this."""
+RAISED_WEIGHT = 0.35
+"""A bin of delays above the line weighs so much, one below it the rest: a raised bin is a burst.
+Chosen: half would be the median of the bins, which bursts raise."""
+
+# steps
+
+LEAST_STEP_S, STEP_SCATTERS = 0.02, 8.0
+"""A step is larger than this, and than so many times the scatter of the levels. Chosen: smaller
+ones are a wander."""
+SIDE_BINS = 3
+"""So many bins of time to each side show a level and its scatter."""
+STEP_GAIN = 0.4
+"""Two levels leave less than this part of the deviations that one leaves. Chosen: more would let a
+clock that wanders have a step."""
+
+# motions
+
+IMU_GAP_S, IMU_GAP_STEPS = 0.25, 3.0
+"""Readings further apart, and by so many steps, leave a hole in the integrals."""
+SLOW_M_S = 2.5
+"""A course is none below this speed: a velocity that errs by 0.2 m/s is turned by 5 deg there."""
+FASTEST_M_S = 150.0
+"""A faster vehicle is a wild fix."""
+FIX_GAP_S = 2.5
+"""Two fixes further apart are not of one motion: two are missing at one a second."""
+LEAST_MOTIONS = 10
+"""Fewer intervals show no motion that is worth comparing."""
+MODEL_SD_S = 0.01
+"""What springs and tyres add to a lag."""
+ARM_SD_M = 1.5
+"""The antenna ahead of the rear axle."""
+SLIP_SD = 3e-3
+"""rad/(m/s^2), sideslip by lateral acceleration."""
+HUBER_SD = 2.0
+"""Residuals beyond so many sigmas count less, as the fixes that jump are. Chosen: receivers'
+velocities err for seconds in a row, which a wider limit would let decide."""
+CORRELATED_S = 10.0
+"""Residuals may be correlated over so long. Chosen: longer than the one to three seconds in a row
+for which recorded receivers' velocities err."""
+LEAST_INTERVALS, MOST_INTERVALS = 20, 4000
+"""Intervals for a lag: fewer leave nothing after seven regressors, more add time and little."""
+COARSE_S, FINE_S = 0.04, 0.012
+"""Steps of the search for a lag: below what a second's window blurs, then a parabola's."""
+LAG_REACH_S = 0.8
+"""The IMU's delay is searched this far to both sides."""
+SEGMENT_S, MOST_SEGMENTS, SEGMENT_NATS = 60.0, 12, 5.0
+"""A drift is seen from lags of parts of the drive, each of a minute and worth odds of 150 to 1."""
+OFFSET_STEP_S, APART_S = 0.2, 5.0
+"""Step of the search over all offsets; peaks nearer than five seconds are one."""
+LEAST_OVERLAP_S, LEAST_OVERLAP = 20.0, 0.3
+"""Common time that two recordings must have under an offset, s, and of the shorter one: chance
+finds better agreement the shorter it is."""
+CERTAIN_LEAD_NATS, CERTAIN_NATS = 14.0, 25.0
+"""An offset stands out by odds of a million over the next (ln 1e6 = 13.8), and over chance by so
+much that a million offsets may be tried as well."""
+WRONG_CLOCK_NATS, DOUBTED_CLOCK_NATS = 40.0, 10.0
+"""By how much the motions must speak against a stated clock to refuse it, or to say so. Chosen:
+refusing a right clock loses the drive, so more than for certainty is asked."""
+STATED_REACH_S = 60.0
+"""About a stated clock the offset is searched so far: leap seconds and wrong settings."""
+STATED_OFF_S = 1.0
+"""A clock off by less is one that lags, by more a wrong one."""
