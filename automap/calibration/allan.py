@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.calibration.limits import LEAST_SAMPLES, LEAST_TAUS, MODEL_SD, ROUGH_SD
 from automap.errors import InputError
 from automap.gates import OUTSIDE_95, mean_square_limits, sigmas
 from automap.records import FloatArray, IntArray
 
 FLICKER = np.sqrt(2.0 * np.log(2.0) / np.pi)
 """Allan deviation of flicker noise over its bias instability: 0.664."""
-LEAST_TAUS = 8
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def allan_fit(rate: FloatArray, rate_hz: float, name: str = "the log") -> AllanF
     """
     n = len(rate)
     factors = averaging_factors(n)
-    if len(factors) < LEAST_TAUS or n < 500:
+    if len(factors) < LEAST_TAUS or n < LEAST_SAMPLES:
         raise InputError(
             f"{name}: {n} samples at rest are too few for an Allan deviation; record an hour."
         )
@@ -120,7 +120,7 @@ def _fit_squares(tau: FloatArray, deviation: FloatArray, edf: FloatArray) -> Flo
 
     basis, target = _basis(tau), deviation**2
     # relative sd of a chi-square; below the quantisation or a low-pass the model cannot hold
-    weight = 1.0 / (target * np.sqrt(2.0 / edf + 0.05**2))
+    weight = 1.0 / (target * np.sqrt(2.0 / edf + MODEL_SD**2))
     robust = np.ones(len(tau))
     squares = np.zeros(3)
     for _ in range(12):
@@ -128,9 +128,9 @@ def _fit_squares(tau: FloatArray, deviation: FloatArray, edf: FloatArray) -> Flo
         size = np.sqrt(np.sum((basis * w[:, None]) ** 2, axis=0)) + 1e-300
         squares = nnls(basis * w[:, None] / size, target * w)[0] / size
         model = basis @ squares + 1e-300
-        relative = np.log(target / model) / np.sqrt(2.0 / edf + 0.05**2)
-        weight = 1.0 / (model * np.sqrt(2.0 / edf + 0.05**2))
-        robust = 1.0 / np.sqrt(1.0 + (relative / 2.0) ** 2)
+        relative = np.log(target / model) / np.sqrt(2.0 / edf + MODEL_SD**2)
+        weight = 1.0 / (model * np.sqrt(2.0 / edf + MODEL_SD**2))
+        robust = 1.0 / np.sqrt(1.0 + (relative / ROUGH_SD) ** 2)
     return np.asarray(squares)
 
 

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.calibration.allan import AllanFit, allan_fit
+from automap.calibration.limits import LONG_REST_LIMIT, MOST_LEFT_OUT, SHORT_S, TURN_HOLE_STEPS
 from automap.calibration.rest import movement
 from automap.errors import InputError
 from automap.records import RawImu
 
 AXES = ("accel_x", "accel_y", "accel_z", "gyro_x", "gyro_y", "gyro_z")
-STILL_LIMIT = 20.0
-"""Movement (variance over noise floor) above which a sample does not belong to a rest."""
-SHORT_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -39,7 +37,7 @@ def resting_fits(log: RawImu) -> RestingFits:
     t_s = log.t_s
     seconds = float(t_s[stop - 1] - t_s[start])
     warnings = []
-    if stop - start < 0.95 * len(log):
+    if stop - start < (1.0 - MOST_LEFT_OUT) * len(log):
         warnings.append(
             f"{log.name}: the sensor moved; only its longest rest is used, {seconds:.0f} s from "
             f"{t_s[start]:.0f} s on"
@@ -60,8 +58,8 @@ def resting_fits(log: RawImu) -> RestingFits:
 
 
 def _longest_rest(log: RawImu) -> tuple[int, int]:
-    still = movement(log) < STILL_LIMIT
-    still[1:] &= np.diff(log.t_ns) * 1e-9 < 2.5 / log.rate_hz
+    still = movement(log) < LONG_REST_LIMIT
+    still[1:] &= np.diff(log.t_ns) * 1e-9 < TURN_HOLE_STEPS / log.rate_hz
     edges = np.diff(np.concatenate([[0], still.astype(np.int8), [0]]))
     starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     if not len(starts):

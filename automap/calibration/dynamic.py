@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.calibration import limits
 from automap.calibration.dynamic_kernel import BA, N_ERRORS, N_STATES, PHI, POS, run_filter
 from automap.calibration.hand_motion import (
     UNKNOWN_HAND,
@@ -21,7 +22,7 @@ from automap.calibration.hand_motion import (
     honest_covariance,
     honest_history,
 )
-from automap.calibration.rest import LEAST_REST_S, movement, noise_density
+from automap.calibration.rest import movement, noise_density
 from automap.errors import InputError
 from automap.frames import matrix_to_quat, rpy_to_matrix
 from automap.records import FloatArray, RawImu
@@ -31,28 +32,6 @@ ERROR_NAMES = tuple(
     for effect in ("accel_bias", "gyro_bias", "accel_scale", "gyro_scale")
     for axis in "xyz"
 )
-PRIOR_SD = np.repeat([0.3, 0.02, 0.01, 0.01], 3)
-"""One sigma of the errors before: of the catalogue of effects (m/s^2, rad/s, and relative)."""
-TURN_ON_SD = np.repeat([0.03, 0.01, 0.001, 0.002], 3)
-"""The same for a sensor that was calibrated statically: what changes from one turn-on to the
-next (5 mm/s^2 and 0.1 deg/s are usual for consumer sensors; several times that is allowed)."""
-WALK = np.repeat([5e-5, 5e-6, 0.0, 0.0], 3)
-"""Random walk of the errors, per square root of a second: in the two minutes of a log it comes
-to what consumer sensors have as bias instability, some 50 micro-g and 10 deg/h."""
-UPDATE_S = 0.1
-MOST_UPDATES = 12_000
-"""Measurements are taken more rarely in logs of hours."""
-PASSES = 4
-LEAST_LOG_S = 10.0
-STILL_LIMIT = 8.0
-"""Movement (variance over noise floor) below which the pseudo-velocity counts as exact."""
-STILL_SD = 0.003
-LEAST_TURN = np.radians(270.0)
-"""A sensor turned less than this about an axis tells little of that axis."""
-MUCH_TRANSLATION = 0.5
-"""RMS velocity of the hand, m/s, above which the result is poor."""
-WELL_KNOWN = 0.5
-"""An error is determined when its sigma falls below this part of the prior's."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +66,8 @@ def calibrate_dynamic(
     gyro: FloatArray,
     accel: FloatArray,
     gravity: float,
-    prior_sd: FloatArray = PRIOR_SD,
-    least_s: float = LEAST_LOG_S,
+    prior_sd: FloatArray = limits.PRIOR_SD,
+    least_s: float = limits.LEAST_LOG_S,
 ) -> DynamicCalibration:
     """Estimate the twelve errors of conditioned readings [n, 3] in rad/s and m/s^2: equations
     (8) to (28).
@@ -106,13 +85,13 @@ def calibrate_dynamic(
             f"{log.name} lasts {t_s[-1]:.3g} s; turn the sensor by hand for a minute or two."
         )
     norm = float(np.median(np.linalg.norm(accel, axis=1)))
-    if not 0.8 < norm / gravity < 1.25:
+    if not limits.UNIT_RANGE[0] < norm / gravity < limits.UNIT_RANGE[1]:
         raise InputError(
             f"{log.name}: the median specific force is {norm:.4g} m/s^2 where gravity is "
             f"{gravity:.4g}; correct --accel-unit, or calibrate statically first."
         )
-    still = movement(log) < STILL_LIMIT
-    density = noise_density(log, STILL_LIMIT)
+    still = movement(log) < limits.STILL_LIMIT
+    density = noise_density(log, limits.STILL_LIMIT)
     q = np.array(
         [
             np.mean((density[:3] * _unit(accel, log.accel)) ** 2),
@@ -120,7 +99,7 @@ def calibrate_dynamic(
         ]
     )
     at_rest = bool(still[: round(log.rate_hz)].all())
-    every = max(1, round(UPDATE_S * log.rate_hz), len(t_s) // MOST_UPDATES)
+    every = max(1, round(limits.UPDATE_S * log.rate_hz), len(t_s) // limits.MOST_UPDATES)
     dt = np.diff(t_s)
     hand = UNKNOWN_HAND
     step = every / log.rate_hz
@@ -129,19 +108,19 @@ def calibrate_dynamic(
     P, errors, count = np.zeros((N_STATES, N_STATES)), np.zeros(N_ERRORS), 0
     variance = np.empty((len(t_s), 2))
     response = np.empty((0, N_STATES, N_STATES + 6))
-    for number in range(PASSES):
+    for number in range(limits.PASSES):
         variance[:] = hand.variance
-        variance[still, 0] = STILL_SD**2
+        variance[still, 0] = limits.STILL_SD**2
         # about the last pass's errors, so that the model is linear where it matters; but what
         # that pass did not learn stays at the prior's zero, or the prior would count less with
         # every pass
         errors -= P[BA:POS, BA:POS] @ (errors / prior_sd**2)
         quat, P = _start(log, accel, errors, at_rest, gravity, prior_sd)
-        if number == PASSES - 1:
+        if number == limits.PASSES - 1:
             response = np.empty((len(innovations), N_STATES, N_STATES + 6))
         count = run_filter(
             dt, np.ascontiguousarray(gyro), np.ascontiguousarray(accel), gravity, quat,
-            errors, P, q, every, variance, WALK**2, out, innovations,
+            errors, P, q, every, variance, limits.WALK**2, out, innovations,
             response,
         )  # fmt: skip
         rows = innovations[:count, 0].astype(np.int64)
@@ -186,7 +165,7 @@ def _start(
     prior_sd: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Initial quaternion [4] by levelling the first second, and covariance [21, 21]."""
-    rows = slice(0, max(2, round(LEAST_REST_S * log.rate_hz)))
+    rows = slice(0, max(2, round(limits.LEAST_REST_S * log.rate_hz)))
     f = (1.0 + errors[6:9]) * accel[rows].mean(axis=0) + errors[:3]
     roll, pitch = np.arctan2(-f[1], -f[2]), np.arctan2(f[0], np.hypot(f[1], f[2]))
     C = rpy_to_matrix(np.array([roll, pitch, 0.0]))
@@ -196,15 +175,15 @@ def _start(
     level[:, :3] = turn @ C
     level[:, 6:9] = turn @ C * f
     prior = np.diag(prior_sd**2)
-    tilt_sd = np.radians(0.05 if at_rest else 15.0)
+    tilt_sd = limits.LEVEL_SD_REST if at_rest else limits.LEVEL_SD_MOVING
     P = np.zeros((N_STATES, N_STATES))
-    P[:3, :3] = (0.005 if at_rest else 0.3) ** 2 * np.eye(3)
+    P[:3, :3] = (limits.START_SPEED_REST if at_rest else limits.START_SPEED_MOVING) ** 2 * np.eye(3)
     # heading cannot be seen and does not matter
     P[PHI:BA, PHI:BA] = level @ prior @ level.T + np.diag([tilt_sd**2, tilt_sd**2, 1e-12])
     P[PHI:BA, BA:POS] = level @ prior
     P[BA:POS, PHI:BA] = prior @ level.T
     P[BA:POS, BA:POS] = prior
-    P[POS:, POS:] = 0.3**2 * np.eye(3)
+    P[POS:, POS:] = limits.START_PLACE_M**2 * np.eye(3)
     return matrix_to_quat(C), P
 
 
@@ -214,12 +193,12 @@ def _judged(result: DynamicCalibration, log: RawImu, prior_sd: FloatArray) -> Dy
 
     found = []
     for axis, angle in zip("xyz", result.turned, strict=True):
-        if angle < LEAST_TURN:
+        if angle < limits.LEAST_TURN:
             found.append(
                 f"{log.name}: turned by only {np.degrees(angle):.0f} deg in all about {axis}; turn "
                 f"the sensor to and fro about its {axis} axis by 90 degrees or more, several times"
             )
-    if result.hand_velocity > MUCH_TRANSLATION:
+    if result.hand_velocity > limits.MUCH_TRANSLATION:
         found.append(
             f"{log.name}: the sensor was carried about at {result.hand_velocity:.2f} m/s RMS, too "
             "much for a pseudo-velocity of zero; turn it in place"
@@ -227,7 +206,7 @@ def _judged(result: DynamicCalibration, log: RawImu, prior_sd: FloatArray) -> Dy
     open_ones = [
         name
         for name, sd, prior in zip(ERROR_NAMES, result.sd[-1], prior_sd, strict=True)
-        if sd > WELL_KNOWN * prior and "bias" in name
+        if sd > limits.WELL_KNOWN * prior and "bias" in name
     ]
     if open_ones:
         found.append(

@@ -16,13 +16,13 @@ import numpy as np
 from automap.calibration.accelerometer import N_NINE, AccelFit, directions_of
 from automap.calibration.gravity_kernel import N_SIGNALS, carry_direction
 from automap.calibration.least_squares import Fit, fit_with_floor
+from automap.calibration.limits import OWN_AXIS, ROUGH_SD, TURN_HOLE_STEPS, TURN_SMOOTH_S
 from automap.calibration.rest import Rest
 from automap.errors import InputError
 from automap.gates import sd_by_median
 from automap.records import FloatArray, RawImu
 
 _N = 3 * N_SIGNALS
-_SMOOTH_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def turns_between(
         log = logs[first.log]
         rows = slice(first.stop - 1, second.start + 1)
         dt = np.diff(log.t_ns[rows]) * 1e-9
-        if dt.max() > 2.5 / log.rate_hz:
+        if dt.max() > TURN_HOLE_STEPS / log.rate_hz:
             continue
         turns.append(
             Turn(
@@ -245,7 +245,7 @@ def _linear_start(
 
     blocks, changes = [], []
     for log, force in zip(logs, forces, strict=True):
-        window = max(3, round(_SMOOTH_S * log.rate_hz)) | 1
+        window = max(3, round(TURN_SMOOTH_S * log.rate_hz)) | 1
         smooth = uniform_filter1d(force, window, axis=0)
         u = smooth / (np.linalg.norm(smooth, axis=1)[:, None] + 1e-300)
         c = (log.gyro - offset) / unit
@@ -268,7 +268,7 @@ def _linear_start(
         solution = np.asarray(np.linalg.solve(weighted.T @ X + tiny, weighted.T @ y))
         r = y - X @ solution
         sd = sd_by_median(r) + 1e-12
-        weight = 1.0 / np.sqrt(1.0 + (r / (2.0 * sd)) ** 2)
+        weight = 1.0 / np.sqrt(1.0 + (r / (ROUGH_SD * sd)) ** 2)
     return solution.reshape(3, 3)
 
 
@@ -278,7 +278,7 @@ def _refuse_other_axes(matrix: FloatArray) -> None:
     strongest = size.argmax(axis=1)
     for a in range(3):
         b = int(strongest[a])
-        if size[a, a] >= 0.5 * size[a, b] and (matrix[a, a] > 0 or size[a, b] == 0.0):
+        if size[a, a] >= OWN_AXIS * size[a, b] and (matrix[a, a] > 0 or size[a, b] == 0.0):
             continue
         sign = "-" if matrix[a, b] < 0 else ""
         raise InputError(

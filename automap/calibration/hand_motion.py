@@ -16,19 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automap.calibration import limits
 from automap.calibration.dynamic_kernel import BA, N_STATES, POS
 from automap.records import FloatArray
 
 Mask = npt.NDArray[np.bool_]
-SLOW_HZ = 0.5
-"""What the sensor's errors do to its place, while it is turned in a second or two, is slower."""
-PEAK_PART = 0.25
-LEAST_MEASUREMENTS = 50
-"""Fewer give no spectrum."""
-LEAST_VELOCITY, LEAST_PLACE = 0.01, 0.01
-"""Never less noise than this, m/s and m: the filter is linear only so far."""
-SMOOTH_HZ = 0.1
-"""Spectra are averaged over this band: some ten frequencies of a two-minute log."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +48,7 @@ def hand_motion(innovations: FloatArray, moving: Mask, step_s: float) -> HandMot
     beyond what it is worth.
     """
     used = _used(moving)
-    if np.any(used.sum(axis=0) < LEAST_MEASUREMENTS):
+    if np.any(used.sum(axis=0) < limits.LEAST_MEASUREMENTS):
         rms = [_rms(innovations[:, 1:4], used[:, 0]), _rms(innovations[:, 7:10], used[:, 1])]
         quiet = np.maximum(rms, [0.05, 0.05])
         return HandMotion(rms[0], rms[1], quiet**2 * np.array([5.0, 10.0]))
@@ -67,13 +59,13 @@ def hand_motion(innovations: FloatArray, moving: Mask, step_s: float) -> HandMot
         ],
         axis=0,
     )
-    slow = max(1, round(SLOW_HZ * 2.0 * step_s * len(spectra)))
-    place = max(float(spectra[:slow, 1].mean()), PEAK_PART * float(spectra[:, 1].max()))
+    slow = max(1, round(limits.SLOW_HZ * 2.0 * step_s * len(spectra)))
+    place = max(float(spectra[:slow, 1].mean()), limits.PEAK_PART * float(spectra[:, 1].max()))
     variance = np.array([spectra[:, 0].max(), place])
     return HandMotion(
         _rms(innovations[:, 1:4], used[:, 0]),
         _rms(innovations[:, 7:10], used[:, 1]),
-        np.maximum(variance, [LEAST_VELOCITY**2, LEAST_PLACE**2]),
+        np.maximum(variance, [limits.LEAST_VELOCITY**2, limits.LEAST_PLACE**2]),
     )
 
 
@@ -116,7 +108,7 @@ def honest_covariance(
     is known to be zero, and stays white.
     """
     used = _used(moving)
-    if np.any(used.sum(axis=0) < LEAST_MEASUREMENTS):
+    if np.any(used.sum(axis=0) < limits.LEAST_MEASUREMENTS):
         return covariance
     both = np.column_stack([moving, np.ones(len(moving), dtype=bool)])
     out = covariance.copy()
@@ -142,7 +134,7 @@ def _cross_spectrum(y: FloatArray, used: Mask, step_s: float) -> npt.NDArray[np.
     H = np.fft.rfft(taper * y, length, axis=0)
     power = np.sqrt(np.sum(taper**2, axis=0))
     raw = H[:, :, None] * H[:, None, :].conj() / np.outer(power, power)
-    width = max(1, round(SMOOTH_HZ * step_s * length)) | 1
+    width = max(1, round(limits.SMOOTH_HZ * step_s * length)) | 1
     parts = [uniform_filter1d(part, width, axis=0, mode="reflect") for part in (raw.real, raw.imag)]
     return np.asarray(parts[0] + 1j * parts[1])
 

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.calibration.limits import CUT_OFF, LEAST_RUN, SATURATION_PROBABILITY, UNIT_RANGE
 from automap.earth import STANDARD_GRAVITY
 from automap.errors import InputError
 from automap.records import FloatArray, RawImu
-
-_SURE = 1e-6
-"""Chance of a run of equal extreme readings below which it is taken for saturation."""
-_LEAST_RUN = 4
 
 
 def refuse_saturation(log: RawImu) -> None:
@@ -45,7 +42,11 @@ def _saturated(x: FloatArray) -> tuple[int, int, float] | None:
         length = int(lengths[longest])
         chance = len(x) * agree ** (length - 1)
         # a sensor at rest may sit at its extreme; one that is cut off arrives there in a rush
-        if length >= _LEAST_RUN and chance < _SURE and _cut_off(x, starts[longest], length):
+        if (
+            length >= LEAST_RUN
+            and chance < SATURATION_PROBABILITY
+            and _cut_off(x, starts[longest], length)
+        ):
             return int(starts[longest]), length, value
     return None
 
@@ -53,7 +54,7 @@ def _saturated(x: FloatArray) -> tuple[int, int, float] | None:
 def _cut_off(x: FloatArray, start: int, length: int) -> bool:
     """Whether the run's neighbourhood moves far more than the run itself."""
     around = x[max(0, start - 2 * length) : start + 3 * length]
-    return bool(np.ptp(around) > 0.05 * np.ptp(x))
+    return bool(np.ptp(around) > CUT_OFF * np.ptp(x))
 
 
 def refuse_wrong_accel_unit(log: RawImu, scale: FloatArray) -> None:
@@ -77,9 +78,10 @@ def _refuse(
 ) -> None:  # fmt: skip
     """``ratio`` [3] of found to stated scale; ``others`` what it is for other units."""
     middle = float(np.median(ratio))
-    if 0.8 < middle < 1.25:
+    low, high = UNIT_RANGE
+    if low < middle < high:
         return
-    near = [text for text, value in others if 0.8 < middle / value < 1.25 and text != unit]
+    near = [text for text, value in others if low < middle / value < high and text != unit]
     if near:
         advice = f"it fits {near[0]}, so say {option} {near[0]}"
     elif sensor == "gyro":

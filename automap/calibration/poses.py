@@ -7,14 +7,8 @@ import itertools
 import numpy as np
 
 from automap.calibration.accelerometer import N_NINE
+from automap.calibration.limits import HELPED_SINGULAR
 from automap.records import FloatArray
-
-LEAST_SINGULAR = 0.03
-"""Smallest singular value of the design matrix per sqrt(pose) that counts as determined.
-
-Six poses along the axes have 0.41 (six parameters), twelve over faces and edges 0.24 (nine);
-poses in one plane have 0.
-"""
 
 
 def determination(directions: FloatArray, n_parameters: int) -> float:
@@ -52,7 +46,7 @@ def helpful_poses(directions: FloatArray, n_parameters: int) -> list[str]:
         design = _design(have, n_parameters)
         information += design.T @ design
     found: list[str] = []
-    while determination(have, n_parameters) < LEAST_SINGULAR * 1.5 and len(found) < 12:
+    while determination(have, n_parameters) < HELPED_SINGULAR and len(found) < 12:
         gains = np.einsum("ij,jk,ik->i", rows, np.linalg.inv(information), rows)
         # equal gains: the first, so that faces come first
         best = int(np.flatnonzero(gains > 0.999 * gains.max())[0])

@@ -6,23 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.calibration import limits
 from automap.errors import InputError
 from automap.records import FloatArray, IntArray, RawImu
-
-WINDOW_S = 0.5
-"""Movement is looked for in windows of this length: longer than the swing of a hand tremor."""
-LEAST_REST_S = 1.0
-MANY_RESTS_S = 10.0
-"""Rests of this length in all show whether the noise is correlated."""
-SAME_POSE = 0.002
-"""Neighbouring rests nearer than this, against the span of the readings, are one pose."""
-FLOOR_QUANTILE = 0.05
-"""The quietest twentieth of all windows is taken for the sensor's own noise."""
-SMOOTH = 3.0
-"""Variance over that by second differences: 1 for white noise, up to 2 behind a sensor's own
-low-pass, hundreds for motion."""
-THRESHOLDS = tuple(1.5 * 2.0 ** (k / 2) for k in range(16))
-"""Candidate limits on windowed variance over noise floor, from 1.5 to 270."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +54,7 @@ def noise_density(log: RawImu, limit: float) -> FloatArray:
     which says rather too much.
     """
     moved = movement(log)
-    inside = round(WINDOW_S * log.rate_hz)
+    inside = round(limits.WINDOW_S * log.rate_hz)
     rests = []
     for rest in rests_below([log], [moved], limit):
         # a window at the edge of a rest reaches into motion
@@ -77,9 +63,9 @@ def noise_density(log: RawImu, limit: float) -> FloatArray:
         if stop - start >= 20 and float(moved[start:stop].max()) < limit:
             rests.append(_summary(log, rest.log, start, stop))
     seconds = sum(rest.length_s for rest in rests)
-    if seconds < LEAST_REST_S:
+    if seconds < limits.LEAST_REST_S:
         return np.asarray(np.sqrt(_windowed(log)[1] / log.rate_hz))
-    if seconds > MANY_RESTS_S:
+    if seconds > limits.MANY_RESTS_S:
         rests = _with_correlation(rests)
     # the median: a single rest may hold what movement does not show
     power = np.array([np.concatenate([r.accel_var, r.gyro_var]) * r.length_s for r in rests])
@@ -91,7 +77,7 @@ def _windowed(log: RawImu) -> tuple[FloatArray, FloatArray]:
     from scipy.ndimage import uniform_filter1d
 
     rate = log.rate_hz
-    window = round(WINDOW_S * rate) | 1
+    window = round(limits.WINDOW_S * rate) | 1
     if window < 5:
         raise InputError(
             f"{log.name} has {rate:.3g} samples a second, too few to tell rest from motion; "
@@ -107,10 +93,10 @@ def _windowed(log: RawImu) -> tuple[FloatArray, FloatArray]:
     variance = np.maximum(uniform_filter1d(values**2, window, axis=0) - mean**2, 0.0)
     # the variance about the mean of so few samples is too small by that one
     variance *= window / (window - 1.0)
-    floor = np.quantile(variance, FLOOR_QUANTILE, axis=0)
+    floor = np.quantile(variance, limits.FLOOR_QUANTILE, axis=0)
     # where even the quietest windows are smooth motion, second differences show the noise
     rough = uniform_filter1d(np.diff(values, 2, axis=0) ** 2 / 6.0, window, axis=0)
-    floor = np.minimum(floor, SMOOTH * np.quantile(rough, FLOOR_QUANTILE, axis=0))
+    floor = np.minimum(floor, limits.SMOOTH * np.quantile(rough, limits.FLOOR_QUANTILE, axis=0))
     return variance, np.maximum(floor, quantisation_step(values) ** 2 / 12.0)
 
 
@@ -134,9 +120,9 @@ def rests_below(logs: list[RawImu], movements: list[FloatArray], limit: float) -
             np.linalg.norm(np.ptp(np.quantile(log.accel[::10], [0.05, 0.95], axis=0), axis=0))
         )
         # a hole in the recording ends an interval
-        still[1:] &= np.diff(t_s) < 10.0 * step
+        still[1:] &= np.diff(t_s) < limits.REST_HOLE_STEPS * step
         for start, stop in _runs(still):
-            if t_s[stop - 1] - t_s[start] >= LEAST_REST_S:
+            if t_s[stop - 1] - t_s[start] >= limits.LEAST_REST_S:
                 rest = _summary(log, number, start, stop)
                 if found and _same_pose(log, found[-1], rest, span):
                     rest = _joined(found.pop(), rest)
@@ -150,7 +136,7 @@ def _same_pose(log: RawImu, first: Rest, second: Rest, span: float) -> bool:
         return False
     gap_s = float(log.t_ns[second.start] - log.t_ns[first.stop - 1]) * 1e-9
     moved = np.linalg.norm(second.accel - first.accel)
-    return bool(gap_s <= 2.0 * WINDOW_S and moved < SAME_POSE * span)
+    return bool(gap_s <= 2.0 * limits.WINDOW_S and moved < limits.SAME_POSE * span)
 
 
 def _joined(first: Rest, second: Rest) -> Rest:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.calibration.accelerometer import N_SIX, directions_of, fit_accelerometer
-from automap.calibration.poses import LEAST_SINGULAR, determination
-from automap.calibration.rest import THRESHOLDS, Rest, movement, rests_below
+from automap.calibration.limits import LEAST_SINGULAR, OUTLIER_PROBABILITY, THRESHOLDS
+from automap.calibration.poses import determination
+from automap.calibration.rest import Rest, movement, rests_below
 from automap.records import FloatArray, RawImu
 
 
@@ -106,7 +107,7 @@ def _without_outliers(
         size = np.minimum(np.abs(standard), np.sqrt(dof) * (1.0 - 1e-9))
         deleted = size * np.sqrt((dof - 1) / (dof - size**2))
         worst = int(deleted.argmax())
-        if deleted[worst] < t.ppf(1.0 - 0.0005 / len(kept), dof - 1):
+        if deleted[worst] < t.ppf(1.0 - 0.5 * OUTLIER_PROBABILITY / len(kept), dof - 1):
             break
         outliers.append(kept.pop(worst))
     return kept, outliers

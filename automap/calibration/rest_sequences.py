@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.calibration.dynamic import STILL_LIMIT, TURN_ON_SD, calibrate_dynamic
+from automap.calibration.dynamic import calibrate_dynamic
+from automap.calibration.limits import STILL_LIMIT, TURN_ON_SD
 from automap.calibration.rest import Rest, movement, rests_below
 from automap.calibration.rest_attitude import (
     largest_turn,
@@ -24,10 +25,10 @@ from automap.errors import InputError
 from automap.frames import quat_to_matrix, rpy_to_matrix
 from automap.records import FloatArray, RawImu
 
-SEQUENCES = 10
-SHORTEST_S = 5.0
-SIMULATED_S = 50.0
-_RATE_HZ = 100.0
+SEQUENCES, SHORTEST_S = 10, 5.0
+"""So many rests of at least this length are drawn."""
+SIMULATED_S, _RATE_HZ = 50.0, 100.0
+"""The paper's sequences, as they are simulated."""
 _TURN_ON = (np.radians(0.15), 0.05)
 """One sigma of a simulated turn-on: gyro rad/s, accelerometer m/s^2; of consumer sensors."""
 _NOISE = (np.radians(0.01), 0.002)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from automap.calibration import limits
 from automap.calibration.accelerometer import (
     N_NINE,
     N_SIX,
@@ -21,18 +22,11 @@ from automap.calibration.plausible import (
     refuse_wrong_accel_unit,
     refuse_wrong_gyro_unit,
 )
-from automap.calibration.poses import LEAST_SINGULAR, determination, helpful_poses
+from automap.calibration.poses import determination, helpful_poses
 from automap.calibration.rest import Rest
 from automap.calibration.rest_search import RestSearch, find_rests, least_poses, pose_means
 from automap.errors import InputError
 from automap.records import FloatArray, RawImu
-
-GOOD_POSES = 12
-"""With fewer poses than this the errors hardly average out (the paper's K)."""
-NOT_AT_REST = 0.01
-"""Residuals above this part of gravity are no sensor's at rest."""
-LOOSE_SCALE = 0.01
-"""A gyro scale with a 95 % interval wider than this needs more turns about its axis."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +81,7 @@ def calibrate_static(
     means, variances = pose_means(search.rests)
     accel = fit_accelerometer(means, variances, gravity, wanted)
     refuse_wrong_accel_unit(logs[0], accel.scale)
-    if accel.residual_rms > NOT_AT_REST * gravity:
+    if accel.residual_rms > limits.NOT_AT_REST * gravity:
         raise InputError(
             f"{_names(logs)}: in the quietest stretches the calibrated norm still misses gravity "
             f"by {accel.residual_rms:.2g} m/s^2 RMS, so the sensor was not at rest there; put it "
@@ -165,17 +159,17 @@ def _six_only(nine: RestSearch) -> str:
 def _pose_warnings(search: RestSearch, means: FloatArray, accel: AccelFit) -> list[str]:
     found = []
     rests = search.rests
-    if len(rests) < GOOD_POSES:
+    if len(rests) < limits.GOOD_POSES:
         found.append(f"{len(rests)} rest poses; twelve or more average the errors out better")
     directions = directions_of(accel, means)
     strength = determination(directions, accel.n_parameters)
-    if strength < 2.0 * LEAST_SINGULAR:
+    if strength < limits.UNEVEN_SINGULAR:
         # the nearest missing ones, although the parameters can just be told apart
         axes = [
             f"{sign}{name} up"
             for i, name in enumerate("xyz")
             for sign, part in (("+", directions[:, i]), ("-", -directions[:, i]))
-            if part.max() < 0.7
+            if part.max() < limits.COVERED_AXIS
         ]
         poses = axes or helpful_poses(directions, accel.n_parameters)
         if poses:
@@ -203,18 +197,18 @@ def _gyro(
     turns = turns_between(logs, forces, rests, directions, spread, gravity)
     offset = np.average([r.gyro for r in rests], axis=0, weights=[r.length_s for r in rests])
     sheet = logs[0].gyro_scale
-    reason = "fewer than six turns between rests" if len(turns) < 6 else ""
+    reason = "fewer than six turns between rests" if len(turns) < limits.LEAST_TURNS else ""
     if not reason:
         fit = fit_gyro(logs, forces, rests, turns, accel, gravity)
         loose = [
             axis
             for axis, width, scale in zip("xyz", fit.half_width[:3], fit.scale, strict=True)
-            if not width < LOOSE_SCALE * abs(scale)
+            if not width < limits.LOOSE_SCALE * abs(scale)
         ]
         if not loose:
             refuse_wrong_gyro_unit(logs[0], fit.scale)
             with_g = None
-            if len(turns) >= 8:
+            if len(turns) >= limits.LEAST_TURNS_WITH_G:
                 with_g = fit_gyro(logs, forces, rests, turns, accel, gravity, True)
             return fit, with_g, fit.scale, fit.bias, len(turns)
         reason = f"turns that leave the scale about {', '.join(loose)} open"

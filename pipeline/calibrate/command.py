@@ -111,7 +111,8 @@ def dynamic(
 ) -> Outcome:
     """``calibrate dynamic``: remaining errors of a sensor turned by hand, on top of a static
     calibration where one is given."""
-    from automap.calibration.dynamic import PRIOR_SD, TURN_ON_SD, calibrate_dynamic
+    from automap.calibration.dynamic import calibrate_dynamic
+    from automap.calibration.limits import PRIOR_SD, TURN_ON_SD
     from automap.calibration.plausible import refuse_saturation
     from automap.io.imu_calibration import read_imu_calibration
     from pipeline.calibrate.report import dynamic_report

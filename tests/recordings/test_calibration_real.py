@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automap.calibration.dynamic import TURN_ON_SD, calibrate_dynamic
+from automap.calibration.dynamic import calibrate_dynamic
+from automap.calibration.limits import TURN_ON_SD
 from automap.calibration.rest_attitude import rest_attitude
 from automap.calibration.static import StaticCalibration, calibrate_static
 from automap.frames import matrix_to_rpy, quat_to_matrix

@@ -20,7 +20,8 @@ from calibration_scene import (
     turned_by_hand,
 )
 
-from automap.calibration.dynamic import WALK, calibrate_dynamic
+from automap.calibration.dynamic import calibrate_dynamic
+from automap.calibration.limits import WALK
 from automap.calibration.static import calibrate_static
 
 SEEDS = 50

@@ -17,8 +17,9 @@ from calibration_scene import (
 )
 from paper_filter import PaperFilter
 
-from automap.calibration.dynamic import ERROR_NAMES, PRIOR_SD, TURN_ON_SD, calibrate_dynamic
+from automap.calibration.dynamic import ERROR_NAMES, calibrate_dynamic
 from automap.calibration.dynamic_kernel import N_STATES, run_filter
+from automap.calibration.limits import PRIOR_SD, TURN_ON_SD
 from automap.calibration.rest_attitude import rest_attitude
 from automap.errors import InputError
 from automap.frames import matrix_to_quat, quat_to_matrix
