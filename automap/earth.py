@@ -19,6 +19,8 @@ A = 6378137.0
 F = 1.0 / 298.257223563
 """Flattening."""
 E2 = F * (2.0 - F)
+MEAN_RADIUS = 6.371e6
+"""Of a sphere, m: for distances that need no more than half a percent."""
 RATE = 7.292115e-5
 """Earth rotation, rad/s."""
 STANDARD_GRAVITY = 9.80665

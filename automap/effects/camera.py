@@ -27,6 +27,7 @@ PoseAt = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Position [n, 3] m NED and attitude ``C_n_b`` [n, 3, 3] of the vehicle at seconds [n]."""
 
 _SHUTTER_ROUNDS = 3
+"""The row of a pixel tells its instant, and that the row: rounds of that."""
 
 
 def true_camera(stated: Camera, values: Values) -> Camera:

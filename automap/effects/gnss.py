@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.effects.limits import OUTLIER_M
 from automap.effects.measured import Values
 from automap.effects.vehicle import parameter
 from automap.records import FloatArray
-
-OUTLIER_M = 25.0
-"""How far off, in a random horizontal direction, a position of ``gnss_outliers`` is."""
 
 
 def low_pass(signal: FloatArray, step_s: float, tau_s: float) -> FloatArray:

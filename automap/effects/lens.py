@@ -11,6 +11,7 @@ import numpy as np
 from automap.records import BoolArray, Camera, FloatArray
 
 _AGREEMENT_PX = 0.01
+"""A pixel's direction leads back to it so nearly, or the lens has no inverse there."""
 _CUT_SD_FACTOR = 6.0
 
 

@@ -10,15 +10,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from automap.effects.limits import BLEND_S, COURSE_SPEED, FORCE_S, LEAST_STEP_S, REFERENCE_C
 from automap.records import FloatArray
-
-REFERENCE_C = 25.0
-"""A temperature that nobody measured."""
-COURSE_SPEED = 1.0
-"""Below this speed in m/s the direction of travel is held."""
-BLEND_S = 1.0
-FORCE_S = 0.05
-STEP_S = 0.005
 
 
 @dataclass(frozen=True)
@@ -94,7 +87,7 @@ def signals_of_readings(
     """
     from scipy.ndimage import gaussian_filter1d
 
-    step = max(float(np.median(np.diff(time))), STEP_S)
+    step = max(float(np.median(np.diff(time))), LEAST_STEP_S)
     forces = gaussian_filter1d(accel, FORCE_S / step, axis=0)
     rates = gaussian_filter1d(gyro, FORCE_S / step, axis=0)
     if len(fix_time) < 2:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from automap.effects.catalogue import CATALOGUE
+from automap.effects.limits import COURSE_SPEED
 from automap.effects.measured import Distortion, Values, distortion
 from automap.effects.terms import (
     ELAPSED,
@@ -21,9 +22,6 @@ from automap.effects.terms import (
 )
 from automap.frames import rpy_to_matrix
 from automap.records import FloatArray
-
-LEAST_SPEED = 1.0
-"""m/s; slower than that a vehicle slides aside by no more than it would at this speed."""
 
 
 def parameters(values: Values, effect: str) -> FloatArray:
@@ -82,7 +80,7 @@ def nose_angles(
     own = {FORWARD_ACCELERATION: forward, LATERAL_ACCELERATION: lateral}
     acting = distortion(values, VEHICLE, len(speed), lambda n: own[n] if n in own else signal(n))
     out = acting.slip.copy()
-    moving = np.maximum(speed, LEAST_SPEED)
+    moving = np.maximum(speed, COURSE_SPEED)
     # to slide to the right is to point left of the path
     out[:, 2] += acting.added[:, 1] / moving
     out[:, 1] -= acting.added[:, 2] / moving

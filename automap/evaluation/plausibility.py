@@ -12,22 +12,10 @@ from typing import Literal
 import numpy as np
 
 from automap.earth import STANDARD_GRAVITY
+from automap.evaluation import limits
 from automap.records import Fixes, FixType, FloatArray, ImuData, IntArray
 
 Severity = Literal["ok", "info", "warning", "error"]
-
-_GRAVITY_TOLERANCE = 0.25
-_TURN_WINDOW_S = 2.0
-_TURN_RATIO = 15.0
-"""deg/s against rad/s is a factor of 57; noise and a poor match stay well below 15."""
-_MIN_TURN = 0.02
-_FASTEST_HZ = 4e4
-_SLOWEST_HZ = 40.0
-_WHOLE = 0.7
-"""Part of the fixes' span that the readings must cover to have seen the same turns."""
-_FAST_M_S = 3.0
-_STEEP_RAD = np.radians(12.0)
-_MIN_CORRELATION = 0.5
 
 
 @dataclass(frozen=True)
@@ -46,11 +34,11 @@ class Finding:
 def accel_unit(accel: FloatArray, rate_hz: float) -> Finding:
     """Whether specific force [n, 3], taken as m/s^2, has the size of gravity."""
     size = float(np.median(np.linalg.norm(accel, axis=1)))
-    if abs(size / STANDARD_GRAVITY - 1.0) < _GRAVITY_TOLERANCE:
+    if abs(size / STANDARD_GRAVITY - 1.0) < limits.GRAVITY_TOLERANCE:
         return Finding("ok", f"specific force is {size:.2f} m/s^2 in the median, as gravity is")
     shown = f"specific force is {size:.4g} m/s^2 in the median where gravity is 9.81"
     steady = float(np.linalg.norm(np.median(accel, axis=0)))
-    if steady < 0.5 * size:
+    if steady < limits.STEADY_PART * size:
         return Finding(
             "error",
             f"{shown}, and has no steady direction",
@@ -68,18 +56,18 @@ def accel_unit(accel: FloatArray, rate_hz: float) -> Finding:
         ),
     )
     for expected, advice in guesses:
-        if abs(size / expected - 1.0) < _GRAVITY_TOLERANCE:
+        if abs(size / expected - 1.0) < limits.GRAVITY_TOLERANCE:
             return Finding("error", shown, advice)
     return Finding("error", shown, "correct accel_unit, the sensor file or the calibration")
 
 
 def stamp_unit(rate_hz: float) -> Finding | None:
     """An error for stamps that cannot be nanoseconds by the rate they give, else None."""
-    if rate_hz < _FASTEST_HZ:
+    if rate_hz < limits.FASTEST_HZ:
         return None
     shown = f"the stamps give {rate_hz:.3g} readings a second"
     for scale, unit in ((1e3, "microseconds"), (1e6, "milliseconds")):
-        if _SLOWEST_HZ < rate_hz / scale < _FASTEST_HZ:
+        if limits.SLOWEST_HZ < rate_hz / scale < limits.FASTEST_HZ:
             advice = f"t_ns is in nanoseconds, these look like {unit}: multiply by {scale:.0f}"
             return Finding("error", shown, advice)
     return Finding("error", shown, "t_ns is in nanoseconds of one clock; correct the column")
@@ -108,14 +96,14 @@ def _course_windows(fixes: Fixes) -> _CourseWindows:
     if len(t) < 3:
         empty = np.zeros(0)
         return _CourseWindows(empty, empty, empty, empty)
-    last = np.searchsorted(t, t + _TURN_WINDOW_S - 0.05)
+    last = np.searchsorted(t, t + limits.TURN_WINDOW_S - limits.STAMP_SLACK_S)
     first = np.arange(len(t))
     inside = last < len(t)
     first, last = first[inside], last[inside]
     speed, course = np.hypot(vn, ve), np.arctan2(ve, vn)
     length = t[last] - t[first]
-    usable = (length > 0) & (length < 1.5 * _TURN_WINDOW_S)
-    usable &= (speed[first] > _FAST_M_S) & (speed[last] > _FAST_M_S)
+    usable = (length > 0) & (length < limits.LONG_WINDOWS * limits.TURN_WINDOW_S)
+    usable &= (speed[first] > limits.FAST_M_S) & (speed[last] > limits.FAST_M_S)
     first, last = first[usable], last[usable]
     turn = (course[last] - course[first] + np.pi) % (2.0 * np.pi) - np.pi
     return _CourseWindows(t[first], length[usable], turn, speed[last] - speed[first])
@@ -127,28 +115,29 @@ def gyro_unit(imu: ImuData, fixes: Fixes | None) -> Finding:
     With fixes the strongest turns of both are compared, which needs no common clock.
     """
     rate = np.abs(imu.gyro - np.median(imu.gyro, axis=0))
-    largest = float(np.quantile(rate.max(axis=1), 0.99))
+    largest = float(np.quantile(rate.max(axis=1), limits.STRONGEST_RATES))
     turns = course_turns(fixes) if fixes is not None else np.zeros(0)
-    if fixes is not None and len(turns) >= 10:
-        course = float(np.quantile(turns, 0.98))
-        sensor = float(np.quantile(_smooth_rates(imu), 0.98))
-        if course > _MIN_TURN and sensor > 0:
+    if fixes is not None and len(turns) >= limits.LEAST_TURNS:
+        course = float(np.quantile(turns, limits.STRONGEST_TURNS))
+        sensor = float(np.quantile(_smooth_rates(imu), limits.STRONGEST_TURNS))
+        if course > limits.LEAST_TURN and sensor > 0:
             shown = (
                 f"the strongest turns are {sensor:.3g} rad/s in the gyro and {course:.3g} rad/s "
                 "in the course of the fixes"
             )
-            if sensor > _TURN_RATIO * course:
+            if sensor > limits.TURN_RATIO * course:
                 return Finding("error", shown, 'write gyro_unit = "deg/s" in [imu]')
-            if sensor * _TURN_RATIO < course:
+            if sensor * limits.TURN_RATIO < course:
                 advice = (
                     'write gyro_unit = "rad/s" in [imu]; if it is, the rates are angle increments '
                     "or the gyro stands still"
                 )
                 # readings of another part of the drive may well lack its turns
-                whole = _span_s(imu.t_ns) > _WHOLE * np.ptp(fixes.gps_s[np.isfinite(fixes.gps_s)])
+                span = np.ptp(fixes.gps_s[np.isfinite(fixes.gps_s)])
+                whole = _span_s(imu.t_ns) > limits.WHOLE * span
                 return Finding("error" if whole else "warning", shown, advice)
             return Finding("ok", shown)
-    if largest > 6.0:
+    if largest > limits.LARGEST_RATE:
         return Finding(
             "warning",
             f"rotation rates reach {largest:.3g} rad/s, more than a car's",
@@ -167,11 +156,11 @@ def _smooth_rates(imu: ImuData) -> FloatArray:
     gyro = imu.gyro - np.median(imu.gyro, axis=0)
     steps = np.diff(t)[:, None]
     angle = np.vstack([np.zeros(3), np.cumsum(0.5 * (gyro[1:] + gyro[:-1]) * steps, axis=0)])
-    edges = np.arange(0.0, t[-1], 0.5 * _TURN_WINDOW_S)
+    edges = np.arange(0.0, t[-1], 0.5 * limits.TURN_WINDOW_S)
     at = np.column_stack([np.interp(edges, t, angle[:, axis]) for axis in range(3)])
     if len(at) < 3:
         return np.zeros(1)
-    return np.asarray(np.linalg.norm(at[2:] - at[:-2], axis=1) / _TURN_WINDOW_S)
+    return np.asarray(np.linalg.norm(at[2:] - at[:-2], axis=1) / limits.TURN_WINDOW_S)
 
 
 def gravity_direction(accel: FloatArray, C_vehicle_sensor: FloatArray) -> Finding:
@@ -179,7 +168,7 @@ def gravity_direction(accel: FloatArray, C_vehicle_sensor: FloatArray) -> Findin
     mean = np.median(accel, axis=0)
     up = -mean[2] / np.linalg.norm(mean)
     tilt = float(np.arccos(np.clip(up, -1.0, 1.0)))
-    if tilt < _STEEP_RAD:
+    if tilt < limits.TILTED:
         return Finding("ok", f"gravity is on the down axis, to {np.degrees(tilt):.1f} deg")
     sensor = C_vehicle_sensor.T @ mean
     axis = int(np.argmax(np.abs(sensor)))
@@ -188,7 +177,7 @@ def gravity_direction(accel: FloatArray, C_vehicle_sensor: FloatArray) -> Findin
         f"with the axes given, gravity lies {np.degrees(tilt):.0f} deg off the down axis "
         f"(the sensor's {'xyz'[axis]} reads {sensor[axis]:+.1f} m/s^2)"
     )
-    if tilt < np.radians(35.0):
+    if tilt < limits.STEEP:
         return Finding(
             "warning",
             measured,
@@ -209,7 +198,7 @@ def driving_axes(imu: ImuData, fixes: Fixes, imu_gps_s: FloatArray) -> list[Find
     """
     window = _course_windows(fixes)
     inside = (window.start > imu_gps_s[0]) & (window.start + window.length < imu_gps_s[-1])
-    if np.count_nonzero(inside) < 20:
+    if np.count_nonzero(inside) < limits.LEAST_WINDOWS:
         return []
     start, end = window.start[inside], (window.start + window.length)[inside]
     steps = np.diff(imu_gps_s)[:, None]
@@ -226,22 +215,23 @@ def driving_axes(imu: ImuData, fixes: Fixes, imu_gps_s: FloatArray) -> list[Find
     )
     findings = []
     speed_change, turn = window.speed_change[inside], window.turn[inside]
-    if np.std(speed_change) > 0.3:
+    if np.std(speed_change) > limits.SPEED_CHANGES:
         forward, right = (_correlation(change[:, axis], speed_change) for axis in (0, 1))
         findings.append(_forward_finding(forward, right))
-    if np.std(turn) > 0.05:
+    if np.std(turn) > limits.TURNS:
         findings.append(_yaw_finding(_correlation(change[:, 5], turn)))
     return findings
 
 
 def _forward_finding(forward: float, right: float) -> Finding:
     seen = f"speed changes go with the forward force to {forward:+.2f} (correlation)"
-    if forward > _MIN_CORRELATION or (forward > 0.2 and abs(right) < forward):
+    weakly = forward > limits.WEAK_CORRELATION and abs(right) < forward
+    if forward > limits.CLEAR_CORRELATION or weakly:
         return Finding("ok", seen)
-    if forward < -_MIN_CORRELATION:
+    if forward < -limits.CLEAR_CORRELATION:
         advice = "the sensor's forward axis points back: correct axes in [imu]"
         return Finding("error", seen, advice)
-    if abs(right) > _MIN_CORRELATION:
+    if abs(right) > limits.CLEAR_CORRELATION:
         side = "right" if right > 0 else "left"
         return Finding(
             "error",
@@ -256,9 +246,9 @@ def _forward_finding(forward: float, right: float) -> Finding:
 
 def _yaw_finding(yaw: float) -> Finding:
     seen = f"turns of the course go with the rate about the down axis to {yaw:+.2f} (correlation)"
-    if yaw > _MIN_CORRELATION:
+    if yaw > limits.CLEAR_CORRELATION:
         return Finding("ok", seen)
-    if yaw < -_MIN_CORRELATION:
+    if yaw < -limits.CLEAR_CORRELATION:
         advice = "the gyro turns the other way: correct axes, or the sign of the gyro columns"
         return Finding("error", seen, advice)
     return Finding("warning", seen, "the gyro's axes differ from the accelerometer's, or time does")
@@ -286,8 +276,9 @@ def stuck_readings(imu: ImuData) -> list[Finding]:
                 )
                 continue
             peak = np.abs(column).max()
-            share = np.count_nonzero(np.abs(column) > 0.9999 * peak)
-            if share > 20 and share > 2e-4 * len(column) and peak > 3 * np.std(column):
+            share = np.count_nonzero(np.abs(column) > limits.AT_PEAK * peak)
+            most = max(limits.STUCK_COUNT, limits.STUCK_SHARE * len(column))
+            if share > most and peak > limits.STUCK_SIGMAS * np.std(column):
                 findings.append(
                     Finding(
                         "warning",

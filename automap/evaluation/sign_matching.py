@@ -9,12 +9,9 @@ from typing import Any
 import numpy as np
 
 from automap.earth import ecef
+from automap.evaluation.limits import GATES_M, PAIR_GATE_M
 from automap.gates import OUTSIDE_95, gate
 from automap.records import FloatArray, IntArray, Sign, SignPoints
-
-GATES_M = (1.0, 2.0, 3.0, 5.0, 6.0, 10.0)
-PAIR_GATE_M = 15.0
-"""Errors, coverage and class accuracy are taken over the pairs within this distance."""
 
 
 def points_of(signs: Sequence[Sign]) -> SignPoints:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from automap.earth import from_local_ned, local_ned
-from automap.effects.signals import COURSE_SPEED
+from automap.effects.limits import COURSE_SPEED
 from automap.errors import InputError
 from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.limits import (

@@ -13,12 +13,12 @@ from automap.frames import wrap_pi
 from automap.interpolation import poses_at
 from automap.records import FloatArray, IntArray, Trajectory
 from automap.regression.change import Change, Tolerance
+from automap.regression.limits import EPOCHS_FLOOR
 
 EPOCHS = 32
+"""Chosen: every part of a drive is among them, and the stored file stays small."""
 _NAMES = ("north", "east", "down", "v north", "v east", "v down", "roll", "pitch", "yaw")
 _UNITS = ("m", "m", "m", "m/s", "m/s", "m/s", "deg", "deg", "deg")
-_FLOOR = np.array([0.005] * 3 + [0.002] * 3 + [np.radians(0.005)] * 3)
-"""Nobody needs to know of less, whatever sigma is stated (m, m/s, rad)."""
 _SHOWN = np.array([1.0] * 6 + [np.degrees(1.0)] * 3)
 _STEP = np.array([1e-4] * 3 + [1e-4] * 3 + [1e-6] * 3)
 """Resolution of the stored numbers (m, m/s, rad)."""
@@ -106,7 +106,7 @@ def compare(stored: Epochs, trajectory: Trajectory | None, allowed: Tolerance) -
         # what neither run knows (a trajectory without attitude, say) cannot have moved
         told = covered & np.isfinite(stored.sd[:, column])
         if told.any():
-            scale = np.maximum(stored.sd[told, column], _FLOOR[column])
+            scale = np.maximum(stored.sd[told, column], EPOCHS_FLOOR[column])
             now = difference[told, column]
             changes.append(_component(name, unit, column, now, scale, seconds[told], allowed))
     now_sd = np.column_stack([poses.sd_pos_ned, poses.sd_vel_ned, poses.sd_rpy])
@@ -164,7 +164,7 @@ def _spread(
     if not good.any():
         return None
     factor = float(np.exp(np.median(np.log(now[good] / then[good]))))
-    floor = _FLOOR[column]
+    floor = EPOCHS_FLOOR[column]
     small = bool(np.median(np.maximum(then[good], now[good])) < floor)
     scale = _SHOWN[column]
     unit = _UNITS[column]

@@ -10,11 +10,9 @@ from automap.records import Trajectory
 from automap.regression import epochs, scalars, signs
 from automap.regression.change import Change, Tolerance
 from automap.regression.epochs import Epochs
+from automap.regression.limits import LEAST_UNITS
 from automap.regression.scalars import Figures
 from automap.regression.signs import StoredSign
-
-_LEAST_UNITS = 2.0
-"""Reference computations by which a stage must be slower to be told; some tenths of a second."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +64,7 @@ def slower_stages(
     return [
         name
         for name, ratio in now.items()
-        if name in then
-        and ratio > then[name] * allowed.slower
-        and ratio - then[name] > _LEAST_UNITS
+        if name in then and ratio > then[name] * allowed.slower and ratio - then[name] > LEAST_UNITS
     ]
 
 
@@ -77,7 +73,7 @@ def compare_timing(
 ) -> list[Change]:
     """Stages by processor time in units of the reference computation.
 
-    A stage must be slower by the factor and by _LEAST_UNITS; faster is only told.
+    A stage must be slower by the factor and by LEAST_UNITS; faster is only told.
     """
     slow = slower_stages(then, now, allowed)
     return [

@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 
 from automap.regression.change import Change, Group, Tolerance
-
-_ROUNDING = 16.0
-"""Units in the last place: less is no move, however small the stated sigma."""
+from automap.regression.limits import ROUNDING
 
 _ANGLES = ("roll", "pitch", "yaw")
 
@@ -80,7 +78,7 @@ def compare(then: Figures, now: Figures, group: Group, allowed: Tolerance) -> li
             changes.append(Change(group, name, *pair, moved=True))
             continue
         (old, old_sd), (new, new_sd) = then[name], now[name]
-        floor = _ROUNDING * float(np.spacing(max(abs(old), abs(new), 1e-300)))
+        floor = ROUNDING * float(np.spacing(max(abs(old), abs(new), 1e-300)))
         step = abs(math.remainder(new - old, 360.0) if "_deg" in name else new - old)
         sigmas = 0.0 if step <= floor else step / max(old_sd, floor)
         changes.append(

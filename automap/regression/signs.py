@@ -12,9 +12,8 @@ import numpy as np
 from automap.evaluation.sign_matching import match
 from automap.records import FloatArray, Sign, SignPoints
 from automap.regression.change import Change, Tolerance
+from automap.regression.limits import SAME_SIGN_M, SIGN_FLOOR_M
 
-_SAME_SIGN_M = 10.0
-_FLOOR_M = 0.01
 _NAMED = 3
 """So many signs are named where more have come or gone."""
 
@@ -57,7 +56,7 @@ def compare(
     """What has become of the map; signs are matched one to one by place alone."""
     if not then and not now:
         return []
-    pairs = match(_points(now), _points(then), _SAME_SIGN_M)
+    pairs = match(_points(now), _points(then), SAME_SIGN_M)
     matched_now, matched_then = set(pairs.estimate.tolist()), set(pairs.truth.tolist())
     gone = [sign for i, sign in enumerate(then) if i not in matched_then]
     come = [sign for i, sign in enumerate(now) if i not in matched_now]
@@ -131,12 +130,12 @@ def _moves(
         )
         move = np.array([east, north], np.float64)
         distance[i] = float(np.hypot(east, north))
-        covariance = a.cov_en + _FLOOR_M**2 * np.eye(2)
+        covariance = a.cov_en + SIGN_FLOOR_M**2 * np.eye(2)
         if np.isfinite(covariance).all():
             sigmas[i] = float(np.sqrt(move @ np.linalg.solve(covariance, move) / 2.0))
         else:
             sigmas[i] = distance[i]
-        scale = max(a.sd_u_m, _FLOOR_M) if np.isfinite(a.sd_u_m) else 1.0
+        scale = max(a.sd_u_m, SIGN_FLOOR_M) if np.isfinite(a.sd_u_m) else 1.0
         known = np.isfinite(a.height_m) and np.isfinite(b.height_m)
         vertical[i] = abs(b.height_m - a.height_m) / scale if known else 0.0
     return distance, sigmas, vertical

@@ -17,8 +17,9 @@ from automap.simulation.scene import Scene, SceneSign
 from automap.simulation.trajectory import DriveMotion
 
 NEAR_M, FAR_M = 5.0, 60.0
-FOUND = 0.92
-LEAST_PX = 6.0
+"""Distances ahead, m, at which signs are found: nearer ones have left the picture."""
+FOUND, LEAST_PX = 0.92, 6.0
+"""Share of the signs in sight that is found in a picture, and their boxes' least size, px."""
 FACING = 0.3
 """A plate is read up to 72 deg off its normal."""
 WIDEST = 0.8

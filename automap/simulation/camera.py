@@ -15,11 +15,12 @@ from automap.simulation.scenario import CameraSetup
 from automap.simulation.scene import Ball, Colour, Patch, Scene, SceneSign
 from automap.simulation.trajectory import DriveMotion
 
-_NEAR_M = 0.4
-_FAR_M = 130.0
-_OVERSAMPLING = 4
-_SHIFT = 4
+_NEAR_M, _FAR_M = 0.4, 130.0
+"""What is drawn, m ahead: nearer is the car, further no more than a pixel or two."""
+_OVERSAMPLING, _SHIFT = 4, 4
+"""Pixels of a sign's picture to one drawn, and binary places of a pixel that OpenCV draws with."""
 _POLE_M = 0.06
+"""Width of a sign's pole."""
 
 
 class View:

@@ -11,7 +11,9 @@ from automap.records import FloatArray
 from automap.simulation.scenario import Route, Vehicle
 
 STEP_M = 0.05
+"""Distance between points of a route."""
 _HOLD_MARGIN_S = 0.01
+"""A stop ends so much before its time, so that knots of the speed stay apart."""
 
 
 @dataclass(frozen=True)

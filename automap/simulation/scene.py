@@ -17,6 +17,7 @@ Colour = tuple[int, int, int]
 """Blue, green, red."""
 
 _STEP_M = 2.0
+"""Distance between cross-sections of the street that is drawn."""
 _WALLS: tuple[Colour, ...] = (
     (170, 180, 190), (120, 140, 170), (90, 110, 150), (200, 205, 205), (140, 150, 150),
     (95, 100, 120), (160, 190, 205),

@@ -18,6 +18,7 @@ from automap.simulation.scenario import Scenario
 from automap.simulation.trajectory import DriveMotion, drive_motion
 
 N_STREAMS = 6
+"""Random streams, one a sensor: another sensor's settings change no draws of this one."""
 
 
 @dataclass(frozen=True)

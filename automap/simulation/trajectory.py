@@ -23,11 +23,11 @@ from automap.simulation.route import RouteProfile, distance_over_time, profile_r
 from automap.simulation.scenario import Scenario
 
 _KNOT_S = 0.02
-_G = 9.80665
-_JERK_WIDTH_S = 0.4
-_SUSPENSION_WIDTH_S = 0.35
-_ROUGHNESS_WIDTH_S = 0.12
-_ROUGHNESS_SPEED = 8.0
+"""Distance of the splines' knots in time: faster is vibration, which the sensors have as noise."""
+_JERK_WIDTH_S, _SUSPENSION_WIDTH_S = 0.4, 0.35
+"""Pedals and springs take so long, one sigma of a Gaussian: no jumps of acceleration or lean."""
+_ROUGHNESS_WIDTH_S, _ROUGHNESS_SPEED = 0.12, 8.0
+"""Springs pass a road's roughness below some 1.3 Hz, most of it from twice this speed, m/s."""
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,7 @@ def _signals_on_path(
     none = np.zeros(len(t))
     velocity = np.stack([speed * np.cos(heading), speed * np.sin(heading), none], axis=1)
     rate = np.stack([none, none, np.gradient(heading, t)], axis=1)
-    force = np.stack([forward, sideways, none - _G], axis=1)
+    force = np.stack([forward, sideways, none - earth.STANDARD_GRAVITY], axis=1)
     return signals_of(t, velocity, heading, forward, rate, force, None)
 
 

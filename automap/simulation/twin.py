@@ -26,8 +26,8 @@ from automap.simulation.odometer import reported_speed
 from automap.simulation.scenario import Gnss, Imu
 from automap.simulation.trajectory import DriveMotion, Motion
 
-_MIN_LENGTH_S = 2.0
-_KNOT_S = 0.1
+_MIN_LENGTH_S, _KNOT_S = 2.0, 0.1
+"""The shortest path that splines are laid through, s, and the distance of their knots."""
 _SMOOTH_S = 0.12
 """What the path does faster than this is vibration, which the model has as noise."""
 

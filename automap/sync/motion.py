@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import numpy.typing as npt
 
+from automap.earth import MEAN_RADIUS
 from automap.records import Fixes, FixType, FloatArray, ImuData, IntArray
 from automap.sync import limits
 
@@ -124,8 +125,8 @@ def position_motion(fixes: Fixes, window_s: float = 1.0) -> GnssMotion:
     t, lat, lon = fixes.gps_s[order], fixes.lat_rad[order], fixes.lon_rad[order]
     dt = np.diff(t)
     # scale errors of a spherical Earth (0.5 %) do not matter, the comparison has a free scale
-    north = np.diff(lat) * 6.371e6
-    east = np.diff(np.unwrap(lon)) * 6.371e6 * np.cos(0.5 * (lat[1:] + lat[:-1]))
+    north = np.diff(lat) * MEAN_RADIUS
+    east = np.diff(np.unwrap(lon)) * MEAN_RADIUS * np.cos(0.5 * (lat[1:] + lat[:-1]))
     usable = (dt > 1e-3) & (dt < limits.FIX_GAP_S)
     velocity = np.column_stack([north, east])[usable] / dt[usable, None]
     return _increments((t[:-1] + 0.5 * dt)[usable], velocity, window_s)

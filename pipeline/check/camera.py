@@ -12,8 +12,8 @@ from automap.errors import InputError
 from automap.evaluation.plausibility import Finding
 from automap.io.drive import Drive
 from automap.io.video import VideoHeader, VideoInput, read_chapter, read_header
+from pipeline.check import limits
 
-_SAME_START_S = 3.0
 _COUNTED_BYTES = 1 << 30
 """Files up to this size are gone through where the header does not give the frames."""
 
@@ -91,7 +91,7 @@ def geometry(drive: Drive, video: VideoInput, headers: list[VideoHeader]) -> lis
         if f"[video.{video.name}]" in text
     ]
     arm = float(np.linalg.norm(section.lever_arm_m))
-    if arm > 5.0:
+    if arm > limits.LONG_ARM_M:
         findings.append(
             Finding(
                 "warning",
@@ -109,7 +109,7 @@ def geometry(drive: Drive, video: VideoInput, headers: list[VideoHeader]) -> lis
     view = float(np.degrees(2.0 * np.arctan(0.5 * width / fx)))
     shown = f"[video.{video.name}] camera_matrix: {view:.0f} deg of horizontal view"
     off_centre = max(abs(cx / width - 0.5), abs(cy / height - 0.5))
-    if off_centre > 0.2:
+    if off_centre > limits.OFF_CENTRE:
         findings.append(
             Finding(
                 "error",
@@ -117,9 +117,9 @@ def geometry(drive: Drive, video: VideoInput, headers: list[VideoHeader]) -> lis
                 "the matrix belongs to another resolution or its rows are mixed up",
             )
         )
-    elif not 20.0 < view < 150.0:
+    elif not limits.VIEW_DEG[0] < view < limits.VIEW_DEG[1]:
         findings.append(Finding("warning", shown, "check fx: it is in pixels of this resolution"))
-    elif abs(fx / fy - 1.0) > 0.1:
+    elif abs(fx / fy - 1.0) > limits.ASPECT:
         findings.append(
             Finding("warning", f"{shown}, fx and fy differ by {100 * abs(fx / fy - 1):.0f} %")
         )
@@ -145,7 +145,7 @@ def _start(video: VideoInput, headers: list[VideoHeader]) -> list[Finding]:
         return []
     seconds = headers[0].duration_s
     length = f"{seconds:.1f} s" if np.isfinite(seconds) else "the length of the video"
-    if abs(start_ns * 1e-9 - created) < _SAME_START_S:
+    if abs(start_ns * 1e-9 - created) < limits.SAME_START_S:
         return [
             Finding(
                 "warning",

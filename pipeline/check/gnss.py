@@ -9,14 +9,13 @@ from automap.io.drive import Drive
 from automap.io.recording import Recording
 from automap.records import FixType
 from automap.timebase import gps_to_iso
+from pipeline.check import limits
 
 ABSENT: tuple[Severity, str, str] = (
     "error",
     "no receiver log",
     "without fixes there is no position on Earth: add gnss.ubx, gnss.nmea or gnss.pos",
 )
-_LONG_ARM_M = 5.0
-_FASTEST_M_S = 70.0
 
 
 def has_fix(recording: Recording) -> bool:
@@ -62,7 +61,7 @@ def _quality(recording: Recording, good: np.ndarray) -> list[Finding]:
         )
         findings.append(Finding("ok", text))
         gaps = np.diff(t)
-        if np.any(gaps > max(5.0, 5.0 * step)):
+        if np.any(gaps > max(limits.FIX_GAP_S, limits.FIX_GAP_STEPS * step)):
             findings.append(
                 Finding("info", f"longest time without a fix {float(gaps.max()):.1f} s")
             )
@@ -71,7 +70,7 @@ def _quality(recording: Recording, good: np.ndarray) -> list[Finding]:
                 Finding("warning", "the time of the fixes runs back", "is it one log or several?")
             )
     lost = 1.0 - np.count_nonzero(good) / len(fixes)
-    if lost > 0.2:
+    if lost > limits.LOST_SHARE:
         findings.append(
             Finding("warning", f"{100 * lost:.0f} % of the epochs have no fix", "check the antenna")
         )
@@ -118,13 +117,13 @@ def _jumps(recording: Recording, good: np.ndarray) -> list[Finding]:
     steps = np.diff(fixes.gps_s[rows])
     moving = steps > 0
     speed = np.linalg.norm(np.diff(position[:, :2], axis=0), axis=1)[moving] / steps[moving]
-    wild = int(np.count_nonzero(speed > _FASTEST_M_S))
+    wild = int(np.count_nonzero(speed > limits.FASTEST_M_S))
     if not wild:
         return []
     return [
         Finding(
             "warning",
-            f"the position jumps {wild} times faster than {_FASTEST_M_S:g} m/s",
+            f"the position jumps {wild} times faster than {limits.FASTEST_M_S:g} m/s",
             "single wild fixes are gated out; many mean a bad antenna place",
         )
     ]
@@ -144,7 +143,7 @@ def lever_arm(drive: Drive) -> list[Finding]:
             )
         ]
     length = float(np.linalg.norm(arm))
-    if length > _LONG_ARM_M:
+    if length > limits.LONG_ARM_M:
         return [
             Finding(
                 "warning",
@@ -152,7 +151,7 @@ def lever_arm(drive: Drive) -> list[Finding]:
                 "it is in metres, from IMU to antenna, in the vehicle's forward, right, down",
             )
         ]
-    if arm[2] > 0.5:
+    if arm[2] > limits.LOW_ANTENNA_M:
         return [
             Finding(
                 "warning",

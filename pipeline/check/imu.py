@@ -8,6 +8,7 @@ from automap.evaluation import plausibility
 from automap.evaluation.plausibility import Finding, Severity
 from automap.io.drive import Drive
 from automap.io.recording import Recording
+from pipeline.check import limits
 from pipeline.check.timing import imu_gps_time
 
 ABSENT: tuple[Severity, str, str] = (
@@ -15,8 +16,6 @@ ABSENT: tuple[Severity, str, str] = (
     "no IMU recording",
     "the trajectory will come from the fixes alone, smoothed; add imu.csv if there is one",
 )
-_SLOW_HZ = 20.0
-_LONG_GAP_S = 1.0
 
 
 def check(drive: Drive, recording: Recording) -> list[Finding]:
@@ -30,19 +29,19 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
     findings = [
         Finding("ok", f"{len(imu)} readings{source}, {rate:.1f} Hz, {span:.1f} s{temperature}")
     ]
-    if rate < _SLOW_HZ:
+    if rate < limits.SLOW_HZ:
         findings.append(
             Finding("warning", f"{rate:.1f} Hz is slow for a car", "record at 50 Hz or more")
         )
     if recording.imu_file is not None:
-        long = [gap for gap in recording.imu_file.quality.gaps if gap[1] > _LONG_GAP_S]
+        long = [gap for gap in recording.imu_file.quality.gaps if gap[1] > limits.LONG_GAP_S]
         if long:
             at, length = max(long, key=lambda gap: gap[1])
             findings.append(
                 Finding(
                     "warning",
-                    f"{len(long)} of the gaps are longer than {_LONG_GAP_S:g} s; the longest, "
-                    f"{length:.1f} s, after t_ns {at}",
+                    f"{len(long)} of the gaps are longer than {limits.LONG_GAP_S:g} s; the "
+                    f"longest, {length:.1f} s, after t_ns {at}",
                     "the position drifts there; look for a slow disk or a loose cable",
                 )
             )
@@ -72,4 +71,4 @@ def is_harmless(recording: Recording, text: str) -> bool:
     quality = recording.imu_file.quality
     longest = max((length for _, length in quality.gaps), default=0.0)
     left_out = quality.rows - quality.used
-    return longest <= _LONG_GAP_S and left_out <= 0.02 * quality.rows
+    return longest <= limits.LONG_GAP_S and left_out <= limits.LEFT_OUT_SHARE * quality.rows

@@ -11,8 +11,7 @@ from automap.io.recording import Recording, imu_time
 from automap.io.video import VideoInput
 from automap.records import NO_TIME, FloatArray
 from automap.timebase import gps_to_iso, unix_to_gps
-
-_SHORT_OVERLAP = 0.5
+from pipeline.check import limits
 
 
 def imu_gps_time(drive: Drive, recording: Recording) -> FloatArray | None:
@@ -32,7 +31,8 @@ def imu_gps_time(drive: Drive, recording: Recording) -> FloatArray | None:
         return None
     offset = float(np.median(fixes.gps_s[known] - fixes.arrival_ns[known] * 1e-9))
     # arrival lies some tenths of a second behind the epoch
-    return np.asarray(imu.t_ns * 1e-9 + offset + (drive.gnss.output_delay_s or 0.1))
+    late = drive.gnss.output_delay_s or limits.USUAL_OUTPUT_DELAY_S
+    return np.asarray(imu.t_ns * 1e-9 + offset + late)
 
 
 def check(drive: Drive, recording: Recording) -> list[Finding]:
@@ -55,7 +55,7 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
     if shared <= 0:
         advice = f"they are not of one drive, or time = {drive.imu.time!r} in [imu] is wrong"
         findings.append(Finding("error", f"IMU and fixes do not overlap in time: {spans}", advice))
-    elif shared < _SHORT_OVERLAP * shorter:
+    elif shared < limits.SHORT_OVERLAP * shorter:
         findings.append(
             Finding("warning", f"IMU and fixes overlap for {shared:.1f} s only: {spans}")
         )

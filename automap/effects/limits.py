@@ -1,0 +1,20 @@
+"""The numbers that decide how effects act, beside their own parameters, and why."""
+
+from __future__ import annotations
+
+COURSE_SPEED = 1.0
+"""m/s; below it a direction of travel means nothing and is held, and a vehicle slides aside by no
+more than it would at this speed. Velocities that err by a decimetre a second turn it by 6 deg."""
+REFERENCE_C = 25.0
+"""A temperature that nobody measured: data sheets state their figures at it."""
+FORCE_S = 0.05
+"""Forces and rates are averaged over so much (one sigma of a Gaussian) where effects depend on
+them: the vehicle's motion stays, vibration goes."""
+BLEND_S = 1.0
+"""Forward acceleration is the force's own for what is faster than this, and the change of the
+fixes' speed for what is slower: a force has bias and slope in it, and fixes come once a second."""
+LEAST_STEP_S = 0.005
+"""Widths of averages count steps of at least this. Chosen: faster stamps are doubled ones."""
+OUTLIER_M = 25.0
+"""How far off, in a random horizontal direction, a position of ``gnss_outliers`` is. Chosen: a
+reflection off a house across the street."""

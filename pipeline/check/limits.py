@@ -1,0 +1,37 @@
+"""The numbers from which ``automap check`` says something, and why.
+
+"Chosen" says of a number that no derivation gives it, and what it weighs.
+"""
+
+from __future__ import annotations
+
+LONG_ARM_M = 5.0
+"""Longer lever arms do not fit on a car: centimetres, millimetres or a wrong number."""
+LOW_ANTENNA_M = 0.5
+"""An antenna further below the IMU has the sign of a roof's turned."""
+FASTEST_M_S = 70.0
+"""Between two fixes no car is faster (250 km/h)."""
+FIX_GAP_S, FIX_GAP_STEPS = 5.0, 5.0
+"""A time without fixes that is told, s and in usual steps."""
+LOST_SHARE = 0.2
+"""Of the epochs without a fix. Chosen: a start in a garage and some bridges lose less."""
+SLOW_HZ = 20.0
+"""Turns and springs (some 2 Hz) need ten readings a period."""
+LONG_GAP_S = 1.0
+"""Without readings for so long a position is a metre off at an acceleration of 2 m/s^2."""
+LEFT_OUT_SHARE = 0.02
+"""Of the readings that a reader leaves out. Chosen: every recording has a little."""
+USUAL_OUTPUT_DELAY_S = 0.1
+"""A receiver's epochs arrive later by about this, where nobody states it."""
+SHORT_OVERLAP = 0.5
+"""Of the shorter recording's span. Chosen: less is a file of another part of the drive."""
+SAME_START_S = 3.0
+"""A start is the file's creation time if it is this near: that has whole seconds, and is written
+when the file is opened or closed."""
+OFF_CENTRE = 0.2
+"""Part of the picture by which a principal point may be off its middle: lenses are centred to some
+hundredths, and a matrix of another resolution is off by more."""
+VIEW_DEG = (20.0, 150.0)
+"""Horizontal views of cameras that look at a road through a lens with a pinhole model."""
+ASPECT = 0.1
+"""Relative difference of the two focal lengths; pixels are square."""
