@@ -21,10 +21,9 @@ MAX_STEPS = 20
 """Bounds the time of a climb along a ridge."""
 LARGEST_STEP = 0.5
 """Of a logarithm: further away a level's slope says little."""
-TRIES = 3
-SHORTEST, LONGEST = 0.02, 0.5
-"""A step that leads down is tried again, so much shorter as the parabola through the slope and
-what was found says, within these shares."""
+TRIES, SHORTEST, LONGEST = 3, 0.02, 0.5
+"""A step that leads down is tried again, so often in all, so much shorter as the parabola through
+the slope and what was found says, within these shares."""
 LEAST_INFO = 20.0
 """The variance of a process noise's slope is summed as if intervals knew nothing of one another:
 too small, and its steps would be too long."""
