@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.effects.catalogue import CATALOGUE
+from automap.effects.measured_kernels import MeasuredTerms, Terms
 from automap.effects.terms import (
     FORWARD_ACCELERATION,
     LATERAL_ACCELERATION,
@@ -23,26 +24,16 @@ from automap.effects.terms import (
     Kind,
     Term,
 )
-from automap.records import FloatArray, IntArray
+from automap.records import FloatArray
 
 Values = Mapping[str, Mapping[str, float]]
 MEASURED = (POSITION, VELOCITY, VEHICLE)
 
 
-@dataclass(frozen=True)
-class MeasuredTerms:
-    """Terms as the kernels take them: ``codes`` [m, 5], ``weights`` [m] (see
-    ``measured_kernels.TermTable``), ``signals`` the names of the columns that they need."""
-
-    codes: IntArray
-    weights: FloatArray
-    signals: tuple[str, ...]
-
-
-def measured_terms(places: Mapping[str, int]) -> MeasuredTerms:
-    """The table of effects whose first state is that parameter of the filter (``places``)."""
-    codes: list[tuple[int, int, int, int, int]] = []
-    weights: list[float] = []
+def measured_terms(places: Mapping[str, int]) -> tuple[MeasuredTerms, tuple[str, ...]]:
+    """The terms of effects whose first state is that parameter of the filter (``places``), and the
+    names of the signals whose columns they need."""
+    rows: dict[str, list[tuple[int, int, int, int, float]]] = {on: [] for on in MEASURED}
     signals: list[str] = []
     for name, first in places.items():
         states = CATALOGUE[name].states
@@ -53,10 +44,15 @@ def measured_terms(places: Mapping[str, int]) -> MeasuredTerms:
             # to first order a low-pass is a delay by its time constant
             kind, sign = (Kind.TIME, -1.0) if term.kind == Kind.LAG else (term.kind, 1.0)
             place = first + states.index(term.parameter)
-            codes.append((place, MEASURED.index(term.on), int(kind), term.axis, code))
-            weights.append(sign * term.weight)
-    table = np.array(codes, dtype=np.int64).reshape(-1, 5)
-    return MeasuredTerms(table, np.array(weights), tuple(signals))
+            rows[term.on].append((place, int(kind), term.axis, code, sign * term.weight))
+    each = [
+        Terms(
+            np.array([row[:4] for row in rows[on]], dtype=np.int64).reshape(-1, 4),
+            np.array([row[4] for row in rows[on]], dtype=np.float64),
+        )
+        for on in MEASURED
+    ]
+    return MeasuredTerms(*each), tuple(signals)
 
 
 def _signal_code(term: Term, signals: list[str]) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from automap.effects.measured_kernels import TermTable
+from automap.effects.measured_kernels import Terms
 from automap.records import FloatArray, IntArray
 
 
@@ -23,7 +23,7 @@ class Samples(NamedTuple):
 
 
 class ModelArrays(NamedTuple):
-    """``terms`` [m, 3] sensor, axis, basis; ``measured`` the terms on fixes and vehicle; ``tau``
+    """``terms`` [m, 3] sensor, axis, basis; ``on_...`` the terms on a measurement; ``tau``
     [n] correlation times s (0: none); ``walk`` [n] random-walk PSD, or variance of a correlated
     state; ``kept`` [n] which of a node's shares outlasts a change of its size, -1 all of it;
     ``noise`` [2] PSD of force and rate; ``gap`` [3] longest normal step s, force sd m/s^2 and
@@ -31,7 +31,9 @@ class ModelArrays(NamedTuple):
     inflation that counts as refused; ``earth_on``."""
 
     terms: IntArray
-    measured: TermTable
+    on_position: Terms
+    on_velocity: Terms
+    on_vehicle: Terms
     tau: FloatArray
     walk: FloatArray
     kept: IntArray

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.effects import CATALOGUE, Effect, ImuTerm, effect_named, imu_terms
-from automap.effects.measured import MEASURED, MeasuredTerms, measured_terms
+from automap.effects.measured import MEASURED, measured_terms
+from automap.effects.measured_kernels import MeasuredTerms
 from automap.errors import ConfigError
 from automap.fusion.layout import N_NAV
 from automap.fusion.options import FusionOptions
@@ -17,19 +18,20 @@ from automap.records import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class StateModel:
-    """The error state of one run: terms, offsets, priors, process noise.
+    """The error state of one run: terms, priors, process noise.
 
     ``terms`` the inertial parameters in order, ``term_table`` [m, 3] their codes, ``measured`` the
-    terms on fixes and vehicle, ``places`` the first row of each such effect; ``names`` of the
-    states after the nine navigation errors, ``prior_mean`` and ``prior_sd`` [n - 9], ``tau`` [n]
-    s, 0 where a state only walks, ``walk`` [n] its variance, or the walk's growth of it in a
-    second. ``kept`` [n]: which of a node's three shares outlasts a change of the fixes' size, -1
-    where the state does not go by it.
+    terms on fixes and vehicle and ``signals`` what they are multiplied with, ``places`` the first
+    row of each such effect; ``names`` of the states after the nine navigation errors,
+    ``prior_mean`` and ``prior_sd`` [n - 9], ``tau`` [n] s, 0 where a state only walks, ``walk`` [n]
+    its variance, or the walk's growth of it in a second. ``kept`` [n]: which of a node's three
+    shares outlasts a change of the fixes' size, -1 where the state does not go by it.
     """
 
     terms: tuple[ImuTerm, ...]
     term_table: IntArray
     measured: MeasuredTerms
+    signals: tuple[str, ...]
     places: Mapping[str, int]
     names: tuple[str, ...]
     prior_mean: FloatArray
@@ -106,8 +108,10 @@ def build_state_model(
     mean = np.array([means.get(name, 0.0) for name in names])
     spreads = np.array([sds.get(name, s) for name, s in zip(names, sd, strict=True)])
     table = np.array([(t.sensor, t.axis, t.basis) for t in terms], dtype=np.int64).reshape(-1, 3)
-    measured = measured_terms({e: first - N_NAV for e, first in places.items()})
-    return StateModel(terms, table, measured, places, tuple(names), mean, spreads, tau, walk, kept)
+    measured, signals = measured_terms({e: first - N_NAV for e, first in places.items()})
+    return StateModel(
+        terms, table, measured, signals, places, tuple(names), mean, spreads, tau, walk, kept
+    )
 
 
 def _states(options: FusionOptions, effect: Effect) -> Iterator[tuple[str, float]]:

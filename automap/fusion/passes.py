@@ -114,7 +114,7 @@ def problem_of(session: Session) -> Problem:
     if len(speed_t):
         t_imu = np.asarray((session.imu.t_ns - session.imu.t_ns[0]) * 1e-9)
         along = np.interp(t_imu, speed_t, speed)
-    named = [*(t.extra or "" for t in model.terms), *model.measured.signals]
+    named = [*(t.extra or "" for t in model.terms), *model.signals]
     signals = session_signals(session) if any(is_users(name) for name in named) else None
     return make_problem(session.imu, model, session.options, along, signals)
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from automap.effects import Signals, extra_basis
-from automap.effects.measured_kernels import TermTable
 from automap.effects.user import is_users, user_signal
 from automap.fusion import kernels
 from automap.fusion.kernels import ForwardStore, ModelArrays, NodeArrays, Samples
@@ -132,7 +131,7 @@ def make_problem(
     )
     users = {}
     if signals is not None:
-        users = {n: user_signal(n, signals) for n in model.measured.signals if is_users(n)}
+        users = {n: user_signal(n, signals) for n in model.signals if is_users(n)}
     return Problem(samples, model, options, _model_arrays(model, options, step), users)
 
 
@@ -161,7 +160,9 @@ def _model_arrays(model: StateModel, options: FusionOptions, step: float) -> Mod
     thresholds = [gate(options.gate_probability, rows) for rows in (1, 2, 3)]
     return ModelArrays(
         terms=model.term_table,
-        measured=TermTable(model.measured.codes, model.measured.weights),
+        on_position=model.measured.position,
+        on_velocity=model.measured.velocity,
+        on_vehicle=model.measured.vehicle,
         tau=model.tau,
         walk=model.walk,
         kept=model.kept,
@@ -201,8 +202,8 @@ class FilterState:
 def node_signals(problem: Problem, nodes: Nodes) -> FloatArray:
     """The signals [k, e] at the nodes that the model's terms on measurements are multiplied with:
     the size of the fixes' wandering error, or a user's."""
-    out = np.empty((len(nodes.t), len(problem.model.measured.signals)))
-    for column, name in enumerate(problem.model.measured.signals):
+    out = np.empty((len(nodes.t), len(problem.model.signals)))
+    for column, name in enumerate(problem.model.signals):
         if name in problem.users:
             out[:, column] = np.interp(nodes.t, problem.t, problem.users[name])
         else:

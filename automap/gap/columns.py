@@ -11,7 +11,7 @@ from automap.earth import RATE
 from automap.effects import CATALOGUE
 from automap.effects.imu import ACCEL, BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, imu_terms
 from automap.effects.measured import MEASURED, measured_terms
-from automap.effects.measured_kernels import TermTable, rows_along
+from automap.effects.measured_kernels import rows_along
 from automap.effects.terms import POSITION, VEHICLE, VELOCITY, Kind
 from automap.effects.user import is_users, user_signal
 from automap.frames import quat_to_matrix
@@ -157,13 +157,11 @@ def _direct(effect: str, fit: Fit, motion: Motion, at: NodeMotion) -> dict[str, 
     first = places.setdefault(effect, len(params))
     if first == len(params):
         params = np.concatenate([params, np.zeros(len(states))])
-    table = measured_terms(places)
+    terms, names = measured_terms(places)
     of_model = node_signals(fit.last.problem, fit.last.nodes).T
-    known = dict(zip(model.measured.signals, of_model, strict=True))
+    known = dict(zip(model.signals, of_model, strict=True))
     signals = motion_signals(fit, motion).at(at.t + fit.opened.drive.begin_s)
-    columns = [
-        user_signal(name, signals) if is_users(name) else known[name] for name in table.signals
-    ]
+    columns = [user_signal(name, signals) if is_users(name) else known[name] for name in names]
     rows = np.zeros((len(at.t), len(MEASURED), 3, len(params)))
     rows_along(
         at.vel,
@@ -173,7 +171,7 @@ def _direct(effect: str, fit: Fit, motion: Motion, at: NodeMotion) -> dict[str, 
         at.t,
         np.stack(columns, axis=1) if columns else np.zeros((len(at.t), 0)),
         params,
-        TermTable(table.codes, table.weights),
+        terms,
         rows,
     )
     out = {}

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.effects.measured_kernels import SIGNAL_COLUMN, TermTable, set_signals
+from automap.effects.measured_kernels import (
+    SIGNAL_COLUMN,
+    new_room,
+    set_signals,
+)
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import (
     HAS_POS_H,
@@ -45,7 +49,7 @@ def measured(
     """Rows [r, n] and residuals [r] of a measurement; ``fix`` [6] position and velocity,
     ``signals`` [e] those that the model's terms ask for."""
     none = np.zeros(3)
-    columns = np.ones(len(model.measured.signals)) if signals is None else signals
+    columns = np.ones(len(model.signals)) if signals is None else signals
     values = np.zeros((1, N_VALUES))
     values[0, :6] = np.concatenate([pos, vel]) if fix is None else fix
     values[0, WHEEL_SPEED] = speed
@@ -59,7 +63,7 @@ def measured(
     )
     arrays = ModelArrays(
         model.term_table,
-        TermTable(model.measured.codes, model.measured.weights),
+        *model.measured,
         model.tau,
         model.walk,
         model.kept,
@@ -84,6 +88,7 @@ def measured(
         place,
         params,
         now,
+        new_room(),
     )
     h, z = np.full((3, model.size), np.nan), np.full(3, np.nan)
     rows, _ = observe(number, nodes, 0, at, arrays, h, z)

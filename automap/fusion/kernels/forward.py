@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from automap.effects.measured_kernels import SIGNAL_COLUMN, set_signals
+from automap.effects.measured_kernels import SIGNAL_COLUMN, new_room, set_signals
 from automap.fusion.arrays import ForwardStore, ModelArrays, NodeArrays, Samples
 from automap.fusion.kernels.integrate import integrate, reading_at
 from automap.fusion.kernels.readings import acceleration, calm_rate
@@ -21,7 +21,7 @@ from automap.fusion.kernels.transition import (
 )
 from automap.fusion.kernels.update import inflate, pack, update_scalar
 from automap.fusion.layout import N_NAV
-from automap.fusion.measurements.observe import N_MEASUREMENTS, observe
+from automap.fusion.measurements.observe import HAS, observe
 from automap.fusion.measurements.state import AtNode
 from automap.fusion.mechanisation import N_EARTH, earth_terms, quat_to_dcm
 from automap.jit import kernel
@@ -70,8 +70,9 @@ def run_forward(
     acc = np.zeros(3)
     mid = np.zeros(6 + samples.extra.shape[1])
     signals = np.zeros(SIGNAL_COLUMN + nodes.signals.shape[1])
+    room = new_room()
     # the node's state is changed in place, here as in its parts
-    at = AtNode(pos, vel, acc, c, rate_now, rate, mid, place, xi, signals)
+    at = AtNode(pos, vel, acc, c, rate_now, rate, mid, place, xi, signals, room)
     h = np.zeros((3, n))
     z = np.zeros(3)
     zz = np.zeros(3)
@@ -147,11 +148,12 @@ def run_forward(
         if not relinearise:
             dx[:] = 0.0
         acceleration(samples, i, t, place[2], c, acc)
-        set_signals(signals, nodes.t[k], nodes.signals[k])
-        for number in range(N_MEASUREMENTS):
-            rows, first = observe(number, nodes, k, at, model, h, z)
-            if rows == 0:
+        set_signals(signals, t, nodes.signals[k])
+        flags = nodes.flags[k]
+        for number in range(len(HAS)):
+            if (flags & HAS[number]) == 0:
                 continue
+            rows, first = observe(number, nodes, k, at, model, h, z)
             # first as it is; the scalars' innovations add up to the block's NIS
             p_before[:, :] = p
             dx_before[:] = dx

@@ -45,7 +45,10 @@ def constraint(
     """
     if (nodes.flags[k] & NHC) == 0:
         return 0, 0
-    vehicle_velocity(h, z, at.vel, at.c, at.rate, at.acc, at.params, model.measured, at.signals)
+    terms, params, signals, room = model.on_vehicle, at.params, at.signals, at.room
+    vehicle_velocity(
+        h, z, at.vel, at.c, at.rate, at.acc, params, terms.codes, terms.weights, signals, room
+    )
     z[0], z[1] = -z[1], -z[2]
     h[0, :] = h[1, :]
     h[1, :] = h[2, :]

@@ -3,6 +3,15 @@
 from __future__ import annotations
 
 from automap.fusion.arrays import ModelArrays, NodeArrays
+from automap.fusion.layout import (
+    HAS_POS_H,
+    HAS_POS_V,
+    HAS_VEL_H,
+    HAS_VEL_V,
+    NHC,
+    ODOMETER,
+    STANDSTILL,
+)
 from automap.fusion.measurements.constraint import constraint
 from automap.fusion.measurements.position import position
 from automap.fusion.measurements.rest import zero_rate, zero_velocity
@@ -12,7 +21,8 @@ from automap.fusion.measurements.wheel_speed import wheel_speed
 from automap.jit import kernel
 from automap.records import FloatArray
 
-N_MEASUREMENTS = 6
+HAS = (HAS_POS_H | HAS_POS_V, HAS_VEL_H | HAS_VEL_V, NHC, ODOMETER, STANDSTILL, STANDSTILL)
+"""Flags of the nodes that have a measurement, by its number."""
 
 
 @kernel

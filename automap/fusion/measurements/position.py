@@ -52,22 +52,21 @@ def position(
 ) -> tuple[int, int]:
     """Residual ``z`` [3] m NED and rows ``h`` [3, n]: number of rows, first channel (loosely
     coupled: Groves, section 14.3)."""
-    horizontal = (nodes.flags[k] & HAS_POS_H) != 0
-    vertical = (nodes.flags[k] & HAS_POS_V) != 0
+    flags, fix, pos = nodes.flags[k], nodes.fix[k], at.pos
+    horizontal, vertical = (flags & HAS_POS_H) != 0, (flags & HAS_POS_V) != 0
     if not (horizontal or vertical):
         return 0, 0
-    offset = np.zeros(3)
-    antenna_position(h, offset, at.vel, at.c, at.rate, at.params, model.measured, at.signals)
-    pos = at.pos
+    terms, params, signals, room = model.on_position, at.params, at.signals, at.room
+    antenna_position(h, z, at.vel, at.c, at.rate, params, terms.codes, terms.weights, signals, room)
     rm, rn = radii(pos[0])
-    dlon = nodes.fix[k, 1] - pos[1]
+    dlon = fix[1] - pos[1]
     if dlon > math.pi:
         dlon -= 2 * math.pi
     elif dlon < -math.pi:
         dlon += 2 * math.pi
-    z[0] = (nodes.fix[k, 0] - pos[0]) * (rm + pos[2]) - offset[0]
-    z[1] = dlon * (rn + pos[2]) * math.cos(pos[0]) - offset[1]
-    z[2] = -(nodes.fix[k, 2] - pos[2]) - offset[2]
+    z[0] = (fix[0] - pos[0]) * (rm + pos[2]) - z[0]
+    z[1] = dlon * (rn + pos[2]) * math.cos(pos[0]) - z[1]
+    z[2] = -(fix[2] - pos[2]) - z[2]
     if horizontal:
         return (3 if vertical else 2), CH_POS
     z[0] = z[2]

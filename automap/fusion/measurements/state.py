@@ -12,7 +12,7 @@ class AtNode(NamedTuple):
     [3, 3] attitude; ``rate`` [3] rad/s at the node without the noise of its reading, ``mean_rate``
     [3] over the interval before it; ``reading`` [6 + e] the last corrected reading and extra
     signals; ``place`` [9] the terms of the place (``mechanisation.earth_terms``); ``params`` [p];
-    ``signals`` [4 + e] that terms of effects are multiplied with."""
+    ``signals`` [4 + e] that terms are multiplied with; ``room`` [ROOM, 3] for their sums."""
 
     pos: FloatArray
     vel: FloatArray
@@ -24,3 +24,4 @@ class AtNode(NamedTuple):
     place: FloatArray
     params: FloatArray
     signals: FloatArray
+    room: FloatArray

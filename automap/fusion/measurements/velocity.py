@@ -36,13 +36,16 @@ def velocity(
 ) -> tuple[int, int]:
     """Residual ``z`` [3] m/s NED and rows ``h`` [3, n]: number of rows, first channel (loosely
     coupled: Groves, section 14.3)."""
-    horizontal = (nodes.flags[k] & HAS_VEL_H) != 0
-    vertical = (nodes.flags[k] & HAS_VEL_V) != 0
+    flags, fix = nodes.flags[k], nodes.fix[k]
+    horizontal, vertical = (flags & HAS_VEL_H) != 0, (flags & HAS_VEL_V) != 0
     if not (horizontal or vertical):
         return 0, 0
-    antenna_velocity(h, z, at.vel, at.c, at.rate, at.acc, at.params, model.measured, at.signals)
+    terms, params, signals, room = model.on_velocity, at.params, at.signals, at.room
+    antenna_velocity(
+        h, z, at.vel, at.c, at.rate, at.acc, params, terms.codes, terms.weights, signals, room
+    )
     for a in range(3):
-        z[a] = nodes.fix[k, 3 + a] - z[a]
+        z[a] = fix[3 + a] - z[a]
     if horizontal:
         return (3 if vertical else 2), CH_VEL
     z[0] = z[2]

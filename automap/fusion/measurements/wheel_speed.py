@@ -56,6 +56,9 @@ def wheel_speed(
     """Residual ``z`` [1] m/s and row ``h`` [1, n] (Groves, section 6.3)."""
     if (nodes.flags[k] & ODOMETER) == 0:
         return 0, 0
-    vehicle_velocity(h, z, at.vel, at.c, at.rate, at.acc, at.params, model.measured, at.signals)
+    terms, params, signals, room = model.on_vehicle, at.params, at.signals, at.room
+    vehicle_velocity(
+        h, z, at.vel, at.c, at.rate, at.acc, params, terms.codes, terms.weights, signals, room
+    )
     z[0] = nodes.fix[k, WHEEL_SPEED] - z[0]
     return 1, CH_ODOMETER
