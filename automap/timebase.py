@@ -16,8 +16,7 @@ import numpy.typing as npt
 
 from automap.records import FloatArray, IntArray
 
-DAY_S = 86_400
-WEEK_S = 604_800
+DAY_S, WEEK_S = 86_400, 604_800
 ROLLOVER_S = 1024 * WEEK_S
 """Period of the ten-bit week number of the legacy GPS message, 19.6 years."""
 

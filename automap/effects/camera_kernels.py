@@ -17,9 +17,9 @@ TURN, TIME, SHUTTER, FOCAL, LENS, LEVER_ARM = 0, 3, 4, 5, 6, 8
 N_COLUMNS = 11
 """Turn (roll, pitch, yaw in camera axes), time, shutter, focal length, k1, k2, lever arm."""
 
-_ROUNDS = 30
-_LONGEST_STEP = 0.5
-_SETTLED = 1e-12
+_ROUNDS, _LONGEST_STEP, _SETTLED = 30, 0.5, 1e-12
+"""Newton's steps at most, the longest, which keeps it from jumping over a fold, and the one that
+is rounding."""
 _FOLDED = 1e-3
 """Share of the undistorted area below which the lens model counts as folding over."""
 

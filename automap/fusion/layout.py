@@ -10,13 +10,8 @@ from __future__ import annotations
 from automap.effects.navigation import N_NAV, P_ID, PHI_ID, V_ID
 
 # bits of a node's flags
-HAS_POS_H = 1
-HAS_POS_V = 2
-HAS_VEL_H = 4
-HAS_VEL_V = 8
-STANDSTILL = 16
-NHC = 32
-ODOMETER = 64
+HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V = 1, 2, 4, 8
+STANDSTILL, NHC, ODOMETER = 16, 32, 64
 
 # columns of a node's values: latitude, longitude, height, velocity NED, wheel speed
 WHEEL_SPEED = 6

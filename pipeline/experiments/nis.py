@@ -10,6 +10,7 @@ from automap.gates import mean_square_limits
 from pipeline.experiments.base import Experiment, new_figure
 
 WINDOW = 50
+"""Epochs of the moving mean: its band is then narrow enough to show a wrong sigma."""
 _BLOCKS = ("position", "velocity")
 
 

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from pipeline.settings.load import Settings
 
 _COUNTS = ("fixes", "fixes_used", "n_detections", "detections_used")
-_PATH_TOLERANCE_M = 0.5
-_PATH_LIMIT = 80
+_PATH_TOLERANCE_M, _PATH_LIMIT = 0.5, 80
+"""The path that is stored for drawing: how far off it may be, m, and its points at most."""
 _DIGEST_LENGTH = 12
 _TRUTH = ("position_rms_m", "velocity_rms", "attitude_rms_deg")
 
