@@ -41,9 +41,9 @@ GENERAL = (
 )
 
 
-def advice(effect: str, rivals: Collection[str]) -> str:
+def advice(effect: str, confusable: Collection[str]) -> str:
     """The manoeuvre that tells an effect from its rivals, nothing without any."""
-    if not rivals:
+    if not confusable:
         return ""
-    known = [_PAIRS[p] for r in rivals if (p := frozenset({effect, r})) in _PAIRS]
+    known = [_PAIRS[p] for r in confusable if (p := frozenset({effect, r})) in _PAIRS]
     return "; ".join(dict.fromkeys(known)) or GENERAL

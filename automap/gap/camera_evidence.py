@@ -9,7 +9,7 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.gap.camera_fit import CameraFit
 from automap.gap.camera_views import Boxes, keys
-from automap.gap.evidence import Scores, without
+from automap.gap.evidence import Scores, marginalised
 from automap.gap.result import ParameterValue
 from automap.records import FloatArray, IntArray
 
@@ -43,7 +43,7 @@ def marginal(fit: CameraFit, accepted: Sequence[str]) -> Scores:
         sds = np.concatenate(
             [sds, [FREE_FACTOR * p.prior_sd for p in CATALOGUE[effect].parameters]]
         )
-    kept = without(fit.scores, nuisances, sds)
+    kept = marginalised(fit.scores, nuisances, sds)
     k = len(keys())
     return Scores(kept.score[:k], kept.info[:k, :k], kept.blocks[:, :k], kept.block_info[:, :k, :k])
 

@@ -13,21 +13,21 @@ from automap.gap.evidence import p_value
 from automap.gap.model import SKEW
 from automap.gap.naming import OFFSETS, by_sign, first_offset, offset_at_start, offset_besides
 from automap.gap.screening import screen
-from automap.gap.search_state import MIN_NATS, Say, State, Trial, fit_all, joint_of
+from automap.gap.search_state import MIN_NATS, Log, State, Trial, fit_all, joint_of
 from automap.gap.trial import try_candidate
 
 
-def missing_offset(state: State, effects: Sequence[str], say: Say) -> Trial | None:
+def missing_offset(state: State, effects: Sequence[str], log: Log) -> Trial | None:
     """The offset between clocks of which so far only the skew is named, though they agree at no
     instant of the drives: a skew brings its own offset along, which nobody is told."""
     offsets = [e for e in effects if e in OFFSETS]
     if SKEW not in state.accepted or not offsets or not offset_besides(state.fits):
         return None
-    say("clocks agree nowhere: trying an offset besides their skew")
+    log("clocks agree nowhere: trying an offset besides their skew")
     fewer = {e: s for e, s in state.accepted.items() if e != SKEW}
     plain = replace(state, accepted=fewer, fits=fit_all(state, state.model, fewer))
     screening = screen(plain.fits, offsets)
-    alone = [try_candidate(plain, c, state.model, screening, say) for c in screening.candidates[:1]]
+    alone = [try_candidate(plain, c, state.model, screening, log) for c in screening.candidates[:1]]
     alone = [t for t in by_sign(alone, offsets) if t.nats >= MIN_NATS]
     if not alone:
         return None
@@ -38,7 +38,7 @@ def missing_offset(state: State, effects: Sequence[str], say: Say) -> Trial | No
     return replace(alone[0], joint=joint, fits=tuple(fits), model=state.model)
 
 
-def starting_offset(state: State, effects: Sequence[str], say: Say) -> Trial | None:
+def starting_offset(state: State, effects: Sequence[str], log: Log) -> Trial | None:
     """The offset that clocks have at the first sample besides their skew, once all else is named:
     an age of velocities that is still missing would look like one."""
     if SKEW not in state.accepted or any(e in state.accepted for e in OFFSETS):
@@ -47,7 +47,7 @@ def starting_offset(state: State, effects: Sequence[str], say: Say) -> Trial | N
     effect = "imu_time_offset" if first > 0.0 else "gnss_latency"
     if first == 0.0 or effect not in effects:
         return None
-    say(f"clocks disagree by {first:.3f} s at the first sample: an offset besides their skew")
+    log(f"clocks disagree by {first:.3f} s at the first sample: an offset besides their skew")
     screening = screen(state.fits, [effect])
     estimate = state.accepted | {effect: screening.candidates[0].evidence.scale}
     fits = fit_all(state, state.model, estimate)

@@ -19,7 +19,7 @@ from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALA
 from automap.fusion.problem import node_signals
 from automap.fusion.steady_rate import steady_rate
 from automap.gap.fit import Fit, Motion, at_times, lagged, motion_of
-from automap.gap.kernels import push_columns
+from automap.gap.kernels import propagate_columns
 from automap.gap.motion_signals import motion_signals
 from automap.records import FloatArray, IntArray
 
@@ -225,7 +225,7 @@ def sensitivities(fit: Fit, motion: Motion, columns: Sequence[Column]) -> FloatA
     n = len(motion.t)
     table: IntArray = np.array(terms, dtype=np.int64).reshape(-1, 4)
     out = np.zeros((total, len(order)))
-    push_columns(
+    propagate_columns(
         motion.t,
         motion.force,
         np.ascontiguousarray(motion.dcm),

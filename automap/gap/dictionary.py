@@ -229,7 +229,7 @@ def _at_right_angles(rows: Sequence[FloatArray]) -> FloatArray:
 def _fix_columns(signals: Signals) -> list[Column]:
     """Formulas on the fixes, ``signals`` at the nodes."""
     # a latency and a lever arm say these already
-    told = {
+    known = {
         ("position_along", "speed"),
         ("velocity_along", "acceleration"),
         ("velocity_across", "lateral_acceleration"),
@@ -237,7 +237,7 @@ def _fix_columns(signals: Signals) -> list[Column]:
     out = []
     for on in OF_FIXES:
         for text in ON_FIXES:
-            if (on, text) in told:
+            if (on, text) in known:
                 continue
             amount = parse_formula(text)(signals)
             by_channel = np.zeros((len(amount), MAX_SCALARS))

@@ -68,8 +68,8 @@ class GapDrive:
         wheels = self.odometer
         if wheels is not None:
             wheel_t = (wheels.t_ns - self.imu.t_ns[0]) * 1e-9
-            near = (wheel_t >= start_s) & (wheel_t <= stop_s)
-            wheels = WheelSpeed(wheels.t_ns[near], wheels.speed[near])
+            during = (wheel_t >= start_s) & (wheel_t <= stop_s)
+            wheels = WheelSpeed(wheels.t_ns[during], wheels.speed[during])
         begin = self.begin_s + (float(t[rows[0]]) if len(rows) else 0.0)
         fixes = Fixes(**columns)
         return replace(self, imu=imu, fixes=fixes, name=name, odometer=wheels, begin_s=begin)
@@ -77,12 +77,12 @@ class GapDrive:
 
 @dataclass(frozen=True)
 class OpenDrive:
-    """A drive with its fixes modelled and its standstill found, ready for the passes; ``n_wild``
-    fixes lie off the path of the others."""
+    """A drive with its fixes modelled and its standstill found, ready for the passes;
+    ``n_outliers`` fixes lie off the path of the others."""
 
     drive: GapDrive
     session: Session
-    n_wild: int = 0
+    n_outliers: int = 0
 
 
 def in_vehicle_axes(drive: GapDrive, options: FusionOptions) -> GapDrive:
@@ -144,10 +144,10 @@ def open_drive(drive: GapDrive, options: FusionOptions) -> OpenDrive:
         wheels = Odometer(np.asarray((drive.odometer.t_ns - base_ns) * 1e-9), drive.odometer.speed)
     begin = drive.begin_s
     session = Session(drive.imu, fixes, options, still, means, sds, span, wheels, begin)
-    return OpenDrive(drive, session, screened.n_wild)
+    return OpenDrive(drive, session, screened.n_outliers)
 
 
-def wild_fixes(drive: GapDrive, options: FusionOptions, factors: Mapping[str, float]) -> int:
+def count_outliers(drive: GapDrive, options: FusionOptions, factors: Mapping[str, float]) -> int:
     """How many fixes lie off the path of the others by far more than noise of other levels."""
     t = np.asarray((drive.clock.t_ns(drive.fixes.gps_s) - int(drive.imu.t_ns[0])) * 1e-9)
     fixes = model_fixes(drive.fixes, t, options)
@@ -155,7 +155,7 @@ def wild_fixes(drive: GapDrive, options: FusionOptions, factors: Mapping[str, fl
     white = fixes.white_var * np.array([factors[level] for level in levels]) ** 2
     wander = fixes.wander_sd * factors["wander"]
     scaled = replace(fixes, white_var=white, wander_sd=wander)
-    return screen_fixes(scaled, options.wander_tau_s).n_wild
+    return screen_fixes(scaled, options.wander_tau_s).n_outliers
 
 
 def _rows(fixes: FixModel, keep: BoolArray) -> FixModel:

@@ -21,7 +21,7 @@ PRIOR_SCALES = (1.0, 5.0)
 ROOM = 1.5
 BLOCK_S = 8.0
 SHRINK_BLOCKS = 12.0
-MAX_EXCESS = 4.0
+MAX_OVERDISPERSION = 4.0
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def scores_of(rows: WhiteRows) -> Scores:
     return Scores(blocks.sum(axis=0), infos.sum(axis=0), blocks, infos)
 
 
-def without(scores: Scores, nuisances: IntArray, prior_sd: FloatArray) -> Scores:
+def marginalised(scores: Scores, nuisances: IntArray, prior_sd: FloatArray) -> Scores:
     """Scores with nuisance columns [q] of prior sds [q] marginalised (they stay, with nothing)."""
     if len(nuisances) == 0:
         return scores
@@ -91,8 +91,8 @@ class Evidence:
     estimate: FloatArray
     sd: FloatArray
     scale: float
-    excess: float
-    unscattered: float
+    overdispersion: float
+    uncorrected: float
 
 
 def evidence(
@@ -120,18 +120,18 @@ def evidence(
             estimate = sd * (cov @ h)
             best = Evidence(nats, estimate, sd * np.sqrt(np.diag(cov)), scale, 1.0, nats)
     assert best is not None
-    excess = _excess(scores, columns, best.estimate)
+    overdispersion = _overdispersion(scores, columns, best.estimate)
     room = ROOM * float(np.max(np.abs(best.estimate) / prior_sd))
     best = replace(best, scale=max(best.scale, room) if room > best.scale * ROOM else best.scale)
-    if excess > 1.0:
+    if overdispersion > 1.0:
         fixed = 0.5 * float(best.estimate @ g)
         best = Evidence(
-            best.nats - fixed * (1.0 - 1.0 / excess),
+            best.nats - fixed * (1.0 - 1.0 / overdispersion),
             best.estimate,
-            best.sd * np.sqrt(excess),
+            best.sd * np.sqrt(overdispersion),
             best.scale,
-            excess,
-            best.unscattered,
+            overdispersion,
+            best.uncorrected,
         )
     return best
 
@@ -148,7 +148,7 @@ def _sparse(h: FloatArray, b: FloatArray) -> FloatArray:
     return total
 
 
-def _excess(scores: Scores, columns: IntArray, theta: FloatArray) -> float:
+def _overdispersion(scores: Scores, columns: IntArray, theta: FloatArray) -> float:
     """How much more the score along ``theta`` scatters from stretch to stretch than it should.
 
     The sandwich of White (1980) with stretches as clusters, shrunk towards one where there
@@ -167,7 +167,9 @@ def _excess(scores: Scores, columns: IntArray, theta: FloatArray) -> float:
     ratio = float(np.sum((along - slope * expected) ** 2)) / total
     # in stretches that count
     count = total**2 / max(float(np.sum(expected**2)), 1e-300)
-    return min(max(1.0, (count * ratio + SHRINK_BLOCKS) / (count + SHRINK_BLOCKS)), MAX_EXCESS)
+    return min(
+        max(1.0, (count * ratio + SHRINK_BLOCKS) / (count + SHRINK_BLOCKS)), MAX_OVERDISPERSION
+    )
 
 
 def null_maxima(

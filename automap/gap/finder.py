@@ -9,12 +9,11 @@ from automap.effects import CATALOGUE
 from automap.errors import InputError
 from automap.fusion.options import FusionOptions
 from automap.gap.advice import advice
+from automap.gap.branches import search
 from automap.gap.camera_search import CameraGap
-from automap.gap.challenge import challenge
 from automap.gap.drive import GapDrive, in_vehicle_axes, open_drive
 from automap.gap.effect_library import library
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.fork import search
 from automap.gap.formula_effect import adopt, name_of
 from automap.gap.heldout import channel_gaps, epochs, fit_held_out, remaining_gap, total_score
 from automap.gap.identifiability import Identifiability, identifiability
@@ -22,9 +21,10 @@ from automap.gap.locate import places, worst_by_channel
 from automap.gap.model import GapModel, base_model
 from automap.gap.result import Finding, GapResult, ParameterValue, Unexplained
 from automap.gap.scoring import Joint, whitener_of
-from automap.gap.search import begin, eliminate
-from automap.gap.search_state import Say, State, values_of
+from automap.gap.search import backward_elimination, initial_state
+from automap.gap.search_state import Log, State, values_of
 from automap.gap.stochastic import stochastic_findings
+from automap.gap.substitution import substitute_formulas
 
 FIT_SHARE = 2.0 / 3.0
 """Without a held-out drive, so much of each drive is fitted; the rest is held out."""
@@ -39,13 +39,13 @@ def find_gaps(
     holdout: Sequence[GapDrive] = (),
     model: GapModel | None = None,
     exclude: Collection[str] = (),
-    say: Say = lambda text: None,
+    log: Log = lambda text: None,
 ) -> GapResult:
     """Find what the model of the drives is missing, name it, and show the gap shrink.
 
     ``drives`` recordings that are fitted, ``holdout`` others that are not (without any, the last
     third of each drive is held out); ``model`` whose gap is wanted, default ``base_model()``;
-    ``exclude`` effects that the library is to do without; ``say`` receives what is going on.
+    ``exclude`` effects that the library is to do without; ``log`` receives what is going on.
 
     Raises:
         InputError: no drive, or one that has too little data.
@@ -62,16 +62,16 @@ def find_gaps(
         held = [_head(d, MAX_HELD_S) for d in held]
     opened = [open_drive(d, model.options) for d in turned]
     kept = [open_drive(d, model.options) for d in held]
-    state = begin(opened, kept, model, say)
+    state = initial_state(opened, kept, model, log)
     state.exclude = frozenset(exclude)
     base = state.model
-    search(state, exclude, say)
-    adopt(state, say)
-    joint = eliminate(state, say)
+    search(state, exclude, log)
+    adopt(state, log)
+    joint = backward_elimination(state, log)
     if state.unexplained is None:
-        challenge(state, exclude, say)
-        joint = eliminate(state, say)
-    say("measuring the gap on held-out data")
+        substitute_formulas(state, exclude, log)
+        joint = backward_elimination(state, log)
+    log("measuring the gap on held-out data")
     return _result(state, base, joint)
 
 
@@ -153,13 +153,13 @@ def _result(
                 trial.p_value,
                 trail[number - 1],
                 trail[number],
-                state.rivals.get(trial.effect, ()),
-                advice(trial.effect, state.rivals.get(trial.effect, ())),
+                state.confusable.get(trial.effect, ()),
+                advice(trial.effect, state.confusable.get(trial.effect, ())),
             )
         )
     findings += [
-        replace(f, confusable_with=(*f.confusable_with, *state.rivals.get(f.effect, ())))
-        for f in stochastic_findings(state.fits, state.asked, rest, state.exclude)
+        replace(f, confusable_with=(*f.confusable_with, *state.confusable.get(f.effect, ())))
+        for f in stochastic_findings(state.fits, state.stated_factors, rest, state.exclude)
     ]
     found = places(first, final)
     model = replace(state.model, values={**state.model.values, **final_values})
@@ -184,7 +184,9 @@ def _unclear(state: State, model: GapModel) -> Identifiability:
     """What the fitted drives cannot tell, the accepted effects held at their values."""
     fits = state.fits
     if state.accepted:
-        fits = [fit_drive(d, model, near=f) for d, f in zip(state.drives, fits, strict=True)]
+        fits = [
+            fit_drive(d, model, linearised_at=f) for d, f in zip(state.drives, fits, strict=True)
+        ]
     wheels = any(d.session.odometer is not None for d in state.drives)
     effects = library(frozenset(state.exclude), wheels, model.options.earth_rotation)
     return identifiability(fits, effects)
@@ -195,7 +197,7 @@ def with_cameras(
 ) -> GapResult:
     """The result with what was found about the cameras."""
     findings = (*result.findings, *(f for c in cameras for f in c.findings))
-    told = (*result.warnings, *warnings, *(t for c in cameras for t in c.warnings))
+    sentences = (*result.warnings, *warnings, *(t for c in cameras for t in c.warnings))
     verdict = result.verdict
     if len(findings) > len(result.findings):
         after, before = result.gap_after, result.gap_before
@@ -209,7 +211,7 @@ def with_cameras(
         text = f"missing from the camera: {names}; with it the gap on held-out signs falls {shrunk}"
         nothing = not result.findings and result.unexplained is None
         verdict = text if nothing else f"{verdict}; {text}"
-    return replace(result, findings=findings, warnings=told, verdict=verdict)
+    return replace(result, findings=findings, warnings=sentences, verdict=verdict)
 
 
 def _unexplained(state: State) -> Unexplained | None:
@@ -218,7 +220,7 @@ def _unexplained(state: State) -> Unexplained | None:
         return None
     return Unexplained(
         formula.channel,
-        formula.told,
+        formula.equation,
         formula.coefficient,
         formula.sd,
         formula.evidence.nats,

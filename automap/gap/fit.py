@@ -11,13 +11,13 @@ from automap.fusion.again import run_again
 from automap.fusion.layout import N_NAV
 from automap.fusion.passes import Pass, Session, run_passes
 from automap.fusion.problem import Start, full_covariance
-from automap.gap.ages import Ages, ages_matter, ages_of, without_remainder
+from automap.gap.delays import Delays, delays_of, has_delays, without_higher_orders
 from automap.gap.drive import OpenDrive
 from automap.gap.model import GapModel, parameter_names, session_with
 from automap.gap.motion import Motion, at_times, lagged, motion_of
 from automap.records import FloatArray
 
-AGE_ROUNDS = 8
+DELAY_ROUNDS = 8
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Fit:
     """A model on a drive.
 
     ``values`` [p] and ``cov`` [p, p] of the estimated effects' parameters, ``names`` as
-    (effect, parameter); ``score`` the log-likelihood in nats, marginal over all states; ``ages``
+    (effect, parameter); ``score`` the log-likelihood in nats, marginal over all states; ``delays``
     what was taken out of the fixes beyond the first order.
     """
 
@@ -37,7 +37,7 @@ class Fit:
     values: FloatArray
     cov: FloatArray
     score: float
-    ages: Ages = field(default_factory=Ages)
+    delays: Delays = field(default_factory=Delays)
 
     def value_of(self, effect: str) -> dict[str, float]:
         """Estimated parameters of an effect."""
@@ -55,30 +55,30 @@ def fit_drive(
     opened: OpenDrive,
     model: GapModel,
     estimate: Mapping[str, float] | None = None,
-    near: Fit | None = None,
+    linearised_at: Fit | None = None,
 ) -> Fit:
     """Run the passes under the model, with the effects ``estimate`` (effect -> factor on the
     prior sd) as states and all others of the model at their values.
 
-    ``near`` another model's fit to the same drive: the passes begin about its path.
+    ``linearised_at`` another model's fit to the same drive: the passes begin about its path.
     """
     estimate = estimate or {}
     session, where = session_with(opened, model, estimate)
-    ages = Ages()
-    if near is None:
+    delays = Delays()
+    if linearised_at is None:
         last, found = run_passes(session, None, constrained=True)
         start = found.start
     else:
-        last, start = near.last, near.start
-        if near.ages != ages and ages_matter(where):
-            ages = near.ages
-        last, start = _pass_less(session, last, start, ages)
-    for _ in range(AGE_ROUNDS):
-        found_ages = ages_of(last, where)
-        if found_ages.near(ages, session.span[1]):
+        last, start = linearised_at.last, linearised_at.start
+        if linearised_at.delays != delays and has_delays(where):
+            delays = linearised_at.delays
+        last, start = _repeat_passes(session, last, start, delays)
+    for _ in range(DELAY_ROUNDS):
+        found_delays = delays_of(last, where)
+        if found_delays.close_to(delays, session.span[1]):
             break
-        ages = found_ages
-        last, start = _pass_less(session, last, start, ages)
+        delays = found_delays
+        last, start = _repeat_passes(session, last, start, delays)
     model_names = last.problem.model.names
     n = last.problem.model.size
     names, rows, signs = [], [], []
@@ -95,15 +95,25 @@ def fit_drive(
     cov = full_covariance(last.forward.store.cov[-1:], n)[0]
     part = cov[np.ix_(at + N_NAV, at + N_NAV)] * np.outer(sign_row, sign_row)
     return Fit(
-        opened, model, last, start, tuple(names), values, part, float(last.forward.score), ages=ages
+        opened,
+        model,
+        last,
+        start,
+        tuple(names),
+        values,
+        part,
+        float(last.forward.score),
+        delays=delays,
     )
 
 
-def _pass_less(session: Session, last: Pass, start: Start, ages: Ages) -> tuple[Pass, Start]:
-    """The passes again about the path of ``last``, without what ``ages`` do to the fixes beyond
+def _repeat_passes(
+    session: Session, last: Pass, start: Start, delays: Delays
+) -> tuple[Pass, Start]:
+    """The passes again about the path of ``last``, without what ``delays`` do to the fixes beyond
     the first order."""
-    if ages != Ages():
-        fixes = without_remainder(session.fixes, last, motion_of(last), ages)
+    if delays != Delays():
+        fixes = without_higher_orders(session.fixes, last, motion_of(last), delays)
         session = replace(session, fixes=fixes)
     return run_again(session, last, start)
 

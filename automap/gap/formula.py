@@ -84,7 +84,7 @@ class Formula:
         return first, *self.others
 
     @property
-    def told(self) -> str:
+    def equation(self) -> str:
         """What it adds, as a person writes it; the coefficient of a single term is k."""
         return "; ".join(
             f"{term.channel} += {name} * {term.text}"
@@ -140,12 +140,12 @@ def without_formula(opened: OpenDrive, fit: Fit, column: Column, coefficient: fl
 def screen_formulas(
     fits: Sequence[Fit],
     exclude: Collection[str] = (),
-    scattering: bool = True,
+    correct_overdispersion: bool = True,
 ) -> list[Formula]:
     """The strongest formulas of fitted drives, best first.
 
-    Without ``scattering`` a score that scatters more than it should counts in full: under noise
-    that is known to be too small everything scatters.
+    Without ``correct_overdispersion`` a score that scatters more than it should counts in full:
+    under noise that is known to be too small everything scatters.
     """
     total: dict[tuple[str, str], Scores] = {}
     measured: dict[tuple[str, str], Scores] = {}
@@ -174,7 +174,7 @@ def screen_formulas(
     maxima = null_maxima(flat, groups, NULL_DRAWS)
     out = []
     for name, part in total.items():
-        found = _evidence(part, measured[name], sds[name], scattering)
+        found = _evidence(part, measured[name], sds[name], correct_overdispersion)
         out.append(
             Formula(
                 name[0],
@@ -191,7 +191,7 @@ def screen_formulas(
     return sorted(out, key=lambda f: -f.evidence.nats)
 
 
-def refined(fits: Sequence[Fit], formula: Formula, scattering: bool = True) -> Formula:
+def refined(fits: Sequence[Fit], formula: Formula, correct_overdispersion: bool = True) -> Formula:
     """The formula with the instant or time constant that the drives show best."""
     if formula.channel not in CHANNELS:
         return formula
@@ -209,7 +209,7 @@ def refined(fits: Sequence[Fit], formula: Formula, scattering: bool = True) -> F
         part = reduce(operator.add, (_single(every, i) for every, _ in per_drive))
         seen = reduce(operator.add, (_single(free, i) for _, free in per_drive))
         own = tuple(c[i] for c in columns)
-        found = _evidence(part, seen, own[0].prior_sd, scattering)
+        found = _evidence(part, seen, own[0].prior_sd, correct_overdispersion)
         if found.nats > best.nats:
             best = replace(
                 formula,
@@ -224,11 +224,13 @@ def refined(fits: Sequence[Fit], formula: Formula, scattering: bool = True) -> F
     return best
 
 
-def _evidence(part: Scores, measured: Scores, prior_sd: float, scattering: bool) -> Evidence:
+def _evidence(
+    part: Scores, measured: Scores, prior_sd: float, correct_overdispersion: bool
+) -> Evidence:
     """Evidence of one column; ``measured`` its scores without the vehicle constraint."""
     if _conflict(part, measured):
         part = measured
-    if not scattering:
+    if not correct_overdispersion:
         part = replace(part, blocks=part.blocks[:0], block_info=part.block_info[:0])
     return evidence(part, np.array([0]), np.array([prior_sd]))
 

@@ -27,7 +27,7 @@ from automap.gap.model import GapModel
 from automap.gap.noise import fit_noise
 from automap.gap.scoring import whitener_of
 from automap.gap.screening import whitened_innovations
-from automap.gap.search_state import Say, State, fit_all, joint_of
+from automap.gap.search_state import Log, State, fit_all, joint_of
 from automap.gap.whitening import white_rows
 
 PREFIX = "formula_"
@@ -66,7 +66,7 @@ def name_of(formula: Formula) -> str:
     return name
 
 
-def adopt(state: State, say: Say) -> bool:
+def adopt(state: State, log: Log) -> bool:
     """Make the formula that was found one of the accepted effects, with the noise that suits it;
     whether it can be one.
 
@@ -75,7 +75,7 @@ def adopt(state: State, say: Say) -> bool:
     if not fit_as_effect(state):
         return False
     assert state.unexplained is not None
-    say(f"fitting the noise with {state.unexplained.told}")
+    log(f"fitting the noise with {state.unexplained.equation}")
     fit_its_noise(state)
     return True
 
@@ -101,7 +101,7 @@ def fit_its_noise(state: State) -> None:
     state.fits = fit_all(state, state.model, state.accepted)
 
 
-def borne_out(state: State) -> list[bool]:
+def consistent_terms(state: State) -> list[bool]:
     """Of each term of the state's fitted formula whether measurements bear out its value.
 
     Everything is fitted again without the vehicle constraint, which bends all states. Where the
@@ -134,7 +134,7 @@ def _terms(state: State, model: GapModel, fits: Sequence[Fit]) -> list[tuple[flo
     return list(joint.of(name_of(state.unexplained)).values())
 
 
-def confirmed(
+def formula_validated(
     before: Sequence[Fit],
     model: GapModel,
     values: Mapping[str, Mapping[str, float]],

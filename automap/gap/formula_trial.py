@@ -22,7 +22,7 @@ from automap.gap.search_state import (
     MIN_NATS,
     SLOW_EFFECTS,
     WALKS,
-    Say,
+    Log,
     State,
     Trial,
     fit_all,
@@ -43,13 +43,13 @@ BESIDES_SHARE = 0.3
 
 
 def strongest_formula(
-    state: State, trials: Sequence[Trial], exclude: Collection[str], say: Say
+    state: State, trials: Sequence[Trial], exclude: Collection[str], log: Log
 ) -> Formula | None:
     """A formula that beats every name of the library, each fitted.
 
     One that does as well as the best name, but no better, is left in the state.
     """
-    say("screening formulas")
+    log("screening formulas")
     named = max(trials[0].joint.nats, 0.0) if trials else 0.0
     enough = max(FORMULA_NATS, named + max(OVER_NAMES_NATS, FORMULA_SHARE * named))
     contexts = [(state.model, state.fits)]
@@ -57,35 +57,35 @@ def strongest_formula(
         # under the noise that the best name was judged with: drift hides slow formulas too
         model = trials[0].model
         contexts.append((model, fit_all(state, model, state.accepted)))
-    elif any(state.model.factors[w] > RAISED * state.asked[w] for w in WALKS):
-        low = {w: LOW_WALK * state.asked[w] for w in WALKS}
+    elif any(state.model.factors[w] > RAISED * state.stated_factors[w] for w in WALKS):
+        low = {w: LOW_WALK * state.stated_factors[w] for w in WALKS}
         model = replace(state.model, factors={**state.model.factors, **low})
         contexts.append((model, fit_all(state, model, state.accepted)))
     best: _Tried | None = None
     for model, fits in contexts:
         own = model is state.model
-        for formula in _different(screen_formulas(fits, exclude, scattering=own)):
+        for formula in _different(screen_formulas(fits, exclude, correct_overdispersion=own)):
             # a fit never has more than the screening
             if formula.nats < enough or formula.p_value > FORMULA_P:
                 continue
-            formula = refined(fits, formula, scattering=own)
+            formula = refined(fits, formula, correct_overdispersion=own)
             tried = _fit_formula(state, model, fits, formula)
-            say(
-                f"{formula.told}: {tried.formula.nats:.1f} nats fitted, "
+            log(
+                f"{formula.equation}: {tried.formula.nats:.1f} nats fitted, "
                 f"{formula.nats:.1f} screened, names {named:.1f}"
             )
             if best is None or tried.formula.nats > best.formula.nats:
                 best = tried
     if best is not None and best.formula.nats < enough + OVER_NAMES_NATS:
-        best = _with_own_noise(state, best, say)
-    state.alike_formula = None
+        best = _with_refitted_noise(state, best, log)
+    state.equivalent_formula = None
     if best is None or best.formula.nats < enough or best.formula.p_value > FORMULA_P:
         if best is not None and best.formula.nats > named - CLOSE_NATS:
-            state.alike_formula = best.formula.told
+            state.equivalent_formula = best.formula.equation
         return None
     if trials and trials[0].nats >= MIN_NATS:
         left = _left_for(state, best, trials[0])
-        say(f"{trials[0].effect}: {left:.1f} nats beside the formula")
+        log(f"{trials[0].effect}: {left:.1f} nats beside the formula")
         if left > max(MIN_NATS, BESIDES_SHARE * trials[0].nats):
             # both are there: the name first, and what it leaves to the formula after it
             return None
@@ -99,7 +99,7 @@ def _left_for(state: State, tried: _Tried, trial: Trial) -> float:
     total = 0.0
     for opened, before in zip(tried.drives, tried.fits, strict=True):
         whitener = whitener_of(before)
-        after = fit_drive(opened, model, estimate, near=before)
+        after = fit_drive(opened, model, estimate, linearised_at=before)
         total += robust_score(after, whitener) - robust_score(before, whitener)
     return total
 
@@ -148,7 +148,7 @@ def _fit_formula(state: State, model: GapModel, context: Sequence[Fit], formula:
                 for opened, fit, column in zip(drives, context, formula.columns, strict=False)
             ]
         fits = [
-            fit_drive(opened, with_it, state.accepted, near=fit)
+            fit_drive(opened, with_it, state.accepted, linearised_at=fit)
             for opened, fit in zip(drives, context, strict=False)
         ]
         known[k] = _Tried(formula, tuple(drives), tuple(fits), formula.nats)
@@ -187,7 +187,7 @@ def _with_noise(state: State, tried: _Tried, levels: Collection[str]) -> tuple[_
     factors = fit_noise(tried.fits, levels, known=state.curvatures)
     model = replace(tried.fits[0].model, factors=factors)
     fits = [
-        fit_drive(opened, model, state.accepted, near=fit)
+        fit_drive(opened, model, state.accepted, linearised_at=fit)
         for opened, fit in zip(tried.drives, tried.fits, strict=True)
     ]
     plain = replace(model, values=state.model.values)
@@ -195,10 +195,10 @@ def _with_noise(state: State, tried: _Tried, levels: Collection[str]) -> tuple[_
     return replace(tried, fits=tuple(fits)), _gain(state, fits) - max(without, 0.0)
 
 
-def _with_own_noise(state: State, tried: _Tried, say: Say) -> _Tried:
+def _with_refitted_noise(state: State, tried: _Tried, log: Log) -> _Tried:
     """The better of a fitted formula and the same with the noise that suits it, as the strongest
     names have theirs."""
-    say(f"fitting the noise with {tried.formula.told}")
+    log(f"fitting the noise with {tried.formula.equation}")
     again, gained = _with_noise(state, tried, ALL_LEVELS)
     again = _judged(again, gained)
     return again if again.formula.nats > tried.formula.nats else tried
@@ -208,7 +208,7 @@ def _judged(tried: _Tried, gained: float) -> _Tried:
     """The formula with the evidence that ``gained`` nats of likelihood are."""
     formula = tried.formula
     occam = 0.5 * np.log1p((formula.prior_sd / max(formula.sd, 1e-300)) ** 2)
-    nats = (gained - occam) / np.sqrt(formula.evidence.excess) if gained > 0.0 else gained
+    nats = (gained - occam) / np.sqrt(formula.evidence.overdispersion) if gained > 0.0 else gained
     # linear in its coefficient: what the fits show beyond the screening is not the formula's
     nats = min(float(nats), tried.allowed)
     found = replace(formula.evidence, nats=nats)

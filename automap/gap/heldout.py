@@ -42,30 +42,32 @@ def fit_held_out(
     opened: Sequence[OpenDrive],
     model: GapModel,
     values: Mapping[str, Mapping[str, float]],
-    near: Sequence[Fit] = (),
+    linearised_at: Sequence[Fit] = (),
 ) -> list[Fit]:
     """The model on held-out drives, effects at the given values, nuisances found anew.
 
-    ``near`` fits of the same drives under another model, where there are any.
+    ``linearised_at`` fits of the same drives under another model, where there are any.
     """
     carried = replace(model, values={**model.values, **values})
-    about: Sequence[Fit | None] = near or [None] * len(opened)
-    return [fit_drive(o, carried, near=n) for o, n in zip(opened, about, strict=True)]
+    points: Sequence[Fit | None] = linearised_at or [None] * len(opened)
+    return [fit_drive(o, carried, linearised_at=p) for o, p in zip(opened, points, strict=True)]
 
 
-def fit_held_out_unsure(
+def fit_held_out_uncertain(
     opened: Sequence[OpenDrive],
     model: GapModel,
     values: Mapping[str, Mapping[str, float]],
     effect: str,
     sds: Mapping[str, float],
-    near: Sequence[Fit],
+    linearised_at: Sequence[Fit],
 ) -> list[Fit]:
     """The same with one effect as sure as it was found: ``sds`` of its parameters. What a fit
     could not tell then does no harm where it is carried over."""
     options = replace(model.options, prior_sd={**model.options.prior_sd, effect: dict(sds)})
     carried = replace(model, values={**model.values, **values}, options=options)
-    return [fit_drive(o, carried, {effect: 1.0}, n) for o, n in zip(opened, near, strict=True)]
+    return [
+        fit_drive(o, carried, {effect: 1.0}, n) for o, n in zip(opened, linearised_at, strict=True)
+    ]
 
 
 def total_score(fits: Sequence[Fit], whitener: Whitener) -> float:
@@ -73,7 +75,7 @@ def total_score(fits: Sequence[Fit], whitener: Whitener) -> float:
     return sum(robust_score(f, whitener) for f in fits)
 
 
-def suiting_score(
+def score_under_better_noise(
     fit: Callable[[GapModel], Sequence[Fit]], models: Sequence[GapModel], whitener: Whitener
 ) -> float:
     """Robust log-likelihood under the better of models that differ in their noise levels: whether

@@ -20,7 +20,7 @@ from automap.records import BoolArray, FloatArray, IntArray
 
 
 @kernel
-def push_columns(
+def propagate_columns(
     t: FloatArray,
     force: FloatArray,
     dcm: FloatArray,

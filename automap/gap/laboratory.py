@@ -140,7 +140,7 @@ def _accelerometer(
         ahead = _held_out(scaled, gravity, (*accepted, effect))
         if nats < MIN_NATS or p > MAX_P or not _rms(ahead) < _rms(held):
             break
-        rivals = tuple(e for n, e, _ in trials[1:] if nats - n < 3.0)
+        confusable = tuple(e for n, e, _ in trials[1:] if nats - n < 3.0)
         findings.append(
             Finding(
                 effect,
@@ -149,7 +149,7 @@ def _accelerometer(
                 p,
                 _rms(held),
                 _rms(ahead),
-                rivals,
+                confusable,
             )
         )
         accepted, fit, held = (*accepted, effect), trial, ahead

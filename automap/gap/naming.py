@@ -22,7 +22,7 @@ CLOSE_SHARE = 0.03
 OVERLAP = 0.8
 PRIOR_ROOM = 5.0
 """So much of a parameter's information is another effect's, then they are confusable."""
-OFFSETS, VELOCITY_AGES = alike_to_first_order()
+OFFSETS, VELOCITY_DELAYS = alike_to_first_order()
 SKEW_SIGMAS = 4.0
 START_SIGMAS = 5.0
 APART_SHARE = 0.2
@@ -64,7 +64,7 @@ def _latency(joint: Joint) -> float:
     return next((value for value, _ in joint.of("gnss_latency").values()), 0.0)
 
 
-def latency_first(trials: list[Trial]) -> list[Trial]:
+def offset_first(trials: list[Trial]) -> list[Trial]:
     """Put an offset between the clocks before what it may be instead: a skew that would need one
     besides, and an age of velocities alone that explains no more; whole fixes are late more
     often."""
@@ -76,7 +76,7 @@ def latency_first(trials: list[Trial]) -> list[Trial]:
         sooner = offset_besides(best.fits)
     else:
         close = [t for t in offsets if best.joint.nats - t.joint.nats < CLOSE_NATS]
-        sooner = best.effect in VELOCITY_AGES and bool(close)
+        sooner = best.effect in VELOCITY_DELAYS and bool(close)
     return offsets + [t for t in trials if t not in offsets] if sooner else trials
 
 
@@ -163,7 +163,7 @@ def _overlapping(screening: Screening, trial: Trial) -> list[str]:
     return out
 
 
-def rivals_of(
+def confusable_with_best(
     best: Trial,
     others: Sequence[Trial],
     effects: Sequence[str],
@@ -172,10 +172,10 @@ def rivals_of(
     """Effects that explain the data nearly as well as ``best``: what was fitted with nearly as
     much evidence, twins to first order, and those whose sensitivities overlap."""
     close = max(CLOSE_NATS, CLOSE_SHARE * best.joint.nats)
-    rivals = [t.effect for t in others if best.joint.nats - t.joint.nats < close]
-    for pair in (OFFSETS, VELOCITY_AGES):
+    confusable = [t.effect for t in others if best.joint.nats - t.joint.nats < close]
+    for pair in (OFFSETS, VELOCITY_DELAYS):
         if best.effect in pair:
-            rivals += [e for e in pair if e != best.effect and e in effects]
+            confusable += [e for e in pair if e != best.effect and e in effects]
     if screening is not None:
-        rivals += _overlapping(screening, best)
-    return tuple(dict.fromkeys(rivals))
+        confusable += _overlapping(screening, best)
+    return tuple(dict.fromkeys(confusable))

@@ -87,8 +87,8 @@ def noise_slopes(fits: Sequence[Fit], factors: Mapping[str, float]) -> LevelLike
     relative = _relative(fits, factors)
     parts = []
     for fit in fits:
-        problem, nodes, about = _scaled(fit, relative, most)
-        parts.append(level_likelihood(problem, nodes, fit.start, fit.last.shift, about))
+        problem, nodes, linearised_at = _scaled(fit, relative, most)
+        parts.append(level_likelihood(problem, nodes, fit.start, fit.last.shift, linearised_at))
     return reduce(operator.add, parts)
 
 
@@ -126,8 +126,10 @@ def _scaled(fit: Fit, relative: Mapping[str, float], most: int) -> tuple[Problem
 
 
 def _score(fit: Fit, relative: Mapping[str, float], most: int) -> float:
-    problem, nodes, about = _scaled(fit, relative, most)
-    run = run_forward(problem, nodes, fit.start, fit.last.shift, store=False, about=about)
+    problem, nodes, linearised_at = _scaled(fit, relative, most)
+    run = run_forward(
+        problem, nodes, fit.start, fit.last.shift, store=False, linearised_at=linearised_at
+    )
     return run.score if np.isfinite(run.score) else -np.inf
 
 

@@ -17,7 +17,7 @@ from automap.fusion.shocks import shock_noise
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.model import GapModel
 from automap.gap.noise import fit_noise, noise_score
-from automap.gap.search_state import Say
+from automap.gap.search_state import Log
 
 WANDER_SD = 0.05
 """m/s, where the search for the size of lasting velocity errors begins."""
@@ -29,7 +29,7 @@ noise."""
 
 
 @dataclass(frozen=True)
-class Suited:
+class NoiseFit:
     """Fits under a model whose noise levels suit them, and their log-likelihood in nats."""
 
     model: GapModel
@@ -37,42 +37,42 @@ class Suited:
     score: float
 
 
-def with_kinds_of_noise(fits: Sequence[Fit], model: GapModel, say: Say) -> Suited:
+def with_noise_kinds(fits: Sequence[Fit], model: GapModel, log: Log) -> NoiseFit:
     """The model with shocks and velocity errors that last, as far as the drives show them, its
     noise fitted. ``model`` has the levels that suit it without them."""
     free = {e: 1.0 for e in LIKE_NOISE if e not in model.settled}
-    kinds = _kinds(suited(fits, model, free), free, say).model
-    return suited(fits, kinds)
+    kinds = _kinds(fit_with_noise(fits, model, free), free, log).model
+    return fit_with_noise(fits, kinds)
 
 
 def without_wander(
-    fits: Sequence[Fit], model: GapModel, accepted: Mapping[str, float], say: Say
-) -> Suited | None:
+    fits: Sequence[Fit], model: GapModel, accepted: Mapping[str, float], log: Log
+) -> NoiseFit | None:
     """The fits without velocity errors that last, where the effects ``accepted`` explain what was
     taken for such errors; None where they do not, or none were there."""
     if model.options.velocity_wander_sd == 0.0:
         return None
-    say("checking whether velocity errors still last")
+    log("checking whether velocity errors still last")
     now = noise_score(fits, model.factors)
     options = replace(model.options, velocity_wander_sd=0.0)
     factors = {**model.factors, VELOCITY_WANDER: 1.0}
-    plain = suited(fits, replace(model, options=options, factors=factors), accepted)
+    plain = fit_with_noise(fits, replace(model, options=options, factors=factors), accepted)
     return plain if plain.score > now - WORTH_NATS else None
 
 
-def _kinds(best: Suited, free: Mapping[str, float], say: Say) -> Suited:
+def _kinds(best: NoiseFit, free: Mapping[str, float], log: Log) -> NoiseFit:
     """The kinds of noise that fits show with the effects ``free`` estimated."""
     options = best.model.options
-    if not options.shocks and any(_shaken(fit) for fit in best.fits):
-        say("fitting the noise of shocks")
+    if not options.shocks and any(_has_shocks(fit) for fit in best.fits):
+        log("fitting the noise of shocks")
         shaken = replace(best.model, options=replace(options, shocks=True))
-        tried = suited(best.fits, shaken, free)
+        tried = fit_with_noise(best.fits, shaken, free)
         best = tried if tried.score > best.score + WORTH_NATS else best
     if options.velocity_wander_sd > 0.0:
         return best
     without = best
     for tau in TIMES_S:
-        say(f"fitting velocity errors that last {tau:g} s")
+        log(f"fitting velocity errors that last {tau:g} s")
         tried = _wandering(best, tau, free)
         if best is without:
             if tried.score < best.score + WORTH_NATS:
@@ -83,16 +83,18 @@ def _kinds(best: Suited, free: Mapping[str, float], say: Say) -> Suited:
     return best
 
 
-def suited(fits: Sequence[Fit], model: GapModel, free: Mapping[str, float] | None = None) -> Suited:
+def fit_with_noise(
+    fits: Sequence[Fit], model: GapModel, free: Mapping[str, float] | None = None
+) -> NoiseFit:
     """Fits under the model, with the effects ``free`` as states, and the noise levels that suit
     them."""
-    begun = [fit_drive(fit.opened, model, free, near=fit) for fit in fits]
+    begun = [fit_drive(fit.opened, model, free, linearised_at=fit) for fit in fits]
     model = replace(model, factors=fit_noise(begun))
-    done = [fit_drive(fit.opened, model, free, near=fit) for fit in begun]
-    return Suited(model, done, noise_score(done, model.factors))
+    done = [fit_drive(fit.opened, model, free, linearised_at=fit) for fit in begun]
+    return NoiseFit(model, done, noise_score(done, model.factors))
 
 
-def _wandering(known: Suited, tau_s: float, free: Mapping[str, float]) -> Suited:
+def _wandering(known: NoiseFit, tau_s: float, free: Mapping[str, float]) -> NoiseFit:
     """The same with velocity errors that last so long."""
     options = replace(
         known.model.options, velocity_wander_sd=WANDER_SD, velocity_wander_tau_s=tau_s
@@ -100,10 +102,10 @@ def _wandering(known: Suited, tau_s: float, free: Mapping[str, float]) -> Suited
     factors = known.model.factors
     if known.model.options.velocity_wander_sd == 0.0:
         factors = {**factors, VELOCITY_WANDER: 1.0}
-    return suited(known.fits, replace(known.model, options=options, factors=factors), free)
+    return fit_with_noise(known.fits, replace(known.model, options=options, factors=factors), free)
 
 
-def _shaken(fit: Fit) -> bool:
+def _has_shocks(fit: Fit) -> bool:
     """Whether the drive has shocks that are worth a look."""
     imu = fit.opened.drive.imu
     step = float(np.median(np.diff(imu.t_ns))) * 1e-9

@@ -11,7 +11,7 @@ from automap.gap.identifiability import Identifiability
 from automap.gap.locate import Place
 from automap.gap.model import GapModel
 
-LEAST_TOLD_P = 1e-12
+LEAST_SHOWN_P = 1e-12
 
 
 @dataclass(frozen=True)
@@ -116,4 +116,4 @@ class GapResult:
 def p_text(p: float) -> str:
     """A p-value as a person reads it: far out the tail is extrapolated, and its exponent says
     nothing."""
-    return f"{p:.0e}" if p >= LEAST_TOLD_P else f"below {LEAST_TOLD_P:.0e}"
+    return f"{p:.0e}" if p >= LEAST_SHOWN_P else f"below {LEAST_SHOWN_P:.0e}"

@@ -13,36 +13,36 @@ from automap.gap.drive import OpenDrive
 from automap.gap.effect_library import library
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.formula import Formula
-from automap.gap.formula_effect import borne_out, confirmed, dismiss, fit_as_effect
+from automap.gap.formula_effect import consistent_terms, dismiss, fit_as_effect, formula_validated
 from automap.gap.formula_trial import strongest_formula
 from automap.gap.heldout import (
     HELD_OUT_SLACK,
     SURE_NATS,
     fit_held_out,
-    fit_held_out_unsure,
-    suiting_score,
+    fit_held_out_uncertain,
+    score_under_better_noise,
     total_score,
 )
 from automap.gap.model import SKEW, GapModel
 from automap.gap.naming import (
     CLOSE_NATS,
     OFFSETS,
-    VELOCITY_AGES,
+    VELOCITY_DELAYS,
     by_sign,
-    latency_first,
+    confusable_with_best,
     offset_at_start,
     offset_besides,
-    rivals_of,
+    offset_first,
 )
 from automap.gap.noise import Curvatures, fit_noise, noise_score
-from automap.gap.noise_kinds import LIKE_NOISE, with_kinds_of_noise, without_wander
+from automap.gap.noise_kinds import LIKE_NOISE, with_noise_kinds, without_wander
 from automap.gap.scoring import Joint, robust_score, whitener_of
 from automap.gap.screening import screen
 from automap.gap.search_state import (
     MAX_P,
     MIN_NATS,
     WALKS,
-    Say,
+    Log,
     State,
     Trial,
     estimated,
@@ -53,36 +53,36 @@ from automap.gap.search_state import (
 from automap.gap.shortlist import shortlist
 from automap.gap.trial import (
     INERTIAL_LEVELS,
-    beyond_noise,
-    few_gain,
-    found_better_noise,
-    gross_trials,
-    on_common_ground,
-    shown,
-    slow_trials,
+    against_better_null,
+    evidence_bound,
+    null_fits,
+    sparsity_gain,
+    take_better_noise,
+    trials_under_stated_noise,
+    trials_with_little_drift,
     try_candidate,
-    with_own_noise,
-    without_effects,
+    under_common_whitener,
+    with_refitted_noise,
 )
 from automap.gap.whitening import Whitener
 
 MAX_FINDINGS = 8
 SWAP_NATS = 1.0
 LESS_DRIFT = 0.7
-FIX_AGE = "gnss_latency"
-LIKE_WANDER = (*LIKE_NOISE, *VELOCITY_AGES, *OFFSETS, SKEW)
+FIX_DELAY = "gnss_latency"
+LIKE_WANDER = (*LIKE_NOISE, *VELOCITY_DELAYS, *OFFSETS, SKEW)
 """Effects of which a part may have been taken for velocity errors that last."""
 
 
-def begin(
-    drives: Sequence[OpenDrive], held_out: Sequence[OpenDrive], model: GapModel, say: Say
+def initial_state(
+    drives: Sequence[OpenDrive], held_out: Sequence[OpenDrive], model: GapModel, log: Log
 ) -> State:
     """Fit the base model, its noise first."""
-    asked = dict(model.factors)
-    say("fitting the base model")
+    stated_factors = dict(model.factors)
+    log("fitting the base model")
     fits = [fit_drive(d, model) for d in drives]
     others = tuple(k for k in ALL_LEVELS if k not in INERTIAL_LEVELS)
-    say("fitting the noise")
+    log("fitting the noise")
     # the sensors' noise first or the fixes': the likelihood has a top for either
     known: Curvatures = {}
     tops = [
@@ -90,8 +90,8 @@ def begin(
         for levels in (INERTIAL_LEVELS, others)
     ]
     best = max(tops, key=lambda factors: noise_score(fits, factors))
-    found = with_kinds_of_noise(fits, replace(model, factors=best), say)
-    state = State(list(drives), list(held_out), asked, found.model, found.fits)
+    found = with_noise_kinds(fits, replace(model, factors=best), log)
+    state = State(list(drives), list(held_out), stated_factors, found.model, found.fits)
     state.stages.append((state.model, {}))
     return state
 
@@ -109,66 +109,66 @@ def candidates_of(state: State, exclude: Collection[str]) -> list[str]:
     return library(frozenset(settled), has_wheels, state.model.options.earth_rotation)
 
 
-def step(state: State, exclude: Collection[str], say: Say) -> Trial | None:
+def forward_step(state: State, exclude: Collection[str], log: Log) -> Trial | None:
     """Name the next missing effect, or None. The state moves on when one is named."""
     effects = candidates_of(state, exclude)
     if not effects:
         return None
-    offset = missing_offset(state, effects, say)
-    if offset is not None and helps(state, offset, say):
-        state.rivals[offset.effect] = rivals_of(offset, (), effects, None)
-        return accept(state, offset, say)
-    say("screening the library")
+    offset = missing_offset(state, effects, log)
+    if offset is not None and validated(state, offset, log):
+        state.confusable[offset.effect] = confusable_with_best(offset, (), effects, None)
+        return accept(state, offset, log)
+    log("screening the library")
     screening = screen(state.fits, effects)
-    trials = gross_trials(state, effects, say)
+    trials = trials_under_stated_noise(state, effects, log)
     slow: list[Trial] = []
     if not any(t.nats >= MIN_NATS for t in trials):
         chosen = shortlist(screening, state.accepted)
-        trials += [try_candidate(state, c, state.model, screening, say) for c in chosen]
-        slow = slow_trials(state, effects, say)
+        trials += [try_candidate(state, c, state.model, screening, log) for c in chosen]
+        slow = trials_with_little_drift(state, effects, log)
     trials = by_sign([*trials, *slow], effects)
     trials.sort(key=lambda t: -t.joint.nats)
-    trials = with_own_noise(state, trials, say)
-    nulls = without_effects(state, trials)
-    if found_better_noise(state, nulls, say):
-        return step(state, exclude, say)
-    trials = latency_first(on_common_ground(beyond_noise(state, trials, nulls)))
+    trials = with_refitted_noise(state, trials, log)
+    nulls = null_fits(state, trials)
+    if take_better_noise(state, nulls, log):
+        return forward_step(state, exclude, log)
+    trials = offset_first(under_common_whitener(against_better_null(state, trials, nulls)))
     for t in trials:
-        say(f"{t.effect}: {t.nats:.1f} nats, screened {t.screened:.1f}, p {t.p_value:.1e}")
-    formula = strongest_formula(state, trials, exclude, say) if state.formulas else None
-    objection = None if formula is None else _objection(state, formula, say)
-    if formula is not None and objection is not None:
+        log(f"{t.effect}: {t.nats:.1f} nats, screened {t.screened:.1f}, p {t.p_value:.1e}")
+    formula = strongest_formula(state, trials, exclude, log) if state.formulas else None
+    rejection = None if formula is None else _why_rejected(state, formula, log)
+    if formula is not None and rejection is not None:
         state.warnings.append(
-            f"{formula.told} would explain {formula.nats:.0f} nats of the "
-            f"fitted data, but {objection}; it is not told"
+            f"{formula.equation} would explain {formula.nats:.0f} nats of the "
+            f"fitted data, but {rejection}; it is not told"
         )
         formula = None
     if formula is not None:
         state.unexplained = formula
         if trials and trials[0].nats > MIN_NATS:
             state.resembles = trials[0].effect
-            state.contender = trials[0] if trials[0].p_value <= MAX_P else None
+            state.runner_up = trials[0] if trials[0].p_value <= MAX_P else None
         return None
     if not trials or trials[0].nats < MIN_NATS or trials[0].p_value > MAX_P:
-        besides = starting_offset(state, effects, say)
+        besides = starting_offset(state, effects, log)
         if besides is not None:
-            return accept(state, besides, say)
-        _note_what_is_like_drift(state, [*trials, *slow])
+            return accept(state, besides, log)
+        _note_confusable_with_drift(state, [*trials, *slow])
         return None
     best = trials[0]
-    if not helps(state, best, say):
+    if not validated(state, best, log):
         state.refused[best.effect] = (
             f"{best.effect} would explain {best.nats:.0f} nats of the fitted data, but the "
             "held-out data do not confirm it; it is not named"
         )
-        return step(state, exclude, say)
-    state.rivals[best.effect] = rivals_of(best, trials[1:], effects, screening)
-    if state.alike_formula is not None:
-        state.rivals[best.effect] += (state.alike_formula,)
-    return accept(state, best, say)
+        return forward_step(state, exclude, log)
+    state.confusable[best.effect] = confusable_with_best(best, trials[1:], effects, screening)
+    if state.equivalent_formula is not None:
+        state.confusable[best.effect] += (state.equivalent_formula,)
+    return accept(state, best, log)
 
 
-def _note_what_is_like_drift(state: State, trials: Sequence[Trial]) -> None:
+def _note_confusable_with_drift(state: State, trials: Sequence[Trial]) -> None:
     """Keep the names that a drift of the biases cannot be told from: with them less of it is left,
     and the data are as likely."""
     for walk in WALKS:
@@ -179,11 +179,11 @@ def _note_what_is_like_drift(state: State, trials: Sequence[Trial]) -> None:
             and t.nats > -CLOSE_NATS
             and t.model.factors[walk] < LESS_DRIFT * state.model.factors[walk]
         ]
-        known = state.rivals.get(walk, ())
-        state.rivals[walk] = (*known, *dict.fromkeys(e for e in alike if e not in known))
+        known = state.confusable.get(walk, ())
+        state.confusable[walk] = (*known, *dict.fromkeys(e for e in alike if e not in known))
 
 
-def accept(state: State, best: Trial, say: Say) -> Trial:
+def accept(state: State, best: Trial, log: Log) -> Trial:
     """Make a trial's effect one of the state's."""
     state.accepted[best.effect] = best.scale
     state.trials.append(replace(best, stage=len(state.trials) + 1))
@@ -191,21 +191,21 @@ def accept(state: State, best: Trial, say: Say) -> Trial:
     # what held-out data refused may have been bent by what was still missing
     state.refused.clear()
     if best.effect in LIKE_WANDER:
-        plain = without_wander(state.fits, state.model, state.accepted, say)
+        plain = without_wander(state.fits, state.model, state.accepted, log)
         if plain is not None:
             state.model, state.fits = plain.model, plain.fits
     state.stages.append((state.model, estimated(state)))
     return best
 
 
-def helps(state: State, trial: Trial, say: Say) -> bool:
+def validated(state: State, trial: Trial, log: Log) -> bool:
     """Whether the held-out data are more likely with the effect than without."""
     if not state.held_out:
         return True
-    say(f"checking {trial.effect} on held-out data")
+    log(f"checking {trial.effect} on held-out data")
     before = estimated(state)
     after = values_of(trial.joint, [*state.accepted, trial.effect])
-    wider = float(np.sqrt(trial.candidate.evidence.excess))
+    wider = float(np.sqrt(trial.candidate.evidence.overdispersion))
     sds = {p: wider * sd for p, (_, sd) in trial.joint.of(trial.effect).items()}
     old = state.held_fits = fit_held_out(state.held_out, state.model, before, state.held_fits)
     whitener: Whitener = whitener_of(trial.fits[0])
@@ -214,60 +214,61 @@ def helps(state: State, trial: Trial, say: Say) -> bool:
         return fit_held_out(state.held_out, model, before, old)
 
     def with_effect(model: GapModel) -> list[Fit]:
-        return fit_held_out_unsure(state.held_out, model, after, trial.effect, sds, old)
+        return fit_held_out_uncertain(state.held_out, model, after, trial.effect, sds, old)
 
     # with the noise that either model was fitted with, or both under whichever suits them better
     models = (state.model, trial.model)
     gain = max(
         total_score(with_effect(trial.model), whitener) - total_score(old, whitener),
-        suiting_score(with_effect, models, whitener) - suiting_score(without, models, whitener),
+        score_under_better_noise(with_effect, models, whitener)
+        - score_under_better_noise(without, models, whitener),
     )
     return gain > (-HELD_OUT_SLACK if trial.nats > SURE_NATS else 0.0)
 
 
-def _objection(state: State, formula: Formula, say: Say) -> str | None:
+def _why_rejected(state: State, formula: Formula, log: Log) -> str | None:
     """Why a formula is not to be believed: measurements do not show it, or held-out data do not
     become more likely with it, as far as they can tell."""
-    say(f"checking {formula.told} on held-out data")
+    log(f"checking {formula.equation} on held-out data")
     tried = replace(state, unexplained=formula)
-    if fit_as_effect(tried) and not all(borne_out(tried)):
+    if fit_as_effect(tried) and not all(consistent_terms(tried)):
         dismiss(formula)
         return "only the vehicle constraint shows it"
     values = estimated(state)
     old = state.held_fits = fit_held_out(state.held_out, state.model, values, state.held_fits)
-    if not confirmed(old, state.model, values, formula):
+    if not formula_validated(old, state.model, values, formula):
         return "the held-out data do not confirm it"
     return None
 
 
-def _settle_age(state: State, say: Say) -> None:
+def _resolve_delay(state: State, log: Log) -> None:
     """Whether velocities come late, through a low-pass or with their whole fix, once all else is
     named: with other effects still missing one resembles the other."""
-    free = set(candidates_of(state, state.exclude)) | set(VELOCITY_AGES) - state.exclude
-    age = next((e for e in VELOCITY_AGES if e in state.accepted), None)
-    if age is None:
+    free = set(candidates_of(state, state.exclude)) | set(VELOCITY_DELAYS) - state.exclude
+    delay = next((e for e in VELOCITY_DELAYS if e in state.accepted), None)
+    if delay is None:
         return
     whitener = whitener_of(state.fits[0])
     before = total_score(state.fits, whitener)
     found = []
-    for other in (*VELOCITY_AGES, FIX_AGE):
+    for other in (*VELOCITY_DELAYS, FIX_DELAY):
         if other in state.accepted or other not in free:
             continue
-        say(f"checking whether {age} is {other}")
-        swapped = {other if e == age else e: s for e, s in state.accepted.items()}
+        log(f"checking whether {delay} is {other}")
+        swapped = {other if e == delay else e: s for e, s in state.accepted.items()}
         fits = fit_all(state, state.model, swapped)
         # whole fixes are late more often
-        head_start = CLOSE_NATS if other == FIX_AGE else -SWAP_NATS
+        head_start = CLOSE_NATS if other == FIX_DELAY else -SWAP_NATS
         gain = total_score(fits, whitener) - before + head_start
-        say(f"{other}: {gain - head_start:.1f} nats more")
+        log(f"{other}: {gain - head_start:.1f} nats more")
         if gain > 0.0 and min(fits[0].value_of(other).values()) > 0.0:
             found.append((gain, other, swapped, fits))
     if not found:
         return
     _, other, state.accepted, state.fits = max(found, key=lambda item: item[0])
-    state.rivals[other] = (age, *(e for e in state.rivals.pop(age, ()) if e != other))
+    state.confusable[other] = (delay, *(e for e in state.confusable.pop(delay, ()) if e != other))
     state.trials = [
-        replace(t, candidate=replace(t.candidate, effect=other)) if t.effect == age else t
+        replace(t, candidate=replace(t.candidate, effect=other)) if t.effect == delay else t
         for t in state.trials
     ]
 
@@ -277,14 +278,14 @@ def _stands_beside(state: State) -> bool:
     return offset_besides(state.fits) or offset_at_start(state.fits) != 0.0
 
 
-def eliminate(state: State, say: Say) -> Joint:
+def backward_elimination(state: State, log: Log) -> Joint:
     """Drop effects that others, accepted later, have made unnecessary; returns the estimate."""
     zeros = [0.0] * len(state.fits)
-    _settle_age(state, say)
+    _resolve_delay(state, log)
     for effect in list(state.accepted) if len(state.accepted) > 1 else []:
         if effect in OFFSETS and SKEW in state.accepted and _stands_beside(state):
             continue
-        say(f"checking whether {effect} is still needed")
+        log(f"checking whether {effect} is still needed")
         fewer = {e: s for e, s in state.accepted.items() if e != effect}
         fits = fit_all(state, state.model, fewer)
         whitener = whitener_of(state.fits[0])
@@ -294,8 +295,8 @@ def eliminate(state: State, say: Say) -> Joint:
         )
         joint = joint_of(state.model, state.accepted, state.fits, zeros)
         scale = state.accepted[effect]
-        loss += few_gain(joint, state.model, effect, scale)
-        if min(loss, shown(joint, state.model, effect, scale)) < CLOSE_NATS:
+        loss += sparsity_gain(joint, state.model, effect, scale)
+        if min(loss, evidence_bound(joint, state.model, effect, scale)) < CLOSE_NATS:
             state.accepted, state.fits = fewer, fits
             state.trials = [t for t in state.trials if t.effect != effect]
     return joint_of(state.model, state.accepted, state.fits, zeros)

@@ -36,15 +36,16 @@ SLOW_EFFECTS = (
 )
 """Effects that a random walk of the bias can stand in for."""
 WALKS = ("accel_bias_walk", "gyro_bias_walk")
-Say = Callable[[str], None]
+Log = Callable[[str], None]
 Stage = tuple[GapModel, Mapping[str, Mapping[str, float]]]
 
 
 @dataclass(frozen=True)
 class Trial:
     """A candidate that was fitted: joint estimate of all estimated effects, evidence in nats,
-    p-value, the model it was fitted under, the null's largest evidences; ``own_noise`` where all
-    levels of that model were fitted with it; ``stage`` counts the accepted ones from 1."""
+    p-value, the model it was fitted under, the null's largest evidences;
+    ``noise_refitted`` where all levels of that model were fitted with it; ``stage`` counts the
+    accepted ones from 1."""
 
     candidate: Candidate
     joint: Joint
@@ -53,7 +54,7 @@ class Trial:
     nats: float
     p_value: float
     maxima: FloatArray
-    own_noise: bool = False
+    noise_refitted: bool = False
     stage: int = 0
 
     @property
@@ -74,31 +75,33 @@ class Trial:
 
 @dataclass
 class State:
-    """Where a search stands: fits of the drives under ``model`` with the accepted effects, the
-    noise factors ``asked`` for, ``refused`` effects that held-out data did not confirm under the
-    present model, with a sentence on each; ``contender`` the best name where a formula beat it;
+    """Where a search stands: fits of the drives under ``model`` with the accepted effects,
+    ``stated_factors`` on the noise levels of the model as it was given, ``refused`` effects that
+    held-out data did not confirm under the present model, with a sentence on each;
+    ``confusable`` what each name cannot be told from; ``runner_up`` the best name where a formula
+    beat it, ``equivalent_formula`` one that did as well as the best name;
     ``formulas`` whether any are tried; ``stages`` models and effects' values, the base model's
     first, then after each name; ``held_fits`` the newest ones of the held-out drives,
     ``curvatures`` what is known of the noise's likelihood."""
 
     drives: list[OpenDrive]
     held_out: list[OpenDrive]
-    asked: Mapping[str, float]
+    stated_factors: Mapping[str, float]
     model: GapModel
     fits: list[Fit]
     held_fits: list[Fit] = field(default_factory=list)
     curvatures: Curvatures = field(default_factory=dict)
     accepted: dict[str, float] = field(default_factory=dict)
     trials: list[Trial] = field(default_factory=list)
-    rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    confusable: dict[str, tuple[str, ...]] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
     exclude: frozenset[str] = frozenset()
     restarts: int = 0
     warnings: list[str] = field(default_factory=list)
     unexplained: Formula | None = None
     resembles: str | None = None
-    alike_formula: str | None = None
-    contender: Trial | None = None
+    equivalent_formula: str | None = None
+    runner_up: Trial | None = None
     formulas: bool = True
     stages: list[Stage] = field(default_factory=list)
 
@@ -106,7 +109,8 @@ class State:
 def fit_all(state: State, model: GapModel, estimate: Mapping[str, float]) -> list[Fit]:
     """All drives under a model with effects as states."""
     return [
-        fit_drive(d, model, estimate, near=f) for d, f in zip(state.drives, state.fits, strict=True)
+        fit_drive(d, model, estimate, linearised_at=f)
+        for d, f in zip(state.drives, state.fits, strict=True)
     ]
 
 

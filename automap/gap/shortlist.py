@@ -37,9 +37,9 @@ def shortlist(
         return []
     least = max(0.25 * MIN_NATS, SHORTLIST_SHARE * candidates[0].evidence.nats)
     out = [c for c in candidates if c.evidence.nats >= least][:most]
-    bare = sorted(candidates, key=lambda c: -c.evidence.unscattered)[:SCATTERED_SHORTLIST]
-    ahead = out[0].evidence.unscattered
-    out += [c for c in bare if c.evidence.unscattered > ahead and c not in out]
+    bare = sorted(candidates, key=lambda c: -c.evidence.uncorrected)[:SCATTERED_SHORTLIST]
+    ahead = out[0].evidence.uncorrected
+    out += [c for c in bare if c.evidence.uncorrected > ahead and c not in out]
     alike = {e for family in ALIKE for e in family if candidates[0].effect in family}
     out += [c for c in candidates if c.effect in alike and c not in out]
     alike = {e for family in ALIKE for e in family if set(family) & set(accepted)}

@@ -14,7 +14,7 @@ import numpy as np
 from automap.fusion.layout import CH_VEL
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.nodes import model_fixes
-from automap.gap.drive import wild_fixes
+from automap.gap.drive import count_outliers
 from automap.gap.fit import Fit
 from automap.gap.noise import fit_noise, noise_score
 from automap.gap.result import Finding, ParameterValue
@@ -25,7 +25,7 @@ WALK_FACTOR = 2.5
 SCALE_FACTOR = 1.4
 MIN_NATS = 10.0
 OCCAM_NATS = 3.0
-WILD_NIS = 30.0
+OUTLIER_NIS = 30.0
 USUAL_SHARE = 0.002
 """Share of fixes that heavy tails alone throw so far."""
 MIN_SHARE = 0.005
@@ -34,18 +34,18 @@ GNSS_LEVELS = ("position_h", "position_v", "velocity_h", "velocity_v", "wander")
 
 
 def stochastic_findings(
-    fits: Sequence[Fit], asked: Mapping[str, float], gap: float, exclude: Collection[str]
+    fits: Sequence[Fit], stated_factors: Mapping[str, float], gap: float, exclude: Collection[str]
 ) -> list[Finding]:
-    """Findings on the noise of fitted drives; ``asked`` the factors of the model as it was
+    """Findings on the noise of fitted drives; ``stated_factors`` the factors of the model as it was
     given, ``gap`` what is left on held-out data."""
     out = []
     fitted = dict(fits[0].model.factors)
     score = _memo(lambda f: noise_score(fits, f))
     for name in ("accel_bias_walk", "gyro_bias_walk"):
-        ratio = fitted[name] / asked[name]
+        ratio = fitted[name] / stated_factors[name]
         if name in exclude or ratio < WALK_FACTOR:
             continue
-        nats = score(fitted) - score(_at_best(fits, fitted | {name: asked[name]}, (name,)))
+        nats = score(fitted) - score(_at_best(fits, fitted | {name: stated_factors[name]}, (name,)))
         nats -= OCCAM_NATS
         if nats < MIN_NATS:
             continue
@@ -54,7 +54,7 @@ def stochastic_findings(
         unit = "m/s^2/sqrt(s)" if name.startswith("accel") else "rad/s/sqrt(s)"
         parameters = {a: ParameterValue(value, spread, unit) for a in "xyz"}
         out.append(Finding(name, parameters, nats, _p(nats), gap, gap))
-    for found in (_noise_scale(fits, fitted, asked, score, gap), _outliers(fits, gap)):
+    for found in (_noise_scale(fits, fitted, stated_factors, score, gap), _outliers(fits, gap)):
         if found is not None and found.effect not in exclude:
             out.append(found)
     return out
@@ -100,7 +100,7 @@ def _log_sd(
 def _noise_scale(
     fits: Sequence[Fit],
     fitted: Mapping[str, float],
-    asked: Mapping[str, float],
+    stated_factors: Mapping[str, float],
     score: Callable[[Mapping[str, float]], float],
     gap: float,
 ) -> Finding | None:
@@ -111,8 +111,8 @@ def _noise_scale(
     def total(level: str, factors: Mapping[str, float]) -> float:
         return float(np.hypot(white * factors[level], slow * factors["wander"]))
 
-    ratios = [total(k, fitted) / total(k, asked) for k in ("position_h", "position_v")]
-    ratios += [fitted[k] / asked[k] for k in ("velocity_h", "velocity_v")]
+    ratios = [total(k, fitted) / total(k, stated_factors) for k in ("position_h", "position_v")]
+    ratios += [fitted[k] / stated_factors[k] for k in ("velocity_h", "velocity_v")]
     logs = np.log(ratios) + np.log(_floored(fits))
     factor = float(np.exp(np.mean(logs)))
     low, high = float(np.exp(logs.min())), float(np.exp(logs.max()))
@@ -120,8 +120,8 @@ def _noise_scale(
         factor < 1.0 / SCALE_FACTOR**2 and high < SCALE_FACTOR**-0.5
     ):
         return None
-    stated = {**fitted, **{k: asked[k] for k in GNSS_LEVELS}}
-    nats = score(fitted) - score(_at_best(fits, stated, GNSS_LEVELS)) - OCCAM_NATS
+    null = {**fitted, **{k: stated_factors[k] for k in GNSS_LEVELS}}
+    nats = score(fitted) - score(_at_best(fits, null, GNSS_LEVELS)) - OCCAM_NATS
     if nats < MIN_NATS:
         return None
     spread = factor * max(float(np.std(logs)) / 2.0, 0.02)
@@ -133,17 +133,17 @@ def _floored(fits: Sequence[Fit]) -> FloatArray:
     """By how much the model took the receivers' figures for larger than they are [4]: positions
     horizontal and vertical, velocities likewise. It believes no figure below its floors."""
     taken: list[FloatArray] = []
-    told: list[FloatArray] = []
+    reported: list[FloatArray] = []
     for fit in fits:
         options = fit.model.options
         bare = replace(options, min_position_sd_m=0.0, min_velocity_sd=0.0)
         fixes = fit.opened.drive.fixes
-        as_told = model_fixes(fixes, np.zeros(len(fixes)), bare)
-        for out, model in ((taken, fit.opened.session.fixes), (told, as_told)):
+        as_reported = model_fixes(fixes, np.zeros(len(fixes)), bare)
+        for out, model in ((taken, fit.opened.session.fixes), (reported, as_reported)):
             var = model.white_var.copy()
             var[:, :3] += model.wander_sd**2
             out.append(np.median(np.sqrt(var), axis=0))
-    ratio = np.median(taken, axis=0) / np.maximum(np.median(told, axis=0), 1e-12)
+    ratio = np.median(taken, axis=0) / np.maximum(np.median(reported, axis=0), 1e-12)
     return np.asarray(ratio[[0, 2, 3, 5]])
 
 
@@ -157,12 +157,12 @@ def _outliers(fits: Sequence[Fit], gap: float) -> Finding | None:
         nis: FloatArray = store.nis[:, :CH_VEL]
         measured = np.isfinite(nis).any(axis=1)
         count += int(measured.sum())
-        beyond = np.nan_to_num(nis[measured]).max(axis=1) > WILD_NIS
-        screened = fit.opened.n_wild
+        beyond = np.nan_to_num(nis[measured]).max(axis=1) > OUTLIER_NIS
+        screened = fit.opened.n_outliers
         if screened:
             # that was by the receiver's own figures; by what they turned out to be they may be none
             drive, model = fit.opened.drive, fit.model
-            screened = min(screened, wild_fixes(drive, model.options, model.factors))
+            screened = min(screened, count_outliers(drive, model.options, model.factors))
         wild += min(int(beyond.sum()) + screened, int(measured.sum()))
     share = wild / max(count, 1)
     if share < MIN_SHARE or wild < 3:

@@ -18,7 +18,7 @@ from automap.gap.search_state import (
     MIN_NATS,
     SLOW_EFFECTS,
     WALKS,
-    Say,
+    Log,
     State,
     Trial,
     fit_all,
@@ -31,21 +31,21 @@ from automap.records import FloatArray
 
 MAX_RESTARTS = 3
 BETTER_NATS = 10.0
-SLOW_SHORTLIST = 3
-GROSS_SHORTLIST = 3
+LITTLE_DRIFT_SHORTLIST = 3
+STATED_NOISE_SHORTLIST = 3
 FINALISTS = 2
 FINALIST_SHARE = 0.5
 INERTIAL_LEVELS = ("accel", "gyro")
-GROSS = 2.5
-GROSS_SHARE = 0.1
+RAISED_NOISE = 2.5
+EXPLAINED_SHARE = 0.1
 """Of what raised noise has brought, an effect must bring so much under the noise as stated."""
 
 
 def try_candidate(
-    state: State, candidate: Candidate, model: GapModel, screening: Screening, say: Say
+    state: State, candidate: Candidate, model: GapModel, screening: Screening, log: Log
 ) -> Trial:
     """Fit one candidate as a state next to what was accepted, under the model's noise."""
-    say(f"trying {candidate.effect}")
+    log(f"trying {candidate.effect}")
     estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
     fits = fit_all(state, model, estimate)
     return _judge(state, candidate, model, fits, screening.maxima)
@@ -66,19 +66,19 @@ def _judge(
         gains.append(robust_score(after, whitener) - robust_score(before, whitener))
     joint = joint_of(model, estimate, fits, gains)
     effect, scale = candidate.effect, candidate.evidence.scale
-    nats = joint.nats + few_gain(joint, model, effect, scale)
-    joint = replace(joint, nats=min(nats, shown(joint, model, effect, scale)))
-    nats = _scattering(joint.nats, candidate)
+    nats = joint.nats + sparsity_gain(joint, model, effect, scale)
+    joint = replace(joint, nats=min(nats, evidence_bound(joint, model, effect, scale)))
+    nats = _corrected(joint.nats, candidate)
     return Trial(candidate, joint, tuple(fits), model, nats, p_value(nats, maxima), maxima)
 
 
-def _scattering(nats: float, candidate: Candidate) -> float:
+def _corrected(nats: float, candidate: Candidate) -> float:
     """Evidence of a fit less what the score scatters too much: the screening knows that, the fit
     what is not linear."""
-    return float(nats / np.sqrt(candidate.evidence.excess)) if nats > 0.0 else nats
+    return float(nats / np.sqrt(candidate.evidence.overdispersion)) if nats > 0.0 else nats
 
 
-def few_gain(joint: Joint, model: GapModel, effect: str, scale: float) -> float:
+def sparsity_gain(joint: Joint, model: GapModel, effect: str, scale: float) -> float:
     """Nats that an estimated effect gains where few of its parameters act: fits have all free."""
     rows = [i for i, (name, _) in enumerate(joint.names) if name == effect]
     if not rows:
@@ -87,17 +87,17 @@ def few_gain(joint: Joint, model: GapModel, effect: str, scale: float) -> float:
     return sparse_gain(joint.values[rows], joint.cov[np.ix_(rows, rows)], prior_sd)
 
 
-def few_gains(state: State, effects: Collection[str]) -> float:
+def sparsity_gains(state: State, effects: Collection[str]) -> float:
     """The same of all accepted effects among these, by the state's fits."""
     joint = joint_of(state.model, state.accepted, state.fits, [0.0] * len(state.fits))
     return sum(
-        few_gain(joint, state.model, e, scale)
+        sparsity_gain(joint, state.model, e, scale)
         for e, scale in state.accepted.items()
         if e in effects
     )
 
 
-def shown(joint: Joint, model: GapModel, effect: str, scale: float) -> float:
+def evidence_bound(joint: Joint, model: GapModel, effect: str, scale: float) -> float:
     """Nats that an effect's estimate is worth by itself, and the most that it can be worth. A
     filter that trusts surprising measurements less may gain more by a state that is unsure,
     whatever its value turns out to be."""
@@ -111,17 +111,17 @@ def shown(joint: Joint, model: GapModel, effect: str, scale: float) -> float:
 
 def _with_nats(trial: Trial, nats: float) -> Trial:
     """The trial with another evidence of its fit."""
-    nats = min(nats, shown(trial.joint, trial.model, trial.effect, trial.scale))
-    own = _scattering(nats, trial.candidate)
+    nats = min(nats, evidence_bound(trial.joint, trial.model, trial.effect, trial.scale))
+    own = _corrected(nats, trial.candidate)
     joint = replace(trial.joint, nats=nats)
     return replace(trial, joint=joint, nats=own, p_value=p_value(own, trial.maxima))
 
 
-def _few_gain_of(trial: Trial) -> float:
-    return few_gain(trial.joint, trial.model, trial.effect, trial.scale)
+def _sparsity_gain_of(trial: Trial) -> float:
+    return sparsity_gain(trial.joint, trial.model, trial.effect, trial.scale)
 
 
-def without_effects(state: State, trials: Sequence[Trial]) -> list[list[Fit] | None]:
+def null_fits(state: State, trials: Sequence[Trial]) -> list[list[Fit] | None]:
     """The state's own effects alone under the noise of each serious trial, None where that noise
     is the state's own.
 
@@ -139,14 +139,14 @@ def without_effects(state: State, trials: Sequence[Trial]) -> list[list[Fit] | N
     return out
 
 
-def found_better_noise(state: State, nulls: Sequence[list[Fit] | None], say: Say) -> bool:
+def take_better_noise(state: State, nulls: Sequence[list[Fit] | None], log: Log) -> bool:
     """Whether a trial's noise suits the model better without its effect too; then it is taken."""
     if state.restarts >= MAX_RESTARTS:
         return False
     now = sum(f.score for f in state.fits)
     for fits in nulls:
         if fits is not None and sum(f.score for f in fits) > now + BETTER_NATS:
-            say("starting again from better noise")
+            log("starting again from better noise")
             state.model = replace(fits[0].model, factors=fit_noise(fits, known=state.curvatures))
             state.fits = fit_all(state, state.model, state.accepted)
             state.restarts += 1
@@ -154,7 +154,7 @@ def found_better_noise(state: State, nulls: Sequence[list[Fit] | None], say: Say
     return False
 
 
-def beyond_noise(
+def against_better_null(
     state: State, trials: Sequence[Trial], nulls: Sequence[list[Fit] | None]
 ) -> list[Trial]:
     """The trials, best first, each judged against the better of two models without its effect:
@@ -172,7 +172,7 @@ def beyond_noise(
     return sorted(out, key=lambda t: -t.joint.nats)
 
 
-def with_own_noise(state: State, trials: Sequence[Trial], say: Say) -> list[Trial]:
+def with_refitted_noise(state: State, trials: Sequence[Trial], log: Log) -> list[Trial]:
     """The strongest trials again, each with the noise that suits it, best first.
 
     Noise that was fitted without an effect has swallowed part of it, and not of every effect
@@ -181,14 +181,14 @@ def with_own_noise(state: State, trials: Sequence[Trial], say: Say) -> list[Tria
     out = []
     for i, trial in enumerate(trials):
         strong = trial.nats >= MIN_NATS and trial.nats > FINALIST_SHARE * trials[0].nats
-        if i >= FINALISTS or not strong or trial.own_noise:
+        if i >= FINALISTS or not strong or trial.noise_refitted:
             out.append(trial)
             continue
-        say(f"fitting the noise with {trial.effect}")
+        log(f"fitting the noise with {trial.effect}")
         model = replace(trial.model, factors=fit_noise(trial.fits, known=state.curvatures))
         estimate = state.accepted | {trial.effect: trial.scale}
         fits = [
-            fit_drive(d, model, estimate, near=f)
+            fit_drive(d, model, estimate, linearised_at=f)
             for d, f in zip(state.drives, trial.fits, strict=True)
         ]
         # by the filter's own likelihood: whiteners of different noise cannot be compared
@@ -198,7 +198,7 @@ def with_own_noise(state: State, trials: Sequence[Trial], say: Say) -> list[Tria
     return sorted(out, key=lambda t: -t.joint.nats)
 
 
-def on_common_ground(trials: Sequence[Trial]) -> list[Trial]:
+def under_common_whitener(trials: Sequence[Trial]) -> list[Trial]:
     """The strongest trials compared under the same spread and autoregression, best first.
 
     Each was judged under those of its own innovations, and a whitener that suits one better hides
@@ -213,7 +213,7 @@ def on_common_ground(trials: Sequence[Trial]) -> list[Trial]:
         if trial.nats < max(MIN_NATS, FINALIST_SHARE * best.nats):
             out.append(trial)
             continue
-        ahead = _few_gain_of(trial) - _few_gain_of(best)
+        ahead = _sparsity_gain_of(trial) - _sparsity_gain_of(best)
         for a, b in zip(trial.fits, best.fits, strict=True):
             for whitener in (whitener_of(a), whitener_of(b)):
                 ahead += 0.5 * (robust_score(a, whitener) - robust_score(b, whitener))
@@ -221,7 +221,7 @@ def on_common_ground(trials: Sequence[Trial]) -> list[Trial]:
     return sorted(out, key=lambda t: -t.joint.nats)
 
 
-def slow_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
+def trials_with_little_drift(state: State, effects: Sequence[str], log: Log) -> list[Trial]:
     """Candidates that make a fitted random walk unnecessary.
 
     A slow effect that is missing has already been taken for drift of the biases when the noise
@@ -232,14 +232,14 @@ def slow_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
     slow = [e for e in effects if e in SLOW_EFFECTS]
     if not raised or not slow:
         return []
-    say("screening with little drift")
+    log("screening with little drift")
     low = replace(state.model, factors={**state.model.factors, **dict.fromkeys(raised, LOW_WALK)})
     screening = screen(fit_all(state, low, state.accepted), slow)
     out = []
-    for candidate in shortlist(screening, most=SLOW_SHORTLIST):
+    for candidate in shortlist(screening, most=LITTLE_DRIFT_SHORTLIST):
         # with too little drift everything scatters; the model compared with has all it wants
-        candidate = replace(candidate, evidence=replace(candidate.evidence, excess=1.0))
-        say(f"trying {candidate.effect} in place of drift")
+        candidate = replace(candidate, evidence=replace(candidate.evidence, overdispersion=1.0))
+        log(f"trying {candidate.effect} in place of drift")
         estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
         fits = fit_all(state, low, estimate)
         model = replace(low, factors=fit_noise(fits, raised, known=state.curvatures))
@@ -249,34 +249,34 @@ def slow_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
     return out
 
 
-def gross_trials(state: State, effects: Sequence[str], say: Say) -> list[Trial]:
+def trials_under_stated_noise(state: State, effects: Sequence[str], log: Log) -> list[Trial]:
     """Candidates under the noise that the model was asked with.
 
     Something gross that is missing has driven the noise of the inertial sensors up until the
     path follows the fixes, whatever is wrong with them, and no candidate shows any more.
     """
-    asked = state.asked
-    if all(state.model.factors[k] < GROSS * asked[k] for k in INERTIAL_LEVELS):
+    stated_factors = state.stated_factors
+    if all(state.model.factors[k] < RAISED_NOISE * stated_factors[k] for k in INERTIAL_LEVELS):
         return []
-    say("screening under the noise as stated")
-    plain = replace(state.model, factors=asked)
+    log("screening under the noise as stated")
+    plain = replace(state.model, factors=stated_factors)
     fits = fit_all(state, plain, state.accepted)
     screening = screen(fits, effects)
     stand_in = replace(state, model=plain, fits=fits)
-    chosen = shortlist(screening, state.accepted, GROSS_SHORTLIST)
-    trials = [try_candidate(stand_in, c, plain, screening, say) for c in chosen]
+    chosen = shortlist(screening, state.accepted, STATED_NOISE_SHORTLIST)
+    trials = [try_candidate(stand_in, c, plain, screening, log) for c in chosen]
     trials.sort(key=lambda t: -t.joint.nats)
     without = sum(f.score for f in fits)
     deficit = sum(f.score for f in state.fits) - without
     out = []
-    for trial in trials[: GROSS_SHORTLIST + 1]:
+    for trial in trials[: STATED_NOISE_SHORTLIST + 1]:
         # what makes up for little of it cannot be what has driven the noise up
-        if sum(f.score for f in trial.fits) - without < GROSS_SHARE * deficit:
+        if sum(f.score for f in trial.fits) - without < EXPLAINED_SHARE * deficit:
             continue
-        say(f"fitting the noise with {trial.effect}")
+        log(f"fitting the noise with {trial.effect}")
         model = replace(plain, factors=fit_noise(trial.fits, known=state.curvatures))
         estimate = state.accepted | {trial.effect: trial.scale}
         again = fit_all(replace(state, fits=list(trial.fits)), model, estimate)
         judged = _judge(state, trial.candidate, model, again, screening.maxima)
-        out.append(replace(judged, own_noise=True))
+        out.append(replace(judged, noise_refitted=True))
     return out

@@ -60,18 +60,18 @@ def find(
     held = gap_drives(holdout, out / "runs", settings)
     done = 0
 
-    def say(text: str) -> None:
+    def log(text: str) -> None:
         nonlocal done
         done += 1
         # nobody knows how many effects there will be
         progress(1.0 - 0.9 * 0.97**done, text)
 
-    result = find_gaps(fitted, held, model, without, say)
+    result = find_gaps(fitted, held, model, without, log)
     for text in result.warnings:
         print(f"warning: {text}", file=sys.stderr)
     lines = camera_lines([], settings)
     write_text(out / MODEL, model_toml(result, fitted, settings.effects, out, lines))
-    cameras, troubles = camera_gaps(drives, holdout, out / "runs", out / MODEL, without, say)
+    cameras, troubles = camera_gaps(drives, holdout, out / "runs", out / MODEL, without, log)
     for text in [*troubles, *(t for c in cameras for t in c.warnings)]:
         print(f"warning: {text}", file=sys.stderr)
     result = with_cameras(result, cameras, troubles)
@@ -231,5 +231,5 @@ def find_in_logs(
         lines += [f"{p} = {v.value:.9g}" for p, v in f.parameters.items()]
     write_text(out / MODEL, "\n".join(lines) + "\n")
     write_text(out / REPORT, laboratory_report(result, [log.data.name for log in logs]))
-    told = [result.verdict] + [_line(f) for f in result.findings]
-    return GapOutcome(tuple(told), (out / GAP, out / MODEL, out / REPORT))
+    lines = [result.verdict] + [_line(f) for f in result.findings]
+    return GapOutcome(tuple(lines), (out / GAP, out / MODEL, out / REPORT))

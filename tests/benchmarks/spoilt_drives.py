@@ -148,8 +148,8 @@ def alike(result: GapResult, change: str) -> str | None:
     """The changed effect where it was told as what a named one cannot be told from."""
     family = [effect for effect, _, _ in CHANGES.get(change, (0.0, []))[1]]
     named = {f.effect for f in result.findings}
-    rivals = {e for f in result.findings for e in f.confusable_with}
-    return next((e for e in family if e in rivals and not named & set(family)), None)
+    confusable = {e for f in result.findings for e in f.confusable_with}
+    return next((e for e in family if e in confusable and not named & set(family)), None)
 
 
 def same_effects(drive: GapDrive, result: GapResult, names: Sequence[str]) -> list[dict[str, Any]]:
@@ -166,7 +166,7 @@ def same_effects(drive: GapDrive, result: GapResult, names: Sequence[str]) -> li
     fit = fit_drive(opened, model, estimate)
     for _ in range(2):
         model = replace(model, factors=fit_noise([fit]))
-        fit = fit_drive(opened, model, estimate, near=fit)
+        fit = fit_drive(opened, model, estimate, linearised_at=fit)
     return [
         {
             "effect": e,

@@ -195,9 +195,9 @@ def _outside(
 
 def _beside(kind: str, shown: Sequence[Mapping[str, Any]]) -> bool:
     """Whether the right formula is told as what a name cannot be told from."""
-    rivals = (str(r) for f in shown for r in f.get("confusable_with", ()) if "+=" in str(r))
+    confusable = (str(r) for f in shown for r in f.get("confusable_with", ()) if "+=" in str(r))
     return any(
-        formula_is_right(kind, {"channel": r.partition(" ")[0], "formula": r}) for r in rivals
+        formula_is_right(kind, {"channel": r.partition(" ")[0], "formula": r}) for r in confusable
     )
 
 

@@ -93,7 +93,7 @@ def test_sensitivities_foretell_what_an_effect_does_to_the_innovations(
     column = 2 if effect == "gyro_scale" else 0
     phi = sensitivities(plain, motion, columns)[:, column]
     values = {effect: {columns[column].parameter: size}}
-    other = fit_drive(plain.opened, replace(plain.model, values=values), near=plain)
+    other = fit_drive(plain.opened, replace(plain.model, values=values), linearised_at=plain)
     before, _, channel = whitened_innovations(plain)
     after, _, _ = whitened_innovations(other)
     assert len(before) == len(after)
@@ -143,7 +143,7 @@ def test_evidence_is_the_bayes_factor_of_a_linear_model() -> None:
     cov = np.eye(300) + (phi * sd**2) @ phi.T
     exact = -0.5 * (w @ np.linalg.solve(cov, w) + np.linalg.slogdet(cov)[1]) + 0.5 * w @ w
     assert found.nats <= exact + 1e-6
-    if found.excess == 1.0:
+    if found.overdispersion == 1.0:
         assert found.nats == pytest.approx(exact, abs=1e-6)
     assert np.abs(found.estimate - [0.3, -0.2]).max() < 4.0 * found.sd.max()
 

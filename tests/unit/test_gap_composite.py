@@ -97,8 +97,8 @@ def test_an_effect_of_two_axes_is_a_formula_of_two_terms(formula: Formula) -> No
     terms = {(t.channel, t.text): t.coefficient for t in formula.terms}
     assert terms[("gyro_x", "rate_z")] == pytest.approx(SIZE, rel=0.4)
     assert terms[("gyro_y", "rate_z")] == pytest.approx(-SIZE, rel=0.4)
-    assert "gyro_x += k" in formula.told
-    assert "; " in formula.told
+    assert "gyro_x += k" in formula.equation
+    assert "; " in formula.equation
 
 
 def test_its_effect_has_a_parameter_a_term(formula: Formula) -> None:
@@ -112,7 +112,7 @@ def test_its_effect_has_a_parameter_a_term(formula: Formula) -> None:
 
 def test_terms_can_be_left_out(formula: Formula) -> None:
     second = formula.of_terms([1])
-    assert second.told == f"{formula.others[0].channel} += k * {formula.others[0].text}"
+    assert second.equation == f"{formula.others[0].channel} += k * {formula.others[0].text}"
     assert second.coefficient == formula.others[0].coefficient
     assert second.spent == pytest.approx(formula.spent / len(formula.terms))
 
@@ -151,7 +151,7 @@ def test_a_slow_quantity_on_all_axes_is_one_formula_and_paid_for_once() -> None:
     low = {**model.factors, "accel_bias_walk": 0.1, "gyro_bias_walk": 0.1}
     fit = fit_drive(open_drive(drive, model.options), replace(model, factors=low))
     jumps, found = slow_formulas([fit], (), ["gyro"], [("gyro_z", "step(time - 31.25)")])["gyro"]
-    assert [j.told for j in jumps] == ["gyro_z += k * step(time - 31.25)"]
+    assert [j.equation for j in jumps] == ["gyro_z += k * step(time - 31.25)"]
     texts = {term.text for formula in found for term in formula.terms}
     assert texts
     assert all("time" in text or "temperature" in text for text in texts)

@@ -37,10 +37,12 @@ def stepped() -> Fit:
 
 
 def test_the_instant_of_a_step_is_found_between_those_of_the_dictionary(stepped: Fit) -> None:
-    formulas = [f for f in screen_formulas([stepped], scattering=False) if "step" in f.text]
+    formulas = [
+        f for f in screen_formulas([stepped], correct_overdispersion=False) if "step" in f.text
+    ]
     best = formulas[0]
     assert best.channel == "accel_y"
-    finer = refined([stepped], best, scattering=False)
+    finer = refined([stepped], best, correct_overdispersion=False)
     assert finer.nats > best.nats
     told = float(finer.text.removeprefix("step(time - ").removesuffix(")"))
     assert told == pytest.approx(STEP_AT_S, abs=1.0)
@@ -54,7 +56,7 @@ def test_formulas_without_an_instant_stay_as_they_are(stepped: Fit) -> None:
 
 
 def test_one_of_each_shape_is_tried(stepped: Fit) -> None:
-    chosen = _different(screen_formulas([stepped], scattering=False))
+    chosen = _different(screen_formulas([stepped], correct_overdispersion=False))
     steps = [f for f in chosen if f.channel == "accel_y" and f.text.startswith("step")]
     assert len(chosen) == 4
     assert len(steps) == 1
@@ -87,7 +89,7 @@ def test_what_only_the_constraint_shows_is_no_sensor_formula(
     model = base_model()
     fit = fit_drive(open_drive(simulated({}), model.options), model)
     factors = fit_noise([fit])
-    fit = fit_drive(fit.opened, replace(model, factors=factors), near=fit)
+    fit = fit_drive(fit.opened, replace(model, factors=factors), linearised_at=fit)
     motion = motion_of(fit.last)
     column = inertial_columns(fit, motion, "accel_y", ["tanh(rate_z / 0.01)"])
     phi = sensitivities(fit, motion, column)[:, 0]

@@ -11,7 +11,7 @@ from automap.fusion.shocks import shock_noise
 from automap.gap import GapDrive, base_model
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive
-from automap.gap.noise_kinds import Suited, suited, with_kinds_of_noise, without_wander
+from automap.gap.noise_kinds import NoiseFit, fit_with_noise, with_noise_kinds, without_wander
 from automap.records import FloatArray
 from tests.unit.test_gap import simulated
 
@@ -42,12 +42,12 @@ def shaken(drive: GapDrive, rng: np.random.Generator) -> GapDrive:
     return replace(drive, imu=replace(drive.imu, accel=accel, gyro=gyro))
 
 
-def found(drive: GapDrive) -> tuple[Suited, Suited]:
+def found(drive: GapDrive) -> tuple[NoiseFit, NoiseFit]:
     """Noise fitted without and with the kinds that the drive shows."""
     model = base_model()
     fit = fit_drive(open_drive(drive, model.options), model)
-    usual = suited([fit], model)
-    return usual, with_kinds_of_noise(usual.fits, usual.model, lambda said: None)
+    usual = fit_with_noise([fit], model)
+    return usual, with_noise_kinds(usual.fits, usual.model, lambda said: None)
 
 
 def test_a_drive_with_usual_noise_gets_no_other_kind() -> None:
@@ -66,13 +66,13 @@ def test_velocity_errors_that_last_are_not_the_sensors_noise() -> None:
     assert factors["accel"] < usual.model.factors["accel"]
 
 
-def believed_to_wander(drive: GapDrive, effect: str) -> Suited | None:
+def believed_to_wander(drive: GapDrive, effect: str) -> NoiseFit | None:
     """What is left of lasting velocity errors once an effect is a state."""
     model = base_model()
     options = replace(model.options, velocity_wander_sd=0.05)
     model = replace(model, options=options)
     accepted = {effect: 3.0}
-    began = suited([fit_drive(open_drive(drive, options), model)], model, accepted)
+    began = fit_with_noise([fit_drive(open_drive(drive, options), model)], model, accepted)
     return without_wander(began.fits, began.model, accepted, lambda said: None)
 
 

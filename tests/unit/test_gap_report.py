@@ -23,7 +23,7 @@ def fits() -> tuple[Fit, Fit]:
     model = base_model()
     opened = open_drive(simulated(ARM), model.options)
     before = fit_drive(opened, model)
-    return before, fit_drive(opened, replace(model, values=ARM), near=before)
+    return before, fit_drive(opened, replace(model, values=ARM), linearised_at=before)
 
 
 def test_a_right_model_has_a_flat_spectrum_and_the_wrong_one_more_power(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from automap.gap import base_model
-from automap.gap.drive import open_drive, wild_fixes
+from automap.gap.drive import count_outliers, open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.noise import fit_noise
 from automap.gap.stochastic import _floored, stochastic_findings
@@ -22,16 +22,18 @@ def _noise_fitted(told: float) -> tuple[Fit, dict[str, float]]:
     model = base_model()
     fit = fit_drive(open_drive(replace(drive, fixes=fixes), model.options), model)
     factors = fit_noise([fit])
-    return fit_drive(fit.opened, replace(model, factors=factors), near=fit), dict(model.factors)
+    return fit_drive(fit.opened, replace(model, factors=factors), linearised_at=fit), dict(
+        model.factors
+    )
 
 
 def test_a_receiver_better_than_the_models_floor_is_no_finding() -> None:
     # 1 cm/s, as it says itself; the model believes nobody below 3 cm/s
-    fit, asked = _noise_fitted(1.0)
+    fit, stated_factors = _noise_fitted(1.0)
     assert fit.model.factors["velocity_h"] < 0.6
     ratio = _floored([fit])
     assert ratio[2] == pytest.approx(3.0, rel=0.1)
-    named = [f.effect for f in stochastic_findings([fit], asked, 0.0, ())]
+    named = [f.effect for f in stochastic_findings([fit], stated_factors, 0.0, ())]
     assert "gnss_noise_scale" not in named
 
 
@@ -52,8 +54,8 @@ def test_fixes_are_wild_by_what_their_noise_turned_out_to_be(claims: float, wild
         lat += rng.standard_normal(len(lat)) * 5.0 * sd[:, 0] / 6.37e6
     drive = replace(drive, fixes=replace(drive.fixes, lat_rad=lat, sd_pos_ned=sd))
     model = base_model()
-    before = open_drive(drive, model.options).n_wild
+    before = open_drive(drive, model.options).n_outliers
     factors = dict(model.factors) | {"position_h": 20.0, "wander": 1.0}
-    after = wild_fixes(drive, model.options, factors)
+    after = count_outliers(drive, model.options, factors)
     assert before > 0
     assert (after > 0) is wild

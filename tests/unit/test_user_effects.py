@@ -235,7 +235,7 @@ def test_an_effect_of_the_user_is_estimated_by_the_filter_and_shows_in_the_scree
     assert abs(value - 0.15) < 4.0 * sd
     assert sd < 0.02
     # the effect at its value, as a later run takes it from the settings
-    known = fit_drive(opened, replace(model, values={"pull": {"k": 0.15}}), near=plain)
+    known = fit_drive(opened, replace(model, values={"pull": {"k": 0.15}}), linearised_at=plain)
     assert known.score > plain.score + 20.0
     motion = motion_of(plain.last)
     columns = effect_columns("pull", plain, motion, node_motion(plain, motion), {"k": 0.05})
@@ -255,7 +255,7 @@ def test_an_effect_on_the_fixes_is_found_and_taken_out() -> None:
     value, sd = found.value_of("stretch")["k"], found.sd_of("stretch")["k"]
     assert abs(value - 0.8) < 4.0 * sd
     assert sd < 0.2
-    known = fit_drive(opened, replace(model, values={"stretch": {"k": 0.8}}), near=plain)
+    known = fit_drive(opened, replace(model, values={"stretch": {"k": 0.8}}), linearised_at=plain)
     assert known.score > plain.score + 10.0
     assert [e for e, _ in found.names] == ["stretch", "gyro_scale", "gyro_scale", "gyro_scale"]
 

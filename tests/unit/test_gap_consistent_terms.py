@@ -14,7 +14,7 @@ from automap.gap.dictionary import formula_columns
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive, motion_of
 from automap.gap.formula import screen_formulas
-from automap.gap.formula_effect import borne_out, fit_as_effect
+from automap.gap.formula_effect import consistent_terms, fit_as_effect
 from automap.gap.search_state import State
 from tests.unit.test_gap import simulated
 
@@ -32,7 +32,7 @@ def fitted(hidden: dict[str, Any], channel: str, text: str) -> State:
     model = base_model()
     opened = open_drive(simulated(hidden), model.options)
     fit = fit_drive(opened, model)
-    found = screen_formulas([fit], {ASYMMETRY}, scattering=False)
+    found = screen_formulas([fit], {ASYMMETRY}, correct_overdispersion=False)
     formula = next(f for f in found if (f.channel, f.text) == (channel, text))
     state = State([opened], [], dict(model.factors), model, [fit], unexplained=formula)
     assert fit_as_effect(state)
@@ -43,7 +43,7 @@ def test_what_a_sensor_does_shows_without_the_constraint() -> None:
     state = fitted({ASYMMETRY: {"x": 0.03}}, "accel_x", "abs(force_x)")
     value = state.fits[0].value_of("formula_accel_x")["k"]
     assert value == pytest.approx(0.03, abs=0.01)
-    assert borne_out(state) == [True]
+    assert consistent_terms(state) == [True]
 
 
 def test_what_two_effects_make_up_is_no_formula() -> None:

@@ -26,7 +26,7 @@ CHANGE = 5e-4
 
 
 @dataclass(frozen=True)
-class Ages:
+class Delays:
     """By how much fixes are older than their tags in s: ``all_s`` of them at the start of the
     drive, growing by ``skew`` s/s; velocities by ``velocity_s`` more, and by a low-pass of time
     constant ``lag_s``."""
@@ -36,7 +36,7 @@ class Ages:
     velocity_s: float = 0.0
     lag_s: float = 0.0
 
-    def near(self, other: Ages, length_s: float) -> bool:
+    def close_to(self, other: Delays, length_s: float) -> bool:
         """Whether two differ by no more than matters over a drive of ``length_s``."""
         mine = (self.all_s, self.skew * length_s, self.velocity_s, self.lag_s)
         others = (other.all_s, other.skew * length_s, other.velocity_s, other.lag_s)
@@ -45,13 +45,13 @@ class Ages:
         )
 
 
-def ages_matter(where: Mapping[str, Mapping[str, tuple[str, float]]]) -> bool:
+def has_delays(where: Mapping[str, Mapping[str, tuple[str, float]]]) -> bool:
     """Whether a model, ``where`` its effects' states, has ages of the fixes at all."""
     states = {state for places in where.values() for state, _ in places.values()}
     return bool(states & {LATENCY_STATE, SKEW_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE})
 
 
-def ages_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) -> Ages:
+def delays_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) -> Delays:
     """The ages that the states of a pass have found; ``where`` the effects' states."""
     found = last.totals()
     lag = found.get(VEL_LAG_STATE, 0.0)
@@ -59,10 +59,10 @@ def ages_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) ->
     if "gnss_velocity_lag" not in where or "gnss_velocity_latency" in where:
         # the state stands for a latency
         lag, age = 0.0, age + lag
-    return Ages(found.get(LATENCY_STATE, 0.0), -found.get(SKEW_STATE, 0.0), age, max(lag, 0.0))
+    return Delays(found.get(LATENCY_STATE, 0.0), -found.get(SKEW_STATE, 0.0), age, max(lag, 0.0))
 
 
-def without_remainder(fixes: FixModel, last: Pass, motion: Motion, ages: Ages) -> FixModel:
+def without_higher_orders(fixes: FixModel, last: Pass, motion: Motion, delays: Delays) -> FixModel:
     """Fixes less what their ages do to them beyond the first order."""
     found = last.totals()
     arm = np.array([found.get(f"gnss_lever_arm_{a}", 0.0) for a in "xyz"])
@@ -71,7 +71,7 @@ def without_remainder(fixes: FixModel, last: Pass, motion: Motion, ages: Ages) -
     swing = np.einsum("nij,nj->ni", motion.dcm, np.cross(rate, arm))
     antenna = replace(motion, vel=motion.vel + swing)
     t = last.shift.position_times(fixes.t)
-    late = ages.all_s + ages.skew * t
+    late = delays.all_s + delays.skew * t
     values = fixes.values.copy()
     path = _path(antenna)
     moved = at_times(motion, path, t - late) - at_times(motion, path, t)
@@ -80,9 +80,9 @@ def without_remainder(fixes: FixModel, last: Pass, motion: Motion, ages: Ages) -
     values[:, 0] -= moved[:, 0] / north
     values[:, 1] -= moved[:, 1] / east
     values[:, 2] += moved[:, 2]
-    passed = lagged(antenna, ages.lag_s) if ages.lag_s > 0.0 else antenna.vel
-    seen = at_times(motion, passed, t - late - ages.velocity_s)
-    old = (late + ages.velocity_s + ages.lag_s)[:, None]
+    passed = lagged(antenna, delays.lag_s) if delays.lag_s > 0.0 else antenna.vel
+    seen = at_times(motion, passed, t - late - delays.velocity_s)
+    old = (late + delays.velocity_s + delays.lag_s)[:, None]
     first_order = at_times(motion, antenna.vel, t) - old * at_times(
         motion, _steady(last, motion), t
     )

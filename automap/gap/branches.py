@@ -14,60 +14,63 @@ from dataclasses import fields, replace
 from automap.gap.formula_effect import adopt, dismiss, effect_of, name_of
 from automap.gap.formula_trial import OVER_NAMES_NATS
 from automap.gap.scoring import robust_score, whitener_of
-from automap.gap.search import MAX_FINDINGS, accept, eliminate, helps, step
-from automap.gap.search_state import MIN_NATS, Say, Stage, State
-from automap.gap.trial import few_gains
+from automap.gap.search import MAX_FINDINGS, accept, backward_elimination, forward_step, validated
+from automap.gap.search_state import MIN_NATS, Log, Stage, State
+from automap.gap.trial import sparsity_gains
 
 
-def search(state: State, exclude: Collection[str], say: Say) -> None:
+def search(state: State, exclude: Collection[str], log: Log) -> None:
     """Name one missing effect after another. Where a formula ends the search and a name was there
     too, the state becomes that of the names if these explain as much."""
-    _name_all(state, exclude, say)
-    if state.unexplained is None or state.contender is None:
+    _forward_selection(state, exclude, log)
+    if state.unexplained is None or state.runner_up is None:
         return
-    formula, name = state.unexplained, state.contender
+    formula, name = state.unexplained, state.runner_up
     if effect_of(formula) is None:
         return
     dismiss(formula)
-    if not helps(state, name, say):
+    if not validated(state, name, log):
         return
-    say(f"{name.effect} or {formula.told}: carrying on with the name")
-    named = _branch(state)
-    accept(named, name, say)
-    _name_all(named, exclude, say)
-    eliminate(named, say)
-    told = _branch(state)
-    told.unexplained = formula
-    say(f"{name.effect} or {formula.told}: carrying on with the formula")
-    adopt(told, say)
-    _name_all(told, exclude, say)
-    eliminate(told, say)
-    ahead = _nats(told, named)
-    needed = name_of(formula) in told.accepted
-    more = MIN_NATS * (len(told.accepted) - len(named.accepted))
-    say(
-        f"{formula.told} explains {ahead:.1f} nats more than {', '.join(named.accepted)} where "
-        f"{', '.join(told.accepted)} are named"
+    log(f"{name.effect} or {formula.equation}: carrying on with the name")
+    with_names = _branch(state)
+    accept(with_names, name, log)
+    _forward_selection(with_names, exclude, log)
+    backward_elimination(with_names, log)
+    with_formula = _branch(state)
+    with_formula.unexplained = formula
+    log(f"{name.effect} or {formula.equation}: carrying on with the formula")
+    adopt(with_formula, log)
+    _forward_selection(with_formula, exclude, log)
+    backward_elimination(with_formula, log)
+    ahead = _nats(with_formula, with_names)
+    needed = name_of(formula) in with_formula.accepted
+    more = MIN_NATS * (len(with_formula.accepted) - len(with_names.accepted))
+    log(
+        f"{formula.equation} explains {ahead:.1f} nats more than "
+        f"{', '.join(with_names.accepted)} where {', '.join(with_formula.accepted)} are named"
     )
     if needed and ahead - more >= OVER_NAMES_NATS:
         return
-    best = named if needed or ahead <= more else _of_names(told, name_of(formula))
+    best = (
+        with_names if needed or ahead <= more else _without_formula(with_formula, name_of(formula))
+    )
     dismiss(formula)
     for each in fields(State):
         setattr(state, each.name, getattr(best, each.name))
     state.formulas = True
 
 
-def _of_names(told: State, effect: str) -> State:
+def _without_formula(with_formula: State, effect: str) -> State:
     """A formula's end that does not need the formula any more, without a trace of its effect."""
     stages: list[Stage] = [
-        (model, {e: v for e, v in values.items() if e != effect}) for model, values in told.stages
+        (model, {e: v for e, v in values.items() if e != effect})
+        for model, values in with_formula.stages
     ]
-    return replace(told, unexplained=None, stages=stages)
+    return replace(with_formula, unexplained=None, stages=stages)
 
 
-def _name_all(state: State, exclude: Collection[str], say: Say) -> None:
-    while len(state.accepted) < MAX_FINDINGS and step(state, exclude, say) is not None:
+def _forward_selection(state: State, exclude: Collection[str], log: Log) -> None:
+    while len(state.accepted) < MAX_FINDINGS and forward_step(state, exclude, log) is not None:
         pass
 
 
@@ -80,11 +83,11 @@ def _branch(state: State) -> State:
         accepted=dict(state.accepted),
         trials=list(state.trials),
         stages=list(state.stages),
-        rivals=dict(state.rivals),
+        confusable=dict(state.confusable),
         refused=dict(state.refused),
         warnings=list(state.warnings),
         unexplained=None,
-        contender=None,
+        runner_up=None,
         resembles=None,
         formulas=False,
     )
@@ -93,7 +96,7 @@ def _branch(state: State) -> State:
 def _nats(one: State, other: State) -> float:
     """Nats by which the fits of one state are likelier than those of another, by the mean of what
     the whiteners of both say."""
-    total = few_gains(one, one.accepted) - few_gains(other, other.accepted)
+    total = sparsity_gains(one, one.accepted) - sparsity_gains(other, other.accepted)
     for a, b in zip(one.fits, other.fits, strict=True):
         for whitener in (whitener_of(a), whitener_of(b)):
             total += 0.5 * (robust_score(a, whitener) - robust_score(b, whitener))

@@ -14,11 +14,17 @@ from dataclasses import replace
 import numpy as np
 
 from automap.effects.user import UserEffect, add_user_effect
+from automap.gap.comparison import (
+    held_out_gain,
+    log_likelihood_gain,
+    take_formulas_noise,
+    unconstrained_gain,
+)
 from automap.gap.composite import composite_for, slow_formulas
 from automap.gap.evidence import p_value
 from automap.gap.formula import Formula
 from automap.gap.formula_effect import (
-    borne_out,
+    consistent_terms,
     dismiss,
     effect_of,
     fit_as_effect,
@@ -34,17 +40,16 @@ from automap.gap.formula_trial import (
 )
 from automap.gap.heldout import HELD_OUT_SLACK, SURE_NATS
 from automap.gap.jumps import jumps_of
-from automap.gap.rivalry import gain, held_out_gain, take_its_noise, unconstrained_gain
 from automap.gap.search_state import (
     LOW_WALK,
     MIN_NATS,
     WALKS,
-    Say,
+    Log,
     State,
     fit_all,
     joint_of,
 )
-from automap.gap.trial import few_gains
+from automap.gap.trial import sparsity_gains
 
 ROUNDS = 2
 SLOW_TRIALS = 5
@@ -55,7 +60,7 @@ PROMISING = 0.7
 """A first formula, chosen under the name's noise, must have this share of the name's nats."""
 
 
-def challenge(state: State, exclude: Collection[str], say: Say) -> None:
+def substitute_formulas(state: State, exclude: Collection[str], log: Log) -> None:
     """Put a formula in the place of a name, or of drift, that only resembles what is missing.
 
     The state then has the formula as what is unexplained, fitted where it can be an effect.
@@ -63,7 +68,7 @@ def challenge(state: State, exclude: Collection[str], say: Say) -> None:
     for trial in sorted(state.trials, key=lambda t: -t.nats):
         if trial.effect not in state.accepted:
             continue
-        say(f"checking {trial.effect} against formulas")
+        log(f"checking {trial.effect} against formulas")
         fewer = {e: s for e, s in state.accepted.items() if e != trial.effect}
         without = replace(
             state,
@@ -72,31 +77,33 @@ def challenge(state: State, exclude: Collection[str], say: Say) -> None:
             trials=[t for t in state.trials if t.effect != trial.effect],
             resembles=trial.effect,
         )
-        if _in_its_place(state, without, [trial.effect], exclude, say):
+        if _try_in_place(state, without, [trial.effect], exclude, log):
             return
-    raised = [w for w in WALKS if state.model.factors[w] > RAISED * LOW_WALK * state.asked[w]]
+    raised = [
+        w for w in WALKS if state.model.factors[w] > RAISED * LOW_WALK * state.stated_factors[w]
+    ]
     if raised:
-        say("checking the drift against formulas")
-        low = {w: LOW_WALK * state.asked[w] for w in raised}
+        log("checking the drift against formulas")
+        low = {w: LOW_WALK * state.stated_factors[w] for w in raised}
         model = replace(state.model, factors={**state.model.factors, **low})
         without = replace(state, model=model, fits=fit_all(state, model, state.accepted))
-        _in_its_place(state, without, raised, exclude, say)
+        _try_in_place(state, without, raised, exclude, log)
 
 
-def _in_its_place(
-    state: State, without: State, names: Sequence[str], exclude: Collection[str], say: Say
+def _try_in_place(
+    state: State, without: State, names: Sequence[str], exclude: Collection[str], log: Log
 ) -> bool:
     """Whether a formula explains more than ``names``, which ``without`` does without, each fitted,
     on held-out data too, and leaves nothing to them; it is then in the state.
 
     One that explains as much stands with the names as what they cannot be told from.
     """
-    few = few_gains(state, names)
-    named = gain(state.fits, without.fits) + few
-    found = _fitted(without, named, exclude, say)
+    few = sparsity_gains(state, names)
+    named = log_likelihood_gain(state.fits, without.fits) + few
+    found = _fitted(without, named, exclude, log)
     if names[0] in WALKS and named >= FORMULA_NATS:
         kept = None if found is None else effect_of(_formula_of(found))
-        slow = _slow_formula(state, without, names, named, exclude, say)
+        slow = _slow_formula(state, without, names, named, exclude, log)
         if kept is not None:
             # the trials may have dismissed the same terms
             add_user_effect(kept)
@@ -104,19 +111,24 @@ def _in_its_place(
     if found is None:
         return False
     formula = _formula_of(found)
-    if take_its_noise(state, found, say):
-        named = gain(state.fits, without.fits) + few
+    if take_formulas_noise(state, found, log):
+        named = log_likelihood_gain(state.fits, without.fits) + few
     back = {e: state.accepted[e] for e in names if e in state.accepted}
     both = fit_all(found, found.model, found.accepted | back)
-    left = gain(both, found.fits) if back else 0.0
-    say(f"{formula.told}: {formula.nats:.1f} nats; in its place {named:.1f}, beside it {left:.1f}")
+    left = log_likelihood_gain(both, found.fits) if back else 0.0
+    log(
+        f"{formula.equation}: {formula.nats:.1f} nats; in its place {named:.1f}, "
+        f"beside it {left:.1f}"
+    )
     alone = left <= max(MIN_NATS, BESIDES_SHARE * named) and formula.p_value <= FORMULA_P
     # both were fitted, and the formula has paid for its choice
-    more = min(formula.nats - named, gain(found.fits, state.fits) - formula.spent - few)
+    more = min(
+        formula.nats - named, log_likelihood_gain(found.fits, state.fits) - formula.spent - few
+    )
     slack = HELD_OUT_SLACK if more > SURE_NATS else 0.0
     enough = formula.nats >= FORMULA_NATS and more >= OVER_NAMES_NATS
-    borne = alone and enough and unconstrained_gain(found, state, say) > 0.0
-    if borne and held_out_gain(found, state, say) >= -slack:
+    supported = alone and enough and unconstrained_gain(found, state, log) > 0.0
+    if supported and held_out_gain(found, state, log) >= -slack:
         state.accepted, state.trials = found.accepted, found.trials
         state.model, state.fits = found.model, found.fits
         state.unexplained, state.resembles = formula, found.resembles
@@ -124,32 +136,34 @@ def _in_its_place(
     dismiss(formula)
     if alone and formula.nats + formula.spent >= max(FORMULA_NATS, named):
         for name in names:
-            known = state.rivals.get(name, ())
-            state.rivals[name] = known if formula.told in known else (*known, formula.told)
+            known = state.confusable.get(name, ())
+            state.confusable[name] = (
+                known if formula.equation in known else (*known, formula.equation)
+            )
     return False
 
 
-def _fitted(without: State, named: float, exclude: Collection[str], say: Say) -> State | None:
+def _fitted(without: State, named: float, exclude: Collection[str], log: Log) -> State | None:
     """The best formula of some rounds, each chosen under the noise that suited the last one."""
     best: State | None = None
     effect: UserEffect | None = None
     fits = without.fits
-    told: set[str] = set()
+    seen: set[str] = set()
     for _ in range(ROUNDS):
         formula = composite_for(fits, exclude)
-        if formula is None or formula.told in told or formula.nats < max(FORMULA_NATS, named):
+        if formula is None or formula.equation in seen or formula.nats < max(FORMULA_NATS, named):
             break
-        told.add(formula.told)
+        seen.add(formula.equation)
         tried = _pruned(without, formula)
         if tried is None:
             break
         fit_its_noise(tried)
-        agreed = _agreed(replace(without, model=tried.model), tried)
-        if agreed is None:
+        consistent = _consistent(replace(without, model=tried.model), tried)
+        if consistent is None:
             break
-        tried = _judged(without, agreed)
-        text = _formula_of(tried).told
-        say(f"{text}: {formula.nats:.1f} nats screened, {_nats(tried):.1f} fitted")
+        tried = _judged(without, consistent)
+        text = _formula_of(tried).equation
+        log(f"{text}: {formula.nats:.1f} nats screened, {_nats(tried):.1f} fitted")
         best = tried if best is None else _better(best, tried)
         effect = effect_of(_formula_of(best))
         if _nats(best) < PROMISING * named:
@@ -175,7 +189,7 @@ def _slow_formula(
     walks: Sequence[str],
     named: float,
     exclude: Collection[str],
-    say: Say,
+    log: Log,
 ) -> State | None:
     """The slow quantity that explains most of the ``named`` nats that were taken for drift: a step
     of an axis where the drift shows one, or what acts on all axes of a sensor. What is slow looks
@@ -191,8 +205,8 @@ def _slow_formula(
             one = replace(without, unexplained=formula)
             if not fit_as_effect(one):
                 continue
-            tried.append((gain(one.fits, without.fits), formula))
-            say(f"{formula.told}: {tried[-1][0]:.1f} nats fitted")
+            tried.append((log_likelihood_gain(one.fits, without.fits), formula))
+            log(f"{formula.equation}: {tried[-1][0]:.1f} nats fitted")
             dismiss(formula)
             first = triads and formula is triads[0]
             if first and max(nats for nats, _ in tried) < PART * named:
@@ -222,12 +236,12 @@ def _pruned(without: State, formula: Formula) -> State | None:
         formula = formula.of_terms(kept)
 
 
-def _agreed(without: State, tried: State) -> State | None:
+def _consistent(without: State, tried: State) -> State | None:
     """The state with those terms of its formula that measurements bear out: what slips or sways
     is the vehicle, no sensor. None where nothing is left."""
     while True:
         formula = _formula_of(tried)
-        good = borne_out(tried)
+        good = consistent_terms(tried)
         kept = [i for i in _needed(tried, formula) if good[i]]
         if len(kept) == len(formula.terms):
             return tried
@@ -253,7 +267,7 @@ def _needed(tried: State, formula: Formula) -> list[int]:
 def _judged(without: State, tried: State) -> State:
     """The state with the evidence of its fitted formula."""
     formula = _formula_of(tried)
-    nats = gain(tried.fits, without.fits) - formula.spent
+    nats = log_likelihood_gain(tried.fits, without.fits) - formula.spent
     p = p_value(nats, formula.maxima)
     found = replace(formula, evidence=replace(formula.evidence, nats=nats), p_value=p)
     return replace(tried, unexplained=found)

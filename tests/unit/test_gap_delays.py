@@ -9,11 +9,11 @@ import pytest
 
 from automap.earth import metres_per_radian
 from automap.gap import base_model
-from automap.gap.ages import Ages, without_remainder
+from automap.gap.delays import Delays, without_higher_orders
 from automap.gap.drive import open_drive
 from automap.gap.evidence import Evidence
 from automap.gap.fit import Fit, at_times, fit_drive, motion_of
-from automap.gap.naming import latency_first, offset_at_start, offset_besides
+from automap.gap.naming import offset_at_start, offset_besides, offset_first
 from automap.gap.scoring import Joint
 from automap.gap.screening import Candidate
 from automap.gap.search_state import Trial
@@ -45,7 +45,7 @@ def test_old_fixes_less_the_remainder_are_old_to_first_order(plain: Fit) -> None
     values[:, :3] = motion.pos[0] + old / [north, east, -1.0]
     aged = replace(fixes, **{f: getattr(fixes, f)[inner] for f in ("flags", "t", "row")})
     aged = replace(aged, values=values)
-    rest = without_remainder(aged, plain.last, motion, Ages(all_s=age))
+    rest = without_higher_orders(aged, plain.last, motion, Delays(all_s=age))
     seen = (rest.values[:, :3] - motion.pos[0]) * [north, east, -1.0]
     expected = at_times(motion, antenna, t) - age * velocity
     assert np.abs(old - expected).max() > 0.03
@@ -57,7 +57,9 @@ def test_noise_of_single_turn_rates_does_not_age_velocities(plain: Fit) -> None:
     fixes = plain.opened.session.fixes
     noise = 0.1 * np.random.default_rng(1).standard_normal(motion.rate.shape)
     rough = replace(motion, rate=motion.rate + noise)
-    seen = [without_remainder(fixes, plain.last, m, Ages(all_s=0.02)) for m in (motion, rough)]
+    seen = [
+        without_higher_orders(fixes, plain.last, m, Delays(all_s=0.02)) for m in (motion, rough)
+    ]
     arm = np.array([plain.last.totals()[f"gnss_lever_arm_{a}"] for a in "xyz"])
     apart = np.std(seen[1].values[:, 3:6] - seen[0].values[:, 3:6])
     # two readings of that noise would part them by 0.14 rad/s times the arm
@@ -116,5 +118,5 @@ def test_whole_fixes_are_late_where_late_velocities_explain_no_more(
     nats: float, first: str
 ) -> None:
     trials = [trial("gnss_velocity_latency", 100.0), trial("gnss_latency", nats)]
-    assert latency_first(trials)[0].effect == first
-    assert len(latency_first(trials)) == 2
+    assert offset_first(trials)[0].effect == first
+    assert len(offset_first(trials)) == 2

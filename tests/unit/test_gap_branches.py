@@ -15,7 +15,7 @@ from automap.gap.formula import screen_formulas
 from automap.gap.screening import screen
 from automap.gap.search import accept
 from automap.gap.search_state import State, Trial
-from automap.gap.trial import try_candidate, with_own_noise
+from automap.gap.trial import try_candidate, with_refitted_noise
 from tests.unit.test_gap import simulated
 
 
@@ -42,11 +42,11 @@ def decided(
     opened = open_drive(simulated(hidden), model.options)
     fit = fit_drive(opened, model)
     state = State([opened], [], dict(model.factors), model, [fit])
-    known = screen_formulas([fit], exclude, scattering=False)
+    known = screen_formulas([fit], exclude, correct_overdispersion=False)
     screening = screen([fit], [name])
     candidate = screening.candidates[0]
     tried = try_candidate(state, candidate, model, screening, nobody)
-    (state.contender,) = with_own_noise(state, [tried], nobody)
+    (state.runner_up,) = with_refitted_noise(state, [tried], nobody)
     state.unexplained = next(f for f in known if (f.channel, f.text) == formula)
     monkeypatch.setattr(fork, "step", lambda state, *_: follows(state))
     fork.search(state, exclude, nobody)
@@ -66,8 +66,8 @@ def test_what_no_name_explains_stays_a_formula(monkeypatch: pytest.MonkeyPatch) 
     asymmetry = "accel_scale_asymmetry"
     hidden = {asymmetry: {"x": 0.04}}
     formula = ("accel_x", "abs(force_x)")
-    without = frozenset({asymmetry})
-    state = decided(hidden, formula, "speed_vibration", monkeypatch, without)
+    marginalised = frozenset({asymmetry})
+    state = decided(hidden, formula, "speed_vibration", monkeypatch, marginalised)
     assert state.unexplained is not None
     assert (state.unexplained.channel, state.unexplained.text) == formula
     assert not state.accepted

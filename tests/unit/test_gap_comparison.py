@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from automap.gap import base_model
+from automap.gap.comparison import log_likelihood_gain, take_formulas_noise
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive
-from automap.gap.rivalry import gain, take_its_noise
 from automap.gap.search_state import State, fit_all
 from tests.unit.test_gap import simulated
 
@@ -37,14 +37,14 @@ def with_drift(state: State, factor: float) -> State:
 def test_names_that_were_left_with_drift_take_the_noise_that_suits(named: State) -> None:
     drifting = with_drift(named, 300.0)
     before = drifting.fits
-    assert take_its_noise(drifting, named, nobody)
+    assert take_formulas_noise(drifting, named, nobody)
     assert drifting.model.factors == named.model.factors
     assert list(drifting.accepted) == ["gyro_scale"]
-    assert gain(drifting.fits, before) > 0.0
+    assert log_likelihood_gain(drifting.fits, before) > 0.0
 
 
 def test_names_keep_the_noise_that_suits_them(named: State) -> None:
     own = replace(named)
-    assert not take_its_noise(own, with_drift(named, 300.0), nobody)
+    assert not take_formulas_noise(own, with_drift(named, 300.0), nobody)
     assert own.model.factors == named.model.factors
     assert own.fits is named.fits
