@@ -42,10 +42,10 @@ class Effect:
     ``family`` is where it acts: "imu", "noise", "clock", "gnss", "vehicle", "earth", "camera".
     ``terms`` say how each parameter acts; noise, and what the camera's own model holds, has none.
     ``markov`` makes them errors that come and go. ``setting`` is the option of the fusion that
-    says how large it is where it is no state, ``walk_setting`` that of its random walk. ``usual``
-    effects are part of every model, never a finding. ``first_order`` names the effect that acts
-    alike to first order, and with which sign; ``unsure_zero`` the one that acts as this does at
-    an instant that nobody knows.
+    says how large it is where it is no state, ``walk_setting`` that of its random walk. A
+    ``nuisance`` is part of every model, never a finding. ``first_order`` names the effect that
+    acts alike to first order, and with which sign; ``unknown_epoch`` the one that acts as this
+    does at an instant that nobody knows.
     """
 
     name: str
@@ -56,9 +56,9 @@ class Effect:
     markov: GaussMarkov | None = None
     setting: str = ""
     walk_setting: str = ""
-    usual: bool = False
+    nuisance: bool = False
     first_order: tuple[str, float] | None = None
-    unsure_zero: str = ""
+    unknown_epoch: str = ""
 
     def acts_on(self, *measured: str) -> bool:
         """Whether a term acts on one of these."""
@@ -142,7 +142,7 @@ _INERTIAL = (
         "constant accelerometer offset",
         _axes(ACCEL),
         walk_setting="accel_bias_walk",
-        usual=True,
+        nuisance=True,
     ),
     Effect(
         "gyro_bias",
@@ -151,7 +151,7 @@ _INERTIAL = (
         "constant gyro offset",
         _axes(GYRO),
         walk_setting="gyro_bias_walk",
-        usual=True,
+        nuisance=True,
     ),
     Effect(
         "accel_scale",
@@ -262,7 +262,7 @@ _INSTALLATION = (
         _named("skew", "s/s", 5e-5),
         "IMU clock runs fast",
         _one("skew", FIX, Kind.TIME, signal=ELAPSED),
-        unsure_zero="imu_time_offset",
+        unknown_epoch="imu_time_offset",
     ),
     Effect(
         "earth_rotation",
@@ -310,7 +310,7 @@ _RECEIVER = (
         "position error that wanders",
         _axes(POSITION, names="n e d", signal="position_sd_{}"),
         markov=GaussMarkov("wander_tau_s", "", "wander", "wander_tau"),
-        usual=True,
+        nuisance=True,
     ),
     Effect(
         "gnss_velocity_wander",
@@ -320,7 +320,7 @@ _RECEIVER = (
         _axes(VELOCITY, names="n e d"),
         markov=GaussMarkov("velocity_wander_tau_s", "velocity_wander_sd", "velocity_wander", ""),
         setting="fuse.velocity_wander_sd",
-        usual=True,
+        nuisance=True,
     ),
     Effect(
         "gnss_noise_scale",
@@ -328,7 +328,7 @@ _RECEIVER = (
         _named("factor", "", 1.0, 0.0),
         "reported accuracy is off",
         setting="fuse.adapt",
-        usual=True,
+        nuisance=True,
     ),
     Effect(
         "gnss_outliers",
@@ -336,7 +336,7 @@ _RECEIVER = (
         (Parameter("fraction", "", 0.05, 0.0, 1.0),),
         "wild fixes",
         setting="fuse.gate_probability",
-        usual=True,
+        nuisance=True,
     ),
     Effect(
         "gnss_datum_shift",
@@ -361,7 +361,7 @@ _VEHICLE = (
         _named("coefficient", "rad/(m/s^2)", 0.01),
         "the nose rises on its springs with the acceleration",
         _one("coefficient", VEHICLE, Kind.SLIP, 1, FORWARD_ACCELERATION),
-        usual=True,
+        nuisance=True,
     ),
     Effect(
         "nhc_lever_arm",

@@ -101,11 +101,11 @@ def refine_noise(
     nodes: Nodes,
     start: Start,
     shift: Shift,
-    about: PathStates,
+    linearised_at: PathStates,
     initial: Mapping[str, float],
     levels: Sequence[str] = WHITE_LEVELS,
 ) -> dict[str, float]:
-    """Factors on the levels at the top of the likelihood about a smoothed path ``about``.
+    """Factors on the levels at the top of the likelihood about a smoothed path ``linearised_at``.
 
     ``adapt_noise`` looks about the filter's own path, which wants coarse steps and little
     data; here every step has exact slopes, and the whole drive counts, so the levels scatter
@@ -114,8 +114,8 @@ def refine_noise(
     part = nodes.first_moving(REFINE_S, STANDING_PART * REFINE_S)
     part = replace(part, flags=part.flags & ~BESIDE_FIXES)
     path = PathStates(
-        np.ascontiguousarray(about.nominal[: len(part.t)]),
-        np.ascontiguousarray(about.params[: len(part.t)]),
+        np.ascontiguousarray(linearised_at.nominal[: len(part.t)]),
+        np.ascontiguousarray(linearised_at.params[: len(part.t)]),
     )
 
     def likelihood(trial: dict[str, float]) -> LevelLikelihood:

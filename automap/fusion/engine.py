@@ -156,10 +156,10 @@ def fuse_imu_gnss(
     options = replace(options, effects=effects)
     session = Session(imu, model, options, standstill, means, sds, span, wheels)
     warnings: list[str] = []
-    if screened.n_wild:
+    if screened.n_outliers:
         warnings.append(
-            f"{screened.n_wild} fixes lie up to {screened.largest_m:.0f} m off the path that the "
-            "others and the velocities show; they were trusted less"
+            f"{screened.n_outliers} fixes lie up to {screened.largest_m:.0f} m off the path that "
+            "the others and the velocities show; they were trusted less"
         )
 
     mounting = Mounting(np.eye(3), np.zeros(3), np.zeros(3))
@@ -196,7 +196,7 @@ def fuse_imu_gnss(
             "direction, so headings and sideways positions of signs may be off"
         )
     progress(0.8, "writing the trajectory at IMU rate")
-    outcome = _harvest(last, int(imu.t_ns[0]), screened.wild)
+    outcome = _harvest(last, int(imu.t_ns[0]), screened.outliers)
     del last, found
     return _assemble(
         session, outcome, clock, mounting, margin, warnings, imu.axes_known, delay_is_clock
@@ -250,7 +250,7 @@ class _Outcome:
     factors: dict[str, float]
 
 
-def _harvest(last: Pass, base_ns: int, wild: IntArray) -> _Outcome:
+def _harvest(last: Pass, base_ns: int, outliers: IntArray) -> _Outcome:
     smooth = last.smooth
     return _Outcome(
         last.problem,
@@ -259,7 +259,7 @@ def _harvest(last: Pass, base_ns: int, wild: IntArray) -> _Outcome:
         NodeStates(*filtered_states(last.problem, last.forward)),
         parameter_history(last.problem, smooth, base_ns, last.shift),
         filter_history(last.problem, last.forward, base_ns, last.shift),
-        innovations(last.forward, base_ns, wild),
+        innovations(last.forward, base_ns, outliers),
         last.factors,
     )
 

@@ -41,7 +41,7 @@ class _Place:
 
 
 @dataclass(frozen=True)
-class Summit:
+class Maximum:
     """Where a climb ended: score in nats, factors, the inverse curvature [p, p] along their
     logarithms as far as the steps have told it."""
 
@@ -56,7 +56,7 @@ def climb(
     levels: Sequence[str],
     limits: Callable[[str], tuple[float, float]],
     inverse: FloatArray | None = None,
-) -> Summit:
+) -> Maximum:
     """Move ``levels`` together uphill as long as it pays.
 
     ``likelihood`` of factors by level; no factor leaves its level's ``limits``. ``inverse``
@@ -97,7 +97,7 @@ def climb(
         else:
             # a poor step may be a poor curvature's fault, not the top
             inverse, fresh = _by_information(here), True
-    return Summit(here.score, {**factors, **_by_name(levels, here.x)}, inverse)
+    return Maximum(here.score, {**factors, **_by_name(levels, here.x)}, inverse)
 
 
 def _share(promised: float, gained: float) -> float:

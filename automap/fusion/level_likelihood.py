@@ -41,11 +41,11 @@ class LevelLikelihood:
 
 
 def level_likelihood(
-    problem: Problem, nodes: Nodes, start: Start, shift: Shift, about: PathStates
+    problem: Problem, nodes: Nodes, start: Start, shift: Shift, linearised_at: PathStates
 ) -> LevelLikelihood:
-    """Likelihood of the nodes' measurements and its slopes, linearised about ``about``."""
+    """Likelihood of the nodes' measurements and its slopes, linearised about ``linearised_at``."""
     slope, info = np.zeros(len(ALL_LEVELS)), np.zeros(len(ALL_LEVELS))
-    run = run_forward(problem, nodes, start, shift, about=about)
+    run = run_forward(problem, nodes, start, shift, linearised_at=linearised_at)
     if not np.isfinite(run.score):
         return LevelLikelihood(-np.inf, slope, info)
     level_slopes(
@@ -59,7 +59,7 @@ def level_likelihood(
         _level_of_channel(),
         _level_of_state(problem),
         run.store,
-        _surprise(problem),
+        _nis_limits(problem),
         slope,
         info,
     )
@@ -85,7 +85,7 @@ def _level_of_state(problem: Problem) -> IntArray:
     return out
 
 
-def _surprise(problem: Problem) -> FloatArray:
+def _nis_limits(problem: Problem) -> FloatArray:
     """NIS of a channel's block beyond which it was trusted less."""
     gate = problem.arrays.gate
     out = np.full(MAX_SCALARS, gate[2])

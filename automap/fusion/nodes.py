@@ -50,7 +50,7 @@ class Shift:
         return self.host_times(t - self.latency_s)
 
     @property
-    def velocity_age_s(self) -> float:
+    def velocity_delay_s(self) -> float:
         """By how much velocities are older than positions."""
         return self.vel_latency_s + self.vel_lag_s
 
@@ -138,7 +138,7 @@ def model_fixes(fixes: Fixes, t: FloatArray, options: FusionOptions) -> FixModel
         flags[order].astype(np.int64),
         np.nan_to_num(values[order]),
         np.concatenate([white, sd_vel], axis=1)[order] ** 2,
-        options.wander_share * hold_figure(sd[order]),
+        options.wander_share * hold_reported_sd(sd[order]),
         order.astype(np.int64),
     )
 
@@ -211,7 +211,7 @@ def build_nodes(
 def _split(model: FixModel, shift: Shift) -> FixModel:
     """Fixes on IMU stamps, velocities apart from positions where they belong to another time."""
     t = shift.position_times(model.t)
-    if shift.velocity_age_s == 0.0:
+    if shift.velocity_delay_s == 0.0:
         return replace(model, t=t)
     position = (model.flags & (HAS_POS_H | HAS_POS_V)) > 0
     velocity = (model.flags & (HAS_VEL_H | HAS_VEL_V)) > 0
@@ -221,7 +221,7 @@ def _split(model: FixModel, shift: Shift) -> FixModel:
     flags[:n_pos] &= HAS_POS_H | HAS_POS_V
     flags[n_pos:] &= HAS_VEL_H | HAS_VEL_V
     times = t[rows].copy()
-    times[n_pos:] -= shift.velocity_age_s
+    times[n_pos:] -= shift.velocity_delay_s
     order = np.argsort(times, kind="stable")
     rows = rows[order]
     return FixModel(
@@ -234,7 +234,7 @@ def _split(model: FixModel, shift: Shift) -> FixModel:
     )
 
 
-def hold_figure(sd: FloatArray) -> FloatArray:
+def hold_reported_sd(sd: FloatArray) -> FloatArray:
     """Accuracy figures [m, 3] that follow real changes and not the jitter of the reports.
 
     A figure is held until the reported one differs by a quarter.

@@ -26,7 +26,7 @@ from automap.fusion.problem import (
     run_dense,
 )
 from automap.fusion.resample import shift_states
-from automap.fusion.stamp_error import rates_of_change, told_by_stamp
+from automap.fusion.stamp_error import covariance_at_stamps, rates_of_change
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory
 
 
@@ -82,7 +82,9 @@ def node_trajectory(
     dense, _ = run_dense(problem, nodes, nominal, states.params, blend)
     good = np.asarray(np.isfinite(dense).all(axis=1))
     dense = _hold_ends(dense, good)
-    cov = told_by_stamp(problem.model, cov, nodes.t, rates_of_change(problem.t, dense, nodes.t))
+    cov = covariance_at_stamps(
+        problem.model, cov, nodes.t, rates_of_change(problem.t, dense, nodes.t)
+    )
     if not delay_is_clock:
         dense = shift_states(problem.t, dense, delay)
     vehicle = quat_multiply(dense[:, 6:10], matrix_to_quat(turn.T))
@@ -171,12 +173,12 @@ def filter_history(
     return ParameterHistory(t_ns, names, values, sd)
 
 
-def innovations(forward: ForwardRun, base_ns: int, wild: IntArray) -> Innovations:
-    """The innovation table of a forward run; positions of ``wild`` fixes count as refused."""
+def innovations(forward: ForwardRun, base_ns: int, outliers: IntArray) -> Innovations:
+    """The innovation table of a forward run; positions of ``outliers`` count as refused."""
     store = forward.store
     node, channel = store.info[:, 0], store.info[:, 1]
     names = np.array(CHANNELS, dtype=object)
-    suspect = np.isin(forward.nodes.fix_row[node], wild) & (channel < CH_VEL)
+    suspect = np.isin(forward.nodes.fix_row[node], outliers) & (channel < CH_VEL)
     return Innovations(
         base_ns + np.rint(forward.nodes.t[node] * 1e9).astype(np.int64),
         names[channel],

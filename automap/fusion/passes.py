@@ -30,8 +30,8 @@ from automap.fusion.problem import (
     SmoothRun,
     Start,
     contained,
+    linearisation_states,
     make_problem,
-    states_about,
 )
 from automap.fusion.sections import filter_and_smooth
 from automap.records import FloatArray, ImuData
@@ -175,7 +175,7 @@ def run_passes(
             factors = adapt_noise(base, nodes, start, shift, factors, search, progress)
             problem = scale_problem(base, factors)
         plain, nodes = nodes, scale_nodes(nodes, factors)
-        about = None
+        linearised_at = None
         if number == 0:
             # enough to settle start, delays and noise; the whole drive comes after
             nodes = nodes.first(int(np.searchsorted(nodes.t, nodes.t[0] + limits.HEAD_S)) + 1)
@@ -183,20 +183,20 @@ def run_passes(
             assert last is not None
             before, smoothed = last.shift, last.smooth
             last = None
-            about = states_about(problem, smoothed, nodes, before, shift)
+            linearised_at = linearisation_states(problem, smoothed, nodes, before, shift)
             del smoothed
             if relinearised == 0 and (options.adapt or options.tune):
                 levels = SLOPED_LEVELS if options.tune else WHITE_LEVELS
-                factors = refine_noise(base, plain, start, shift, about, factors, levels)
+                factors = refine_noise(base, plain, start, shift, linearised_at, factors, levels)
                 problem, nodes = scale_problem(base, factors), scale_nodes(plain, factors)
             relinearised += 1
         last = None
         # only a relinearised pass can be the last
         final = number > 1 or options.iterations == 0
         forward, smooth = filter_and_smooth(
-            problem, nodes, start, shift, about=about, with_cov=final
+            problem, nodes, start, shift, linearised_at=linearised_at, with_cov=final
         )
-        del about
+        del linearised_at
         last = Pass(problem, nodes, forward, smooth, shift, factors)
         del forward
         # begin again at the smoothed start, as unsure as before: only the linearisation gains
@@ -205,7 +205,7 @@ def run_passes(
             speed_t = nodes.t
             speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
         following = next_shift(model, smooth, shift, options.retime)
-        still = number > 0 and settled(model, smooth, following, shift)
+        still = number > 0 and converged(model, smooth, following, shift)
         if still and relinearised >= options.iterations:
             break
         shift = following
@@ -236,7 +236,7 @@ def next_shift(model: StateModel, smooth: SmoothRun, shift: Shift, retime: bool)
     )
 
 
-def settled(model: StateModel, smooth: SmoothRun, a: Shift, b: Shift) -> bool:
+def converged(model: StateModel, smooth: SmoothRun, a: Shift, b: Shift) -> bool:
     """Whether the delays moved by no more than what does not matter."""
     noted = np.flatnonzero(np.isfinite(smooth.param_var).all(axis=1))[-1]
     sd = np.sqrt(np.maximum(smooth.param_var[noted], 0.0))

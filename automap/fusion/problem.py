@@ -179,14 +179,14 @@ def run_forward(
     start: Start,
     shift: Shift,
     store: bool = True,
-    about: PathStates | None = None,
+    linearised_at: PathStates | None = None,
 ) -> ForwardRun:
-    """Run the forward filter over the nodes, linearised about ``about`` if given.
+    """Run the forward filter over the nodes, linearised about ``linearised_at`` if given.
 
     ``shift`` is what the nodes' times already contain of the delays; the states hold the rest.
     """
     out = empty_store(nodes if store else nodes.first(0), problem.model.size)
-    score = filter_into(out, problem, nodes, first_state(problem, start, shift), about)
+    score = filter_into(out, problem, nodes, first_state(problem, start, shift), linearised_at)
     return ForwardRun(nodes, out, score)
 
 
@@ -227,7 +227,7 @@ def filter_into(
     problem: Problem,
     nodes: Nodes,
     state: FilterState,
-    about: PathStates | None,
+    linearised_at: PathStates | None,
 ) -> float:
     """Filter over the nodes from ``state`` at the first of them; returns the score."""
     score = kernels.run_forward(
@@ -244,14 +244,16 @@ def filter_into(
         state.nominal,
         state.params,
         state.cov,
-        np.zeros((0, 10)) if about is None else about.nominal,
-        np.zeros((0, problem.model.size - N_NAV)) if about is None else about.params,
+        np.zeros((0, 10)) if linearised_at is None else linearised_at.nominal,
+        np.zeros((0, problem.model.size - N_NAV))
+        if linearised_at is None
+        else linearised_at.params,
         store,
     )
     return float(score)
 
 
-def states_about(
+def linearisation_states(
     problem: Problem, smooth: SmoothRun, nodes: Nodes, before: Shift, now: Shift
 ) -> PathStates:
     """Smoothed states at the instants of other ``nodes``, whose times contain ``now``."""

@@ -30,13 +30,13 @@ class Screening:
     the largest distance in m."""
 
     fixes: FixModel
-    wild: IntArray
+    outliers: IntArray
     largest_m: float
 
     @property
-    def n_wild(self) -> int:
+    def n_outliers(self) -> int:
         """How many fixes are wild."""
-        return len(self.wild)
+        return len(self.outliers)
 
 
 def screen_fixes(model: FixModel, tau_s: float) -> Screening:
@@ -58,7 +58,7 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
     ).reshape(-1, 3)
     has_velocity = (model.flags[use] & HAS_VEL_H) > 0
     expected = model.white_var[use, :3] + model.wander_sd[use] ** 2
-    velocity_var = model.white_var[use, 3:5] + _age_var(t, model.values[use, 3:5], has_velocity)
+    velocity_var = model.white_var[use, 3:5] + _delay_var(t, model.values[use, 3:5], has_velocity)
     wild_from = gate(limits.WILD_PROBABILITY, 2)
     extra = np.zeros(len(use))
     distance = np.zeros(len(use))
@@ -84,17 +84,17 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
         extra = np.where(squared > wild_from, (limits.WILD_SD * distance) ** 2, 0.0)
         if np.array_equal(extra > 0, before > 0):
             break
-    wild = extra > 0
-    if not wild.any():
+    outliers = extra > 0
+    if not outliers.any():
         return Screening(model, NONE, 0.0)
     var = model.white_var.copy()
-    var[use[wild], :3] += extra[wild][:, None]
+    var[use[outliers], :3] += extra[outliers][:, None]
     return Screening(
-        replace(model, white_var=var), model.row[use[wild]], float(distance[wild].max())
+        replace(model, white_var=var), model.row[use[outliers]], float(distance[outliers].max())
     )
 
 
-def _age_var(t: FloatArray, velocity: FloatArray, known: BoolArray) -> FloatArray:
+def _delay_var(t: FloatArray, velocity: FloatArray, known: BoolArray) -> FloatArray:
     """Variances [n, 2] in m^2/s^2 of velocities for not knowing of which instant they are."""
     if int(known.sum()) < 2:
         return np.zeros_like(velocity)

@@ -42,21 +42,21 @@ def filter_and_smooth(
     nodes: Nodes,
     start: Start,
     shift: Shift,
-    about: PathStates | None = None,
+    linearised_at: PathStates | None = None,
     with_cov: bool = True,
     section_nodes: int = SECTION_NODES,
 ) -> tuple[ForwardRun, SmoothRun]:
     """Filter forward and smooth back over all nodes (see ``run_forward``, ``run_smoother``)."""
     bounds = _bounds(nodes, section_nodes)
     if len(bounds) == 2:
-        forward = run_forward(problem, nodes, start, shift, about=about)
+        forward = run_forward(problem, nodes, start, shift, linearised_at=linearised_at)
         return forward, run_smoother(problem, forward, with_cov=with_cov)
     state = first_state(problem, start, shift)
     states: list[FilterState] = []
     parts: list[ForwardRun] = []
     for a, b in pairwise(bounds):
         states.append(state)
-        run = _filter_section(problem, nodes, a, b, state, about)
+        run = _filter_section(problem, nodes, a, b, state, linearised_at)
         state = _state_after(problem, run)
         parts.append(_light(problem, run))
     adjoint = no_adjoint(problem.model.size)
@@ -65,7 +65,7 @@ def filter_and_smooth(
         a, b = bounds[number], bounds[number + 1]
         if number < len(parts) - 1:
             del run
-            run = _filter_section(problem, nodes, a, b, states[number], about)
+            run = _filter_section(problem, nodes, a, b, states[number], linearised_at)
         smoothed.append(run_smoother(problem, run, adjoint, with_cov))
     del run
     return _join_forward(nodes, parts), _join_smooth(nodes, smoothed[::-1])
@@ -91,7 +91,7 @@ def _filter_section(
     a: int,
     b: int,
     state: FilterState,
-    about: PathStates | None,
+    linearised_at: PathStates | None,
 ) -> ForwardRun:
     """Filter from node ``a``, whose own measurements ``state`` already has (but for the first
     of all), to node ``b``."""
@@ -102,8 +102,8 @@ def _filter_section(
         part = replace(part, flags=flags)
     store = empty_store(part, problem.model.size)
     path = None
-    if about is not None:
-        path = PathStates(about.nominal[a : b + 1], about.params[a : b + 1])
+    if linearised_at is not None:
+        path = PathStates(linearised_at.nominal[a : b + 1], linearised_at.params[a : b + 1])
     return ForwardRun(part, store, filter_into(store, problem, part, state, path))
 
 

@@ -35,7 +35,7 @@ def mounting_rows(model: StateModel) -> slice:
     return slice(N_NAV, N_NAV + rows.stop - rows.start)
 
 
-def told_by_stamp(
+def covariance_at_stamps(
     model: StateModel, cov: FloatArray, node_t: FloatArray, change: FloatArray
 ) -> FloatArray:
     """Covariance [k, m, m] of navigation errors and mounting at the stamps' instants.

@@ -88,11 +88,11 @@ def effect_columns(
     if not known.acts_on(*MEASURED):
         return []
     direct = _direct(effect, fit, motion, at)
-    if known.unsure_zero:
+    if known.unknown_epoch:
         # with the instant at which nothing was off, which nobody says
         length = float(motion.t[-1] - motion.t[0])
         prior_sds = {**prior_sds, ORIGIN: next(iter(prior_sds.values())) * length}
-        direct[ORIGIN] = next(iter(_direct(known.unsure_zero, fit, motion, at).values()))
+        direct[ORIGIN] = next(iter(_direct(known.unknown_epoch, fit, motion, at).values()))
     return [
         Column(effect, parameter, prior_sds[parameter], direct=Direct(values))
         for parameter, values in direct.items()

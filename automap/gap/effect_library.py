@@ -13,16 +13,16 @@ from automap.gap.model import prior_sd
 FAMILIES = ("imu", "vehicle", "clock", "gnss", "earth")
 
 
-def library(settled: frozenset[str], has_wheels: bool, earth_on: bool) -> list[str]:
+def library(included: frozenset[str], has_wheels: bool, earth_on: bool) -> list[str]:
     """Names of the effects that could be missing from a model."""
-    taken = set(settled)
+    taken = set(included)
     for pair in alike_to_first_order():
         if taken & set(pair):
             # once one is in the model, the other says nothing new to first order
             taken |= set(pair)
     out = []
     for name, effect in CATALOGUE.items():
-        known = name in taken or effect.usual or (effect.family == "earth" and earth_on)
+        known = name in taken or effect.nuisance or (effect.family == "earth" and earth_on)
         if effect.family in FAMILIES and not known and (has_wheels or not effect.needs_wheels):
             out.append(name)
     return out

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from automap.fusion.again import run_again
 from automap.fusion.layout import N_NAV
 from automap.fusion.passes import Pass, Session, run_passes
 from automap.fusion.problem import Start, full_covariance
+from automap.fusion.relinearise import relinearise
 from automap.gap.delays import Delays, delays_of, has_delays, without_higher_orders
 from automap.gap.drive import OpenDrive
 from automap.gap.model import GapModel, parameter_names, session_with
@@ -115,7 +115,7 @@ def _repeat_passes(
     if delays != Delays():
         fixes = without_higher_orders(session.fixes, last, motion_of(last), delays)
         session = replace(session, fixes=fixes)
-    return run_again(session, last, start)
+    return relinearise(session, last, start)
 
 
 def _stated(opened: OpenDrive, names: list[tuple[str, str]]) -> FloatArray:

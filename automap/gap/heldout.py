@@ -1,4 +1,4 @@
-"""The gap: what a model does not foretell of data that it was not fitted to.
+"""The gap: what a model does not predict of data that it was not fitted to.
 
 In nats an epoch of fixes: how much likelier the held-out measurements would be under a model
 that leaves white innovations of the stated size. Against the best model that was found this is

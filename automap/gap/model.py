@@ -35,7 +35,7 @@ class GapModel:
     factors: Mapping[str, float] = field(default_factory=lambda: dict.fromkeys(ALL_LEVELS, 1.0))
 
     @property
-    def settled(self) -> frozenset[str]:
+    def included(self) -> frozenset[str]:
         """Effects that the model has, as nuisance or with a value."""
         return frozenset(self.options.effects) | frozenset(self.values)
 

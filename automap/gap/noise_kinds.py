@@ -40,7 +40,7 @@ class NoiseFit:
 def with_noise_kinds(fits: Sequence[Fit], model: GapModel, log: Log) -> NoiseFit:
     """The model with shocks and velocity errors that last, as far as the drives show them, its
     noise fitted. ``model`` has the levels that suit it without them."""
-    free = {e: 1.0 for e in LIKE_NOISE if e not in model.settled}
+    free = {e: 1.0 for e in LIKE_NOISE if e not in model.included}
     kinds = _kinds(fit_with_noise(fits, model, free), free, log).model
     return fit_with_noise(fits, kinds)
 

@@ -1,4 +1,4 @@
-"""How well a fitted model foretells its measurements, robustly, in nats.
+"""How well a fitted model predicts its measurements, robustly, in nats.
 
 Models are compared scalar by scalar on the same measurements, whitened by the same spread and
 autoregression, so that coloured noise and a few wild values decide nothing.

@@ -99,14 +99,14 @@ def initial_state(
 def candidates_of(state: State, exclude: Collection[str]) -> list[str]:
     """Effects that may be missing and were not refused already."""
     has_wheels = any(d.session.odometer is not None for d in state.drives)
-    settled = state.model.settled | set(state.accepted) | set(state.refused) | set(exclude)
+    included = state.model.included | set(state.accepted) | set(state.refused) | set(exclude)
     for opened in state.drives:
         if opened.drive.mounting_sd.any():
-            settled |= {"imu_mounting"}
+            included |= {"imu_mounting"}
         if opened.drive.delay.sd > 0.02:
             # a free offset between the clocks is the same thing
-            settled |= {"gnss_latency"}
-    return library(frozenset(settled), has_wheels, state.model.options.earth_rotation)
+            included |= {"gnss_latency"}
+    return library(frozenset(included), has_wheels, state.model.options.earth_rotation)
 
 
 def forward_step(state: State, exclude: Collection[str], log: Log) -> Trial | None:

@@ -48,7 +48,7 @@ def _channel(fit: Fit, name: str) -> _Scalars | None:
 def overlay(before: Fit, after: Fit, name: str, unit: str) -> list[Plot]:
     """Measurement and simulation of a channel where the old model's errs most.
 
-    Everything relative to what the new model foretells, for a car goes much further in these
+    Everything relative to what the new model predicts, for a car goes much further in these
     seconds than the models differ.
     """
     old, new = _channel(before, name), _channel(after, name)

@@ -159,9 +159,9 @@ def _overlay(result: GapResult) -> Section:
 
     return _held_out(
         result,
-        "Where the old model errs most: measurements, and what the models foretell of them, "
+        "Where the old model errs most: measurements, and what the models predict of them, "
         "all against the new model. Under a right model one dot in twenty lies outside the "
-        "band; the line is what the old model foretold.",
+        "band; the line is what the old model predicted.",
         plots,
     )
 

@@ -229,5 +229,5 @@ def _consistency(content: dict[str, Any], section: Section) -> None:
     if measured and not high and not low and not coloured:
         section.verdicts.append(
             ("good", "The filter is consistent: every GPS channel scatters about as its σ say "
-             "(normalised rms near 1), and one error does not foretell the next.")
+             "(normalised rms near 1), and one error does not predict the next.")
         )  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V
-from automap.fusion.nodes import FixModel, Shift, build_nodes, hold_figure
+from automap.fusion.nodes import FixModel, Shift, build_nodes, hold_reported_sd
 from automap.fusion.options import FusionOptions
 from automap.fusion.screening import screen_fixes
 
@@ -59,7 +59,7 @@ def test_the_majority_decides_which_fixes_are_wild(rows: slice, metres: float) -
 def test_good_fixes_stay_as_they_are(seed: int) -> None:
     model = _drive(seed)
     found = screen_fixes(model, 60.0)
-    assert found.n_wild == 0
+    assert found.n_outliers == 0
     assert found.fixes is model
 
 
@@ -80,23 +80,23 @@ def test_old_velocities_make_no_position_wild(lag_s: float) -> None:
     model = FixModel(
         t, np.full(len(t), ALL, np.int64), values, var, np.full((len(t), 3), 0.02), rows
     )
-    assert screen_fixes(model, 60.0).n_wild == 0
+    assert screen_fixes(model, 60.0).n_outliers == 0
     jumped = _moved(model, slice(300, 306), 12.0)
-    assert screen_fixes(jumped, 60.0).n_wild == 6
+    assert screen_fixes(jumped, 60.0).n_outliers == 6
 
 
 def test_velocities_may_be_missing() -> None:
     model = _drive()
     model = replace(model, flags=np.full_like(model.flags, HAS_POS_H))
     found = screen_fixes(_moved(model, slice(100, 103), 40.0), 60.0)
-    assert 1 <= found.n_wild <= 6
+    assert 1 <= found.n_outliers <= 6
 
 
 def test_figures_follow_changes_and_not_jitter() -> None:
     rng = np.random.default_rng(1)
     sd = 1.4 * np.exp(0.03 * rng.standard_normal((400, 3)))
     sd[200:] *= 5.0
-    held = hold_figure(sd)
+    held = hold_reported_sd(sd)
     assert len(np.unique(held[:, 0])) == 2
     assert held[250, 0] / held[100, 0] == pytest.approx(5.0, rel=0.2)
 

@@ -10,10 +10,10 @@ from automap.fusion.layout import N_NAV
 from automap.fusion.model import build_state_model
 from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
 from automap.fusion.stamp_error import (
+    covariance_at_stamps,
     mounting_rows,
     rates_of_change,
     reported_rows,
-    told_by_stamp,
 )
 
 TURN = 0.3
@@ -53,7 +53,7 @@ def test_the_covariance_is_that_of_state_plus_rate_times_delay(more: tuple[str, 
     root = rng.standard_normal((2, r, r))
     cov = root @ np.swapaxes(root, 1, 2)
     change = rng.standard_normal((2, N_NAV))
-    out = told_by_stamp(model, cov, node_t, change)
+    out = covariance_at_stamps(model, cov, node_t, change)
     for k in range(2):
         h = np.eye(N_NAV + 3, r)
         h[:N_NAV, N_NAV + 3] = change[k]
@@ -66,5 +66,5 @@ def test_a_known_delay_adds_nothing() -> None:
     effects = tuple(e for e in DEFAULT_EFFECTS if e != "imu_time_offset")
     model = build_state_model(FusionOptions(effects=effects))
     cov = np.tile(np.eye(len(reported_rows(model))), (3, 1, 1))
-    out = told_by_stamp(model, cov, np.arange(3.0), np.ones((3, N_NAV)))
+    out = covariance_at_stamps(model, cov, np.arange(3.0), np.ones((3, N_NAV)))
     assert np.array_equal(out, cov)

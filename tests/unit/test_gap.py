@@ -83,7 +83,7 @@ def plain() -> Fit:
         ("gnss_latency", 0.01),
     ],
 )
-def test_sensitivities_foretell_what_an_effect_does_to_the_innovations(
+def test_sensitivities_predict_what_an_effect_does_to_the_innovations(
     plain: Fit, effect: str, size: float
 ) -> None:
     # the same drive filtered with the effect at a value, linearised about the same path
@@ -98,10 +98,10 @@ def test_sensitivities_foretell_what_an_effect_does_to_the_innovations(
     after, _, _ = whitened_innovations(other)
     assert len(before) == len(after)
     measured = channel < 8
-    foretold, seen = size * phi[measured], (before - after)[measured]
+    predicted, seen = size * phi[measured], (before - after)[measured]
     # delays reach the second order that the columns leave out
-    assert np.corrcoef(foretold, seen)[0, 1] > (0.9 if effect == "gnss_latency" else 0.97)
-    slope = float(foretold @ seen / (foretold @ foretold))
+    assert np.corrcoef(predicted, seen)[0, 1] > (0.9 if effect == "gnss_latency" else 0.97)
+    slope = float(predicted @ seen / (predicted @ predicted))
     assert slope == pytest.approx(1.0, abs=0.1)
 
 
@@ -170,7 +170,7 @@ def test_an_effect_is_screened_first_with_its_value() -> None:
     model = base_model()
     drive = simulated({"gnss_lever_arm": {"y": 0.6}})
     fit = fit_drive(open_drive(drive, model.options), model)
-    best = screen([fit], library(model.settled, False, True)).candidates[0]
+    best = screen([fit], library(model.included, False, True)).candidates[0]
     assert best.effect == "gnss_lever_arm"
     y = best.parameters.index("y")
     assert abs(best.evidence.estimate[y] - 0.6) < 5.0 * best.evidence.sd[y]

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from automap.effects.user import set_user_effects, user_effects
-from automap.gap import base_model, fork
+from automap.gap import base_model, branches
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive
 from automap.gap.formula import screen_formulas
@@ -48,8 +48,8 @@ def decided(
     tried = try_candidate(state, candidate, model, screening, nobody)
     (state.runner_up,) = with_refitted_noise(state, [tried], nobody)
     state.unexplained = next(f for f in known if (f.channel, f.text) == formula)
-    monkeypatch.setattr(fork, "step", lambda state, *_: follows(state))
-    fork.search(state, exclude, nobody)
+    monkeypatch.setattr(branches, "forward_step", lambda state, *_: follows(state))
+    branches.search(state, exclude, nobody)
     return state
 
 

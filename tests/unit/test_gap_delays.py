@@ -67,7 +67,7 @@ def test_noise_of_single_turn_rates_does_not_age_velocities(plain: Fit) -> None:
     assert apart < 0.3 * 0.1 * np.linalg.norm(arm)
 
 
-def test_large_ages_are_found_without_bias(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_delays_are_found_without_bias(monkeypatch: pytest.MonkeyPatch) -> None:
     hidden = {"gnss_latency": {"s": 0.15}, "gnss_velocity_latency": {"s": 0.2}}
     opened = open_drive(simulated(hidden), MODEL.options)
     estimate = {"gnss_latency": 2.0, "gnss_velocity_latency": 2.0}
@@ -78,7 +78,7 @@ def test_large_ages_are_found_without_bias(monkeypatch: pytest.MonkeyPatch) -> N
         assert abs(value - true["s"]) < 3.0 * sd
     # velocities alone tell the sum, far better than either
     assert float(fit.values.sum()) == pytest.approx(0.35, abs=0.012)
-    monkeypatch.setattr("automap.gap.fit.AGE_ROUNDS", 0)
+    monkeypatch.setattr("automap.gap.fit.DELAY_ROUNDS", 0)
     first_order = fit_drive(opened, MODEL, estimate)
     assert fit.score > first_order.score + 100.0
 

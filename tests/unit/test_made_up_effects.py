@@ -45,7 +45,7 @@ def test_a_made_up_effect_is_simulated_estimated_and_named(name: str) -> None:
     assert sd < 0.3 * size
     model = base_model()
     plain = fit_drive(open_drive(drive, model.options), model)
-    names = library(model.settled, has_wheels=False, earth_on=True)
+    names = library(model.included, has_wheels=False, earth_on=True)
     first = screen([plain], names).candidates[0]
     assert first.effect == name
     assert first.evidence.nats > 7.0

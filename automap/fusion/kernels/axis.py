@@ -19,14 +19,14 @@ def smooth_axis(
     wander: FloatArray,
     psd: float,
     tau: float,
-    surprise: float,
+    nis_limit: float,
     out: FloatArray,
 ) -> None:
     """Filter and smooth the fixes of one axis.
 
     ``t`` [n] s, ``z`` [n, 2] position m and velocity m/s, ``used`` [n, 2] which of them are
     there, ``var`` [n, 2] white variances, ``wander`` [n] sigma of the slow error m, ``psd`` of
-    the white acceleration, ``tau`` s; a squared innovation beyond ``surprise`` variances is
+    the white acceleration, ``tau`` s; a squared innovation beyond ``nis_limit`` variances is
     trusted less. ``out`` [n, 4] receives position, velocity and their sd. White acceleration:
     Bar-Shalom, Li, Kirubarajan, section 6.2.2; backwards modified Bryson-Frazier (Bierman 1973).
     """
@@ -62,7 +62,7 @@ def smooth_axis(
             for i in range(3):
                 s += h[i] * ph[i]
                 nu -= h[i] * x[i]
-            s = max(s, nu * nu / surprise)
+            s = max(s, nu * nu / nis_limit)
             for i in range(3):
                 x[i] += ph[i] * nu / s
                 gains[k, m, i] = ph[i] / s

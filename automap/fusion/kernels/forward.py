@@ -36,21 +36,21 @@ def run_forward(
     x0: FloatArray,
     xi0: FloatArray,
     p0: FloatArray,
-    about: FloatArray,
-    about_params: FloatArray,
+    linearised_at: FloatArray,
+    linearised_params: FloatArray,
     store: ForwardStore,
 ) -> float:
     """Filter from the first node to the last; returns the robust log-likelihood.
 
-    ``x0`` [10] and ``xi0`` [n - 9] the nominal start, ``p0`` [n, n] its covariance. ``about``
-    [k, 10], ``about_params`` [k, n - 9]: states to linearise about (an iteration of the
-    smoother), or empty: then about the filter's own running estimate. With an empty ``store``
-    only the likelihood is computed, from the innovations (F. C. Schweppe, IEEE Transactions on
-    Information Theory 11, 1965).
+    ``x0`` [10] and ``xi0`` [n - 9] the nominal start, ``p0`` [n, n] its covariance.
+    ``linearised_at`` [k, 10], ``linearised_params`` [k, n - 9]: states to linearise about (an
+    iteration of the smoother), or empty: then about the filter's own running estimate. With an
+    empty ``store`` only the likelihood is computed, from the innovations (F. C. Schweppe, IEEE
+    Transactions on Information Theory 11, 1965).
     """
     n = p0.shape[0]
     keep = store.nominal.shape[0] > 0
-    relinearise = about.shape[0] > 0
+    relinearise = linearised_at.shape[0] > 0
     pos = x0[0:3].copy()
     vel = x0[3:6].copy()
     q = x0[6:10].copy()
@@ -86,10 +86,10 @@ def run_forward(
     total = 0
     if relinearise:
         # the prior, relative to the first state linearised about
-        subtract(pos, vel, q, about[0], dx)
+        subtract(pos, vel, q, linearised_at[0], dx)
         for j in range(n - N_NAV):
-            dx[N_NAV + j] = xi[j] - about_params[0, j]
-        load_state(about[0], about_params[0], pos, vel, q, c, xi)
+            dx[N_NAV + j] = xi[j] - linearised_params[0, j]
+        load_state(linearised_at[0], linearised_params[0], pos, vel, q, c, xi)
     i = 0
     while i < samples.t.shape[0] - 2 and samples.t[i + 1] <= nodes.t[0]:
         i += 1
@@ -138,11 +138,11 @@ def run_forward(
                 nodes.keep[k],
             )
             if relinearise:
-                carry_mean(dx, phi, decay, xi, about_params[k], step)
-                subtract(pos, vel, q, about[k], step)
+                carry_mean(dx, phi, decay, xi, linearised_params[k], step)
+                subtract(pos, vel, q, linearised_at[k], step)
                 for a in range(N_NAV):
                     dx[a] += step[a]
-                load_state(about[k], about_params[k], pos, vel, q, c, xi)
+                load_state(linearised_at[k], linearised_params[k], pos, vel, q, c, xi)
             expand_noise(noise, qn)
             propagate_covariance(p, phi, qn, decay, q_state, work)
         if not relinearise:

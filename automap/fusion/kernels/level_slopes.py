@@ -33,7 +33,7 @@ def level_slopes(
     level_of_channel: IntArray,
     level_of_state: IntArray,
     store: ForwardStore,
-    surprise: FloatArray,
+    nis_limit: FloatArray,
     slope: FloatArray,
     info: FloatArray,
 ) -> None:
@@ -43,7 +43,7 @@ def level_slopes(
     ``node_t`` [k] s, ``var`` [k, 15] by channel, ``keep`` [k, 3] and ``kept`` [n] as in the
     forward pass, ``tau``, ``walk`` [n], ``noise`` [2] PSD of force and rate. Levels of
     channels [15] and states [n], -1 none; ``store`` of a forward run about given states.
-    ``surprise`` [15]: blocks of a larger NIS were trusted less and say nothing about levels.
+    ``nis_limit`` [15]: blocks of a larger NIS were trusted less and say nothing about levels.
     """
     n_nodes, n = store.mean.shape
     lam = np.zeros(n)
@@ -57,7 +57,7 @@ def level_slopes(
         for r in range(store.scalars[k] - 1, first - 1, -1):
             channel = store.info[r, 1]
             level = level_of_channel[channel]
-            if level >= 0 and store.nis[k, channel] <= surprise[channel]:
+            if level >= 0 and store.nis[k, channel] <= nis_limit[channel]:
                 error = store.nu[r] / store.var[r]
                 spread = 1.0 / store.var[r]
                 for i in range(n):

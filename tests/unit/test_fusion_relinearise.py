@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from automap.earth import metres_per_radian
-from automap.fusion.again import run_again
+from automap.fusion.relinearise import relinearise
 from automap.gap import base_model
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
@@ -24,29 +24,29 @@ def plain() -> Fit:
 
 @pytest.mark.parametrize("effect", ["imu_mounting", "gnss_lever_arm", "gnss_latency"])
 def test_a_fit_near_another_is_the_fit_from_nothing(plain: Fit, effect: str) -> None:
-    near = fit_drive(plain.opened, plain.model, {effect: 3.0}, near=plain)
+    other = fit_drive(plain.opened, plain.model, {effect: 3.0}, linearised_at=plain)
     alone = fit_drive(plain.opened, plain.model, {effect: 3.0})
     sd = np.sqrt(np.diag(alone.cov))
-    assert (np.abs(near.values - alone.values) < 0.2 * sd).all(), (near.values, alone.values, sd)
-    assert near.score == pytest.approx(alone.score, abs=1.0)
-    a, b = near.last.smooth.nominal, alone.last.smooth.nominal
+    assert (np.abs(other.values - alone.values) < 0.2 * sd).all(), (other.values, alone.values, sd)
+    assert other.score == pytest.approx(alone.score, abs=1.0)
+    a, b = other.last.smooth.nominal, alone.last.smooth.nominal
     scale = metres_per_radian(float(a[0, 0]), float(a[0, 2]))
     assert np.abs((a[:, :2] - b[:, :2]) * np.array(scale)).max() < 0.01
 
 
 def test_nothing_new_takes_one_pass(plain: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
-    import automap.fusion.again as again
+    import automap.fusion.relinearise as module
 
     passes = 0
-    run = again.filter_and_smooth
+    run = module.filter_and_smooth
 
     def counted(*args: object, **kwargs: object) -> object:
         nonlocal passes
         passes += 1
         return run(*args, **kwargs)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(again, "filter_and_smooth", counted)
+    monkeypatch.setattr(module, "filter_and_smooth", counted)
     session, _ = session_with(plain.opened, plain.model, {})
-    last, _ = run_again(session, plain.last, plain.start)
+    last, _ = relinearise(session, plain.last, plain.start)
     assert passes == 1
     assert last.forward.score == pytest.approx(plain.score, abs=0.5)

@@ -11,13 +11,13 @@ from automap.fusion.layout import N_NAV
 from automap.fusion.levels import LEVELS
 from automap.fusion.limits import MOST_REPEATS, SETTLED_TURN_RAD
 from automap.fusion.nodes import Shift
-from automap.fusion.passes import Pass, Session, next_shift, nodes_of, problem_of, settled
-from automap.fusion.problem import PathStates, Problem, SmoothRun, Start, states_about
+from automap.fusion.passes import Pass, Session, converged, next_shift, nodes_of, problem_of
+from automap.fusion.problem import PathStates, Problem, SmoothRun, Start, linearisation_states
 from automap.fusion.sections import filter_and_smooth
 from automap.records import FloatArray
 
 
-def run_again(session: Session, earlier: Pass, start: Start) -> tuple[Pass, Start]:
+def relinearise(session: Session, earlier: Pass, start: Start) -> tuple[Pass, Start]:
     """Filter and smooth a session whose drive has been smoothed under another model.
 
     Linearised about the path of the ``earlier`` pass, with the vehicle constraint, and about its
@@ -28,25 +28,27 @@ def run_again(session: Session, earlier: Pass, start: Start) -> tuple[Pass, Star
     options = session.options
     factors = dict.fromkeys(LEVELS, 1.0) | dict(options.factors)
     problem = scale_problem(problem_of(session), factors)
-    smooth, before = _under(problem, earlier), earlier.shift
+    smooth, before = _with_parameters_of(problem, earlier), earlier.shift
     shift = before if options.retime else Shift(before.delay_s)
     for _ in range(MOST_REPEATS):
         speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
         nodes = nodes_of(session, problem, shift, smooth.nodes.t, speed, constrained=True)
-        about = states_about(problem, smooth, nodes, before, shift)
-        start = Start(about.nominal[0].copy(), start.sd)
+        linearised_at = linearisation_states(problem, smooth, nodes, before, shift)
+        start = Start(linearised_at.nominal[0].copy(), start.sd)
         nodes = scale_nodes(nodes, factors)
-        forward, smooth = filter_and_smooth(problem, nodes, start, shift, about=about)
+        forward, smooth = filter_and_smooth(
+            problem, nodes, start, shift, linearised_at=linearised_at
+        )
         last = Pass(problem, nodes, forward, smooth, shift, factors)
         following = next_shift(problem.model, smooth, shift, options.retime)
-        near = _largest_turn(about, smooth) <= SETTLED_TURN_RAD
-        if near and settled(problem.model, smooth, following, shift):
+        turned_little = _largest_turn(linearised_at, smooth) <= SETTLED_TURN_RAD
+        if turned_little and converged(problem.model, smooth, following, shift):
             break
         before, shift = shift, following
     return last, Start(smooth.nominal[0].copy(), start.sd)
 
 
-def _under(problem: Problem, earlier: Pass) -> SmoothRun:
+def _with_parameters_of(problem: Problem, earlier: Pass) -> SmoothRun:
     """The smoothed states of an earlier pass with the parameters of another model: those that it
     did not have at their priors."""
     model = problem.model
@@ -59,9 +61,9 @@ def _under(problem: Problem, earlier: Pass) -> SmoothRun:
     return replace(earlier.smooth, params=params)
 
 
-def _largest_turn(about: PathStates, smooth: SmoothRun) -> float:
+def _largest_turn(linearised_at: PathStates, smooth: SmoothRun) -> float:
     """Largest angle in rad between the attitudes of two paths at the same nodes."""
-    a: FloatArray = about.nominal[:, 6:10]
+    a: FloatArray = linearised_at.nominal[:, 6:10]
     b: FloatArray = smooth.nominal[:, 6:10]
     cosine = np.abs(np.einsum("ni,ni->n", a, b))
     # the sine of the half angle keeps its digits where the angle is small
