@@ -27,11 +27,7 @@ from automap.errors import InputError
 from automap.frames import matrix_to_quat, rpy_to_matrix
 from automap.records import FloatArray, RawImu
 
-ERROR_NAMES = tuple(
-    f"{effect}_{axis}"
-    for effect in ("accel_bias", "gyro_bias", "accel_scale", "gyro_scale")
-    for axis in "xyz"
-)
+ERROR_NAMES = tuple(f"{effect}_{axis}" for effect in limits.EFFECTS for axis in "xyz")
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.effects import CATALOGUE
+
 # what sensors are like, for the dynamic calibration: bias and scale of accelerometer and gyro
 
-PRIOR_SD = np.repeat([0.3, 0.02, 0.01, 0.01], 3)
+EFFECTS = ("accel_bias", "gyro_bias", "accel_scale", "gyro_scale")
+"""What a hand can show in two minutes, in the order of the filter's states."""
+PRIOR_SD = np.array([p.prior_sd for e in EFFECTS for p in CATALOGUE[e].parameters])
 """One sigma of the errors before: of the catalogue of effects (m/s^2, rad/s, and relative)."""
 TURN_ON_SD = np.repeat([0.03, 0.01, 0.001, 0.002], 3)
 """The same for a sensor that was calibrated statically: what changes from one turn-on to the

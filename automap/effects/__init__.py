@@ -8,7 +8,8 @@ the camera's effects do is in the camera's own model (``camera``). Names and uni
 write in configuration files. Users add effects of their own with ``user_effect``.
 """
 
-from automap.effects.catalogue import CATALOGUE, Effect, Parameter, effect_named
+from automap.effects.catalogue import CATALOGUE, effect_named
+from automap.effects.effect import Effect, Parameter
 from automap.effects.imu import (
     BASIS_FORCE,
     BASIS_ONE,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import difflib
 import math
-from dataclasses import dataclass
 
+from automap.effects.effect import Effect, Parameter
 from automap.effects.terms import (
     ACCEL,
     ELAPSED,
@@ -15,6 +15,7 @@ from automap.effects.terms import (
     LATERAL_ACCELERATION,
     ONE,
     POSITION,
+    TEMPERATURE,
     VEHICLE,
     VELOCITY,
     GaussMarkov,
@@ -23,66 +24,8 @@ from automap.effects.terms import (
 )
 from automap.errors import ConfigError
 
-
-@dataclass(frozen=True)
-class Parameter:
-    """One number of an effect: its name within the effect, unit, prior one-sigma and range."""
-
-    name: str
-    unit: str
-    prior_sd: float
-    at_least: float = -math.inf
-    at_most: float = math.inf
-
-
-@dataclass(frozen=True)
-class Effect:
-    """A named physical effect.
-
-    ``family`` is where it acts: "imu", "noise", "clock", "gnss", "vehicle", "earth", "camera".
-    ``terms`` say how each parameter acts; noise, and what the camera's own model holds, has none.
-    ``markov`` makes them errors that come and go. ``setting`` is the option of the fusion that
-    says how large it is where it is no state, ``walk_setting`` that of its random walk. A
-    ``nuisance`` is part of every model, never a finding. ``first_order`` names the effect that
-    acts alike to first order, and with which sign; ``unknown_epoch`` the one that acts as this
-    does at an instant that nobody knows.
-    """
-
-    name: str
-    family: str
-    parameters: tuple[Parameter, ...]
-    summary: str
-    terms: tuple[Term, ...] = ()
-    markov: GaussMarkov | None = None
-    setting: str = ""
-    walk_setting: str = ""
-    nuisance: bool = False
-    first_order: tuple[str, float] | None = None
-    unknown_epoch: str = ""
-
-    def acts_on(self, *measured: str) -> bool:
-        """Whether a term acts on one of these."""
-        return any(t.on in measured for t in self.terms)
-
-    def terms_of(self, parameter: str) -> tuple[Term, ...]:
-        """The terms of one parameter."""
-        return tuple(t for t in self.terms if t.parameter == parameter)
-
-    @property
-    def needs_wheels(self) -> bool:
-        """Whether it shows in what wheels report and nowhere else."""
-        return bool(self.terms) and all(
-            t.on == VEHICLE and t.axis == 0 and t.kind in (Kind.AXIS, Kind.SCALE)
-            for t in self.terms
-        )
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """What the filter estimates of it, in order: its parameters, or its correlated errors."""
-        if self.markov is None:
-            return tuple(p.name for p in self.parameters)
-        return tuple(dict.fromkeys(t.parameter for t in self.terms))
-
+EARTH = "earth_rotation"
+"""On or off: an effect without parameters."""
 
 _XYZ = "x y z"
 _RPY = "roll pitch yaw"
@@ -133,6 +76,12 @@ def _one(
     return tuple(Term(parameter, each, kind, axis, signal, weight) for each in measured)
 
 
+# Manoeuvres that tell several pairs apart.
+_SLOW_CIRCLES = "drive the same tight circle slowly both ways: a lever arm does not grow with speed"
+_COLD_AND_WARM = "start once cold and once warm"
+_POSES = "record twelve poses on a desk"
+_LONG_DRIVE = "record a drive of half an hour or more"
+
 # Priors are those of a consumer MEMS unit after the sensor file's conversion to SI.
 _INERTIAL = (
     Effect(
@@ -159,6 +108,7 @@ _INERTIAL = (
         _xyz("", 0.01),
         "accelerometer scale error",
         _axes(ACCEL, signal="force_{}"),
+        told_apart=(("accel_quadratic", _POSES), ("accel_scale_asymmetry", _POSES)),
     ),
     Effect("gyro_scale", "imu", _xyz("", 0.01), "gyro scale error", _axes(GYRO, signal="rate_{}")),
     Effect(
@@ -181,6 +131,10 @@ _INERTIAL = (
         _named("yx zx zy", "rad", 0.01),
         "non-orthogonal accelerometer axes",
         _matrix(ACCEL, "force_{}", "yx zx zy"),
+        looks_like="a tilt",
+        told_apart=(
+            ("imu_mounting", "accelerate and brake on a straight, level road, and drive it back"),
+        ),
     ),
     Effect(
         "gyro_misalignment",
@@ -188,6 +142,9 @@ _INERTIAL = (
         _named("xy xz yx yz zx zy", "rad", 0.01),
         "gyro axes turned against the accelerometer's and each other",
         _matrix(GYRO, "rate_{}", "xy xz yx yz zx zy"),
+        told_apart=(
+            ("gyro_g_sensitivity", "drive slow tight circles, and brake hard on a straight"),
+        ),
     ),
     Effect(
         "accel_scale_asymmetry",
@@ -222,14 +179,16 @@ _INERTIAL = (
         "imu",
         _xyz("(m/s^2)/K", 5e-3),
         "bias follows temperature",
-        _axes(ACCEL, signal="temperature"),
+        _axes(ACCEL, signal=TEMPERATURE),
+        told_apart=(("accel_bias_walk", _COLD_AND_WARM),),
     ),
     Effect(
         "gyro_temperature",
         "imu",
         _xyz("(rad/s)/K", 5e-4),
         "bias follows temperature",
-        _axes(GYRO, signal="temperature"),
+        _axes(GYRO, signal=TEMPERATURE),
+        told_apart=(("gyro_bias_walk", _COLD_AND_WARM),),
     ),
     Effect(
         "speed_vibration",
@@ -247,6 +206,7 @@ _INSTALLATION = (
         _named(_RPY, "rad", 0.05),
         "IMU axes turned against the vehicle's",
         _axes((*FIX, VEHICLE), Kind.TURN, _RPY),
+        looks_like="a tilt",
     ),
     Effect(
         "imu_time_offset",
@@ -255,6 +215,13 @@ _INSTALLATION = (
         "IMU stamps later than the truth",
         _one("s", FIX, Kind.TIME),
         first_order=("gnss_latency", -1.0),
+        told_apart=(
+            (
+                "gnss_latency",
+                "late fixes and late IMU stamps look the same to IMU and receiver; compare with "
+                "wheel speeds on the host clock, or tap the IMU against a timed event",
+            ),
+        ),
     ),
     Effect(
         "imu_clock_skew",
@@ -263,9 +230,10 @@ _INSTALLATION = (
         "IMU clock runs fast",
         _one("skew", FIX, Kind.TIME, signal=ELAPSED),
         unknown_epoch="imu_time_offset",
+        told_apart=(("imu_time_offset", _LONG_DRIVE), ("gnss_latency", _LONG_DRIVE)),
     ),
     Effect(
-        "earth_rotation",
+        EARTH,
         "earth",
         (),
         "the Earth turns under the sensor",
@@ -280,6 +248,7 @@ _RECEIVER = (
         _xyz("m", 1.0),
         "antenna away from the IMU",
         _axes(FIX, Kind.POINT),
+        looks_like="a slip",
     ),
     Effect(
         "gnss_latency",
@@ -287,6 +256,7 @@ _RECEIVER = (
         _named("s", "s", 0.1),
         "fixes older than their tag",
         _one("s", FIX, Kind.TIME, weight=-1.0),
+        told_apart=(("gnss_lever_arm", _SLOW_CIRCLES),),
     ),
     Effect(
         "gnss_velocity_latency",
@@ -295,6 +265,14 @@ _RECEIVER = (
         "velocities older than the positions of the same fix",
         _one("s", VELOCITY, Kind.TIME, weight=-1.0),
         first_order=("gnss_velocity_lag", 1.0),
+        told_apart=(
+            (
+                "gnss_velocity_lag",
+                "brake hard to a halt a few times: after the halt a lag dies away slowly, a "
+                "latency ends at once",
+            ),
+            ("gnss_lever_arm", _SLOW_CIRCLES),
+        ),
     ),
     Effect(
         "gnss_velocity_lag",
@@ -354,6 +332,8 @@ _VEHICLE = (
         _named("coefficient", "rad/(m/s^2)", 0.005),
         "the car drifts outwards in curves",
         _one("coefficient", VEHICLE, Kind.SLIP, 2, LATERAL_ACCELERATION),
+        one_signed=True,
+        looks_like="a slip",
     ),
     Effect(
         "vehicle_pitch",
@@ -369,6 +349,14 @@ _VEHICLE = (
         _xyz("m", 1.5),
         "from the IMU to the point that does not slide sideways",
         _axes(VEHICLE, Kind.POINT),
+        looks_like="a slip",
+        told_apart=(
+            (
+                "vehicle_sideslip",
+                "drive the same bend once slowly and once fast: slip grows with the square of the "
+                "speed",
+            ),
+        ),
     ),
     Effect(
         "odometer_scale",
@@ -381,11 +369,38 @@ _VEHICLE = (
 
 _CAMERA = (
     Effect("camera_boresight", "camera", _named(_RPY, "rad", 0.03), "camera turned"),
-    Effect("camera_time_offset", "camera", _named("s", "s", 0.1), "frame stamps off"),
+    Effect(
+        "camera_time_offset",
+        "camera",
+        _named("s", "s", 0.1),
+        "frame stamps off",
+        told_apart=(
+            ("rolling_shutter", "film signs high and low in the picture while turning"),
+            (
+                "camera_lever_arm",
+                "pass signs at two speeds: an offset grows with the speed, a lever arm does not",
+            ),
+        ),
+    ),
     Effect("rolling_shutter", "camera", _named("s", "s/image height", 0.03), "rows read in turn"),
-    Effect("camera_focal", "camera", _named("relative", "", 0.02), "focal length off"),
+    Effect(
+        "camera_focal",
+        "camera",
+        _named("relative", "", 0.02),
+        "focal length off",
+        told_apart=(
+            ("camera_distortion", "film signs in the corners of the picture"),
+            ("camera_lever_arm", "pass signs near and far, to both sides of the road"),
+        ),
+    ),
     Effect("camera_distortion", "camera", _named("k1 k2", "", 0.05), "lens distortion off"),
-    Effect("camera_lever_arm", "camera", _xyz("m", 0.3), "camera away from where it is said"),
+    Effect(
+        "camera_lever_arm",
+        "camera",
+        _xyz("m", 0.3),
+        "camera away from where it is said",
+        told_apart=(("camera_boresight", "film signs near and far"),),
+    ),
 )
 
 CATALOGUE: dict[str, Effect] = {
@@ -408,5 +423,19 @@ def effect_named(name: str) -> Effect:
 
 def alike_to_first_order() -> list[tuple[str, str]]:
     """Pairs of effects that a filter cannot tell apart to first order."""
-    pairs = [(e.name, e.first_order[0]) for e in CATALOGUE.values() if e.first_order]
+    return [pair for sign in (-1.0, 1.0) for pair in pairs_of_sign(sign)]
+
+
+def pairs_of_sign(sign: float) -> list[tuple[str, str]]:
+    """Those pairs of them that act with opposite (-1) or the same sign (1)."""
+    pairs = [
+        (e.name, e.first_order[0])
+        for e in CATALOGUE.values()
+        if e.first_order and e.first_order[1] == sign
+    ]
     return [(min(pair), max(pair)) for pair in pairs]
+
+
+def bias_walks() -> dict[str, Effect]:
+    """The random walks of biases by name, and the bias that walks."""
+    return {e.walk_setting: e for e in CATALOGUE.values() if e.walk_setting}

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.effects.catalogue import CATALOGUE, Parameter, effect_named
+from automap.effects.catalogue import CATALOGUE, effect_named
+from automap.effects.effect import Parameter
 from automap.effects.signals import Signals
-from automap.effects.terms import INERTIAL, ONE
+from automap.effects.terms import INERTIAL, ONE, TEMPERATURE
 from automap.effects.user import is_users, user_signal
 from automap.errors import ConfigError
 from automap.records import FloatArray
@@ -97,7 +98,7 @@ def extra_basis(
     out = np.zeros((len(gyro), len(names)))
     for basis, name in names.items():
         column = basis - BASIS_EXTRA
-        if name == "temperature":
+        if name == TEMPERATURE:
             if temp_c is not None and np.isfinite(temp_c).any():
                 ref = float(np.nanmedian(temp_c)) if temp_ref_c is None else temp_ref_c
                 out[:, column] = np.nan_to_num(temp_c - ref)

@@ -21,6 +21,8 @@ FIX = (POSITION, VELOCITY)
 INERTIAL = (GYRO, ACCEL)
 
 ONE = "1"
+TEMPERATURE = "temperature"
+"""Of the sensor, above its reference, K."""
 ELAPSED = "elapsed"
 """Seconds since the first inertial sample."""
 FORWARD_ACCELERATION = "forward_acceleration"

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.effects.catalogue import CATALOGUE, Effect, Parameter
+from automap.effects.catalogue import CATALOGUE
+from automap.effects.effect import Effect, Parameter
 from automap.effects.signals import Signals
 from automap.effects.terms import POSITION, VEHICLE, VELOCITY, Kind, Term
 from automap.errors import ConfigError

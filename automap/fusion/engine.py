@@ -51,6 +51,7 @@ from automap.records import (
 )
 
 _NO_NHC = ("imu_mounting", "nhc_lever_arm")
+"""What nothing shows before the constraint acts in the vehicle's axes."""
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.effects import CATALOGUE
+from automap.effects.terms import ELAPSED, ONE
 from automap.frames import quat_multiply
 from automap.fusion.layout import N_NAV
 from automap.fusion.limits import HALF_STEP_S
@@ -19,7 +21,7 @@ from automap.fusion.resample import states_at
 from automap.records import FloatArray, IntArray
 
 MOUNTING = "imu_mounting"
-STAMPS = ("imu_time_offset", "imu_clock_skew")
+STAMPS = tuple(e.name for e in CATALOGUE.values() if e.family == "clock")
 
 
 def reported_rows(model: StateModel) -> IntArray:
@@ -45,8 +47,8 @@ def covariance_at_stamps(
     """
     own = mounting_rows(model).stop
     out = cov[:, :own, :own].copy()
-    late_by = zip(STAMPS, (np.ones_like(node_t), node_t), strict=True)
-    weights = [weight for effect, weight in late_by if effect in model.places]
+    late_by = {ONE: np.ones_like(node_t), ELAPSED: node_t}
+    weights = [late_by[CATALOGUE[e].terms[0].signal] for e in STAMPS if e in model.places]
     if not weights:
         return out
     late = np.stack(weights, axis=1)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.effects import CATALOGUE
+from automap.gap.advice import advice
 from automap.gap.camera_evidence import (
     FREE_FACTOR,
     columns_of,
@@ -152,7 +153,7 @@ def find_camera_gap(
                 rest + gaps[number],
                 rest + gaps[number + 1],
                 rivals,
-                _advice(trial.effect, rivals),
+                advice(trial.effect, rivals),
             )
         )
     values = {
@@ -242,26 +243,3 @@ def _remaining(fit: CameraFit) -> float:
         v = float(np.mean(np.clip(column, -4.0, 4.0) ** 2))
         total += 0.5 * (v - 1.0 - np.log(max(v, 1e-6)))
     return total
-
-
-_ADVICE = {
-    frozenset({"camera_time_offset", "rolling_shutter"}): (
-        "film signs high and low in the picture while turning"
-    ),
-    frozenset({"camera_time_offset", "camera_lever_arm"}): (
-        "pass signs at two speeds: an offset grows with the speed, a lever arm does not"
-    ),
-    frozenset({"camera_focal", "camera_distortion"}): "film signs in the corners of the picture",
-    frozenset({"camera_focal", "camera_lever_arm"}): (
-        "pass signs near and far, to both sides of the road"
-    ),
-    frozenset({"camera_boresight", "camera_lever_arm"}): "film signs near and far",
-}
-GENERAL_ADVICE = "film more signs, near and far, in bends and at several speeds"
-
-
-def _advice(effect: str, rivals: Sequence[str]) -> str:
-    if not rivals:
-        return ""
-    known = [_ADVICE[p] for r in rivals if (p := frozenset({effect, r})) in _ADVICE]
-    return "; ".join(dict.fromkeys(known)) or GENERAL_ADVICE

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.effects import CATALOGUE
 from automap.fusion.levels import ALL_LEVELS
 from automap.gap.dictionary import left_out_effect, shape_of
 from automap.gap.drive import OpenDrive
@@ -20,7 +21,6 @@ from automap.gap.scoring import robust_score, whitener_of
 from automap.gap.search_state import (
     LOW_WALK,
     MIN_NATS,
-    SLOW_EFFECTS,
     WALKS,
     Log,
     State,
@@ -53,9 +53,10 @@ def strongest_formula(
     named = max(trials[0].joint.nats, 0.0) if trials else 0.0
     enough = max(FORMULA_NATS, named + max(OVER_NAMES_NATS, FORMULA_SHARE * named))
     contexts = [(state.model, state.fits)]
-    if trials and trials[0].effect in SLOW_EFFECTS and trials[0].nats >= MIN_NATS:
+    best_name = trials[0] if trials and trials[0].nats >= MIN_NATS else None
+    if best_name is not None and CATALOGUE[best_name.effect].resembles_drift:
         # under the noise that the best name was judged with: drift hides slow formulas too
-        model = trials[0].model
+        model = best_name.model
         contexts.append((model, fit_all(state, model, state.accepted)))
     elif any(state.model.factors[w] > RAISED * state.stated_factors[w] for w in WALKS):
         low = {w: LOW_WALK * state.stated_factors[w] for w in WALKS}

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from automap.effects import CATALOGUE
+from automap.effects.catalogue import EARTH
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Session
@@ -18,9 +19,6 @@ Values = Mapping[str, Mapping[str, float]]
 
 BASE_NUISANCES = ("accel_bias", "gyro_bias", "gnss_correlated_noise", "vehicle_pitch")
 """What the base model estimates on every drive anew."""
-
-EARTH = "earth_rotation"
-"""On or off: an effect without parameters."""
 
 SKEW = "imu_clock_skew"
 

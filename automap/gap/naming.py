@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from automap.effects.catalogue import alike_to_first_order
+from automap.effects import CATALOGUE
+from automap.effects.catalogue import pairs_of_sign
 from automap.fusion.problem import DELAY_STATE, LATENCY_STATE, SKEW_STATE
 from automap.gap.fit import Fit
 from automap.gap.model import SKEW
@@ -22,7 +23,11 @@ CLOSE_SHARE = 0.03
 OVERLAP = 0.8
 PRIOR_ROOM = 5.0
 """So much of a parameter's information is another effect's, then they are confusable."""
-OFFSETS, VELOCITY_DELAYS = alike_to_first_order()
+(OFFSETS,) = pairs_of_sign(-1.0)
+"""An offset between the clocks: fixes are late, or the stamps of the IMU are."""
+(VELOCITY_DELAYS,) = pairs_of_sign(1.0)
+"""What delays velocities alone."""
+FIX_DELAY, VELOCITY_DELAY = "gnss_latency", "gnss_velocity_latency"
 SKEW_SIGMAS = 4.0
 START_SIGMAS = 5.0
 APART_SHARE = 0.2
@@ -41,13 +46,13 @@ def by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
     for trial in trials:
         effect = trial.effect
         value, sd = next(iter(trial.joint.of(effect).values()), (0.0, 0.0))
-        if effect in ("gnss_latency", "imu_time_offset") and value < 0.0:
-            other = "imu_time_offset" if effect == "gnss_latency" else "gnss_latency"
+        if effect in OFFSETS and value < 0.0:
+            other = OFFSETS[1 - OFFSETS.index(effect)]
             if other in effects:
                 trial = _renamed(trial, other)
-        if effect in ("gnss_velocity_lag", "vehicle_sideslip") and value <= 0.0:
+        if CATALOGUE[effect].never_negative and value <= 0.0:
             continue
-        if effect == "gnss_velocity_latency" and value + _latency(trial.joint) < 0.0:
+        if effect == VELOCITY_DELAY and value + _latency(trial.joint) < 0.0:
             # no velocity is told before its time: where it is ahead of the fixes, those are late
             continue
         if effect == SKEW and abs(value) < SKEW_SIGMAS * sd:
@@ -61,7 +66,7 @@ def by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
 
 def _latency(joint: Joint) -> float:
     """How late whole fixes are by a joint estimate, s; nothing where that is not estimated."""
-    return next((value for value, _ in joint.of("gnss_latency").values()), 0.0)
+    return next((value for value, _ in joint.of(FIX_DELAY).values()), 0.0)
 
 
 def offset_first(trials: list[Trial]) -> list[Trial]:

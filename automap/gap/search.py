@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from automap.effects import CATALOGUE
+from automap.effects.catalogue import bias_walks
 from automap.fusion.levels import ALL_LEVELS
 from automap.gap.clock_offset import missing_offset, starting_offset
 from automap.gap.drive import OpenDrive
@@ -26,6 +28,7 @@ from automap.gap.heldout import (
 from automap.gap.model import SKEW, GapModel
 from automap.gap.naming import (
     CLOSE_NATS,
+    FIX_DELAY,
     OFFSETS,
     VELOCITY_DELAYS,
     by_sign,
@@ -35,13 +38,12 @@ from automap.gap.naming import (
     offset_first,
 )
 from automap.gap.noise import Curvatures, fit_noise, noise_score
-from automap.gap.noise_kinds import LIKE_NOISE, with_noise_kinds, without_wander
+from automap.gap.noise_kinds import with_noise_kinds, without_wander
 from automap.gap.scoring import Joint, robust_score, whitener_of
 from automap.gap.screening import screen
 from automap.gap.search_state import (
     MAX_P,
     MIN_NATS,
-    WALKS,
     Log,
     State,
     Trial,
@@ -69,9 +71,6 @@ from automap.gap.whitening import Whitener
 MAX_FINDINGS = 8
 SWAP_NATS = 1.0
 LESS_DRIFT = 0.7
-FIX_DELAY = "gnss_latency"
-LIKE_WANDER = (*LIKE_NOISE, *VELOCITY_DELAYS, *OFFSETS, SKEW)
-"""Effects of which a part may have been taken for velocity errors that last."""
 
 
 def initial_state(
@@ -171,11 +170,11 @@ def forward_step(state: State, exclude: Collection[str], log: Log) -> Trial | No
 def _note_confusable_with_drift(state: State, trials: Sequence[Trial]) -> None:
     """Keep the names that a drift of the biases cannot be told from: with them less of it is left,
     and the data are as likely."""
-    for walk in WALKS:
+    for walk, bias in bias_walks().items():
         alike = [
             t.effect
             for t in trials
-            if t.effect.startswith(walk.partition("_")[0])
+            if CATALOGUE[t.effect].sensor == bias.sensor
             and t.nats > -CLOSE_NATS
             and t.model.factors[walk] < LESS_DRIFT * state.model.factors[walk]
         ]
@@ -190,7 +189,7 @@ def accept(state: State, best: Trial, log: Log) -> Trial:
     state.model, state.fits = best.model, list(best.fits)
     # what held-out data refused may have been bent by what was still missing
     state.refused.clear()
-    if best.effect in LIKE_WANDER:
+    if CATALOGUE[best.effect].resembles_velocity_wander:
         plain = without_wander(state.fits, state.model, state.accepted, log)
         if plain is not None:
             state.model, state.fits = plain.model, plain.fits

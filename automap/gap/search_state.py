@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from automap.effects.catalogue import bias_walks
 from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.formula import Formula
@@ -20,22 +21,7 @@ MIN_NATS = 7.0
 MAX_P = 1e-3
 """An effect needs this much evidence, and this little chance, to be named."""
 LOW_WALK = 0.1
-SLOW_EFFECTS = (
-    "accel_temperature",
-    "gyro_temperature",
-    "speed_vibration",
-    "accel_quadratic",
-    "gyro_g_sensitivity",
-    "accel_scale_asymmetry",
-    "gyro_scale_asymmetry",
-    "accel_misalignment",
-    "gyro_misalignment",
-    "accel_scale",
-    "gyro_scale",
-    "imu_mounting",
-)
-"""Effects that a random walk of the bias can stand in for."""
-WALKS = ("accel_bias_walk", "gyro_bias_walk")
+WALKS = tuple(bias_walks())
 Log = Callable[[str], None]
 Stage = tuple[GapModel, Mapping[str, Mapping[str, float]]]
 

@@ -4,22 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from automap.effects import CATALOGUE
 from automap.gap.naming import OFFSETS
 from automap.gap.screening import Candidate, Screening
 from automap.gap.search_state import MIN_NATS
 
-ALIKE = (
-    (
-        "gnss_latency",
-        "imu_time_offset",
-        "gnss_velocity_latency",
-        "gnss_velocity_lag",
-        "imu_clock_skew",
-    ),
-    ("gnss_lever_arm", "nhc_lever_arm", "vehicle_sideslip"),
-    ("accel_misalignment", "imu_mounting"),
-)
-"""Families that a noisy screening mixes up: when one leads, all are fitted."""
 SHORTLIST = 5
 SCATTERED_SHORTLIST = 2
 SHORTLIST_SHARE = 0.3
@@ -40,9 +29,15 @@ def shortlist(
     bare = sorted(candidates, key=lambda c: -c.evidence.uncorrected)[:SCATTERED_SHORTLIST]
     ahead = out[0].evidence.uncorrected
     out += [c for c in bare if c.evidence.uncorrected > ahead and c not in out]
-    alike = {e for family in ALIKE for e in family if candidates[0].effect in family}
-    out += [c for c in candidates if c.effect in alike and c not in out]
-    alike = {e for family in ALIKE for e in family if set(family) & set(accepted)}
-    out += [c for c in candidates if c.effect in alike and c not in out and c.evidence.nats > 0.0]
+    kind = _kinds([candidates[0].effect])
+    out += [c for c in candidates if _kinds([c.effect]) & kind and c not in out]
+    kinds = _kinds(accepted)
+    rest = [c for c in candidates if c not in out and c.evidence.nats > 0.0]
+    out += [c for c in rest if _kinds([c.effect]) & kinds]
     twins = [c for c in out if c.effect in OFFSETS]
     return [c for c in out if c not in twins[1:]]
+
+
+def _kinds(effects: Collection[str]) -> set[str]:
+    """What a noisy screening takes effects for: when one leads, all of its kind are fitted."""
+    return {kind for e in effects if (kind := CATALOGUE[e].resembles)}

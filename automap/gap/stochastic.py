@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from automap.effects import CATALOGUE
 from automap.fusion.layout import CH_VEL
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.nodes import model_fixes
@@ -18,6 +19,7 @@ from automap.gap.drive import count_outliers
 from automap.gap.fit import Fit
 from automap.gap.noise import fit_noise, noise_score
 from automap.gap.result import Finding, ParameterValue
+from automap.gap.search_state import WALKS
 from automap.gates import exceeds
 from automap.records import FloatArray
 
@@ -41,7 +43,7 @@ def stochastic_findings(
     out = []
     fitted = dict(fits[0].model.factors)
     score = _memo(lambda f: noise_score(fits, f))
-    for name in ("accel_bias_walk", "gyro_bias_walk"):
+    for name in WALKS:
         ratio = fitted[name] / stated_factors[name]
         if name in exclude or ratio < WALK_FACTOR:
             continue
@@ -51,8 +53,9 @@ def stochastic_findings(
             continue
         value = float(getattr(fits[0].model.options, name)) * fitted[name]
         spread = value * _log_sd(score, fitted, name)
-        unit = "m/s^2/sqrt(s)" if name.startswith("accel") else "rad/s/sqrt(s)"
-        parameters = {a: ParameterValue(value, spread, unit) for a in "xyz"}
+        parameters = {
+            p.name: ParameterValue(value, spread, p.unit) for p in CATALOGUE[name].parameters
+        }
         out.append(Finding(name, parameters, nats, _p(nats), gap, gap))
     for found in (_noise_scale(fits, fitted, stated_factors, score, gap), _outliers(fits, gap)):
         if found is not None and found.effect not in exclude:

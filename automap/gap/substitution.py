@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from automap.effects.catalogue import bias_walks
 from automap.effects.user import UserEffect, add_user_effect
 from automap.gap.comparison import (
     held_out_gain,
@@ -195,7 +196,7 @@ def _slow_formula(
     of an axis where the drift shows one, or what acts on all axes of a sensor. What is slow looks
     alike and is large: only fits tell one from another."""
     best: State | None = None
-    sensors = [walk.partition("_")[0] for walk in walks]
+    sensors = [bias_walks()[walk].sensor for walk in walks]
     # instants belong to one drive
     fit = state.fits[0] if len(state.fits) == 1 else None
     steps = [] if fit is None else [jump for sensor in sensors for jump in jumps_of(fit, sensor)]

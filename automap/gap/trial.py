@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from automap.effects import CATALOGUE
 from automap.gap.evidence import p_value
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.model import GapModel
@@ -16,7 +17,6 @@ from automap.gap.screening import Candidate, Screening, screen
 from automap.gap.search_state import (
     LOW_WALK,
     MIN_NATS,
-    SLOW_EFFECTS,
     WALKS,
     Log,
     State,
@@ -229,7 +229,7 @@ def trials_with_little_drift(state: State, effects: Sequence[str], log: Log) -> 
     fitted so and compared with the model that drifts.
     """
     raised = [w for w in WALKS if state.model.factors[w] > 1.5 * LOW_WALK]
-    slow = [e for e in effects if e in SLOW_EFFECTS]
+    slow = [e for e in effects if CATALOGUE[e].resembles_drift]
     if not raised or not slow:
         return []
     log("screening with little drift")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from automap.effects import CATALOGUE
 from automap.regression.change import Change, Group, Tolerance
 from automap.regression.limits import ROUNDING
 
@@ -58,9 +59,10 @@ def from_errors(columns: Mapping[str, Any]) -> Figures:
     of the installation.
     """
     figures: Figures = {}
+    of_the_moment = tuple(f"{e.name}_" for e in CATALOGUE.values() if e.markov is not None)
     for name, values in columns.items():
         sd = columns.get(f"sd_{name}")
-        if sd is None or len(values) == 0 or name.startswith("gnss_correlated_noise"):
+        if sd is None or len(values) == 0 or name.startswith(of_the_moment):
             continue
         value, sigma = float(values[-1]), float(sd[-1])
         if math.isfinite(value) and math.isfinite(sigma):

@@ -7,11 +7,10 @@ import math
 from collections.abc import Mapping
 
 from automap.effects import Effect, Parameter, effect_named
+from automap.effects.catalogue import EARTH
 from automap.errors import ConfigError
 
 Errors = Mapping[str, Mapping[str, float] | bool]
-EARTH = "earth_rotation"
-TEMPERATURE = ("accel_temperature", "gyro_temperature")
 
 
 def check_errors(

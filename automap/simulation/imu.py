@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.effects import Signals, distort_imu
+from automap.effects import CATALOGUE, Signals, distort_imu
 from automap.effects.measured import Values
 from automap.effects.signals import signals_of
+from automap.effects.terms import TEMPERATURE
 from automap.effects.user import user_effects
 from automap.effects.vehicle import sensor_to_vehicle
 from automap.records import FloatArray, ImuData, IntArray
-from automap.simulation.errors import TEMPERATURE
 from automap.simulation.scenario import Imu, Scenario, WarmUp
 from automap.simulation.trajectory import Motion
 
@@ -19,7 +19,7 @@ def temperature(scenario: Scenario, t_s: FloatArray) -> FloatArray | None:
     """The sensor's temperature [n] in deg C as it warms up, None where nothing asks for it."""
     curve = scenario.imu.warm_up
     if curve is None:
-        if not any(name in scenario.errors for name in TEMPERATURE):
+        if not any(CATALOGUE[name].follows(TEMPERATURE) for name in scenario.errors):
             return None
         curve = WarmUp()
     rise = curve.rise_k * (1.0 - np.exp(-t_s / curve.time_constant_s))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from automap.effects.catalogue import bias_walks
 from pipeline.experiments.base import Experiment, new_figure
 
 
@@ -18,9 +19,9 @@ def run(experiment: Experiment) -> dict[str, Any]:
     t = (history.t_ns - history.t_ns[0]) * 1e-9
     figure, axes = new_figure(3, 2, (11, 8))
     result: dict[str, Any] = {}
-    for column, (effect, unit) in enumerate((("accel_bias", "m/s^2"), ("gyro_bias", "rad/s"))):
-        for row, axis in enumerate("xyz"):
-            name = f"{effect}_{axis}"
+    for column, effect in enumerate(bias_walks().values()):
+        for row, parameter in enumerate(effect.parameters):
+            name, unit = f"{effect.name}_{parameter.name}", parameter.unit
             if name not in history.names:
                 continue
             i = history.names.index(name)

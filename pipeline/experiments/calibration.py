@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from automap.effects import CATALOGUE
+from automap.fusion.options import DEFAULT_EFFECTS
 from pipeline.experiments.base import (
     Experiment,
     horizontal_distance,
@@ -21,7 +23,7 @@ from pipeline.experiments.base import (
     without,
 )
 
-IMU_ERRORS = ("accel_bias", "gyro_bias", "accel_scale", "gyro_scale")
+IMU_ERRORS = tuple(e for e in DEFAULT_EFFECTS if CATALOGUE[e].family == "imu")
 
 
 def run(experiment: Experiment, off_s: float, every_s: float) -> dict[str, Any]:

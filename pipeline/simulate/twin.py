@@ -19,28 +19,6 @@ if TYPE_CHECKING:
     from automap.simulation.twin import NoiseModel, Twin
 
 ODOMETER_FILE = "odometer.csv"
-_EFFECTS = (
-    "accel_bias",
-    "gyro_bias",
-    "accel_scale",
-    "gyro_scale",
-    "accel_misalignment",
-    "gyro_misalignment",
-    "accel_scale_asymmetry",
-    "gyro_scale_asymmetry",
-    "accel_quadratic",
-    "gyro_g_sensitivity",
-    "accel_temperature",
-    "gyro_temperature",
-    "speed_vibration",
-    "gnss_lever_arm",
-    "gnss_velocity_latency",
-    "gnss_velocity_lag",
-    "gnss_latency",
-    "odometer_scale",
-)
-"""What the sensors of a twin have of the fitted errors. The vehicle's own (slip, springs, where
-the axle is) are in the path already."""
 
 
 def write_twin(out: Path, folder: Path, seed: int) -> None:
@@ -116,14 +94,15 @@ def _json(path: Path) -> dict[str, Any]:
 def _last_errors(out: Path) -> Values:
     """The fitted errors at the end of the run."""
     from automap.effects import CATALOGUE
-    from automap.effects.user import user_effects
+    from automap.effects.user import UserEffect
     from automap.io.tables import floats, read_table
     from automap.simulation.twin import estimated_errors
 
     table = read_table(out / names.IMU_ERRORS, ("t_ns",))
     last = {c: float(floats(table, c)[-1]) for c in table.column_names if c != "t_ns"}
-    own = [e.name for e in user_effects()]
-    known = {e: [p.name for p in CATALOGUE[e].parameters] for e in (*_EFFECTS, *own)}
+    # the vehicle's own (slip, springs, where the axle is) are in the path already
+    kept = [e for e in CATALOGUE.values() if e.of_recorder or isinstance(e, UserEffect)]
+    known = {e.name: [p.name for p in e.parameters] for e in kept}
     return estimated_errors(last, known)
 
 
