@@ -13,7 +13,7 @@ from dataclasses import fields, replace
 
 from automap.gap.formula_effect import adopt, dismiss, effect_of, name_of
 from automap.gap.formula_trial import OVER_NAMES_NATS
-from automap.gap.scoring import robust_score, whitener_of
+from automap.gap.scoring import mean_ratio
 from automap.gap.search import MAX_FINDINGS, accept, backward_elimination, forward_step, validated
 from automap.gap.search_state import MIN_NATS, Log, Stage, State
 from automap.gap.trial import sparsity_gains
@@ -96,8 +96,5 @@ def _branch(state: State) -> State:
 def _nats(one: State, other: State) -> float:
     """Nats by which the fits of one state are likelier than those of another, by the mean of what
     the whiteners of both say."""
-    total = sparsity_gains(one, one.accepted) - sparsity_gains(other, other.accepted)
-    for a, b in zip(one.fits, other.fits, strict=True):
-        for whitener in (whitener_of(a), whitener_of(b)):
-            total += 0.5 * (robust_score(a, whitener) - robust_score(b, whitener))
-    return total
+    sparse = sparsity_gains(one, one.accepted) - sparsity_gains(other, other.accepted)
+    return sparse + mean_ratio(one.fits, other.fits)

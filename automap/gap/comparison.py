@@ -6,24 +6,13 @@ that neither was fitted to.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-from automap.gap.fit import Fit
 from automap.gap.formula_effect import unconstrained
 from automap.gap.heldout import fit_held_out, score_under_better_noise
-from automap.gap.scoring import robust_score, whitener_of
+from automap.gap.scoring import log_likelihood_ratio, whitener_of
 from automap.gap.search_state import MIN_NATS, Log, State, estimated, fit_all
-
-
-def log_likelihood_gain(after: Sequence[Fit], before: Sequence[Fit]) -> float:
-    """Log-likelihood of fits over others', nats."""
-    total = 0.0
-    for a, b in zip(after, before, strict=True):
-        whitener = whitener_of(a)
-        total += robust_score(a, whitener) - robust_score(b, whitener)
-    return total
 
 
 def take_formulas_noise(with_names: State, with_formula: State, log: Log) -> bool:
@@ -32,7 +21,7 @@ def take_formulas_noise(with_names: State, with_formula: State, log: Log) -> boo
     fitted. Whether it does."""
     model = replace(with_formula.model, values=with_names.model.values)
     fits = fit_all(with_names, model, with_names.accepted)
-    more = log_likelihood_gain(fits, with_names.fits)
+    more = log_likelihood_ratio(fits, with_names.fits)
     if more < MIN_NATS:
         return False
     log(f"with the noise that suits the formula the names explain {more:.1f} nats more")
@@ -43,7 +32,7 @@ def take_formulas_noise(with_names: State, with_formula: State, log: Log) -> boo
 def unconstrained_gain(with_formula: State, with_names: State, log: Log) -> float:
     """How much likelier measurements without the vehicle constraint, which bends the two
     differently, are with the formula than with the names, nats."""
-    more = log_likelihood_gain(unconstrained(with_formula).fits, unconstrained(with_names).fits)
+    more = log_likelihood_ratio(unconstrained(with_formula).fits, unconstrained(with_names).fits)
     log(f"without the vehicle constraint the formula explains {more:.1f} nats more")
     return more
 

@@ -17,7 +17,7 @@ from automap.gap.formula import Formula, refined, screen_formulas, without_formu
 from automap.gap.model import GapModel
 from automap.gap.naming import CLOSE_NATS
 from automap.gap.noise import fit_noise
-from automap.gap.scoring import robust_score, whitener_of
+from automap.gap.scoring import log_likelihood_ratio
 from automap.gap.search_state import (
     LOW_WALK,
     MIN_NATS,
@@ -97,12 +97,11 @@ def _left_for(state: State, tried: _Tried, trial: Trial) -> float:
     """Nats that a name still explains once the formula's part is out of the drives."""
     estimate = state.accepted | {trial.effect: trial.scale}
     model = tried.fits[0].model
-    total = 0.0
-    for opened, before in zip(tried.drives, tried.fits, strict=True):
-        whitener = whitener_of(before)
-        after = fit_drive(opened, model, estimate, linearised_at=before)
-        total += robust_score(after, whitener) - robust_score(before, whitener)
-    return total
+    after = [
+        fit_drive(opened, model, estimate, linearised_at=before)
+        for opened, before in zip(tried.drives, tried.fits, strict=True)
+    ]
+    return log_likelihood_ratio(after, tried.fits, tried.fits)
 
 
 def _different(formulas: Sequence[Formula]) -> list[Formula]:
@@ -174,12 +173,8 @@ def _fit_formula(state: State, model: GapModel, context: Sequence[Fit], formula:
 
 
 def _gain(state: State, fits: Sequence[Fit]) -> float:
-    """Log-likelihood of fits over that of the state's own, nats."""
-    total = 0.0
-    for before, after in zip(state.fits, fits, strict=True):
-        whitener = whitener_of(before)
-        total += robust_score(after, whitener) - robust_score(before, whitener)
-    return total
+    """Log-likelihood of fits over that of the state's own, whitened as these, nats."""
+    return log_likelihood_ratio(fits, state.fits, state.fits)
 
 
 def _with_noise(state: State, tried: _Tried, levels: Collection[str]) -> tuple[_Tried, float]:

@@ -50,6 +50,26 @@ def robust_score(fit: Fit, whitener: Whitener) -> float:
     return total
 
 
+def log_likelihood_ratio(
+    after: Sequence[Fit], before: Sequence[Fit], whitened_by: Sequence[Fit] | None = None
+) -> float:
+    """Nats by which measurements are likelier under fits than under others of the same drives.
+
+    Both sides of a drive are whitened by the innovations of its fit in ``whitened_by``, ``after``
+    by default.
+    """
+    total = 0.0
+    for a, b, own in zip(after, before, whitened_by or after, strict=True):
+        whitener = whitener_of(own)
+        total += robust_score(a, whitener) - robust_score(b, whitener)
+    return total
+
+
+def mean_ratio(one: Sequence[Fit], other: Sequence[Fit]) -> float:
+    """The same by the mean of what the whiteners of both sides say."""
+    return 0.5 * (log_likelihood_ratio(one, other) + log_likelihood_ratio(one, other, other))
+
+
 def _rho(u: FloatArray) -> FloatArray:
     """Huber's loss."""
     size = np.abs(u)

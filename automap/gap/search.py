@@ -39,7 +39,7 @@ from automap.gap.naming import (
 )
 from automap.gap.noise import Curvatures, fit_noise, noise_score
 from automap.gap.noise_kinds import with_noise_kinds, without_wander
-from automap.gap.scoring import Joint, robust_score, whitener_of
+from automap.gap.scoring import Joint, log_likelihood_ratio, whitener_of
 from automap.gap.screening import screen
 from automap.gap.search_state import (
     MAX_P,
@@ -287,11 +287,7 @@ def backward_elimination(state: State, log: Log) -> Joint:
         log(f"checking whether {effect} is still needed")
         fewer = {e: s for e, s in state.accepted.items() if e != effect}
         fits = fit_all(state, state.model, fewer)
-        whitener = whitener_of(state.fits[0])
-        loss = sum(
-            robust_score(a, whitener) - robust_score(b, whitener)
-            for a, b in zip(state.fits, fits, strict=True)
-        )
+        loss = log_likelihood_ratio(state.fits, fits, state.fits[:1] * len(fits))
         joint = joint_of(state.model, state.accepted, state.fits, zeros)
         scale = state.accepted[effect]
         loss += sparsity_gain(joint, state.model, effect, scale)

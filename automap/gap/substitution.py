@@ -17,7 +17,6 @@ from automap.effects.catalogue import bias_walks
 from automap.effects.user import UserEffect, add_user_effect
 from automap.gap.comparison import (
     held_out_gain,
-    log_likelihood_gain,
     take_formulas_noise,
     unconstrained_gain,
 )
@@ -41,6 +40,7 @@ from automap.gap.formula_trial import (
 )
 from automap.gap.heldout import HELD_OUT_SLACK, SURE_NATS
 from automap.gap.jumps import jumps_of
+from automap.gap.scoring import log_likelihood_ratio
 from automap.gap.search_state import (
     LOW_WALK,
     MIN_NATS,
@@ -100,7 +100,7 @@ def _try_in_place(
     One that explains as much stands with the names as what they cannot be told from.
     """
     few = sparsity_gains(state, names)
-    named = log_likelihood_gain(state.fits, without.fits) + few
+    named = log_likelihood_ratio(state.fits, without.fits) + few
     found = _fitted(without, named, exclude, log)
     if names[0] in WALKS and named >= FORMULA_NATS:
         kept = None if found is None else effect_of(_formula_of(found))
@@ -113,10 +113,10 @@ def _try_in_place(
         return False
     formula = _formula_of(found)
     if take_formulas_noise(state, found, log):
-        named = log_likelihood_gain(state.fits, without.fits) + few
+        named = log_likelihood_ratio(state.fits, without.fits) + few
     back = {e: state.accepted[e] for e in names if e in state.accepted}
     both = fit_all(found, found.model, found.accepted | back)
-    left = log_likelihood_gain(both, found.fits) if back else 0.0
+    left = log_likelihood_ratio(both, found.fits) if back else 0.0
     log(
         f"{formula.equation}: {formula.nats:.1f} nats; in its place {named:.1f}, "
         f"beside it {left:.1f}"
@@ -124,7 +124,7 @@ def _try_in_place(
     alone = left <= max(MIN_NATS, BESIDES_SHARE * named) and formula.p_value <= FORMULA_P
     # both were fitted, and the formula has paid for its choice
     more = min(
-        formula.nats - named, log_likelihood_gain(found.fits, state.fits) - formula.spent - few
+        formula.nats - named, log_likelihood_ratio(found.fits, state.fits) - formula.spent - few
     )
     slack = HELD_OUT_SLACK if more > SURE_NATS else 0.0
     enough = formula.nats >= FORMULA_NATS and more >= OVER_NAMES_NATS
@@ -206,7 +206,7 @@ def _slow_formula(
             one = replace(without, unexplained=formula)
             if not fit_as_effect(one):
                 continue
-            tried.append((log_likelihood_gain(one.fits, without.fits), formula))
+            tried.append((log_likelihood_ratio(one.fits, without.fits), formula))
             log(f"{formula.equation}: {tried[-1][0]:.1f} nats fitted")
             dismiss(formula)
             first = triads and formula is triads[0]
@@ -268,7 +268,7 @@ def _needed(tried: State, formula: Formula) -> list[int]:
 def _judged(without: State, tried: State) -> State:
     """The state with the evidence of its fitted formula."""
     formula = _formula_of(tried)
-    nats = log_likelihood_gain(tried.fits, without.fits) - formula.spent
+    nats = log_likelihood_ratio(tried.fits, without.fits) - formula.spent
     p = p_value(nats, formula.maxima)
     found = replace(formula, evidence=replace(formula.evidence, nats=nats), p_value=p)
     return replace(tried, unexplained=found)

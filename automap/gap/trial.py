@@ -12,7 +12,7 @@ from automap.gap.evidence import p_value
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.model import GapModel
 from automap.gap.noise import fit_noise
-from automap.gap.scoring import Joint, robust_score, whitener_of
+from automap.gap.scoring import Joint, log_likelihood_ratio, mean_ratio
 from automap.gap.screening import Candidate, Screening, screen
 from automap.gap.search_state import (
     LOW_WALK,
@@ -60,10 +60,7 @@ def _judge(
 ) -> Trial:
     """The evidence of a fitted candidate against the state's own fits."""
     estimate = state.accepted | {candidate.effect: candidate.evidence.scale}
-    gains = []
-    for before, after in zip(state.fits, fits, strict=True):
-        whitener = whitener_of(after)
-        gains.append(robust_score(after, whitener) - robust_score(before, whitener))
+    gains = [log_likelihood_ratio([a], [b]) for a, b in zip(fits, state.fits, strict=True)]
     joint = joint_of(model, estimate, fits, gains)
     effect, scale = candidate.effect, candidate.evidence.scale
     nats = joint.nats + sparsity_gain(joint, model, effect, scale)
@@ -162,10 +159,7 @@ def against_better_null(
     out = []
     for trial, fits in zip(trials, nulls, strict=True):
         if fits is not None:
-            gained = 0.0
-            for null, before, after in zip(fits, state.fits, trial.fits, strict=True):
-                whitener = whitener_of(after)
-                gained += robust_score(null, whitener) - robust_score(before, whitener)
+            gained = log_likelihood_ratio(fits, state.fits, trial.fits)
             if gained > 0.0:
                 trial = _with_nats(trial, trial.joint.nats - gained)
         out.append(trial)
@@ -214,9 +208,7 @@ def under_common_whitener(trials: Sequence[Trial]) -> list[Trial]:
             out.append(trial)
             continue
         ahead = _sparsity_gain_of(trial) - _sparsity_gain_of(best)
-        for a, b in zip(trial.fits, best.fits, strict=True):
-            for whitener in (whitener_of(a), whitener_of(b)):
-                ahead += 0.5 * (robust_score(a, whitener) - robust_score(b, whitener))
+        ahead += mean_ratio(trial.fits, best.fits)
         out.append(_with_nats(trial, best.joint.nats + ahead))
     return sorted(out, key=lambda t: -t.joint.nats)
 

@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 
 from automap.gap import base_model
-from automap.gap.comparison import log_likelihood_gain, take_formulas_noise
+from automap.gap.comparison import take_formulas_noise
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive
+from automap.gap.scoring import log_likelihood_ratio
 from automap.gap.search_state import State, fit_all
 from tests.unit.test_gap import simulated
 
@@ -40,7 +41,7 @@ def test_names_that_were_left_with_drift_take_the_noise_that_suits(named: State)
     assert take_formulas_noise(drifting, named, nobody)
     assert drifting.model.factors == named.model.factors
     assert list(drifting.accepted) == ["gyro_scale"]
-    assert log_likelihood_gain(drifting.fits, before) > 0.0
+    assert log_likelihood_ratio(drifting.fits, before) > 0.0
 
 
 def test_names_keep_the_noise_that_suits_them(named: State) -> None:
