@@ -16,7 +16,7 @@ from automap.records import FloatArray, IntArray
 FREE_FACTOR = 5.0
 """Accepted effects may be so much larger than their usual size."""
 SHRINK = 12.0
-MAX_EXCESS = 9.0
+MAX_OVERDISPERSION = 9.0
 
 
 def columns_of(effect: str) -> IntArray:
@@ -59,10 +59,10 @@ def gain(
     own = prior[rows]
     occam = 0.5 * float(np.linalg.slogdet(np.eye(len(rows)) + info * np.outer(own, own))[1])
     gained = before.cost - after.cost
-    return gained / excess(scores, rows, after.common[rows]) - occam
+    return gained / overdispersion(scores, rows, after.common[rows]) - occam
 
 
-def excess(scores: Scores, rows: IntArray, theta: FloatArray) -> float:
+def overdispersion(scores: Scores, rows: IntArray, theta: FloatArray) -> float:
     """How much more the score along ``theta`` scatters than its information says.
 
     The sandwich of White (1980) with the signs as clusters. What the information owes to the
@@ -77,7 +77,7 @@ def excess(scores: Scores, rows: IntArray, theta: FloatArray) -> float:
     along = along - along.mean()
     count = own**2 / max(float(np.sum(expected**2)), 1e-300)
     ratio = float(np.sum(along**2)) / own
-    ratio = min(max(1.0, (count * ratio + SHRINK) / (count + SHRINK)), MAX_EXCESS)
+    ratio = min(max(1.0, (count * ratio + SHRINK) / (count + SHRINK)), MAX_OVERDISPERSION)
     return 1.0 + (ratio - 1.0) * min(own / total, 1.0)
 
 
@@ -88,7 +88,7 @@ def covariance(fit: CameraFit, accepted: Sequence[str]) -> FloatArray:
     info = scores.info[np.ix_(rows, rows)]
     sds = np.array([FREE_FACTOR * p.prior_sd for e in accepted for p in CATALOGUE[e].parameters])
     cov = np.linalg.inv(info + np.diag(sds**-2.0)) if len(rows) else np.zeros((0, 0))
-    scale = [excess(scores, columns_of(e), fit.common[columns_of(e)]) for e in accepted]
+    scale = [overdispersion(scores, columns_of(e), fit.common[columns_of(e)]) for e in accepted]
     widths = np.array(
         [s for e, s in zip(accepted, scale, strict=True) for _ in CATALOGUE[e].parameters]
     )

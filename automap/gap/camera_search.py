@@ -35,7 +35,7 @@ MIN_SIGNS = 6
 MAX_ROUNDS = 6
 SHUTTER_SLACK_S, LONGEST_SHUTTER_S = 0.005, 0.12
 
-Say = Callable[[str], None]
+Log = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def find_camera_gap(
     boxes: Boxes,
     held: Boxes | None,
     exclude: Collection[str] = (),
-    say: Say = lambda text: None,
+    log: Log = lambda text: None,
 ) -> CameraGap:
     """Name what the stated camera lacks, one effect after another while held-out signs agree.
 
@@ -91,7 +91,7 @@ def find_camera_gap(
         total = len(boxes.sign) + len(held.sign)
         return CameraGap(camera, nothing, {}, 0.0, 0.0, n, total, None, (text,))
     allowed = [e for e in dict(keys()) if e not in exclude]
-    say(f"camera {camera}: fitting the noise of the boxes")
+    log(f"camera {camera}: fitting the noise of the boxes")
     first = box_noise(boxes, np.full(2, 1.5), np.full(2, 0.03))
     free = fit_camera(boxes, first, prior_sds(boxes, allowed, FREE_FACTOR))
     sd = estimate_noise(free)
@@ -114,7 +114,7 @@ def find_camera_gap(
         left = [e for e in allowed if e not in accepted and e not in refused]
         if not left:
             break
-        say(f"camera {camera}: screening")
+        log(f"camera {camera}: screening")
         trials = _trials(now, sd, accepted, left)
         if not trials or trials[0].nats < MIN_NATS or trials[0].p > MAX_P:
             break
@@ -128,9 +128,9 @@ def find_camera_gap(
             )
             continue
         close = max(CLOSE_NATS, CLOSE_SHARE * best.nats)
-        rivals = tuple(t.effect for t in trials[1:] if best.nats - t.nats < close)
+        confusable = tuple(t.effect for t in trials[1:] if best.nats - t.nats < close)
         accepted.append(best.effect)
-        found.append((best, rivals))
+        found.append((best, confusable))
         held_fits.append(after)
         now = best.fit
     now, accepted = _eliminate(now, sd, accepted)
@@ -143,7 +143,7 @@ def find_camera_gap(
     rest = _remaining(held_fits[-1])
     cov = covariance(now, accepted)
     findings = []
-    for number, (trial, rivals) in enumerate(found):
+    for number, (trial, confusable) in enumerate(found):
         findings.append(
             Finding(
                 trial.effect,
@@ -152,8 +152,8 @@ def find_camera_gap(
                 trial.p,
                 rest + gaps[number],
                 rest + gaps[number + 1],
-                rivals,
-                advice(trial.effect, rivals),
+                confusable,
+                advice(trial.effect, confusable),
             )
         )
     values = {

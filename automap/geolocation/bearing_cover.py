@@ -64,7 +64,7 @@ def cover(rays: Rays, candidates: FloatArray, rules: BearingRules) -> tuple[Floa
         return np.zeros((0, 2)), owner
     near = cKDTree(rays.centre).query_ball_point(candidates, rules.max_range_m)
 
-    def reckon(k: int) -> tuple[FloatArray, IntArray, float]:
+    def evaluate(k: int) -> tuple[FloatArray, IntArray, float]:
         free = np.array(near[k], np.int64)
         free = free[owner[free] < 0]
         if len(free) == 0:
@@ -83,7 +83,7 @@ def cover(rays: Rays, candidates: FloatArray, rules: BearingRules) -> tuple[Floa
     heapq.heapify(queue)
     while queue:
         _, k = heapq.heappop(queue)
-        point, rows, gain = reckon(k)
+        point, rows, gain = evaluate(k)
         if not gain > -rules.object_cost or len(rows) == 0:
             continue
         if queue and -gain > queue[0][0] + 1e-9:
@@ -96,7 +96,7 @@ def cover(rays: Rays, candidates: FloatArray, rules: BearingRules) -> tuple[Floa
     return np.array(points).reshape(-1, 2), owner
 
 
-def settle(
+def reassign(
     rays: Rays, points: FloatArray, owner: IntArray, rules: BearingRules
 ) -> tuple[FloatArray, IntArray]:
     """Move sightings to better objects, join objects that coincide, drop empty ones."""

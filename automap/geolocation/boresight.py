@@ -71,7 +71,7 @@ def refine_correction(
     the trajectory: they look like a turn or an offset but are others elsewhere.
     """
     before = np.zeros(N_CAMERA) if current is None else current.values
-    usable = tell_of_camera(views, landmarks, camera_index)
+    usable = usable_landmarks(views, landmarks, camera_index)
     evidence = [
         evidence_of(
             *(views, mark, prior),
@@ -90,7 +90,7 @@ def refine_correction(
     )
 
 
-def tell_of_camera(
+def usable_landmarks(
     views: Views, landmarks: Sequence[Landmark], camera_index: int
 ) -> list[Landmark]:
     """The landmarks with views enough of one camera to say something about it."""

@@ -17,7 +17,7 @@ import numpy as np
 from automap.gates import sd_by_median
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.landmark_kernels import MARGIN
-from automap.geolocation.pass_errors import settle
+from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.views import MeasurementNoise, Views
 from automap.records import FloatArray
 
@@ -46,7 +46,7 @@ def measured_noise(
     """``noise`` with the scales that the residuals of ``landmarks`` (made with it) show."""
     often = [mark for mark in landmarks if mark.ok and len(mark.rows) >= MIN_VIEWS]
     step = max(1, -(-len(often) // _MOST_SIGNS))
-    settled = [settle(views, mark, prior, lever_arm_sd_m) for mark in often[::step]]
+    settled = [solve_with_pass_errors(views, mark, prior, lever_arm_sd_m) for mark in often[::step]]
     right, down, height = (
         noise.scales[k] * scatter([mark.residual[:, k] for mark in settled]) for k in range(3)
     )
@@ -71,7 +71,9 @@ def margin_scatter(
     stated = np.array([views.margin_sd[mark.rows].mean() for mark in landmarks])
     for _ in range(_MARGIN_ROUNDS):
         scaled = replace(views, margin_sd=views.margin_sd * share)
-        settled = [settle(scaled, mark, prior, lever_arm_sd_m) for mark in landmarks]
+        settled = [
+            solve_with_pass_errors(scaled, mark, prior, lever_arm_sd_m) for mark in landmarks
+        ]
         margin = np.array([mark.pass_bias[MARGIN] for mark in settled]) / stated
         variance = np.array([mark.pass_bias_variance[MARGIN] for mark in settled]) / stated**2
         square = float(np.sum((margin - margin.mean()) ** 2 + variance))

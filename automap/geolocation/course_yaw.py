@@ -18,7 +18,7 @@ from automap.geolocation.boresight import (
     CameraPriors,
     evidence_of,
     solve_camera,
-    tell_of_camera,
+    usable_landmarks,
 )
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.pass_errors import pass_sd
@@ -48,7 +48,7 @@ def yaw_by_course(
     have no share; without any the yaw is zero with the sd that the camera's mounting has.
     """
     usable, evidence, variance = [], [], []
-    for mark in tell_of_camera(views, landmarks, camera_index):
+    for mark in usable_landmarks(views, landmarks, camera_index):
         heading = _off_course(views, mark, camera)
         if heading is None:
             continue

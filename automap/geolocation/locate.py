@@ -16,10 +16,15 @@ from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
 from automap.geolocation.control import ControlSigns
 from automap.geolocation.course_yaw import yaw_by_course
 from automap.geolocation.existence import existence_probabilities
-from automap.geolocation.fate import Observations, no_fate, record_sign, warnings_of
 from automap.geolocation.landmark import Landmark, fit_landmark
 from automap.geolocation.merging import combine
-from automap.geolocation.pass_errors import settle
+from automap.geolocation.observations import (
+    Observations,
+    nothing_observed,
+    record_sign,
+    warnings_of,
+)
+from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.passes import join_passes
 from automap.geolocation.path_relation import make_path
 from automap.geolocation.rules import GeolocationRules
@@ -34,7 +39,7 @@ from automap.records import Camera, Detections, IntArray, Sign, Trajectory
 
 @dataclass(frozen=True)
 class GeolocationResult:
-    """Signs in the order of first sight, the fate of every detection, what was found out
+    """Signs in the order of first sight, what became of every detection, what was found out
     about each camera, and sentences for the user; ``trajectory`` as signs seen again and control
     signs adjusted it (None: not at all), ``n_control`` control signs that were used, ``noise``
     of the boxes as it was taken."""
@@ -105,8 +110,8 @@ def locate_signs(
 
     total = sum(len(d) for d in detections)
     found = {n: corrections[n].applied(c) if n in corrections else c for n, c in cameras.items()}
-    fate = no_fate(total, views, trajectory, detections, found)
-    fate.note[views.row[misfits]] = "misfit"
+    observations = nothing_observed(total, views, trajectory, detections, found)
+    observations.note[views.row[misfits]] = "misfit"
 
     exists = existence_probabilities(views, landmarks, trajectory, detections, found)
     kept = []
@@ -114,9 +119,9 @@ def locate_signs(
         if not mark.ok:
             continue
         if likely < rules.min_existence:
-            fate.note[views.row[mark.rows]] = "unconfirmed"
+            observations.note[views.row[mark.rows]] = "unconfirmed"
         elif not _acceptable(mark, rules):
-            fate.note[views.row[mark.rows]] = "too_far"
+            observations.note[views.row[mark.rows]] = "too_far"
         else:
             kept.append(mark)
     covariances = [
@@ -132,7 +137,7 @@ def locate_signs(
     passes = join_passes(views, sightings, trajectory, control, rules.adjust_trajectory)
     sightings, groups = passes.sightings, passes.groups
     for k in passes.backs:
-        fate.note[views.row[sightings[k].landmark.rows]] = "back"
+        observations.note[views.row[sightings[k].landmark.rows]] = "back"
     adjusted = None
     if passes.adjustment is not None:
         adjusted = shift_trajectory(trajectory, passes.adjustment, views.origin)
@@ -147,7 +152,7 @@ def locate_signs(
         places.append(combined[0])
         own.append(min((m.own_cov for m in members), key=lambda c: float(np.trace(c))))
         for k, member in zip(group, members, strict=True):
-            record_sign(fate, views, member.landmark, k, sign.id, focal)
+            record_sign(observations, views, member.landmark, k, sign.id, focal)
     if signs:
         numbers = support_numbers(
             np.array(places), np.array(own), [s.side == "overhead" for s in signs]
@@ -156,7 +161,7 @@ def locate_signs(
             replace(sign, support=f"p{number + 1:04d}")
             for sign, number in zip(signs, numbers, strict=True)
         ]
-    sentences = warnings_of(fate, corrections, cameras)
+    sentences = warnings_of(observations, corrections, cameras)
     unused = 0 if control is None else len(control) - len(passes.controlled)
     if control is not None and unused:
         sentences.append(
@@ -164,7 +169,7 @@ def locate_signs(
             "stand where the trajectory's own error does not allow them; they were not used."
         )
     return GeolocationResult(
-        signs, fate, corrections, sentences, adjusted, len(passes.controlled), rules.noise
+        signs, observations, corrections, sentences, adjusted, len(passes.controlled), rules.noise
     )
 
 
@@ -181,11 +186,11 @@ def _settled(
 ) -> list[Landmark]:
     """The landmarks with the errors of their passes and what other signs tell of their sizes."""
     lever_arm = rules.camera.lever_arm_sd_m
-    alone = [settle(views, mark, rules.size, lever_arm) for mark in landmarks]
+    alone = [solve_with_pass_errors(views, mark, rules.size, lever_arm) for mark in landmarks]
     return [
         mark
         if size == rules.size.of(views.class_name[mark.rows].tolist())
-        else settle(views, fit_landmark(views, mark.rows, size), size, lever_arm)
+        else solve_with_pass_errors(views, fit_landmark(views, mark.rows, size), size, lever_arm)
         for mark, size in zip(alone, sizes_of_others(views, alone, rules.size), strict=True)
     ]
 

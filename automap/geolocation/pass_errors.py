@@ -63,7 +63,9 @@ def equations(
     return sign_equations(views, rows, anchor, parameters, columns, bias, prior, BY_CAUCHY)
 
 
-def settle(views: Views, landmark: Landmark, prior: SizePrior, lever_arm_sd_m: float) -> Landmark:
+def solve_with_pass_errors(
+    views: Views, landmark: Landmark, prior: SizePrior, lever_arm_sd_m: float
+) -> Landmark:
     """The landmark solved together with the errors of its pass.
 
     Gauss-Newton from the landmark's own solution; where that leads nowhere (a sign passing

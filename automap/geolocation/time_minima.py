@@ -17,7 +17,7 @@ import numpy as np
 
 from automap.geolocation.boresight import CameraPriors, prior_covariance
 from automap.geolocation.landmark import Landmark, SizePrior
-from automap.geolocation.pass_errors import pass_sd, settle
+from automap.geolocation.pass_errors import pass_sd, solve_with_pass_errors
 from automap.geolocation.views import CameraCorrection, Views
 from automap.records import Camera, FloatArray
 from automap.robust import cauchy_loss
@@ -62,7 +62,7 @@ def cost_of(
     for mark in landmarks:
         if not mark.ok:
             continue
-        settled = settle(views, mark, prior, priors.lever_arm_sd_m)
+        settled = solve_with_pass_errors(views, mark, prior, priors.lever_arm_sd_m)
         sd = np.maximum(pass_sd(views, mark.rows, priors.lever_arm_sd_m), 1e-12)
         own = prior.of(views.class_name[mark.rows].tolist())
         size = (settled.parameters[3] - np.log(own.size_m)) / own.log_sd

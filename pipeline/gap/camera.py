@@ -25,7 +25,7 @@ LOOSE_TIME_S = 0.1
 LOOSE_FOCAL = 0.03
 """Signs are tracked with a camera that may be off by so much, whatever the manifest says."""
 
-Say = Callable[[str], None]
+Log = Callable[[str], None]
 
 
 def camera_gaps(
@@ -34,7 +34,7 @@ def camera_gaps(
     runs: Path,
     model: Path,
     without: Collection[str],
-    say: Say = lambda text: None,
+    log: Log = lambda text: None,
 ) -> tuple[list[CameraGap], list[str]]:
     """Search the cameras of the drives, and sentences about drives that could not be used.
 
@@ -43,16 +43,16 @@ def camera_gaps(
     """
     settings = load_settings(model)
     warnings: list[str] = []
-    fitted = _boxes_of_drives(drives, [*drives, *holdout], runs, settings, warnings, say)
+    fitted = _boxes_of_drives(drives, [*drives, *holdout], runs, settings, warnings, log)
     if not fitted:
         return [], warnings
-    held = _boxes_of_drives(holdout, [*drives, *holdout], runs, settings, warnings, say)
+    held = _boxes_of_drives(holdout, [*drives, *holdout], runs, settings, warnings, log)
     out = []
     for camera, parts in fitted.items():
         rest = held.get(camera)
         out.append(
             find_camera_gap(
-                camera, joined(parts), None if rest is None else joined(rest), without, say
+                camera, joined(parts), None if rest is None else joined(rest), without, log
             )
         )
     return out, warnings
@@ -64,14 +64,14 @@ def _boxes_of_drives(
     runs: Path,
     settings: Settings,
     warnings: list[str],
-    say: Say,
+    log: Log,
 ) -> dict[str, list[Boxes]]:
     """Boxes by camera, one item a drive that has any."""
     out: dict[str, list[Boxes]] = {}
     for path in drives:
         try:
             for camera, boxes in _boxes_of_drive(
-                path, run_folder(path, every, runs), settings, say
+                path, run_folder(path, every, runs), settings, log
             ):
                 known = out.setdefault(camera, [])
                 if known and not _same_camera(known[0].camera, boxes.camera):
@@ -92,7 +92,7 @@ def _same_camera(a: Camera, b: Camera) -> bool:
     return (a.width, a.height) == (b.width, b.height) and np.allclose(a.matrix, b.matrix, rtol=0.02)
 
 
-def _boxes_of_drive(path: Path, out: Path, settings: Settings, say: Say) -> list[tuple[str, Boxes]]:
+def _boxes_of_drive(path: Path, out: Path, settings: Settings, log: Log) -> list[tuple[str, Boxes]]:
     from automap.geolocation.locate import locate_signs
     from automap.io.drive import load_drive
     from automap.io.observations_table import read_detection_rows
@@ -104,7 +104,7 @@ def _boxes_of_drive(path: Path, out: Path, settings: Settings, say: Say) -> list
     stated = drive.cameras()
     if not stated or drive.bearings_file is not None:
         return []
-    say(f"{drive.name}: path and detections for its camera")
+    log(f"{drive.name}: path and detections for its camera")
     run_to("detect", path, out, settings)
     if not (out / names.DETECTIONS).is_file() or not (out / names.TRAJECTORY).is_file():
         return []
@@ -127,7 +127,7 @@ def _boxes_of_drive(path: Path, out: Path, settings: Settings, say: Say) -> list
     }
     rules = rules_from(settings.geolocate, drive.name)
     rules = replace(rules, estimate_camera=True, camera=replace(rules.camera, focal_sd=LOOSE_FOCAL))
-    say(f"{drive.name}: tracking its signs")
+    log(f"{drive.name}: tracking its signs")
     track = locate_signs(trajectory, records, loose, rules).observations.track
     found, first = [], 0
     for record in records:

@@ -52,18 +52,18 @@ def record(request: RecordRequest) -> tuple[Ending, bool]:
     from pipeline.record.clock import HostClock
     from pipeline.record.manifest_text import read_rig
     from pipeline.record.recorder import Plan, Recorder
-    from pipeline.record.ublox import wish_from
+    from pipeline.record.ublox import setup_from
 
     folder = request.out or default_folder()
     if (folder / names.MANIFEST).exists():
         raise ConfigError(f"{folder} holds a drive already; choose another folder with -o.")
-    wish = wish_from(request.pvt, request.raw, request.rate_hz, request.gnss_baud)
+    setup = setup_from(request.pvt, request.raw, request.rate_hz, request.gnss_baud)
     rig = read_rig(request.rig) if request.rig is not None else None
     cameras = named_cameras(request)
     gnss, imu, form = find_devices(request)
-    warn_narrow_line(gnss, wish)
+    warn_narrow_line(gnss, setup)
     plan = Plan(
-        gnss=gnss, imu=imu, imu_format=form, cameras=cameras, rig=rig, wish=wish,
+        gnss=gnss, imu=imu, imu_format=form, cameras=cameras, rig=rig, setup=setup,
         restore=request.restore,
     )  # fmt: skip
     recorder = Recorder(folder, plan, HostClock(request.time_scale))

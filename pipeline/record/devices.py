@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pipeline.record.imu_format import ImuFormat
     from pipeline.record.ports import PortSpec
     from pipeline.record.probe import Finding
-    from pipeline.record.ublox import Wish
+    from pipeline.record.ublox import Setup
     from pipeline.record.video_source import Source
 
 
@@ -105,16 +105,16 @@ def probe_all(formats: list[ImuFormat], without: set[str], wanted: set[str]) -> 
         return list(pool.map(lambda device: probe_port(device, chosen, bauds), devices))
 
 
-def warn_narrow_line(spec: PortSpec | None, wish: Wish | None) -> None:
+def warn_narrow_line(spec: PortSpec | None, setup: Setup | None) -> None:
     from pipeline.record.ublox import line_load
 
-    if spec is None or wish is None or spec.baud is None:
+    if spec is None or setup is None or spec.baud is None:
         return
-    baud = wish.baud or spec.baud
-    if line_load(wish) * 10 > 0.8 * baud and "ACM" not in spec.device:
+    baud = setup.baud or spec.baud
+    if line_load(setup) * 10 > 0.8 * baud and "ACM" not in spec.device:
         say(
             f"{baud} baud may be too slow for that many messages "
-            f"(up to {line_load(wish) * 10:.0f}); give --gnss-baud a higher rate"
+            f"(up to {line_load(setup) * 10:.0f}); give --gnss-baud a higher rate"
         )
 
 

@@ -25,9 +25,9 @@ from pipeline.record.imu_watch import ImuState
 from pipeline.record.manifest_text import manifest_text
 from pipeline.record.ports import PortLostError, PortSpec, port_sentence
 from pipeline.record.reader import PortReader
-from pipeline.record.receiver_care import ReceiverCare
+from pipeline.record.receiver_setup import ReceiverSetup
 from pipeline.record.streams import GnssStream, ImuStream
-from pipeline.record.ublox import Wish
+from pipeline.record.ublox import Setup
 from pipeline.record.video_source import Source
 
 _WRITE_S = 0.1
@@ -42,14 +42,14 @@ SUMMARY = "recording.json"
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be recorded. Ports carry their line rate; ``wish`` is for the receiver."""
+    """What is to be recorded. Ports carry their line rate; ``setup`` is for the receiver."""
 
     gnss: PortSpec | None = None
     imu: PortSpec | None = None
     imu_format: ImuFormat | None = None
     cameras: tuple[tuple[str, Source], ...] = ()
     rig: Manifest | None = None
-    wish: Wish | None = None
+    setup: Setup | None = None
     restore: bool = False
     name: str | None = None
 
@@ -91,7 +91,7 @@ class Recorder:
         self._threads: list[threading.Thread] = []
         self._started_ns = 0
         self._begun = datetime.now(UTC)
-        self._care: ReceiverCare | None = None
+        self._receiver_setup: ReceiverSetup | None = None
         self._disk: deque[tuple[int, int]] = deque(maxlen=120)
         self._event_lock = threading.Lock()
 
@@ -113,12 +113,12 @@ class Recorder:
         make_folder(self.folder)
         self._log = AppendFile(self.folder / LOG)
         gnss, imu = readers.get("gnss"), readers.get("imu")
-        wish = self.plan.wish
+        setup = self.plan.setup
         if gnss is not None:
-            watch = GnssWatch(wish.rate_hz if wish else None, bool(wish and wish.raw))
+            watch = GnssWatch(setup.rate_hz if setup else None, bool(setup and setup.raw))
             self._gnss = GnssStream(self.folder, gnss, watch, self.event)
-            self._care = ReceiverCare(
-                self.folder, self._gnss, wish, self._clock, self.event, self._halt
+            self._receiver_setup = ReceiverSetup(
+                self.folder, self._gnss, setup, self._clock, self.event, self._halt
             )
         if imu is not None:
             assert self.plan.imu_format is not None
@@ -167,8 +167,8 @@ class Recorder:
     def stop(self) -> Ending:
         """End the recording: everything that came in until now is written and synced."""
         self.stopped = True
-        if self.plan.restore and self._care is not None:
-            self._care.restore()
+        if self.plan.restore and self._receiver_setup is not None:
+            self._receiver_setup.restore()
         for stream in self._streams():
             stream.reader.stop()
         for stream in self._streams():
@@ -203,10 +203,10 @@ class Recorder:
 
     def _mind(self) -> None:
         """Set the receiver up, watch for trouble, find a receiver again that was reset."""
-        self._guarded(self._care.configure if self._care else lambda: None)
+        self._guarded(self._receiver_setup.configure if self._receiver_setup else lambda: None)
         while not self._halt.wait(_LOOK_S):
             self._guarded(lambda: self._conditions.update(self._look(), _TOLD))
-            self._guarded(self._care.recover if self._care else lambda: None)
+            self._guarded(self._receiver_setup.recover if self._receiver_setup else lambda: None)
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Do what may fail without harm to the recording; tell a failure once."""
@@ -326,7 +326,7 @@ class Recorder:
             self._gnss,
             self._imu,
             self._cameras,
-            self._care.outcome if self._care else None,
+            self._receiver_setup.outcome if self._receiver_setup else None,
         )
 
 

@@ -11,7 +11,7 @@ from automap.io.json_text import parse_json
 def restore_receiver(drive: Path) -> list[str]:
     """Send a receiver what a recording kept of its settings; sentences on what was not taken."""
     from pipeline.record.ports import PortLostError, PortSpec, port_sentence
-    from pipeline.record.receiver_care import BEFORE
+    from pipeline.record.receiver_setup import BEFORE
     from pipeline.record.restore import restore_on_port
     from pipeline.record.ublox import SilentError, frames_from_hex
 

@@ -62,7 +62,7 @@ class SilentError(Exception):
 
 
 @dataclass(frozen=True)
-class Wish:
+class Setup:
     """What a receiver is to send: fixes ``rate_hz`` times a second, raw data, a line rate."""
 
     pvt: bool = True
@@ -78,7 +78,7 @@ class Wish:
 
 @dataclass
 class Outcome:
-    """What became of a wish.
+    """What became of a setup.
 
     ``done`` and ``refused`` are sentences; ``before`` are the messages that bring back what
     the receiver did before, to be sent in this order.
@@ -115,7 +115,7 @@ class Receiver:
         answer = self._ask(MON_VER, b"", lambda m: m.key == MON_VER and len(m.payload) >= 40)
         return parse_version(answer.payload)
 
-    def configure(self, wish: Wish, set_host_baud: Callable[[int], None]) -> Outcome:
+    def configure(self, setup: Setup, set_host_baud: Callable[[int], None]) -> Outcome:
         """Set what is wished, read it back, and remember what was before.
 
         ``set_host_baud`` changes our side of the line. Raises SilentError when the receiver does
@@ -124,9 +124,9 @@ class Receiver:
         outcome = Outcome(version=self.version())
         assert outcome.version is not None
         if outcome.version.by_keys:
-            self._by_keys(wish, outcome, set_host_baud)
+            self._by_keys(setup, outcome, set_host_baud)
         else:
-            self._by_messages(wish, outcome, set_host_baud)
+            self._by_messages(setup, outcome, set_host_baud)
         return outcome
 
     def restore(self, before: list[bytes], set_host_baud: Callable[[int], None]) -> list[str]:
@@ -151,24 +151,26 @@ class Receiver:
     def _ports(self) -> tuple[str, ...]:
         return ("USB",) if self._usb else ("UART1", "UART2")
 
-    def _by_keys(self, wish: Wish, outcome: Outcome, set_host_baud: Callable[[int], None]) -> None:
-        if wish.period_ms is not None:
-            values = {KEY_RATE_MEAS: wish.period_ms, KEY_RATE_NAV: 1}
-            self._set_keys(values, f"a fix every {wish.period_ms} ms", outcome)
+    def _by_keys(
+        self, setup: Setup, outcome: Outcome, set_host_baud: Callable[[int], None]
+    ) -> None:
+        if setup.period_ms is not None:
+            values = {KEY_RATE_MEAS: setup.period_ms, KEY_RATE_NAV: 1}
+            self._set_keys(values, f"a fix every {setup.period_ms} ms", outcome)
         for port in self._ports():
             only = port == self._ports()[0]
             keys = {UBX_OUT[port]: 1}
-            if wish.pvt:
+            if setup.pvt:
                 keys[MSGOUT[NAV_PVT] + PORTS[port]] = 1
             self._set_keys(keys, f"NAV-PVT on {port}", outcome, must=only)
-            if wish.raw:
+            if setup.raw:
                 raw = {MSGOUT[m] + PORTS[port]: 1 for m in (RXM_RAWX, RXM_SFRBX)}
                 self._set_keys(raw, f"RAWX and SFRBX on {port}", outcome, must=only)
-        if wish.baud is not None and not self._usb:
+        if setup.baud is not None and not self._usb:
             key = BAUD_KEYS["UART1"]
             before = self.get_keys([key])[key]
-            frame = ubx_frame(CFG_VALSET, valset_payload({key: wish.baud}))
-            self._change_baud(frame, before, wish.baud, outcome, set_host_baud)
+            frame = ubx_frame(CFG_VALSET, valset_payload({key: setup.baud}))
+            self._change_baud(frame, before, setup.baud, outcome, set_host_baud)
             if outcome.baud_before is not None:
                 outcome.before.append(ubx_frame(CFG_VALSET, valset_payload({key: before})))
 
@@ -200,23 +202,23 @@ class Receiver:
     # ---- down to u-blox 5
 
     def _by_messages(
-        self, wish: Wish, outcome: Outcome, set_host_baud: Callable[[int], None]
+        self, setup: Setup, outcome: Outcome, set_host_baud: Callable[[int], None]
     ) -> None:
         assert outcome.version is not None
-        if wish.period_ms is not None:
-            self._set_rate(wish.period_ms, outcome)
+        if setup.period_ms is not None:
+            self._set_rate(setup.period_ms, outcome)
         messages: list[int] = []
-        if wish.pvt and outcome.version.has_pvt:
+        if setup.pvt and outcome.version.has_pvt:
             messages = [NAV_PVT]
-        elif wish.pvt:
+        elif setup.pvt:
             # before generation 7 there is no NAV-PVT; together these say the same
             messages = [NAV_SOL, NAV_POSLLH, NAV_VELNED, NAV_TIMEGPS, NAV_DOP]
         for message in messages:
             self._set_message(message, outcome)
-        if wish.raw:
+        if setup.raw:
             self._set_raw(outcome)
-        if wish.baud is not None and not self._usb:
-            self._set_port(wish.baud, outcome, set_host_baud)
+        if setup.baud is not None and not self._usb:
+            self._set_port(setup.baud, outcome, set_host_baud)
 
     def _set_raw(self, outcome: Outcome) -> None:
         """Raw data under the name that this generation has for them."""
@@ -354,19 +356,19 @@ def _name(key: int) -> str:
     return message_name(key)
 
 
-def wish_from(pvt: bool, raw: bool, rate_hz: float | None, baud: int | None) -> Wish | None:
-    """A wish from what was asked for, None when nothing was."""
+def setup_from(pvt: bool, raw: bool, rate_hz: float | None, baud: int | None) -> Setup | None:
+    """A setup from what was asked for, None when nothing was."""
     if not (pvt or raw or rate_hz or baud):
         return None
-    return Wish(pvt=True, raw=raw, rate_hz=rate_hz, baud=baud)
+    return Setup(pvt=True, raw=raw, rate_hz=rate_hz, baud=baud)
 
 
-def line_load(wish: Wish, satellites: int = 32) -> float:
-    """Bytes a second that a wish will send, at most, for so many signals."""
-    rate = wish.rate_hz or 1.0
-    raw = 24 + 32 * satellites if wish.raw else 0
+def line_load(setup: Setup, satellites: int = 32) -> float:
+    """Bytes a second that a setup will send, at most, for so many signals."""
+    rate = setup.rate_hz or 1.0
+    raw = 24 + 32 * satellites if setup.raw else 0
     # a subframe of each satellite in about six seconds
-    return rate * (100 + raw) + (satellites * 60 / 6 if wish.raw else 0)
+    return rate * (100 + raw) + (satellites * 60 / 6 if setup.raw else 0)
 
 
 def frames_from_hex(lines: Any) -> list[bytes]:

@@ -63,7 +63,7 @@ class Session:
         return f"This stores {' and '.join(parts) or 'the same figures again'}."
 
 
-def regress(request: Request, tell: Callable[[str], None] = lambda text: None) -> Session:
+def regress(request: Request, log: Callable[[str], None] = lambda text: None) -> Session:
     """Run the drives, compare them and write the page into the work folder.
 
     Raises ConfigError, before anything runs, for drives without stored figures unless they are
@@ -81,7 +81,7 @@ def regress(request: Request, tell: Callable[[str], None] = lambda text: None) -
         )
     work = make_folder(request.work or request.baseline.parent / WORK_FOLDER)
     results = run_session(
-        request.drives, stored, work, request.settings, request.jobs, request.allowed, tell
+        request.drives, stored, work, request.settings, request.jobs, request.allowed, log
     )
     session = Session(tuple(results), work / PAGE)
     write_json(work / RESULT, as_dict(session))

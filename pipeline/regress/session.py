@@ -76,11 +76,11 @@ def run_session(
     settings: Settings,
     jobs: int = 1,
     allowed: Tolerance | None = None,
-    tell: Callable[[str], None] = lambda text: None,
+    log: Callable[[str], None] = lambda text: None,
 ) -> list[DriveResult]:
     """Run the drives afresh into ``work`` and compare each with its stored figures.
 
-    ``tell`` hears in one line what is being done. A drive that fails has its sentence and exit
+    ``log`` hears in one line what is being done. A drive that fails has its sentence and exit
     code in its result and does not stop the others.
     """
     allowed = allowed or Tolerance()
@@ -89,14 +89,14 @@ def run_session(
         Task(_folder(drive), work / name, settings)
         for drive, name in zip(drives, called, strict=True)
     ]
-    tell(f"running {len(tasks)} drive{'s' if len(tasks) != 1 else ''} into {work}")
+    log(f"running {len(tasks)} drive{'s' if len(tasks) != 1 else ''} into {work}")
     measured = run_tasks(tasks, jobs)
     timings = [dict(m.timing) for m in measured]
     for _ in range(_TIMED_AGAIN):
         again = _to_time_again(tasks, called, measured, timings, stored, allowed)
         if not again:
             break
-        for index, repeated in _repeat(again, tasks, tell):
+        for index, repeated in _repeat(again, tasks, log):
             for stage, ratio in repeated.timing.items():
                 timings[index][stage] = min(timings[index][stage], ratio)
     return [
@@ -129,13 +129,13 @@ def _to_time_again(
 
 
 def _repeat(
-    again: dict[int, list[str]], tasks: Sequence[Task], tell: Callable[[str], None]
+    again: dict[int, list[str]], tasks: Sequence[Task], log: Callable[[str], None]
 ) -> list[tuple[int, Measured]]:
     """Time stages once more, one drive after the other so that nothing disturbs them."""
     repeats = []
     for index, stages in again.items():
         task = tasks[index]
-        tell(f"timing {', '.join(stages)} of {task.out.name} again")
+        log(f"timing {', '.join(stages)} of {task.out.name} again")
         repeats.append(Task(task.drive, task.out, task.settings, tuple(stages)))
     return list(zip(again, run_tasks(repeats, 1), strict=True))
 

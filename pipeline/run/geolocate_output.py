@@ -1,4 +1,4 @@
-"""What the stage geolocate writes: every detection's fate, and the figures of the run."""
+"""What the stage geolocate writes: what became of every detection, and the figures of the run."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ def write_observations_of(
         column[rows] = values
         return column
 
-    fate = result.observations
+    observations = result.observations
     t_ns = table["t_ns"].to_numpy().copy()
     for record, own in parts:
         t_ns[own] = record.t_ns
     results = {
         "t_ns": t_ns,
-        "track": spread(fate.track, -1),
-        "sign_id": spread(fate.sign_id, ""),
-        "residual_x_px": spread(fate.residual_px[:, 0], np.nan),
-        "residual_y_px": spread(fate.residual_px[:, 1], np.nan),
-        "range_m": spread(fate.range_m, np.nan),
-        "used": spread(fate.used, False),
-        "note": spread(fate.note, "no_camera"),
+        "track": spread(observations.track, -1),
+        "sign_id": spread(observations.sign_id, ""),
+        "residual_x_px": spread(observations.residual_px[:, 0], np.nan),
+        "residual_y_px": spread(observations.residual_px[:, 1], np.nan),
+        "range_m": spread(observations.range_m, np.nan),
+        "used": spread(observations.used, False),
+        "note": spread(observations.note, "no_camera"),
     }
     write_observations(path, table, results)
 
@@ -85,9 +85,9 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
 
     from automap.effects.lens import focal_length
 
-    signs, fate = result.signs, result.observations
-    context.metric("detections", len(fate.used))
-    context.metric("detections_used", int(fate.used.sum()))
+    signs, observations = result.signs, result.observations
+    context.metric("detections", len(observations.used))
+    context.metric("detections_used", int(observations.used.sum()))
     statuses = sorted({s.status for s in signs})
     context.metric("sign_status", {k: sum(s.status == k for s in signs) for k in statuses})
     context.metric("box_scatter_scales", list(result.noise.scales))
@@ -114,11 +114,11 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
                 "box_margin_sd_px": float(sd[8]) * focal_length(cameras[name]),
             },
         )
-    context.result = f"{len(signs)} signs from {len(fate.used)} detections"
+    context.result = f"{len(signs)} signs from {len(observations.used)} detections"
     if signs:
         sd = np.sqrt([0.5 * (s.cov_enu[0, 0] + s.cov_enu[1, 1]) for s in signs])
         context.result += f", median sd {float(np.median(sd)):.1f} m"
-        residual = fate.residual_px[fate.used]
+        residual = observations.residual_px[observations.used]
         if len(residual):
             context.metric("residual_rms_px", float(np.sqrt(np.mean(residual**2))))
     flagged = [s for s in signs if s.status != "ok"]

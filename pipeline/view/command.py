@@ -41,14 +41,14 @@ def serving(out: Path, port: int = 0) -> Iterator[ViewServer]:
         thread.join()
 
 
-def view(out: Path, port: int, browser: bool, say: Callable[[str], None]) -> None:
-    """Serve the map until Ctrl-C or a signal to end; ``say`` receives the lines for the user."""
+def view(out: Path, port: int, browser: bool, log: Callable[[str], None]) -> None:
+    """Serve the map until Ctrl-C or a signal to end; ``log`` receives the lines for the user."""
     ended = threading.Event()
     with _ending(ended), serving(out, port) as server:
         shown = server.shown
         count = 0 if shown.signs is None else len(shown.signs)
-        say(server.url)
-        say(f"{shown.name}: {count} signs; Ctrl-C ends the viewer")
+        log(server.url)
+        log(f"{shown.name}: {count} signs; Ctrl-C ends the viewer")
         with _shown_in_browser(server.url) if browser else nullcontext():
             ended.wait()
 

@@ -31,7 +31,7 @@ from automap.evaluation.sign_matching import match, points_of
 from automap.geolocation.boresight import N_CAMERA
 from automap.geolocation.landmark import SizePrior, fit_landmark
 from automap.geolocation.locate import locate_signs
-from automap.geolocation.pass_errors import settle
+from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.views import Views, build_views
 from automap.io.detections_csv import read_detections_csv
 from automap.io.drive import load_drive
@@ -58,14 +58,16 @@ def by_bearings(views: Views, rows: IntArray) -> float:
     """Distance (m) along the axis of the nearest view, by bearings alone."""
     blind = replace(views, sd=views.sd * [1.0, 1.0, 1e4])
     prior = SizePrior(log_sd=5.0)
-    return settle(blind, fit_landmark(blind, rows, prior), prior, LEVER_ARM_SD_M).depth_m
+    return solve_with_pass_errors(
+        blind, fit_landmark(blind, rows, prior), prior, LEVER_ARM_SD_M
+    ).depth_m
 
 
 def measured_size(views: Views, rows: IntArray, camera: FloatArray) -> tuple[float, float]:
     """Logarithm of a sign's size by its boxes and bearings, and its sd; ``camera`` [9, 9] the
     covariance of what was found out about the camera."""
     prior = SizePrior()
-    mark = settle(views, fit_landmark(views, rows, prior), prior, LEVER_ARM_SD_M)
+    mark = solve_with_pass_errors(views, fit_landmark(views, rows, prior), prior, LEVER_ARM_SD_M)
     by_camera = np.delete(mark.common[3, :N_CAMERA], LEVER_ARM)
     of_camera = np.delete(np.delete(camera, LEVER_ARM, 0), LEVER_ARM, 1)
     own = float(mark.covariance[3, 3] + mark.pass_covariance[3, 3])

@@ -22,7 +22,7 @@ from automap.io.recording import read_recording
 from pipeline.record.ports import PortSpec
 from pipeline.record.recorder import Plan
 from pipeline.record.replay import Replay, Terminal, copy_rest
-from pipeline.record.ublox import Wish
+from pipeline.record.ublox import Setup
 from tests.unit.recorded_drive import (
     BAUD,
     PROGRAM,
@@ -66,7 +66,7 @@ def test_a_receiver_that_is_reset_is_found_and_set_again(tmp_path: Path) -> None
     receiver = SimulatedReceiver(tmp_path / "gnss", baud=9600, chatter=True)
     receiver.start()
     out = tmp_path / "out"
-    plan = Plan(gnss=PortSpec(str(tmp_path / "gnss"), 9600), wish=Wish(rate_hz=10, baud=115200))
+    plan = Plan(gnss=PortSpec(str(tmp_path / "gnss"), 9600), setup=Setup(rate_hz=10, baud=115200))
     with recording(out, plan, factor=5.0) as recorder:
         assert wait_until(lambda: "115200 baud" in events(out))
         assert receiver.baud == 115200

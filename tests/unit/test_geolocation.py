@@ -97,15 +97,15 @@ def test_what_is_said_about_a_sign(world) -> None:
 def test_every_detection_is_accounted_for(world) -> None:
     path, _, found, owner = world
     result = locate_signs(path, [found], {"front": camera()})
-    fate = result.observations
-    assert fate.used.mean() > 0.97
+    observations = result.observations
+    assert observations.used.mean() > 0.97
     for sign in result.signs:
         rows = sign.detection_rows
-        assert (fate.sign_id[rows] == sign.id).all()
+        assert (observations.sign_id[rows] == sign.id).all()
         assert len(np.unique(owner[rows])) == 1
-    assert (fate.note[fate.used] == "").all()
-    assert (fate.note[~fate.used] != "").all()
-    assert np.sqrt(np.nanmean(fate.residual_px**2)) == pytest.approx(1.0, abs=0.3)
+    assert (observations.note[observations.used] == "").all()
+    assert (observations.note[~observations.used] != "").all()
+    assert np.sqrt(np.nanmean(observations.residual_px**2)) == pytest.approx(1.0, abs=0.3)
 
 
 def test_covariance_fits_the_error() -> None:

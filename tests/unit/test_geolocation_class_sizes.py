@@ -11,7 +11,7 @@ from automap.earth import local_ned
 from automap.geolocation.class_sizes import USUAL_LOG_SD, sizes_of_others, usual_sizes
 from automap.geolocation.landmark import SizePrior, fit_landmark
 from automap.geolocation.locate import locate_signs
-from automap.geolocation.pass_errors import settle
+from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import MeasurementNoise, build_views
 from automap.records import Detections
@@ -68,7 +68,7 @@ def settled(size_m: np.ndarray, names: tuple[str, ...]):
     prior = SizePrior()
     shown = owner[views.row]
     marks = [fit_landmark(views, np.flatnonzero(shown == k), prior) for k in np.unique(shown)]
-    return views, [settle(views, mark, prior, 0.1) for mark in marks], prior
+    return views, [solve_with_pass_errors(views, mark, prior, 0.1) for mark in marks], prior
 
 
 def test_the_other_signs_of_a_class_tell_the_size() -> None:

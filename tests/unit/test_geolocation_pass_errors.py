@@ -12,7 +12,7 @@ from automap.geolocation.box_noise import scatter
 from automap.geolocation.existence import _base_rate
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
 from automap.geolocation.landmark_kernels import N_COMMON
-from automap.geolocation.pass_errors import equations, pass_sd, settle
+from automap.geolocation.pass_errors import equations, pass_sd, solve_with_pass_errors
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views, build_views
 from automap.records import Detections
 
@@ -81,7 +81,7 @@ def test_an_error_of_the_pass_is_found_within_its_sigma(approach) -> None:
     unsure = replace(views, velocity_sd=np.full_like(views.velocity_sd, 0.15))
     shifted = with_velocity_error(unsure, landmark, error)
     plain = fit_landmark(shifted, landmark.rows, PRIOR)
-    settled = settle(shifted, plain, PRIOR, 0.1)
+    settled = solve_with_pass_errors(shifted, plain, PRIOR, 0.1)
     off = [float(np.linalg.norm(m.position - landmark.position)) for m in (plain, settled)]
     assert off[1] < off[0]
     assert settled.pass_covariance[2, 2] > 0.0
@@ -93,7 +93,7 @@ def test_a_sure_trajectory_leaves_the_sign_alone(approach) -> None:
     nothing = np.zeros_like(views.velocity_sd)
     sure = replace(views, velocity_sd=nothing, attitude_sd=nothing, margin_sd=np.zeros(len(views)))
     assert pass_sd(sure, landmark.rows, 0.0)[[0, 1, 2, 8, 9, 10, 11]].sum() == 0.0
-    settled = settle(sure, landmark, PRIOR, 0.0)
+    settled = solve_with_pass_errors(sure, landmark, PRIOR, 0.0)
     np.testing.assert_allclose(settled.position, landmark.position, atol=0.02)
 
 

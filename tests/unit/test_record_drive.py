@@ -27,7 +27,7 @@ from pipeline.record.probe import probe_port
 from pipeline.record.reader import PortReader
 from pipeline.record.recorder import Plan, Recorder
 from pipeline.record.replay import Terminal
-from pipeline.record.ublox import Wish
+from pipeline.record.ublox import Setup
 from tests.unit.recorded_drive import (
     BAUD,
     feed_of,
@@ -174,12 +174,14 @@ def test_settings_are_undone_at_the_end_and_after_a_crash(make: Make, tmp_path: 
 
     receiver = make(generation=8)
     spec = PortSpec(str(tmp_path / "gnss"), 38400)
-    with recording(tmp_path / "a", Plan(gnss=spec, wish=Wish(rate_hz=5), restore=True)) as recorder:
+    with recording(
+        tmp_path / "a", Plan(gnss=spec, setup=Setup(rate_hz=5), restore=True)
+    ) as recorder:
         assert wait_until(lambda: receiver.on == {keys.NAV_PVT})
         assert wait_until(lambda: (tmp_path / "a" / "ublox_before.json").exists())
         recorder.stop()
     assert (receiver.on, receiver.period_ms) == (set(), 1000)
-    with recording(tmp_path / "b", Plan(gnss=spec, wish=Wish(rate_hz=5))):
+    with recording(tmp_path / "b", Plan(gnss=spec, setup=Setup(rate_hz=5))):
         assert wait_until(lambda: (tmp_path / "b" / "ublox_before.json").exists())
     assert receiver.on == {keys.NAV_PVT}
     assert restore_receiver(tmp_path / "b") == []
@@ -189,7 +191,7 @@ def test_settings_are_undone_at_the_end_and_after_a_crash(make: Make, tmp_path: 
 def test_a_receiver_that_does_not_answer_is_recorded_and_told(make: Make, tmp_path: Path) -> None:
     receiver = make(deaf=True, chatter=True)
     receiver.period_ms = 50
-    plan = Plan(gnss=PortSpec(str(tmp_path / "gnss"), 38400), wish=Wish(rate_hz=5))
+    plan = Plan(gnss=PortSpec(str(tmp_path / "gnss"), 38400), setup=Setup(rate_hz=5))
     with recording(tmp_path / "out", plan) as recorder:
         assert wait_until(lambda: any("does not answer" in text for text in recorder.warnings))
         assert wait_until(lambda: recorder.snapshot().gnss.messages > 10)

@@ -11,7 +11,7 @@ from pipeline.record import ublox_keys as keys
 from pipeline.record.messages import ubx_frame
 from pipeline.record.ports import SerialPort
 from pipeline.record.restore import port_exchange
-from pipeline.record.ublox import Outcome, Receiver, RefusedError, SilentError, Wish
+from pipeline.record.ublox import Outcome, Receiver, RefusedError, Setup, SilentError
 from pipeline.record.ublox_version import parse_version
 from tests.unit.simulated_receiver import PVT_KEY_UART1, RAWX_KEY_UART1, SimulatedReceiver
 
@@ -35,11 +35,11 @@ def make(tmp_path: Path) -> Iterator[Make]:
 
 
 def talk(
-    simulated: SimulatedReceiver, wish: Wish, timeout_s: float = 1.0
+    simulated: SimulatedReceiver, setup: Setup, timeout_s: float = 1.0
 ) -> tuple[Outcome, SerialPort, Receiver]:
     port = SerialPort(str(simulated.terminal.link), simulated.baud)
     receiver = Receiver(port_exchange(port), timeout_s=timeout_s, tries=2)
-    return receiver.configure(wish, port.set_baud), port, receiver
+    return receiver.configure(setup, port.set_baud), port, receiver
 
 
 def test_keys_are_those_of_the_interface_description() -> None:
@@ -77,7 +77,7 @@ def test_messages_are_those_that_pyubx2_writes() -> None:
 def test_generation_nine_is_set_read_back_and_restored(make: Make) -> None:
     simulated = make(generation=9)
     before = dict(simulated.keys)
-    outcome, port, receiver = talk(simulated, Wish(raw=True, rate_hz=5))
+    outcome, port, receiver = talk(simulated, Setup(raw=True, rate_hz=5))
     assert outcome.version is not None
     assert outcome.version.model == "ZED-F9P"
     assert not outcome.refused
@@ -92,7 +92,7 @@ def test_generation_nine_is_set_read_back_and_restored(make: Make) -> None:
 @pytest.mark.parametrize("generation", [5, 6, 8])
 def test_older_generations_are_set_by_messages(make: Make, generation: int) -> None:
     simulated = make(generation=generation)
-    outcome, port, receiver = talk(simulated, Wish(raw=True, rate_hz=4))
+    outcome, port, receiver = talk(simulated, Setup(raw=True, rate_hz=4))
     assert not outcome.refused
     assert simulated.period_ms == 250
     if generation == 8:
@@ -109,7 +109,7 @@ def test_older_generations_are_set_by_messages(make: Make, generation: int) -> N
 @pytest.mark.parametrize(("generation", "refused"), [(9, RAWX_KEY_UART1), (8, keys.RXM_RAWX)])
 def test_a_refusal_is_told_and_the_rest_is_done(make: Make, generation: int, refused: int) -> None:
     simulated = make(generation=generation, refuses={refused})
-    outcome, port, _ = talk(simulated, Wish(raw=True, rate_hz=2))
+    outcome, port, _ = talk(simulated, Setup(raw=True, rate_hz=2))
     assert any("RAWX" in text and "refused" in text for text in outcome.refused)
     assert keys.NAV_PVT in simulated.on
     assert simulated.period_ms == 500
@@ -121,7 +121,7 @@ def test_what_was_acknowledged_but_not_done_is_found_by_reading_back(
     make: Make, generation: int
 ) -> None:
     simulated = make(generation=generation, forgets=True)
-    outcome, port, _ = talk(simulated, Wish(rate_hz=5))
+    outcome, port, _ = talk(simulated, Setup(rate_hz=5))
     assert not outcome.done
     assert outcome.refused
     assert all("reads back" in text for text in outcome.refused)
@@ -131,14 +131,14 @@ def test_what_was_acknowledged_but_not_done_is_found_by_reading_back(
 def test_a_silent_receiver_is_not_waited_for_long(make: Make) -> None:
     simulated = make(deaf=True)
     with pytest.raises(SilentError, match="MON-VER"):
-        talk(simulated, Wish(rate_hz=5), timeout_s=0.2)
+        talk(simulated, Setup(rate_hz=5), timeout_s=0.2)
     assert simulated.commands == [keys.MON_VER] * 2
 
 
 @pytest.mark.parametrize("generation", [6, 9])
 def test_both_sides_change_the_line_rate_and_go_back(make: Make, generation: int) -> None:
     simulated = make(generation=generation, baud=9600)
-    outcome, port, receiver = talk(simulated, Wish(rate_hz=2, baud=115200))
+    outcome, port, receiver = talk(simulated, Setup(rate_hz=2, baud=115200))
     assert simulated.baud == port.baud == 115200
     assert "115200 baud" in outcome.done
     assert receiver.restore(outcome.before, port.set_baud) == []

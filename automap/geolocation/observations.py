@@ -31,7 +31,7 @@ class Observations:
     note: npt.NDArray[np.object_]
 
 
-def no_fate(
+def nothing_observed(
     total: int,
     views: Views,
     trajectory: Trajectory,
@@ -42,7 +42,7 @@ def no_fate(
 
     ``cameras`` are as they were found to be.
     """
-    fate = Observations(
+    observations = Observations(
         track=np.full(total, -1, np.int64),
         sign_id=np.full(total, "", np.object_),
         residual_px=np.full((total, 2), np.nan),
@@ -50,9 +50,9 @@ def no_fate(
         used=np.zeros(total, np.bool_),
         note=np.full(total, "no_place", np.object_),
     )
-    fate.note[np.setdiff1d(np.arange(total), views.row)] = "no_direction"
-    fate.note[_rows_without_pose(trajectory, detections, cameras)] = "no_pose"
-    return fate
+    observations.note[np.setdiff1d(np.arange(total), views.row)] = "no_direction"
+    observations.note[_rows_without_pose(trajectory, detections, cameras)] = "no_pose"
+    return observations
 
 
 def _rows_without_pose(
@@ -72,20 +72,25 @@ def _rows_without_pose(
 
 
 def record_sign(
-    fate: Observations, views: Views, mark: Landmark, track: int, sign_id: str, focal: FloatArray
+    observations: Observations,
+    views: Views,
+    mark: Landmark,
+    track: int,
+    sign_id: str,
+    focal: FloatArray,
 ) -> None:
     rows = views.row[mark.rows]
-    fate.track[rows] = track
-    fate.sign_id[rows] = sign_id
+    observations.track[rows] = track
+    observations.sign_id[rows] = sign_id
     residual = direction_residuals(views, mark)
-    fate.residual_px[rows] = residual * focal[views.camera[mark.rows], None]
-    fate.range_m[rows] = np.linalg.norm(views.centre[mark.rows] - mark.position, axis=1)
-    fate.used[rows] = True
-    fate.note[rows] = ""
+    observations.residual_px[rows] = residual * focal[views.camera[mark.rows], None]
+    observations.range_m[rows] = np.linalg.norm(views.centre[mark.rows] - mark.position, axis=1)
+    observations.used[rows] = True
+    observations.note[rows] = ""
 
 
 def warnings_of(
-    fate: Observations,
+    observations: Observations,
     corrections: Mapping[str, CameraCorrection],
     cameras: Mapping[str, Camera],
 ) -> list[str]:
@@ -100,13 +105,13 @@ def warnings_of(
     }
     sentences = []
     for note, text in reasons.items():
-        n = int(np.count_nonzero(fate.note == note))
+        n = int(np.count_nonzero(observations.note == note))
         if n:
             advice = ""
-            if note == "no_pose" and n == len(fate.note):
+            if note == "no_pose" and n == len(observations.note):
                 advice = " Check the clock of the frames: time and start_ns in [video], t_ns."
             sentences.append(
-                f"{n} of {len(fate.note)} detections {text}; they were left out.{advice}"
+                f"{n} of {len(observations.note)} detections {text}; they were left out.{advice}"
             )
     for name, correction in corrections.items():
         camera = cameras[name]

@@ -10,15 +10,15 @@ from pipeline.record.clock import HostClock
 from pipeline.record.ports import BAUDS
 from pipeline.record.reader import Event
 from pipeline.record.streams import GnssStream
-from pipeline.record.ublox import Outcome, Receiver, RefusedError, SilentError, Wish
+from pipeline.record.ublox import Outcome, Receiver, RefusedError, Setup, SilentError
 
 BEFORE = "ublox_before.json"
 """What undoes the settings of a recording's receiver."""
 _PATIENCE_NS = 15_000_000_000
 
 
-class ReceiverCare:
-    """Talks with one receiver while it is recorded; ``wish`` None leaves its settings alone.
+class ReceiverSetup:
+    """Talks with one receiver while it is recorded; ``setup`` None leaves its settings alone.
 
     ``outcome`` is that of the first settings, which ``restore`` undoes.
     """
@@ -27,7 +27,7 @@ class ReceiverCare:
         self,
         folder: Path,
         stream: GnssStream,
-        wish: Wish | None,
+        setup: Setup | None,
         clock: HostClock,
         event: Event,
         halt: threading.Event,
@@ -35,7 +35,7 @@ class ReceiverCare:
         self.outcome: Outcome | None = None
         self._folder = folder
         self._stream = stream
-        self._wish = wish
+        self._setup = setup
         self._clock = clock
         self._event = event
         self._halt = halt
@@ -47,12 +47,12 @@ class ReceiverCare:
 
     def configure(self) -> None:
         """Set what is wished and tell what came of it."""
-        if self._wish is None:
+        if self._setup is None:
             return
         self._configured_ns = self._clock()
         try:
             with self._lock:
-                outcome = self._receiver().configure(self._wish, self._stream.reader.set_baud)
+                outcome = self._receiver().configure(self._setup, self._stream.reader.set_baud)
         except SilentError:
             if not self._halt.is_set():
                 self._event(
