@@ -17,10 +17,10 @@ from automap.calibration import limits
 from automap.calibration.dynamic_kernel import BA, N_ERRORS, N_STATES, PHI, POS, run_filter
 from automap.calibration.hand_motion import (
     UNKNOWN_HAND,
+    coloured_noise_covariance,
+    coloured_noise_history,
     final_response,
     hand_motion,
-    honest_covariance,
-    honest_history,
 )
 from automap.calibration.rest import movement, noise_density
 from automap.errors import InputError
@@ -123,7 +123,7 @@ def calibrate_dynamic(
         hand = hand_motion(innovations[:count], ~still[rows], step)
     if not np.all(np.isfinite(out[-1])):
         raise InputError(f"{log.name}: the filter diverged; check units and axes, record again.")
-    covariance = honest_covariance(
+    covariance = coloured_noise_covariance(
         P[BA:POS, BA:POS],
         final_response(response[:count]),
         variance[rows],
@@ -136,7 +136,7 @@ def calibrate_dynamic(
         t_s=t_s,
         quat=out[:, :4].copy(),
         errors=out[:, 4 : 4 + N_ERRORS].copy(),
-        sd=honest_history(out[:, 4 + N_ERRORS :], prior_sd, np.sqrt(np.diag(covariance))),
+        sd=coloured_noise_history(out[:, 4 + N_ERRORS :], prior_sd, np.sqrt(np.diag(covariance))),
         covariance=covariance,
         hand_velocity=hand.velocity,
         hand_place=hand.place,

@@ -92,7 +92,7 @@ def final_response(response: FloatArray) -> FloatArray:
     return weights
 
 
-def honest_covariance(
+def coloured_noise_covariance(
     covariance: FloatArray,
     weights: FloatArray,
     variance: FloatArray,
@@ -139,7 +139,9 @@ def _cross_spectrum(y: FloatArray, used: Mask, step_s: float) -> npt.NDArray[np.
     return np.asarray(parts[0] + 1j * parts[1])
 
 
-def honest_history(sd: FloatArray, prior_sd: FloatArray, final_sd: FloatArray) -> FloatArray:
+def coloured_noise_history(
+    sd: FloatArray, prior_sd: FloatArray, final_sd: FloatArray
+) -> FloatArray:
     """The filter's sigmas [n, 12] over time, with information weighed so that the last are
     ``final_sd`` [12]; ``prior_sd`` [12] is where they began."""
     begin = 1.0 / prior_sd**2

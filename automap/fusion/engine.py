@@ -197,7 +197,7 @@ def fuse_imu_gnss(
             "direction, so headings and sideways positions of signs may be off"
         )
     progress(0.8, "writing the trajectory at IMU rate")
-    outcome = _harvest(last, int(imu.t_ns[0]), screened.outliers)
+    outcome = _collect(last, int(imu.t_ns[0]), screened.outliers)
     del last, found
     return _assemble(
         session, outcome, clock, mounting, margin, warnings, imu.axes_known, delay_is_clock
@@ -251,7 +251,7 @@ class _Outcome:
     factors: dict[str, float]
 
 
-def _harvest(last: Pass, base_ns: int, outliers: IntArray) -> _Outcome:
+def _collect(last: Pass, base_ns: int, outliers: IntArray) -> _Outcome:
     smooth = last.smooth
     return _Outcome(
         last.problem,

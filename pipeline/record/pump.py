@@ -20,7 +20,7 @@ FRAME = struct.Struct("<qI")
 _READ_BYTES = 65536
 
 
-def hurry() -> None:
+def raise_priority() -> None:
     """Let this thread run before others, as far as the system allows it."""
     with contextlib.suppress(OSError, AttributeError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(5))
@@ -37,7 +37,7 @@ def _send(t_ns: int, data: bytes) -> None:
 
 def pump(fd: int) -> None:
     """Copy until the port or the recorder has gone."""
-    hurry()
+    raise_priority()
     gc.disable()
     poll = select.poll()
     poll.register(fd, select.POLLIN)

@@ -29,7 +29,7 @@ from automap.io.arrival import read_arrival
 from automap.io.drive import Drive, load_drive
 from automap.records import IntArray
 from pipeline.record.messages import ubx_frame
-from pipeline.record.pump import hurry
+from pipeline.record.pump import raise_priority
 from pipeline.record.replay import Feed, Replay, copy_rest, drive_feeds
 from pipeline.record.ublox_keys import RXM_RAWX
 
@@ -85,7 +85,7 @@ def bare_terminal(until: str, file: Path) -> None:
     master, slave = os.openpty()
     tty.setraw(slave)
     if os.fork() == 0:
-        hurry()
+        raise_priority()
         late = []
         while True:
             select.select([slave], [], [])
@@ -95,7 +95,7 @@ def bare_terminal(until: str, file: Path) -> None:
                 np.save(file, np.array(late) * 1e-6)
                 os._exit(0)
             late += [now - t for (t,) in struct.iter_unpack("<q", data[: len(data) // 8 * 8])]
-    hurry()
+    raise_priority()
     while not Path(until).exists():
         time.sleep(0.002)
         os.write(master, struct.pack("<q", time.monotonic_ns()))
