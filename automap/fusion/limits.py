@@ -30,17 +30,17 @@ LEAST_WHITE_M = 0.02
 VELOCITY_DOWN_FACTOR = 1.5
 """How much worse than level a velocity that states no accuracy is downwards: dilution of
 precision is that much larger (Kaplan and Hegarty, Understanding GPS, section 7.3)."""
-VELOCITY_AGE_SD_S, VELOCITY_AGE_WINDOW_S = 0.2, 1.0
+VELOCITY_DELAY_SD_S, VELOCITY_DELAY_WINDOW_S = 0.2, 1.0
 """Receivers tell velocities of some instant of the last few tenths of a second, or a mean over
 them; which is not known yet. So a velocity counts as unsure by its change in such a time, taken
 over the window."""
 ROAD_ACCELERATION_PSD = (1.0, 1.0, 0.1)
 """White acceleration of road traffic north, east, down, (m/s^2)^2/Hz: in a second the speed
 changes by 1 m/s (one sigma), downwards by a third of that."""
-WILD_PROBABILITY = math.exp(-8.0)
+OUTLIER_PROBABILITY = math.exp(-8.0)
 """A right fix is taken for wild so rarely: where it lies four sigmas off in the plane,
 exp(-4^2 / 2), five times in an hour of four fixes a second."""
-WILD_SD = 2.0
+OUTLIER_SD = 2.0
 """Sigma of a wild fix in its own distances: it is then one of half a sigma, and pulls little."""
 SCREENING_ROUNDS = 6
 """Chosen: a bound for fixes that are wild in one round and right in the next."""
@@ -198,7 +198,7 @@ KNOWN_ROLL_SD = 1e-3
 DELAY_CONVERGED_S, SKEW_CONVERGED, CONVERGED_SIGMAS = 5e-4, 1e-6, 0.1
 """A delay, s, or skew that moves by less, or by a tenth of its sigma, has settled: half a
 millisecond is 1.5 cm at 30 m/s, and 1e-6 comes to 3.6 ms in an hour."""
-MAX_AGE_S, MAX_SKEW = 1.0, 0.01
+MAX_DELAY_S, MAX_SKEW = 1.0, 0.01
 """Larger delays and skews are none, but an estimate that ran away."""
 HEAD_S = 900.0
 """The first pass goes no further than this into the drive."""

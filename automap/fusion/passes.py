@@ -229,10 +229,12 @@ def next_shift(model: StateModel, smooth: SmoothRun, shift: Shift, retime: bool)
         found[VEL_LATENCY_STATE] = found[VEL_LAG_STATE] = 0.0
     return Shift(
         delay_s=found[DELAY_STATE],
-        vel_latency_s=float(np.clip(found[VEL_LATENCY_STATE], -limits.MAX_AGE_S, limits.MAX_AGE_S)),
-        latency_s=float(np.clip(found[LATENCY_STATE], -limits.MAX_AGE_S, limits.MAX_AGE_S)),
+        vel_latency_s=float(
+            np.clip(found[VEL_LATENCY_STATE], -limits.MAX_DELAY_S, limits.MAX_DELAY_S)
+        ),
+        latency_s=float(np.clip(found[LATENCY_STATE], -limits.MAX_DELAY_S, limits.MAX_DELAY_S)),
         skew=float(np.clip(found[SKEW_STATE], -limits.MAX_SKEW, limits.MAX_SKEW)),
-        vel_lag_s=float(np.clip(found[VEL_LAG_STATE], 0.0, limits.MAX_AGE_S)),
+        vel_lag_s=float(np.clip(found[VEL_LAG_STATE], 0.0, limits.MAX_DELAY_S)),
     )
 
 

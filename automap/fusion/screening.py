@@ -59,7 +59,7 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
     has_velocity = (model.flags[use] & HAS_VEL_H) > 0
     expected = model.white_var[use, :3] + model.wander_sd[use] ** 2
     velocity_var = model.white_var[use, 3:5] + _delay_var(t, model.values[use, 3:5], has_velocity)
-    wild_from = gate(limits.WILD_PROBABILITY, 2)
+    outlier_from = gate(limits.OUTLIER_PROBABILITY, 2)
     extra = np.zeros(len(use))
     distance = np.zeros(len(use))
     for _ in range(limits.SCREENING_ROUNDS):
@@ -81,7 +81,7 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
         squared = (miss**2 / expected[:, :2]).sum(axis=1)
         distance = np.hypot(miss[:, 0], miss[:, 1])
         before = extra
-        extra = np.where(squared > wild_from, (limits.WILD_SD * distance) ** 2, 0.0)
+        extra = np.where(squared > outlier_from, (limits.OUTLIER_SD * distance) ** 2, 0.0)
         if np.array_equal(extra > 0, before > 0):
             break
     outliers = extra > 0
@@ -98,10 +98,10 @@ def _delay_var(t: FloatArray, velocity: FloatArray, known: BoolArray) -> FloatAr
     """Variances [n, 2] in m^2/s^2 of velocities for not knowing of which instant they are."""
     if int(known.sum()) < 2:
         return np.zeros_like(velocity)
-    window = limits.VELOCITY_AGE_WINDOW_S
+    window = limits.VELOCITY_DELAY_WINDOW_S
     half = 0.5 * window
     change = [
         np.interp(t + half, t[known], v[known]) - np.interp(t - half, t[known], v[known])
         for v in velocity.T
     ]
-    return np.asarray((limits.VELOCITY_AGE_SD_S * np.column_stack(change) / window) ** 2)
+    return np.asarray((limits.VELOCITY_DELAY_SD_S * np.column_stack(change) / window) ** 2)

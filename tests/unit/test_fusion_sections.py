@@ -18,10 +18,10 @@ def test_sections_change_nothing(section: int, relinearise: bool) -> None:
     nodes = forward.nodes
     whole = run_smoother(problem, forward)
     about = PathStates(whole.nominal, whole.params) if relinearise else None
-    one = run_forward(problem, nodes, start, Shift(), about=about)
+    one = run_forward(problem, nodes, start, Shift(), linearised_at=about)
     whole = run_smoother(problem, one)
     run, smooth = filter_and_smooth(
-        problem, nodes, start, Shift(), about=about, section_nodes=section
+        problem, nodes, start, Shift(), linearised_at=about, section_nodes=section
     )
     assert (run.cov is not None) == (section < len(nodes.t))
     assert run.score == pytest.approx(one.score, rel=1e-9)

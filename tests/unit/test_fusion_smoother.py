@@ -169,7 +169,7 @@ def test_iterations_from_two_starts_meet() -> None:
         away = replace(start, nominal=nominal, sd=start.sd + turn * np.eye(9)[8])
         about = smooth(problem, run_forward(problem, forward.nodes, away, Shift()))
         for _ in range(4):
-            run = run_forward(problem, forward.nodes, start, Shift(), about=about)
+            run = run_forward(problem, forward.nodes, start, Shift(), linearised_at=about)
             about = smooth(problem, run)
         ends.append(about)
     a, b = ends
