@@ -142,3 +142,28 @@ def test_signals_without_a_source_are_zero() -> None:
     gyro, accel, _, _ = _signals()
     terms = imu_terms(["accel_temperature", "speed_vibration"])
     assert np.abs(extra_basis(terms, gyro, accel)).max() == 0.0
+
+
+def test_effects_that_an_entry_names_exist_and_each_pair_once() -> None:
+    pairs = []
+    for effect in CATALOGUE.values():
+        named = [other for other, _ in effect.told_apart]
+        pairs += [frozenset({effect.name, other}) for other in named]
+        named += [effect.first_order[0]] if effect.first_order else []
+        named += [n for n in (effect.unknown_epoch, effect.walk_setting) if n]
+        assert set(named) <= set(CATALOGUE) - {effect.name}, effect.name
+    assert len(pairs) == len(set(pairs))
+
+
+def test_what_follows_from_the_terms() -> None:
+    drifts = {e.name for e in CATALOGUE.values() if e.resembles_drift}
+    assert {"accel_scale", "gyro_temperature", "imu_mounting", "speed_vibration"} <= drifts
+    assert not drifts & {"accel_bias", "gnss_latency", "nhc_lever_arm"}
+    assert CATALOGUE["speed_vibration"].sensor == "accel"
+    assert CATALOGUE["imu_mounting"].sensor == ""
+    assert CATALOGUE["imu_clock_skew"].resembles == CATALOGUE["gnss_velocity_lag"].resembles != ""
+    negative = ("gnss_velocity_lag", "vehicle_sideslip", "gyro_scale")
+    assert [CATALOGUE[e].never_negative for e in negative] == [True, True, False]
+    recorded = {e.name for e in CATALOGUE.values() if e.of_recorder}
+    assert {"gyro_bias", "gnss_lever_arm", "odometer_scale"} <= recorded
+    assert not recorded & {"gnss_correlated_noise", "vehicle_sideslip", "imu_time_offset"}

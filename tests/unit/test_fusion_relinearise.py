@@ -23,7 +23,7 @@ def plain() -> Fit:
 
 
 @pytest.mark.parametrize("effect", ["imu_mounting", "gnss_lever_arm", "gnss_latency"])
-def test_a_fit_near_another_is_the_fit_from_nothing(plain: Fit, effect: str) -> None:
+def test_a_fit_linearised_at_another_is_the_fit_from_nothing(plain: Fit, effect: str) -> None:
     other = fit_drive(plain.opened, plain.model, {effect: 3.0}, linearised_at=plain)
     alone = fit_drive(plain.opened, plain.model, {effect: 3.0})
     sd = np.sqrt(np.diag(alone.cov))

@@ -199,7 +199,7 @@ def test_too_short_drives_are_refused_in_one_sentence() -> None:
         find_gaps([])
 
 
-def test_rivals_come_with_a_manoeuvre() -> None:
+def test_confusable_effects_come_with_a_manoeuvre() -> None:
     assert "brake" in advice("gnss_velocity_latency", ["gnss_velocity_lag"])
     assert advice("gyro_scale", []) == ""
     assert advice("gyro_scale", ["accel_scale"])
