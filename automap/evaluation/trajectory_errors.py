@@ -157,8 +157,8 @@ def position_rms(error_ned: FloatArray) -> dict[str, float | None]:
 def summarise_trajectory(errors: TrajectoryErrors) -> dict[str, Any]:
     """The figures of ``evaluation.json`` that concern the trajectory.
 
-    ``nees_mean`` is the mean of the sum of squared error-over-sd over the components that
-    both sides have; its expectation is ``nees_dof`` where the errors of the components are
+    ``nees_mean`` (Bar-Shalom, Li, Kirubarajan, section 5.4) is the mean of the sum of squared
+    error-over-sd over the components that both sides have; its expectation is ``nees_dof`` where the errors of the components are
     independent.
     """
     degrees = np.degrees(errors.error[:, 6:9])

@@ -52,7 +52,8 @@ def cover(rays: Rays, candidates: FloatArray, rules: BearingRules) -> tuple[Floa
     """Greedy choice: points [m, 2] and the point of each sighting (-1 none).
 
     A candidate's gain can only fall as sightings are taken, so the best stays best as long as
-    its gain, reckoned anew, is still above the next one's.
+    its gain, reckoned anew, is still above the next one's (M. Minoux, Accelerated greedy algorithms
+    for maximizing submodular set functions, 1978).
     """
     import heapq
 
