@@ -158,8 +158,8 @@ def summarise_trajectory(errors: TrajectoryErrors) -> dict[str, Any]:
     """The figures of ``evaluation.json`` that concern the trajectory.
 
     ``nees_mean`` (Bar-Shalom, Li, Kirubarajan, section 5.4) is the mean of the sum of squared
-    error-over-sd over the components that both sides have; its expectation is ``nees_dof`` where the errors of the components are
-    independent.
+    error-over-sd over the components that both sides have; its expectation is ``nees_dof`` where
+    the errors of the components are independent.
     """
     degrees = np.degrees(errors.error[:, 6:9])
     with np.errstate(divide="ignore", invalid="ignore"):
