@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.earth import from_local_ned, tangent_rotation
+from automap.geolocation import limits
 from automap.geolocation.merging import member_rows
 from automap.geolocation.path_relation import Path, relate, side_of_path
 from automap.geolocation.sightings import Sighting
@@ -15,10 +16,6 @@ from automap.geolocation.views import Views
 from automap.records import FloatArray, Sign
 
 C_ENU_NED: FloatArray = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-
-_WEAK_DEPTH_LOG_SD = 0.25
-_VIEW_EVIDENCE = 0.5
-_SD_SCALE_M = 3.0
 
 
 @dataclass(frozen=True)
@@ -111,13 +108,13 @@ def _status(
         return "single_view"
     if min(s.landmark.depth_m for s in sightings) > rules.far_m:
         return "far"
-    if min(s.landmark.depth_log_sd for s in sightings) > _WEAK_DEPTH_LOG_SD:
+    if min(s.landmark.depth_log_sd for s in sightings) > limits.WEAK_DEPTH_LOG_SD:
         return "weak_geometry"
     return "ok"
 
 
 def _confidence(scores: FloatArray, cov_enu: FloatArray, status: str) -> float:
-    wrong = float(np.prod(1.0 - _VIEW_EVIDENCE * np.clip(scores, 0.0, 1.0)))
+    wrong = float(np.prod(1.0 - limits.VIEW_EVIDENCE * np.clip(scores, 0.0, 1.0)))
     variance = 0.5 * float(cov_enu[0, 0] + cov_enu[1, 1])
-    value = (1.0 - wrong) / np.sqrt(1.0 + variance / _SD_SCALE_M**2)
-    return float(value * (0.3 if status == "implausible" else 1.0))
+    value = (1.0 - wrong) / np.sqrt(1.0 + variance / limits.CONFIDENCE_SD_M**2)
+    return float(value * (limits.IMPLAUSIBLE_CONFIDENCE if status == "implausible" else 1.0))

@@ -12,18 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from automap.gates import gate
-from automap.geolocation.merging import HEIGHT_SLACK_M, difference_covariance
+from automap.geolocation import limits
+from automap.geolocation.merging import difference_covariance
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
 from automap.signs.backs import is_back, may_be_back
-
-_APART_PROBABILITY = 3e-3
-"""A back that belongs to a sign is taken for one of its own so rarely."""
-AWAY_COSINE = -0.5
-"""Faces further turned from one another than 120 deg look the other way."""
-_THICKNESS_M = 0.2
-"""Face and back of a sign, and the middles of boxes about them, are no further apart."""
-_MAX_DISTANCE_M = 5.0
 
 
 def find_backs(
@@ -50,12 +43,14 @@ def find_backs(
 
 def _is_other_side(views: Views, back: Sighting, front: Sighting) -> bool:
     difference = back.position - front.position
-    if float(np.linalg.norm(difference)) > _MAX_DISTANCE_M:
+    if float(np.linalg.norm(difference)) > limits.BACK_REACH_M:
         return False
-    if float(back.facing @ front.facing) > AWAY_COSINE:
+    if float(back.facing @ front.facing) > limits.AWAY_COSINE:
         return False
     if np.isin(views.frame[back.landmark.rows], views.frame[front.landmark.rows]).any():
         return False
-    slack = np.diag([_THICKNESS_M**2, _THICKNESS_M**2, HEIGHT_SLACK_M**2])
+    slack = np.diag([limits.THICKNESS_M**2, limits.THICKNESS_M**2, limits.HEIGHT_SLACK_M**2])
     covariance = difference_covariance(back, front) + slack
-    return float(difference @ np.linalg.solve(covariance, difference)) < gate(_APART_PROBABILITY, 3)
+    return float(difference @ np.linalg.solve(covariance, difference)) < gate(
+        limits.BACK_PROBABILITY, 3
+    )

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from automap.assignment import assign
+from automap.geolocation import limits
 from automap.geolocation.bearing_rays import BearingRules, Rays, costs, fit_point
 from automap.records import FloatArray, IntArray
 
 _ROUNDS = 10
+"""Most rounds in which sightings move; they end where none does."""
 
 
 def candidates(rays: Rays, rules: BearingRules) -> FloatArray:
@@ -27,12 +29,13 @@ def candidates(rays: Rays, rules: BearingRules) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         along_i = (apart[:, 0] * direction[j, 1] - apart[:, 1] * direction[j, 0]) / cross
         along_j = (apart[:, 0] * direction[i, 1] - apart[:, 1] * direction[i, 0]) / cross
-    good = (np.abs(cross) > np.sin(np.radians(3.0))) & (along_i > 0.5) & (along_j > 0.5)
+    near = limits.NEAREST_OBJECT_M
+    good = (np.abs(cross) > np.sin(limits.LEAST_CROSSING)) & (along_i > near) & (along_j > near)
     good &= (along_i < rules.max_range_m) & (along_j < rules.max_range_m)
     crossings = rays.centre[i[good]] + direction[i[good]] * along_i[good, None]
     found = np.vstack([crossings, ends])
     # crossings that nearly coincide lead to the same object
-    _, first = np.unique(np.round(found / 0.5), axis=0, return_index=True)
+    _, first = np.unique(np.round(found / limits.SAME_CANDIDATE_M), axis=0, return_index=True)
     return found[np.sort(first)]
 
 

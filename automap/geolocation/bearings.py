@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from automap.earth import from_local_ned
+from automap.geolocation import limits
 from automap.geolocation.bearing_cover import candidates, cover, joined, reassign
 from automap.geolocation.bearing_rays import (
     BearingRules,
@@ -32,10 +33,8 @@ from automap.records import NO_TIME, Bearings, FloatArray, IntArray, Sign
 __all__ = ["BearingRules", "Bearings", "locate_from_bearings"]
 
 _SCALE_ROUNDS = 4
-_SETTLED_M = 0.2
+"""At most; ends where depths have settled."""
 _TYPICAL_DEPTHS_M = np.array([6.0, 15.0])
-_LEAST_DEPTHS = 10
-_GOOD_CROSSING = 0.5
 
 
 def locate_from_bearings(
@@ -60,7 +59,7 @@ def locate_from_bearings(
         points, owner = joined(rays, points, owner, rules)
         before, scale = scale, _depth_scale(measured, points, owner, rules)
         change = scale.apply(_TYPICAL_DEPTHS_M) - before.apply(_TYPICAL_DEPTHS_M)
-        if np.abs(change).max() < _SETTLED_M:
+        if np.abs(change).max() < limits.SCALE_SETTLED_M:
             break
     if not rules.single:
         points, owner = _without_single(points, owner)
@@ -74,7 +73,7 @@ def _depth_scale(
     counts = np.bincount(owner[owner >= 0], minlength=len(points))
     rows = np.flatnonzero((owner >= 0) & np.isfinite(rays.log_depth))
     rows = rows[counts[owner[rows]] >= 2]
-    if len(rows) < _LEAST_DEPTHS:
+    if len(rows) < limits.LEAST_DEPTHS:
         return DepthScale()
     without = replace(rays, log_depth=np.full(len(rays.log_depth), np.nan))
     distance, sd = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
@@ -85,12 +84,12 @@ def _depth_scale(
         cov = np.linalg.inv(N)
         own = owner[rows] == k
         offset = point - rays.centre[rows[own]]
-        length = np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 0.5)
+        length = np.maximum(np.hypot(offset[:, 0], offset[:, 1]), limits.NEAREST_OBJECT_M)
         along = offset / length[:, None]
         distance[own] = length
         sd[own] = np.sqrt(np.einsum("ni,ij,nj->n", along, cov, along)) / length
-    good = sd < _GOOD_CROSSING
-    if good.sum() < _LEAST_DEPTHS:
+    good = sd < limits.GOOD_CROSSING
+    if good.sum() < limits.LEAST_DEPTHS:
         return DepthScale()
     return fit_depth_scale(
         *(np.exp(rays.log_depth[rows[good]]), distance[good]),
@@ -129,7 +128,7 @@ def _signs(
         terms = len(rows) + int(np.isfinite(rays.log_depth[rows]).sum())
         cov = np.linalg.inv(N) * max(1.0, chi2 / max(terms - 2, 1))
         # all cameras of one street share the receiver's error in part
-        cov = cov + 0.5 * rules.position_sd_m**2 * np.eye(2)
+        cov = cov + limits.SHARED_CAMERA_VARIANCE * rules.position_sd_m**2 * np.eye(2)
         cov_enu = np.full((3, 3), np.nan)
         cov_enu[:2, :2] = cov[::-1, ::-1]
         lat, lon, _ = from_local_ned(np.array([*points[k], 0.0]), origin)
@@ -137,8 +136,8 @@ def _signs(
         towards = (towards / np.maximum(np.hypot(*towards.T), 0.1)[:, None]).mean(axis=0)
         names = bearings.class_name[rows].tolist()
         known = sorted({n for n in names if n})
-        sd = 0.5 * float(cov[0, 0] + cov[1, 1])
-        n_cameras = len(np.unique(rays.camera[rows]))
+        spread = 0.5 * float(cov[0, 0] + cov[1, 1]) / limits.CONFIDENCE_SD_M**2
+        wrong = (1.0 - limits.VIEW_EVIDENCE) ** len(np.unique(rays.camera[rows]))
         signs.append(
             Sign(
                 id=f"s{number + 1:04d}",
@@ -147,7 +146,7 @@ def _signs(
                 lon_rad=float(lon),
                 height_m=float("nan"),
                 cov_enu=cov_enu,
-                confidence=float((1.0 - 0.5**n_cameras) / np.sqrt(1.0 + sd / 9.0)),
+                confidence=float((1.0 - wrong) / np.sqrt(1.0 + spread)),
                 n_views=len(rows),
                 first_seen_ns=NO_TIME,
                 last_seen_ns=NO_TIME,
@@ -166,4 +165,4 @@ def _signs(
 def _status(n_views: int, cov: FloatArray) -> str:
     if n_views == 1:
         return "single_view"
-    return "weak_geometry" if float(np.linalg.eigvalsh(cov)[-1]) > 5.0**2 else "ok"
+    return "weak_geometry" if float(np.linalg.eigvalsh(cov)[-1]) > limits.WEAK_SD_M**2 else "ok"

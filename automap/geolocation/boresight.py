@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.effects.lens import focal_length
+from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.landmark_kernels import N_COMMON
 from automap.geolocation.pass_errors import equations, pass_sd
@@ -27,13 +28,6 @@ N_CAMERA = 9
 """Of the errors common to views, those that a camera shares with all signs."""
 
 _LEVER_ARM = slice(5, 8)
-
-ATTITUDE_WINDOW_S = 120.0
-"""Signs seen within such a time share the trajectory's attitude error: a process with a time
-constant of a minute has one independent value in two."""
-
-MIN_VIEWS = 4
-"""Signs with fewer views say nothing about the camera that their own unknowns do not absorb."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +91,7 @@ def usable_landmarks(
     return [
         landmark
         for landmark in landmarks
-        if len(landmark.rows) >= MIN_VIEWS
+        if len(landmark.rows) >= limits.CAMERA_VIEWS
         and landmark.ok
         and (views.camera[landmark.rows] == camera_index).all()
     ]
@@ -121,7 +115,7 @@ def solve_camera(
     windows: dict[int, tuple[FloatArray, FloatArray, list[FloatArray]]] = {}
     for landmark, (own, step), variance in zip(landmarks, evidence, attitude_variance, strict=True):
         first = landmark.rows[0]
-        number = int((views.t_ns[first] - views.t_ns[0]) * 1e-9 // ATTITUDE_WINDOW_S)
+        number = int((views.t_ns[first] - views.t_ns[0]) * 1e-9 // limits.ATTITUDE_WINDOW_S)
         known, pull, attitude = windows.get(number, (np.zeros((n, n)), np.zeros(n), []))
         windows[number] = (known + own, pull + step, [*attitude, variance])
     before_any = prior_covariance(camera, priors)

@@ -8,18 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.effects.lens import focal_length
-from automap.geolocation import time_minima
-from automap.geolocation.boresight import MIN_VIEWS, prior_covariance, refine_correction
+from automap.geolocation import limits, time_minima
+from automap.geolocation.boresight import prior_covariance, refine_correction
 from automap.geolocation.landmark import Landmark, fit_landmark
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import CameraCorrection, Views, build_views, map_origin
 from automap.records import Camera, Detections, IntArray, Trajectory
 
-_BORESIGHT_ROUNDS = 4
-_SEARCH_ROUNDS = 8
-_HELD_S = 1e-6
-_SURE_TURN_RAD = 0.002
-_SURE_TIME_S = 0.005
+_BORESIGHT_ROUNDS, _SEARCH_ROUNDS = 4, 8
+"""Steps at most, from where the camera is about known and from where it may not be."""
 
 
 def first_corrections(
@@ -35,7 +32,7 @@ def first_corrections(
     origin = map_origin(trajectory)
     for found in detections:
         camera = cameras[found.camera]
-        if camera.mount_sd < _SURE_TURN_RAD and camera.time_offset_sd < _SURE_TIME_S:
+        if camera.mount_sd < limits.SURE_TURN_RAD and camera.time_offset_sd < limits.SURE_TIME_S:
             continue
         noise = np.hypot(rules.noise.pixel_sd / focal_length(camera), rules.noise.attitude_sd)
         start = first_correction(trajectory, found, camera, origin, float(noise))
@@ -89,7 +86,7 @@ def estimate_cameras(
 
     used = {name: cameras[name] for name in views.camera_names}
     end = descend(used, start, _BORESIGHT_ROUNDS)
-    few = 0 < sum(len(rows) >= MIN_VIEWS for rows in boxes) <= time_minima.MOST_SIGNS
+    few = 0 < sum(len(rows) >= limits.CAMERA_VIEWS for rows in boxes) <= limits.MOST_SIGNS_TRIED
     for name, camera in used.items() if few else ():
         ends = [end]
         for side in time_minima.starts(camera.time_offset_sd):
@@ -106,7 +103,7 @@ def estimate_cameras(
         )
         end = ends[best]
         if times:
-            held = {**used, name: replace(camera, time_offset_sd=_HELD_S)}
+            held = {**used, name: replace(camera, time_offset_sd=limits.HELD_TIME_S)}
             end = descend(held, _at_time(end.corrections, name, 0.0), _SEARCH_ROUNDS)
             end.corrections[name] = _time_as_given(end.corrections[name], camera, times, rules)
     return end.corrections
@@ -149,7 +146,7 @@ def _time_as_given(
 def _settled(before: CameraCorrection, after: CameraCorrection) -> bool:
     """Whether a step was small against what remains uncertain."""
     step = after.values - before.values
-    return bool((np.abs(step) < 0.02 * np.sqrt(np.diag(after.covariance))).all())
+    return bool((np.abs(step) < limits.SETTLED_SIGMAS * np.sqrt(np.diag(after.covariance))).all())
 
 
 def refit(views: Views, boxes: Sequence[IntArray], rules: GeolocationRules) -> list[Landmark]:

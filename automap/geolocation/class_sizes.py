@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.views import Views
 from automap.records import FloatArray
@@ -19,19 +20,11 @@ from automap.robust import cauchy_weight
 from automap.signs.classes import load_classes
 from automap.signs.vocabulary import load_vocabulary
 
-USUAL_LOG_SD = 0.25
-"""About a usual size: national sizes are steps of 1.2 to 1.5."""
-_UNSURE_LOG_SD = 0.35
-"""Where the table's width says less of the height: plates are taller or wider than square."""
 _HEIGHT_BY_WIDTH = {"red-triangle-up": 0.87, "red-triangle-down": 0.87}
 _UNSURE_GROUPS = ("white-square", "black-square", "blue-square", "yellow-square", "other")
 
-_SPREAD = 0.15
-_SPREAD_FREEDOM = 3.0
-_LEAST_SPREAD = 0.05
-_LEAST_GAIN = 0.5
-"""Of the variance of a size, what bearings must have removed for it to tell of others."""
 _ROUNDS = 5
+"""Of mean, spread and weights in turn."""
 
 
 def usual_sizes(names: Iterable[str]) -> dict[str, SizePrior]:
@@ -47,11 +40,11 @@ def usual_sizes(names: Iterable[str]) -> dict[str, SizePrior]:
         alike = [e.size_m for e in known.values() if e.group == group and group != "other"]
         if entry is not None:
             sure = entry.group not in _UNSURE_GROUPS
-            sd = USUAL_LOG_SD if sure else _UNSURE_LOG_SD
+            sd = limits.USUAL_LOG_SD if sure else limits.UNSURE_LOG_SD
             result[name] = SizePrior(entry.size_m * _HEIGHT_BY_WIDTH.get(entry.group, 1.0), sd)
         elif alike:
             height = float(np.median(alike)) * _HEIGHT_BY_WIDTH.get(group, 1.0)
-            result[name] = SizePrior(height, _UNSURE_LOG_SD)
+            result[name] = SizePrior(height, limits.UNSURE_LOG_SD)
     return result
 
 
@@ -91,7 +84,7 @@ def _measured(marks: Sequence[Landmark], prior: SizePrior) -> tuple[FloatArray, 
     before = prior.log_sd**2
     for k, mark in enumerate(marks):
         after = float(mark.covariance[3, 3] + mark.pass_covariance[3, 3])
-        if mark.ok and after < (1.0 - _LEAST_GAIN) * before:
+        if mark.ok and after < (1.0 - limits.LEAST_SIZE_GAIN) * before:
             variance[k] = 1.0 / (1.0 / after - 1.0 / before)
             pull = np.log(prior.size_m) / before
             size[k] = (mark.parameters[3] / after - pull) * variance[k]
@@ -101,7 +94,7 @@ def _measured(marks: Sequence[Landmark], prior: SizePrior) -> tuple[FloatArray, 
 def _predicted(size: FloatArray, variance: FloatArray, prior: SizePrior) -> SizePrior:
     """What sizes [n] with variances [n] let expect of one more of their class."""
     start = float(np.log(prior.size_m))
-    mean, spread = float(np.median(size)), _SPREAD**2
+    mean, spread = float(np.median(size)), limits.CLASS_SPREAD_LOG**2
     sure = 0.0
     for _ in range(_ROUNDS):
         square = (size - mean) ** 2
@@ -110,6 +103,8 @@ def _predicted(size: FloatArray, variance: FloatArray, prior: SizePrior) -> Size
         sure = prior.log_sd**-2 + float(weight.sum())
         mean = (start * prior.log_sd**-2 + float(weight @ size)) / sure
         beyond = float(np.sum(np.maximum(square - variance, 0.0)))
-        spread = (_SPREAD_FREEDOM * _SPREAD**2 + beyond) / (_SPREAD_FREEDOM + len(size))
-        spread = max(spread, _LEAST_SPREAD**2)
+        spread = (limits.CLASS_SPREAD_FREEDOM * limits.CLASS_SPREAD_LOG**2 + beyond) / (
+            limits.CLASS_SPREAD_FREEDOM + len(size)
+        )
+        spread = max(spread, limits.LEAST_CLASS_SPREAD_LOG**2)
     return SizePrior(float(np.exp(mean)), float(min(np.sqrt(spread + 1.0 / sure), prior.log_sd)))

@@ -11,16 +11,13 @@ import numpy.typing as npt
 from automap.assignment import assign
 from automap.earth import local_ned
 from automap.gates import gate
+from automap.geolocation import limits
 from automap.geolocation.merging import combine
 from automap.geolocation.sightings import Sighting
 from automap.records import FloatArray
 
-MAX_DISTANCE_M = 15.0
-_MISSED_PROBABILITY = 1e-3
-"""A surveyed sign that was seen is taken for another so rarely."""
-_OTHER_CLASS = 6.0
-_LEAST_SD_M = 0.01
 _HEIGHT_SD_M = 1e3
+"""Of a height that is not surveyed: says nothing."""
 
 
 @dataclass(frozen=True)
@@ -53,19 +50,19 @@ def match_control(
     found = [combine([sightings[m] for m in group]) for group in groups]
     names = [sightings[group[0]].class_name for group in groups]
     place = local_ned(control.lat_rad, control.lon_rad, np.full(len(control), origin[2]), origin)
-    sd = np.maximum(control.sd_m, _LEAST_SD_M)
+    sd = np.maximum(control.sd_m, limits.LEAST_CONTROL_SD_M)
     cost = np.full((len(control), len(groups)), np.inf)
-    limit = gate(_MISSED_PROBABILITY, 2)
+    limit = gate(limits.MISSED_PROBABILITY, 2)
     for j, (position, covariance) in enumerate(found):
         offset = place[:, :2] - position[:2]
-        for i in np.flatnonzero(np.hypot(*offset.T) < MAX_DISTANCE_M).tolist():
+        for i in np.flatnonzero(np.hypot(*offset.T) < limits.CONTROL_REACH_M).tolist():
             total = covariance[:2, :2] + sd[i] ** 2 * np.eye(2)
             square = float(offset[i] @ np.linalg.solve(total, offset[i]))
             differs = control.class_name[i] and control.class_name[i] != names[j]
             if square < limit:
-                cost[i, j] = square + (_OTHER_CLASS if differs else 0.0)
+                cost[i, j] = square + (limits.CONTROL_OTHER_CLASS if differs else 0.0)
     result: dict[int, tuple[FloatArray, FloatArray]] = {}
-    for i, j in enumerate(assign(cost, limit + _OTHER_CLASS).tolist()):
+    for i, j in enumerate(assign(cost, limit + limits.CONTROL_OTHER_CLASS).tolist()):
         if j >= 0:
             surveyed = np.array([*place[i, :2], found[j][0][2]])
             result[j] = (surveyed, np.diag([sd[i] ** 2, sd[i] ** 2, _HEIGHT_SD_M**2]))

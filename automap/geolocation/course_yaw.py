@@ -14,6 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from automap.geolocation import limits
 from automap.geolocation.boresight import (
     CameraPriors,
     evidence_of,
@@ -25,12 +26,8 @@ from automap.geolocation.pass_errors import pass_sd
 from automap.geolocation.views import CameraCorrection, Views
 from automap.records import Camera
 
-SLIP_SD = float(np.radians(0.1))
-"""A camber of 2 % takes a side force of 2 % of the weight, which tyres give at some 0.1 deg."""
-_LEAST_SPEED_M_S = 5.0
-_MOST_TURN_RATE = 0.05
-_LEAST_SHARE = 0.5
 _VELOCITY_RIGHT = 10
+"""Place of the velocity error to the right in ``N_COMMON``."""
 
 
 def yaw_by_course(
@@ -61,7 +58,7 @@ def yaw_by_course(
         usable.append(mark)
         evidence.append((information, pull + information @ turned))
         attitude = np.mean(views.attitude_sd[mark.rows] ** 2, axis=0)
-        variance.append(np.array([attitude[0], attitude[1], SLIP_SD**2]))
+        variance.append(np.array([attitude[0], attitude[1], limits.SLIP_SD**2]))
     values, covariance = solve_camera(
         views, usable, evidence, variance, correction.values, camera, priors
     )
@@ -74,7 +71,9 @@ def _off_course(views: Views, mark: Landmark, camera: Camera) -> float | None:
     velocity = np.einsum("nij,nj->ni", to_body, views.velocity[mark.rows])
     rate = np.einsum("nij,nj->ni", to_body, views.rate[mark.rows])
     velocity = velocity - np.cross(rate, camera.lever_arm_m)
-    straight = (velocity[:, 0] > _LEAST_SPEED_M_S) & (np.abs(rate[:, 2]) < _MOST_TURN_RATE)
-    if straight.mean() < _LEAST_SHARE:
+    straight = (velocity[:, 0] > limits.COURSE_SPEED) & (
+        np.abs(rate[:, 2]) < limits.COURSE_TURN_RATE
+    )
+    if straight.mean() < limits.STRAIGHT_SHARE:
         return None
     return -float(np.mean(np.arctan2(velocity[straight, 1], velocity[straight, 0])))

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.geolocation import limits
 from automap.records import FloatArray
 from automap.robust import huber_weight
 
 _STEPS = 10
-_LEAST_DEPTH_M = 0.5
+"""Of Gauss-Newton at most."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,9 @@ class DepthScale:
     def apply(self, measured: FloatArray) -> FloatArray:
         """Corrected depths; NaN stays NaN."""
         with np.errstate(invalid="ignore"):
-            return np.asarray(np.maximum(self.offset_m + self.scale * measured, _LEAST_DEPTH_M))
+            return np.asarray(
+                np.maximum(self.offset_m + self.scale * measured, limits.NEAREST_OBJECT_M)
+            )
 
 
 def fit_depth_scale(
@@ -47,7 +50,7 @@ def fit_depth_scale(
     prior = np.array([offset_sd_m, scale_log_sd]) ** -2.0
     for _ in range(_STEPS):
         scale = np.exp(x[1])
-        corrected = np.maximum(x[0] + scale * measured, _LEAST_DEPTH_M)
+        corrected = np.maximum(x[0] + scale * measured, limits.NEAREST_OBJECT_M)
         residual = np.log(distance) - np.log(corrected)
         J = np.column_stack([1.0 / corrected, scale * measured / corrected])
         weight = huber_weight((residual / log_sd) ** 2) / log_sd**2

@@ -17,20 +17,15 @@ import numpy as np
 from automap.effects.camera import camera_poses
 from automap.effects.lens import normalise
 from automap.frames import rpy_to_matrix
+from automap.gates import gate
+from automap.geolocation import limits
 from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 
-_MAX_APART_S = 1.2
-_MIN_WAY_M = 1.0
-_MAX_PAIRS = 20_000
-_START_PAIRS = 2_500
-_MAX_LOG_GROWTH = 0.7
-_START_STEP_S = 0.08
-_SCALES_RAD = (0.04, 0.015, 0.006)
 _STEPS = 4
+"""Of Gauss-Newton at most, for every scale."""
 _TURN_STEP, _TIME_STEP = 1e-4, 1e-3
-_LEAST_PAIRS = 30
-_LEAST_GAIN = 15.0
+"""Of numeric derivatives, rad and s."""
 
 
 @dataclass(frozen=True)
@@ -67,29 +62,29 @@ def first_correction(
         height[order],
         found.track[order],
     )
-    if len(pairs.first) < _LEAST_PAIRS:
+    if len(pairs.first) < limits.LEAST_PAIRS:
         return None
     prior = np.array([max(camera.mount_sd, 1e-6)] * 3 + [max(camera.time_offset_sd, 1e-6)])
-    reach = min(3.0 * camera.time_offset_sd, 1.0)
-    n_starts = 2 * int(np.ceil(reach / _START_STEP_S)) + 1
+    reach = min(limits.REACH_SIGMAS * camera.time_offset_sd, limits.MOST_REACH_S)
+    n_starts = 2 * int(np.ceil(reach / limits.START_STEP_S)) + 1
     geometry = _Geometry(trajectory, camera, origin, ray, t_ns, pairs)
-    some = geometry.thinned(_START_PAIRS)
+    some = geometry.thinned(limits.START_PAIRS)
     best: tuple[float, FloatArray] | None = None
     for start in np.linspace(-reach, reach, n_starts):
         x = np.array([0.0, 0.0, 0.0, start])
-        for scale in _SCALES_RAD[:-1]:
+        for scale in limits.SCALES_RAD[:-1]:
             x, cost = _descend(x, some, prior, float(np.hypot(scale, noise_rad)))
         if best is None or cost < best[0]:
             best = (cost, x)
     assert best is not None
     x, cost = best[1], np.inf
-    for scale in _SCALES_RAD[-2:]:
+    for scale in limits.SCALES_RAD[-2:]:
         last = float(np.hypot(scale, noise_rad))
         x, cost = _descend(x, geometry, prior, last)
     unchanged, plain = _descend(np.zeros(4), geometry, prior, last)
     # a box has many pairs, which repeat its evidence
     gain = (plain - cost) * len(order) / len(geometry)
-    return x if gain > _LEAST_GAIN else unchanged
+    return x if gain > gate(limits.START_PROBABILITY, len(x)) else unchanged
 
 
 def _candidate_pairs(
@@ -102,17 +97,17 @@ def _candidate_pairs(
     """Pairs of frames close in time with one class, growing no faster than driving allows."""
     if len(t_ns) == 0:
         return _Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64))
-    last = np.searchsorted(t_ns, t_ns + int(_MAX_APART_S * 1e9), side="right")
+    last = np.searchsorted(t_ns, t_ns + int(limits.PAIR_APART_S * 1e9), side="right")
     counts = last - np.arange(len(t_ns)) - 1
     first = np.repeat(np.arange(len(t_ns)), counts)
     second = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
     keep = (t_ns[second] > t_ns[first]) & (class_name[first] == class_name[second])
-    keep &= np.abs(log_height[second] - log_height[first]) < _MAX_LOG_GROWTH
+    keep &= np.abs(log_height[second] - log_height[first]) < limits.PAIR_LOG_GROWTH
     named = (track[first] >= 0) & (track[second] >= 0)
     keep &= ~named | (track[first] == track[second])
     first, second = first[keep], second[keep]
-    if len(first) > _MAX_PAIRS:
-        chosen = np.linspace(0, len(first) - 1, _MAX_PAIRS).astype(np.int64)
+    if len(first) > limits.MOST_PAIRS:
+        chosen = np.linspace(0, len(first) - 1, limits.MOST_PAIRS).astype(np.int64)
         first, second = first[chosen], second[chosen]
     return _Pairs(first.astype(np.int64), second.astype(np.int64))
 
@@ -170,7 +165,9 @@ class _Geometry:
         with np.errstate(invalid="ignore", divide="ignore"):
             angle = np.einsum("ni,ni->n", normal, other) / length
             # near the direction of driving the plane is not determined
-            angle[~((self._far > _MIN_WAY_M) & (length > 0.02 * self._far))] = np.nan
+            angle[
+                ~((self._far > limits.PAIR_WAY_M) & (length > limits.FORWARD_SINE * self._far))
+            ] = np.nan
         return np.asarray(angle)
 
 

@@ -17,22 +17,14 @@ import numpy.typing as npt
 
 from automap.effects.camera import camera_poses
 from automap.effects.lens import focal_length, project
+from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark
 from automap.geolocation.views import Views
 from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 
-_FITTING_BOX = 3.0
-_MANY_VIEWS = 5
-_AROUND = 6
-_LIKE_SEEN = 0.9
-_LIKE_ASPECT_RAD = float(np.radians(30.0))
-_PROBABILITY_LIMITS = (0.2, 0.95)
-_IMAGINARY = 4.0
-_HIDDEN = 0.05
-"""Of stretches of road, where something is in the way of a sign for all frames alike."""
 _BASE_RATE_ROUNDS = 20
-_SCORE_LIMITS = (0.2, 0.9)
+"""Of the expectation maximisation."""
 
 
 class FrameGrid:
@@ -86,8 +78,10 @@ def _apparent_heights(
     with np.errstate(invalid="ignore", divide="ignore"):
         pixels = project(camera, q)
         height = focal_length(camera) * size_m / q[:, 0]
-        margin = 0.7 * height
-        inside = (q[:, 0] > 1.0) & (pixels[:, 0] > margin) & (pixels[:, 1] > margin)
+        margin = limits.WHOLLY_IN_VIEW * height
+        inside = (
+            (q[:, 0] > limits.MIN_FORWARD_M) & (pixels[:, 0] > margin) & (pixels[:, 1] > margin)
+        )
         inside &= pixels[:, 0] < camera.width - 1 - margin
         inside &= pixels[:, 1] < camera.height - 1 - margin
         inside &= _aspect(position, seen_from, centre)
@@ -102,7 +96,7 @@ def _aspect(
     seen, now = (t / np.maximum(np.linalg.norm(t, axis=1), 1e-6)[:, None] for t in towards)
     mean = seen.mean(axis=0) / max(float(np.linalg.norm(seen.mean(axis=0))), 1e-6)
     widest = np.arccos(np.clip(seen @ mean, -1.0, 1.0)).max()
-    return np.asarray(np.arccos(np.clip(now @ mean, -1.0, 1.0)) < widest + _LIKE_ASPECT_RAD)
+    return np.asarray(np.arccos(np.clip(now @ mean, -1.0, 1.0)) < widest + limits.LIKE_ASPECT_RAD)
 
 
 def existence_probabilities(
@@ -121,13 +115,13 @@ def existence_probabilities(
     found_rate = _found_rate(views, landmarks, grids)
     log_odds_of = np.full(len(landmarks), np.inf)
     for k, mark in enumerate(landmarks):
-        score = float(np.clip(views.score[mark.rows].max(), *_SCORE_LIMITS))
-        log_odds = np.log(score / (1.0 - score)) + _FITTING_BOX * (len(mark.rows) - 1)
-        most_missed = 2 * _AROUND
-        if log_odds + most_missed * np.log1p(-_PROBABILITY_LIMITS[1]) > 7.0:
+        score = float(np.clip(views.score[mark.rows].max(), *limits.SCORE_LIMITS))
+        log_odds = np.log(score / (1.0 - score)) + limits.FITTING_BOX_NATS * (len(mark.rows) - 1)
+        most_missed = 2 * limits.FRAMES_AROUND
+        if log_odds + most_missed * np.log1p(-limits.RATE_LIMITS[1]) > limits.SURE_NATS:
             continue
         missed = _missed(views, mark, grids, trajectory, cameras, seen_t=views.t_ns[mark.rows])
-        unseen = _HIDDEN + (1.0 - _HIDDEN) * (1.0 - found_rate) ** missed
+        unseen = limits.HIDDEN + (1.0 - limits.HIDDEN) * (1.0 - found_rate) ** missed
         log_odds_of[k] = log_odds + float(np.log(unseen).sum())
     single = np.array([len(mark.rows) == 1 for mark in landmarks], np.bool_)
     log_odds_of[single] += _base_rate(log_odds_of[single])
@@ -150,7 +144,7 @@ def _base_rate(log_odds: FloatArray) -> float:
     for _ in range(_BASE_RATE_ROUNDS):
         shift = np.log(share / (1.0 - share))
         likely = float(_probability(log_odds + shift).sum())
-        share = (0.5 * _IMAGINARY + likely) / (_IMAGINARY + len(log_odds))
+        share = (0.5 * limits.IMAGINARY + likely) / (limits.IMAGINARY + len(log_odds))
     return float(np.log(share / (1.0 - share)))
 
 
@@ -160,7 +154,7 @@ def _found_rate(
     """Share of the frames between a sign's first and last box in which it was found."""
     seen = possible = 0.0
     for mark in landmarks:
-        if len(mark.rows) < _MANY_VIEWS:
+        if len(mark.rows) < limits.RATE_VIEWS:
             continue
         grid = grids[views.camera_names[int(views.camera[mark.anchor])]]
         span = grid.count_between(
@@ -169,7 +163,7 @@ def _found_rate(
         seen += len(np.unique(views.frame[mark.rows])) - 1
         possible += max(span, 1.0)
     rate = seen / possible if possible else 0.5
-    return float(np.clip(rate, *_PROBABILITY_LIMITS))
+    return float(np.clip(rate, *limits.RATE_LIMITS))
 
 
 def _missed(
@@ -185,7 +179,9 @@ def _missed(
     name = views.camera_names[int(views.camera[mark.anchor])]
     camera, grid = cameras[name], grids[name]
     stamps = seen_t - np.int64(round(camera.time_offset_s * 1e9))  # as the frames were stamped
-    times = np.unique(np.concatenate([grid.around(int(t), _AROUND) for t in np.unique(stamps)]))
+    times = np.unique(
+        np.concatenate([grid.around(int(t), limits.FRAMES_AROUND) for t in np.unique(stamps)])
+    )
     if len(times) == 0:
         return np.zeros(0, np.int64)
     half = 0.25 * grid.interval_ns
@@ -200,7 +196,7 @@ def _missed(
         *(camera, views.origin),
     )
     least = focal_length(camera) * float(np.exp(views.measured[mark.rows, 2].min()))
-    due = height >= _LIKE_SEEN * least
+    due = height >= limits.LIKE_SEEN * least
     # a box between two frames, or a frame that says nothing, begins another stretch
     breaks = (np.diff(times) > 1.5 * grid.interval_ns) | ~due[1:]
     stretch = np.concatenate([[0], np.cumsum(breaks)])

@@ -22,8 +22,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from automap.geolocation import limits
 from automap.geolocation.landmark_kernels import (
-    MIN_FORWARD_M,
     N_COMMON,
     common_columns,
     normal_equations,
@@ -33,13 +33,6 @@ from automap.geolocation.landmark_kernels import (
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 from automap.robust import BY_CAUCHY, PLAIN
-
-SAME_PLACE_M = 0.25
-"""Cameras nearer to one another than this see the same picture."""
-
-
-VELOCITY_ERROR_S = 5.0
-"""For how long an error of the trajectory's velocity stays about the same."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +118,7 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
     if len(rows) > 1:
         starts += [starts[0] + np.log(2.0), starts[0] - np.log(2.0)]
         crossing = _crossing_depth(views, rows, anchor)
-        if crossing > MIN_FORWARD_M:
+        if crossing > limits.MIN_FORWARD_M:
             starts.append(float(np.log(crossing)))
     best: tuple[FloatArray, float] | None = None
     for start in starts:
@@ -204,7 +197,7 @@ def view_sd(views: Views, rows: IntArray) -> FloatArray:
     order = np.argsort(views.t_ns[rows], kind="stable")
     centre = views.centre[rows[order]]
     step = np.linalg.norm(np.diff(centre, axis=0, prepend=centre[:1]), axis=1)
-    cell = np.floor(np.cumsum(step) / SAME_PLACE_M).astype(np.int64)
+    cell = np.floor(np.cumsum(step) / limits.SAME_PLACE_M).astype(np.int64)
     _, member, count = np.unique(cell, return_inverse=True, return_counts=True)
     crowd = np.empty(len(rows))
     crowd[order] = np.sqrt(count[member])
@@ -221,7 +214,7 @@ def elapsed_s(views: Views, rows: IntArray, anchor: int) -> FloatArray:
     """Seconds [n] over which a velocity error of the trajectory moved a camera against the
     anchor's; errors of the velocity last for some seconds, not for a wait at a light."""
     seconds = (views.t_ns[rows] - views.t_ns[anchor]) * 1e-9
-    return np.asarray(VELOCITY_ERROR_S * np.tanh(seconds / VELOCITY_ERROR_S))
+    return np.asarray(limits.VELOCITY_ERROR_S * np.tanh(seconds / limits.VELOCITY_ERROR_S))
 
 
 def relative_views(views: Views, rows: IntArray, anchor: int) -> tuple[FloatArray, FloatArray]:
@@ -261,7 +254,7 @@ def seen_from(
     """Parameters [4] of a sign at a place [3], the inverse of ``place``; None where it is not in
     front of the view's camera."""
     q = views.C_cam_ref[anchor] @ (position - views.centre[anchor])
-    if not q[0] > MIN_FORWARD_M:
+    if not q[0] > limits.MIN_FORWARD_M:
         return None
     return np.array([q[1] / q[0], q[2] / q[0], np.log(q[0]), log_size])
 

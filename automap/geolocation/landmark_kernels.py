@@ -18,12 +18,10 @@ from automap.effects.camera_kernels import (
     by_point,
     effect_columns,
 )
+from automap.geolocation.limits import MIN_FORWARD_M
 from automap.jit import kernel
 from automap.records import FloatArray
 from automap.robust import BY_CAUCHY, BY_HUBER, PLAIN, loss
-
-MIN_FORWARD_M = 1.0
-"""A sign nearer to the image plane than this cannot be seen as a box."""
 
 N_COMMON = 12
 """Common to the views of a sign: turn (3), time offset, log focal length, lever arm (3), box
@@ -33,6 +31,7 @@ MARGIN = 8
 """Place of the box margin among them."""
 
 _MIN_PIVOT = 1e-300
+"""No more is no pivot but rounding."""
 
 
 @kernel

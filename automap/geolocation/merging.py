@@ -7,24 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from automap.gates import gate
+from automap.geolocation import limits
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 
-PATH_CORRELATION_S = 60.0
-"""Time constant of the trajectory's position error (satellite errors wander for minutes)."""
-
-MAX_DISTANCE_M = 10.0
-_APART_PROBABILITY = 1e-3
-"""A sign that is seen again is taken for two so rarely."""
-_OTHER_CLASS = 9.0
-HEIGHT_SLACK_M = 1.0
-_MIN_FACING_COSINE = 0.0
-
 
 def difference_covariance(a: Sighting, b: Sighting) -> FloatArray:
     """Covariance [3, 3] of the difference of two sightings' positions."""
-    shared = np.exp(-abs(a.time_s - b.time_s) / PATH_CORRELATION_S)
+    shared = np.exp(-abs(a.time_s - b.time_s) / limits.PATH_CORRELATION_S)
     path = a.path_sd**2 + b.path_sd**2 - 2.0 * shared * a.path_sd * b.path_sd
     total = a.own_cov + b.own_cov + a.pass_cov + b.pass_cov + np.diag(path)
     if a.camera == b.camera:
@@ -38,13 +29,15 @@ def difference_covariance(a: Sighting, b: Sighting) -> FloatArray:
 def _link_cost(a: Sighting, b: Sighting) -> float:
     """Squared distance in sigmas, with what a different class costs; infinite when impossible."""
     difference = a.position - b.position
-    if float(a.facing @ b.facing) < _MIN_FACING_COSINE:
+    if float(a.facing @ b.facing) < limits.LEAST_FACING_COSINE:
         return np.inf  # the other face of a sign is another sign
     # positions of one place agree to no better than the extent of the sign; heights of a
     # trajectory drift between passes, and no two signs of a class hang one above the other
-    covariance = difference_covariance(a, b) + np.diag([0.1**2, 0.1**2, HEIGHT_SLACK_M**2])
+    covariance = difference_covariance(a, b) + np.diag(
+        [limits.FACE_SD_M**2, limits.FACE_SD_M**2, limits.HEIGHT_SLACK_M**2]
+    )
     cost = float(difference @ np.linalg.solve(covariance, difference))
-    return cost + _OTHER_CLASS * (1.0 - class_agreement(a, b))
+    return cost + limits.MERGE_OTHER_CLASS * (1.0 - class_agreement(a, b))
 
 
 def class_agreement(a: Sighting, b: Sighting) -> float:
@@ -70,9 +63,9 @@ def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[in
     groups = {k: [k] for k in range(len(sightings))}
     if len(sightings) > 1:
         tree = cKDTree(np.array([s.position for s in sightings]))
-        near = tree.query_pairs(MAX_DISTANCE_M, output_type="ndarray")
+        near = tree.query_pairs(limits.MERGE_REACH_M, output_type="ndarray")
         frames = [set(views.frame[s.landmark.rows].tolist()) for s in sightings]
-        limit = gate(_APART_PROBABILITY, 3)
+        limit = gate(limits.APART_PROBABILITY, 3)
         costs = sorted(
             (cost, int(i), int(j))
             for i, j in near
@@ -115,7 +108,7 @@ def combine(sightings: Sequence[Sighting], adjusted: bool = False) -> tuple[Floa
         covariance += share_a @ (a.own_cov + a.pass_cov) @ share_a.T
         for share_b, b in zip(shares, sightings, strict=True):
             apart = 0.0 if adjusted else abs(a.time_s - b.time_s)
-            shared = np.exp(-apart / PATH_CORRELATION_S)
+            shared = np.exp(-apart / limits.PATH_CORRELATION_S)
             both = np.diag(shared * a.path_sd * b.path_sd)
             if a.camera == b.camera:
                 both = both + a.camera_effect @ a.camera_cov @ b.camera_effect.T

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automap.gates import sigmas
+from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark, direction_residuals
 from automap.geolocation.views import CameraCorrection, Views
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
@@ -113,6 +115,7 @@ def warnings_of(
             sentences.append(
                 f"{n} of {len(observations.note)} detections {text}; they were left out.{advice}"
             )
+    most = sigmas(limits.BEYOND_MANIFEST_PROBABILITY)
     for name, correction in corrections.items():
         camera = cameras[name]
         if correction.time_minima:
@@ -122,7 +125,7 @@ def warnings_of(
                 "explain the boxes alike. The manifest's time_offset_s was kept."
             )
         sd = np.array([camera.mount_sd] * 3 + [camera.time_offset_sd])
-        if (np.abs(correction.values[:4]) > 3.0 * np.maximum(sd, 1e-9)).any():
+        if (np.abs(correction.values[:4]) > most * np.maximum(sd, 1e-9)).any():
             turn = ", ".join(f"{v:.2f}" for v in np.degrees(correction.turn))
             sentences.append(
                 f"camera {name} seems turned by ({turn}) deg in roll, pitch, yaw and its frames "

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from automap.geolocation import limits
 from automap.geolocation.landmark import (
     Landmark,
     SizePrior,
@@ -25,11 +26,8 @@ from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 from automap.robust import BY_CAUCHY
 
-STAMP_SD_S = 0.005
-"""What the stamps of the frames of one pass are off by in common, beyond the camera's offset."""
-
-_STEPS = 5
-_SETTLED = 1e-3
+_STEPS, _SETTLED = 5, 1e-3
+"""Gauss-Newton steps at most, and what the last one is below: sigmas, and part of the distance."""
 
 
 def pass_sd(
@@ -47,7 +45,7 @@ def pass_sd(
         sd[:3] = np.sqrt(np.mean(views.attitude_sd[rows] ** 2, axis=0))
     margin = float(views.margin_sd[rows].mean())
     sd[1:3] = np.hypot(sd[1:3], 0.5 * margin)
-    sd[3] = STAMP_SD_S
+    sd[3] = limits.STAMP_SD_S
     sd[5:8] = lever_arm_sd_m
     sd[8] = margin
     sd[9:12] = np.sqrt(np.mean(views.velocity_sd[rows] ** 2, axis=0))

@@ -24,6 +24,7 @@ from automap.geolocation.views import Views
 from automap.records import FloatArray, Trajectory
 
 _ROUNDS = 4
+"""Groupings at most; ends where none changes."""
 
 
 @dataclass(frozen=True)

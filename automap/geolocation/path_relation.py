@@ -7,13 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.earth import local_ned
+from automap.geolocation import limits
 from automap.records import FloatArray, IntArray, Trajectory
 
-_AFTER_S = 15.0
-_MIN_SPEED = 0.5
 _STEP_S = 0.05
-OVERHEAD_HEIGHT_M = 4.5
-OVERHEAD_LATERAL_M = 5.0
+"""Of the thinned path: a metre at 20 m/s."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,7 @@ def make_path(trajectory: Trajectory, origin: tuple[float, float, float]) -> Pat
     rows = np.arange(0, len(trajectory), step)
     height = np.where(np.isfinite(trajectory.height_m), trajectory.height_m, origin[2])[rows]
     velocity = trajectory.vel_ned[rows]
-    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > _MIN_SPEED
+    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > limits.MOVING_SPEED
     course = np.arctan2(velocity[:, 1], velocity[:, 0])
     return Path(
         t_ns=trajectory.t_ns[rows],
@@ -54,7 +52,7 @@ def relate(path: Path, position: FloatArray, first_ns: int, last_ns: int) -> tup
     view or shortly after: other passes of the same street do not count.
     """
     start = int(np.searchsorted(path.t_ns, first_ns))
-    stop = int(np.searchsorted(path.t_ns, last_ns + int(_AFTER_S * 1e9), side="right"))
+    stop = int(np.searchsorted(path.t_ns, last_ns + int(limits.AFTER_S * 1e9), side="right"))
     start = max(0, min(start, len(path.t_ns) - 1))
     near = path.position[start : max(stop, start + 1)]
     offset = position - near
@@ -66,6 +64,9 @@ def relate(path: Path, position: FloatArray, first_ns: int, last_ns: int) -> tup
 
 def side_of_path(lateral_m: float, height_above_road_m: float) -> str:
     """ "left", "right" or "overhead" as seen along the direction of travel."""
-    if height_above_road_m > OVERHEAD_HEIGHT_M and abs(lateral_m) < OVERHEAD_LATERAL_M:
+    if (
+        height_above_road_m > limits.OVERHEAD_HEIGHT_M
+        and abs(lateral_m) < limits.OVERHEAD_LATERAL_M
+    ):
         return "overhead"
     return "right" if lateral_m >= 0.0 else "left"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.geolocation import limits
 from automap.geolocation.boresight import N_CAMERA
 from automap.geolocation.landmark import Landmark, position_jacobian
 from automap.geolocation.views import Views
@@ -72,7 +73,7 @@ def make_sighting(
     mean = (towards / np.maximum(distance, 1e-6)[:, None]).mean(axis=0)
     scores: dict[str, float] = {}
     for name, score in zip(views.class_name[rows], views.score[rows], strict=True):
-        scores[str(name)] = scores.get(str(name), 0.0) + float(max(score, 1e-3))
+        scores[str(name)] = scores.get(str(name), 0.0) + float(max(score, limits.LEAST_SCORE))
     return Sighting(
         landmark=landmark,
         camera=camera,

@@ -5,15 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from automap.gates import gate
+from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark, SizePrior, distances_to, fit_landmark
 from automap.geolocation.tracking import TrackingRules, link_views
 from automap.geolocation.views import Views
 from automap.records import IntArray
-
-_MIN_WEIGHT = 0.12
-"""Cauchy weight of a direction about seven sigmas off."""
-_SPLIT_PROBABILITY = 0.01
-"""One sign in two tracks stays two so rarely: joining them saves three coordinates."""
 
 
 def clean_tracks(
@@ -29,7 +25,7 @@ def clean_tracks(
     loose: list[int] = []
     for rows in tracks:
         landmark = fit_landmark(views, rows, prior)
-        bad = rows[landmark.weight < _MIN_WEIGHT]
+        bad = rows[landmark.weight < limits.MISFIT_WEIGHT]
         if 0 < len(bad) < len(rows):
             loose.extend(bad.tolist())
             landmark = fit_landmark(views, np.setdiff1d(rows, bad), prior)
@@ -64,7 +60,7 @@ def _adopt(
     if best < 0:
         return False
     grown = fit_landmark(views, np.append(landmarks[best].rows, row), prior)
-    if grown.weight[-1] < _MIN_WEIGHT:
+    if grown.weight[-1] < limits.MISFIT_WEIGHT:
         return False
     landmarks[best] = grown
     return True
@@ -119,6 +115,6 @@ def _joined(
     if not min(nearest) < rules.gate:
         return None
     both = fit_landmark(views, np.sort(np.concatenate([a.rows, b.rows])), prior)
-    if not both.ok or both.weight.min() < _MIN_WEIGHT:
+    if not both.ok or both.weight.min() < limits.MISFIT_WEIGHT:
         return None
-    return both if both.cost - a.cost - b.cost < gate(_SPLIT_PROBABILITY, 3) else None
+    return both if both.cost - a.cost - b.cost < gate(limits.SPLIT_PROBABILITY, 3) else None

@@ -6,13 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from automap.geolocation import limits
 from automap.records import FloatArray
-
-POST_REACH_M = 0.5
-"""Signs on one post are no further apart in plan than half a face."""
-POST_LIMIT_M = 1.2
-"""Whatever their uncertainty: posts stand 1.5 m apart and more."""
-GANTRY_REACH_M = 12.0
 
 
 def support_numbers(
@@ -35,13 +30,15 @@ def support_numbers(
         return k
 
     if n > 1:
-        for i, j in sorted(cKDTree(position[:, :2]).query_pairs(GANTRY_REACH_M)):
+        for i, j in sorted(cKDTree(position[:, :2]).query_pairs(limits.GANTRY_REACH_M)):
             apart = float(np.hypot(*(position[i, :2] - position[j, :2])))
             if overhead[i] and overhead[j]:
                 together = True
             else:
                 spread = np.trace((own_cov[i] + own_cov[j])[:2, :2]) / 2.0
-                together = apart < min(POST_REACH_M + float(np.sqrt(spread)), POST_LIMIT_M)
+                together = apart < min(
+                    limits.POST_REACH_M + float(np.sqrt(spread)), limits.POST_LIMIT_M
+                )
             if together:
                 a, b = root(i), root(j)
                 owner[max(a, b)] = min(a, b)

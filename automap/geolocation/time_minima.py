@@ -15,6 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.gates import gate, sigmas
+from automap.geolocation import limits
 from automap.geolocation.boresight import CameraPriors, prior_covariance
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.pass_errors import pass_sd, solve_with_pass_errors
@@ -22,15 +24,8 @@ from automap.geolocation.views import CameraCorrection, Views
 from automap.records import Camera, FloatArray
 from automap.robust import cauchy_loss
 
-MOST_SIGNS = 30
-"""More see so many different motions of the car that no second offset fits them all."""
-REACH = 3.0
-"""How far to look, in sigmas of the offset before any sign was seen."""
 _STARTS = 3
-_APART = 3.0
-"""Minima nearer than this, in sigmas of the offset, are one."""
-_ALIKE = 9.0
-"""Difference of sums of squares that chance allows (three sigma of one coordinate)."""
+"""On either side, a sigma apart."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +39,7 @@ class Minimum:
 def starts(sd_s: float) -> tuple[FloatArray, FloatArray]:
     """Offsets [3] to start from on either side, the outermost first, by the sigma of the offset
     before any sign was seen."""
-    side = REACH * sd_s * np.arange(_STARTS, 0, -1) / _STARTS
+    side = limits.REACH_SIGMAS * sd_s * np.arange(_STARTS, 0, -1) / _STARTS
     return -side, side
 
 
@@ -83,7 +78,9 @@ def alike(minima: Sequence[Minimum]) -> tuple[int, tuple[float, ...]]:
     found: list[CameraCorrection] = []
     for k in order:
         one = minima[k]
-        if one.cost < best.cost + _ALIKE and all(apart(one.correction, f) for f in found):
+        if one.cost < best.cost + gate(limits.ALIKE_PROBABILITY, 1) and all(
+            apart(one.correction, f) for f in found
+        ):
             found.append(one.correction)
     return order[0], tuple(sorted(c.time_s for c in found)) if len(found) > 1 else ()
 
@@ -91,4 +88,4 @@ def alike(minima: Sequence[Minimum]) -> tuple[int, tuple[float, ...]]:
 def apart(a: CameraCorrection, b: CameraCorrection) -> bool:
     """Whether two offsets are clearly different."""
     sd = float(np.sqrt(max(a.covariance[3, 3], b.covariance[3, 3])))
-    return abs(a.time_s - b.time_s) > _APART * sd
+    return abs(a.time_s - b.time_s) > sigmas(limits.ALIKE_PROBABILITY) * sd

@@ -16,8 +16,8 @@ import numpy as np
 
 from automap.assignment import assign
 from automap.gates import gate
+from automap.geolocation import limits
 from automap.geolocation.landmark import (
-    SAME_PLACE_M,
     Landmark,
     SizePrior,
     distances_to,
@@ -61,7 +61,9 @@ class _Track:
 
     def add(self, views: Views, row: int) -> None:
         name = str(views.class_name[row])
-        self.class_score[name] = self.class_score.get(name, 0.0) + max(views.score[row], 1e-3)
+        self.class_score[name] = self.class_score.get(name, 0.0) + max(
+            views.score[row], limits.LEAST_SCORE
+        )
         if views.track[row] >= 0:
             self.numbers.add(int(views.track[row]))
 
@@ -102,7 +104,7 @@ def link_views(
                 track.rows.append(row)
                 # at a standstill the thousandth view of a sign adds nothing but time
                 moved = np.linalg.norm(views.centre[row] - views.centre[track.fitted])
-                if moved >= SAME_PLACE_M:
+                if moved >= limits.SAME_PLACE_M:
                     track.landmark = fit_landmark(views, np.array(track.rows), prior)
                     track.fitted = row
             track.add(views, row)

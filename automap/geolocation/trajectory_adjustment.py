@@ -15,18 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.earth import metres_per_radian, tangent_rotation
-from automap.geolocation.merging import PATH_CORRELATION_S
+from automap.geolocation import limits
 from automap.geolocation.sightings import Sighting
 from automap.records import FloatArray, Trajectory
 from automap.robust import cauchy_weight
 
-_NODE_S = 5.0
-_MOST_NODES = 400
 _ROUNDS = 4
-_HALF_WEIGHT = 3.0
-"""Sigmas at which a sighting counts half."""
-_LEAST_GAIN = 0.02
+"""Of the weights."""
 _FLAT = 1e-9
+"""Information on a place that nothing tells, 1/m^2."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +80,7 @@ def adjust_trajectory(
                 members, [_design(nodes, sd, m.time_s) @ u for m in members], control.get(k)
             )
     posterior = np.sqrt(np.diag(covariance)).reshape(-1, 3)
-    if posterior.min() > 1.0 - _LEAST_GAIN:
+    if posterior.min() > 1.0 - limits.LEAST_ADJUSTMENT:
         return None
     return Adjustment(nodes, u.reshape(-1, 3) * sd, posterior * sd)
 
@@ -91,7 +88,7 @@ def adjust_trajectory(
 def _nodes(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
     """Times [k] of the nodes and the trajectory's sigma there [k, 3]."""
     time = trajectory.t_ns * 1e-9
-    count = int(np.clip(np.ceil((time[-1] - time[0]) / _NODE_S) + 1, 2, _MOST_NODES))
+    count = int(np.clip(np.ceil((time[-1] - time[0]) / limits.NODE_S) + 1, 2, limits.MOST_NODES))
     nodes = np.linspace(time[0], time[-1], count)
     known = np.maximum(np.nan_to_num(trajectory.sd_pos_ned), 1e-6)
     return nodes, np.column_stack([np.interp(nodes, time, known[:, k]) for k in range(3)])
@@ -100,7 +97,7 @@ def _nodes(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
 def _prior_information(nodes: FloatArray) -> FloatArray:
     """Information [3k, 3k] of a unit Gauss-Markov process at the nodes, three axes alike."""
     n = len(nodes)
-    alike = np.exp(-np.diff(nodes) / PATH_CORRELATION_S)
+    alike = np.exp(-np.diff(nodes) / limits.PATH_CORRELATION_S)
     fresh = 1.0 / (1.0 - alike**2)
     one = np.zeros((n, n))
     one[0, 0] = 1.0
@@ -124,7 +121,7 @@ def _design(nodes: FloatArray, sd: FloatArray, time_s: float) -> FloatArray:
 
 def _own_information(sighting: Sighting) -> FloatArray:
     own = sighting.covariance - np.diag(sighting.path_sd**2)
-    return np.asarray(np.linalg.inv(own + 0.1**2 * np.eye(3)))
+    return np.asarray(np.linalg.inv(own + limits.FACE_SD_M**2 * np.eye(3)))
 
 
 def _eliminated(
@@ -165,7 +162,7 @@ def _weights(
         N, g = N + np.linalg.inv(control[1]), g + np.linalg.solve(control[1], control[0])
     place = np.linalg.solve(N, g)
     square = np.array([(v - place) @ w @ (v - place) for w, v in zip(W, z, strict=True)])
-    return cauchy_weight(square, _HALF_WEIGHT)
+    return cauchy_weight(square, limits.HALF_WEIGHT_SIGMAS)
 
 
 def shift_sighting(sighting: Sighting, adjustment: Adjustment) -> Sighting:

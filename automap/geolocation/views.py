@@ -11,11 +11,12 @@ import numpy.typing as npt
 from automap.effects.camera import camera_poses, row_share, true_camera
 from automap.effects.lens import box_variances, focal_length, lens_of, normalise
 from automap.frames import matrix_to_rotation_vector, rpy_to_matrix
+from automap.geolocation import limits
 from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 
 _RATE_STEP_NS = 20_000_000
-_LEAST_WITHOUT_MARGIN = 0.3
+"""Velocity and rate are differences over twice this."""
 
 
 @dataclass(frozen=True)
@@ -231,7 +232,7 @@ def _camera_views(
     top = normalise(camera, np.column_stack([middle_x, box[:, 1]]))
     bottom = normalise(camera, np.column_stack([middle_x, box[:, 3]]))
     height = bottom[:, 1] - top[:, 1]
-    without = np.maximum(height - margin, _LEAST_WITHOUT_MARGIN * height)
+    without = np.maximum(height - margin, limits.LEAST_WITHOUT_MARGIN * height)
     height = np.where(height > 0.0, without, height)
     has_ray = np.isfinite(centre_ray).all(axis=1) & (height > 0.0)
     measured = np.column_stack([centre_ray, np.log(np.where(has_ray, height, 1.0))])

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from automap.earth import metres_per_radian
 from automap.gates import gate
-from automap.geolocation.backs import AWAY_COSINE
+from automap.geolocation.limits import AWAY_COSINE
 from automap.records import FloatArray
 from automap.signs.backs import is_back, may_be_back
 

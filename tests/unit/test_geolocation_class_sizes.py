@@ -8,8 +8,9 @@ import numpy as np
 from geolocation_scene import ORIGIN, Scene, boxes, camera, drive_path, roadside
 
 from automap.earth import local_ned
-from automap.geolocation.class_sizes import USUAL_LOG_SD, sizes_of_others, usual_sizes
+from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
 from automap.geolocation.landmark import SizePrior, fit_landmark
+from automap.geolocation.limits import USUAL_LOG_SD
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.rules import GeolocationRules

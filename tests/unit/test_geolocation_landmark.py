@@ -18,7 +18,8 @@ from automap.geolocation.landmark import (
     position_jacobian,
     view_sd,
 )
-from automap.geolocation.merging import PATH_CORRELATION_S, combine, difference_covariance
+from automap.geolocation.limits import PATH_CORRELATION_S
+from automap.geolocation.merging import combine, difference_covariance
 from automap.geolocation.sightings import Sighting, make_sighting
 from automap.geolocation.views import MeasurementNoise, Views, build_views
 from automap.records import FloatArray

@@ -1,0 +1,258 @@
+"""The numbers that decide where signs are put and whether, and why each is what it is.
+
+What a user may want to change is in ``rules``. "Chosen" says of a number that neither a
+derivation nor a measurement gives it, and what it weighs.
+"""
+
+from __future__ import annotations
+
+import math
+
+# a sign and its views
+
+MIN_FORWARD_M = 1.0
+"""A sign nearer to the image plane than this cannot be seen as a box."""
+SAME_PLACE_M = 0.25
+"""Cameras nearer to one another than this see the same picture."""
+VELOCITY_ERROR_S = 5.0
+"""For how long an error of the trajectory's velocity stays about the same. Chosen: somewhat longer
+than receivers err in a row, one to three seconds."""
+STAMP_SD_S = 0.005
+"""What the stamps of the frames of one pass are off by in common, beyond the camera's offset.
+Chosen: a sixth of a frame at 30 a second."""
+LEAST_WITHOUT_MARGIN = 0.3
+"""Of a box's height, what a margin leaves at least. Chosen: a small box with a wide margin still
+has a height."""
+LEAST_SCORE = 1e-3
+"""A box without a score still says a little of its class."""
+
+# tracks
+
+MISFIT_WEIGHT = 0.12
+"""Cauchy weight of a direction that is 6.8 sigmas off: chance does not do that."""
+SPLIT_PROBABILITY = 0.01
+"""One sign in two tracks stays two so rarely: joining them saves three coordinates."""
+
+# sizes of classes
+
+USUAL_LOG_SD = 0.25
+"""About a usual size: national sizes are steps of 1.2 to 1.5."""
+UNSURE_LOG_SD = 0.35
+"""Where the table's width says less of the height: plates are taller or wider than square."""
+CLASS_SPREAD_LOG, CLASS_SPREAD_FREEDOM = 0.15, 3.0
+"""Spread of the sizes of one class in a drive where few signs tell it, and how many signs outweigh
+that. Chosen below a step of national sizes: most of a class have one size."""
+LEAST_CLASS_SPREAD_LOG = 0.05
+"""However alike they measure: boxes of one class have in common how they are drawn."""
+LEAST_SIZE_GAIN = 0.5
+"""Of the variance of a size, what bearings must have removed for it to tell of others."""
+
+# scatter of boxes
+
+SCATTER_VIEWS = 6
+"""Chosen: the unknowns of a sign and of its pass leave fewer views little to scatter by."""
+SCATTER_SIGNS, MARGIN_SIGNS = 300, 60
+"""No more signs are asked for the scatter and for the margins. Chosen: 1800 boxes tell the scatter
+to 2 %, 60 signs the margins to 9 %; more take longer."""
+SCATTER_FREEDOM, MARGIN_FREEDOM = 20.0, 4.0
+"""How many boxes, and how many signs, outweigh what the settings say of scatter and margins.
+Chosen: three signs seen often, and the few signs with margins that a short drive has."""
+SCATTER_LIMITS = (0.3, 3.0)
+"""Of the sigmas in the settings: with 1.5 px in these, boxes drawn by hand (half a pixel) to those
+of a poor detector (three pixels), and neighbours that err alike."""
+MARGIN_LIMITS = (0.15, 2.0)
+"""Of the sigma of margins in the settings, 2 px; on the KITTI drives margins drawn by hand differ
+by 1 to 2.5 px."""
+MOST_ALIKE = 0.8
+"""Correlation of neighbouring frames at most: nine boxes then count as one."""
+STRAY_PROBABILITY = 4.65e-4
+"""A box that is right is left out of the scatter so rarely: three and a half sigmas."""
+ABSORBED = 1.5
+"""Of each component of a sign's boxes, what its place, size and pass errors absorb: four unknowns
+of the sign over three components, and something of the pass."""
+
+# the camera, before boxes are linked
+
+SURE_TURN_RAD, SURE_TIME_S = 0.002, 0.005
+"""A camera whose manifest is that sure needs no start: at 20 m and 20 m/s it is 4 cm and 10 cm."""
+PAIR_APART_S, PAIR_WAY_M = 1.2, 1.0
+"""Boxes that may be one sign are taken in pairs of up to that time and from that way on. Chosen:
+longer makes more false pairs, less way leaves the plane of a pair to the noise."""
+PAIR_LOG_GROWTH = 0.7
+"""Logarithm of how much a box grows or shrinks between the two: in 1.2 s at 15 m/s, 18 m nearer,
+it doubles where the sign was 36 m away."""
+FORWARD_SINE = 0.02
+"""Rays nearer than this to the direction of driving, 1.1 deg, make no plane with it."""
+MOST_PAIRS, START_PAIRS = 20_000, 2_500
+"""So many pairs are used in all and for trying starts. Chosen: more take longer."""
+LEAST_PAIRS = 30
+"""Fewer pairs, most of which are false, are no evidence."""
+START_STEP_S = 0.08
+"""Distance of the time offsets tried first. Chosen: from start to start a corner's turn of
+0.5 rad/s moves rays by 0.04 rad, the widest of the scales."""
+SCALES_RAD = (0.04, 0.015, 0.006)
+"""Misses that count half, from start to end: of a camera some degrees off, and then of what boxes,
+pitching and the trajectory leave."""
+REACH_SIGMAS, MOST_REACH_S = 3.0, 1.0
+"""How far to look for a time offset, in sigmas of it before any sign was seen; and how far, s,
+where pairs vote, about what the boxes of a pair are apart."""
+START_PROBABILITY = 4.7e-3
+"""A start of no use, four parameters in all, saves that much loss so rarely (each box counted
+once)."""
+
+# the camera, from all signs
+
+ATTITUDE_WINDOW_S = 120.0
+"""Signs seen within such a time share the trajectory's attitude error: a process with a time
+constant of a minute has one independent value in two."""
+CAMERA_VIEWS = 4
+"""Signs with fewer views say nothing about the camera that their own unknowns do not absorb."""
+SETTLED_SIGMAS = 0.02
+"""A step of the camera's values that is smaller than this part of their sigmas was the last."""
+MOST_SIGNS_TRIED = 30
+"""More signs see so many different motions of the car that no second time offset fits them all."""
+ALIKE_PROBABILITY = 2.7e-3
+"""The right one of two time offsets explains the boxes that much worse so rarely, and offsets that
+are nearer to one another are one: three sigmas of one coordinate."""
+HELD_TIME_S = 1e-6
+"""Prior of a time offset that is held: nothing against what any sign tells of it."""
+SLIP_SD = math.radians(0.1)
+"""A camber of 2 % takes a side force of 2 % of the weight, which tyres give at some 0.1 deg."""
+COURSE_SPEED, COURSE_TURN_RATE = 5.0, 0.05
+"""Faster, m/s, and turning less, rad/s, a car goes where it points. Chosen: 1.5 m before the rear
+axle the course is at most 0.9 deg off then, to either side in turn."""
+STRAIGHT_SHARE = 0.5
+"""Of a sign's views, what must be straight on. Chosen: half of a pass tells its mean course."""
+BEYOND_MANIFEST_PROBABILITY = 2.7e-3
+"""A right manifest is called in doubt so rarely: three of its sigmas."""
+
+# existence
+
+FITTING_BOX_NATS = 3.0
+"""What a further box that fits says for a sign. Chosen: that a false one fits by chance one time in
+twenty; more believes false boxes, less gives up signs of few views."""
+SCORE_LIMITS = (0.2, 0.9)
+"""A score is taken for a probability within these: those of detectors are too sure at the ends."""
+RATE_VIEWS = 5
+"""Signs with so many views are real, and tell how often a sign is found."""
+RATE_LIMITS = (0.2, 0.95)
+"""How often a detector finds a sign in view, whatever a short drive shows."""
+FRAMES_AROUND = 6
+"""Frames looked at before and after each box. Chosen: further away something is more likely
+to hide the sign, nearer there is little to miss."""
+LIKE_SEEN = 0.9
+"""Of the smallest height at which the sign was found: from there on it should be found again."""
+LIKE_ASPECT_RAD = math.radians(30.0)
+"""Further round a face than it was seen from, it should still be found."""
+WHOLLY_IN_VIEW = 0.7
+"""Of its height, how far the middle of a sign must be from the edge of the picture: half of it, and
+as much again as its place is unsure."""
+HIDDEN = 0.05
+"""Of stretches of road, where something is in the way of a sign for all frames alike."""
+SURE_NATS = 7.0
+"""What is so likely even if all frames around missed it is not looked for: odds of 1000 to 1."""
+IMAGINARY = 4.0
+"""Things seen once, half of them signs, that stand for what is expected before the drive tells.
+Chosen: few single boxes say little of how many are signs."""
+
+# passes
+
+PATH_CORRELATION_S = 60.0
+"""Time constant of the trajectory's position error (satellite errors wander for minutes)."""
+APART_PROBABILITY = 1e-3
+"""A sign that is seen again is taken for two so rarely."""
+MERGE_REACH_M = 10.0
+"""Sightings further apart are two signs, whatever their sigmas. Chosen: a trajectory that is off by
+more mixes up whole rows of signs."""
+MERGE_OTHER_CLASS = 9.0
+"""Squared sigmas that another class costs. Chosen: of signs seen again one in 90, exp(-9 / 2), is
+read as something else altogether."""
+FACE_SD_M = 0.1
+"""Places of one sign agree to no better than this: the extent of its face."""
+HEIGHT_SLACK_M = 1.0
+"""Heights of a trajectory drift between passes, and no two signs of a class hang one above the
+other."""
+LEAST_FACING_COSINE = 0.0
+"""Faces further turned from one another than 90 deg are two signs."""
+BACK_PROBABILITY = 3e-3
+"""A back that belongs to a sign is taken for one of its own so rarely."""
+BACK_REACH_M = 5.0
+"""Of backs from their faces, whatever the sigmas. Chosen: less misses backs where the trajectory
+wandered, more takes a grey face across the road for the back."""
+AWAY_COSINE = -0.5
+"""Faces further turned from one another than 120 deg look the other way."""
+THICKNESS_M = 0.2
+"""Face and back of a sign, and the middles of boxes about them, are no further apart."""
+
+# the trajectory, adjusted
+
+NODE_S, MOST_NODES = 5.0, 400
+"""Distance of the nodes of the error, s, a twelfth of its time constant; and how many there are at
+most, which bounds the matrices (1200 unknowns) on drives beyond half an hour."""
+HALF_WEIGHT_SIGMAS = 3.0
+"""At which a sighting counts half. Chosen further off than ``robust.CAUCHY``: it has three
+coordinates, which together are 1.7 sigmas long (root mean square)."""
+LEAST_ADJUSTMENT = 0.02
+"""Of the trajectory's sigma, what signs must remove somewhere. Chosen: less is no adjustment worth
+a file of its own."""
+
+# control signs
+
+CONTROL_REACH_M = 15.0
+"""A surveyed sign further from every located one was not seen. Chosen: more than trajectories that
+state some metres are off."""
+MISSED_PROBABILITY = 1e-3
+"""A surveyed sign that was seen is taken for another so rarely."""
+CONTROL_OTHER_CLASS = 6.0
+"""Squared sigmas that another class costs. Chosen: one in 20, exp(-6 / 2), is surveyed or read
+wrong."""
+LEAST_CONTROL_SD_M = 0.01
+"""Of a surveyed place, whatever it states: a face has no better one."""
+
+# what a sign of the map is called
+
+WEAK_DEPTH_LOG_SD = 0.25
+"""A sign whose distance is less sure than that part of it is flagged: no better than by a usual
+size alone (``USUAL_LOG_SD``)."""
+VIEW_EVIDENCE = 0.5
+"""A box of score one is right with that. Chosen: one box alone never makes a sign sure."""
+CONFIDENCE_SD_M = 3.0
+"""Chosen: a place that is unsure by this lowers the confidence by 1 / sqrt(2)."""
+IMPLAUSIBLE_CONFIDENCE = 0.3
+"""Factor on the confidence of what is too large, too small or in no place for a sign. Chosen: below
+the usual thresholds, and still on the map."""
+AFTER_S = 15.0
+"""So long after its last view at most a sign is passed: 60 m at 15 km/h."""
+MOVING_SPEED = 0.5
+"""Above it, m/s, the course is that of the velocity: receivers report some decimetres a second at
+rest."""
+OVERHEAD_HEIGHT_M, OVERHEAD_LATERAL_M = 4.5, 5.0
+"""A sign above this, and no further to the side, hangs over the road: what is kept free for
+lorries, and a lane and a half."""
+POST_REACH_M = 0.5
+"""Signs on one post are no further apart in plan than half a face."""
+POST_LIMIT_M = 1.2
+"""Whatever their uncertainty: posts stand 1.5 m apart and more."""
+GANTRY_REACH_M = 12.0
+"""Neighbours over the road share a gantry up to that distance, three lanes. Chosen: gantries stand
+further apart along the road."""
+
+# finished sightings
+
+LEAST_CROSSING = math.radians(3.0)
+"""Rays that cross at less make no candidate: with 2 deg of bearing their crossing is anywhere."""
+NEAREST_OBJECT_M = 0.5
+"""No object is nearer to a camera: it would be in the car."""
+SAME_CANDIDATE_M = 0.5
+"""Crossings in one square of this size lead to the same object."""
+SCALE_SETTLED_M = 0.2
+"""Depths that move by less, near (6 m) and far (15 m), have settled: a fifth of what cameras are
+off by."""
+LEAST_DEPTHS = 10
+"""Ten depths of a log sd of 0.3 tell a factor to a third of its prior; fewer tell too little."""
+GOOD_CROSSING = 0.5
+"""Sigma of a distance by crossing bearings, part of it, beyond which it says nothing of depths."""
+SHARED_CAMERA_VARIANCE = 0.5
+"""Of the variance of the cameras' positions, what all cameras of one street share. Chosen: half."""
+WEAK_SD_M = 5.0
+"""An object less sure than this in its worst direction is flagged: about the width of a street."""
