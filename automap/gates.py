@@ -6,6 +6,7 @@ Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, sect
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import numpy as np
@@ -24,6 +25,11 @@ def gate(probability: float, dof: int) -> float:
     from scipy.special import chdtri
 
     return float(chdtri(dof, probability))
+
+
+def gate_in_plane(probability: float) -> float:
+    """``gate`` of two rows, in closed form: for constants of kernels."""
+    return -2.0 * math.log(probability)
 
 
 def sigmas(probability: float) -> float:

@@ -15,6 +15,9 @@ PACKAGE = Path(__file__).resolve().parent
 kernel = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz", "arcp"})
 """Decorator of the numba functions that make up one filter run."""
 
+kernel_in_order = njit(cache=True, error_model="numpy")
+"""The same with sums in the order in which they are written."""
+
 
 def drop_stale(folders: Iterable[Path]) -> None:
     """Remove the index of compiled code beside the sources that is older than any of them.
@@ -41,5 +44,6 @@ KERNEL_FOLDERS = (
     "fusion/measurements",
     "gap",
     "geolocation",
+    "mapping",
 )
 drop_stale([PACKAGE / folder for folder in KERNEL_FOLDERS])

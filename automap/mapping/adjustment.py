@@ -10,18 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.earth import metres_per_radian
+from automap.gates import gate
+from automap.mapping import limits
 from automap.mapping.adjustment_kernels import add_drives, drive_offsets
-from automap.mapping.association import TAU_S, Association
+from automap.mapping.association import Association
 from automap.mapping.sightings import Sightings
 from automap.mapping.tiles import Tile, cut_tiles
 from automap.records import FloatArray, IntArray
 
-COMMON_SD_M = 0.05
-"""What no number of passes averages away: the frame of satellite positioning, the centre of
-a face as a box shows it."""
-
-_OUTLIER = 9.0
 _NO_HEIGHT = 1e12
+"""Variance of a height that is not known, m^2."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,7 @@ class ErrorLevels:
 
     shared: float = 1.0
     own: float = 1.0
-    tau_s: float = TAU_S
+    tau_s: float = limits.TAU_S
 
 
 @dataclass(frozen=True)
@@ -150,8 +148,8 @@ def own_factors(
 ) -> FloatArray:
     """Factor [n] on the own variance of a sighting that lies too far from its sign.
 
-    From a squared distance of nine on, in sigmas and with the drive's offset taken off, the
-    variance grows with the square: a stray sighting says little.
+    Beyond ``STRAY_PROBABILITY``, with the drive's offset taken off, the variance grows with the
+    square of the distance in sigmas: a stray sighting says little.
     """
     sign = association.sign
     turn = (sightings.lon - lon[sign] + np.pi) % (2 * np.pi) - np.pi
@@ -161,8 +159,8 @@ def own_factors(
     p = v[:, 0] + association.offset_var[:, 0]
     q = v[:, 2] + association.offset_var[:, 1]
     square = (q * east**2 - 2 * v[:, 1] * east * north + p * north**2) / (p * q - v[:, 1] ** 2)
-    alone = np.bincount(sign)[sign] < 3
-    return np.where(alone, 1.0, np.maximum(1.0, square / _OUTLIER))
+    alone = np.bincount(sign)[sign] < limits.STRAY_MEMBERS
+    return np.where(alone, 1.0, np.maximum(1.0, square / gate(limits.STRAY_PROBABILITY, 2)))
 
 
 def tile_data(
@@ -256,7 +254,7 @@ def _store(
         for b in range(2):
             cov[:, a, b] = plan[1][2 * k + a, 2 * k + b]
     cov[:, 2, 2] = np.where(known, variance, np.nan)
-    cov += COMMON_SD_M**2 * np.eye(3)
+    cov += limits.COMMON_SD_M**2 * np.eye(3)
     result.cov_enu[core] = cov
     own = data.sign < len(core)
     result.offset[data.rows[own], :2] = plan[2][own]

@@ -6,30 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from automap.jit import kernel_in_order
 from automap.mapping.association_kernels import add_member, assign, found_sign
-from automap.mapping.candidates import (
-    CLASS_SLOTS,
-    MOST,
-    PLACES,
-    STATE,
-    SUPPORT,
-    find_candidates,
-)
+from automap.mapping.candidates import CLASS_SLOTS, PLACES, STATE, SUPPORT, find_candidates
 from automap.mapping.classes import class_evidence
 from automap.mapping.grid import empty_table
+from automap.mapping.limits import MOST, ROUNDS, TAU_S
 from automap.mapping.offset_kernels import smooth, vote
 from automap.mapping.sightings import Sightings
 from automap.records import BoolArray, FloatArray, IntArray
 
-TAU_S = 60.0
-"""Time constant of a trajectory's position error where the data do not tell another."""
-
-ROUNDS = 2
-"""How often every drive is looked at again, with the map of all others known."""
-
 _SETTLING = 3
+"""Turns of assignment and smoothing."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +109,7 @@ def renumbered(sign: IntArray) -> IntArray:
     return np.asarray(rank[inverse], np.int64)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def _lay_over(
     lo: int,
     hi: int,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from automap.jit import kernel_in_order
 from automap.mapping.candidates import (
     A_EE,
     A_EN,
@@ -20,19 +20,19 @@ from automap.mapping.candidates import (
     HEIGHT,
     LAT,
     LON,
-    MOST,
     STATE,
     SUPPORT,
 )
 from automap.mapping.grid import delta, insert
+from automap.mapping.limits import BID_STEP, LEAST_CONFIDENCE, MOST
 from automap.mapping.offset_kernels import agreement
 from automap.records import BoolArray, FloatArray, IntArray
 
-_BID_STEP = 0.02
 _LEAST_INFORMATION = 1e-9
+"""On the place of a sign without members, 1/m^2."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def assign(
     index: IntArray,
     values: FloatArray,
@@ -82,7 +82,7 @@ def assign(
         if at < 0:
             continue
         k = index[i, at]
-        price[k] += best - second + _BID_STEP
+        price[k] += best - second + BID_STEP
         if owner[k] >= 0:
             chosen[owner[k]] = -1
             waiting[count] = owner[k]
@@ -97,7 +97,7 @@ def assign(
             owner[index[i, c]] = -1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def add_member(
     k: int,
     i: int,
@@ -137,7 +137,7 @@ def add_member(
         state[k, FACE_N] += sign * np.cos(facing[i])
         state[k, FACE_E] += sign * np.sin(facing[i])
     state[k, SUPPORT] += sign
-    weight = sign * max(confidence[i], 0.05)
+    weight = sign * max(confidence[i], LEAST_CONFIDENCE)
     free = -1
     for slot in range(CLASS_SLOTS):
         if slot_weight[k, slot] > 1e-6:
@@ -151,7 +151,7 @@ def add_member(
         slot_weight[k, free] = weight
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def found_sign(
     k: int,
     i: int,

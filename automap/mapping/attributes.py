@@ -7,16 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from automap.jit import kernel_in_order
+from automap.mapping.limits import ALTERNATIVES, CHANGED, CLASS_RIGHT, LEAST_CONFIDENCE
 from automap.mapping.sightings import DriveSigns, Sightings
 from automap.records import FloatArray, IntArray
 
-CLASS_RIGHT = 0.93
-"""How often the class of a sign in one drive is right."""
-_ALTERNATIVES = 5
-_CHANGED = 1e-3
-_FALSE_SHARE = (1.0 - CLASS_RIGHT) / _ALTERNATIVES
+_FALSE_SHARE = (1.0 - CLASS_RIGHT) / ALTERNATIVES
 
 
 @dataclass(frozen=True)
@@ -136,7 +133,10 @@ def _classes(
     m = len(edges) - 1
     code, share = np.zeros(m, np.int64), np.ones(m)
     changed = np.zeros(m, np.bool_)
-    codes, weights = sightings.code[order], np.maximum(sightings.confidence[order], 0.05)
+    codes, weights = (
+        sightings.code[order],
+        np.maximum(sightings.confidence[order], LEAST_CONFIDENCE),
+    )
     if m == 0:
         return code, share, changed
     lowest = np.minimum.reduceat(codes, edges[:-1])
@@ -154,7 +154,7 @@ def _classes(
     return code, share, changed
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def _change_point(codes: IntArray, n_classes: int) -> int:
     """Where in a sequence [n] of sightings, by time, the sign's class became another; 0 never.
 
@@ -174,7 +174,7 @@ def _change_point(codes: IntArray, n_classes: int) -> int:
         after[codes[k - 1]] -= 1
         first, second = np.argmax(before), np.argmax(after)
         hits = before[first] + after[second]
-        told = hits * right + (n - hits) * wrong + np.log(_CHANGED)
+        told = hits * right + (n - hits) * wrong + np.log(CHANGED)
         if told > best and first != second:
             best, at = told, k
     return at

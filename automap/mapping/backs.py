@@ -10,13 +10,9 @@ import numpy.typing as npt
 from automap.earth import metres_per_radian
 from automap.gates import gate
 from automap.geolocation.limits import AWAY_COSINE
+from automap.mapping import limits
 from automap.records import FloatArray
 from automap.signs.backs import is_back, may_be_back
-
-MAX_DISTANCE_M = 3.0
-_APART_PROBABILITY = 2.7e-3
-"""A back that belongs to a sign is taken for one of its own so rarely: three sigmas."""
-_THICKNESS_M = 0.3
 
 
 def backs_of_others(
@@ -45,11 +41,11 @@ def backs_of_others(
     fronts = np.flatnonzero(~maybe)
     tree = cKDTree(place[fronts])
     for k in np.flatnonzero(maybe & ~result).tolist():
-        for j in fronts[tree.query_ball_point(place[k], MAX_DISTANCE_M)].tolist():
+        for j in fronts[tree.query_ball_point(place[k], limits.BACK_REACH_M)].tolist():
             if not np.cos(facing_rad[k] - facing_rad[j]) < AWAY_COSINE:
                 continue
             offset = place[k] - place[j]
-            total = (cov_enu[k] + cov_enu[j])[:2, :2] + _THICKNESS_M**2 * np.eye(2)
-            if float(offset @ np.linalg.solve(total, offset)) < gate(_APART_PROBABILITY, 2):
+            total = (cov_enu[k] + cov_enu[j])[:2, :2] + limits.THICKNESS_M**2 * np.eye(2)
+            if float(offset @ np.linalg.solve(total, offset)) < gate(limits.BACK_PROBABILITY, 2):
                 result[k] = True
     return result

@@ -5,9 +5,20 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from automap.jit import kernel_in_order
 from automap.mapping.grid import delta, neighbours
+from automap.mapping.limits import (
+    FACING_LIMIT,
+    FACING_SD,
+    LARGEST_UP_M,
+    MAX_M,
+    MOST,
+    NEW_PER_M,
+    NEW_PER_M2,
+    SAME_GATE,
+    SLACK_M,
+)
 from automap.records import BoolArray, FloatArray, IntArray
 
 # columns of the map's state, one row per sign
@@ -18,29 +29,16 @@ FACE_N, FACE_E, SUPPORT = 10, 11, 12
 STATE = 13
 
 CLASS_SLOTS = 4
-MOST = 8
-"""Candidates kept per sighting."""
 
 PLACES = 8
 # columns of a candidate: place relative to the map sign, variances of both, evidence
 D_E, D_N, D_U, V_EE, V_EN, V_NN, V_U, EVIDENCE = 0, 1, 2, 3, 4, 5, 6, 7
 
-SLACK_M = 0.15
-"""What places of one sign may differ by beyond the stated errors: frames of reference that
-the drives do not share perfectly, the extent of the face."""
-NEW_PER_M2 = 2e-3
-"""Density of signs that the map does not hold yet, round a place that has signs."""
-NEW_PER_M = 0.3
-FACING_SD = 0.45
-"""Of the direction a face looks as two drives see it, rad."""
-FACING_LIMIT = 1.75
-MAX_M = 15.0
 CELL_M = 16.0
 """Of the table of map signs; founding and mean place of a sign differ by little."""
-LARGEST_UP_M = 12.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def mean_of(state: FloatArray) -> tuple[float, float, float]:
     """Mean place of a map sign relative to where it was founded: east, north, up in m."""
     det = state[A_EE] * state[A_NN] - state[A_EN] * state[A_EN]
@@ -50,7 +48,7 @@ def mean_of(state: FloatArray) -> tuple[float, float, float]:
     return east, north, up
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def facing_evidence(difference: float) -> float:
     """Evidence in nats of an angle between two faces that may be one; -inf beyond the limit."""
     turn = abs(difference) % (2.0 * np.pi)
@@ -62,7 +60,7 @@ def facing_evidence(difference: float) -> float:
     return best - 0.5 * (turn / FACING_SD) ** 2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def match_gain(v_ee: float, v_en: float, v_nn: float, v_u: float) -> float:
     """Evidence in nats of a perfect agreement of place, against a sign new to the map."""
     gain = -math.log(2.0 * math.pi * math.sqrt(v_ee * v_nn - v_en * v_en) * NEW_PER_M2)
@@ -71,7 +69,7 @@ def match_gain(v_ee: float, v_en: float, v_nn: float, v_u: float) -> float:
     return gain
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def find_candidates(
     lo: int,
     hi: int,
@@ -98,7 +96,7 @@ def find_candidates(
 ) -> None:
     """Fill ``index`` [n, MOST] (-1 none) and ``values`` [n, MOST, PLACES] for rows lo to hi.
 
-    The nearest are kept. Gates: 4 sigmas of everything including the offset, at most MAX_M;
+    The nearest are kept: within the gate of everything including the offset, at most MAX_M;
     faces that look away from one another are never one sign.
     """
     near = np.empty(256, np.int64)
@@ -123,7 +121,7 @@ def find_candidates(
             v_nn = own[i, 2] + state[k, A_EE] / det + slack
             v_en = own[i, 1] - state[k, A_EN] / det
             widest = v_ee + v_nn + 2.0 * (shared_sd[i, 0] ** 2 + shared_sd[i, 1] ** 2)
-            if square > 16.0 * widest:
+            if square > SAME_GATE * widest:
                 continue
             du, v_u = height[i] - state[k, HEIGHT] - u, np.nan
             if du == du:

@@ -9,15 +9,11 @@ from typing import Any
 import numpy as np
 
 from automap.earth import metres_per_radian
+from automap.mapping import limits
 from automap.mapping.candidates import facing_evidence
-from automap.mapping.classes import DIFFERENT, SAME_GROUP, class_evidence
+from automap.mapping.classes import class_evidence
+from automap.mapping.grid import RADIUS_M
 from automap.records import DrivePath, FloatArray, Sign
-
-SAME_PLACE_SIGMAS = 4.0
-SAME_PLACE_M = 6.0
-MOVED_M = 20.0
-GONE_BELOW = 0.2
-"""A sign is called gone when the belief that it still stands is below this."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +64,9 @@ def match_older(
             taken.add(before)
     rest = [k for k in range(len(signs)) if k not in result]
     before_rest = [k for k in range(len(older.signs)) if k not in taken]
-    for _, i, j in sorted(_costs(signs, rest, older.signs, before_rest, SAME_PLACE_M, False)):
+    for _, i, j in sorted(
+        _costs(signs, rest, older.signs, before_rest, limits.SAME_PLACE_M, False)
+    ):
         if i not in result and j not in taken:
             result[i] = j
             taken.add(j)
@@ -82,7 +80,7 @@ def match_moved(
     and the nearest such pair first."""
     result: dict[int, int] = {}
     taken: set[int] = set()
-    for _, i, j in sorted(_costs(signs, new, older, gone, MOVED_M, True)):
+    for _, i, j in sorted(_costs(signs, new, older, gone, limits.MOVED_M, True)):
         if i not in result and j not in taken and signs[i].class_name == older[j].class_name:
             result[i] = j
             taken.add(j)
@@ -119,7 +117,7 @@ def _costs(
     now, before = _sphere([signs[k] for k in rows]), _sphere([older[k] for k in older_rows])
     tree = cKDTree(before)
     costs = []
-    found: Any = tree.query_ball_point(now, reach_m * 1.01 / 6.37e6)
+    found: Any = tree.query_ball_point(now, reach_m * 1.01 / RADIUS_M)
     for i, near in zip(rows, found, strict=True):
         for place in near:
             j = older_rows[place]
@@ -133,9 +131,11 @@ def _costs(
             if far:
                 costs.append((float(np.hypot(*difference)), i, j))
                 continue
-            covariance = np.nan_to_num(a.cov_enu[:2, :2] + b.cov_enu[:2, :2]) + 0.2**2 * np.eye(2)
+            covariance = np.nan_to_num(
+                a.cov_enu[:2, :2] + b.cov_enu[:2, :2]
+            ) + limits.MAP_SLACK_M**2 * np.eye(2)
             square = float(difference @ np.linalg.solve(covariance, difference))
-            if square < SAME_PLACE_SIGMAS**2 and told > DIFFERENT + SAME_GROUP:
+            if square < limits.SAME_GATE and told > limits.DIFFERENT + limits.SAME_GROUP:
                 costs.append((0.5 * square - told, i, j))
     return costs
 

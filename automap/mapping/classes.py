@@ -6,15 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from automap.mapping import limits
 from automap.records import FloatArray
 from automap.signs.vocabulary import load_vocabulary
-
-SAME = 2.0
-"""Evidence in nats that two sightings of one class are one sign, before any position."""
-SAME_GROUP = -1.0
-UNKNOWN_FACE = 0.0
-SAME_CATEGORY = -4.5
-DIFFERENT = -6.0
 
 
 def class_evidence(classes: Sequence[str]) -> FloatArray:
@@ -27,16 +21,16 @@ def class_evidence(classes: Sequence[str]) -> FloatArray:
     generic = set(vocabulary.groups.values())
     group = [vocabulary.group_of(name) for name in classes]
     category = [name.partition("--")[0] for name in classes]
-    result = np.full((len(classes), len(classes)), DIFFERENT)
+    result = np.full((len(classes), len(classes)), limits.DIFFERENT)
     for i, first in enumerate(classes):
         for j, second in enumerate(classes):
             if first == second:
-                result[i, j] = SAME
+                result[i, j] = limits.SAME
             elif not first or not second:
-                result[i, j] = UNKNOWN_FACE
+                result[i, j] = limits.UNKNOWN_FACE
             elif group[i] is not None and group[i] == group[j]:
                 vague = first in generic or second in generic
-                result[i, j] = UNKNOWN_FACE if vague else SAME_GROUP
+                result[i, j] = limits.UNKNOWN_FACE if vague else limits.SAME_GROUP
             elif category[i] == category[j] and "--" in first:
-                result[i, j] = SAME_CATEGORY
+                result[i, j] = limits.SAME_CATEGORY
     return result

@@ -7,20 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.mapping.changes import (
-    GONE_BELOW,
-    Change,
-    OlderMap,
-    distance_m,
-    match_moved,
-    match_older,
-)
+from automap.mapping import limits
+from automap.mapping.changes import Change, OlderMap, distance_m, match_moved, match_older
 from automap.mapping.existence import still_there
 from automap.mapping.grid import filled_table
 from automap.mapping.identity import drive_key
-from automap.mapping.merge import LEAST_EXISTENCE, Merged
+from automap.mapping.merge import Merged
 from automap.mapping.sightings import CameraView
-from automap.mapping.visibility import FARTHEST_M, head_on, in_view, opportunities
+from automap.mapping.visibility import head_on, in_view, opportunities
 from automap.records import BoolArray, IntArray, Sign
 
 _COVERAGE_VIEW = CameraView(0.0, 0.6)
@@ -40,7 +34,7 @@ class Comparison:
 
 
 def compare_maps(
-    older: OlderMap, merged: Merged, least_existence: float = LEAST_EXISTENCE
+    older: OlderMap, merged: Merged, least_existence: float = limits.LEAST_EXISTENCE
 ) -> Comparison:
     """Match the merged signs to the older map's and say what has changed.
 
@@ -61,14 +55,14 @@ def compare_maps(
             changes.append(Change("class", now, then, share, distance_m(now, then)))
         elif kept[place]:
             unchanged += 1
-        elif belief < GONE_BELOW:
+        elif belief < limits.GONE_BELOW:
             gone[before] = 1.0 - belief
         else:
             unconfirmed += 1
     missing = np.setdiff1d(np.arange(len(older.signs)), list(matches.values()))
     visited, still = _still_there(older, merged, missing)
     for before, was_visited, belief in zip(missing.tolist(), visited, still, strict=True):
-        if was_visited and belief < GONE_BELOW:
+        if was_visited and belief < limits.GONE_BELOW:
             gone[before] = 1.0 - float(belief)
         elif was_visited:
             unconfirmed += 1
@@ -123,6 +117,6 @@ def _seen_before(
     lat = np.array([signs[k].lat_rad for k in places])
     lon = np.array([signs[k].lon_rad for k in places])
     facing = np.array([signs[k].facing_rad for k in places])
-    table = filled_table(lat, lon, FARTHEST_M)
+    table = filled_table(lat, lon, limits.FARTHEST_M)
     looked = set(in_view(older.coverage, (_COVERAGE_VIEW,), table, lat, lon, facing)[0].tolist())
     return [k in looked for k in range(len(places))]

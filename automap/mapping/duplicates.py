@@ -7,22 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.earth import ecef, ecef_axes
+from automap.mapping import limits
 from automap.mapping.association import Association, renumbered
-from automap.mapping.candidates import SLACK_M, facing_evidence
+from automap.mapping.candidates import facing_evidence
 from automap.mapping.classes import class_evidence
 from automap.mapping.sightings import Sightings
 from automap.records import FloatArray, IntArray
 
-REACH_M = 3.0
-"""Farther from one another than this two map signs are never joined."""
-
-DETECTION = 0.8
-_TWICE_IN_DRIVE = 0.01
-_REPLACED = 0.01
-_OUTLIER = 0.02
-_NEAR_PER_M2 = 0.01
-_NEAR_PER_M = 0.5
 _PASSES = 6
+"""At most; ends where none is joined."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +33,7 @@ class _Places:
 
 
 def join_duplicates(
-    sightings: Sightings, association: Association, detection: float = DETECTION
+    sightings: Sightings, association: Association, detection: float = limits.DETECTION
 ) -> Association:
     """Join map signs where one sign explains the sightings better than two.
 
@@ -125,7 +118,7 @@ def dominant_code(sign: IntArray, code: IntArray, confidence: FloatArray) -> Int
     """Class [m] with the greatest sum of confidence among each sign's sightings."""
     width = int(code.max()) + 1 if len(code) else 1
     keys, place = np.unique(sign * width + code, return_inverse=True)
-    weight = np.bincount(place, np.maximum(confidence, 0.05))
+    weight = np.bincount(place, np.maximum(confidence, limits.LEAST_CONFIDENCE))
     order = np.lexsort((keys, -weight, keys // width))
     _, first = np.unique(keys[order] // width, return_index=True)
     return np.asarray(keys[order][first] % width, np.int64)
@@ -136,13 +129,13 @@ def _close_pairs(places: _Places) -> IntArray:
 
     tree = cKDTree(places.position)
     # heights may be unknown on one side, so the reach is taken in plan afterwards
-    pairs = tree.query_pairs(REACH_M + 2.0, output_type="ndarray")
+    pairs = tree.query_pairs(limits.REACH_M + 2.0, output_type="ndarray")
     if len(pairs) == 0:
         return np.zeros((0, 2), np.int64)
     a, b = pairs.T
     difference = places.position[b] - places.position[a]
     plan = np.einsum("nij,nj->ni", places.axes[a], difference)[:, :2]
-    return np.asarray(pairs[np.hypot(*plan.T) < REACH_M], np.int64)
+    return np.asarray(pairs[np.hypot(*plan.T) < limits.REACH_M], np.int64)
 
 
 def _members(sign: IntArray, wanted: IntArray) -> dict[int, IntArray]:
@@ -174,8 +167,8 @@ def _evidence_for_one(
     single = len(drives_a ^ drives_b)
     missed = single * np.log(1.0 - detection)
     if both == 0 and (max(drives_a) < min(drives_b) or max(drives_b) < min(drives_a)):
-        missed = max(missed, np.log(_REPLACED))
-    seen_twice = both * (np.log(_TWICE_IN_DRIVE) - np.log(detection))
+        missed = max(missed, np.log(limits.REPLACED))
+    seen_twice = both * (np.log(limits.TWICE_IN_DRIVE) - np.log(detection))
     return float(
         seen_twice
         - missed
@@ -194,15 +187,15 @@ def _place_evidence(places: _Places, a: int, b: int, fewer: int) -> float:
         variance[:3] += np.array([w[2], -w[1], w[0]]) / det
         variance[0] += places.wander[k, 0]
         variance[2] += places.wander[k, 1]
-    variance[[0, 2]] += SLACK_M**2
+    variance[[0, 2]] += limits.SLACK_M**2
     det = variance[0] * variance[2] - variance[1] ** 2
     e, n, u = difference
     square = (variance[2] * e * e - 2 * variance[1] * e * n + variance[0] * n * n) / det
-    gain = -np.log(2 * np.pi * np.sqrt(det) * _NEAR_PER_M2)
+    gain = -np.log(2 * np.pi * np.sqrt(det) * limits.NEAR_PER_M2)
     if places.weight[a, 3] > 0 and places.weight[b, 3] > 0:
-        up = 1.0 / places.weight[a, 3] + 1.0 / places.weight[b, 3] + SLACK_M**2
+        up = 1.0 / places.weight[a, 3] + 1.0 / places.weight[b, 3] + limits.SLACK_M**2
         up += places.wander[a, 2] + places.wander[b, 2]
         square += u * u / up
-        gain -= np.log(np.sqrt(2 * np.pi * up) * _NEAR_PER_M)
-    stray = fewer * np.log(_OUTLIER / (np.pi * REACH_M**2) / _NEAR_PER_M2)
+        gain -= np.log(np.sqrt(2 * np.pi * up) * limits.NEAR_PER_M)
+    stray = fewer * np.log(limits.OUTLIER_SHARE / (np.pi * limits.REACH_M**2) / limits.NEAR_PER_M2)
     return float(max(gain - 0.5 * square, stray))

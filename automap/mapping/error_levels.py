@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.mapping import limits
 from automap.mapping.adjustment import (
     ErrorLevels,
     Members,
@@ -15,18 +16,10 @@ from automap.mapping.adjustment import (
     weights_size,
 )
 from automap.mapping.adjustment_kernels import add_drives
-from automap.mapping.association import TAU_S, Association
+from automap.mapping.association import Association
 from automap.mapping.sightings import Sightings
 from automap.mapping.tiles import cut_tiles
 from automap.records import FloatArray
-
-LEVEL_LOG_SD = 0.3
-"""How far the stated errors are trusted: one sigma of the logarithm of their factor."""
-TAU_LOG_SD = 0.7
-
-_TILES = 24
-_MOST_ROWS = 1500
-_LEAST_REDUNDANCY = 10
 
 
 def estimate_levels(sightings: Sightings, association: Association) -> ErrorLevels:
@@ -44,7 +37,7 @@ def estimate_levels(sightings: Sightings, association: Association) -> ErrorLeve
         return ErrorLevels()
     from scipy.optimize import minimize
 
-    sd = np.array([LEVEL_LOG_SD, LEVEL_LOG_SD, TAU_LOG_SD])
+    sd = np.array([limits.LEVEL_LOG_SD, limits.LEVEL_LOG_SD, limits.TAU_LOG_SD])
 
     def cost(x: FloatArray) -> float:
         levels = _levels(x)
@@ -54,17 +47,18 @@ def estimate_levels(sightings: Sightings, association: Association) -> ErrorLeve
         return total
 
     start = np.vstack([np.zeros(3), np.diag(0.5 * sd)])
+    most = limits.MOST_LEVEL_SIGMAS * sd
     found = minimize(
         cost,
         np.zeros(3),
         method="Nelder-Mead",
         options={"initial_simplex": start, "xatol": 0.02, "fatol": 0.05, "maxfev": 90},
     )
-    return _levels(np.clip(found.x, -3.0 * sd, 3.0 * sd))
+    return _levels(np.clip(found.x, -most, most))
 
 
 def _levels(x: FloatArray) -> ErrorLevels:
-    return ErrorLevels(float(np.exp(x[0])), float(np.exp(x[1])), float(TAU_S * np.exp(x[2])))
+    return ErrorLevels(float(np.exp(x[0])), float(np.exp(x[1])), float(limits.TAU_S * np.exp(x[2])))
 
 
 def deviance(
@@ -91,12 +85,12 @@ def _sample(
     """Tiles with the most to say, spread over the map."""
     members = Members(association.sign)
     found: list[tuple[int, int, TileData]] = []
-    tiles = list(cut_tiles(lat, lon, core=30, margin_m=0.0))
-    step = max(1, len(tiles) // (4 * _TILES))
+    tiles = list(cut_tiles(lat, lon, core=limits.LEVEL_TILE_SIGNS, margin_m=0.0))
+    step = max(1, len(tiles) // (4 * limits.LEVEL_TILES))
     for tile in tiles[::step]:
         data = tile_data(sightings, members, tile, lat, lon)
         spare = len(data.rows) - len(tile.signs)
-        if spare >= _LEAST_REDUNDANCY and len(data.rows) <= _MOST_ROWS:
+        if spare >= limits.LEAST_REDUNDANCY and len(data.rows) <= limits.LEVEL_ROWS:
             found.append((spare, len(found), data))
     found.sort(key=lambda item: (-item[0], item[1]))
-    return [data for _, _, data in found[:_TILES]]
+    return [data for _, _, data in found[: limits.LEVEL_TILES]]

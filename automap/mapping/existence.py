@@ -13,35 +13,31 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from automap.jit import kernel_in_order
+from automap.mapping.limits import (
+    CHANGE_PER_YEAR,
+    DRIVE_FREEDOM,
+    DRIVE_LIMITS,
+    FALSE_BETA,
+    LEAST_CHANGE,
+    OLDER_BELIEF,
+    OVERALL_LIMITS,
+    RATE_PRIOR,
+    REAL_PRIOR,
+    SPREAD,
+    SPREAD_LOG_SD,
+    SPREADS,
+    STRAY,
+    TELLING_DRIVES,
+)
 from automap.mapping.visibility import Opportunities, alike
 from automap.records import BoolArray, FloatArray, IntArray
 
-CHANGE_PER_YEAR = 0.03
-"""Rate at which a sign is taken down, and at which one is put up where none was."""
-LEAST_CHANGE = 0.002
-"""Probability of that between any two drives, however close in time."""
-
-SPREAD = 6.0
-"""Sum of the beta parameters of a real sign's detection rate, how alike signs are, where the
-data do not tell."""
-FALSE_BETA = (1.0, 20.0)
-"""Beta parameters of the rate at which other drives see what is no sign."""
-STRAY = 0.02
-"""Rate of sightings where a sign once was."""
-
-OLDER_BELIEF = 0.95
-"""Of a sign on an older map, before any drive passes it again, at most."""
-
-_RATE_PRIOR = (8.0, 1.5)
-_REAL_PRIOR = (9.0, 1.0)
-_DRIVE_PRIOR = 20.0
-_SPREAD_LOG_SD = 1.0
-_SPREADS = (2.0, 3.0, 4.5, 6.0, 9.0, 13.0, 20.0, 40.0)
-_ROUNDS = 12
-_TURNS = 3
+_ROUNDS, _TURNS = 12, 3
+"""Of the expectation maximisation, from one spread to the next, and of spreads."""
 _YEAR_S = 365.25 * 86400.0
+"""A Julian year."""
 
 
 @dataclass(frozen=True)
@@ -101,11 +97,11 @@ def detection_rates(pairs: Chances, n_signs: int, n_drives: int) -> DetectionRat
     saw it is why it is known at all.
     """
     rates = DetectionRates(
-        _RATE_PRIOR[0] / sum(_RATE_PRIOR),
-        np.full(max(n_drives, 1), _RATE_PRIOR[0] / sum(_RATE_PRIOR)),
-        _REAL_PRIOR[0] / sum(_REAL_PRIOR),
+        RATE_PRIOR[0] / sum(RATE_PRIOR),
+        np.full(max(n_drives, 1), RATE_PRIOR[0] / sum(RATE_PRIOR)),
+        REAL_PRIOR[0] / sum(REAL_PRIOR),
     )
-    telling = np.bincount(pairs.sign, minlength=n_signs)[pairs.sign] > 2
+    telling = np.bincount(pairs.sign, minlength=n_signs)[pairs.sign] >= TELLING_DRIVES
     seen = pairs.seen.astype(np.float64)
     for turn in range(_ROUNDS * _TURNS):
         if turn % _ROUNDS == _ROUNDS - 1:
@@ -114,12 +110,12 @@ def detection_rates(pairs: Chances, n_signs: int, n_drives: int) -> DetectionRat
         weight = belief[pairs.sign] * telling
         hits = np.bincount(pairs.drive, weight * seen, len(rates.drive))
         tries = np.bincount(pairs.drive, weight, len(rates.drive))
-        overall = (hits.sum() + _RATE_PRIOR[0]) / (tries.sum() + sum(_RATE_PRIOR))
-        overall = float(np.clip(overall, 0.2, 0.97))
-        by_drive = (hits + _DRIVE_PRIOR * overall) / (tries + _DRIVE_PRIOR)
-        real = (belief.sum() + _REAL_PRIOR[0]) / (n_signs + sum(_REAL_PRIOR))
+        overall = (hits.sum() + RATE_PRIOR[0]) / (tries.sum() + sum(RATE_PRIOR))
+        overall = float(np.clip(overall, *OVERALL_LIMITS))
+        by_drive = (hits + DRIVE_FREEDOM * overall) / (tries + DRIVE_FREEDOM)
+        real = (belief.sum() + REAL_PRIOR[0]) / (n_signs + sum(REAL_PRIOR))
         rates = DetectionRates(
-            overall, np.clip(by_drive, 0.02, 0.98), float(min(real, 0.999)), rates.spread
+            overall, np.clip(by_drive, *DRIVE_LIMITS), float(min(real, 0.999)), rates.spread
         )
     return rates
 
@@ -154,11 +150,11 @@ def _with_spread(pairs: Chances, rates: DetectionRates, n_signs: int) -> Detecti
     hits, misses = _counts(pairs, rates, n_signs)
     false = _log_chances(hits, misses, FALSE_BETA) + math.log(1.0 - rates.real)
     best, highest = rates, -np.inf
-    for spread in _SPREADS:
+    for spread in SPREADS:
         trial = DetectionRates(rates.overall, rates.drive, rates.real, spread)
         real = _log_chances(hits, misses, trial.beta) + math.log(rates.real)
         score = float(np.logaddexp(real, false).sum())
-        score -= 0.5 * (math.log(spread / SPREAD) / _SPREAD_LOG_SD) ** 2
+        score -= 0.5 * (math.log(spread / SPREAD) / SPREAD_LOG_SD) ** 2
         if score > highest:
             best, highest = trial, score
     return best
@@ -179,12 +175,12 @@ def existence(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def _log_beta(a: float, b: float) -> float:
     return math.lgamma(a) + math.lgamma(b) - math.lgamma(a + b)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def _histories(
     sign: IntArray,
     seen: BoolArray,

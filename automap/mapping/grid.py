@@ -7,20 +7,21 @@ from numba import njit
 
 from automap.records import FloatArray, IntArray
 
-_RADIUS_M = 6371000.0
+RADIUS_M = 6371000.0
+"""Of a sphere like the Earth: good for cells and for searches near by."""
 
 
 @njit(cache=True)
 def cell_row(lat: float, cell_m: float) -> int:
     """Row of a latitude in rad."""
-    return int(np.floor(lat * _RADIUS_M / cell_m))
+    return int(np.floor(lat * RADIUS_M / cell_m))
 
 
 @njit(cache=True)
 def cells_around(row: int, cell_m: float) -> int:
     """Number of cells in a row; never narrower than ``cell_m``."""
-    edge = max(abs(row), abs(row + 1)) * cell_m / _RADIUS_M
-    return max(1, int(2.0 * np.pi * _RADIUS_M * max(np.cos(edge), 0.0) / cell_m))
+    edge = max(abs(row), abs(row + 1)) * cell_m / RADIUS_M
+    return max(1, int(2.0 * np.pi * RADIUS_M * max(np.cos(edge), 0.0) / cell_m))
 
 
 @njit(cache=True)

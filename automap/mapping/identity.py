@@ -12,6 +12,7 @@ from automap.records import IntArray
 
 _ALPHABET = "0123456789abcdefghjkmnpqrstvwxyz"
 _LETTERS = 8
+"""2^40 names."""
 
 
 def founder_keys(drives: Sequence[DriveSigns], sightings: Sightings, sign: IntArray) -> list[str]:

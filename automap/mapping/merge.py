@@ -27,9 +27,6 @@ from automap.records import NO_TIME, FloatArray, Sign
 
 Progress = Callable[[float, str], None]
 
-LEAST_EXISTENCE = 0.5
-"""A map sign less likely than this to be there is left out of the map."""
-
 
 @dataclass(frozen=True)
 class Merged:

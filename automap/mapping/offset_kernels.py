@@ -7,31 +7,23 @@ sd it has variance one and correlation exp(-dt / tau).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from automap.mapping.candidates import (
-    D_E,
-    D_N,
-    D_U,
-    EVIDENCE,
+from automap.jit import kernel_in_order
+from automap.mapping.candidates import D_E, D_N, D_U, EVIDENCE, V_EE, V_EN, V_NN, V_U, match_gain
+from automap.mapping.limits import (
+    HYPOTHESES,
+    LEAST_OFFSET_VARIANCE,
     MOST,
-    V_EE,
-    V_EN,
-    V_NN,
-    V_U,
-    match_gain,
+    STRAY_GATE,
+    STRETCH_S,
+    STRETCH_SIGHTINGS,
 )
 from automap.records import FloatArray, IntArray
 
-STRETCH_S = 40.0
-STRETCH_SIGHTINGS = 24
-_HYPOTHESES = 96
-_LEAST_VARIANCE = 1e-4
-_OUTLIER = 9.0
 _ROUNDS = 3
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def agreement(values: FloatArray, e: float, n: float, u: float, p_e: float, p_n: float) -> float:
     """Evidence in nats for one candidate when the drive's offset is (e, n, u), variances p."""
     v_ee, v_en, v_nn = values[V_EE] + p_e, values[V_EN], values[V_NN] + p_n
@@ -44,7 +36,7 @@ def agreement(values: FloatArray, e: float, n: float, u: float, p_e: float, p_n:
     return float(values[EVIDENCE] + gain - 0.5 * square)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def vote(
     time_s: FloatArray,
     shared_sd: FloatArray,
@@ -78,7 +70,7 @@ def vote(
             for i in range(start, stop):
                 total += shared_sd[i, axis] ** 2
             # the map's own frame is some other drive's, as far off as this one
-            prior[axis] = 2.0 * total / (stop - start) + _LEAST_VARIANCE
+            prior[axis] = 2.0 * total / (stop - start) + LEAST_OFFSET_VARIANCE
             if variance[axis] < 0.0:
                 variance[axis] = prior[axis]
             else:
@@ -93,7 +85,7 @@ def vote(
         start = stop
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def _best_of_stretch(
     start: int,
     stop: int,
@@ -119,7 +111,7 @@ def _best_of_stretch(
             if index[i, c] < 0:
                 break
             # after many proposals the nearest of each sighting has to do
-            if tried >= _HYPOTHESES and c > 0:
+            if tried >= HYPOTHESES and c > 0:
                 break
             tried += 1
             guess = values[i, c, :3].copy()
@@ -135,7 +127,7 @@ def _best_of_stretch(
         mean[axis], variance[axis] = best[axis], after[axis]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def _support(
     start: int,
     stop: int,
@@ -164,7 +156,7 @@ def _support(
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def _refine(
     start: int,
     stop: int,
@@ -209,7 +201,7 @@ def _refine(
     return best, np.array([a_nn / det, a_ee / det, 1.0 / a_u])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def smooth(
     time_s: FloatArray,
     shared_sd: FloatArray,
@@ -230,7 +222,7 @@ def smooth(
     ahead, var_ahead = np.zeros(n), np.zeros(n)
     for axis in range(3):
         for i in range(n):
-            sd = np.sqrt(2.0 * shared_sd[i, axis] ** 2 + _LEAST_VARIANCE)
+            sd = np.sqrt(2.0 * shared_sd[i, axis] ** 2 + LEAST_OFFSET_VARIANCE)
             if i == 0:
                 ahead[i], var_ahead[i] = 0.0, 1.0
             else:
@@ -247,8 +239,8 @@ def smooth(
             noise /= sd * sd
             miss = values[i, c, axis] / sd - ahead[i]
             square = (values[i, c, axis] - offset[i, axis]) ** 2 / (noise * sd * sd)
-            if square > _OUTLIER:
-                noise *= square / _OUTLIER
+            if square > STRAY_GATE:
+                noise *= square / STRAY_GATE
             gain = var_ahead[i] / (var_ahead[i] + noise)
             filtered[i] += gain * miss
             var_filtered[i] *= 1.0 - gain
@@ -258,6 +250,6 @@ def smooth(
                 gain = var_filtered[i] * keep / var_ahead[i + 1]
                 filtered[i] += gain * (filtered[i + 1] - ahead[i + 1])
                 var_filtered[i] += gain * gain * (var_filtered[i + 1] - var_ahead[i + 1])
-            sd = np.sqrt(2.0 * shared_sd[i, axis] ** 2 + _LEAST_VARIANCE)
+            sd = np.sqrt(2.0 * shared_sd[i, axis] ** 2 + LEAST_OFFSET_VARIANCE)
             offset[i, axis] = filtered[i] * sd
             offset_var[i, axis] = var_filtered[i] * sd * sd

@@ -13,15 +13,10 @@ from typing import Literal
 
 import numpy as np
 
+from automap.mapping import limits
 from automap.records import FloatArray, ReviewAction, Sign
 
 Status = Literal["", "accepted", "rejected", "corrected"]
-
-MATCH_M = 15.0
-"""A reviewed sign is looked for within this distance of where it was."""
-
-HAND_SD_M = 1.0
-"""One sigma, per axis, of a position set by hand where the action gives none."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +133,7 @@ def _changed(sign: Sign, verdict: Verdict) -> Sign:
     if verdict.class_name is not None:
         changes["class_name"] = verdict.class_name
     if verdict.lon_deg is not None and verdict.lat_deg is not None:
-        variance = (HAND_SD_M if verdict.sd_m is None else verdict.sd_m) ** 2
+        variance = (limits.HAND_SD_M if verdict.sd_m is None else verdict.sd_m) ** 2
         covariance = np.zeros((3, 3))
         covariance[0, 0] = covariance[1, 1] = variance
         covariance[2, 2] = sign.cov_enu[2, 2]
@@ -171,14 +166,14 @@ def match(
             continue
         distance = float(_distance_m(verdict, lon_deg[row : row + 1], lat_deg[row : row + 1])[0])
         same_class = classes[row] == verdict.seen_class
-        if distance <= MATCH_M or (np.isnan(distance) and same_class):
+        if distance <= limits.MATCH_M or (np.isnan(distance) and same_class):
             rows[number] = row
             taken.add(row)
     pairs = []
     for number, verdict in enumerate(decided):
         if rows[number] is None and len(ids):
             far = _distance_m(verdict, lon_deg, lat_deg)
-            near = np.flatnonzero(far <= MATCH_M).tolist()
+            near = np.flatnonzero(far <= limits.MATCH_M).tolist()
             pairs += [
                 (float(far[row]), number, row) for row in near if classes[row] == verdict.seen_class
             ]

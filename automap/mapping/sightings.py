@@ -10,13 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.earth import metres_per_radian
+from automap.mapping import limits
 from automap.records import DrivePath, FloatArray, IntArray
 
-UNKNOWN_SD_M = 3.0
-"""Taken for the error of a sighting whose covariance is not known."""
-
-_LEAST_SD_M = 0.02
-_LEAST_OWN_SHARE = 0.02
 _STACKED = (
     "drive", "row", "time_s", "lat", "lon", "height", "per_lat", "per_lon", "own", "own_u",
     "shared_sd", "facing", "code", "confidence",
@@ -199,18 +195,18 @@ def split_covariance(
     uu = cov_enu[:, 2, 2].copy()
     with np.errstate(invalid="ignore"):
         bad = ~((ee > 0) & (nn > 0) & (ee * nn > en * en))
-    plain = UNKNOWN_SD_M**2 + shared**2
+    plain = limits.UNKNOWN_SD_M**2 + shared**2
     ee[bad], nn[bad], en[bad] = plain[bad, 0], plain[bad, 1], 0.0
     lost = ~(uu > 0)
     uu[lost] = plain[lost, 2]
-    least = _LEAST_SD_M**2
+    least = limits.LEAST_SD_M**2
     a, c = np.maximum(shared[:, 0], 1e-6), np.maximum(shared[:, 1], 1e-6)
     # smallest eigenvalue of the total in units of the shared part
     p, q, r = ee / a**2, nn / c**2, en / (a * c)
     smallest = 0.5 * (p + q) - np.sqrt(0.25 * (p - q) ** 2 + r**2)
-    factor = np.sqrt(np.clip((1.0 - _LEAST_OWN_SHARE) * smallest, 0.0, 1.0))
+    factor = np.sqrt(np.clip((1.0 - limits.LEAST_OWN_SHARE) * smallest, 0.0, 1.0))
     factor_u = np.sqrt(
-        np.clip((1.0 - _LEAST_OWN_SHARE) * uu / np.maximum(shared[:, 2], 1e-6) ** 2, 0.0, 1.0)
+        np.clip((1.0 - limits.LEAST_OWN_SHARE) * uu / np.maximum(shared[:, 2], 1e-6) ** 2, 0.0, 1.0)
     )
     scaled = shared * np.column_stack([factor, factor, factor_u])
     own = np.column_stack([ee - scaled[:, 0] ** 2, en, nn - scaled[:, 1] ** 2])

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.mapping import limits
+from automap.mapping.grid import RADIUS_M
 from automap.records import FloatArray, IntArray
-
-CORE_SIGNS = 50
-MOST_SIGNS = 140
-MARGIN_M = 60.0
 
 
 @dataclass(frozen=True)
@@ -24,12 +22,15 @@ class Tile:
 
 
 def cut_tiles(
-    lat: FloatArray, lon: FloatArray, core: int = CORE_SIGNS, margin_m: float = MARGIN_M
+    lat: FloatArray,
+    lon: FloatArray,
+    core: int = limits.CORE_SIGNS,
+    margin_m: float = limits.MARGIN_M,
 ) -> Iterator[Tile]:
     """Tiles of at most ``core`` signs at positions in rad [m], each sign in exactly one.
 
     The longer side is halved at the median until few enough are left. Around a tile lies a
-    margin in which at most ``MOST_SIGNS`` in all are taken, the nearest first.
+    margin in which at most ``limits.MOST_SIGNS`` in all are taken, the nearest first.
     """
     from scipy.spatial import cKDTree
 
@@ -39,16 +40,15 @@ def cut_tiles(
     # chords on the unit sphere serve as distances for the search
     sphere = np.column_stack([east * np.cos(lon), east * np.sin(lon), np.sin(lat)])
     tree = cKDTree(sphere)
-    radius = 6371000.0
     for rows in _halve(sphere, np.arange(len(lat)), core):
         centre = sphere[rows].mean(axis=0)
-        reach = float(np.max(np.linalg.norm(sphere[rows] - centre, axis=1))) + margin_m / radius
+        reach = float(np.max(np.linalg.norm(sphere[rows] - centre, axis=1))) + margin_m / RADIUS_M
         near = np.array(sorted(tree.query_ball_point(centre, reach)), np.int64)
         others = np.setdiff1d(near, rows, assume_unique=True)
         if len(others):
             gap = np.asarray(cKDTree(sphere[rows]).query(sphere[others])[0], np.float64)
             order = np.argsort(gap, kind="stable")
-            order = order[gap[order] * radius < margin_m][: MOST_SIGNS - len(rows)]
+            order = order[gap[order] * RADIUS_M < margin_m][: limits.MOST_SIGNS - len(rows)]
             others = others[order]
         yield Tile(rows, np.concatenate([rows, np.sort(others)]))
 

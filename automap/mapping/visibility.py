@@ -6,29 +6,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from automap.jit import kernel_in_order
 from automap.mapping.grid import delta, filled_table, neighbours
+from automap.mapping.limits import (
+    EDGE_SHARE,
+    FACE_LIMIT,
+    FARTHEST_M,
+    HEAD_ON,
+    HEAD_ON_M,
+    LEAST_ROWS,
+    NEAREST_M,
+    SAME_HEADING,
+    SAME_LATERAL_M,
+)
 from automap.mapping.sightings import CameraView, DriveSigns
 from automap.records import BoolArray, DrivePath, FloatArray, IntArray
 
-NEAREST_M = 7.0
-FARTHEST_M = 60.0
-"""Between these distances a sign may be seen; how often it is, is estimated."""
-FACE_LIMIT = 1.05
-"""Angle at which a face is still read, rad."""
-EDGE_SHARE = 0.9
-"""Part of half the field of view within which a sign counts as in the picture."""
-LEAST_ROWS = 2
-"""Places on the path, some 8 m apart, from which a sign must have been in view."""
 _STRIDE = 2
+"""Rows of a path from one that is looked at to the next."""
 
 DEFAULT_CAMERA = CameraView(0.0, 0.5)
-SAME_HEADING = 0.6
-SAME_LATERAL_M = 5.0
-"""Two drives approach a sign alike when they differ by less than this."""
-_HEAD_ON = 0.8
-_HEAD_ON_M = 12.0
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,7 @@ def in_view(
     return seen, nearest[seen, 1], nearest[seen, 2]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def _look(
     car_lat: FloatArray,
     car_lon: FloatArray,
@@ -153,7 +151,7 @@ def _look(
     return n
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def turned(angle: float) -> float:
     """The same angle between -pi and pi."""
     return (angle + np.pi) % (2.0 * np.pi) - np.pi
@@ -173,7 +171,7 @@ def alike(views: Opportunities, seen: BoolArray) -> BoolArray:
     return result
 
 
-@njit(cache=True, error_model="numpy")
+@kernel_in_order
 def _alike(sign: IntArray, heading: FloatArray, offset: FloatArray, seen: BoolArray) -> BoolArray:
     result = seen.copy()
     start = 0
@@ -203,5 +201,5 @@ def head_on(views: Opportunities, facing: FloatArray) -> Opportunities:
     """
     turn = views.heading + np.pi - facing[views.sign]
     turn = np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi)
-    good = ~(turn > _HEAD_ON) & (np.abs(views.offset) < _HEAD_ON_M)
+    good = ~(turn > HEAD_ON) & (np.abs(views.offset) < HEAD_ON_M)
     return views.at(good)

@@ -14,7 +14,8 @@ import numpy as np
 
 from automap.evaluation.sign_matching import match, points_of, summarise_signs
 from automap.geolocation.locate import locate_signs
-from automap.mapping.merge import LEAST_EXISTENCE, merge_drives
+from automap.mapping.limits import LEAST_EXISTENCE
+from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import CameraView, DriveSigns
 from automap.records import DrivePath, FloatArray, Sign, SignPoints, Trajectory
 from tests.benchmarks.geolocation_world import Difficulty, World, make_world, true_points

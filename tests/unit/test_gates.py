@@ -5,12 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automap.gates import OUTSIDE_95, exceeds, gate, mean_square_limits, sd_by_median
+from automap.gates import (
+    OUTSIDE_95,
+    exceeds,
+    gate,
+    gate_in_plane,
+    mean_square_limits,
+    sd_by_median,
+)
 
 
 def test_a_gate_of_two_rows_is_the_tail_of_an_exponential() -> None:
     for probability in (0.05, 1e-3, 3e-4):
         assert gate(probability, 2) == pytest.approx(-2.0 * np.log(probability), rel=1e-12)
+        assert gate_in_plane(probability) == pytest.approx(gate(probability, 2), rel=1e-12)
 
 
 @pytest.mark.parametrize("dof", [1, 2, 3, 7])

@@ -7,7 +7,6 @@ import pytest
 from merge_scene import Errors, Scene, street_scene, to_enu
 
 from automap.mapping.adjustment import (
-    COMMON_SD_M,
     Adjusted,
     ErrorLevels,
     adjust,
@@ -15,6 +14,7 @@ from automap.mapping.adjustment import (
 from automap.mapping.adjustment_kernels import covariance_of_drive, invert
 from automap.mapping.association import Association
 from automap.mapping.error_levels import estimate_levels
+from automap.mapping.limits import COMMON_SD_M
 from automap.mapping.sightings import Sightings, stack_sightings
 from automap.mapping.tiles import cut_tiles
 

@@ -9,9 +9,10 @@ import pytest
 from merge_scene import Errors, Scene, Town, drive_through, street_scene
 
 from automap.mapping.association import associate
-from automap.mapping.classes import DIFFERENT, SAME, class_evidence
+from automap.mapping.classes import class_evidence
 from automap.mapping.duplicates import join_duplicates
 from automap.mapping.grid import filled_table, neighbours
+from automap.mapping.limits import DIFFERENT, SAME
 from automap.mapping.sightings import (
     canonical_order,
     split_covariance,

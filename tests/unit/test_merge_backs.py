@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from merge_scene import Errors, Town, drive_through
 
-from automap.mapping.merge import LEAST_EXISTENCE, merge_drives
+from automap.mapping.limits import LEAST_EXISTENCE
+from automap.mapping.merge import merge_drives
 
 STOP, GREY = "regulatory--stop--g1", "information--unknown-other"
 DAY_S = 86400.0

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from merge_scene import ORIGIN, to_enu, to_geodetic
 
-from automap.mapping.adjustment import COMMON_SD_M, Adjusted, ErrorLevels, adjust
+from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust
 from automap.mapping.association import Association, associate
 from automap.mapping.candidates import (
     D_E,
     D_N,
     D_U,
     EVIDENCE,
-    MOST,
     PLACES,
     V_EE,
     V_EN,
@@ -21,6 +20,7 @@ from automap.mapping.candidates import (
     V_U,
 )
 from automap.mapping.error_levels import estimate_levels
+from automap.mapping.limits import COMMON_SD_M, MOST
 from automap.mapping.offset_kernels import smooth, vote
 from automap.mapping.sightings import DrivePath, DriveSigns, Sightings, stack_sightings
 

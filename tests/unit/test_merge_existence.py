@@ -15,10 +15,10 @@ from automap.mapping.existence import (
     still_there,
 )
 from automap.mapping.grid import filled_table
+from automap.mapping.limits import FARTHEST_M
 from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import CameraView
 from automap.mapping.visibility import (
-    FARTHEST_M,
     Opportunities,
     alike,
     head_on,
