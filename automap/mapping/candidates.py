@@ -27,10 +27,13 @@ A_EE, A_EN, A_NN, A_U = 3, 4, 5, 6  # information of the members' own errors, 1/
 B_E, B_N, B_U = 7, 8, 9  # information times place
 FACE_N, FACE_E, SUPPORT = 10, 11, 12
 STATE = 13
+"""Number of these columns."""
 
 CLASS_SLOTS = 4
+"""Classes that are kept of a map sign."""
 
 PLACES = 8
+"""Number of a candidate's columns."""
 # columns of a candidate: place relative to the map sign, variances of both, evidence
 D_E, D_N, D_U, V_EE, V_EN, V_NN, V_U, EVIDENCE = 0, 1, 2, 3, 4, 5, 6, 7
 

@@ -21,6 +21,7 @@ from automap.mapping.limits import (
 from automap.records import FloatArray, IntArray
 
 _ROUNDS = 3
+"""Of the choice of candidates and their mean."""
 
 
 @kernel_in_order

@@ -17,6 +17,7 @@ _LONGEST_BRIDGE_S = 1.5
 """Between two views of a track its box is drawn too, unless they are further apart."""
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _LETTERS = 0.45
+"""Size of the letters, in that of the font."""
 _COLOURS = (
     (60, 200, 60), (60, 160, 255), (255, 160, 60), (220, 80, 220), (60, 220, 220), (255, 220, 60),
 )  # fmt: skip

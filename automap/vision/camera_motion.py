@@ -18,19 +18,15 @@ from automap.effects.camera import direction_by_turn
 from automap.effects.lens import focal_length, normalise
 from automap.gates import sd_by_median
 from automap.records import Camera, FloatArray, Image
+from automap.robust import cauchy_weight
+from automap.vision import limits
 from automap.vision.camera_path import CameraPath
 
 _WIDTH = 320
-_POINTS = 80
+"""Of the reduced picture, px."""
 _WINDOW = (11, 11)
 _LEVELS = 3
-_WORST_PX = 1.0
-_FEWEST = 12
-_STILL_PX = 0.17
-_TURN_RATE_SD = 0.3
-_SPEED = 12.0
-_SPEED_LOG_SD = 0.6
-_SPEED_SHARE = 0.2
+"""Of the pyramid: flow of half the window times 2^3."""
 
 
 @dataclass(frozen=True)
@@ -64,16 +60,17 @@ def motion_on_path(path: CameraPath, old: int, new: int, seconds: float) -> Moti
     moved = path.C_cam_ref[old] @ (path.centre[new] - path.centre[old])
     distance = float(np.linalg.norm(moved))
     # attitude is good from frame to frame; mounting and time offset tilt the way ahead
-    moved_sd = np.full(3, 0.05 + 0.04 * distance)
-    return Motion(C_new_old, moved, 0.0015 + 0.004 * min(seconds, 3.0), moved_sd)
+    moved_sd = np.full(3, limits.PATH_STEP_SD_M + limits.PATH_STEP_SHARE * distance)
+    turn_sd = limits.PATH_TURN_SD + limits.PATH_TURN_RATE_SD * min(seconds, limits.PATH_TURN_S)
+    return Motion(C_new_old, moved, turn_sd, moved_sd)
 
 
 def guessed_motion(seconds: float) -> Motion:
     """Nothing is known: town speed straight ahead, and any turn that a car can make."""
-    ahead = _SPEED * seconds
-    sd = np.array([_SPEED_SHARE * ahead, 0.1 * ahead, 0.05 * ahead]) + 0.1
-    turn_sd = _TURN_RATE_SD * seconds
-    return Motion(np.eye(3), np.array([ahead, 0.0, 0.0]), turn_sd, sd, _SPEED_LOG_SD)
+    ahead = limits.TOWN_SPEED * seconds
+    sd = np.array(limits.SPEED_SHARES) * ahead + limits.MOVE_SD_M
+    turn_sd = limits.TURN_RATE_SD * seconds
+    return Motion(np.eye(3), np.array([ahead, 0.0, 0.0]), turn_sd, sd, limits.SPEED_LOG_SD)
 
 
 class ImageMotion:
@@ -96,10 +93,13 @@ class ImageMotion:
         if before is None or not wanted or before.shape != small.shape:
             return guess
         old, new = _flow(before, self._before)
-        if len(old) < _FEWEST:
+        if len(old) < limits.FEWEST_POINTS:
             return guess
-        if float(np.median(np.linalg.norm(new - old, axis=1))) < _STILL_PX:
-            return Motion(np.eye(3), np.zeros(3), 0.002, np.full(3, 0.05), _SPEED_LOG_SD)
+        if float(np.median(np.linalg.norm(new - old, axis=1))) < limits.STILL_PX:
+            still_sd = np.full(3, limits.STILL_MOVE_SD_M)
+            return Motion(
+                np.eye(3), np.zeros(3), limits.STILL_TURN_SD, still_sd, limits.SPEED_LOG_SD
+            )
         before_ray, now_ray = (normalise(self._camera, points / scale) for points in (old, new))
         turn, sd = _turn_from_flow(before_ray, now_ray, focal_length(self._camera) * scale)
         if turn is None:
@@ -124,15 +124,15 @@ def _flow(before: Image, now: Image) -> tuple[FloatArray, FloatArray]:
     height = before.shape[0]
     # the bonnet moves along, and so do its reflections
     mask = np.zeros(before.shape, np.uint8)
-    mask[: int(0.75 * height)] = 255
-    points: Any = cv2.goodFeaturesToTrack(before, _POINTS, 0.01, 8, mask=mask)
+    mask[: int(limits.FLOW_HEIGHT * height)] = 255
+    points: Any = cv2.goodFeaturesToTrack(before, limits.FLOW_POINTS, 0.01, 8, mask=mask)
     if points is None:
         return np.zeros((0, 2)), np.zeros((0, 2))
     follow: Any = cv2.calcOpticalFlowPyrLK
     moved, found, _ = follow(before, now, points, None, winSize=_WINDOW, maxLevel=_LEVELS)
     back, found_back, _ = follow(now, before, moved, None, winSize=_WINDOW, maxLevel=_LEVELS)
     there = (found[:, 0] > 0) & (found_back[:, 0] > 0)
-    there &= np.linalg.norm(back - points, axis=2)[:, 0] < _WORST_PX
+    there &= np.linalg.norm(back - points, axis=2)[:, 0] < limits.FLOW_WORST_PX
     old, new = points[there, 0], moved[there, 0]
     return np.asarray(old, np.float64), np.asarray(new, np.float64)
 
@@ -148,8 +148,8 @@ def _turn_from_flow(
     a, b = 0.5 * (old + new).T
     radius = np.hypot(a, b)
     # nothing is known of what lies outside the lens model
-    use = (radius > 0.03) & np.isfinite(new).all(axis=1)
-    if use.sum() < _FEWEST:
+    use = (radius > limits.LEAST_RADIUS) & np.isfinite(new).all(axis=1)
+    if use.sum() < limits.FEWEST_POINTS:
         return None, 0.0
     a, b, radius = a[use], b[use], radius[use]
     across = np.column_stack([-b, a]) / radius[:, None]
@@ -157,7 +157,7 @@ def _turn_from_flow(
     per_axis = direction_by_turn(np.column_stack([np.ones(len(a)), a, b]))[:, :2]
     A = np.einsum("kc,kcj->kj", across, per_axis)
     y = np.einsum("kc,kc->k", across, flow)
-    noise = 0.5 / focal
+    noise = limits.FLOW_NOISE_PX / focal
     weight = np.ones(len(y))
     turn = np.zeros(3)
     for _ in range(8):
@@ -165,8 +165,8 @@ def _turn_from_flow(
         turn = np.linalg.solve(N, A.T @ (weight * y))
         residual = y - A @ turn
         sigma = max(noise, sd_by_median(residual))
-        weight = 1.0 / (1.0 + (residual / (2.0 * sigma)) ** 2)
-    if sigma > 0.03:
+        weight = cauchy_weight((residual / sigma) ** 2, limits.FLOW_HALF_WEIGHT)
+    if sigma > limits.WORST_FLOW:
         return None, 0.0
     sd = float(np.sqrt(np.diag(np.linalg.inv(N)).max()) * sigma)
-    return turn, 0.003 + 2.0 * sd
+    return turn, limits.LEAST_TURN_SD + 2.0 * sd

@@ -10,9 +10,7 @@ from automap.effects.camera import camera_poses
 from automap.frames import matrix_to_rotation_vector
 from automap.interpolation import poses_at
 from automap.records import BoolArray, Camera, FloatArray, IntArray, Trajectory
-
-_LONGEST_STEP_M = 20.0
-"""A step between two frames beyond this is a hole in the data, not motion."""
+from automap.vision import limits
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class CameraPath:
         turn = self.C_cam_ref[rows - 1] @ np.swapaxes(self.C_cam_ref[rows], 1, 2)
         if len(rows):
             turned[rows] = np.linalg.norm(matrix_to_rotation_vector(turn), axis=1)
-        both &= np.nan_to_num(travelled, nan=np.inf) < _LONGEST_STEP_M
+        both &= np.nan_to_num(travelled, nan=np.inf) < limits.LONGEST_STEP_M
         return np.where(both, travelled, 0.0), np.where(both, turned, 0.0), both
 
 

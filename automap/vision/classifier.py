@@ -17,25 +17,18 @@ import numpy.typing as npt
 from automap.records import FloatArray, Image, IntArray
 from automap.signs.classes import country_set, load_classes
 from automap.signs.vocabulary import load_vocabulary
+from automap.vision import limits
 from automap.vision.detector import Alternatives
 from automap.vision.onnx_model import OnnxModel
 
 Floats = npt.NDArray[np.float32]
 
 CROP_PX = 48
-MARGIN = 0.09
-"""Of the box's size, on every side of it: what is around a face tells its shape, but more of it
-and the light that a face is seen by is no longer its own."""
-_FOREIGN = 0.03
-"""Prior weight of a class that does not belong to the country."""
-_TRAINED_ODDS = 3.4
-"""Classes to faces of no class among the signs of the training."""
-_ODDS_AT_HOME, _ODDS_ELSEWHERE = 6.7, 1.0
-"""The same where the country's set is known, as found on the German street images to tune on (67
-to 10), and in the rest of the world, whose signs are taken to be as often none of the classes."""
-_LISTED = 6
-_FAINT = 0.01
+"""Side of what the network sees."""
+_LISTED, _FAINT = 6, 0.01
+"""Alternatives that are told of a face at most, and how probable they are at least."""
 _BATCH = 32
+"""Faces that are named at once."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +55,7 @@ def crop_faces(image: Image, boxes: FloatArray) -> Image:
     """The boxes [n, 4] with a margin as crops [n, CROP_PX, CROP_PX, 3] of a BGR picture."""
     crops = np.empty((len(boxes), CROP_PX, CROP_PX, 3), np.uint8)
     for crop, box in zip(crops, boxes, strict=True):
-        size = np.maximum(box[2:] - box[:2] + 1.0, 2.0) * (1.0 + 2.0 * MARGIN)
+        size = np.maximum(box[2:] - box[:2] + 1.0, 2.0) * (1.0 + 2.0 * limits.FACE_MARGIN)
         middle = (box[:2] + box[2:]) / 2.0
         step = size / CROP_PX
         first = middle - size / 2.0 + step / 2.0
@@ -162,13 +155,13 @@ class SignClassifier:
         """Prior weights of all outputs but the last."""
         if self._prior is None:
             known, allowed = load_classes(), country_set(self._country)
-            odds = _ODDS_ELSEWHERE if len(allowed) == len(known) else _ODDS_AT_HOME
+            odds = limits.ODDS_ELSEWHERE if len(allowed) == len(known) else limits.ODDS_AT_HOME
             weights = [
-                _TRAINED_ODDS / odds
+                limits.TRAINED_ODDS / odds
                 if label not in known
                 else 1.0
                 if label in allowed
-                else _FOREIGN
+                else limits.FOREIGN
                 for label in self.labels[:-1]
             ]
             self._prior = np.array(weights, np.float32)

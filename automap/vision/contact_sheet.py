@@ -9,10 +9,8 @@ import numpy as np
 
 from automap.records import Crop, Image
 
-_CELL = 144
-_CAPTION = 34
-_COLUMNS = 8
-_MOST = 400
+_CELL, _CAPTION, _COLUMNS, _MOST = 144, 34, 8, 400
+"""Of the sheet: px, px, cells in a row, and cells in all."""
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 

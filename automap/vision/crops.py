@@ -8,13 +8,12 @@ import cv2
 import numpy as np
 
 from automap.records import Crop, FloatArray, Image
+from automap.vision import limits
 
 _SURROUND = 0.35
 """What is shown around a box, in parts of its longer side."""
-_LARGEST_PX = 160
-_SMALLEST_PX = 64
-_QUALITY = 85
-_BETTER = 1.1
+_SMALLEST_PX, _LARGEST_PX, _QUALITY = 64, 160, 85
+"""Of the pictures kept: sides in px, and that of JPEG."""
 
 
 class BestCrops:
@@ -37,10 +36,12 @@ class BestCrops:
         """Take this view of a track if it is better than the best so far."""
         height, width = image.shape[:2]
         sides = box[2:] - box[:2]
-        cut = min(box[0], box[1], width - 1 - box[2], height - 1 - box[3]) < 1.5
-        worth = float(score * np.sqrt(max(float(sides.min()), 1.0)) * (0.3 if cut else 1.0))
+        cut = min(box[0], box[1], width - 1 - box[2], height - 1 - box[3]) < limits.CUT_PX
+        worth = float(
+            score * np.sqrt(max(float(sides.min()), 1.0)) * (limits.CUT_WORTH if cut else 1.0)
+        )
         known = self._best.get(track)
-        if known is not None and worth < _BETTER * known.worth:
+        if known is not None and worth < limits.BETTER_VIEW * known.worth:
             return
         picture, inside = cut_out(image, box)
         coded, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])

@@ -20,6 +20,7 @@ SCHEMA = "automap.detector/1"
 Share = Annotated[FiniteFloat, Field(ge=0, le=1)]
 Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 _ALTERNATIVES = 5
+"""Class names that are told of a box at most."""
 
 
 class Description(BaseModel):

@@ -5,15 +5,12 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from automap.gates import sd_by_median
 from automap.records import Image
+from automap.vision import limits
 
 _STEP = 8
-_WHITE_SHARE = 95.0
-_DARK = 140.0
-_WANTED, _MOST_GAIN = 180.0, 4.0
-_NOISY = 0.04
-_SMOOTH_PX = 0.9
-_BAND = 192
+"""Every eighth pixel tells the light."""
 _MASK = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
 
 
@@ -25,11 +22,11 @@ def brightened(image: Image) -> Image:
     bright ones, and a higher gain alone would cost more than it helps. Lamps do not count: the
     light is that which a twentieth of the picture exceeds.
     """
-    white = float(np.percentile(image[::_STEP, ::_STEP, 1], _WHITE_SHARE))
-    if white >= _DARK or noise_of(image) < _NOISY * white:
+    white = float(np.percentile(image[::_STEP, ::_STEP, 1], limits.WHITE_PERCENTILE))
+    if white >= limits.DARK_GREYS or noise_of(image) < limits.NOISY_SHARE * white:
         return image
-    gain = float(np.clip(_WANTED / max(white, 1.0), 1.0, _MOST_GAIN))
-    smooth = cv2.GaussianBlur(image, (0, 0), _SMOOTH_PX)
+    gain = float(np.clip(limits.WANTED_GREYS / max(white, 1.0), 1.0, limits.MOST_GAIN))
+    smooth = cv2.GaussianBlur(image, (0, 0), limits.SMOOTH_PX)
     return np.asarray(cv2.convertScaleAbs(smooth, alpha=gain), np.uint8)
 
 
@@ -39,8 +36,9 @@ def noise_of(image: Image) -> float:
     By the median of a mask that plane light and straight edges leave at zero (after Immerkaer
     1996, *Fast noise variance estimation*).
     """
-    top = max((image.shape[0] - _BAND) // 2, 0)
-    band = np.ascontiguousarray(image[top : top + _BAND])
+    top = max((image.shape[0] - limits.NOISE_BAND_PX) // 2, 0)
+    band = np.ascontiguousarray(image[top : top + limits.NOISE_BAND_PX])
     grey = cv2.cvtColor(band, cv2.COLOR_BGR2GRAY).astype(np.float32)
-    rough = np.abs(cv2.filter2D(grey, -1, _MASK)[1:-1, 1:-1])
-    return float(np.median(rough)) / 0.6745 / 6.0 if rough.size else 0.0
+    rough = np.asarray(cv2.filter2D(grey, -1, _MASK)[1:-1, 1:-1], np.float64)
+    # the mask makes six times the noise of a pixel
+    return sd_by_median(rough) / 6.0 if rough.size else 0.0

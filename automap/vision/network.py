@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.records import FloatArray, Image, IntArray
+from automap.vision import limits
 from automap.vision.classifier import SignClassifier
 from automap.vision.dark import brightened
 from automap.vision.detector import FoundSigns, Region
@@ -20,16 +21,13 @@ from automap.vision.onnx_model import OnnxModel
 
 Floats = npt.NDArray[np.float32]
 
-_STRIDE = 4
-_MULTIPLE = 32
+_STRIDE, _MULTIPLE = 4, 32
+"""Of the heat map's cells, px, and what the sides of a picture must be a multiple of."""
 _PAIR = np.dtype("V6")
 _KINDS = 2
+"""Heat maps: of the kinds that are labelled everywhere, and of all others."""
 _LARGEST_STEP = 5.6
-_LARGEST_ZOOM = 2.0
-_SURE = 1e-4
-_MIDDLE_SHARE = 0.19
-_LEAST_HEAT = 0.1
-_WEIGHTS = (0.0, 1.0, 0.5)
+"""Of the logarithm of a distance in strides, as in the training: 1080 px."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +95,7 @@ class NetworkDetector:
 
     def zoom_of(self, image: Image) -> float:
         """How much a picture is enlarged: the smaller it is, the fewer pixels a far sign has."""
-        return float(min(max(self.rules.width / max(image.shape[:2]), 1.0), _LARGEST_ZOOM))
+        return float(min(max(self.rules.width / max(image.shape[:2]), 1.0), limits.MOST_ZOOM))
 
     def propose(
         self, image: Image, region: Region | None = None, zoom: float | None = None
@@ -127,7 +125,7 @@ class NetworkDetector:
         return boxes[kept], scores[kept]
 
     def _named(self, image: Image, boxes: FloatArray, scores: FloatArray) -> FoundSigns:
-        weights = self._model.notes.get("score", _WEIGHTS)
+        weights = self._model.notes.get("score", limits.JOINT_WEIGHTS)
         # what no face could bring to the least score need not be named
         able = [joint_score(float(s), 1.0, weights) >= self.rules.min_score for s in scores]
         boxes, scores = boxes[able], scores[able]
@@ -154,7 +152,10 @@ def joint_score(found: float, sign: float, weights: Sequence[float]) -> float:
     Their log-odds are added with ``weights`` after a bias, which were fitted to street images
     that neither was trained on.
     """
-    odds = [math.log(p / (1.0 - p)) for p in (min(max(v, _SURE), 1 - _SURE) for v in (found, sign))]
+    odds = [
+        math.log(p / (1.0 - p))
+        for p in (min(max(v, limits.SURE), 1 - limits.SURE) for v in (found, sign))
+    ]
     total = weights[0] + weights[1] * odds[0] + weights[2] * odds[1]
     return 1.0 / (1.0 + math.exp(-total))
 
@@ -212,7 +213,7 @@ def _mean_boxes(maps: Floats, logits: Floats, rows: IntArray, columns: IntArray)
     own = _cell_boxes(maps, rows, columns)
     middle = (_STRIDE - 1) / 2.0
     peak = 1.0 / (1.0 + np.exp(-logits[rows, columns].astype(np.float64)))
-    reach = np.maximum(_MIDDLE_SHARE * (own[:, 2:] - own[:, :2]), 1.0)
+    reach = np.maximum(limits.MIDDLE_SHARE * (own[:, 2:] - own[:, :2]), 1.0)
     total, weights = np.zeros((len(rows), 4)), np.zeros(len(rows))
     for down, right in product((-1, 0, 1), repeat=2):
         row, column = rows + down, columns + right
@@ -221,7 +222,7 @@ def _mean_boxes(maps: Floats, logits: Floats, rows: IntArray, columns: IntArray)
         place = np.stack([column, row], axis=1) * float(_STRIDE) + middle
         away = np.abs(place - (own[:, :2] + own[:, 2:]) / 2.0)
         heat = 1.0 / (1.0 + np.exp(-logits[row, column].astype(np.float64)))
-        near = inside & (away <= reach).all(axis=1) & (heat > _LEAST_HEAT * peak)
+        near = inside & (away <= reach).all(axis=1) & (heat > limits.LEAST_HEAT * peak)
         share = np.where(near | ((down, right) == (0, 0)), heat, 0.0)
         total += share[:, None] * _cell_boxes(maps, row, column)
         weights += share

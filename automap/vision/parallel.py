@@ -21,8 +21,8 @@ from automap.vision.detector import FoundSigns
 
 T = TypeVar("T")
 
-_MOST = 8
-_POLL_S = 0.2
+_MOST, _POLL_S = 8, 0.2
+"""Threads at most, and how often a wait looks whether it shall end."""
 _HELD_BYTES = 96_000_000
 """Pictures held at once may take so much memory, but a few are held whatever their size."""
 

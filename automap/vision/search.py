@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.records import Camera, Crop, Detections, FrameTimes, IntArray, VideoFrame, usual_matrix
+from automap.vision import limits
 from automap.vision.camera_motion import ImageMotion, Motion, motion_on_path
 from automap.vision.camera_path import CameraPath
 from automap.vision.crops import BestCrops
@@ -23,14 +24,8 @@ from automap.vision.voting import View, view_of, vote
 Progress = Callable[[float, str], None]
 
 _THUMBNAIL = (128, 72)
-_STILL_GREYS = 4.0
-_STILL_SHARE = 0.002
 _REPORT_S = 0.1
-_CUT_PX = 1.5
-_AROUND_PX = 48.0
-_MOVED_SHARE = 0.04
-_HINT = 0.5
-"""A box of this part of the least score is no detection, but a reason to look closer."""
+"""From one report of progress to the next."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +47,7 @@ class SearchRules:
     @property
     def hint(self) -> float:
         """The score from which a box is a reason to search the frames beside it."""
-        return _HINT * self.min_score
+        return limits.HINT * self.min_score
 
 
 @dataclass(frozen=True)
@@ -176,8 +171,8 @@ def _find(
     if beside is not None and rules.windows:
         boxes = np.concatenate([found.box[found.score >= rules.hint] for found in beside])
         # as far as a sign moves, and what a network wants to see around it
-        margin = _AROUND_PX + np.max(boxes[:, 2:] - boxes[:, :2], initial=0.0)
-        margin += _MOVED_SHARE * width
+        margin = limits.AROUND_PX + np.max(boxes[:, 2:] - boxes[:, :2], initial=0.0)
+        margin += limits.MOVED_SHARE * width
         low = np.maximum(np.floor(boxes[:, :2].min(axis=0) - margin), 0).astype(np.int64)
         high = np.minimum(np.ceil(boxes[:, 2:].max(axis=0) + margin), high).astype(np.int64)
         low = np.minimum(low, high - 1)
@@ -189,8 +184,8 @@ def _find(
         found = detector.detect(picture.image[low[1] : high[1], low[0] : high[0]])
         box = found.box + np.tile(low, 2)
     # what is cut off inside the picture has a box that is too small
-    cut = ((box[:, :2] < low + _CUT_PX) & (low > 0)).any(axis=1)
-    cut |= ((box[:, 2:] > high - 1 - _CUT_PX) & (high < (width, height))).any(axis=1)
+    cut = ((box[:, :2] < low + limits.CUT_PX) & (low > 0)).any(axis=1)
+    cut |= ((box[:, 2:] > high - 1 - limits.CUT_PX) & (high < (width, height))).any(axis=1)
     return _some(replace(found, box=box), np.flatnonzero(~cut))
 
 
@@ -251,7 +246,7 @@ def _alike(one: npt.NDArray[np.float32], other: npt.NDArray[np.float32]) -> bool
     """
     change = other - one
     change -= np.median(change)
-    return float(np.mean(np.abs(change) > _STILL_GREYS)) < _STILL_SHARE
+    return float(np.mean(np.abs(change) > limits.STILL_GREYS)) < limits.STILL_SHARE
 
 
 class _Motions:

@@ -20,11 +20,9 @@ from automap.effects.camera import direction_by_point, direction_by_turn
 from automap.effects.lens import box_variances, focal_length, normalise
 from automap.gates import gate
 from automap.records import BoolArray, Camera, FloatArray, IntArray
+from automap.vision import limits
 from automap.vision.camera_motion import Motion
 from automap.vision.detector import FoundSigns
-
-_NEAREST_M = 0.5
-_CLOSER = 0.6
 
 
 @dataclass(frozen=True)
@@ -80,7 +78,7 @@ class Tracker:
                 self._update(link, z[row], R[row])
             self._silent_s[link] = self._silent_m[link] = 0.0
             votes = self._votes[link]
-            votes[name] = votes.get(name, 0.0) + max(score, 1e-3)
+            votes[name] = votes.get(name, 0.0) + max(score, limits.LEAST_SCORE)
             track[row] = self._number[link]
         # a box without a direction (outside the lens model) is a sign all the same
         for untracked in np.flatnonzero(track < 0):
@@ -108,11 +106,11 @@ class Tracker:
         moved = np.tile(motion.moved, (len(x), 1))
         if motion.scale_log_sd > 0.0:
             # what is only guessed passes no sign; it stays in front until it is not seen there
-            part = _CLOSER / np.maximum(inverse * motion.moved[0], 1e-9)
+            part = limits.CLOSER / np.maximum(inverse * motion.moved[0], 1e-9)
             moved *= part.clip(max=1.0)[:, None]
         p = (old - inverse[:, None] * moved) @ R.T
         depth = p[:, 0] / inverse
-        ahead = depth > _NEAREST_M
+        ahead = depth > limits.NEAREST_M
         p0 = np.where(ahead, p[:, 0], 1.0)
         direction = p[:, 1:] / p0[:, None]
 

@@ -10,16 +10,8 @@ import numpy as np
 
 from automap.signs.classes import load_classes
 from automap.signs.vocabulary import load_vocabulary
+from automap.vision import limits
 from automap.vision.detector import Alternatives, FoundSigns
-
-_CLEAR_PX = 32.0
-"""From this height a face shows all that a classifier can read."""
-_FAINTEST = 0.02
-_OTHERS = 50.0
-_NAMED = 0.55
-_DOUBTED = 0.35
-_INDEPENDENT = 4.0
-"""Views of one sign share light, dirt and angle: together they count as so many at most."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +28,7 @@ def view_of(found: FoundSigns, index: int) -> View:
     height = float(box[3] - box[1])
     if found.alternatives is not None and found.alternatives[index]:
         return View(found.alternatives[index], height)
-    score = float(np.clip(found.score[index], 0.05, 0.95))
+    score = float(np.clip(found.score[index], *limits.SCORE_LIMITS))
     return View(((found.class_name[index], score),), height)
 
 
@@ -49,18 +41,18 @@ def vote(views: Sequence[View]) -> tuple[str, float]:
     called after the shape and colour on which they agree.
     """
     names = sorted({name for view in views for name, _ in view.alternatives})
-    weight = np.array([min(max(v.height, 1.0) / _CLEAR_PX, 1.0) ** 2 for v in views])
+    weight = np.array([min(max(v.height, 1.0) / limits.CLEAR_PX, 1.0) ** 2 for v in views])
     listed = np.array([[dict(v.alternatives).get(name, 0.0) for name in names] for v in views])
-    rest = np.maximum(1.0 - listed.sum(axis=1), _FAINTEST) / _OTHERS
+    rest = np.maximum(1.0 - listed.sum(axis=1), limits.FAINTEST) / limits.OTHERS
     # rounded probabilities of exactly zero must not forbid a class
     total = weight @ np.log(np.maximum(listed, rest[:, None]))
-    total *= min(1.0, _INDEPENDENT / weight.sum())
+    total *= min(1.0, limits.INDEPENDENT / weight.sum())
     posterior = np.exp(total - total.max())
     posterior /= posterior.sum()
     best = int(np.argmax(posterior))
     mean = weight @ listed
     mean /= mean.sum()
-    if posterior[best] >= _NAMED and mean[best] >= _DOUBTED:
+    if posterior[best] >= limits.NAMED and mean[best] >= limits.DOUBTED:
         return names[best], float(posterior[best])
     groups: dict[str, float] = {}
     for name, part in zip(names, mean.tolist(), strict=True):

@@ -13,7 +13,16 @@ LIMITS = sorted(
     for top in ("automap", "pipeline")
     for path in (ROOT / top).rglob("limits.py")
 )
-JUDGE = ("fusion", "sync", "calibration", "geolocation", "mapping", "evaluation", "regression")
+JUDGE = (
+    "fusion",
+    "sync",
+    "calibration",
+    "vision",
+    "geolocation",
+    "mapping",
+    "evaluation",
+    "regression",
+)
 """Packages whose numbers stand in their ``limits``; codes, sizes and steps of an algorithm stand
 where they are used, and say so."""
 

@@ -16,7 +16,8 @@ from automap.errors import InputError
 from automap.signs.classes import country_set, load_classes, national_code
 from automap.signs.faces import draw_face, usual_size
 from automap.signs.vocabulary import SHAPES, load_vocabulary
-from automap.vision.classifier import CROP_PX, MARGIN, SignClassifier, crop_faces
+from automap.vision.classifier import CROP_PX, SignClassifier, crop_faces
+from automap.vision.limits import FACE_MARGIN
 from automap.vision.network import (
     NetworkDetector,
     NetworkRules,
@@ -151,7 +152,7 @@ def test_crops_hold_the_box_in_their_middle(size: float) -> None:
     middle = (CROP_PX - 1) / 2.0
     assert (weight * rows).sum() / weight.sum() == pytest.approx(middle, abs=0.15)
     assert (weight * columns).sum() / weight.sum() == pytest.approx(middle, abs=0.15)
-    assert weight.mean() / 255.0 == pytest.approx((1.0 + 2.0 * MARGIN) ** -2, rel=0.06)
+    assert weight.mean() / 255.0 == pytest.approx((1.0 + 2.0 * FACE_MARGIN) ** -2, rel=0.06)
 
 
 def test_a_crop_beyond_the_picture_is_filled_up() -> None:

@@ -1,0 +1,125 @@
+"""The numbers that decide what is found in pictures, and why each is what it is.
+
+What a user may want to change is in the rules of search, tracking and choice of frames. "Chosen"
+says of a number that neither a derivation nor a measurement gives it, and what it weighs. The
+networks' own figures are those that they were trained with (``docs/detector.md``).
+"""
+
+from __future__ import annotations
+
+# dark pictures (chosen together on the images to tune on, darkened and with noise)
+
+WHITE_PERCENTILE = 95.0
+"""The light of a picture is what a twentieth of it exceeds: lamps do not count."""
+DARK_GREYS, NOISY_SHARE = 140.0, 0.04
+"""Pictures whose light is below, in grey levels, and whose noise is more than that part of it, are
+raised: the networks find as much in dark ones without noise as in bright ones."""
+WANTED_GREYS, MOST_GAIN = 180.0, 4.0
+"""Light after raising, in grey levels, and the greatest gain: more raises noise only."""
+SMOOTH_PX = 0.9
+"""Sigma of the smoothing before: takes noise between neighbours, leaves faces of 10 px."""
+NOISE_BAND_PX = 192
+"""Rows in the middle of a picture that tell its noise: neither sky nor bonnet."""
+
+# boxes of the network
+
+MOST_ZOOM = 2.0
+"""Small pictures are enlarged at most so much: more has no detail, and costs its square."""
+SURE = 1e-4
+"""Probabilities are taken for no surer than this, to either side, when they are joined."""
+JOINT_WEIGHTS = (0.0, 1.0, 0.5)
+"""Bias and weights of the log-odds of detector and classifier of a model that states none; those of
+the one that comes along were fitted. Chosen: the detector decides."""
+MIDDLE_SHARE = 0.19
+"""Of a box's sides, how far from its middle cells tell its edges. So far they were trained to:
+where a bell of a sigma of 0.13 sides is above 0.35."""
+LEAST_HEAT = 0.1
+"""Of the peak's, below which a cell tells nothing of a box."""
+
+# faces
+
+FACE_MARGIN = 0.09
+"""Of the box's size, on every side of it: what is around a face tells its shape, but more of it
+and the light that a face is seen by is no longer its own. Set on the part to tune on."""
+FOREIGN = 0.03
+"""Prior weight of a class that does not belong to the country: thirty times the evidence."""
+TRAINED_ODDS, ODDS_AT_HOME, ODDS_ELSEWHERE = 3.4, 6.7, 1.0
+"""Classes to faces of no class: among the signs of the training; where the country's set is known,
+as found on the German street images to tune on (67 to 10); and in the rest of the world, whose
+signs are taken to be as often none of the classes."""
+
+# the class of a track
+
+CLEAR_PX = 32.0
+"""From this height a face shows all that a classifier can read."""
+FAINTEST, OTHERS = 0.02, 50.0
+"""What a view does not list has that probability together, at least, and is so many classes: none
+is forbidden by one view."""
+NAMED, DOUBTED = 0.55, 0.35
+"""A class is named that has this probability by all views, and this share of what they say one by
+one. Chosen: somewhat more likely than not, and not with two thirds of the views against it."""
+INDEPENDENT = 4.0
+"""Views of one sign share light, dirt and angle: together they count as so many at most."""
+SCORE_LIMITS = (0.05, 0.95)
+"""A detector that gives a name alone has its score for a probability, within these."""
+
+# tracks
+
+NEAREST_M = 0.5
+"""A sign nearer to the image plane has passed."""
+CLOSER = 0.6
+"""Of the distance that is left to a sign, how much a guessed motion may take at once."""
+LEAST_SCORE = 1e-3
+"""A box without a score still says a little of its class."""
+
+# motion of the camera
+
+LONGEST_STEP_M = 20.0
+"""A step between two frames beyond this is a hole in the data, not motion."""
+PATH_STEP_SD_M, PATH_STEP_SHARE = 0.05, 0.04
+"""Error of a step by the trajectory, m and part of its length: attitude is good from frame to
+frame, mounting and time offset tilt the way ahead (0.04 are 2.3 deg)."""
+PATH_TURN_SD, PATH_TURN_RATE_SD, PATH_TURN_S = 0.0015, 0.004, 3.0
+"""The same of its turn, rad and rad/s, up to so many seconds. Chosen: a pixel or two, and what late
+stamps make of bends."""
+TOWN_SPEED, SPEED_LOG_SD = 12.0, 0.6
+"""Speed taken where nothing is known, m/s: 43 km/h, to a factor of 1.8."""
+SPEED_SHARES, MOVE_SD_M = (0.2, 0.1, 0.05), 0.1
+"""Error of a guessed step ahead, to the right and down, parts of it, and m besides: what changes
+from frame to frame; the guess itself is a scale that stays (``SPEED_LOG_SD``)."""
+TURN_RATE_SD = 0.3
+"""Turn of a car of which nothing is known, rad/s: a corner taken at town speed."""
+STILL_PX, STILL_TURN_SD, STILL_MOVE_SD_M = 0.17, 0.002, 0.05
+"""Flow of a reduced picture, px, up to which the camera stands, and how sure that then is, rad and
+m. Chosen: more takes creeping for standing, less takes the jitter of points for motion."""
+FLOW_POINTS, FEWEST_POINTS = 80, 12
+"""Points that are followed, and how many must be left for three angles and as many outliers."""
+FLOW_WORST_PX = 1.0
+"""Points that come back further from their start, followed forth and back, were lost."""
+FLOW_HALF_WEIGHT = 2.0
+"""Sigmas at which a point counts half. Chosen nearer than ``robust.CAUCHY``: cars and shadows move,
+and there are points enough."""
+FLOW_NOISE_PX = 0.5
+"""Of a point's flow, whatever the residuals say."""
+LEAST_RADIUS, WORST_FLOW, LEAST_TURN_SD = 0.03, 0.03, 0.003
+"""Normalised coordinates: points nearer to the centre have no direction across; flow that fits a
+turn no better is none; and what a turn by flow is good to, rad, beside twice its own sigma."""
+FLOW_HEIGHT = 0.75
+"""Of the picture, from its top, where points are followed: the bonnet moves along, and so do its
+reflections."""
+
+# frames
+
+STILL_GREYS, STILL_SHARE = 4.0, 0.002
+"""A picture stands still in which no more than this share changed by more than so many grey levels.
+Chosen: at night little of a picture changes even in motion."""
+CUT_PX = 1.5
+"""A box so near to an edge that is not the picture's is of a sign cut off."""
+AROUND_PX, MOVED_SHARE = 48.0, 0.04
+"""What a network wants to see around a sign, px, and how far one moves to the next frame, part of
+the picture's width: the window about it that is searched."""
+HINT = 0.5
+"""A box of this part of the least score is no detection, but a reason to look closer."""
+BETTER_VIEW, CUT_WORTH = 1.1, 0.3
+"""How much better a view must be to take another's place as the picture of a track, and what one
+that is cut off by the picture's edge is worth. Chosen."""
