@@ -248,10 +248,11 @@ def _camera_views(
         "row": np.flatnonzero(ok),
         "t_ns": t_ns[ok],
         "centre": centre[ok],
-        "C_cam_ref": C_cam_ref[ok],
+        # kernels are compiled once for each order of the memory
+        "C_cam_ref": np.ascontiguousarray(C_cam_ref[ok]),
         "velocity": velocity[ok],
         "rate": rate[ok],
-        "C_cam_body": np.broadcast_to(C_cam_body, C_cam_ref.shape)[ok],
+        "C_cam_body": np.ascontiguousarray(np.broadcast_to(C_cam_body, C_cam_ref.shape)[ok]),
         "measured": measured[ok],
         "sd": sd[ok],
         "share": row_share(middle_y, camera.height)[ok],
