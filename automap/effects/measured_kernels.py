@@ -169,12 +169,15 @@ def vehicle_velocity(
     """
     work, w, g = room[WORK:], room[MATRIX : MATRIX + 3], room[SLOPE : SLOPE + 3]
     u, y, along, arm, swing, slipped = work[0], work[1], work[2], work[3], work[4], work[5]
-    # once for the mounting, which says what the vehicle's accelerations are
     _sum_terms(codes, weights, now, xi, room)
     _back(c, acc, u)
     _times(w, u, along)
     now[SIGNAL_FORWARD], now[SIGNAL_LATERAL] = along[0], along[1]
-    _sum_terms(codes, weights, now, xi, room)
+    for m in range(codes.shape[0]):
+        if codes[m, 3] == SIGNAL_FORWARD or codes[m, 3] == SIGNAL_LATERAL:
+            # once more, now that the mounting says what the vehicle's accelerations are
+            _sum_terms(codes, weights, now, xi, room)
+            break
     _back(w, room[ARM], arm)
     _cross(rate, arm, swing)
     _back(c, vel, u)
@@ -332,18 +335,18 @@ def _point_columns(
     """Columns of what moves the measured point, and of the mounting that turns its arm, where
     ``g`` [3, 3] is the derivative by the arm along the sensor's axes."""
     seen, moved = room[WORK + 6], room[WORK + 7]
+    swings = room[ARM, 0] != 0.0 or room[ARM, 1] != 0.0 or room[ARM, 2] != 0.0
     for m in range(codes.shape[0]):
-        kind = codes[m, 1]
-        if kind != POINT and kind != TURN:
-            continue
-        a, j = codes[m, 2], N_NAV + codes[m, 0]
+        kind, a, j = codes[m, 1], codes[m, 2], N_NAV + codes[m, 0]
         if kind == POINT:
-            seen[0] = seen[1] = seen[2] = 0.0
-            seen[a] = 1.0
-        else:
+            for i in range(3):
+                moved[i] = room[MATRIX + a, i]
+        elif kind == TURN and swings:
             # the arm is on the vehicle, not on the sensor: d(W' l) = W' (l x axis)
             _cross(room[ARM], room[AXES + a], seen)
-        _back(room[MATRIX : MATRIX + 3], seen, moved)
+            _back(room[MATRIX : MATRIX + 3], seen, moved)
+        else:
+            continue
         w = weights[m] * now[codes[m, 3]]
         for i in range(3):
             h[i, j] += w * (g[i, 0] * moved[0] + g[i, 1] * moved[1] + g[i, 2] * moved[2])
