@@ -1,0 +1,124 @@
+"""The table of all runs: for the terminal, and as a page of the documentation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tests.benchmarks.faults.catalogue import CONTROL, FAULTS
+from tests.benchmarks.faults.drives import DRIVES
+from tests.benchmarks.faults.judge import MOST_SIGMA, Errors, Row
+
+HEAD = (
+    "drive",
+    "fault",
+    "exit",
+    "verdict",
+    "error h, v (m)",
+    "stated h (m)",
+    "error/sigma n, e, d",
+    "in its stretch",
+    "outcome",
+)
+INTRODUCTION = f"""# Faults
+
+What AutoMap makes of a recording in which one thing is wrong. Each fault below is put into recorded
+drives that have a truth, everything else staying as it was recorded; `automap run` makes the path,
+and the path is compared with the truth.
+
+A run passes where one of these holds:
+
+- the errors over the stated sigmas have an RMS of at most {MOST_SIGMA:.0f} on each of north, east
+  and down over the whole drive;
+- the verdict of the run is `doubtful` or `unusable`, for a reason that is about this fault;
+- the drive is refused with exit code 3 and a sentence that names the file.
+
+Drives as they were recorded stand first. They pass only where the verdict is not `doubtful` and the
+errors are within the sigmas: a verdict that always warns says nothing. Beside the errors over the
+whole drive stand those in the fault's own stretch. Faults that no reading can show, as a position
+that is 10 m off all the way, are listed as `beyond` and not counted.
+
+| drive | what it is |
+|---|---|
+| `gsdc-mtv1` | a phone's NMEA at 1 Hz, real fixes, ten minutes of street and motorway |
+| `kitti-20111003-0034` | NMEA at 5 Hz with arrival times, eight minutes of town |
+| `kitti-20110930-0033` | UBX at 5 Hz with arrival times, three minutes of town |
+| `rtk-car-a` | every fourth RTK fix, a usual receiver's errors added; coarse IMU, axes unknown |
+
+Of `rtk-car-a` all fixes that RTK had fixed are the truth.
+
+`python tests/benchmarks/fault_table.py --docs` runs them all and writes this page.
+"""
+
+
+def in_order(rows: Sequence[Row]) -> list[Row]:
+    """By drive, then by the catalogue."""
+    drives, faults = list(DRIVES), list(FAULTS)
+    return sorted(rows, key=lambda r: (drives.index(r.drive), faults.index(r.fault)))
+
+
+def cells_of(row: Row) -> tuple[str, ...]:
+    """A line's cells in the order of HEAD."""
+    verdict = row.state + (": " + "; ".join(row.reasons) if row.reasons else "")
+    whole = row.whole
+    errors = "-" if whole is None else f"{_m(whole.horizontal_m)}, {_m(whole.vertical_m)}"
+    stated = "-" if whole is None else _m(whole.stated_m)
+    how = row.how if row.outcome != "beyond" else "cannot be seen"
+    return (
+        row.drive,
+        row.fault,
+        str(row.code),
+        verdict,
+        errors,
+        stated,
+        _ratios(whole),
+        _ratios(row.stretch),
+        f"{row.outcome}: {how}",
+    )
+
+
+def _m(value: float) -> str:
+    return f"{value:.2f}" if value < 100.0 else f"{value:.4g}"
+
+
+def _ratios(errors: Errors | None) -> str:
+    if errors is None:
+        return "-"
+    return ", ".join(f"{r:.1f}" if r < 1000.0 else f"{r:.2g}" for r in errors.ratio)
+
+
+def summary(rows: Sequence[Row]) -> list[str]:
+    """A sentence each on controls and faults."""
+    lines = []
+    for title, part in (
+        ("drives as recorded", [r for r in rows if r.fault == CONTROL]),
+        ("faults", [r for r in rows if r.fault != CONTROL]),
+    ):
+        count = {o: sum(r.outcome == o for r in part) for o in ("passed", "failed", "beyond")}
+        seen = count["passed"] + count["failed"]
+        lines.append(
+            f"{title}: {count['passed']} of {seen} passed"
+            + (f", {count['beyond']} that cannot be seen from within" if count["beyond"] else "")
+        )
+    return lines
+
+
+def markdown(rows: Sequence[Row], skipped: Sequence[tuple[str, str, str]]) -> str:
+    """The table, the summary and what did not apply."""
+    lines = [f"{line[0].upper()}{line[1:]}." for line in summary(rows)]
+    lines += ["", "| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)]
+    for row in in_order(rows):
+        cells = [cell.replace("|", "/").replace("\n", " ") for cell in cells_of(row)]
+        lines.append("| " + " | ".join(cells) + " |")
+    if skipped:
+        lines += ["", "Not run: " + "; ".join(f"{f} on {d} ({w})" for d, f, w in skipped) + "."]
+    return "\n".join(lines) + "\n"
+
+
+def page(rows: Sequence[Row], skipped: Sequence[tuple[str, str, str]]) -> str:
+    """The page of the documentation."""
+    what = ["## What is put in", "", "| fault | what |", "|---|---|"]
+    for fault in FAULTS.values():
+        note = f" (nothing in the recording shows it: {fault.beyond})" if fault.beyond else ""
+        what.append(f"| {fault.name} | {fault.what}{note} |")
+    result = ["", "## What comes out", "", markdown(rows, skipped)]
+    return INTRODUCTION + "\n" + "\n".join(what) + "\n" + "\n".join(result)
