@@ -6,12 +6,14 @@ value, in the catalogue's names and units; what is not given is zero.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from automap.effects.limits import OUTLIER_M
 from automap.effects.measured import Values
 from automap.effects.vehicle import parameter
-from automap.records import FloatArray
+from automap.records import BoolArray, FloatArray
 
 
 def low_pass(signal: FloatArray, step_s: float, tau_s: float) -> FloatArray:
@@ -47,6 +49,55 @@ def gauss_markov(
     for i in range(1, n):
         out[i] = keep[i] * out[i - 1] + drive[i]
     return out
+
+
+def markov_error(
+    n: int, step_s: float, given: Mapping[str, float], rng: np.random.Generator
+) -> FloatArray:
+    """A wandering error [n] of an effect with ``sigma`` and ``tau``; nothing without a sigma."""
+    if not given.get("sigma"):
+        return np.zeros(n)
+    return gauss_markov(n, np.array([given["sigma"]]), step_s / given["tau"], rng)[:, 0]
+
+
+def slow_error(n: int, step_s: float, values: Values, rng: np.random.Generator) -> FloatArray:
+    """Errors NED [n, 3] in m of ``gnss_slow_wander`` and ``gnss_height_wander``."""
+    level, height = (values.get(f"gnss_{name}_wander", {}) for name in ("slow", "height"))
+    return np.stack([markov_error(n, step_s, part, rng) for part in (level, level, height)], axis=1)
+
+
+def steps(t_s: FloatArray, values: Values, rng: np.random.Generator) -> FloatArray:
+    """Errors NED [n, 3] in m of ``gnss_position_steps`` at ``t_s`` [n]: each value is drawn with
+    the size as its sigma and holds until the next, which come at random, an interval apart in the
+    mean."""
+    given = values.get("gnss_position_steps", {})
+    if not given.get("size"):
+        return np.zeros((len(t_s), 3))
+    begins = _at_random(t_s, given["interval"], rng)
+    sizes = rng.standard_normal((len(begins) + 1, 3)) * given["size"]
+    return np.asarray(sizes[np.searchsorted(begins, t_s, side="right")])
+
+
+def frozen(t_s: FloatArray, values: Values, rng: np.random.Generator) -> BoolArray:
+    """Epochs [n] at which ``gnss_freeze`` holds the position: for a length that varies
+    (exponentially) about the stated one, beginning at random, an interval apart in the mean."""
+    given = values.get("gnss_freeze", {})
+    out = np.zeros(len(t_s), bool)
+    if given.get("length"):
+        for begin in _at_random(t_s, given["interval"], rng):
+            out |= (t_s > begin) & (t_s <= begin + rng.exponential(given["length"]))
+    return out
+
+
+def _at_random(t_s: FloatArray, interval_s: float, rng: np.random.Generator) -> FloatArray:
+    """Instants of a Poisson process over the span of ``t_s`` [n], in order."""
+    span = float(t_s[-1] - t_s[0])
+    return np.sort(t_s[0] + span * rng.random(rng.poisson(span / interval_s)))
+
+
+def stands(speed: FloatArray, values: Values) -> BoolArray:
+    """Where ``gnss_speed_threshold`` makes nothing of a speed [n] in m/s."""
+    return np.asarray(speed < parameter(values, "gnss_speed_threshold"))
 
 
 def outliers(n: int, values: Values, rng: np.random.Generator) -> FloatArray:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from automap.records import FloatArray, IntArray
+from automap.records import Fixes, FixType, FloatArray, IntArray
+from automap.timebase import gps_to_unix
 
 
 @dataclass(frozen=True)
@@ -55,10 +57,7 @@ def nmea_positions(positions: Positions) -> tuple[bytes, IntArray]:
         good = p.fix[i] >= 2 and np.isfinite(p.lat_deg[i]) and np.isfinite(p.lon_deg[i])
         place = ",,,"
         if good:
-            place = (
-                f"{angle(p.lat_deg[i], 2)},{'N' if p.lat_deg[i] >= 0.0 else 'S'},"
-                f"{angle(p.lon_deg[i], 3)},{'E' if p.lon_deg[i] >= 0.0 else 'W'}"
-            )
+            place = _place(float(p.lat_deg[i]), float(p.lon_deg[i]))
         speed, course = float(p.speed_m_s[i]), float(p.course_deg[i]) % 360.0
         state = f"G{p.fix[i]}" if good else "NF"
         epoch = sentence(
@@ -73,6 +72,52 @@ def nmea_positions(positions: Positions) -> tuple[bytes, IntArray]:
         length += len(epoch)
         parts.append(epoch)
     return b"".join(parts), offsets
+
+
+def gga_rmc(fixes: Fixes) -> list[bytes]:
+    """GGA and RMC of each epoch, as phones write them: speeds to a tenth of a knot, courses to a
+    tenth of a degree, no accuracy but HDOP. Without a fix the place stays empty."""
+    unix_s = gps_to_unix(fixes.gps_s)
+    return [_gga(fixes, i, t) + _rmc(fixes, i, t) for i, t in enumerate(unix_s.tolist())]
+
+
+_QUALITY = {FixType.DGNSS: 2, FixType.FIXED: 4, FixType.FLOAT: 5}
+
+
+def _gga(fixes: Fixes, i: int, unix_s: float) -> bytes:
+    stamp, place, good = _when_and_where(fixes, i, unix_s)
+    quality = _QUALITY.get(FixType(int(fixes.fix_type[i])), 1) if good else 0
+    separation = float(np.nan_to_num(fixes.geoid_sep_m[i]))
+    height = f"{fixes.height_m[i] - separation:.2f}" if good else ""
+    return sentence(
+        f"GPGGA,{stamp:%H%M%S}.{stamp.microsecond // 10_000:02d},{place},{quality},"
+        f"{fixes.n_sats[i]:02d},{_field(fixes.hdop[i], 2)},{height},M,{separation:.1f},M,,"
+    )
+
+
+def _rmc(fixes: Fixes, i: int, unix_s: float) -> bytes:
+    stamp, place, good = _when_and_where(fixes, i, unix_s)
+    north, east = (float(v) for v in fixes.vel_ned[i, :2])
+    knots = f"{np.hypot(north, east) * 3600.0 / 1852.0:05.1f}"
+    course = f"{np.degrees(np.arctan2(east, north)) % 360.0:05.1f}".replace("360.0", "000.0")
+    return sentence(
+        f"GPRMC,{stamp:%H%M%S}.{stamp.microsecond // 10_000:02d},{'A' if good else 'V'},{place},"
+        f"{knots if good else ''},{course if good else ''},{stamp:%d%m%y},,,{'A' if good else 'N'}"
+    )
+
+
+def _when_and_where(fixes: Fixes, i: int, unix_s: float) -> tuple[datetime, str, bool]:
+    """UTC to a hundredth of a second, latitude and longitude as sentences have them, validity."""
+    whole, hundredths = divmod(round(unix_s * 100.0), 100)
+    stamp = datetime.fromtimestamp(whole, UTC) + timedelta(milliseconds=10 * hundredths)
+    good = bool(fixes.fix_type[i] != FixType.NONE)
+    lat, lon = np.degrees(fixes.lat_rad[i]), np.degrees(fixes.lon_rad[i])
+    return stamp, _place(lat, lon) if good else ",,,", good
+
+
+def _place(lat_deg: float, lon_deg: float) -> str:
+    sides = "N" if lat_deg >= 0.0 else "S", "E" if lon_deg >= 0.0 else "W"
+    return f"{angle(lat_deg, 2)},{sides[0]},{angle(lon_deg, 3)},{sides[1]}"
 
 
 def _field(value: float, digits: int) -> str:

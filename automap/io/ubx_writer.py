@@ -13,6 +13,9 @@ from automap.timebase import WEEK_S, leap_seconds_at_gps
 _GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
 _PVT = struct.Struct("<IHBBBBBBIiBBBBiiiiIIiiiiiIIHHIiHh")  # 92 bytes
 
+_FLAGS = {FixType.DGNSS: 0x03, FixType.FLOAT: 0x43, FixType.FIXED: 0x83}
+"""gnssFixOK, diffSoln and carrSoln of NAV-PVT; other fixes have the first alone."""
+
 
 def nav_pvt(fixes: Fixes) -> list[bytes]:
     """One whole NAV-PVT message per epoch.
@@ -57,7 +60,7 @@ def _pvt_payload(fixes: Fixes, i: int) -> bytes:
         25,  # tAcc, ns
         nano,
         3 if good else 0,
-        0x01 if good else 0x00,
+        _FLAGS.get(FixType(int(fixes.fix_type[i])), 0x01) if good else 0x00,
         0xEA if good else 0xE2,
         int(fixes.n_sats[i]),
         round(np.degrees(fixes.lon_rad[i]) * 1e7),

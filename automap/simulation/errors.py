@@ -49,6 +49,9 @@ def check_errors(
                     f"{', '.join(known)}{hint}"
                 )
             _check_value(effect, known[parameter], value)
+        lacking = [p for p in known if _is_time(effect, known[p]) and p not in values]
+        if lacking and values and not effect.terms:
+            raise ConfigError(f"errors.{name} lacks {lacking[0]}; give it, in s")
         if effect.family == "gnss" and not has_gnss:
             raise ConfigError(f"effect '{name}' needs a receiver; add a [gnss] section")
         if effect.needs_wheels and not has_odometer:
@@ -63,8 +66,14 @@ def _check_value(effect: Effect, parameter: Parameter, value: float) -> None:
         raise ConfigError(f"{place} is {value}; it cannot be negative")
     if value > parameter.at_most:
         raise ConfigError(f"{place} is {value}; a fraction lies between 0 and 1")
-    if effect.markov is not None and parameter.name == "tau" and value == 0.0:
-        raise ConfigError(f"{place} is 0; give a time constant above 0 s")
+    if _is_time(effect, parameter) and value == 0.0:
+        raise ConfigError(f"{place} is 0; give a time above 0 s")
+
+
+def _is_time(effect: Effect, parameter: Parameter) -> bool:
+    """Whether it is a time that an error lasts, which no term takes."""
+    own = effect.family == "gnss" and not effect.terms_of(parameter.name)
+    return own and parameter.unit == "s"
 
 
 def error_values(errors: Errors) -> dict[str, dict[str, float]]:

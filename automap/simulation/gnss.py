@@ -8,20 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from automap import earth
-from automap.effects.gnss import (
-    gauss_markov,
-    low_pass,
-    noise_factor,
-    outliers,
-    velocity_wander,
-    wander,
-)
+from automap.effects.gnss import gauss_markov, low_pass, stands
 from automap.effects.measured import Distortion, Values, distortion
 from automap.effects.terms import ELAPSED, POSITION, VELOCITY
 from automap.effects.user import user_signal
 from automap.effects.vehicle import lever_arm_motion
 from automap.records import NO_TIME, Fixes, FixType, FloatArray, IntArray
 from automap.simulation.imu import true_signals
+from automap.simulation.receiver_errors import draw_errors
 from automap.simulation.scenario import Gnss
 from automap.simulation.trajectory import DriveMotion
 
@@ -86,48 +80,38 @@ def receive(
     rng: np.random.Generator,
     errors: Values | None = None,
 ) -> Fixes:
-    """Epochs at whole multiples of the rate in GPS time; a dropout repeats the last position
-    and says that there is no fix, as receivers do. ``errors`` are those of the effects."""
+    """Epochs at whole multiples of the rate in GPS time; without a fix the last position is
+    repeated, as receivers do. ``errors`` are those of the effects."""
     errors = errors or {}
     step = 1.0 / setup.rate_hz
     first = int(np.ceil(begin_gps_s / step - 1e-6))
     count = int(np.floor((begin_gps_s + drive.duration_s) / step)) - first + 1
     gps_s: FloatArray = np.arange(first, first + count) * np.float64(step)
-    place, velocity = ideal_epochs(drive, setup, gps_s - begin_gps_s, errors)
-    wild_rng = rng.spawn(1)[0]
-    sigma, tau = wander(np.asarray(setup.sigma_correlated_m), setup.correlation_s, errors)
-    white, factor = np.asarray(setup.sigma_white_m), noise_factor(errors)
-    error = gauss_markov(count, sigma, step / tau, rng)
-    error += rng.standard_normal((count, 3)) * white
-    error = factor * error + outliers(count, errors, wild_rng)
-    sd_pos = np.tile(np.hypot(sigma, white), (count, 1))
-    sd_vel = np.tile(np.asarray(setup.sigma_velocity), (count, 1))
-    velocity = velocity + rng.standard_normal((count, 3)) * setup.sigma_velocity * factor
-    lasting, lasts_s = velocity_wander(errors)
-    if lasting > 0.0:
-        velocity += gauss_markov(count, np.full(3, lasting), step / lasts_s, rng.spawn(1)[0])
-    north, east = earth.metres_per_radian(place[:, 0], place[:, 2])
-    lat = place[:, 0] + error[:, 0] / north
-    lon = place[:, 1] + error[:, 1] / east
-    height = place[:, 2] - error[:, 2]
-
+    t_s = gps_s - begin_gps_s
+    place, velocity = ideal_epochs(drive, setup, t_s, errors)
+    drawn = draw_errors(t_s, step, setup, errors, rng)
     n_sats = np.clip(np.rint(14 + gauss_markov(count, np.ones(1), step / 20.0, rng)[:, 0]), 6, 30)
-    lost = np.zeros(count, bool)
-    for begin, length in setup.dropouts:
-        t = gps_s - begin_gps_s
-        lost |= (t >= begin) & (t < begin + length)
-    lost[0] = False
-    held = np.maximum.accumulate(np.where(lost, 0, np.arange(count)))
-    since = (np.arange(count) - held) * step
+    velocity = velocity + drawn.velocity
+    velocity[stands(np.hypot(velocity[:, 0], velocity[:, 1]), errors)] = 0.0
+    north, east = earth.metres_per_radian(place[:, 0], place[:, 2])
+    held, lost = drawn.position_of, drawn.fix_type == FixType.NONE
+    velocity, sd_velocity, sd_position = (
+        velocity[drawn.velocity_of],
+        drawn.sd_velocity,
+        drawn.sd_position,
+    )
+    if setup.format == "nmea":
+        velocity[:, 2] = np.nan
+        sd_velocity, sd_position = np.full((2, count, 3), np.nan)
     return Fixes(
         gps_s=gps_s,
-        lat_rad=lat[held],
-        lon_rad=lon[held],
-        height_m=height[held],
-        vel_ned=velocity[held],
-        sd_pos_ned=sd_pos * (1.0 + 5.0 * since[:, None]),
-        sd_vel_ned=sd_vel * (1.0 + 5.0 * since[:, None]),
-        fix_type=np.where(lost, FixType.NONE, FixType.THREE_D).astype(np.int64),
+        lat_rad=(place[:, 0] + drawn.position[:, 0] / north)[held],
+        lon_rad=(place[:, 1] + drawn.position[:, 1] / east)[held],
+        height_m=(place[:, 2] - drawn.position[:, 2])[held],
+        vel_ned=velocity,
+        sd_pos_ned=sd_position,
+        sd_vel_ned=sd_velocity,
+        fix_type=drawn.fix_type,
         n_sats=np.where(lost, 3, n_sats).astype(np.int64),
         hdop=np.where(lost, 9.9, 11.0 / n_sats),
         geoid_sep_m=np.full(count, setup.geoid_separation_m),

@@ -114,21 +114,74 @@ class Imu(_Part):
     warm_up: WarmUp | None = None
 
 
-class Gnss(_Part):
-    """Receiver: rate, antenna, errors (one sigma per axis), dropouts, output delay."""
+class Solution(_Part):
+    """A kind of solution that a receiver has for a while: what it says it is (``fix``), for how
+    many seconds in the mean (exponentially), and its position errors, one sigma per axis.
 
+    ``stated_sd_m`` is the accuracy that the receiver states, the true one where not given;
+    ``then`` names the solutions that may follow, each with its weight.
+    """
+
+    fix: Literal["none", "3d", "dgnss", "float", "fixed"] = "3d"
+    mean_s: Positive = 60.0
+    sigma_correlated_m: Vector = (0.8, 0.8, 1.4)
+    correlation_s: Positive = 60.0
+    sigma_white_m: Vector = (0.25, 0.25, 0.5)
+    stated_sd_m: Vector | None = None
+    then: dict[str, NonNegative] = {}
+
+
+class Replay(_Part):
+    """Errors of a recorded receiver in place of drawn ones.
+
+    ``errors`` is a drive folder with truth or a table (CSV) of errors; from ``start_s`` s of it
+    on, which the seed chooses where it is not given. A series that is shorter than the drive is
+    refused, or begins anew with ``wrap``.
+    """
+
+    errors: str
+    start_s: NonNegative | None = None
+    wrap: bool = False
+
+
+class Gnss(_Part):
+    """Receiver: rate, antenna, errors (one sigma per axis), dropouts, output delay.
+
+    ``receiver`` names a preset of ``configs/receivers``, whose values stand where this section
+    and ``errors`` give none. It states the accuracy of the errors here, or ``stated_sd_m`` and
+    ``stated_sd_velocity``, and knows nothing of the effects. ``solutions`` take the place of the
+    position errors here: the drive begins with the first. As ``nmea`` it states neither
+    accuracies nor vertical velocity.
+    """
+
+    receiver: str = ""
+    format: Literal["ubx", "nmea"] = "ubx"
     rate_hz: Positive = 5.0
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
     sigma_correlated_m: Vector = (0.8, 0.8, 1.4)
     correlation_s: Positive = 60.0
     sigma_white_m: Vector = (0.25, 0.25, 0.5)
     sigma_velocity: Vector = (0.06, 0.06, 0.09)
+    stated_sd_m: Vector | None = None
+    stated_sd_velocity: Vector | None = None
+    solutions: dict[str, Solution] = {}
+    replay: Replay | None = None
     dropouts: list[tuple[NonNegative, NonNegative]] = []
     geoid_separation_m: float = 0.0
     output_delay_s: NonNegative = 0.07
     arrival_jitter_s: NonNegative = 0.008
     burst_probability: Annotated[float, Field(ge=0, le=1)] = 0.02
     burst_s: NonNegative = 0.12
+
+    @model_validator(mode="after")
+    def _solutions_follow(self) -> Gnss:
+        for name, solution in self.solutions.items():
+            unknown = set(solution.then) - set(self.solutions)
+            if unknown:
+                raise ValueError(f"after {name} comes {min(unknown)}, which is no solution")
+            if solution.then and not any(solution.then.values()):
+                raise ValueError(f"nothing that follows {name} has a weight above 0")
+        return self
 
 
 class Odometer(_Part):

@@ -12,6 +12,7 @@ from pipeline.cli.options import ANY_PATH
 _EPILOG = """\b
 Example:
   automap simulate sample -o drives/sample
+  automap simulate town --receiver phone -o drives/town-phone
   automap simulate --like drives/monday/_automap -o drives/monday-twin
 """
 
@@ -40,12 +41,23 @@ Example:
     "use the effects that it defines.",
 )
 @click.option(
+    "--receiver",
+    default="",
+    metavar="NAME",
+    help="A receiver of configs/receivers (phone, u-blox, rtk) in place of the scenario's.",
+)
+@click.option(
     "--seed",
     type=click.IntRange(min=0),
     help="Seed of the random errors. Default: the scenario's own.",
 )
 def command(
-    scenario: str | None, like: Path | None, out: Path, config: Path | None, seed: int | None
+    scenario: str | None,
+    like: Path | None,
+    out: Path,
+    config: Path | None,
+    receiver: str,
+    seed: int | None,
 ) -> None:
     """Make a drive folder with sensor data, video and truth.
 
@@ -60,6 +72,8 @@ def command(
     if (scenario is None) == (like is None):
         raise click.UsageError("give a scenario or --like OUT, one of the two")
     if like is not None:
+        if receiver:
+            raise click.UsageError("--receiver belongs to a scenario; a twin has its run's")
         if config is not None:
             raise click.UsageError("--config belongs to a scenario; a twin has its run's model")
         simulate_like(like, out, 1 if seed is None else seed)
@@ -68,5 +82,5 @@ def command(
     assert scenario is not None
 
     with progress_bar("simulate") as progress:
-        simulate(scenario, out, seed, progress, config)
+        simulate(scenario, out, seed, progress, config, receiver)
     click.echo(str(out))

@@ -31,13 +31,15 @@ def simulate(
     seed: int | None = None,
     progress: Progress = lambda fraction, text: None,
     config: Path | None = None,
+    receiver: str = "",
 ) -> None:
     """Write the drive of a scenario, truth included, to the new folder ``out``.
 
     ``scenario`` is a file, or the name of one that comes with AutoMap ("sample"). The same
     seed gives the same drive; ``seed`` replaces the scenario's. The sensors have the errors that
-    the model ``config`` knows besides the scenario's, and the scenario may use its effects. The
-    folder appears whole or not at all. Raises ConfigError for a bad scenario or an existing folder
+    the model ``config`` knows besides the scenario's, and the scenario may use its effects.
+    ``receiver`` is one of ``configs/receivers`` in place of the scenario's. The folder appears
+    whole or not at all. Raises ConfigError for a bad scenario or an existing folder
     that is not empty, StageError when the folder cannot be written.
     """
     from pipeline.settings.load import load_settings
@@ -46,22 +48,24 @@ def simulate(
 
     settings = load_settings(config)
     activate(settings.effects)
-    description = load_scenario(_scenario_file(scenario))
+    description = load_scenario(_scenario_file(scenario), receiver)
     if config is not None:
         errors = {**description.errors, **_errors_of(settings, description)}
         description = description.model_copy(update={"errors": errors})
     _write(out, lambda folder: write_drive(description, folder, seed, progress))
 
 
-def load_scenario(path: Path) -> Scenario:
-    """Read and check a scenario file.
+def load_scenario(path: Path, receiver: str = "") -> Scenario:
+    """Read and check a scenario file; ``receiver`` takes the place of the one that it names.
 
     Raises ConfigError naming the file, the key and, for an unknown key, the nearest one.
     """
     from automap.io.toml_file import read_toml
     from automap.simulation.scenario import parse_scenario
+    from pipeline.simulate.receivers import with_receiver
 
-    return parse_scenario(read_toml(path, "scenario file"), path)
+    content = read_toml(path, "scenario file")
+    return parse_scenario(with_receiver(content, path.parent, receiver), path)
 
 
 def _errors_of(settings: Settings, scenario: Scenario) -> dict[str, dict[str, float] | bool]:

@@ -14,6 +14,7 @@ from automap.effects.vehicle import parameter
 from automap.errors import ConfigError
 from automap.io import names
 from automap.io.imu_csv import write_imu_csv
+from automap.io.nmea_writer import gga_rmc
 from automap.io.odometer_csv import write_odometer_csv
 from automap.io.ubx_writer import nav_pvt
 from automap.records import ClockModel, Fixes, FloatArray, IntArray
@@ -97,9 +98,9 @@ def write_truth(path: Path, motion: Motion, t_ns: IntArray, begin_gps_s: float) 
 def _write_gnss(
     folder: Path, fixes: Fixes, setup: Gnss, clock: ClockModel, rng: np.random.Generator
 ) -> None:
-    messages = nav_pvt(fixes)
+    messages = gga_rmc(fixes) if setup.format == "nmea" else nav_pvt(fixes)
     stamps = arrivals(fixes.gps_s, setup, clock.t_ns, rng)
-    (folder / "gnss.ubx").write_bytes(b"".join(messages))
+    (folder / f"gnss.{setup.format}").write_bytes(b"".join(messages))
     offsets = np.cumsum([0] + [len(m) for m in messages[:-1]])
     lines = [f"{o},{t}\n" for o, t in zip(offsets, stamps, strict=True)]
     text = "offset,t_ns\n" + "".join(lines)
@@ -232,7 +233,7 @@ def _manifest(scenario: Scenario) -> str:
         lines += [
             "",
             "[gnss]",
-            'file = "gnss.ubx"',
+            f'file = "gnss.{scenario.gnss.format}"',
             'arrival = "gnss_arrival.csv"',
             'arrival_time = "boot_ns"',
             f"output_delay_s = {scenario.gnss.output_delay_s}",

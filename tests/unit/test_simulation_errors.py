@@ -119,6 +119,7 @@ def test_every_effect_but_the_cameras_changes_the_recording(plain: SimulatedSens
                 (after.imu.gyro, before.imu.gyro),
                 (after.imu.accel, before.imu.accel),
                 (after.fixes.lat_rad, before.fixes.lat_rad),
+                (after.fixes.height_m, before.fixes.height_m),
                 (after.fixes.vel_ned, before.fixes.vel_ned),
             )
         ]
