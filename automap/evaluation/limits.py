@@ -62,3 +62,11 @@ GATES_M = (1.0, 2.0, 3.0, 5.0, 6.0, 10.0)
 """Distances within which signs count as found."""
 PAIR_GATE_M = 15.0
 """Errors, coverage and class accuracy are taken over the pairs within this distance."""
+
+# a receiver's delays
+
+GREATEST_DELAY_S, DELAY_STEP_S = 1.5, 0.02
+"""Delays of velocities are looked for up to this, s, in such steps. Phones have up to 0.7 s; a step
+is a decimetre a second where a car brakes hard, a tenth of what their speeds err by."""
+LEAST_SPEED = 1.0
+"""m/s; courses of slower vehicles mean nothing, see ``effects.limits``."""

@@ -11,6 +11,7 @@ from automap.records.clocks import ClockModel, DriveClocks
 from automap.records.motion import DrivePath, Trajectory
 from automap.records.pictures import Camera, Crop, Detections, FrameTimes, VideoFrame, usual_matrix
 from automap.records.sensors import (
+    FixErrors,
     Fixes,
     FixType,
     ImuCalibration,
@@ -31,6 +32,7 @@ __all__ = [
     "Detections",
     "DriveClocks",
     "DrivePath",
+    "FixErrors",
     "FixType",
     "Fixes",
     "FloatArray",

@@ -145,6 +145,25 @@ class Fixes:
 
 
 @dataclass(frozen=True)
+class FixErrors:
+    """Errors of a recorded receiver at epochs ``gps_s`` [n], increasing.
+
+    ``position`` [n, 3] m NED; ``velocity`` [n, 3] m/s along the direction of travel, across to its
+    right, down, NaN where the receiver says nothing, against speeds and courses ``speed_delay_s``
+    and ``course_delay_s`` ago.
+    """
+
+    gps_s: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    speed_delay_s: float = 0.0
+    course_delay_s: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.gps_s)
+
+
+@dataclass(frozen=True)
 class WheelSpeed:
     """Speed of the wheels or of the CAN bus: ``t_ns`` [n] increasing, ``speed`` [n] m/s."""
 

@@ -9,13 +9,15 @@ import numpy as np
 
 from automap import earth
 from automap.effects.gnss import gauss_markov, low_pass, stands
+from automap.effects.limits import COURSE_SPEED
 from automap.effects.measured import Distortion, Values, distortion
 from automap.effects.terms import ELAPSED, POSITION, VELOCITY
 from automap.effects.user import user_signal
 from automap.effects.vehicle import lever_arm_motion
-from automap.records import NO_TIME, Fixes, FixType, FloatArray, IntArray
+from automap.records import NO_TIME, FixErrors, Fixes, FixType, FloatArray, IntArray
 from automap.simulation.imu import true_signals
 from automap.simulation.receiver_errors import draw_errors
+from automap.simulation.replay import Replayed, in_place, other_errors, replay
 from automap.simulation.scenario import Gnss
 from automap.simulation.trajectory import DriveMotion
 
@@ -79,10 +81,18 @@ def receive(
     begin_gps_s: float,
     rng: np.random.Generator,
     errors: Values | None = None,
-) -> Fixes:
-    """Epochs at whole multiples of the rate in GPS time; without a fix the last position is
-    repeated, as receivers do. ``errors`` are those of the effects."""
+    recorded: FixErrors | None = None,
+) -> tuple[Fixes, Replayed | None]:
+    """Epochs at whole multiples of the rate in GPS time, and what was replayed for them; without a
+    fix the last position is repeated, as receivers do. ``errors`` are those of the effects,
+    ``recorded`` those that the setup has replayed.
+
+    Raises:
+        ConfigError: recorded errors that do not reach.
+    """
     errors = errors or {}
+    if recorded is not None:
+        errors = other_errors(errors, recorded)
     step = 1.0 / setup.rate_hz
     first = int(np.ceil(begin_gps_s / step - 1e-6))
     count = int(np.floor((begin_gps_s + drive.duration_s) / step)) - first + 1
@@ -90,6 +100,10 @@ def receive(
     t_s = gps_s - begin_gps_s
     place, velocity = ideal_epochs(drive, setup, t_s, errors)
     drawn = draw_errors(t_s, step, setup, errors, rng)
+    replayed = None
+    if recorded is not None and setup.replay is not None:
+        replayed = replay(recorded, t_s, setup.replay, rng.spawn(1)[0])
+        drawn = in_place(drawn, replayed, _direction(drive, t_s, velocity))
     n_sats = np.clip(np.rint(14 + gauss_markov(count, np.ones(1), step / 20.0, rng)[:, 0]), 6, 30)
     velocity = velocity + drawn.velocity
     velocity[stands(np.hypot(velocity[:, 0], velocity[:, 1]), errors)] = 0.0
@@ -103,7 +117,7 @@ def receive(
     if setup.format == "nmea":
         velocity[:, 2] = np.nan
         sd_velocity, sd_position = np.full((2, count, 3), np.nan)
-    return Fixes(
+    fixes = Fixes(
         gps_s=gps_s,
         lat_rad=(place[:, 0] + drawn.position[:, 0] / north)[held],
         lon_rad=(place[:, 1] + drawn.position[:, 1] / east)[held],
@@ -118,6 +132,14 @@ def receive(
         offset=np.full(count, -1, np.int64),
         arrival_ns=np.full(count, NO_TIME, np.int64),
     )
+    return fixes, replayed
+
+
+def _direction(drive: DriveMotion, t_s: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Where the vehicle goes by its velocity [n, 3], or points where it hardly moves, [n] rad."""
+    yaw = drive.at(np.clip(t_s, 0.0, drive.duration_s)).rpy[:, 2]
+    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > COURSE_SPEED
+    return np.where(moving, np.arctan2(velocity[:, 1], velocity[:, 0]), yaw)
 
 
 def arrivals(

@@ -77,12 +77,12 @@ def draw_errors(
     lost = kinds == FixType.NONE
     for begin, length in setup.dropouts:
         lost |= (t_s >= begin) & (t_s < begin + length)
-    held = _last(~lost)
+    held = last_good(~lost)
     worse = 1.0 + 5.0 * (np.arange(n) - held)[:, None] * step_s
     return ReceiverErrors(
         position=position,
         velocity=velocity,
-        position_of=_last(~(lost | frozen(t_s, values, streams[5]))),
+        position_of=last_good(~(lost | frozen(t_s, values, streams[5]))),
         velocity_of=held,
         fix_type=np.where(lost & (np.arange(n) > 0), FixType.NONE, kinds).astype(np.int64),
         sd_position=sd[held] * worse,
@@ -117,6 +117,6 @@ def _sequence(n: int, step_s: float, setup: Gnss, rng: np.random.Generator) -> I
     return out
 
 
-def _last(good: BoolArray) -> IntArray:
+def last_good(good: BoolArray) -> IntArray:
     """The last good epoch up to each [n]; the first counts as good."""
     return np.maximum.accumulate(np.where(good, np.arange(len(good)), 0))

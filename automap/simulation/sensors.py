@@ -9,11 +9,13 @@ import numpy as np
 
 from automap import timebase
 from automap.effects.vehicle import stamp_error_s
-from automap.records import ClockModel, Fixes, FloatArray, ImuData, IntArray, WheelSpeed
+from automap.errors import ConfigError
+from automap.records import ClockModel, FixErrors, Fixes, FloatArray, ImuData, IntArray, WheelSpeed
 from automap.simulation.errors import check_errors, error_values
 from automap.simulation.gnss import receive
 from automap.simulation.imu import record_imu, temperature
 from automap.simulation.odometer import count_wheels
+from automap.simulation.replay import Replayed
 from automap.simulation.scenario import Scenario
 from automap.simulation.trajectory import DriveMotion, drive_motion
 
@@ -43,6 +45,7 @@ class SimulatedSensors:
     imu: ImuData
     fixes: Fixes | None
     odometer: WheelSpeed | None
+    replayed: Replayed | None = None
 
     def seconds(self, t_ns: IntArray) -> FloatArray:
         """True seconds [n] of the drive at host instants [n], held at its ends."""
@@ -61,11 +64,13 @@ def simulate_sensors(
     scenario: Scenario,
     streams: Streams,
     progress: Callable[[float, str], None] = lambda fraction, text: None,
+    recorded: FixErrors | None = None,
 ) -> SimulatedSensors:
     """Drive the scenario and record it.
 
     IMU stamps carry ``imu_time_offset`` and ``imu_clock_skew``; fixes and wheel speeds stand on
-    the right clock. Raises ConfigError for errors that cannot be simulated.
+    the right clock. ``recorded`` are the receiver's errors where the scenario replays some. Raises
+    ConfigError for errors that cannot be simulated.
     """
     check_errors(
         scenario.errors,
@@ -91,12 +96,14 @@ def simulate_sensors(
         return np.asarray(clock.ref_ns + np.rint(t_s / rate * 1e9).astype(np.int64))
 
     imu = _record_imu(scenario, drive, errors, streams.imu)
-    fixes = odometer = None
+    fixes = odometer = replayed = None
     if scenario.gnss is not None:
-        fixes = receive(drive, scenario.gnss, begin, streams.gnss, errors)
+        if scenario.gnss.replay is not None and recorded is None:
+            raise ConfigError("the scenario replays a receiver's errors; give them")
+        fixes, replayed = receive(drive, scenario.gnss, begin, streams.gnss, errors, recorded)
     if scenario.odometer is not None:
         odometer = count_wheels(drive, scenario.odometer, errors, host_ns, streams.odometer)
-    return SimulatedSensors(drive, begin, clock, imu, fixes, odometer)
+    return SimulatedSensors(drive, begin, clock, imu, fixes, odometer, replayed)
 
 
 def _record_imu(

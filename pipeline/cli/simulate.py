@@ -47,6 +47,12 @@ Example:
     help="A receiver of configs/receivers (phone, u-blox, rtk) in place of the scenario's.",
 )
 @click.option(
+    "--replay",
+    metavar="ERRORS",
+    type=ANY_PATH,
+    help="A drive folder with truth, or a table of errors: the receiver errs as the one there did.",
+)
+@click.option(
     "--seed",
     type=click.IntRange(min=0),
     help="Seed of the random errors. Default: the scenario's own.",
@@ -57,6 +63,7 @@ def command(
     out: Path,
     config: Path | None,
     receiver: str,
+    replay: Path | None,
     seed: int | None,
 ) -> None:
     """Make a drive folder with sensor data, video and truth.
@@ -72,8 +79,8 @@ def command(
     if (scenario is None) == (like is None):
         raise click.UsageError("give a scenario or --like OUT, one of the two")
     if like is not None:
-        if receiver:
-            raise click.UsageError("--receiver belongs to a scenario; a twin has its run's")
+        if receiver or replay is not None:
+            raise click.UsageError("--receiver and --replay belong to a scenario")
         if config is not None:
             raise click.UsageError("--config belongs to a scenario; a twin has its run's model")
         simulate_like(like, out, 1 if seed is None else seed)
@@ -82,5 +89,7 @@ def command(
     assert scenario is not None
 
     with progress_bar("simulate") as progress:
-        simulate(scenario, out, seed, progress, config, receiver)
+        notes = simulate(scenario, out, seed, progress, config, receiver, replay)
+    for note in notes:
+        click.echo(note, err=True)
     click.echo(str(out))

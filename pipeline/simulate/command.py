@@ -32,15 +32,18 @@ def simulate(
     progress: Progress = lambda fraction, text: None,
     config: Path | None = None,
     receiver: str = "",
-) -> None:
+    replay: Path | None = None,
+) -> list[str]:
     """Write the drive of a scenario, truth included, to the new folder ``out``.
 
     ``scenario`` is a file, or the name of one that comes with AutoMap ("sample"). The same
     seed gives the same drive; ``seed`` replaces the scenario's. The sensors have the errors that
     the model ``config`` knows besides the scenario's, and the scenario may use its effects.
-    ``receiver`` is one of ``configs/receivers`` in place of the scenario's. The folder appears
-    whole or not at all. Raises ConfigError for a bad scenario or an existing folder
-    that is not empty, StageError when the folder cannot be written.
+    ``receiver`` is one of ``configs/receivers`` in place of the scenario's, ``replay`` a drive with
+    truth or a table whose receiver errors take the place of drawn ones. The folder appears whole or
+    not at all. Returns what there is to say of the replay. Raises ConfigError for a bad scenario or
+    an existing folder that is not empty, InputError for errors that cannot be replayed, StageError
+    when the folder cannot be written.
     """
     from pipeline.settings.load import load_settings
     from pipeline.settings.user_effects import activate
@@ -48,24 +51,40 @@ def simulate(
 
     settings = load_settings(config)
     activate(settings.effects)
-    description = load_scenario(_scenario_file(scenario), receiver)
+    description = load_scenario(_scenario_file(scenario), receiver, replay)
     if config is not None:
         errors = {**description.errors, **_errors_of(settings, description)}
         description = description.model_copy(update={"errors": errors})
-    _write(out, lambda folder: write_drive(description, folder, seed, progress))
+    notes: list[str] = []
+    _write(out, lambda folder: notes.extend(write_drive(description, folder, seed, progress)))
+    return notes
 
 
-def load_scenario(path: Path, receiver: str = "") -> Scenario:
-    """Read and check a scenario file; ``receiver`` takes the place of the one that it names.
+def load_scenario(path: Path, receiver: str = "", replay: Path | None = None) -> Scenario:
+    """Read and check a scenario file; ``receiver`` and ``replay`` take the place of its own.
+
+    Errors to be replayed lie where the scenario says, seen from its folder.
 
     Raises ConfigError naming the file, the key and, for an unknown key, the nearest one.
     """
     from automap.io.toml_file import read_toml
-    from automap.simulation.scenario import parse_scenario
+    from automap.simulation.scenario import Replay, parse_scenario
     from pipeline.simulate.receivers import with_receiver
 
     content = read_toml(path, "scenario file")
-    return parse_scenario(with_receiver(content, path.parent, receiver), path)
+    scenario = parse_scenario(with_receiver(content, path.parent, receiver), path)
+    setup = scenario.gnss
+    if replay is not None:
+        if setup is None:
+            raise ConfigError(f"{path} has no receiver to replay errors on; add a [gnss] section")
+        own = setup.replay.model_dump() if setup.replay is not None else {}
+        given = Replay(**{**own, "errors": str(replay)})
+    elif setup is None or setup.replay is None:
+        return scenario
+    else:
+        errors = path.parent / Path(setup.replay.errors).expanduser()
+        given = setup.replay.model_copy(update={"errors": str(errors)})
+    return scenario.model_copy(update={"gnss": setup.model_copy(update={"replay": given})})
 
 
 def _errors_of(settings: Settings, scenario: Scenario) -> dict[str, dict[str, float] | bool]:

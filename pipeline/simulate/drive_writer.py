@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,22 +14,25 @@ from automap.effects.camera_user import depends_on_the_drive, drift
 from automap.effects.vehicle import parameter
 from automap.errors import ConfigError
 from automap.io import names
+from automap.io.atomic import write_json
 from automap.io.imu_csv import write_imu_csv
 from automap.io.nmea_writer import gga_rmc
 from automap.io.odometer_csv import write_odometer_csv
 from automap.io.ubx_writer import nav_pvt
-from automap.records import ClockModel, Fixes, FloatArray, IntArray
+from automap.records import ClockModel, FixErrors, Fixes, FloatArray, IntArray
 from automap.signs.vocabulary import load_vocabulary
 from automap.simulation.boxes import detections_csv, sign_boxes, stated_camera
 from automap.simulation.camera import Painter, camera_views
 from automap.simulation.errors import error_values
 from automap.simulation.gnss import arrivals
 from automap.simulation.imu import temperature, true_signals
+from automap.simulation.replay import Replayed, other_errors
 from automap.simulation.scenario import CameraSetup, Gnss, Scenario
 from automap.simulation.scene import Scene, build_scene
 from automap.simulation.sensors import random_streams, simulate_sensors
 from automap.simulation.trajectory import DriveMotion, Motion
 from pipeline.shared.progress import Progress
+from pipeline.simulate.replay import recorded_errors
 
 _VIDEO_CLOCK = 90_000
 _SIGNAL_STEP_S = 0.01
@@ -41,16 +45,19 @@ def write_drive(
     folder: Path,
     seed: int | None = None,
     progress: Progress = lambda fraction, text: None,
-) -> None:
+) -> list[str]:
     """Simulate a scenario into an existing empty folder, in the layout of ``automap.drive/1``.
 
     Each sensor draws from its own random stream, so that changing one leaves the others as
-    they were. ``seed`` replaces the scenario's. Raises ConfigError for effects or sign
-    classes that do not exist, OSError when the folder cannot be written.
+    they were. ``seed`` replaces the scenario's. Returns a sentence for each place where replayed
+    errors begin anew. Raises ConfigError for effects or sign classes that do not exist, InputError
+    for errors that cannot be replayed, OSError when the folder cannot be written.
     """
     _check_signs(scenario)
     streams = random_streams(scenario.seed if seed is None else seed)
-    sensors = simulate_sensors(scenario, streams, progress)
+    given = scenario.gnss.replay if scenario.gnss is not None else None
+    recorded = recorded_errors(Path(given.errors)) if given is not None else None
+    sensors = simulate_sensors(scenario, streams, progress, recorded)
     drive, imu = sensors.drive, sensors.imu
     write_imu_csv(folder / "imu.csv", imu)
     truth = folder / names.TRUTH_DIR
@@ -68,6 +75,28 @@ def write_drive(
         (folder / "video").mkdir()
         _write_video(folder / "video", scenario, drive, scene, streams.camera, progress)
     (folder / names.MANIFEST).write_text(_manifest(scenario), encoding="utf-8")
+    write_json(truth / "errors.json", _errors(scenario, recorded, sensors.replayed))
+    return _seams(sensors.replayed)
+
+
+def _errors(
+    scenario: Scenario, recorded: FixErrors | None, replayed: Replayed | None
+) -> dict[str, Any]:
+    """What the simulated sensors have, for comparison with what is found."""
+    errors = error_values(scenario.errors)
+    out: dict[str, Any] = {"errors": errors}
+    if scenario.gnss is not None and scenario.gnss.receiver:
+        out["receiver"] = scenario.gnss.receiver
+    if recorded is not None and replayed is not None:
+        out["errors"] = dict(other_errors(errors, recorded))
+        out["replay"] = {"start_s": replayed.start_s, "seams_s": list(replayed.seams_s)}
+    return out
+
+
+def _seams(replayed: Replayed | None) -> list[str]:
+    """A sentence for each seam."""
+    seams = () if replayed is None else replayed.seams_s
+    return [f"the receiver's recorded errors begin anew {at:.1f} s into the drive" for at in seams]
 
 
 def _check_signs(scenario: Scenario) -> None:

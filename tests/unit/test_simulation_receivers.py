@@ -91,8 +91,8 @@ def test_a_frozen_position_is_repeated_and_its_velocity_is_not() -> None:
     scenario = Scenario(schema="automap.scenario/1", name="x", start=START, route=ROUTE)
     drive = drive_motion(scenario, np.random.default_rng(1))
     values = {"gnss_freeze": {"length": 2.0, "interval": 5.0}}
-    fixes = receive(drive, Gnss(), BEGIN, np.random.default_rng(4), values)
-    plain = receive(drive, Gnss(), BEGIN, np.random.default_rng(4))
+    fixes, _ = receive(drive, Gnss(), BEGIN, np.random.default_rng(4), values)
+    plain, _ = receive(drive, Gnss(), BEGIN, np.random.default_rng(4))
     held = np.flatnonzero(fixes.lat_rad != plain.lat_rad)
     assert len(held) > 3
     assert (fixes.lat_rad[held] == fixes.lat_rad[held - 1]).all()
