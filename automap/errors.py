@@ -37,6 +37,6 @@ def closed(error: PermissionError) -> InputError:
 
 
 class RegressionError(AutoMapError):
-    """A figure fell outside what was required."""
+    """A figure, or the verdict on a path, fell short of what was required."""
 
     exit_code = 5

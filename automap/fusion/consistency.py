@@ -6,12 +6,15 @@ and Navigation, section 5.4.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automap.fusion.limits import LEAST_JUDGED, PLAUSIBLE_CORRELATION, PLAUSIBLE_RMS
+from automap.fusion.doubts.reason import Reason
+from automap.fusion.limits import DOUBT_PROBABILITY, LEAST_JUDGED, SMALL_SIGMAS
+from automap.gates import sigmas
 
 if TYPE_CHECKING:
     from automap.fusion.output import Innovations
@@ -29,6 +32,18 @@ class ChannelConsistency:
     normalised_rms: float
     lag1: float
     accepted_share: float
+
+    @property
+    def sigma_factor(self) -> float:
+        """By how much sigmas that rest on this channel alone are too small.
+
+        Errors that resemble their neighbours by r are worth (1 - r) / (1 + r) of as many
+        independent ones (Bayley and Hammersley, J. Royal Statistical Society B 8, 1946). Of the
+        correlation counts what chance does not make.
+        """
+        chance = sigmas(DOUBT_PROBABILITY) / math.sqrt(max(self.count, 1))
+        alike = min(max(self.lag1 - chance, 0.0), 0.99)
+        return max(self.normalised_rms, 1.0) * math.sqrt((1.0 + alike) / (1.0 - alike))
 
 
 def channel_consistency(table: Innovations) -> dict[str, ChannelConsistency]:
@@ -49,45 +64,34 @@ def channel_consistency(table: Innovations) -> dict[str, ChannelConsistency]:
     return out
 
 
-def verdict(channels: dict[str, ChannelConsistency]) -> str:
-    """What the measured channels say of the filter, in words (pseudo-measurements are kept loose
-    and say nothing)."""
-    judged = {
+def innovation_doubts(channels: dict[str, ChannelConsistency]) -> list[Reason]:
+    """Measured channels by which the filter's sigmas are far too small (pseudo-measurements are
+    kept loose and say nothing)."""
+    found = {
         name: channel
         for name, channel in channels.items()
-        if not name.startswith(_PSEUDO) and channel.count >= LEAST_JUDGED
+        if not name.startswith(_PSEUDO)
+        and channel.count >= LEAST_JUDGED
+        and channel.sigma_factor > SMALL_SIGMAS
     }
-    if not judged:
-        return "too few measurements to judge the filter by its innovations"
-    ratios = {name: channel.normalised_rms for name, channel in judged.items()}
-    large = {name: r for name, r in ratios.items() if r > PLAUSIBLE_RMS[1]}
-    small = {name: r for name, r in ratios.items() if r < PLAUSIBLE_RMS[0]}
-    coloured = {name: c.lag1 for name, c in judged.items() if abs(c.lag1) > PLAUSIBLE_CORRELATION}
-    parts = []
-    if large:
-        parts.append(
-            f"innovations of {_names(large)} scatter {_span(large)} times as much as the filter "
-            "assumes: its sigmas are too small there"
+    if not found:
+        return []
+    factor = max(channel.sigma_factor for channel in found.values())
+    sizes = {name: channel.normalised_rms for name, channel in found.items()}
+    alike = {name: channel.lag1 for name, channel in found.items()}
+    return [
+        Reason(
+            "innovations",
+            f"innovations of {_names(found)} are {_span(sizes)} times as large as the filter "
+            f"assumes, and neighbouring ones resemble each other (correlation {_span(alike)}): "
+            f"something slow is not in its model, and its sigmas are {factor:.1f} times too small; "
+            "try --tune, or 'automap gap'",
+            factor=factor,
         )
-    if small:
-        parts.append(
-            f"innovations of {_names(small)} scatter only {_span(small)} times as much as the "
-            "filter assumes: its sigmas are cautious there"
-        )
-    if coloured:
-        parts.append(
-            f"neighbouring innovations of {_names(coloured)} resemble each other (correlation "
-            f"{_span(coloured)}): something slow is not in the model"
-        )
-    if parts:
-        return "; ".join(parts)
-    return (
-        f"the innovations are about as large as the filter expects ({_span(ratios)} times their "
-        "sigma) and as random"
-    )
+    ]
 
 
-def _names(found: dict[str, float]) -> str:
+def _names(found: dict[str, ChannelConsistency]) -> str:
     """Channels in words, the axes of one kind together: "position north, east"."""
     kinds: dict[str, list[str]] = {}
     for name in found:

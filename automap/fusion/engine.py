@@ -190,12 +190,6 @@ def fuse_imu_gnss(
         session, start, constrained=True, progress=lambda text: progress(0.5, text)
     )
     margin = min(margin, found.margin)
-    if margin < limits.SURE_MARGIN_NATS:
-        warnings.append(
-            "the heading at the start is weakly determined "
-            f"(likelihood margin {margin:.1f} nats): the drive has little change of speed or "
-            "direction, so headings and sideways positions of signs may be off"
-        )
     progress(0.8, "writing the trajectory at IMU rate")
     outcome = _collect(last, int(imu.t_ns[0]), screened.outliers)
     del last, found

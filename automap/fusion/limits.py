@@ -221,7 +221,42 @@ LEVEL_SPREAD = math.log(4.0)
 
 LEAST_JUDGED = 20
 """Innovations from which a channel is judged: their rms is then good to 16 %."""
-PLAUSIBLE_RMS = (0.7, 1.4)
-"""Innovations over their sigma: half to twice the variance that the filter assumes."""
-PLAUSIBLE_CORRELATION = 0.35
-"""Of neighbouring innovations: two and a half sigmas of what chance makes of 50 of them."""
+
+# verdict
+
+DOUBT_PROBABILITY = 1e-6
+"""One test doubts a right drive so rarely: with some hundred tests a drive, one drive in ten
+thousand."""
+LEAST_AGE_S = 0.15
+"""Fixes of real phones and receivers seem to come from the future by so much: they predict."""
+AT_BOUND = 0.99
+"""An estimate this near its bound has run to it."""
+MOST_SENSOR_ERROR = {
+    "accel_scale": (0.1, "", "the scale error of the accelerometer"),
+    "gyro_scale": (0.1, "", "the scale error of the gyro"),
+    "accel_bias": (1.6, " m/s^2", "the bias of the accelerometer"),
+    "gyro_bias": (0.7, " rad/s", "the bias of the gyro"),
+}
+"""Twice to three times what data sheets of cheap sensors state (MPU-6050: scale 3 %, zero offset
+80 mg and 20 deg/s)."""
+REFUSED_SHARE = 0.2
+"""Chosen: of measurements of one kind, one in five is not chance and no single outlier."""
+USELESS_SD_M = 30.0
+"""Chosen: half the distance of two crossings in a town; beyond it a sign is on some street."""
+SMALL_SIGMAS = 2.0
+"""Sigmas are doubted that are so many times too small: three of them are then one and a half."""
+STRETCHES_S = (20.0, 60.0, 300.0)
+"""Path and fixes are compared over stretches of so long, and the whole drive: a street, what an
+error of a receiver lasts, and what biases make. Chosen: shorter says little, for a slow error of a
+few seconds is a receiver's, and a path is right to pass it by."""
+FILLED_STRETCH = 0.8
+"""A stretch is judged that has fixes over this share of it: not one with a hole at its end."""
+WILD_MISS_SIGMAS = 8.0
+"""A fix counts as no more than this many sigmas off: one wild fix among twenty is then less than
+half of one in the mean, and a stretch of wild ones is still beyond any gate."""
+WORSE_SHARE = 0.5
+"""Chosen: where more than half of the fixes lie far off the path, the path is not theirs."""
+BLAMED_SHARE = 0.1
+"""The same where something else speaks against the inertial sensor, too. Chosen."""
+AGREEING_SHARE = 0.1
+"""Chosen: fixes agree with one another where nine in ten lie on their own smoothed path."""

@@ -168,6 +168,7 @@ def exit_codes() -> str:
         + _table(["code", "meaning"], rows)
         + "\nWith several drives it is the highest. `automap check` gives 3 for a drive that is "
         "not usable, `automap evaluate --require` and `automap regress` give 5 for a figure that "
-        "is missed. An error is one sentence with the file, the line or byte, and what to do; "
-        "`--debug` adds the traceback.\n"
+        "is missed, `automap run --strict` for a path that is doubtful or unusable. An error is "
+        "one sentence with the file, the line or byte, and what to do; `--debug` adds the "
+        "traceback.\n"
     )

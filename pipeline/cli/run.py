@@ -42,6 +42,11 @@ Examples:
     metavar="D",
     help="Datum of GeoPackage and Parquet, as GDA2020@2026.5. Default: WGS-84.",
 )
+@click.option(
+    "--strict",
+    is_flag=True,
+    help="Exit with code 5 where the verdict on a path is doubtful or unusable.",
+)
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object at the end.")
 def command(
@@ -56,6 +61,7 @@ def command(
     dry_run: bool,
     tune: bool,
     datum: str | None,
+    strict: bool,
     quiet: bool,
     as_json: bool,
 ) -> int:
@@ -63,14 +69,16 @@ def command(
 
     Runs the stages ingest, sync, fuse, detect, geolocate, export and report. A stage whose
     inputs and settings have not changed since the last run is kept; why another one runs is
-    said beside it.
+    said beside it. At the end stands whether the path may be relied on: good, doubtful or
+    unusable, with the reasons.
     """
+    from automap.errors import RegressionError
     from pipeline.run import registry
     from pipeline.run.batch import run_drives
     from pipeline.run.runner import Request
     from pipeline.settings.load import load_settings
     from pipeline.shared.progress import Reporter
-    from pipeline.shared.summary import as_dict
+    from pipeline.shared.summary import as_dict, verdict_of
     from pipeline.shared.terminal import Terminal
 
     if datum:
@@ -94,6 +102,12 @@ def command(
         if outcome.error is not None:
             show_failure(outcome.error, debug_wanted())
     code = max(outcome.exit_code for outcome in outcomes)
+    for outcome in outcomes if strict and not dry_run else ():
+        state, reasons = verdict_of(outcome)
+        if outcome.error is None and state not in ("", "good"):
+            failure = RegressionError(f"{outcome.drive}: the path is {state}: {'; '.join(reasons)}")
+            show_failure(failure, debug_wanted())
+            code = max(code, failure.exit_code)
     if as_json:
         summary = {"exit_code": code, "drives": [as_dict(outcome) for outcome in outcomes]}
         click.echo(json.dumps(summary, indent=1, ensure_ascii=False))

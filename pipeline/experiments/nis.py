@@ -16,11 +16,13 @@ _BLOCKS = ("position", "velocity")
 
 def run(experiment: Experiment) -> dict[str, Any]:
     """Plot the moving mean of the normalised innovation squared with its 95 % band."""
-    from automap.fusion.consistency import channel_consistency, verdict
+    from automap.fusion.consistency import channel_consistency, innovation_doubts
 
     table = experiment.inputs.fuse(experiment.options).innovations
     figure, axes = new_figure(2, 1, (10, 7))
-    result: dict[str, Any] = {"verdict": verdict(channel_consistency(table))}
+    result: dict[str, Any] = {
+        "doubts": [reason.text for reason in innovation_doubts(channel_consistency(table))]
+    }
     for row, block in enumerate(_BLOCKS):
         names = sorted({str(c) for c in table.channel if str(c).startswith(block)})
         if not names:

@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from automap.fusion.limits import PLAUSIBLE_CORRELATION, PLAUSIBLE_RMS
 from automap.io import names
 from pipeline.pages.section import Section
-from pipeline.report.channels import channel_name, channel_order, is_rule
 from pipeline.report.figures import duration_text
 from pipeline.shared.products import RunProducts
 
@@ -33,12 +31,10 @@ _METHODS = {
     "and the heading is the direction of travel.",
 }
 _CLEAR_NATS, _FAIR_NATS = 10.0, 3.0
-_WELL = PLAUSIBLE_RMS
-"""Normalised rms between which a filter counts as consistent."""
 
 
 def fusion_section(products: RunProducts) -> Section:
-    """Method, delay, mounting, standstill, noise and consistency from fusion.json."""
+    """Method, delay, mounting, standstill and noise from fusion.json."""
     section = Section()
     content = products.json(names.FUSION)
     method = content.get("method")
@@ -54,7 +50,6 @@ def fusion_section(products: RunProducts) -> Section:
     section.sentences += _mounting(content, section)
     section.sentences += _standstill(content)
     section.sentences += _noise(content, section)
-    _consistency(content, section)
     return section
 
 
@@ -192,42 +187,3 @@ def _noise(content: dict[str, Any], section: Section) -> list[str]:
     if not told:
         return ["The drive's noise is as the settings and the receiver state it."]
     return ["What the drive shows of its noise: " + "; ".join(told) + "."]
-
-
-def _consistency(content: dict[str, Any], section: Section) -> None:
-    channels = content.get("channels")
-    if not isinstance(channels, dict):
-        return
-    low, high, coloured = [], [], []
-    measured = 0
-    for channel in sorted(map(str, channels), key=channel_order):
-        entry = channels[channel]
-        rms = _number(entry.get("normalised_rms")) if isinstance(entry, dict) else None
-        if rms is None or is_rule(channel):
-            continue
-        measured += 1
-        lag1 = _number(entry.get("lag1"))
-        if lag1 is not None and abs(lag1) > PLAUSIBLE_CORRELATION:
-            coloured.append(f"{channel_name(channel)} ({lag1:+.2f})")
-        if rms > _WELL[1]:
-            high.append(f"{channel_name(channel)} ({rms:.2f})")
-        elif rms < _WELL[0]:
-            low.append(f"{channel_name(channel)} ({rms:.2f})")
-    if high:
-        section.verdicts.append(
-            ("bad", f"More scatter than σ allows in {', '.join(high)}: σ are too small there.")
-        )
-    if low:
-        section.verdicts.append(
-            ("fair", f"Less scatter than σ allows in {', '.join(low)}: σ are cautious there.")
-        )
-    if coloured:
-        section.verdicts.append(
-            ("fair", f"Neighbouring errors resemble each other in {', '.join(coloured)}: something "
-             "slow is not in the model, and σ are too small over long times.")
-        )  # fmt: skip
-    if measured and not high and not low and not coloured:
-        section.verdicts.append(
-            ("good", "The filter is consistent: every GPS channel scatters about as its σ say "
-             "(normalised rms near 1), and one error does not predict the next.")
-        )  # fmt: skip

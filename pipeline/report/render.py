@@ -21,6 +21,7 @@ from pipeline.report.sections import (
     uncertainty_section,
 )
 from pipeline.report.sync_section import sync_section
+from pipeline.report.verdict_section import verdict_section
 from pipeline.shared.pictures import read_pictures
 from pipeline.shared.products import RunProducts
 from pipeline.shared.values import mapping
@@ -40,6 +41,7 @@ def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str
         "sensors": sensor_section(products),
         "motion": motion_section(products),
     }
+    state, sections["verdict"] = verdict_section(record)
     content = map_data(products, signs, read_pictures(products))
     facts = _facts(products, record)
     return render(
@@ -50,6 +52,7 @@ def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str
         figures=key_figures(products, signs),
         # last of all that reads, so that it knows every file that could not be read
         warnings=_warnings(products, record),
+        verdict=state,
         sections=sections,
         sign_table=_sign_table(signs),
         map=content,

@@ -222,6 +222,8 @@ def _run_stage(run: _Run, stage: Stage, now: Ingredients, reason: str) -> None:
             warnings=list(context.warnings),
             metrics=dict(context.metrics),
         )
+        if context.verdict is not None:
+            record["verdict"] = context.verdict
         for text in context.warnings:
             log.warning("stage %s: %s", stage.name, text)
         log.info("stage %s %s after %.3f s: %s", stage.name, state, seconds, record["result"])

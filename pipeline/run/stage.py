@@ -31,6 +31,8 @@ class StageContext:
     warnings: list[str] = field(default_factory=list)
     metrics: dict[str, Any] = field(default_factory=dict)
     result: str = ""
+    verdict: dict[str, Any] | None = None
+    """Whether the path may be relied on, by the stage that makes it (``fusion.verdict``)."""
     progress: Progress = lambda fraction, text: None
 
     def warn(self, text: str) -> None:

@@ -71,21 +71,24 @@ def new_record(drive: Path, name: str, command: str, settings: Mapping[str, Any]
         "settings": dict(settings),
         "inputs": {},
         "stages": {},
+        "verdict": None,
         "warnings": [],
         "metrics": {},
     }
 
 
 def merge_stages(record: dict[str, Any]) -> None:
-    """Fill the record's own inputs, warnings and metrics from its stages, in their order."""
+    """Fill the record's own inputs, verdict, warnings and metrics from its stages, in order."""
     inputs: dict[str, Any] = {}
     warnings: list[str] = []
     metrics: dict[str, Any] = {}
+    verdict: Any = None
     for stage in record["stages"].values():
         inputs.update(stage.get("inputs", {}))
         warnings += [text for text in stage.get("warnings", []) if text not in warnings]
         metrics.update(stage.get("metrics", {}))
-    record.update(inputs=inputs, warnings=warnings, metrics=metrics)
+        verdict = stage.get("verdict", verdict)
+    record.update(inputs=inputs, verdict=verdict, warnings=warnings, metrics=metrics)
 
 
 def _package_versions() -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""What came of a run, in five lines and as JSON."""
+"""What came of a run, in a few lines and as JSON."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ from typing import Any
 from automap.io import names
 from automap.io.atomic import plain
 from pipeline.shared.progress import Outcome
+from pipeline.shared.values import mapping
 
 _SHOWN = (("fuse", "trajectory"), ("detect", "detections"), ("geolocate", "signs"))
 
 
 def summary_lines(outcome: Outcome) -> list[str]:
-    """The run in five lines, the last one with where the map is; none after a failure."""
+    """The run in a few lines, the last one with where the map is; none after a failure.
+
+    A verdict that is not good stands there with its reasons.
+    """
     finished = [line for line in outcome.stages if line.state in ("ran", "kept")]
     if outcome.error is not None or len(finished) != len(outcome.stages) or not finished:
         return []
@@ -26,10 +30,28 @@ def summary_lines(outcome: Outcome) -> list[str]:
         result = stages.get(stage, {}).get("result")
         if result:
             lines.append(f"  {label:<11} {result}")
+        if stage == "fuse":
+            lines += _verdict_lines(outcome)
     found = [name for name in (names.REPORT, names.KML) if (outcome.out / name).is_file()]
     if found:
         lines.append(f"  {'map':<11} {'  '.join(str(outcome.out / name) for name in found)}")
     return lines
+
+
+def verdict_of(outcome: Outcome) -> tuple[str, list[str]]:
+    """State of the path and the reasons in words; "" where the run made no path."""
+    verdict = mapping(outcome.record.get("verdict"))
+    reasons = verdict.get("reasons")
+    texts = [mapping(r).get("text", "") for r in reasons] if isinstance(reasons, list) else []
+    return str(verdict.get("state", "")), [str(text) for text in texts]
+
+
+def _verdict_lines(outcome: Outcome) -> list[str]:
+    state, texts = verdict_of(outcome)
+    if not state:
+        return []
+    told = state + (f", for {len(texts)} reason{'s' if len(texts) != 1 else ''}:" if texts else "")
+    return [f"  {'verdict':<11} {told}", *(f"  {'':<11} - {text}" for text in texts)]
 
 
 def as_dict(outcome: Outcome) -> dict[str, Any]:
@@ -51,6 +73,7 @@ def as_dict(outcome: Outcome) -> dict[str, Any]:
             }
             for line in outcome.stages
         ],
+        "verdict": record.get("verdict"),
         "warnings": record.get("warnings", []),
         "metrics": record.get("metrics", {}),
         "map": str(outcome.out / names.KML) if (outcome.out / names.KML).is_file() else None,

@@ -41,6 +41,7 @@ def test_biases_and_nis_are_plotted(shared_data: Path, tmp_path: Path) -> None:
     assert abs(found["end"] - truth) < 4 * found["sd"] + 5e-4
     nis = json.loads((tmp_path / "nis.json").read_text())
     assert 0.5 < nis["velocity"]["mean"] < 1.5
+    assert nis["doubts"] == []
 
 
 def test_outages_closer_than_fixes_allow_are_refused(tmp_path: Path) -> None:

@@ -102,9 +102,6 @@ def test_the_path_is_as_sure_as_it_says_only_when_tuned(runs: dict[str, Path]) -
         assert (min(sizes) > 0.8 and max(sizes) < 1.25) == honest
         whiteness = metrics["innovations_lag1"]
         assert set(whiteness) == set(metrics["innovations_rms"])
-        verdict = metrics["innovations_verdict"]
-        assert ("about as large as the filter expects" in verdict) == honest
-        assert ("sigmas are too small" in verdict) != honest
 
 
 def test_the_report_says_what_was_found(runs: dict[str, Path]) -> None:
@@ -114,9 +111,6 @@ def test_the_report_says_what_was_found(runs: dict[str, Path]) -> None:
     section = fusion_section(RunProducts(runs["tuned"]))
     text = " ".join([*section.sentences, *(words for _, words in section.verdicts)])
     assert "slow error of GPS positions" in text
-    assert "The filter is consistent" in text
-    plain = fusion_section(RunProducts(runs["plain"]))
-    assert any("σ are too small there" in words for _, words in plain.verdicts)
 
 
 def test_the_tuned_file_serves_other_runs(runs: dict[str, Path], tmp_path: Path) -> None:

@@ -135,6 +135,10 @@ def write_run(out: Path, signs: int = 12, name: str = "demo", seconds: float = 1
         "drive": {"name": name, "path": f"/drives/{name}"},
         "settings": {"geolocate": {"pixel_sd": 1.5}},
         "stages": {"fuse": {"status": "done", "seconds": 1.25, "reason": "never ran"}},
+        "verdict": {
+            "state": "doubtful",
+            "reasons": [{"code": "innovations", "text": "the sigmas of <east> are too small"}],
+        },
         "warnings": ["The lever arm is not measured; it is taken as zero."],
         "metrics": {"mounting_rpy_deg": [0.1, 0.2, 0.3]},
     }
@@ -160,7 +164,7 @@ FUSION = {
         "nhc_y": {"count": 60, "normalised_rms": 0.1, "accepted_share": 1.0},
     },
 }
-"""What the fuse stage says of a sensor upside down and a filter too sure of the east."""
+"""What the fuse stage says of a sensor upside down."""
 
 
 def _write_fusion(out: Path, path: Trajectory, rng: np.random.Generator) -> None:

@@ -1,11 +1,11 @@
-"""The verdict on the innovations: true, and in words."""
+"""What innovations say of the sigmas: true, and in words."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from automap.fusion.consistency import channel_consistency, verdict
+from automap.fusion.consistency import channel_consistency, innovation_doubts
 from automap.fusion.output import Innovations
 
 
@@ -39,26 +39,33 @@ def test_channels_are_measured() -> None:
     assert channels["velocity_e"].lag1 == pytest.approx(0.0, abs=0.1)
 
 
-def test_a_good_filter_is_told_with_its_figures() -> None:
-    said = verdict(channel_consistency(_table()))
-    assert said.startswith("the innovations are about as large as the filter expects (")
-    assert " to 1.0" in said or " to 0.9" in said
+def test_right_innovations_give_no_reason() -> None:
+    assert innovation_doubts(channel_consistency(_table())) == []
 
 
-@pytest.mark.parametrize(
-    ("size", "memory", "words"),
-    [
-        (2.0, 0.0, "innovations of position north scatter 2.0"),
-        (0.3, 0.0, "innovations of position north scatter only 0.3"),
-        (1.0, 0.7, "innovations of position north resemble each other (correlation 0."),
-    ],
-)
-def test_what_is_wrong_is_told_and_where(size: float, memory: float, words: str) -> None:
-    said = verdict(channel_consistency(_table(size, memory)))
-    assert words in said
-    assert "velocity" not in said
-    assert "nhc" not in said
+def test_sigmas_too_small_are_told_and_where() -> None:
+    (reason,) = innovation_doubts(channel_consistency(_table(size=2.5)))
+    assert "innovations of position north are 2.5" in reason.text
+    assert "velocity" not in reason.text
+    assert "nhc" not in reason.text
+    assert reason.factor == pytest.approx(2.5, rel=0.1)
+
+
+def test_errors_that_resemble_their_neighbours_count_for_fewer() -> None:
+    # the mean of n errors with neighbours alike by r errs as that of n (1 - r) / (1 + r)
+    (reason,) = innovation_doubts(channel_consistency(_table(memory=0.8)))
+    rng = np.random.default_rng(1)
+    noise = rng.standard_normal((4000, 400))
+    for i in range(1, noise.shape[1]):
+        noise[:, i] = 0.8 * noise[:, i - 1] + 0.6 * noise[:, i]
+    real = noise.mean(axis=1).std() * np.sqrt(noise.shape[1])
+    assert "resemble each other (correlation 0." in reason.text
+    assert 0.6 * real < reason.factor < 1.1 * real
+
+
+def test_small_innovations_are_no_reason() -> None:
+    assert innovation_doubts(channel_consistency(_table(size=0.3))) == []
 
 
 def test_too_few_are_not_judged() -> None:
-    assert "too few" in verdict(channel_consistency(_table(n=10)))
+    assert innovation_doubts(channel_consistency(_table(size=9.0, n=10))) == []

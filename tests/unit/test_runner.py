@@ -19,6 +19,7 @@ from pipeline.run.stage import Stage, StageContext
 from pipeline.settings.load import load_settings
 from pipeline.shared.lock import locked
 from pipeline.shared.progress import Outcome, Reporter
+from pipeline.shared.summary import summary_lines
 from tests.unit.fake_stages import doubler, make_drive, reader, teller
 
 Stages = Sequence[Stage]
@@ -103,6 +104,22 @@ def test_the_record_is_the_lineage(drive: Path, out: Path) -> None:
     assert story["status"] == "running"
     assert story["stages"]["detect"]["status"] == "done"
     assert story["warnings"] == ["doubling is not an estimate"]
+
+
+def test_the_verdict_of_the_path_is_the_runs_and_is_kept(drive: Path, out: Path) -> None:
+    verdict = {"state": "doubtful", "reasons": [{"code": "x", "text": "it is late"}]}
+
+    def judge(context: StageContext) -> None:
+        context.verdict = verdict
+
+    for state in ("ran", "kept"):
+        outcome = run_drive(drive, out, request([reader(), doubler(judge), teller()]))
+        assert states(outcome)["detect"] == state
+        assert record(out)["verdict"] == verdict
+        lines = summary_lines(outcome)
+        assert "  verdict     doubtful, for 1 reason:" in lines
+        assert any(line.strip() == "- it is late" for line in lines)
+    assert run_drive(drive, out / "none", request([reader()])).record["verdict"] is None
 
 
 def test_a_touched_input_with_the_same_content_changes_nothing(drive: Path, out: Path) -> None:

@@ -12,6 +12,7 @@ from pipeline.run.stage import Stage, StageContext
 
 if TYPE_CHECKING:
     from automap.fusion.engine import FusionResult
+    from automap.fusion.verdict import Weighed
     from automap.io.drive import Drive
     from automap.records import ClockModel, Trajectory
     from pipeline.settings.presets import Preset
@@ -78,6 +79,7 @@ def _take_finished(context: StageContext) -> None:
 
 def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None:
     from automap.fusion.gnss_only import smooth_fixes
+    from automap.fusion.verdict import weigh_alone
     from automap.io.tables import read_fixes
     from pipeline.settings.presets import fusion_options
 
@@ -88,13 +90,16 @@ def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None
     fixes = read_fixes(context.out / names.FIXES)
     options, presets = fusion_options(context.drive, context.settings.fuse)
     trajectory = smooth_fixes(fixes, clock, options)
-    _write_trajectory(context, trajectory, names.TRAJECTORY)
-    content = {"method": "gnss only", "epochs": len(trajectory)}
+    weighed = weigh_alone(trajectory, fixes, options)
+    _write_trajectory(context, weighed.trajectory, names.TRAJECTORY)
+    context.verdict = weighed.verdict.as_dict()
+    content = {"method": "gnss only", "epochs": len(trajectory), "verdict": context.verdict}
     _write_summary(context, content | {"presets": _note_presets(context, presets)})
     context.result = f"{len(trajectory)} epochs from GPS alone, smoothed"
 
 
 def _fuse(context: StageContext) -> None:
+    from automap.fusion.verdict import weigh
     from pipeline.run.fusion_inputs import read_inputs
     from pipeline.settings.presets import fusion_options
     from pipeline.settings.user_effects import activate
@@ -106,16 +111,20 @@ def _fuse(context: StageContext) -> None:
     result = inputs.fuse(options, progress=context.progress)
     for text in result.warnings:
         context.warn(text)
-    _write_trajectory(context, result.trajectory, names.TRAJECTORY)
+    is_clock = inputs.delay_is_clock
+    weighed = weigh(result, inputs.imu, inputs.fixes, inputs.clock, options, is_clock)
+    context.verdict = weighed.verdict.as_dict()
+    _write_trajectory(context, weighed.trajectory, names.TRAJECTORY)
     _write_trajectory(context, result.filtered, names.TRAJECTORY_FILTER)
     _write_parameters(context, result)
     _write_innovations(context, result)
-    _report(context, result, inputs.delay_is_clock, _note_presets(context, presets))
+    _report(context, result, weighed, is_clock, _note_presets(context, presets))
     if options.tune:
         _write_tuned(context, result, presets)
     metrics = context.metrics
+    alone = " alone" if weighed.alone else ""
     context.result = (
-        f"{len(result.trajectory)} epochs from {result.n_fixes_used} fixes, horizontal sd "
+        f"{len(weighed.trajectory)} epochs from {result.n_fixes_used} fixes{alone}, horizontal sd "
         f"{metrics['horizontal_sd_m']:.2f} m, IMU delay {1e3 * result.delay.mean:.0f} ms"
     )
 
@@ -178,25 +187,22 @@ def _note_presets(context: StageContext, presets: list[Preset]) -> dict[str, Any
 
 
 def _report(
-    context: StageContext, result: FusionResult, is_clock: bool, presets: dict[str, Any]
+    context: StageContext,
+    result: FusionResult,
+    weighed: Weighed,
+    is_clock: bool,
+    presets: dict[str, Any],
 ) -> None:
     """Figures for run.json and fusion.json."""
     from dataclasses import asdict
 
     import numpy as np
 
-    from automap.fusion.consistency import channel_consistency, verdict
+    from automap.fusion.consistency import channel_consistency
 
     table = result.innovations
     channels = channel_consistency(table)
     refused = 1.0 - float(table.accepted.mean()) if len(table.accepted) else 0.0
-    if refused > 0.2:
-        context.warn(
-            f"{100 * refused:.0f} % of the measurements contradict the others and were trusted "
-            "less; look at the innovations in the report"
-        )
-    said = verdict(channels)
-    context.metric("innovations_verdict", said)
     # run.json tells each channel's size (1 is right) and whiteness (0 is right)
     context.metric("innovations_rms", {n: c.normalised_rms for n, c in channels.items()})
     context.metric("innovations_lag1", {n: c.lag1 for n, c in channels.items()})
@@ -210,7 +216,7 @@ def _report(
     context.metric("mounting_rpy_sd_deg", [float(a) for a in np.degrees(result.mounting.sd)])
     context.metric("standstill_s", rest)
     context.metric("fixes_used", result.n_fixes_used)
-    moments = result.trajectory
+    moments = weighed.trajectory
     context.metric(
         "horizontal_sd_m",
         float(np.median(np.hypot(moments.sd_pos_ned[:, 0], moments.sd_pos_ned[:, 1]))),
@@ -218,7 +224,7 @@ def _report(
     _write_summary(
         context,
         {
-            "method": "inertial",
+            "method": "gnss only" if weighed.alone else "inertial",
             "presets": presets,
             "imu_delay_s": result.delay.mean,
             "imu_delay_sd_s": result.delay.sd,
@@ -232,7 +238,7 @@ def _report(
             "refused_share": refused,
             "standstill": [[float(a), float(b)] for a, b in result.standstill],
             "channels": {name: asdict(item) for name, item in channels.items()},
-            "verdict": said,
+            "verdict": context.verdict,
         },
     )
 
@@ -254,7 +260,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="fuse",
-    version=2,
+    version=3,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.ODOMETER, names.SYNC, names.INGEST),

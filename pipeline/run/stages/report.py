@@ -34,7 +34,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="report",
-    version=3,
+    version=4,
     run=run,
     inputs=_inputs,
     needs=(

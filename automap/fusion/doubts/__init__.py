@@ -1,0 +1,1 @@
+"""What may make a fused path doubtful: one module for each kind of evidence."""

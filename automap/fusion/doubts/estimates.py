@@ -1,0 +1,128 @@
+"""Estimates that cannot be: delays, scales, biases, noise levels that ran to their bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from automap.fusion import limits
+from automap.fusion.adapt import COARSE, FINE
+from automap.fusion.doubts.reason import Reason
+from automap.fusion.problem import (
+    DELAY_STATE,
+    LATENCY_STATE,
+    SKEW_STATE,
+    VEL_LAG_STATE,
+    VEL_LATENCY_STATE,
+)
+from automap.gates import sigmas
+
+if TYPE_CHECKING:
+    from automap.fusion.engine import FusionResult
+
+Estimates = Mapping[str, tuple[float, float]]
+"""Value and sd by the parameter's name, at the end of the drive."""
+
+_LEVELS = {
+    "accel": "noise of the accelerometer",
+    "gyro": "noise of the gyro",
+    "position_h": "horizontal noise of the fixes' positions",
+    "position_v": "vertical noise of the fixes' positions",
+    "velocity_h": "horizontal noise of the fixes' velocities",
+    "velocity_v": "vertical noise of the fixes' velocities",
+}
+INERTIAL_LEVELS = ("accel", "gyro")
+
+
+def final_estimates(result: FusionResult) -> dict[str, tuple[float, float]]:
+    """The parameters of a fused drive as they are at its end."""
+    history = result.parameters
+    rows = zip(history.names, history.values[-1], history.sd[-1], strict=True)
+    return {name: (float(value), float(sd)) for name, value, sd in rows}
+
+
+def impossible_ages(found: Estimates, delay_is_clock: bool) -> list[Reason]:
+    """Fixes and velocities from the future, delays and skews that ran to their bounds.
+
+    ``delay_is_clock``: the delay of the IMU's stamps is minus the age of the fixes on arrival.
+    """
+    reasons = []
+    beyond = sigmas(limits.DOUBT_PROBABILITY)
+    ages: list[tuple[str, tuple[str, ...], float]] = [
+        ("velocities", (VEL_LATENCY_STATE, VEL_LAG_STATE), 1.0)
+    ]
+    if delay_is_clock:
+        ages.append(("positions", (DELAY_STATE,), -1.0))
+    for what, names, sign in ages:
+        known = [found[name] for name in names if name in found]
+        age = sign * sum(value for value, _ in known)
+        sd = math.sqrt(sum(s**2 for _, s in known))
+        if age < -limits.LEAST_AGE_S - beyond * sd:
+            reasons.append(
+                Reason(
+                    "negative_delay",
+                    f"the receiver's {what} seem to be {-age:.2f} s ahead of what the inertial "
+                    "sensor feels, which cannot be: check the stamps of both, and the axes of the "
+                    "inertial sensor",
+                    inertial=True,
+                )
+            )
+    bounds = (
+        (DELAY_STATE, limits.MAX_DELAY_S, "the delay between inertial sensor and fixes"),
+        (LATENCY_STATE, limits.MAX_DELAY_S, "the age of the positions"),
+        (VEL_LATENCY_STATE, limits.MAX_DELAY_S, "the age of the velocities"),
+        (VEL_LAG_STATE, limits.MAX_DELAY_S, "the low-pass of the velocities"),
+        (SKEW_STATE, limits.MAX_SKEW, "the skew of the inertial sensor's clock"),
+    )
+    for name, bound, what in bounds:
+        value = found.get(name, (0.0, 0.0))[0]
+        if abs(value) > limits.AT_BOUND * bound:
+            unit = "" if name == SKEW_STATE else " s"
+            reasons.append(
+                Reason(
+                    "delay_at_bound",
+                    f"{what} ran to {value:.3g}{unit}, the most that is searched: the clocks do "
+                    "not belong together; check the stamps with 'automap check'",
+                    inertial=True,
+                )
+            )
+    return reasons
+
+
+def impossible_errors(found: Estimates) -> list[Reason]:
+    """Sensor errors larger than any sensor has."""
+    reasons = []
+    for effect, (most, unit, what) in limits.MOST_SENSOR_ERROR.items():
+        size, axis = max(
+            ((abs(found[f"{effect}_{a}"][0]), a) for a in "xyz" if f"{effect}_{a}" in found),
+            default=(0.0, ""),
+        )
+        if size > most:
+            reasons.append(
+                Reason(
+                    "sensor_error",
+                    f"{what}, axis {axis}, would be {size:.3g}{unit}, more than such a sensor has "
+                    f"({most:g}{unit}): check units, axes and signs of the inertial sensor",
+                    inertial=True,
+                )
+            )
+    return reasons
+
+
+def levels_at_bound(factors: Mapping[str, float], tuned: bool) -> list[Reason]:
+    """Noise levels as large as they may become."""
+    most = (FINE if tuned else COARSE).limit
+    reasons = []
+    for level, what in _LEVELS.items():
+        if factors.get(level, 1.0) > limits.AT_BOUND * most:
+            reasons.append(
+                Reason(
+                    "noise_at_bound",
+                    f"the {what} is {factors[level]:.0f} times what was assumed, the most that is "
+                    "tried: something else is wrong with that sensor; check its units, axes and "
+                    "stamps",
+                    inertial=level in INERTIAL_LEVELS,
+                )
+            )
+    return reasons

@@ -1,0 +1,71 @@
+"""What the filter itself says: how it began, what it refused, how sure it ends."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from automap.fusion import limits
+from automap.fusion.doubts.reason import Reason
+from automap.records import Trajectory
+
+if TYPE_CHECKING:
+    from automap.fusion.output import Innovations
+
+_KINDS = {
+    "position": ("positions of the fixes", "look for wrong fixes in the receiver's log"),
+    "velocity": ("velocities of the fixes", "look for wrong velocities in the receiver's log"),
+    "nhc": ("times at which a vehicle does not slide", "check the axes of the inertial sensor"),
+    "odometer": ("wheel speeds", "check their unit and their stamps"),
+}
+
+
+def weak_heading(margin: float) -> list[Reason]:
+    """The start's heading is not much likelier than another; ``margin`` in nats."""
+    if margin >= limits.SURE_MARGIN_NATS:
+        return []
+    return [
+        Reason(
+            "heading_weak",
+            f"the heading at the start is weakly determined (likelihood margin {margin:.1f} nats, "
+            f"{limits.SURE_MARGIN_NATS:g} are enough): headings and sideways positions of signs "
+            "may be off; record with more change of speed and direction",
+        )
+    ]
+
+
+def refused(table: Innovations) -> list[Reason]:
+    """Kinds of measurements of which many were refused."""
+    kinds = np.array([str(name).partition("_")[0] for name in table.channel], dtype=object)
+    reasons = []
+    for kind, (what, advice) in _KINDS.items():
+        rows = kinds == kind
+        if int(rows.sum()) < limits.LEAST_JUDGED:
+            continue
+        share = 1.0 - float(table.accepted[rows].mean())
+        if share > limits.REFUSED_SHARE:
+            reasons.append(
+                Reason(
+                    f"{kind}_refused",
+                    f"{share:.0%} of the {what} contradict the other measurements and were "
+                    f"trusted less: {advice}",
+                )
+            )
+    return reasons
+
+
+def unsure_path(trajectory: Trajectory) -> list[Reason]:
+    """A path too unsure to be of use."""
+    sd = float(np.median(np.hypot(trajectory.sd_pos_ned[:, 0], trajectory.sd_pos_ned[:, 1])))
+    if np.isfinite(sd) and sd <= limits.USELESS_SD_M:
+        return []
+    return [
+        Reason(
+            "path_unsure",
+            f"the path is known to {sd:.0f} m only (horizontal sigma, median; signs are on the "
+            f"right street up to {limits.USELESS_SD_M:g} m): record again with a free view of "
+            "the sky, or check the receiver's log",
+            state="unusable",
+        )
+    ]

@@ -1,0 +1,179 @@
+"""The verdict on a path: may it be relied on, and if not, why not and what to do.
+
+Every kind of evidence (``doubts``) gives its reasons. A doubtful path is given sigmas as large as
+the contradictions, in the stretches where they are. Where the inertial sensor makes the path worse
+than the fixes alone, the path is that of the fixes alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from automap.earth import local_ned
+from automap.errors import InputError
+from automap.fusion import limits
+from automap.fusion.consistency import channel_consistency, innovation_doubts
+from automap.fusion.doubts.estimates import (
+    final_estimates,
+    impossible_ages,
+    impossible_errors,
+    levels_at_bound,
+)
+from automap.fusion.doubts.outcome import refused, unsure_path, weak_heading
+from automap.fusion.doubts.path import Misses, contradicted, fix_misses, local_error, spans_of
+from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
+from automap.fusion.gnss_only import smooth_fixes
+from automap.fusion.nodes import FixModel, model_fixes
+from automap.fusion.options import FusionOptions
+from automap.fusion.problem import LATENCY_STATE
+from automap.interpolation import poses_at_gps
+from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
+
+if TYPE_CHECKING:
+    from automap.fusion.engine import FusionResult
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A path with sigmas as the ``verdict`` wants them; with ``alone`` it is that of the fixes
+    without the inertial sensor."""
+
+    verdict: Verdict
+    trajectory: Trajectory
+    alone: bool = False
+
+
+def weigh(
+    result: FusionResult,
+    imu: ImuData,
+    fixes: Fixes,
+    clock: ClockModel,
+    options: FusionOptions,
+    delay_is_clock: bool,
+) -> Weighed:
+    """Judge a fused path by what it was made of; ``delay_is_clock`` as in ``fuse_imu_gnss``."""
+    found = final_estimates(result)
+    path = result.trajectory
+    reasons = [
+        *weak_heading(result.align_margin),
+        *impossible_ages(found, delay_is_clock),
+        *impossible_errors(found),
+        *levels_at_bound(result.noise_factors, options.tune),
+        *refused(result.innovations),
+        *innovation_doubts(channel_consistency(result.innovations)),
+    ]
+    model = _scaled(model_fixes(fixes, fixes.gps_s, options), result.noise_factors)
+    arm = np.array([found.get(f"gnss_lever_arm_{a}", (0.0, 0.0))[0] for a in "xyz"])
+    misses = fix_misses(path, model, arm, found.get(LATENCY_STATE, (0.0, 0.0))[0])
+    off, share = _off_the_fixes(misses, options.wander_tau_s)
+    reasons += off
+    try:
+        alone = smooth_fixes(fixes, clock, options)
+    except InputError:
+        alone = None
+    blamed = any(reason.inertial for reason in reasons)
+    if alone is not None and share > (limits.BLAMED_SHARE if blamed else limits.WORSE_SHARE):
+        beside = _off_the_fixes(fix_misses(alone, model), options.wander_tau_s)
+        if beside[1] < limits.AGREEING_SHARE:
+            reasons = [_worse(share), *reasons]
+            widened = widen(alone, beside[0], fix_misses(alone, model), None)
+            return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
+    widened = widen(path, reasons, misses, alone)
+    return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened)
+
+
+def weigh_alone(path: Trajectory, fixes: Fixes, options: FusionOptions) -> Weighed:
+    """Judge a path that was made of fixes alone."""
+    misses = fix_misses(path, model_fixes(fixes, fixes.gps_s, options))
+    reasons, _ = _off_the_fixes(misses, options.wander_tau_s)
+    widened = widen(path, reasons, misses, None)
+    return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
+
+
+def _scaled(model: FixModel, factors: dict[str, float]) -> FixModel:
+    """The fixes with the noise that the drive was found to have."""
+    kinds = ("position_h", "position_h", "position_v", "velocity_h", "velocity_h", "velocity_v")
+    white = np.array([factors.get(kind, 1.0) for kind in kinds]) ** 2
+    return replace(
+        model,
+        white_var=model.white_var * white,
+        wander_sd=model.wander_sd * factors.get("wander", 1.0),
+    )
+
+
+def _off_the_fixes(misses: Misses, tau_s: float) -> tuple[list[Reason], float]:
+    """The reason that the fixes give, and which share of them is far off the path."""
+    wrong = contradicted(misses, tau_s)
+    if not wrong.any():
+        return [], 0.0
+    share = float(wrong.mean())
+    error = local_error(misses)[wrong]
+    spans = spans_of(misses.t, wrong)
+    seconds = sum(b - a for a, b in spans)
+    return [
+        Reason(
+            "off_the_fixes",
+            f"for {seconds:.0f} s of the drive the fixes lie {np.median(error):.1f} m off the path "
+            f"(up to {error.max():.1f} m), more than both err: look there at the receiver's "
+            "log and at the stamps and axes of the inertial sensor",
+            spans if share < limits.WORSE_SHARE else (),
+        )
+    ], share
+
+
+def _worse(share: float) -> Reason:
+    return Reason(
+        "inertial_worse",
+        f"the inertial sensor contradicts good fixes over {share:.0%} of the drive, so the path is "
+        "that of the fixes alone, with the course for a heading: check the axes, signs, units and "
+        "stamps of the inertial sensor",
+    )
+
+
+def widen(
+    path: Trajectory, reasons: Sequence[Reason], misses: Misses, alone: Trajectory | None
+) -> Trajectory:
+    """The path with sigmas as large as what ``reasons`` show, where they show it.
+
+    There the horizontal error counts as no smaller than that to the fixes round about, and than
+    the distance to the path ``alone`` of the fixes.
+    """
+    if not reasons:
+        return path
+    t = path.gps_s - path.gps_s[0]
+    error = np.zeros(len(t))
+    if len(misses):
+        error = np.interp(t, misses.t, local_error(misses))
+    if alone is not None:
+        error = np.maximum(error, np.interp(t, alone.gps_s - path.gps_s[0], _apart(path, alone)))
+    factor, floor = np.ones(len(t)), np.zeros(len(t))
+    for reason in reasons:
+        there = np.zeros(len(t), np.bool_)
+        for a, b in reason.spans:
+            there |= (t >= a) & (t <= b)
+        if not reason.spans:
+            there[:] = True
+        factor[there] = np.maximum(factor[there], reason.factor)
+        floor[there] = np.maximum(floor[there], np.maximum(error[there], reason.error_m))
+    sd = path.sd_pos_ned * factor[:, None]
+    # per axis: an error of this length may have any direction
+    sd[:, :2] = np.sqrt(sd[:, :2] ** 2 + 0.5 * floor[:, None] ** 2)
+    return replace(
+        path,
+        sd_pos_ned=sd,
+        sd_vel_ned=path.sd_vel_ned * factor[:, None],
+        sd_rpy=path.sd_rpy * factor[:, None],
+    )
+
+
+def _apart(path: Trajectory, alone: Trajectory) -> FloatArray:
+    """Horizontal distance [m] m of two paths at the second's rows, 0 where the first is not."""
+    at = poses_at_gps(path, alone.gps_s)
+    ref = (float(alone.lat_rad[0]), float(alone.lon_rad[0]), float(alone.height_m[0]))
+    one = local_ned(alone.lat_rad, alone.lon_rad, alone.height_m, ref).reshape(-1, 3)
+    two = local_ned(at.lat_rad, at.lon_rad, at.height_m, ref).reshape(-1, 3)
+    return np.asarray(np.nan_to_num(np.hypot(*(one - two)[:, :2].T)))
