@@ -213,7 +213,7 @@ _INSTALLATION = (
         "clock",
         _named("s", "s", 0.1),
         "IMU stamps later than the truth",
-        _one("s", FIX, Kind.TIME),
+        _one("s", (*FIX, VEHICLE), Kind.TIME),
         first_order=("gnss_latency", -1.0),
         told_apart=(
             (
@@ -228,7 +228,7 @@ _INSTALLATION = (
         "clock",
         _named("skew", "s/s", 5e-5),
         "IMU clock runs fast",
-        _one("skew", FIX, Kind.TIME, signal=ELAPSED),
+        _one("skew", (*FIX, VEHICLE), Kind.TIME, signal=ELAPSED),
         unknown_epoch="imu_time_offset",
         told_apart=(("imu_time_offset", _LONG_DRIVE), ("gnss_latency", _LONG_DRIVE)),
     ),
@@ -399,6 +399,13 @@ _VEHICLE = (
         _named("relative", "", 0.03),
         "wheels turn too fast",
         _one("relative", VEHICLE, Kind.SCALE, 0),
+    ),
+    Effect(
+        "odometer_time_offset",
+        "vehicle",
+        _named("s", "s", 0.3),
+        "wheel speeds stamped later than the truth",
+        _one("s", VEHICLE, Kind.TIME, weight=-1.0),
     ),
 )
 

@@ -65,7 +65,7 @@ class Effect:
     def needs_wheels(self) -> bool:
         """Whether it shows in what wheels report and nowhere else."""
         return bool(self.terms) and all(
-            t.on == VEHICLE and t.axis == 0 and t.kind in (Kind.AXIS, Kind.SCALE)
+            t.on == VEHICLE and t.axis == 0 and t.kind in (Kind.AXIS, Kind.SCALE, Kind.TIME)
             for t in self.terms
         )
 

@@ -164,11 +164,14 @@ def vehicle_velocity(
     ``h`` [3, n].
 
     S (I + [s x]) y + b with y = W (C' v + omega x W' r): r the arm to the point, W the mounting, s
-    the slip, S the factors. Of ``now`` the accelerations along the vehicle's axes are set here.
+    the slip, S the factors; forward S y' d more, d how much later it is told, y' = W C' a -
+    W (omega x C' v), which leaves out that a turn begins or ends within d. Of ``now`` the
+    accelerations along the vehicle's axes are set here.
     Dissanayake et al., IEEE Transactions on Robotics and Automation 17 (2001), 731-747.
     """
     work, w, g = room[WORK:], room[MATRIX : MATRIX + 3], room[SLOPE : SLOPE + 3]
     u, y, along, arm, swing, slipped = work[0], work[1], work[2], work[3], work[4], work[5]
+    slope = work[6]
     _sum_terms(codes, weights, now, xi, room)
     _back(c, acc, u)
     _times(w, u, along)
@@ -181,6 +184,8 @@ def vehicle_velocity(
     _back(w, room[ARM], arm)
     _cross(rate, arm, swing)
     _back(c, vel, u)
+    _cross(rate, u, slope)
+    gained = along[0] - w[0, 0] * slope[0] - w[0, 1] * slope[1] - w[0, 2] * slope[2]
     for a in range(3):
         u[a] += swing[a]
     h[:, :] = 0.0
@@ -202,11 +207,14 @@ def vehicle_velocity(
     _turn_columns(h, codes, weights, now, room[AXES : AXES + 3], y)
     _lengthen(h, room[LONGER])
     _cross(room[SLIDE], y, slipped)
-    for a in range(3):
+    for a in range(1, 3):
         # a vehicle that slips is still seen by its wheels along its own nose
-        y[a] += slipped[a] if a > 0 else 0.0
+        y[a] += slipped[a]
+    y[0] += gained * room[LATE, 0]
+    for a in range(3):
         out[a] = room[LONGER, a] * y[a] + room[ADDED, a]
-    _plain_columns(h, codes, weights, now, along, y)
+    slope[0], slope[1], slope[2] = room[LONGER, 0] * gained, 0.0, 0.0
+    _plain_columns(h, codes, weights, now, slope, y)
 
 
 @kernel

@@ -37,9 +37,10 @@ class Kind(IntEnum):
 
     ``AXIS`` adds along an axis: of the sensor, of NED for fixes, of the vehicle. ``POINT`` moves
     the measured point along an axis of the vehicle (m). ``TIME`` measures what is so many seconds
-    later. ``LAG`` passes it through a low-pass of that time constant. ``TURN`` turns the sensor
-    against the vehicle about an axis (rad, ZYX to first order), ``SLIP`` the vehicle's velocity
-    against the vehicle. ``SCALE`` lengthens the component along an axis by that share.
+    later (of the vehicle: its forward speed, for the other two parts are nothing at any time).
+    ``LAG`` passes it through a low-pass of that time constant. ``TURN`` turns the sensor against
+    the vehicle about an axis (rad, ZYX to first order), ``SLIP`` the vehicle's velocity against the
+    vehicle. ``SCALE`` lengthens the component along an axis by that share.
     """
 
     AXIS = 0

@@ -87,6 +87,13 @@ def nose_angles(
     return out
 
 
+def wheel_instants(t_s: FloatArray, values: Values) -> FloatArray:
+    """The instants [n] s of whose motion wheel speeds stamped ``t_s`` [n] s tell."""
+    none = np.zeros(len(t_s))
+    late = distortion(values, VEHICLE, len(t_s), lambda n: t_s if n == ELAPSED else none).late
+    return t_s + late
+
+
 def wheel_speed(
     forward: FloatArray, values: Values, signal: Callable[[str], FloatArray]
 ) -> FloatArray:

@@ -16,7 +16,6 @@ from automap.frames import (
 )
 from automap.fusion import limits
 from automap.fusion.layout import HAS_POS_H
-from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.mounting import Mounting, estimate_mounting
 from automap.fusion.nodes import Nodes, model_fixes
 from automap.fusion.options import FusionOptions
@@ -33,6 +32,7 @@ from automap.fusion.passes import Pass, Session, fix_speed, run_passes
 from automap.fusion.problem import (
     DELAY_STATE,
     SKEW_STATE,
+    WHEELS_STATE,
     Problem,
     Start,
     filtered_states,
@@ -40,6 +40,7 @@ from automap.fusion.problem import (
 )
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias
+from automap.fusion.wheels import Wheels, prepare_wheels
 from automap.records import (
     ClockModel,
     Fixes,
@@ -52,6 +53,8 @@ from automap.records import (
 
 _NO_NHC = ("imu_mounting", "nhc_lever_arm")
 """What nothing shows before the constraint acts in the vehicle's axes."""
+_OF_WHEELS = ("odometer_scale", "odometer_time_offset")
+"""What is estimated where a drive has wheel speed."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,16 @@ class Prior:
 
     mean: float
     sd: float
+
+
+@dataclass(frozen=True)
+class WheelResult:
+    """What became of wheel speed: ``found`` before the passes; ``scale`` how many of its metres are
+    one, ``late`` how much later than the truth it is stamped, s, None where it was not used."""
+
+    found: Wheels
+    scale: Prior | None = None
+    late: Prior | None = None
 
 
 @dataclass(frozen=True)
@@ -72,7 +85,7 @@ class FusionResult:
     ``delay`` of the IMU stamps against the fixes (imu_time_offset > 0: stamps later than the
     truth) with sd; ``mounting`` sensor to vehicle; ``standstill`` intervals in s from the
     first sample; ``align_margin`` in nats; ``noise_factors`` what the
-    drive made of the noise levels.
+    drive made of the noise levels; ``wheels`` None where the drive has no wheel speed.
     """
 
     trajectory: Trajectory
@@ -87,6 +100,7 @@ class FusionResult:
     n_nodes: int
     n_fixes_used: int
     noise_factors: dict[str, float]
+    wheels: WheelResult | None = None
     warnings: list[str] = field(default_factory=list)
 
     @property
@@ -149,14 +163,13 @@ def fuse_imu_gnss(
         for axis, value in zip("xyz", rest_bias, strict=True):
             means[f"gyro_bias_{axis}"] = float(value)
             sds[f"gyro_bias_{axis}"] = limits.REST_BIAS_SD
-    wheels = None
-    if odometer is not None and len(odometer) > 1:
-        wheels = Odometer(np.asarray((odometer.t_ns - base_ns) * 1e-9), odometer.speed)
-        if "odometer_scale" not in effects:
-            effects = (*effects, "odometer_scale")
+    wheels = prepare_wheels(odometer, base_ns, model, options)
+    readings = None if wheels is None else wheels.odometer
+    if readings is not None:
+        effects = (*effects, *(e for e in _OF_WHEELS if e not in effects))
     options = replace(options, effects=effects)
-    session = Session(imu, model, options, standstill, means, sds, span, wheels)
-    warnings: list[str] = []
+    session = Session(imu, model, options, standstill, means, sds, span, readings)
+    warnings: list[str] = [] if wheels is None else list(wheels.warnings)
     if screened.n_outliers:
         warnings.append(
             f"{screened.n_outliers} fixes lie up to {screened.largest_m:.0f} m off the path that "
@@ -193,9 +206,29 @@ def fuse_imu_gnss(
     progress(0.8, "writing the trajectory at IMU rate")
     outcome = _collect(last, int(imu.t_ns[0]), screened.outliers)
     del last, found
-    return _assemble(
+    result = _assemble(
         session, outcome, clock, mounting, margin, warnings, imu.axes_known, delay_is_clock
     )
+    return replace(result, wheels=_wheels_of(wheels, result, delay_is_clock))
+
+
+def _wheels_of(
+    wheels: Wheels | None, result: FusionResult, delay_is_clock: bool
+) -> WheelResult | None:
+    if wheels is None or wheels.odometer is None:
+        return None if wheels is None else WheelResult(wheels)
+    names, values, sd = result.parameters.names, result.parameters.values, result.parameters.sd
+    scale, late = (
+        Prior(float(values[-1, i]), float(sd[-1, i])) if i >= 0 else Prior(0.0, 0.0)
+        for i in (
+            names.index(name) if name in names else -1
+            for name in ("odometer_scale_relative", WHEELS_STATE)
+        )
+    )
+    if delay_is_clock:
+        # IMU and wheels share the clock that is off against the fixes
+        late = replace(late, mean=late.mean - result.delay.mean)
+    return WheelResult(wheels, replace(scale, mean=1.0 + scale.mean), late)
 
 
 def _mounting_of(last: Pass) -> Mounting:
@@ -306,5 +339,5 @@ def _assemble(
         len(outcome.nodes.t),
         len(np.unique(outcome.nodes.fix_row[outcome.nodes.fix_row >= 0])),
         outcome.factors,
-        warnings,
+        warnings=warnings,
     )

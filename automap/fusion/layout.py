@@ -12,6 +12,8 @@ from automap.effects.navigation import N_NAV, P_ID, PHI_ID, V_ID
 # bits of a node's flags
 HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V = 1, 2, 4, 8
 STANDSTILL, NHC, ODOMETER = 16, 32, 64
+UNSIGNED = 128
+"""A wheel speed that does not tell whether the vehicle reverses."""
 
 # columns of a node's values: latitude, longitude, height, velocity NED, wheel speed
 WHEEL_SPEED = 6
@@ -72,6 +74,7 @@ __all__ = [
     "P_ID",
     "ROWS_OF_FLAG",
     "STANDSTILL",
+    "UNSIGNED",
     "V_ID",
     "WHEEL_SPEED",
 ]

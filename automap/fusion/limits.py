@@ -75,11 +75,56 @@ one errs by less than the 0.1 m/s that a velocity is worth."""
 
 SPRINGS = 2.0
 """How much larger than the slip of tyres what a body does on its springs is."""
-ODOMETER_GAP_S = 0.5
-"""Wheel speeds come ten times a second and more: between two that are further apart some are
-missing. Chosen: braking hard from one to the other changes the speed by 4 m/s."""
-ODOMETER_LAG_S = 0.1
-"""Chosen: wheel speeds count pulses over, and pass a bus within, about so long."""
+WHEELS_SPACING_S, WHEELS_MEAN_S = 0.25, 0.1
+"""Wheel speeds that come faster are taken so often, each the mean over the second: their errors
+last longer than that (slip, a wheel out of round, a step of the counter), so that more of them
+tell no more, and a change of acceleration by 10 m/s^3 is 4 mm/s off such a mean."""
+WHEELS_JITTER_S = 0.02
+"""Scatter of their stamps. Chosen: messages wait about so long on a bus and in a phone."""
+WHEELS_DEADBAND = 0.2
+"""Slower wheels give no pulse in time and are said to stand, m/s. Chosen: a toothed wheel of 48
+teeth sends five pulses a second then."""
+SLOW_WHEELS, FASTEST_REVERSE = 0.7, 5.0
+"""Wheel speeds without a sign: below the first, m/s, they may be either way, so unsure are
+directions while manoeuvring; faster than the second nobody reverses."""
+MAX_WHEELS_S = 3.0
+"""Wheel speeds later than this, s, are stamped by another clock. Chosen: an adapter that asks ten
+values one after another takes a second or two."""
+
+# wheels against the receiver
+
+STEP_VALUES, LEAST_STEP = 8, 0.005
+"""Different speeds from which a step is told, and the least one, m/s: less is how numbers were
+printed, and an eighth of the wheels' noise."""
+STEP_MISFIT = 0.1
+"""Speeds miss the multiples of their step by no more of it (root mean square): any numbers at all
+would by 0.29, and printed centimetres a second do by 0.01 of 1 km/h."""
+WHEELS_GAP_S = 3.0
+"""Wheel speeds further apart are not joined by a line: between them a speed is unsure by
+sqrt(q T / 4), 0.9 m/s with the acceleration of road traffic."""
+WHEELS_SCALE = math.log(1.2)
+"""A tyre of another size turns by a tenth faster or slower at most, and a speedometer may show a
+tenth too much (UN Regulation 39): beyond a fifth it is another unit."""
+WHEELS_UNIT = 0.1
+"""The logarithm by which a scale may be off that of a unit: the same tenth."""
+MATCH_STEP_S, MATCH_POINTS = 0.1, 20_000
+"""Delays are tried so far apart, s, on so many instants at most: a car's speed is straight over
+some tenths of a second."""
+SURE_WHEELS_S = 0.2
+"""A delay found by comparison is where to begin if its sigma, s, is less; a drive at one speed
+shows none. Chosen: so much is straight enough for the filter."""
+MATCH_CORRELATED = 2.0
+"""Errors of neighbouring speeds resemble each other: sigmas are those of a quarter of them."""
+STEADY_ACCELERATION = 0.3
+"""Up to this, m/s^2, the noise of wheels is told: a delay of a tenth of a second adds 0.03 m/s."""
+STUCK_S, STUCK_EDGE_S = 2.0, 0.5
+"""A counter hangs that long at least, s; that much at its ends is not compared, for stamps may be
+late by it."""
+STUCK_CHANGE = 1.0
+"""Beside noise and steps, m/s, by which a speed changes while a counter hangs: half of what a
+second of road traffic does."""
+FASTEST_CHANGE = 12.0
+"""No car brakes or gathers speed by more, m/s^2: tyres hold a little more than gravity."""
 TURN_WINDOW_S = 0.5
 """Rates are averaged over so much where they tell a bend: vibration is none."""
 

@@ -36,14 +36,15 @@ class Shift:
     latency_s: float = 0.0
     skew: float = 0.0
     vel_lag_s: float = 0.0
+    wheels_s: float = 0.0
 
     def host_times(self, t: FloatArray) -> FloatArray:
         """Times on the IMU's axis of instants of the fixes' clock."""
         return np.asarray((t + self.delay_s) * (1.0 + self.skew))
 
-    def instants(self, t: FloatArray) -> FloatArray:
-        """Instants of the fixes' clock at times on the IMU's axis."""
-        return np.asarray(t / (1.0 + self.skew) - self.delay_s)
+    def wheel_times(self, t: FloatArray) -> FloatArray:
+        """Times on the IMU's axis to which wheel speeds stamped ``t`` belong."""
+        return self.host_times(t - self.wheels_s)
 
     def position_times(self, t: FloatArray) -> FloatArray:
         """Times on the IMU's axis to which positions tagged ``t`` belong."""
@@ -162,20 +163,10 @@ def build_nodes(
     m/s and m/s^2 decide where and how well the vehicle constraint holds (with ``constrained``).
     """
     model = _split(model, shift)
-    fix_t = model.t
-    inside = (fix_t >= span[0]) & (fix_t <= span[1])
-    times = np.concatenate([[span[0]], fix_t[inside], [span[1]]])
-    gaps = np.diff(times)
-    pieces = np.ceil(gaps / limits.MAX_NODE_SPACING_S - 1e-9).astype(int)
-    filler = [
-        np.linspace(times[i], times[i + 1], pieces[i] + 1)[1:-1] for i in np.flatnonzero(pieces > 1)
-    ]
-    t = np.concatenate([fix_t[inside], [span[0], span[1]], *filler])
-    row = np.concatenate([np.flatnonzero(inside), np.full(len(t) - int(inside.sum()), -1)])
-    order = np.lexsort((-row, t))
-    t, row = t[order], row[order].astype(np.int64)
-    keep = np.concatenate([[True], (np.diff(t) > 1e-6) | (row[1:] >= 0)])
-    t, row = t[keep], row[keep]
+    wheels_t = np.zeros(0)
+    if odometer is not None and constrained:
+        wheels_t = shift.wheel_times(odometer.t)
+    t, row, wheel_row = _node_times(model.t, wheels_t, span)
 
     n = len(t)
     flags = np.zeros(n, dtype=np.int64)
@@ -203,9 +194,35 @@ def build_nodes(
         at_nodes = np.interp(t, speed_t, speed), np.interp(t, speed_t, lateral)
         constrain(flags, var, *at_nodes, still, spacing, options)
     if odometer is not None and constrained:
-        note_wheels(flags, values, var, odometer, shift.instants(t), spacing, options)
+        note_wheels(flags, values, var, wheel_row, odometer)
     fix_row = np.where(has, model.row[np.maximum(row, 0)] if len(model.row) else -1, -1)
     return Nodes(t, flags, values, var, wander, fix_row.astype(np.int64), keep_share)
+
+
+def _node_times(
+    fix_t: FloatArray, wheels_t: FloatArray, span: tuple[float, float]
+) -> tuple[FloatArray, IntArray, IntArray]:
+    """Times of the nodes: of fixes, of wheel speeds, the ends of ``span``, and fillers between
+    them; of each the fix and the wheel speed that it has, -1 for none."""
+    of_fix = np.flatnonzero((fix_t >= span[0]) & (fix_t <= span[1]))
+    of_wheels = np.flatnonzero((wheels_t >= span[0]) & (wheels_t <= span[1]))
+    none = np.full(2, -1)
+    t = np.concatenate([fix_t[of_fix], wheels_t[of_wheels], span])
+    row = np.concatenate([of_fix, np.full(len(of_wheels), -1), none])
+    wheel_row = np.concatenate([np.full(len(of_fix), -1), of_wheels, none])
+    # of one instant those first that have something
+    order = np.lexsort((-wheel_row, -row, t))
+    t, row, wheel_row = t[order], row[order], wheel_row[order]
+    keep = np.concatenate([[True], (np.diff(t) > 1e-6) | (row[1:] >= 0) | (wheel_row[1:] >= 0)])
+    t, row, wheel_row = t[keep], row[keep], wheel_row[keep]
+    pieces = np.ceil(np.diff(t) / limits.MAX_NODE_SPACING_S - 1e-9).astype(int)
+    wide = np.flatnonzero(pieces > 1)
+    filler = [np.linspace(t[i], t[i + 1], pieces[i] + 1)[1:-1] for i in wide]
+    place = np.repeat(wide + 1, pieces[wide] - 1)
+    if len(wide):
+        t = np.insert(t, place, np.concatenate(filler))
+        row, wheel_row = (np.insert(r, place, -1) for r in (row, wheel_row))
+    return t, row.astype(np.int64), wheel_row.astype(np.int64)
 
 
 def _split(model: FixModel, shift: Shift) -> FixModel:

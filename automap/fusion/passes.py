@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from automap.fusion.problem import (
     SKEW_STATE,
     VEL_LAG_STATE,
     VEL_LATENCY_STATE,
+    WHEELS_STATE,
     ForwardRun,
     Problem,
     SmoothRun,
@@ -158,7 +159,7 @@ def run_passes(
     base = problem_of(session)
     model = base.model
     speed_t, speed, _ = fix_speed(session.fixes)
-    shift = Shift(session.means[DELAY_STATE] if DELAY_STATE in model.names else 0.0)
+    shift = first_shift(session, model)
     margin = np.inf
     factors = dict.fromkeys(LEVELS, 1.0) | dict(options.factors)
     problem = scale_problem(base, factors)
@@ -214,6 +215,14 @@ def run_passes(
     return last, Alignment(start, margin)
 
 
+def first_shift(session: Session, model: StateModel) -> Shift:
+    """What is known of the delays before the first pass."""
+    shift = Shift(session.means[DELAY_STATE] if DELAY_STATE in model.names else 0.0)
+    if session.odometer is None or WHEELS_STATE not in model.names:
+        return shift
+    return replace(shift, wheels_s=session.odometer.late_s)
+
+
 def next_shift(model: StateModel, smooth: SmoothRun, shift: Shift, retime: bool) -> Shift:
     """The delays found so far, for the nodes' times of the next pass; without ``retime`` only
     that between the clocks.
@@ -223,8 +232,9 @@ def next_shift(model: StateModel, smooth: SmoothRun, shift: Shift, retime: bool)
     """
     left = dict(zip(model.names, smooth.params[-1], strict=True))
     found = {name: value + float(left.get(name, 0.0)) for name, value in contained(shift)}
+    wheels_s = float(np.clip(found[WHEELS_STATE], -limits.MAX_WHEELS_S, limits.MAX_WHEELS_S))
     if not retime:
-        return Shift(found[DELAY_STATE])
+        return Shift(found[DELAY_STATE], wheels_s=wheels_s)
     if abs(found[VEL_LATENCY_STATE] + found[VEL_LAG_STATE]) < limits.MIN_SPLIT_S:
         found[VEL_LATENCY_STATE] = found[VEL_LAG_STATE] = 0.0
     return Shift(
@@ -235,6 +245,7 @@ def next_shift(model: StateModel, smooth: SmoothRun, shift: Shift, retime: bool)
         latency_s=float(np.clip(found[LATENCY_STATE], -limits.MAX_DELAY_S, limits.MAX_DELAY_S)),
         skew=float(np.clip(found[SKEW_STATE], -limits.MAX_SKEW, limits.MAX_SKEW)),
         vel_lag_s=float(np.clip(found[VEL_LAG_STATE], 0.0, limits.MAX_DELAY_S)),
+        wheels_s=wheels_s,
     )
 
 

@@ -31,6 +31,7 @@ VEL_LATENCY_STATE = "gnss_velocity_latency_s"
 LATENCY_STATE = "gnss_latency_s"
 SKEW_STATE = "imu_clock_skew_skew"
 VEL_LAG_STATE = "gnss_velocity_lag_tau"
+WHEELS_STATE = "odometer_time_offset_s"
 
 
 def contained(shift: Shift) -> tuple[tuple[str, float], ...]:
@@ -41,6 +42,7 @@ def contained(shift: Shift) -> tuple[tuple[str, float], ...]:
         (LATENCY_STATE, shift.latency_s),
         (SKEW_STATE, shift.skew),
         (VEL_LAG_STATE, shift.vel_lag_s),
+        (WHEELS_STATE, shift.wheels_s),
     )
 
 

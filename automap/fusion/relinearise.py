@@ -29,7 +29,7 @@ def relinearise(session: Session, earlier: Pass, start: Start) -> tuple[Pass, St
     factors = dict.fromkeys(LEVELS, 1.0) | dict(options.factors)
     problem = scale_problem(problem_of(session), factors)
     smooth, before = _with_parameters_of(problem, earlier), earlier.shift
-    shift = before if options.retime else Shift(before.delay_s)
+    shift = before if options.retime else Shift(before.delay_s, wheels_s=before.wheels_s)
     for _ in range(MOST_REPEATS):
         speed = np.hypot(smooth.nominal[:, 3], smooth.nominal[:, 4])
         nodes = nodes_of(session, problem, shift, smooth.nodes.t, speed, constrained=True)

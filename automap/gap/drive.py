@@ -11,12 +11,12 @@ from automap.errors import InputError
 from automap.fusion.engine import Prior, fuse_imu_gnss
 from automap.fusion.layout import HAS_POS_H
 from automap.fusion.limits import REST_BIAS_SD
-from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.nodes import FixModel, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Session, fix_speed
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias
+from automap.fusion.wheels import prepare_wheels
 from automap.records import BoolArray, ClockModel, Fixes, FloatArray, ImuData, WheelSpeed
 
 KNOWN = Prior(0.0, 0.0)
@@ -139,11 +139,10 @@ def open_drive(drive: GapDrive, options: FusionOptions) -> OpenDrive:
     if bias is not None:
         means |= {f"gyro_bias_{a}": float(v) for a, v in zip("xyz", bias, strict=True)}
         sds |= dict.fromkeys(means, REST_BIAS_SD)
-    wheels = None
-    if drive.odometer is not None and len(drive.odometer) > 1:
-        wheels = Odometer(np.asarray((drive.odometer.t_ns - base_ns) * 1e-9), drive.odometer.speed)
+    wheels = prepare_wheels(drive.odometer, base_ns, fixes, options)
+    readings = None if wheels is None else wheels.odometer
     begin = drive.begin_s
-    session = Session(drive.imu, fixes, options, still, means, sds, span, wheels, begin)
+    session = Session(drive.imu, fixes, options, still, means, sds, span, readings, begin)
     return OpenDrive(drive, session, screened.n_outliers)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.effects.measured import Values
 from automap.effects.user import user_signal
-from automap.effects.vehicle import lever_arm_motion, wheel_speed
+from automap.effects.vehicle import lever_arm_motion, wheel_instants, wheel_speed
 from automap.records import FloatArray, IntArray, WheelSpeed
 from automap.simulation.imu import true_signals
 from automap.simulation.scenario import Odometer
@@ -27,11 +27,12 @@ def forward_speed(drive: DriveMotion, t_s: FloatArray) -> FloatArray:
 
 
 def reported_speed(drive: DriveMotion, t_s: FloatArray, errors: Values) -> FloatArray:
-    """What wheels without noise report [n] m/s at ``t_s`` [n] s of the drive."""
+    """What wheels without noise report [n] m/s, stamped ``t_s`` [n] s of the drive."""
+    told = np.clip(wheel_instants(t_s, errors), 0.0, drive.duration_s)
     return wheel_speed(
-        forward_speed(drive, t_s),
+        forward_speed(drive, told),
         errors,
-        lambda name: user_signal(name, replace(true_signals(drive.at(t_s)), time=t_s)),
+        lambda name: user_signal(name, replace(true_signals(drive.at(told)), time=told)),
     )
 
 

@@ -12,7 +12,7 @@ from automap.errors import AutoMapError, InputError
 from automap.evaluation.plausibility import Finding, Severity
 from automap.io import names
 from automap.io.drive import Drive, load_drive
-from pipeline.check import camera, gnss, imu, timing
+from pipeline.check import camera, gnss, imu, timing, wheels
 
 if TYPE_CHECKING:
     from automap.io.recording import Recording
@@ -192,6 +192,8 @@ def _recordings(drive: Drive, collector: _Collector) -> tuple[bool, Recording | 
     elif not _has_other_positions(drive):
         collector.add(names.MANIFEST, [Finding(*gnss.ABSENT)])
     collector.add(drive.manifest_file, gnss.lever_arm(drive))
+    if drive.odometer_file is not None:
+        collector.add(drive.odometer_file, wheels.check(drive, recording))
     return spoilt or not gnss.has_fix(recording), recording
 
 

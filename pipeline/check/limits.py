@@ -35,3 +35,7 @@ VIEW_DEG = (20.0, 150.0)
 """Horizontal views of cameras that look at a road through a lens with a pinhole model."""
 ASPECT = 0.1
 """Relative difference of the two focal lengths; pixels are square."""
+SLOW_WHEELS_HZ = 0.9
+"""Adapters that ask for the speed alone manage one a second and more."""
+COARSE_STEP = 0.05
+"""A step of wheel speed, m/s, that is as large as wheels' own noise."""

@@ -9,21 +9,25 @@ from automap.evaluation.plausibility import Finding, overlap_s
 from automap.io.drive import Drive
 from automap.io.recording import Recording, imu_time
 from automap.io.video import VideoInput
-from automap.records import NO_TIME, FloatArray
+from automap.records import NO_TIME, FloatArray, IntArray
 from automap.timebase import gps_to_iso, unix_to_gps
 from pipeline.check import limits
 
 
 def imu_gps_time(drive: Drive, recording: Recording) -> FloatArray | None:
     """GPS time [n] of the readings, good to some tenths of a second, None when unknown."""
-    imu, fixes = recording.imu, recording.fixes
-    if imu is None:
-        return None
+    return None if recording.imu is None else gps_time(drive, recording, recording.imu.t_ns)
+
+
+def gps_time(drive: Drive, recording: Recording, t_ns: IntArray) -> FloatArray | None:
+    """GPS time [n] of stamps of the IMU's clock, good to some tenths of a second, None when
+    unknown."""
+    fixes = recording.fixes
     time = imu_time(drive, recording)
     if time == "gps_ns":
-        return np.asarray(imu.t_ns * 1e-9)
+        return np.asarray(t_ns * 1e-9)
     if time == "unix_ns":
-        return unix_to_gps(imu.t_ns * 1e-9)
+        return unix_to_gps(t_ns * 1e-9)
     if fixes is None or drive.gnss.arrival_time != time:
         return None
     known = (fixes.arrival_ns != NO_TIME) & np.isfinite(fixes.gps_s)
@@ -32,7 +36,7 @@ def imu_gps_time(drive: Drive, recording: Recording) -> FloatArray | None:
     offset = float(np.median(fixes.gps_s[known] - fixes.arrival_ns[known] * 1e-9))
     # arrival lies some tenths of a second behind the epoch
     late = drive.gnss.output_delay_s or limits.USUAL_OUTPUT_DELAY_S
-    return np.asarray(imu.t_ns * 1e-9 + offset + late)
+    return np.asarray(t_ns * 1e-9 + offset + late)
 
 
 def check(drive: Drive, recording: Recording) -> list[Finding]:

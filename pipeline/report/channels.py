@@ -11,16 +11,17 @@ _WORDS = {
     "zaru": "Standstill, turn rate",
 }
 _AXES = {"n": "north", "e": "east", "d": "down", "x": "x", "y": "y", "z": "z"}
-_RULES = {
+_WHOLE = {
     "nhc_y": "No sideways motion",
     "nhc_z": "No motion through the road",
+    "odometer": "Wheel speed",
 }
 
 
 def channel_name(channel: str) -> str:
     """A channel's name in words; its own name where it is none that is known."""
-    if channel in _RULES:
-        return _RULES[channel]
+    if channel in _WHOLE:
+        return _WHOLE[channel]
     parts = re.fullmatch(r"([a-z]+)_([nedxyz])", channel)
     if parts and parts[1] in _WORDS:
         return f"{_WORDS[parts[1]]} {_AXES[parts[2]]}"

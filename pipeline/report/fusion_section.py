@@ -48,6 +48,7 @@ def fusion_section(products: RunProducts) -> Section:
     section.sentences += _presets(content)
     section.sentences += _delay(content)
     section.sentences += _mounting(content, section)
+    section.sentences += _wheels(content)
     section.sentences += _standstill(content)
     section.sentences += _noise(content, section)
     return section
@@ -158,6 +159,30 @@ def _turn_deg(rpy_deg: Sequence[float]) -> float:
 
     matrix = rpy_to_matrix(np.radians(np.asarray(rpy_deg, np.float64)))
     return float(np.degrees(np.arccos(np.clip((np.trace(matrix) - 1.0) / 2.0, -1.0, 1.0))))
+
+
+def _wheels(content: dict[str, Any]) -> list[str]:
+    wheels = content.get("wheels")
+    if not isinstance(wheels, dict) or (rate := _number(wheels.get("odometer_rate_hz"))) is None:
+        return []
+    scale, late, scale_sd, late_sd = (
+        _number(wheels.get(f"odometer_{name}"))
+        for name in ("scale", "time_offset_s", "scale_sd", "time_offset_sd_s")
+    )
+    if scale is None or scale_sd is None or late is None or late_sd is None:
+        return ["The wheel speed was left out, for it is not the speed of this drive."]
+    step, stuck = _number(wheels.get("odometer_step_m_s")), _number(wheels.get("odometer_stuck"))
+    text = (
+        f"The wheel speed, {rate:.3g} times a second, is {abs(late) * 1e3:.0f} ms "
+        f"(σ {late_sd * 1e3:.0f} ms) {'late' if late >= 0 else 'early'} and "
+        f"{abs(scale - 1.0):.2%} (σ {scale_sd:.2%}) too {'long' if scale >= 1 else 'short'}; the "
+        "fusion took that out"
+    )
+    if step:
+        text += f". It counts in steps of {step:.2f} m/s"
+    if stuck:
+        text += f". {stuck:.0f} of its values, stuck while the vehicle drove, were left out"
+    return [text + "."]
 
 
 def _standstill(content: dict[str, Any]) -> list[str]:

@@ -273,7 +273,11 @@ class DenseFilter:
         out |= {"nhc_y": along[:, 1] + drift, "nhc_z": along[:, 2] - nose}
         out |= {f"zupt_{a}": state.vel[:, i] for i, a in enumerate("ned")}
         out |= {f"zaru_{a}": still[:, i] for i, a in enumerate("xyz")}
-        out["odometer"] = (1.0 + self._one(par, "odometer_scale_relative")) * along[:, 0]
+        gained = acceleration - np.cross(about.c[0] @ rate[0], about.vel[0])
+        wheels_late = late[:, 0] + self._one(par, "gnss_latency_s")
+        wheels_late = wheels_late - self._one(par, "odometer_time_offset_s")
+        told = along[:, 0] + (turned @ about.c[0].T @ gained)[0] * wheels_late
+        out["odometer"] = (1.0 + self._one(par, "odometer_scale_relative")) * told
         return out
 
     def _installation(self, par: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

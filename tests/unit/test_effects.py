@@ -54,7 +54,7 @@ INERTIAL = [n for n, e in CATALOGUE.items() if e.family == "imu"]
 
 
 OWN = {
-    *("odometer_scale", "vehicle_pitch", "gnss_velocity_wander"),
+    *("odometer_scale", "odometer_time_offset", "vehicle_pitch", "gnss_velocity_wander"),
     *("gnss_slow_wander", "gnss_height_wander", "gnss_position_steps"),
     *("gnss_freeze", "gnss_speed_threshold"),
 }

@@ -9,7 +9,7 @@ import pymap3d
 import pytest
 
 from automap.fusion.alignment import start_state
-from automap.fusion.layout import CHANNELS, NHC, STANDSTILL
+from automap.fusion.layout import CHANNELS, NHC, ODOMETER, STANDSTILL, UNSIGNED, WHEEL_SPEED
 from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import Nodes, Shift, build_nodes, model_fixes
@@ -92,10 +92,12 @@ def test_every_channel_has_the_variance_that_was_stated_for_it() -> None:
     model = model_fixes(fixes, fixes.gps_s - GPS0, OPTIONS)
     speed_t = np.arange(0.0, 31.0)
     lateral = np.linspace(0.0, 3.0, len(speed_t))
-    wheels = Odometer(np.arange(0.0, 30.5, 0.1), 10.0 + 0.5 * np.arange(0.0, 30.5, 0.1))
+    told_t = np.arange(0.123, 30.5, 0.35)
+    wheels = Odometer(told_t, 10.0 + 0.5 * told_t, np.linspace(0.01, 0.02, len(told_t)))
     speed = np.full(len(speed_t), 12.0)
+    shift = Shift(wheels_s=0.07)
     nodes = build_nodes(
-        model, Shift(), (0.0, 29.9), [(4.05, 9.05)], speed_t, speed, lateral, wheels, OPTIONS, True
+        model, shift, (0.0, 29.9), [(4.05, 9.05)], speed_t, speed, lateral, wheels, OPTIONS, True
     )
     var = _by_channel(nodes)
     fix = nodes.fix_row >= 0
@@ -114,8 +116,14 @@ def test_every_channel_has_the_variance_that_was_stated_for_it() -> None:
     own = OPTIONS.nhc_sd**2 + slip**2
     assert var["nhc_y"][rows] == pytest.approx(own / spacing)
     assert var["nhc_z"][rows] == pytest.approx(4.0 * own / spacing)
-    # 0.5 m/s^2 for a tenth of a second that the wheels report late
-    assert var["odometer"][rows] == pytest.approx((OPTIONS.odometer_sd**2 + 0.05**2) / spacing)
+    # each wheel speed at the instant that it tells of
+    told = (nodes.flags & ODOMETER) > 0
+    used = told_t - 0.07 <= 29.9
+    assert nodes.t[told] == pytest.approx(told_t[used] - 0.07)
+    assert nodes.values[told, WHEEL_SPEED] == pytest.approx(wheels.speed[used])
+    assert var["odometer"][told] == pytest.approx(wheels.var[used])
+    assert (((nodes.flags & UNSIGNED) > 0) == told).all()
+    assert np.diff(nodes.t).max() < 0.5 + 1e-9
     still = (nodes.t >= 4.05) & (nodes.t <= 9.05)
     assert (((nodes.flags & STANDSTILL) > 0) == still).all()
     assert (((nodes.flags & NHC) > 0) == ~still).all()

@@ -118,7 +118,7 @@ def test_channels_have_names_and_an_order() -> None:
         *("position_n", "position_e", "velocity_d", "zupt_e", "nhc_y", "odometer")
     ]
     assert channel_name("position_e") == "GPS position east"
-    assert channel_name("odometer") == "odometer"
+    assert channel_name("odometer") == "Wheel speed"
     assert is_rule("zaru_x")
     assert not is_rule("position_n")
 

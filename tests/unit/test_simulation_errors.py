@@ -107,7 +107,7 @@ def test_every_effect_but_the_cameras_changes_the_recording(plain: SimulatedSens
         given: Any = {p.name: 0.3 for p in effect.parameters} or False
         parts: dict[str, Any] = {"gnss": NOISY} if name in noise else {}
         before = simulated({}, **parts) if parts else plain
-        if name == "odometer_scale":
+        if effect.needs_wheels:
             parts, before = {"odometer": Odometer()}, wheels
         after = simulated({name: given}, **parts)
         assert after.fixes is not None

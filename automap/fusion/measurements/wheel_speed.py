@@ -4,49 +4,39 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from automap.effects.measured_kernels import vehicle_velocity
 from automap.fusion.arrays import ModelArrays, NodeArrays
-from automap.fusion.layout import CH_ODOMETER, ODOMETER, WHEEL_SPEED
-from automap.fusion.limits import ODOMETER_GAP_S, ODOMETER_LAG_S
+from automap.fusion.layout import CH_ODOMETER, ODOMETER, UNSIGNED, WHEEL_SPEED
+from automap.fusion.limits import FASTEST_REVERSE, SLOW_WHEELS
 from automap.fusion.measurements.state import AtNode
-from automap.fusion.options import FusionOptions
 from automap.jit import kernel
-from automap.records import BoolArray, FloatArray, IntArray
+from automap.records import FloatArray, IntArray
 
 
 @dataclass(frozen=True)
 class Odometer:
-    """Wheel or CAN speed: ``t`` [m] seconds on the fixes' time axis, ``speed`` [m] m/s."""
+    """Wheel or CAN speed as the filter takes it: each reading is measured at its own time.
+
+    ``t`` [m] seconds of their stamps on the fixes' time axis, ``speed`` [m] m/s, ``var`` [m] its
+    variance; ``late_s`` how much later than the truth the stamps seem to be, to begin with;
+    ``signed`` whether a speed backwards is told as negative.
+    """
 
     t: FloatArray
     speed: FloatArray
-
-    def near(self, t: FloatArray) -> BoolArray:
-        """Which instants [n] lie between samples that are close together."""
-        i = np.clip(np.searchsorted(self.t, t), 1, len(self.t) - 1)
-        inside = (t >= self.t[0]) & (t <= self.t[-1])
-        return np.asarray(inside & (self.t[i] - self.t[i - 1] < ODOMETER_GAP_S))
+    var: FloatArray
+    late_s: float = 0.0
+    signed: bool = False
 
 
 def note_wheels(
-    flags: IntArray,
-    values: FloatArray,
-    var: FloatArray,
-    odometer: Odometer,
-    instants: FloatArray,
-    spacing: FloatArray,
-    options: FusionOptions,
+    flags: IntArray, values: FloatArray, var: FloatArray, row: IntArray, odometer: Odometer
 ) -> None:
-    """Note the speeds at nodes [k], at ``instants`` s of the odometer's clock, with variances."""
-    near = odometer.near(instants)
-    flags[near] |= ODOMETER
-    values[near, WHEEL_SPEED] = np.interp(instants[near], odometer.t, odometer.speed)
-    # wheel sensors report late by a time nobody states: less sure while the speed changes
-    slope = np.abs(np.gradient(odometer.speed, odometer.t))
-    late = ODOMETER_LAG_S * np.interp(instants, odometer.t, slope)
-    var[:, CH_ODOMETER] = (options.odometer_sd**2 + late**2) / spacing
+    """Note the speeds at nodes [k]; ``row`` [k] the reading that was taken there, -1 for none."""
+    has = row >= 0
+    flags[has] |= ODOMETER | (0 if odometer.signed else UNSIGNED)
+    values[has, WHEEL_SPEED] = odometer.speed[row[has]]
+    var[has, CH_ODOMETER] = odometer.var[row[has]]
 
 
 @kernel
@@ -60,5 +50,12 @@ def wheel_speed(
     vehicle_velocity(
         h, z, at.vel, at.c, at.rate, at.acc, params, terms.codes, terms.weights, signals, room
     )
-    z[0] = nodes.fix[k, WHEEL_SPEED] - z[0]
+    told = nodes.fix[k, WHEEL_SPEED]
+    if (nodes.flags[k] & UNSIGNED) != 0 and told < FASTEST_REVERSE:
+        if told < SLOW_WHEELS:
+            # it may be either way: the variance has its size
+            told = 0.0
+        elif z[0] < 0.0:
+            told = -told
+    z[0] = told - z[0]
     return 1, CH_ODOMETER

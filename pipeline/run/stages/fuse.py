@@ -11,7 +11,7 @@ from automap.io import names
 from pipeline.run.stage import Stage, StageContext
 
 if TYPE_CHECKING:
-    from automap.fusion.engine import FusionResult
+    from automap.fusion.engine import FusionResult, WheelResult
     from automap.fusion.verdict import Weighed
     from automap.io.drive import Drive
     from automap.records import ClockModel, Trajectory
@@ -127,6 +127,39 @@ def _fuse(context: StageContext) -> None:
         f"{len(weighed.trajectory)} epochs from {result.n_fixes_used} fixes{alone}, horizontal sd "
         f"{metrics['horizontal_sd_m']:.2f} m, IMU delay {1e3 * result.delay.mean:.0f} ms"
     )
+    if result.wheels is not None:
+        context.result += f", {_wheels_text(result.wheels)}"
+
+
+def _wheels_text(wheels: WheelResult) -> str:
+    """Wheel speed in the stage's line."""
+    if wheels.scale is None or wheels.late is None:
+        return "wheel speed left out"
+    late, side = 1e3 * abs(wheels.late.mean), "late" if wheels.late.mean >= 0.0 else "early"
+    return (
+        f"wheel speed at {wheels.found.rate_hz:.3g} Hz {late:.0f} ms {side}, "
+        f"scale {wheels.scale.mean:.4f}"
+    )
+
+
+def _wheel_figures(wheels: WheelResult) -> dict[str, Any]:
+    """Wheel speed for run.json and fusion.json."""
+    found = wheels.found
+    figures: dict[str, Any] = {
+        "odometer_rate_hz": found.rate_hz,
+        "odometer_samples": found.count,
+        "odometer_stuck": found.stuck,
+        "odometer_step_m_s": found.step,
+        "odometer_used": wheels.scale is not None,
+    }
+    if wheels.scale is not None and wheels.late is not None:
+        figures |= {
+            "odometer_scale": wheels.scale.mean,
+            "odometer_scale_sd": wheels.scale.sd,
+            "odometer_time_offset_s": wheels.late.mean,
+            "odometer_time_offset_sd_s": wheels.late.sd,
+        }
+    return figures
 
 
 def _write_trajectory(context: StageContext, trajectory: Trajectory, name: str) -> None:
@@ -214,6 +247,9 @@ def _report(
         context.metric("output_delay_sd_s", result.delay.sd)
     context.metric("mounting_rpy_deg", [float(a) for a in np.degrees(result.mounting.rpy)])
     context.metric("mounting_rpy_sd_deg", [float(a) for a in np.degrees(result.mounting.sd)])
+    wheels = {} if result.wheels is None else _wheel_figures(result.wheels)
+    for name, value in wheels.items():
+        context.metric(name, value)
     context.metric("standstill_s", rest)
     context.metric("fixes_used", result.n_fixes_used)
     moments = weighed.trajectory
@@ -237,6 +273,7 @@ def _report(
             "fixes_used": result.n_fixes_used,
             "refused_share": refused,
             "standstill": [[float(a), float(b)] for a, b in result.standstill],
+            "wheels": wheels,
             "channels": {name: asdict(item) for name, item in channels.items()},
             "verdict": context.verdict,
         },

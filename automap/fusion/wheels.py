@@ -1,0 +1,187 @@
+"""Wheel speed of a drive made ready for the filter: what is left out, how sure the rest is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.earth import local_ned
+from automap.fusion import limits
+from automap.fusion.kernels.axis import smooth_axis
+from automap.fusion.layout import HAS_POS_H, HAS_VEL_H
+from automap.fusion.measurements.wheel_speed import Odometer
+from automap.fusion.nodes import FixModel
+from automap.fusion.options import FusionOptions
+from automap.fusion.wheel_match import (
+    OTHER,
+    Reference,
+    WheelMatch,
+    match_wheels,
+    runs,
+    step_of,
+    stuck,
+)
+from automap.gates import gate
+from automap.records import FloatArray, IntArray, WheelSpeed
+
+
+@dataclass(frozen=True)
+class Wheels:
+    """Wheel speed as the fusion takes it.
+
+    ``odometer`` None where nothing of it is used, ``rate_hz`` of its samples, ``count`` how many
+    of them, ``stuck`` how many of a counter that hung, ``step`` m/s; ``match`` against the
+    receiver's speed, None where they cannot be compared; ``warnings`` a sentence each.
+    """
+
+    odometer: Odometer | None
+    rate_hz: float
+    count: int
+    stuck: int
+    step: float
+    match: WheelMatch | None
+    warnings: tuple[str, ...] = ()
+
+
+def prepare_wheels(
+    wheels: WheelSpeed | None, base_ns: int, fixes: FixModel, options: FusionOptions
+) -> Wheels | None:
+    """Compare wheel speeds with the fixes' and turn them into readings.
+
+    Stamps count from ``base_ns``, on the axis of the fixes' times.
+    """
+    if wheels is None or len(wheels) < 2:
+        return None
+    t, speed = np.asarray((wheels.t_ns - base_ns) * 1e-9), wheels.speed
+    return judge_wheels(t, speed, path_speed(fixes), options)
+
+
+def judge_wheels(
+    t: FloatArray, speed: FloatArray, reference: Reference, options: FusionOptions
+) -> Wheels:
+    """What wheel speeds [n] at ``t`` [n] s are worth against the receiver's."""
+    step = step_of(speed)
+    rate = 1.0 / float(np.median(np.diff(t)))
+    hung = stuck(t, speed, reference)
+    count, lost = len(t), int(hung.sum())
+    warnings = []
+    if lost:
+        begin = t[np.flatnonzero(hung)[0]]
+        warnings.append(
+            f"{lost} of {count} wheel speeds are stuck while the vehicle drives, first {begin:.0f} "
+            "s into the drive; they are left out"
+        )
+    good_t, good = t[~hung], speed[~hung]
+    match = None
+    if len(good) > 1:
+        match = match_wheels(good_t, good, reference, limits.MAX_WHEELS_S)
+    wrong = None if match is None else contradiction(match)
+    if wrong is not None:
+        warnings.append(f"{wrong[0]}; it is left out: {wrong[1]}")
+    if len(good) < 2 or wrong is not None:
+        return Wheels(None, rate, count, lost, step, match, tuple(warnings))
+    late = noise = 0.0
+    if match is not None:
+        noise = match.noise
+        late = match.late_s if match.late_sd_s < limits.SURE_WHEELS_S else 0.0
+    odometer = readings(good_t, good, step, noise, late, options)
+    return Wheels(odometer, rate, count, lost, step, match, tuple(warnings))
+
+
+def contradiction(match: WheelMatch) -> tuple[str, str] | None:
+    """What a comparison says against the wheels, and what to do; None for nothing."""
+    if match.unit:
+        what = "which is no unit that is known" if match.unit == OTHER else f"as in {match.unit}"
+        text = f"wheel speed is {match.scale:.3g} times the receiver's speed, {what}"
+        return text, "write speed_m_s in metres per second"
+    sure = match.late_sd_s < limits.SURE_WHEELS_S
+    if sure and abs(match.late_s) > limits.MAX_WHEELS_S - limits.MATCH_STEP_S:
+        side = "later" if match.late_s > 0.0 else "earlier"
+        text = f"wheel speed is {limits.MAX_WHEELS_S:.0f} s or more {side} than the receiver's"
+        return text, "stamp t_ns by the clock that stamps the IMU, when the message comes in"
+    return None
+
+
+def readings(
+    t: FloatArray,
+    speed: FloatArray,
+    step: float,
+    noise: float,
+    late_s: float,
+    options: FusionOptions,
+) -> Odometer:
+    """Samples [n] as readings at their own times, never more often than wheels tell anything new.
+
+    A reading is one sample, or the mean of those close around it. Its errors: the wheels' own over
+    a second, the jitter of stamps, and the step of the counter, uniform (step^2 / 12, B. Widrow,
+    IRE Transactions on Circuit Theory 3, 1956), which all samples of one value share.
+    """
+    signed = bool((speed < 0.0).any())
+    period = np.diff(t, prepend=t[0] - limits.WHEELS_SPACING_S)
+    chosen = _spaced(t)
+    half = 0.5 * limits.WHEELS_MEAN_S
+    total = np.concatenate([[0.0], np.cumsum(speed)])
+    when = np.concatenate([[0.0], np.cumsum(t - t[0])])
+    # rounding of stamps shall not decide whether a sample belongs to the mean
+    low = np.searchsorted(t, t[chosen] - half - limits.WHEELS_JITTER_S * half)
+    high = np.searchsorted(t, t[chosen] + half + limits.WHEELS_JITTER_S * half)
+    many = high - low
+    mean, at = (total[high] - total[low]) / many, t[0] + (when[high] - when[low]) / many
+    spacing = np.diff(at, prepend=at[0] - max(float(period[0]), limits.WHEELS_SPACING_S))
+    spacing = np.clip(spacing, limits.LEAST_SPACING_S, limits.MOST_SPACING_S)
+    slope = np.gradient(mean, at) if len(at) > 1 else np.zeros(1)
+    var = (options.odometer_sd**2 + noise**2) / spacing
+    var += (limits.WHEELS_JITTER_S * slope) ** 2
+    if step > 0.0:
+        first, last = runs(speed)
+        run = np.searchsorted(last, chosen)
+        shared = np.bincount(run, minlength=len(first))[run]
+        var += step**2 / 12.0 * shared
+    size = np.abs(mean)
+    slow = size < limits.SLOW_WHEELS
+    var[slow] += np.maximum(limits.WHEELS_DEADBAND, 0.0 if signed else size[slow]) ** 2
+    return Odometer(at, mean, var, late_s, signed)
+
+
+def _spaced(t: FloatArray) -> IntArray:
+    """Places of samples no nearer to each other than readings are."""
+    least = limits.WHEELS_SPACING_S
+    if float(np.median(np.diff(t))) >= least:
+        return np.arange(len(t))
+    cell = np.floor((t - t[0]) / least + 0.5).astype(np.int64)
+    off = np.abs(t - t[0] - cell * least)
+    order = np.lexsort((off, cell))
+    best = np.concatenate([[True], np.diff(cell[order]) > 0])
+    return np.sort(order[best])
+
+
+def path_speed(fixes: FixModel) -> Reference:
+    """The speed that the fixes show: as their velocities tell it, or smoothed out of positions."""
+    has = (fixes.flags & HAS_VEL_H) > 0
+    if int(has.sum()) >= limits.LEAST_JUDGED:
+        speed = np.hypot(fixes.values[has, 3], fixes.values[has, 4])
+        return Reference(fixes.t[has], speed, np.sqrt(fixes.white_var[has, 3:5].mean(axis=1)))
+    use = np.flatnonzero((fixes.flags & HAS_POS_H) > 0)
+    use = use[np.concatenate([[True], np.diff(fixes.t[use]) > 0.0])] if len(use) else use
+    if len(use) < limits.LEAST_JUDGED:
+        return Reference(np.zeros(0), np.zeros(0), np.zeros(0))
+    place = fixes.values[use]
+    origin = (float(place[0, 0]), float(place[0, 1]), float(place[0, 2]))
+    ned = local_ned(place[:, 0], place[:, 1], np.full(len(use), origin[2]), origin)
+    axes = np.zeros((2, len(use), 4))
+    nothing = np.zeros(len(use))
+    for axis in range(2):
+        smooth_axis(
+            fixes.t[use],
+            np.column_stack([ned[:, axis], nothing]),
+            np.column_stack([nothing == 0.0, nothing > 0.0]),
+            np.column_stack([fixes.white_var[use, axis], nothing + 1.0]),
+            nothing,
+            limits.ROAD_ACCELERATION_PSD[axis],
+            1.0,
+            gate(limits.OUTLIER_PROBABILITY, 1),
+            axes[axis],
+        )
+    speed, sd = np.hypot(*axes[:, :, 1]), np.sqrt((axes[:, :, 3] ** 2).mean(axis=0))
+    return Reference(fixes.t[use], speed, sd)
