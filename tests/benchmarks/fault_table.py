@@ -21,13 +21,15 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
 
 PROJECT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(PROJECT))
 
 from tests.benchmarks.faults.catalogue import FAULTS  # noqa: E402
 from tests.benchmarks.faults.drives import DRIVES  # noqa: E402
-from tests.benchmarks.faults.judge import Errors, Row  # noqa: E402
+from tests.benchmarks.faults.fault import Reason  # noqa: E402
+from tests.benchmarks.faults.judge import Errors, Row, outcome  # noqa: E402
 from tests.benchmarks.faults.run import run_case  # noqa: E402
 from tests.benchmarks.faults.table import cells_of, in_order, markdown, page, summary  # noqa: E402
 from tests.benchmarks.hidden_effects import ONE_THREAD, code_version  # noqa: E402
@@ -53,12 +55,12 @@ def stored(path: Path, version: str) -> dict[Case, Row | str]:
     return done
 
 
-def _row(told: dict[str, object]) -> Row:
+def _row(told: dict[str, Any]) -> Row:
     for name in ("whole", "stretch"):
-        part = told[name]
-        if isinstance(part, dict):
-            told[name] = Errors(**{**part, "ratio": tuple(part["ratio"])})
-    return Row(**{**told, "reasons": tuple(told["reasons"])})  # type: ignore[arg-type]
+        if told[name]:
+            told[name] = Errors(**{**told[name], "ratio": tuple(told[name]["ratio"])})
+    reasons = [Reason(r["code"], r["text"], tuple(map(tuple, r["spans"]))) for r in told["reasons"]]
+    return Row(**{**told, "reasons": tuple(reasons), "span": tuple(told["span"])})
 
 
 def main() -> int:
@@ -109,7 +111,7 @@ def main() -> int:
     for row in rows:
         print("  ".join(cells_of(row)))
     print("\n".join(summary(rows)))
-    return 1 if any(row.outcome == "failed" for row in rows) else 0
+    return 1 if any(outcome(row)[0] == "failed" for row in rows) else 0
 
 
 def _brief(row: Row | str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,8 @@ from automap.records import NO_TIME, Trajectory
 from tests.benchmarks.faults import nmea_log, pos_log, ubx_log
 from tests.benchmarks.faults.catalogue import CONTROL, FAULTS, put
 from tests.benchmarks.faults.drives import DRIVES
-from tests.benchmarks.faults.fault import DoesNotApplyError
-from tests.benchmarks.faults.judge import errors_of, judge, verdict_of
+from tests.benchmarks.faults.fault import DoesNotApplyError, Reason
+from tests.benchmarks.faults.judge import Errors, Row, errors_of, outcome, verdict_of
 from tests.benchmarks.faults.recording import Recording, read_log
 
 SHORT = "kitti-20110930-0033"
@@ -36,7 +37,7 @@ def test_there_are_enough_faults_and_each_can_be_told_apart() -> None:
     assert len({fault.what for fault in FAULTS.values()}) == len(FAULTS)
     for fault in FAULTS.values():
         assert fault.name == CONTROL or fault.reasons
-        assert not fault.fits("the tyres are worn")
+        assert not fault.fits(Reason("tyres_worn", "the tyres are worn"), (0.0, 1.0))
 
 
 def test_rewritten_sentences_carry_their_check_sum() -> None:
@@ -164,23 +165,50 @@ def test_errors_count_by_what_is_stated_of_them() -> None:
     assert not errors_of(_path(0.0, 0.0), _path(1.0, 1.0), (0.0, 1.0))[0].held
 
 
+HIGH = "the receiver's speeds are 1.3 times too high: look at its log"
+
+
 @pytest.mark.parametrize(
-    ("code", "state", "reason", "message", "outcome"),
+    ("code", "state", "reason", "told", "result"),
     [
-        (3, "", "", "drive/gnss.nmea: it holds no fix.", "passed"),
-        (3, "", "", "No fix.", "failed"),
-        (4, "", "", "drive/gnss.nmea: no.", "failed"),
-        (0, "doubtful", "the receiver's speeds do not fit its positions", "", "passed"),
-        (0, "doubtful", "the gyro reads too much", "", "failed"),
-        (0, "good", "speeds were mended", "", "failed"),
+        (3, "none", None, "drive/gnss.nmea: it holds no fix.", "passed"),
+        (3, "none", None, "No fix.", "failed"),
+        (4, "none", None, "drive/gnss.nmea: no.", "failed"),
+        (0, "none", None, "", "failed"),
+        (0, "doubtful", Reason("speed_scale", HIGH), "", "passed"),
+        (0, "doubtful", Reason("speed_scale", HIGH, ((0.0, 15.0),)), "", "passed"),
+        (0, "doubtful", Reason("speed_scale", HIGH, ((50.0, 60.0),)), "", "failed"),
+        (0, "doubtful", Reason("gyro", "its bias is large: so are speeds"), "", "failed"),
+        (0, "good", Reason("speed_scale", HIGH), "", "failed"),
     ],
 )
 def test_a_run_passes_by_a_reason_that_fits(
-    tmp_path: Path, code: int, state: str, reason: str, message: str, outcome: str
+    code: int, state: str, reason: Reason | None, told: str, result: str
 ) -> None:
-    told = {"verdict": {"state": state, "reasons": [reason]}} if state else {}
+    off = Errors(30.0, 1.0, 1.0, (30.0, 1.0, 1.0))
+    reasons = (reason,) if reason else ()
+    span = (10.0, 20.0)
+    row = Row("d", "velocity-zero-10", code, state, reasons, off, off, span, 0.0, told)
+    assert outcome(row)[0] == result
+
+
+def test_a_path_within_its_sigmas_passes_unless_it_cries_wolf() -> None:
+    fine = Errors(1.0, 1.0, 1.0, (1.0, 1.0, 1.0))
+    row = Row("d", CONTROL, 0, "good", (), fine, fine, (0.0, 1.0), 0.0)
+    assert outcome(row)[0] == "passed"
+    assert outcome(replace(row, state="doubtful")) == ("failed", "cries wolf")
+    assert outcome(replace(row, fault="speed-zero", state="doubtful"))[0] == "passed"
+    assert outcome(replace(row, fault="speed-zero", missing=0.5))[0] == "failed"
+    far = replace(fine, ratio=(9.0, 9.0, 1.0))
+    assert outcome(replace(row, whole=far))[0] == "failed"
+    assert outcome(replace(row, whole=far, fault="position-offset"))[0] == "beyond"
+
+
+def test_reasons_are_read_from_the_record_of_a_run(tmp_path: Path) -> None:
+    assert verdict_of(tmp_path) == ("none", ())
+    reason = {"code": "off_the_fixes", "text": "for 9 s: look", "spans_s": [[1.0, 10.0]]}
+    told = {"verdict": {"state": "doubtful", "reasons": [reason]}}
     (tmp_path / "run.json").write_text(json.dumps(told))
-    assert verdict_of(tmp_path)[0] == (state or "none")
-    fault, truth = FAULTS["speed-zero"], _path(0.0, 1.0)
-    row = judge("d", fault, (0.0, 1.0), truth, tmp_path, code, message, ("gnss.nmea",))
-    assert row.outcome == outcome
+    read = Reason("off_the_fixes", "for 9 s: look", ((1.0, 10.0),))
+    assert verdict_of(tmp_path) == ("doubtful", (read,))
+    assert read.claim == "for 9 s"

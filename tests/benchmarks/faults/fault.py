@@ -15,23 +15,41 @@ Stretch = tuple[float, float]
 """GPS times of a fault's begin and end."""
 Put = Callable[[Recording, np.random.Generator], Stretch]
 
-SPEED = ("speed", "velocit")
-COURSE = ("course", "heading", "direction", "velocit")
-POSITION = ("position", "spoof", "jump")
+OFF = "off the fixes"
+"""A path and its fixes contradict each other: true of whatever is wrong with either, where the
+reason's span has the fault in it."""
+SPEED = (OFF, "speed", "velocit")
+COURSE = (OFF, "course", "heading", "direction", "velocit")
+POSITION = (OFF, "position", "spoof", "jump")
 STALE = (*POSITION, "stale", "frozen", "stuck", "repeat")
-HEIGHT = ("height", "altitude", "vertical")
-TIME = ("time", "clock", "late", "delay", "lag", "stamp", "leap")
-ACCURACY = ("accuracy", "hdop", "sigma", "stated", "position")
-ACCEL = ("imu", "acceleromet", "accelerat", "reading", "specific force")
-GYRO = ("imu", "gyro", "rate", "reading")
+HEIGHT = ("height", "altitude", "vertical", "down", "position")
+TIME = (OFF, "clock", r"late\b", "delay", r"lag\b", "stamp", "leap", "future", "skew")
+ACCURACY = (OFF, "accuracy", "stated", "position")
+ACCEL = (OFF, "imu", "inertial", "acceleromet", "specific force")
+GYRO = (OFF, "imu", "inertial", "gyro")
+
+
+@dataclass(frozen=True)
+class Reason:
+    """A reason of a verdict; ``spans`` in seconds from the path's first row, none where it is
+    about the whole drive."""
+
+    code: str
+    text: str
+    spans: tuple[Stretch, ...] = ()
+
+    @property
+    def claim(self) -> str:
+        """What is said to be wrong, without what follows from it and what to do."""
+        return re.split(r":|, so ", self.text)[0]
 
 
 @dataclass(frozen=True)
 class Fault:
     """``put`` changes a recording and returns the fault's stretch; it raises DoesNotApplyError
     where the recording has not what would be changed. ``reasons`` are beginnings of words of
-    which a fitting reason has one. ``beyond`` says why nothing in the recording can show the
-    fault; such a fault is listed and not counted."""
+    which the code or the claim of a fitting reason has one. ``beyond`` says why nothing in the
+    recording can show the fault; such a fault is listed and not counted."""
 
     name: str
     what: str
@@ -39,9 +57,13 @@ class Fault:
     reasons: tuple[str, ...]
     beyond: str = ""
 
-    def fits(self, reason: str) -> bool:
-        """Whether a reason of the verdict is about this fault."""
-        return any(re.search(rf"\b{word}", reason.lower()) for word in self.reasons)
+    def fits(self, reason: Reason, span: Stretch) -> bool:
+        """Whether a reason is about this fault, which lies in ``span``, in the path's seconds."""
+        told = f"{reason.code.replace('_', ' ')} {reason.claim}".lower()
+        if not any(re.search(rf"\b{word}", told) for word in self.reasons):
+            return False
+        there = [s for s in reason.spans if s[0] <= span[1] and s[1] >= span[0]]
+        return bool(there) or not reason.spans
 
 
 class DoesNotApplyError(Exception):

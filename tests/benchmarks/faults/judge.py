@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from automap.errors import InputError
 from automap.evaluation.trajectory_errors import trajectory_errors
 from automap.io.trajectory_table import read_trajectory
 from automap.records import Trajectory
-from tests.benchmarks.faults.catalogue import CONTROL
-from tests.benchmarks.faults.fault import Fault, Stretch
+from tests.benchmarks.faults.catalogue import CONTROL, FAULTS
+from tests.benchmarks.faults.fault import Fault, Reason, Stretch
 from tests.benchmarks.faults.log import Floats
 
 MOST_SIGMA = 3.0
@@ -24,6 +24,7 @@ MOST_MISSING = 0.1
 """Share of the truth's epochs that a path may leave out and still be of the whole drive."""
 BAD_INPUT = 3
 WARNING_STATES = ("doubtful", "unusable")
+FILE = re.compile(r"\b(drive\.toml|imu\.csv|gnss\.(nmea|ubx|pos)|gnss_arrival\.csv)\b")
 
 
 @dataclass(frozen=True)
@@ -43,19 +44,18 @@ class Errors:
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the table. ``outcome``: ``passed``, ``failed``, or ``beyond`` what can be seen;
-    ``how`` says why; ``told`` what the program said of an error."""
+    """A run. ``span`` the fault's stretch in seconds from the path's first row, ``missing`` the
+    share of the truth's epochs that the path leaves out, ``told`` what an error said."""
 
     drive: str
     fault: str
     code: int
     state: str
-    reasons: tuple[str, ...]
+    reasons: tuple[Reason, ...]
     whole: Errors | None
     stretch: Errors | None
+    span: Stretch
     missing: float
-    outcome: str
-    how: str
     told: str = ""
 
 
@@ -85,7 +85,7 @@ def _errors(error: Floats, sd: Floats) -> Errors | None:
     return Errors(horizontal, vertical, stated, (float(ratio[0]), float(ratio[1]), float(ratio[2])))
 
 
-def verdict_of(out: Path) -> tuple[str, tuple[str, ...]]:
+def verdict_of(out: Path) -> tuple[str, tuple[Reason, ...]]:
     """State and reasons as run.json tells them; ``none`` where it tells none."""
     try:
         told = json.loads((out / "run.json").read_text(encoding="utf-8")).get("verdict")
@@ -93,67 +93,49 @@ def verdict_of(out: Path) -> tuple[str, tuple[str, ...]]:
         return "none", ()
     if not told:
         return "none", ()
-    return str(told["state"]), tuple(_text(reason) for reason in told.get("reasons", ()))
+    reasons = [
+        Reason(r["code"], r["text"], tuple((a, b) for a, b in r.get("spans_s") or ()))
+        for r in told["reasons"]
+    ]
+    return str(told["state"]), tuple(reasons)
 
 
-def _text(reason: Any) -> str:
-    return " ".join(map(str, reason.values())) if isinstance(reason, dict) else str(reason)
-
-
-def judge(
-    drive: str,
-    fault: Fault,
-    stretch: Stretch,
-    truth: Trajectory,
-    out: Path,
-    code: int,
-    message: str,
-    files: tuple[str, ...],
+def row_of(
+    drive: str, fault: Fault, stretch: Stretch, truth: Trajectory, out: Path, code: int, told: str
 ) -> Row:
-    """The line of one run. ``message`` is what it wrote to its error stream, ``files`` the names
-    of the drive's files."""
+    """What came of a run; ``stretch`` in GPS time, ``told`` what was written to its error
+    stream."""
     state, reasons = verdict_of(out)
     whole = part = None
-    missing = 1.0
+    missing, start = 1.0, float(truth.gps_s[0])
     if code == 0:
-        try:
-            estimate = read_trajectory(out / "trajectory.parquet")
-            whole, part, missing = errors_of(estimate, truth, stretch)
-        except (OSError, InputError) as error:
-            message = str(error)
-    outcome, how = _outcome(fault, code, state, reasons, whole, missing, message, files)
-    told = message if code else ""
-    return Row(drive, fault.name, code, state, reasons, whole, part, missing, outcome, how, told)
+        estimate = read_trajectory(out / "trajectory.parquet")
+        whole, part, missing = errors_of(estimate, truth, stretch)
+        start, told = float(estimate.gps_s[0]), ""
+    span = stretch[0] - start, stretch[1] - start
+    return Row(drive, fault.name, code, state, reasons, whole, part, span, missing, told)
 
 
-def _outcome(
-    fault: Fault,
-    code: int,
-    state: str,
-    reasons: tuple[str, ...],
-    whole: Errors | None,
-    missing: float,
-    message: str,
-    files: tuple[str, ...],
-) -> tuple[str, str]:
-    held = whole is not None and whole.held and missing <= MOST_MISSING
+def outcome(row: Row) -> tuple[str, str]:
+    """``passed``, ``failed`` or ``beyond`` what can be seen, and why."""
+    fault, warned = FAULTS[row.fault], row.state in WARNING_STATES
+    complete = row.missing <= MOST_MISSING
+    held = row.whole is not None and row.whole.held and complete
     if fault.name == CONTROL:
-        if state in WARNING_STATES:
+        if warned:
             return "failed", "cries wolf"
         return ("passed", "within sigma") if held else ("failed", "beyond sigma")
-    if code == BAD_INPUT:
-        named = any(name in message for name in files)
+    if row.code == BAD_INPUT:
+        named = FILE.search(row.told) is not None
         return ("passed", "refused") if named else ("failed", "refused without a file's name")
-    if code:
-        return "failed", f"exit code {code}"
+    if row.code:
+        return "failed", f"exit code {row.code}"
+    fits = warned and any(fault.fits(reason, row.span) for reason in row.reasons)
+    other = ", told for another reason" if warned else ", not told"
     if held:
-        return "passed", "within sigma"
-    if state in WARNING_STATES and any(fault.fits(reason) for reason in reasons):
+        return "passed", "within sigma" + (", told" if fits else other)
+    if fits:
         return "passed", "told"
     if fault.beyond:
         return "beyond", fault.beyond
-    if state in WARNING_STATES:
-        return "failed", "told for another reason"
-    if whole is not None and whole.held:
-        return "failed", "path with gaps"
-    return "failed", "beyond sigma, not told"
+    return "failed", ("beyond sigma" if complete else "path with gaps") + other

@@ -102,19 +102,19 @@ FAULTS = [
         TIME,
     ),
     Fault("fixes-late", "every fix says what was so one second before", _late, TIME),
-    Fault("half-missing", "half of the fixes are missing", _half, ("fixes", "missing", "gap")),
+    Fault("half-missing", "half of the fixes are missing", _half, ("missing", "gap", "few")),
     Fault(
         "two-receivers",
         "a second receiver's fixes, 15 m off and half a second later, between",
         _two_receivers,
-        (*POSITION, "receiver", "two", "time", "order"),
+        (*POSITION, *TIME, "receivers"),
     ),
     Fault("duplicated", "every message stands twice", _twice, ("duplicate", "twice", "repeat")),
     Fault(
         "tag-jitter",
         "times of the fixes off by up to 0.2 s, at random",
         _jitter,
-        (*TIME, "jitter", "order"),
+        (*TIME, "jitter", "position"),
     ),
     Fault("arrivals-bunched", "messages arrive in bunches every 2 s", _bunched, (*TIME, "arriv")),
     Fault(

@@ -11,7 +11,7 @@ from pathlib import Path
 from tests.benchmarks.faults.catalogue import FAULTS, put
 from tests.benchmarks.faults.drives import DRIVES
 from tests.benchmarks.faults.fault import DoesNotApplyError
-from tests.benchmarks.faults.judge import Row, judge
+from tests.benchmarks.faults.judge import Row, row_of
 
 PROJECT = Path(__file__).resolve().parent.parent.parent.parent
 PROGRAM = str(Path(sys.executable).with_name("automap"))
@@ -30,8 +30,7 @@ def run_case(data: Path, drive: str, name: str, work: Path, keep: bool = False) 
     recording.write_to(folder)
     shutil.rmtree(out, ignore_errors=True)
     code, message = automap_run(folder, out)
-    files = tuple(path.name for path in folder.iterdir())
-    row = judge(drive, FAULTS[name], stretch, recording.truth, out, code, message, files)
+    row = row_of(drive, FAULTS[name], stretch, recording.truth, out, code, message)
     if not keep:
         shutil.rmtree(folder)
         for path in out.glob("*.parquet"):

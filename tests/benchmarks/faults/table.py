@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from tests.benchmarks.faults.catalogue import CONTROL, FAULTS
 from tests.benchmarks.faults.drives import DRIVES
-from tests.benchmarks.faults.judge import MOST_SIGMA, Errors, Row
+from tests.benchmarks.faults.judge import MOST_SIGMA, Errors, Row, outcome
 
 HEAD = (
     "drive",
@@ -58,21 +58,19 @@ def in_order(rows: Sequence[Row]) -> list[Row]:
 
 def cells_of(row: Row) -> tuple[str, ...]:
     """A line's cells in the order of HEAD."""
-    verdict = row.state + (": " + "; ".join(row.reasons) if row.reasons else "")
-    whole = row.whole
+    codes = ", ".join(dict.fromkeys(reason.code for reason in row.reasons))
+    whole, (result, how) = row.whole, outcome(row)
     errors = "-" if whole is None else f"{_m(whole.horizontal_m)}, {_m(whole.vertical_m)}"
-    stated = "-" if whole is None else _m(whole.stated_m)
-    how = row.how if row.outcome != "beyond" else "cannot be seen"
     return (
         row.drive,
         row.fault,
         str(row.code),
-        verdict,
+        f"{row.state}: {codes}" if codes else row.state,
         errors,
-        stated,
+        "-" if whole is None else _m(whole.stated_m),
         _ratios(whole),
         _ratios(row.stretch),
-        f"{row.outcome}: {how}",
+        f"{result}: {'cannot be seen' if result == 'beyond' else how}",
     )
 
 
@@ -93,7 +91,8 @@ def summary(rows: Sequence[Row]) -> list[str]:
         ("drives as recorded", [r for r in rows if r.fault == CONTROL]),
         ("faults", [r for r in rows if r.fault != CONTROL]),
     ):
-        count = {o: sum(r.outcome == o for r in part) for o in ("passed", "failed", "beyond")}
+        results = [outcome(row)[0] for row in part]
+        count = {o: results.count(o) for o in ("passed", "failed", "beyond")}
         seen = count["passed"] + count["failed"]
         lines.append(
             f"{title}: {count['passed']} of {seen} passed"

@@ -83,7 +83,12 @@ FAULTS = [
     Fault("speed-kmh", "km/h sent as knots", _km_per_hour, SPEED),
     Fault("speed-high", "the speed is 5 % high", _speed_times(1.05), SPEED),
     Fault("course-reversed", "the course is turned by 180 deg", _reversed, COURSE),
-    Fault("course-late", "the course is that of 0.5 s before", _course_late, (*COURSE, "lag")),
+    Fault(
+        "course-late",
+        "the course is that of 0.5 s before",
+        _course_late,
+        (*COURSE, "delay", r"lag\b"),
+    ),
     *(
         Fault(
             f"velocity-zero-{n}",
