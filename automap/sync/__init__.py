@@ -1,1 +1,1 @@
-"""Host clock to GPS time: from arrival times, by declaration, or by comparing motions."""
+"""Host clock to GPS time by arrival, declaration or motions; velocities against positions."""

@@ -1,4 +1,5 @@
-"""The numbers that decide which clock a drive has, and why each is what it is.
+"""The numbers that decide which clock a drive has, and whether a receiver contradicts itself: each
+with its reason.
 
 "Chosen" says of a number that neither a derivation nor a data sheet gives it, and what it weighs.
 """
@@ -129,3 +130,59 @@ STATED_REACH_S = 60.0
 """About a stated clock the offset is searched so far: leap seconds and wrong settings."""
 STATED_OFF_S = 1.0
 """A clock off by less is one that lags, by more a wrong one."""
+
+# velocities against positions
+
+POSITION_NOISE_M = 0.5
+"""Of a coordinate from fix to fix, one sigma. Recorded receivers smooth theirs and show less."""
+WANDER_SD_M, WANDER_TAU_S = 3.0, 60.0
+"""What lasts of a position's error. Recorded receivers wander by 1 to 5 m over a minute."""
+VELOCITY_ERROR_SD, VELOCITY_ERROR_TAU_S = 0.3, 2.0
+"""Of a component, m/s, and for how long: recorded receivers' velocities err by 0.2 to 0.3 m/s for
+one to three seconds in a row."""
+DELAY_SD_S = 0.5
+"""How late a velocity is against the position of its epoch. Recorded receivers' speeds are late by
+0.1 to 0.7 s, their courses by 0.3 to 0.65 s."""
+LONG_WINDOW = 1.6
+"""A window that is longer by such a factor than wanted spans a gap."""
+WINDOW_S, LEAST_WINDOWS = 4.0, 5
+"""Over so long the two are compared, and so many times at least. Chosen: at 5 m/s the way is ten
+times what either errs by, and a change of speed is not yet over, which tells a delay."""
+INTEGRATION_S = 0.1
+"""Longest step of the integral of speed and course: in a tenth of a second neither bends."""
+COURSE_SHARE, FAST_QUANTILE = 0.05, 0.9
+"""A speed below this part of the drive's fast ones, whatever their unit, has no course."""
+MATCH_ROUNDS = 8
+"""Reweighting has settled by then."""
+ANY_LOG_SCALE, ANY_TURN_RAD, ANY_LAG_S = 3.0, 0.5, 1.0
+"""Scale (up to 20 times wrong), turn and delay before the data are seen, one sigma each."""
+KNOWN_LOG_SCALE_SD = 0.1
+"""A scale that is less sure tells no unit from another and is none."""
+KNOWN_SHARE = 0.3
+"""An estimate is none whose sigma is not smaller by so much than before. Chosen: the data then say
+ten times as much as what was supposed."""
+MOST_LAG_S, LAG_GRID_S = 5.0, 0.5
+"""Delays are searched this far to both sides, in steps within which the paths' distance is smooth:
+a change of speed lasts longer."""
+LEAST_PART_M = 0.01
+"""No two paths over a window are nearer than the digits of positions and of speeds make them."""
+SOUND_SCALE_SD = 0.02
+"""Relative error of a sound receiver's speed over a drive. Chosen: slopes and smoothing take off
+less than a hundredth, and the least mistake of a unit, miles per hour as knots, is 15 %."""
+LEAST_REPEATS = 3
+"""A value must repeat so often to be looked into: one that is told with few digits repeats once or
+twice by chance."""
+HARD_BRAKING = 12.0
+"""m/s^2: more than tyres hold on a dry road."""
+STEP_SD_M = 2.0
+"""By how much a sound receiver's positions step, m one sigma of a coordinate. Recorded ones step by
+metres as satellites come and go."""
+JUMP_EVERY_S = 30.0
+"""Positions of a receiver that stands jump at most so often. Chosen: as satellites come and go."""
+PARTING_S = (0.0, 4.0, 16.0, 64.0)
+"""Over so long positions and velocities are compared where they may contradict each other: from
+epoch to epoch, and up to the time that a receiver's error wanders in."""
+CLIMB_WINDOW_S = 10.0
+"""Heights change by metres in it on a slope."""
+VERTICAL_FACTOR = 1.5
+"""How much worse than level a receiver is in height: the usual dilution of precision."""

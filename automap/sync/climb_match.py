@@ -1,0 +1,64 @@
+"""A receiver's vertical velocity against the rate of its heights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from automap.records import BoolArray, FloatArray
+from automap.robust import cauchy_loss, cauchy_weight
+from automap.sync import limits
+from automap.sync.path_match import Estimate
+from automap.sync.receiver_path import ReceiverPath, plausible_sd, windows
+
+
+@dataclass(frozen=True)
+class Vertical:
+    """``scale`` is how many times the rate of the heights is told as vertical velocity, None where
+    the drive is too level to say; ``turned``: up is told as down, with ``turned_nats`` for it;
+    ``stuck``: it is one number throughout, to the last digit, while the horizontal velocity
+    changes: no receiver measures that, it fills a column."""
+
+    scale: Estimate | None
+    turned: bool
+    turned_nats: float
+    stuck: bool
+
+
+def match_climbs(path: ReceiverPath, use: BoolArray, worse: float) -> Vertical | None:
+    """Compare heights and vertical velocities of the rows ``use`` [n]; None where one of the two
+    is missing. ``worse`` as in ``parting.excess``."""
+    use = use & np.isfinite(path.height) & np.isfinite(path.climb)
+    over = windows(path, use, limits.CLIMB_WINDOW_S, use, apart=True)
+    if len(over) < limits.LEAST_WINDOWS:
+        return None
+    t, climb = path.t[use], path.climb[use]
+    sums = np.concatenate([[0.0], np.cumsum(0.5 * (climb[1:] + climb[:-1]) * np.diff(t))])
+    told = over.change(np.interp(path.t, t, sums))
+    seen = over.change(path.height)
+    upwards = replace(path, velocity=path.climb.astype(complex))
+    sd = worse * limits.VERTICAL_FACTOR * plausible_sd(upwards, over)
+    scale = _scale(seen, told, sd)
+    costs = [0.5 * float(cauchy_loss(((seen - s * told) / sd) ** 2).sum()) for s in (1.0, -1.0)]
+    nats = costs[0] - costs[1]
+    return Vertical(
+        scale=scale,
+        turned=bool(nats > limits.CERTAIN_LEAD_NATS),
+        turned_nats=nats,
+        stuck=bool(np.ptp(climb) == 0.0 and np.any(np.diff(path.velocity[use]) != 0.0)),
+    )
+
+
+def _scale(seen: FloatArray, told: FloatArray, sd: FloatArray) -> Estimate | None:
+    """How many times ``seen`` [m] is ``told`` [m], by reweighted least squares."""
+    rate = 1.0
+    for _ in range(limits.MATCH_ROUNDS):
+        weight = cauchy_weight((seen - rate * told) / sd) / sd**2
+        power = float(weight @ told**2)
+        if power <= 0.0:
+            return None
+        rate = float(weight @ (seen * told)) / power
+    if abs(rate) * np.sqrt(power) * limits.KNOWN_SHARE < 1.0:
+        return None
+    return Estimate(1.0 / rate, 1.0 / (rate**2 * np.sqrt(power)))

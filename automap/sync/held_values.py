@@ -1,0 +1,127 @@
+"""Positions and velocities that a log repeats while the vehicle moves on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.records import BoolArray, FloatArray, IntArray
+from automap.sync import limits
+from automap.sync.receiver_path import (
+    ComplexArray,
+    ReceiverPath,
+    Windows,
+    plausible_sd,
+    velocity_sd,
+)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Rows ``first`` to ``last`` of a path, and by how much, m, the two paths part in them."""
+
+    first: int
+    last: int
+    metres: float
+
+
+def repeated(same: BoolArray) -> list[tuple[int, int]]:
+    """First and last row of each run of rows that are the ``same`` [n - 1] as the one before."""
+    edges = np.diff(np.concatenate([[0], same.astype(np.int8), [0]]))
+    first, last = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
+    return list(zip(first.tolist(), last.tolist(), strict=True))
+
+
+def in_long_repeats(path: ReceiverPath) -> BoolArray:
+    """Rows [n] that repeat a position or a velocity for long, beyond the first of each run."""
+    held = np.zeros(len(path), np.bool_)
+    for values in (path.place, path.velocity):
+        for first, last in repeated(np.diff(values) == 0.0):
+            if last - first >= limits.LEAST_REPEATS:
+                held[first + 1 : last + 1] = True
+    return held
+
+
+def frozen_positions(
+    path: ReceiverPath, right: ComplexArray, velocity: ComplexArray
+) -> tuple[list[Stretch], list[Stretch]]:
+    """Where positions repeat though the velocities [n], put right and as the path ``right`` [n], go
+    on: with velocities that change, and with ones that repeat as well, so that whole rows do.
+
+    No position repeats to the last digit while a receiver moves, so that only what velocities may
+    err by counts. Rows that repeat at no speed are those of a standstill, unless they are entered
+    or left by a change of speed that no brake can do.
+    """
+    same_place, same_velocity = np.diff(path.place) == 0.0, np.diff(path.velocity) == 0.0
+    digit = _digit_m(path)
+    positions: list[Stretch] = []
+    both: list[Stretch] = []
+    for first, last in repeated(same_place):
+        rows = np.arange(first + 1, last + 1)
+        over = Windows(np.full(len(rows), first), rows)
+        way = np.abs(over.change(right))
+        variance = velocity_sd(path, over) ** 2 + digit**2
+        frozen = bool(np.any(0.5 * way**2 / variance > limits.CERTAIN_LEAD_NATS))
+        # what is repeated may also be that there is no velocity: then the first row has one
+        whole = bool(np.all(same_velocity[min(first + 1, last - 1) : last]))
+        if whole and not frozen:
+            edges = (first - 1, first, last)
+            frozen = any(_too_hard(path.t, velocity, row) for row in edges)
+        if frozen:
+            (both if whole else positions).append(Stretch(first, last, float(way.max())))
+    return positions, both
+
+
+def _digit_m(path: ReceiverPath) -> float:
+    """The last digit of the positions, m: the least step of a coordinate."""
+    steps = np.diff(path.place)
+    sizes = np.abs(np.concatenate([steps.real, steps.imag]))
+    sizes = sizes[sizes > 0.0]
+    return float(sizes.min()) * np.sqrt(2.0) if len(sizes) else 0.0
+
+
+def _too_hard(t: FloatArray, velocity: ComplexArray, row: int) -> bool:
+    """Whether the velocity changes by more than brakes do from ``row`` to the next."""
+    if row < 0 or row + 1 >= len(t):
+        return False
+    change = abs(velocity[row + 1] - velocity[row])
+    beyond = change - limits.HARD_BRAKING * (t[row + 1] - t[row])
+    square = beyond**2 / (2.0 * limits.VELOCITY_ERROR_SD**2)
+    return bool(beyond > 0.0 and 0.5 * square > limits.CERTAIN_LEAD_NATS)
+
+
+def stuck_velocities(
+    path: ReceiverPath, right: ComplexArray, frozen: BoolArray, worse: float
+) -> list[Stretch]:
+    """Where velocities repeat though the positions, those that are not ``frozen`` [n], move
+    otherwise than the path ``right`` [n].
+
+    The positions must do so over many steps: the largest ones of a stretch are left out, for
+    positions jump. ``worse`` is how much more this receiver errs than most.
+    """
+    found = []
+    for first, last in repeated(np.diff(path.velocity) == 0.0):
+        rows = np.arange(first, last + 1)
+        rows = rows[~frozen[rows]]
+        step = np.diff((path.place - right)[rows])
+        jumps = 1 + int((path.t[last] - path.t[first]) / limits.JUMP_EVERY_S)
+        if len(rows) <= limits.LEAST_REPEATS or len(step) <= jumps:
+            continue
+        step[np.argsort(np.abs(step))[-jumps:]] = 0.0
+        over = Windows(np.full(len(step), rows[0]), rows[1:])
+        apart, sd = np.abs(np.cumsum(step)), worse * plausible_sd(path, over)
+        if np.any(0.5 * (apart / sd) ** 2 > limits.CERTAIN_LEAD_NATS):
+            if abs(path.velocity[first]) < limits.VELOCITY_ERROR_SD:
+                first, last = _moving_part(rows, step, sd)
+            found.append(Stretch(first, last, float(apart.max())))
+    return found
+
+
+def _moving_part(rows: IntArray, step: ComplexArray, sd: FloatArray) -> tuple[int, int]:
+    """First and last of ``rows`` [n] between which the paths part, by a ``step`` [n - 1] each: a
+    stretch without speed may begin and end with standing."""
+    ahead, behind = np.abs(np.cumsum(step)), np.abs(np.cumsum(step[::-1]))
+    begin = int(np.argmax(ahead > sd))
+    end = len(step) - int(np.argmax(behind > sd))
+    return (int(rows[begin]), int(rows[end])) if begin < end else (int(rows[0]), int(rows[-1]))

@@ -1,0 +1,62 @@
+"""Where positions and velocities of a receiver contradict each other, whichever is wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.gates import sd_by_median
+from automap.records import BoolArray
+from automap.sync import limits
+from automap.sync.held_values import Stretch, repeated
+from automap.sync.receiver_path import ComplexArray, ReceiverPath, plausible_sd, windows
+
+
+def excess(
+    path: ReceiverPath, right: ComplexArray, velocity: BoolArray, position: BoolArray
+) -> float:
+    """How many times what is plausible the two paths usually part by; one at least.
+
+    ``right`` [n] is the path of the velocities, ``velocity`` and ``position`` [n] say which rows'
+    count. The longest windows do not: most of them may hold one and the same parting.
+    """
+    most = 1.0
+    for length in limits.PARTING_S[:-1]:
+        over = windows(path, velocity, length, position)
+        if len(over) >= limits.LEAST_WINDOWS:
+            part = over.change(path.place - right) / plausible_sd(path, over)
+            most = max(most, sd_by_median(np.concatenate([part.real, part.imag])))
+    return most
+
+
+def partings(
+    path: ReceiverPath,
+    right: ComplexArray,
+    velocity: BoolArray,
+    position: BoolArray,
+    worse: float,
+) -> list[Stretch]:
+    """Stretches in which the two paths part by more than ``worse`` times what is plausible.
+
+    Short windows go first, and what they find is taken out of the longer ones: a jump is one of
+    the step in which it happens.
+    """
+    apart = (path.place - right).astype(complex)
+    inside = np.zeros(max(len(path) - 1, 0), np.bool_)
+    for length in limits.PARTING_S:
+        over = windows(path, velocity, length, position)
+        if not len(over):
+            continue
+        sd = worse * np.hypot(plausible_sd(path, over), limits.STEP_SD_M)
+        beyond = over.part(0.5 * np.abs(over.change(apart) / sd) ** 2 > limits.CERTAIN_LEAD_NATS)
+        new = np.zeros_like(inside)
+        for first, last in zip(beyond.first.tolist(), beyond.last.tolist(), strict=True):
+            new[first:last] = True
+        inside |= new
+        step = np.diff(apart)
+        step[inside] = 0.0
+        apart = np.concatenate([apart[:1], apart[0] + np.cumsum(step)])
+    whole = path.place - right
+    return [
+        Stretch(first, last, float(np.abs(whole[first : last + 1] - whole[first]).max()))
+        for first, last in repeated(inside)
+    ]

@@ -1,0 +1,277 @@
+"""Whether a receiver's velocities and positions tell of the same motion, and which may be used.
+
+A log of a table may carry speeds in another unit, courses that are turned, values that were
+repeated while the receiver had none. Each verdict is by how much likelier the damage makes the
+recording than the errors that sound receivers have.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.records import BoolArray, Fixes
+from automap.sync import limits
+from automap.sync.climb_match import Vertical, match_climbs
+from automap.sync.held_values import (
+    Stretch,
+    frozen_positions,
+    in_long_repeats,
+    stuck_velocities,
+)
+from automap.sync.parting import excess, partings
+from automap.sync.path_match import Estimate, Match, match_paths
+from automap.sync.receiver_path import ReceiverPath, receiver_path
+from automap.timebase import gps_to_iso
+
+
+@dataclass(frozen=True)
+class Interval:
+    """GPS time from ``start_gps_s`` to ``end_gps_s``, with how far, m, positions and velocities
+    part in it."""
+
+    start_gps_s: float
+    end_gps_s: float
+    metres: float
+
+    @property
+    def seconds(self) -> float:
+        """Its length."""
+        return self.end_gps_s - self.start_gps_s
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why values are not to be used: a ``code`` for programs and a ``text`` for people."""
+
+    code: str
+    text: str
+
+
+@dataclass(frozen=True)
+class UnitMistake:
+    """Speeds in ``logged`` stand where those in ``expected`` belong, ``factor`` times the truth."""
+
+    logged: str
+    expected: str
+    factor: float
+
+
+ON_THE_ROAD = {"m/s": 1.0, "km/h": 1.0 / 3.6, "knots": 1852.0 / 3600.0, "mph": 0.44704}
+"""Units of a vehicle's speed, in m/s."""
+OF_PROGRAMS = {"ft/s": 0.3048, "cm/s": 0.01, "mm/s": 0.001}
+"""Units, in m/s, that only programs write, and where m/s belong."""
+MISTAKES = tuple(
+    UnitMistake(logged, expected, (ON_THE_ROAD | OF_PROGRAMS)[expected] / in_m_s)
+    for logged, in_m_s in (ON_THE_ROAD | OF_PROGRAMS).items()
+    for expected in (ON_THE_ROAD if logged in ON_THE_ROAD else ("m/s",))
+    if logged != expected
+)
+"""Each unit that may stand where another belongs."""
+
+
+@dataclass(frozen=True)
+class VelocityConsistency:
+    """What comparing velocities with positions of ``compared_s`` seconds tells.
+
+    ``match`` has scale, turn and lags; ``scale_wrong``: its scale is none that a sound receiver
+    has, and ``unit`` is the mistake that explains it, if one does; ``unrelated``: the two usually
+    part by so much as a sound receiver's do not once. Intervals: velocities that do
+    not change while positions move (``velocity_stuck``), positions that repeat while velocities
+    tell of motion (``position_frozen``), whole rows that do (``rows_frozen``), and those in which
+    positions and velocities contradict each other otherwise (``parted``), whichever is wrong.
+    ``worse`` is how many times what is plausible they usually part by, one at least.
+    """
+
+    compared_s: float
+    match: Match
+    scale_wrong: bool
+    unit: UnitMistake | None
+    unrelated: bool
+    velocity_stuck: tuple[Interval, ...]
+    position_frozen: tuple[Interval, ...]
+    rows_frozen: tuple[Interval, ...]
+    parted: tuple[Interval, ...]
+    vertical: Vertical | None
+    worse: float
+
+    @property
+    def can_tell(self) -> bool:
+        """Whether there is enough motion to compare scales."""
+        return self.match.scale is not None
+
+    @property
+    def turned(self) -> bool:
+        """Whether courses are mirrored or turned by quarters."""
+        return self.match.mirrored or self.match.quarters != 0
+
+    @property
+    def reasons(self) -> tuple[Reason, ...]:
+        """What is beyond doubt, one sentence each, in the order of weight."""
+        return tuple(_reasons(self))
+
+    def unusable_velocity(self, fixes: Fixes) -> BoolArray:
+        """Rows [n] of ``fixes`` whose horizontal velocity is beyond doubt wrong."""
+        bad = _within(fixes, (*self.velocity_stuck, *self.rows_frozen))
+        bad |= self.scale_wrong or self.turned
+        return bad & np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
+
+    def unusable_vertical_velocity(self, fixes: Fixes) -> BoolArray:
+        """Rows [n] of ``fixes`` whose vertical velocity is beyond doubt wrong."""
+        bad = _within(fixes, self.rows_frozen)
+        if self.vertical is not None:
+            bad |= self.vertical.turned or self.vertical.stuck
+        return bad & np.isfinite(fixes.vel_ned[:, 2])
+
+    def unusable_position(self, fixes: Fixes) -> BoolArray:
+        """Rows [n] of ``fixes`` whose position is one that the vehicle had left."""
+        bad = _within(fixes, (*self.position_frozen, *self.rows_frozen))
+        return bad & np.isfinite(fixes.lat_rad)
+
+
+def _within(fixes: Fixes, intervals: Sequence[Interval]) -> BoolArray:
+    """Rows [n] of ``fixes`` in intervals, but for the first of each: it is what is repeated."""
+    inside = np.zeros(len(fixes), np.bool_)
+    for interval in intervals:
+        inside |= (fixes.gps_s > interval.start_gps_s) & (fixes.gps_s <= interval.end_gps_s)
+    return inside
+
+
+def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
+    """Compare the velocities of ``fixes`` with their positions; never raises."""
+    path = receiver_path(fixes)
+    told = np.isfinite(path.velocity)
+    if np.count_nonzero(told) < 2:
+        none: tuple[Interval, ...] = ()
+        return VelocityConsistency(
+            0.0, Match(), False, None, False, none, none, none, none, None, 1.0
+        )
+    fresh = ~in_long_repeats(path)
+    match = match_paths(path, told & fresh, fresh)
+    right = match.path(path, told)
+    frozen, whole = frozen_positions(path, right, match.velocity(path))
+    position = ~_repeating(path, [*frozen, *whole])
+    worse = excess(path, right, told & fresh, position & fresh)
+    stuck = stuck_velocities(path, right, ~position, worse)
+    use = told & ~_repeating(path, [*stuck, *whole])
+
+    again = match_paths(path, use, position)
+    match = match if again.scale is None else again
+    right = match.path(path, use)
+    worse = excess(path, right, use, position)
+    unrelated = 0.5 * worse**2 > limits.CERTAIN_LEAD_NATS
+    match = Match() if unrelated else match
+    parted = [] if unrelated else partings(path, right, use, position, worse)
+    unit, wrong = _unit(match.scale)
+    return VelocityConsistency(
+        compared_s=float(np.ptp(path.t[told])),
+        match=match,
+        scale_wrong=wrong,
+        unit=unit,
+        unrelated=unrelated,
+        velocity_stuck=_intervals(path, stuck),
+        position_frozen=_intervals(path, frozen),
+        rows_frozen=_intervals(path, whole),
+        parted=_intervals(path, parted),
+        vertical=match_climbs(path, use & position, worse),
+        worse=worse,
+    )
+
+
+def _repeating(path: ReceiverPath, stretches: list[Stretch]) -> BoolArray:
+    """Rows [n] of stretches that repeat the first of theirs."""
+    inside = np.zeros(len(path), np.bool_)
+    for stretch in stretches:
+        inside[stretch.first + 1 : stretch.last + 1] = True
+    return inside
+
+
+def _intervals(path: ReceiverPath, stretches: list[Stretch]) -> tuple[Interval, ...]:
+    start = path.start_gps_s
+    return tuple(
+        Interval(start + float(path.t[s.first]), start + float(path.t[s.last]), s.metres)
+        for s in stretches
+    )
+
+
+def _unit(scale: Estimate | None) -> tuple[UnitMistake | None, bool]:
+    """The mistake that a scale comes from, and whether it is wrong beyond doubt.
+
+    Three explanations: a sound receiver's, near one; a mistaken unit's, near a quotient of two
+    units; any other, by a scale of which nothing is known. Wrong is what is less likely the first
+    by odds of a million.
+    """
+    if scale is None or scale.value <= 0.0:
+        return None, False
+    log_scale = math.log(scale.value)
+    sd = math.hypot(scale.sd / scale.value, limits.SOUND_SCALE_SD)
+
+    def nats(log_expected: float) -> float:
+        return -0.5 * ((log_scale - log_expected) / sd) ** 2
+
+    any_other = math.log(sd * math.sqrt(2.0 * math.pi) / (2.0 * limits.ANY_LOG_SCALE))
+    best = max(MISTAKES, key=lambda mistake: nats(math.log(mistake.factor)))
+    by_unit = nats(math.log(best.factor))
+    wrong = max(by_unit, any_other) - nats(0.0) > limits.CERTAIN_LEAD_NATS
+    return (best if wrong and by_unit > any_other else None), wrong
+
+
+TURNS = {
+    (False, 1): "courses are told 90 deg too small",
+    (False, 2): "courses are turned by 180 deg",
+    (False, 3): "courses are told 90 deg too large",
+    (True, 0): "east is told as west",
+    (True, 1): "north and east are swapped",
+    (True, 2): "north is told as south",
+    (True, 3): "north and east are swapped, both with the wrong sign",
+}
+"""What a mirroring and quarter turns are in a log."""
+
+
+def _reasons(found: VelocityConsistency) -> Iterator[Reason]:
+    scale = found.match.scale
+    if found.scale_wrong and scale is not None:
+        text = f"velocities are {scale.value:.3g} times those of the positions (sd {scale.sd:.2g})"
+        if found.unit is not None:
+            yield Reason(
+                "velocity_unit",
+                f"{text}, as {found.unit.logged} where {found.unit.expected} belong",
+            )
+        else:
+            yield Reason("velocity_scale", f"{text}, which no mistake of a unit explains")
+    if found.turned:
+        turn = TURNS[found.match.mirrored, found.match.quarters]
+        yield Reason(
+            "course_turned", f"{turn}: that is {_odds(found.match.turn_nats)} likelier than not"
+        )
+    for code, held, what in (
+        ("velocity_stuck", found.velocity_stuck, "velocities repeat while the positions move on"),
+        ("position_frozen", found.position_frozen, "positions repeat while velocities go on"),
+        ("rows_frozen", found.rows_frozen, "positions and velocities repeat while moving"),
+    ):
+        if held:
+            yield Reason(code, f"{what}: {told_intervals(held)}")
+    vertical = found.vertical
+    if vertical is not None and vertical.turned:
+        odds = _odds(vertical.turned_nats)
+        yield Reason("vertical_turned", f"up is told as down: that is {odds} likelier than not")
+    if vertical is not None and vertical.stuck:
+        yield Reason("vertical_stuck", "the vertical velocity is one number throughout")
+
+
+def told_intervals(intervals: Sequence[Interval]) -> str:
+    """How many intervals there are, how long, the worst one and when it is."""
+    worst = max(intervals, key=lambda interval: interval.metres)
+    many = "once" if len(intervals) == 1 else f"{len(intervals)} times"
+    return (
+        f"{many}, {sum(interval.seconds for interval in intervals):.1f} s in all, most by "
+        f"{worst.metres:.0f} m in {worst.seconds:.1f} s from {gps_to_iso(worst.start_gps_s)}"
+    )
+
+
+def _odds(nats: float) -> str:
+    """Odds as a power of ten."""
+    return f"10^{nats / math.log(10.0):.0f} times"
