@@ -1,7 +1,7 @@
 """A trajectory from fixes alone: a constant-velocity smoother on the local tangent plane.
 
-For drives without an inertial sensor. States per axis: position, velocity, and the slowly
-wandering part of the receiver's error; white acceleration as process noise. Heading is the
+For drives without an inertial sensor. States per axis: position, velocity, and what lasts of the
+receiver's errors of both; white acceleration as process noise. Heading is the
 course, pitch the slope of the path, roll zero.
 """
 
@@ -55,6 +55,8 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
     ned = local_ned(values[:, 0], values[:, 1], height, ref).reshape(-1, 3)
     position, velocity = np.zeros((len(t), 3)), np.zeros((len(t), 3))
     sd_pos, sd_vel = np.zeros((len(t), 3)), np.zeros((len(t), 3))
+    # what a receiver's own filter leaves in a velocity is as large as what it says, and lasts
+    lasting = np.maximum(np.sqrt(model.white_var[rows, 3:6]), options.velocity_wander_sd)
     surprise = gate(options.gate_probability, 1)
     for axis in range(3):
         bit = 1 if axis < 2 else 2
@@ -64,9 +66,9 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
             np.column_stack([ned[:, axis], values[:, 3 + axis]]),
             np.column_stack([(flags & bit) > 0, (flags & (4 * bit)) > 0]),
             model.white_var[rows][:, [axis, 3 + axis]],
-            model.wander_sd[rows, axis],
+            np.column_stack([model.wander_sd[rows, axis], lasting[:, axis]]),
             ROAD_ACCELERATION_PSD[axis],
-            options.wander_tau_s,
+            (options.wander_tau_s, options.velocity_wander_tau_s),
             surprise,
             out,
         )

@@ -71,9 +71,9 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
                 np.column_stack([ned[:, axis], model.values[use, 3 + axis]]),
                 np.column_stack([np.ones(len(use), dtype=bool), has_velocity]),
                 np.column_stack([expected[:, axis] + extra, velocity_var[:, axis]]),
-                np.zeros(len(use)),
+                np.zeros((len(use), 2)),
                 limits.ROAD_ACCELERATION_PSD[axis],
-                tau_s,
+                (tau_s, tau_s),
                 NEVER,
                 out,
             )

@@ -1,7 +1,7 @@
 """The verdict on a path: may it be relied on, and if not, why not and what to do.
 
 Every kind of evidence (``doubts``) gives its reasons. A doubtful path is given sigmas as large as
-the contradictions, in the stretches where they are. Where the inertial sensor makes the path worse
+the contradictions, in the stretches where they are. Where the IMU makes the path worse
 than the fixes alone, the path is that of the fixes alone.
 """
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Weighed:
     """A path with sigmas as the ``verdict`` wants them; with ``alone`` it is that of the fixes
-    without the inertial sensor."""
+    without the IMU."""
 
     verdict: Verdict
     trajectory: Trajectory
@@ -119,7 +119,7 @@ def _off_the_fixes(misses: Misses, tau_s: float) -> tuple[list[Reason], float]:
             "off_the_fixes",
             f"for {seconds:.0f} s of the drive the fixes lie {np.median(error):.1f} m off the path "
             f"(up to {error.max():.1f} m), more than both err: look there at the receiver's "
-            "log and at the stamps and axes of the inertial sensor",
+            "log and at the stamps and axes of the IMU",
             spans if share < limits.WORSE_SHARE else (),
         )
     ], share
@@ -128,9 +128,9 @@ def _off_the_fixes(misses: Misses, tau_s: float) -> tuple[list[Reason], float]:
 def _worse(share: float) -> Reason:
     return Reason(
         "inertial_worse",
-        f"the inertial sensor contradicts good fixes over {share:.0%} of the drive, so the path is "
+        f"the IMU contradicts good fixes over {share:.0%} of the drive, so the path is "
         "that of the fixes alone, with the course for a heading: check the axes, signs, units and "
-        "stamps of the inertial sensor",
+        "stamps of the IMU",
     )
 
 

@@ -16,9 +16,17 @@ from tests.unit.fusion_drive import CLOCK, Receiver, city_drive, receive, select
 
 ORIGIN = (56.0, 10.0, 40.0)
 TAU_S, SHARE, WHITE = 7.0, 0.8, 0.3
-OPTIONS = FusionOptions(wander_tau_s=TAU_S, wander_share=SHARE, white_share=WHITE)
+VELOCITY_TAU_S, VELOCITY_LASTS = 3.0, 0.2
+"""The lasting error is larger than the white one on one axis, and smaller on two."""
+OPTIONS = FusionOptions(
+    wander_tau_s=TAU_S,
+    wander_share=SHARE,
+    white_share=WHITE,
+    velocity_wander_sd=VELOCITY_LASTS,
+    velocity_wander_tau_s=VELOCITY_TAU_S,
+)
 SD_POS, SD_VEL = np.array([1.2, 1.9, 2.6]), np.array([0.15, 0.22, 0.4])
-PRIOR = np.array([100.0, 30.0, 1.0])
+PRIOR = np.array([100.0, 30.0, 1.0, 1.0])
 
 
 def _fixes(seed: int) -> Fixes:
@@ -41,33 +49,34 @@ def _fixes(seed: int) -> Fixes:
 
 
 def _all_at_once(
-    t: FloatArray, z: FloatArray, var: FloatArray, wander: FloatArray, psd: float
+    t: FloatArray, z: FloatArray, var: FloatArray, lasting: FloatArray, psd: float
 ) -> tuple[FloatArray, FloatArray]:
     """Position and velocity [k, 2] with their sd: prior, white acceleration between the epochs,
-    a slow error of unit size, and the measurements ``z`` [k, 2] (NaN none), all in one system of
+    lasting errors of unit size, and the measurements ``z`` [k, 2] (NaN none), all in one system of
     normal equations."""
     k = len(t)
-    information, right = np.zeros((3 * k, 3 * k)), np.zeros(3 * k)
-    information[:3, :3] = np.diag(1.0 / PRIOR**2)
+    information, right = np.zeros((4 * k, 4 * k)), np.zeros(4 * k)
+    information[:4, :4] = np.diag(1.0 / PRIOR**2)
     right[0] = z[0, 0] / PRIOR[0] ** 2
     for i in range(1, k):
         dt = t[i] - t[i - 1]
-        d = np.exp(-dt / TAU_S)
-        f = np.array([[1.0, dt, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, d]])
-        q = np.zeros((3, 3))
+        keep = np.exp(-dt / np.array([TAU_S, VELOCITY_TAU_S]))
+        f = np.diag([1.0, 1.0, *keep])
+        f[0, 1] = dt
+        q = np.diag([0.0, 0.0, *(1.0 - keep**2)])
         q[:2, :2] = psd * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-        q[2, 2] = 1.0 - d * d
-        both = np.hstack([-f, np.eye(3)])
-        at = slice(3 * i - 3, 3 * i + 3)
+        both = np.hstack([-f, np.eye(4)])
+        at = slice(4 * i - 4, 4 * i + 4)
         information[at, at] += both.T @ np.linalg.solve(q, both)
     for i in range(k):
-        for m, h in enumerate(([1.0, 0.0, wander[i]], [0.0, 1.0, 0.0])):
+        rows = [1.0, 0.0, lasting[i, 0], 0.0], [0.0, 1.0, 0.0, lasting[i, 1]]
+        for m, h in enumerate(rows):
             if np.isfinite(z[i, m]):
-                at = slice(3 * i, 3 * i + 3)
+                at = slice(4 * i, 4 * i + 4)
                 information[at, at] += np.outer(h, h) / var[i, m]
                 right[at] += np.array(h) * z[i, m] / var[i, m]
     cov = np.linalg.inv(information)
-    x, sd = (cov @ right).reshape(k, 3), np.sqrt(np.diag(cov)).reshape(k, 3)
+    x, sd = (cov @ right).reshape(k, 4), np.sqrt(np.diag(cov)).reshape(k, 4)
     return x[:, :2], sd[:, :2]
 
 
@@ -87,9 +96,9 @@ def test_smoothed_fixes_are_the_solution_of_all_equations_at_once(seed: int) -> 
     for axis in range(3):
         z = np.column_stack([ned[:, axis], fixes.vel_ned[:, axis]])
         var = np.column_stack([WHITE * fixes.sd_pos_ned[:, axis], fixes.sd_vel_ned[:, axis]]) ** 2
-        x, sd = _all_at_once(
-            t, z, var, SHARE * fixes.sd_pos_ned[:, axis], ROAD_ACCELERATION_PSD[axis]
-        )
+        velocity = np.maximum(fixes.sd_vel_ned[:, axis], VELOCITY_LASTS)
+        lasting = np.column_stack([SHARE * fixes.sd_pos_ned[:, axis], velocity])
+        x, sd = _all_at_once(t, z, var, lasting, ROAD_ACCELERATION_PSD[axis])
         assert path.sd_pos_ned[:, axis] == pytest.approx(sd[:, 0], rel=1e-5)
         assert path.sd_vel_ned[:, axis] == pytest.approx(sd[:, 1], rel=1e-5)
         assert np.abs((got[:, axis] - x[:, 0]) / sd[:, 0]).max() < 1e-4

@@ -62,18 +62,17 @@ def impossible_ages(found: Estimates, delay_is_clock: bool) -> list[Reason]:
             reasons.append(
                 Reason(
                     "negative_delay",
-                    f"the receiver's {what} seem to be {-age:.2f} s ahead of what the inertial "
-                    "sensor feels, which cannot be: check the stamps of both, and the axes of the "
-                    "inertial sensor",
+                    f"the receiver's {what} seem to be {-age:.2f} s ahead of what the IMU feels, "
+                    "which cannot be: check the stamps of both, and the IMU's axes",
                     inertial=True,
                 )
             )
     bounds = (
-        (DELAY_STATE, limits.MAX_DELAY_S, "the delay between inertial sensor and fixes"),
+        (DELAY_STATE, limits.MAX_DELAY_S, "the delay between IMU and fixes"),
         (LATENCY_STATE, limits.MAX_DELAY_S, "the age of the positions"),
         (VEL_LATENCY_STATE, limits.MAX_DELAY_S, "the age of the velocities"),
         (VEL_LAG_STATE, limits.MAX_DELAY_S, "the low-pass of the velocities"),
-        (SKEW_STATE, limits.MAX_SKEW, "the skew of the inertial sensor's clock"),
+        (SKEW_STATE, limits.MAX_SKEW, "the skew of the IMU's clock"),
     )
     for name, bound, what in bounds:
         value = found.get(name, (0.0, 0.0))[0]
@@ -103,7 +102,7 @@ def impossible_errors(found: Estimates) -> list[Reason]:
                 Reason(
                     "sensor_error",
                     f"{what}, axis {axis}, would be {size:.3g}{unit}, more than such a sensor has "
-                    f"({most:g}{unit}): check units, axes and signs of the inertial sensor",
+                    f"({most:g}{unit}): check units, axes and signs of the IMU",
                     inertial=True,
                 )
             )

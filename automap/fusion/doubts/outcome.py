@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _KINDS = {
     "position": ("positions of the fixes", "look for wrong fixes in the receiver's log"),
     "velocity": ("velocities of the fixes", "look for wrong velocities in the receiver's log"),
-    "nhc": ("times at which a vehicle does not slide", "check the axes of the inertial sensor"),
+    "nhc": ("times at which a vehicle does not slide", "check the axes of the IMU"),
     "odometer": ("wheel speeds", "check their unit and their stamps"),
 }
 

@@ -21,8 +21,7 @@ class Reason:
 
     ``spans`` the stretches it is about, none for the whole drive; ``error_m`` the error of
     position that shows there, horizontally; ``factor`` by how much the sigmas are too small.
-    ``state`` what it alone makes of the path; ``inertial`` that it speaks against the inertial
-    sensor.
+    ``state`` what it alone makes of the path; ``inertial`` that it speaks against the IMU.
     """
 
     code: str
