@@ -99,13 +99,16 @@ def _status(
     n_views: int,
     rules: AssemblyRules,
 ) -> str:
-    """What a user should know first: implausible, single_view, far, weak_geometry or ok."""
+    """What a user should know first: implausible, single_view, contradictory, far, weak_geometry
+    or ok."""
     low, high = rules.size_limits_m
     lowest, highest = rules.height_limits_m
     if not (low <= size <= high and lowest <= above_road <= highest):
         return "implausible"
     if n_views == 1:
         return "single_view"
+    if all(s.contradictory for s in sightings):
+        return "contradictory"
     if min(s.landmark.depth_m for s in sightings) > rules.far_m:
         return "far"
     if min(s.landmark.depth_log_sd for s in sightings) > limits.WEAK_DEPTH_LOG_SD:

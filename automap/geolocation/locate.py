@@ -13,10 +13,11 @@ from automap.geolocation.boresight import prior_covariance
 from automap.geolocation.box_noise import measured_noise
 from automap.geolocation.camera_estimate import estimate_cameras, first_corrections, refit
 from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
+from automap.geolocation.contradiction import disagreement
 from automap.geolocation.control import ControlSigns
 from automap.geolocation.course_yaw import yaw_by_course
 from automap.geolocation.existence import existence_probabilities
-from automap.geolocation.landmark import Landmark, fit_landmark
+from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
 from automap.geolocation.merging import combine
 from automap.geolocation.observations import (
     Observations,
@@ -124,14 +125,17 @@ def locate_signs(
             observations.note[views.row[mark.rows]] = "too_far"
         else:
             kept.append(mark)
+    lever_arm = rules.camera.lever_arm_sd_m
     covariances = [
         corrections[name].covariance
         if name in corrections
         else prior_covariance(cameras[name], rules.camera)
         for name in views.camera_names
     ]
-    kept = _settled(views, kept, rules)
-    sightings = [make_sighting(views, mark, covariances) for mark in kept]
+    sightings = [
+        make_sighting(views, mark, covariances, disagreement(views, mark, size, lever_arm))
+        for mark, size in _settled(views, kept, rules)
+    ]
     path = make_path(trajectory, views.origin)
     focal = np.array([focal_length(cameras[name]) for name in views.camera_names])
     passes = join_passes(views, sightings, trajectory, control, rules.adjust_trajectory)
@@ -161,7 +165,7 @@ def locate_signs(
             replace(sign, support=f"p{number + 1:04d}")
             for sign, number in zip(signs, numbers, strict=True)
         ]
-    sentences = warnings_of(observations, corrections, cameras)
+    sentences = warnings_of(observations, signs, corrections, cameras)
     unused = 0 if control is None else len(control) - len(passes.controlled)
     if control is not None and unused:
         sentences.append(
@@ -183,14 +187,17 @@ def _find_landmarks(
 
 def _settled(
     views: Views, landmarks: Sequence[Landmark], rules: GeolocationRules
-) -> list[Landmark]:
+) -> list[tuple[Landmark, SizePrior]]:
     """The landmarks with the errors of their passes and what other signs tell of their sizes."""
     lever_arm = rules.camera.lever_arm_sd_m
     alone = [solve_with_pass_errors(views, mark, rules.size, lever_arm) for mark in landmarks]
     return [
-        mark
+        (mark, size)
         if size == rules.size.of(views.class_name[mark.rows].tolist())
-        else solve_with_pass_errors(views, fit_landmark(views, mark.rows, size), size, lever_arm)
+        else (
+            solve_with_pass_errors(*(views, fit_landmark(views, mark.rows, size), size, lever_arm)),
+            size,
+        )
         for mark, size in zip(alone, sizes_of_others(views, alone, rules.size), strict=True)
     ]
 

@@ -12,7 +12,7 @@ from automap.gates import sigmas
 from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark, direction_residuals
 from automap.geolocation.views import CameraCorrection, Views
-from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.records import Camera, Detections, FloatArray, IntArray, Sign, Trajectory
 
 
 @dataclass(frozen=True)
@@ -93,6 +93,7 @@ def record_sign(
 
 def warnings_of(
     observations: Observations,
+    signs: Sequence[Sign],
     corrections: Mapping[str, CameraCorrection],
     cameras: Mapping[str, Camera],
 ) -> list[str]:
@@ -115,6 +116,12 @@ def warnings_of(
             sentences.append(
                 f"{n} of {len(observations.note)} detections {text}; they were left out.{advice}"
             )
+    apart = sum(sign.status == "contradictory" for sign in signs)
+    if apart:
+        sentences.append(
+            f"{apart} of {len(signs)} signs are at another distance by their bearings than by the "
+            "heights of their boxes (status contradictory); their ellipses hold both places."
+        )
     most = sigmas(limits.BEYOND_MANIFEST_PROBABILITY)
     for name, correction in corrections.items():
         camera = cameras[name]

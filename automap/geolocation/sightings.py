@@ -9,6 +9,7 @@ import numpy as np
 
 from automap.geolocation import limits
 from automap.geolocation.boresight import N_CAMERA
+from automap.geolocation.contradiction import AGREED, Disagreement
 from automap.geolocation.landmark import Landmark, position_jacobian
 from automap.geolocation.views import Views
 from automap.records import FloatArray
@@ -18,7 +19,8 @@ from automap.records import FloatArray
 class Sighting:
     """A landmark with what the map needs of it; vectors in the local frame (NED).
 
-    ``own_cov`` [3, 3] from its boxes alone; ``camera_effect`` [3, 9] derivative of the
+    ``own_cov`` [3, 3] from its boxes alone, and what these leave open where they contradict one
+    another (``contradictory``: ``contradiction.py``); ``camera_effect`` [3, 9] derivative of the
     position by what is common to the camera, with ``camera_cov`` [9, 9]; ``pass_cov``
     [3, 3] effect of what is common to this pass (attitude and velocity of the trajectory, margin
     of the boxes);
@@ -38,6 +40,7 @@ class Sighting:
     time_s: float
     facing: FloatArray
     class_score: dict[str, float]
+    contradictory: bool = False
 
     @property
     def covariance(self) -> FloatArray:
@@ -60,9 +63,13 @@ def _without_lever_arm(covariance: FloatArray) -> FloatArray:
 
 
 def make_sighting(
-    views: Views, landmark: Landmark, camera_covariances: Sequence[FloatArray]
+    views: Views,
+    landmark: Landmark,
+    camera_covariances: Sequence[FloatArray],
+    found: Disagreement = AGREED,
 ) -> Sighting:
-    """Turn a landmark into a sighting; ``camera_covariances`` [9, 9] one per camera."""
+    """Turn a landmark into a sighting; ``camera_covariances`` [9, 9] one per camera, ``found`` of
+    its bearings and heights."""
     rows = landmark.rows
     J = position_jacobian(views, landmark)
     effect = J @ landmark.common[:, :N_CAMERA]
@@ -78,7 +85,7 @@ def make_sighting(
         landmark=landmark,
         camera=camera,
         position=landmark.position,
-        own_cov=J @ landmark.covariance @ J.T,
+        own_cov=J @ landmark.covariance @ J.T + found.contradictory * found.spread,
         camera_effect=effect,
         camera_cov=_without_lever_arm(camera_covariances[camera]),
         pass_cov=J @ landmark.pass_covariance @ J.T,
@@ -86,4 +93,5 @@ def make_sighting(
         time_s=float(views.t_ns[rows].mean() * 1e-9),
         facing=mean / max(float(np.linalg.norm(mean)), 1e-6),
         class_score=scores,
+        contradictory=found.contradictory,
     )
