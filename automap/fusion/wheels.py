@@ -177,9 +177,9 @@ def path_speed(fixes: FixModel) -> Reference:
             np.column_stack([ned[:, axis], nothing]),
             np.column_stack([nothing == 0.0, nothing > 0.0]),
             np.column_stack([fixes.white_var[use, axis], nothing + 1.0]),
-            nothing,
+            np.zeros((len(use), 2)),
             limits.ROAD_ACCELERATION_PSD[axis],
-            1.0,
+            (1.0, 1.0),
             gate(limits.OUTLIER_PROBABILITY, 1),
             axes[axis],
         )
