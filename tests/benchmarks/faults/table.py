@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 from tests.benchmarks.faults.catalogue import CONTROL, FAULTS
@@ -29,13 +30,17 @@ A run passes where one of these holds:
 
 - the errors over the stated sigmas have an RMS of at most {MOST_SIGMA:.0f} on each of north, east
   and down over the whole drive;
-- the verdict of the run is `doubtful` or `unusable`, for a reason that is about this fault;
+- the [verdict](outputs.md#the-verdict) of the run is `doubtful` or `unusable`, for a reason that is
+  about this fault: its code or its first clause names what was changed, or says that the path and
+  its fixes contradict each other; where a reason tells seconds, the fault lies in them;
 - the drive is refused with exit code 3 and a sentence that names the file.
 
 Drives as they were recorded stand first. They pass only where the verdict is not `doubtful` and the
-errors are within the sigmas: a verdict that always warns says nothing. Beside the errors over the
-whole drive stand those in the fault's own stretch. Faults that no reading can show, as a position
-that is 10 m off all the way, are listed as `beyond` and not counted.
+errors are within the sigmas: a verdict that always warns says nothing. The outcome of a fault says as
+well whether it was told, not told, or told for another reason, and the stated sigma stands beside
+the error: a path can pass because its sigma is large. Beside the errors over the whole drive stand
+those in the fault's own stretch. Faults that no reading can show, as a position that is 10 m off all
+the way, are listed as `beyond` and not counted.
 
 | drive | what it is |
 |---|---|
@@ -94,8 +99,10 @@ def summary(rows: Sequence[Row]) -> list[str]:
         results = [outcome(row)[0] for row in part]
         count = {o: results.count(o) for o in ("passed", "failed", "beyond")}
         seen = count["passed"] + count["failed"]
+        ways = Counter(how for how in map(outcome, part) if how[0] != "beyond")
+        told = ", ".join(f"{n} {how}" for (_, how), n in ways.most_common())
         lines.append(
-            f"{title}: {count['passed']} of {seen} passed"
+            f"{title}: {count['passed']} of {seen} passed ({told})"
             + (f", {count['beyond']} that cannot be seen from within" if count["beyond"] else "")
         )
     return lines
