@@ -36,10 +36,10 @@ A run passes where one of these holds:
 - the drive is refused with exit code 3 and a sentence that names the file.
 
 Drives as they were recorded stand first. They pass only where the verdict is not `doubtful` and the
-errors are within the sigmas: a verdict that always warns says nothing. The outcome of a fault says as
-well whether it was told, not told, or told for another reason, and the stated sigma stands beside
+errors are within the sigmas: a verdict that always warns says nothing. The outcome of a fault says
+whether it was told, not told, or told for another reason, and the stated sigma stands beside
 the error: a path can pass because its sigma is large. Beside the errors over the whole drive stand
-those in the fault's own stretch. Faults that no reading can show, as a position that is 10 m off all
+those in the fault's own stretch. Faults that no reading can show, as a position 10 m off all
 the way, are listed as `beyond` and not counted.
 
 | drive | what it is |
