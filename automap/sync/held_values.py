@@ -44,14 +44,15 @@ def in_long_repeats(path: ReceiverPath) -> BoolArray:
 
 
 def frozen_positions(
-    path: ReceiverPath, right: ComplexArray, velocity: ComplexArray
+    path: ReceiverPath, right: ComplexArray, velocity: ComplexArray, worse: float
 ) -> tuple[list[Stretch], list[Stretch]]:
     """Where positions repeat though the velocities [n], put right and as the path ``right`` [n], go
     on: with velocities that change, and with ones that repeat as well, so that whole rows do.
 
     No position repeats to the last digit while a receiver moves, so that only what velocities may
     err by counts. Rows that repeat at no speed are those of a standstill, unless they are entered
-    or left by a change of speed that no brake can do.
+    or left by a change of speed that no brake can do, or left by a jump that is more than the
+    positions of a receiver ``worse`` than most wander by.
     """
     same_place, same_velocity = np.diff(path.place) == 0.0, np.diff(path.velocity) == 0.0
     digit = _digit_m(path)
@@ -65,11 +66,14 @@ def frozen_positions(
         frozen = bool(np.any(0.5 * way**2 / variance > limits.CERTAIN_LEAD_NATS))
         # what is repeated may also be that there is no velocity: then the first row has one
         whole = bool(np.all(same_velocity[min(first + 1, last - 1) : last]))
+        jump, sd = _jump_after(path, right, first, last)
         if whole and not frozen:
             edges = (first - 1, first, last)
             frozen = any(_too_hard(path.t, velocity, row) for row in edges)
+            frozen |= 0.5 * (jump / (worse * sd)) ** 2 > limits.CERTAIN_LEAD_NATS
         if frozen:
-            (both if whole else positions).append(Stretch(first, last, float(way.max())))
+            most = max(float(way.max()), jump)
+            (both if whole else positions).append(Stretch(first, last, most))
     return positions, both
 
 
@@ -79,6 +83,17 @@ def _digit_m(path: ReceiverPath) -> float:
     sizes = np.abs(np.concatenate([steps.real, steps.imag]))
     sizes = sizes[sizes > 0.0]
     return float(sizes.min()) * np.sqrt(2.0) if len(sizes) else 0.0
+
+
+def _jump_after(
+    path: ReceiverPath, right: ComplexArray, first: int, last: int
+) -> tuple[float, float]:
+    """By how much, m, the positions part from the path ``right`` from ``first`` to the row after
+    ``last``, and one sigma of that."""
+    after = min(last + 1, len(path) - 1)
+    over = Windows(np.array([first]), np.array([after]))
+    sd = np.hypot(plausible_sd(path, over), limits.STEP_SD_M)
+    return float(np.abs(over.change(path.place - right))[0]), float(sd[0])
 
 
 def _too_hard(t: FloatArray, velocity: ComplexArray, row: int) -> bool:

@@ -109,14 +109,20 @@ class VelocityConsistency:
         return self.match.mirrored or self.match.quarters != 0
 
     @property
+    def sign_turned(self) -> bool:
+        """Whether one axis has the wrong sign: of the velocities, or latitudes or longitudes have
+        lost theirs. Nothing in the fixes says which."""
+        return self.match.mirrored and self.match.quarters % 2 == 0
+
+    @property
     def reasons(self) -> tuple[Reason, ...]:
-        """What is beyond doubt, one sentence each, in the order of weight."""
+        """What is beyond doubt, a sentence each: what is wrong throughout first."""
         return tuple(_reasons(self))
 
     def unusable_velocity(self, fixes: Fixes) -> BoolArray:
         """Rows [n] of ``fixes`` whose horizontal velocity is beyond doubt wrong."""
         bad = _within(fixes, (*self.velocity_stuck, *self.rows_frozen))
-        bad |= self.scale_wrong or self.turned
+        bad |= self.scale_wrong or (self.turned and not self.sign_turned)
         return bad & np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
 
     def unusable_vertical_velocity(self, fixes: Fixes) -> BoolArray:
@@ -152,9 +158,9 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
     fresh = ~in_long_repeats(path)
     match = match_paths(path, told & fresh, fresh)
     right = match.path(path, told)
-    frozen, whole = frozen_positions(path, right, match.velocity(path))
+    worse = excess(path, right, told & fresh, fresh)
+    frozen, whole = frozen_positions(path, right, match.velocity(path), worse)
     position = ~_repeating(path, [*frozen, *whole])
-    worse = excess(path, right, told & fresh, position & fresh)
     stuck = stuck_velocities(path, right, ~position, worse)
     use = told & ~_repeating(path, [*stuck, *whole])
 
@@ -244,9 +250,11 @@ def _reasons(found: VelocityConsistency) -> Iterator[Reason]:
             yield Reason("velocity_scale", f"{text}, which no mistake of a unit explains")
     if found.turned:
         turn = TURNS[found.match.mirrored, found.match.quarters]
-        yield Reason(
-            "course_turned", f"{turn}: that is {_odds(found.match.turn_nats)} likelier than not"
-        )
+        odds = f"that is {_odds(found.match.turn_nats)} likelier than not"
+        if found.sign_turned:
+            yield Reason("sign_turned", f"{turn}, by the velocities or by the positions: {odds}")
+        else:
+            yield Reason("course_turned", f"{turn}: {odds}")
     for code, held, what in (
         ("velocity_stuck", found.velocity_stuck, "velocities repeat while the positions move on"),
         ("position_frozen", found.position_frozen, "positions repeat while velocities go on"),

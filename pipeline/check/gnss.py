@@ -9,7 +9,7 @@ from automap.io.drive import Drive
 from automap.io.recording import Recording
 from automap.records import FixType
 from automap.timebase import gps_to_iso
-from pipeline.check import limits
+from pipeline.check import limits, velocity
 
 ABSENT: tuple[Severity, str, str] = (
     "error",
@@ -44,6 +44,7 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
         return findings
     findings += _quality(recording, good)
     findings += _jumps(recording, good)
+    findings += velocity.check(fixes)
     return findings
 
 

@@ -15,6 +15,16 @@ FIX_GAP_S, FIX_GAP_STEPS = 5.0, 5.0
 """A time without fixes that is told, s and in usual steps."""
 LOST_SHARE = 0.2
 """Of the epochs without a fix. Chosen: a start in a garage and some bridges lose less."""
+LATE_PROBABILITY = 2.7e-3
+"""A delay, a turn or a scale is said to be one that chance makes so rarely: three sigmas."""
+SCALE_SD = 0.01
+"""Relative error of a receiver's speed over a drive: by Doppler a thousandth, by slopes and
+smoothing up to a hundredth."""
+LATE_TOLD_S, LATE_S = 0.1, 1.0
+"""Delays of velocities that are told, and that are warned of: braking at 3 m/s^2 the first errs by
+what a receiver's velocity errs by anyway, and recorded receivers' are late by up to 0.7 s."""
+COURSE_OFF_RAD = 0.05
+"""A course off by more is against another north: 3 deg, as the compass is off in most countries."""
 SLOW_HZ = 20.0
 """Turns and springs (some 2 Hz) need ten readings a period."""
 LONG_GAP_S = 1.0

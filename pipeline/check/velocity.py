@@ -1,0 +1,118 @@
+"""Checks of a receiver's velocities against its positions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from automap.evaluation.plausibility import Finding, Severity
+from automap.gates import sigmas
+from automap.records import Fixes
+from automap.sync.velocity_consistency import (
+    Interval,
+    VelocityConsistency,
+    told_intervals,
+    velocity_consistency,
+)
+from pipeline.check import limits
+
+ADVICE: dict[str, str] = {
+    "velocity_unit": "convert the column, or take the velocities out",
+    "velocity_scale": "convert the column, or take the velocities out",
+    "course_turned": "courses are clockwise from north, velocities north, east, down: write them "
+    "so, or take them out",
+    "sign_turned": "longitudes are positive east, latitudes north, velocities north, east, down: "
+    "give the column its sign",
+    "velocity_stuck": "take the velocities of that time out; let the log say where there is none",
+    "position_frozen": "take the rows out whose position is not new",
+    "rows_frozen": "take the rows out that repeat the one before",
+    "vertical_turned": "the third velocity is downwards: change its sign, or take it out",
+    "vertical_stuck": "leave the column empty where nothing was measured",
+}
+"""What to do about each reason."""
+WHOLE = ("velocity_unit", "velocity_scale", "course_turned", "sign_turned")
+"""Reasons that are about all velocities of a log."""
+
+
+def check(fixes: Fixes) -> list[Finding]:
+    """What is wrong with the velocities, or how they agree with the positions; nothing where there
+    are none."""
+    if np.count_nonzero(np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)) < 2:
+        return []
+    found = velocity_consistency(fixes)
+    held = {
+        "velocity_stuck": found.velocity_stuck,
+        "position_frozen": found.position_frozen,
+        "rows_frozen": found.rows_frozen,
+    }
+    findings = []
+    for reason in found.reasons:
+        severity: Severity = "error" if reason.code in WHOLE else "warning"
+        if reason.code in held and _little(held[reason.code], found.compared_s):
+            severity = "info"
+        findings.append(Finding(severity, reason.text, ADVICE[reason.code]))
+    if found.unrelated:
+        findings.append(
+            Finding(
+                "error",
+                "velocities and positions have nothing in common",
+                "are both of one drive and of one clock? Take the velocities out otherwise",
+            )
+        )
+    elif not any(reason.code in WHOLE for reason in found.reasons):
+        findings.append(_agreement(found))
+    if found.parted:
+        total = sum(interval.seconds for interval in found.parted)
+        findings.append(
+            Finding(
+                "warning" if total > limits.LOST_SHARE * found.compared_s else "info",
+                "positions and velocities part by more than either may err: "
+                + told_intervals(found.parted),
+                "tunnels, bridges and high houses do that; the fusion weighs one with the other",
+            )
+        )
+    return findings
+
+
+def _little(intervals: Sequence[Interval], compared_s: float) -> bool:
+    """Whether no interval is long, nor all of them together."""
+    longest = max(interval.seconds for interval in intervals)
+    total = sum(interval.seconds for interval in intervals)
+    return longest <= limits.FIX_GAP_S and total <= limits.LEFT_OUT_SHARE * compared_s
+
+
+def _agreement(found: VelocityConsistency) -> Finding:
+    """Scale, delays and turn of velocities that are told as they should be."""
+    match = found.match
+    if match.scale is None:
+        return Finding(
+            "info",
+            "velocities cannot be compared with the positions: the drive moves too little",
+        )
+    sure = sigmas(limits.LATE_PROBABILITY)
+    parts = [
+        f"velocities are {match.scale.value:.3f} times those of the positions "
+        f"(sd {match.scale.sd:.1g})"
+    ]
+    late = -np.inf
+    for name, lag in (("speed", match.speed_lag_s), ("course", match.course_lag_s)):
+        if lag is not None:
+            early = "late" if lag.value >= 0.0 else "early"
+            parts.append(f"{name} {abs(lag.value):.2f} s {early} (sd {lag.sd:.1g})")
+            late = max(late, abs(lag.value) - sure * lag.sd)
+    text = ", ".join(parts)
+    if abs(match.scale.value - 1.0) > sure * np.hypot(match.scale.sd, limits.SCALE_SD):
+        return Finding("warning", text, "is it the receiver's speed? Wheels and apps err so much")
+    turn = match.turn_rad
+    if turn is not None and abs(turn.value) - sure * turn.sd > limits.COURSE_OFF_RAD:
+        return Finding(
+            "warning",
+            f"{text}, and courses {np.rad2deg(-turn.value):+.1f} deg off",
+            "courses are against true north, not against the compass",
+        )
+    if late > limits.LATE_S:
+        return Finding("warning", text, "is the velocity in the row of its own time?")
+    if late > limits.LATE_TOLD_S:
+        return Finding("info", text, "such delays are estimated with the trajectory")
+    return Finding("ok", text)
