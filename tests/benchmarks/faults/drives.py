@@ -25,9 +25,9 @@ def city(folder: Path) -> Recording:
 
 
 def phone(folder: Path) -> Recording:
-    """Ten minutes of the half hour: standing, streets and motorway."""
+    """Seven minutes of the half hour: standing, streets and motorway."""
     recording = city(folder)
-    recording.cut(600.0)
+    recording.cut(420.0)
     return recording
 
 

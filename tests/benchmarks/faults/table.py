@@ -44,7 +44,7 @@ the way, are listed as `beyond` and not counted.
 
 | drive | what it is |
 |---|---|
-| `gsdc-mtv1` | a phone's NMEA at 1 Hz, real fixes, ten minutes of street and motorway |
+| `gsdc-mtv1` | a phone's NMEA at 1 Hz, real fixes, seven minutes of street and motorway |
 | `kitti-20111003-0034` | NMEA at 5 Hz with arrival times, eight minutes of town |
 | `kitti-20110930-0033` | UBX at 5 Hz with arrival times, three minutes of town |
 | `rtk-car-a` | every fourth RTK fix, a usual receiver's errors added; coarse IMU, axes unknown |
