@@ -10,6 +10,21 @@ import pytest
 PROJECT = Path(__file__).resolve().parent.parent
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--receiver",
+        action="append",
+        help="receivers of the Monte Carlo tests: white, or of configs/receivers; repeatable",
+    )
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """A test that takes ``receiver_name`` runs with each that the option names."""
+    if "receiver_name" in metafunc.fixturenames:
+        names = metafunc.config.getoption("--receiver") or metafunc.module.RECEIVERS
+        metafunc.parametrize("receiver_name", names, scope="module")
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of real recordings; the test is skipped where it is not there."""

@@ -60,6 +60,12 @@ def markov_error(
     return gauss_markov(n, np.array([given["sigma"]]), step_s / given["tau"], rng)[:, 0]
 
 
+def short_error(n: int, step_s: float, values: Values, rng: np.random.Generator) -> FloatArray:
+    """Errors NED [n, 3] in m of ``gnss_multipath``."""
+    given = values.get("gnss_multipath", {})
+    return np.stack([markov_error(n, step_s, given, rng) for _ in range(3)], axis=1)
+
+
 def slow_error(n: int, step_s: float, values: Values, rng: np.random.Generator) -> FloatArray:
     """Errors NED [n, 3] in m of ``gnss_slow_wander`` and ``gnss_height_wander``."""
     level, height = (values.get(f"gnss_{name}_wander", {}) for name in ("slow", "height"))

@@ -11,6 +11,7 @@ from automap.effects.gnss import (
     gauss_markov,
     noise_factor,
     outliers,
+    short_error,
     slow_error,
     steps,
     velocity_wander,
@@ -54,7 +55,7 @@ def draw_errors(
     What a plain receiver has is drawn from ``rng``, every other effect from a stream of its own:
     one more leaves the others as they were.
     """
-    n, streams = len(t_s), rng.spawn(6)
+    n, streams = len(t_s), rng.spawn(7)
     solutions = list(setup.solutions.values()) or [_only(setup)]
     chosen = _sequence(n, step_s, setup, streams[2])
     position, sd = np.zeros((n, 3)), np.zeros((n, 3))
@@ -69,6 +70,7 @@ def draw_errors(
     factor = noise_factor(values)
     position = factor * position + outliers(n, values, streams[0])
     position += slow_error(n, step_s, values, streams[3]) + steps(t_s, values, streams[4])
+    position += short_error(n, step_s, values, streams[6])
     velocity = rng.standard_normal((n, 3)) * setup.sigma_velocity * factor
     lasting, lasts_s = velocity_wander(values)
     if lasting > 0.0:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pyubx2 import UBXReader
 
-from automap.effects.gnss import frozen, slow_error, stands, steps
+from automap.effects.gnss import frozen, short_error, slow_error, stands, steps
 from automap.errors import ConfigError
 from automap.io.nmea_writer import gga_rmc
 from automap.io.receiver import read_receiver_bytes
@@ -67,6 +67,18 @@ def test_slow_errors_have_their_size_and_time() -> None:
     for axis, tau in enumerate((200, 200, 500)):
         assert correlation(error[:, axis], tau) == pytest.approx(np.exp(-1.0), abs=0.07)
     assert not slow_error(9, 1.0, {}, np.random.default_rng(1)).any()
+
+
+def test_short_errors_are_of_all_three_axes() -> None:
+    values = {"gnss_multipath": {"sigma": 0.4, "tau": 8.0}}
+    error = short_error(100_000, 1.0, values, np.random.default_rng(1))
+    assert error.std(axis=0) == pytest.approx([0.4] * 3, rel=0.05)
+    assert abs(np.corrcoef(error.T)[0, 1]) < 0.05
+    for axis in range(3):
+        assert correlation(error[:, axis], 8) == pytest.approx(np.exp(-1.0), abs=0.04)
+    drawn = draw_errors(DAY[:900], 1.0, Gnss(), values, np.random.default_rng(5))
+    plain = draw_errors(DAY[:900], 1.0, Gnss(), {}, np.random.default_rng(5))
+    assert (drawn.position - plain.position).std() == pytest.approx(0.4, rel=0.2)
 
 
 def test_steps_hold_between_jumps_and_do_not_grow() -> None:
