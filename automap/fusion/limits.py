@@ -79,6 +79,9 @@ WHEELS_SPACING_S, WHEELS_MEAN_S = 0.25, 0.1
 """Wheel speeds that come faster are taken so often, each the mean over the second: their errors
 last longer than that (slip, a wheel out of round, a step of the counter), so that more of them
 tell no more, and a change of acceleration by 10 m/s^3 is 4 mm/s off such a mean."""
+WHEELS_SLIP = 0.005
+"""Share of the speed, over one second, by which wheels slip and tyres change their size. Measured
+on the CAN speed of a recorded car: a seventh of a percent that lasts some eight seconds."""
 WHEELS_JITTER_S = 0.02
 """Scatter of their stamps. Chosen: messages wait about so long on a bus and in a phone."""
 WHEELS_DEADBAND = 0.2

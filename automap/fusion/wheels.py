@@ -113,8 +113,8 @@ def readings(
 ) -> Odometer:
     """Samples [n] as readings at their own times, never more often than wheels tell anything new.
 
-    A reading is one sample, or the mean of those close around it. Its errors: the wheels' own over
-    a second, the jitter of stamps, and the step of the counter, uniform (step^2 / 12, B. Widrow,
+    A reading is one sample, or the mean of those close around it. Its errors: the wheels' own and
+    their slip over a second, the jitter of stamps, and the step of the counter, uniform (step^2 / 12, B. Widrow,
     IRE Transactions on Circuit Theory 3, 1956), which all samples of one value share.
     """
     signed = bool((speed < 0.0).any())
@@ -131,7 +131,7 @@ def readings(
     spacing = np.diff(at, prepend=at[0] - max(float(period[0]), limits.WHEELS_SPACING_S))
     spacing = np.clip(spacing, limits.LEAST_SPACING_S, limits.MOST_SPACING_S)
     slope = np.gradient(mean, at) if len(at) > 1 else np.zeros(1)
-    var = (options.odometer_sd**2 + noise**2) / spacing
+    var = (options.odometer_sd**2 + noise**2 + (limits.WHEELS_SLIP * mean) ** 2) / spacing
     var += (limits.WHEELS_JITTER_S * slope) ** 2
     if step > 0.0:
         first, last = runs(speed)

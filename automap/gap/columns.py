@@ -181,7 +181,8 @@ def _direct(effect: str, fit: Fit, motion: Motion, at: NodeMotion) -> dict[str, 
             by_channel[:, _CHANNELS[measured]] = rows[:, number, :, first + i]
         out[state] = by_channel
     for term in CATALOGUE[effect].terms:
-        if term.kind in (Kind.TIME, Kind.LAG) and not CATALOGUE[effect].acts_on(POSITION):
+        of_velocity = term.on == VELOCITY and not CATALOGUE[effect].acts_on(POSITION)
+        if term.kind in (Kind.TIME, Kind.LAG) and of_velocity:
             out[term.parameter][:, _CHANNELS[VELOCITY]] = _beyond_first_order(
                 term.kind, term.weight, motion, at.t
             )

@@ -1,0 +1,270 @@
+"""Wheel speed in the fusion: at any rate, late, long, in steps, stuck, and backwards."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
+from automap.fusion.options import FusionOptions
+from automap.fusion.wheel_match import Reference, between, match_wheels, step_of, stuck
+from automap.fusion.wheels import contradiction, judge_wheels, readings
+from automap.records import Fixes, ImuData, WheelSpeed
+from tests.unit.fusion_drive import (
+    BASE_NS,
+    CLOCK,
+    GPS0,
+    Motion,
+    Receiver,
+    Sensor,
+    city_drive,
+    errors,
+    horizontal_rms,
+    make_motion,
+    receive,
+    record,
+    select,
+)
+
+KMH = 1.0 / 3.6
+OUTAGE = (120.0, 180.0)
+OPTIONS = FusionOptions()
+
+
+def forward(motion: Motion, t: np.ndarray) -> np.ndarray:
+    true = motion.at(t)
+    return np.einsum("ni,ni->n", true.c_n_b[:, :, 0], true.vel)
+
+
+def count(
+    motion: Motion,
+    rate: float,
+    late: float = 0.0,
+    scale: float = 1.0,
+    step: float = 0.0,
+    noise: float = 0.02,
+) -> WheelSpeed:
+    """Wheels that know no sign, stamped ``late`` s after the truth."""
+    t = np.arange(0.3, motion.duration - 0.5, 1.0 / rate)
+    speed = forward(motion, np.maximum(t - late, 0.0))
+    told = np.abs(scale * speed + noise * np.random.default_rng(5).standard_normal(len(t)))
+    told[np.abs(speed) < 0.05] = 0.0
+    if step:
+        told = step * np.rint(told / step)
+    return WheelSpeed(BASE_NS + np.rint(t * 1e9).astype(np.int64), told)
+
+
+@dataclass(frozen=True)
+class Recorded:
+    motion: Motion
+    imu: ImuData
+    fixes: Fixes
+
+    def fuse(self, wheels: WheelSpeed | None) -> FusionResult:
+        delay = Prior(0.0, 0.05)
+        return fuse_imu_gnss(
+            self.imu, self.fixes, CLOCK, OPTIONS, delay, np.zeros(3), odometer=wheels
+        )
+
+
+def recorded(motion: Motion, seed: int, outage: tuple[float, float]) -> Recorded:
+    fixes = receive(motion, Receiver(rate=1.0, vel_latency=0.1), seed)
+    t = fixes.gps_s - GPS0
+    fixes = select(fixes, (t < outage[0]) | (t > outage[1]))
+    return Recorded(motion, record(motion, Sensor(), seed), fixes)
+
+
+@cache
+def town() -> Recorded:
+    return recorded(city_drive(240.0, 3, slip=True), 3, OUTAGE)
+
+
+@cache
+def fused(rate: float, late: float = 0.0, scale: float = 1.0, step: float = 0.0) -> FusionResult:
+    return town().fuse(count(town().motion, rate, late, scale, step))
+
+
+@cache
+def without() -> FusionResult:
+    return town().fuse(None)
+
+
+def rms(result: FusionResult, drive: Recorded | None = None) -> float:
+    return horizontal_rms(errors(result.trajectory, (drive or town()).motion))
+
+
+def in_outage(result: FusionResult) -> np.ndarray:
+    """Errors [n, 9] while there were no fixes."""
+    t = (result.trajectory.t_ns - BASE_NS) * 1e-9
+    return errors(result.trajectory, town().motion)[(t > OUTAGE[0]) & (t < OUTAGE[1])]
+
+
+@pytest.mark.parametrize("rate", [0.5, 1.0, 20.0, 100.0])
+def test_any_rate_is_used_and_helps_without_fixes(rate: float) -> None:
+    result = fused(rate)
+    used = result.innovations.channel == "odometer"
+    # each reading of a slow log, and of a fast one as many as tell anything new
+    assert used.sum() == pytest.approx(239.0 * min(rate, 4.0), rel=0.03)
+    speeds = [np.sqrt(np.mean(in_outage(r)[:, 3:5] ** 2)) for r in (without(), result)]
+    assert speeds[1] < 0.7 * speeds[0]
+    assert rms(result) < rms(without())
+
+
+@pytest.mark.parametrize("rate", [1.0, 10.0])
+@pytest.mark.parametrize(("late", "scale"), [(0.5, 1.0), (0.0, 1.05), (0.5, 1.05), (-1.3, 0.95)])
+def test_wheels_that_are_late_or_long_cost_nothing(rate: float, late: float, scale: float) -> None:
+    result = fused(rate, late, scale)
+    assert rms(result) == pytest.approx(rms(fused(rate)), rel=0.02)
+    assert result.wheels is not None
+    found, exact = result.wheels, fused(rate).wheels
+    assert found.late is not None
+    assert found.scale is not None
+    assert exact is not None
+    assert exact.late is not None
+    assert abs(found.late.mean - late) < 4.0 * found.late.sd < 0.1
+    assert abs(found.scale.mean - scale) < 4.0 * found.scale.sd < 0.01
+
+
+@pytest.mark.parametrize("rate", [1.0, 10.0])
+def test_speeds_in_whole_kilometres_an_hour_are_as_sure_as_said(rate: float) -> None:
+    result = fused(rate, step=KMH)
+    assert result.wheels is not None
+    assert result.wheels.found.step == pytest.approx(KMH, rel=1e-3)
+    table = result.innovations
+    ratio = (table.innovation / table.sd)[table.channel == "odometer"]
+    assert np.sqrt(np.mean(ratio**2)) < 1.1
+    off = errors(result.trajectory, town().motion)
+    velocity = off[:, 3:5] / result.trajectory.sd_vel_ned[:, :2]
+    assert np.mean(velocity**2) < 1.3
+    # they still tell how far the drive went while there were no fixes
+    speeds = [np.sqrt(np.mean(in_outage(r)[:, 3:5] ** 2)) for r in (without(), result)]
+    assert speeds[1] < 0.7 * speeds[0]
+
+
+@pytest.mark.parametrize("rate", [1.0, 10.0])
+@pytest.mark.parametrize("value", ["zero", "held"])
+def test_a_counter_that_hangs_does_not_pull_the_path(rate: float, value: str) -> None:
+    good = count(town().motion, rate)
+    t = (good.t_ns - BASE_NS) * 1e-9
+    hangs = (t > 60.0) & (t < 100.0)
+    speed = good.speed.copy()
+    speed[hangs] = 0.0 if value == "zero" else speed[np.flatnonzero(hangs)[0]]
+    result = town().fuse(replace(good, speed=speed))
+    assert any("stuck while the vehicle drives" in text for text in result.warnings)
+    assert rms(result) < 1.03 * rms(fused(rate))
+
+
+def test_backing_up_does_not_hurt() -> None:
+    """Twenty seconds backwards, which wheels without a sign tell as forwards."""
+    speed = [(0.0, 0.0), (8.0, 0.0), (12.0, 10.0), (40.0, 12.0), (46.0, 0.0), (50.0, 0.0)]
+    speed += [(54.0, -2.5), (70.0, -2.5), (74.0, 0.0), (78.0, 0.0), (84.0, 12.0), (120.0, 10.0)]
+    motion = make_motion(speed, [(20.0, 6.0, 80.0), (60.0, 8.0, -60.0), (95.0, 5.0, -70.0)], 125.0)
+    drive = recorded(motion, 4, (200.0, 201.0))
+    plain = drive.fuse(None)
+    for rate in (1.0, 10.0):
+        result = drive.fuse(count(motion, rate))
+        assert rms(result, drive) < 1.05 * rms(plain, drive)
+        assert result.wheels is not None
+        assert result.wheels.scale is not None
+        assert abs(result.wheels.scale.mean - 1.0) < 4.0 * result.wheels.scale.sd
+        t = (result.trajectory.t_ns - BASE_NS) * 1e-9
+        back = (t > 56.0) & (t < 70.0)
+        off = errors(result.trajectory, motion)[back, 3:5]
+        assert np.sqrt(np.mean(off**2)) < 0.1
+
+
+@pytest.mark.parametrize("decimals", [2, 4])
+@pytest.mark.parametrize("step", [KMH, 0.5 * KMH, 0.44704])
+def test_the_step_of_a_counter_is_found(step: float, decimals: int) -> None:
+    speed = step * np.rint(count(town().motion, 1.0).speed / step)
+    assert step_of(np.round(speed, decimals)) == pytest.approx(step, rel=2e-3)
+
+
+def test_a_fine_counter_has_no_step_that_matters() -> None:
+    assert step_of(count(town().motion, 1.0).speed) < 0.02
+    assert step_of(count(town().motion, 100.0).speed) < 0.02
+
+
+def test_between_samples_a_speed_is_as_unsure_as_said() -> None:
+    """A random walk of one (m/s^2)^2/Hz, of which every second, and less, is told."""
+    rng = np.random.default_rng(2)
+    step, n = 0.05, 400_000
+    t = step * np.arange(n)
+    speed = np.cumsum(rng.standard_normal(n)) * np.sqrt(step)
+    told, var, near = between(t[::20], speed[::20], t)
+    assert near[: n - 20].all()
+    for place in (0, 5, 10):
+        miss = (told - speed)[place::20][:-1]
+        assert np.mean(miss**2) == pytest.approx(var[place], rel=0.03, abs=1e-12)
+    assert var[10] == pytest.approx(0.25)
+
+
+def _reference(motion: Motion) -> Reference:
+    t = np.arange(0.0, motion.duration)
+    noise = 0.07 * np.random.default_rng(1).standard_normal(len(t))
+    return Reference(t, np.abs(forward(motion, t) + noise), np.full(len(t), 0.07))
+
+
+def _stamps(wheels: WheelSpeed) -> np.ndarray:
+    return np.asarray((wheels.t_ns - BASE_NS) * 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit"), [(3.6, "km/h"), (2.2369, "miles per hour"), (1.94384, "knots")]
+)
+def test_another_unit_is_named_and_left_out(factor: float, unit: str) -> None:
+    wheels = count(town().motion, 1.0, late=0.4, scale=1.02)
+    found = judge_wheels(_stamps(wheels), factor * wheels.speed, _reference(town().motion), OPTIONS)
+    assert found.odometer is None
+    assert f"as in {unit}; it is left out: write speed_m_s" in found.warnings[0]
+
+
+@pytest.mark.parametrize("late", [-2.2, -0.4, 0.7, 2.5])
+def test_delay_and_scale_are_found_by_comparison(late: float) -> None:
+    wheels = count(town().motion, 1.0, late, 0.97)
+    match = match_wheels(_stamps(wheels), wheels.speed, _reference(town().motion), 3.0)
+    assert match is not None
+    assert match.late_s == pytest.approx(late, abs=0.05)
+    assert match.scale == pytest.approx(0.97, abs=0.005)
+    assert contradiction(match) is None
+
+
+def test_stamps_of_another_clock_are_named() -> None:
+    wheels = count(town().motion, 5.0)
+    found = judge_wheels(_stamps(wheels) + 3.4, wheels.speed, _reference(town().motion), OPTIONS)
+    assert found.odometer is None
+    assert "3 s or more later than the receiver's; it is left out: stamp t_ns" in found.warnings[0]
+
+
+def test_only_what_hangs_is_stuck() -> None:
+    reference = _reference(town().motion)
+    for rate, step in ((10.0, 0.0), (10.0, KMH), (1.0, KMH), (50.0, 0.01)):
+        wheels = count(town().motion, rate, late=0.5, step=step)
+        assert not stuck(_stamps(wheels), wheels.speed, reference).any(), (rate, step)
+
+
+def test_a_value_that_ends_in_a_jump_was_stuck_where_no_receiver_sees_it() -> None:
+    t = np.arange(0.0, 60.0, 0.1)
+    true = 15.0 + 5.0 * np.sin(t / 8.0)
+    speed = true.copy()
+    speed[200:400] = speed[200]
+    nothing = Reference(np.zeros(0), np.zeros(0), np.zeros(0))
+    assert np.flatnonzero(stuck(t, speed, nothing)).tolist() == list(range(200, 400))
+    assert not stuck(t, true, nothing).any()
+
+
+def test_readings_share_the_error_of_a_value_that_stays() -> None:
+    """Ten seconds at one value are one measurement of it, however often it is told."""
+    t = np.arange(0.0, 60.0, 1.0)
+    speed = KMH * np.concatenate([np.arange(20), np.full(20, 60.0), np.arange(60, 40, -1)])
+    held = readings(t, speed, KMH, 0.0, 0.0, OPTIONS)
+    plain = readings(t, speed, 0.0, 0.0, 0.0, OPTIONS)
+    assert held.t == pytest.approx(t)
+    assert held.speed == pytest.approx(speed)
+    extra = held.var - plain.var
+    assert extra[5:19] == pytest.approx(KMH**2 / 12.0)
+    # and the first of those that go down again has it still
+    assert extra[20:40] == pytest.approx(21 * KMH**2 / 12.0)
