@@ -96,6 +96,13 @@ values one after another takes a second or two."""
 
 # wheels against the receiver
 
+LOOK_WHEELS_S = 10.0
+"""Delays of wheel speed are looked for up to this, s, to name them; none is used beyond
+``MAX_WHEELS_S``."""
+WHEELS_APART, WHEELS_UNLIKE = 1.0, 0.5
+"""Wheel speed is not this drive's where it is off by more, m/s and in the spread of its speeds.
+Chosen: phones lag by less than that, and any two drives are off by more."""
+
 STEP_VALUES, LEAST_STEP = 8, 0.005
 """Different speeds from which a step is told, and the least one, m/s: less is how numbers were
 printed, and an eighth of the wheels' noise."""
@@ -110,7 +117,7 @@ WHEELS_SCALE = math.log(1.2)
 tenth too much (UN Regulation 39): beyond a fifth it is another unit."""
 WHEELS_UNIT = 0.1
 """The logarithm by which a scale may be off that of a unit: the same tenth."""
-MATCH_STEP_S, MATCH_POINTS = 0.1, 20_000
+MATCH_STEP_S, MATCH_POINTS = 0.1, 5_000
 """Delays are tried so far apart, s, on so many instants at most: a car's speed is straight over
 some tenths of a second."""
 SURE_WHEELS_S = 0.2

@@ -44,14 +44,16 @@ class Reference:
 @dataclass(frozen=True)
 class WheelMatch:
     """How wheel speeds lie to a reference: ``late_s`` how much later the wheels' stamps are and
-    ``scale`` how many of theirs are one of the reference's, with sd; ``noise`` m/s what is left
-    while the speed is steady, beyond the reference's own and the step; ``count`` how many
-    instants were compared."""
+    ``scale`` how many of theirs are one of the reference's, with sd; ``rest`` m/s what is
+    left, and ``spread`` m/s how much the speed changes; ``noise`` m/s what is left while it is
+    steady, beyond the reference's own and the step; ``count`` how many instants were compared."""
 
     late_s: float
     late_sd_s: float
     scale: float
     scale_sd: float
+    rest: float
+    spread: float
     noise: float
     count: int
 
@@ -190,7 +192,10 @@ def match_wheels(
         step = step_of(speed)
         own = np.median((scale * sd[use][steady]) ** 2 + line[use][steady]) + step**2 / 12.0
         noise = float(np.sqrt(max(sd_by_median(rest[steady]) ** 2 - own, 0.0))) / scale
-    return WheelMatch(float(late), float(late_sd), scale, scale_sd, noise, int(use.sum()))
+    spread = sd_by_median(v[use] - np.median(v[use]))
+    return WheelMatch(
+        float(late), float(late_sd), scale, scale_sd, size / scale, spread, noise, int(use.sum())
+    )
 
 
 def _fit(

@@ -75,7 +75,7 @@ def judge_wheels(
     good_t, good = t[~hung], speed[~hung]
     match = None
     if len(good) > 1:
-        match = match_wheels(good_t, good, reference, limits.MAX_WHEELS_S)
+        match = match_wheels(good_t, good, reference, limits.LOOK_WHEELS_S)
     wrong = None if match is None else contradiction(match)
     if wrong is not None:
         warnings.append(f"{wrong[0]}; it is left out: {wrong[1]}")
@@ -91,14 +91,16 @@ def judge_wheels(
 
 def contradiction(match: WheelMatch) -> tuple[str, str] | None:
     """What a comparison says against the wheels, and what to do; None for nothing."""
+    if match.rest > max(limits.WHEELS_APART, limits.WHEELS_UNLIKE * match.spread):
+        text = f"wheel speed is {match.rest:.1f} m/s off and does not follow the receiver's"
+        return text, "is it of this drive, and t_ns of the clock that stamps the IMU?"
     if match.unit:
         what = "which is no unit that is known" if match.unit == OTHER else f"as in {match.unit}"
         text = f"wheel speed is {match.scale:.3g} times the receiver's speed, {what}"
         return text, "write speed_m_s in metres per second"
-    sure = match.late_sd_s < limits.SURE_WHEELS_S
-    if sure and abs(match.late_s) > limits.MAX_WHEELS_S - limits.MATCH_STEP_S:
+    if match.late_sd_s < limits.SURE_WHEELS_S and abs(match.late_s) > limits.MAX_WHEELS_S:
         side = "later" if match.late_s > 0.0 else "earlier"
-        text = f"wheel speed is {limits.MAX_WHEELS_S:.0f} s or more {side} than the receiver's"
+        text = f"wheel speed is {abs(match.late_s):.1f} s {side} than the receiver's"
         return text, "stamp t_ns by the clock that stamps the IMU, when the message comes in"
     return None
 
@@ -114,8 +116,9 @@ def readings(
     """Samples [n] as readings at their own times, never more often than wheels tell anything new.
 
     A reading is one sample, or the mean of those close around it. Its errors: the wheels' own and
-    their slip over a second, the jitter of stamps, and the step of the counter, uniform (step^2 / 12, B. Widrow,
-    IRE Transactions on Circuit Theory 3, 1956), which all samples of one value share.
+    their slip over a second, the jitter of stamps, and the step of the counter, uniform
+    (step^2 / 12, B. Widrow, IRE Transactions on Circuit Theory 3, 1956), which all samples of one
+    value share.
     """
     signed = bool((speed < 0.0).any())
     period = np.diff(t, prepend=t[0] - limits.WHEELS_SPACING_S)

@@ -49,3 +49,5 @@ SLOW_WHEELS_HZ = 0.9
 """Adapters that ask for the speed alone manage one a second and more."""
 COARSE_STEP = 0.05
 """A step of wheel speed, m/s, that is as large as wheels' own noise."""
+LAGGING_RECEIVER_S = 0.3
+"""Wheel speed that is earlier than the receiver's by more, s, shows the lag of the receiver's."""

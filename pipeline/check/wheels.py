@@ -77,4 +77,6 @@ def _against_receiver(drive: Drive, recording: Recording, wheels: WheelSpeed) ->
         f"{1e3 * match.late_sd_s:.0f} ms), {match.scale:.4f} times as much (sigma "
         f"{match.scale_sd:.4f}); the run estimates both"
     )
-    return [*findings, Finding("ok", text)]
+    lagging = match.late_s < -limits.LAGGING_RECEIVER_S
+    advice = "receivers of phones tell their own speed up to a second late" if lagging else ""
+    return [*findings, Finding("ok", text, advice)]

@@ -69,6 +69,25 @@ def test_other_cases_have_other_words(tmp_path: Path, changes: dict[str, Any], w
     assert words in said(tmp_path, {**FUSION, **changes})
 
 
+def test_wheel_speed_is_told_with_its_delay_and_scale(tmp_path: Path) -> None:
+    wheels = {
+        "odometer_rate_hz": 1.0,
+        "odometer_step_m_s": 0.2778,
+        "odometer_stuck": 12,
+        "odometer_scale": 0.981,
+        "odometer_scale_sd": 0.002,
+        "odometer_time_offset_s": 0.42,
+        "odometer_time_offset_sd_s": 0.013,
+    }
+    told = said(tmp_path, {"method": "inertial", "wheels": wheels})
+    for part in ("1 times a second", "420 ms (σ 13 ms) late", "1.90% (σ 0.20%) too short"):
+        assert part in told
+    assert "steps of 0.28 m/s" in told
+    assert "12 of its values, stuck" in told
+    told = said(tmp_path, {"method": "inertial", "wheels": {"odometer_rate_hz": 1.0}})
+    assert "wheel speed was left out" in told
+
+
 def test_values_of_another_kind_are_passed_over(tmp_path: Path) -> None:
     strange = {key: "?" for key in FUSION} | {"method": "inertial"}
     assert "The path joins" in said(tmp_path, strange)
