@@ -315,3 +315,32 @@ BLAMED_SHARE = 0.1
 """The same where something else speaks against the inertial sensor, too. Chosen."""
 AGREEING_SHARE = 0.1
 """Chosen: fixes agree with one another where nine in ten lie on their own smoothed path."""
+HELD_S = 5.0
+"""Chosen: a receiver without a view repeats its last fix for some seconds, and goes on."""
+FROZEN_S = 0.5
+"""All six readings of a driving car differ from sample to sample; a slow sensor in a quick log
+repeats them for a tenth of a second."""
+FROZEN_AXIS_S = 5.0
+"""One coarse axis may rest at a value while others move, for a smooth second."""
+CLIPPED_STEPS = 4
+"""So many readings in a row at the very largest size are the end of the range: a peak of coarse
+readings has two or three. Chosen."""
+MOST_RATE, MOST_FORCE = 6.0, 100.0
+"""What no sound drive reads, rad/s and m/s^2: a spinning car turns once a second, and a crash
+begins at ten g."""
+WILD_SHARE = 0.01
+"""More such readings are not wild ones, but another unit."""
+CHANGE_S = 2.0
+"""Changes of course and speed are taken over so long: a bend or a stop, and longer than delays."""
+LAG_STEP_S = 0.1
+"""Lags are tried in steps of this, a small part of ``CHANGE_S``."""
+USUAL_CHANGES = (1.0, 99.0)
+"""Percentiles beyond which changes count as these where a lag is looked for. Chosen: bends of a
+drive are more than a hundredth of it."""
+SLOPE_ROUNDS = 3
+"""Chosen: weights settle in two or three rounds."""
+SLOPE_CORRELATION = 0.5
+"""Below it the receiver shows too little of what the IMU feels to say by how much."""
+SLOPE_OFF = 0.25
+"""A slope further from one, beyond its own sigma, is none of an IMU's scale errors. Chosen: the
+receiver's low-pass takes a tenth off quick changes."""

@@ -22,19 +22,24 @@ from automap.fusion.doubts.estimates import (
     impossible_ages,
     impossible_errors,
     levels_at_bound,
+    unexpected_delay,
 )
 from automap.fusion.doubts.outcome import refused, unsure_path, weak_heading
 from automap.fusion.doubts.path import Misses, contradicted, fix_misses, local_error, spans_of
+from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
+from automap.fusion.doubts.receiver import receiver_doubts
+from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.nodes import FixModel, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import LATENCY_STATE
 from automap.interpolation import poses_at_gps
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
+from automap.sync.velocity_consistency import VelocityConsistency
 
 if TYPE_CHECKING:
-    from automap.fusion.engine import FusionResult
+    from automap.fusion.engine import FusionResult, Prior
 
 
 @dataclass(frozen=True)
@@ -53,12 +58,25 @@ def weigh(
     fixes: Fixes,
     clock: ClockModel,
     options: FusionOptions,
+    delay: Prior,
     delay_is_clock: bool,
+    receiver: VelocityConsistency,
 ) -> Weighed:
-    """Judge a fused path by what it was made of; ``delay_is_clock`` as in ``fuse_imu_gnss``."""
+    """Judge a fused path by what it was made of.
+
+    ``fixes`` as they were fused, ``delay`` and ``delay_is_clock`` as in ``fuse_imu_gnss``;
+    ``receiver`` what the fixes as recorded say of each other.
+    """
     found = final_estimates(result)
     path = result.trajectory
+    speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
+    told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
+    fix_s = np.asarray((clock.t_ns(fixes.gps_s[told]) - int(imu.t_ns[0])) * 1e-9)
     reasons = [
+        *receiver_doubts(receiver, float(path.gps_s[0])),
+        *reading_doubts(imu, np.interp(imu.t_ns, path.t_ns, speed)),
+        *turn_doubts(imu, result.mounting.matrix, fix_s, fixes.vel_ned[told]),
+        *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed))),
         *weak_heading(result.align_margin),
         *impossible_ages(found, delay_is_clock),
         *impossible_errors(found),
@@ -86,10 +104,13 @@ def weigh(
     return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened)
 
 
-def weigh_alone(path: Trajectory, fixes: Fixes, options: FusionOptions) -> Weighed:
-    """Judge a path that was made of fixes alone."""
+def weigh_alone(
+    path: Trajectory, fixes: Fixes, options: FusionOptions, receiver: VelocityConsistency
+) -> Weighed:
+    """Judge a path that was made of ``fixes`` alone; ``receiver`` as in ``weigh``."""
     misses = fix_misses(path, model_fixes(fixes, fixes.gps_s, options))
-    reasons, _ = _off_the_fixes(misses, options.wander_tau_s)
+    off, _ = _off_the_fixes(misses, options.wander_tau_s)
+    reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
     widened = widen(path, reasons, misses, None)
     return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
 
@@ -152,6 +173,8 @@ def widen(
         error = np.maximum(error, np.interp(t, alone.gps_s - path.gps_s[0], _apart(path, alone)))
     factor, floor = np.ones(len(t)), np.zeros(len(t))
     for reason in reasons:
+        if reason.handled:
+            continue
         there = np.zeros(len(t), np.bool_)
         for a, b in reason.spans:
             there |= (t >= a) & (t <= b)

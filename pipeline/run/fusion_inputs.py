@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from automap.fusion.doubts.receiver import usable_fixes
 from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
 from automap.fusion.options import FusionOptions
 from automap.io import names
@@ -12,6 +13,7 @@ from automap.io.clock_json import read_clock
 from automap.io.drive import Drive
 from automap.io.tables import read_fixes, read_imu, read_odometer
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, WheelSpeed
+from automap.sync.velocity_consistency import VelocityConsistency, velocity_consistency
 from pipeline.shared.progress import Progress
 
 SEPARATE_CLOCK_SD_S = 0.1
@@ -25,7 +27,8 @@ class FusionInputs:
     """Recordings, clock and priors of one drive.
 
     ``delay_is_clock``: the delay between IMU stamps and fixes is an error of the clock model.
-    ``lever_arm`` [3] m, None where the manifest gives none.
+    ``lever_arm`` [3] m, None where the manifest gives none. ``fixes`` without what cannot be
+    right by what ``receiver`` says of them.
     """
 
     imu: ImuData
@@ -34,6 +37,7 @@ class FusionInputs:
     delay: Prior
     delay_is_clock: bool
     lever_arm: FloatArray | None
+    receiver: VelocityConsistency
     odometer: WheelSpeed | None = None
 
     def fuse(
@@ -64,10 +68,18 @@ def read_inputs(drive: Drive, out: Path, shared_clock_sd_s: float) -> FusionInpu
     clock = read_clock(out / names.SYNC)
     delay, is_clock = _delay_prior(clock, shared_clock_sd_s)
     arm = None if drive.gnss.lever_arm_m is None else drive.lever_arm
-    imu, fixes = read_imu(out / names.IMU), read_fixes(out / names.FIXES)
+    imu = read_imu(out / names.IMU)
+    fixes, receiver = read_usable_fixes(out)
     wheels = out / names.ODOMETER
     odometer = read_odometer(wheels) if wheels.exists() else None
-    return FusionInputs(imu, fixes, clock, delay, is_clock, arm, odometer)
+    return FusionInputs(imu, fixes, clock, delay, is_clock, arm, receiver, odometer)
+
+
+def read_usable_fixes(out: Path) -> tuple[Fixes, VelocityConsistency]:
+    """Fixes of OUT without what cannot be right, and what they say of each other."""
+    fixes = read_fixes(out / names.FIXES)
+    receiver = velocity_consistency(fixes)
+    return usable_fixes(fixes, receiver), receiver
 
 
 def _delay_prior(clock: ClockModel, shared_sd: float) -> tuple[Prior, bool]:

@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from automap.fusion import limits
-from automap.fusion.doubts.estimates import impossible_ages, impossible_errors, levels_at_bound
+from automap.fusion.doubts.estimates import (
+    impossible_ages,
+    impossible_errors,
+    levels_at_bound,
+    unexpected_delay,
+)
 from automap.fusion.doubts.outcome import refused, unsure_path, weak_heading
 from automap.fusion.doubts.path import Misses, contradicted, local_error, spans_of
+from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, verdict_of
+from automap.fusion.doubts.receiver import receiver_doubts
+from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.output import Innovations
 from automap.fusion.verdict import widen
-from automap.records import FloatArray, Trajectory
+from automap.records import FloatArray, ImuData, Trajectory
+from automap.sync.path_match import Match
+from automap.sync.velocity_consistency import Interval, VelocityConsistency
 
 TAU_S = 60.0
 
@@ -189,3 +200,164 @@ def test_the_path_of_the_fixes_alone_counts_where_there_is_doubt() -> None:
     none = misses_of(np.zeros((0, 3)))
     wide = widen(path, [Reason("a", "")], none, alone)
     assert np.hypot(*wide.sd_pos_ned[500, :2]) == pytest.approx(40.0, rel=0.02)
+
+
+# readings
+
+
+def readings(seconds: float = 300.0, rate: float = 100.0, seed: int = 5) -> ImuData:
+    """A car's readings: bends, bumps, noise, rounded as a cheap sensor does."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(int(seconds * rate)) / rate
+    gyro = 0.02 * rng.standard_normal((len(t), 3))
+    gyro[:, 2] += 0.3 * np.sin(2.0 * np.pi * t / 37.0) ** 5
+    accel = 0.4 * rng.standard_normal((len(t), 3)) - np.array([0.0, 0.0, 9.8])
+    accel[:, 0] += np.sin(2.0 * np.pi * t / 23.0)
+    accel[:: int(17 * rate), 2] -= 30.0
+    return ImuData(
+        np.rint(t * 1e9).astype(np.int64), np.round(gyro, 3), np.round(accel / 0.01) * 0.01
+    )
+
+
+def codes(imu: ImuData, speed: float = 10.0) -> list[str]:
+    return [reason.code for reason in reading_doubts(imu, np.full(len(imu), speed))]
+
+
+def test_a_cars_readings_are_readings() -> None:
+    imu = readings()
+    assert codes(imu) == []
+    still = replace(imu, gyro=np.zeros_like(imu.gyro), accel=np.zeros_like(imu.accel))
+    assert codes(still, speed=0.0) == []
+    # a slow sensor in a quick log repeats its readings
+    slow = np.arange(len(imu)) // 10 * 10
+    assert codes(replace(imu, gyro=imu.gyro[slow], accel=imu.accel[slow])) == []
+
+
+def test_frozen_readings_are_told_with_their_stretch() -> None:
+    imu = readings()
+    gyro, accel = imu.gyro.copy(), imu.accel.copy()
+    gyro[5000:7000], accel[5000:7000] = gyro[5000], accel[5000]
+    (reason,) = reading_doubts(replace(imu, gyro=gyro, accel=accel), np.full(len(imu), 10.0))
+    assert reason.code == "imu_frozen"
+    assert reason.spans[0] == pytest.approx((50.0, 69.99), abs=0.02)
+    gyro = imu.gyro.copy()
+    gyro[:, 1] = 0.0
+    assert codes(replace(imu, gyro=gyro)) == ["imu_frozen"]
+
+
+def test_a_range_that_is_too_small_is_told() -> None:
+    imu = readings()
+    (reason,) = reading_doubts(
+        replace(imu, gyro=np.clip(imu.gyro, -0.2, 0.2)), np.full(len(imu), 10.0)
+    )
+    assert reason.code == "imu_clipped"
+    assert "gyro's axis z stays at 0.2 rad/s" in reason.text
+
+
+@pytest.mark.parametrize(("name", "value"), [("accel", 1e3), ("gyro", -35.0)])
+def test_a_wild_reading_is_told(name: str, value: float) -> None:
+    imu = readings()
+    values = getattr(imu, name).copy()
+    values[20000, 0] = value
+    (reason,) = reading_doubts(replace(imu, **{name: values}), np.full(len(imu), 10.0))
+    assert reason.code == "imu_wild"
+    assert reason.spans[0][0] < 200.0 < reason.spans[0][1]
+    # all of them are another unit, and no wild readings
+    assert "imu_wild" not in codes(replace(imu, **{name: getattr(imu, name) * 1e4 + 1e4}))
+
+
+# the IMU against the receiver
+
+
+def drive_of(imu: ImuData, lag_s: float = 0.3) -> tuple[FloatArray, FloatArray]:
+    """Times and velocities of a receiver on the drive of ``readings``, late and noisy."""
+    t = imu.t_ns * 1e-9
+    clean = 0.3 * np.sin(2.0 * np.pi * t / 37.0) ** 5
+    course = np.cumsum(clean) * 0.01
+    speed = 12.0 + np.cumsum(np.sin(2.0 * np.pi * t / 23.0)) * 0.01
+    rng = np.random.default_rng(8)
+    at = np.arange(2.0, t[-1] - 1.0, 1.0)
+    course, speed = (np.interp(at - lag_s, t, x) for x in (course, speed))
+    velocity = np.stack([speed * np.cos(course), speed * np.sin(course), 0.0 * at], axis=1)
+    return at, velocity + 0.2 * rng.standard_normal(velocity.shape)
+
+
+def doubted(imu: ImuData, seen: ImuData | None = None) -> list[str]:
+    at, velocity = drive_of(seen or imu)
+    return [reason.code for reason in turn_doubts(imu, np.eye(3), at, velocity)]
+
+
+@pytest.mark.parametrize(("factor", "told"), [(1.0, 0), (1.1, 0), (2.0, 1), (-1.0, 1), (0.5, 1)])
+def test_turns_that_a_gyro_feels_are_those_that_the_receiver_sees(factor: float, told: int) -> None:
+    imu = readings()
+    wrong = replace(imu, gyro=imu.gyro * np.array([1.0, 1.0, factor]) + 0.01)
+    assert doubted(wrong) == ["imu_against_course"] * told
+
+
+def test_an_accelerometer_that_feels_braking_where_speed_grows_is_told() -> None:
+    imu = readings()
+    assert doubted(replace(imu, accel=imu.accel * np.array([-1.0, 1.0, 1.0]))) == [
+        "imu_against_speed"
+    ]
+
+
+def test_where_nothing_resembles_nothing_is_told() -> None:
+    imu = readings()
+    noise = replace(imu, gyro=np.random.default_rng(3).standard_normal(imu.gyro.shape))
+    assert doubted(noise, imu) == []
+
+
+def test_axes_are_turned_into_the_vehicles_first() -> None:
+    imu = readings()
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+    at, velocity = drive_of(imu)
+    upside_down = replace(imu, gyro=imu.gyro @ turn, accel=imu.accel @ turn)
+    assert list(turn_doubts(upside_down, turn, at, velocity)) == []
+    assert list(turn_doubts(upside_down, np.eye(3), at, velocity)) != []
+
+
+# the receiver against itself, and delays
+
+
+def test_a_delay_far_from_what_was_expected_is_told_as_a_distance() -> None:
+    found = {"imu_time_offset_s": (-0.9, 0.01)}
+    (reason,) = unexpected_delay(found, 0.0, 0.05, 11.0)
+    assert reason.error_m == pytest.approx(9.9)
+    assert "10 m off along the road" in reason.text
+    assert unexpected_delay({"imu_time_offset_s": (-0.2, 0.01)}, 0.0, 0.05, 11.0) == []
+    assert unexpected_delay({}, 0.0, 0.05, 11.0) == []
+
+
+def consistency(**changes: Any) -> VelocityConsistency:
+    none: dict[str, Any] = dict.fromkeys(
+        ("velocity_stuck", "position_frozen", "rows_frozen", "parted"), ()
+    )
+    plain = {"compared_s": 300.0, "match": Match(), "scale_wrong": False, "unit": None}
+    plain |= {"unrelated": False, "vertical": None, "worse": 1.0}
+    return VelocityConsistency(**(plain | none | changes))
+
+
+def test_a_receiver_that_contradicts_itself_is_told() -> None:
+    assert receiver_doubts(consistency(), 1000.0) == []
+    lost = Interval(1100.0, 1101.0, 12.0), Interval(1200.0, 1260.0, 700.0)
+    (reason,) = receiver_doubts(consistency(rows_frozen=lost), 1000.0)
+    assert reason.code == "rows_frozen"
+    assert reason.handled
+    assert reason.spans == ((100.0, 101.0), (200.0, 260.0))
+    # one that repeats a fix now and then is sound
+    assert receiver_doubts(consistency(rows_frozen=lost[:1]), 1000.0) == []
+    (reason,) = receiver_doubts(consistency(parted=lost), 1000.0)
+    assert reason.code == "positions_parted"
+    assert reason.error_m == 700.0
+    assert not reason.handled
+    assert [r.code for r in receiver_doubts(consistency(unrelated=True, worse=9.0), 0.0)] == [
+        "velocity_unrelated"
+    ]
+
+
+def test_what_was_left_out_widens_nothing() -> None:
+    path = straight_path(100, 0.5)
+    alone = replace(path, lat_rad=path.lat_rad + 40.0 / 6.378e6)
+    none = misses_of(np.zeros((0, 3)))
+    wide = widen(path, [Reason("a", "", handled=True)], none, alone)
+    assert np.array_equal(wide.sd_pos_ned, path.sd_pos_ned)

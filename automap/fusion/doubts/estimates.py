@@ -89,6 +89,24 @@ def impossible_ages(found: Estimates, delay_is_clock: bool) -> list[Reason]:
     return reasons
 
 
+def unexpected_delay(found: Estimates, mean: float, sd: float, speed: float) -> list[Reason]:
+    """A delay between IMU and fixes that is none of those expected, ``mean`` and ``sd`` s; the
+    vehicle's usual ``speed`` m/s makes a distance of it."""
+    value = found.get(DELAY_STATE, (mean, 0.0))[0]
+    off = abs(value - mean)
+    if off <= sigmas(limits.DOUBT_PROBABILITY) * sd:
+        return []
+    return [
+        Reason(
+            "delay_unexpected",
+            f"the IMU's stamps seem to be {value:.2f} s late against the fixes, where "
+            f"{mean:.2f} s with a sigma of {sd:.2f} s was expected, so the path may be "
+            f"{off * speed:.0f} m off along the road: check the clocks of both",
+            error_m=off * speed,
+        )
+    ]
+
+
 def impossible_errors(found: Estimates) -> list[Reason]:
     """Sensor errors larger than any sensor has."""
     reasons = []

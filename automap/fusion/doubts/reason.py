@@ -21,7 +21,8 @@ class Reason:
 
     ``spans`` the stretches it is about, none for the whole drive; ``error_m`` the error of
     position that shows there, horizontally; ``factor`` by how much the sigmas are too small.
-    ``state`` what it alone makes of the path; ``inertial`` that it speaks against the IMU.
+    ``state`` what it alone makes of the path; ``inertial`` that it speaks against the IMU,
+    ``handled`` that what is wrong was left out and the sigmas hold without it.
     """
 
     code: str
@@ -31,6 +32,7 @@ class Reason:
     factor: float = 1.0
     state: State = "doubtful"
     inertial: bool = False
+    handled: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """For run.json."""

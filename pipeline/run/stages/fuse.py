@@ -80,17 +80,17 @@ def _take_finished(context: StageContext) -> None:
 def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None:
     from automap.fusion.gnss_only import smooth_fixes
     from automap.fusion.verdict import weigh_alone
-    from automap.io.tables import read_fixes
+    from pipeline.run.fusion_inputs import read_usable_fixes
     from pipeline.settings.presets import fusion_options
 
     context.warn(
         f"{reason}: the trajectory is the smoothed GPS track alone, with headings from the "
         "course; positions of signs will be less sure"
     )
-    fixes = read_fixes(context.out / names.FIXES)
+    fixes, receiver = read_usable_fixes(context.out)
     options, presets = fusion_options(context.drive, context.settings.fuse)
     trajectory = smooth_fixes(fixes, clock, options)
-    weighed = weigh_alone(trajectory, fixes, options)
+    weighed = weigh_alone(trajectory, fixes, options, receiver)
     _write_trajectory(context, weighed.trajectory, names.TRAJECTORY)
     context.verdict = weighed.verdict.as_dict()
     content = {"method": "gnss only", "epochs": len(trajectory), "verdict": context.verdict}
@@ -112,7 +112,16 @@ def _fuse(context: StageContext) -> None:
     for text in result.warnings:
         context.warn(text)
     is_clock = inputs.delay_is_clock
-    weighed = weigh(result, inputs.imu, inputs.fixes, inputs.clock, options, is_clock)
+    weighed = weigh(
+        result,
+        inputs.imu,
+        inputs.fixes,
+        inputs.clock,
+        options,
+        inputs.delay,
+        is_clock,
+        inputs.receiver,
+    )
     context.verdict = weighed.verdict.as_dict()
     _write_trajectory(context, weighed.trajectory, names.TRAJECTORY)
     _write_trajectory(context, result.filtered, names.TRAJECTORY_FILTER)
