@@ -72,7 +72,7 @@ def match_paths(path: ReceiverPath, use_velocity: BoolArray, use_position: BoolA
         return Match()
     mirrored, quarters, nats = _orientation(path, use_velocity, apart)
     start = Match(1j**quarters, mirrored, quarters, nats)
-    return _fit(path, use_velocity, seen, start)
+    return _fit(path, use_velocity, seen, apart, start)
 
 
 def _orientation(path: ReceiverPath, use: BoolArray, over: Windows) -> tuple[bool, int, float]:
@@ -107,29 +107,29 @@ def _best_scale(
         factor = float(np.median(np.abs(seen[moves])) / np.median(np.abs(told[moves])))
         for _ in range(limits.MATCH_ROUNDS):
             weight = cauchy_weight(np.abs((seen - factor * told) / sd)) / sd**2
-            power = float(weight @ np.abs(told) ** 2)
-            factor = max(0.0, float(weight @ (np.conj(told) * seen).real) / power)
+            power = float(np.sum(weight * np.abs(told) ** 2))
+            factor = max(0.0, float(np.sum(weight * (np.conj(told) * seen).real)) / power)
     residual = (seen - factor * told) / sd
     size = sd_by_median(np.concatenate([residual.real, residual.imag]))
     return 0.5 * float(cauchy_loss(np.abs(residual) ** 2).sum()), size, factor
 
 
-def _fit(path: ReceiverPath, use: BoolArray, over: Windows, start: Match) -> Match:
-    """Scale, turn and the two lags by iteratively reweighted Gauss-Newton steps.
+def _fit(path: ReceiverPath, use: BoolArray, over: Windows, apart: Windows, start: Match) -> Match:
+    """Scale, turn and the two lags by iteratively reweighted Gauss-Newton steps over the windows
+    ``over``, from the lag that suits those ``apart`` from each other best.
 
     Uncertainty by the scores of stretches within which errors are correlated (Huber's sandwich
     with the stretches as clusters: Cameron and Miller, Journal of Human Resources 50(2), 2015).
     """
     seen = over.change(path.place)
-    least = plausible_sd(path, over)
 
-    def told(lags: FloatArray) -> ComplexArray:
-        sums = over.change(integrated(path, use, *lags.tolist()))
+    def told(among: Windows, lags: FloatArray) -> ComplexArray:
+        sums = among.change(integrated(path, use, *lags.tolist()))
         return _oriented(sums, start.mirrored, start.quarters)
 
-    # the lag from which to start: where the paths are nearest
     steps = np.arange(-limits.MOST_LAG_S, limits.MOST_LAG_S + 1e-9, limits.LAG_GRID_S)
-    trials = [_best_scale(seen, told(np.array([lag, lag])), least) for lag in steps.tolist()]
+    few, least = apart.change(path.place), plausible_sd(path, apart)
+    trials = [_best_scale(few, told(apart, np.full(2, lag)), least) for lag in steps.tolist()]
     best = int(np.argmin([cost for cost, _, _ in trials]))
     if trials[best][2] <= 0.0:
         return start
@@ -137,12 +137,14 @@ def _fit(path: ReceiverPath, use: BoolArray, over: Windows, start: Match) -> Mat
 
     for _ in range(limits.MATCH_ROUNDS):
         factor = np.exp(log_factor)
-        shown = factor * told(lags)
+        shown = factor * told(over, lags)
         residual = seen - shown
         sd = max(sd_by_median(np.concatenate([residual.real, residual.imag])), limits.LEAST_PART_M)
         weight = cauchy_weight(np.abs(residual / sd)) / sd**2
         half = 0.5 * limits.LAG_GRID_S * np.eye(2)
-        by_lag = [factor * (told(lags + h) - told(lags - h)) / limits.LAG_GRID_S for h in half]
+        by_lag = [
+            factor * (told(over, lags + h) - told(over, lags - h)) / limits.LAG_GRID_S for h in half
+        ]
         design = np.column_stack([shown, 1j * shown, *by_lag])
         normal = (np.conj(design).T @ (design * weight[:, None])).real + np.diag(1.0 / PRIOR**2)
         score = (np.conj(design) * (weight * residual)[:, None]).real
