@@ -353,6 +353,11 @@ def test_a_receiver_that_contradicts_itself_is_told() -> None:
     assert [r.code for r in receiver_doubts(consistency(unrelated=True, worse=9.0), 0.0)] == [
         "velocity_unrelated"
     ]
+    # a longitude without its sign, or an east velocity: neither was left out
+    (reason,) = receiver_doubts(consistency(match=Match(mirrored=True)), 0.0)
+    assert (reason.code, reason.state, reason.handled) == ("sign_turned", "unusable", False)
+    (reason,) = receiver_doubts(consistency(match=Match(quarters=2)), 0.0)
+    assert (reason.code, reason.state, reason.handled) == ("course_turned", "doubtful", True)
 
 
 def test_what_was_left_out_widens_nothing() -> None:

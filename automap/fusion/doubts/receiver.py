@@ -45,6 +45,11 @@ def _doubts(found: VelocityConsistency, start: float) -> Iterator[Reason]:
     )
     for reason in found.reasons:
         spans: tuple[Span, ...] = ()
+        if reason.code == "sign_turned":
+            # either the path is mirrored or its velocities are: nothing was left out
+            text = f"{reason.text}: give the column of the log its sign"
+            yield Reason(reason.code, text, state="unusable")
+            continue
         if reason.code in held:
             # a receiver that lost its view repeats a fix now and then
             if max(i.seconds for i in held[reason.code]) < limits.HELD_S:
