@@ -62,7 +62,7 @@ def markov_error(
 
 def short_error(n: int, step_s: float, values: Values, rng: np.random.Generator) -> FloatArray:
     """Errors NED [n, 3] in m of ``gnss_multipath``."""
-    given = values.get("gnss_multipath", {})
+    given = {"tau": 10.0, **values.get("gnss_multipath", {})}
     return np.stack([markov_error(n, step_s, given, rng) for _ in range(3)], axis=1)
 
 

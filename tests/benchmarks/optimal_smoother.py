@@ -3,7 +3,7 @@
 It knows everything that the fusion has to find out: the true trajectory to linearise about,
 the true noise levels and correlation time, the clock. What it does not know are the noises
 themselves. State: errors of position, velocity and attitude, biases and scale factors of gyro
-and accelerometer, and the receiver's wandering errors: two of the position, one of the velocity
+and accelerometer, and the receiver's wandering errors: three of the position, one of the velocity
 that lasts; full matrices, Rauch-Tung-Striebel.
 """
 
@@ -15,9 +15,9 @@ from automap.earth import metres_per_radian
 from automap.records import Fixes, FloatArray, ImuData
 from tests.unit.fusion_drive import BASE_NS, GPS0, Motion, Receiver, Sensor
 
-P, V, PHI, BA, BG, SA, SG, W, SLOW, LASTING = (slice(3 * i, 3 * i + 3) for i in range(10))
-N_INERTIAL, N = 21, 30
-PRIOR_SD = np.repeat([10.0, 3.0, 0.2, 0.3, 0.02, 0.01, 0.01, 1.0, 1.0, 1.0], 3)
+P, V, PHI, BA, BG, SA, SG, W, SLOW, SHORT, LASTING = (slice(3 * i, 3 * i + 3) for i in range(11))
+N_INERTIAL, N = 21, 33
+PRIOR_SD = np.repeat([10.0, 3.0, 0.2, 0.3, 0.02, 0.01, 0.01, 1.0, 1.0, 1.0, 1.0], 3)
 NODE_HZ = 5.0
 """Steps of the smoother: as often as this the vehicle constraint is observed."""
 
@@ -75,7 +75,8 @@ def optimal_errors(
     )
     h = np.zeros((6, N))
     h[:3, P], h[:3, W], h[3:, V] = np.eye(3), np.diag(receiver.wander), np.eye(3)
-    h[:3, SLOW], h[3:, LASTING] = np.diag(receiver.slow), receiver.lasting * np.eye(3)
+    h[:3, SLOW], h[:3, SHORT] = np.diag(receiver.slow), receiver.short * np.eye(3)
+    h[3:, LASTING] = receiver.lasting * np.eye(3)
     r = np.concatenate([np.square(receiver.white), np.full(3, receiver.velocity**2)])
     said = np.isfinite(z)
     said[:, 3:] &= use_velocity
@@ -115,7 +116,8 @@ def optimal_errors(
 
 def _markov(receiver: Receiver) -> list[tuple[slice, float | tuple[float, ...]]]:
     """The receiver's Gauss-Markov errors and their time constants; the states have unit size."""
-    return [(W, receiver.tau), (SLOW, receiver.slow_tau), (LASTING, receiver.lasting_tau)]
+    position = [(W, receiver.tau), (SLOW, receiver.slow_tau), (SHORT, receiver.short_tau)]
+    return [*position, (LASTING, receiver.lasting_tau)]
 
 
 def _steps(

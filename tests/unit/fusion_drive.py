@@ -274,9 +274,9 @@ def record(
 class Receiver:
     """A receiver's errors: 1-sigma per axis NED, correlation time s, delays s.
 
-    ``slow`` is a second, slower wander with times of its own, ``lasting`` a velocity error that
-    wanders; the course is ``course_latency`` older than the speed. ``says_all`` is False for NMEA:
-    neither accuracies, but HDOP, nor vertical velocity.
+    ``slow`` is a second, slower wander with times of its own, ``short`` a third of seconds,
+    ``lasting`` a velocity error that wanders; the course is ``course_latency`` older than the
+    speed. ``says_all`` is False for NMEA: neither accuracies, but HDOP, nor vertical velocity.
     """
 
     rate: float = 5.0
@@ -290,6 +290,8 @@ class Receiver:
     course_latency: float = 0.0
     slow: tuple[float, float, float] = (0.0, 0.0, 0.0)
     slow_tau: tuple[float, float, float] = (600.0, 600.0, 600.0)
+    short: float = 0.0
+    short_tau: float = 10.0
     lasting: float = 0.0
     lasting_tau: float = 2.0
     says_all: bool = True
@@ -311,7 +313,7 @@ def receiver_named(name: str) -> Receiver:
     setup, effects = Gnss.model_validate(given["gnss"]), given["errors"]
     assert not setup.solutions, f"{name} changes its kind of solution, which no linear model does"
     level, height = (effects.get(f"gnss_{kind}_wander", {}) for kind in ("slow", "height"))
-    lasting = effects.get("gnss_velocity_wander", {})
+    short, lasting = (effects.get(f"gnss_{e}", {}) for e in ("multipath", "velocity_wander"))
     late = {e: v["s"] for e, v in effects.items() if e.endswith("latency")}
     low_pass = effects.get("gnss_velocity_lag", {}).get("tau", 0.0)
     return Receiver(
@@ -325,6 +327,8 @@ def receiver_named(name: str) -> Receiver:
         course_latency=late.get("gnss_course_latency", 0.0),
         slow=tuple(part.get("sigma", 0.0) for part in (level, level, height)),
         slow_tau=tuple(part.get("tau", 600.0) for part in (level, level, height)),
+        short=short.get("sigma", 0.0),
+        short_tau=short.get("tau", 10.0),
         lasting=lasting.get("sigma", 0.0),
         lasting_tau=lasting.get("tau", 2.0),
         says_all=setup.format != "nmea",
@@ -358,6 +362,9 @@ def receive(
     more = np.random.default_rng([seed, 1])
     for axis, (sd, tau) in enumerate(zip(receiver.slow, receiver.slow_tau, strict=True)):
         error[:, axis] += gauss_markov(n, 1.0 / receiver.rate, tau, np.full(3, sd), more)[:, 0]
+    if receiver.short:
+        sd = np.full(3, receiver.short)
+        error += gauss_markov(n, 1.0 / receiver.rate, receiver.short_tau, sd, more)
     offset = place.c_n_b @ lever + error
     lat, lon, height = pymap3d.ned2geodetic(
         *offset.T, place.lat, place.lon, place.height, deg=False

@@ -87,7 +87,7 @@ def test_a_named_receiver_errs_as_its_file_says() -> None:
     later = np.mean(velocity[:, :-2] * velocity[:, 2:])
     expected = receiver.lasting**2 * np.exp(-2.0 / receiver.lasting_tau)
     assert later == pytest.approx(expected, rel=0.1)
-    parts = (receiver.slow[2], receiver.wander[2], receiver.white[2])
+    parts = (receiver.slow[2], receiver.wander[2], receiver.white[2], receiver.short)
     assert np.stack(heights).std() == pytest.approx(np.linalg.norm(parts), rel=0.15)
     assert np.isnan(receive(motion, receiver, 1).vel_ned[:, 2]).all()
 
