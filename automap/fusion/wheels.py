@@ -120,7 +120,7 @@ def readings(
     (step^2 / 12, B. Widrow, IRE Transactions on Circuit Theory 3, 1956), which all samples of one
     value share.
     """
-    signed = bool((speed < 0.0).any())
+    speed, signed = _directed(speed)
     period = np.diff(t, prepend=t[0] - limits.WHEELS_SPACING_S)
     chosen = _spaced(t)
     half = 0.5 * limits.WHEELS_MEAN_S
@@ -131,6 +131,9 @@ def readings(
     high = np.searchsorted(t, t[chosen] + half + limits.WHEELS_JITTER_S * half)
     many = high - low
     mean, at = (total[high] - total[low]) / many, t[0] + (when[high] - when[low]) / many
+    # of samples that came in a burst one mean is enough
+    apart = np.diff(at, prepend=-np.inf) > half
+    chosen, mean, at = chosen[apart], mean[apart], at[apart]
     spacing = np.diff(at, prepend=at[0] - max(float(period[0]), limits.WHEELS_SPACING_S))
     spacing = np.clip(spacing, limits.LEAST_SPACING_S, limits.MOST_SPACING_S)
     slope = np.gradient(mean, at) if len(at) > 1 else np.zeros(1)
@@ -147,11 +150,19 @@ def readings(
     return Odometer(at, mean, var, late_s, signed)
 
 
+def _directed(speed: FloatArray) -> tuple[FloatArray, bool]:
+    """Speeds [n], forward positive, and whether their sign tells the direction: in some logs it
+    counts the other way, and what is fast both ways has a sign that means something else."""
+    if int((speed < -limits.FASTEST_REVERSE).sum()) > int((speed > limits.FASTEST_REVERSE).sum()):
+        speed = -speed
+    if (speed < -limits.FASTEST_REVERSE).any():
+        return np.abs(speed), False
+    return speed, bool((speed < 0.0).any())
+
+
 def _spaced(t: FloatArray) -> IntArray:
     """Places of samples no nearer to each other than readings are."""
     least = limits.WHEELS_SPACING_S
-    if float(np.median(np.diff(t))) >= least:
-        return np.arange(len(t))
     cell = np.floor((t - t[0]) / least + 0.5).astype(np.int64)
     off = np.abs(t - t[0] - cell * least)
     order = np.lexsort((off, cell))

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from automap.effects import CATALOGUE
 from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
 from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
 from automap.simulation.scenario import (
@@ -67,7 +68,7 @@ def _scenario(errors: dict[str, Any], roughness_deg: float = 0.05) -> Scenario:
         route=Route(legs=legs, stops=[Stop(at_m=500.0, hold_s=6.0), Stop(at_m=900.0, hold_s=5.0)]),
         imu=Imu(),
         gnss=Gnss(),
-        odometer=Odometer() if "odometer_scale" in errors else None,
+        odometer=Odometer() if any(CATALOGUE[e].needs_wheels for e in errors) else None,
         errors={**BASE, **errors},
     )
 
@@ -84,7 +85,7 @@ def _fuse(
     assert sensors.fixes is not None
     hidden = {INSTEAD[e] for e in errors if e in INSTEAD}
     effects = tuple(e for e in DEFAULT_EFFECTS if e not in hidden)
-    own = ("odometer_scale", "gnss_lever_arm")
+    own = ("odometer_scale", "odometer_time_offset", "gnss_lever_arm")
     if not noise_only:
         effects += tuple(e for e in errors if e not in effects and e not in own)
     options = FusionOptions(
@@ -118,6 +119,7 @@ def _fuse(
         ("nhc_lever_arm", {"x": -1.4}, None),
         ("vehicle_sideslip", {"coefficient": 0.012}, 0.02),
         ("odometer_scale", {"relative": 0.03}, None),
+        ("odometer_time_offset", {"s": 0.45}, None),
         ("gyro_scale", {"z": 0.012}, None),
         ("gyro_misalignment", {"xz": 0.02, "yz": -0.02}, 0.02),
         ("accel_misalignment", {"yx": 0.02, "zx": 0.03}, 0.03),

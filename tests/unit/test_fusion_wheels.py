@@ -294,3 +294,23 @@ def test_readings_share_the_error_of_a_value_that_stays() -> None:
     assert extra[5:19] == pytest.approx(KMH**2 / 12.0)
     # and the first of those that go down again has it still
     assert extra[20:40] == pytest.approx(21 * KMH**2 / 12.0)
+
+
+def test_signs_count_only_where_they_tell_the_direction() -> None:
+    t = np.arange(0.0, 40.0)
+    speed = np.concatenate([np.full(20, 12.0), np.full(20, -1.5)])
+    for told in (speed, -speed):
+        given = readings(t, told, 0.0, 0.0, 0.0, OPTIONS)
+        assert given.signed
+        assert given.speed == pytest.approx(speed)
+    given = readings(t, np.where(t < 20.0, 12.0, -12.0), 0.0, 0.0, 0.0, OPTIONS)
+    assert not given.signed
+    assert given.speed == pytest.approx(12.0)
+
+
+def test_samples_that_come_in_bursts_are_taken_once() -> None:
+    t = np.sort(np.concatenate([np.arange(0.0, 40.0), np.arange(0.0, 40.0) + 1e-4]))
+    given = readings(t, 10.0 + 0.1 * t, 0.0, 0.0, 0.0, OPTIONS)
+    assert len(given.t) == 40
+    assert given.speed == pytest.approx(10.0 + 0.1 * given.t)
+    assert np.isfinite(given.var).all()
