@@ -1,6 +1,7 @@
 """Geolocation on simulated drives, against the right association and the true camera.
 
     python tests/benchmarks/geolocation_simulated.py [--drives N] [--first SEED] [--seconds S]
+        [--path-sd M] [--alike R] [--freedom N] [--odd SHARE]
 
 Clutter, wrong classes and missed views; the camera is turned by up to 5 deg and late by up to
 0.3 s; the trajectory's error wanders (second-order Gauss-Markov). The bound is that of Cramer
@@ -20,6 +21,7 @@ import numpy as np
 from automap.earth import from_local_ned, local_ned
 from automap.evaluation.sign_matching import match, points_of, summarise_signs
 from automap.frames import matrix_to_rpy, rpy_to_matrix
+from automap.gates import OUTSIDE_95, gate
 from automap.geolocation.landmark import SizePrior
 from automap.geolocation.locate import GeolocationResult, locate_signs
 from automap.geolocation.views import MeasurementNoise, build_views
@@ -148,6 +150,10 @@ def figures(world: World, result: GeolocationResult, d: Difficulty) -> dict[str,
         "oracle_rms_m": float(np.sqrt(np.mean(np.sum(best**2, axis=1)))),
         "bound_rms_m": float(np.sqrt(np.mean(np.trace(bound, axis1=1, axis2=2)))),
         "coverage95": summary["coverage95"],
+        "long_half_axis_m": float(
+            np.sqrt(gate(OUTSIDE_95, 2) * np.median(np.linalg.eigvalsh(found.cov_en)[:, -1]))
+        ),
+        "contradictory": float(np.mean([s.status == "contradictory" for s in result.signs])),
         "class_accuracy": summary["class_accuracy"],
         "roll_error_deg": float(off[0]),
         "pitch_error_deg": float(off[1]),
@@ -171,6 +177,10 @@ def main() -> None:
     parser.add_argument("--drives", type=int, default=4)
     parser.add_argument("--first", type=int, default=0, help="seed of the first drive")
     parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--path-sd", type=float, default=1.0, help="of the trajectory, m an axis")
+    parser.add_argument("--alike", type=float, default=0.0)
+    parser.add_argument("--freedom", type=float, default=np.inf)
+    parser.add_argument("--odd", type=float, default=0.0)
     arguments = parser.parse_args()
     rows = []
     for seed in range(arguments.first, arguments.first + arguments.drives):
@@ -180,6 +190,11 @@ def main() -> None:
             late_s=float(rng.uniform(-0.3, 0.3)),
             duration_s=arguments.seconds,
             twice=bool(seed % 2 == 0),
+            position_sd=arguments.path_sd,
+            height_sd=1.5 * arguments.path_sd,
+            box_alike=arguments.alike,
+            box_freedom=arguments.freedom,
+            odd_sizes=arguments.odd,
         )
         world = make_world(seed, difficulty)
         result = locate_signs(world.trajectory, [world.detections], {"front": world.camera})
@@ -191,7 +206,14 @@ def main() -> None:
         for key in ("rms_m", "oracle_rms_m", "bound_rms_m")
     )
     print(f"all: error over the oracle's {rms / best:.3f}, over the bound {rms / bound:.3f}")
-    for key in ("precision_3m", "recall_3m", "oracle_recall_3m", "coverage95"):
+    for key in (
+        "precision_3m",
+        "recall_3m",
+        "oracle_recall_3m",
+        "coverage95",
+        "long_half_axis_m",
+        "contradictory",
+    ):
         print(f"all: {key} {np.average([row[key] for row in rows], weights=weight):.3f}")
     for key in (
         "roll_error_deg",

@@ -8,6 +8,7 @@ that its manifest does not know.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from automap.records import Camera, Detections, FloatArray, IntArray, SignPoints
 ORIGIN = (np.radians(-35.3), np.radians(149.1), 580.0)
 CLASSES = tuple(f"sign-{k}" for k in range(12))
 _FACE_COSINE = 0.5
+ODD_SIZE = 1.5
 CLASS_SIZE_M = 0.5 + 0.05 * np.arange(12.0)
 
 
@@ -29,6 +31,9 @@ class Difficulty:
     ``position_sd`` and ``yaw_sd`` of the trajectory wander with ``tau_s``; ``tilt_sd`` of roll
     and pitch. ``box_px`` and ``box_share`` (of the height) a side of a box; ``mount_deg``
     [3] and ``late_s`` the camera's true turn and offset, ``focal`` its relative focal error.
+    ``box_alike`` correlation of the errors of a sign's boxes from frame to frame, ``box_freedom``
+    of Student's t that they follow (infinite: normal), ``odd_sizes`` of the signs are 1.5 times
+    larger or smaller than their class.
     """
 
     position_sd: float = 1.0
@@ -49,6 +54,9 @@ class Difficulty:
     duration_s: float = 600.0
     spacing_s: float = 3.0
     twice: bool = True
+    box_alike: float = 0.0
+    box_freedom: float = np.inf
+    odd_sizes: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -206,6 +214,9 @@ def _signs(
     position = np.vstack([position, beside])
     kind = np.concatenate([kind, rng.integers(0, len(CLASSES), double.sum())])
     size = CLASS_SIZE_M[kind] * np.exp(rng.normal(0.0, 0.05, len(kind)))
+    if d.odd_sizes:
+        odd = rng.random(len(kind)) < d.odd_sizes
+        size[odd] *= ODD_SIZE ** rng.choice([-1.0, 1.0], odd.sum())
     return position, kind, size, np.vstack([along, along[double]])
 
 
@@ -227,6 +238,30 @@ def _cameras(d: Difficulty) -> tuple[Camera, Camera]:
         camera(1000.0, np.zeros(3), 0.0),
         camera(1000.0 * (1.0 + d.focal), np.radians(d.mount_deg), d.late_s),
     )
+
+
+def _box_errors(
+    rng: np.random.Generator, d: Difficulty, frame: IntArray, sign: IntArray
+) -> FloatArray:
+    """Errors [n, 3] of boxes in sigmas: right, down and height, in the order of the frames.
+
+    A first-order process through the boxes of a sign in one pass (a silence of 20 frames ends it),
+    whose values are then given the tails of Student's t.
+    """
+    from scipy.stats import norm
+    from scipy.stats import t as student
+
+    n = len(frame)
+    error = np.column_stack([rng.normal(size=(n, 2)), rng.normal(size=n)])
+    if d.box_alike:
+        order = np.lexsort((frame, sign))
+        for before, now in itertools.pairwise(order):
+            if sign[before] == sign[now] and frame[now] - frame[before] <= 20:
+                fresh = np.sqrt(1.0 - d.box_alike**2)
+                error[now] = d.box_alike * error[before] + fresh * error[now]
+    if np.isfinite(d.box_freedom):
+        error = student.ppf(norm.cdf(error), d.box_freedom)
+    return np.asarray(error)
 
 
 def _boxes(
@@ -265,10 +300,9 @@ def _boxes(
     n = len(frame)
     h = height[frame, sign]
     sd = np.hypot(d.box_px, d.box_share * h)
-    middle = np.column_stack([x[frame, sign], y[frame, sign]]) + sd[:, None] * rng.normal(
-        size=(n, 2)
-    )
-    tall = np.maximum(h + np.hypot(d.box_px, d.box_share * h) * rng.normal(size=n), 3.0)
+    off = _box_errors(rng, d, frame, sign)
+    middle = np.column_stack([x[frame, sign], y[frame, sign]]) + sd[:, None] * off[:, :2]
+    tall = np.maximum(h + sd * off[:, 2], 3.0)
     names = np.array([CLASSES[k] for k in kind], np.object_)[sign]
     wrong = rng.random(n) < d.wrong_class
     names[wrong] = rng.choice(CLASSES, wrong.sum())
