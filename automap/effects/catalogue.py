@@ -282,12 +282,40 @@ _RECEIVER = (
         _one("tau", VELOCITY, Kind.LAG),
     ),
     Effect(
+        "gnss_course_latency",
+        "gnss",
+        _named("s", "s", 0.3),
+        "the velocity's course older than its size, as of filters that treat them apart",
+        _one("s", VELOCITY, Kind.COURSE, weight=-1.0),
+    ),
+    Effect(
+        "gnss_velocity_scale",
+        "gnss",
+        _named("relative", "", 0.02),
+        "horizontal velocity too long",
+        (
+            Term("relative", VELOCITY, Kind.SCALE, 0),
+            Term("relative", VELOCITY, Kind.SCALE, 1),
+        ),
+    ),
+    Effect(
         "gnss_correlated_noise",
         "gnss",
         (Parameter("sigma", "m", 1.0, 0.0), Parameter("tau", "s", 60.0, 0.0)),
         "position error that wanders",
         _axes(POSITION, names="n e d", signal="position_sd_{}"),
-        markov=GaussMarkov("wander_tau_s", "", "wander", "wander_tau"),
+        markov=GaussMarkov(
+            "wander_tau_s", "wander_share", ("wander", "wander", "wander_v"), "wander_tau"
+        ),
+        nuisance=True,
+    ),
+    Effect(
+        "gnss_multipath",
+        "gnss",
+        (Parameter("sigma", "m", 0.3, 0.0), Parameter("tau", "s", 10.0, 0.0)),
+        "position error that lasts for seconds",
+        _axes(POSITION, names="n e d", signal="position_sd_{}"),
+        markov=GaussMarkov("multipath_tau_s", "multipath_share", ("multipath",) * 3),
         nuisance=True,
     ),
     Effect(
@@ -296,7 +324,7 @@ _RECEIVER = (
         (Parameter("sigma", "m/s", 0.1, 0.0), Parameter("tau", "s", 2.0, 0.0)),
         "velocity error that lasts",
         _axes(VELOCITY, names="n e d"),
-        markov=GaussMarkov("velocity_wander_tau_s", "velocity_wander_sd", "velocity_wander", ""),
+        markov=GaussMarkov("velocity_wander_tau_s", "velocity_wander_sd", ("velocity_wander",) * 3),
         setting="fuse.velocity_wander_sd",
         nuisance=True,
     ),

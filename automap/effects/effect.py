@@ -5,7 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from automap.effects.terms import INERTIAL, VEHICLE, VELOCITY, GaussMarkov, Kind, Term
+from automap.effects.terms import (
+    INERTIAL,
+    POSITION_ACCURACY,
+    VEHICLE,
+    VELOCITY,
+    GaussMarkov,
+    Kind,
+    Term,
+)
 
 
 @dataclass(frozen=True)
@@ -62,6 +70,11 @@ class Effect:
         return tuple(t for t in self.terms if t.parameter == parameter)
 
     @property
+    def follows_accuracy(self) -> bool:
+        """Whether its size is a share of the accuracy that each fix states."""
+        return any(t.signal in POSITION_ACCURACY for t in self.terms)
+
+    @property
     def needs_wheels(self) -> bool:
         """Whether it shows in what wheels report and nowhere else."""
         return bool(self.terms) and all(
@@ -98,7 +111,7 @@ class Effect:
     @property
     def resembles(self) -> str:
         """What a noisy screening takes it for, with all others of that kind; nothing for most."""
-        if any(t.kind in (Kind.TIME, Kind.LAG) for t in self.terms):
+        if any(t.kind in (Kind.TIME, Kind.LAG, Kind.COURSE) for t in self.terms):
             return "a delay"
         return self.looks_like
 
@@ -111,5 +124,5 @@ class Effect:
     @property
     def resembles_velocity_wander(self) -> bool:
         """Whether a part of it may be taken for velocity errors that last: they do in a bend."""
-        kinds = (Kind.TIME, Kind.LAG, Kind.POINT)
+        kinds = (Kind.TIME, Kind.LAG, Kind.COURSE, Kind.POINT)
         return any(t.on == VELOCITY and t.kind in kinds for t in self.terms)

@@ -7,7 +7,7 @@ zero.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,12 +68,14 @@ def _signal_code(term: Term, signals: list[str]) -> int:
 @dataclass(frozen=True)
 class Distortion:
     """What terms on one measurement add up to at ``n`` instants: ``arm`` [3] m and ``turn`` [3]
-    rad in vehicle axes, ``late`` [n] s, ``lag`` s of a low-pass, ``added`` [n, 3] in the
+    rad in vehicle axes, ``late`` [n] s, ``course_late`` [n] s of the direction beyond that, ``lag``
+    s of a low-pass, ``added`` [n, 3] in the
     measurement's axes, ``slip`` [n, 3] rad, ``longer`` [3] factors on the components."""
 
     arm: FloatArray
     turn: FloatArray
     late: FloatArray
+    course_late: FloatArray
     lag: float
     added: FloatArray
     slip: FloatArray
@@ -92,7 +94,14 @@ def distortion(
     Errors of clocks are left out by default: a simulator puts them into the stamps.
     """
     out = Distortion(
-        np.zeros(3), np.zeros(3), np.zeros(n), 0.0, np.zeros((n, 3)), np.zeros((n, 3)), np.ones(3)
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros(n),
+        np.zeros(n),
+        0.0,
+        np.zeros((n, 3)),
+        np.zeros((n, 3)),
+        np.ones(3),
     )
     lag = 0.0
     for term, value in acting_terms(values, on, families):
@@ -104,11 +113,11 @@ def distortion(
             target[term.axis] += amount
         else:
             now = np.ones(n) if term.signal == ONE else signal(term.signal)
-            if term.kind == Kind.TIME:
-                out.late[:] += amount * now
+            if term.kind in (Kind.TIME, Kind.COURSE):
+                (out.late if term.kind == Kind.TIME else out.course_late)[:] += amount * now
             else:
                 (out.added if term.kind == Kind.AXIS else out.slip)[:, term.axis] += amount * now
-    return Distortion(out.arm, out.turn, out.late, lag, out.added, out.slip, out.longer)
+    return replace(out, lag=lag)
 
 
 def acting_terms(values: Values, on: str, families: Sequence[str]) -> Iterable[tuple[Term, float]]:

@@ -13,11 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from automap.effects.limits import COURSE_SPEED
 from automap.effects.navigation import N_NAV, P_ID, PHI_ID, V_ID
 from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
-AXIS, POINT, TIME, TURN, SLIP, SCALE = 0, 1, 2, 4, 5, 6
+AXIS, POINT, TIME, TURN, SLIP, SCALE, COURSE = 0, 1, 2, 4, 5, 6, 7
 SIGNAL_ONE, SIGNAL_ELAPSED, SIGNAL_FORWARD, SIGNAL_LATERAL, SIGNAL_COLUMN = 0, 1, 2, 3, 4
 
 # rows of the room [ROOM, 3] in which a measurement's terms are added up: arm m, turn and slip rad
@@ -117,12 +118,12 @@ def antenna_velocity(
     """The velocity that a fix should have, ``out`` [3] m/s NED, and rows ``h`` [3, n].
 
     S (v + C (omega x W' l)) + (a + C (omega x (omega x W' l))) d + b, with ``acc`` [3] m/s^2 NED
-    over ground and S the factors on the components; that a turn begins or ends within d is left
-    out. Groves, section 14.3.
+    over ground and S the factors on the components; what changes the course alone also acts with
+    the delay of that. That a turn begins or ends within d is left out. Groves, section 14.3.
     """
     work, matrix, g = room[WORK:], room[MATRIX : MATRIX + 3], room[SLOPE : SLOPE + 3]
     arm, swing, cv = work[0], work[1], work[2]
-    inward, late, whole = work[3], work[4], work[5]
+    inward, late, whole, aside = work[3], work[4], work[5], work[6]
     _sum_terms(codes, weights, now, xi, room)
     _back(matrix, room[ARM], arm)
     _cross(rate, arm, swing)
@@ -141,9 +142,12 @@ def antenna_velocity(
     _attitude_columns(h, cv)
     _point_columns(h, codes, weights, now, room, g)
     _lengthen(h, room[LONGER])
+    _across(whole, late, aside)
     for a in range(3):
-        out[a] = room[LONGER, a] * whole[a] + late[a] * room[LATE, 0] + room[ADDED, a]
+        changed = late[a] * room[LATE, 0] + aside[a] * room[LATE, 1]
+        out[a] = room[LONGER, a] * whole[a] + changed + room[ADDED, a]
     _plain_columns(h, codes, weights, now, late, whole)
+    _course_columns(h, codes, weights, now, aside)
 
 
 @kernel
@@ -267,6 +271,8 @@ def _sum_terms(
             room[ANGLES, a] += v
         elif kind == SLIP:
             room[SLIDE, a] += v
+        elif kind == COURSE:
+            room[LATE, 1] += v
         else:
             room[LONGER, a] += v
     turn, known = room[ANGLES], room[MOUNTED]
@@ -321,6 +327,31 @@ def _lengthen(h: FloatArray, longer: FloatArray) -> None:
         if longer[a] != 1.0:
             for j in range(h.shape[1]):
                 h[a, j] *= longer[a]
+
+
+@kernel
+def _across(whole: FloatArray, late: FloatArray, out: FloatArray) -> None:
+    """``out`` [3]: the part of the change ``late`` [3] that turns the horizontal velocity."""
+    squared = whole[0] * whole[0] + whole[1] * whole[1]
+    share = 0.0
+    if squared > 0.0:
+        share = (whole[0] * late[0] + whole[1] * late[1]) / squared
+    # at a crawl a course is anything, and no delay tells how it turns
+    seen = min(squared / COURSE_SPEED**2, 1.0)
+    out[0] = (late[0] - share * whole[0]) * seen
+    out[1] = (late[1] - share * whole[1]) * seen
+    out[2] = 0.0
+
+
+@kernel
+def _course_columns(
+    h: FloatArray, codes: IntArray, weights: FloatArray, now: FloatArray, aside: FloatArray
+) -> None:
+    for m in range(codes.shape[0]):
+        if codes[m, 1] == COURSE:
+            w = weights[m] * now[codes[m, 3]]
+            for i in range(2):
+                h[i, N_NAV + codes[m, 0]] += w * aside[i]
 
 
 @kernel

@@ -28,6 +28,8 @@ ELAPSED = "elapsed"
 FORWARD_ACCELERATION = "forward_acceleration"
 LATERAL_ACCELERATION = "lateral_acceleration"
 """Of the vehicle along its own axes, m/s^2, right positive."""
+POSITION_ACCURACY = ("position_sd_n", "position_sd_e", "position_sd_d")
+"""What a fix states of its own error, m."""
 STATE_SIGNALS = (ONE, ELAPSED, FORWARD_ACCELERATION, LATERAL_ACCELERATION)
 """Signals that follow from the state where it is measured; all others are columns over time."""
 
@@ -38,8 +40,9 @@ class Kind(IntEnum):
     ``AXIS`` adds along an axis: of the sensor, of NED for fixes, of the vehicle. ``POINT`` moves
     the measured point along an axis of the vehicle (m). ``TIME`` measures what is so many seconds
     later (of the vehicle: its forward speed, for the other two parts are nothing at any time).
-    ``LAG`` passes it through a low-pass of that time constant. ``TURN`` turns the sensor against
-    the vehicle about an axis (rad, ZYX to first order), ``SLIP`` the vehicle's velocity against the
+    ``COURSE`` measures its direction in the plane, not its size, so many seconds later. ``LAG``
+    passes it through a low-pass of that time constant. ``TURN`` turns the sensor against the
+    vehicle about an axis (rad, ZYX to first order), ``SLIP`` the vehicle's velocity against the
     vehicle. ``SCALE`` lengthens the component along an axis by that share.
     """
 
@@ -50,6 +53,7 @@ class Kind(IntEnum):
     TURN = 4
     SLIP = 5
     SCALE = 6
+    COURSE = 7
 
 
 @dataclass(frozen=True)
@@ -75,11 +79,11 @@ class GaussMarkov:
     """Makes the terms' parameters correlated errors instead of constants.
 
     ``tau_setting`` and ``sd_setting`` name the options of the fusion that hold the time constant
-    in s and the standard deviation; an empty ``sd_setting`` is 1: the terms' signals hold the
-    size. ``size_level`` and ``time_level`` name the noise levels that scale both.
+    in s and the standard deviation, which is in units of the terms' signal. ``size_levels`` name
+    the noise levels that scale the size of each, ``time_level`` that of the time.
     """
 
     tau_setting: str
     sd_setting: str
-    size_level: str
-    time_level: str
+    size_levels: tuple[str, ...]
+    time_level: str = ""

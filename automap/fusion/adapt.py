@@ -22,6 +22,7 @@ from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
 from automap.fusion.levels import (
     ALL_LEVELS,
     LEVELS,
+    RUN_LEVELS,
     VEHICLE_LEVELS,
     WHITE_LEVELS,
 )
@@ -103,7 +104,7 @@ def refine_noise(
     shift: Shift,
     linearised_at: PathStates,
     initial: Mapping[str, float],
-    levels: Sequence[str] = WHITE_LEVELS,
+    levels: Sequence[str] = RUN_LEVELS,
 ) -> dict[str, float]:
     """Factors on the levels at the top of the likelihood about a smoothed path ``linearised_at``.
 
@@ -123,7 +124,7 @@ def refine_noise(
         measured = level_likelihood(scaled, scale_nodes(part, trial), start, shift, path)
         return measured + _expected(trial, levels)
 
-    limit = COARSE.limit if tuple(levels) == WHITE_LEVELS else FINE.limit
+    limit = COARSE.limit if tuple(levels) == RUN_LEVELS else FINE.limit
     top = climb(likelihood, initial, tuple(levels), lambda level: (1.0 / limit, limit))
     return top.factors
 
@@ -197,11 +198,9 @@ def scale_problem(problem: Problem, factors: Mapping[str, float]) -> Problem:
             continue
         if markov.time_level:
             tau[rows] *= factors[markov.time_level]
-        if markov.sd_setting:
-            # where the fixes state the size, it is scaled with them (``scale_nodes``)
-            size = factors.get(markov.size_level, 1.0)
-            walk[rows] *= size**2
-            prior_sd[rows.start - N_NAV : rows.stop - N_NAV] *= size
+        size = np.array([factors.get(level, 1.0) for level in markov.size_levels])
+        walk[rows] *= size**2
+        prior_sd[rows.start - N_NAV : rows.stop - N_NAV] *= size
     scaled = replace(model, walk=walk, tau=tau, prior_sd=prior_sd)
     return with_options(replace(problem, model=scaled), options)
 
@@ -215,4 +214,4 @@ def scale_nodes(nodes: Nodes, factors: Mapping[str, float]) -> Nodes:
     var[:, CH_VEL + 2] *= factors["velocity_v"] ** 2
     for row, level in enumerate(VEHICLE_LEVELS):
         var[:, CH_NHC + row] *= factors.get(level, 1.0) ** 2
-    return replace(nodes, var=var, wander_sd=nodes.wander_sd * factors["wander"])
+    return replace(nodes, var=var)

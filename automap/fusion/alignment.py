@@ -54,7 +54,7 @@ def start_state(
         nominal[1] -= nominal[4] * wait / (earth.A * np.cos(nominal[0]))
     nominal[6:10] = matrix_to_quat(attitude)
     sd_position = (
-        limits.START_WANDERS * fixes.wander_sd[first]
+        limits.START_WANDERS * fixes.stated_sd[first]
         + limits.START_SD_M
         + limits.START_DRIFT * wait
     )

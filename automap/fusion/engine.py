@@ -16,8 +16,9 @@ from automap.frames import (
 )
 from automap.fusion import limits
 from automap.fusion.layout import HAS_POS_H
+from automap.fusion.measurements.position import unseen_errors
 from automap.fusion.mounting import Mounting, estimate_mounting
-from automap.fusion.nodes import Nodes, model_fixes
+from automap.fusion.nodes import FixModel, Nodes, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.output import (
     Innovations,
@@ -157,7 +158,9 @@ def fuse_imu_gnss(
     means = {DELAY_STATE: delay.mean}
     sds = {DELAY_STATE: delay.sd}
     effects = tuple(options.effects)
-    if "gnss_lever_arm" not in effects:
+    # a metre-grade receiver's own filter errs with every turn like an arm of its own
+    tells_arm = "gnss_lever_arm" in effects or _median_sd(model) < limits.ARM_TOLD_SD_M
+    if (tells_arm or lever_arm is not None) and "gnss_lever_arm" not in effects:
         effects = (*effects, "gnss_lever_arm")
     if rest_bias is not None:
         for axis, value in zip("xyz", rest_bias, strict=True):
@@ -207,7 +210,15 @@ def fuse_imu_gnss(
     outcome = _collect(last, int(imu.t_ns[0]), screened.outliers)
     del last, found
     result = _assemble(
-        session, outcome, clock, mounting, margin, warnings, imu.axes_known, delay_is_clock
+        session,
+        outcome,
+        clock,
+        mounting,
+        margin,
+        warnings,
+        imu.axes_known,
+        delay_is_clock,
+        lever_arm is None and not tells_arm,
     )
     return replace(result, wheels=_wheels_of(wheels, result, delay_is_clock))
 
@@ -229,6 +240,12 @@ def _wheels_of(
         # IMU and wheels share the clock that is off against the fixes
         late = replace(late, mean=late.mean - result.delay.mean)
     return WheelResult(wheels, replace(scale, mean=1.0 + scale.mean), late)
+
+
+def _median_sd(model: FixModel) -> float:
+    """The level accuracy that fixes state, m."""
+    has = (model.flags & HAS_POS_H) > 0
+    return float(np.median(model.stated_sd[has, :2])) if has.any() else np.inf
 
 
 def _mounting_of(last: Pass) -> Mounting:
@@ -301,6 +318,7 @@ def _assemble(
     warnings: list[str],
     axes_known: bool,
     delay_is_clock: bool,
+    unknown_arm: bool,
 ) -> FusionResult:
     history = outcome.parameters
     final = dict(zip(history.names, history.values[-1], strict=True))
@@ -313,6 +331,10 @@ def _assemble(
         sd[1:] = np.maximum(sd[1:], limits.KNOWN_FORWARD_SD)
     total = turn @ mounting.matrix
 
+    unseen = unseen_errors(outcome.nodes.stated_sd, session.options, outcome.factors)
+    if unknown_arm:
+        unseen = np.hypot(unseen, limits.UNKNOWN_ARM_SD_M)
+
     def trajectory(states: NodeStates, blend: bool) -> Trajectory:
         return node_trajectory(
             outcome.problem,
@@ -323,6 +345,7 @@ def _assemble(
             delay.mean + final.get(SKEW_STATE, 0.0) * outcome.problem.t,
             delay_is_clock,
             turn,
+            unseen,
             blend,
         )
 

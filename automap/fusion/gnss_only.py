@@ -66,7 +66,7 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
             np.column_stack([ned[:, axis], values[:, 3 + axis]]),
             np.column_stack([(flags & bit) > 0, (flags & (4 * bit)) > 0]),
             model.white_var[rows][:, [axis, 3 + axis]],
-            np.column_stack([model.wander_sd[rows, axis], lasting[:, axis]]),
+            np.column_stack([model.stated_sd[rows, axis], lasting[:, axis]]),
             ROAD_ACCELERATION_PSD[axis],
             (options.wander_tau_s, options.velocity_wander_tau_s),
             surprise,

@@ -81,7 +81,7 @@ def _level_of_state(problem: Problem) -> IntArray:
             out[N_NAV + row] = ALL_LEVELS.index(level)
     for effect in model.places:
         if markov := CATALOGUE[effect].markov:
-            out[model.rows(effect)] = ALL_LEVELS.index(markov.size_level)
+            out[model.rows(effect)] = [ALL_LEVELS.index(level) for level in markov.size_levels]
     return out
 
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 WHITE_LEVELS = ("accel", "gyro", "position_h", "position_v", "velocity_h", "velocity_v")
-SLOW_LEVELS = ("accel_bias_walk", "gyro_bias_walk", "wander", "wander_tau")
-LEVELS = WHITE_LEVELS + SLOW_LEVELS
-SLOPED_LEVELS = tuple(level for level in LEVELS if level != "wander_tau")
+RECEIVER_LEVELS = ("wander", "wander_v", "multipath", "velocity_wander")
+"""Sizes of a receiver's errors that last: of the position level and down, for minutes, for
+seconds, and of the velocity."""
+VELOCITY_WANDER = "velocity_wander"
+BIAS_LEVELS = ("accel_bias_walk", "gyro_bias_walk")
+RUN_LEVELS = (*WHITE_LEVELS, *RECEIVER_LEVELS)
+"""What every run asks its drive for."""
+SLOPED_LEVELS = (*RUN_LEVELS, *BIAS_LEVELS)
 """Those along which the likelihood's slope is computed."""
+LEVELS = (*SLOPED_LEVELS, "wander_tau")
 VEHICLE_LEVELS = ("nhc_y", "nhc_z")
 """How far the vehicle slips and how far its springs move: fitted by the gap finder alone."""
-VELOCITY_WANDER = "velocity_wander"
-"""The part of a receiver's velocity error that lasts longer than an epoch: for the gap finder."""
-ALL_LEVELS = (*LEVELS, *VEHICLE_LEVELS, VELOCITY_WANDER)
+ALL_LEVELS = (*LEVELS, *VEHICLE_LEVELS)

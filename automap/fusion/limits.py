@@ -58,6 +58,14 @@ good as none: the search for a larger one ends."""
 REFUSED_INFLATION = 9.0
 """A measurement whose sigma had to grow to three times itself is counted as refused."""
 
+ARM_TOLD_SD_M = 0.3
+"""An arm that nobody stated is estimated from positions this good, m. Receivers' own filters lag in
+turns and err there by their accuracy, which looks like an arm: of an arm of a metre, the prior,
+such fixes tell nine tenths of the variance."""
+UNKNOWN_ARM_SD_M = 0.5
+"""From the IMU to an antenna that nobody stated, m and axis. Chosen: none in a phone or a logger,
+a metre from a box in the cabin to the roof."""
+
 # nodes
 
 MAX_NODE_SPACING_S = 0.5

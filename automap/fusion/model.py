@@ -72,8 +72,11 @@ def build_state_model(
     given = _fixed_values(options)
     chosen = [*options.effects, *(e for e in options.fixed if e not in options.effects)]
     for effect in CATALOGUE.values():
-        size = effect.markov.sd_setting if effect.markov is not None else ""
-        if size and getattr(options, size) > 0.0 and effect.name not in chosen:
+        if effect.markov is None:
+            continue
+        if getattr(options, effect.markov.sd_setting) == 0.0:
+            chosen = [name for name in chosen if name != effect.name]
+        elif not effect.follows_accuracy and effect.name not in chosen:
             chosen.append(effect.name)
     imu_names = [e for e in chosen if effect_named(e).family == "imu"]
     terms = tuple(imu_terms(imu_names))
@@ -102,7 +105,7 @@ def build_state_model(
         rows = slice(first, first + len(CATALOGUE[name].states))
         tau[rows] = getattr(options, markov.tau_setting)
         walk[rows] = np.square(sd[first - N_NAV : rows.stop - N_NAV])
-        if not markov.sd_setting:
+        if CATALOGUE[name].follows_accuracy:
             # normalised by the accuracy that fixes state, which changes along a drive
             kept[rows] = np.arange(rows.stop - first)
     mean = np.array([means.get(name, 0.0) for name in names])
@@ -117,8 +120,7 @@ def build_state_model(
 def _states(options: FusionOptions, effect: Effect) -> Iterator[tuple[str, float]]:
     """Names and prior sds of what the filter estimates of an effect."""
     if effect.markov is not None:
-        setting = effect.markov.sd_setting
-        size = float(getattr(options, setting)) if setting else 1.0
+        size = float(getattr(options, effect.markov.sd_setting))
         yield from ((f"{effect.name}_{state}", size) for state in effect.states)
         return
     for p in effect.parameters:

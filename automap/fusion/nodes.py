@@ -61,7 +61,7 @@ class FixModel:
     """Fixes with the error model the filter uses.
 
     ``t`` [m] seconds on the IMU's time axis without any delay, ``flags`` [m], ``values`` [m, 6]
-    latitude, longitude (rad), height, velocity NED, ``white_var`` [m, 6], ``wander_sd`` [m, 3],
+    latitude, longitude (rad), height, velocity NED, ``white_var`` [m, 6], ``stated_sd`` [m, 3],
     ``row`` [m] the fix's row in its table.
     """
 
@@ -69,7 +69,7 @@ class FixModel:
     flags: IntArray
     values: FloatArray
     white_var: FloatArray
-    wander_sd: FloatArray
+    stated_sd: FloatArray
     row: IntArray
 
 
@@ -85,7 +85,7 @@ class Nodes:
     flags: IntArray
     values: FloatArray
     var: FloatArray
-    wander_sd: FloatArray
+    stated_sd: FloatArray
     fix_row: IntArray
     wander_keep: FloatArray
 
@@ -101,7 +101,7 @@ class Nodes:
             self.flags[part],
             self.values[part],
             self.var[part],
-            self.wander_sd[part],
+            self.stated_sd[part],
             self.fix_row[part],
             self.wander_keep[part],
         )
@@ -139,7 +139,7 @@ def model_fixes(fixes: Fixes, t: FloatArray, options: FusionOptions) -> FixModel
         flags[order].astype(np.int64),
         np.nan_to_num(values[order]),
         np.concatenate([white, sd_vel], axis=1)[order] ** 2,
-        options.wander_share * hold_reported_sd(sd[order]),
+        hold_reported_sd(sd[order]),
         order.astype(np.int64),
     )
 
@@ -180,7 +180,7 @@ def build_nodes(
     if has.any():
         latest = np.maximum.accumulate(np.where(has, np.arange(n), -1))
         latest = np.where(latest < 0, int(np.flatnonzero(has)[0]), latest)
-        wander = model.wander_sd[row[latest]]
+        wander = model.stated_sd[row[latest]]
     before = np.concatenate([wander[:1], wander[:-1]])
     keep_share = np.minimum(before / wander, wander / before)
 
@@ -246,7 +246,7 @@ def _split(model: FixModel, shift: Shift) -> FixModel:
         flags[order],
         model.values[rows],
         model.white_var[rows],
-        model.wander_sd[rows],
+        model.stated_sd[rows],
         model.row[rows],
     )
 

@@ -19,7 +19,10 @@ DEFAULT_EFFECTS = (
     "gyro_scale",
     "imu_time_offset",
     "gnss_velocity_latency",
+    "gnss_course_latency",
+    "gnss_velocity_scale",
     "gnss_correlated_noise",
+    "gnss_multipath",
     "imu_mounting",
     "nhc_lever_arm",
 )
@@ -50,20 +53,30 @@ class FusionOptions:
     gyro_bias_walk: NonNegativeFloat = 1e-5
     """rad/s/sqrt(s), in-run drift"""
     wander_tau_s: PositiveFloat = 60.0
-    """s, correlation time of the receiver's position error"""
-    wander_share: NonNegativeFloat = 1.0
+    """s, correlation time of the receiver's slow position error"""
+    wander_share: PositiveFloat = 0.8
     """share of the receiver's accuracy figure that wanders slowly"""
+    multipath_tau_s: PositiveFloat = 10.0
+    """s, correlation time of the receiver's quick position error"""
+    multipath_share: NonNegativeFloat = 0.3
+    """share of the receiver's accuracy figure that lasts for seconds; 0: none"""
+    bias_share: NonNegativeFloat = 0.45
+    """share of the receiver's accuracy figure that outlasts what a drive can tell"""
     white_share: PositiveFloat = 0.25
     """share of the receiver's accuracy figure that is white"""
-    horizontal_sd_m: PositiveFloat = 1.2
+    horizontal_sd_m: PositiveFloat = 1.0
     """m per axis at HDOP 1, where the receiver gives no accuracy"""
-    vertical_sd_m: PositiveFloat = 2.4
+    vertical_sd_m: PositiveFloat = 2.0
     """m at HDOP 1, where the receiver gives no accuracy"""
+    common_horizontal_sd_m: NonNegativeFloat = 0.7
+    """m per axis that satellites have in common, whatever the HDOP"""
+    common_vertical_sd_m: NonNegativeFloat = 3.0
+    """m of height that satellites and the model of sea level have in common"""
     velocity_sd: PositiveFloat = 0.1
     """m/s per axis, where the receiver gives no accuracy"""
-    velocity_wander_sd: NonNegativeFloat = 0.0
-    """m/s, the part of the velocity error that wanders; 0: none"""
-    velocity_wander_tau_s: PositiveFloat = 2.0
+    velocity_wander_sd: NonNegativeFloat = 0.2
+    """m/s, the part of the velocity error that lasts; 0: none"""
+    velocity_wander_tau_s: PositiveFloat = 4.0
     """s, its correlation time"""
     shocks: bool = False
     """larger noise where readings scatter much from sample to sample"""

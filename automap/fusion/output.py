@@ -70,11 +70,13 @@ def node_trajectory(
     delay: FloatArray,
     delay_is_clock: bool,
     turn: FloatArray,
+    unseen_sd: FloatArray,
     blend: bool,
 ) -> Trajectory:
     """Trajectory at the IMU epochs ``t_ns`` of nodes' states.
 
     ``turn`` [3, 3] takes sensor axes (as filtered) to the vehicle's.
+    ``unseen_sd`` [k, 3] m NED at the nodes is what no measurement tells of the position's error.
     ``delay`` [n] is how much later than the fixes' clock the stamps run, in s: an error of the
     clock, or of the samples, which then belong to ``delay`` earlier than their stamp.
     """
@@ -85,6 +87,7 @@ def node_trajectory(
     cov = covariance_at_stamps(
         problem.model, cov, nodes.t, rates_of_change(problem.t, dense, nodes.t)
     )
+    cov[:, range(3), range(3)] += unseen_sd**2
     if not delay_is_clock:
         dense = shift_states(problem.t, dense, delay)
     vehicle = quat_multiply(dense[:, 6:10], matrix_to_quat(turn.T))

@@ -14,7 +14,7 @@ from automap.fusion import limits
 from automap.fusion.adapt import COARSE, FINE, adapt_noise, refine_noise, scale_nodes, scale_problem
 from automap.fusion.alignment import Alignment, align
 from automap.fusion.layout import HAS_VEL_H
-from automap.fusion.levels import LEVELS, SLOPED_LEVELS, WHITE_LEVELS
+from automap.fusion.levels import LEVELS, RUN_LEVELS, SLOPED_LEVELS
 from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.model import StateModel, build_state_model
 from automap.fusion.nodes import FixModel, Nodes, Shift, build_nodes
@@ -187,7 +187,7 @@ def run_passes(
             linearised_at = linearisation_states(problem, smoothed, nodes, before, shift)
             del smoothed
             if relinearised == 0 and (options.adapt or options.tune):
-                levels = SLOPED_LEVELS if options.tune else WHITE_LEVELS
+                levels = SLOPED_LEVELS if options.tune else RUN_LEVELS
                 factors = refine_noise(base, plain, start, shift, linearised_at, factors, levels)
                 problem, nodes = scale_problem(base, factors), scale_nodes(plain, factors)
             relinearised += 1

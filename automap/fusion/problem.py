@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from automap.effects import Signals, extra_basis
+from automap.effects.terms import POSITION_ACCURACY
 from automap.effects.user import is_users, user_signal
 from automap.fusion import kernels
 from automap.fusion.kernels import ForwardStore, ModelArrays, NodeArrays, Samples
@@ -25,7 +26,6 @@ from automap.records import FloatArray, ImuData
 
 PARAMETER_STEP_S = 1.0
 """How often the uncertainty of parameters is noted."""
-_WANDER_SIGNALS = ("position_sd_n", "position_sd_e", "position_sd_d")
 DELAY_STATE = "imu_time_offset_s"
 VEL_LATENCY_STATE = "gnss_velocity_latency_s"
 LATENCY_STATE = "gnss_latency_s"
@@ -209,7 +209,7 @@ def node_signals(problem: Problem, nodes: Nodes) -> FloatArray:
         if name in problem.users:
             out[:, column] = np.interp(nodes.t, problem.t, problem.users[name])
         else:
-            out[:, column] = nodes.wander_sd[:, _WANDER_SIGNALS.index(name)]
+            out[:, column] = nodes.stated_sd[:, POSITION_ACCURACY.index(name)]
     return out
 
 

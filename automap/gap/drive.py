@@ -152,8 +152,8 @@ def count_outliers(drive: GapDrive, options: FusionOptions, factors: Mapping[str
     fixes = model_fixes(drive.fixes, t, options)
     levels = ("position_h", "position_h", "position_v", "velocity_h", "velocity_h", "velocity_v")
     white = fixes.white_var * np.array([factors[level] for level in levels]) ** 2
-    wander = fixes.wander_sd * factors["wander"]
-    scaled = replace(fixes, white_var=white, wander_sd=wander)
+    wander = fixes.stated_sd * factors["wander"]
+    scaled = replace(fixes, white_var=white, stated_sd=wander)
     return screen_fixes(scaled, options.wander_tau_s).n_outliers
 
 
@@ -163,6 +163,6 @@ def _rows(fixes: FixModel, keep: BoolArray) -> FixModel:
         fixes.flags[keep],
         fixes.values[keep],
         fixes.white_var[keep],
-        fixes.wander_sd[keep],
+        fixes.stated_sd[keep],
         fixes.row[keep],
     )

@@ -144,7 +144,7 @@ def _floored(fits: Sequence[Fit]) -> FloatArray:
         as_reported = model_fixes(fixes, np.zeros(len(fixes)), bare)
         for out, model in ((taken, fit.opened.session.fixes), (reported, as_reported)):
             var = model.white_var.copy()
-            var[:, :3] += model.wander_sd**2
+            var[:, :3] += model.stated_sd**2
             out.append(np.median(np.sqrt(var), axis=0))
     ratio = np.median(taken, axis=0) / np.maximum(np.median(reported, axis=0), 1e-12)
     return np.asarray(ratio[[0, 2, 3, 5]])

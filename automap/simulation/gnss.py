@@ -51,9 +51,21 @@ def ideal_epochs(
     if on_velocity.lag > 0.0:
         fine = np.linspace(0.0, drive.duration_s, round(drive.duration_s / _FINE_S) + 1)
         passed = low_pass(_antenna_velocity(drive, fine, arm), float(fine[1]), on_velocity.lag)
-        velocity = np.stack([np.interp(at_velocity, fine, v) for v in passed.T], axis=1)
-    else:
-        velocity = _antenna_velocity(drive, np.clip(at_velocity, 0.0, drive.duration_s), arm)
+
+    def told(at: FloatArray) -> FloatArray:
+        if on_velocity.lag > 0.0:
+            return np.stack([np.interp(at, fine, v) for v in passed.T], axis=1)
+        return _antenna_velocity(drive, np.clip(at, 0.0, drive.duration_s), arm)
+
+    velocity = told(at_velocity)
+    if on_velocity.course_late.any():
+        course = told(at_velocity + on_velocity.course_late)
+        size = np.hypot(velocity[:, 0], velocity[:, 1])
+        length = np.hypot(course[:, 0], course[:, 1])
+        turned = length > COURSE_SPEED
+        factor = np.where(turned, size / np.where(turned, length, 1.0), 1.0)
+        velocity[:, :2] = np.where(turned[:, None], course[:, :2], velocity[:, :2])
+        velocity[:, :2] *= factor[:, None]
     return place, on_velocity.longer * velocity + on_velocity.added
 
 

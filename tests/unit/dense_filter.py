@@ -116,7 +116,7 @@ class Seen:
     fix: FloatArray
     velocity: FloatArray
     speed: float
-    wander_sd: FloatArray
+    stated_sd: FloatArray
     keep: FloatArray
 
 
@@ -254,7 +254,7 @@ class DenseFilter:
         age = self._one(par, "gnss_velocity_latency_s") + self._one(par, "gnss_velocity_lag_tau")
         metres = np.stack(pymap3d.geodetic2ned(*state.place.T, *place, deg=False), axis=1)
         position = metres + np.einsum("bij,bj->bi", state.c, lever) + moving * late
-        position = position + seen.wander_sd * self._triple(par, "gnss_correlated_noise", "ned")
+        position = position + seen.stated_sd * self._triple(par, "gnss_correlated_noise", "ned")
         position = position + self._triple(par, "gnss_datum_shift", "ned")
         velocity = state.vel + np.einsum("bij,bj->bi", state.c, np.cross(rate, lever))
         velocity = velocity + drawn * (late - age[:, None])

@@ -17,7 +17,7 @@ def make_nodes(
     flags: IntArray | None = None,
     values: FloatArray | None = None,
     var: FloatArray | None = None,
-    wander_sd: FloatArray | None = None,
+    stated_sd: FloatArray | None = None,
 ) -> Nodes:
     """Nodes at ``t`` [k]; by default nothing is measured."""
     k = len(t)
@@ -26,7 +26,7 @@ def make_nodes(
         np.zeros(k, np.int64) if flags is None else flags.astype(np.int64),
         np.zeros((k, 7)) if values is None else values,
         np.ones((k, MAX_SCALARS)) if var is None else var,
-        np.ones((k, 3)) if wander_sd is None else wander_sd,
+        np.ones((k, 3)) if stated_sd is None else stated_sd,
         np.full(k, -1, np.int64),
         np.ones((k, 3)),
     )

@@ -266,7 +266,7 @@ def _seen(nodes: Nodes, table: Innovations) -> list[Seen]:
                 nodes.values[k, :3],
                 nodes.values[k, 3:6],
                 float(nodes.values[k, 6]),
-                nodes.wander_sd[k],
+                nodes.stated_sd[k],
                 nodes.wander_keep[k],
             )
         )

@@ -105,7 +105,7 @@ def test_a_changed_figure_keeps_only_its_share_of_the_wander() -> None:
     model = _drive(seconds=20.0)
     wander = np.ones((len(model.t), 3))
     wander[50:] = 8.0
-    model = replace(model, wander_sd=wander)
+    model = replace(model, stated_sd=wander)
     empty = np.zeros(0)
     nodes = build_nodes(
         model, Shift(), (0.0, 19.0), [], empty, empty, empty, None, FusionOptions(), False

@@ -43,7 +43,7 @@ def drive() -> tuple[Problem, Nodes, Start]:
     )
     nodes.var[:, :3] = WHITE**2
     nodes.var[:, 3:6] = VELOCITY_SD**2
-    nodes.wander_sd[:] = (1.0, 1.0, 1.8)
+    nodes.stated_sd[:] = (1.0, 1.0, 1.8)
     assert imu.t_ns[0] == BASE_NS
     problem = make_problem(imu, build_state_model(OPTIONS), OPTIONS)
     return problem, nodes, true_start(motion)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -24,12 +25,13 @@ def position_errors(
 
     The receiver's accuracy figure, times ``factor`` [n], is taken as the size of its slowly
     wandering error; its white part is a share of that. Carrier-phase solutions are short-term as
-    good as they say. Without a figure: HDOP times a consumer receiver's range error.
+    good as they say. Without a figure: HDOP times a consumer receiver's range error, and what
+    geometry does not thin out (Kaplan and Hegarty, Understanding GPS, section 7.2).
     """
     hdop = np.where(np.isfinite(fixes.hdop) & (fixes.hdop > 0), fixes.hdop, 1.0)
-    fallback = np.stack([hdop, hdop, hdop], axis=1) * np.array(
-        [options.horizontal_sd_m, options.horizontal_sd_m, options.vertical_sd_m]
-    )
+    horizontal = np.hypot(options.horizontal_sd_m * hdop, options.common_horizontal_sd_m)
+    vertical = np.hypot(options.vertical_sd_m * hdop, options.common_vertical_sd_m)
+    fallback = np.stack([horizontal, horizontal, vertical], axis=1)
     sd = np.where(
         np.isfinite(fixes.sd_pos_ned) & (fixes.sd_pos_ned > 0), fixes.sd_pos_ned, fallback
     )
@@ -37,6 +39,28 @@ def position_errors(
     carrier = (fixes.fix_type == FixType.FIXED) | (fixes.fix_type == FixType.FLOAT)
     white = np.where(carrier[:, None], sd, np.maximum(options.white_share * sd, LEAST_WHITE_M))
     return sd, white
+
+
+def unseen_errors(
+    stated_sd: FloatArray, options: FusionOptions, factors: Mapping[str, float]
+) -> FloatArray:
+    """Sigma NED [n, 3] m of the part of positions' errors that outlasts what motion can tell.
+
+    A constant, or what changes over an hour, moves fixes and path alike: no innovation shows it,
+    so nothing here may take it away. It is ``bias_share`` of the ``stated_sd`` [n, 3], grown by
+    the ``factors`` on what does show, for errors of minutes and of hours have one cause; and never
+    less than what the statement leaves where a drive shows less than was stated.
+    """
+    slow = options.wander_share * np.array(
+        [factors["wander"], factors["wander"], factors["wander_v"]]
+    )
+    quick = options.multipath_share * factors["multipath"]
+    white = options.white_share * np.array(
+        [factors["position_h"], factors["position_h"], factors["position_v"]]
+    )
+    left = 1.0 - slow**2 - quick**2 - white**2
+    grown = options.bias_share * slow / options.wander_share
+    return stated_sd * np.sqrt(np.maximum(left, grown**2))
 
 
 def has_position(fixes: Fixes) -> tuple[BoolArray, BoolArray]:
