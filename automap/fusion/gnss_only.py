@@ -20,6 +20,7 @@ from automap.fusion.limits import (
     UNKNOWN_HEADING_SD,
     UNKNOWN_LEAN_SD,
 )
+from automap.fusion.measurements.position import lasting_share, unseen_errors
 from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.screening import screen_fixes
@@ -58,6 +59,7 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
     # what a receiver's own filter leaves in a velocity is as large as what it says, and lasts
     lasting = np.maximum(np.sqrt(model.white_var[rows, 3:6]), options.velocity_wander_sd)
     surprise = gate(options.gate_probability, 1)
+    share = lasting_share(options, {})
     for axis in range(3):
         bit = 1 if axis < 2 else 2
         out = np.zeros((len(t), 4))
@@ -66,13 +68,14 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
             np.column_stack([ned[:, axis], values[:, 3 + axis]]),
             np.column_stack([(flags & bit) > 0, (flags & (4 * bit)) > 0]),
             model.white_var[rows][:, [axis, 3 + axis]],
-            np.column_stack([model.stated_sd[rows, axis], lasting[:, axis]]),
+            np.column_stack([share[axis] * model.stated_sd[rows, axis], lasting[:, axis]]),
             ROAD_ACCELERATION_PSD[axis],
             (options.wander_tau_s, options.velocity_wander_tau_s),
             surprise,
             out,
         )
         position[:, axis], velocity[:, axis], sd_pos[:, axis], sd_vel[:, axis] = out.T
+    sd_pos = np.hypot(sd_pos, unseen_errors(model.stated_sd[rows], options, {}))
     lat, lon, h = from_local_ned(position, ref)
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     rpy = np.zeros((len(t), 3))

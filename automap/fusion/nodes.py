@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from automap.fusion.layout import (
     N_VALUES,
 )
 from automap.fusion.measurements.constraint import constrain
-from automap.fusion.measurements.position import has_position, position_errors
+from automap.fusion.measurements.position import has_position, lasting_share, position_errors
 from automap.fusion.measurements.rest import note_rest
 from automap.fusion.measurements.velocity import has_velocity, velocity_errors
 from automap.fusion.measurements.wheel_speed import Odometer, note_wheels
@@ -142,6 +143,14 @@ def model_fixes(fixes: Fixes, t: FloatArray, options: FusionOptions) -> FixModel
         hold_reported_sd(sd[order]),
         order.astype(np.int64),
     )
+
+
+def as_shown(model: FixModel, options: FusionOptions, factors: Mapping[str, float]) -> FixModel:
+    """Fixes whose errors have the sizes that a drive shows; ``factors`` by level, 1 for none."""
+    levels = ("position_h", "position_h", "position_v", "velocity_h", "velocity_h", "velocity_v")
+    white = np.array([factors.get(level, 1.0) for level in levels]) ** 2
+    shown = lasting_share(options, factors) / lasting_share(options, {})
+    return replace(model, white_var=model.white_var * white, stated_sd=model.stated_sd * shown)
 
 
 def build_nodes(

@@ -31,7 +31,7 @@ from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
 from automap.fusion.doubts.receiver import receiver_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.gnss_only import smooth_fixes
-from automap.fusion.nodes import FixModel, model_fixes
+from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import LATENCY_STATE
 from automap.interpolation import poses_at_gps
@@ -84,7 +84,7 @@ def weigh(
         *refused(result.innovations),
         *innovation_doubts(channel_consistency(result.innovations)),
     ]
-    model = _scaled(model_fixes(fixes, fixes.gps_s, options), result.noise_factors)
+    model = as_shown(model_fixes(fixes, fixes.gps_s, options), options, result.noise_factors)
     arm = np.array([found.get(f"gnss_lever_arm_{a}", (0.0, 0.0))[0] for a in "xyz"])
     misses = fix_misses(path, model, arm, found.get(LATENCY_STATE, (0.0, 0.0))[0])
     off, share = _off_the_fixes(misses, options.wander_tau_s)
@@ -113,17 +113,6 @@ def weigh_alone(
     reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
     widened = widen(path, reasons, misses, None)
     return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
-
-
-def _scaled(model: FixModel, factors: dict[str, float]) -> FixModel:
-    """The fixes with the noise that the drive was found to have."""
-    kinds = ("position_h", "position_h", "position_v", "velocity_h", "velocity_h", "velocity_v")
-    white = np.array([factors.get(kind, 1.0) for kind in kinds]) ** 2
-    return replace(
-        model,
-        white_var=model.white_var * white,
-        wander_sd=model.wander_sd * factors.get("wander", 1.0),
-    )
 
 
 def _off_the_fixes(misses: Misses, tau_s: float) -> tuple[list[Reason], float]:

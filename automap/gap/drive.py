@@ -11,7 +11,7 @@ from automap.errors import InputError
 from automap.fusion.engine import Prior, fuse_imu_gnss
 from automap.fusion.layout import HAS_POS_H
 from automap.fusion.limits import REST_BIAS_SD
-from automap.fusion.nodes import FixModel, model_fixes
+from automap.fusion.nodes import FixModel, as_shown, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Session, fix_speed
 from automap.fusion.screening import screen_fixes
@@ -150,11 +150,7 @@ def count_outliers(drive: GapDrive, options: FusionOptions, factors: Mapping[str
     """How many fixes lie off the path of the others by far more than noise of other levels."""
     t = np.asarray((drive.clock.t_ns(drive.fixes.gps_s) - int(drive.imu.t_ns[0])) * 1e-9)
     fixes = model_fixes(drive.fixes, t, options)
-    levels = ("position_h", "position_h", "position_v", "velocity_h", "velocity_h", "velocity_v")
-    white = fixes.white_var * np.array([factors[level] for level in levels]) ** 2
-    wander = fixes.stated_sd * factors["wander"]
-    scaled = replace(fixes, white_var=white, stated_sd=wander)
-    return screen_fixes(scaled, options.wander_tau_s).n_outliers
+    return screen_fixes(as_shown(fixes, options, factors), options.wander_tau_s).n_outliers
 
 
 def _rows(fixes: FixModel, keep: BoolArray) -> FixModel:

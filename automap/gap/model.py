@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -41,11 +41,22 @@ class GapModel:
 def base_model(options: FusionOptions | None = None) -> GapModel:
     """The model that is taken where nobody gives another: biases, their drift, a receiver whose
     error wanders, the vehicle constraint at the IMU, noise as ``options`` say."""
-    options = vehicle_options(options or FusionOptions(effects=BASE_NUISANCES))
+    options = vehicle_options(options or base_options(FusionOptions()))
     values = {e: dict(v) for e, v in options.fixed.items() if e != "gnss_lever_arm"}
     factors = dict.fromkeys(ALL_LEVELS, 1.0) | dict(options.factors)
     options = replace(plain_options(options), calm_rates=True)
     return GapModel(options, values, factors)
+
+
+def base_options(options: FusionOptions, stated: Collection[str] = ()) -> FusionOptions:
+    """The options with the base model in place of an ordinary run's, but for those ``stated``.
+
+    An ordinary run takes it that a receiver's velocities err for seconds; here that is asked of
+    the drives, for it looks like many an effect.
+    """
+    if "effects" not in stated:
+        options = replace(options, effects=BASE_NUISANCES)
+    return options if "velocity_wander_sd" in stated else replace(options, velocity_wander_sd=0.0)
 
 
 def vehicle_options(options: FusionOptions) -> FusionOptions:

@@ -13,7 +13,8 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.fusion.layout import CH_VEL
-from automap.fusion.levels import ALL_LEVELS
+from automap.fusion.levels import ALL_LEVELS, RECEIVER_LEVELS
+from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
 from automap.gap.drive import count_outliers
 from automap.gap.fit import Fit
@@ -32,7 +33,7 @@ USUAL_SHARE = 0.002
 """Share of fixes that heavy tails alone throw so far."""
 MIN_SHARE = 0.005
 MAX_P = 1e-4
-GNSS_LEVELS = ("position_h", "position_v", "velocity_h", "velocity_v", "wander")
+GNSS_LEVELS = (*RECEIVER_LEVELS, "position_h", "position_v", "velocity_h", "velocity_v")
 
 
 def stochastic_findings(
@@ -108,15 +109,7 @@ def _noise_scale(
     gap: float,
 ) -> Finding | None:
     """Whether positions and velocities are both noisier, or both better, than they say."""
-    options = fits[0].model.options
-    white, slow = options.white_share, options.wander_share
-
-    def total(level: str, factors: Mapping[str, float]) -> float:
-        return float(np.hypot(white * factors[level], slow * factors["wander"]))
-
-    ratios = [total(k, fitted) / total(k, stated_factors) for k in ("position_h", "position_v")]
-    ratios += [fitted[k] / stated_factors[k] for k in ("velocity_h", "velocity_v")]
-    logs = np.log(ratios) + np.log(_floored(fits))
+    logs = np.log(_sizes(fits, fitted) / _sizes(fits, stated_factors)) + np.log(_floored(fits))
     factor = float(np.exp(np.mean(logs)))
     low, high = float(np.exp(logs.min())), float(np.exp(logs.max()))
     if not (factor > SCALE_FACTOR and low > SCALE_FACTOR**0.5) and not (
@@ -130,6 +123,20 @@ def _noise_scale(
     spread = factor * max(float(np.std(logs)) / 2.0, 0.02)
     parameters = {"factor": ParameterValue(factor, spread, "")}
     return Finding("gnss_noise_scale", parameters, nats, _p(nats), gap, gap)
+
+
+def _sizes(fits: Sequence[Fit], factors: Mapping[str, float]) -> FloatArray:
+    """Sigmas [4] of positions, as shares of what they state, and of velocities, m/s, horizontal
+    and vertical: the white and the lasting part together."""
+    options = fits[0].model.options
+    if "gnss_multipath" not in options.effects:
+        options = replace(options, multipath_share=0.0)
+    white = options.white_share * np.array([factors["position_h"], factors["position_v"]])
+    position = np.hypot(white, lasting_share(options, factors)[1:])
+    stated = [np.median(fit.opened.session.fixes.white_var[:, 4:], axis=0) for fit in fits]
+    white = np.sqrt(np.median(stated, axis=0)) * [factors["velocity_h"], factors["velocity_v"]]
+    lasting = options.velocity_wander_sd * factors["velocity_wander"]
+    return np.concatenate([position, np.hypot(white, lasting)])
 
 
 def _floored(fits: Sequence[Fit]) -> FloatArray:

@@ -34,20 +34,29 @@ _SMOOTH_S = 0.12
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """White noise and drift of a fitted model.
+    """Noise of a fitted model.
 
-    ``accel``, ``gyro`` densities; ``wander_tau_s``; shares of a fix's stated accuracy that wander
-    and that are white [3] NED; ``velocity`` [3] factors on its stated velocity accuracy;
-    ``odometer`` m/s. ``position_sd``, ``velocity_sd`` [3] where a fix states none.
+    ``accel``, ``gyro`` densities; shares [3] NED of a fix's stated accuracy that wander, with
+    ``wander_tau_s``, that last for seconds, with ``multipath_tau_s``, that are white, and that stay
+    for the whole drive (``bias``). ``velocity`` [3] factors on its stated velocity accuracy, beside
+    which velocities err by ``velocity_wander`` m/s for ``velocity_wander_tau_s``; ``odometer`` m/s.
+    Where a fix states no accuracy ``position_sd`` [3] m at HDOP 1 and ``common_sd`` [3] m at any,
+    ``velocity_sd`` [3].
     """
 
     accel: float
     gyro: float
     wander_tau_s: float
     wander: FloatArray
+    multipath_tau_s: float
+    multipath: FloatArray
     white: FloatArray
+    bias: FloatArray
     velocity: FloatArray
+    velocity_wander_tau_s: float
+    velocity_wander: float
     position_sd: FloatArray
+    common_sd: FloatArray
     velocity_sd: FloatArray
     odometer: float = 0.05
 
@@ -170,12 +179,20 @@ def _receive(
     if len(gps_s) == 0:
         raise InputError("no fix falls into the trajectory; a twin needs a receiver's epochs")
     place, velocity = ideal_epochs(motion, Gnss(), gps_s - begin, errors)
-    sd_pos = _stated(given.sd_pos_ned, noise.position_sd)
+    hdop = np.where(np.isfinite(given.hdop) & (given.hdop > 0.0), given.hdop, 1.0)[:, None]
+    sd_pos = _stated(given.sd_pos_ned, np.hypot(noise.position_sd * hdop, noise.common_sd))
     sd_vel = _stated(given.sd_vel_ned, noise.velocity_sd)
     steps = np.diff(gps_s, prepend=gps_s[:1])
-    wander = gauss_markov(len(steps), np.ones(3), steps / noise.wander_tau_s, rng)
-    error = sd_pos * (noise.wander * wander + noise.white * rng.standard_normal(sd_pos.shape))
+
+    def lasting(size: FloatArray, tau_s: float) -> FloatArray:
+        return gauss_markov(len(steps), size, steps / tau_s, rng)
+
+    error = lasting(noise.wander, noise.wander_tau_s)
+    error = error + noise.white * rng.standard_normal(sd_pos.shape)
     velocity = velocity + sd_vel * noise.velocity * rng.standard_normal(sd_vel.shape)
+    error = error + lasting(noise.multipath, noise.multipath_tau_s)
+    error = sd_pos * (error + noise.bias * rng.standard_normal(3))
+    velocity = velocity + lasting(np.full(3, noise.velocity_wander), noise.velocity_wander_tau_s)
     north, east = earth.metres_per_radian(place[:, 0], place[:, 2])
     valid = np.isfinite(given.lat_rad)
     return Fixes(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from automap.fusion.engine import Prior
 from automap.gap import GapDrive, GapModel, base_model
 from automap.gap.drive import KNOWN
-from automap.gap.model import BASE_NUISANCES
+from automap.gap.model import base_options
 from automap.io.atomic import make_folder
 from automap.io.toml_file import read_toml
 from automap.records import ClockModel
@@ -29,16 +28,13 @@ FREE_SD_S = 0.1
 def gap_model(config: Path | None) -> tuple[GapModel, Settings]:
     """The model of a configuration file, and all its settings.
 
-    Without ``fuse.effects`` in the file the base model's nuisances are taken, not those of an
-    ordinary run.
+    What the file does not say of nuisances and lasting velocity errors is as in the base model,
+    not as in an ordinary run.
     """
     settings = load_settings(config)
     activate(settings.effects)
-    options = settings.fuse.options()
     given = read_toml(config).get("fuse", {}) if config is not None else {}
-    if "effects" not in given:
-        options = replace(options, effects=BASE_NUISANCES)
-    model = base_model(options)
+    model = base_model(base_options(settings.fuse.options(), given))
     return model, settings
 
 

@@ -51,8 +51,8 @@ def model_toml(
         lines.append(f"earth_rotation = {str(options.earth_rotation).lower()}")
     if options.shocks:
         lines.append("shocks = true")
+    lines.append(f"velocity_wander_sd = {options.velocity_wander_sd:.6g}")
     if options.velocity_wander_sd > 0.0:
-        lines.append(f"velocity_wander_sd = {options.velocity_wander_sd:.6g}")
         lines.append(f"velocity_wander_tau_s = {options.velocity_wander_tau_s:.6g}")
     lines += ["", "[fuse.factors]"]
     lines += [f"{name} = {value:.6g}" for name, value in model.factors.items()]

@@ -109,7 +109,13 @@ def _last_errors(out: Path) -> Values:
 def _noise(settings: Mapping[str, Any], factors: Mapping[str, float]) -> NoiseModel:
     import numpy as np
 
+    from automap.fusion.measurements.position import unseen_errors
     from automap.simulation.twin import NoiseModel
+    from pipeline.settings.fuse import FuseSettings
+
+    options = FuseSettings.model_validate(settings).options()
+    if "gnss_multipath" not in options.effects:
+        options = replace(options, multipath_share=0.0)
 
     def level(name: str) -> float:
         return float(factors.get(name, 1.0))
@@ -117,19 +123,25 @@ def _noise(settings: Mapping[str, Any], factors: Mapping[str, float]) -> NoiseMo
     def by_axis(horizontal: str, vertical: str) -> np.ndarray:
         return np.array([level(horizontal), level(horizontal), level(vertical)])
 
-    wander = settings["wander_share"] * level("wander")
+    def sizes(horizontal: float, vertical: float) -> np.ndarray:
+        return np.array([horizontal, horizontal, vertical])
+
     return NoiseModel(
-        accel=settings["accel_noise"] * level("accel"),
-        gyro=settings["gyro_noise"] * level("gyro"),
-        wander_tau_s=settings["wander_tau_s"] * level("wander_tau"),
-        wander=np.full(3, wander),
-        white=settings["white_share"] * by_axis("position_h", "position_v"),
+        accel=options.accel_noise * level("accel"),
+        gyro=options.gyro_noise * level("gyro"),
+        wander_tau_s=options.wander_tau_s * level("wander_tau"),
+        wander=options.wander_share * by_axis("wander", "wander_v"),
+        multipath_tau_s=options.multipath_tau_s,
+        multipath=np.full(3, options.multipath_share * level("multipath")),
+        white=options.white_share * by_axis("position_h", "position_v"),
+        bias=unseen_errors(np.ones((1, 3)), options, factors)[0],
         velocity=by_axis("velocity_h", "velocity_v"),
-        position_sd=np.array(
-            [settings["horizontal_sd_m"], settings["horizontal_sd_m"], settings["vertical_sd_m"]]
-        ),
-        velocity_sd=np.full(3, settings["velocity_sd"]),
-        odometer=settings["odometer_sd"],
+        velocity_wander_tau_s=options.velocity_wander_tau_s,
+        velocity_wander=options.velocity_wander_sd * level("velocity_wander"),
+        position_sd=sizes(options.horizontal_sd_m, options.vertical_sd_m),
+        common_sd=sizes(options.common_horizontal_sd_m, options.common_vertical_sd_m),
+        velocity_sd=np.full(3, options.velocity_sd),
+        odometer=options.odometer_sd,
     )
 
 

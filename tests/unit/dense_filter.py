@@ -107,8 +107,8 @@ class Readings:
 @dataclass(frozen=True)
 class Seen:
     """What is measured at one instant: its ``channels`` in order (constraints are measured to be
-    zero), the ``variance`` of each, ``fix`` latitude, longitude, height, and the slow error of
-    fixes: its size [3] m and what ``keep`` [3] of it outlasts the last change of that."""
+    zero), the ``variance`` of each, ``fix`` latitude, longitude, height, the accuracy that fixes
+    state [3] m and what ``keep`` [3] of their lasting errors outlasts the last change of that."""
 
     t: float
     channels: Sequence[str]
@@ -217,7 +217,7 @@ class DenseFilter:
         for j, name in enumerate(self.names):
             if name in self.tau:
                 d = np.exp(-(t1 - t0) / self.tau[name])
-                if name.startswith("gnss_correlated_noise"):
+                if name.startswith(("gnss_correlated_noise", "gnss_multipath")):
                     d *= keep["ned".index(name[-1])]
                 decay[N_NAV + j], grown[N_NAV + j] = d, (1.0 - d * d) * self.walk[name]
             else:
@@ -254,10 +254,14 @@ class DenseFilter:
         age = self._one(par, "gnss_velocity_latency_s") + self._one(par, "gnss_velocity_lag_tau")
         metres = np.stack(pymap3d.geodetic2ned(*state.place.T, *place, deg=False), axis=1)
         position = metres + np.einsum("bij,bj->bi", state.c, lever) + moving * late
-        position = position + seen.stated_sd * self._triple(par, "gnss_correlated_noise", "ned")
+        for lasting in ("gnss_correlated_noise", "gnss_multipath"):
+            position = position + seen.stated_sd * self._triple(par, lasting, "ned")
         position = position + self._triple(par, "gnss_datum_shift", "ned")
         velocity = state.vel + np.einsum("bij,bj->bi", state.c, np.cross(rate, lever))
         velocity = velocity + drawn * (late - age[:, None])
+        velocity = velocity + self._turned_back(par, moving, drawn)
+        longer = 1.0 + self._one(par, "gnss_velocity_scale_relative")
+        velocity = velocity * np.stack([longer, longer, np.ones(len(par))], axis=1)
         velocity = velocity + self._triple(par, "gnss_velocity_wander", "ned")
         own = np.einsum("bji,bj->bi", state.c, state.vel)
         along = np.einsum("bij,bj->bi", mount, own + np.cross(rate, arm))
@@ -279,6 +283,14 @@ class DenseFilter:
         told = along[:, 0] + (turned @ about.c[0].T @ gained)[0] * wheels_late
         out["odometer"] = (1.0 + self._one(par, "odometer_scale_relative")) * told
         return out
+
+    def _turned_back(self, par: FloatArray, moving: FloatArray, drawn: FloatArray) -> FloatArray:
+        """By how much a velocity [b, 3] differs whose course is old: it is turned back by the
+        course's rate (v x a) / v^2, at less than 1 m/s by the less the slower it is."""
+        square = float(moving[:2] @ moving[:2])
+        rate = (moving[0] * drawn[1] - moving[1] * drawn[0]) / max(square, 1e-12)
+        angle = -self._one(par, "gnss_course_latency_s") * rate * min(square, 1.0)
+        return angle[:, None] * np.array([-moving[1], moving[0], 0.0])
 
     def _installation(self, par: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Mounting [b, 3, 3] sensor to vehicle, and the arms [b, 3] to the antenna and to the point

@@ -57,6 +57,7 @@ OWN = {
     *("odometer_scale", "odometer_time_offset", "vehicle_pitch", "gnss_velocity_wander"),
     *("gnss_slow_wander", "gnss_height_wander", "gnss_position_steps"),
     *("gnss_freeze", "gnss_speed_threshold"),
+    *("gnss_course_latency", "gnss_velocity_scale", "gnss_multipath"),
 }
 """Names of ours beside the published ones."""
 

@@ -139,10 +139,16 @@ def test_half_a_minute_without_fixes(
     error = errors(result.trajectory, motion)
     assert horizontal_rms(error) < plain_rms + 0.5
     inside = (np.arange(len(error)) > 6000) & (np.arange(len(error)) < 9000)
-    filtered = errors(result.filtered, motion)
-    assert horizontal_rms(error[inside]) < 0.7 * horizontal_rms(filtered[inside])
-    ours, known = result.trajectory.sd_pos_ned, plain.trajectory.sd_pos_ned
-    assert (ours[7200:7800] > known[7200:7800]).all()
+    # the receiver's slow error is in all of these; what the gap adds is not
+    added = error - errors(plain.trajectory, motion)
+    drifted = errors(result.filtered, motion) - errors(plain.filtered, motion)
+    assert horizontal_rms(added[inside]) < 0.4 * horizontal_rms(drifted[inside])
+    assert horizontal_rms(added[inside]) < 0.3
+    # sigmas of positions follow the level of the slow error, which each run asks of its own fixes
+    ours, known = result.trajectory.sd_vel_ned[:, :2], plain.trajectory.sd_vel_ned[:, :2]
+    assert (ours[7200:7800] > 1.2 * known[7200:7800]).all()
+    ours = result.trajectory.sd_pos_ned[:, :2]
+    assert (ours[7200:7800] > ours[10000]).all()
 
 
 def test_two_seconds_of_lost_samples(

@@ -15,16 +15,20 @@ from automap.records import Fixes, FloatArray
 from tests.unit.fusion_drive import CLOCK, Receiver, city_drive, receive, select
 
 ORIGIN = (56.0, 10.0, 40.0)
-TAU_S, SHARE, WHITE = 7.0, 0.8, 0.3
+TAU_S, WANDER, QUICK, WHITE, BIAS = 7.0, 0.7, 0.35, 0.3, 0.6
 VELOCITY_TAU_S, VELOCITY_LASTS = 3.0, 0.2
 """The lasting error is larger than the white one on one axis, and smaller on two."""
 OPTIONS = FusionOptions(
     wander_tau_s=TAU_S,
-    wander_share=SHARE,
+    wander_share=WANDER,
+    multipath_share=QUICK,
     white_share=WHITE,
+    bias_share=BIAS,
     velocity_wander_sd=VELOCITY_LASTS,
     velocity_wander_tau_s=VELOCITY_TAU_S,
 )
+SHARE = float(np.hypot(WANDER, QUICK))
+"""Of what lasts, which a path of fixes alone takes for one error."""
 SD_POS, SD_VEL = np.array([1.2, 1.9, 2.6]), np.array([0.15, 0.22, 0.4])
 PRIOR = np.array([100.0, 30.0, 1.0, 1.0])
 
@@ -99,7 +103,9 @@ def test_smoothed_fixes_are_the_solution_of_all_equations_at_once(seed: int) -> 
         velocity = np.maximum(fixes.sd_vel_ned[:, axis], VELOCITY_LASTS)
         lasting = np.column_stack([SHARE * fixes.sd_pos_ned[:, axis], velocity])
         x, sd = _all_at_once(t, z, var, lasting, ROAD_ACCELERATION_PSD[axis])
-        assert path.sd_pos_ned[:, axis] == pytest.approx(sd[:, 0], rel=1e-5)
+        # no fix tells of an error that all fixes have
+        unseen = BIAS * fixes.sd_pos_ned[:, axis]
+        assert path.sd_pos_ned[:, axis] == pytest.approx(np.hypot(sd[:, 0], unseen), rel=1e-5)
         assert path.sd_vel_ned[:, axis] == pytest.approx(sd[:, 1], rel=1e-5)
         assert np.abs((got[:, axis] - x[:, 0]) / sd[:, 0]).max() < 1e-4
         assert np.abs((path.vel_ned[:, axis] - x[:, 1]) / sd[:, 1]).max() < 1e-4

@@ -72,7 +72,7 @@ def test_a_poorer_kind_of_fix_is_trusted_less_in_position_and_velocity(kind: Fix
     share = 1.0 if carrier else OPTIONS.white_share
     stated = np.broadcast_to(WORSE[kind] * SD_POS, (len(sd), 3))
     assert sd[:, :3] == pytest.approx(share * stated)
-    assert model.stated_sd == pytest.approx(OPTIONS.wander_share * stated)
+    assert model.stated_sd == pytest.approx(stated)
 
 
 def test_a_velocity_without_a_figure_is_worse_with_a_poorer_fix_too() -> None:

@@ -52,7 +52,7 @@ def _errors(values: dict[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarra
 def test_readings_are_freed_of_all_linear_errors_exactly() -> None:
     """The sensor's errors by their definition, on rates and forces that rise evenly."""
     rng = np.random.default_rng(4)
-    options = FusionOptions(effects=EFFECTS)
+    options = FusionOptions(effects=EFFECTS, velocity_wander_sd=0.0)
     model = build_state_model(options)
     model.prior_mean[:] = 2.0 * model.prior_sd * rng.standard_normal(len(model.prior_sd))
     matrix, bias, slope = _errors(dict(zip(model.names, model.prior_mean.tolist(), strict=True)))

@@ -86,7 +86,11 @@ def test_levels_are_refined_about_the_smoothed_path(drive: tuple[Problem, Nodes,
         assert found[level] == pytest.approx(OFF, rel=0.12), level
     for level in ("position_h", "position_v"):
         assert found[level] == pytest.approx(1.0, rel=0.12), level
-    assert found["wander"] == 1.0
+    # two minutes show the size of what lasts for one to half of it
+    assert found["wander"] * OPTIONS.wander_share == pytest.approx(1.0, rel=0.5)
+    # and that velocities here have nothing that lasts: it does not take the place of their noise
+    assert found["velocity_wander"] * OPTIONS.velocity_wander_sd < VELOCITY_SD
+    assert found["accel_bias_walk"] == found["wander_tau"] == 1.0
 
 
 def test_refined_levels_do_not_ask_how_loose_the_rules_are(

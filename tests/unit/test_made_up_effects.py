@@ -18,7 +18,8 @@ from automap.gap.screening import screen
 from tests.unit.test_gap import simulated
 
 MADE_UP = {
-    "long_wheels": ({"on": "velocity_along", "formula": "speed", "prior_sd": 0.05}, 0.03),
+    # longer the faster: longer by one share is an effect of the catalogue
+    "stretched": ({"on": "velocity_along", "formula": "speed^2 / 10", "prior_sd": 0.05}, 0.03),
     "side_wind": ({"on": "nhc_y", "formula": "speed * sin(heading)", "prior_sd": 0.02}, 0.015),
     "lifted": ({"on": "height", "formula": "speed^2 / 100", "prior_sd": 1.0}, 3.0),
 }

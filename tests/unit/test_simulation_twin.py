@@ -15,8 +15,22 @@ from automap.simulation.twin import NoiseModel, make_twin, motion_along
 from pipeline.cli.root import run_command
 from tests.unit.test_gap import scenario_with
 
+NONE = np.zeros(3)
 QUIET = NoiseModel(
-    0.0, 0.0, 60.0, np.zeros(3), np.zeros(3), np.zeros(3), np.full(3, 1.0), np.full(3, 0.1)
+    accel=0.0,
+    gyro=0.0,
+    wander_tau_s=60.0,
+    wander=NONE,
+    multipath_tau_s=10.0,
+    multipath=NONE,
+    white=NONE,
+    bias=NONE,
+    velocity=NONE,
+    velocity_wander_tau_s=4.0,
+    velocity_wander=0.0,
+    position_sd=np.array([1.0, 1.0, 2.0]),
+    common_sd=np.array([0.7, 0.7, 3.0]),
+    velocity_sd=np.full(3, 0.1),
 )
 ERRORS = {
     "gyro_bias": {"x": 0.01, "y": -0.02, "z": 0.03},
@@ -98,6 +112,42 @@ def test_noise_has_the_stated_size(recorded: SimulatedSensors, trajectory: Traje
     assert np.std(off) == pytest.approx(1.0, rel=0.1)
     high = (noisy.fixes.height_m - quiet.fixes.height_m) / noisy.fixes.sd_pos_ned[:, 2]
     assert np.std(high) == pytest.approx(0.5, rel=0.2)
+
+
+@pytest.mark.parametrize("kind", ["wander", "multipath", "bias", "velocity_wander"])
+def test_errors_that_last_do_so_for_as_long_as_they_say(
+    recorded: SimulatedSensors, trajectory: Trajectory, kind: str
+) -> None:
+    """Twenty receivers: the size over all of them, and how alike errors are 5 s apart."""
+    assert recorded.fixes is not None
+    size = 0.3 if kind == "velocity_wander" else np.full(3, 0.3)
+    loud = replace(QUIET, **{kind: size})
+    rng = np.random.default_rng(4)
+    quiet = make_twin(trajectory, recorded.fixes, {}, QUIET, 0.0, rng).fixes
+    errors = []
+    for _ in range(20):
+        fixes = make_twin(trajectory, recorded.fixes, {}, loud, 0.0, rng).fixes
+        if kind == "velocity_wander":
+            errors.append((fixes.vel_ned - quiet.vel_ned)[:, 2])
+        else:
+            errors.append((quiet.height_m - fixes.height_m) / fixes.sd_pos_ned[:, 2])
+    e = np.array(errors)
+    assert np.sqrt(np.mean(e**2)) == pytest.approx(0.3, rel=0.35)
+    step = round(5.0 / float(np.median(np.diff(quiet.gps_s))))
+    alike = np.mean(e[:, step:] * e[:, :-step]) / np.mean(e**2)
+    tau = {"wander": 60.0, "multipath": 10.0, "bias": np.inf, "velocity_wander": 4.0}[kind]
+    assert alike == pytest.approx(np.exp(-5.0 / tau), abs=0.15)
+
+
+def test_fixes_without_a_figure_err_by_geometry_and_by_what_it_does_not_thin_out(
+    recorded: SimulatedSensors, trajectory: Trajectory
+) -> None:
+    assert recorded.fixes is not None
+    n = len(recorded.fixes)
+    bare = replace(recorded.fixes, sd_pos_ned=np.full((n, 3), np.nan), hdop=np.full(n, 2.0))
+    twin = make_twin(trajectory, bare, {}, QUIET, 0.0, np.random.default_rng(1))
+    expected = [np.hypot(2.0, 0.7), np.hypot(2.0, 0.7), 5.0]
+    assert twin.fixes.sd_pos_ned[0] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ def fix_misses(
         miss,
         at.sd_pos_ned[keep] ** 2,
         fixes.white_var[rows, :3],
-        fixes.wander_sd[rows] ** 2,
+        fixes.stated_sd[rows] ** 2,
     )
 
 

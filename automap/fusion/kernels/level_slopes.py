@@ -100,26 +100,37 @@ def _inertial(
 ) -> None:
     """Slopes along the noise of force and rate over one short interval.
 
-    Constant force within it: velocity receives the tilt's noise through T = d velocity / d tilt,
-    Q_vt = T/2, Q_vv = T T'/3 times the tilt's.
+    What noise adds to, it hands on evenly within the interval: position receives the velocity's
+    noise through T = d position / d velocity, Q_pv = T/2, Q_pp = T T'/3 times the velocity's, and
+    velocity the tilt's likewise. What tilts add to positions is left out.
     """
-    q = noise[0] * span
-    for a in range(3):
-        i = 3 + a
-        slope[ACCEL] += q * (lam[i] ** 2 - big[i, i])
-        info[ACCEL] += 2.0 * (q * big[i, i]) ** 2
-    q = noise[1] * span
-    for a in range(3):
-        i = 6 + a
+    _handed_on(lam, big, trans, 3, noise[0] * span, ACCEL, slope, info)
+    _handed_on(lam, big, trans, 6, noise[1] * span, GYRO, slope, info)
+
+
+@kernel
+def _handed_on(
+    lam: FloatArray,
+    big: FloatArray,
+    trans: FloatArray,
+    first: int,
+    q: float,
+    level: int,
+    slope: FloatArray,
+    info: FloatArray,
+) -> None:
+    """Noise of variance ``q`` on the three states from ``first`` on and on the three before."""
+    to = first - 3
+    for i in range(first, first + 3):
         e = lam[i] ** 2 - big[i, i]
         m = big[i, i]
-        for b in range(3):
-            t = trans[3 + b, i]
-            e += t * (lam[3 + b] * lam[i] - big[3 + b, i])
-            m += t * big[3 + b, i]
-            for c in range(3):
-                w = t * trans[3 + c, i] / 3.0
-                e += w * (lam[3 + b] * lam[3 + c] - big[3 + b, 3 + c])
-                m += w * big[3 + b, 3 + c]
-        slope[GYRO] += q * e
-        info[GYRO] += 2.0 * (q * m) ** 2
+        for b in range(to, first):
+            t = trans[b, i]
+            e += t * (lam[b] * lam[i] - big[b, i])
+            m += t * big[b, i]
+            for c in range(to, first):
+                w = t * trans[c, i] / 3.0
+                e += w * (lam[b] * lam[c] - big[b, c])
+                m += w * big[b, c]
+        slope[level] += q * e
+        info[level] += 2.0 * (q * m) ** 2

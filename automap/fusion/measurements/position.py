@@ -41,6 +41,19 @@ def position_errors(
     return sd, white
 
 
+def lasting_share(options: FusionOptions, factors: Mapping[str, float]) -> FloatArray:
+    """Sigma NED [3] of the errors that last for seconds and minutes, as a share of the accuracy
+    that fixes state; ``factors`` on their sizes by level, 1 for one that is missing."""
+    slow, quick = _lasting(options, factors)
+    return np.hypot(slow, quick)
+
+
+def _lasting(options: FusionOptions, factors: Mapping[str, float]) -> tuple[FloatArray, float]:
+    level, down = (factors.get(name, 1.0) for name in ("wander", "wander_v"))
+    quick = options.multipath_share * factors.get("multipath", 1.0)
+    return options.wander_share * np.array([level, level, down]), quick
+
+
 def unseen_errors(
     stated_sd: FloatArray, options: FusionOptions, factors: Mapping[str, float]
 ) -> FloatArray:
@@ -51,13 +64,9 @@ def unseen_errors(
     the ``factors`` on what does show, for errors of minutes and of hours have one cause; and never
     less than what the statement leaves where a drive shows less than was stated.
     """
-    slow = options.wander_share * np.array(
-        [factors["wander"], factors["wander"], factors["wander_v"]]
-    )
-    quick = options.multipath_share * factors["multipath"]
-    white = options.white_share * np.array(
-        [factors["position_h"], factors["position_h"], factors["position_v"]]
-    )
+    slow, quick = _lasting(options, factors)
+    level, down = (factors.get(name, 1.0) for name in ("position_h", "position_v"))
+    white = options.white_share * np.array([level, level, down])
     left = 1.0 - slow**2 - quick**2 - white**2
     grown = options.bias_share * slow / options.wander_share
     return stated_sd * np.sqrt(np.maximum(left, grown**2))
