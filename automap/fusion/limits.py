@@ -352,3 +352,7 @@ SLOPE_CORRELATION = 0.5
 SLOPE_OFF = 0.25
 """A slope further from one, beyond its own sigma, is none of an IMU's scale errors. Chosen: the
 receiver's low-pass takes a tenth off quick changes."""
+LAG_SIGMAS = 3.0
+"""A lag counts where chance does not make it: once in four hundred drives."""
+GAP_STEPS = 2.5
+"""Across so many steps of the fixes no velocity is taken for the one between: two are missing."""

@@ -28,7 +28,7 @@ from automap.fusion.doubts.outcome import refused, unsure_path, weak_heading
 from automap.fusion.doubts.path import Misses, contradicted, fix_misses, local_error, spans_of
 from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
-from automap.fusion.doubts.receiver import receiver_doubts
+from automap.fusion.doubts.receiver import dated_velocities, receiver_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.nodes import as_shown, model_fixes
@@ -72,8 +72,9 @@ def weigh(
     speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
     told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
     fix_s = np.asarray((clock.t_ns(fixes.gps_s[told]) - int(imu.t_ns[0])) * 1e-9)
+    of_receiver = receiver_doubts(receiver, float(path.gps_s[0]))
     reasons = [
-        *receiver_doubts(receiver, float(path.gps_s[0])),
+        *of_receiver,
         *reading_doubts(imu, np.interp(imu.t_ns, path.t_ns, speed)),
         *turn_doubts(imu, result.mounting.matrix, fix_s, fixes.vel_ned[told]),
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed))),
@@ -90,15 +91,17 @@ def weigh(
     off, share = _off_the_fixes(misses, options.wander_tau_s)
     reasons += off
     try:
-        alone = smooth_fixes(fixes, clock, options)
+        alone = smooth_fixes(dated_velocities(fixes, receiver), clock, options)
     except InputError:
         alone = None
     blamed = any(reason.inertial for reason in reasons)
     if alone is not None and share > (limits.BLAMED_SHARE if blamed else limits.WORSE_SHARE):
-        beside = _off_the_fixes(fix_misses(alone, model), options.wander_tau_s)
-        if beside[1] < limits.AGREEING_SHARE:
+        beside = fix_misses(alone, model)
+        own, left = _off_the_fixes(beside, options.wander_tau_s)
+        if left < limits.AGREEING_SHARE:
             reasons = [_worse(share), *reasons]
-            widened = widen(alone, beside[0], fix_misses(alone, model), None)
+            # what speaks against the IMU's path leaves that of the fixes as it is
+            widened = widen(alone, [*of_receiver, *own], beside, None)
             return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
     widened = widen(path, reasons, misses, alone)
     return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened)

@@ -19,12 +19,12 @@ from automap.fusion.doubts.outcome import refused, unsure_path, weak_heading
 from automap.fusion.doubts.path import Misses, contradicted, local_error, spans_of
 from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, verdict_of
-from automap.fusion.doubts.receiver import receiver_doubts
+from automap.fusion.doubts.receiver import dated_velocities, receiver_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.output import Innovations
 from automap.fusion.verdict import widen
-from automap.records import FloatArray, ImuData, Trajectory
-from automap.sync.path_match import Match
+from automap.records import Fixes, FloatArray, ImuData, Trajectory
+from automap.sync.path_match import Estimate, Match
 from automap.sync.velocity_consistency import Interval, VelocityConsistency
 
 TAU_S = 60.0
@@ -366,3 +366,29 @@ def test_what_was_left_out_widens_nothing() -> None:
     none = misses_of(np.zeros((0, 3)))
     wide = widen(path, [Reason("a", "", handled=True)], none, alone)
     assert np.array_equal(wide.sd_pos_ned, path.sd_pos_ned)
+
+
+def test_velocities_are_taken_from_when_they_were_told() -> None:
+    t = np.arange(0.0, 200.0)
+    late = Match(speed_lag_s=Estimate(0.3, 0.02), course_lag_s=Estimate(0.6, 0.02))
+    course, speed = (lambda s: 0.5 * np.sin(s / 12.0)), (lambda s: 10.0 + 3.0 * np.sin(s / 9.0))
+    told = np.stack([np.cos(course(t - 0.6)), np.sin(course(t - 0.6)), 0.0 * t], axis=1)
+    velocity = told * speed(t - 0.3)[:, None]
+    velocity[50:60] = np.nan
+    n = len(t)
+    nothing, whole = np.full(n, np.nan), np.full(n, -1)
+    fixes = Fixes(
+        *(1e9 + t, nothing, nothing, nothing, velocity, np.full((n, 3), np.nan)),
+        *(np.full((n, 3), np.nan), np.full(n, 3), whole, nothing, nothing, whole, whole),
+    )
+    moved = dated_velocities(fixes, consistency(match=late)).vel_ned
+    true = np.stack([np.cos(course(t)), np.sin(course(t))], axis=1) * speed(t)[:, None]
+    known = np.isfinite(moved[:, 0])
+    assert not known[49:60].any()
+    assert not known[-1]
+    assert known.sum() == n - 12
+    assert np.abs(moved[known, :2] - true[known]).max() < 0.05
+    assert np.abs(velocity[known, :2] - true[known]).max() > 0.2
+    # what chance makes of a lag is none
+    unsure = Match(speed_lag_s=Estimate(0.1, 0.05), course_lag_s=None)
+    assert dated_velocities(fixes, consistency(match=unsure)) is fixes

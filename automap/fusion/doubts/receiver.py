@@ -30,6 +30,33 @@ def usable_fixes(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     )
 
 
+def dated_velocities(fixes: Fixes, found: VelocityConsistency) -> Fixes:
+    """Fixes whose speeds and courses are those of the positions' instants, for a smoother that
+    knows no lag: each is taken from as much later as the receiver told it late.
+
+    A velocity is unknown where there is none within reach to take it from.
+    """
+    speed_lag, course_lag = (
+        lag.value if lag is not None and abs(lag.value) > limits.LAG_SIGMAS * lag.sd else 0.0
+        for lag in (found.match.speed_lag_s, found.match.course_lag_s)
+    )
+    told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1) & np.isfinite(fixes.gps_s)
+    rows = np.flatnonzero(told)
+    rows = rows[np.argsort(fixes.gps_s[rows], kind="stable")]
+    if len(rows) < 2 or speed_lag == course_lag == 0.0:
+        return fixes
+    t, velocity = fixes.gps_s[rows], fixes.vel_ned.copy()
+    north, east = velocity[rows, 0], velocity[rows, 1]
+    speed = np.interp(t + speed_lag, t, np.hypot(north, east))
+    course = np.interp(t + course_lag, t, np.unwrap(np.arctan2(east, north)))
+    velocity[rows, 0], velocity[rows, 1] = speed * np.cos(course), speed * np.sin(course)
+    latest = t + max(speed_lag, course_lag)
+    after = np.clip(np.searchsorted(t, latest), 1, len(t) - 1)
+    far = (latest > t[-1]) | (t[after] - t[after - 1] > limits.GAP_STEPS * np.median(np.diff(t)))
+    velocity[rows[far], :2] = np.nan
+    return replace(fixes, vel_ned=velocity)
+
+
 def receiver_doubts(found: VelocityConsistency, start_gps_s: float) -> list[Reason]:
     """Reasons of a receiver that contradicts itself; ``start_gps_s`` of the path's first row.
 

@@ -78,6 +78,7 @@ def _take_finished(context: StageContext) -> None:
 
 
 def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None:
+    from automap.fusion.doubts.receiver import dated_velocities
     from automap.fusion.gnss_only import smooth_fixes
     from automap.fusion.verdict import weigh_alone
     from pipeline.run.fusion_inputs import read_usable_fixes
@@ -89,7 +90,7 @@ def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None
     )
     fixes, receiver = read_usable_fixes(context.out)
     options, presets = fusion_options(context.drive, context.settings.fuse)
-    trajectory = smooth_fixes(fixes, clock, options)
+    trajectory = smooth_fixes(dated_velocities(fixes, receiver), clock, options)
     weighed = weigh_alone(trajectory, fixes, options, receiver)
     _write_trajectory(context, weighed.trajectory, names.TRAJECTORY)
     context.verdict = weighed.verdict.as_dict()
