@@ -40,7 +40,8 @@ from automap.fusion.problem import (
     run_dense,
 )
 from automap.fusion.screening import screen_fixes
-from automap.fusion.standstill import find_standstill, rest_gyro_bias
+from automap.fusion.standstill import find_standstill, rest_gyro_bias, unmoved
+from automap.fusion.unusable_readings import bridge_unusable, told_unusable
 from automap.fusion.wheels import Wheels, prepare_wheels
 from automap.records import (
     ClockModel,
@@ -139,6 +140,8 @@ def fuse_imu_gnss(
     if len(imu) < 10:
         raise InputError(f"the IMU recording has only {len(imu)} usable samples; record longer")
     base_ns = int(imu.t_ns[0])
+    bridged = bridge_unusable(imu)
+    imu = bridged.imu
     fix_t = (clock.t_ns(fixes.gps_s) - base_ns) * 1e-9
     model = model_fixes(fixes, np.asarray(fix_t), options)
     screened = screen_fixes(model, options.wander_tau_s)
@@ -153,7 +156,7 @@ def fuse_imu_gnss(
         )
     speed_t, speed, speed_sd = fix_speed(model)
     standstill = find_standstill(t_imu - delay.mean, imu.gyro, imu.accel, speed_t, speed, speed_sd)
-    standstill = [(a + delay.mean, b + delay.mean) for a, b in standstill]
+    standstill = unmoved([(a + delay.mean, b + delay.mean) for a, b in standstill], model)
     rest_bias = rest_gyro_bias(t_imu, imu.gyro, standstill)
     means = {DELAY_STATE: delay.mean}
     sds = {DELAY_STATE: delay.sd}
@@ -172,7 +175,8 @@ def fuse_imu_gnss(
         effects = (*effects, *(e for e in _OF_WHEELS if e not in effects))
     options = replace(options, effects=effects)
     session = Session(imu, model, options, standstill, means, sds, span, readings)
-    warnings: list[str] = [] if wheels is None else list(wheels.warnings)
+    session = replace(session, bridged_s=bridged.stretch_s if bridged.stretch_s.any() else None)
+    warnings = [*told_unusable(bridged), *(wheels.warnings if wheels else ())]
     if screened.n_outliers:
         warnings.append(
             f"{screened.n_outliers} fixes lie up to {screened.largest_m:.0f} m off the path that "

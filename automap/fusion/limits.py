@@ -192,6 +192,15 @@ LEAST_SHOCK_RATIO = 4.0
 HALF_STEP_S = 0.05
 """Rates of change are taken over twice this time: vibration is no motion of the vehicle."""
 
+WILD_WINDOW_S = 0.5
+"""A wild reading is compared with the median over so much: bursts of up to half of it are found."""
+USUAL_READINGS_PERCENT, WILD_RATIO = 99.0, 30.0
+"""Off by this many times what one reading in a hundred is off by. Of shocks whose sizes have a tail
+as heavy as 1/x^3, which is that of potholes and joints, one in three million is."""
+FROZEN_READINGS_S = 0.5
+"""Six readings that do not change by a digit for so long were not read: one axis that stays on
+its digit half the time does so for all of five samples once in 2^30."""
+
 # start
 
 N_HEADINGS = 12

@@ -43,7 +43,8 @@ class Session:
     """What stays the same over the passes of one run.
 
     ``means`` and ``sds`` are priors by parameter name, ``standstill`` intervals and ``span`` in
-    s from the first sample, which was taken ``begin_s`` into the drive.
+    s from the first sample, which was taken ``begin_s`` into the drive; ``bridged_s`` [n] how long
+    the stretch of readings is that was replaced at a sample, s.
     """
 
     imu: ImuData
@@ -55,6 +56,7 @@ class Session:
     span: tuple[float, float]
     odometer: Odometer | None = None
     begin_s: float = 0.0
+    bridged_s: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ def problem_of(session: Session) -> Problem:
         along = np.interp(t_imu, speed_t, speed)
     named = [*(t.extra or "" for t in model.terms), *model.signals]
     signals = session_signals(session) if any(is_users(name) for name in named) else None
-    return make_problem(session.imu, model, session.options, along, signals)
+    return make_problem(session.imu, model, session.options, along, signals, session.bridged_s)
 
 
 def nodes_of(

@@ -21,6 +21,7 @@ from automap.fusion.resample import states_at
 from automap.fusion.shocks import shock_noise
 from automap.fusion.stamp_error import reported_rows
 from automap.fusion.steady_rate import steady_rate
+from automap.fusion.unusable_readings import bridge_noise
 from automap.gates import gate
 from automap.records import FloatArray, ImuData
 
@@ -113,9 +114,10 @@ def make_problem(
     options: FusionOptions,
     speed: FloatArray | None = None,
     signals: Signals | None = None,
+    bridged_s: FloatArray | None = None,
 ) -> Problem:
     """Problem of a recording; ``speed`` [n] m/s feeds effects that grow with it, ``signals`` [n]
-    those of users."""
+    those of users; ``bridged_s`` [n] s is the length of the replaced stretch at a sample."""
     from scipy.ndimage import uniform_filter1d
 
     t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)
@@ -127,6 +129,8 @@ def make_problem(
     width = max(2 * round(0.5 * FORCE_WINDOW_S / step) + 1, 1)
     force = uniform_filter1d(imu.accel, width, axis=0, mode="nearest")
     shocks = shock_noise(readings, step) if options.shocks else np.zeros((len(t), 2))
+    if bridged_s is not None:
+        shocks = shocks + bridge_noise(bridged_s, options.gap_force_sd, options.gap_rate_sd)
     calm = steady_rate(t, imu.gyro) - raw[:, :3] if options.calm_rates else np.zeros((len(t), 3))
     samples = Samples(
         t, raw, np.ascontiguousarray(extra), np.ascontiguousarray(force), calm, shocks

@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.earth import metres_per_radian
 from automap.fusion import limits
-from automap.gates import sigmas
+from automap.fusion.layout import HAS_POS_H
+from automap.fusion.nodes import FixModel
+from automap.gates import gate, sigmas
 from automap.records import FloatArray
 
 
@@ -59,6 +62,37 @@ def find_standstill(
         a, b = float(t[start]) + half, float(t[stop - 1]) - half
         if b - a >= limits.LEAST_STANDSTILL_S - 2.0 * half:
             out.append((a, b))
+    return out
+
+
+def unmoved(standstill: list[tuple[float, float]], fixes: FixModel) -> list[tuple[float, float]]:
+    """The intervals over which positions stay: a speed of zero alone may be a log's.
+
+    The ends of an interval are compared by the means of their fixes' quarter.
+    """
+    has = (fixes.flags & HAS_POS_H) > 0
+    t, values = fixes.t[has], fixes.values[has]
+    limit = gate(limits.MOVES_PROBABILITY, 2)
+    out = []
+    for start, stop in standstill:
+        inside = (t >= start) & (t <= stop)
+        n = int(inside.sum())
+        if n >= 2:
+            part = max(n // 4, 1)
+            rows = np.flatnonzero(inside)
+            first, last = (
+                values[rows[:part], :2].mean(axis=0),
+                values[rows[-part:], :2].mean(axis=0),
+            )
+            north, east = metres_per_radian(first[:1], values[rows[:1], 2])
+            moved = (last - first) * [float(north[0]), float(east[0])]
+            sd = np.sqrt(
+                fixes.white_var[has][rows, :2].max(axis=0)
+                + fixes.stated_sd[has][rows, :2].max(axis=0) ** 2
+            )
+            if float((moved**2 / (2.0 * sd**2)).sum()) > limit:
+                continue
+        out.append((start, stop))
     return out
 
 

@@ -1,0 +1,109 @@
+"""Inertial readings that cannot be: single wild ones, and ones that do not change in time.
+
+They are bridged by the readings beside them, and the filter takes what lies between as unknown: a
+gap inside the recording.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from automap.fusion import limits
+from automap.records import BoolArray, FloatArray, ImuData
+
+
+@dataclass(frozen=True)
+class Bridged:
+    """A recording whose unusable readings are replaced: ``imu``, how long each replaced stretch is
+    at its samples, ``stretch_s`` [n] s, zero elsewhere, and what was found: instants of the wild
+    readings [w] and intervals (start, stop) of frozen ones, s from the first sample."""
+
+    imu: ImuData
+    stretch_s: FloatArray
+    wild_s: FloatArray
+    frozen: list[tuple[float, float]]
+
+
+def bridge_unusable(imu: ImuData) -> Bridged:
+    """Replace wild and frozen readings by lines between their good neighbours."""
+    t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)
+    readings = np.concatenate([imu.gyro, imu.accel], axis=1)
+    frozen = _frozen(t, readings)
+    wild = _wild(t, readings, ~frozen)
+    bad = wild | frozen
+    stretch = np.zeros(len(t))
+    if not bad.any() or bad.all():
+        return Bridged(imu, stretch, t[:0], [])
+    good = ~bad
+    filled = np.stack([np.interp(t, t[good], column[good]) for column in readings.T], axis=1)
+    for first, stop in _runs(bad):
+        before, after = max(first - 1, 0), min(stop, len(t) - 1)
+        stretch[before:after] = t[after] - t[before]
+    intervals = [(float(t[a]), float(t[b - 1])) for a, b in _runs(frozen)]
+    bridged = replace(imu, gyro=filled[:, :3], accel=filled[:, 3:])
+    return Bridged(bridged, stretch, t[wild], intervals)
+
+
+def bridge_noise(stretch_s: FloatArray, force_sd: float, rate_sd: float) -> FloatArray:
+    """PSD [n, 2] of force and rate across bridges: errors of one sigma ``force_sd`` m/s^2 and
+    ``rate_sd`` rad/s that last as long as the bridge."""
+    return np.asarray(stretch_s[:, None] * np.array([force_sd, rate_sd]) ** 2)
+
+
+def told_unusable(bridged: Bridged) -> list[str]:
+    """What was wrong with the readings, a sentence each."""
+    out = []
+    if len(bridged.wild_s):
+        out.append(
+            f"{len(bridged.wild_s)} readings of the IMU are far beyond all others (the first "
+            f"{bridged.wild_s[0]:.1f} s after its start); they were bridged"
+        )
+    if bridged.frozen:
+        longest = max(stop - start for start, stop in bridged.frozen)
+        out.append(
+            f"the IMU repeats its readings, the longest time for {longest:.1f} s (first "
+            f"{bridged.frozen[0][0]:.1f} s after its start); they were bridged like a gap"
+        )
+    return out
+
+
+def _wild(t: FloatArray, readings: FloatArray, known: BoolArray) -> BoolArray:
+    """Readings far off the median of their neighbourhood, by what the drive's others are off."""
+    from scipy.ndimage import median_filter
+
+    out = np.zeros(len(t), dtype=bool)
+    step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    width = max(2 * round(0.5 * limits.WILD_WINDOW_S / step) + 1, 5)
+    if len(t) < width:
+        return out
+    for sensor in (slice(0, 3), slice(3, 6)):
+        part = readings[:, sensor]
+        # the largest axis alone is looked at again: medians are dear
+        off = np.abs(part - part[:-1:width].mean(axis=0))
+        usual = float(np.percentile(off[known].max(axis=1), limits.USUAL_READINGS_PERCENT))
+        suspect = np.flatnonzero(off.max(axis=1) > limits.WILD_RATIO * usual)
+        if len(suspect):
+            away = np.abs(part - median_filter(part, size=(width, 1), mode="nearest")).max(axis=1)
+            usual = float(np.percentile(away[known], limits.USUAL_READINGS_PERCENT))
+            out |= away > limits.WILD_RATIO * max(usual, float(np.finfo(np.float32).tiny))
+    return out
+
+
+def _frozen(t: FloatArray, readings: FloatArray) -> BoolArray:
+    """Readings that repeat all six values for longer than noise allows."""
+    same = np.zeros(len(t), dtype=bool)
+    same[1:] = (readings[1:] == readings[:-1]).all(axis=1)
+    out = np.zeros(len(t), dtype=bool)
+    for first, stop in _runs(same):
+        if t[stop - 1] - t[first - 1] >= limits.FROZEN_READINGS_S:
+            # the first of them may have been read
+            out[first:stop] = True
+    return out
+
+
+def _runs(mask: BoolArray) -> list[tuple[int, int]]:
+    """First and one past the last index of each stretch that is set."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
