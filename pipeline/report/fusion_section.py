@@ -21,8 +21,11 @@ _NOISE = {
     "velocity_v": ("GPS velocity, vertical", "what the receiver states"),
     "accel_bias_walk": ("accelerometer drift", "the setting"),
     "gyro_bias_walk": ("gyro drift", "the setting"),
-    "wander": ("slow error of GPS positions", "what the receiver states"),
-    "wander_tau": ("its correlation time", "the setting"),
+    "wander": ("slow error of GPS positions, horizontal", "what the receiver states"),
+    "wander_v": ("slow error of GPS positions, vertical", "what the receiver states"),
+    "multipath": ("GPS position error of seconds", "what the receiver states"),
+    "velocity_wander": ("GPS velocity error of seconds", "the setting"),
+    "wander_tau": ("correlation time of the slow error", "the setting"),
 }
 _METHODS = {
     "none": "There was neither a usable IMU nor a usable receiver log: there is no path.",

@@ -1,0 +1,84 @@
+"""What a drive cannot tell stays in the path's sigma: lasting biases, arms that nobody stated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from automap.fusion import limits
+from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
+from automap.fusion.levels import ALL_LEVELS
+from automap.fusion.measurements.position import unseen_errors
+from automap.fusion.options import FusionOptions
+from automap.records import FloatArray
+from tests.unit.fusion_drive import CLOCK, Receiver, Sensor, city_drive, receive, record
+
+OPTIONS = FusionOptions()
+STATED = np.array([[1.0, 2.0, 3.0], [4.0, 4.0, 4.0]])
+LEVER = np.array([0.9, -0.6, -1.4])
+METRES = Receiver(lever=tuple(LEVER))
+CENTIMETRES = Receiver(wander=(0.006,) * 3, white=(0.012,) * 3, lever=tuple(LEVER))
+
+
+def _factors(**given: float) -> dict[str, float]:
+    return dict.fromkeys(ALL_LEVELS, 1.0) | given
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.1, 0.5, 1.0])
+def test_where_a_drive_shows_less_than_was_stated_the_rest_is_unseen(factor: float) -> None:
+    """White, quick, slow and unseen parts together are never less than the statement."""
+    levels = ("wander", "wander_v", "multipath", "position_h", "position_v")
+    unseen = unseen_errors(STATED, OPTIONS, _factors(**dict.fromkeys(levels, factor)))
+    shares = (OPTIONS.wander_share, OPTIONS.multipath_share, OPTIONS.white_share)
+    seen = STATED * factor * np.linalg.norm(shares)
+    assert (np.hypot(unseen, seen) >= STATED * (1.0 - 1e-12)).all()
+    if factor < 1.0:
+        assert np.hypot(unseen, seen) == pytest.approx(STATED)
+        assert (unseen > OPTIONS.bias_share * STATED).all()
+
+
+def test_what_is_unseen_grows_with_what_is_seen() -> None:
+    """Errors of minutes and of hours have one cause: three times the one, three times the other."""
+    grown = unseen_errors(STATED, OPTIONS, _factors(wander=3.0, wander_v=5.0))
+    assert grown == pytest.approx(OPTIONS.bias_share * STATED * [3.0, 3.0, 5.0])
+    # noise that is gone from one fix to the next is no sign of a bias
+    noisy = unseen_errors(STATED, OPTIONS, _factors(position_h=5.0, position_v=5.0, multipath=4.0))
+    assert noisy == pytest.approx(OPTIONS.bias_share * STATED)
+
+
+def test_levels_of_the_height_are_its_own() -> None:
+    down = unseen_errors(STATED, OPTIONS, _factors(wander_v=4.0))
+    plain = unseen_errors(STATED, OPTIONS, _factors())
+    assert down[:, :2] == pytest.approx(plain[:, :2])
+    assert (down[:, 2] > 3.0 * plain[:, 2]).all()
+
+
+def _fused(receiver: Receiver, arm: FloatArray | None) -> FusionResult:
+    motion = city_drive(70.0, 4)
+    imu, fixes = record(motion, Sensor(), 2), receive(motion, receiver, 3)
+    return fuse_imu_gnss(imu, fixes, CLOCK, OPTIONS, Prior(0.0, 0.1), lever_arm=arm)
+
+
+def _arm(result: FusionResult) -> tuple[FloatArray, FloatArray]:
+    rows = [result.parameters.names.index(f"gnss_lever_arm_{a}") for a in "xyz"]
+    return result.parameters.values[-1, rows], result.parameters.sd[-1, rows]
+
+
+def test_fixes_of_metres_tell_no_arm_and_the_path_is_less_sure_for_it() -> None:
+    unknown, stated = _fused(METRES, None), _fused(METRES, LEVER)
+    assert not any("gnss_lever_arm" in name for name in unknown.parameters.names)
+    assert _arm(stated)[0] == pytest.approx(LEVER, abs=0.1)
+    sd = unknown.trajectory.sd_pos_ned
+    bias = unseen_errors(np.array([METRES.wander]), OPTIONS, unknown.noise_factors)
+    assert (sd > np.hypot(bias, limits.UNKNOWN_ARM_SD_M)).all()
+    assert (
+        stated.trajectory.sd_pos_ned
+        > 0.95 * unseen_errors(np.array([METRES.wander]), OPTIONS, stated.noise_factors)
+    ).all()
+
+
+def test_fixes_of_centimetres_tell_the_arm() -> None:
+    value, sd = _arm(_fused(CENTIMETRES, None))
+    assert (np.abs(value - LEVER)[:2] < 4.0 * sd[:2]).all()
+    assert np.abs(value - LEVER)[:2].max() < 0.15
+    assert sd[:2].max() < 0.1
