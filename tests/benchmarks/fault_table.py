@@ -106,7 +106,7 @@ def main() -> int:
     skipped = [(*c, row) for c in cases if isinstance(row := done[c], str)]
     (args.out / "table.md").write_text(markdown(rows, skipped), encoding="utf-8")
     if args.docs:
-        (PROJECT / "docs" / "faults.md").write_text(page(rows, skipped), encoding="utf-8")
+        (PROJECT / "docs" / "faults.md").write_text(page(rows, skipped, version), encoding="utf-8")
     print()
     for row in rows:
         print("  ".join(cells_of(row)))

@@ -120,11 +120,12 @@ def markdown(rows: Sequence[Row], skipped: Sequence[tuple[str, str, str]]) -> st
     return "\n".join(lines) + "\n"
 
 
-def page(rows: Sequence[Row], skipped: Sequence[tuple[str, str, str]]) -> str:
-    """The page of the documentation."""
+def page(rows: Sequence[Row], skipped: Sequence[tuple[str, str, str]], version: str) -> str:
+    """The page of the documentation; ``version`` the digest of the code that ran."""
     what = ["## What is put in", "", "| fault | what |", "|---|---|"]
     for fault in FAULTS.values():
         note = f" (nothing in the recording shows it: {fault.beyond})" if fault.beyond else ""
         what.append(f"| {fault.name} | {fault.what}{note} |")
-    result = ["", "## What comes out", "", markdown(rows, skipped)]
+    made = f"Made with the code whose digest (`code_version` of the benchmarks) is `{version}`."
+    result = ["", "## What comes out", "", made, "", markdown(rows, skipped)]
     return INTRODUCTION + "\n" + "\n".join(what) + "\n" + "\n".join(result)
