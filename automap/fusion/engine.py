@@ -41,6 +41,7 @@ from automap.fusion.problem import (
 )
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, unmoved
+from automap.fusion.tuning import shown_at_least
 from automap.fusion.unusable_readings import bridge_unusable, told_unusable
 from automap.fusion.wheels import Wheels, prepare_wheels
 from automap.records import (
@@ -210,6 +211,12 @@ def fuse_imu_gnss(
         session, start, constrained=True, progress=lambda text: progress(0.5, text)
     )
     margin = min(margin, found.margin)
+    if last.tuned is not None and not last.tuned.better:
+        warnings.append(
+            "tuning found no better noise levels: on the half of the drive that they were not "
+            f"found on they explain the measurements by {-last.tuned.gain:.0f} nats worse; the "
+            "levels of a plain run stay"
+        )
     progress(0.8, "writing the trajectory at IMU rate")
     outcome = _collect(last, int(imu.t_ns[0]), screened.outliers)
     del last, found
@@ -297,6 +304,7 @@ class _Outcome:
     filtered_parameters: ParameterHistory
     innovations: Innovations
     factors: dict[str, float]
+    shown: dict[str, float]
 
 
 def _collect(last: Pass, base_ns: int, outliers: IntArray) -> _Outcome:
@@ -310,6 +318,7 @@ def _collect(last: Pass, base_ns: int, outliers: IntArray) -> _Outcome:
         filter_history(last.problem, last.forward, base_ns, last.shift),
         innovations(last.forward, base_ns, outliers),
         last.factors,
+        shown_at_least(last.factors, last.untuned),
     )
 
 
@@ -335,7 +344,7 @@ def _assemble(
         sd[1:] = np.maximum(sd[1:], limits.KNOWN_FORWARD_SD)
     total = turn @ mounting.matrix
 
-    unseen = unseen_errors(outcome.nodes.stated_sd, session.options, outcome.factors)
+    unseen = unseen_errors(outcome.nodes.stated_sd, session.options, outcome.shown)
     if unknown_arm:
         unseen = np.hypot(unseen, limits.UNKNOWN_ARM_SD_M)
 

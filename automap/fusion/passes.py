@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,10 +11,10 @@ from automap.effects import Signals
 from automap.effects.signals import signals_of_readings
 from automap.effects.user import is_users
 from automap.fusion import limits
-from automap.fusion.adapt import COARSE, FINE, adapt_noise, refine_noise, scale_nodes, scale_problem
+from automap.fusion.adapt import COARSE, adapt_noise, refine_noise, scale_nodes, scale_problem
 from automap.fusion.alignment import Alignment, align
 from automap.fusion.layout import HAS_VEL_H
-from automap.fusion.levels import LEVELS, RUN_LEVELS, SLOPED_LEVELS
+from automap.fusion.levels import LEVELS
 from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.model import StateModel, build_state_model
 from automap.fusion.nodes import FixModel, Nodes, Shift, build_nodes
@@ -35,6 +35,7 @@ from automap.fusion.problem import (
     make_problem,
 )
 from automap.fusion.sections import filter_and_smooth
+from automap.fusion.tuning import Tuned, tune_noise
 from automap.records import FloatArray, ImuData
 
 
@@ -63,7 +64,8 @@ class Session:
 class Pass:
     """One pass: the filter's run over the nodes and its smoothed form.
 
-    ``shift`` the delays that the nodes' times contain, ``factors`` on the noise levels.
+    ``shift`` the delays that the nodes' times contain, ``factors`` on the noise levels,
+    ``untuned`` those before they were ``tuned``.
     """
 
     problem: Problem
@@ -72,6 +74,8 @@ class Pass:
     smooth: SmoothRun
     shift: Shift
     factors: dict[str, float]
+    tuned: Tuned | None = None
+    untuned: Mapping[str, float] = field(default_factory=dict)
 
     def totals(self) -> dict[str, float]:
         """Final values of all parameters by name, what the times contain included."""
@@ -166,6 +170,8 @@ def run_passes(
     factors = dict.fromkeys(LEVELS, 1.0) | dict(options.factors)
     problem = scale_problem(base, factors)
     last: Pass | None = None
+    tuned: Tuned | None = None
+    untuned: dict[str, float] = {}
     relinearised = 0
     for number in range(max(options.passes, 2 + options.iterations)):
         nodes = nodes_of(session, problem, shift, speed_t, speed, constrained)
@@ -174,8 +180,7 @@ def run_passes(
             found = align(problem, session.fixes, nodes, bias, shift)
             start, margin = found.start, found.margin
         elif number == 1 and (options.adapt or options.tune):
-            search = FINE if options.tune and constrained else COARSE
-            factors = adapt_noise(base, nodes, start, shift, factors, search, progress)
+            factors = adapt_noise(base, nodes, start, shift, factors, COARSE, progress)
             problem = scale_problem(base, factors)
         plain, nodes = nodes, scale_nodes(nodes, factors)
         linearised_at = None
@@ -189,8 +194,10 @@ def run_passes(
             linearised_at = linearisation_states(problem, smoothed, nodes, before, shift)
             del smoothed
             if relinearised == 0 and (options.adapt or options.tune):
-                levels = SLOPED_LEVELS if options.tune else RUN_LEVELS
-                factors = refine_noise(base, plain, start, shift, linearised_at, factors, levels)
+                factors = refine_noise(base, plain, start, shift, linearised_at, factors)
+                if options.tune and constrained:
+                    tuned = tune_noise(base, plain, start, shift, linearised_at, factors, progress)
+                    untuned, factors = factors, tuned.factors
                 problem, nodes = scale_problem(base, factors), scale_nodes(plain, factors)
             relinearised += 1
         last = None
@@ -200,7 +207,7 @@ def run_passes(
             problem, nodes, start, shift, linearised_at=linearised_at, with_cov=final
         )
         del linearised_at
-        last = Pass(problem, nodes, forward, smooth, shift, factors)
+        last = Pass(problem, nodes, forward, smooth, shift, factors, tuned, untuned)
         del forward
         # begin again at the smoothed start, as unsure as before: only the linearisation gains
         start = Start(smooth.nominal[0].copy(), start.sd)

@@ -18,6 +18,7 @@ from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import PathStates, Problem, Start, make_problem
 from automap.fusion.sections import filter_and_smooth
+from automap.fusion.tuning import Tuned, shown_at_least, tune_noise
 from tests.unit.fusion_drive import BASE_NS, GPS0, Receiver, Sensor, city_drive, receive, record
 from tests.unit.fusion_problem import make_nodes, true_start
 
@@ -170,3 +171,41 @@ def test_a_step_too_far_is_shortened_by_what_was_found() -> None:
 
     top = climb(steep, dict.fromkeys(LEVELS, 1.0), ("accel",), lambda level: (0.01, 100.0))
     assert np.log(top.factors["accel"]) == pytest.approx(0.1, abs=0.02)
+
+
+def _tuned(drive: tuple[Problem, Nodes, Start], nodes: Nodes, begin: dict[str, float]) -> Tuned:
+    problem, _, start = drive
+    _, smooth = filter_and_smooth(problem, nodes, start, Shift())
+    about = PathStates(smooth.nominal, smooth.params)
+    return tune_noise(problem, nodes, start, Shift(), about, begin)
+
+
+def test_tuned_levels_are_kept_where_the_other_half_of_the_drive_wants_them(
+    drive: tuple[Problem, Nodes, Start],
+) -> None:
+    tuned = _tuned(drive, drive[1], dict.fromkeys(LEVELS, 1.0))
+    assert tuned.better
+    assert tuned.gain > 100.0
+    assert tuned.factors["velocity_h"] == pytest.approx(OFF, rel=0.3)
+
+
+def test_tuned_levels_are_dropped_where_the_other_half_contradicts_them(
+    drive: tuple[Problem, Nodes, Start],
+) -> None:
+    """Velocities much better than stated in the first half, and as stated in the second."""
+    nodes = drive[1]
+    begin = dict.fromkeys(LEVELS, 1.0) | {"velocity_h": OFF, "velocity_v": OFF, "gyro": OFF}
+    values = nodes.values.copy()
+    rng = np.random.default_rng(2)
+    late = slice(len(nodes.t) // 2, None)
+    values[late, 3:6] += 10.0 * OFF * VELOCITY_SD * rng.standard_normal(values[late, 3:6].shape)
+    begin |= {"velocity_h": 10.0 * OFF, "velocity_v": 10.0 * OFF}
+    tuned = _tuned(drive, replace(nodes, values=values), begin)
+    assert not tuned.better
+    assert tuned.gain < 0.0
+    assert tuned.factors == begin
+
+
+def test_what_tuning_shrinks_of_lasting_errors_is_not_believed() -> None:
+    shown = shown_at_least({"wander": 0.2, "gyro": 0.5}, {"wander": 0.8, "gyro": 1.0})
+    assert shown == {"wander": 0.8, "gyro": 0.5}
