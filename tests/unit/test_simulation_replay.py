@@ -90,18 +90,20 @@ def test_errors_come_back_from_a_replay_along_another_drive() -> None:
 
 def test_a_drives_errors_are_free_of_its_delays_and_have_them_on_the_next() -> None:
     first, second = drive(80.0), drive(-70.0)
-    late = {"gnss_velocity_latency": {"s": 0.4}}
+    late = {"gnss_velocity_latency": {"s": 0.4}, "gnss_course_latency": {"s": 0.3}}
     fixes, _ = receive(first, QUIET, BEGIN, np.random.default_rng(2), late)
     recorded = taken(first, fixes)
     assert recorded.speed_delay_s == pytest.approx(0.4, abs=0.021)
-    assert recorded.course_delay_s == pytest.approx(0.4, abs=0.041)
+    assert recorded.course_delay_s == pytest.approx(0.7, abs=0.041)
     raw = fix_errors(fixes, truth_of(first), NOTHING, with_delays=True)
     moving = np.linalg.norm(first.at(recorded.gps_s - BEGIN).vel_ned, axis=1) > 2.0
     left, whole = (np.sqrt(np.mean(e.velocity[moving] ** 2)) for e in (recorded, raw))
     assert left < 0.15 * whole
     setup = QUIET.model_copy(update={"replay": Replay(errors="made", wrap=True)})
     again, _ = receive(second, setup, BEGIN, np.random.default_rng(3), {}, recorded)
-    assert taken(second, again).speed_delay_s == pytest.approx(0.4, abs=0.041)
+    anew = taken(second, again)
+    assert anew.speed_delay_s == pytest.approx(0.4, abs=0.041)
+    assert anew.course_delay_s == pytest.approx(0.7, abs=0.081)
 
 
 def test_speed_and_course_have_delays_of_their_own() -> None:
