@@ -105,7 +105,8 @@ def command(
     for outcome in outcomes if strict and not dry_run else ():
         state, reasons = verdict_of(outcome)
         if outcome.error is None and state not in ("", "good"):
-            failure = RegressionError(f"{outcome.drive}: the path is {state}: {'; '.join(reasons)}")
+            more = f" ({len(reasons) - 1} more above)" if len(reasons) > 1 else ""
+            failure = RegressionError(f"{outcome.drive}: the path is {state}: {reasons[0]}{more}")
             show_failure(failure, debug_wanted())
             code = max(code, failure.exit_code)
     if as_json:
