@@ -65,6 +65,7 @@ def white_noise(shared_data: Path) -> Comparison:
         gyro_noise=np.radians(0.15) / 60.0,
         accel_bias_walk=0.0,
         gyro_bias_walk=0.0,
+        velocity_wander_sd=0.0,
         gate_probability=1e-12,
     )
     problem = make_problem(imu, build_state_model(options), options)
