@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -134,7 +134,11 @@ def find_camera_gap(
         held_fits.append(after)
         now = best.fit
     now, accepted = _eliminate(now, sd, accepted)
-    found = [(t, r) for t, r in found if t.effect in accepted]
+    found = [
+        (t, tuple(dict.fromkeys([*r, *_stand_ins(now, sd, t.effect, accepted, allowed)])))
+        for t, r in found
+        if t.effect in accepted
+    ]
     held_fits[1:] = [
         _with_values(held, held_sd, now, accepted[: k + 1]) for k in range(len(accepted))
     ]
@@ -187,6 +191,26 @@ def _eliminate(
         if gain(fit, now, effect, others, every) < MIN_NATS:
             now, kept = fit, others
     return now, kept
+
+
+def _stand_ins(
+    now: CameraFit, sd: FloatArray, effect: str, accepted: Sequence[str], allowed: Sequence[str]
+) -> Iterator[str]:
+    """Effects that would do as well in the place of one: when it was accepted, others that go
+    with it were still missing, and the comparison another."""
+    others = [e for e in accepted if e != effect]
+    start = now.common.copy()
+    start[columns_of(effect)] = 0.0
+    fewer = fit_camera(now.boxes, sd, prior_sds(now.boxes, others, FREE_FACTOR), start, now.local)
+
+    def nats(name: str) -> float:
+        prior = prior_sds(now.boxes, [*others, name], FREE_FACTOR)
+        fit = fit_camera(now.boxes, sd, prior, fewer.common, fewer.local)
+        return gain(fewer, fit, name, others, prior) if _possible(fit, name) else -np.inf
+
+    own = nats(effect)
+    close = max(CLOSE_NATS, CLOSE_SHARE * own)
+    yield from (e for e in allowed if e not in accepted and own - nats(e) < close)
 
 
 def _trials(
