@@ -42,7 +42,7 @@ from automap.fusion.problem import (
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, unmoved
 from automap.fusion.tuning import shown_at_least
-from automap.fusion.unusable_readings import bridge_unusable, told_unusable
+from automap.fusion.unusable_readings import Bridged, bridge_unusable
 from automap.fusion.wheels import Wheels, prepare_wheels
 from automap.records import (
     ClockModel,
@@ -104,6 +104,7 @@ class FusionResult:
     n_fixes_used: int
     noise_factors: dict[str, float]
     wheels: WheelResult | None = None
+    bridged: Bridged | None = None
     warnings: list[str] = field(default_factory=list)
 
     @property
@@ -177,7 +178,7 @@ def fuse_imu_gnss(
     options = replace(options, effects=effects)
     session = Session(imu, model, options, standstill, means, sds, span, readings)
     session = replace(session, bridged_s=bridged.stretch_s if bridged.stretch_s.any() else None)
-    warnings = [*told_unusable(bridged), *(wheels.warnings if wheels else ())]
+    warnings = list(wheels.warnings) if wheels else []
     if screened.n_outliers:
         warnings.append(
             f"{screened.n_outliers} fixes lie up to {screened.largest_m:.0f} m off the path that "
@@ -231,7 +232,8 @@ def fuse_imu_gnss(
         delay_is_clock,
         lever_arm is None and not tells_arm,
     )
-    return replace(result, wheels=_wheels_of(wheels, result, delay_is_clock))
+    wheels_found = _wheels_of(wheels, result, delay_is_clock)
+    return replace(result, wheels=wheels_found, bridged=bridged)
 
 
 def _wheels_of(

@@ -194,12 +194,15 @@ HALF_STEP_S = 0.05
 
 WILD_WINDOW_S = 0.5
 """A wild reading is compared with the median over so much: bursts of up to half of it are found."""
+MOST_RATE, MOST_FORCE = 6.0, 100.0
+"""What no sound drive reads, rad/s and m/s^2: a spinning car turns once a second, and a crash
+begins at ten g. Potholes stay below, however smooth the road beside them."""
 USUAL_READINGS_PERCENT, WILD_RATIO = 99.0, 30.0
-"""Off by this many times what one reading in a hundred is off by. Of shocks whose sizes have a tail
-as heavy as 1/x^3, which is that of potholes and joints, one in three million is."""
-FROZEN_READINGS_S = 0.5
-"""Six readings that do not change by a digit for so long were not read: one axis that stays on
-its digit half the time does so for all of five samples once in 2^30."""
+"""Off by this many times what one reading in a hundred is off by: with tails as heavy as 1/x^3,
+which is that of potholes and joints, one reading in three million is. It is another unit else."""
+FROZEN_S = 0.5
+"""Six readings that do not change by a digit for so long were not read: a slow sensor in a quick
+log repeats them for a tenth of a second."""
 
 # start
 
@@ -334,19 +337,11 @@ AGREEING_SHARE = 0.1
 """Chosen: fixes agree with one another where nine in ten lie on their own smoothed path."""
 HELD_S = 5.0
 """Chosen: a receiver without a view repeats its last fix for some seconds, and goes on."""
-FROZEN_S = 0.5
-"""All six readings of a driving car differ from sample to sample; a slow sensor in a quick log
-repeats them for a tenth of a second."""
 FROZEN_AXIS_S = 5.0
 """One coarse axis may rest at a value while others move, for a smooth second."""
 CLIPPED_STEPS = 4
 """So many readings in a row at the very largest size are the end of the range: a peak of coarse
 readings has two or three. Chosen."""
-MOST_RATE, MOST_FORCE = 6.0, 100.0
-"""What no sound drive reads, rad/s and m/s^2: a spinning car turns once a second, and a crash
-begins at ten g."""
-WILD_SHARE = 0.01
-"""More such readings are not wild ones, but another unit."""
 CHANGE_S = 2.0
 """Changes of course and speed are taken over so long: a bend or a stop, and longer than delays."""
 LAG_STEP_S = 0.1

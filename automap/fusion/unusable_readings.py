@@ -52,42 +52,27 @@ def bridge_noise(stretch_s: FloatArray, force_sd: float, rate_sd: float) -> Floa
     return np.asarray(stretch_s[:, None] * np.array([force_sd, rate_sd]) ** 2)
 
 
-def told_unusable(bridged: Bridged) -> list[str]:
-    """What was wrong with the readings, a sentence each."""
-    out = []
-    if len(bridged.wild_s):
-        out.append(
-            f"{len(bridged.wild_s)} readings of the IMU are far beyond all others (the first "
-            f"{bridged.wild_s[0]:.1f} s after its start); they were bridged"
-        )
-    if bridged.frozen:
-        longest = max(stop - start for start, stop in bridged.frozen)
-        out.append(
-            f"the IMU repeats its readings, the longest time for {longest:.1f} s (first "
-            f"{bridged.frozen[0][0]:.1f} s after its start); they were bridged like a gap"
-        )
-    return out
-
-
 def _wild(t: FloatArray, readings: FloatArray, known: BoolArray) -> BoolArray:
-    """Readings far off the median of their neighbourhood, by what the drive's others are off."""
+    """Readings that are no motion of a vehicle, and far off the median of their neighbourhood by
+    what the drive's others are off."""
     from scipy.ndimage import median_filter
 
     out = np.zeros(len(t), dtype=bool)
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     width = max(2 * round(0.5 * limits.WILD_WINDOW_S / step) + 1, 5)
-    if len(t) < width:
+    if len(t) < width or not known.any():
         return out
-    for sensor in (slice(0, 3), slice(3, 6)):
+    for sensor, most in (
+        (slice(0, 3), limits.MOST_RATE),
+        (slice(3, 6), limits.MOST_FORCE),
+    ):
         part = readings[:, sensor]
-        # the largest axis alone is looked at again: medians are dear
-        off = np.abs(part - part[:-1:width].mean(axis=0))
-        usual = float(np.percentile(off[known].max(axis=1), limits.USUAL_READINGS_PERCENT))
-        suspect = np.flatnonzero(off.max(axis=1) > limits.WILD_RATIO * usual)
-        if len(suspect):
+        beyond = np.abs(part).max(axis=1) > most
+        if beyond.any():
             away = np.abs(part - median_filter(part, size=(width, 1), mode="nearest")).max(axis=1)
             usual = float(np.percentile(away[known], limits.USUAL_READINGS_PERCENT))
-            out |= away > limits.WILD_RATIO * max(usual, float(np.finfo(np.float32).tiny))
+            # where they usually are so far off it is another unit
+            out |= beyond & (away > limits.WILD_RATIO * usual)
     return out
 
 
@@ -97,7 +82,7 @@ def _frozen(t: FloatArray, readings: FloatArray) -> BoolArray:
     same[1:] = (readings[1:] == readings[:-1]).all(axis=1)
     out = np.zeros(len(t), dtype=bool)
     for first, stop in _runs(same):
-        if t[stop - 1] - t[first - 1] >= limits.FROZEN_READINGS_S:
+        if t[stop - 1] - t[first - 1] >= limits.FROZEN_S:
             # the first of them may have been read
             out[first:stop] = True
     return out

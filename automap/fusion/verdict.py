@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,16 +29,15 @@ from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
 from automap.fusion.doubts.receiver import dated_velocities, receiver_doubts
 from automap.fusion.doubts.turns import turn_doubts
+from automap.fusion.engine import FusionResult, Prior
 from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import LATENCY_STATE
+from automap.fusion.unusable_readings import bridge_unusable
 from automap.interpolation import poses_at_gps
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import VelocityConsistency
-
-if TYPE_CHECKING:
-    from automap.fusion.engine import FusionResult, Prior
 
 
 @dataclass(frozen=True)
@@ -68,6 +66,7 @@ def weigh(
     ``receiver`` what the fixes as recorded say of each other.
     """
     found = final_estimates(result)
+    bridged = result.bridged or bridge_unusable(imu)
     path = result.trajectory
     speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
     told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
@@ -75,8 +74,8 @@ def weigh(
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]))
     reasons = [
         *of_receiver,
-        *reading_doubts(imu, np.interp(imu.t_ns, path.t_ns, speed)),
-        *turn_doubts(imu, result.mounting.matrix, fix_s, fixes.vel_ned[told]),
+        *reading_doubts(imu, bridged, np.interp(imu.t_ns, path.t_ns, speed)),
+        *turn_doubts(bridged.imu, result.mounting.matrix, fix_s, fixes.vel_ned[told]),
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed))),
         *weak_heading(result.align_margin),
         *impossible_ages(found, delay_is_clock),

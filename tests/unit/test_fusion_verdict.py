@@ -22,6 +22,7 @@ from automap.fusion.doubts.reason import Reason, verdict_of
 from automap.fusion.doubts.receiver import dated_velocities, receiver_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.output import Innovations
+from automap.fusion.unusable_readings import bridge_unusable
 from automap.fusion.verdict import widen
 from automap.records import Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.path_match import Estimate, Match
@@ -219,8 +220,12 @@ def readings(seconds: float = 300.0, rate: float = 100.0, seed: int = 5) -> ImuD
     )
 
 
+def doubts(imu: ImuData, speed: float = 10.0) -> list[Reason]:
+    return reading_doubts(imu, bridge_unusable(imu), np.full(len(imu), speed))
+
+
 def codes(imu: ImuData, speed: float = 10.0) -> list[str]:
-    return [reason.code for reason in reading_doubts(imu, np.full(len(imu), speed))]
+    return [reason.code for reason in doubts(imu, speed)]
 
 
 def test_a_cars_readings_are_readings() -> None:
@@ -237,7 +242,7 @@ def test_frozen_readings_are_told_with_their_stretch() -> None:
     imu = readings()
     gyro, accel = imu.gyro.copy(), imu.accel.copy()
     gyro[5000:7000], accel[5000:7000] = gyro[5000], accel[5000]
-    (reason,) = reading_doubts(replace(imu, gyro=gyro, accel=accel), np.full(len(imu), 10.0))
+    (reason,) = doubts(replace(imu, gyro=gyro, accel=accel))
     assert reason.code == "imu_frozen"
     assert reason.spans[0] == pytest.approx((50.0, 69.99), abs=0.02)
     gyro = imu.gyro.copy()
@@ -247,9 +252,7 @@ def test_frozen_readings_are_told_with_their_stretch() -> None:
 
 def test_a_range_that_is_too_small_is_told() -> None:
     imu = readings()
-    (reason,) = reading_doubts(
-        replace(imu, gyro=np.clip(imu.gyro, -0.2, 0.2)), np.full(len(imu), 10.0)
-    )
+    (reason,) = doubts(replace(imu, gyro=np.clip(imu.gyro, -0.2, 0.2)))
     assert reason.code == "imu_clipped"
     assert "gyro's axis z stays at 0.2 rad/s" in reason.text
 
@@ -259,8 +262,9 @@ def test_a_wild_reading_is_told(name: str, value: float) -> None:
     imu = readings()
     values = getattr(imu, name).copy()
     values[20000, 0] = value
-    (reason,) = reading_doubts(replace(imu, **{name: values}), np.full(len(imu), 10.0))
+    (reason,) = doubts(replace(imu, **{name: values}))
     assert reason.code == "imu_wild"
+    assert reason.handled
     assert reason.spans[0][0] < 200.0 < reason.spans[0][1]
     # all of them are another unit, and no wild readings
     assert "imu_wild" not in codes(replace(imu, **{name: getattr(imu, name) * 1e4 + 1e4}))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from automap.fusion import limits
 from automap.fusion.adapt import COARSE, FINE
 from automap.fusion.doubts.reason import Reason
+from automap.fusion.engine import FusionResult
 from automap.fusion.problem import (
     DELAY_STATE,
     LATENCY_STATE,
@@ -17,9 +17,6 @@ from automap.fusion.problem import (
     VEL_LATENCY_STATE,
 )
 from automap.gates import sigmas
-
-if TYPE_CHECKING:
-    from automap.fusion.engine import FusionResult
 
 Estimates = Mapping[str, tuple[float, float]]
 """Value and sd by the parameter's name, at the end of the drive."""

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from automap.fusion import limits
 from automap.fusion.doubts.reason import Reason
+from automap.fusion.output import Innovations
 from automap.records import Trajectory
-
-if TYPE_CHECKING:
-    from automap.fusion.output import Innovations
 
 _KINDS = {
     "position": ("positions of the fixes", "look for wrong fixes in the receiver's log"),

@@ -6,16 +6,20 @@ import numpy as np
 
 from automap.fusion import limits
 from automap.fusion.doubts.reason import Reason, Span
+from automap.fusion.unusable_readings import Bridged
 from automap.records import BoolArray, FloatArray, ImuData, IntArray
 
 
-def reading_doubts(imu: ImuData, speed: FloatArray) -> list[Reason]:
-    """What is wrong with single readings; ``speed`` [n] m/s of the vehicle at each of them."""
+def reading_doubts(imu: ImuData, bridged: Bridged, speed: FloatArray) -> list[Reason]:
+    """What is wrong with the readings ``imu``, of which the fusion took what is ``bridged``;
+    ``speed`` [n] m/s of the vehicle at each of them."""
     if len(imu) < limits.LEAST_JUDGED:
         return []
     t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)
     moving = speed > limits.DRIVING_SPEED
-    return [*_frozen(t, imu, moving), *_clipped(t, imu), *_wild(t, imu)]
+    frozen = tuple((a, b) for a, b in bridged.frozen if moving[(t >= a) & (t <= b)].any())
+    found = [_frozen_reason("the IMU's readings", frozen, bridged=True)] if frozen else []
+    return [*(found or _frozen_axis(t, imu, moving)), *_clipped(t, imu), *_wild(bridged)]
 
 
 def _runs(same: BoolArray) -> tuple[IntArray, IntArray]:
@@ -25,31 +29,31 @@ def _runs(same: BoolArray) -> tuple[IntArray, IntArray]:
     return edges[::2], edges[1::2]
 
 
-def _frozen(t: FloatArray, imu: ImuData, moving: BoolArray) -> list[Reason]:
-    """Stretches of driving in which all readings, or those of one axis, stay the same."""
+def _frozen_axis(t: FloatArray, imu: ImuData, moving: BoolArray) -> list[Reason]:
+    """Stretches of driving in which the readings of one axis stay the same."""
     values = np.column_stack([imu.gyro, imu.accel])
     same = (np.diff(values, axis=0) == 0.0) & moving[1:, None]
-    for what, repeats, least in (
-        ("the IMU's readings", same.all(axis=1)[:, None], limits.FROZEN_S),
-        ("readings of one axis of the IMU", same, limits.FROZEN_AXIS_S),
-    ):
-        spans: list[Span] = []
-        for column in repeats.T:
-            first, last = _runs(column)
-            long = t[last] - t[first] >= least
-            spans += zip(t[first[long]].tolist(), t[last[long]].tolist(), strict=True)
-        if spans:
-            seconds = sum(b - a for a, b in spans)
-            return [
-                Reason(
-                    "imu_frozen",
-                    f"{what} stay the same for {seconds:.1f} s of driving: the sensor or its "
-                    "logging hung; look for a loose plug or a full buffer",
-                    tuple(sorted(set(spans))),
-                    inertial=True,
-                )
-            ]
-    return []
+    spans: list[Span] = []
+    for column in same.T:
+        first, last = _runs(column)
+        long = t[last] - t[first] >= limits.FROZEN_AXIS_S
+        spans += zip(t[first[long]].tolist(), t[last[long]].tolist(), strict=True)
+    if not spans:
+        return []
+    return [_frozen_reason("readings of one axis of the IMU", tuple(sorted(set(spans))))]
+
+
+def _frozen_reason(what: str, spans: tuple[Span, ...], bridged: bool = False) -> Reason:
+    seconds = sum(b - a for a, b in spans)
+    done = "; they were bridged like a gap" if bridged else ""
+    return Reason(
+        "imu_frozen",
+        f"{what} stay the same for {seconds:.1f} s of driving: the sensor or its "
+        f"logging hung; look for a loose plug or a full buffer{done}",
+        spans,
+        inertial=not bridged,
+        handled=bridged,
+    )
 
 
 def _clipped(t: FloatArray, imu: ImuData) -> list[Reason]:
@@ -85,25 +89,20 @@ def _clipped(t: FloatArray, imu: ImuData) -> list[Reason]:
     return []
 
 
-def _wild(t: FloatArray, imu: ImuData) -> list[Reason]:
-    """Few readings beyond all that moves a vehicle."""
-    for what, unit, values, most in (
-        ("gyro", "rad/s", imu.gyro, limits.MOST_RATE),
-        ("accelerometer", "m/s^2", imu.accel, limits.MOST_FORCE),
-    ):
-        size = np.abs(values).max(axis=1)
-        rows = np.flatnonzero(size > most)
-        if 0 < len(rows) <= limits.WILD_SHARE * len(t):
-            near = limits.STRETCHES_S[0]
-            first = rows[np.concatenate([[True], np.diff(t[rows]) > near])]
-            return [
-                Reason(
-                    "imu_wild",
-                    f"{len(rows)} reading{'s' if len(rows) > 1 else ''} of the IMU's {what}, up to "
-                    f"{size.max():.3g} {unit}, {'are' if len(rows) > 1 else 'is'} no motion of a "
-                    "vehicle: take them out, and look for a loose plug",
-                    tuple((float(t[row]) - near, float(t[row]) + near) for row in first),
-                    inertial=True,
-                )
-            ]
-    return []
+def _wild(bridged: Bridged) -> list[Reason]:
+    """Single readings far beyond all others."""
+    t = bridged.wild_s
+    if not len(t):
+        return []
+    near = limits.STRETCHES_S[0]
+    first = t[np.concatenate([[True], np.diff(t) > near])]
+    one = len(t) == 1
+    return [
+        Reason(
+            "imu_wild",
+            f"{len(t)} reading{'' if one else 's'} of the IMU {'is' if one else 'are'} far beyond "
+            f"all others: {'it was' if one else 'they were'} bridged; look for a loose plug",
+            tuple((float(at) - near, float(at) + near) for at in first),
+            handled=True,
+        )
+    ]
