@@ -3,15 +3,32 @@
 from __future__ import annotations
 
 import difflib
-import re
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, field_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
 
 from automap.errors import ConfigError, InputError
 from automap.io.axes import axes_matrix
+from automap.io.table_form import (
+    Separator,
+    TableForm,
+    TableKind,
+    checked_columns,
+    checked_time_format,
+    checked_units,
+)
+from automap.io.table_units import Quantity, unit_named
 from automap.io.toml_file import parse_toml
+from automap.io.toml_place import keys_in_file, line_of
 
 SCHEMA = "automap.drive/1"
 MINIMAL = 'schema = "automap.drive/1"'
@@ -28,16 +45,63 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class ImuSection(Section):
+class TableSection(Section):
+    """What a section says of its table; all of it is guessed from the file where it is absent."""
+
+    kind: ClassVar[TableKind]
+    columns: dict[str, str | int] = {}
+    separator: Separator | None = None
+    decimal: Literal[".", ","] | None = None
+    time_format: str | None = None
+    units: dict[str, str] = {}
+    utc_offset_h: Annotated[FiniteFloat, Field(ge=-24, le=24)] = 0.0
+
+    @field_validator("columns", mode="after")
+    @classmethod
+    def _columns_exist(cls, value: dict[str, str | int]) -> dict[str, str | int]:
+        return checked_columns(value, cls.kind)
+
+    @field_validator("units", mode="after")
+    @classmethod
+    def _units_exist(cls, value: dict[str, str]) -> dict[str, str]:
+        return checked_units(value, cls.kind)
+
+    @field_validator("time_format", mode="after")
+    @classmethod
+    def _format_exists(cls, value: str | None) -> str | None:
+        return None if value is None else checked_time_format(value)
+
+    @property
+    def form(self) -> TableForm:
+        """How the section's table is to be read."""
+        return TableForm(
+            self.columns,
+            self.separator,
+            self.decimal,
+            self.time_format,
+            self.units,
+            self.utc_offset_h,
+        )
+
+
+class ImuSection(TableSection):
     """``[imu]``. Without ``axes`` the sensor is taken to be mounted forward, right, down."""
 
+    kind: ClassVar[TableKind] = "imu"
     file: str | None = None
     axes: str | list[list[FiniteFloat]] = "FRD"
     time: TimeBase = "boot_ns"
-    gyro_unit: Literal["rad/s", "deg/s", "counts"] = "rad/s"
-    accel_unit: Literal["m/s^2", "g", "counts"] = "m/s^2"
+    gyro_unit: Literal["rad/s", "deg/s", "mrad/s", "mdeg/s", "rpm", "counts"] = "rad/s"
+    accel_unit: Literal["m/s^2", "g", "mg", "cm/s^2", "counts"] = "m/s^2"
     sensor: str | None = None
     calibration: str | None = None
+
+    @field_validator("gyro_unit", "accel_unit", mode="before")
+    @classmethod
+    def _unit_by_our_name(cls, value: Any, info: ValidationInfo) -> Any:
+        quantity: Quantity = "rate" if info.field_name == "gyro_unit" else "acceleration"
+        known = unit_named(value, quantity) if isinstance(value, str) else None
+        return value if known is None else known
 
     @field_validator("axes", mode="after")
     @classmethod
@@ -49,21 +113,30 @@ class ImuSection(Section):
         return value
 
 
-class GnssSection(Section):
-    """``[gnss]``. No ``lever_arm_m``: not measured, the fusion estimates it. ``receiver`` names a
-    file of ``configs/sensors/``."""
+class ArrivalTable(TableSection):
+    """``[gnss.arrival_table]``: how the file of arrival times is to be read."""
 
+    kind: ClassVar[TableKind] = "arrival"
+
+
+class GnssSection(TableSection):
+    """``[gnss]``. No ``lever_arm_m``: not measured, the fusion estimates it. ``receiver`` names a
+    file of ``configs/sensors/``. What is said of a table is for logs that are a table of fixes."""
+
+    kind: ClassVar[TableKind] = "gnss"
     file: str | None = None
     receiver: str | None = None
     arrival: str | None = None
     arrival_time: TimeBase = "boot_ns"
+    arrival_table: ArrivalTable = ArrivalTable()
     output_delay_s: Annotated[FiniteFloat, Field(ge=0, le=2)] | None = None
     lever_arm_m: Triple | None = None
 
 
-class OdometerSection(Section):
+class OdometerSection(TableSection):
     """``[odometer]``: wheel or CAN speed, stamped by the host clock of the drive."""
 
+    kind: ClassVar[TableKind] = "odometer"
     file: str | None = None
 
 
@@ -158,8 +231,8 @@ def _sentence(error: ValidationError, text: str) -> str:
     location = [str(part) for part in first["loc"]]
     kind = first["type"]
     # a union adds the names of its branches to the location; keep what stands in the file
-    keys = _keys_in_file(location, text)
-    line = _line_of(keys, text)
+    keys = keys_in_file(location, text)
+    line = line_of(keys, text)
     where = f"line {line}: " if line else ""
     name = ".".join(keys)
     if kind == "extra_forbidden":
@@ -176,6 +249,8 @@ def _sentence(error: ValidationError, text: str) -> str:
         return f"{where}{name} is a section; write it as [{name}] with its keys below."
     if kind in ("missing", "too_long") and first["loc"][-1:] != (keys[-1],):
         message = "three numbers are expected"
+    elif "columns" in keys:
+        message = "must be the file's name of the column in quotes, or its number"
     elif keys == ["imu", "axes"]:
         message = 'must be text such as "FRD" or a 3x3 matrix of numbers'
     message = message[:1].lower() + message[1:]
@@ -200,37 +275,6 @@ def _known_keys(parents: list[str]) -> list[str]:
 
 def _fields(model: type[BaseModel]) -> list[str]:
     return [info.alias or name for name, info in model.model_fields.items()]
-
-
-def _keys_in_file(location: list[str], text: str) -> list[str]:
-    kept: list[str] = []
-    for part in location:
-        if part.isdigit() or not re.search(rf"(?<![\w-]){re.escape(part)}(?![\w-])", text):
-            break
-        kept.append(part)
-    return kept or location[:1]
-
-
-def _line_of(keys: list[str], text: str) -> int | None:
-    """The line where a key stands, by following the table headers."""
-    table: list[str] = []
-    fallback = None
-    for number, line in enumerate(text.splitlines(), start=1):
-        stripped = line.strip()
-        header = re.match(r"^\[\s*([^\[\]]+?)\s*\]", stripped)
-        if header:
-            table = [part.strip().strip("\"'") for part in header.group(1).split(".")]
-            if table == keys:
-                return number
-            if table[: len(keys)] == keys and fallback is None:
-                fallback = number
-            continue
-        assigned = re.match(r"^([\w.\"'-]+)\s*=", stripped)
-        if assigned:
-            parts = [part.strip("\"'") for part in assigned.group(1).split(".")]
-            if table + parts == keys:
-                return number
-    return fallback
 
 
 TIME_BASES: tuple[str, ...] = get_args(TimeBase)

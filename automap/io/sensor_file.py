@@ -11,11 +11,12 @@ import numpy as np
 
 from automap.earth import STANDARD_GRAVITY
 from automap.errors import ConfigError
+from automap.io.table_units import UNITS
 from automap.io.toml_file import read_toml
 from automap.records import FloatArray
 
 SCHEMA = "automap.sensor/1"
-SI_PER_UNIT = {"rad/s": 1.0, "deg/s": np.pi / 180.0, "m/s^2": 1.0, "g": STANDARD_GRAVITY}
+SI_PER_UNIT = UNITS["rate"] | UNITS["acceleration"]
 """The units in which an inertial log may be, but for counts."""
 _TRIAD_KEYS = frozenset(
     {

@@ -104,6 +104,14 @@ def test_a_lesser_file_named_wrongly_is_a_warning(tmp_path: Path) -> None:
         ("[video.front]\ncamera_matrix = [[1, 0, 3], [4, 5, 6], [0, 0, 1]]", "camera_matrix"),
         ("[video.front]\ndistortion = [0, 0, 0]", "4, 5, 8, 12 or 14"),
         ("[imu", "not valid TOML"),
+        ('[imu]\ncolumns = { gq = "Gyro" }', "line 3: imu.columns: there is no column gq"),
+        ("[imu]\ncolumns = { gx = 0 }", "count from 1"),
+        ("[imu]\ncolumns = { gx = 1.5 }", "line 3: imu.columns.gx: must be the file's name"),
+        ('[imu]\nseparator = "x"', "line 3: imu.separator is 'x'"),
+        ('[gnss]\ntime_format = "seconds"', "is no time format; known are ns, us, ms, s"),
+        ('[gnss]\nunits = { speed = "m" }', "'m' is no unit of speed; known are m/s, km/h"),
+        ('[gnss.arrival_table]\ncolumns = { ofset = "o" }', "did you mean offset?"),
+        ('[imu]\ngyro_unit = "km/h"', "line 3: imu.gyro_unit is 'km/h'"),
     ],
 )
 def test_a_wrong_manifest_is_one_sentence_with_its_place(
@@ -116,6 +124,30 @@ def test_a_wrong_manifest_is_one_sentence_with_its_place(
     assert said in text
     assert "\n" not in text
     assert str(tmp_path / "drive.toml") in text
+
+
+def test_a_manifest_says_how_its_tables_are_to_be_read(tmp_path: Path) -> None:
+    text = """
+[imu]
+columns = { t = "Zeit", gx = "Gyro X [°/s]", ax = 5 }
+separator = ";"
+decimal = ","
+time_format = "%d.%m.%Y %H:%M:%S.%f"
+gyro_unit = "°/s"
+[gnss]
+units = { speed = "kmh" }
+[gnss.arrival_table]
+columns = { offset = "Byte", t = 2 }
+"""
+    _drive(tmp_path, text, "imu.csv")
+    drive = load_drive(tmp_path)
+    form = drive.imu.form
+    assert form.columns == {"t": "Zeit", "gx": "Gyro X [°/s]", "ax": 5}
+    assert (form.separator, form.decimal) == (";", ",")
+    assert form.time_format == "%d.%m.%Y %H:%M:%S.%f"
+    assert drive.imu.gyro_unit == "deg/s"
+    assert drive.gnss.form.units == {"speed": "km/h"}
+    assert drive.gnss.arrival_table.form.columns == {"offset": "Byte", "t": 2}
 
 
 @pytest.mark.parametrize("manifest", ["", 'schema = "automap.drive/9"', "name = 'x'"])
