@@ -337,6 +337,18 @@ AGREEING_SHARE = 0.1
 """Chosen: fixes agree with one another where nine in ten lie on their own smoothed path."""
 HELD_S = 5.0
 """Chosen: a receiver without a view repeats its last fix for some seconds, and goes on."""
+STEP_WINDOW_S, STEP_FIXES, STEP_BATCH = 3.0, 3, 2000
+"""A velocity jumps against that of so long before and after, of so many fixes at least: receivers
+err for one to three seconds in a row and are right again. So many are looked at at once."""
+SAME_FIX_S = 1e-3
+"""Fixes no further apart are one that stands twice: no receiver tells more than a hundred a
+second."""
+LED_S = 60.0
+"""So long a jump of velocity is followed, the second of ``STRETCHES_S``: a bias of 0.05 m/s^2 makes
+3 m/s in it."""
+JOINED_S = 0.25
+"""Readings further apart are not joined where they are integrated by themselves: braking by 3 m/s^2
+that nobody saw is 0.75 m/s in it, half of the least jump that is told."""
 FROZEN_AXIS_S = 5.0
 """One coarse axis may rest at a value while others move, for a smooth second."""
 CLIPPED_STEPS = 4

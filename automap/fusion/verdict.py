@@ -17,6 +17,7 @@ from automap.errors import InputError
 from automap.fusion import limits
 from automap.fusion.consistency import channel_consistency, innovation_doubts
 from automap.fusion.doubts.estimates import (
+    Estimates,
     final_estimates,
     impossible_ages,
     impossible_errors,
@@ -29,12 +30,15 @@ from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
 from automap.fusion.doubts.receiver import dated_velocities, receiver_doubts
 from automap.fusion.doubts.turns import turn_doubts
+from automap.fusion.doubts.velocity_step import compare, step_doubts, velocity_steps
 from automap.fusion.engine import FusionResult, Prior
+from automap.fusion.free_inertial import free_inertial
 from automap.fusion.gnss_only import smooth_fixes
+from automap.fusion.levels import VELOCITY_WANDER
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
-from automap.fusion.problem import LATENCY_STATE
-from automap.fusion.unusable_readings import bridge_unusable
+from automap.fusion.problem import LATENCY_STATE, SKEW_STATE
+from automap.fusion.unusable_readings import Bridged, bridge_unusable
 from automap.interpolation import poses_at_gps
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import VelocityConsistency
@@ -85,7 +89,8 @@ def weigh(
         *innovation_doubts(channel_consistency(result.innovations)),
     ]
     model = as_shown(model_fixes(fixes, fixes.gps_s, options), options, result.noise_factors)
-    arm = np.array([found.get(f"gnss_lever_arm_{a}", (0.0, 0.0))[0] for a in "xyz"])
+    arm = _of_axes(found, "gnss_lever_arm")
+    reasons += _steps(result, bridged, found, fixes, options, delay_is_clock)
     misses = fix_misses(path, model, arm, found.get(LATENCY_STATE, (0.0, 0.0))[0])
     off, share = _off_the_fixes(misses, options.wander_tau_s)
     reasons += off
@@ -115,6 +120,36 @@ def weigh_alone(
     reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
     widened = widen(path, reasons, misses, None)
     return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
+
+
+def _of_axes(found: Estimates, effect: str) -> FloatArray:
+    """An estimate's three axes, zero where it was not estimated."""
+    return np.array([found.get(f"{effect}_{axis}", (0.0, 0.0))[0] for axis in "xyz"])
+
+
+def _steps(
+    result: FusionResult,
+    bridged: Bridged,
+    found: Estimates,
+    fixes: Fixes,
+    options: FusionOptions,
+    delay_is_clock: bool,
+) -> list[Reason]:
+    """The reason that jumps of the receiver's velocity give."""
+    path, turn, imu = result.trajectory, result.mounting.matrix, bridged.imu
+    stamps = (imu.t_ns - imu.t_ns[0]) * 1e-9
+    # the path's rows are of the stamps' instants; readings may be of earlier ones
+    late = 0.0 if delay_is_clock else result.delay.mean + found.get(SKEW_STATE, (0.0,))[0] * stamps
+    free = free_inertial(
+        path.gps_s - path.gps_s[0] - late,
+        imu.gyro @ turn.T - _of_axes(found, "gyro_bias"),
+        imu.accel @ turn.T - _of_axes(found, "accel_bias"),
+        bridged.stretch_s,
+    )
+    seen = compare(free, fixes, path, found, _of_axes(found, "gnss_lever_arm"))
+    # the less a drive seems to show of what comes and goes, the less it is believed
+    wander = options.velocity_wander_sd * max(result.noise_factors.get(VELOCITY_WANDER, 1.0), 1.0)
+    return step_doubts(*velocity_steps(seen, wander), path)
 
 
 def _off_the_fixes(misses: Misses, tau_s: float) -> tuple[list[Reason], float]:
