@@ -11,7 +11,7 @@ import numpy as np
 
 from automap.errors import ConfigError, InputError
 from automap.io import names
-from automap.io.axes import axes_matrix
+from automap.io.axes import ImuAxes, imu_axes
 from automap.io.manifest import (
     GnssSection,
     ImuSection,
@@ -77,9 +77,9 @@ class Drive:
         return self.manifest.site
 
     @property
-    def imu_axes(self) -> FloatArray | None:
-        """C_vehicle_sensor [3, 3] of the IMU, None when its axes are unknown."""
-        return axes_matrix(self.imu.axes)
+    def imu_axes(self) -> ImuAxes:
+        """The axes of the IMU's triads."""
+        return imu_axes(self.imu.axes, self.imu.accel_axes, self.imu.gyro_axes)
 
     @property
     def lever_arm(self) -> FloatArray:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from automap.errors import ConfigError, InputError
+from automap.io.axes import ImuAxes
 from automap.io.csv_columns import CsvColumns, Kind, read_columns
 from automap.io.drive import Drive
 from automap.io.imu_calibration import read_imu_calibration
@@ -24,12 +25,11 @@ _REQUIRED: dict[str, Kind] = {"t_ns": "int", **dict.fromkeys(_GYRO + _ACCEL, "fl
 class ImuFormat:
     """How the readings of a file are to be understood.
 
-    ``C_vehicle_sensor`` [3, 3] is None for unknown axes. Units as in the manifest; "counts"
-    need a ``sensor``. A ``calibration`` takes the place of the unit: its scale is SI per
-    reading unit.
+    ``axes`` are those of the triads. Units as in the manifest; "counts" need a ``sensor``. A
+    ``calibration`` takes the place of the unit: its scale is SI per reading unit.
     """
 
-    C_vehicle_sensor: FloatArray | None = field(default_factory=lambda: np.eye(3))
+    axes: ImuAxes = field(default_factory=ImuAxes)
     gyro_unit: str = "rad/s"
     accel_unit: str = "m/s^2"
     sensor: SensorModel | None = None
@@ -100,7 +100,7 @@ def read_imu_csv(
 ) -> ImuRecording:
     """Read ``t_ns, gx, gy, gz, ax, ay, az [, temp_c]``, in any order, to SI units.
 
-    Readings come out in vehicle axes (FRD), or in the sensor's own when its axes are unknown.
+    Readings come out in vehicle axes (FRD), or in those of its case where these are unknown.
     Time stamps pass unchanged; rows that cannot be used are left out and counted, and a
     sentence says so. ``gap_factor``: a step longer than so many median steps is a gap.
     Raises InputError when nothing usable is left.
@@ -130,10 +130,7 @@ def read_imu_csv(
         gyro, accel = form.calibration.apply(gyro_raw, accel_raw)
     else:
         gyro, accel = _to_si(gyro_raw, "gyro", form), _to_si(accel_raw, "accel", form)
-    C = form.C_vehicle_sensor
-    if C is not None:
-        # not with @, which starts the linear algebra's threads for three columns
-        gyro, accel = (np.einsum("ij,nj->ni", C, triad) for triad in (gyro, accel))
+    gyro, accel = form.axes.apply(gyro, accel)
     temp = None
     if "temp_c" in table.columns:
         temp = _fill(table.floats("temp_c")[kept])
@@ -155,10 +152,10 @@ def read_imu_csv(
     return ImuRecording(
         data=ImuData(
             t_ns=stamps,
-            gyro=np.ascontiguousarray(gyro),
-            accel=np.ascontiguousarray(accel),
+            gyro=gyro,
+            accel=accel,
             temp_c=temp,
-            axes_known=C is not None,
+            axes_known=form.axes.known,
         ),
         quality=quality,
         extra_columns=table.extra,

@@ -17,7 +17,7 @@ from pydantic import (
 )
 
 from automap.errors import ConfigError, InputError
-from automap.io.axes import axes_matrix
+from automap.io.axes import axes_matrix, triad_matrix
 from automap.io.table_form import (
     Separator,
     TableForm,
@@ -85,11 +85,14 @@ class TableSection(Section):
 
 
 class ImuSection(TableSection):
-    """``[imu]``. Without ``axes`` the sensor is taken to be mounted forward, right, down."""
+    """``[imu]``. Without ``axes`` the sensor is taken to be mounted forward, right, down; a triad
+    has axes of its own where ``accel_axes`` or ``gyro_axes`` say so."""
 
     kind: ClassVar[TableKind] = "imu"
     file: str | None = None
     axes: str | list[list[FiniteFloat]] = "FRD"
+    accel_axes: str | list[list[FiniteFloat]] | None = None
+    gyro_axes: str | list[list[FiniteFloat]] | None = None
     time: TimeBase = "boot_ns"
     gyro_unit: Literal["rad/s", "deg/s", "mrad/s", "mdeg/s", "rpm", "counts"] = "rad/s"
     accel_unit: Literal["m/s^2", "g", "mg", "cm/s^2", "counts"] = "m/s^2"
@@ -103,11 +106,13 @@ class ImuSection(TableSection):
         known = unit_named(value, quantity) if isinstance(value, str) else None
         return value if known is None else known
 
-    @field_validator("axes", mode="after")
+    @field_validator("axes", "accel_axes", "gyro_axes", mode="after")
     @classmethod
-    def _axes_make_sense(cls, value: Any) -> Any:
+    def _axes_make_sense(cls, value: Any, info: ValidationInfo) -> Any:
+        if value is None:
+            return None
         try:
-            axes_matrix(value)
+            (axes_matrix if info.field_name == "axes" else triad_matrix)(value)
         except ConfigError as error:
             raise ValueError(str(error)) from None
         return value
@@ -251,7 +256,7 @@ def _sentence(error: ValidationError, text: str) -> str:
         message = "three numbers are expected"
     elif "columns" in keys:
         message = "must be the file's name of the column in quotes, or its number"
-    elif keys == ["imu", "axes"]:
+    elif keys[0] == "imu" and keys[-1].endswith("axes"):
         message = 'must be text such as "FRD" or a 3x3 matrix of numbers'
     message = message[:1].lower() + message[1:]
     return f"{where}{name}: {message}, but it is {_shown(first.get('input'))}."

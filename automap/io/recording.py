@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automap.errors import InputError
+from automap.io.axes import ImuAxes
 from automap.io.drive import Drive
 from automap.io.imu_csv import ImuRecording, imu_format, read_imu_csv
 from automap.io.stamps import order_stamps
@@ -114,16 +115,15 @@ def receiver_imu(drive: Drive, own: ReceiverImu, fixes: Fixes) -> ImuData | None
     if order is None or len(order.keep) < 2:
         return None
     rows = order.keep
-    gyro, accel = own.gyro[rows], own.accel[rows]
-    C = drive.imu_axes if "axes" in drive.imu.model_fields_set else None
-    if C is not None:
-        gyro, accel = gyro @ C.T, accel @ C.T
+    said = {"axes", "accel_axes", "gyro_axes"} & drive.imu.model_fields_set
+    axes = drive.imu_axes if said else ImuAxes(known=False)
+    gyro, accel = axes.apply(own.gyro[rows], own.accel[rows])
     return ImuData(
         t_ns=t_ns[rows],
-        gyro=np.ascontiguousarray(gyro),
-        accel=np.ascontiguousarray(accel),
+        gyro=gyro,
+        accel=accel,
         temp_c=None if own.temp_c is None else own.temp_c[rows],
-        axes_known=C is not None,
+        axes_known=axes.known,
     )
 
 

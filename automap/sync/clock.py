@@ -42,21 +42,47 @@ def synchronise(
     has_fixes = fixes is not None and bool(np.isfinite(fixes.gps_s).any())
     if imu is None or len(imu) == 0:
         return _without_imu(fixes if has_fixes else None, arrival_time, output_delay_s, drift_sd)
-    if imu_time == "gps_ns":
-        result = SyncResult(gps_clock(imu.t_ns))
-    elif fixes is not None and has_fixes and has_arrival(fixes) and arrival_time == imu_time:
-        fit = fit_arrival_clock(fixes.arrival_ns, fixes.gps_s, output_delay_s, drift_sd)
-        result = SyncResult(fit.clock, fit=fit, warnings=list(fit.warnings))
-    elif imu_time == "unix_ns":
-        result = SyncResult(unix_clock(imu.t_ns))
-    elif fixes is not None and has_fixes:
-        return correlation_clock(imu, fixes, drift_sd)
-    else:
-        return unknown_clock(imu.t_ns)
+    result = _by_stamps(imu, fixes, imu_time, arrival_time, output_delay_s, drift_sd)
     if fixes is None or not has_fixes:
-        return result
+        return unknown_clock(imu.t_ns) if result is None else result
+    if result is None:
+        return correlation_clock(imu, fixes, drift_sd)
     check_overlap(result.clock, imu.t_ns, fixes.gps_s)
     return _compare_motions(result, imu, fixes)
+
+
+def rough_clock(
+    imu: ImuData,
+    fixes: Fixes,
+    imu_time: str = "boot_ns",
+    arrival_time: str = "boot_ns",
+    output_delay_s: float | None = None,
+) -> ClockModel | None:
+    """The same clock before motions are compared, good to some tenths of a second; None where
+    nothing tells it."""
+    try:
+        found = _by_stamps(imu, fixes, imu_time, arrival_time, output_delay_s, limits.DRIFT_SD)
+        return correlation_clock(imu, fixes).clock if found is None else found.clock
+    except InputError:
+        return None
+
+
+def _by_stamps(
+    imu: ImuData,
+    fixes: Fixes | None,
+    imu_time: str,
+    arrival_time: str,
+    output_delay_s: float | None,
+    drift_sd: float,
+) -> SyncResult | None:
+    """What the stamps alone say, None where they have nothing in common with GPS time."""
+    if imu_time == "gps_ns":
+        return SyncResult(gps_clock(imu.t_ns))
+    dated = fixes is not None and bool(np.isfinite(fixes.gps_s).any())
+    if fixes is not None and dated and has_arrival(fixes) and arrival_time == imu_time:
+        fit = fit_arrival_clock(fixes.arrival_ns, fixes.gps_s, output_delay_s, drift_sd)
+        return SyncResult(fit.clock, fit=fit, warnings=list(fit.warnings))
+    return SyncResult(unix_clock(imu.t_ns)) if imu_time == "unix_ns" else None
 
 
 def stated_clock(t_ns: IntArray, time_base: str) -> ClockModel:

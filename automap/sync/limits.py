@@ -186,3 +186,38 @@ CLIMB_WINDOW_S = 10.0
 """Heights change by metres in it on a slope."""
 VERTICAL_FACTOR = 1.5
 """How much worse than level a receiver is in height: the usual dilution of precision."""
+
+# axes of an IMU
+
+AXES_WINDOW_S = 2.0
+"""Changes of course and speed are taken over so long: a bend or a stop, and longer than delays."""
+AXES_LAG_S, AXES_LAG_STEP_S = 1.5, 0.1
+"""Lags of receiver and clock are searched so far: phones tell courses up to 0.7 s late and rough
+clocks err as much; a step is a small part of the window."""
+USUAL_CHANGES = (1.0, 99.0)
+"""Percentiles beyond which changes count as these. Chosen: bends of a drive are more than a
+hundredth of it, jumps of a receiver fewer."""
+WILD_QUANTILES = (5e-4, 1.0 - 5e-4)
+"""Readings beyond count as these: single wild ones must not decide."""
+TILT_STEP_S = 4.0
+"""Tilts are compared over so long: at 10 m/s roads change their slope meanwhile, and gyros drift by
+a tenth of a degree only."""
+FAST_WINDOW_S, FAST_STEP_S, FAST_GRID_S = 0.5, 1.0, 0.2
+"""Springs swing at 1 to 2 Hz: mean forces over half a second, their changes over one, five times a
+second."""
+TILT_TURN_RAD = 0.2
+"""A turn is small up to this: the next term is a tenth of it."""
+SHOCK_SIGMAS = 3.0
+"""Changes of force beyond count as these: shocks of the road."""
+MOST_CORRELATION = 0.999
+"""No two sensors agree better than by their errors of scale and axes."""
+AZIMUTH_STEP_RAD = 0.0872664625997165
+"""5 deg: the cosine of half of it is within a thousandth of one."""
+TILT_SD = 0.20943951023931953
+"""12 deg: how far gravity lies off the down axis of a sensor that is mounted by eye in a car that
+leans on a sloping road, one sigma. Chosen: wrong axes are off by 90 deg or 180."""
+MISTAKE = 0.01
+"""Part of the manifests with a certain kind of mistake. Chosen: seldom, but known from experience;
+ten times as many change a verdict by two nats."""
+AS_GOOD = 0.01
+"""A hypothesis with a hundredth of the best one's odds is told beside it."""

@@ -9,7 +9,7 @@ from automap.evaluation.plausibility import Finding, Severity
 from automap.io.drive import Drive
 from automap.io.recording import Recording
 from pipeline.check import limits
-from pipeline.check.timing import imu_gps_time
+from pipeline.check.axes import weigh_axes
 
 ABSENT: tuple[Severity, str, str] = (
     "warning",
@@ -51,16 +51,10 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
     stamps = plausibility.stamp_unit(rate)
     findings += [] if stamps is None else [stamps]
     unit = plausibility.accel_unit(imu.accel, rate)
-    findings += [unit, plausibility.gyro_unit(imu, recording.fixes)]
+    findings += [unit, plausibility.gyro_size(imu.gyro)]
     findings += plausibility.stuck_readings(imu)
-    C = drive.imu_axes if imu.axes_known else None
-    if C is None:
-        findings.append(Finding("info", "axes unknown: the mounting is estimated from the drive"))
-    elif unit.severity == "ok":
-        findings.append(plausibility.gravity_direction(imu.accel, C))
-        gps_s = imu_gps_time(drive, recording)
-        if gps_s is not None and recording.fixes is not None:
-            findings += plausibility.driving_axes(imu, recording.fixes, gps_s)
+    if unit.severity == "ok":
+        findings += weigh_axes(drive, recording).findings
     return findings
 
 

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from automap.errors import ConfigError, InputError
+from automap.io.axes import ImuAxes, imu_axes
 from automap.io.csv_columns import read_columns
 from automap.io.detections_csv import read_detections_csv
 from automap.io.imu_calibration import read_imu_calibration
@@ -183,7 +184,7 @@ def test_units_become_si(
     tmp_path: Path, gyro_unit: str, accel_unit: str, factors: tuple[float, float]
 ) -> None:
     path = _write(tmp_path, _rows(np.arange(3) * 10**7))
-    imu = read_imu_csv(path, ImuFormat(np.eye(3), gyro_unit, accel_unit)).data
+    imu = read_imu_csv(path, ImuFormat(ImuAxes(), gyro_unit, accel_unit)).data
     np.testing.assert_allclose(imu.gyro[0], np.array([0.1, 0.2, 0.3]) * factors[0])
     np.testing.assert_allclose(imu.accel[0], np.array([1, 2, -9.8]) * factors[1])
 
@@ -191,12 +192,24 @@ def test_units_become_si(
 def test_axes_turn_readings_into_the_vehicle(tmp_path: Path) -> None:
     path = _write(tmp_path, _rows(np.arange(3) * 10**7))
     C = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    recording = read_imu_csv(path, ImuFormat(C))
+    recording = read_imu_csv(path, ImuFormat(ImuAxes(C, C)))
     np.testing.assert_allclose(recording.data.accel[0], [2, -1, -9.8])
     assert recording.data.axes_known
-    raw = read_imu_csv(path, ImuFormat(None)).data
+    raw = read_imu_csv(path, ImuFormat(ImuAxes(known=False))).data
     np.testing.assert_allclose(raw.gyro[0], [0.1, 0.2, 0.3])
     assert not raw.axes_known
+
+
+def test_triads_may_have_axes_of_their_own(tmp_path: Path) -> None:
+    path = _write(tmp_path, _rows(np.arange(3) * 10**7))
+    both = read_imu_csv(path, ImuFormat(imu_axes("FLU", accel_axes="BRD"))).data
+    np.testing.assert_allclose(both.gyro[0], [0.1, -0.2, -0.3])
+    np.testing.assert_allclose(both.accel[0], [-1, 2, -9.8])
+    assert both.axes_known
+    case = read_imu_csv(path, ImuFormat(imu_axes("unknown", accel_axes="BLU"))).data
+    np.testing.assert_allclose(case.gyro[0], [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(case.accel[0], [-1, -2, 9.8])
+    assert not case.axes_known
 
 
 def test_what_was_wrong_with_an_imu_file_is_counted_and_said(tmp_path: Path) -> None:
@@ -234,7 +247,7 @@ def test_counts_of_an_analogue_sensor_follow_from_its_data_sheet(tmp_path: Path)
         model.gyro.from_counts(np.array([[counts, 2048, 2048]]))[0], [np.radians(10), 0, 0]
     )
     path = _write(tmp_path, _rows(np.arange(3) * 10**7, "2048,2048,2048,2048,2048,1502"))
-    imu = read_imu_csv(path, ImuFormat(np.eye(3), "counts", "counts", model)).data
+    imu = read_imu_csv(path, ImuFormat(ImuAxes(), "counts", "counts", model)).data
     np.testing.assert_allclose(imu.accel[0], [0, 0, -9.80665], atol=0.01)
 
 
@@ -273,7 +286,7 @@ matrix = [[1.0, 0.0, 0.1], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 """
     calibration = read_imu_calibration(_write(tmp_path, text, "imu_calibration.toml"))
     path = _write(tmp_path, _rows(np.arange(3) * 10**7, "1,2,3,1,1,1"))
-    imu = read_imu_csv(path, ImuFormat(np.eye(3), calibration=calibration)).data
+    imu = read_imu_csv(path, ImuFormat(ImuAxes(), calibration=calibration)).data
     x, y, z = 2.1, 3.2, 4.3
     np.testing.assert_allclose(imu.accel[0], [x - 0.01 * y + 0.02 * z, y - 0.03 * z, z])
     np.testing.assert_allclose(imu.gyro[0], [1 + 0.1 * 1.6, 2, 1.6])

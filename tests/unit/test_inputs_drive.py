@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import errno
 import os
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from automap.errors import ConfigError, InputError, StageError
+from automap.frames import rpy_to_matrix
 from automap.io.atomic import atomic_path, write_json, write_text
-from automap.io.axes import axes_matrix
+from automap.io.axes import axes_matrix, axes_value, triad_matrix
 from automap.io.drive import load_drive
 from automap.io.tables import read_fixes, read_imu, write_fixes, write_imu
 from automap.io.trajectory_table import COLUMNS, read_trajectory, write_trajectory
@@ -89,6 +93,10 @@ def test_a_lesser_file_named_wrongly_is_a_warning(tmp_path: Path) -> None:
         ("[gps]\nx = 1", "line 2: unknown key gps; did you mean gnss?"),
         ('[imu]\ntime = "boot"', "line 3: imu.time is 'boot'; it must be 'boot_ns'"),
         ('[imu]\naxes = "FRU"', 'left-handed, which no sensor is; probably it is "FRD"'),
+        ('[imu]\naxes = "FRU"', "write accel_axes or gyro_axes"),
+        ('[imu]\naccel_axes = "unknown"', "line 3: imu.accel_axes: only axes may be"),
+        ('[imu]\ngyro_axes = "FFD"', 'line 3: imu.gyro_axes: axes = "FFD" names one direction'),
+        ("[imu]\naccel_axes = 3", "line 3: imu.accel_axes: must be text such as"),
         ('[imu]\naxes = "NED"', "axes of the Earth"),
         ('[imu]\naxes = "FFD"', "one direction twice"),
         ("[imu]\naxes = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]", "mirrors"),
@@ -183,6 +191,23 @@ def test_axes(axes: str | list[list[float]], reading: list[float], vehicle: list
     assert C is not None
     np.testing.assert_allclose(C @ reading, vehicle)
     assert axes_matrix("unknown") is None
+
+
+@given(
+    st.permutations([0, 1, 2]),
+    st.tuples(*[st.sampled_from([1.0, -1.0])] * 3),
+    st.tuples(*[st.floats(-np.pi, np.pi)] * 3),
+)
+def test_what_is_written_of_axes_is_read_as_these_axes(
+    order: list[int], signs: tuple[float, ...], angles: tuple[float, float, float]
+) -> None:
+    letters = np.eye(3)[order] * np.array(signs)[:, None]
+    written = axes_value(letters)
+    assert written.startswith('"')
+    np.testing.assert_array_equal(triad_matrix(tomllib.loads(f"axes = {written}")["axes"]), letters)
+    turned = rpy_to_matrix(np.array(angles)) @ letters
+    read = triad_matrix(tomllib.loads(f"axes = {axes_value(turned)}")["axes"])
+    np.testing.assert_allclose(read, turned, atol=2e-3)
 
 
 def test_cameras_take_what_the_manifest_lacks_from_elsewhere(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,8 +11,10 @@ from automap.io import names
 from pipeline.run.stage import Stage, StageContext
 
 if TYPE_CHECKING:
+    from automap.evaluation.plausibility import Finding
     from automap.io.drive import Drive
     from automap.io.recording import Recording
+    from pipeline.check.axes import WeighedAxes
 
 _MAX_GAPS = 1000
 
@@ -20,7 +23,7 @@ def run(context: StageContext) -> None:
     """Write imu.parquet, fixes.parquet (each where the drive has such data) and ingest.json.
 
     A file that cannot be used is a warning as long as the drive has another source of
-    positions. Raises InputError when it has none, and for readings in a wrong unit.
+    positions. Raises InputError when it has none, and for readings in a wrong unit or wrong axes.
     """
     from automap.io.atomic import write_json
     from automap.io.recording import read_recording
@@ -39,9 +42,12 @@ def run(context: StageContext) -> None:
         usable |= summary["trajectory"] is not None
         parts.append("finished trajectory")
     if recording.imu is not None:
-        _refuse_implausible(context, recording)
-        write_imu(context.work / names.IMU, recording.imu)
+        weighed = _plausible_readings(context, recording)
+        write_imu(context.work / names.IMU, weighed.imu)
         summary["imu"] = _imu_summary(drive, recording)
+        if weighed.mended is not None:
+            summary["imu"]["mended_accel_axes"] = weighed.mended.accel.tolist()
+            summary["imu"]["mended_gyro_axes"] = weighed.mended.gyro.tolist()
         context.metric("imu_rate_hz", summary["imu"]["rate_hz"])
         parts.append(f"{len(recording.imu)} IMU rows at {summary['imu']['rate_hz']:.0f} Hz")
     if recording.fixes is not None:
@@ -98,35 +104,34 @@ def _without_positions(drive: Drive, failures: list[str]) -> str:
     )
 
 
-def _refuse_implausible(context: StageContext, recording: Recording) -> None:
-    """A wrong unit or a dead sensor spoils everything after it: stop here, with the advice.
+def _plausible_readings(context: StageContext, recording: Recording) -> WeighedAxes:
+    """The readings as they are to be used.
 
-    Wrong axes are a warning, for the mounting is estimated.
+    A wrong unit, wrong axes or a dead sensor spoil everything after it: stop here, with the advice.
     """
     import numpy as np
 
     from automap.evaluation import plausibility
+    from pipeline.check.axes import weigh_axes
 
     drive, imu = context.drive, recording.imu
     assert imu is not None
     rate_hz = 1e9 / float(np.median(np.diff(imu.t_ns)))
     source = drive.imu_file if recording.imu_source == "csv" else drive.gnss_file
+
+    def tell(findings: Iterable[Finding]) -> None:
+        for finding in findings:
+            if finding.severity == "error":
+                raise InputError(f"{source}: {finding.sentence()}.")
+            if finding.severity == "warning":
+                context.warn(f"{source}: {finding.sentence()}")
+
     stamps = plausibility.stamp_unit(rate_hz)
-    for finding in (
-        *([] if stamps is None else [stamps]),
-        plausibility.accel_unit(imu.accel, rate_hz),
-        plausibility.gyro_unit(imu, recording.fixes),
-        *plausibility.stuck_readings(imu),
-    ):
-        if finding.severity == "error":
-            raise InputError(f"{source}: {finding.sentence()}.")
-        if finding.severity == "warning":
-            context.warn(f"{source}: {finding.sentence()}")
-    axes = drive.imu_axes if imu.axes_known else None
-    if axes is not None:
-        gravity = plausibility.gravity_direction(imu.accel, axes)
-        if gravity.severity == "error":
-            context.warn(f"{source}: {gravity.sentence()}")
+    tell([] if stamps is None else [stamps])
+    tell([plausibility.accel_unit(imu.accel, rate_hz), *plausibility.stuck_readings(imu)])
+    weighed = weigh_axes(drive, recording)
+    tell(weighed.findings)
+    return weighed
 
 
 def _check_trajectory(
@@ -225,7 +230,7 @@ def sensor_input(drive: Drive) -> Path | None:
 
 STAGE = Stage(
     name="ingest",
-    version=3,
+    version=4,
     run=run,
     inputs=_inputs,
     needs=(),
