@@ -93,6 +93,7 @@ def assert_nothing_half_written(out: Path) -> None:
 
 FAILURES: list[tuple[str, Break, int, str]] = [
     ("imu_empty_gnss_empty", both(content(IMU, b""), content(GNSS, b"")), 3, r"nmea is empty"),
+    ("turned_imu", manifest("[imu]", '[imu]\naxes = "FLU"'), 3, r'write axes = "FRD" in \[imu\]'),
     ("gnss_empty", content(GNSS, b""), 3, r"gnss\.nmea is empty; record"),
     ("gnss_noise", noise(GNSS), 3, r"no UBX, NMEA or RTKLIB content in its 5000 bytes"),
     ("gnss_all_checksums", wrong_checksums(1), 3, r"60 message starts have a wrong checksum"),
@@ -149,12 +150,6 @@ SURVIVED: list[tuple[str, Break, str, str]] = [
     ("frames_of_another_day", cells(FRAMES, "t_ns", later(86400)), "geolocate", r"clock of the fr"),
     ("video_absent", without("video"), "detect", r"neither a readable video nor detections"),
     ("optics_wrong", manifest("639.5]", "6.395]"), "detect", r"belongs to another resolution"),
-    (
-        "turned_imu",
-        manifest("[imu]", '[imu]\naxes = "FLU"'),
-        "ingest",
-        r"axes must have D in place",
-    ),
     ("trajectory_only", finished_trajectory(), "report", r"no way to GPS time"),
     ("trajectory_nan", both(finished_trajectory(), NAN_IN_TRAJECTORY), "fuse", r"1 rows? without"),
     ("bearings_only", bearings(THREE_BEARINGS), "report", r"1 signs from 3 sightings"),
