@@ -1,4 +1,5 @@
 # make demo: set up and run the sample drive.   make test: set up and run the fast tests.
+# make docs: the site in build/site.   make man: the man page in build/man.
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3)
 VENV := .venv
@@ -6,7 +7,7 @@ PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
 INSTALL := $(PIP) install --quiet --no-deps --requirement
 PYTEST_ARGS ?=
 
-.PHONY: demo test slow check docs clean
+.PHONY: demo test slow check docs man clean
 
 demo: $(VENV)/.runtime
 	@$(VENV)/bin/automap run data/sample-drive
@@ -22,9 +23,12 @@ check: $(VENV)/.dev
 	@$(VENV)/bin/ruff format --check .
 	@$(VENV)/bin/mypy
 
-docs: $(VENV)/.dev
+docs: $(VENV)/.dev man
 	@NO_MKDOCS_2_WARNING=1 $(VENV)/bin/python -m mkdocs build --strict --quiet
 	@echo "build/site/index.html"
+
+man: $(VENV)/.runtime
+	@$(VENV)/bin/python docs/site/manual.py build/man
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

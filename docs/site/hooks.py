@@ -27,6 +27,7 @@ _FIXED: list[tuple[str, list[str]]] = [
             "howto/own-detector.md",
             "howto/own-trajectory.md",
             "howto/batch.md",
+            "howto/command-line.md",
         ],
     ),
     (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,9 @@ from pipeline.check import camera, gnss, imu, timing, wheels
 
 if TYPE_CHECKING:
     from automap.io.recording import Recording
+
+WIDTH = 80
+"""Characters of a line: the width of a terminal that nobody made wider."""
 
 _MARKS = {"ok": "ok", "info": "info", "warning": "WARNING", "error": "ERROR"}
 
@@ -56,14 +60,26 @@ class CheckReport:
             if finding.file != file:
                 file = finding.file
                 lines.append(f"  {file}")
-            lines.append(f"    {_MARKS[finding.severity]:8}{finding.text}")
+            lines += _wrapped(f"    {_MARKS[finding.severity]:8}", finding.text)
             if finding.advice:
-                lines.append(f"    {'':8}-> {finding.advice}")
+                lines += _wrapped(f"    {'':8}-> ", finding.advice)
         count = {s: sum(f.severity == s for f in self.findings) for s in ("error", "warning")}
         verdict = "usable" if self.usable else "not usable as it is"
         counts = [f"{n} {what}{'s' if n != 1 else ''}" for what, n in count.items()]
         lines.append(f"  {verdict}: {', '.join(counts)}")
         return "\n".join(lines)
+
+
+def _wrapped(start: str, text: str) -> list[str]:
+    """A finding in lines of a terminal's width; words, and so paths, stay whole."""
+    return textwrap.wrap(
+        text,
+        WIDTH,
+        initial_indent=start,
+        subsequent_indent=" " * len(start),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 class _Collector:

@@ -18,11 +18,13 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 
 _EPILOG = """\b
-A LOG is a drive folder, a CSV with named columns, or, with --columns, plain numbers.
+A LOG is a drive folder, a CSV with named columns, or, with --columns, plain
+numbers.
 Examples:
   automap calibrate static desk.csv --place 48.14,560 -o calibration
-  automap calibrate static --accel ACC.txt --gyro GYRO.txt --columns t_s,x,y,z \\
-      --accel-unit counts --gyro-unit counts --gravity 9.81744 -o calibration
+  automap calibrate static --accel ACC.txt --gyro GYRO.txt \\
+      --columns t_s,x,y,z --accel-unit counts --gyro-unit counts \\
+      --gravity 9.81744 -o calibration
 """
 
 

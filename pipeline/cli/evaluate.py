@@ -14,7 +14,8 @@ from pipeline.cli.options import ANY_PATH, Finite
 _EPILOG = """\b
 Examples:
   automap evaluate data/sample-drive/_automap
-  automap evaluate data/sample-drive/_automap --require "position_rms_m.horizontal<2"
+  automap evaluate data/sample-drive/_automap \\
+      --require "position_rms_m.horizontal<2"
 """
 
 

@@ -12,9 +12,10 @@ from pipeline.cli.options import ANY_PATH, Finite
 KINDS = ("calibration", "biases", "nis", "dropout", "rest")
 _EPILOG = """\b
 Examples:
-  automap experiment dropout drives/golf-03 -o experiments --outage 15 --every 45
-  automap experiment biases drives/golf-03 -o experiments
-  automap experiment rest calibration/desk_corrected.csv -o experiments --bias-at 444
+  automap experiment dropout drives/golf-03 -o plots --outage 15 --every 45
+  automap experiment biases drives/golf-03 -o plots
+  automap experiment rest calibration/desk_corrected.csv -o plots \\\\
+      --bias-at 444
 """
 
 

@@ -15,7 +15,8 @@ Examples:
   automap export maps --format gpkg --datum GDA2020 -o signs-gda2020.gpkg
   automap export maps --format osm --min-confidence 0.8 -o review.osm
   automap export maps --format tum --point antenna
-  automap export maps --format trajectory-csv --at frames.csv --point front -o frames_poses.csv
+  automap export maps --format trajectory-csv --at frames.csv --point front \\
+      -o frames_poses.csv
   automap export maps --format pos --filtered -o forward.pos
 """
 

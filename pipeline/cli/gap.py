@@ -19,7 +19,8 @@ Examples:
   automap gap drives/golf-03 -o gap
   automap gap drives/golf-03 drives/golf-04 --holdout drives/golf-05 -o gap
   automap run drives/golf-06 --config gap/model.toml
-  automap gap desk.txt --columns ax,ay,az,gx,gy,gz --rate 100 --gravity 9.8174 -o gap
+  automap gap desk.txt --columns ax,ay,az,gx,gy,gz --rate 100 \\
+      --gravity 9.8174 -o gap
 """
 
 

@@ -15,14 +15,16 @@ _EPILOG = """\b
 Examples:
   automap record --list-ports
   automap record -o drives/monday
-  automap record --gnss /dev/ttyACM0 --rate 5 --raw --imu /dev/ttyUSB0@115200
-      --imu-format thinimu-micro --rig drives/sunday --camera front=/dev/video0
+  automap record --gnss /dev/ttyACM0 --rate 5 --raw \\
+      --imu /dev/ttyUSB0@115200 --imu-format thinimu-micro \\
+      --rig drives/sunday --camera front=/dev/video0
   automap record --restore-receiver drives/monday
   automap record --replay data/sample-drive --links /tmp/car
 
 \b
-Ctrl-C ends a recording (exit code 0; 130 before the end of --duration). What is recorded is a
-drive folder: automap check and automap run take it as it is. docs/record.md tells the rest.
+Ctrl-C ends a recording (exit code 0; 130 before the end of --duration). What
+is recorded is a drive folder: automap check and automap run take it as it is.
+docs/record.md tells the rest.
 """
 
 

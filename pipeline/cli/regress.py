@@ -18,8 +18,10 @@ Examples:
   automap regress drives/golf-03 --set fuse.iterations=2 --all
 
 \b
-Exit codes: 0 nothing moved by more than its stated sigma allows, 5 something did.
-The same as tests: pytest with automap_drives = ["drives/*"] under [tool.pytest.ini_options].
+Exit codes: 0 nothing moved by more than its stated sigma allows, 5 something
+did.
+The same as tests: pytest with automap_drives = ["drives/*"] under
+[tool.pytest.ini_options].
 """
 
 

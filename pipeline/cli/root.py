@@ -20,22 +20,33 @@ from pipeline.cli.command import show_failure
 # small matrices only: a pool of threads costs more than it brings, and numpy starts it at import
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-_COMMANDS = {
-    "run": "pipeline.cli.run",
-    "check": "pipeline.cli.check",
-    "evaluate": "pipeline.cli.evaluate",
-    "export": "pipeline.cli.export",
-    "view": "pipeline.cli.view",
-    "merge": "pipeline.cli.merge",
-    "import": "pipeline.cli.import_drive",
-    "simulate": "pipeline.cli.simulate",
-    "detect": "pipeline.cli.detect",
-    "calibrate": "pipeline.cli.calibrate",
-    "experiment": "pipeline.cli.experiment",
-    "gap": "pipeline.cli.gap",
-    "record": "pipeline.cli.record",
-    "regress": "pipeline.cli.regress",
+_GROUPS: dict[str, dict[str, str]] = {
+    "Set up": {
+        "import": "pipeline.cli.import_drive",
+        "record": "pipeline.cli.record",
+        "calibrate": "pipeline.cli.calibrate",
+    },
+    "Run": {
+        "run": "pipeline.cli.run",
+        "detect": "pipeline.cli.detect",
+        "merge": "pipeline.cli.merge",
+    },
+    "Look": {
+        "check": "pipeline.cli.check",
+        "view": "pipeline.cli.view",
+        "evaluate": "pipeline.cli.evaluate",
+        "gap": "pipeline.cli.gap",
+        "experiment": "pipeline.cli.experiment",
+    },
+    "Export": {"export": "pipeline.cli.export"},
+    "Maintain": {
+        "simulate": "pipeline.cli.simulate",
+        "regress": "pipeline.cli.regress",
+    },
 }
+"""The commands in the order of a user's work, and the modules they are in."""
+
+_COMMANDS = {name: module for group in _GROUPS.values() for name, module in group.items()}
 
 _RESUMED = frozenset({"run", "gap", "regress", "experiment"})
 """They keep the stages that were done."""
@@ -46,8 +57,9 @@ Example:
   automap run data/sample-drive
 
 \b
-Exit codes: 0 done, 2 wrong usage or configuration, 3 bad input data, 4 a stage failed,
-5 a requirement not met, 130 interrupted; with several drives the highest.
+Exit codes: 0 done, 2 wrong usage or configuration, 3 bad input data, 4 a
+stage failed, 5 a requirement not met, 130 interrupted; with several drives
+the highest.
 """
 
 
@@ -64,6 +76,22 @@ class LazyGroup(click.Group):
             return None
         command: click.Command = importlib.import_module(_COMMANDS[cmd_name]).command
         return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The subcommands by what they are for; those of no group last."""
+        widest = max(map(len, _COMMANDS))
+        grouped = {name for group in _GROUPS.values() for name in group}
+        rest = [name for name in _COMMANDS if name not in grouped]
+        for title, names in (*_GROUPS.items(), ("More", rest)):
+            rows = []
+            for name in names:
+                command = self.get_command(ctx, name)
+                if command is not None:
+                    limit = formatter.width - 6 - widest
+                    rows.append((f"{name:{widest}}", command.get_short_help_str(limit)))
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl(rows)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

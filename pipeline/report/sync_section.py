@@ -73,10 +73,15 @@ def _imu_delay(delay_s: float, sd_s: float, what: str) -> str:
             f"By the motion that both saw, no delay between the IMU's stamps and the receiver's "
             f"{what} can be told from zero ({delay_s * 1e3:.0f} ms, σ {sd_s * 1e3:.0f} ms)."
         )
+    size = f"{abs(delay_s) * 1e3:.0f} ms (σ {sd_s * 1e3:.0f} ms)"
+    if delay_s > 0:
+        return (
+            f"By the motion that both saw, the IMU's stamps are {size} later than the receiver's "
+            f"{what}; the fusion refines this."
+        )
     return (
-        f"By the motion that both saw, the IMU's stamps are {abs(delay_s) * 1e3:.0f} ms "
-        f"(σ {sd_s * 1e3:.0f} ms) {'later' if delay_s > 0 else 'earlier'} than the receiver's "
-        f"{what}; the fusion refines this."
+        f"By the motion that both saw, the receiver's {what} are {size} later than the IMU's "
+        "stamps; the fusion refines this."
     )
 
 

@@ -50,6 +50,41 @@ def test_the_help_lists_the_commands(capsys: pytest.CaptureFixture[str]) -> None
         assert re.search(rf"^  {name} +\w", text, re.MULTILINE)
 
 
+def test_the_help_groups_the_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    """Every command once, below what it is for."""
+    assert run_command(["--help"]) == 0
+    text = capsys.readouterr().out
+    groups = ["Set up", "Run", "Look", "Export", "Maintain"]
+    starts = [text.index(f"\n{group}:\n") for group in groups]
+    assert starts == sorted(starts)
+    listed = re.findall(r"^  ([a-z]+)  +[A-Z]", text[starts[0] :], re.MULTILINE)
+    assert listed == list(_COMMANDS)
+
+
+def test_every_help_fits_a_terminal() -> None:
+    def check(command: click.Command, context: click.Context) -> None:
+        for line in command.get_help(context).splitlines():
+            assert len(line) <= 80, f"{context.command_path}: {line}"
+        for name in command.list_commands(context) if isinstance(command, click.Group) else ():
+            inner = command.get_command(context, name)
+            assert inner is not None
+            check(inner, click.Context(inner, info_name=name, parent=context, terminal_width=80))
+
+    check(cli, click.Context(cli, info_name="automap", terminal_width=80))
+
+
+def test_a_shell_completes_commands_and_options(capsys: pytest.CaptureFixture[str]) -> None:
+    from click.shell_completion import ShellComplete
+
+    def completed(words: list[str], start: str) -> set[str]:
+        complete = ShellComplete(cli, {}, "automap", "_AUTOMAP_COMPLETE")
+        return {item.value for item in complete.get_completions(words, start)}
+
+    assert completed([], "ch") == {"check"}
+    assert "--dry-run" in completed(["run"], "--d")
+    assert "rosbag" in completed(["import"], "ros")
+
+
 def test_a_mistyped_command_names_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["exprot", "x"]) == 2
     assert "Did you mean export?" in capsys.readouterr().err

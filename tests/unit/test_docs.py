@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -114,6 +115,31 @@ def test_the_reference_has_every_effect_setting_field_and_command(site: Path) ->
     reference = text_of(site, "reference/commands.html")
     for name in cli.list_commands(click.Context(cli)):
         assert f"automap {name}" in reference
+
+
+def test_the_man_page_has_every_command_and_is_roff(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, str(DOCS / "site" / "manual.py"), str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    page = tmp_path / "automap.1"
+    text = page.read_text(encoding="utf-8")
+    for name in cli.list_commands(click.Context(cli)):
+        assert f'.SH "automap {name}"' in text
+    assert r".B \-o, \-\-out" in text
+    macros = {line.split(" ")[0] for line in text.splitlines() if line.startswith(".")}
+    assert macros <= {".TH", ".SH", ".SS", ".B", ".TP", ".PP", ".nf", ".fi"}
+    if shutil.which("groff") is not None:
+        checked = subprocess.run(
+            ["groff", "-man", "-Tutf8", "-ww", "-z", str(page)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert checked.stderr == ""
 
 
 def test_the_site_asks_no_other_host_for_anything(site: Path) -> None:

@@ -135,10 +135,16 @@ def _fuse(context: StageContext) -> None:
     alone = " alone" if weighed.alone else ""
     context.result = (
         f"{len(weighed.trajectory)} epochs from {result.n_fixes_used} fixes{alone}, horizontal sd "
-        f"{metrics['horizontal_sd_m']:.2f} m, IMU delay {1e3 * result.delay.mean:.0f} ms"
+        f"{metrics['horizontal_sd_m']:.2f} m, {_delay_text(result.delay.mean, is_clock)}"
     )
     if result.wheels is not None:
         context.result += f", {_wheels_text(result.wheels)}"
+
+
+def _delay_text(delay_s: float, is_clock: bool) -> str:
+    """The delay in the stage's line: the receiver's where the clock comes from its arrivals."""
+    late_ms = -1e3 * delay_s if is_clock else 1e3 * delay_s
+    return f"{'receiver' if is_clock else 'IMU'} delay {late_ms:.0f} ms"
 
 
 def _wheels_text(wheels: WheelResult) -> str:
