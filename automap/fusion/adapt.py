@@ -10,13 +10,15 @@ of the innovations (F. C. Schweppe, IEEE Transactions on Information Theory 11, 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.fusion.layout import BESIDE_FIXES, CH_NHC, CH_POS, CH_VEL, N_NAV
+from automap.fusion.layout import BESIDE_FIXES, CH_NHC, CH_POS, CH_VEL, HAS_VEL_H, N_NAV
 from automap.fusion.level_climb import climb
 from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
 from automap.fusion.levels import (
@@ -24,9 +26,16 @@ from automap.fusion.levels import (
     LEVELS,
     RUN_LEVELS,
     VEHICLE_LEVELS,
+    VELOCITY_WANDER,
     WHITE_LEVELS,
 )
-from automap.fusion.limits import LEVEL_SPREAD, REFINE_S, STANDING_PART
+from automap.fusion.limits import (
+    ABSENT,
+    LASTING_ODDS_NATS,
+    LEVEL_SPREAD,
+    REFINE_S,
+    STANDING_PART,
+)
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import PathStates, Problem, Start, run_forward, with_options
 
@@ -61,8 +70,10 @@ def adapt_noise(
     initial: Mapping[str, float],
     search: Search = COARSE,
     progress: Callable[[str], None] = lambda text: None,
+    least: Mapping[str, float] = MappingProxyType({}),
 ) -> dict[str, float]:
-    """Factors on the levels that the first part of a drive asks for, from ``initial`` ones.
+    """Factors on the levels that the first part of a drive asks for, from ``initial`` ones and none
+    below ``least``.
 
     Returns a factor for every one of ``LEVELS``, unchanged where the likelihood does not care:
     white noise of accelerometer and gyro, white parts of position and velocity, horizontal and
@@ -71,7 +82,7 @@ def adapt_noise(
     part = nodes.first_moving(search.part_s, STANDING_PART * search.part_s)
     if search.measured_only:
         part = replace(part, flags=part.flags & ~BESIDE_FIXES)
-    factors = dict(initial)
+    factors = _raised(initial, least)
 
     def score(trial: dict[str, float]) -> float:
         scaled = scale_problem(problem, trial)
@@ -91,10 +102,15 @@ def adapt_noise(
         before = best
         for level in search.levels:
             progress(f"noise levels, sweep {sweep + 1}: {level}")
-            best, factors = _climb(level, best, factors, cached, search)
+            best, factors = _climb(level, best, factors, cached, search, least.get(level, 0.0))
         if best - before < search.gain:
             break
-    return {k: _refined(k, v, factors, cached, search) for k, v in factors.items()}
+    found = {k: _refined(k, v, factors, cached, search) for k, v in factors.items()}
+    return _raised(found, least)
+
+
+def _raised(factors: Mapping[str, float], least: Mapping[str, float]) -> dict[str, float]:
+    return {level: max(value, least.get(level, 0.0)) for level, value in factors.items()}
 
 
 def refine_noise(
@@ -105,8 +121,10 @@ def refine_noise(
     linearised_at: PathStates,
     initial: Mapping[str, float],
     levels: Sequence[str] = RUN_LEVELS,
+    least: Mapping[str, float] = MappingProxyType({}),
 ) -> dict[str, float]:
-    """Factors on the levels at the top of the likelihood about a smoothed path ``linearised_at``.
+    """Factors on the levels at the top of the likelihood about a smoothed path ``linearised_at``,
+    none below ``least``.
 
     ``adapt_noise`` looks about the filter's own path, which wants coarse steps and little
     data; here every step has exact slopes, and the whole drive counts, so the levels scatter
@@ -125,8 +143,28 @@ def refine_noise(
         return measured + _expected(trial, levels)
 
     limit = COARSE.limit if tuple(levels) == RUN_LEVELS else FINE.limit
-    top = climb(likelihood, initial, tuple(levels), lambda level: (1.0 / limit, limit))
-    return top.factors
+
+    def bounds(level: str) -> tuple[float, float]:
+        return max(1.0 / limit, least.get(level, 0.0)), limit
+
+    top = climb(likelihood, _raised(initial, least), tuple(levels), bounds)
+    if VELOCITY_WANDER not in levels or not _below_white(part, problem, top.factors):
+        return top.factors
+    others = tuple(level for level in levels if level != VELOCITY_WANDER)
+    absent = climb(likelihood, top.factors | {VELOCITY_WANDER: ABSENT}, others, bounds)
+    some, none = (np.log(found.factors[VELOCITY_WANDER]) / LEVEL_SPREAD for found in (top, absent))
+    gain = absent.score + 0.5 * none**2 - (top.score + 0.5 * some**2)
+    # of the sizes that were possible only those up to this one are left
+    gain -= math.log(0.5 * math.erfc(-some / math.sqrt(2.0)))
+    return absent.factors if gain > LASTING_ODDS_NATS else top.factors
+
+
+def _below_white(nodes: Nodes, problem: Problem, factors: Mapping[str, float]) -> bool:
+    """Whether the lasting error of velocities is less than half of what they are white by."""
+    has = (nodes.flags & HAS_VEL_H) > 0
+    white = np.median(np.sqrt(nodes.var[has, CH_VEL])) if has.any() else 0.0
+    lasting = problem.options.velocity_wander_sd * factors[VELOCITY_WANDER]
+    return bool(0.0 < lasting < 0.5 * white * factors["velocity_h"])
 
 
 def _expected(factors: Mapping[str, float], levels: Sequence[str]) -> LevelLikelihood:
@@ -165,11 +203,12 @@ def _climb(
     factors: dict[str, float],
     score: Callable[[dict[str, float]], float],
     search: Search,
+    least: float,
 ) -> tuple[float, dict[str, float]]:
-    """Move one level as far as it pays, up or else down."""
+    """Move one level as far as it pays, up or else down to ``least``."""
     for step in (search.factor, 1.0 / search.factor):
         moved = False
-        while 1.0 / search.limit <= factors[level] * step <= search.limit:
+        while max(1.0 / search.limit, least) <= factors[level] * step <= search.limit:
             trial = factors | {level: factors[level] * step}
             value = score(trial)
             if value < best + search.gain:

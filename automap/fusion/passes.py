@@ -34,6 +34,7 @@ from automap.fusion.problem import (
     linearisation_states,
     make_problem,
 )
+from automap.fusion.rest_noise import least_levels
 from automap.fusion.sections import filter_and_smooth
 from automap.fusion.tuning import Tuned, tune_noise
 from automap.records import FloatArray, ImuData
@@ -168,6 +169,7 @@ def run_passes(
     shift = first_shift(session, model)
     margin = np.inf
     factors = dict.fromkeys(LEVELS, 1.0) | dict(options.factors)
+    least = least_levels(session.imu, base.t, session.standstill, options)
     problem = scale_problem(base, factors)
     last: Pass | None = None
     tuned: Tuned | None = None
@@ -180,7 +182,7 @@ def run_passes(
             found = align(problem, session.fixes, nodes, bias, shift)
             start, margin = found.start, found.margin
         elif number == 1 and (options.adapt or options.tune):
-            factors = adapt_noise(base, nodes, start, shift, factors, COARSE, progress)
+            factors = adapt_noise(base, nodes, start, shift, factors, COARSE, progress, least)
             problem = scale_problem(base, factors)
         plain, nodes = nodes, scale_nodes(nodes, factors)
         linearised_at = None
@@ -194,9 +196,13 @@ def run_passes(
             linearised_at = linearisation_states(problem, smoothed, nodes, before, shift)
             del smoothed
             if relinearised == 0 and (options.adapt or options.tune):
-                factors = refine_noise(base, plain, start, shift, linearised_at, factors)
+                factors = refine_noise(
+                    base, plain, start, shift, linearised_at, factors, least=least
+                )
                 if options.tune and constrained:
-                    tuned = tune_noise(base, plain, start, shift, linearised_at, factors, progress)
+                    tuned = tune_noise(
+                        base, plain, start, shift, linearised_at, factors, progress, least
+                    )
                     untuned, factors = factors, tuned.factors
                 problem, nodes = scale_problem(base, factors), scale_nodes(plain, factors)
             relinearised += 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from automap.fusion.adapt import (
     COARSE,
@@ -37,13 +38,15 @@ def tune_noise(
     linearised_at: PathStates,
     initial: Mapping[str, float],
     progress: Callable[[str], None] = lambda text: None,
+    least: Mapping[str, float] = MappingProxyType({}),
 ) -> Tuned:
-    """Find all levels on the first half of ``nodes``; they stay ``initial`` where those explain the
-    second half as well. ``problem`` and ``nodes`` without factors."""
+    """Find all levels, none below ``least``, on the first half of ``nodes``; they stay
+    ``initial`` where those explain the second half as well. ``problem`` and ``nodes`` are without
+    factors."""
     half = nodes.first(max(len(nodes.t) // 2, 2))
     path = PathStates(linearised_at.nominal[: len(half.t)], linearised_at.params[: len(half.t)])
-    found = adapt_noise(problem, half, start, shift, initial, FINE, progress)
-    found = refine_noise(problem, half, start, shift, path, found, SLOPED_LEVELS)
+    found = adapt_noise(problem, half, start, shift, initial, FINE, progress, least)
+    found = refine_noise(problem, half, start, shift, path, found, SLOPED_LEVELS, least)
 
     def unseen_half(factors: Mapping[str, float]) -> float:
         whole, first = (
