@@ -32,6 +32,7 @@ from automap.fusion.output import (
 from automap.fusion.passes import Pass, Session, fix_speed, run_passes
 from automap.fusion.problem import (
     DELAY_STATE,
+    LATENCY_STATE,
     SKEW_STATE,
     WHEELS_STATE,
     Problem,
@@ -47,6 +48,7 @@ from automap.fusion.wheels import Wheels, prepare_wheels
 from automap.records import (
     ClockModel,
     Fixes,
+    FixType,
     FloatArray,
     ImuData,
     IntArray,
@@ -167,6 +169,13 @@ def fuse_imu_gnss(
     tells_arm = "gnss_lever_arm" in effects or _median_sd(model) < limits.ARM_TOLD_SD_M
     if (tells_arm or lever_arm is not None) and "gnss_lever_arm" not in effects:
         effects = (*effects, "gnss_lever_arm")
+    age_sd = 0.0 if delay_is_clock or _told_by_carrier(fixes) else limits.FIX_AGE_SD_S
+    if delay.sd < age_sd and "gnss_latency" not in effects:
+        # the stamps are known better than the age of the fixes, which looks like their delay
+        effects = (*effects, "gnss_latency")
+        sds[LATENCY_STATE] = age_sd
+    if "gnss_latency" in effects:
+        age_sd = 0.0
     if rest_bias is not None:
         for axis, value in zip("xyz", rest_bias, strict=True):
             means[f"gyro_bias_{axis}"] = float(value)
@@ -231,6 +240,7 @@ def fuse_imu_gnss(
         imu.axes_known,
         delay_is_clock,
         lever_arm is None and not tells_arm,
+        age_sd,
     )
     wheels_found = _wheels_of(wheels, result, delay_is_clock)
     return replace(result, wheels=wheels_found, bridged=bridged)
@@ -259,6 +269,14 @@ def _median_sd(model: FixModel) -> float:
     """The level accuracy that fixes state, m."""
     has = (model.flags & HAS_POS_H) > 0
     return float(np.median(model.stated_sd[has, :2])) if has.any() else np.inf
+
+
+def _told_by_carrier(fixes: Fixes) -> bool:
+    """Whether most fixes are carrier-phase solutions: those are of the instant of their tag, while
+    a navigation filter's own may be of one a little before or after."""
+    kind = fixes.fix_type[fixes.fix_type > FixType.NONE]
+    carrier = (kind == FixType.FIXED) | (kind == FixType.FLOAT)
+    return bool(np.count_nonzero(carrier) > 0.5 * len(kind))
 
 
 def _mounting_of(last: Pass) -> Mounting:
@@ -334,6 +352,7 @@ def _assemble(
     axes_known: bool,
     delay_is_clock: bool,
     unknown_arm: bool,
+    age_sd: float,
 ) -> FusionResult:
     history = outcome.parameters
     final = dict(zip(history.names, history.values[-1], strict=True))
@@ -361,6 +380,7 @@ def _assemble(
             delay_is_clock,
             turn,
             unseen,
+            age_sd,
             blend,
         )
 

@@ -66,6 +66,10 @@ UNKNOWN_ARM_SD_M = 0.5
 """From the IMU to an antenna that nobody stated, m and axis. Chosen: none in a phone or a logger,
 a metre from a box in the cabin to the roof."""
 
+FIX_AGE_SD_S = 0.08
+"""Fixes of navigation filters are of an instant so far from their tag's, s: of three recorded
+receivers (two phones, a u-blox) 0.12 and 0.02 s ahead and 0.07 s behind."""
+
 # nodes
 
 MAX_NODE_SPACING_S = 0.5

@@ -71,12 +71,14 @@ def node_trajectory(
     delay_is_clock: bool,
     turn: FloatArray,
     unseen_sd: FloatArray,
+    age_sd: float,
     blend: bool,
 ) -> Trajectory:
     """Trajectory at the IMU epochs ``t_ns`` of nodes' states.
 
     ``turn`` [3, 3] takes sensor axes (as filtered) to the vehicle's.
-    ``unseen_sd`` [k, 3] m NED at the nodes is what no measurement tells of the position's error.
+    ``unseen_sd`` [k, 3] m NED at the nodes is what no measurement tells of the position's error,
+    ``age_sd`` s the same of the age of the fixes, to which the motion was dated.
     ``delay`` [n] is how much later than the fixes' clock the stamps run, in s: an error of the
     clock, or of the samples, which then belong to ``delay`` earlier than their stamp.
     """
@@ -85,7 +87,7 @@ def node_trajectory(
     good = np.asarray(np.isfinite(dense).all(axis=1))
     dense = _hold_ends(dense, good)
     cov = covariance_at_stamps(
-        problem.model, cov, nodes.t, rates_of_change(problem.t, dense, nodes.t)
+        problem.model, cov, nodes.t, rates_of_change(problem.t, dense, nodes.t), age_sd
     )
     cov[:, range(3), range(3)] += unseen_sd**2
     if not delay_is_clock:

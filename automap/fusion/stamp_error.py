@@ -14,7 +14,7 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.effects.terms import ELAPSED, ONE
 from automap.frames import quat_multiply
-from automap.fusion.layout import N_NAV
+from automap.fusion.layout import N_NAV, V_ID
 from automap.fusion.limits import HALF_STEP_S
 from automap.fusion.model import StateModel
 from automap.fusion.resample import states_at
@@ -38,15 +38,19 @@ def mounting_rows(model: StateModel) -> slice:
 
 
 def covariance_at_stamps(
-    model: StateModel, cov: FloatArray, node_t: FloatArray, change: FloatArray
+    model: StateModel, cov: FloatArray, node_t: FloatArray, change: FloatArray, age_sd: float = 0.0
 ) -> FloatArray:
     """Covariance [k, m, m] of navigation errors and mounting at the stamps' instants.
 
     ``cov`` [k, r, r] of the reported rows, ``node_t`` [k] s, ``change`` [k, 9] the states'
-    rates of change (see ``rates_of_change``).
+    rates of change (see ``rates_of_change``). ``age_sd`` s is how far fixes may be from the instant
+    of their tag where no state says so: velocity and attitude are then of another instant. In
+    the position it is a part of the accuracy that receivers state, and is not counted again.
     """
     own = mounting_rows(model).stop
     out = cov[:, :own, :own].copy()
+    moved = change[:, V_ID:N_NAV]
+    out[:, V_ID:N_NAV, V_ID:N_NAV] += age_sd**2 * moved[:, :, None] * moved[:, None, :]
     late_by = {ONE: np.ones_like(node_t), ELAPSED: node_t}
     weights = [late_by[CATALOGUE[e].terms[0].signal] for e in STAMPS if e in model.places]
     if not weights:

@@ -146,7 +146,11 @@ def test_half_a_minute_without_fixes(
     assert horizontal_rms(added[inside]) < 0.3
     # sigmas of positions follow the level of the slow error, which each run asks of its own fixes
     ours, known = result.trajectory.sd_vel_ned[:, :2], plain.trajectory.sd_vel_ned[:, :2]
-    assert (ours[7200:7800] > 1.2 * known[7200:7800]).all()
+    # elsewhere both are as unsure as the age of the fixes
+    acceleration = 100.0 * np.gradient(plain.trajectory.vel_ned, axis=0)[7200:7800]
+    steady = np.linalg.norm(acceleration, axis=1) < 0.2
+    assert np.count_nonzero(steady) > 100
+    assert (ours[7200:7800][steady] > 1.2 * known[7200:7800][steady]).all()
     ours = result.trajectory.sd_pos_ned[:, :2]
     assert (ours[7200:7800] > ours[10000]).all()
 

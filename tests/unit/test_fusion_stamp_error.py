@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from automap.frames import matrix_to_quat, rpy_to_matrix
+from automap.fusion.engine import Prior, fuse_imu_gnss
 from automap.fusion.layout import N_NAV
 from automap.fusion.model import build_state_model
 from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
@@ -15,6 +16,7 @@ from automap.fusion.stamp_error import (
     rates_of_change,
     reported_rows,
 )
+from tests.unit.fusion_drive import CLOCK, Receiver, Sensor, city_drive, errors, receive, record
 
 TURN = 0.3
 ALONG = 1.5
@@ -68,3 +70,36 @@ def test_a_known_delay_adds_nothing() -> None:
     cov = np.tile(np.eye(len(reported_rows(model))), (3, 1, 1))
     out = covariance_at_stamps(model, cov, np.arange(3.0), np.ones((3, N_NAV)))
     assert np.array_equal(out, cov)
+
+
+def test_an_unknown_age_of_the_fixes_is_of_velocity_and_attitude() -> None:
+    model = build_state_model(FusionOptions(effects=("accel_bias",)))
+    change = np.arange(9.0) * np.ones((3, 1))
+    out = covariance_at_stamps(model, np.zeros((3, N_NAV, N_NAV)), np.arange(3.0), change, 0.1)
+    assert np.diagonal(out, axis1=1, axis2=2)[0] == pytest.approx(
+        [0.0, 0.0, 0.0, *(0.01 * np.arange(3.0, 9.0) ** 2)]
+    )
+
+
+@pytest.mark.parametrize("delay_sd", [0.02, 0.1])
+def test_old_fixes_are_not_the_delay_of_the_imu(delay_sd: float) -> None:
+    """Where the stamps are known the age of the fixes is estimated, else it is in the sigmas."""
+    motion = city_drive(300.0, 7, slip=True)
+    result = fuse_imu_gnss(
+        record(motion, Sensor(), 8),
+        receive(motion, Receiver(latency=0.1, lasting=0.1), 9),
+        CLOCK,
+        FusionOptions(),
+        Prior(0.0, delay_sd),
+        lever_arm=np.zeros(3),
+    )
+    path = result.trajectory
+    error = errors(path, motion)
+    moving = np.linalg.norm(path.vel_ned, axis=1) > 2.0
+    ratio = np.sqrt(np.mean((error[moving, 3:5] / path.sd_vel_ned[moving, :2]) ** 2, axis=0))
+    yaw = np.sqrt(np.mean((error[moving, 8] / path.sd_rpy[moving, 2]) ** 2))
+    assert (ratio < 1.6).all()
+    assert yaw < 1.6
+    known = delay_sd < 0.05
+    assert ("gnss_latency_s" in result.parameters.names) is known
+    assert abs(result.delay.mean) < 0.03 if known else abs(result.delay.mean) > 0.05
