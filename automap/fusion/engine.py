@@ -170,6 +170,8 @@ def fuse_imu_gnss(
     if (tells_arm or lever_arm is not None) and "gnss_lever_arm" not in effects:
         effects = (*effects, "gnss_lever_arm")
     age_sd = 0.0 if delay_is_clock or _told_by_carrier(fixes) else limits.FIX_AGE_SD_S
+    if "gnss_latency" in options.fixed:
+        age_sd = 0.0
     if delay.sd < age_sd and "gnss_latency" not in effects:
         # the stamps are known better than the age of the fixes, which looks like their delay
         effects = (*effects, "gnss_latency")

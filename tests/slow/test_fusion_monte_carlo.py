@@ -17,6 +17,7 @@ from tests.benchmarks.fusion_monte_carlo import (
     pooled,
     run_drive,
     sigma_ratios,
+    stated,
 )
 from tests.benchmarks.fusion_outages import rms, synthetic
 from tests.unit.fusion_drive import WHITE, receiver_named
@@ -31,7 +32,8 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def outcomes(receiver_name: str) -> list[DriveOutcome]:
     receiver = receiver_named(receiver_name)
-    return [run_drive(seed, SECONDS, receiver=receiver) for seed in range(DRIVES)]
+    known = stated(receiver_name)
+    return [run_drive(seed, SECONDS, receiver=receiver, options=known) for seed in range(DRIVES)]
 
 
 def test_smoothing_is_near_the_exact_optimum(

@@ -32,7 +32,8 @@ from tests.unit.fusion_drive import (
 
 KMH = 1.0 / 3.6
 OUTAGE = (120.0, 180.0)
-OPTIONS = FusionOptions()
+# the receiver is prompt, so that delays are those of the wheels
+OPTIONS = FusionOptions(fixed={"gnss_latency": {"s": 0.0}})
 
 
 def forward(motion: Motion, t: np.ndarray) -> np.ndarray:
