@@ -63,7 +63,7 @@ def test_rows_that_cannot_be_read_are_counted_and_the_first_is_named(tmp_path: P
     table = read_columns(path, {"t_ns": "int", "gx": "float"})
     assert table.columns["t_ns"].tolist() == [1, 6, 8]
     assert (table.bad_rows, table.blank_rows) == (3, 1)
-    assert table.first_bad == "line 4: '2'"
+    assert table.first_bad == "line 4 (1 cell in place of 2): '2'"
     assert [table.line(row) for row in range(3)] == [2, 7, 8]
 
 
@@ -76,7 +76,7 @@ def test_rows_that_cannot_be_read_are_counted_and_the_first_is_named(tmp_path: P
         (b"1,2\n3,4\n", "line 1 holds numbers"),
         (b"t_ns,wx\n1,2\n", "no column gx (rename wx?)"),
         (b"t_ns,gx,gx\n1,2,3\n", "names the column gx twice"),
-        (b"t_ns,gx\nabc,def\n", "line 2: 'abc,def'"),
+        (b"t_ns,gx\nabc,def\n", "line 2, column t_ns: 'abc'"),
         (b"\x00\x01\x02", "is not text"),
         (b"t_ns,gx\n1,\xff\xfe\n", "line 2"),
     ],

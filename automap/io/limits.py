@@ -1,0 +1,13 @@
+"""How large what a file holds may be before it is no recording any more."""
+
+from __future__ import annotations
+
+MAX_COLUMNS = 10_000
+"""Columns of a table. The widest loggers write some hundred; a header of more is a garbled one."""
+
+MAX_ROW_BYTES = 1 << 20
+"""Bytes of a row of a table: a hundred for each of the most columns. A longer one has lost its
+line ends."""
+
+SHOWN = 60
+"""Characters of a file's own text that a message repeats; a line of a terminal has eighty."""
