@@ -68,9 +68,12 @@ def stamp_unit(rate_hz: float) -> Finding | None:
     if rate_hz < limits.FASTEST_HZ:
         return None
     shown = f"the stamps give {rate_hz:.3g} readings a second"
-    for scale, unit in ((1e3, "microseconds"), (1e6, "milliseconds")):
+    for scale, unit, name in ((1e3, "microseconds", "us"), (1e6, "milliseconds", "ms")):
         if limits.SLOWEST_HZ < rate_hz / scale < limits.FASTEST_HZ:
-            advice = f"t_ns is in nanoseconds, these look like {unit}: multiply by {scale:.0f}"
+            advice = (
+                f"t_ns is in nanoseconds, these look like {unit}: write "
+                f'time_format = "{name}" in [imu]'
+            )
             return Finding("error", shown, advice)
     return Finding("error", shown, "t_ns is in nanoseconds of one clock; correct the column")
 

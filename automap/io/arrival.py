@@ -3,83 +3,92 @@
 from __future__ import annotations
 
 import dataclasses
+from bisect import bisect_right
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from automap.errors import InputError
+from automap.io.named_table import read_table
+from automap.io.table_form import TableForm
 from automap.records import NO_TIME, Fixes, IntArray
 
+MOST_BACKWARDS = 0.1
+"""Share of rows that may run backwards and be left out as garbled; more are no clock."""
 
-def read_arrival(path: Path) -> tuple[IntArray, IntArray]:
-    """Byte offsets [n] and host times [n], ns, of an arrival file.
 
-    The columns ``offset`` and ``t_ns`` are found by name. A last line that was cut off is
-    left out. Raises InputError where a column is missing, a value is no whole number, or
-    offsets or times run backwards.
+@dataclass(frozen=True)
+class ArrivalTimes:
+    """Byte offsets [n] and the host times [n], ns, at which those bytes came; ``warnings`` say
+    what was left out, ``notes`` what was guessed."""
+
+    offset: IntArray
+    t_ns: IntArray
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def read_arrival(path: Path, form: TableForm | None = None) -> ArrivalTimes:
+    """Read ``offset, t_ns``; other names and times as ``form`` says or by a guess.
+
+    Rows that cannot be read, or run backwards, are left out and counted. Raises InputError
+    where a column is missing, nothing is left, or more than a few rows run backwards.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
+    table = read_table(path, "arrival", form)
+    if table.t_ns is None:
         raise InputError(
-            f"{path}: byte {error.start} is no text; a CSV with the columns offset,t_ns is needed"
-        ) from error
-    if not text.strip():
-        raise InputError(f"{path} is empty; remove `arrival` from drive.toml or record it again")
-    lines = text.split("\n")
-    names = [name.strip() for name in lines[0].split(",")]
-    for name in ("offset", "t_ns"):
-        if name not in names:
-            raise InputError(
-                f"{path}: line 1 names no column {name}; the columns offset,t_ns are needed"
+            f"{path}: line {table.rows.header_line} names no column t_ns; the columns offset,t_ns "
+            "are needed"
+        )
+    offset, t_ns = np.asarray(table.rows.columns["offset"], np.int64), table.t_ns
+    warnings = table.rows.warnings()
+    kept = np.arange(len(offset))
+    for what, values in (("offset", offset), ("t_ns", t_ns)):
+        forward = _not_backwards(values[kept])
+        lost = np.setdiff1d(np.arange(len(kept)), forward)
+        # a last line that was cut off within a number is no fault of the clock
+        if len(lost) and lost.tolist() != [len(kept) - 1]:
+            line = table.rows.line(int(kept[lost[0]]))
+            if len(lost) > MOST_BACKWARDS * len(kept):
+                back = int(kept[np.flatnonzero(np.diff(values[kept]) < 0)[0] + 1])
+                raise InputError(
+                    f"{path}: {what} runs backwards in line {table.rows.line(back)}; "
+                    "each row must be later in the log than the one before"
+                )
+            warnings.append(
+                f"{path}: {len(lost)} rows where {what} does not fit those around were left out, "
+                f"the first in line {line}"
             )
-    at_offset, at_time = names.index("offset"), names.index("t_ns")
-    offset: list[int] = []
-    times_ns: list[int] = []
-    numbers: list[int] = []
-    for number, line in enumerate(lines[1:], start=2):
-        if not line.strip():
-            continue
-        cells = line.split(",")
-        try:
-            pair = int(cells[at_offset]), int(cells[at_time])
-        except (IndexError, ValueError) as error:
-            if number == len(lines):  # no line end: the recording stopped here
-                break
-            raise InputError(
-                f"{path}: line {number} is {line.strip()[:40]!r}; "
-                "a whole number is needed in each of offset and t_ns"
-            ) from error
-        if number == len(lines) and times_ns and pair[1] < times_ns[-1]:
-            break  # the last number was cut off as well
-        offset.append(pair[0])
-        times_ns.append(pair[1])
-        numbers.append(number)
-    if not offset:
-        raise InputError(f"{path} has no rows; remove `arrival` from drive.toml or record it again")
-    try:
-        offsets, times = np.asarray(offset, np.int64), np.asarray(times_ns, np.int64)
-    except OverflowError as error:
-        raise InputError(f"{path}: a number is too large for 64 bits") from error
-    for what, values in (("offset", offsets), ("t_ns", times)):
-        back = np.flatnonzero(np.diff(values) < 0)
-        if len(back):
-            raise InputError(
-                f"{path}: {what} runs backwards in line {numbers[back[0] + 1]}; "
-                "each row must be later in the log than the one before"
-            )
-    return offsets, times
+        kept = kept[forward]
+    return ArrivalTimes(offset[kept], t_ns[kept], tuple(warnings), table.notes)
 
 
-def attach_arrival(fixes: Fixes, offset: IntArray, t_ns: IntArray) -> Fixes:
+def _not_backwards(values: IntArray) -> IntArray:
+    """Rows of the longest piece of a column [n] that never falls."""
+    if np.all(np.diff(values) >= 0):
+        return np.arange(len(values))
+    ends: list[int] = []
+    rows: list[int] = []
+    before = np.full(len(values), -1, np.int64)
+    for row, value in enumerate(values.tolist()):
+        at = bisect_right(ends, value)
+        before[row] = rows[at - 1] if at else -1
+        ends[at : at + 1], rows[at : at + 1] = [value], [row]
+    chain, row = [], rows[-1]
+    while row >= 0:
+        chain.append(row)
+        row = int(before[row])
+    return np.array(chain[::-1], np.int64)
+
+
+def attach_arrival(fixes: Fixes, arrival: ArrivalTimes) -> Fixes:
     """Fixes with the host time at which each epoch's first byte arrived.
 
     That is the time of the last row whose offset is not beyond the epoch's first byte;
     epochs before the first row have none.
     """
-    row = np.searchsorted(offset, fixes.offset, side="right") - 1
+    row = np.searchsorted(arrival.offset, fixes.offset, side="right") - 1
     known = (row >= 0) & (fixes.offset >= 0)
-    arrival = np.where(known, t_ns[np.maximum(row, 0)], NO_TIME)
-    return dataclasses.replace(fixes, arrival_ns=arrival.astype(np.int64))
+    came_ns = np.where(known, arrival.t_ns[np.maximum(row, 0)], NO_TIME)
+    return dataclasses.replace(fixes, arrival_ns=came_ns.astype(np.int64))

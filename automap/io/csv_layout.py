@@ -12,10 +12,10 @@ from typing import Literal
 
 from automap.errors import InputError
 from automap.io import limits
-from automap.io.table_form import TableForm
+from automap.io.table_form import Separator, TableForm
 from automap.io.table_units import UNITS, unit_named
 
-_SEPARATORS = (";", "\t", "|", ",")
+_SEPARATORS: tuple[Separator, ...] = (";", "\t", "|", ",")
 _HEAD_BYTES = 1 << 16
 _HEAD_LINES = 200
 _FEW_LINES = 4
@@ -38,7 +38,7 @@ class Layout:
     path: Path
     names: tuple[str, ...]
     units: tuple[str, ...]
-    separator: str
+    separator: Separator
     decimal: Literal[".", ","]
     header_line: int
     first_line: int
@@ -71,7 +71,7 @@ def read_layout(path: Path, form: TableForm | None = None, wanted: Sequence[str]
     at = _header(rows, first, known, headless)
     if at is None:
         at = _first_numbers(rows, first)
-        names: list[str] = [""] * len(rows[at])
+        names: list[str] = [""] * _mode([len(cells) for cells in rows[at:] if cells])[0]
         header_line, below = 0, at
     else:
         names = [name.strip("\"' ") for name in rows[at]]
@@ -137,7 +137,8 @@ def _is_utf_8(data: bytes) -> bool:
         return True
     lines = head.splitlines()[:_HEAD_LINES]
     wrong = [i for i, line in enumerate(lines) if not _decodes(line)]
-    return not wrong or (wrong[0] > 0 and 20 * len(wrong) < len(lines)) or len(wrong) < 3
+    few = len(wrong) < _FEW_LINES or 20 * len(wrong) < len(lines)
+    return not wrong or (wrong[0] > 0 and few)
 
 
 def _decodes(line: bytes) -> bool:
@@ -161,7 +162,7 @@ def _cells(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-def _separator(lines: list[str], wanted: Container[str]) -> str:
+def _separator(lines: list[str], wanted: Container[str]) -> Separator:
     """The sign that parts the first line, or the most lines, into as many cells as the rest."""
     filled = [line for line in lines if line.strip()]
     counts = {sign: [len(_cells(line, sign)) for line in filled] for sign in _SEPARATORS}
@@ -173,7 +174,7 @@ def _separator(lines: list[str], wanted: Container[str]) -> str:
     for sign in like_first:
         if _names_one(_cells(filled[0], sign), wanted):
             return sign
-    best = max(like_first, key=lambda sign: like_first[sign], default=" ")
+    best: Separator = max(like_first, key=lambda sign: like_first[sign], default=" ")
     if best != " " and (2 * like_first[best] >= len(filled) or len(filled) < _FEW_LINES):
         return best
     # the first lines may speak of something else

@@ -26,7 +26,7 @@ from automap.io.video import VideoInput, image_size
 from automap.records import Camera, FloatArray, usual_matrix
 
 _IMU_FILE = "imu.csv"
-_GNSS_FILES = ("gnss.ubx", "gnss.nmea", "gnss.pos")
+_GNSS_FILES = ("gnss.ubx", "gnss.nmea", "gnss.pos", "gnss.csv", "fixes.csv")
 _ODOMETER_FILE = "odometer.csv"
 _ARRIVAL_FILE = "gnss_arrival.csv"
 _VIDEO_DIR = "video"

@@ -9,31 +9,32 @@ import numpy as np
 
 from automap.errors import ConfigError, InputError
 from automap.io.axes import ImuAxes
-from automap.io.csv_columns import CsvColumns, Kind, read_columns
+from automap.io.csv_columns import CsvColumns
 from automap.io.drive import Drive
 from automap.io.imu_calibration import read_imu_calibration
+from automap.io.named_table import NamedTable, read_table
 from automap.io.sensor_file import SI_PER_UNIT, SensorModel, find_sensor, read_sensor
 from automap.io.stamps import StampOrder, find_gaps, order_stamps
+from automap.io.table_form import ACCEL, GYRO, TableForm
 from automap.records import FloatArray, ImuCalibration, ImuData
-
-_GYRO = ("gx", "gy", "gz")
-_ACCEL = ("ax", "ay", "az")
-_REQUIRED: dict[str, Kind] = {"t_ns": "int", **dict.fromkeys(_GYRO + _ACCEL, "float")}
 
 
 @dataclass(frozen=True)
 class ImuFormat:
     """How the readings of a file are to be understood.
 
-    ``axes`` are those of the triads. Units as in the manifest; "counts" need a ``sensor``. A
-    ``calibration`` takes the place of the unit: its scale is SI per reading unit.
+    ``axes`` are those of the triads. Units as in the manifest, None for what the names of the
+    columns tell, SI where they tell nothing; "counts" need a ``sensor``. A ``calibration``
+    takes the place of the unit: its scale is SI per reading unit. ``table`` says which column
+    is what.
     """
 
     axes: ImuAxes = field(default_factory=ImuAxes)
-    gyro_unit: str = "rad/s"
-    accel_unit: str = "m/s^2"
+    gyro_unit: str | None = None
+    accel_unit: str | None = None
     sensor: SensorModel | None = None
     calibration: ImuCalibration | None = None
+    table: TableForm = field(default_factory=TableForm)
 
 
 @dataclass(frozen=True)
@@ -61,12 +62,16 @@ class ImuQuality:
 
 @dataclass(frozen=True)
 class ImuRecording:
-    """Readings in SI units with what was found on the way."""
+    """Readings in SI units with what was found on the way.
+
+    ``notes`` say how a table without our names was understood.
+    """
 
     data: ImuData
     quality: ImuQuality
     extra_columns: tuple[str, ...]
     warnings: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def imu_format(drive: Drive) -> ImuFormat:
@@ -77,13 +82,6 @@ def imu_format(drive: Drive) -> ImuFormat:
     calibration = None
     if drive.imu_calibration is not None:
         calibration = read_imu_calibration(drive.imu_calibration)
-        for name in ("gyro_unit", "accel_unit"):
-            theirs, ours = getattr(calibration, name), getattr(section, name)
-            if theirs is not None and theirs != ours:
-                raise ConfigError(
-                    f"{drive.imu_calibration} was made from a log with {name} {theirs}, but the "
-                    f"drive has {name} = {ours!r}; calibrate from a log in the same unit."
-                )
     sensor = None
     if in_counts and section.sensor is not None:
         sensor = read_sensor(find_sensor(section.sensor, drive.path))
@@ -92,13 +90,39 @@ def imu_format(drive: Drive) -> ImuFormat:
             f"{drive.manifest_file}: [imu] is in counts and its calibration file is not there; "
             "name a sensor as well."
         )
-    return ImuFormat(drive.imu_axes, section.gyro_unit, section.accel_unit, sensor, calibration)
+    return ImuFormat(
+        drive.imu_axes,
+        section.stated("gyro_unit"),
+        section.stated("accel_unit"),
+        sensor,
+        calibration,
+        section.form,
+    )
+
+
+def reading_units(table: NamedTable, form: ImuFormat) -> tuple[str, str]:
+    """The units of gyro and accelerometer: as stated, as the table's names tell, or SI.
+
+    Raises ConfigError where a calibration was made from a log in others.
+    """
+    gyro = form.gyro_unit or table.unit(GYRO) or "rad/s"
+    accel = form.accel_unit or table.unit(ACCEL) or "m/s^2"
+    if form.calibration is not None:
+        for name, ours in (("gyro_unit", gyro), ("accel_unit", accel)):
+            theirs = getattr(form.calibration, name)
+            if theirs is not None and theirs != ours:
+                raise ConfigError(
+                    f"{table.rows.path} has {name} = {ours!r}, but its calibration was made from "
+                    f"a log with {name} {theirs}; calibrate from a log in the same unit."
+                )
+    return gyro, accel
 
 
 def read_imu_csv(
     path: Path, form: ImuFormat | None = None, gap_factor: float = 2.5
 ) -> ImuRecording:
-    """Read ``t_ns, gx, gy, gz, ax, ay, az [, temp_c]``, in any order, to SI units.
+    """Read ``t_ns, gx, gy, gz, ax, ay, az [, temp_c]``, in any order, to SI units; other names,
+    times and units as ``form.table`` says or as they can be guessed.
 
     Readings come out in vehicle axes (FRD), or in those of its case where these are unknown.
     Time stamps pass unchanged; rows that cannot be used are left out and counted, and a
@@ -106,14 +130,20 @@ def read_imu_csv(
     Raises InputError when nothing usable is left.
     """
     form = ImuFormat() if form is None else form
-    table = read_columns(path, _REQUIRED, {"temp_c": "float"})
-    gyro_raw = np.column_stack([table.columns[name] for name in _GYRO])
-    accel_raw = np.column_stack([table.columns[name] for name in _ACCEL])
+    named = read_table(path, "imu", form.table)
+    table = named.rows
+    if named.t_ns is None:
+        raise InputError(
+            f"{path}: no column is a time; name it t_ns, or say in drive.toml which one is and "
+            'what it counts: columns = { t = "..." }, time_format = "ms".'
+        )
+    gyro_raw = np.column_stack([named.columns[name] for name in GYRO])
+    accel_raw = np.column_stack([named.columns[name] for name in ACCEL])
     finite = np.all(np.isfinite(gyro_raw), axis=1) & np.all(np.isfinite(accel_raw), axis=1)
     rows = np.flatnonzero(finite)
     if len(rows) < 2:
         raise InputError(f"{path} has fewer than two rows with finite readings; record again.")
-    t_ns = np.asarray(table.columns["t_ns"], dtype=np.int64)
+    t_ns = named.t_ns
     order = order_stamps(t_ns[rows])
     if order is None:
         raise InputError(
@@ -126,14 +156,18 @@ def read_imu_csv(
     stamps = t_ns[kept]
     if len(kept) < len(table) or order.reordered:
         gyro_raw, accel_raw = gyro_raw[kept], accel_raw[kept]
+    gyro_unit, accel_unit = reading_units(named, form)
     if form.calibration is not None:
         gyro, accel = form.calibration.apply(gyro_raw, accel_raw)
     else:
-        gyro, accel = _to_si(gyro_raw, "gyro", form), _to_si(accel_raw, "accel", form)
+        gyro, accel = (
+            _to_si(gyro_raw, "gyro", gyro_unit, form),
+            _to_si(accel_raw, "accel", accel_unit, form),
+        )
     gyro, accel = form.axes.apply(gyro, accel)
     temp = None
-    if "temp_c" in table.columns:
-        temp = _fill(table.floats("temp_c")[kept])
+    if "temp_c" in named.columns:
+        temp = _fill(named.columns["temp_c"][kept])
     gaps = find_gaps(stamps, gap_factor)
     step_s = float(np.median(np.diff(stamps))) * 1e-9
     quality = ImuQuality(
@@ -160,11 +194,11 @@ def read_imu_csv(
         quality=quality,
         extra_columns=table.extra,
         warnings=tuple(_warnings(table, rows, finite, order, quality, t_ns)),
+        notes=named.notes,
     )
 
 
-def _to_si(reading: FloatArray, triad: str, form: ImuFormat) -> FloatArray:
-    unit = form.gyro_unit if triad == "gyro" else form.accel_unit
+def _to_si(reading: FloatArray, triad: str, unit: str, form: ImuFormat) -> FloatArray:
     if unit == "counts":
         if form.sensor is None:
             raise ConfigError(f"{triad} readings in counts need a sensor file.")

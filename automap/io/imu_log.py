@@ -9,19 +9,16 @@ import numpy as np
 
 from automap.errors import ConfigError, InputError
 from automap.io import names
-from automap.io.csv_columns import read_columns
-from automap.io.number_columns import read_numbers
+from automap.io.named_table import NamedTable, look_at_table, read_table
 from automap.io.sensor_file import SI_PER_UNIT, SensorModel
-from automap.io.stamps import TIME_COLUMNS, order_stamps
+from automap.io.stamps import order_stamps
+from automap.io.table_form import ACCEL, GYRO, TableForm
 from automap.records import FloatArray, IntArray, RawImu
 
-_GYRO = ("gx", "gy", "gz")
-_ACCEL = ("ax", "ay", "az")
 SKIP = "-"
 """Stands for a column that is not wanted."""
 _ABSURD = 1e12
 """No sensor's reading in any unit, counts of 32 bits included, is as large."""
-_LONGEST_NS = 1e18
 
 
 @dataclass(frozen=True)
@@ -57,16 +54,17 @@ def read_imu_log(path: Path, form: LogFormat) -> ImuLog:
     """
     if path.is_dir():
         return _read_drive(path, form)
-    if form.columns:
-        numbers = read_numbers(path, len(form.columns))
-        columns = {
-            name: numbers.values[:, i] for i, name in enumerate(form.columns) if name != SKIP
-        }
-        _require(path, columns, _GYRO + _ACCEL)
-        return _assemble(path.name, (path,), columns, form, list(numbers.warnings))
-    optional = {**dict.fromkeys(TIME_COLUMNS, "float"), "t_ns": "int", "temp_c": "float"}
-    table = read_columns(path, dict.fromkeys(_GYRO + _ACCEL, "float"), optional)  # type: ignore[arg-type]
-    return _assemble(path.name, (path,), table.columns, form, table.warnings())
+    _require(path, form.columns, GYRO + ACCEL)
+    table = _read_numbers(path, form.columns, GYRO + ACCEL)
+    gyro, accel = (np.column_stack([table.columns[k] for k in triad]) for triad in (GYRO, ACCEL))
+    units = replace(
+        form,
+        gyro_unit=form.gyro_unit or table.unit(GYRO),
+        accel_unit=form.accel_unit or table.unit(ACCEL),
+    )
+    readings = _Readings(table.t_ns, gyro, accel, table.columns.get("temp_c"))
+    warnings = [*table.rows.warnings(), *table.notes]
+    return _assemble(path.name, (path,), readings, units, warnings)
 
 
 def read_imu_pair(accel: Path, gyro: Path, form: LogFormat) -> ImuLog:
@@ -75,51 +73,56 @@ def read_imu_pair(accel: Path, gyro: Path, form: LogFormat) -> ImuLog:
     Where the two have different stamps the gyro is interpolated to the accelerometer's.
     """
     columns = form.columns or ("t_s", "x", "y", "z")
-    tables: list[dict[str, FloatArray]] = []
+    tables: list[NamedTable] = []
     warnings: list[str] = []
-    for path in (accel, gyro):
-        numbers = read_numbers(path, len(columns))
-        table = {name: numbers.values[:, i] for i, name in enumerate(columns) if name != SKIP}
-        _require(path, table, ("x", "y", "z"))
+    for path, triad in ((accel, ACCEL), (gyro, GYRO)):
+        _require(path, columns, ("x", "y", "z"))
+        ours = dict(zip("xyz", triad, strict=True))
+        table = _read_numbers(path, tuple(ours.get(name, name) for name in columns), triad)
         tables.append(table)
-        warnings += numbers.warnings
-    joined = {k: v for k, v in tables[0].items() if k in TIME_COLUMNS or k == "temp_c"}
-    joined.update(zip(_ACCEL, (tables[0][k] for k in "xyz"), strict=True))
-    time = next((k for k in columns if k in TIME_COLUMNS), None)
-    n = len(tables[0]["x"])
-    if time is None and len(tables[1]["x"]) != n:
-        raise InputError(
-            f"{accel} has {n} rows and {gyro} {len(tables[1]['x'])}, and no time column says "
-            "which belong together; export both with their time."
-        )
-    same = time is None or np.array_equal(tables[0][time], tables[1][time])
-    for name, axis in zip(_GYRO, "xyz", strict=True):
-        values = tables[1][axis]
-        if not same and time is not None:
-            _require_overlap(accel, gyro, tables[0][time], tables[1][time])
-            order = np.argsort(tables[1][time], kind="stable")
-            values = np.interp(
-                tables[0][time], tables[1][time][order], values[order], np.nan, np.nan
+        warnings += table.rows.warnings()
+    felt, turned = (
+        np.column_stack([table.columns[name] for name in triad])
+        for table, triad in zip(tables, (ACCEL, GYRO), strict=True)
+    )
+    t_ns, t_gyro = tables[0].t_ns, tables[1].t_ns
+    if t_ns is None or t_gyro is None:
+        if len(turned) != len(felt):
+            raise InputError(
+                f"{accel} has {len(felt)} rows and {gyro} {len(turned)}, and no time column says "
+                "which belong together; export both with their time."
             )
-        joined[name] = values
-    if not same:
-        warnings.append(f"{gyro} has other stamps than {accel}; it is interpolated to them")
-    return _assemble(f"{accel.name} with {gyro.name}", (accel, gyro), joined, form, warnings)
-
-
-def _require_overlap(accel: Path, gyro: Path, t_accel: FloatArray, t_gyro: FloatArray) -> None:
-    both = [t[np.isfinite(t)] for t in (t_accel, t_gyro)]
-    begin = max(t.min(initial=np.inf) for t in both)
-    if not begin < min(t.max(initial=-np.inf) for t in both):
-        raise InputError(
-            f"{accel} and {gyro} share no time; give two files of one recording, with the stamps "
-            "of one clock."
+    elif not np.array_equal(t_ns, t_gyro):
+        if not max(t_ns.min(), t_gyro.min()) < min(t_ns.max(), t_gyro.max()):
+            raise InputError(
+                f"{accel} and {gyro} share no time; give two files of one recording, with the "
+                "stamps of one clock."
+            )
+        order = np.argsort(t_gyro, kind="stable")
+        seconds, at = (t_gyro[order] - t_ns[0]) * 1e-9, (t_ns - t_ns[0]) * 1e-9
+        turned = np.column_stack(
+            [np.interp(at, seconds, turned[order, axis], np.nan, np.nan) for axis in range(3)]
         )
+        warnings.append(f"{gyro} has other stamps than {accel}; it is interpolated to them")
+    readings = _Readings(t_ns, turned, felt, tables[0].columns.get("temp_c"))
+    return _assemble(f"{accel.name} with {gyro.name}", (accel, gyro), readings, form, warnings)
 
 
-def _require(path: Path, columns: dict[str, FloatArray], wanted: tuple[str, ...]) -> None:
+def _read_numbers(path: Path, columns: tuple[str, ...], needed: tuple[str, ...]) -> NamedTable:
+    """A table by the names in its header, or of ``columns`` from the first on."""
+    places: dict[str, str | int] = {name: at for at, name in enumerate(columns, 1) if name != SKIP}
+    table = read_table(path, "imu", TableForm(places), needed=needed, width=len(columns))
+    if table.rows.bad_rows >= len(table) and columns:
+        raise InputError(
+            f"{path} does not hold {len(columns)} numbers a line, see {table.rows.first_bad}; "
+            "correct --columns."
+        )
+    return table
+
+
+def _require(path: Path, columns: tuple[str, ...], wanted: tuple[str, ...]) -> None:
     missing = [name for name in wanted if name not in columns]
-    if missing:
+    if missing and columns:
         raise ConfigError(
             f"{path}: --columns names no {missing[0]}; needed are {', '.join(wanted)}, with t_s, "
             "t_ms, t_us or t_ns for the time and - for a column to skip."
@@ -137,14 +140,17 @@ def _read_drive(path: Path, form: LogFormat) -> ImuLog:
     if drive.imu_file is None:
         raise InputError(f"{path} has no inertial log; name it under [imu] in {names.MANIFEST}.")
     # the readings as they stand: unit factors of one, the sensor's own axes
-    recording = read_imu_csv(drive.imu_file, ImuFormat())
+    form_of_table = drive.imu.form
+    as_logged = ImuFormat(gyro_unit="rad/s", accel_unit="m/s^2", table=form_of_table)
+    recording = read_imu_csv(drive.imu_file, as_logged)
+    told = look_at_table(drive.imu_file, "imu", form_of_table)
     sensor = form.sensor
     if sensor is None and drive.imu.sensor is not None:
         sensor = read_sensor(find_sensor(drive.imu.sensor, path))
     stated = replace(
         form,
-        gyro_unit=form.gyro_unit or drive.imu.gyro_unit,
-        accel_unit=form.accel_unit or drive.imu.accel_unit,
+        gyro_unit=form.gyro_unit or drive.imu.stated("gyro_unit") or told.units.get("gx"),
+        accel_unit=form.accel_unit or drive.imu.stated("accel_unit") or told.units.get("ax"),
         sensor=sensor,
     )
     data = recording.data
@@ -152,21 +158,30 @@ def _read_drive(path: Path, form: LogFormat) -> ImuLog:
     return ImuLog(_with_units(raw, stated), (drive.imu_file,), recording.warnings)
 
 
+@dataclass(frozen=True)
+class _Readings:
+    """Stamps [n], None where there are none, readings [n, 3] and temperatures [n] or None."""
+
+    t_ns: IntArray | None
+    gyro: FloatArray
+    accel: FloatArray
+    temp_c: FloatArray | None
+
+
 def _assemble(
-    name: str,
-    files: tuple[Path, ...],
-    columns: dict[str, np.ndarray],
-    form: LogFormat,
-    warnings: list[str],
+    name: str, files: tuple[Path, ...], found: _Readings, form: LogFormat, warnings: list[str]
 ) -> ImuLog:
-    accel = np.column_stack([columns[k] for k in _ACCEL]).astype(np.float64)
-    gyro = np.column_stack([columns[k] for k in _GYRO]).astype(np.float64)
-    t_ns = _stamps(name, columns, len(accel), form.rate_hz)
+    n = len(found.accel)
+    t_ns = found.t_ns
+    if t_ns is None:
+        if form.rate_hz is None:
+            raise ConfigError(f"{name} has no time column; give its rate with --rate HZ.")
+        t_ns = np.rint(np.arange(n) * (1e9 / form.rate_hz)).astype(np.int64)
     # NaN compares false
-    good = (np.abs(np.column_stack([accel, gyro])) < _ABSURD).all(axis=1) & (t_ns >= 0)
+    good = (np.abs(np.column_stack([found.accel, found.gyro])) < _ABSURD).all(axis=1)
     rows = np.flatnonzero(good)
-    if len(rows) < len(accel):
-        warnings.append(f"{name}: {len(accel) - len(rows)} rows without usable readings left out")
+    if len(rows) < n:
+        warnings.append(f"{name}: {n - len(rows)} rows without usable readings left out")
     if len(rows) < 2:
         raise InputError(f"{name} has fewer than two rows with usable readings; record again.")
     order = order_stamps(t_ns[rows])
@@ -175,32 +190,14 @@ def _assemble(
     kept = rows[order.keep]
     if len(kept) < len(rows):
         warnings.append(f"{name}: {len(rows) - len(kept)} rows with stamps out of order left out")
-    temp = columns.get("temp_c")
     raw = RawImu(
-        t_ns=t_ns[kept],
-        gyro=np.ascontiguousarray(gyro[kept]),
-        accel=np.ascontiguousarray(accel[kept]),
-        temp_c=None if temp is None else np.asarray(temp, np.float64)[kept],
+        t_ns=t_ns[kept] - t_ns[kept[0]],
+        gyro=np.ascontiguousarray(found.gyro[kept]),
+        accel=np.ascontiguousarray(found.accel[kept]),
+        temp_c=None if found.temp_c is None else found.temp_c[kept],
         name=name,
     )
     return ImuLog(_with_units(raw, form), files, tuple(warnings))
-
-
-def _stamps(name: str, columns: dict[str, np.ndarray], n: int, rate: float | None) -> IntArray:
-    """Nanoseconds [n]; -1 where there is no stamp."""
-    time = next((k for k in TIME_COLUMNS if k in columns), None)
-    if time is None:
-        if rate is None:
-            raise ConfigError(f"{name} has no time column; give its rate with --rate HZ.")
-        return np.asarray(np.rint(np.arange(n) * (1e9 / rate)), dtype=np.int64)
-    values = columns[time]
-    if values.dtype == np.int64:
-        return np.asarray(values - int(values.min()), dtype=np.int64)
-    finite = np.isfinite(values)
-    if not finite.any():
-        raise InputError(f"{name}: the column {time} holds no number; correct --columns.")
-    since = np.where(finite, values - values[finite].min(), -1.0) * TIME_COLUMNS[time]
-    return np.asarray(np.rint(np.where(since < _LONGEST_NS, since, -1.0)), dtype=np.int64)
 
 
 def _with_units(raw: RawImu, form: LogFormat) -> RawImu:

@@ -99,6 +99,10 @@ class ImuSection(TableSection):
     sensor: str | None = None
     calibration: str | None = None
 
+    def stated(self, key: str) -> str | None:
+        """A value that the manifest itself gives, None where it is a default."""
+        return getattr(self, key) if key in self.model_fields_set else None
+
     @field_validator("gyro_unit", "accel_unit", mode="before")
     @classmethod
     def _unit_by_our_name(cls, value: Any, info: ValidationInfo) -> Any:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from automap import timebase as tb
-from automap.errors import InputError
+from automap.errors import AutoMapError, InputError
 from automap.io import nmea as nmea_format
 from automap.io import rtklib
 from automap.io import ubx as ubx_format
@@ -17,12 +17,16 @@ from automap.io.byte_scan import Scan, key_address, key_is_rtcm, key_is_ubx, sca
 from automap.io.epoch_fixes import build_fixes
 from automap.io.epoch_join import EARLIEST_GPS_S, Joined, join_epochs
 from automap.io.esf import ReceiverImu, read_esf
+from automap.io.fix_table import RowStamps, read_fix_table
+from automap.io.named_table import look_at_table
 from automap.io.nmea import NmeaTable
+from automap.io.table_form import TableForm
 from automap.io.ubx import Table
 from automap.io.ubx_names import message_name
 from automap.records import NO_TIME, Fixes, FixType
 
 _SNIFF_BYTES = 1 << 20
+_TABLE_SUFFIXES = (".csv", ".tsv", ".tab")
 _CONTENT = re.compile(rb"[^ \t\r\n\0]")
 
 
@@ -34,7 +38,8 @@ class ReceiverLog:
     sensors. ``messages`` counts by name ("UBX-NAV-PVT", "NMEA-GNGGA", "UBX-0x27-0x03").
     ``garbage_bytes`` belong to no message (blank and ``#`` lines apart); ``truncated`` says
     what the end of the file cut off. ``kind`` is "ubx", "nmea", "mixed" or "rtklib".
-    ``ubx`` and ``nmea`` are the decoded tables by type.
+    ``ubx`` and ``nmea`` are the decoded tables by type. ``notes`` say how a table of fixes
+    (``kind`` "table") was understood.
     """
 
     fixes: Fixes
@@ -47,6 +52,7 @@ class ReceiverLog:
     kind: str
     ubx: dict[str, Table] = field(default_factory=dict)
     nmea: dict[str, NmeaTable] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
 def sniff(data: bytes) -> str | None:
@@ -59,10 +65,16 @@ def sniff(data: bytes) -> str | None:
     return kind
 
 
-def read_receiver_log(path: Path, not_before_gps_s: float = EARLIEST_GPS_S) -> ReceiverLog:
-    """Read a u-blox, NMEA, mixed or RTKLIB log.
+def read_receiver_log(
+    path: Path,
+    not_before_gps_s: float = EARLIEST_GPS_S,
+    form: TableForm | None = None,
+    written: RowStamps | None = None,
+) -> ReceiverLog:
+    """Read a u-blox, NMEA, mixed or RTKLIB log, or a table of fixes.
 
     ``not_before_gps_s``: dates before it are taken for ones of a past 1024-week era and moved.
+    ``form`` and ``written`` are for tables, see :func:`automap.io.fix_table.read_fix_table`.
     Raises InputError when the file cannot be read, is empty, or holds no message that this
     reader knows and can use.
     """
@@ -70,7 +82,38 @@ def read_receiver_log(path: Path, not_before_gps_s: float = EARLIEST_GPS_S) -> R
         data = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    if (form is not None and form.columns) or _is_table(path, data):
+        return _read_table(path, form, written)
     return read_receiver_bytes(data, str(path), not_before_gps_s)
+
+
+def _is_table(path: Path, data: bytes) -> bool:
+    """Whether a file is none of the logs, and text in columns or called so."""
+    if _CONTENT.search(data) is None or sniff(data) is not None:
+        return False
+    if path.suffix.lower() in _TABLE_SUFFIXES:
+        return True
+    try:
+        look_at_table(path, "gnss")
+    except AutoMapError:
+        return False
+    return True
+
+
+def _read_table(path: Path, form: TableForm | None, written: RowStamps | None) -> ReceiverLog:
+    table = read_fix_table(path, form, written)
+    return ReceiverLog(
+        fixes=table.fixes,
+        imu=None,
+        messages={"row of a table": table.rows}
+        | ({"row that repeats the fix before": table.held} if table.held else {}),
+        bad_checksums=0,
+        garbage_bytes=0,
+        truncated=None,
+        warnings=[text.removeprefix(f"{path}: ") for text in table.warnings],
+        kind="table",
+        notes=table.notes,
+    )
 
 
 def read_receiver_bytes(

@@ -26,7 +26,7 @@ class Recording:
     ``imu`` comes from the IMU file, or from the receiver's own sensors when there is no such
     file (``imu_source`` "csv" or "receiver"); ``fixes`` carry arrival times where the drive
     has them. What the drive lacks, or what cannot be read, is None; ``failures`` then holds
-    the sentence.
+    the sentence. ``notes`` say how tables without our names were understood.
     """
 
     imu: ImuData | None = None
@@ -36,6 +36,7 @@ class Recording:
     fixes: Fixes | None = None
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
 
 def read_recording(drive: Drive, gap_factor: float = 2.5) -> Recording:
@@ -46,6 +47,7 @@ def read_recording(drive: Drive, gap_factor: float = 2.5) -> Recording:
     """
     failures: list[str] = []
     warnings: list[str] = []
+    notes: list[str] = []
     recording = Recording()
     if drive.imu_file is not None:
         try:
@@ -54,32 +56,42 @@ def read_recording(drive: Drive, gap_factor: float = 2.5) -> Recording:
             failures.append(str(error))
         else:
             warnings += imu_file.warnings
+            notes += imu_file.notes
             recording = replace(recording, imu=imu_file.data, imu_source="csv", imu_file=imu_file)
     if drive.gnss_file is not None:
-        recording = _with_log(drive, recording, failures, warnings)
-    return replace(recording, failures=tuple(failures), warnings=tuple(warnings))
+        recording = _with_log(drive, recording, failures, warnings, notes)
+    return replace(
+        recording, failures=tuple(failures), warnings=tuple(warnings), notes=tuple(notes)
+    )
 
 
 def _with_log(
-    drive: Drive, recording: Recording, failures: list[str], warnings: list[str]
+    drive: Drive,
+    recording: Recording,
+    failures: list[str],
+    warnings: list[str],
+    notes: list[str],
 ) -> Recording:
     from automap.io.arrival import attach_arrival, read_arrival
-    from automap.io.receiver import read_receiver_log
 
     assert drive.gnss_file is not None
     try:
-        log = read_receiver_log(drive.gnss_file)
+        log = read_drive_log(drive)
     except InputError as error:
         failures.append(str(error))
         return recording
     warnings += [f"{drive.gnss_file}: {text}" for text in log.warnings]
+    notes += log.notes
     fixes = log.fixes
     if drive.arrival_file is not None and len(fixes):
         try:
-            fixes = attach_arrival(fixes, *read_arrival(drive.arrival_file))
+            arrival = read_arrival(drive.arrival_file, drive.gnss.arrival_table.form)
         except InputError as error:
             failures.append(str(error))
         else:
+            fixes = attach_arrival(fixes, arrival)
+            warnings += arrival.warnings
+            notes += arrival.notes
             if not np.any(fixes.arrival_ns != NO_TIME):
                 warnings.append(
                     f"{drive.arrival_file}: the arrival times belong to none of the epochs and "
@@ -95,6 +107,19 @@ def _with_log(
                 f"IMU, tied to GPS time to {log.imu.tie_sd_s:g} s"
             )
     return recording
+
+
+def read_drive_log(drive: Drive) -> ReceiverLog:
+    """The receiver's log of a drive, which may be the very table that holds the readings: then
+    the stamps of the readings tell when each fix came. Raises InputError."""
+    from automap.io.fix_table import row_stamps
+    from automap.io.receiver import read_receiver_log
+
+    assert drive.gnss_file is not None
+    written = None
+    if drive.imu_file is not None and drive.imu_file.resolve() == drive.gnss_file.resolve():
+        written = row_stamps(drive.imu_file, drive.imu.form)
+    return read_receiver_log(drive.gnss_file, form=drive.gnss.form, written=written)
 
 
 def receiver_imu(drive: Drive, own: ReceiverImu, fixes: Fixes) -> ImuData | None:

@@ -22,7 +22,7 @@ from automap.records import NO_TIME, Fixes, FixType, FloatArray, IntArray
 _MAX_TOKENS = 40
 _JST_S = 9 * 3600.0
 
-_QUALITY = np.array(
+QUALITY = np.array(
     [
         FixType.NONE,
         FixType.FIXED,
@@ -292,7 +292,7 @@ def _fixes(
 
     quality = np.nan_to_num(columns(0, 1)[:, 0], nan=5.0).astype(np.int64)
     n_sats = np.nan_to_num(columns(1, 1)[:, 0], nan=-1.0).astype(np.int64)
-    fix = _QUALITY[np.clip(quality, 0, len(_QUALITY) - 1)]
+    fix = QUALITY[np.clip(quality, 0, len(QUALITY) - 1)]
     good = (np.abs(lat) <= np.pi / 2) & (np.abs(lon) <= np.pi) & (fix != FixType.NONE)
     fix = np.where(good, fix, FixType.NONE)
     sd_pos = _sd_ned(columns(2, 3), columns(5, 3), lat, lon, form.position)

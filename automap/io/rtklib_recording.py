@@ -13,9 +13,10 @@ import numpy as np
 
 from automap.errors import ConfigError, InputError
 from automap.io.rtklib_tag import TimeTag, read_time_tag
-from automap.io.stamps import TIME_COLUMNS
+from automap.io.table_units import UNITS
 from automap.records import FloatArray, IntArray
 
+_TIMES = ("t_ns", "t_us", "t_ms", "t_s")
 _SENSORS = ("gx", "gy", "gz", "ax", "ay", "az")
 _TAIL = 0.01
 """Part of a stream that may be missing at its end, where a copy was cut short."""
@@ -92,7 +93,7 @@ def read_imu_lines(path: Path, columns: Sequence[str]) -> ImuLines:
     A line that has not so many numbers (the first and last of a stream are often cut) is left
     out. Raises ConfigError for columns that make no IMU, InputError when hardly a line is one.
     """
-    times = [name for name in columns if name in TIME_COLUMNS]
+    times = [name for name in columns if name in _TIMES]
     missing = [name for name in _SENSORS if name not in columns]
     if (
         len(times) != 1
@@ -101,7 +102,7 @@ def read_imu_lines(path: Path, columns: Sequence[str]) -> ImuLines:
     ):
         raise ConfigError(
             f"--columns {','.join(columns)}: name each of {', '.join(_SENSORS)} and one of "
-            f"{', '.join(reversed(TIME_COLUMNS))} once, and - for a column to pass over."
+            f"{', '.join(reversed(_TIMES))} once, and - for a column to pass over."
         )
     try:
         data = path.read_bytes()
@@ -136,7 +137,7 @@ def read_imu_lines(path: Path, columns: Sequence[str]) -> ImuLines:
             f"{','.join(columns)}; name the columns of this log with --columns."
         )
     table = np.array(rows)
-    stamp_ns = np.rint(table[:, 0] * TIME_COLUMNS[times[0]]).astype(np.int64)
+    stamp_ns = np.rint(table[:, 0] * UNITS["time"][times[0].removeprefix("t_")]).astype(np.int64)
     return ImuLines(
         stamp_ns,
         table[:, 1:],

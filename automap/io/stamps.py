@@ -8,9 +8,6 @@ import numpy as np
 
 from automap.records import IntArray
 
-TIME_COLUMNS = {"t_ns": 1.0, "t_us": 1e3, "t_ms": 1e6, "t_s": 1e9}
-"""Names of time columns and their unit in nanoseconds."""
-
 _JUMP_NS = 1_000_000_000
 """A step back by more than this is a wrong stamp or a reset clock, not a late packet."""
 _FAR_NS = 3600 * _JUMP_NS

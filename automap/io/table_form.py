@@ -96,6 +96,9 @@ def checked_units(units: Mapping[str, str], kind: TableKind) -> dict[str, str]:
     """The units by our names of them; ValueError for one that the column cannot be in."""
     checked = {}
     for role, unit in units.items():
+        if role in GYRO + ACCEL:
+            key = "gyro_unit" if role in GYRO else "accel_unit"
+            raise ValueError(f"the unit of {role} is that of its triad; write {key} = {unit!r}")
         quantity = QUANTITIES[kind].get(role)
         if quantity is None:
             measured = [name for name, known in QUANTITIES[kind].items() if known is not None]

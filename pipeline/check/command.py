@@ -178,6 +178,7 @@ def _recordings(drive: Drive, collector: _Collector) -> tuple[bool, Recording | 
         return True, None
     failed = _by_file(drive, recording.failures)
     warned = _by_file(drive, recording.warnings)
+    noted = _by_file(drive, recording.notes)
     spoilt = False
     if drive.imu_file is not None or recording.imu is not None:
         file = drive.imu_file or drive.gnss_file or drive.manifest_file
@@ -186,6 +187,7 @@ def _recordings(drive: Drive, collector: _Collector) -> tuple[bool, Recording | 
             Finding("info" if imu.is_harmless(recording, text) else "warning", text)
             for text in warned.get(drive.imu_file, [])
         ]
+        findings += [Finding("info", text) for text in noted.get(drive.imu_file, [])]
         if recording.imu is not None:
             measured = imu.check(drive, recording)
             spoilt |= any(finding.severity == "error" for finding in measured)
@@ -196,6 +198,8 @@ def _recordings(drive: Drive, collector: _Collector) -> tuple[bool, Recording | 
     if drive.gnss_file is not None:
         findings = [Finding("error", text) for text in failed.get(drive.gnss_file, [])]
         findings += [Finding("warning", text) for text in warned.get(drive.gnss_file, [])]
+        if drive.gnss_file != drive.imu_file:
+            findings += [Finding("info", text) for text in noted.get(drive.gnss_file, [])]
         if recording.log is not None:
             findings += gnss.check(drive, recording)
         collector.add(drive.gnss_file, findings)
@@ -204,6 +208,7 @@ def _recordings(drive: Drive, collector: _Collector) -> tuple[bool, Recording | 
         arrival = [Finding("error", text) for text in failed.get(drive.arrival_file, [])]
         if drive.arrival_file is not None:
             arrival += [Finding("warning", text) for text in warned.get(drive.arrival_file, [])]
+            arrival += [Finding("info", text) for text in noted.get(drive.arrival_file, [])]
         collector.add(drive.arrival_file or drive.gnss_file, [*arrival, *clock])
     elif not _has_other_positions(drive):
         collector.add(names.MANIFEST, [Finding(*gnss.ABSENT)])

@@ -97,7 +97,8 @@ def _arrivals(drive: Drive, recording: Recording) -> list[Finding]:
     assert fixes is not None
     if recording.imu is None:
         return []
-    if drive.arrival_file is None:
+    known = fixes.arrival_ns != NO_TIME
+    if drive.arrival_file is None and not np.any(known):
         if imu_time(drive, recording) == "boot_ns":
             return [
                 Finding(
@@ -108,7 +109,6 @@ def _arrivals(drive: Drive, recording: Recording) -> list[Finding]:
                 )
             ]
         return []
-    known = fixes.arrival_ns != NO_TIME
     if not np.any(known):
         return []
     from automap.sync.arrival import fit_arrival_clock

@@ -18,11 +18,15 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
     """What the file holds, and how it lies to the receiver's speed."""
     assert drive.odometer_file is not None
     try:
-        wheels, warnings = read_odometer_csv(drive.odometer_file)
+        found = read_odometer_csv(drive.odometer_file, drive.manifest.odometer.form)
     except InputError as error:
         advice = "the drive goes on without it"
         return [Finding("warning", str(error).rstrip("."), advice)]
-    findings = [Finding("warning", text) for text in warnings]
+    wheels = found.data
+    findings = [
+        Finding("info", text.removeprefix(f"{drive.odometer_file}: ")) for text in found.notes
+    ]
+    findings += [Finding("warning", text) for text in found.warnings]
     if len(wheels) < 2:
         text = "fewer than two wheel speeds: they are not used"
         return [*findings, Finding("warning", text)]

@@ -48,7 +48,8 @@ def drive_feeds(drive: Drive) -> list[Feed]:
     feeds = []
     if drive.gnss_file is not None and drive.arrival_file is not None:
         data = drive.gnss_file.read_bytes()
-        offset, t_ns = read_arrival(drive.arrival_file)
+        arrival = read_arrival(drive.arrival_file)
+        offset, t_ns = arrival.offset, arrival.t_ns
         inside = offset < len(data)
         feeds.append(Feed("gnss", data, offset[inside], t_ns[inside]))
     if drive.imu_file is not None:

@@ -11,7 +11,7 @@ from automap.evaluation.fix_errors import fix_errors
 from automap.io import names
 from automap.io.drive import load_drive
 from automap.io.fix_errors_csv import read_fix_errors_csv
-from automap.io.receiver import read_receiver_log
+from automap.io.recording import read_drive_log
 from automap.io.truth_trajectory import read_truth_trajectory
 from automap.records import FixErrors
 
@@ -31,7 +31,7 @@ def recorded_errors(source: Path) -> FixErrors:
         raise InputError(
             f"{source}: its truth has no GPS times or no velocities; give gps_s, vn, ve and vd."
         )
-    fixes = read_receiver_log(drive.gnss_file).fixes
+    fixes = read_drive_log(drive).fixes
     arm = np.zeros(3) if drive.gnss.lever_arm_m is None else np.array(drive.gnss.lever_arm_m)
     errors = fix_errors(fixes, truth, arm)
     if len(errors) < 2:

@@ -113,7 +113,8 @@ def lateness_ms(sent: Path, received: Path) -> np.ndarray:
     """How far the recorder's time of a slice's first byte lies outside of the span in which the
     feed handed it over: positive when later, negative when earlier."""
     offset, begin, end = np.loadtxt(sent, delimiter=",", skiprows=1, dtype=np.int64).T
-    rows, stamped = read_arrival(received)
+    arrival = read_arrival(received)
+    rows, stamped = arrival.offset, arrival.t_ns
     row = np.searchsorted(rows, offset, side="right") - 1
     t_ns: IntArray = stamped[np.maximum(row, 0)]
     return np.asarray((np.maximum(t_ns - end, 0) - np.maximum(begin - t_ns, 0)) * 1e-6)

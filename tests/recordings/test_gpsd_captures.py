@@ -200,10 +200,10 @@ def test_drives_agree_with_their_truth_in_time(shared_data: Path, drive: str) ->
     assert np.allclose(np.diff(fixes.gps_s), 0.2, atol=1e-6)
     year = 1980.0 + fixes.gps_s[0] / (365.25 * 86400)
     assert 2011.5 < year < 2012.0
-    offset, t_ns = read_arrival(folder / "gnss_arrival.csv")
-    fixes = attach_arrival(fixes, offset, t_ns)
+    arrival = read_arrival(folder / "gnss_arrival.csv")
+    fixes = attach_arrival(fixes, arrival)
     delay = fixes.arrival_ns * 1e-9 - fixes.gps_s
-    assert np.isin(fixes.arrival_ns, t_ns).all()
+    assert np.isin(fixes.arrival_ns, arrival.t_ns).all()
     # the host clock of the drives drifts by parts in a million; delays vary by tenths at most
     assert np.ptp(delay) < 0.5
 
@@ -211,8 +211,8 @@ def test_drives_agree_with_their_truth_in_time(shared_data: Path, drive: str) ->
 def test_the_reference_drive_has_its_documented_clock(shared_data: Path) -> None:
     folder = shared_data / "reference/white-noise-drive"
     fixes = read_receiver_log(folder / "gnss.ubx").fixes
-    offset, t_ns = read_arrival(folder / "gnss_arrival.csv")
-    fixes = attach_arrival(fixes, offset, t_ns)
+    arrival = read_arrival(folder / "gnss_arrival.csv")
+    fixes = attach_arrival(fixes, arrival)
     true_arrival = 1457486418.0 + (fixes.arrival_ns - 4000000000000) * 1e-9
     delay = true_arrival - fixes.gps_s
     assert delay.min() > 0.0

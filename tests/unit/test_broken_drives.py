@@ -141,7 +141,7 @@ SURVIVED: list[tuple[str, Break, str, str]] = [
     ("gnss_some_checksums", wrong_checksums(5), "sync", r"12 NMEA messages have a wrong checksum"),
     ("gnss_old_week", sentences(lambda f: week_back(f)), "sync", r"moved on by 1024 weeks"),
     ("arrival_empty", content(ARRIVAL, b""), "sync", r"arrival\.csv is empty; .* goes on without"),
-    ("arrival_header", rows(ARRIVAL, lambda x: x[:1]), "sync", r"has no rows"),
+    ("arrival_header", rows(ARRIVAL, lambda x: x[:1]), "sync", r"not one usable row"),
     ("arrival_alien", cells(ARRIVAL, "offset", later(1)), "sync", r"belong to none of the epochs"),
     ("arrival_misnamed", manifest("_arrival.csv", "_arival.csv"), "sync", r"arrival\.csv meant\?"),
     ("boxes_empty", content(BOXES, b""), "detect", r"detections\.csv is empty"),
@@ -153,7 +153,12 @@ SURVIVED: list[tuple[str, Break, str, str]] = [
     ("trajectory_only", finished_trajectory(), "report", r"no way to GPS time"),
     ("trajectory_nan", both(finished_trajectory(), NAN_IN_TRAJECTORY), "fuse", r"1 rows? without"),
     ("bearings_only", bearings(THREE_BEARINGS), "report", r"1 signs from 3 sightings"),
-    ("bearings_some", bearings(THREE_BEARINGS + "x,y,z\n"), "report", r"line 5: 'x,y,z'"),
+    (
+        "bearings_some",
+        bearings(THREE_BEARINGS + "x,y,z\n"),
+        "report",
+        r"line 5, column lat_deg: 'x'",
+    ),
 ]
 
 

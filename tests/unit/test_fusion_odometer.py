@@ -58,7 +58,8 @@ def test_straight_ahead_the_speed_is_the_reading() -> None:
 def test_file_is_sorted_and_cleaned(tmp_path: Path) -> None:
     path = tmp_path / "odometer.csv"
     path.write_text("t_ns,speed_m_s\n200,2.0\n100,1.0\n200,2.5\n300,nan\n")
-    wheels, warnings = read_odometer_csv(path)
+    found = read_odometer_csv(path)
+    wheels, warnings = found.data, found.warnings
     assert wheels.t_ns.tolist() == [100, 200]
     assert wheels.speed.tolist() == [1.0, 2.0]
     assert len(warnings) == 2
@@ -67,5 +68,5 @@ def test_file_is_sorted_and_cleaned(tmp_path: Path) -> None:
 def test_speeds_in_another_unit_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "odometer.csv"
     path.write_text("t_ns,speed_m_s\n" + "".join(f"{i},{3600 + i}\n" for i in range(50)))
-    with pytest.raises(InputError, match="metres per second"):
+    with pytest.raises(InputError, match="too much for m/s; write units"):
         read_odometer_csv(path)

@@ -117,7 +117,8 @@ def test_bytes_are_stamped_when_they_come(tmp_path: Path) -> None:
             time.sleep(0.03)
         recorder.stop()
     terminal.close()
-    offset, t_ns = read_arrival(out / "gnss_arrival.csv")
+    arrival = read_arrival(out / "gnss_arrival.csv")
+    offset, t_ns = arrival.offset, arrival.t_ns
     assert offset.tolist() == [4 * k for k in range(12)]
     late_ms = [(t - after) * 1e-6 for t, (_, after) in zip(t_ns.tolist(), spans, strict=True)]
     assert all(t >= before for t, (before, _) in zip(t_ns.tolist(), spans, strict=True))

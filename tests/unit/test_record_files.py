@@ -70,7 +70,8 @@ def test_arrival_rows_stay_with_their_bytes(tmp_path: Path) -> None:
     log.append([(5000, b"ghi")])
     for file in log.files:
         file.close()
-    offset, t_ns = read_arrival(tmp_path / "gnss_arrival.csv")
+    arrival = read_arrival(tmp_path / "gnss_arrival.csv")
+    offset, t_ns = arrival.offset, arrival.t_ns
     assert (tmp_path / "gnss.ubx").read_bytes() == b"abcdefghi"
     # a piece that follows at once shares the row before it
     assert offset.tolist() == [0, 5, 6]
@@ -87,7 +88,8 @@ def test_refused_pieces_leave_no_rows(tmp_path: Path, monkeypatch: pytest.Monkey
     log.append([(3_000_000, b"klm")])
     for file in log.files:
         file.close()
-    offset, t_ns = read_arrival(tmp_path / "gnss_arrival.csv")
+    arrival = read_arrival(tmp_path / "gnss_arrival.csv")
+    offset, t_ns = arrival.offset, arrival.t_ns
     assert (tmp_path / "gnss.ubx").read_bytes() == b"abcdklm"
     assert offset.tolist() == [0, 4]
     assert t_ns.tolist() == [1_000_000, 3_000_000]

@@ -188,7 +188,8 @@ def test_wheels_and_temperature_are_written_and_read(tmp_path: Path) -> None:
     drive = load_drive(tmp_path)
     assert not drive.warnings
     assert drive.odometer_file is not None
-    wheels, warnings = read_odometer_csv(drive.odometer_file)
+    found = read_odometer_csv(drive.odometer_file)
+    wheels, warnings = found.data, found.warnings
     assert not warnings
     truth = np.genfromtxt(tmp_path / "truth" / "trajectory.csv", delimiter=",", skip_header=1)
     speed = np.interp(wheels.t_ns, truth[:, 0], np.linalg.norm(truth[:, 5:8], axis=1))

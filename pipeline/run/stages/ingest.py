@@ -82,11 +82,12 @@ def _ingest_odometer(
     from automap.io.tables import write_odometer
 
     try:
-        wheels, warnings = read_odometer_csv(path)
+        found = read_odometer_csv(path, context.drive.manifest.odometer.form)
     except InputError as error:
         failures.append(str(error))
         return
-    for text in warnings:
+    wheels = found.data
+    for text in found.warnings:
         context.warn(text)
     write_odometer(context.work / names.ODOMETER, wheels)
     parts.append(f"{len(wheels)} wheel speeds")
@@ -201,7 +202,7 @@ def _gnss_summary(drive: Drive, recording: Recording) -> dict[str, Any]:
         "truncated": log.truncated,
         "first_utc": gps_to_iso(float(dated.min())) if len(dated) else None,
         "last_utc": gps_to_iso(float(dated.max())) if len(dated) else None,
-        "arrival": drive.arrival_file is not None,
+        "arrival": bool(np.any(fixes.arrival_ns != NO_TIME)),
         "with_arrival": int(np.count_nonzero(fixes.arrival_ns != NO_TIME)),
     }
 

@@ -1,0 +1,153 @@
+"""A table of recordings in anybody's words, read into ours: nanoseconds and SI units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from automap.errors import InputError
+from automap.io.csv_cells import Kind
+from automap.io.csv_columns import CsvColumns, read_chosen
+from automap.io.csv_layout import Layout, read_layout
+from automap.io.table_form import ACCEL, GYRO, QUANTITIES, TIME_ROLES, TableForm, TableKind
+from automap.io.table_guess import TableGuess, guess_table
+from automap.io.table_times import Clock, TimeForm, stamps
+from automap.io.table_units import to_si
+from automap.records import FloatArray, IntArray
+
+OURS: dict[TableKind, tuple[str, ...]] = {
+    "imu": ("t_ns", *GYRO, *ACCEL),
+    "gnss": (),
+    "odometer": ("t_ns", "speed_m_s"),
+    "arrival": ("offset", "t_ns"),
+}
+"""Names in the header of a table of ours, which is read without looking further."""
+
+
+@dataclass(frozen=True)
+class NamedTable:
+    """A table with our names.
+
+    ``columns`` floats [n] in SI units, but for an inertial table's triads, which stay in
+    ``units``; ``t_ns`` [n] of ``clock``, None where the table has no times. ``rows`` tells
+    lines and what was left out, ``notes`` what was guessed.
+    """
+
+    columns: dict[str, FloatArray]
+    t_ns: IntArray | None
+    clock: Clock
+    rows: CsvColumns
+    units: dict[str, str]
+    notes: tuple[str, ...]
+    guess: TableGuess
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def column(self, role: str) -> FloatArray:
+        """A column [n]; NaN throughout where the table has none."""
+        found = self.columns.get(role)
+        return np.full(len(self), np.nan) if found is None else found
+
+    def unit(self, roles: tuple[str, ...]) -> str | None:
+        """The unit that all of some columns tell, None when they tell none or different ones."""
+        told = {self.units.get(role) for role in roles}
+        return told.pop() if len(told) == 1 else None
+
+
+def look_at_table(path: Path, kind: TableKind, form: TableForm | None = None) -> TableGuess:
+    """How a file would be read as a table of a kind, without reading all of it.
+
+    Raises InputError where it cannot be, ConfigError where ``form`` names what it lacks.
+    """
+    form = TableForm() if form is None else form
+    return guess_table(read_layout(path, form, OURS[kind]), kind, form)
+
+
+def read_table(
+    path: Path,
+    kind: TableKind,
+    form: TableForm | None = None,
+    *,
+    needed: tuple[str, ...] | None = None,
+    width: int = 0,
+) -> NamedTable:
+    """Read a table; rows that cannot be read are left out, counted and named.
+
+    ``needed`` columns in place of those of its kind; ``width`` is how many the file has, where
+    that is known. Raises InputError and ConfigError as :func:`look_at_table`, and InputError
+    without a row.
+    """
+    form = TableForm() if form is None else form
+    layout = read_layout(path, form, OURS[kind])
+    if width and len(layout.names) != width:
+        raise InputError(
+            f"{path} has {len(layout.names)} columns, but {width} are named; correct --columns."
+        )
+    guess = guess_table(layout, kind, form, needed)
+    kinds: dict[str, tuple[int, Kind]] = {}
+    for role, at in guess.places.items():
+        if role in TIME_ROLES:
+            assert guess.time is not None
+            kinds[role] = (at, guess.time.kind(role))
+        else:
+            kinds[role] = (at, "int" if role == "offset" else "float")
+    table = read_chosen(layout, kinds)
+    t_ns, table = _stamped(layout, table, guess, form)
+    columns: dict[str, FloatArray] = {}
+    for role, quantity in QUANTITIES[kind].items():
+        if role not in table.columns:
+            continue
+        values = table.columns[role]
+        unit = guess.units.get(role)
+        if quantity is not None and unit is not None and role not in GYRO + ACCEL:
+            values = to_si(values, unit, quantity)
+        columns[role] = values
+    clock: Clock = "host" if guess.time is None else guess.time.clock
+    return NamedTable(columns, t_ns, clock, table, dict(guess.units), guess.notes, guess)
+
+
+def _stamped(
+    layout: Layout, table: CsvColumns, guess: TableGuess, form: TableForm
+) -> tuple[IntArray | None, CsvColumns]:
+    """The stamps, and the table without the rows that have none."""
+    if guess.time is None:
+        return None, table
+    times = {role: table.columns[role] for role in guess.places if role in TIME_ROLES}
+    t_ns, good = stamps(times, guess.time, form.utc_offset_h)
+    if good.all():
+        return t_ns, table
+    wrong = int(np.flatnonzero(~good)[0])
+    first = table.line(wrong)
+    cells = ", ".join(repr(str(values[wrong])) for values in times.values())
+    said = f"line {first}, {_columns(layout, guess)}: {cells}"
+    if not good.any():
+        raise InputError(
+            f"{layout.path}: no row has a time as {_spelled(guess.time)}; the first is {said}. "
+            "Correct time_format or columns in drive.toml."
+        )
+    earlier = table.first_bad is not None and _line(table.first_bad) < first
+    lines = np.array([table.line(int(row)) for row in np.flatnonzero(good)], np.int64)
+    return t_ns[good], replace(
+        table,
+        columns={name: values[good] for name, values in table.columns.items()},
+        bad_rows=table.bad_rows + int(np.count_nonzero(~good)),
+        first_bad=table.first_bad if earlier else said,
+        line_numbers=lines,
+    )
+
+
+def _columns(layout: Layout, guess: TableGuess) -> str:
+    places = [at for role, at in guess.places.items() if role in TIME_ROLES]
+    return "column " + " and ".join(layout.names[at] or str(at + 1) for at in places)
+
+
+def _spelled(time: TimeForm) -> str:
+    return f'"{time.spelled}"'
+
+
+def _line(first_bad: str) -> int:
+    digits = first_bad.removeprefix("line ").split(",")[0].split(" ")[0].rstrip(":")
+    return int(digits) if digits.isdigit() else 0

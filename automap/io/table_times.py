@@ -1,0 +1,181 @@
+"""The times of a table: counts of any unit, dates with times of day, GPS weeks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from automap.io.calendar_text import ISO, filled_up, has_date, has_time, parse_stamps, pattern_of
+from automap.io.csv_cells import Kind
+from automap.io.table_form import TableKind
+from automap.io.table_units import UNITS
+from automap.records import BoolArray, FloatArray, IntArray
+from automap.timebase import WEEK_S, unix_to_gps
+
+Clock = Literal["host", "unix", "gps", "day"]
+"""What stamps count from: a moment nobody knows, 1970 (UTC), 1980-01-06 (GPS time), midnight."""
+
+USUAL_HZ: dict[TableKind, float] = {"imu": 100.0, "gnss": 1.0, "odometer": 10.0, "arrival": 10.0}
+_SLOWEST_HZ, _FASTEST_HZ = 1e-3, 5e4
+_FIRST_S, _LAST_S = 946_684_800.0, 4_102_444_800.0
+"""2000 and 2100 as seconds since 1970."""
+_BEFORE = "0123456789"
+
+
+@dataclass(frozen=True)
+class TimeForm:
+    """How the cells of a time become nanoseconds: ``unit`` of a count, or ``pattern`` of a text;
+    ``clock`` is what they count from then."""
+
+    clock: Clock
+    unit: str | None = None
+    pattern: str | None = None
+
+    def kind(self, role: str) -> Kind:
+        """What a column of this time is read as."""
+        if self.pattern is not None:
+            return "text"
+        return "int" if self.unit == "ns" and role not in ("week", "tow") else "float"
+
+    @property
+    def spelled(self) -> str:
+        """The ``time_format`` of a manifest that says the same."""
+        if self.pattern is not None:
+            return self.pattern
+        return f"{self.clock}_{self.unit}" if self.clock in ("unix", "gps") else str(self.unit)
+
+
+def stated_form(time_format: str) -> TimeForm:
+    """The form that a manifest's ``time_format`` says."""
+    if time_format == ISO or "%" in time_format:
+        return TimeForm("unix" if has_date(time_format) else "day", pattern=time_format)
+    clock, _, unit = time_format.rpartition("_")
+    return TimeForm("unix" if clock == "unix" else "gps" if clock == "gps" else "host", unit=unit)
+
+
+def numbers_of(cells: Sequence[str], decimal: str) -> FloatArray:
+    """Cells [n] as numbers, NaN where one is none."""
+    values = np.full(len(cells), np.nan)
+    for row, cell in enumerate(cells):
+        text = cell.replace(",", ".") if decimal == "," else cell
+        if text[-1:] in (*_BEFORE, ".") and "_" not in text:
+            try:
+                values[row] = float(text)
+            except ValueError:
+                continue
+    return values
+
+
+def guessed_form(
+    cells: Sequence[str], decimal: str, unit: str | None, kind: TableKind, *, gps: bool = False
+) -> TimeForm | None:
+    """The form of a column of times by its first cells; None when it is no time.
+
+    ``unit`` is what its name tells, ``gps`` whether the name says that it is GPS time.
+    """
+    values = numbers_of(cells, decimal)
+    known = values[np.isfinite(values)]
+    if 2 * len(known) < len(cells):
+        pattern = pattern_of(cells)
+        if pattern is None or not has_time(pattern):
+            return None
+        return TimeForm("unix" if has_date(pattern) else "day", pattern=pattern)
+    steps = np.diff(known)
+    steps = steps[steps > 0.0]
+    step = float(np.median(steps)) if len(steps) else 0.0
+    size = float(np.median(np.abs(known))) if len(known) else 0.0
+    since_1970 = [
+        name
+        for name in ("s", "ms", "us", "ns")
+        if _FIRST_S <= size * UNITS["time"][name] * 1e-9 <= _LAST_S and _runs(step, name)
+    ]
+    if unit is None and since_1970:
+        unit = since_1970[0]
+    if unit is None and step > 0.0:
+        usual = np.log(USUAL_HZ[kind])
+        unit = min(
+            ("s", "ms", "us", "ns"),
+            key=lambda name: abs(np.log(1e9 / (step * UNITS["time"][name])) - usual),
+        )
+    if unit is None:
+        return None
+    if gps:
+        return TimeForm("gps", unit)
+    return TimeForm("unix" if unit in since_1970 else "host", unit)
+
+
+def _runs(step: float, unit: str) -> bool:
+    """Whether steps of a unit are those of a recording, or unknown."""
+    return step == 0.0 or _SLOWEST_HZ < 1e9 / (step * UNITS["time"][unit]) < _FASTEST_HZ
+
+
+def contradiction(cells: Sequence[str], decimal: str, unit: str, kind: TableKind) -> str | None:
+    """What to write where the unit in a column's name cannot be that of its cells, else None."""
+    values = numbers_of(cells, decimal)
+    steps = np.diff(values[np.isfinite(values)])
+    steps = steps[steps > 0.0]
+    if len(steps) < 2 or _runs(float(np.median(steps)), unit):
+        return None
+    likely = guessed_form(cells, decimal, None, kind)
+    written = "s" if likely is None else likely.spelled
+    step = float(np.median(steps))
+    return (
+        f'steps of {step:g} are no {unit}; if they are {written}, write time_format = "{written}"'
+    )
+
+
+def day_pattern(dates: Sequence[str], times: Sequence[str]) -> str | None:
+    """The pattern of dates and times of day in two columns, a blank between them."""
+    date = pattern_of([filled_up(cell, of_day=False) for cell in dates])
+    time = pattern_of([filled_up(cell, of_day=True) for cell in times])
+    if date is None or time is None or not has_date(date) or has_time(date) or has_date(time):
+        return None
+    return f"{date} {time}"
+
+
+def stamps(
+    columns: Mapping[str, np.ndarray], form: TimeForm, utc_offset_h: float
+) -> tuple[IntArray, BoolArray]:
+    """Nanoseconds [n] of ``form.clock`` from the time columns that were read, and which are good.
+
+    ``columns`` by our names: one count or text, or ``date`` and ``time_of_day``, or ``week``
+    and ``tow``.
+    """
+    if "week" in columns and "tow" in columns:
+        week, tow = (np.asarray(columns[name], np.float64) for name in ("week", "tow"))
+        good = np.isfinite(week) & np.isfinite(tow) & (np.abs(week) < 1e4)
+        whole = np.where(good, week, 0.0).astype(np.int64) * WEEK_S * 1_000_000_000
+        return whole + _counted(np.where(good, tow, 0.0), form.unit or "s"), good
+    if form.pattern is not None:
+        if "date" in columns and "time_of_day" in columns:
+            cells = [
+                f"{filled_up(date, of_day=False)} {filled_up(time, of_day=True)}"
+                for date, time in zip(columns["date"], columns["time_of_day"], strict=True)
+            ]
+        else:
+            cells = list(next(iter(columns.values())))
+        return parse_stamps(cells, form.pattern, utc_offset_h)
+    values = next(iter(columns.values()))
+    if values.dtype == np.int64 and form.unit == "ns":
+        return values, np.ones(len(values), bool)
+    good = np.isfinite(values) & (np.abs(values) * UNITS["time"][form.unit or "s"] < 9e18)
+    return _counted(np.where(good, values, 0.0), form.unit or "s"), good
+
+
+def _counted(values: np.ndarray, unit: str) -> IntArray:
+    """Counts [n] of a unit in whole nanoseconds, the fraction apart so that none is lost."""
+    factor = round(UNITS["time"][unit])
+    whole = np.floor(values)
+    rest = np.rint((values - whole) * factor).astype(np.int64)
+    return np.asarray(whole.astype(np.int64) * factor + rest)
+
+
+def to_gps_s(t_ns: IntArray, clock: Clock) -> FloatArray:
+    """GPS seconds [n] of stamps; without a date they count from the first day of 1980."""
+    whole, rest = np.divmod(t_ns, 1_000_000_000)
+    if clock == "unix":
+        return np.asarray(unix_to_gps(whole) + rest * 1e-9)
+    return np.asarray(whole + rest * 1e-9)
