@@ -7,7 +7,7 @@ the correlations that it predicts (``axes_evidence``); a mistake in a manifest i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations, product
 
 import numpy as np
@@ -82,9 +82,19 @@ def judge_unknown(seen: AxesEvidence) -> AxesJudgement:
     mistakes[1, 0] = mistakes[0, _NEGATED] = 1
     mistakes[1, _NEGATED] = 2
     found = _judgement(likelihood + _before(mistakes), signs, ways)
-    return AxesJudgement(
-        found.stated, found.best, found.others, cases[0 if found.best.accel[0, 0] > 0.0 else 1]
-    )
+    mounting = cases[0 if found.best.accel[0, 0] > 0.0 else 1]
+    best, turn = _as_read(found.best)
+    others = tuple(_as_read(other)[0] for other in found.others)
+    return AxesJudgement(found.stated, best, others, mounting @ turn.T)
+
+
+def _as_read(found: Hypothesis) -> tuple[Hypothesis, FloatArray]:
+    """The same with a case of which most axes are those of the readings, and the turn [3, 3] to it:
+    how a case lies in itself is free."""
+    turns = SIGNED_PERMUTATIONS[np.linalg.det(SIGNED_PERMUTATIONS) > 0.0]
+    kept = np.einsum("kij,ji->k", turns, found.accel + found.gyro)
+    turn = turns[int(np.argmax(kept))]
+    return replace(found, accel=turn @ found.accel, gyro=turn @ found.gyro), turn
 
 
 def _before(mistakes: np.ndarray) -> FloatArray:

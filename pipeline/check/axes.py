@@ -8,6 +8,7 @@ import numpy as np
 
 from automap.evaluation.plausibility import Finding
 from automap.fusion.doubts.receiver import usable_fixes
+from automap.fusion.unusable_readings import bridge_unusable
 from automap.gates import sigmas
 from automap.io.axes import ImuAxes, axes_value
 from automap.io.drive import Drive
@@ -55,7 +56,7 @@ def weigh_axes(drive: Drive, recording: Recording) -> WeighedAxes:
         base = imu_time(drive, recording)
         if not any(reason.code == "sign_turned" for reason in receiver.reasons):
             clock = rough_clock(imu, fixes, base, gnss.arrival_time, gnss.output_delay_s)
-    seen = axes_evidence(imu, fixes, clock)
+    seen = axes_evidence(_usable(imu), fixes, clock)
     if imu.axes_known:
         judged = judge_stated(seen)
         scale = _gyro_scale(seen, judged.best.gyro[2], recording)
@@ -64,6 +65,15 @@ def weigh_axes(drive: Drive, recording: Recording) -> WeighedAxes:
         text = "axes unknown: the mounting is estimated from the drive"
         return WeighedAxes((Finding("info", text),), imu)
     return _unknown(drive, recording, seen, judge_unknown(seen))
+
+
+def _usable(imu: ImuData) -> ImuData:
+    """The readings without wild and frozen ones."""
+    keep = bridge_unusable(imu).stretch_s == 0.0
+    temp = None if imu.temp_c is None else imu.temp_c[keep]
+    return replace(
+        imu, t_ns=imu.t_ns[keep], gyro=imu.gyro[keep], accel=imu.accel[keep], temp_c=temp
+    )
 
 
 def _stated(drive: Drive, seen: AxesEvidence, judged: AxesJudgement) -> Finding:
@@ -75,7 +85,7 @@ def _stated(drive: Drive, seen: AxesEvidence, judged: AxesJudgement) -> Finding:
         return Finding(
             "error" if wrong else "warning",
             f"the IMU's axes {'are not' if wrong else 'may not be'} as stated "
-            f"(probability {likely:.0e}): {facts}",
+            f"(probability {likely:.0e}): {_what_differs(judged.best)}; {facts}",
             _advice(drive, judged),
             CODE,
         )
@@ -186,11 +196,29 @@ def _nearest(matrix: FloatArray) -> FloatArray:
 
 
 def _what_differs(found: Hypothesis) -> str:
-    if found.accel[0, 0] < 0.0 and np.allclose(found.gyro, np.eye(3)):
-        return "the accelerometer reads minus the specific force"
-    if found.accel[0, 0] > 0.0 and np.allclose(found.gyro, -np.eye(3)):
-        return "the gyro reads minus the rate"
-    return "accelerometer and gyro are not of one right-handed set of axes"
+    """What a hypothesis says is wrong with the readings, in words."""
+    if found.rigid:
+        return "the sensor is mounted otherwise"
+    return " and ".join(
+        text
+        for text in (
+            _of_triad(found.accel, "the accelerometer", "minus the specific force"),
+            _of_triad(found.gyro, "the gyro", "minus the rate"),
+        )
+        if text
+    )
+
+
+def _of_triad(matrix: FloatArray, name: str, negated: str) -> str:
+    signs = np.diag(matrix)
+    if np.all(signs > 0.0):
+        return ""
+    if np.all(signs < 0.0):
+        return f"{name} reads {negated}"
+    if np.all(np.abs(signs) > 0.0):
+        turned = "xyz"[int(np.argmin(signs))] if np.sum(signs < 0.0) == 1 else ""
+        return f"{name}'s {turned} axis has the wrong sign" if turned else f"{name} is turned"
+    return f"{name}'s axes are in another order"
 
 
 def _gyro_scale(seen: AxesEvidence, down: FloatArray, recording: Recording) -> list[Finding]:

@@ -1,0 +1,162 @@
+"""Which way the axes of an IMU are: found again on a simulated drive, and never doubted there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from fusion_drive import CLOCK, Receiver, Sensor, city_drive, receive, record
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from automap.frames import rpy_to_matrix
+from automap.records import Fixes, FloatArray, ImuData
+from automap.sync.axes import (
+    SIGNED_PERMUTATIONS,
+    AxesJudgement,
+    judge_stated,
+    judge_unknown,
+    slope,
+)
+from automap.sync.axes_evidence import axes_evidence, effective_count
+
+EYE = np.eye(3)
+SWAPPED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+NEXT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+
+
+def _flip(letters: str) -> FloatArray:
+    return np.diag([-1.0 if axis in letters else 1.0 for axis in "xyz"])
+
+
+@cache
+def _drive(rate: float = 5.0, imu_rate: float = 50.0) -> tuple[ImuData, Fixes]:
+    motion = city_drive(240.0, seed=4)
+    receiver = Receiver(rate=rate, vel_latency=0.2, course_latency=0.3)
+    return record(motion, Sensor(), 1, rate=imu_rate), receive(motion, receiver, 2)
+
+
+def _read(accel: FloatArray, gyro: FloatArray, rate: float = 5.0, imu_rate: float = 50.0):
+    """Evidence of triads that become vehicle axes by ``accel`` and ``gyro``."""
+    imu, fixes = _drive(rate, imu_rate)
+    turned = replace(imu, accel=imu.accel @ accel, gyro=imu.gyro @ gyro)
+    return axes_evidence(turned, fixes, CLOCK)
+
+
+def _apart(one: FloatArray, two: FloatArray) -> float:
+    """Angle in deg between two orthonormal matrices of the same handedness; else 180."""
+    turn = one @ two.T
+    if np.linalg.det(turn) < 0.0:
+        return 180.0
+    return float(np.degrees(np.arccos(np.clip(0.5 * (np.trace(turn) - 1.0), -1.0, 1.0))))
+
+
+def _is_best(judged: AxesJudgement, accel: FloatArray, gyro: FloatArray) -> None:
+    np.testing.assert_array_equal(judged.best.accel, accel)
+    np.testing.assert_array_equal(judged.best.gyro, gyro)
+
+
+@pytest.mark.parametrize("rate", [1.0, 5.0])
+@pytest.mark.parametrize("imu_rate", [10.0, 50.0])
+def test_right_axes_are_not_doubted(rate: float, imu_rate: float) -> None:
+    judged = judge_stated(_read(EYE, EYE, rate, imu_rate))
+    assert judged.stated.probability > 0.999
+    assert judged.best.rigid
+    judged = judge_unknown(_read(EYE, EYE, rate, imu_rate))
+    assert judged.stated.probability > 0.999
+
+
+@pytest.mark.parametrize(
+    ("accel", "gyro"),
+    [
+        (-EYE, EYE),
+        (EYE, -EYE),
+        (_flip("xy"), _flip("xy")),
+        (SWAPPED, SWAPPED),
+        (_flip("x") @ SWAPPED, _flip("x") @ SWAPPED),
+        (_flip("x"), EYE),
+        (_flip("y"), EYE),
+        (_flip("z"), EYE),
+        (EYE, _flip("x")),
+        (EYE, _flip("y")),
+        (EYE, _flip("z")),
+        (_flip("y"), _flip("y")),
+        (EYE, SWAPPED),
+        (EYE, NEXT),
+        (NEXT, EYE),
+        (_flip("yz"), _flip("yz")),
+        (-_flip("yz"), _flip("yz")),
+    ],
+)
+def test_wrong_axes_are_found_and_named(accel: FloatArray, gyro: FloatArray) -> None:
+    judged = judge_stated(_read(accel, gyro))
+    # this road hardly rises, so that a turned pitch axis shows least
+    assert judged.stated.probability < 1e-3
+    _is_best(judged, accel, gyro)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.tuples(*[st.floats(-np.pi, np.pi)] * 3),
+    st.integers(0, len(SIGNED_PERMUTATIONS) - 1),
+    st.integers(0, len(SIGNED_PERMUTATIONS) - 1),
+)
+def test_any_mounting_with_any_triads_is_found(
+    angles: tuple[float, float, float], of_accel: int, of_gyro: int
+) -> None:
+    mounting = rpy_to_matrix(np.array(angles))
+    accel = mounting @ SIGNED_PERMUTATIONS[of_accel]
+    gyro = mounting @ SIGNED_PERMUTATIONS[of_gyro]
+    judged = judge_unknown(_read(accel, gyro))
+    assert judged.mounting is not None
+    assert judged.best.probability > 0.99
+    assert np.linalg.det(judged.mounting) > 0.0
+    assert _apart(judged.mounting @ judged.best.accel, accel) < 10.0
+    assert _apart(judged.mounting @ judged.best.gyro, gyro) < 10.0
+
+
+def test_without_a_receiver_gravity_says_what_it_can() -> None:
+    imu, _ = _drive()
+    assert judge_stated(axes_evidence(imu, None, None)).stated.probability > 0.9
+    turned = replace(imu, accel=imu.accel @ _flip("yz"), gyro=imu.gyro @ _flip("yz"))
+    judged = judge_stated(axes_evidence(turned, None, None))
+    assert judged.stated.probability < 1e-6
+    assert judged.others
+
+
+def test_what_a_gyro_of_one_axis_leaves_open_is_told_by_what_is_usual() -> None:
+    imu, fixes = _drive()
+    turned = replace(imu, gyro=imu.gyro @ np.diag([0.0, 0.0, -1.0]))
+    judged = judge_stated(axes_evidence(turned, fixes, CLOCK))
+    assert judged.stated.probability < 1e-6
+    _is_best(judged, EYE, -EYE)
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.0, 57.3])
+def test_the_turns_tell_the_scale_of_the_gyro(factor: float) -> None:
+    imu, fixes = _drive()
+    seen = axes_evidence(replace(imu, gyro=factor * imu.gyro), fixes, CLOCK)
+    assert seen.turn is not None
+    value, sd = slope(seen.turn, EYE[2])
+    assert abs(factor * value - 1.0) < 0.1
+    assert sd < 0.05 / factor
+
+
+def test_a_recording_of_another_drive_says_nothing() -> None:
+    imu, _ = _drive()
+    fixes = receive(city_drive(240.0, seed=11), Receiver(), 2)
+    judged = judge_stated(axes_evidence(imu, fixes, CLOCK))
+    assert judged.stated.probability > 0.01
+
+
+def test_correlated_and_heavy_tailed_series_count_for_less() -> None:
+    rng = np.random.default_rng(3)
+    white = rng.standard_normal(4000)
+    assert 3000 < effective_count(white) <= 4000
+    slow = np.convolve(white, np.ones(20), "same")
+    assert 150 < effective_count(slow) < 500
+    peak = np.where(np.arange(4000) == 2000, 1000.0, white)
+    assert effective_count(peak) < 20
+    assert effective_count(np.zeros(10)) == 0.0
