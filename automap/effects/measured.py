@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.effects.catalogue import CATALOGUE
-from automap.effects.measured_kernels import MeasuredTerms, Terms
+from automap.effects.term_sums import MeasuredTerms, Terms
 from automap.effects.terms import (
     FORWARD_ACCELERATION,
     LATERAL_ACCELERATION,

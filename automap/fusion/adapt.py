@@ -18,6 +18,7 @@ from types import MappingProxyType
 import numpy as np
 
 from automap.effects import CATALOGUE
+from automap.fusion.kernel_runs import PathStates, Start, run_forward
 from automap.fusion.layout import BESIDE_FIXES, CH_NHC, CH_POS, CH_VEL, HAS_VEL_H, N_NAV
 from automap.fusion.level_climb import climb
 from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
@@ -37,7 +38,7 @@ from automap.fusion.limits import (
     STANDING_PART,
 )
 from automap.fusion.nodes import Nodes, Shift
-from automap.fusion.problem import PathStates, Problem, Start, run_forward, with_options
+from automap.fusion.problem import Problem, with_options
 
 
 @dataclass(frozen=True)

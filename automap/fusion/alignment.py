@@ -16,8 +16,9 @@ import numpy as np
 from automap import earth
 from automap.frames import matrix_to_quat, rotation_vector_to_matrix
 from automap.fusion import limits
+from automap.fusion.kernel_runs import Start, run_forward
 from automap.fusion.nodes import FixModel, Nodes, Shift
-from automap.fusion.problem import Problem, Start, run_forward
+from automap.fusion.problem import Problem
 from automap.records import FloatArray
 
 

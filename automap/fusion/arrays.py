@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from automap.effects.measured_kernels import Terms
+from automap.effects.term_sums import Terms
 from automap.records import FloatArray, IntArray
 
 

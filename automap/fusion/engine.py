@@ -15,6 +15,9 @@ from automap.frames import (
     rpy_to_matrix,
 )
 from automap.fusion import limits
+from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE, SKEW_STATE, WHEELS_STATE
+from automap.fusion.filtered import filtered_states
+from automap.fusion.kernel_runs import Start, run_dense
 from automap.fusion.layout import HAS_POS_H
 from automap.fusion.measurements.position import unseen_errors
 from automap.fusion.mounting import Mounting, estimate_mounting
@@ -30,16 +33,7 @@ from automap.fusion.output import (
     parameter_history,
 )
 from automap.fusion.passes import Pass, Session, fix_speed, run_passes
-from automap.fusion.problem import (
-    DELAY_STATE,
-    LATENCY_STATE,
-    SKEW_STATE,
-    WHEELS_STATE,
-    Problem,
-    Start,
-    filtered_states,
-    run_dense,
-)
+from automap.fusion.problem import Problem
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, unmoved
 from automap.fusion.tuning import shown_at_least

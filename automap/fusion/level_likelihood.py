@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.effects import CATALOGUE
+from automap.fusion.kernel_runs import PathStates, Start, run_forward
 from automap.fusion.kernels.level_slopes import level_slopes
 from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, MAX_SCALARS, N_NAV
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.nodes import Nodes, Shift
-from automap.fusion.problem import PathStates, Problem, Start, run_forward
+from automap.fusion.problem import Problem
 from automap.records import FloatArray, IntArray
 
 _CHANNELS = {

@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.effects import CATALOGUE, Effect, ImuTerm, effect_named, imu_terms
 from automap.effects.measured import MEASURED, measured_terms
-from automap.effects.measured_kernels import MeasuredTerms
+from automap.effects.term_sums import MeasuredTerms
 from automap.errors import ConfigError
 from automap.fusion.layout import N_NAV
 from automap.fusion.options import FusionOptions

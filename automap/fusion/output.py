@@ -14,17 +14,12 @@ from automap.frames import (
     quat_to_rpy,
     rpy_sd_from_tilt,
 )
+from automap.fusion.delay_states import contained
+from automap.fusion.filtered import filtered_variances
+from automap.fusion.kernel_runs import PARAMETER_STEP_S, ForwardRun, SmoothRun, run_dense
 from automap.fusion.layout import CH_VEL, CHANNELS, N_NAV, PHI_ID
 from automap.fusion.nodes import Nodes, Shift
-from automap.fusion.problem import (
-    PARAMETER_STEP_S,
-    ForwardRun,
-    Problem,
-    SmoothRun,
-    contained,
-    filtered_variances,
-    run_dense,
-)
+from automap.fusion.problem import Problem
 from automap.fusion.resample import shift_states
 from automap.fusion.stamp_error import covariance_at_stamps, rates_of_change
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory

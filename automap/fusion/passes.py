@@ -13,27 +13,23 @@ from automap.effects.user import is_users
 from automap.fusion import limits
 from automap.fusion.adapt import COARSE, adapt_noise, refine_noise, scale_nodes, scale_problem
 from automap.fusion.alignment import Alignment, align
-from automap.fusion.layout import HAS_VEL_H
-from automap.fusion.levels import LEVELS
-from automap.fusion.measurements.wheel_speed import Odometer
-from automap.fusion.model import StateModel, build_state_model
-from automap.fusion.nodes import FixModel, Nodes, Shift, build_nodes
-from automap.fusion.options import FusionOptions
-from automap.fusion.problem import (
+from automap.fusion.delay_states import (
     DELAY_STATE,
     LATENCY_STATE,
     SKEW_STATE,
     VEL_LAG_STATE,
     VEL_LATENCY_STATE,
     WHEELS_STATE,
-    ForwardRun,
-    Problem,
-    SmoothRun,
-    Start,
     contained,
-    linearisation_states,
-    make_problem,
 )
+from automap.fusion.kernel_runs import ForwardRun, SmoothRun, Start, linearisation_states
+from automap.fusion.layout import HAS_VEL_H
+from automap.fusion.levels import LEVELS
+from automap.fusion.measurements.wheel_speed import Odometer
+from automap.fusion.model import StateModel, build_state_model
+from automap.fusion.nodes import FixModel, Nodes, Shift, build_nodes
+from automap.fusion.options import FusionOptions
+from automap.fusion.problem import Problem, make_problem
 from automap.fusion.rest_noise import least_levels
 from automap.fusion.sections import filter_and_smooth
 from automap.fusion.tuning import Tuned, tune_noise

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from automap.fusion.adapt import scale_nodes, scale_problem
+from automap.fusion.kernel_runs import PathStates, SmoothRun, Start, linearisation_states
 from automap.fusion.layout import N_NAV
 from automap.fusion.levels import LEVELS
 from automap.fusion.limits import MOST_REPEATS, SETTLED_TURN_RAD
 from automap.fusion.nodes import Shift
 from automap.fusion.passes import Pass, Session, converged, next_shift, nodes_of, problem_of
-from automap.fusion.problem import PathStates, Problem, SmoothRun, Start, linearisation_states
+from automap.fusion.problem import Problem
 from automap.fusion.sections import filter_and_smooth
 from automap.records import FloatArray
 

@@ -13,25 +13,23 @@ from itertools import pairwise
 import numpy as np
 
 from automap.fusion import kernels
-from automap.fusion.kernels import ForwardStore
-from automap.fusion.nodes import Nodes, Shift
-from automap.fusion.problem import (
+from automap.fusion.filtered import filtered_variances, full_covariance, reported_cov
+from automap.fusion.kernel_runs import (
     FilterState,
     ForwardRun,
     PathStates,
-    Problem,
     SmoothRun,
     Start,
     empty_store,
     filter_into,
-    filtered_variances,
     first_state,
-    full_covariance,
     no_adjoint,
-    reported_cov,
     run_forward,
     run_smoother,
 )
+from automap.fusion.kernels import ForwardStore
+from automap.fusion.nodes import Nodes, Shift
+from automap.fusion.problem import Problem
 
 SECTION_NODES = 24_000
 """Longest stretch whose details are kept at once; over an hour of fixes five times a second."""

@@ -14,10 +14,11 @@ from automap.fusion.adapt import (
     scale_nodes,
     scale_problem,
 )
+from automap.fusion.kernel_runs import PathStates, Start, run_forward
 from automap.fusion.layout import BESIDE_FIXES
 from automap.fusion.levels import RECEIVER_LEVELS, SLOPED_LEVELS
 from automap.fusion.nodes import Nodes, Shift
-from automap.fusion.problem import PathStates, Problem, Start, run_forward
+from automap.fusion.problem import Problem
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from automap.earth import local_ned
 from automap.errors import InputError
 from automap.fusion import limits
 from automap.fusion.consistency import channel_consistency, innovation_doubts
+from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
 from automap.fusion.doubts.estimates import (
     Estimates,
     final_estimates,
@@ -37,7 +38,6 @@ from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.levels import VELOCITY_WANDER
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
-from automap.fusion.problem import LATENCY_STATE, SKEW_STATE
 from automap.fusion.unusable_readings import Bridged, bridge_unusable
 from automap.interpolation import poses_at_gps
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.earth import gravity, metres_per_radian
+from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE
 from automap.fusion.nodes import FixModel
 from automap.fusion.passes import Pass
-from automap.fusion.problem import LATENCY_STATE, SKEW_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE
 from automap.fusion.steady_rate import steady_rate
 from automap.gap.motion import Motion, at_times, lagged
 from automap.records import FloatArray

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from automap.fusion.filtered import full_covariance
+from automap.fusion.kernel_runs import Start
 from automap.fusion.layout import N_NAV
 from automap.fusion.passes import Pass, Session, run_passes
-from automap.fusion.problem import Start, full_covariance
 from automap.fusion.relinearise import relinearise
 from automap.gap.delays import Delays, delays_of, has_delays, without_higher_orders
 from automap.gap.drive import OpenDrive

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.effects.catalogue import EARTH
+from automap.effects.entries.installation import EARTH
+from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Session
-from automap.fusion.problem import DELAY_STATE, LATENCY_STATE
 from automap.gap.drive import OpenDrive
 
 Values = Mapping[str, Mapping[str, float]]

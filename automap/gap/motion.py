@@ -9,8 +9,8 @@ import numpy as np
 from automap.earth import gravity
 from automap.effects.gnss import low_pass
 from automap.frames import quat_to_matrix
+from automap.fusion.kernel_runs import run_dense
 from automap.fusion.passes import Pass
-from automap.fusion.problem import run_dense
 from automap.records import FloatArray
 
 

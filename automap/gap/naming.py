@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import pairs_of_sign
-from automap.fusion.problem import DELAY_STATE, LATENCY_STATE, SKEW_STATE
+from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE, SKEW_STATE
 from automap.gap.fit import Fit
 from automap.gap.model import SKEW
 from automap.gap.scoring import Joint

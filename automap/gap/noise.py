@@ -15,12 +15,13 @@ from functools import reduce
 import numpy as np
 
 from automap.fusion.adapt import scale_nodes, scale_problem
+from automap.fusion.kernel_runs import SmoothRun, run_forward
 from automap.fusion.level_climb import GAIN, climb
 from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.nodes import Nodes
 from automap.fusion.passes import Pass
-from automap.fusion.problem import Problem, SmoothRun, run_forward
+from automap.fusion.problem import Problem
 from automap.gap.fit import Fit
 from automap.records import FloatArray
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 
 from automap.effects import Effect, Parameter, effect_named
-from automap.effects.catalogue import EARTH
+from automap.effects.entries.installation import EARTH
 from automap.errors import ConfigError
 
 Errors = Mapping[str, Mapping[str, float] | bool]

@@ -25,20 +25,9 @@ from automap.fusion.engine import Prior, fuse_imu_gnss
 from automap.fusion.options import FusionOptions
 from automap.records import FloatArray
 from tests.benchmarks.optimal_smoother import optimal_errors
-from tests.unit.fusion_drive import (
-    BASE_NS,
-    CLOCK,
-    GPS0,
-    WHITE,
-    Receiver,
-    Sensor,
-    city_drive,
-    errors,
-    horizontal_rms,
-    receive,
-    receiver_named,
-    record,
-)
+from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, errors, horizontal_rms, record
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import GPS0, WHITE, Receiver, receive, receiver_named
 
 COMPONENTS = ("n", "e", "d", "vn", "ve", "vd", "phi_n", "phi_e", "phi_d")
 EPOCH_S = 5.0

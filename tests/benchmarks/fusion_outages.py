@@ -25,18 +25,9 @@ from automap.interpolation import poses_at_gps
 from automap.io.clock_json import read_clock
 from automap.io.tables import read_fixes, read_imu
 from automap.records import Fixes, FixType, FloatArray, Trajectory
-from tests.unit.fusion_drive import (
-    BASE_NS,
-    CLOCK,
-    GPS0,
-    Receiver,
-    Sensor,
-    city_drive,
-    errors,
-    receive,
-    record,
-    select,
-)
+from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, errors, record
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import GPS0, Receiver, receive, select
 
 WARM_UP_S = 60.0
 

@@ -21,23 +21,17 @@ from pathlib import Path
 import numpy as np
 
 from automap.fusion.engine import Prior, fuse_imu_gnss
+from automap.fusion.kernel_runs import Start, run_forward, run_smoother
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import Nodes, Shift, build_nodes, model_fixes
 from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
-from automap.fusion.problem import Start, make_problem, run_forward, run_smoother
+from automap.fusion.problem import make_problem
 from automap.io.ubx_writer import nav_pvt
 from automap.records import Fixes, ImuData
-from tests.unit.fusion_drive import (
-    BASE_NS,
-    CLOCK,
-    GPS0,
-    Receiver,
-    Sensor,
-    city_drive,
-    receive,
-    record,
-)
+from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, record
+from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_problem import true_start
+from tests.unit.fusion_receiver import GPS0, Receiver, receive
 
 STATES_21 = ("accel_bias", "gyro_bias", "accel_scale", "gyro_scale")
 

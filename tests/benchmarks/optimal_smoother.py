@@ -13,7 +13,9 @@ import numpy as np
 
 from automap.earth import metres_per_radian
 from automap.records import Fixes, FloatArray, ImuData
-from tests.unit.fusion_drive import BASE_NS, GPS0, Motion, Receiver, Sensor
+from tests.unit.fusion_drive import BASE_NS, Sensor
+from tests.unit.fusion_motion import Motion
+from tests.unit.fusion_receiver import GPS0, Receiver
 
 P, V, PHI, BA, BG, SA, SG, W, SLOW, SHORT, LASTING = (slice(3 * i, 3 * i + 3) for i in range(11))
 N_INERTIAL, N = 21, 33

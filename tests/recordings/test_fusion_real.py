@@ -10,17 +10,13 @@ import pymap3d
 import pytest
 
 from automap.frames import matrix_to_quat, matrix_to_rpy, quat_to_matrix, rpy_to_matrix
+from automap.fusion.filtered import filtered_states, full_covariance
+from automap.fusion.kernel_runs import Start, run_forward
 from automap.fusion.layout import MAX_SCALARS
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.options import FusionOptions
-from automap.fusion.problem import (
-    Start,
-    filtered_states,
-    full_covariance,
-    make_problem,
-    run_forward,
-)
+from automap.fusion.problem import make_problem
 from automap.io.receiver import read_receiver_log
 from automap.records import FloatArray, ImuData
 

@@ -20,7 +20,7 @@ from tests.benchmarks.fusion_monte_carlo import (
     stated,
 )
 from tests.benchmarks.fusion_outages import rms, synthetic
-from tests.unit.fusion_drive import WHITE, receiver_named
+from tests.unit.fusion_receiver import WHITE, receiver_named
 
 DRIVES = 20
 SECONDS = 600.0

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from automap.frames import matrix_to_quat
+from automap.fusion.kernel_runs import Start
 from automap.fusion.layout import MAX_SCALARS
 from automap.fusion.nodes import Nodes
-from automap.fusion.problem import Start
 from automap.records import FloatArray, IntArray
-from tests.unit.fusion_drive import Motion, Truth
+from tests.unit.fusion_motion import Motion, Truth
 
 
 def make_nodes(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.effects.measured_kernels import (
+from automap.effects.term_sums import (
     SIGNAL_COLUMN,
     new_room,
     set_signals,

@@ -17,7 +17,8 @@ import pydantic
 import pytest
 from export_inputs import write_run
 
-from automap.effects import CATALOGUE, catalogue, distort_imu, imu_terms
+from automap.effects import CATALOGUE, distort_imu, imu_terms
+from automap.effects.entries import inertial, receiver
 from automap.effects.measured import distortion, measured_terms
 from automap.effects.terms import VELOCITY
 from automap.fusion import layout
@@ -93,9 +94,12 @@ def test_a_recording_of_another_program(page: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_effects(monkeypatch: pytest.MonkeyPatch) -> None:
-    for code in entries("automap/effects/catalogue.py: CATALOGUE"):
-        effect = evaluated(code, catalogue)
-        monkeypatch.setitem(CATALOGUE, effect.name, effect)
+    for module, table in ((inertial, "INERTIAL"), (receiver, "RECEIVER")):
+        for code in entries(
+            f"automap/effects/entries/{module.__name__.split('.')[-1]}.py: {table}"
+        ):
+            effect = evaluated(code, module)
+            monkeypatch.setitem(CATALOGUE, effect.name, effect)
     rng = np.random.default_rng(4)
     gyro, accel = rng.normal(0.0, 0.4, (9, 3)), rng.normal(0.0, 2.0, (9, 3))
     rates, forces = distort_imu(gyro, accel, {"gyro_quadratic": {"y": 0.01}})

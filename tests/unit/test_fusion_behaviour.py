@@ -14,21 +14,9 @@ from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
 from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.options import FusionOptions
 from automap.records import Fixes, FixType, FloatArray, ImuData
-from tests.unit.fusion_drive import (
-    CLOCK,
-    GPS0,
-    Motion,
-    Receiver,
-    Sensor,
-    city_drive,
-    errors,
-    horizontal_rms,
-    make_motion,
-    receive,
-    record,
-    select,
-    shifted,
-)
+from tests.unit.fusion_drive import CLOCK, Sensor, errors, horizontal_rms, record
+from tests.unit.fusion_motion import Motion, city_drive, make_motion
+from tests.unit.fusion_receiver import GPS0, Receiver, receive, select, shifted
 
 SECONDS = 120.0
 SENSOR = Sensor()

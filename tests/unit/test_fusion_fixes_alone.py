@@ -12,7 +12,9 @@ from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.limits import ROAD_ACCELERATION_PSD
 from automap.fusion.options import FusionOptions
 from automap.records import Fixes, FloatArray
-from tests.unit.fusion_drive import CLOCK, Receiver, city_drive, receive, select
+from tests.unit.fusion_drive import CLOCK
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import Receiver, receive, select
 
 ORIGIN = (56.0, 10.0, 40.0)
 TAU_S, WANDER, QUICK, WHITE, BIAS = 7.0, 0.7, 0.35, 0.3, 0.6

@@ -6,16 +6,19 @@ import numpy as np
 import pytest
 
 from automap.fusion.adapt import scale_nodes, scale_problem
+from automap.fusion.kernel_runs import PathStates, Start
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V, NHC
 from automap.fusion.level_likelihood import level_likelihood
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.options import FusionOptions
-from automap.fusion.problem import PathStates, Problem, Start, make_problem
+from automap.fusion.problem import Problem, make_problem
 from automap.fusion.sections import filter_and_smooth
-from tests.unit.fusion_drive import GPS0, Receiver, Sensor, city_drive, receive, record
+from tests.unit.fusion_drive import Sensor, record
+from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_problem import make_nodes, true_start
+from tests.unit.fusion_receiver import GPS0, Receiver, receive
 
 OPTIONS = FusionOptions(
     effects=("accel_bias", "gyro_bias", "gnss_correlated_noise", "gnss_multipath"),

@@ -8,20 +8,17 @@ import pytest
 
 from automap.frames import matrix_to_rotation_vector, quat_to_matrix
 from automap.fusion import kernels
+from automap.fusion.filtered import full_covariance
+from automap.fusion.kernel_runs import Start, run_dense, run_forward
 from automap.fusion.kernels.transition import N_NOISE, add_noise, expand_noise
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
-from automap.fusion.problem import (
-    Start,
-    full_covariance,
-    make_problem,
-    run_dense,
-    run_forward,
-)
+from automap.fusion.problem import make_problem
 from automap.records import ImuData
 from tests.unit.dense_filter import rates_of_motion
-from tests.unit.fusion_drive import PERFECT, Sensor, city_drive, make_motion, record
+from tests.unit.fusion_drive import PERFECT, Sensor, record
+from tests.unit.fusion_motion import city_drive, make_motion
 from tests.unit.fusion_problem import make_nodes, nominal_of, true_start
 
 PLACES = {

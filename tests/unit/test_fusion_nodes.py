@@ -17,17 +17,9 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.passes import lateral_acceleration
 from automap.fusion.problem import make_problem
 from automap.records import Fixes, FixType, ImuData
-from tests.unit.fusion_drive import (
-    BASE_NS,
-    GPS0,
-    PERFECT,
-    Receiver,
-    city_drive,
-    make_motion,
-    receive,
-    record,
-    select,
-)
+from tests.unit.fusion_drive import BASE_NS, PERFECT, record
+from tests.unit.fusion_motion import city_drive, make_motion
+from tests.unit.fusion_receiver import GPS0, Receiver, receive, select
 
 OPTIONS = FusionOptions(
     effects=(),

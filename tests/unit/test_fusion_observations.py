@@ -16,8 +16,9 @@ from automap.fusion.layout import N_NAV
 from automap.fusion.mechanisation import quat_to_dcm
 from automap.fusion.model import StateModel, build_state_model
 from automap.fusion.options import FusionOptions
-from tests.unit.fusion_drive import Receiver, make_motion, receive
+from tests.unit.fusion_motion import make_motion
 from tests.unit.fusion_problem import nominal_of
+from tests.unit.fusion_receiver import Receiver, receive
 from tests.unit.measured_node import (
     CONSTRAINT,
     POSITION,

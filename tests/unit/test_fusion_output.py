@@ -7,18 +7,21 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from automap.frames import matrix_to_quat, quat_to_matrix
+from automap.fusion.kernel_runs import run_dense
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V
 from automap.fusion.model import build_state_model
 from automap.fusion.mounting import estimate_mounting
 from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.output import vehicle_tilt
-from automap.fusion.problem import make_problem, run_dense
+from automap.fusion.problem import make_problem
 from automap.fusion.resample import shift_states, states_at
 from automap.fusion.sections import filter_and_smooth
 from tests.unit.dense_filter import State
-from tests.unit.fusion_drive import GPS0, Receiver, Sensor, city_drive, make_motion, receive, record
+from tests.unit.fusion_drive import Sensor, record
+from tests.unit.fusion_motion import city_drive, make_motion
 from tests.unit.fusion_problem import make_nodes, nominal_of, true_start
+from tests.unit.fusion_receiver import GPS0, Receiver, receive
 
 NORTH = (66.0, -179.9985, 50.0)
 

@@ -7,12 +7,15 @@ import re
 import numpy as np
 import pytest
 
+from automap.fusion.filtered import full_covariance
+from automap.fusion.kernel_runs import run_dense, run_forward
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
-from automap.fusion.problem import Problem, full_covariance, make_problem, run_dense, run_forward
+from automap.fusion.problem import Problem, make_problem
 from automap.records import ImuData
-from tests.unit.fusion_drive import BASE_NS, make_motion
+from tests.unit.fusion_drive import BASE_NS
+from tests.unit.fusion_motion import make_motion
 from tests.unit.fusion_problem import make_nodes, true_start
 
 EFFECTS = (

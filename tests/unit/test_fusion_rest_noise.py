@@ -13,7 +13,9 @@ from automap.fusion.limits import ABSENT
 from automap.fusion.options import FusionOptions
 from automap.fusion.rest_noise import least_levels, rest_density
 from automap.records import ImuData
-from tests.unit.fusion_drive import CLOCK, Receiver, Sensor, city_drive, receive, record
+from tests.unit.fusion_drive import CLOCK, Sensor, record
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import Receiver, receive
 
 
 def noise(density: float, seconds: float = 60.0, rate: float = 100.0) -> tuple[np.ndarray, ...]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from automap.fusion.kernel_runs import PathStates, run_forward, run_smoother
 from automap.fusion.nodes import Shift
-from automap.fusion.problem import PathStates, run_forward, run_smoother
 from automap.fusion.sections import filter_and_smooth
 from tests.unit.test_fusion_smoother import _problem
 

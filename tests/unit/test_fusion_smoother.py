@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from automap.fusion import kernels
+from automap.fusion.filtered import full_covariance
+from automap.fusion.kernel_runs import ForwardRun, Start, run_forward
+from automap.fusion.kernel_runs import run_smoother as smooth
 from automap.fusion.layout import (
     HAS_POS_H,
     HAS_POS_V,
@@ -20,18 +23,12 @@ from automap.fusion.layout import (
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
-from automap.fusion.problem import (
-    ForwardRun,
-    Problem,
-    Start,
-    full_covariance,
-    make_problem,
-    run_forward,
-)
-from automap.fusion.problem import run_smoother as smooth
+from automap.fusion.problem import Problem, make_problem
 from automap.fusion.stamp_error import reported_rows
-from tests.unit.fusion_drive import GPS0, Receiver, Sensor, city_drive, receive, record
+from tests.unit.fusion_drive import Sensor, record
+from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_problem import full_transition, make_nodes, true_start
+from tests.unit.fusion_receiver import GPS0, Receiver, receive
 
 ALL = HAS_POS_H | HAS_POS_V | HAS_VEL_H | HAS_VEL_V
 EFFECTS = (

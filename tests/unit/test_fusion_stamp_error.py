@@ -16,7 +16,9 @@ from automap.fusion.stamp_error import (
     rates_of_change,
     reported_rows,
 )
-from tests.unit.fusion_drive import CLOCK, Receiver, Sensor, city_drive, errors, receive, record
+from tests.unit.fusion_drive import CLOCK, Sensor, errors, record
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import Receiver, receive
 
 TURN = 0.3
 ALONG = 1.5

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from automap.fusion.adapt import FINE, adapt_noise, refine_noise
+from automap.fusion.kernel_runs import PathStates, Start
 from automap.fusion.layout import CH_NHC, HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V, NHC
 from automap.fusion.level_climb import climb
 from automap.fusion.level_likelihood import LevelLikelihood
@@ -16,11 +17,13 @@ from automap.fusion.levels import ALL_LEVELS, LEVELS
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.options import FusionOptions
-from automap.fusion.problem import PathStates, Problem, Start, make_problem
+from automap.fusion.problem import Problem, make_problem
 from automap.fusion.sections import filter_and_smooth
 from automap.fusion.tuning import Tuned, shown_at_least, tune_noise
-from tests.unit.fusion_drive import BASE_NS, GPS0, Receiver, Sensor, city_drive, receive, record
+from tests.unit.fusion_drive import BASE_NS, Sensor, record
+from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_problem import make_nodes, true_start
+from tests.unit.fusion_receiver import GPS0, Receiver, receive
 
 OFF = 3.0
 OPTIONS = FusionOptions(effects=("accel_bias", "gyro_bias", "gnss_correlated_noise"))

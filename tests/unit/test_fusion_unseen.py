@@ -11,7 +11,9 @@ from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.measurements.position import unseen_errors
 from automap.fusion.options import FusionOptions
 from automap.records import FloatArray
-from tests.unit.fusion_drive import CLOCK, Receiver, Sensor, city_drive, receive, record
+from tests.unit.fusion_drive import CLOCK, Sensor, record
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import Receiver, receive
 
 OPTIONS = FusionOptions()
 STATED = np.array([[1.0, 2.0, 3.0], [4.0, 4.0, 4.0]])

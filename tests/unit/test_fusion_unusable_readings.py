@@ -12,7 +12,9 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.standstill import unmoved
 from automap.fusion.unusable_readings import bridge_noise, bridge_unusable
 from automap.records import ImuData
-from tests.unit.fusion_drive import Motion, Receiver, Sensor, city_drive, receive, record
+from tests.unit.fusion_drive import Sensor, record
+from tests.unit.fusion_motion import Motion, city_drive
+from tests.unit.fusion_receiver import Receiver, receive
 
 
 @pytest.fixture(scope="module")

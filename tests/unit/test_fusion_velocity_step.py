@@ -22,20 +22,9 @@ from automap.fusion.doubts.velocity_step import (
 from automap.fusion.free_inertial import FreeInertial, free_inertial
 from automap.fusion.options import FusionOptions
 from automap.records import Fixes, FloatArray, ImuData, Trajectory
-from tests.unit.fusion_drive import (
-    BASE_NS,
-    GPS0,
-    PERFECT,
-    WHITE,
-    Motion,
-    Receiver,
-    Sensor,
-    city_drive,
-    receive,
-    receiver_named,
-    record,
-    shifted,
-)
+from tests.unit.fusion_drive import BASE_NS, PERFECT, Sensor, record
+from tests.unit.fusion_motion import Motion, city_drive
+from tests.unit.fusion_receiver import GPS0, WHITE, Receiver, receive, receiver_named, shifted
 
 LASTING_SD = FusionOptions().velocity_wander_sd
 DURATION = 240.0

@@ -14,21 +14,9 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.wheel_match import Reference, between, match_wheels, step_of, stuck
 from automap.fusion.wheels import contradiction, judge_wheels, path_speed, readings
 from automap.records import Fixes, ImuData, WheelSpeed
-from tests.unit.fusion_drive import (
-    BASE_NS,
-    CLOCK,
-    GPS0,
-    Motion,
-    Receiver,
-    Sensor,
-    city_drive,
-    errors,
-    horizontal_rms,
-    make_motion,
-    receive,
-    record,
-    select,
-)
+from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, errors, horizontal_rms, record
+from tests.unit.fusion_motion import Motion, city_drive, make_motion
+from tests.unit.fusion_receiver import GPS0, Receiver, receive, select
 
 KMH = 1.0 / 3.6
 OUTAGE = (120.0, 180.0)

@@ -9,17 +9,9 @@ import pytest
 
 from tests.benchmarks.fusion_monte_carlo import nees_bands
 from tests.benchmarks.optimal_smoother import optimal_errors
-from tests.unit.fusion_drive import (
-    GPS0,
-    WHITE,
-    Motion,
-    Receiver,
-    Sensor,
-    city_drive,
-    receive,
-    receiver_named,
-    record,
-)
+from tests.unit.fusion_drive import Sensor, record
+from tests.unit.fusion_motion import Motion, city_drive
+from tests.unit.fusion_receiver import GPS0, WHITE, Receiver, receive, receiver_named
 
 DRIVES, SECONDS = 6, 90.0
 SENSOR = Sensor(vibration=0.08)

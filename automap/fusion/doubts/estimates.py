@@ -7,15 +7,15 @@ from collections.abc import Mapping
 
 from automap.fusion import limits
 from automap.fusion.adapt import COARSE, FINE
-from automap.fusion.doubts.reason import Reason
-from automap.fusion.engine import FusionResult
-from automap.fusion.problem import (
+from automap.fusion.delay_states import (
     DELAY_STATE,
     LATENCY_STATE,
     SKEW_STATE,
     VEL_LAG_STATE,
     VEL_LATENCY_STATE,
 )
+from automap.fusion.doubts.reason import Reason
+from automap.fusion.engine import FusionResult
 from automap.gates import sigmas
 
 Estimates = Mapping[str, tuple[float, float]]

@@ -15,10 +15,10 @@ import numpy as np
 from automap.earth import local_ned
 from automap.frames import quat_to_matrix, rpy_to_matrix
 from automap.fusion import limits
+from automap.fusion.delay_states import LATENCY_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE
 from automap.fusion.doubts.estimates import Estimates
 from automap.fusion.doubts.reason import Reason, Span
 from automap.fusion.free_inertial import FreeInertial
-from automap.fusion.problem import LATENCY_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE
 from automap.gates import OUTSIDE_95, gate, sd_by_median
 from automap.records import Fixes, FloatArray, IntArray, Trajectory
 from automap.timebase import gps_to_iso

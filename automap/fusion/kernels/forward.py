@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from automap.effects.measured_kernels import SIGNAL_COLUMN, new_room, set_signals
+from automap.effects.term_sums import SIGNAL_COLUMN, new_room, set_signals
 from automap.fusion.arrays import ForwardStore, ModelArrays, NodeArrays, Samples
 from automap.fusion.kernels.integrate import integrate, reading_at
 from automap.fusion.kernels.readings import acceleration, calm_rate

@@ -1,0 +1,1 @@
+"""The named effects, family by family: every module is a part of the catalogue."""
