@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from automap.effects import CATALOGUE
 from automap.records import FixType
 
 # fixes
@@ -49,6 +50,9 @@ UNKNOWN_LEAN_SD = 0.05
 COURSE_SLIP_SD, LEAST_COURSE_SPEED = 0.03, 0.3
 """A vehicle's nose is off its course by its slip, rad. Below that speed, m/s, a course is
 anything, and is not called less sure any more."""
+
+MAX_DELAY_S, MAX_SKEW = 1.0, 0.01
+"""Larger delays and skews are none, but an estimate that ran away."""
 
 # surprise
 
@@ -95,25 +99,27 @@ WHEELS_SLIP = 0.005
 """Share of the speed, over one second, by which wheels slip and tyres change their size. Measured
 on the CAN speed of a recorded car: a seventh of a percent that lasts some eight seconds."""
 WHEELS_JITTER_S = 0.02
-"""Scatter of their stamps. Chosen: messages wait about so long on a bus and in a phone."""
+"""Scatter of their stamps: an answer takes up to 50 ms (P2 of SAE J1979) and may wait as long again
+in the phone that asks, which are two uniform waits, 50 ms / sqrt(6)."""
 WHEELS_DEADBAND = 0.2
-"""Slower wheels give no pulse in time and are said to stand, m/s. Chosen: a toothed wheel of 48
-teeth sends five pulses a second then."""
+"""Slower wheels give no pulse in time and are said to stand, m/s: a toothed wheel of 48 teeth and
+2 m around sends one every 4 cm, and messages come up to a fifth of a second apart."""
 SLOW_WHEELS, FASTEST_REVERSE = 0.7, 5.0
 """Wheel speeds without a sign: below the first, m/s, they may be either way, so unsure are
 directions while manoeuvring; faster than the second nobody reverses."""
 MAX_WHEELS_S = 3.0
-"""Wheel speeds later than this, s, are stamped by another clock. Chosen: an adapter that asks ten
-values one after another takes a second or two."""
+"""Wheel speeds later than this, s, are stamped by another clock: an ELM327 adapter waits up to
+0.2 s for an answer (data sheet, AT ST), 3 s for fifteen values one after another."""
 
 # wheels against the receiver
 
 LOOK_WHEELS_S = 10.0
 """Delays of wheel speed are looked for up to this, s, to name them; none is used beyond
 ``MAX_WHEELS_S``."""
-WHEELS_APART, WHEELS_UNLIKE = 1.0, 0.5
-"""Wheel speed is not this drive's where it is off by more, m/s and in the spread of its speeds.
-Chosen: phones lag by less than that, and any two drives are off by more."""
+WHEELS_APART, WHEELS_UNLIKE = math.sqrt(ROAD_ACCELERATION_PSD[0] * MAX_DELAY_S), 0.5
+"""Wheel speed is not this drive's where it is off by more, m/s and in the spread of its speeds: the
+first is how road traffic changes its speed in the longest delay of a receiver, and speeds that have
+nothing to do with the drive's leave the whole spread of them, of which the second is half."""
 
 STEP_VALUES, LEAST_STEP = 8, 0.005
 """Different speeds from which a step is told, and the least one, m/s: less is how numbers were
@@ -132,9 +138,9 @@ WHEELS_UNIT = 0.1
 MATCH_STEP_S, MATCH_POINTS = 0.1, 5_000
 """Delays are tried so far apart, s, on so many instants at most: a car's speed is straight over
 some tenths of a second."""
-SURE_WHEELS_S = 0.2
-"""A delay found by comparison is where to begin if its sigma, s, is less; a drive at one speed
-shows none. Chosen: so much is straight enough for the filter."""
+SURE_WHEELS_S = CATALOGUE["odometer_time_offset"].parameters[0].prior_sd
+"""A delay found by comparison is where to begin if its sigma, s, is less than that of the filter's
+own beginning; a drive at one speed shows none."""
 MATCH_CORRELATED = 2.0
 """Errors of neighbouring speeds resemble each other: sigmas are those of a quarter of them."""
 STEADY_ACCELERATION = 0.3
@@ -142,9 +148,9 @@ STEADY_ACCELERATION = 0.3
 STUCK_S, STUCK_EDGE_S = 2.0, 0.5
 """A counter hangs that long at least, s; that much at its ends is not compared, for stamps may be
 late by it."""
-STUCK_CHANGE = 1.0
-"""Beside noise and steps, m/s, by which a speed changes while a counter hangs: half of what a
-second of road traffic does."""
+STUCK_CHANGE = math.sqrt(ROAD_ACCELERATION_PSD[0] * (STUCK_S - 2.0 * STUCK_EDGE_S))
+"""Beside noise and steps, m/s, by which a speed changes while a counter hangs: what road traffic
+does in the shortest time of that kind that is compared."""
 FASTEST_CHANGE = 12.0
 """No car brakes or gathers speed by more, m/s^2: tyres hold a little more than gravity."""
 TURN_WINDOW_S = 0.5
@@ -277,8 +283,6 @@ KNOWN_ROLL_SD = 1e-3
 DELAY_CONVERGED_S, SKEW_CONVERGED, CONVERGED_SIGMAS = 5e-4, 1e-6, 0.1
 """A delay, s, or skew that moves by less, or by a tenth of its sigma, has settled: half a
 millisecond is 1.5 cm at 30 m/s, and 1e-6 comes to 3.6 ms in an hour."""
-MAX_DELAY_S, MAX_SKEW = 1.0, 0.01
-"""Larger delays and skews are none, but an estimate that ran away."""
 HEAD_S = 900.0
 """The first pass goes no further than this into the drive."""
 SETTLED_TURN_RAD = 3e-3
