@@ -11,6 +11,7 @@ from automap.errors import ConfigError, InputError
 from automap.io.axes import ImuAxes
 from automap.io.csv_columns import CsvColumns
 from automap.io.drive import Drive
+from automap.io.even_stamps import bursts_text, straight_stamps
 from automap.io.imu_calibration import read_imu_calibration
 from automap.io.named_table import NamedTable, read_table
 from automap.io.sensor_file import SI_PER_UNIT, SensorModel, find_sensor, read_sensor
@@ -125,8 +126,9 @@ def read_imu_csv(
     times and units as ``form.table`` says or as they can be guessed.
 
     Readings come out in vehicle axes (FRD), or in those of its case where these are unknown.
-    Time stamps pass unchanged; rows that cannot be used are left out and counted, and a
-    sentence says so. ``gap_factor``: a step longer than so many median steps is a gap.
+    Time stamps pass unchanged, but for bursts (``even_stamps``); rows that cannot be used are left
+    out and counted, and a sentence says so. ``gap_factor``: a step longer than so many median
+    steps is a gap.
     Raises InputError when nothing usable is left.
     """
     form = ImuFormat() if form is None else form
@@ -144,6 +146,10 @@ def read_imu_csv(
     if len(rows) < 2:
         raise InputError(f"{path} has fewer than two rows with finite readings; record again.")
     t_ns = named.t_ns
+    even = straight_stamps(t_ns[rows], np.column_stack([gyro_raw, accel_raw])[rows])
+    if even is not None:
+        t_ns = t_ns.copy()
+        t_ns[rows] = even
     order = order_stamps(t_ns[rows])
     if order is None:
         raise InputError(
@@ -193,7 +199,10 @@ def read_imu_csv(
         ),
         quality=quality,
         extra_columns=table.extra,
-        warnings=tuple(_warnings(table, rows, finite, order, quality, t_ns)),
+        warnings=tuple(
+            ([] if even is None else [f"{path}: {bursts_text(quality.rate_hz)}"])
+            + _warnings(table, rows, finite, order, quality, t_ns)
+        ),
         notes=named.notes,
     )
 

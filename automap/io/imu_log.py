@@ -9,6 +9,7 @@ import numpy as np
 
 from automap.errors import ConfigError, InputError
 from automap.io import names
+from automap.io.even_stamps import bursts_text, straight_stamps
 from automap.io.named_table import NamedTable, look_at_table, read_table
 from automap.io.sensor_file import SI_PER_UNIT, SensorModel
 from automap.io.stamps import order_stamps
@@ -184,6 +185,11 @@ def _assemble(
         warnings.append(f"{name}: {n - len(rows)} rows without usable readings left out")
     if len(rows) < 2:
         raise InputError(f"{name} has fewer than two rows with usable readings; record again.")
+    even = straight_stamps(t_ns[rows], np.column_stack([found.accel, found.gyro])[rows])
+    if even is not None:
+        t_ns = t_ns.copy()
+        t_ns[rows] = even
+        warnings.append(f"{name}: {bursts_text(1e9 / float(np.median(np.diff(even))))}")
     order = order_stamps(t_ns[rows])
     if order is None or len(order.keep) < 2:
         raise InputError(f"{name}: its time column does not run; correct --columns or its unit.")
