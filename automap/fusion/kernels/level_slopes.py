@@ -12,9 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from automap.fusion.arrays import ForwardStore
-from automap.fusion.kernels.smoother import undo_interval, undo_scalar
+from automap.fusion.kernels.smoother import undo_interval, undo_scalars
 from automap.fusion.kernels.transition import outlasting
-from automap.fusion.layout import N_NAV
+from automap.fusion.layout import MAX_SCALARS, N_NAV
 from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
@@ -48,29 +48,20 @@ def level_slopes(
     n_nodes, n = store.mean.shape
     lam = np.zeros(n)
     big = np.zeros((n, n))
-    u = np.zeros((n, n))
-    work = np.zeros(n)
-    where = np.zeros(n, dtype=np.int64)
+    error, spread = np.zeros(MAX_SCALARS), np.zeros(MAX_SCALARS)
     decay = np.ones(n)
     for k in range(n_nodes - 1, -1, -1):
-        first = store.scalars[k - 1] if k > 0 else 0
-        for r in range(store.scalars[k] - 1, first - 1, -1):
-            channel = store.info[r, 1]
+        a, b = store.scalars[k - 1] if k > 0 else 0, store.scalars[k]
+        undo_scalars(
+            lam, big, store.h[a:b], store.gain[a:b], store.nu[a:b], store.var[a:b], error, spread
+        )
+        for q in range(b - a):
+            channel = store.info[a + q, 1]
             level = level_of_channel[channel]
             if level >= 0 and store.nis[k, channel] <= nis_limit[channel]:
-                error = store.nu[r] / store.var[r]
-                spread = 1.0 / store.var[r]
-                for i in range(n):
-                    # the adjoint has the sign of the correction, minus the score's
-                    error += store.gain[r, i] * lam[i]
-                    s = 0.0
-                    for j in range(n):
-                        s += big[i, j] * store.gain[r, j]
-                    spread += s * store.gain[r, i]
                 size = var[k, channel]
-                slope[level] += size * (error * error - spread)
-                info[level] += 2.0 * (size * spread) ** 2
-            undo_scalar(lam, big, store.h[r], store.gain[r], store.nu[r], store.var[r], work, where)
+                slope[level] += size * (error[q] * error[q] - spread[q])
+                info[level] += 2.0 * (size * spread[q]) ** 2
         span = node_t[k] - node_t[k - 1] if k > 0 else 0.0
         outlasting(span, tau, kept, keep[k], decay)
         for j in range(N_NAV, n):
@@ -85,7 +76,7 @@ def level_slopes(
             info[level] += 2.0 * (q * big[j, j]) ** 2
         if k > 0 and span > 0.0:
             _inertial(lam, big, store.trans[k], noise, span, slope, info)
-            undo_interval(lam, big, store.trans[k], decay, u, work)
+            undo_interval(lam, big, store.trans[k], decay)
 
 
 @kernel

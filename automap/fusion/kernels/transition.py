@@ -22,6 +22,16 @@ def start_interval(phi: FloatArray, noise: FloatArray) -> None:
 
 
 @kernel
+def reach(phi: FloatArray) -> int:
+    """Columns of the transition rows ``phi`` [9, n] up to the last that is not zero."""
+    for j in range(phi.shape[1] - 1, N_NAV - 1, -1):
+        for a in range(N_NAV):
+            if phi[a, j] != 0.0:
+                return j + 1
+    return N_NAV
+
+
+@kernel
 def add_transition(
     phi: FloatArray, terms: IntArray, c: FloatArray, r: FloatArray, dvn: FloatArray, dt: float
 ) -> None:

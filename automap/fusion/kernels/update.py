@@ -15,10 +15,12 @@ def pack(p: FloatArray, out: FloatArray) -> None:
     """Upper triangle of a symmetric matrix [n, n] as a row [n (n + 1) / 2]."""
     n = p.shape[0]
     m = 0
+    # loops from zero on, and offsets that cannot be negative: else the compiler looks at every
+    # index for one that counts from the end, and takes six times as long
     for i in range(n):
-        for j in range(i, n):
-            out[m] = p[i, j]
-            m += 1
+        for j in range(n - i):
+            out[m + j] = p[i, i + j]
+        m += max(n - i, 0)
 
 
 @kernel
@@ -27,11 +29,12 @@ def unpack(row: FloatArray, p: FloatArray) -> None:
     n = p.shape[0]
     m = 0
     for i in range(n):
-        for j in range(i, n):
-            v = row[m]
-            p[i, j] = v
-            p[j, i] = v
-            m += 1
+        for j in range(n - i):
+            p[i, i + j] = row[m + j]
+        m += max(n - i, 0)
+    for i in range(n):
+        for j in range(i):
+            p[i, j] = p[j, i]
 
 
 @kernel
