@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from automap.errors import InputError
+from automap.io import limits
 from automap.io.csv_cells import Kind, read_cells
 from automap.io.csv_layout import Layout, read_layout
 from automap.records import FloatArray, IntArray
 
 __all__ = ["CsvColumns", "Kind", "read_chosen", "read_columns"]
 
-_NAMES_SHOWN = 40
+_NAMES_SHOWN = 20
 
 
 @dataclass(frozen=True)
@@ -129,6 +130,6 @@ def read_chosen(
 
 def listed(names: tuple[str, ...]) -> str:
     """Names of columns for a message, the first of them where they are many."""
-    shown = [name if len(name) <= _NAMES_SHOWN else name[:_NAMES_SHOWN] + "..." for name in names]
+    shown = [name if len(name) <= limits.SHOWN else name[: limits.SHOWN] + "..." for name in names]
     more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
     return ", ".join(shown[:_NAMES_SHOWN]) + more

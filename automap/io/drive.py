@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import errno
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from automap.errors import ConfigError, InputError
-from automap.io import names
+from automap.io import limits, names
 from automap.io.axes import ImuAxes, imu_axes
 from automap.io.manifest import (
     GnssSection,
@@ -194,6 +195,25 @@ def _load(folder: Path) -> Drive:
     return drive
 
 
+def _is_file(path: Path) -> bool:
+    """Whether a path is a file; a name that no file system takes is none."""
+    try:
+        return path.is_file()
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            return False
+        raise
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            return False
+        raise
+
+
 class _Finder:
     """Resolves file names of one manifest, gathering a sentence for each that is missing."""
 
@@ -206,7 +226,7 @@ class _Finder:
             found = (self.folder / name for name in defaults)
             return next((path for path in found if path.is_file()), None)
         path = self._inside(named, key)
-        if path.is_file():
+        if _is_file(path):
             return path
         self.warnings.append(f"{self._absent(path, named, key)}; the drive goes on without it")
         return None
@@ -214,7 +234,7 @@ class _Finder:
     def require(self, named: str | None, key: str, defaults: tuple[str, ...]) -> Path | None:
         """As ``find``, but a file that is named must be there."""
         path = None if named is None else self._inside(named, key)
-        if named is None or path is None or path.is_file():
+        if named is None or path is None or _is_file(path):
             return self.find(named, key, defaults)
         raise InputError(
             f"{self._absent(path, named, key)}; correct the name, or take the line out to go on "
@@ -222,11 +242,14 @@ class _Finder:
         )
 
     def _absent(self, path: Path, named: str, key: str) -> str:
-        where = f"{self.folder / names.MANIFEST}: {key} names {named}"
-        if path.exists():
+        shown = named if len(named) <= limits.SHOWN else f"{named[: limits.SHOWN]}..."
+        where = f"{self.folder / names.MANIFEST}: {key} names {shown}"
+        if _is_file(path.parent):
+            return f"{where}, which lies in a file"
+        if _exists(path):
             return f"{where}, which is no file"
-        present = [item.name for item in path.parent.glob("*")] if path.parent.is_dir() else []
-        near = difflib.get_close_matches(path.name, present, n=1, cutoff=0.6)
+        present = [item.name for item in path.parent.glob("*")] if _exists(path.parent) else []
+        near = difflib.get_close_matches(path.name[: limits.SHOWN], present, n=1, cutoff=0.6)
         return f"{where}, which is not there" + (f" (is {near[0]} meant?)" if near else "")
 
     def _inside(self, named: str, key: str) -> Path:

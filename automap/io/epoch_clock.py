@@ -84,14 +84,17 @@ def nmea_clock(name: str, table: NmeaTable) -> Clock:
     of_day = np.asarray(table.get("time", none), np.float64)
     trusted = np.zeros(n, bool)
     if name == "RMC":
-        told = np.isfinite(table["date"])
+        told = np.abs(table["date"]) < 1e6
         date = np.where(told, table["date"], 0.0).astype(np.int64)
         trusted = table["status"] == ord("A")
         first, lengths = _runs(date)
         day, month, year = date[first] // 10_000, date[first] // 100 % 100, date[first] % 100
         year += np.where(year >= 80, 1900, 2000)
     elif name == "ZDA":
-        parts = [np.nan_to_num(table[part]).astype(np.int64) for part in ("year", "month", "day")]
+        parts = [
+            np.where(np.abs(table[part]) < 1e6, table[part], 0.0).astype(np.int64)
+            for part in ("year", "month", "day")
+        ]
         told = parts[0] >= 1980
         first, lengths = _runs(*parts)
         year, month, day = (part[first] for part in parts)

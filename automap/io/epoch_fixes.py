@@ -49,7 +49,8 @@ def build_fixes(joined: Joined, ubx: dict[str, Table], nmea: dict[str, NmeaTable
     velocity, sd_vel = velocities(sources, valid, lat, lon)
     _covariances(sources, valid, sd_pos, sd_vel)
     n_sats = _first_known(sources, n, _SATELLITES)
-    n_sats[np.isnan(n_sats)] = -1.0
+    # NaN compares false; no sky holds a thousand
+    n_sats[~((n_sats >= 0.0) & (n_sats < 1000.0))] = -1.0
     return Fixes(
         gps_s=joined.gps_s,
         lat_rad=lat,

@@ -6,6 +6,7 @@ description (MAPLatitude, MAPLongitude, MAPAltitude, MAPCaptureTime, MAPCompassH
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -54,28 +55,32 @@ def read_images(folder: Path) -> tuple[list[PlacedImage], list[str]]:
             f"{folder}: {len(images)} of {len(paths)} images have a place and a time in their "
             "EXIF; a sequence needs them, geotag it first."
         )
-    warnings = []
+    sentences = []
     if without:
-        warnings.append(
+        sentences.append(
             f"{folder}: {len(without)} images without place or time, or damaged, were left out, "
             f"the first {without[0]}"
         )
     if any(image.local_time for image in images):
-        warnings.append(
+        sentences.append(
             f"{folder}: times without a zone are taken as UTC; relative times are not affected"
         )
-    return sorted(images, key=lambda image: image.unix_s), warnings
+    return sorted(images, key=lambda image: image.unix_s), sentences
 
 
 def _read(path: Path) -> PlacedImage | None:
     from PIL import Image
 
     try:
-        with Image.open(path) as image:
+        with warnings.catch_warnings():
+            # headers alone are read, so a huge image costs nothing
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            image = Image.open(path)
+        with image:
             exif = image.getexif()
             tags: dict[int, Any] = dict(exif) | dict(exif.get_ifd(_EXIF_IFD))
             gps: dict[int, Any] = dict(exif.get_ifd(_GPS_IFD))
-    except (OSError, ValueError, SyntaxError, KeyError, TypeError):
+    except (OSError, ValueError, SyntaxError, KeyError, TypeError, Image.DecompressionBombError):
         return None
     try:
         return _described(path, tags) or _tagged(path, tags, gps)

@@ -90,7 +90,7 @@ def read_streams(path: Path, warnings: list[str]) -> tuple[dict[str, Channel], s
                     continue
                 pts_us = float((packet.pts or 0) * packet.time_base) * 1e6
                 try:
-                    device = _add_payload(bytes(packet), pts_us, channels) or device
+                    device = add_payload(bytes(packet), pts_us, channels) or device
                 except GpmfError:
                     damaged += 1
     except (av.error.FFmpegError, OSError, ValueError) as error:
@@ -126,7 +126,8 @@ def _length_us(container: Any) -> float:
     return float(container.duration or 0)
 
 
-def _add_payload(payload: bytes, pts_us: float, channels: dict[str, Channel]) -> str:
+def add_payload(payload: bytes, pts_us: float, channels: dict[str, Channel]) -> str:
+    """Add the samples of one block of metadata to the channels; returns the camera's name."""
     device = ""
     for name, stream in streams(payload):
         device = device or name

@@ -157,7 +157,8 @@ class Stream:
         item = self.modifiers.get(key)
         if item is None or item.kind not in (b"J", b"j", b"L", b"l") or not item.data:
             return None
-        return int.from_bytes(item.data[: item.size], "big")
+        count = int.from_bytes(item.data[: item.size], "big")
+        return count if count < 1 << 62 else None
 
 
 def streams(payload: bytes) -> list[tuple[str, Stream]]:

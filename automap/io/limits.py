@@ -11,3 +11,6 @@ line ends."""
 
 SHOWN = 60
 """Characters of a file's own text that a message repeats; a line of a terminal has eighty."""
+
+MAX_UNPACKED_BYTES = 1 << 30
+"""Bytes of one table in an archive. Ten hours of a phone's sensor at 500 Hz are as many."""

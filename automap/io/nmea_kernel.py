@@ -39,6 +39,9 @@ def _long_number(data: Bytes, start: int, end: int) -> float:
     value = float(mantissa)
     if exponent < 0:
         value /= 10.0**-exponent
+    if exponent > 200:
+        # no receiver means a number of so many digits, and it may be none that a float holds
+        return np.nan
     if exponent > 0:
         value *= 10.0**exponent
     return value

@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import zipfile
+import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +19,24 @@ import numpy as np
 
 from automap.earth import STANDARD_GRAVITY
 from automap.errors import InputError
+from automap.io import limits
 from automap.io.nmea_writer import Positions
 from automap.records import FloatArray, IntArray
+
+_USED = frozenset(
+    {
+        "GyroscopeUncalibrated",
+        "Gyroscope",
+        "AccelerometerUncalibrated",
+        "TotalAcceleration",
+        "Accelerometer",
+        "Gravity",
+        "LocationGps",
+        "Location",
+        "Metadata",
+    }
+)
+"""The tables of Sensor Logger that are read; no other is unpacked."""
 
 
 @dataclass(frozen=True)
@@ -115,14 +132,22 @@ def _csv_texts(source: Path) -> tuple[dict[str, str], list[Path]]:
         return {p.stem: p.read_text(encoding="utf-8-sig", errors="replace") for p in paths}, paths
     try:
         with zipfile.ZipFile(source) as archive:
-            texts = {
-                Path(name).stem: archive.read(name).decode("utf-8-sig", "replace")
-                for name in archive.namelist()
-                if name.lower().endswith(".csv") and not name.startswith("__MACOSX")
-            }
-    except (zipfile.BadZipFile, OSError, RuntimeError) as error:
+            texts = {}
+            for entry in archive.infolist():
+                stem = Path(entry.filename).stem
+                if stem not in _USED or not entry.filename.lower().endswith(".csv"):
+                    continue
+                if entry.file_size > limits.MAX_UNPACKED_BYTES:
+                    raise InputError(
+                        f"{source}: {stem}.csv unpacks to {entry.file_size} bytes, more than any "
+                        "recording; export it again."
+                    )
+                if not entry.filename.startswith("__MACOSX"):
+                    texts[stem] = archive.read(entry).decode("utf-8-sig", "replace")
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError) as error:
+        why = str(error) or "its end is missing"
         raise InputError(
-            f"{source} is no folder and no whole .zip ({error}); export the recording again."
+            f"{source} is no folder and no whole .zip ({why}); export the recording again."
         ) from error
     return texts, [source]
 
@@ -154,7 +179,9 @@ def _specific_force(
         t, accel = linear.stamps("time"), linear.triad("x", "y", "z")
         pull, t_pull = gravity.triad("x", "y", "z"), gravity.stamps("time")
         accel = accel + np.column_stack([_at(t, t_pull, pull[:, k]) for k in range(3)])
-    size = float(np.nanmedian(np.linalg.norm(accel, axis=1))) if len(accel) else 0.0
+    sizes = np.linalg.norm(accel, axis=1)
+    sizes = sizes[np.isfinite(sizes)]
+    size = float(np.median(sizes)) if len(sizes) else 0.0
     if 0.5 < size < 2.0:
         accel = accel * STANDARD_GRAVITY
         warnings.append(f"{source}: accelerations of about 1 are taken as g")
@@ -191,7 +218,7 @@ def _together(
         t_accel, accel = t_accel[order], accel[order]
         inside = (t_accel >= t_gyro.min()) & (t_accel <= t_gyro.max())
         t_accel, accel = t_accel[inside], accel[inside]
-    if len(t_accel) < 2:
+    if len(t_accel) < 2 or not len(t_gyro):
         raise InputError(f"{name}: accelerometer and gyroscope share no time; record both.")
     turns = np.column_stack([_at(t_accel, t_gyro, gyro[:, k]) for k in range(3)])
     return t_accel, turns, accel

@@ -334,7 +334,8 @@ def _positions(values: FloatArray, form: _Form) -> tuple[FloatArray, FloatArray,
         place = pymap3d.enu2geodetic(
             values[:, 0], values[:, 1], values[:, 2], *form.reference, deg=False
         )
-    lat, lon, height = (np.array(part, np.float64) for part in place)
+    # of a single row pymap3d gives numbers
+    lat, lon, height = (np.atleast_1d(np.array(part, np.float64)) for part in place)
     return lat, lon, height
 
 

@@ -71,7 +71,7 @@ def read_table(path: Path, required: tuple[str, ...] = ()) -> pa.Table:
             table = file.read()
     except FileNotFoundError:
         raise InputError(f"{path} is missing; run the stage that writes it.") from None
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, ValueError) as error:
         raise InputError(
             f"{path} is not a readable Parquet file ({str(error).splitlines()[0]}); "
             "run again with --force to make it anew."

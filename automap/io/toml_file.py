@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -34,13 +34,41 @@ def parse_toml(path: Path, raw: bytes) -> dict[str, Any]:
     """
     try:
         text = raw.decode("utf-8").removeprefix("\ufeff")
-        return tomllib.loads(text.replace("\r\n", "\n").replace("\r", "\n"))
+        data = tomllib.loads(text.replace("\r\n", "\n").replace("\r", "\n"))
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: byte {error.start} is not UTF-8; save it as UTF-8.") from None
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path}: not valid TOML: {error}; correct that place.") from None
     except RecursionError:
         raise ConfigError(f"{path}: its values are nested too deeply; correct it.") from None
+    except ValueError:
+        # an integer of more digits than Python turns into a number
+        raise ConfigError(
+            f"{path}: a whole number in it has thousands of digits; correct it."
+        ) from None
+    large = next((key for key, value in _leaves(data, "") if _is_large(value)), None)
+    if large is not None:
+        raise ConfigError(
+            f"{path}: {large} is a whole number of more than 64 bits, which TOML does not have; "
+            "correct it."
+        )
+    return data
+
+
+def _leaves(value: Any, key: str) -> Iterator[tuple[str, Any]]:
+    """The values that are no tables or arrays, with dotted keys."""
+    if isinstance(value, dict):
+        for name, inside in value.items():
+            yield from _leaves(inside, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, list):
+        for inside in value:
+            yield from _leaves(inside, key)
+    else:
+        yield key, value
+
+
+def _is_large(value: Any) -> bool:
+    return isinstance(value, int) and not -(1 << 63) <= value < 1 << 63
 
 
 def toml_value(value: Any, number: Callable[[float], str] = repr) -> str:

@@ -7,49 +7,35 @@ from pathlib import Path
 import numpy as np
 
 from automap.errors import InputError
+from automap.io.csv_columns import Kind, read_columns
+from automap.io.trajectory_table import COLUMNS
 from automap.records import NO_TIME, FloatArray, Trajectory
 
 
-def read_truth_trajectory(path: Path) -> Trajectory:
+def read_truth_trajectory(path: Path, warnings: list[str] | None = None) -> Trajectory:
     """Read ``path``, a CSV with ``t_ns`` or ``gps_s``, ``lat_deg``, ``lon_deg`` and whatever
     other columns of ``trajectory.parquet`` it has.
 
     Missing columns are NaN (``t_ns`` NO_TIME). Rows without a position are left out, rows
-    are put in the order of time. Raises InputError when the file cannot be used.
+    are put in the order of time; ``warnings`` gets a sentence on rows that cannot be read.
+    Raises InputError when the file cannot be used.
     """
-    import pyarrow as pa
-    from pyarrow import csv
-
-    integers = csv.ConvertOptions(column_types={"t_ns": pa.int64()})
-    try:
-        table = csv.read_csv(path, convert_options=integers)
-    except (OSError, pa.ArrowException) as error:
-        raise InputError(f"{path}: the truth cannot be read as CSV ({error}).") from error
-    names = set(table.column_names)
-    wanted = {"lat_deg", "lon_deg"} - names
-    if wanted or not ({"t_ns", "gps_s"} & names):
-        lacking = ", ".join(sorted(wanted)) or "t_ns or gps_s"
+    optional: dict[str, Kind] = {"t_ns": "int", **{name: "float" for name in COLUMNS[1:]}}
+    table = read_columns(path, {"lat_deg": "float", "lon_deg": "float"}, optional)
+    if not {"t_ns", "gps_s"} & set(table.columns):
         raise InputError(
-            f"{path}: the truth lacks {lacking}; it has {', '.join(table.column_names)}."
+            f"{path}: the truth lacks t_ns or gps_s; it has {', '.join(table.columns)}."
         )
-
-    def column(name: str) -> FloatArray:
-        if name not in names:
-            return np.full(len(table), np.nan)
-        try:
-            values = table[name].cast(pa.float64()).to_numpy()
-            return np.asarray(values, np.float64)
-        except pa.ArrowException as error:
-            raise InputError(f"{path}: column {name} is not numeric ({error}).") from error
-
-    if "t_ns" in names:
-        t_ns = table["t_ns"].fill_null(NO_TIME).to_numpy().astype(np.int64)
+    if warnings is not None:
+        warnings += table.warnings()
+    column = table.floats
+    if "t_ns" in table.columns:
+        t_ns = np.asarray(table.columns["t_ns"], np.int64)
         order_key = t_ns.astype(np.float64)
-        usable = t_ns != NO_TIME
     else:
         t_ns = np.full(len(table), NO_TIME, np.int64)
         order_key = column("gps_s")
-        usable = np.isfinite(order_key)
+    usable = np.isfinite(order_key)
     usable &= np.isfinite(column("lat_deg")) & np.isfinite(column("lon_deg"))
     rows = np.flatnonzero(usable)
     rows = rows[np.argsort(order_key[rows], kind="stable")]

@@ -99,7 +99,7 @@ def decode_esf(scan: Scan, rows: IntArray, key: int) -> Table:
         # numMeas is zero in old firmware, which filled the message to its end
         calibrated = (header[:, 1] >> 3) & 1
         told = ((header[:, 1] >> 11) & 31).astype(np.int64)
-        count = np.where(told > 0, np.minimum(told, room), room - calibrated)
+        count = np.where(told > 0, np.minimum(told, room), np.maximum(room - calibrated, 0))
     else:
         count = room
     message = np.repeat(np.arange(len(offset)), count)

@@ -70,7 +70,8 @@ def _evaluate_trajectory(out: Path, truth_path: Path, drive_dir: Path) -> dict[s
     from automap.io.trajectory_table import read_trajectory
 
     estimate = read_trajectory(out / names.TRAJECTORY)
-    truth = read_truth_trajectory(truth_path)
+    warnings: list[str] = []
+    truth = read_truth_trajectory(truth_path, warnings)
     if len(estimate) == 0:
         raise InputError(f"{out / names.TRAJECTORY}: has no rows; run the fuse stage again.")
     errors = trajectory_errors(estimate, truth)
@@ -80,6 +81,8 @@ def _evaluate_trajectory(out: Path, truth_path: Path, drive_dir: Path) -> dict[s
             "check that both belong to the same drive and clock."
         )
     result = summarise_trajectory(errors)
+    if warnings:
+        result["warnings"] = warnings
     if (out / names.FIXES).is_file():
         raw = _raw_errors(read_fixes(out / names.FIXES), truth, estimate, drive_dir)
         if len(raw):

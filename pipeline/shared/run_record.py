@@ -39,7 +39,21 @@ def utc_now() -> str:
 def read_record(out: Path) -> dict[str, Any]:
     """The run.json of an earlier run in ``out``; empty when there is none that can be read."""
     record = json_object(out / names.RUN)
-    return record if record.get("schema") == SCHEMA else {}
+    if record.get("schema") != SCHEMA:
+        return {}
+    stages = {name: _sound(stage) for name, stage in mapping(record.get("stages")).items()}
+    return _sound(record) | {"stages": {name: stage for name, stage in stages.items() if stage}}
+
+
+def _sound(value: Any) -> dict[str, Any]:
+    """A record with tables and lists where they belong, whatever a damaged file has there."""
+    record = dict(mapping(value))
+    for key in ("settings", "manifest", "inputs", "needs", "outputs", "metrics"):
+        if key in record:
+            record[key] = mapping(record[key])
+    if not isinstance(record.get("warnings", []), list):
+        record["warnings"] = []
+    return record
 
 
 def drive_of(out: Path) -> tuple[str, Path]:

@@ -344,12 +344,12 @@ def test_evaluate_without_truth_says_so(run_folder: Path, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "cannot be read as CSV"),
-        ("t_ns,lat_deg\n1,2\n", "lacks lon_deg"),
+        ("", "is empty"),
+        ("t_ns,lat_deg\n1,2\n", "names no column lon_deg"),
         ("lat_deg,lon_deg\n1,2\n", "lacks t_ns or gps_s"),
-        ("t_ns,lat_deg,lon_deg\n1,2,east\n", "lon_deg is not numeric"),
+        ("t_ns,lat_deg,lon_deg\n1,2,east\n", "line 2, column lon_deg: 'east'"),
         ("t_ns,lat_deg,lon_deg\n1,2,3\n", "no epoch of the truth"),
-        ("t_ns,lat_deg,lon_deg\n", "no epoch of the truth"),
+        ("t_ns,lat_deg,lon_deg\n", "not one usable row"),
     ],
 )
 def test_broken_truth_is_one_sentence(run_folder: Path, text: str, message: str) -> None:
