@@ -7,8 +7,8 @@ NavSatFix (altitude above the ellipsoid, covariance east-north-up), CameraInfo.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,15 +16,36 @@ from typing import Any
 import numpy as np
 
 from automap.errors import ConfigError, InputError
+from automap.io.ros_fields import nanoseconds
+from automap.io.ros_mapping import Place
 from automap.records import FixType, FloatArray, IntArray
 
 IMU = ("sensor_msgs/msg/Imu",)
-FIX = ("sensor_msgs/msg/NavSatFix",)
+IMU_FIELDS = {"gyro": Place("angular_velocity"), "accel": Place("linear_acceleration")}
+NOVATEL = {
+    "novatel_gps_msgs/msg/NovatelPosition": {
+        "lat": Place("lat"), "lon": Place("lon"), "msl": Place("height"),
+        "geoid_sep": Place("undulation"), "sd_n": Place("lat_sigma"), "sd_e": Place("lon_sigma"),
+        "sd_d": Place("height_sigma"),
+    },
+    "novatel_oem7_msgs/msg/BESTPOS": {
+        "lat": Place("lat"), "lon": Place("lon"), "msl": Place("hgt"),
+        "geoid_sep": Place("undulation"), "sd_n": Place("lat_stdev"), "sd_e": Place("lon_stdev"),
+        "sd_d": Place("hgt_stdev"),
+    },
+}  # fmt: skip
+FIX = ("sensor_msgs/msg/NavSatFix", "gps_common/msg/GPSFix", "gps_msgs/msg/GPSFix")
 UBLOX = ("ublox_msgs/msg/NavPVT", "ublox_msgs/msg/NavPVT7")
 VELOCITY = ("geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/TwistWithCovarianceStamped")
 IMAGE = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
 INFO = ("sensor_msgs/msg/CameraInfo",)
 
+SUFFIXES = (".bag", ".mcap", ".db3")
+_STATUS = {-1: FixType.NONE, 1: FixType.DGNSS, 2: FixType.DGNSS, 18: FixType.DGNSS,
+           33: FixType.DGNSS}  # fmt: skip
+"""NO_FIX, SBAS, GBAS (which is RTK, fixed or not); of a GPSFix DGPS and WAAS as well."""
+_LISTED = 12
+"""Topics that a message names."""
 _VELOCITY_MATCH_S = 0.06
 
 
@@ -47,93 +68,91 @@ class BagFixes:
 
 
 class Bag:
-    """An open recording; ``topics`` maps each topic to its message type and count."""
+    """Open recordings of one drive; ``topics`` maps each topic to its message type and count."""
 
-    def __init__(self, reader: Any, path: Path) -> None:
-        self._reader = reader
+    def __init__(self, readers: Sequence[Any], path: Path) -> None:
+        self._readers = sorted(readers, key=lambda reader: reader.start_time)
         self.path = path
         self.topics: dict[str, tuple[str, int]] = {}
-        for connection in reader.connections:
+        for connection in (c for reader in self._readers for c in reader.connections):
             kind, count = self.topics.get(connection.topic, (connection.msgtype, 0))
             self.topics[connection.topic] = (kind, count + connection.msgcount)
 
     def choose(self, kinds: tuple[str, ...], wanted: str | None, option: str) -> str | None:
         """The topic ``wanted``, else the one of these message types with most messages.
 
-        Raises ConfigError when a wanted topic is not there or of another type.
+        None also for a wanted topic of another type; ConfigError when it is not there.
         """
-        found = {t: n for t, (kind, n) in self.topics.items() if kind in kinds and n}
         if wanted is not None:
-            if wanted not in found:
-                there = ", ".join(sorted(found)) or "none"
+            if wanted not in self.topics:
+                there = ", ".join(sorted(self.topics)) or "none"
                 raise ConfigError(
-                    f"{option} {wanted}: no such topic of {kinds[0]} in {self.path}; of that kind "
-                    f"there are: {there}."
+                    f"{option} {wanted}: no such topic in {self.path}; there are: {there}."
                 )
-            return wanted
+            return wanted if self.topics[wanted][0] in kinds else None
+        found = {t: n for t, (kind, n) in self.topics.items() if kind in kinds and n}
         return max(sorted(found), key=lambda t: found[t]) if found else None
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
         """Stamp of the header in ns (of the recording where it is zero) and the message."""
-        chosen = [c for c in self._reader.connections if c.topic == topic]
-        for connection, received, data in self._reader.messages(connections=chosen):
-            message = self._reader.deserialize(data, connection.msgtype)
-            header = getattr(message, "header", None)
-            stamp = 0 if header is None else header.stamp.sec * 10**9 + header.stamp.nanosec
-            yield int(stamp or received), message
+        for reader in self._readers:
+            chosen = [c for c in reader.connections if c.topic == topic]
+            if not chosen:
+                continue
+            for connection, received, data in reader.messages(connections=chosen):
+                message = reader.deserialize(data, connection.msgtype)
+                header = getattr(message, "header", None)
+                yield int((0 if header is None else nanoseconds(header.stamp)) or received), message
+
+    def listed(self) -> str:
+        """The topics with their types and counts, for messages."""
+        shown = [f"{t} ({kind}, {n})" for t, (kind, n) in sorted(self.topics.items())]
+        more = f" and {len(shown) - _LISTED} more" if len(shown) > _LISTED else ""
+        return (", ".join(shown[:_LISTED]) + more) or "none"
 
 
 @contextmanager
-def open_bag(path: Path) -> Iterator[Bag]:
-    """Open a ``.bag``, an ``.mcap`` or the folder of a ROS 2 recording.
+def open_bag(*paths: Path) -> Iterator[Bag]:
+    """Open the ``.bag`` and ``.mcap`` files, or folders of ROS 2 recordings, of one drive.
 
     Raises InputError, here or while messages are read, for anything that cannot be read.
     """
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
-    try:
-        # what a ROS 2 recording does not define itself is as in the present release
-        store = get_typestore(Stores.LATEST)
-        with AnyReader(_parts(path), default_typestore=store) as reader:
-            yield Bag(reader, path)
-    except (InputError, ConfigError):
-        raise
-    except Exception as error:
-        # the package raises its own errors and those of its decoders, and asserts
-        raise InputError(
-            f"{path} cannot be read as a ROS recording ({type(error).__name__}: {error}); repair "
-            "it with rosbag reindex or ros2 bag reindex, or copy it again."
-        ) from error
+    with ExitStack() as stack:
+        path = paths[0]
+        try:
+            # what a ROS 2 recording does not define itself is as in the present release
+            store = get_typestore(Stores.LATEST)
+            readers = []
+            for path in (part for given in paths for part in _parts(given)):
+                readers.append(stack.enter_context(AnyReader([path], default_typestore=store)))
+            yield Bag(readers, path if len(readers) == 1 else paths[0])
+        except (InputError, ConfigError):
+            raise
+        except Exception as error:
+            # the package raises its own errors and those of its decoders, and asserts
+            raise InputError(
+                f"{path} cannot be read as a ROS recording ({type(error).__name__}: {error}); "
+                "repair it with rosbag reindex or ros2 bag reindex, or copy it again."
+            ) from error
 
 
 def _parts(path: Path) -> list[Path]:
-    """What the reader opens: a folder of ROS 2, or the files in a folder without its metadata."""
+    """What the reader opens: a folder of ROS 2, or every file of a folder without its metadata."""
     if not path.is_dir() or (path / "metadata.yaml").is_file():
         return [path]
-    for suffix in (".bag", ".mcap", ".db3"):
-        files = sorted(path.glob(f"*{suffix}"))
-        if files:
-            return files
-    raise InputError(f"{path} holds no .bag, no .mcap and no ROS 2 recording; name one.")
-
-
-def read_imu(bag: Bag, topic: str) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Stamps [n], gyro and specific force [n, 3] in rad/s and m/s^2."""
-    stamps, rows = [], []
-    for stamp, message in bag.messages(topic):
-        w, f = message.angular_velocity, message.linear_acceleration
-        stamps.append(stamp)
-        rows.append((w.x, w.y, w.z, f.x, f.y, f.z))
-    if not rows:
-        raise InputError(f"{bag.path}: topic {topic} holds no message; name another.")
-    values = np.array(rows, np.float64)
-    return np.array(stamps, np.int64), values[:, :3], values[:, 3:]
+    files = [file for file in sorted(path.iterdir()) if file.suffix in SUFFIXES]
+    if not files:
+        raise InputError(f"{path} holds no .bag, no .mcap and no ROS 2 recording; name one.")
+    return files
 
 
 def read_fixes(bag: Bag, topic: str, velocity_topic: str | None) -> BagFixes:
-    """Positions of a NavSatFix topic, with the velocities (x east, y north, z up) of another."""
-    stamps, rows, sds, kinds = [], [], [], []
+    """Positions of a NavSatFix or GPSFix topic, with the velocities (x east, y north, z up) of
+    another, else those of a GPSFix itself."""
+    stamps, rows, sds, kinds, own = [], [], [], [], []
     for stamp, message in bag.messages(topic):
         stamps.append(stamp)
         rows.append((message.latitude, message.longitude, message.altitude))
@@ -141,12 +160,11 @@ def read_fixes(bag: Bag, topic: str, velocity_topic: str | None) -> BagFixes:
         known = int(message.position_covariance_type) != 0
         variance = covariance[[4, 0, 8]] if known else np.full(3, np.nan)
         sds.append(np.sqrt(np.where(variance > 0.0, variance, np.nan)))
-        # STATUS_NO_FIX -1, FIX 0, SBAS 1, GBAS 2 (which is RTK, fixed or not)
-        status = int(message.status.status)
-        kinds.append({-1: FixType.NONE, 1: FixType.DGNSS, 2: FixType.DGNSS}.get(status, 3))
+        kinds.append(_STATUS.get(int(message.status.status), FixType.THREE_D))
+        own.append(_own_velocity(message))
     t_ns, place = np.array(stamps, np.int64), np.array(rows, np.float64).reshape(-1, 3)
     good = np.isfinite(place[:, :2]).all(axis=1)
-    velocity, sd_velocity = (np.full((len(t_ns), 3), np.nan) for _ in range(2))
+    velocity, sd_velocity = np.array(own).reshape(-1, 3), np.full((len(t_ns), 3), np.nan)
     if velocity_topic is not None:
         velocity, sd_velocity = _velocities(bag, velocity_topic, t_ns)
     return BagFixes(
@@ -159,6 +177,14 @@ def read_fixes(bag: Bag, topic: str, velocity_topic: str | None) -> BagFixes:
         vel_ned=velocity,
         sd_vel_ned=sd_velocity,
     )
+
+
+def _own_velocity(message: Any) -> tuple[float, float, float]:
+    """North, east, down of a GPSFix; NaN for a message that has no speed."""
+    if not hasattr(message, "track"):
+        return np.nan, np.nan, np.nan
+    track, speed = np.radians(message.track), message.speed
+    return speed * np.cos(track), speed * np.sin(track), -message.climb
 
 
 def _velocities(bag: Bag, topic: str, t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -221,65 +247,3 @@ def _any(message: Any, *names: str) -> Any:
         if hasattr(message, name):
             return getattr(message, name)
     raise InputError(f"a NavPVT message without {names[0]}; its definition is not known.")
-
-
-def read_images(bag: Bag, topic: str) -> Iterator[tuple[int, bytes]]:
-    """Stamps and JPEGs of an image topic; raises InputError for an encoding not known."""
-    from automap.io.image_video import as_jpeg, encode_jpeg
-
-    for stamp, message in bag.messages(topic):
-        name = f"{bag.path}: an image of {topic}"
-        if hasattr(message, "format"):
-            yield stamp, as_jpeg(bytes(message.data), name)
-        else:
-            yield stamp, encode_jpeg(_pixels(message, name), name)
-
-
-def _pixels(message: Any, name: str) -> np.ndarray:
-    """Pixels, blue first, of a sensor_msgs/Image."""
-    import cv2
-
-    encoding = str(message.encoding).lower()
-    codes = {
-        "bgr8": (3, None),
-        "8uc3": (3, None),
-        "rgb8": (3, cv2.COLOR_RGB2BGR),
-        "mono8": (1, None),
-        "8uc1": (1, None),
-        "bgra8": (4, cv2.COLOR_BGRA2BGR),
-        "rgba8": (4, cv2.COLOR_RGBA2BGR),
-        "bayer_rggb8": (1, cv2.COLOR_BayerBG2BGR),
-        "bayer_bggr8": (1, cv2.COLOR_BayerRG2BGR),
-        "bayer_gbrg8": (1, cv2.COLOR_BayerGR2BGR),
-        "bayer_grbg8": (1, cv2.COLOR_BayerGB2BGR),
-        "yuv422": (2, cv2.COLOR_YUV2BGR_UYVY),
-        "yuv422_yuy2": (2, cv2.COLOR_YUV2BGR_YUYV),
-    }
-    if encoding not in codes:
-        raise InputError(
-            f"{name} has the encoding {message.encoding}, which is not read; republish it as bgr8."
-        )
-    channels, code = codes[encoding]
-    height, width, step = int(message.height), int(message.width), int(message.step)
-    data = np.frombuffer(bytes(message.data), np.uint8)
-    if step < width * channels or len(data) < step * height:
-        raise InputError(f"{name} is shorter than its size says; leave it out.")
-    rows = data[: step * height].reshape(height, step)[:, : width * channels]
-    pixels = rows.reshape(height, width, channels)
-    pixels = pixels[:, :, 0] if channels == 1 else pixels
-    return pixels if code is None else np.asarray(cv2.cvtColor(pixels, code))
-
-
-def read_camera(bag: Bag, topic: str) -> tuple[tuple[int, int], FloatArray, list[float]] | None:
-    """Size, matrix [3, 3] and distortion of a CameraInfo topic; None for an empty one."""
-    for _, message in bag.messages(topic):
-        matrix = np.asarray(message.K if hasattr(message, "K") else message.k, np.float64)
-        distortion = np.asarray(message.D if hasattr(message, "D") else message.d, np.float64)
-        matrix = matrix.reshape(3, 3)
-        model = str(message.distortion_model)
-        if matrix[0, 0] > 0.0 and matrix[1, 1] > 0.0:
-            known = model in ("plumb_bob", "rational_polynomial", "")
-            coefficients = distortion.tolist() if known and len(distortion) in (4, 5, 8) else []
-            return (int(message.width), int(message.height)), matrix, coefficients
-        return None
-    return None

@@ -37,7 +37,7 @@ class _Kinds(click.Group):
 
 
 def _command(kind: Kind) -> click.Command:
-    def run(source: Path, out: Path, **options: Any) -> None:
+    def run(source: Path | tuple[Path, ...], out: Path, **options: Any) -> None:
         module, _, name = kind.function.partition(":")
         for text in getattr(importlib.import_module(module), name)(source, out, **options):
             click.echo(f"warning: {text}", err=True)
@@ -47,7 +47,13 @@ def _command(kind: Kind) -> click.Command:
         kind.name,
         callback=run,
         params=[
-            click.Argument(["source"], metavar=kind.source, type=ANY_PATH),
+            click.Argument(
+                ["source"],
+                metavar=kind.source,
+                type=ANY_PATH,
+                nargs=-1 if kind.several else 1,
+                required=True,
+            ),
             click.Option(
                 ["-o", "--out"],
                 required=True,
@@ -55,7 +61,7 @@ def _command(kind: Kind) -> click.Command:
                 type=ANY_PATH,
                 help="The drive folder to write.",
             ),
-            *(click.Option([o.flag], help=o.help, **o.settings) for o in kind.options),
+            *(click.Option(o.flag.split(), help=o.help, **o.settings) for o in kind.options),
         ],
         short_help=kind.summary,
         help=inspect.cleandoc(f"{kind.summary}\n\n{inspect.cleandoc(kind.text)}"),

@@ -16,7 +16,8 @@ def _choice(*words: str) -> click.Choice[str]:
 
 @dataclass(frozen=True)
 class Option:
-    """An option of one kind: ``flag`` as typed, the rest as click takes it."""
+    """An option of one kind: ``flag`` as typed, perhaps after the name of the function's argument,
+    the rest as click takes it."""
 
     flag: str
     help: str
@@ -34,6 +35,8 @@ class Kind:
     summary: str
     text: str
     options: tuple[Option, ...] = ()
+    several: bool = False
+    """Whether several sources make one drive; the function then gets a tuple of them."""
 
 
 _LINK = Option("--link", "Link videos and images instead of copying them.", {"is_flag": True})
@@ -129,26 +132,50 @@ KINDS: dict[str, Kind] = {
         Kind(
             "rosbag",
             "pipeline.importers.rosbag:import_rosbag",
-            "BAG",
+            "BAG...",
             "A ROS 1 bag or a ROS 2 recording (MCAP, SQLite).",
-            """BAG is a .bag, an .mcap, or the folder of a ROS 2 recording.
+            """Each BAG is a .bag, an .mcap, or the folder of a ROS 2 recording; several are one
+            drive.
 
             Read are sensor_msgs Imu, NavSatFix, CompressedImage or Image with CameraInfo,
-            ublox_msgs NavPVT and the velocity of a geometry_msgs TwistStamped. A topic that is
-            not named is the one of its kind with most messages. Tested on bags written with the
-            package rosbags, not on a vehicle's.""",
+            ublox_msgs NavPVT, gps_common GPSFix, NovAtel's positions, nmea_msgs Sentence and the
+            velocity of a geometry_msgs TwistStamped. A topic that is not named is the one of its
+            kind with most messages.
+
+            Messages of other types are known by the names of their fields, and it is said which
+            were taken; or say it:
+
+            \b
+            --map imu.gyro=/vectornav/imu:angularrate
+            --map imu.accel=/vectornav/imu:accel[g]
+            --map gnss.lat=/gps:latitude --map gnss.lon=/gps:longitude
+            --map gnss.nmea=/gps:sentence
+
+            Tested on bags written with the package rosbags and on three of a VectorNav and a
+            serial receiver in a car.""",
             (
-                Option("--imu-topic", "Topic of sensor_msgs/Imu."),
-                Option("--gnss-topic", "Topic of NavPVT or NavSatFix."),
+                Option("--imu-topic", "Topic of the IMU."),
+                Option("--gnss-topic", "Topic of the receiver."),
                 Option("--velocity-topic", "Topic of the receiver's velocity, east-north-up."),
                 Option("--image-topic", "Topic of the camera."),
+                Option(
+                    "maps --map",
+                    "Which field is which column of imu or gnss; may be given again.",
+                    {"multiple": True, "metavar": "TABLE.COLUMN=TOPIC:FIELD[UNIT]"},
+                ),
+                Option(
+                    "--map-file",
+                    "The same as TOML: [imu] and [gnss], each with topic and COLUMN = FIELD.",
+                    {"type": ANY_PATH},
+                ),
                 _NO_VIDEO,
                 Option(
                     "--axes",
-                    "How the IMU is mounted: FLU as ROS has it, FRD, RFU ... or unknown.",
-                    {"default": "FLU", "show_default": True},
+                    "How the IMU is mounted: FRD, RFU ... or unknown. Else FLU, as ROS has it, "
+                    "for sensor_msgs/Imu with gravity that way, unknown for other types.",
                 ),
             ),
+            several=True,
         ),
         Kind(
             "kitti",

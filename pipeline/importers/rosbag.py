@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automap.errors import InputError
+from automap.errors import ConfigError, InputError
 from automap.io.atomic import make_folder, write_bytes
+from automap.io.ros_mapping import (
+    EXAMPLE,
+    Mapped,
+    TableFields,
+    as_option,
+    read_map_file,
+    read_options,
+)
+from automap.records import FloatArray, IntArray
 from automap.timebase import unix_to_gps
 from pipeline.importers.parts import (
     gnss_section,
     imu_section,
     video_section,
     write_arrival,
+    write_csv,
     write_frames,
     write_imu,
 )
@@ -27,71 +38,206 @@ if TYPE_CHECKING:
 _NOTES = (
     "Stamps are those of the message headers (of the recording where a header has none), taken",
     "as UNIX time of one clock.",
-    "imu.csv            sensor_msgs/Imu, x forward, y left, z up unless --axes says otherwise.",
-    "gnss.ubx|gnss.pos  ublox_msgs/NavPVT as the receiver sends it, else sensor_msgs/NavSatFix",
-    "                   with the velocities (east, north, up) of a TwistStamped topic.",
+    "imu.csv            sensor_msgs/Imu, x forward, y left, z up unless --axes says otherwise, or",
+    "                   what the mapping says.",
+    "gnss.ubx           ublox_msgs/NavPVT as the receiver sends it.",
+    "gnss.nmea          the receiver's sentences, with ZDA before them where none has a date.",
+    "gnss.pos           sensor_msgs/NavSatFix with the velocities (east, north, up) of a topic.",
+    "gnss.csv           fields of a message of another type, as a table of fixes.",
 )
 
 
+@dataclass(frozen=True)
+class Topics:
+    """Topics by their names, and fields by theirs; what is None is looked for."""
+
+    imu: str | None = None
+    gnss: str | None = None
+    velocity: str | None = None
+    image: str | None = None
+    mapped: Mapped = field(default_factory=dict)
+
+
 def import_rosbag(
-    source: Path,
+    source: Path | Sequence[Path],
     out: Path,
     imu_topic: str | None = None,
     gnss_topic: str | None = None,
     velocity_topic: str | None = None,
     image_topic: str | None = None,
     no_video: bool = False,
-    axes: str = "FLU",
+    axes: str | None = None,
+    maps: Sequence[str] = (),
+    map_file: Path | None = None,
 ) -> list[str]:
-    """Write the ROS recording ``source`` as the drive ``out``; returns warnings.
+    """Write the ROS recordings ``source`` of one drive as the drive ``out``; returns warnings.
 
-    A topic that is not named is the one of its kind with most messages.
+    A topic that is not named is the one of its kind with most messages; ``maps`` and ``map_file``
+    say which fields of messages of other types are which columns. ``axes`` None is FLU for
+    sensor_msgs/Imu and unknown for other types.
     """
     from automap.io import rosbag
 
-    with new_drive("rosbag", source, out) as run, rosbag.open_bag(run.source) as bag:
-        found = [run.source] if run.source.is_file() else sorted(run.source.rglob("*"))
-        run.sources += [path for path in found if path.is_file()]
-        sections = ""
-        imu = bag.choose(rosbag.IMU, imu_topic, "--imu-topic")
-        if imu is None:
-            run.warn(f"{source}: no sensor_msgs/Imu; the drive has positions alone")
-        else:
-            write_imu(run, *rosbag.read_imu(bag, imu))
-            sections += imu_section(axes, "unix_ns")
-        gnss = _write_fixes(run, bag, gnss_topic, velocity_topic)
-        if imu is None and not gnss:
-            there = ", ".join(f"{t} ({kind})" for t, (kind, _) in sorted(bag.topics.items())[:8])
+    sources = [source] if isinstance(source, Path) else list(source)
+    mapped = ({} if map_file is None else read_map_file(map_file)) | read_options(maps)
+    topics = Topics(imu_topic, gnss_topic, velocity_topic, image_topic, mapped)
+    with new_drive("rosbag", sources[0], out) as run, rosbag.open_bag(*sources) as bag:
+        for given in sources:
+            found = [given] if given.is_file() else sorted(given.rglob("*"))
+            run.sources += [path for path in found if path.is_file()]
+        topics = _guessed(run, bag, topics)
+        sections = _write_imu(run, bag, topics, axes)
+        sections += _write_fixes(run, bag, topics)
+        if not sections:
             raise InputError(
-                f"{source} has neither sensor_msgs/Imu nor NavSatFix nor ublox_msgs/NavPVT; its "
-                f"topics are {there or 'none'}."
+                f"{sources[0]} holds no readings and no positions of a known type or with fields "
+                f"of known names; its topics are {bag.listed()}; say which field is what, for "
+                f"example {EXAMPLE} --map imu.accel=/imu:linear_acceleration "
+                "--map gnss.lat=/gps:latitude --map gnss.lon=/gps:longitude."
             )
-        sections += gnss
         if not no_video:
             sections += _write_video(run, bag, image_topic)
         run.write_manifest(sections, _NOTES)
+        _settle_axes(run, sections)
     return run.warnings
 
 
-def _write_fixes(run: Import, bag: Bag, topic: str | None, velocity: str | None) -> str:
+def _settle_axes(run: Import, sections: str) -> None:
+    """Axes by gravity where the drive moves too little to tell them."""
+    from pipeline.importers.level_axes import SLOW, axes_where_slow
+
+    unknown = imu_section("unknown", "unix_ns")
+    axes = axes_where_slow(run.folder) if unknown in sections else None
+    if axes is not None:
+        run.warn(f"{run.source}: {SLOW.format(axes=axes)}")
+        run.write_manifest(sections.replace(unknown, imu_section(axes, "unix_ns")), _NOTES)
+
+
+def _guessed(run: Import, bag: Bag, topics: Topics) -> Topics:
+    """The topics with the fields of messages of other types where no known type is there."""
+    from automap.io import rosbag
+    from automap.io.ros_guess import guess
+
+    kinds = {"imu": rosbag.IMU, "gnss": (*rosbag.UBLOX, *rosbag.FIX, *rosbag.NOVATEL)}
+    named = {"imu": topics.imu, "gnss": topics.gnss}
+    mapped = dict(topics.mapped)
+    for fields in mapped.values():
+        bag.choose((), fields.topic, "--map")
+    for table in kinds:
+        if table in mapped or bag.choose(kinds[table], named[table], f"--{table}-topic"):
+            continue
+        known = {kind for of_table in kinds.values() for kind in of_table}
+        only = {named[table] or topic for topic in bag.topics}
+        found = guess(bag, table, only, known)
+        if found is not None:
+            mapped[table] = found
+            run.warn(f"{run.source}: taken by its names: {as_option(table, found)}")
+        elif named[table] is not None:
+            raise ConfigError(
+                f"--{table}-topic {named[table]}: its fields are not known by their names; say "
+                f"which they are with --map {table}.COLUMN={named[table]}:FIELD."
+            )
+    return replace(topics, mapped=mapped)
+
+
+def _write_imu(run: Import, bag: Bag, topics: Topics, axes: str | None) -> str:
+    from automap.io import rosbag
+    from automap.io.ros_tables import read_imu_columns
+
+    fields = topics.mapped.get("imu")
+    standard = bag.choose(rosbag.IMU, topics.imu, "--imu-topic") if fields is None else None
+    if standard is not None:
+        fields = TableFields(standard, rosbag.IMU_FIELDS)
+    if fields is None:
+        run.warn(
+            f"{run.source}: no sensor_msgs/Imu; the drive has positions alone. Topics are "
+            f"{bag.listed()}; name fields with {EXAMPLE}"
+        )
+        return ""
+    t_ns, gyro, accel = read_imu_columns(bag, fields)
+    write_imu(run, t_ns, gyro, accel)
+    if axes is None:
+        axes = _usual_axes(run, fields.topic, standard is not None, accel)
+    return imu_section(axes, "unix_ns")
+
+
+def _usual_axes(run: Import, topic: str, standard: bool, accel: FloatArray) -> str:
+    """FLU as REP-103 has it, unknown where gravity or another type says that it may not be."""
+    upward = float(np.mean(accel[:, 2])) > 0.0
+    if standard and upward:
+        return "FLU"
+    why = "its type is no standard one" if upward else "gravity is on its z axis upside down"
+    run.warn(
+        f"{run.source}: the axes of {topic} are not taken as x forward, y left, z up ({why}); name "
+        "them with --axes if you know them"
+    )
+    return "unknown"
+
+
+def _write_fixes(run: Import, bag: Bag, topics: Topics) -> str:
+    from automap.io import rosbag
+
+    fields = topics.mapped.get("gnss")
+    if fields is None:
+        # a receiver's own message says more than what was made of it
+        chosen = next(
+            filter(
+                None,
+                (
+                    bag.choose(tuple(kinds), topics.gnss, "--gnss-topic")
+                    for kinds in (rosbag.UBLOX, rosbag.NOVATEL, rosbag.FIX)
+                ),
+            ),
+            None,
+        )
+        if chosen is None:
+            run.warn(
+                f"{run.source}: no positions (sensor_msgs/NavSatFix or ublox_msgs/NavPVT). Topics "
+                f"are {bag.listed()}; name fields with --map gnss.lat=/gps:latitude"
+            )
+            return ""
+        kind = bag.topics[chosen][0]
+        if kind in rosbag.UBLOX:
+            return _write_log(run, "gnss.ubx", *rosbag.read_ublox(bag, chosen))
+        if kind in rosbag.FIX:
+            return _write_solution(run, bag, chosen, topics.velocity)
+        fields = TableFields(chosen, rosbag.NOVATEL[kind])
+    return _write_mapped(run, bag, fields)
+
+
+def _write_mapped(run: Import, bag: Bag, fields: TableFields) -> str:
+    from automap.io.ros_tables import read_columns, read_sentences
+
+    if "nmea" in fields:
+        t_ns, texts, dated = read_sentences(bag, fields)
+        if dated:
+            run.warn(f"{run.source}: no sentence of {fields.topic} tells the date; it is that of "
+                     "the stamps")  # fmt: skip
+        return _write_log(run, "gnss.nmea", t_ns, texts)
+    columns = read_columns(bag, "gnss", fields)
+    missing = [name for name in ("lat", "lon") if name not in columns]
+    if missing:
+        raise InputError(f"the mapping of {fields.topic} lacks gnss.{missing[0]}; add it.")
+    t_ns = columns.pop("t_ns")
+    formats = [".10f" if name in ("lat", "lon") else ".9g" for name in columns]
+    write_csv(run.folder / "gnss.csv", ("t", *columns), t_ns, np.column_stack([*columns.values()]),
+              formats)  # fmt: skip
+    return gnss_section("gnss.csv") + 'time_format = "unix_ns"\n'
+
+
+def _write_log(run: Import, name: str, t_ns: IntArray, messages: list[bytes]) -> str:
+    """A receiver's log with the time of each message."""
+    write_bytes(run.folder / name, b"".join(messages))
+    starts = np.cumsum([0, *(len(message) for message in messages)])[:-1].astype(np.int64)
+    order = np.maximum.accumulate(t_ns) if len(t_ns) else t_ns
+    write_arrival(run, starts, order)
+    return gnss_section(name, "unix_ns")
+
+
+def _write_solution(run: Import, bag: Bag, chosen: str, velocity: str | None) -> str:
     from automap.io import rosbag
     from automap.io.pos_writer import pos_log
 
-    kinds = (*rosbag.UBLOX, *rosbag.FIX)
-    chosen = bag.choose(kinds, topic, "--gnss-topic")
-    # a receiver's own message says more than what was made of it
-    raw = bag.choose(rosbag.UBLOX, None, "--gnss-topic") if topic is None else None
-    chosen = raw or chosen
-    if chosen is None:
-        run.warn(f"{run.source}: no positions (sensor_msgs/NavSatFix or ublox_msgs/NavPVT)")
-        return ""
-    if bag.topics[chosen][0] in rosbag.UBLOX:
-        t_ns, frames = rosbag.read_ublox(bag, chosen)
-        write_bytes(run.folder / "gnss.ubx", b"".join(frames))
-        starts = np.cumsum([0, *(len(f) for f in frames)])[:-1].astype(np.int64)
-        order = np.maximum.accumulate(t_ns) if len(t_ns) else t_ns
-        write_arrival(run, starts, order)
-        return gnss_section("gnss.ubx", "unix_ns")
     speeds = bag.choose(rosbag.VELOCITY, velocity, "--velocity-topic")
     if speeds is not None and velocity is None and "vel" not in speeds.lower():
         run.warn(
@@ -120,6 +266,7 @@ def _write_fixes(run: Import, bag: Bag, topic: str | None, velocity: str | None)
 def _write_video(run: Import, bag: Bag, topic: str | None) -> str:
     from automap.io import rosbag
     from automap.io.image_video import write_image_video
+    from automap.io.ros_images import read_camera, read_images
 
     chosen = bag.choose(rosbag.IMAGE, topic, "--image-topic")
     if chosen is None:
@@ -128,7 +275,7 @@ def _write_video(run: Import, bag: Bag, topic: str | None) -> str:
     stamps: list[int] = []
 
     def images() -> Iterator[tuple[int, bytes]]:
-        for stamp, data in rosbag.read_images(bag, chosen):
+        for stamp, data in read_images(bag, chosen):
             stamps.append(stamp)
             yield stamp, data
 
@@ -137,7 +284,7 @@ def _write_video(run: Import, bag: Bag, topic: str | None) -> str:
     near = chosen.rsplit("/", 1)[0].removesuffix("/image_raw").removesuffix("/image_rect")
     infos = [t for t, (kind, n) in bag.topics.items() if kind in rosbag.INFO and n]
     info = next((t for t in infos if t.startswith(near)), None)
-    camera = rosbag.read_camera(bag, info) if info is not None else None
+    camera = read_camera(bag, info) if info is not None else None
     if camera is None:
         run.warn(f"{run.source}: no CameraInfo beside {chosen}; add camera_matrix to drive.toml")
         return video_section("front.mp4", "unix_ns")

@@ -12,6 +12,7 @@ from automap.errors import InputError
 from automap.io import names
 from automap.io.atomic import make_folder, write_text
 from automap.io.toml_file import toml_value
+from pipeline.importers.level_axes import SLOW, is_slow, level_axes
 from pipeline.importers.parts import write_arrival, write_csv
 from pipeline.importers.target import Import, new_drive
 
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from automap.records import Fixes
 
 _GEOID_AGREES_M = 1.0
-_VEHICLE_M_S = 3.0
 
 
 def import_rtklib(
@@ -70,7 +70,6 @@ def _write_imu(
     """``imu.csv`` and its section; ``slow``: no vehicle moved, so motion cannot tell the axes."""
     from automap.io.rtklib_recording import line_arrivals, read_imu_lines, read_tag
     from automap.sync.logger_clock import on_logger_clock
-    from pipeline.importers.level_axes import level_axes
 
     if files.imu is None:
         run.warn(f"{run.source}: no IMU log (.csv, .txt); the drive has positions alone")
@@ -100,10 +99,7 @@ def _write_imu(
     if axes == "unknown" and slow:
         axes = level_axes(lines.readings[:, 3:]) or axes
         if axes != "unknown":
-            run.warn(
-                f"{files.imu}: nothing moved as fast as a vehicle, from whose motion axes are "
-                f"estimated; by gravity they are {axes}, with one level axis taken as forward"
-            )
+            run.warn(f"{files.imu}: {SLOW.format(axes=axes)}")
     return (
         f'[imu]\nfile = "imu.csv"\naxes = {toml_value(axes)}\ntime = "boot_ns"\n'
         f"gyro_unit = {toml_value(gyro_unit)}\naccel_unit = {toml_value(accel_unit)}\n"
@@ -118,7 +114,7 @@ def _write_receiver(run: Import, files: RtklibFiles) -> tuple[str, bool]:
     if files.receiver is None:
         assert files.solution is not None
         shutil.copyfile(files.solution, run.folder / "gnss.pos")
-        return '\n[gnss]\nfile = "gnss.pos"\n', _is_slow(read_receiver_log(files.solution).fixes)
+        return '\n[gnss]\nfile = "gnss.pos"\n', is_slow(read_receiver_log(files.solution).fixes)
     log = read_receiver_log(files.receiver)
     name = f"gnss.{'nmea' if log.kind == 'nmea' else 'ubx'}"
     shutil.copyfile(files.receiver, run.folder / name)
@@ -133,13 +129,7 @@ def _write_receiver(run: Import, files: RtklibFiles) -> tuple[str, bool]:
     if files.solution is not None:
         solution = read_receiver_log(files.solution).fixes
         _write_truth(run, files.solution, solution, log.fixes)
-    return sections, _is_slow(log.fixes)
-
-
-def _is_slow(fixes: Fixes) -> bool:
-    speed = np.hypot(fixes.vel_ned[:, 0], fixes.vel_ned[:, 1])
-    known = speed[np.isfinite(speed)]
-    return len(known) > 0 and float(np.quantile(known, 0.99)) < _VEHICLE_M_S
+    return sections, is_slow(log.fixes)
 
 
 def _write_truth(run: Import, path: Path, solution: Fixes, live: Fixes) -> None:

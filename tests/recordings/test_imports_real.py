@@ -14,6 +14,7 @@ from automap.io.recording import read_recording
 from pipeline.check.command import check_drive
 from pipeline.evaluate.command import evaluate_run
 from pipeline.importers.gopro import import_gopro
+from pipeline.importers.rosbag import import_rosbag
 from pipeline.importers.rtklib import import_rtklib
 from pipeline.run import registry
 from pipeline.run.runner import Request, run_drive
@@ -114,3 +115,31 @@ def test_a_walk_by_rtklib_is_fused_to_a_decimetre(shared_data: Path, tmp_path: P
     # at the fixed epochs of the .pos, the antenna's few centimetres from the IMU included
     assert result["position_rms_m"]["horizontal"] < 0.1
     assert result["position_rms_m"]["d"] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("files", "readings", "fixes"),
+    [(["circle_gps.bag", "circle_imu.bag"], 6001, 147), (["going_in_circles1_0.mcap"], 2983, 74)],
+    ids=["two ROS 1 bags", "mcap"],
+)
+def test_bags_with_messages_of_their_own_types_become_a_path(
+    shared_data: Path, tmp_path: Path, files: list[str], readings: int, fixes: int
+) -> None:
+    """A VectorNav and a serial receiver, circling: types that no distribution has."""
+    sources = [shared_data / "real" / "bags" / name for name in files]
+    import_rosbag(sources, tmp_path / "drive")
+    assert check_drive(tmp_path / "drive").usable
+    recording = read_recording(load_drive(tmp_path / "drive"))
+    assert recording.imu is not None
+    assert recording.fixes is not None
+    assert (len(recording.imu), len(recording.fixes)) == (readings, fixes)
+    # z down by gravity, and a receiver above the sea whose geoid lies 34 m below the ellipsoid
+    assert np.median(recording.imu.accel[:, 2]) == pytest.approx(-10.2, abs=0.4)
+    assert np.median(recording.fixes.height_m) == pytest.approx(-24.0, abs=4.0)
+    request = Request(
+        stages=registry.load_stages(registry.ORDER[:3]),
+        selected=registry.ORDER[:3],
+        settings=load_settings(),
+    )
+    outcome = run_drive(tmp_path / "drive", tmp_path / "out", request)
+    assert outcome.exit_code == 0, outcome.error

@@ -153,3 +153,70 @@ def write_bag(path: Path, *, ros2: bool, ublox: bool = False, raw_images: bool =
                 )
                 writer.write(connection, stamp + 3_000_000, raw)
     return path
+
+
+_OWN_IMU = (
+    "std_msgs/Header header\ngeometry_msgs/Vector3 angular_rate_dps\nfloat64[3] accel\n"
+    "uint64 clock_us\n"
+)
+_OWN_FIX = (
+    "std_msgs/Header header\nint32 lat\nint32 lon\nfloat64 height_ellipsoid\nfloat64 speed_kmh\n"
+    "float64 track\nstring sentence\n"
+)
+
+
+def write_own_bag(
+    path: Path, *, imu: bool = True, gnss: bool = True, sentences: bool = True
+) -> Path:
+    """A ROS 1 bag whose messages are of types that nobody knows: deg/s, 1e-7 deg, km/h, and a
+    receiver's GGA where there are ``sentences``."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    from automap.io.nmea_writer import angle, sentence
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg(_OWN_IMU, "maker/msg/Readings"))
+    store.register(get_types_from_msg(_OWN_FIX, "maker/msg/Place"))
+    t = store.types
+    path.parent.mkdir(parents=True, exist_ok=True)
+
+    def header(ns: int) -> object:
+        time = t["builtin_interfaces/msg/Time"](sec=ns // 10**9, nanosec=ns % 10**9)
+        return t["std_msgs/msg/Header"](stamp=time, frame_id="x", seq=0)
+
+    def readings(i: int) -> object:
+        return t["maker/msg/Readings"](
+            header=header(int(IMU_NS[i])),
+            angular_rate_dps=t["geometry_msgs/msg/Vector3"](*np.degrees(gyro(i)).tolist()),
+            accel=force(i),
+            clock_us=int(IMU_NS[i]) // 1000 + 7,
+        )
+
+    def fix(i: int) -> object:
+        lat, lon, height = place(i)
+        moment = np.datetime64(int(FIX_NS[i]), "ns").astype("datetime64[us]").astype(object)
+        gga = sentence(
+            f"GPGGA,{moment:%H%M%S}.{moment.microsecond // 1000:03d},{angle(lat, 2)},S,"
+            f"{angle(lon, 3)},E,1,09,1.0,{height - 20.0:.1f},M,20.0,M,,"
+        ).decode()
+        return t["maker/msg/Place"](
+            header=header(int(FIX_NS[i])),
+            lat=round(lat * 1e7),
+            lon=round(lon * 1e7),
+            height_ellipsoid=height,
+            speed_kmh=SPEED * 3.6,
+            track=45.0,
+            sentence=gga if sentences else "",
+        )
+
+    with Writer(path) as writer:
+        for wanted, topic, kind, stamps, make in (
+            (imu, "/maker/imu", "maker/msg/Readings", IMU_NS, readings),
+            (gnss, "/maker/gps", "maker/msg/Place", FIX_NS, fix),
+        ):
+            if wanted:
+                connection = writer.add_connection(topic, kind, typestore=store)
+                for i, stamp in enumerate(stamps.tolist()):
+                    writer.write(connection, stamp + 3_000_000, store.serialize_ros1(make(i), kind))
+    return path
