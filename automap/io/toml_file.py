@@ -79,8 +79,10 @@ def toml_value(value: Any, number: Callable[[float], str] = repr) -> str:
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, str):
-        # JSON's escapes are TOML's; half characters of odd file names have none
-        return json.dumps(value.encode("utf-8", "replace").decode("utf-8"), ensure_ascii=False)
+        # JSON's escapes are TOML's, which has one for DEL too; half characters of odd file names
+        # have none
+        whole = value.encode("utf-8", "replace").decode("utf-8")
+        return json.dumps(whole, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, Mapping):
         inside = (f"{toml_value(str(k))} = {toml_value(v, number)}" for k, v in value.items())
         return f"{{ {', '.join(inside)} }}" if value else "{}"

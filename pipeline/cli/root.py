@@ -22,6 +22,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 _GROUPS: dict[str, dict[str, str]] = {
     "Set up": {
+        "init": "pipeline.cli.init",
         "import": "pipeline.cli.import_drive",
         "record": "pipeline.cli.record",
         "calibrate": "pipeline.cli.calibrate",

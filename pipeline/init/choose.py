@@ -1,0 +1,176 @@
+"""Which of the files that were found are the drive's, and the manifest that says so."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from automap.io.table_form import ACCEL, GYRO
+from automap.io.table_guess import TableGuess
+from pipeline.init.draft import Draft
+from pipeline.init.found import Found
+
+Ask = Callable[[str, Sequence[str]], str]
+"""Asks for one of some answers; for any where there are none, and "" is none."""
+
+_LOG_KINDS = {
+    "ubx": "u-blox messages",
+    "nmea": "NMEA sentences",
+    "mixed": "u-blox and NMEA messages",
+    "rtklib": "an RTKLIB solution",
+}
+_CLOCKS = {"unix": "unix_ns", "gps": "gps_ns"}
+_COUNTRY = re.compile(r"[A-Za-z]{2}")
+
+
+def draft_of(found: Found, folder: Path, ask: Ask | None) -> Draft:
+    """The manifest that the files suggest; ``ask`` settles what they do not, where it is given."""
+    draft = Draft(folder)
+    imu = _choose("inertial readings", [t.path for t in found.of_kind("imu")], "imu.csv", ask)
+    guesses = {table.path: table.guesses for table in found.tables}
+    if imu is not None:
+        _imu(draft, imu, guesses[imu]["imu"], [t.path for t in found.of_kind("imu")])
+    else:
+        draft.note("imu", "no table of inertial readings was found: the path is the fixes' own")
+    _receiver(draft, found, imu, ask)
+    gnss = draft.get("gnss", "file")
+    speeds = [
+        table.path
+        for table in found.of_kind("odometer")
+        if not {"imu", "gnss"} & set(table.guesses) and table.path not in (imu, gnss)
+    ]
+    odometer = _choose("wheel speeds", speeds, "odometer.csv", ask)
+    if odometer is not None:
+        draft.set("odometer", "file", odometer, "a column is a speed, none is a place")
+        _form(draft, "odometer", guesses[odometer]["odometer"])
+    _cameras(draft, found)
+    _site(draft, ask)
+    return draft
+
+
+def _choose(what: str, paths: list[Path], usual: str, ask: Ask | None) -> Path | None:
+    """The file of several: the one of the usual name, else as the user says, else the largest."""
+    named = [path for path in paths if path.name == usual]
+    if named or len(paths) < 2:
+        return next(iter(named or paths), None)
+    if ask is not None:
+        answer = ask(f"Several files hold {what}; which is the drive's?", [p.name for p in paths])
+        return next(path for path in paths if path.name == answer)
+    return max(paths, key=lambda path: path.stat().st_size)
+
+
+def _imu(draft: Draft, path: Path, guess: TableGuess, candidates: list[Path]) -> None:
+    others = [other.name for other in candidates if other != path]
+    draft.set("imu", "file", path, "its columns are turn rates and accelerations" + _beside(others))
+    draft.set("imu", "axes", "unknown", "how the sensor sits in the vehicle is not in the file")
+    clock = "host" if guess.time is None else guess.time.clock
+    time = _CLOCKS.get(clock, "boot_ns")
+    why = "its stamps count from no date" if time == "boot_ns" else f"its stamps are {clock} time"
+    draft.set("imu", "time", time, why)
+    for key, triad in (("gyro_unit", GYRO), ("accel_unit", ACCEL)):
+        told = {guess.units.get(role) for role in triad}
+        unit = told.pop() if len(told) == 1 else None
+        if unit is not None:
+            draft.set("imu", key, unit, "the names of the columns tell it")
+    _form(draft, "imu", guess)
+
+
+def _form(draft: Draft, section: str, guess: TableGuess) -> None:
+    """How a table is read, where it does not have our names."""
+    form = guess.form
+    ours = {role: "t_ns" if role == "t" else role for role in form.columns}
+    if dict(form.columns) == ours and (form.separator, form.decimal) == (",", "."):
+        return
+    draft.set(section, "columns", dict(form.columns), "by the names in the file's header")
+    if form.separator != ",":
+        draft.set(section, "separator", form.separator, "what stands between the cells")
+    if form.decimal != ".":
+        draft.set(section, "decimal", form.decimal, "numbers have a decimal comma")
+    if form.time_format is not None:
+        draft.set(section, "time_format", form.time_format, "by what the times look like")
+    if form.units:
+        draft.set(section, "units", dict(form.units), "by the names of the columns")
+    if form.time_format is not None and "%" in form.time_format and "%z" not in form.time_format:
+        draft.set(section, "utc_offset_h", 0, "taken as UTC: write the zone's hours if it is not")
+
+
+def _receiver(draft: Draft, found: Found, imu: Path | None, ask: Ask | None) -> None:
+    logs = dict(found.logs)
+    tables = {table.path: table.guesses["gnss"] for table in found.of_kind("gnss")}
+    usual = next((p.name for p in logs if p.name in ("gnss.ubx", "gnss.nmea", "gnss.pos")), "")
+    # a receiver's own words say more than a table of some of them
+    path = _choose("what a receiver said", list(logs or tables), usual, ask)
+    if path is None:
+        draft.note("gnss", "no receiver log and no table of fixes was found")
+        return
+    others = [other.name for other in (*logs, *tables) if other not in (path, imu)]
+    if path in logs:
+        draft.set("gnss", "file", path, f"it holds {_LOG_KINDS[logs[path]]}{_beside(others)}")
+    else:
+        draft.set("gnss", "file", path, f"its columns are latitude and longitude{_beside(others)}")
+        _form(draft, "gnss", tables[path])
+    arrivals = [table.path for table in found.of_kind("arrival")]
+    arrival = _choose("arrival times", arrivals, "gnss_arrival.csv", ask)
+    if arrival is not None and path in logs:
+        draft.set("gnss", "arrival", arrival, "when the log's bytes came, by their offset")
+        clock = draft.get("imu", "time") or "boot_ns"
+        draft.set("gnss", "arrival_time", clock, "taken as the clock of the inertial readings")
+    elif path == imu:
+        clock = draft.get("imu", "time")
+        draft.set("gnss", "arrival_time", clock, "rows came by the stamps of the readings beside")
+    arm = None if ask is None else _three(ask("IMU to antenna in m, forward right down?", ()))
+    if arm is not None:
+        draft.set("gnss", "lever_arm_m", arm, "IMU to antenna, forward, right, down: as you said")
+    else:
+        draft.note("gnss", "measure IMU to antenna and add: lever_arm_m = [forward, right, down]")
+
+
+def _beside(others: list[str]) -> str:
+    return f"; not taken: {', '.join(others)}" if others else ""
+
+
+def _three(text: str) -> list[float] | None:
+    parts = text.replace(",", " ").split()
+    try:
+        values = [float(part) for part in parts]
+    except ValueError:
+        return None
+    return values if len(values) == 3 and all(abs(v) < 1e3 for v in values) else None
+
+
+def _cameras(draft: Draft, found: Found) -> None:
+    """A section for each camera, whose files share the beginning of their names."""
+    cameras: dict[str, dict[str, list[Path]]] = {}
+    for what, paths in (
+        ("files", found.videos),
+        ("frames", found.frames),
+        ("detections", found.detections),
+    ):
+        for path in paths:
+            stem = re.sub(r"_?(frames|detections)$", "", path.stem)
+            name = re.sub(r"[^\w-]", "_", re.sub(r"[-_]?\d+$", "", stem) or stem)
+            cameras.setdefault(name or "front", {}).setdefault(what, []).append(path)
+    for name, files in cameras.items():
+        section = f"video.{name}"
+        if "files" in files:
+            draft.set(section, "files", files["files"], "chapters in the order of their names")
+        for key, why in (
+            ("frames", "when each frame was taken"),
+            ("detections", "boxes of signs"),
+        ):
+            if key in files:
+                draft.set(section, key, files[key][0], why)
+        clock = draft.get("imu", "time") or "boot_ns"
+        draft.set(section, "time", clock, "taken as the clock of the inertial readings")
+        if "frames" not in files:
+            draft.note(section, "no frame times: add start_ns, the time of the first frame")
+        draft.note(section, "add width, height and camera_matrix of a calibration")
+
+
+def _site(draft: Draft, ask: Ask | None) -> None:
+    country = "" if ask is None else ask("Country (two letters, as DE)?", ())
+    if _COUNTRY.fullmatch(country):
+        draft.set("site", "country", country.upper(), "as you said: the faces of its signs")
+    else:
+        draft.note("site", 'add country = "DE" and traffic_side = "right" for the right sign faces')
