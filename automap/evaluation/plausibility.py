@@ -21,7 +21,7 @@ Severity = Literal["ok", "info", "warning", "error"]
 @dataclass(frozen=True)
 class Finding:
     """One thing that was seen: ``text`` says what, ``advice`` what to do (may be empty), ``code``
-    names it for programs (may be empty)."""
+    names it for programs and for ``accept`` in the manifest (may be empty)."""
 
     severity: Severity
     text: str
@@ -46,6 +46,7 @@ def accel_unit(accel: FloatArray, rate_hz: float) -> Finding:
             f"{shown}, and has no steady direction",
             "gravity was taken out or the sensor turned freely: record the raw specific force "
             "of a sensor fixed to the car",
+            "accel_unit",
         )
     guesses = (
         (1.0, 'the file is in g: write accel_unit = "g" in [imu]'),
@@ -59,8 +60,9 @@ def accel_unit(accel: FloatArray, rate_hz: float) -> Finding:
     )
     for expected, advice in guesses:
         if abs(size / expected - 1.0) < limits.GRAVITY_TOLERANCE:
-            return Finding("error", shown, advice)
-    return Finding("error", shown, "correct accel_unit, the sensor file or the calibration")
+            return Finding("error", shown, advice, "accel_unit")
+    advice = "correct accel_unit, the sensor file or the calibration"
+    return Finding("error", shown, advice, "accel_unit")
 
 
 def stamp_unit(rate_hz: float) -> Finding | None:
@@ -74,8 +76,9 @@ def stamp_unit(rate_hz: float) -> Finding | None:
                 f"t_ns is in nanoseconds, these look like {unit}: write "
                 f'time_format = "{name}" in [imu]'
             )
-            return Finding("error", shown, advice)
-    return Finding("error", shown, "t_ns is in nanoseconds of one clock; correct the column")
+            return Finding("error", shown, advice, "stamp_unit")
+    advice = "t_ns is in nanoseconds of one clock; correct the column"
+    return Finding("error", shown, advice, "stamp_unit")
 
 
 def gyro_size(gyro: FloatArray) -> Finding:
@@ -87,6 +90,7 @@ def gyro_size(gyro: FloatArray) -> Finding:
             "warning",
             f"rotation rates reach {largest:.3g} rad/s, more than a car's",
             "check gyro_unit; deg/s taken as rad/s looks like that",
+            "gyro_unit",
         )
     return Finding("ok", f"rotation rates reach {largest:.3g} rad/s")
 
@@ -103,6 +107,7 @@ def stuck_readings(imu: ImuData) -> list[Finding]:
                         "error" if triad == "a" else "warning",
                         f"{triad}{letter} never changes",
                         "the sensor or its wiring is broken on this axis",
+                        "imu_stuck",
                     )
                 )
                 continue
@@ -115,6 +120,7 @@ def stuck_readings(imu: ImuData) -> list[Finding]:
                         "warning",
                         f"{triad}{letter} sits at its largest value {share} times",
                         "its range is too small; choose a wider one",
+                        "imu_clipped",
                     )
                 )
     return findings

@@ -195,10 +195,12 @@ class SiteSection(Section):
 
 
 class Manifest(Section):
-    """The whole of ``drive.toml``; everything but ``schema`` has a default."""
+    """The whole of ``drive.toml``; everything but ``schema`` has a default. ``accept`` names what
+    is known to be wrong with the recording and no reason to stop."""
 
     schema_: Literal["automap.drive/1"] = Field(alias="schema")
     name: str | None = None
+    accept: tuple[Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$")], ...] = ()
     imu: ImuSection = ImuSection()
     gnss: GnssSection = GnssSection()
     odometer: OdometerSection = OdometerSection()

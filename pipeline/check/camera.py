@@ -11,11 +11,24 @@ import numpy as np
 from automap.errors import InputError
 from automap.evaluation.plausibility import Finding
 from automap.io.drive import Drive
-from automap.io.video import VideoHeader, VideoInput, read_chapter, read_header
+from automap.io.video import VideoHeader, VideoInput, image_size, read_chapter, read_header
 from pipeline.check import limits
 
 _COUNTED_BYTES = 1 << 30
 """Files up to this size are gone through where the header does not give the frames."""
+
+_NOTHING = "the camera gives no detections"
+
+
+def judge(drive: Drive, video: VideoInput) -> Iterator[tuple[Path, list[Finding]]]:
+    """Errors of the manifest's numbers, which put every sign in a wrong place; ``check`` has them
+    among the rest."""
+    found = geometry(drive, video, [])
+    yield drive.manifest_file, [finding for finding in found if finding.severity == "error"]
+    size = image_size(video.chapters)
+    mismatch = None if size is None else size_mismatch(video, *size)
+    if mismatch is not None:
+        yield video.chapters[0], [mismatch]
 
 
 def check(drive: Drive, video: VideoInput) -> Iterator[tuple[Path | str, list[Finding]]]:
@@ -79,6 +92,7 @@ def size_mismatch(video: VideoInput, wide: int, high: int) -> Finding | None:
         f"the manifest says {width}x{height}, the video has {wide}x{high}",
         f"correct width and height, and multiply the camera_matrix by {wide / width:.4g} if it "
         "was measured at the other size",
+        "camera_size",
     )
 
 
@@ -115,6 +129,7 @@ def geometry(drive: Drive, video: VideoInput, headers: list[VideoHeader]) -> lis
                 "error",
                 f"{shown}, its centre ({cx:.0f}, {cy:.0f}) is far from that of {width}x{height}",
                 "the matrix belongs to another resolution or its rows are mixed up",
+                "camera_matrix",
             )
         )
     elif not limits.VIEW_DEG[0] < view < limits.VIEW_DEG[1]:
@@ -168,7 +183,7 @@ def _listed(video: VideoInput) -> Iterator[tuple[Path, list[Finding]]]:
         try:
             times = frame_times(video)
         except InputError as error:
-            yield video.frames, [Finding("error", str(error))]
+            yield video.frames, [Finding("warning", str(error), _NOTHING)]
         else:
             span = float(times.t_ns[-1] - times.t_ns[0]) * 1e-9
             findings = [Finding("ok", f"stamps of {len(times)} frames over {span:.1f} s")]
@@ -185,9 +200,9 @@ def _listed(video: VideoInput) -> Iterator[tuple[Path, list[Finding]]]:
             video.detections,
             [
                 Finding(
-                    "error",
+                    "warning",
                     "detections without the times of their frames",
-                    f"add {video.name}_frames.csv (frame, t_ns) or the video",
+                    f"add {video.name}_frames.csv (frame, t_ns) or the video; {_NOTHING}",
                 )
             ],
         )
@@ -198,7 +213,7 @@ def _listed(video: VideoInput) -> Iterator[tuple[Path, list[Finding]]]:
     try:
         found = read_detections_csv(video.detections, times, video.name, size)
     except InputError as error:
-        yield video.detections, [Finding("error", str(error))]
+        yield video.detections, [Finding("warning", str(error), _NOTHING)]
         return
     classes = len(set(found.data.class_name.tolist()))
     frames = len(np.unique(found.data.frame))

@@ -13,7 +13,8 @@ from automap.errors import AutoMapError, InputError
 from automap.evaluation.plausibility import Finding, Severity
 from automap.io import names
 from automap.io.drive import Drive, load_drive
-from pipeline.check import camera, gnss, imu, timing, wheels
+from pipeline.check import camera, imu, timing, wheels
+from pipeline.check.judge import has_other_positions, judge, of_file
 
 if TYPE_CHECKING:
     from automap.io.recording import Recording
@@ -32,6 +33,7 @@ class FileFinding:
     severity: Severity
     text: str
     advice: str = ""
+    code: str = ""
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,11 @@ class _Collector:
         for finding in findings:
             label = self.label(path)
             text = self._short(finding.text).removeprefix(f"{label}: ")
-            self.findings.append(FileFinding(label, finding.severity, text, finding.advice))
+            self.findings.append(
+                FileFinding(
+                    label, finding.severity, text, self._short(finding.advice), finding.code
+                )
+            )
 
     def by_file(self) -> tuple[FileFinding, ...]:
         """All findings, those of one file together."""
@@ -110,29 +116,31 @@ class _Collector:
 def check_drive(path: Path | str) -> CheckReport:
     """Look into every file of a drive folder and say what was found.
 
-    Never raises for a bad drive: what is wrong is a finding, and ``usable`` is False when a
-    run would fail or its result would be wrong.
+    Never raises for a bad drive: what is wrong is a finding, and ``usable`` is False when any of
+    them is an error, at which a run stops.
     """
     folder = Path(path)
     try:
         drive = load_drive(folder)
     except AutoMapError as error:
-        finding = FileFinding(names.MANIFEST, "error", str(error).rstrip("."))
+        finding = FileFinding(names.MANIFEST, "error", str(error).rstrip("."), code="manifest")
         return CheckReport(str(folder), folder.resolve().name, False, (finding,))
     collector = _Collector(drive.path)
     collector.add(drive.manifest_file, _manifest(drive))
-    fatal, recording = _recordings(drive, collector)
+    recording = _recordings(drive, collector)
     for video in drive.videos.values():
         for file, findings in camera.check(drive, video):
             collector.add(file, findings)
         if recording is not None and drive.trajectory_file is None:
             collector.add(drive.manifest_file, timing.camera_clock(drive, recording, video))
-    other = _finished(drive, collector)
+    _finished(drive, collector)
     if drive.truth_dir is not None:
         collector.add(drive.truth_dir, [Finding("info", "truth is there, for evaluate alone")])
-    usable = not fatal if other is None else other
-    # what reading them gave is among the findings; a run stops at such a file
-    usable &= all(os.access(file, os.R_OK) for file in drive.input_files())
+    for file in drive.input_files():
+        if not os.access(file, os.R_OK):
+            wrong = Finding("error", "nobody may read it", "change its rights", "rights")
+            collector.add(file, [wrong])
+    usable = not any(finding.severity == "error" for finding in collector.findings)
     return CheckReport(str(drive.path), drive.name, usable, collector.by_file())
 
 
@@ -160,91 +168,48 @@ def _presets(drive: Drive) -> list[Finding]:
     try:
         _, presets = fusion_options(drive, load_settings().fuse)
     except AutoMapError as error:
-        return [Finding("error", str(error).rstrip("."))]
+        return [Finding("error", str(error).rstrip("."), code="manifest")]
     return [
         Finding("ok", f"{'sensor' if p.role == 'imu' else 'receiver'} {p.file.stem}: {p.name}")
         for p in presets
     ]
 
 
-def _recordings(drive: Drive, collector: _Collector) -> tuple[bool, Recording | None]:
-    """Check IMU and receiver log, alone and together; whether a run would be spoilt."""
+def _recordings(drive: Drive, collector: _Collector) -> Recording | None:
+    """Check IMU, receiver log and wheel speed, alone and together."""
     from automap.io.recording import read_recording
 
     try:
         recording = read_recording(drive)
     except AutoMapError as error:
-        collector.add(drive.manifest_file, [Finding("error", str(error))])
-        return True, None
-    failed = _by_file(drive, recording.failures)
-    warned = _by_file(drive, recording.warnings)
-    noted = _by_file(drive, recording.notes)
-    spoilt = False
-    if drive.imu_file is not None or recording.imu is not None:
-        file = drive.imu_file or drive.gnss_file or drive.manifest_file
-        findings = [Finding("error", text) for text in failed.get(drive.imu_file, [])]
-        findings += [
-            Finding("info" if imu.is_harmless(recording, text) else "warning", text)
-            for text in warned.get(drive.imu_file, [])
-        ]
-        findings += [Finding("info", text) for text in noted.get(drive.imu_file, [])]
-        if recording.imu is not None:
-            measured = imu.check(drive, recording)
-            spoilt |= any(finding.severity == "error" for finding in measured)
-            findings += measured
-        collector.add(file, findings)
-    elif not _has_other_positions(drive):
-        collector.add(names.MANIFEST, [Finding(*imu.ABSENT)])
-    if drive.gnss_file is not None:
-        findings = [Finding("error", text) for text in failed.get(drive.gnss_file, [])]
-        findings += [Finding("warning", text) for text in warned.get(drive.gnss_file, [])]
-        if drive.gnss_file != drive.imu_file:
-            findings += [Finding("info", text) for text in noted.get(drive.gnss_file, [])]
-        if recording.log is not None:
-            findings += gnss.check(drive, recording)
-        collector.add(drive.gnss_file, findings)
-        clock = timing.check(drive, recording)
-        spoilt |= any(finding.severity == "error" for finding in clock)
-        arrival = [Finding("error", text) for text in failed.get(drive.arrival_file, [])]
-        if drive.arrival_file is not None:
-            arrival += [Finding("warning", text) for text in warned.get(drive.arrival_file, [])]
-            arrival += [Finding("info", text) for text in noted.get(drive.arrival_file, [])]
-        collector.add(drive.arrival_file or drive.gnss_file, [*arrival, *clock])
-    elif not _has_other_positions(drive):
-        collector.add(names.MANIFEST, [Finding(*gnss.ABSENT)])
-    collector.add(drive.manifest_file, gnss.lever_arm(drive))
+        collector.add(drive.manifest_file, [Finding("error", str(error), code="manifest")])
+        return None
+    for text in recording.warnings:
+        file, body = of_file(drive, text)
+        harmless = file == drive.imu_file and imu.is_harmless(recording, body)
+        collector.add(file, [Finding("info" if harmless else "warning", body)])
+    for text in dict.fromkeys(recording.notes):
+        file, body = of_file(drive, text)
+        collector.add(file, [Finding("info", body)])
+    for item in judge(drive, recording).found:
+        collector.add(item.file, [item.finding])
+    if recording.imu is None and drive.imu_file is None and not has_other_positions(drive):
+        collector.add(names.MANIFEST, [imu.ABSENT])
     if drive.odometer_file is not None:
         collector.add(drive.odometer_file, wheels.check(drive, recording))
-    return spoilt or not gnss.has_fix(recording), recording
+    return recording
 
 
-def _has_other_positions(drive: Drive) -> bool:
-    return drive.trajectory_file is not None or drive.bearings_file is not None
-
-
-def _by_file(drive: Drive, sentences: Iterable[str]) -> dict[Path | None, list[str]]:
-    """Sentences under the file that each begins with."""
-    sorted_out: dict[Path | None, list[str]] = {}
-    files = sorted(drive.input_files(), key=lambda path: -len(str(path)))
-    for text in sentences:
-        file = next((path for path in files if text.startswith(str(path))), drive.gnss_file)
-        body = text.removeprefix(str(file)).removeprefix(":").strip()
-        sorted_out.setdefault(file, []).append(body)
-    return sorted_out
-
-
-def _finished(drive: Drive, collector: _Collector) -> bool | None:
-    """Check a finished trajectory and bearings; whether they make the drive usable, None when
-    there are none."""
-    usable = None
+def _finished(drive: Drive, collector: _Collector) -> None:
+    """Check a finished trajectory and bearings."""
     if drive.trajectory_file is not None:
         from automap.io.trajectory_file import read_finished
 
         try:
             finished = read_finished(drive.trajectory_file)
         except InputError as error:
-            collector.add(drive.trajectory_file, [Finding("error", str(error))])
-            usable = False
+            wrong = Finding("error", str(error), code="trajectory_unreadable")
+            collector.add(drive.trajectory_file, [wrong])
         else:
             text = f"{len(finished.data)} rows; used instead of the IMU and the receiver"
             findings = [Finding("ok", text)]
@@ -253,18 +218,15 @@ def _finished(drive: Drive, collector: _Collector) -> bool | None:
                 text = "positions are taken as the IMU's; lever_arm_m is not applied to them"
                 findings.append(Finding("info", text))
             collector.add(drive.trajectory_file, findings)
-            usable = True
     if drive.bearings_file is not None:
         from automap.io.bearings_csv import read_bearings
 
         try:
             bearings, sentences = read_bearings(drive.bearings_file)
         except InputError as error:
-            collector.add(drive.bearings_file, [Finding("error", str(error))])
-            usable = bool(usable)
+            wrong = Finding("error", str(error), code="bearings_unreadable")
+            collector.add(drive.bearings_file, [wrong])
         else:
             findings = [Finding("ok" if len(bearings) else "warning", f"{len(bearings)} bearings")]
             findings += [Finding("warning", text) for text in sentences]
             collector.add(drive.bearings_file, findings)
-            usable = True
-    return usable

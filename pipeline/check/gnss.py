@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.evaluation.plausibility import Finding, Severity
+from automap.evaluation.plausibility import Finding
 from automap.io.drive import Drive
 from automap.io.recording import Recording
 from automap.records import FixType
 from automap.timebase import gps_to_iso
-from pipeline.check import limits, velocity
+from pipeline.check import limits
 
-ABSENT: tuple[Severity, str, str] = (
+ABSENT = Finding(
     "error",
     "no receiver log",
-    "without fixes there is no position on Earth: add gnss.ubx, gnss.nmea or gnss.pos",
+    "without GPS nothing can be placed on a map: add gnss.ubx, gnss.nmea or gnss.pos, or a "
+    "finished trajectory.csv or trajectory.pos",
+    "no_positions",
 )
 
 
@@ -37,14 +39,14 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
         findings.append(
             Finding(
                 "error",
-                f"no fix in {len(fixes)} epochs",
+                f"the receiver never had a fix in {len(fixes)} epochs",
                 "give the antenna an open sky and wait for a fix before driving",
+                "no_fix",
             )
         )
         return findings
     findings += _quality(recording, good)
     findings += _jumps(recording, good)
-    findings += velocity.check(fixes)
     return findings
 
 

@@ -5,21 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from automap.evaluation import plausibility
-from automap.evaluation.plausibility import Finding, Severity
+from automap.evaluation.plausibility import Finding
 from automap.io.drive import Drive
 from automap.io.recording import Recording
 from pipeline.check import limits
-from pipeline.check.axes import weigh_axes
+from pipeline.check.axes import WeighedAxes, weigh_axes
 
-ABSENT: tuple[Severity, str, str] = (
+ABSENT = Finding(
     "warning",
     "no IMU recording",
     "the trajectory will come from the fixes alone, smoothed; add imu.csv if there is one",
 )
 
 
-def check(drive: Drive, recording: Recording) -> list[Finding]:
-    """What the readings look like: amount, rate, gaps, units, gravity, axes."""
+def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxes | None]:
+    """What the readings look like: amount, rate, gaps, units, gravity; and their axes, None where
+    the unit is wrong already."""
     imu = recording.imu
     assert imu is not None
     rate = 1e9 / float(np.median(np.diff(imu.t_ns)))
@@ -53,9 +54,10 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
     unit = plausibility.accel_unit(imu.accel, rate)
     findings += [unit, plausibility.gyro_size(imu.gyro)]
     findings += plausibility.stuck_readings(imu)
-    if unit.severity == "ok":
-        findings += weigh_axes(drive, recording).findings
-    return findings
+    if unit.severity != "ok":
+        return findings, None
+    weighed = weigh_axes(drive, recording)
+    return [*findings, *weighed.findings], weighed
 
 
 def is_harmless(recording: Recording, text: str) -> bool:

@@ -58,7 +58,8 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
     )
     if shared <= 0:
         advice = f"they are not of one drive, or time = {drive.imu.time!r} in [imu] is wrong"
-        findings.append(Finding("error", f"IMU and fixes do not overlap in time: {spans}", advice))
+        text = f"IMU and fixes do not overlap in time: {spans}"
+        findings.append(Finding("error", text, advice, "no_overlap"))
     elif shared < limits.SHORT_OVERLAP * shorter:
         findings.append(
             Finding("warning", f"IMU and fixes overlap for {shared:.1f} s only: {spans}")
@@ -116,7 +117,7 @@ def _arrivals(drive: Drive, recording: Recording) -> list[Finding]:
     try:
         fit = fit_arrival_clock(fixes.arrival_ns, fixes.gps_s, drive.gnss.output_delay_s)
     except InputError as error:
-        return [Finding("error", str(error).rstrip("."))]
+        return [Finding("error", str(error).rstrip("."), code="arrival_times")]
     text = (
         f"arrival times of {np.count_nonzero(known)} of {len(fixes)} epochs, median "
         f"{1e3 * fit.waiting_s:.0f} ms beyond the least, host clock off in rate by "

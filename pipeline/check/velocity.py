@@ -31,6 +31,8 @@ ADVICE: dict[str, str] = {
     "vertical_stuck": "leave the column empty where nothing was measured",
 }
 """What to do about each reason."""
+MIRRORED = "sign_turned"
+"""The one that nobody can mend: either the path is mirrored or its velocities are."""
 WHOLE = ("velocity_unit", "velocity_scale", "course_turned", "sign_turned")
 """Reasons that are about all velocities of a log."""
 
@@ -48,16 +50,20 @@ def check(fixes: Fixes) -> list[Finding]:
     }
     findings = []
     for reason in found.reasons:
-        severity: Severity = "error" if reason.code in WHOLE else "warning"
+        severity: Severity = "error" if reason.code == MIRRORED else "warning"
         if reason.code in held and _little(held[reason.code], found.compared_s):
             severity = "info"
-        findings.append(Finding(severity, reason.text, ADVICE[reason.code]))
+        advice = ADVICE[reason.code]
+        if reason.code in WHOLE and reason.code != MIRRORED:
+            advice += "; they are left out until then"
+        findings.append(Finding(severity, reason.text, advice, reason.code))
     if found.unrelated:
         findings.append(
             Finding(
                 "error",
                 "velocities and positions have nothing in common",
                 "are both of one drive and of one clock? Take the velocities out otherwise",
+                "velocity_unrelated",
             )
         )
     elif not any(reason.code in WHOLE for reason in found.reasons):
@@ -70,6 +76,7 @@ def check(fixes: Fixes) -> list[Finding]:
                 "positions and velocities part by more than either may err: "
                 + told_intervals(found.parted),
                 "tunnels, bridges and high houses do that; the fusion weighs one with the other",
+                "positions_parted",
             )
         )
     return findings

@@ -98,7 +98,7 @@ FAILURES: list[tuple[str, Break, int, str]] = [
     ("gnss_noise", noise(GNSS), 3, r"no UBX, NMEA or RTKLIB content in its 5000 bytes"),
     ("gnss_all_checksums", wrong_checksums(1), 3, r"60 message starts have a wrong checksum"),
     ("gnss_no_fix", sentences(no_fix), 3, r"never had a fix in 30 epochs"),
-    ("gnss_absent", without(GNSS, "gnss.nmea", "arrival"), 3, r"no receiver log, and without GPS"),
+    ("gnss_absent", without(GNSS, "gnss.nmea", "arrival"), 3, r"no receiver log; without GPS"),
     ("gnss_misnamed", manifest("gnss.nmea", "gnss.nema"), 3, r"is gnss\.nmea meant\?"),
     ("imu_misnamed", manifest("imu.csv", "imv.csv"), 3, r"is imu\.csv meant\?"),
     ("imu_is_folder", both(without(IMU), lambda d: (d / IMU).mkdir()), 3, r"which is no file"),
@@ -107,8 +107,9 @@ FAILURES: list[tuple[str, Break, int, str]] = [
     ("stamps_in_ms", cells(IMU, "t_ns", lambda t: t[:-6]), 3, r"look like milliseconds"),
     ("stamps_in_us", cells(IMU, "t_ns", lambda t: t[:-3]), 3, r"look like microseconds"),
     ("accel_dead", cells(IMU, "ax ay az", lambda value: "5.6"), 3, r"ax never changes"),
-    ("no_overlap", cells(IMU, "t_ns", later(3600)), 3, r"do not overlap in time: the IMU runs"),
+    ("no_overlap", cells(IMU, "t_ns", later(3600)), 3, r"do not overlap in time: IMU 20"),
     ("arrival_steps", rows(ARRIVAL, second_half_later(5)), 3, r"arrival times jump by \+5\.0"),
+    ("optics_wrong", manifest("639.5]", "6.395]"), 3, r"belongs to another resolution"),
     ("toml_key", manifest("lever_arm_m", "lever_arm"), 2, r"did you mean lever_arm_m\?"),
     ("toml_section", manifest("[gnss]", "[gps]"), 2, r"did you mean gnss\?"),
     ("toml_syntax", manifest("[imu]", "[imu"), 2, r"not valid TOML"),
@@ -149,7 +150,6 @@ SURVIVED: list[tuple[str, Break, str, str]] = [
     ("frames_empty", content(FRAMES, b""), "detect", r"front_frames\.csv is empty"),
     ("frames_of_another_day", cells(FRAMES, "t_ns", later(86400)), "geolocate", r"clock of the fr"),
     ("video_absent", without("video"), "detect", r"neither a readable video nor detections"),
-    ("optics_wrong", manifest("639.5]", "6.395]"), "detect", r"belongs to another resolution"),
     ("trajectory_only", finished_trajectory(), "report", r"no way to GPS time"),
     ("trajectory_nan", both(finished_trajectory(), NAN_IN_TRAJECTORY), "fuse", r"1 rows? without"),
     ("bearings_only", bearings(THREE_BEARINGS), "report", r"1 signs from 3 sightings"),
@@ -300,7 +300,7 @@ def test_frames_whose_clock_nothing_ties_to_the_trajectory_are_refused(
     assert told.code == 0
     assert "[video.front]: the 10 detections of this camera cannot be placed" in told.out
     checked = tell(capsys, "check", drive)
-    assert "have nothing in common" in checked.out
+    assert "have nothing in common" in " ".join(checked.out.split())
 
 
 def test_a_recording_that_may_not_be_read_is_bad_input(

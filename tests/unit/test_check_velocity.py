@@ -45,10 +45,10 @@ def test_no_line_without_velocities() -> None:
 @pytest.mark.parametrize(
     ("damage", "severity", "said"),
     [
-        (lambda f: scaled(f, 1.852), "error", "km/h where knots belong"),
-        (lambda f: scaled(f, 1.3), "error", "no mistake of a unit explains"),
-        (lambda f: redirected(f, [[-1, 0], [0, -1]]), "error", "turned by 180 deg"),
-        (lambda f: redirected(f, [[0, 1], [1, 0]]), "error", "north and east are swapped"),
+        (lambda f: scaled(f, 1.852), "warning", "km/h where knots belong"),
+        (lambda f: scaled(f, 1.3), "warning", "no mistake of a unit explains"),
+        (lambda f: redirected(f, [[-1, 0], [0, -1]]), "warning", "turned by 180 deg"),
+        (lambda f: redirected(f, [[0, 1], [1, 0]]), "warning", "north and east are swapped"),
         (lambda f: redirected(f, [[1, 0], [0, -1]]), "error", "east is told as west"),
         (lambda f: scaled(f, 1.05), "warning", "velocities are 1.0"),
         (lambda f: redirected(f, [[0.94, 0.34], [-0.34, 0.94]]), "warning", "deg off"),

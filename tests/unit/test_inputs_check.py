@@ -198,8 +198,7 @@ def test_a_receiver_that_never_had_a_fix(drive: Path, tmp_path: Path) -> None:
     )
     report = check_drive(drive)
     assert not report.usable
-    assert "no fix in 90 epochs" in _errors(report)
-    (drive / "imu.csv").unlink()
+    assert "never had a fix in 90 epochs" in _errors(report)
     with pytest.raises(InputError, match="never had a fix"):
         _ingest(drive, tmp_path / "work")
 
@@ -327,3 +326,56 @@ def test_wheel_speed_that_cannot_be_is_named(
     drive: Path, factor: float, late_s: float, stuck: bool, words: str
 ) -> None:
     assert words in _with_wheels(drive, factor, late_s, stuck)
+
+
+def test_what_stops_a_run_is_what_check_calls_an_error(drive: Path, tmp_path: Path) -> None:
+    _edit(drive, "[imu]\n", '[imu]\naxes = "BLD"\n')
+    (wrong,) = [f for f in check_drive(drive).findings if f.severity == "error"]
+    assert wrong.code == "imu_axes"
+    assert 'accept = ["imu_axes"] at the top of drive.toml' in wrong.advice
+    with pytest.raises(InputError) as caught:
+        _ingest(drive, tmp_path / "work")
+    assert str(caught.value) == f"{drive / 'imu.csv'}: {wrong.text}; {wrong.advice}."
+
+
+def test_what_is_accepted_is_a_warning_in_both(drive: Path, tmp_path: Path) -> None:
+    _edit(drive, "[imu]\n", '[imu]\naxes = "BLD"\n')
+    manifest = drive / "drive.toml"
+    manifest.write_text('accept = ["imu_axes"]\n' + manifest.read_text())
+    report = check_drive(drive)
+    assert report.usable
+    (told,) = [f.text for f in report.findings if f.severity == "warning"]
+    (warning,) = _ingest(drive, tmp_path / "work").warnings
+    assert warning == f'{drive / "imu.csv"}: {told}; accepted as "imu_axes"'
+
+
+def test_a_code_that_nothing_was_found_of_is_told(drive: Path, tmp_path: Path) -> None:
+    manifest = drive / "drive.toml"
+    manifest.write_text('accept = ["imu_axis"]\n' + manifest.read_text())
+    said = "accept names imu_axis, and nothing of that name was found"
+    assert said in check_drive(drive).text()
+    assert any(said in text for text in _ingest(drive, tmp_path / "work").warnings)
+
+
+def test_an_imu_that_cannot_be_read_is_no_error_of_a_usable_drive(
+    drive: Path, tmp_path: Path
+) -> None:
+    (drive / "imu.csv").write_text("")
+    report = check_drive(drive)
+    assert "usable: 0 errors, 1 warning" in report.text()
+    (told,) = [f for f in report.findings if f.severity == "warning"]
+    assert told.code == "imu_unreadable"
+    assert told.advice == "the drive goes on without it"
+    assert f"{drive}/{told.text}; {told.advice}" in _ingest(drive, tmp_path / "work").warnings
+
+
+def test_nobody_can_accept_that_there_are_no_positions(drive: Path, tmp_path: Path) -> None:
+    (drive / "gnss.nmea").unlink()
+    manifest = drive / "drive.toml"
+    manifest.write_text('accept = ["no_positions"]\n' + manifest.read_text())
+    report = check_drive(drive)
+    assert not report.usable
+    (wrong,) = [f for f in report.findings if f.severity == "error"]
+    with pytest.raises(InputError) as caught:
+        _ingest(drive, tmp_path / "work")
+    assert str(caught.value) == f"{manifest}: {wrong.text}; {wrong.advice}."

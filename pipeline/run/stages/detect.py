@@ -57,7 +57,6 @@ def _camera(context: StageContext, video: VideoInput, progress: Progress) -> Sea
     from automap.vision.search import SearchResult
     from pipeline.detect.video_search import search_video
 
-    _warn_of_geometry(context, video)
     cameras = context.drive.cameras()
     camera = cameras.get(video.name)
     if video.detections is not None:
@@ -123,21 +122,6 @@ def _report(context: StageContext, found: list[SearchResult]) -> None:
         context.result += f" in {tracks} tracks"
     if searched:
         context.result += f", {searched} of {frames} frames searched"
-
-
-def _warn_of_geometry(context: StageContext, video: VideoInput) -> None:
-    """Numbers of the camera that would put every sign in the wrong place."""
-    from automap.io.video import image_size
-    from pipeline.check.camera import geometry, size_mismatch
-
-    manifest = context.drive.manifest_file
-    for finding in geometry(context.drive, video, []):
-        if finding.severity == "error":
-            context.warn(f"{manifest}: {finding.sentence()}")
-    size = image_size(video.chapters)
-    mismatch = None if size is None else size_mismatch(video, *size)
-    if mismatch is not None:
-        context.warn(f"{video.chapters[0]}: {mismatch.sentence()}")
 
 
 def _inputs(drive: Drive) -> list[Path]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,10 +10,8 @@ from automap.io import names
 from pipeline.run.stage import Stage, StageContext
 
 if TYPE_CHECKING:
-    from automap.evaluation.plausibility import Finding
     from automap.io.drive import Drive
     from automap.io.recording import Recording
-    from pipeline.check.axes import WeighedAxes
 
 _MAX_GAPS = 1000
 
@@ -23,31 +20,30 @@ def run(context: StageContext) -> None:
     """Write imu.parquet, fixes.parquet (each where the drive has such data) and ingest.json.
 
     A file that cannot be used is a warning as long as the drive has another source of
-    positions. Raises InputError when it has none, and for readings in a wrong unit or wrong axes.
+    positions. Raises InputError at what ``automap check`` calls an error.
     """
     from automap.io.atomic import write_json
     from automap.io.recording import read_recording
     from automap.io.tables import write_fixes, write_imu
+    from pipeline.check.judge import judge, stop_or_tell
 
     drive = context.drive
     recording = read_recording(drive, context.settings.ingest.gap_factor)
     summary: dict[str, Any] = {"drive": drive.name, "imu": None, "gnss": None, "trajectory": None}
     for text in (*drive.warnings, *drive.camera_warnings(), *recording.warnings):
         context.warn(text)
-    failures = list(recording.failures)
-    usable = drive.bearings_file is not None
+    judged = judge(drive, recording)
+    stop_or_tell(judged.found, InputError, context.warn)
     parts = []
     if drive.trajectory_file is not None:
-        summary["trajectory"] = _check_trajectory(context, drive.trajectory_file, failures)
-        usable |= summary["trajectory"] is not None
+        summary["trajectory"] = _check_trajectory(context, drive.trajectory_file)
         parts.append("finished trajectory")
     if recording.imu is not None:
-        weighed = _plausible_readings(context, recording)
-        write_imu(context.work / names.IMU, weighed.imu)
+        write_imu(context.work / names.IMU, judged.imu or recording.imu)
         summary["imu"] = _imu_summary(drive, recording)
-        if weighed.mended is not None:
-            summary["imu"]["mended_accel_axes"] = weighed.mended.accel.tolist()
-            summary["imu"]["mended_gyro_axes"] = weighed.mended.gyro.tolist()
+        if judged.mended is not None:
+            summary["imu"]["mended_accel_axes"] = judged.mended.accel.tolist()
+            summary["imu"]["mended_gyro_axes"] = judged.mended.gyro.tolist()
         context.metric("imu_rate_hz", summary["imu"]["rate_hz"])
         parts.append(f"{len(recording.imu)} IMU rows at {summary['imu']['rate_hz']:.0f} Hz")
     if recording.fixes is not None:
@@ -55,36 +51,25 @@ def run(context: StageContext) -> None:
         fixed = summary["gnss"]["fixes"]
         context.metric("fixes", fixed)
         parts.append(f"{fixed} fixes")
-        usable |= fixed > 0
         if fixed:
             write_fixes(context.work / names.FIXES, recording.fixes)
-        else:
-            failures.append(
-                f"{drive.gnss_file}: the receiver never had a fix in "
-                f"{len(recording.fixes)} epochs; give it an open sky before driving."
-            )
     if drive.odometer_file is not None:
-        _ingest_odometer(context, drive.odometer_file, failures, parts)
-    if not usable:
-        raise InputError(_without_positions(drive, failures))
-    for text in failures:
-        context.warn(f"{text.rstrip('.')}; the drive goes on without it")
+        _ingest_odometer(context, drive.odometer_file, parts)
     summary["warnings"] = context.warnings
     write_json(context.work / names.INGEST, summary)
     context.result = ", ".join(parts) or "bearings only"
 
 
-def _ingest_odometer(
-    context: StageContext, path: Path, failures: list[str], parts: list[str]
-) -> None:
+def _ingest_odometer(context: StageContext, path: Path, parts: list[str]) -> None:
     """Wheel speeds help where they are good; a bad file is left out with a warning."""
     from automap.io.odometer_csv import read_odometer_csv
     from automap.io.tables import write_odometer
+    from pipeline.check.judge import GOES_ON
 
     try:
         found = read_odometer_csv(path, context.drive.manifest.odometer.form)
     except InputError as error:
-        failures.append(str(error))
+        context.warn(f"{str(error).rstrip('.')}; {GOES_ON}")
         return
     wheels = found.data
     for text in found.warnings:
@@ -93,58 +78,10 @@ def _ingest_odometer(
     parts.append(f"{len(wheels)} wheel speeds")
 
 
-def _without_positions(drive: Drive, failures: list[str]) -> str:
-    """Why nothing of the drive can be placed: what is wrong with its sources of positions."""
-    sources = (drive.gnss_file, drive.trajectory_file)
-    reasons = [text for path in sources for text in failures if path and text.startswith(str(path))]
-    if reasons:
-        return reasons[0]
-    return (
-        f"{drive.path} has no receiver log, and without GPS nothing can be placed on a map; add "
-        "gnss.ubx, gnss.nmea or gnss.pos, or a finished trajectory.csv or trajectory.pos."
-    )
-
-
-def _plausible_readings(context: StageContext, recording: Recording) -> WeighedAxes:
-    """The readings as they are to be used.
-
-    A wrong unit, wrong axes or a dead sensor spoil everything after it: stop here, with the advice.
-    """
-    import numpy as np
-
-    from automap.evaluation import plausibility
-    from pipeline.check.axes import weigh_axes
-
-    drive, imu = context.drive, recording.imu
-    assert imu is not None
-    rate_hz = 1e9 / float(np.median(np.diff(imu.t_ns)))
-    source = drive.imu_file if recording.imu_source == "csv" else drive.gnss_file
-
-    def tell(findings: Iterable[Finding]) -> None:
-        for finding in findings:
-            if finding.severity == "error":
-                raise InputError(f"{source}: {finding.sentence()}.")
-            if finding.severity == "warning":
-                context.warn(f"{source}: {finding.sentence()}")
-
-    stamps = plausibility.stamp_unit(rate_hz)
-    tell([] if stamps is None else [stamps])
-    tell([plausibility.accel_unit(imu.accel, rate_hz), *plausibility.stuck_readings(imu)])
-    weighed = weigh_axes(drive, recording)
-    tell(weighed.findings)
-    return weighed
-
-
-def _check_trajectory(
-    context: StageContext, path: Path, failures: list[str]
-) -> dict[str, Any] | None:
+def _check_trajectory(context: StageContext, path: Path) -> dict[str, Any]:
     from automap.io.trajectory_file import read_finished
 
-    try:
-        finished = read_finished(path)
-    except InputError as error:
-        failures.append(str(error))
-        return None
+    finished = read_finished(path)
     for text in finished.warnings:
         context.warn(text)
     return {"file": path.name, "rows": len(finished.data), "time": finished.time}
