@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -163,9 +164,7 @@ def fuse_imu_gnss(
     tells_arm = "gnss_lever_arm" in effects or _median_sd(model) < limits.ARM_TOLD_SD_M
     if (tells_arm or lever_arm is not None) and "gnss_lever_arm" not in effects:
         effects = (*effects, "gnss_lever_arm")
-    age_sd = 0.0 if delay_is_clock or _told_by_carrier(fixes) else limits.FIX_AGE_SD_S
-    if "gnss_latency" in options.fixed:
-        age_sd = 0.0
+    age_sd = 0.0 if delay_is_clock else _age_sd(fixes, clock, options)
     if delay.sd < age_sd and "gnss_latency" not in effects:
         # the stamps are known better than the age of the fixes, which looks like their delay
         effects = (*effects, "gnss_latency")
@@ -267,12 +266,14 @@ def _median_sd(model: FixModel) -> float:
     return float(np.median(model.stated_sd[has, :2])) if has.any() else np.inf
 
 
-def _told_by_carrier(fixes: Fixes) -> bool:
-    """Whether most fixes are carrier-phase solutions: those are of the instant of their tag, while
-    a navigation filter's own may be of one a little before or after."""
+def _age_sd(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> float:
+    """Sigma, s, of what dates all fixes of a drive wrong: their age, and the clock between them and
+    the stamps. Carrier-phase solutions are of the instant of their tag, while a navigation filter's
+    own may be of one a little before or after."""
     kind = fixes.fix_type[fixes.fix_type > FixType.NONE]
     carrier = (kind == FixType.FIXED) | (kind == FixType.FLOAT)
-    return bool(np.count_nonzero(carrier) > 0.5 * len(kind))
+    known = "gnss_latency" in options.fixed or np.count_nonzero(carrier) > 0.5 * len(kind)
+    return math.hypot(0.0 if known else limits.FIX_AGE_SD_S, min(clock.sd_offset_s, 1.0))
 
 
 def _mounting_of(last: Pass) -> Mounting:

@@ -91,5 +91,6 @@ def _delay_prior(clock: ClockModel, shared_sd: float) -> tuple[Prior, bool]:
         return Prior(-mean, sd), True
     sd_offset = min(clock.sd_offset_s, 1.0)
     if clock.method == "arrival":
-        return Prior(0.0, (shared_sd**2 + sd_offset**2) ** 0.5), False
+        # the clock's own error dates the fixes, and is taken from the clock
+        return Prior(0.0, shared_sd), False
     return Prior(0.0, max(SEPARATE_CLOCK_SD_S, sd_offset)), True
