@@ -48,7 +48,7 @@ class Import:
 
     def write_manifest(self, sections: str, notes: Sequence[str] = ()) -> None:
         """Write ``drive.toml``: where it is from, ``notes`` on the files, then ``sections``."""
-        head = [f"{MARK} {self.kind} from {_one_line(self.source.resolve().name)}", "#"]
+        head = [f"{MARK}: {self.kind} from {_one_line(self.source.resolve().name)}", "#"]
         head += [f"# {note}".rstrip() for note in notes]
         name = toml_value(self.out.name)
         body = f'schema = "automap.drive/1"\nname = {name}\n\n{sections.strip()}\n'

@@ -12,7 +12,7 @@ from automap.io.atomic import write_text
 from pipeline.importers.parts import copy_or_link
 from pipeline.importers.target import Import, new_drive
 from pipeline.init.choose import Ask, draft_of
-from pipeline.init.draft import Draft
+from pipeline.init.draft import NOTES, Draft
 from pipeline.init.found import Found, look
 from pipeline.init.settle import settle
 
@@ -70,7 +70,7 @@ def init_drive(
         return Outcome(folder, _passed(found))
     with new_drive("init", source, out) as run:
         _copy(run, found)
-        run.write_manifest(_drafted(look(run.folder), run.folder, ask).text())
+        run.write_manifest(_drafted(look(run.folder), run.folder, ask).text(), NOTES)
     return Outcome(out, _passed(found) + run.warnings)
 
 

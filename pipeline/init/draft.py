@@ -11,9 +11,8 @@ from typing import Any
 from automap.io.toml_file import toml_value
 
 _WIDTH = 100
-_HEAD = (
-    "# Written by automap init: each line says why. Correct what is wrong, then automap check.\n"
-)
+NOTES = ("Each line says why. Correct what is wrong, then automap check.",)
+"""What stands above all sections."""
 
 
 @dataclass
@@ -51,7 +50,8 @@ class Draft:
 
     def manifest(self, name: str, absolute: bool = False) -> str:
         """The whole file."""
-        head = f'{_HEAD}schema = "automap.drive/1"\nname = {toml_value(name)}\n\n'
+        head = f"# Written by automap init. {NOTES[0]}\n"
+        head += f'schema = "automap.drive/1"\nname = {toml_value(name)}\n\n'
         return head + self.text(absolute)
 
     def _written(self, value: Any, absolute: bool) -> Any:

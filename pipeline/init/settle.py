@@ -15,11 +15,15 @@ from automap.io.axes import axes_value
 from automap.io.drive import Drive, load_drive
 from automap.io.recording import Recording, read_recording
 from automap.io.table_units import UNITS
+from automap.records import FloatArray
 from automap.sync.velocity_consistency import velocity_consistency
 from automap.timebase import unix_to_gps
 from pipeline.check.axes import SCALE_CODE, WeighedAxes, weigh_axes
 from pipeline.importers.level_axes import SLOW, is_slow, level_axes
 from pipeline.init.draft import Draft
+
+_ZONES_H = (-12.0, 14.25, 0.25)
+"""The zones of the world and their steps, h."""
 
 
 def settle(draft: Draft) -> None:
@@ -82,6 +86,20 @@ def _clock(draft: Draft) -> None:
     if shared[best] > 0.0:
         why = f"so its stamps and the fixes overlap, for {shared[best]:.0f} s"
         draft.set("imu", "time", best, why)
+    elif draft.get("imu", "utc_offset_h") is not None:
+        _zone(draft, seconds, span)
+
+
+def _zone(draft: Draft, unix_s: FloatArray, span: FloatArray) -> None:
+    """The hours by which dates of readings [n] are ahead of UTC, where they meet the fixes then."""
+    both = {
+        float(hours): plausibility.overlap_s(unix_to_gps(unix_s - 3600.0 * hours), span)
+        for hours in np.arange(*_ZONES_H)
+    }
+    hours = max(both, key=lambda each: both[each])
+    if both[hours] > 0.5 * min(np.ptp(unix_s), np.ptp(span)):
+        why = f"dates are not in UTC: so they and the fixes overlap, for {both[hours]:.0f} s"
+        draft.set("imu", "utc_offset_h", hours, why)
 
 
 def _speed_unit(draft: Draft) -> None:
@@ -114,6 +132,10 @@ def _gyro_unit(draft: Draft) -> tuple[Recording, WeighedAxes] | None:
         assert recording.imu is not None
         fast = plausibility.gyro_size(recording.imu.gyro).severity != "ok"
         if not scaled and not (unit == "rad/s" and fast):
+            if not told:
+                compared = "turns with" in seen[unit][1].findings[0].text
+                why = "those of the receiver's course" if compared else "no faster than a car's"
+                draft.set("imu", "gyro_unit", unit, f"its turns are then {why}")
             break
     else:
         # neither fits: as it is usual, and check says what it finds

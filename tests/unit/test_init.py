@@ -121,6 +121,22 @@ def test_a_negated_accelerometer_is_found(tmp_path: Path) -> None:
     assert "gyro_axes" not in said
 
 
+def test_dates_of_another_zone_than_the_receivers(tmp_path: Path) -> None:
+    """Local time without its zone, beside a receiver's log, which is in UTC."""
+    FOREIGN["german"](tmp_path / "d")
+    (tmp_path / "d/gps.csv").unlink()
+    shutil.copy(SAMPLE / "gnss.ubx", tmp_path / "d")
+    table = tmp_path / "d/messung.csv"
+    text = table.read_text(encoding="latin-1").replace("T09:", "T18:").replace("Z;", ";")
+    table.write_text(text.replace("Zeitstempel", "Zeit", 1), encoding="latin-1")
+    init_drive(tmp_path / "d", None, not_converted)
+    said = tomllib.loads((tmp_path / "d/drive.toml").read_text(encoding="utf-8"))["imu"]
+    assert said["utc_offset_h"] == 9.0
+    recording = read_recording(load_drive(tmp_path / "d"))
+    assert recording.imu is not None
+    np.testing.assert_allclose(recording.imu.t_ns * 1e-9, imu_unix_s(), atol=2e-6)
+
+
 def test_recordings_of_other_programs_are_imported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

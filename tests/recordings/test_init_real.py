@@ -1,0 +1,85 @@
+"""``automap init`` of real recordings, as their authors published them."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.check.command import check_drive
+from pipeline.cli.root import run_command
+
+
+def made(drive: Path) -> dict[str, Any]:
+    """What the manifest says of a drive that can be used."""
+    report = check_drive(drive)
+    assert report.usable, report.text()
+    assert not [f for f in report.findings if f.severity == "error"], report.text()
+    return tomllib.loads((drive / "drive.toml").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    ("file", "imu", "speed"),
+    [
+        # a phone in g, negated as iOS has it; stamps of the sensors since the phone started
+        (
+            "phone/austin-iphone-x.csv",
+            {"accel_unit": "g", "gyro_unit": "rad/s", "time": "boot_ns"},
+            None,
+        ),
+        # deg/s and km/h that no name tells
+        (
+            "car/balzer-2014-03-26.csv",
+            {"accel_unit": "m/s^2", "gyro_unit": "deg/s", "time": "unix_ns"},
+            "km/h",
+        ),
+    ],
+    ids=["iphone", "car"],
+)
+def test_a_table_with_readings_and_fixes(
+    shared_data: Path, tmp_path: Path, file: str, imu: dict[str, str], speed: str | None
+) -> None:
+    source = shared_data / "real" / file
+    assert run_command(["init", str(source), "-o", str(tmp_path / "drive"), "--yes"]) == 0
+    said = made(tmp_path / "drive")
+    assert {key: said["imu"][key] for key in imu} == imu
+    # the sign of the accelerometer alone is turned, and found
+    assert said["imu"]["axes"] == "unknown"
+    assert "accel_axes" in said["imu"]
+    assert "gyro_axes" not in said["imu"]
+    assert said["imu"]["file"] == said["gnss"]["file"] == source.name
+    assert said["gnss"].get("units", {}).get("speed") == speed
+
+
+def test_a_phones_archive(shared_data: Path, tmp_path: Path) -> None:
+    source = shared_data / "real/phone/sensor-logger-2025-07-08.zip"
+    assert run_command(["init", str(source), "-o", str(tmp_path / "drive")]) == 0
+    made(tmp_path / "drive")
+
+
+def test_bags_in_a_folder(shared_data: Path, tmp_path: Path) -> None:
+    (tmp_path / "bags").mkdir()
+    for name in ("circle_gps.bag", "circle_imu.bag"):
+        (tmp_path / "bags" / name).symlink_to(shared_data / "real/bags" / name)
+    assert run_command(["init", str(tmp_path / "bags")]) == 0
+    made(tmp_path / "bags/drive")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("rtk-car-a", {"gyro_unit": "deg/s", "accel_unit": "g", "time": "gps_ns"}),
+        ("kitti-20110926-0009", {"gyro_unit": "rad/s", "accel_unit": "m/s^2", "time": "boot_ns"}),
+    ],
+)
+def test_a_drive_without_its_manifest(
+    shared_data: Path, tmp_path: Path, name: str, said: dict[str, str]
+) -> None:
+    for path in (shared_data / "drives" / name).iterdir():
+        if path.name != "drive.toml":
+            (tmp_path / path.name).symlink_to(path)
+    assert run_command(["init", str(tmp_path)]) == 0
+    imu = made(tmp_path)["imu"]
+    assert {key: imu[key] for key in said} == said
