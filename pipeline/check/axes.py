@@ -101,12 +101,14 @@ def _stated(drive: Drive, seen: AxesEvidence, judged: AxesJudgement) -> Finding:
             ("speed changes", seen.surge, np.eye(3)[0]),
             ("turns", seen.turn, np.eye(3)[2]),
         )
-        if followed is not None and correlation(followed, axis) < limits.WEAK_CORRELATION
+        if followed is not None
+        and followed.share > limits.LEAST_SHARE
+        and correlation(followed, axis) < limits.WEAK_CORRELATION
     ]
     if weak:
         advice = (
-            f"the IMU feels little of the {' and '.join(weak)} that the receiver shows: are stamps "
-            "and axes right?"
+            f"the IMU feels the {' and '.join(weak)} that the receiver shows in other axes: is it "
+            "fixed to the vehicle?"
         )
         return Finding("warning", facts, advice, CODE)
     return Finding("ok", facts, code=CODE)

@@ -58,14 +58,15 @@ TILTED_RAD = 0.20943951023931953
 """Gravity this far off the down axis, 12 deg, is a sensor mounted askew: roads and cars lean by
 some degrees."""
 WEAK_CORRELATION = 0.2
-"""Speed changes and turns that the IMU feels less of are worth a word. Chosen: hills take off a
-half of what recorded drives show, a wrong time all of it."""
+"""Speed changes and turns that the IMU feels less of where they should be are worth a word. Chosen:
+hills take off a half of what recorded drives show, a wrong axis all of it."""
 GYRO_SCALE_OFF = 0.25
 """A gyro's scale further off, beyond its own sigma, is no error of a gyro but of a unit. Chosen:
 the receiver's low-pass takes a tenth off quick turns, a late phone's a quarter."""
 GYRO_SCALE_PROBABILITY = 1e-6
 """That sigma counts so often as chance exceeds it so rarely."""
 LEAST_SHARE = 0.25
-"""Of the turns that the gyro explains: with less they are no measure of its scale."""
+"""Of the turns and speed changes that the IMU explains in any axes: with less they are no measure of
+it, as on foot."""
 NEAR_UNIT = 1.3
 """A factor within this of a unit's is the unit's."""

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.benchmarks.faults import imu_faults, log_faults, position_faults, velocity_faults
+from tests.benchmarks.faults import (
+    axes_faults,
+    imu_faults,
+    log_faults,
+    position_faults,
+    velocity_faults,
+)
 from tests.benchmarks.faults.fault import Fault, Stretch, whole
 from tests.benchmarks.faults.recording import Recording
 
@@ -23,6 +29,7 @@ FAULTS: dict[str, Fault] = {
         *position_faults.FAULTS,
         *log_faults.FAULTS,
         *imu_faults.FAULTS,
+        *axes_faults.FAULTS,
     )
 }
 
