@@ -7,7 +7,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from fusion_drive import CLOCK, Receiver, Sensor, city_drive, receive, record
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -21,6 +20,9 @@ from automap.sync.axes import (
     slope,
 )
 from automap.sync.axes_evidence import axes_evidence, effective_count
+from tests.unit.fusion_drive import CLOCK, Sensor, record
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import Receiver, receive
 
 EYE = np.eye(3)
 SWAPPED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
