@@ -19,7 +19,7 @@ from automap.fusion.kernels.transition import (
     propagate_covariance,
     start_interval,
 )
-from automap.fusion.kernels.update import inflate, pack, update_scalar
+from automap.fusion.kernels.update import block_gains, inflate, pack, update_block
 from automap.fusion.layout import N_NAV
 from automap.fusion.measurements.observe import HAS, observe
 from automap.fusion.measurements.state import AtNode
@@ -79,9 +79,10 @@ def run_forward(
     var = np.zeros(3)
     dx = np.zeros(n)
     step = np.zeros(n)
-    gain = np.zeros(n)
-    p_before = np.zeros((n, n))
-    dx_before = np.zeros(n)
+    unit = np.zeros((3, n))
+    gain = np.zeros((3, n))
+    nu = np.zeros(3)
+    s = np.zeros(3)
     score = 0.0
     total = 0
     if relinearise:
@@ -154,39 +155,32 @@ def run_forward(
             if (flags & HAS[number]) == 0:
                 continue
             rows, first = observe(number, nodes, k, at, model, h, z)
-            # first as it is; the scalars' innovations add up to the block's NIS
-            p_before[:, :] = p
-            dx_before[:] = dx
+            if rows == 0:
+                continue
+            hs, us, gs = h[:rows], unit[:rows], gain[:rows]
+            for a in range(rows):
+                var[a] = nodes.var[k, first + a]
+            nis = block_gains(p, hs, z, var, dx, us, gs, nu, s)
             factor = 1.0
-            nis = 0.0
-            for attempt in range(2):
-                gained = 0.0
-                row = total
+            if not nis <= model.gate[rows - 1]:
                 for a in range(rows):
-                    nu, s = update_scalar(p, h[a], z[a], nodes.var[k, first + a] * factor, dx, gain)
-                    gained -= 0.5 * (nu * nu / s + math.log(s))
-                    if attempt == 0:
-                        nis += nu * nu / s
-                    if keep:
-                        store.h[row, :] = h[a]
-                        store.gain[row, :] = gain
-                        store.nu[row] = nu
-                        store.var[row] = s
-                        row += 1
-                if attempt == 1 or nis <= model.gate[rows - 1]:
-                    break
-                p[:, :] = p_before
-                dx[:] = dx_before
-                for a in range(rows):
-                    var[a] = nodes.var[k, first + a]
-                    s = z[a]
+                    left = z[a]
                     for j in range(n):
-                        s -= h[a, j] * dx[j]
-                    zz[a] = s
+                        left -= h[a, j] * dx[j]
+                    zz[a] = left
                 factor = inflate(p, h, zz, var, rows, model.gate[rows - 1], model.gate[3])
-            score += gained
+                for a in range(rows):
+                    var[a] *= factor
+                block_gains(p, hs, z, var, dx, us, gs, nu, s)
+            update_block(p, dx, us, gs, nu)
+            for a in range(rows):
+                score -= 0.5 * (nu[a] * nu[a] / s[a] + math.log(s[a]))
             if keep:
                 for a in range(rows):
+                    store.h[total, :] = h[a]
+                    store.gain[total, :] = gain[a]
+                    store.nu[total] = nu[a]
+                    store.var[total] = s[a]
                     store.nis[k, first + a] = nis
                     store.info[total, 0] = k
                     store.info[total, 1] = first + a

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from automap.fusion.layout import N_NAV, V_ID
 from automap.jit import kernel
 from automap.records import FloatArray, IntArray
@@ -210,19 +212,17 @@ def propagate_covariance(
 ) -> None:
     """P := F P F' + Q with F = [phi; 0 diag(decay)] in place; ``work`` [9, n]."""
     n = p.shape[0]
+    r = reach(phi)
+    shown = np.empty((N_NAV, r))
     for i in range(N_NAV):
-        for j in range(n):
-            work[i, j] = 0.0
-        for k in range(n):
-            a = phi[i, k]
-            if a != 0.0:
-                for j in range(n):
-                    work[i, j] += a * p[k, j]
+        for j in range(r):
+            shown[i, j] = phi[i, j]
+    np.dot(shown, p[:r], work)
     for i in range(N_NAV):
-        for j in range(i, N_NAV):
+        for j in range(i + 1):
             s = qn[i, j]
-            for k in range(n):
-                s += work[i, k] * phi[j, k]
+            for k in range(r):
+                s += work[i, k] * shown[j, k]
             p[i, j] = s
             p[j, i] = s
         for j in range(N_NAV, n):

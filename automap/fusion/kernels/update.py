@@ -104,39 +104,69 @@ def _quadratic(hph: FloatArray, z: FloatArray, var: FloatArray, rows: int, facto
 
 
 @kernel
-def update_scalar(
-    p: FloatArray, h: FloatArray, z: float, var: float, dx: FloatArray, k_out: FloatArray
-) -> tuple[float, float]:
-    """One scalar Kalman update of ``p`` [n, n] and ``dx`` [n]; returns innovation and its variance.
+def block_gains(
+    p: FloatArray,
+    h: FloatArray,
+    z: FloatArray,
+    var: FloatArray,
+    dx: FloatArray,
+    unit: FloatArray,
+    gain: FloatArray,
+    nu: FloatArray,
+    s: FloatArray,
+) -> float:
+    """Gains of a block's scalars taken one after the other; returns their NIS.
 
-    ``z`` is the residual against the nominal state; ``dx`` the correction so far. The gain is
-    left in ``k_out`` [n]. Scalars one after the other: Bierman, Factorization Methods for Discrete
-    Sequential Estimation, 1977.
+    Rows ``h`` [m, n], ``z`` [m] the residuals against the nominal state, ``var`` [m], ``dx`` [n]
+    the correction so far. Each scalar takes u u' from ``p`` [n, n], which stays as it is, so that
+    the next one's h P is corrected by those before: ``unit`` [m, n] receives u, ``gain`` [m, n] the
+    gains u / sqrt(s), ``nu`` and ``s`` [m] innovations and their variances. Scalars one after the
+    other: Bierman, Factorization Methods for Discrete Sequential Estimation, 1977.
     """
-    n = p.shape[0]
-    for j in range(n):
-        k_out[j] = 0.0
-    for i in range(n):
-        a = h[i]
-        if a != 0.0:
-            for j in range(n):
-                k_out[j] += a * p[i, j]
-    s = var
-    nu = z
-    for i in range(n):
-        a = h[i]
-        if a != 0.0:
-            s += a * k_out[i]
-            nu -= a * dx[i]
-    root = 1.0 / math.sqrt(s)
-    for j in range(n):
-        k_out[j] *= root
-    # whole rows: twice the work of a triangle, yet faster, and exactly symmetric
-    for i in range(n):
-        ki = k_out[i]
+    rows, n = h.shape
+    np.dot(h, p, unit)
+    nis = 0.0
+    for a in range(rows):
+        left = z[a]
         for j in range(n):
-            p[i, j] -= ki * k_out[j]
-    for j in range(n):
-        k_out[j] *= root
-        dx[j] += k_out[j] * nu
-    return nu, s
+            left -= h[a, j] * dx[j]
+        for b in range(a):
+            c = 0.0
+            for j in range(n):
+                c += h[a, j] * unit[b, j]
+            for j in range(n):
+                unit[a, j] -= c * unit[b, j]
+            left -= c * nu[b] / math.sqrt(s[b])
+        spread = var[a]
+        for j in range(n):
+            spread += h[a, j] * unit[a, j]
+        root = 1.0 / math.sqrt(spread)
+        for j in range(n):
+            unit[a, j] *= root
+            gain[a, j] = unit[a, j] * root
+        nu[a], s[a] = left, spread
+        nis += left * left / spread
+    return nis
+
+
+@kernel
+def update_block(
+    p: FloatArray, dx: FloatArray, unit: FloatArray, gain: FloatArray, nu: FloatArray
+) -> None:
+    """Take a block's scalars into ``p`` [n, n] and ``dx`` [n]; see ``block_gains``."""
+    rows, n = unit.shape
+    for a in range(rows):
+        for j in range(n):
+            dx[j] += gain[a, j] * nu[a]
+    # whole rows: twice the work of a triangle, yet faster
+    if rows == 3:
+        for i in range(n):
+            x, y, w = unit[0, i], unit[1, i], unit[2, i]
+            for j in range(n):
+                p[i, j] -= x * unit[0, j] + y * unit[1, j] + w * unit[2, j]
+        return
+    for a in range(rows):
+        for i in range(n):
+            x = unit[a, i]
+            for j in range(n):
+                p[i, j] -= x * unit[a, j]
