@@ -75,22 +75,28 @@ def weigh(
     speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
     told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
     fix_s = np.asarray((clock.t_ns(fixes.gps_s[told]) - int(imu.t_ns[0])) * 1e-9)
-    of_receiver = receiver_doubts(receiver, float(path.gps_s[0]))
-    reasons = [
-        *of_receiver,
+    of_imu = [
         *reading_doubts(imu, bridged, np.interp(imu.t_ns, path.t_ns, speed)),
         *turn_doubts(bridged.imu, result.mounting.matrix, fix_s, fixes.vel_ned[told]),
-        *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed))),
-        *weak_heading(result.align_margin),
         *impossible_ages(found, delay_is_clock),
         *impossible_errors(found),
+    ]
+    of_receiver = receiver_doubts(receiver, float(path.gps_s[0]))
+    # an IMU that errs by itself is no witness
+    believed = not any(reason.inertial for reason in of_imu)
+    steps = _steps(result, bridged, found, fixes, options, delay_is_clock) if believed else []
+    reasons = [
+        *of_receiver,
+        *steps,
+        *of_imu,
+        *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed))),
+        *weak_heading(result.align_margin),
         *levels_at_bound(result.noise_factors, options.tune),
         *refused(result.innovations),
         *innovation_doubts(channel_consistency(result.innovations)),
     ]
     model = as_shown(model_fixes(fixes, fixes.gps_s, options), options, result.noise_factors)
     arm = _of_axes(found, "gnss_lever_arm")
-    reasons += _steps(result, bridged, found, fixes, options, delay_is_clock)
     misses = fix_misses(path, model, arm, found.get(LATENCY_STATE, (0.0, 0.0))[0])
     off, share = _off_the_fixes(misses, options.wander_tau_s)
     reasons += off
@@ -99,7 +105,9 @@ def weigh(
     except InputError:
         alone = None
     blamed = any(reason.inertial for reason in reasons)
-    if alone is not None and share > (limits.BLAMED_SHARE if blamed else limits.WORSE_SHARE):
+    most = limits.BLAMED_SHARE if blamed else limits.WORSE_SHARE
+    # where the receiver jumps its fixes are no better
+    if alone is not None and not steps and share > most:
         beside = fix_misses(alone, model)
         own, left = _off_the_fixes(beside, options.wander_tau_s)
         if left < limits.AGREEING_SHARE:
@@ -165,7 +173,7 @@ def _off_the_fixes(misses: Misses, tau_s: float) -> tuple[list[Reason], float]:
         Reason(
             "off_the_fixes",
             f"for {seconds:.0f} s of the drive the fixes lie {np.median(error):.1f} m off the path "
-            f"(up to {error.max():.1f} m), more than both err: look there at the receiver's "
+            f"(up to {error.max():.1f} m), more than they err: look there at the receiver's "
             "log and at the stamps and axes of the IMU",
             spans if share < limits.WORSE_SHARE else (),
         )

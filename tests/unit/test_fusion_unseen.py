@@ -55,6 +55,11 @@ def test_levels_of_the_height_are_its_own() -> None:
     assert (down[:, 2] > 3.0 * plain[:, 2]).all()
 
 
+def test_heights_err_with_the_ranges_that_positions_show() -> None:
+    down = unseen_errors(STATED, OPTIONS, _factors(wander=4.0, wander_v=0.2))
+    assert down == pytest.approx(OPTIONS.bias_share * STATED * 4.0)
+
+
 def _fused(receiver: Receiver, arm: FloatArray | None) -> FusionResult:
     motion = city_drive(70.0, 4)
     imu, fixes = record(motion, Sensor(), 2), receive(motion, receiver, 3)

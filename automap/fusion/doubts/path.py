@@ -1,7 +1,9 @@
 """A path against the fixes that it was made of, over stretches of seconds to the whole drive.
 
-A smoothed path may differ from a fix by what both err. In the mean over a stretch the fixes'
-white noise goes; their slow error stays while the stretch is shorter than it lasts.
+A path made of fixes differs from them by no more than they err: their variance less the path's,
+which has a part in what they err (residuals of least squares; Teunissen, Adjustment Theory, section
+2.3). In the mean over a stretch the fixes' white noise goes; their slow error stays while the
+stretch is shorter than it lasts.
 """
 
 from __future__ import annotations
@@ -24,12 +26,10 @@ from automap.records import BoolArray, FloatArray, Trajectory
 @dataclass(frozen=True)
 class Misses:
     """Fixes minus path NED ``miss`` [m, 3] m at ``t`` [m] s from the path's first row, NaN down
-    where a fix has no height; variances [m, 3] m^2: of the path, and of the fixes' white and slow
-    error."""
+    where a fix has no height; variances [m, 3] m^2 of the fixes' white and slow error."""
 
     t: FloatArray
     miss: FloatArray
-    path_var: FloatArray
     white_var: FloatArray
     slow_var: FloatArray
 
@@ -51,7 +51,7 @@ def fix_misses(
     rows = np.flatnonzero(has)[at.covered]
     keep = at.covered
     if not len(rows):
-        return Misses(np.zeros(0), *(np.zeros((0, 3)) for _ in range(4)))
+        return Misses(np.zeros(0), *(np.zeros((0, 3)) for _ in range(3)))
     high = (fixes.flags[rows] & HAS_POS_V) > 0
     ref = (float(at.lat_rad[keep][0]), float(at.lon_rad[keep][0]), float(at.height_m[keep][0]))
     height = np.where(high, fixes.values[rows, 2], np.nan)
@@ -64,7 +64,6 @@ def fix_misses(
     return Misses(
         gps_s[keep] - path.gps_s[0],
         miss,
-        at.sd_pos_ned[keep] ** 2,
         fixes.white_var[rows, :3],
         fixes.stated_sd[rows] ** 2,
     )
@@ -72,12 +71,12 @@ def fix_misses(
 
 def contradicted(misses: Misses, tau_s: float) -> BoolArray:
     """Which fixes [m] lie in a stretch whose fixes are off the path, horizontally and together,
-    by more than path and fixes err; ``tau_s`` how long a fix's slow error lasts."""
+    by more than they err; ``tau_s`` how long a fix's slow error lasts."""
     wrong = np.zeros(len(misses), np.bool_)
     if len(misses) < 2:
         return wrong
     level = slice(0, 2)
-    parts = [a[:, level] for a in (misses.path_var, misses.white_var, misses.slow_var)]
+    parts = [a[:, level] for a in (misses.white_var, misses.slow_var)]
     # single wild fixes, which the path was right to pass by, shall not speak for a stretch
     most = limits.WILD_MISS_SIGMAS * np.sqrt(sum(parts))
     parts = [np.clip(misses.miss[:, level], -most, most), *parts]
@@ -94,15 +93,15 @@ def _off(
     t: FloatArray, parts: list[FloatArray], window: float, share: float, tau_s: float
 ) -> BoolArray:
     """Which instants ``t`` [m] lie in a stretch of ``window`` s, ``share`` of the drive, that is
-    off; ``parts`` [m, 2] each are miss and variances of path, white and slow error."""
+    off; ``parts`` [m, 2] each are miss and variances of white and slow error."""
     first = np.arange(len(t)) if share < 1.0 else np.zeros(min(len(t), 1), np.int64)
     stop = np.searchsorted(t, t[first] + window, side="right")
     filled = (stop - first > 2) & (t[stop - 1] - t[first] >= limits.FILLED_STRETCH * window)
     first, stop = first[filled], stop[filled]
     count = (stop - first)[:, None]
     sums = [_cumulated(part) for part in parts]
-    mean, path, white, slow = ((s[stop] - s[first]) / count for s in sums)
-    var = path + white / count + slow * _left_of_slow(window / tau_s)
+    mean, white, slow = ((s[stop] - s[first]) / count for s in sums)
+    var = white / count + slow * _left_of_slow(window / tau_s)
     off = (mean**2 / var).sum(axis=1) > gate(limits.DOUBT_PROBABILITY * share, 2)
     edges = np.zeros(len(t) + 1, np.int64)
     np.add.at(edges, first[off], 1)
