@@ -157,7 +157,7 @@ def _steps(
     seen = compare(free, fixes, path, found, _of_axes(found, "gnss_lever_arm"))
     # the less a drive seems to show of what comes and goes, the less it is believed
     wander = options.velocity_wander_sd * max(result.noise_factors.get(VELOCITY_WANDER, 1.0), 1.0)
-    return step_doubts(*velocity_steps(seen, wander), path)
+    return step_doubts(velocity_steps(seen, wander), path)
 
 
 def _off_the_fixes(misses: Misses, tau_s: float) -> tuple[list[Reason], float]:

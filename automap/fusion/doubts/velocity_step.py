@@ -19,7 +19,7 @@ from automap.fusion.delay_states import LATENCY_STATE, VEL_LAG_STATE, VEL_LATENC
 from automap.fusion.doubts.estimates import Estimates
 from automap.fusion.doubts.reason import Reason, Span
 from automap.fusion.free_inertial import FreeInertial
-from automap.gates import OUTSIDE_95, gate, sd_by_median
+from automap.gates import gate, sd_by_median
 from automap.records import Fixes, FloatArray, IntArray, Trajectory
 from automap.timebase import gps_to_iso
 
@@ -93,9 +93,9 @@ def compare(
     )
 
 
-def velocity_steps(seen: Compared, lasting_sd: float) -> tuple[list[Step], float]:
-    """Steps beyond what a receiver's velocity does, in the order of time, and the sigma m/s of one
-    in this drive where there is none; ``lasting_sd`` m/s the velocity errors that come and go.
+def velocity_steps(seen: Compared, lasting_sd: float) -> list[Step]:
+    """Steps beyond what a receiver's velocity does, in the order of time; ``lasting_sd`` m/s the
+    velocity errors that come and go.
 
     A step is the jump in a line through the differences between receiver and IMU some seconds
     before and after. The least that is left of it without any one fix counts.
@@ -104,10 +104,10 @@ def velocity_steps(seen: Compared, lasting_sd: float) -> tuple[list[Step], float
     spacing = float(np.median(np.diff(t))) if len(t) > 1 else np.inf
     half = round(limits.STEP_WINDOW_S / spacing)
     if half < limits.STEP_FIXES:
-        return [], 0.0
+        return []
     before = _filled(seen, np.arange(half - 1, len(t) - half), half, spacing)
     if len(before) < limits.LEAST_JUDGED:
-        return [], 0.0
+        return []
     parts = np.array_split(before, len(before) // limits.STEP_BATCH + 1)
     jump, least = (
         np.concatenate(values)
@@ -125,7 +125,7 @@ def velocity_steps(seen: Compared, lasting_sd: float) -> tuple[list[Step], float
         apart = all(abs(step.t - when) > limits.STEP_WINDOW_S for step in steps)
         if apart and _goes_along(seen, int(at), jump[k], spacing):
             steps.append(Step(when, jump[k], _lasts(seen, int(at), jump[k])))
-    return sorted(steps, key=lambda step: step.t), sd
+    return sorted(steps, key=lambda step: step.t)
 
 
 def _filled(seen: Compared, before: IntArray, half: int, spacing: float) -> IntArray:
@@ -208,21 +208,21 @@ def _least_along(jump: FloatArray, left: FloatArray) -> FloatArray:
 @dataclass(frozen=True)
 class Led:
     """Where a receiver was led: ``spans`` in which its velocity was another, how far it came at
-    most, and whether it came back."""
+    most, and how far from where it began it was in the end, m."""
 
     spans: tuple[Span, ...]
     most_m: float
-    back: bool
+    left_m: float
 
 
-def led_away(steps: Sequence[Step], sd: float, end: float) -> Led:
-    """What ``steps`` of velocity, each good to ``sd`` m/s, make of the positions until ``end`` s.
+def led_away(steps: Sequence[Step], end: float) -> Led:
+    """What ``steps`` of velocity make of the positions until ``end`` s.
 
     The velocity is another until steps have taken it back, or it is seen to have come back
     otherwise.
     """
     spans: list[Span] = []
-    velocity, place, most, variance = np.zeros(2), np.zeros(2), 0.0, 0.0
+    velocity, place, most = np.zeros(2), np.zeros(2), 0.0
     since = steps[0].t
     for step, after in zip(steps, [*steps[1:], None], strict=True):
         since = since if velocity.any() else step.t
@@ -236,34 +236,39 @@ def led_away(steps: Sequence[Step], sd: float, end: float) -> Led:
         goes_on = after is not None and velocity @ after.jump < 0.0 and left < limits.LED_S
         lasts = left if goes_on else min(left, step.lasts_s)
         place = place + velocity * lasts
-        variance += 2.0 * (sd * lasts) ** 2
         most = max(most, float(np.hypot(*place)))
         if not goes_on:
             spans.append((since, step.t + lasts))
             velocity = np.zeros(2)
-    back = float(place @ place) <= gate(OUTSIDE_95, 2) * variance
-    return Led(tuple(spans), most, back)
+    return Led(tuple(spans), most, float(np.hypot(*place)))
 
 
-def step_doubts(steps: Sequence[Step], sd: float, path: Trajectory) -> list[Reason]:
-    """The reason that ``steps`` of velocity, each good to ``sd`` m/s, give."""
+def step_doubts(steps: Sequence[Step], path: Trajectory) -> list[Reason]:
+    """The reasons that ``steps`` of velocity give: where the receiver was led, and that nothing
+    tells the place before from the one after."""
     if not steps:
         return []
     start = float(path.gps_s[0])
-    led = led_away(steps, sd, float(path.gps_s[-1]) - start)
+    led = led_away(steps, float(path.gps_s[-1]) - start)
     size, first = max(step.size for step in steps), gps_to_iso(start + steps[0].t)
     jumps = f"by {size:.1f} m/s at {first}"
     if len(steps) > 1:
         last = gps_to_iso(start + steps[-1].t)
         jumps = f"{len(steps)} times, by up to {size:.1f} m/s, from {first} to {last}"
-    where = "in between" if led.back else "before or after, nothing says which,"
     return [
         Reason(
             "velocity_step",
             f"the receiver's velocity jumps {jumps}, its positions go along, and the IMU feels "
             "nothing of it: its solution jumped, or its signals are not the satellites'; the "
-            f"positions {where} may be {led.most_m:.0f} m off, do not rely on what was mapped",
-            led.spans if led.back else (),
+            f"positions there may be {led.most_m:.0f} m off, do not rely on what was mapped",
+            led.spans,
             error_m=led.most_m,
-        )
+        ),
+        Reason(
+            "velocity_step",
+            f"where the receiver's velocity jumped its positions moved by {led.left_m:.0f} m that "
+            "they did not come back by: nothing says whether they are right before or after; "
+            "compare with what is known of the place",
+            error_m=led.left_m,
+        ),
     ]
