@@ -213,7 +213,10 @@ def step(t: float, north: float, lasts: float = limits.STEP_WINDOW_S) -> Step:
 
 def test_a_jump_that_nothing_takes_back_counts_while_it_is_seen() -> None:
     alone = led_away([step(50.0, 4.0, 20.0)], 300.0)
-    assert (alone.most_m, alone.spans, alone.left_m) == (80.0, ((50.0, 70.0),), 80.0)
+    assert (alone.most_m, alone.spans, alone.left_m) == (80.0, ((30.0, 70.0),), 80.0)
+    # one that is not seen to last moves nothing for long
+    short = led_away([step(50.0, 4.0)], 300.0)
+    assert (short.most_m, short.spans, short.left_m) == (12.0, ((47.0, 53.0),), 0.0)
     # a drive may end before
     assert led_away([step(290.0, 4.0, 20.0)], 300.0).most_m == 40.0
 

@@ -219,7 +219,7 @@ def led_away(steps: Sequence[Step], end: float) -> Led:
     """What ``steps`` of velocity make of the positions until ``end`` s.
 
     The velocity is another until steps have taken it back, or it is seen to have come back
-    otherwise.
+    otherwise; then it may as well have been another before.
     """
     spans: list[Span] = []
     velocity, place, most = np.zeros(2), np.zeros(2), 0.0
@@ -235,10 +235,14 @@ def led_away(steps: Sequence[Step], end: float) -> Led:
         left = (end if after is None else after.t) - step.t
         goes_on = after is not None and velocity @ after.jump < 0.0 and left < limits.LED_S
         lasts = left if goes_on else min(left, step.lasts_s)
-        place = place + velocity * lasts
-        most = max(most, float(np.hypot(*place)))
+        moved = place + velocity * lasts
+        most = max(most, float(np.hypot(*moved)))
+        # a receiver that errs for seconds and finds back by a jump is not led anywhere; seen is
+        # what lasts longer than the line that it is seen against
+        if goes_on or step.lasts_s > 2.0 * limits.STEP_WINDOW_S:
+            place = moved
         if not goes_on:
-            spans.append((since, step.t + lasts))
+            spans.append((min(since, step.t - lasts), step.t + lasts))
             velocity = np.zeros(2)
     return Led(tuple(spans), most, float(np.hypot(*place)))
 
@@ -255,20 +259,17 @@ def step_doubts(steps: Sequence[Step], path: Trajectory) -> list[Reason]:
     if len(steps) > 1:
         last = gps_to_iso(start + steps[-1].t)
         jumps = f"{len(steps)} times, by up to {size:.1f} m/s, from {first} to {last}"
-    return [
-        Reason(
-            "velocity_step",
-            f"the receiver's velocity jumps {jumps}, its positions go along, and the IMU feels "
-            "nothing of it: its solution jumped, or its signals are not the satellites'; the "
-            f"positions there may be {led.most_m:.0f} m off, do not rely on what was mapped",
-            led.spans,
-            error_m=led.most_m,
-        ),
-        Reason(
-            "velocity_step",
+    text = (
+        f"the receiver's velocity jumps {jumps}, its positions go along, and the IMU feels nothing "
+        "of it: its solution jumped, or its signals are not the satellites'; the positions there "
+        f"may be {led.most_m:.0f} m off, do not rely on what was mapped"
+    )
+    reasons = [Reason("velocity_step", text, led.spans, error_m=led.most_m)]
+    if led.left_m > 0.0:
+        text = (
             f"where the receiver's velocity jumped its positions moved by {led.left_m:.0f} m that "
             "they did not come back by: nothing says whether they are right before or after; "
-            "compare with what is known of the place",
-            error_m=led.left_m,
-        ),
-    ]
+            "compare them with what is known of the place"
+        )
+        reasons.append(Reason("velocity_step", text, error_m=led.left_m))
+    return reasons
