@@ -23,10 +23,12 @@ from automap.io.nmea import NmeaTable
 from automap.io.table_form import TableForm
 from automap.io.ubx import Table
 from automap.io.ubx_names import message_name
-from automap.records import NO_TIME, Fixes, FixType
+from automap.records import NO_TIME, BoolArray, Fixes, FixType
 
 _SNIFF_BYTES = 1 << 20
 _TABLE_SUFFIXES = (".csv", ".tsv", ".tab")
+_MANUAL, _PLAIN_FIX = 7, 1
+"""Qualities of GGA: typed in by hand; a fix without corrections."""
 _CONTENT = re.compile(rb"[^ \t\r\n\0]")
 
 
@@ -70,11 +72,14 @@ def read_receiver_log(
     not_before_gps_s: float = EARLIEST_GPS_S,
     form: TableForm | None = None,
     written: RowStamps | None = None,
+    accept_manual: bool = False,
 ) -> ReceiverLog:
     """Read a u-blox, NMEA, mixed or RTKLIB log, or a table of fixes.
 
     ``not_before_gps_s``: dates before it are taken for ones of a past 1024-week era and moved.
-    ``form`` and ``written`` are for tables, see :func:`automap.io.fix_table.read_fix_table`.
+    ``accept_manual``: GGA positions of quality 7 (typed in by hand) are fixes; programs of phones
+    write it of their own. ``form`` and ``written`` are for tables, see
+    :func:`automap.io.fix_table.read_fix_table`.
     Raises InputError when the file cannot be read, is empty, or holds no message that this
     reader knows and can use.
     """
@@ -84,7 +89,7 @@ def read_receiver_log(
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     if (form is not None and form.columns) or _is_table(path, data):
         return _read_table(path, form, written)
-    return read_receiver_bytes(data, str(path), not_before_gps_s)
+    return read_receiver_bytes(data, str(path), not_before_gps_s, accept_manual)
 
 
 def _is_table(path: Path, data: bytes) -> bool:
@@ -117,7 +122,10 @@ def _read_table(path: Path, form: TableForm | None, written: RowStamps | None) -
 
 
 def read_receiver_bytes(
-    data: bytes, name: str, not_before_gps_s: float = EARLIEST_GPS_S
+    data: bytes,
+    name: str,
+    not_before_gps_s: float = EARLIEST_GPS_S,
+    accept_manual: bool = False,
 ) -> ReceiverLog:
     """As :func:`read_receiver_log`, of bytes; ``name`` stands for the file in messages."""
     if _CONTENT.search(data) is None:
@@ -133,7 +141,7 @@ def read_receiver_bytes(
             f"{name}: no UBX, NMEA or RTKLIB content in its {len(data)} bytes{why}; "
             "check that this is the receiver's raw output (and the baud rate it was taken with)"
         )
-    return _read_stream(scan, kind, name, not_before_gps_s)
+    return _read_stream(scan, kind, name, not_before_gps_s, accept_manual)
 
 
 def _stream_kind(scan: Scan) -> str | None:
@@ -167,10 +175,15 @@ def _read_rtklib(data: bytes, name: str) -> ReceiverLog:
     )
 
 
-def _read_stream(scan: Scan, kind: str, name: str, not_before_gps_s: float) -> ReceiverLog:
+def _read_stream(
+    scan: Scan, kind: str, name: str, not_before_gps_s: float, accept_manual: bool
+) -> ReceiverLog:
     ubx, short = ubx_format.decode_scan(scan)
     use, leave = nmea_format.sentence_kinds(scan)
     nmea = nmea_format.decode_scan(scan, use)
+    manual = manual_positions(nmea)
+    if accept_manual and manual.any():
+        nmea["GGA"]["quality"][manual] = _PLAIN_FIX
     messages = _message_counts(scan)
     joined = join_epochs(ubx, nmea, len(scan.data), not_before_gps_s)
     fixes = build_fixes(joined, ubx, nmea) if joined is not None else _no_fixes()
@@ -188,6 +201,9 @@ def _read_stream(scan: Scan, kind: str, name: str, not_before_gps_s: float) -> R
         warnings += _join_warnings(joined, fixes)
     warnings += _epoch_warnings(fixes)
     warnings += _height_warnings(fixes, nmea)
+    if accept_manual and manual.any():
+        count = np.count_nonzero(manual)
+        warnings.append(f"{count} GGA positions of quality 7 (typed in by hand) are used")
     return ReceiverLog(
         fixes=fixes,
         imu=imu,
@@ -200,6 +216,12 @@ def _read_stream(scan: Scan, kind: str, name: str, not_before_gps_s: float) -> R
         ubx=ubx,
         nmea=nmea,
     )
+
+
+def manual_positions(nmea: dict[str, NmeaTable]) -> BoolArray:
+    """Which GGA sentences [n] call their position typed in by hand."""
+    gga = nmea.get("GGA")
+    return np.zeros(0, np.bool_) if gga is None else np.asarray(gga["quality"] == _MANUAL)
 
 
 def _kind_name(key: int) -> str:
@@ -308,11 +330,16 @@ def _height_warnings(fixes: Fixes, nmea: dict[str, NmeaTable]) -> list[str]:
     gga = nmea.get("GGA")
     if gga is not None:
         quality = gga["quality"]
-        simulated, manual = np.count_nonzero(quality == 8), np.count_nonzero(quality == 7)
+        simulated = np.count_nonzero(quality == 8)
+        manual = np.count_nonzero(manual_positions(nmea))
         if simulated:
             warnings.append(f"{simulated} GGA positions come from a simulator by their own word")
         if manual:
-            warnings.append(f"{manual} GGA positions were typed in by hand and are not used")
+            warnings.append(
+                f"{manual} GGA positions were typed in by hand (quality 7) and are not used; where "
+                'they were measured all the same, write accept = ["gnss_quality"] at the top of '
+                "drive.toml"
+            )
     heights = np.isfinite(fixes.height_m)
     if gga is not None and heights.any() and not np.isfinite(fixes.geoid_sep_m).any():
         known = np.isfinite(gga["sep"]).any() if len(gga["sep"]) else False

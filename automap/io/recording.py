@@ -12,7 +12,7 @@ from automap.io.axes import ImuAxes
 from automap.io.drive import Drive
 from automap.io.imu_csv import ImuRecording, imu_format, read_imu_csv
 from automap.io.stamps import order_stamps
-from automap.records import NO_TIME, Fixes, ImuData
+from automap.records import NO_TIME, Fixes, FixType, ImuData
 
 if TYPE_CHECKING:
     from automap.io.esf import ReceiverImu
@@ -97,6 +97,7 @@ def _with_log(
                     f"{drive.arrival_file}: the arrival times belong to none of the epochs and "
                     "are not used; offset counts the bytes of the log from 0"
                 )
+    fixes = without_placeholders(fixes, str(drive.gnss_file), warnings)
     recording = replace(recording, log=log, fixes=fixes)
     if recording.imu is None and log.imu is not None and drive.imu_file is None:
         imu = receiver_imu(drive, log.imu, fixes)
@@ -109,6 +110,28 @@ def _with_log(
     return recording
 
 
+def without_placeholders(fixes: Fixes, name: str, warnings: list[str]) -> Fixes:
+    """Fixes without those at latitude and longitude zero or at a pole, which programs write where
+    they have none; a sentence that begins with ``name`` goes to ``warnings``."""
+    zero = (fixes.lat_rad == 0.0) & (fixes.lon_rad == 0.0)
+    pole = np.abs(fixes.lat_rad) >= 0.5 * np.pi
+    none = (zero | pole) & (fixes.fix_type != FixType.NONE)
+    if not none.any():
+        return fixes
+    warnings.append(
+        f"{name}: {np.count_nonzero(none)} positions at latitude 0, longitude 0 or at a pole are "
+        "no fixes and are left out"
+    )
+    return replace(
+        fixes,
+        fix_type=np.where(none, FixType.NONE, fixes.fix_type),
+        lat_rad=np.where(none, np.nan, fixes.lat_rad),
+        lon_rad=np.where(none, np.nan, fixes.lon_rad),
+        height_m=np.where(none, np.nan, fixes.height_m),
+        vel_ned=np.where(none[:, None], np.nan, fixes.vel_ned),
+    )
+
+
 def read_drive_log(drive: Drive) -> ReceiverLog:
     """The receiver's log of a drive, which may be the very table that holds the readings: then
     the stamps of the readings tell when each fix came. Raises InputError."""
@@ -119,7 +142,12 @@ def read_drive_log(drive: Drive) -> ReceiverLog:
     written = None
     if drive.imu_file is not None and drive.imu_file.resolve() == drive.gnss_file.resolve():
         written = row_stamps(drive.imu_file, drive.imu.form)
-    return read_receiver_log(drive.gnss_file, form=drive.gnss.form, written=written)
+    return read_receiver_log(
+        drive.gnss_file,
+        form=drive.gnss.form,
+        written=written,
+        accept_manual="gnss_quality" in drive.manifest.accept,
+    )
 
 
 def receiver_imu(drive: Drive, own: ReceiverImu, fixes: Fixes) -> ImuData | None:

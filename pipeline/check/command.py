@@ -54,6 +54,16 @@ class CheckReport:
             "findings": [vars(finding) for finding in self.findings],
         }
 
+    def wrong(self) -> list[str]:
+        """One sentence for each warning and error, errors last."""
+        return [
+            f"{finding.severity}: {finding.file}: {finding.text}"
+            + (f"; {finding.advice}" if finding.advice else "")
+            for severity in ("warning", "error")
+            for finding in self.findings
+            if finding.severity == severity
+        ]
+
     def text(self) -> str:
         """The report for a terminal: a block for each file, then the verdict."""
         lines = [f"{self.name}  ({self.drive})"]

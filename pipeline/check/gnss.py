@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from automap.evaluation.plausibility import Finding
 from automap.io.drive import Drive
+from automap.io.receiver import manual_positions
 from automap.io.recording import Recording
 from automap.records import FixType
 from automap.timebase import gps_to_iso
-from pipeline.check import limits
+from pipeline.check import limits, position
 
 ABSENT = Finding(
     "error",
@@ -35,6 +38,11 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
     shown = ", ".join(f"{count} {name}" for name, count in most)
     findings = [Finding("ok", f"{log.kind} log: {shown}")]
     good = fixes.fix_type >= FixType.TWO_D
+    manual = manual_positions(log.nmea)
+    if not np.any(good) and manual.any():
+        text = f"{np.count_nonzero(manual)} positions were typed in by hand, by their quality 7"
+        advice = "a receiver's own are 1 to 6; programs of phones write 7 for what they measured"
+        return [*findings, Finding("error", text, advice, "gnss_quality")]
     if not np.any(good):
         findings.append(
             Finding(
@@ -45,9 +53,15 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
             )
         )
         return findings
+    findings += position.check(fixes, drive.site.country, _written_s(drive.gnss_file))
     findings += _quality(recording, good)
     findings += _jumps(recording, good)
     return findings
+
+
+def _written_s(file: Path | None) -> float | None:
+    """When a file was last written, UNIX time."""
+    return None if file is None else file.stat().st_mtime
 
 
 def _quality(recording: Recording, good: np.ndarray) -> list[Finding]:

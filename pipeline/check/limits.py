@@ -70,3 +70,8 @@ LEAST_SHARE = 0.25
 of it, as on foot."""
 NEAR_UNIT = 1.3
 """A factor within this of a unit's is the unit's."""
+BORDER_DEG = 1.0
+"""A place so near a country's box is in it: the borders are drawn at 1:110 million, to some
+0.3 deg, and leave out small islands."""
+AHEAD_S = 2 * 86400.0
+"""A log cannot be of a time after it was written, but for time zones and a recorder's clock."""

@@ -60,10 +60,15 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
         advice = f"they are not of one drive, or time = {drive.imu.time!r} in [imu] is wrong"
         text = f"IMU and fixes do not overlap in time: {spans}"
         findings.append(Finding("error", text, advice, "no_overlap"))
-    elif shared < limits.SHORT_OVERLAP * shorter:
-        findings.append(
-            Finding("warning", f"IMU and fixes overlap for {shared:.1f} s only: {spans}")
-        )
+        return findings
+    outside = int(np.count_nonzero((dated < gps_s[0]) | (dated > gps_s[-1])))
+    if shared < limits.SHORT_OVERLAP * shorter:
+        text = f"IMU and fixes overlap for {shared:.1f} s only: {spans}"
+        findings.append(Finding("warning", text, "", "short_overlap"))
+    elif outside > limits.SHORT_OVERLAP * len(dated):
+        text = f"{outside} of {len(dated)} fixes lie outside the IMU's time: {spans}"
+        advice = "is the rest of the IMU's file missing?"
+        findings.append(Finding("warning", text, advice, "short_overlap"))
     else:
         findings.append(Finding("ok", f"IMU and fixes overlap for {shared:.1f} s"))
     return findings

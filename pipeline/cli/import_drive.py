@@ -37,11 +37,17 @@ class _Kinds(click.Group):
 
 
 def _command(kind: Kind) -> click.Command:
-    def run(source: Path | tuple[Path, ...], out: Path, **options: Any) -> None:
+    from pipeline.check.command import check_drive
+
+    def run(source: Path | tuple[Path, ...], out: Path, **options: Any) -> int:
         module, _, name = kind.function.partition(":")
         for text in getattr(importlib.import_module(module), name)(source, out, **options):
             click.echo(f"warning: {text}", err=True)
         click.echo(str(out))
+        report = check_drive(out)
+        for text in report.wrong():
+            click.echo(text, err=True)
+        return 0 if report.usable else 3
 
     return Command(
         kind.name,

@@ -177,6 +177,7 @@ def command(
 
 
 def _record(cameras: tuple[str, ...], options: dict[str, Any]) -> int:
+    from pipeline.check.command import check_drive
     from pipeline.record.command import record
     from pipeline.record.request import RecordRequest
 
@@ -189,4 +190,6 @@ def _record(cameras: tuple[str, ...], options: dict[str, Any]) -> int:
         f"{len(ending.warnings)} warnings (recording.log)"
     )
     click.echo(str(ending.folder))
+    for text in check_drive(ending.folder).wrong():
+        click.echo(text, err=True)
     return 130 if cut_short else 0
