@@ -209,7 +209,7 @@ KINDS: dict[str, Kind] = {
             """FOLDER|ZIP is the exported recording with its CSV files.
 
             Gyroscope; TotalAcceleration, AccelerometerUncalibrated or Accelerometer with Gravity;
-            Location. Tested on made files of the documented columns, not on a phone's.""",
+            Location. Tested on an archive of a phone in a car and on made files.""",
             (_AXES,),
         ),
         Kind(
@@ -220,8 +220,8 @@ KINDS: dict[str, Kind] = {
             """LOG is a gnss_log_*.txt with fixes and sensors switched on.
 
             Accel, Gyro (the uncalibrated ones where they are there) and Fix lines of the GPS
-            provider; raw measurements are not used. Tested on made files of the documented
-            columns, not on a phone's.""",
+            provider; raw measurements are not used. Tested on a log of a Pixel and on made
+            files.""",
             (_AXES,),
         ),
         Kind(

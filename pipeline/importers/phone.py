@@ -52,12 +52,27 @@ def _import(
         run.sources += log.files
         for text in log.warnings:
             run.warn(text)
-        write_imu(run, log.imu_t_ns, log.gyro, log.accel)
-        sections = imu_section(axes, time) + _write_positions(run, log, time)
+        sections = _write_readings(run, log, axes, time) + _write_positions(run, log, time)
         run.write_manifest(sections, _NOTES)
         if run.source.is_dir():
             _keep_video(run)
     return run.warnings
+
+
+def _write_readings(run: Import, log: PhoneLog, axes: str, time: str) -> str:
+    """The IMU and its section; left out where there are fewer readings than positions, for what
+    happens between these is then not in them."""
+    t_ns, at_ns = log.imu_t_ns, log.position_t_ns
+    if at_ns is not None and len(t_ns) < len(at_ns):
+        span_s = float(np.ptp(t_ns)) * 1e-9 if len(t_ns) else 0.0
+        run.warn(
+            f"{run.source}: {len(t_ns)} inertial readings in {span_s:.0f} s, fewer than the "
+            f"{len(at_ns)} positions, are left out and the path is that of the positions; switch "
+            "the sensors on at their full rate next time"
+        )
+        return ""
+    write_imu(run, t_ns, log.gyro, log.accel)
+    return imu_section(axes, time)
 
 
 def _write_positions(run: Import, log: PhoneLog, time: str) -> str:

@@ -59,6 +59,17 @@ def test_a_phones_archive(shared_data: Path, tmp_path: Path) -> None:
     made(tmp_path / "drive")
 
 
+def test_a_phone_with_hardly_an_inertial_reading_goes_on_with_its_receiver(
+    shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nine readings in seven minutes, beside 94 fixes."""
+    source = shared_data / "real/phone/gnsslogger-pixel6.txt"
+    assert run_command(["init", str(source), "-o", str(tmp_path / "drive")]) == 0
+    assert "9 inertial readings in 452 s, fewer than the 94 positions" in capsys.readouterr().err
+    assert "imu" not in made(tmp_path / "drive")
+    assert run_command(["run", str(tmp_path / "drive"), "--to", "fuse", "--quiet"]) == 0
+
+
 def test_bags_in_a_folder(shared_data: Path, tmp_path: Path) -> None:
     (tmp_path / "bags").mkdir()
     for name in ("circle_gps.bag", "circle_imu.bag"):
