@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from contextlib import suppress
+from hashlib import sha256
 from pathlib import Path
 
 from numba import njit
@@ -19,21 +21,35 @@ kernel_in_order = njit(cache=True, error_model="numpy")
 """The same with sums in the order in which they are written."""
 
 
+STAMP = "kernels.stamp"
+"""Beside the compiled code: a digest of the sources that it was compiled from."""
+
+
 def drop_stale(folders: Iterable[Path]) -> None:
-    """Remove the index of compiled code beside the sources that is older than any of them.
+    """Remove the index of compiled code beside the sources where any of these has changed.
 
     Numba compiles a function anew when its own file changes, not when a function or a constant
-    that it takes from another file does.
+    that it takes from another file does. What tells a change is each source's name, size and time,
+    and not that a source is the newer one: an installed package's files have the time of its build.
+    The stamp lies in the first folder.
     """
     folders = list(folders)
     # where nothing may be written nothing was compiled
     with suppress(OSError):
-        sources = [p for folder in folders for p in folder.glob("*.py")]
-        newest = max((p.stat().st_mtime for p in sources), default=0.0)
+        sources = ((p, p.stat()) for folder in folders for p in sorted(folder.glob("*.py")))
+        known = [(p.parent.name, p.name, about.st_size, about.st_mtime_ns) for p, about in sources]
+        digest = sha256(repr(known).encode()).hexdigest()
+        stamp = folders[0] / "__pycache__" / STAMP
+        if stamp.exists() and stamp.read_text(encoding="ascii") == digest:
+            return
         for folder in folders:
             for index in (folder / "__pycache__").glob("*.nbi"):
-                if index.stat().st_mtime < newest:
-                    index.unlink(missing_ok=True)
+                index.unlink(missing_ok=True)
+        stamp.parent.mkdir(exist_ok=True)
+        # whole or not at all, also beside another process that does the same
+        part = stamp.with_name(f"{STAMP}.{os.getpid()}")
+        part.write_text(digest, encoding="ascii")
+        part.replace(stamp)
 
 
 KERNEL_FOLDERS = (
