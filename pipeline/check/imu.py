@@ -8,6 +8,7 @@ from automap.evaluation import plausibility
 from automap.evaluation.plausibility import Finding
 from automap.io.drive import Drive
 from automap.io.recording import Recording
+from automap.records import ImuData
 from pipeline.check import limits
 from pipeline.check.axes import WeighedAxes, weigh_axes
 
@@ -16,6 +17,19 @@ ABSENT = Finding(
     "no IMU recording",
     "the trajectory will come from the fixes alone, smoothed; add imu.csv if there is one",
 )
+
+
+def sparse(imu: ImuData) -> Finding | None:
+    """A warning for readings that are too few to be of use, else None."""
+    rate = 1e9 / float(np.median(np.diff(imu.t_ns))) if len(imu) > 1 else 0.0
+    if len(imu) >= limits.FEW_READINGS and rate >= limits.SPARSE_HZ:
+        return None
+    return Finding(
+        "warning",
+        f"{len(imu)} readings, {rate:.2g} Hz, are too few to be used",
+        "the drive goes on with the receiver alone; record at 50 Hz or more",
+        "imu_sparse",
+    )
 
 
 def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxes | None]:

@@ -53,8 +53,10 @@ def judge(drive: Drive, recording: Recording) -> Judgement:
     found = [*_unreadable(drive, recording)]
     weighed = None
     if recording.imu is not None:
-        measured, weighed = imu.check(drive, recording)
+        few = imu.sparse(recording.imu)
+        measured, weighed = ([few], None) if few else imu.check(drive, recording)
         found += _all(drive.imu_file or drive.gnss_file or drive.manifest_file, measured)
+        recording = replace(recording, imu=None) if few else recording
     found += [*_receiver(drive, recording), *_cameras(drive)]
     if drive.trajectory_file is not None:
         found = [replace(item, finding=_unused(item.finding)) for item in found]

@@ -25,6 +25,9 @@ LATE_TOLD_S, LATE_S = 0.1, 1.0
 what a receiver's velocity errs by anyway, and recorded receivers' are late by up to 0.7 s."""
 COURSE_OFF_RAD = 0.05
 """A course off by more is against another north: 3 deg, as the compass is off in most countries."""
+SPARSE_HZ, FEW_READINGS = 1.0, 10
+"""With fewer readings a second, or fewer at all, there is nothing to integrate: a car turns a
+corner between two of them, and the fixes come as often."""
 SLOW_HZ = 20.0
 """Turns and springs (some 2 Hz) need ten readings a period."""
 LONG_GAP_S = 1.0

@@ -379,3 +379,15 @@ def test_nobody_can_accept_that_there_are_no_positions(drive: Path, tmp_path: Pa
     with pytest.raises(InputError) as caught:
         _ingest(drive, tmp_path / "work")
     assert str(caught.value) == f"{manifest}: {wrong.text}; {wrong.advice}."
+
+
+@pytest.mark.parametrize("rows", [9, 3])
+def test_too_few_readings_leave_the_receiver_alone(drive: Path, tmp_path: Path, rows: int) -> None:
+    lines = (drive / "imu.csv").read_text().splitlines(keepends=True)
+    (drive / "imu.csv").write_text("".join([lines[0], *lines[1 :: len(lines) // rows]]))
+    report = check_drive(drive)
+    assert report.usable
+    assert "imu_sparse" in [f.code for f in report.findings]
+    context = _ingest(drive, tmp_path / "work")
+    assert not (tmp_path / "work" / names.IMU).exists()
+    assert "goes on with the receiver alone" in " ".join(context.warnings)

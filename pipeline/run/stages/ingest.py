@@ -38,8 +38,8 @@ def run(context: StageContext) -> None:
     if drive.trajectory_file is not None:
         summary["trajectory"] = _check_trajectory(context, drive.trajectory_file)
         parts.append("finished trajectory")
-    if recording.imu is not None:
-        write_imu(context.work / names.IMU, judged.imu or recording.imu)
+    if judged.imu is not None and recording.imu is not None:
+        write_imu(context.work / names.IMU, judged.imu)
         summary["imu"] = _imu_summary(drive, recording)
         if judged.mended is not None:
             summary["imu"]["mended_accel_axes"] = judged.mended.accel.tolist()
@@ -168,7 +168,7 @@ def sensor_input(drive: Drive) -> Path | None:
 
 STAGE = Stage(
     name="ingest",
-    version=4,
+    version=5,
     run=run,
     inputs=_inputs,
     needs=(),
