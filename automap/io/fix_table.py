@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +12,11 @@ from automap.errors import InputError
 from automap.io.epoch_velocity import STANDSTILL_SPEED
 from automap.io.named_table import NamedTable, read_table
 from automap.io.rtklib import QUALITY
+from automap.io.speed_unit import speed_unit
 from automap.io.stamps import order_stamps
 from automap.io.table_form import TableForm
 from automap.io.table_times import to_gps_s
+from automap.io.table_units import to_si
 from automap.records import NO_TIME, BoolArray, Fixes, FixType, FloatArray, IntArray
 
 _HELD_ROWS = 2
@@ -34,6 +36,8 @@ _NMEA = np.array(
     ],
     np.int64,
 )
+_CODES, _SKY = 100, 1000
+"""No code of a fix and no number of satellites is as large."""
 _DIMENSIONS = np.array([FixType.NONE, FixType.NONE, FixType.TWO_D, FixType.THREE_D], np.int64)
 
 
@@ -93,13 +97,28 @@ def read_fix_table(
         lost = len(rows) - len(order.keep)
         warnings.append(f"{path}: {lost} fixes whose times do not continue were left out")
     rows = rows[order.keep]
+    table, notes = _speeds(path, table, rows)
     fixes, said = _fixes(path, table, rows, written)
     if not np.any(fixes.fix_type != FixType.NONE):
         raise InputError(
             f"{path}: no row has a latitude within 90 deg and a longitude; check which column is "
             "which, and their units."
         )
-    return FixTable(fixes, len(table), held, (*warnings, *said), table.notes)
+    return FixTable(fixes, len(table), held, (*warnings, *said), (*table.notes, *notes))
+
+
+def _speeds(path: Path, table: NamedTable, rows: IntArray) -> tuple[NamedTable, list[str]]:
+    """The table with speeds in m/s where nothing tells their unit but the positions."""
+    if "speed" not in table.guess.assumed:
+        return table, []
+    assert table.t_ns is not None
+    speed = table.columns["speed"]
+    seconds = (table.t_ns[rows] - table.t_ns[rows[0]]) * 1e-9
+    unit = speed_unit(seconds, *(table.column(role)[rows] for role in ("lat", "lon", "speed")))
+    if unit == "m/s":
+        return table, []
+    told = f"{path}: speeds are read as {unit}, which the positions move by"
+    return replace(table, columns=table.columns | {"speed": to_si(speed, unit, "speed")}), [told]
 
 
 def _lines(table: NamedTable) -> IntArray:
@@ -139,7 +158,7 @@ def _fixes(
     def get(role: str, least: float = -np.inf) -> FloatArray:
         values = table.column(role)[rows]
         # phones write -1 for what they do not know
-        return np.where(values >= least, values, np.nan)
+        return np.where((values >= least) & np.isfinite(values), values, np.nan)
 
     lat, lon = get("lat"), get("lon")
     good = (np.abs(lat) <= np.pi / 2) & (np.abs(lon) <= 2 * np.pi) & ((lat != 0) | (lon != 0))
@@ -180,7 +199,7 @@ def _fixes(
         sd_pos_ned=sd,
         sd_vel_ned=sd_velocity,
         fix_type=fix.astype(np.int64),
-        n_sats=np.where(np.isfinite(sats), sats, -1.0).astype(np.int64),
+        n_sats=np.where(sats < _SKY, sats, -1.0).astype(np.int64),
         hdop=get("hdop", 0.0),
         geoid_sep_m=separation,
         offset=np.full(len(rows), -1, np.int64),
@@ -208,8 +227,7 @@ def _height(
 def _fix_types(quality: FloatArray, table: NamedTable, usual: IntArray) -> IntArray:
     """Types of fixes [n] by a column that gives NMEA's or RTKLIB's quality or the dimensions."""
     name = str(table.guess.form.columns.get("quality", "")).strip()
-    known = np.isfinite(quality)
-    code = np.where(known, quality, 0.0).astype(np.int64)
+    code = np.where(np.abs(quality) < _CODES, quality, 0.0).astype(np.int64)
     largest = int(code.max(initial=0))
     if name == "Q":
         kinds = QUALITY

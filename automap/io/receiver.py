@@ -110,8 +110,8 @@ def _read_table(path: Path, form: TableForm | None, written: RowStamps | None) -
     return ReceiverLog(
         fixes=table.fixes,
         imu=None,
-        messages={"row of a table": table.rows}
-        | ({"row that repeats the fix before": table.held} if table.held else {}),
+        messages={"rows of the table": table.rows}
+        | ({"rows that repeat a fix": table.held} if table.held else {}),
         bad_checksums=0,
         garbage_bytes=0,
         truncated=None,

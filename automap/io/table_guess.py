@@ -21,7 +21,7 @@ from automap.io.table_form import (
     TableKind,
 )
 from automap.io.table_time_guess import likeliest_times, refuse_other_unit, stated_time
-from automap.io.table_times import TimeForm
+from automap.io.table_times import TimeForm, guessed_form
 
 NEEDED: dict[TableKind, tuple[str, ...]] = {
     "imu": (*GYRO, *ACCEL),
@@ -34,9 +34,9 @@ NEEDED: dict[TableKind, tuple[str, ...]] = {
 @dataclass(frozen=True)
 class TableGuess:
     """How a table is read: ``places`` of our columns, counted from 0; ``units`` of those that
-    have one (of gyro and accelerometer only where the table tells it); ``time`` None where
-    there are no times. ``notes`` say what was guessed, ``form`` writes all of it as a manifest
-    would.
+    have one (of gyro and accelerometer only where the table tells it), of which nothing tells
+    the ``assumed``; ``time`` None where there are no times. ``notes`` say what was guessed,
+    ``form`` writes all of it as a manifest would.
     """
 
     kind: TableKind
@@ -45,6 +45,7 @@ class TableGuess:
     time: TimeForm | None
     notes: tuple[str, ...]
     form: TableForm
+    assumed: frozenset[str] = frozenset()
 
 
 def guess_table(
@@ -75,8 +76,14 @@ def guess_table(
     if time is not None:
         refuse_other_unit(layout, kind, form, time, times)
     places = {role: at for role, at in places.items() if at not in times.values()} | times
-    units = _units(names, layout, kind, form, places)
-    guess = TableGuess(kind, places, units, time, (), form)
+    told = _units(names, layout, kind, form, places)
+    units = {
+        role: told.get(role) or DEFAULT_UNIT[quantity]
+        for role, quantity in QUANTITIES[kind].items()
+        if role in places and quantity is not None and (role in told or role not in GYRO + ACCEL)
+    }
+    assumed = frozenset(units) - frozenset(told)
+    guess = TableGuess(kind, places, units, time, (), form, assumed)
     notes += _notes(layout, guess, stated)
     return replace(guess, notes=tuple(notes), form=_written(layout, guess, form))
 
@@ -158,7 +165,7 @@ def _units(
     form: TableForm,
     places: Mapping[str, int],
 ) -> dict[str, str]:
-    """Each column's unit: as the manifest says, its name or the line below it, or ours."""
+    """The units that the manifest, a column's name, the line below it or its cells tell."""
     units: dict[str, str] = {}
     for role, quantity in QUANTITIES[kind].items():
         if role not in places or quantity is None:
@@ -167,9 +174,13 @@ def _units(
         told = names[at].unit(quantity)
         if told is None and layout.units:
             told = HeaderName("", (), layout.units[at]).unit(quantity)
+        if told is None and role == "arrival":
+            cells = [row[at] for row in layout.sample]
+            count = guessed_form(cells, layout.decimal, None, "imu")
+            told = None if count is None else count.unit
         told = form.units.get(role) or told
-        if told is not None or role not in GYRO + ACCEL:
-            units[role] = told or DEFAULT_UNIT[quantity]
+        if told is not None:
+            units[role] = told
     return units
 
 
@@ -178,7 +189,7 @@ def _notes(layout: Layout, guess: TableGuess, stated: Mapping[str, int]) -> list
     notes = []
     found = [
         f"{role} is {layout.names[at] or at + 1!r}"
-        + (f" in {guess.units[role]}" if role in guess.units else "")
+        + (f" in {guess.units[role]}" if role in guess.units and role not in guess.assumed else "")
         for role, at in guess.places.items()
         if role not in stated and not _is_ours(layout.names[at], role)
     ]

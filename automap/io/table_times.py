@@ -146,7 +146,8 @@ def stamps(
     """
     if "week" in columns and "tow" in columns:
         week, tow = (np.asarray(columns[name], np.float64) for name in ("week", "tow"))
-        good = np.isfinite(week) & np.isfinite(tow) & (np.abs(week) < 1e4)
+        # NaN compares false
+        good = (np.abs(week) < 1e4) & (np.abs(tow) * UNITS["time"][form.unit or "s"] < 1e18)
         whole = np.where(good, week, 0.0).astype(np.int64) * WEEK_S * 1_000_000_000
         return whole + _counted(np.where(good, tow, 0.0), form.unit or "s"), good
     if form.pattern is not None:

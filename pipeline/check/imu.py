@@ -6,6 +6,7 @@ import numpy as np
 
 from automap.evaluation import plausibility
 from automap.evaluation.plausibility import Finding
+from automap.io.csv_columns import listed
 from automap.io.drive import Drive
 from automap.io.recording import Recording
 from automap.records import ImuData
@@ -60,8 +61,9 @@ def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxe
                     "the position drifts there; look for a slow disk or a loose cable",
                 )
             )
-        if recording.imu_file.extra_columns:
-            columns = ", ".join(recording.imu_file.extra_columns)
+        # of a table that is the receiver's log as well others are read
+        if recording.imu_file.extra_columns and drive.imu_file != drive.gnss_file:
+            columns = listed(recording.imu_file.extra_columns)
             findings.append(Finding("info", f"columns that nothing reads: {columns}"))
     stamps = plausibility.stamp_unit(rate)
     findings += [] if stamps is None else [stamps]

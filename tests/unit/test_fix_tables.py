@@ -162,3 +162,19 @@ def test_two_tables_of_one_drive_share_their_clock(shared_data: Path) -> None:
     north = (phone.lat_rad - at)[(phone.gps_s > car.gps_s[0]) & (phone.gps_s < car.gps_s[-1])]
     assert np.median(np.abs(north)) * 6.37e6 < 30.0
     assert (car.arrival_ns == NO_TIME).all()
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("km/h", 3.6), ("knots", 1.9438), ("mph", 2.2369)])
+def test_speeds_without_a_unit_are_those_of_the_positions(
+    tmp_path: Path, unit: str, factor: float
+) -> None:
+    lines = [
+        f"{UNIX_S + k},{48.0 + 12.0 * k / 6.36e6 * 57.29578:.8f},11.0,{12.0 * factor:.3f},0"
+        for k in range(60)
+    ]
+    path = _write(tmp_path, "time,lat,lon,speed,course\n" + "\n".join(lines) + "\n")
+    found = read_fix_table(path)
+    np.testing.assert_allclose(found.fixes.vel_ned[:, 0], 12.0, rtol=1e-3)
+    assert any(f"speeds are read as {unit}" in text for text in found.notes)
+    stated = read_fix_table(path, TableForm(units={"speed": "m/s"}))
+    np.testing.assert_allclose(stated.fixes.vel_ned[:, 0], 12.0 * factor, rtol=1e-3)

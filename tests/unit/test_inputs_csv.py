@@ -344,3 +344,14 @@ def test_a_trajectory_without_time_is_one_sentence(tmp_path: Path) -> None:
     path = _write(tmp_path, "lat_deg,lon_deg\n1,2\n1,2\n", "trajectory.csv")
     with pytest.raises(InputError, match="neither t_ns nor gps_s"):
         read_trajectory_csv(path)
+
+
+def test_a_sound_recording_is_never_read_cell_by_cell(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slowly(*_: object) -> None:
+        raise AssertionError("the careful way was taken")
+
+    monkeypatch.setattr("automap.io.csv_cells._careful", slowly)
+    path = _write(tmp_path, _rows(np.arange(1000) * 10_000_000))
+    assert len(read_imu_csv(path).data) == 1000

@@ -1,0 +1,41 @@
+"""The unit of a receiver's speeds, by how fast its positions move."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.earth import metres_per_radian
+from automap.io.table_units import UNITS
+from automap.records import FloatArray
+
+SAME_RATIO = 0.07
+"""Two units of speed differ by 15 % or more (knots and mph do), so half of it parts them all."""
+
+_MOVING_M_S, _WINDOW_S, _FEW = 3.0, 2.0, 10
+
+
+def speed_unit(seconds: FloatArray, lat: FloatArray, lon: FloatArray, speed: FloatArray) -> str:
+    """The unit in which speeds [n] are those of positions [n], rad, at ``seconds`` [n].
+
+    "m/s" where too little moves or where no unit fits.
+    """
+    good = np.isfinite(lat) & np.isfinite(lon) & np.isfinite(speed)
+    seconds, lat, lon, speed = (values[good] for values in (seconds, lat, lon, speed))
+    ahead = np.searchsorted(seconds, seconds + _WINDOW_S)
+    first = np.flatnonzero(ahead < len(seconds))
+    last = ahead[first]
+    length = seconds[last] - seconds[first]
+    first, last = first[length < 2 * _WINDOW_S], last[length < 2 * _WINDOW_S]
+    if len(first) < _FEW:
+        return "m/s"
+    north, east = metres_per_radian(lat[first], np.zeros(len(first)))
+    way = np.hypot(north * (lat[last] - lat[first]), east * (lon[last] - lon[first]))
+    moved = way / (seconds[last] - seconds[first])
+    told = 0.5 * (speed[first] + speed[last])
+    fast = (moved > _MOVING_M_S) & (told > 0.0)
+    if np.count_nonzero(fast) < _FEW:
+        return "m/s"
+    ratio = float(np.median(told[fast] / moved[fast]))
+    off = {unit: abs(np.log(ratio * factor)) for unit, factor in UNITS["speed"].items()}
+    best = min(off, key=lambda unit: off[unit])
+    return best if off[best] < SAME_RATIO else "m/s"
