@@ -12,7 +12,7 @@ from automap.io.receiver import manual_positions
 from automap.io.recording import Recording
 from automap.records import FixType
 from automap.timebase import gps_to_iso
-from pipeline.check import limits, position
+from pipeline.check import geoid, limits, position
 
 ABSENT = Finding(
     "error",
@@ -54,6 +54,7 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
         )
         return findings
     findings += position.check(fixes, drive.site.country, _written_s(drive.gnss_file))
+    findings += geoid.check(fixes)
     findings += _quality(recording, good)
     findings += _jumps(recording, good)
     return findings
