@@ -18,6 +18,7 @@ from automap.io.table_form import TableForm
 from automap.io.table_times import to_gps_s
 from automap.io.table_units import to_si
 from automap.records import NO_TIME, BoolArray, Fixes, FixType, FloatArray, IntArray
+from automap.timebase import DAY_S
 
 _HELD_ROWS = 2
 """Rows between changes of a fix, in the middle of them, from which on a table holds its fixes."""
@@ -51,13 +52,15 @@ class RowStamps:
 
 @dataclass(frozen=True)
 class FixTable:
-    """Fixes of a table; ``rows`` it had, ``held`` of them repeat the one before."""
+    """Fixes of a table; ``rows`` it had, ``held`` of them repeat the one before; ``period_s`` a day
+    where its times are times of day without a date."""
 
     fixes: Fixes
     rows: int
     held: int
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
+    period_s: float | None
 
 
 def row_stamps(path: Path, form: TableForm) -> RowStamps:
@@ -104,7 +107,8 @@ def read_fix_table(
             f"{path}: no row has a latitude within 90 deg and a longitude; check which column is "
             "which, and their units."
         )
-    return FixTable(fixes, len(table), held, (*warnings, *said), (*table.notes, *notes))
+    period_s = float(DAY_S) if table.clock == "day" else None
+    return FixTable(fixes, len(table), held, (*warnings, *said), (*table.notes, *notes), period_s)
 
 
 def _speeds(path: Path, table: NamedTable, rows: IntArray) -> tuple[NamedTable, list[str]]:
@@ -187,7 +191,7 @@ def _fixes(
         values[none] = np.nan
     for vectors in (velocity, sd, sd_velocity):
         vectors[none] = np.nan
-    if table.clock in ("host", "day"):
+    if table.clock == "host":
         said.append(f"{path}: no column tells the date, so times count from the first day of 1980")
     sats = get("n_sats", 0.0)
     fixes = Fixes(

@@ -41,7 +41,8 @@ class ReceiverLog:
     ``garbage_bytes`` belong to no message (blank and ``#`` lines apart); ``truncated`` says
     what the end of the file cut off. ``kind`` is "ubx", "nmea", "mixed" or "rtklib".
     ``ubx`` and ``nmea`` are the decoded tables by type. ``notes`` say how a table of fixes
-    (``kind`` "table") was understood.
+    (``kind`` "table") was understood. ``period_s`` where no date is told: times are known within
+    a day (UTC) or a week (GPS time) then, and count from the first one of 1980.
     """
 
     fixes: Fixes
@@ -55,6 +56,7 @@ class ReceiverLog:
     ubx: dict[str, Table] = field(default_factory=dict)
     nmea: dict[str, NmeaTable] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    period_s: float | None = None
 
 
 def sniff(data: bytes) -> str | None:
@@ -118,6 +120,7 @@ def _read_table(path: Path, form: TableForm | None, written: RowStamps | None) -
         warnings=[text.removeprefix(f"{path}: ") for text in table.warnings],
         kind="table",
         notes=table.notes,
+        period_s=table.period_s,
     )
 
 
@@ -215,7 +218,14 @@ def _read_stream(
         kind=kind,
         ubx=ubx,
         nmea=nmea,
+        period_s=_period_s(joined),
     )
+
+
+def _period_s(joined: Joined | None) -> float | None:
+    if joined is None or joined.dated:
+        return None
+    return float(tb.WEEK_S if any(name.startswith("NAV-") for name in joined.rows) else tb.DAY_S)
 
 
 def manual_positions(nmea: dict[str, NmeaTable]) -> BoolArray:
@@ -292,10 +302,6 @@ def _join_warnings(joined: Joined, fixes: Fixes) -> list[str]:
         )
     if joined.untimed:
         warnings.append(f"{joined.untimed} messages belong to no epoch, having no readable time")
-    if not joined.dated:
-        warnings.append(
-            "no message tells the date or GPS week: times count from the first day or week of 1980"
-        )
     if joined.moved_eras:
         first = tb.gps_to_iso(float(np.nanmin(fixes.gps_s))) if len(fixes) else "unknown"
         warnings.append(

@@ -11,8 +11,10 @@ from automap.errors import InputError
 from automap.io.axes import ImuAxes
 from automap.io.drive import Drive
 from automap.io.imu_csv import ImuRecording, imu_format, read_imu_csv
+from automap.io.log_date import find_date
 from automap.io.stamps import order_stamps
 from automap.records import NO_TIME, Fixes, FixType, ImuData
+from automap.timebase import gps_to_iso
 
 if TYPE_CHECKING:
     from automap.io.esf import ReceiverImu
@@ -97,6 +99,8 @@ def _with_log(
                     f"{drive.arrival_file}: the arrival times belong to none of the epochs and "
                     "are not used; offset counts the bytes of the log from 0"
                 )
+    if log.period_s is not None:
+        log, fixes = _with_date(drive, recording, log, fixes, warnings)
     fixes = without_placeholders(fixes, str(drive.gnss_file), warnings)
     recording = replace(recording, log=log, fixes=fixes)
     if recording.imu is None and log.imu is not None and drive.imu_file is None:
@@ -108,6 +112,29 @@ def _with_log(
                 f"IMU, tied to GPS time to {log.imu.tie_sd_s:g} s"
             )
     return recording
+
+
+def _with_date(
+    drive: Drive, recording: Recording, log: ReceiverLog, fixes: Fixes, warnings: list[str]
+) -> tuple[ReceiverLog, Fixes]:
+    """A log without a date, and its fixes, with the date that something else tells."""
+    assert drive.gnss_file is not None
+    assert log.period_s is not None
+    readings = None if recording.imu is None else (drive.imu.time, recording.imu.t_ns)
+    names = (drive.gnss_file, drive.gnss_file.resolve().parent, drive.path.resolve())
+    found = find_date(fixes, log.period_s, drive.gnss.arrival_time, readings, names)
+    said = f"{drive.gnss_file}: nothing in the log tells the date or GPS week"
+    if found is None:
+        warnings.append(f"{said}: times count from the first day or week of 1980")
+        return log, fixes
+    gps_s = fixes.gps_s + found.shift_s
+    day = gps_to_iso(float(gps_s[np.isfinite(gps_s)][0]))[:10]
+    warnings.append(f"{said}; it is {day} (UTC) by {found.source}")
+    own = log.imu
+    if own is not None and own.gps_s is not None:
+        own = replace(own, gps_s=own.gps_s + found.shift_s)
+    log_fixes = replace(log.fixes, gps_s=log.fixes.gps_s + found.shift_s)
+    return replace(log, imu=own, fixes=log_fixes), replace(fixes, gps_s=gps_s)
 
 
 def without_placeholders(fixes: Fixes, name: str, warnings: list[str]) -> Fixes:

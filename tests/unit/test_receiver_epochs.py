@@ -247,9 +247,11 @@ def test_ubx_without_week_takes_it_from_nmea() -> None:
 
 def test_a_log_without_any_date_counts_from_the_first_day() -> None:
     log = read(gga(GPS), gga(GPS + 1))
-    assert any("date" in w for w in log.warnings)
+    assert log.period_s == tb.DAY_S
     assert np.diff(log.fixes.gps_s) == pytest.approx(1.0)
     assert 0 <= log.fixes.gps_s[0] < 2 * tb.DAY_S
+    assert read(posllh(GPS), velned(GPS)).period_s == tb.WEEK_S
+    assert read(gga(GPS), rmc(GPS)).period_s is None
 
 
 def test_dates_of_a_past_era_are_moved_on() -> None:
