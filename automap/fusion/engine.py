@@ -165,7 +165,7 @@ def fuse_imu_gnss(
     if (tells_arm or lever_arm is not None) and "gnss_lever_arm" not in effects:
         effects = (*effects, "gnss_lever_arm")
     age_sd = 0.0 if delay_is_clock else _age_sd(fixes, clock, options)
-    if delay.sd < age_sd and "gnss_latency" not in effects:
+    if delay.sd < limits.BETTER_KNOWN * age_sd and "gnss_latency" not in effects:
         # the stamps are known better than the age of the fixes, which looks like their delay
         effects = (*effects, "gnss_latency")
         sds[LATENCY_STATE] = age_sd

@@ -151,7 +151,8 @@ class Gnss(_Part):
     and ``errors`` give none. It states the accuracy of the errors here, or ``stated_sd_m`` and
     ``stated_sd_velocity``, and knows nothing of the effects. ``solutions`` take the place of the
     position errors here: the drive begins with the first. As ``nmea`` it states neither
-    accuracies nor vertical velocity.
+    accuracies nor vertical velocity. The manifest states ``output_delay_s`` unless it is not
+    ``output_delay_known``, as that of few receivers is.
     """
 
     receiver: str = ""
@@ -169,6 +170,7 @@ class Gnss(_Part):
     dropouts: list[tuple[NonNegative, NonNegative]] = []
     geoid_separation_m: float = 0.0
     output_delay_s: NonNegative = 0.07
+    output_delay_known: bool = True
     arrival_jitter_s: NonNegative = 0.008
     burst_probability: Annotated[float, Field(ge=0, le=1)] = 0.02
     burst_s: NonNegative = 0.12

@@ -246,6 +246,10 @@ def _draw_video(
         container.mux(stream.encode())
 
 
+def _output_delay(gnss: Gnss) -> list[str]:
+    return [f"output_delay_s = {gnss.output_delay_s}"] if gnss.output_delay_known else []
+
+
 def _manifest(scenario: Scenario) -> str:
     lines = [
         'schema = "automap.drive/1"',
@@ -265,7 +269,7 @@ def _manifest(scenario: Scenario) -> str:
             f'file = "gnss.{scenario.gnss.format}"',
             'arrival = "gnss_arrival.csv"',
             'arrival_time = "boot_ns"',
-            f"output_delay_s = {scenario.gnss.output_delay_s}",
+            *_output_delay(scenario.gnss),
             f"lever_arm_m = {list(scenario.gnss.lever_arm_m)}",
         ]
     if scenario.odometer is not None:

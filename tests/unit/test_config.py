@@ -61,7 +61,7 @@ def test_every_setting_is_used() -> None:
     # an error that lasts its size and time
     sources += [
         *(root / "automap" / "fusion").rglob("*.py"),
-        *(root / "automap" / "effects").glob("*.py"),
+        *(root / "automap" / "effects").rglob("*.py"),
     ]
     text = "\n".join(p.read_text(encoding="utf-8") for p in sources)
     by_name = r'walk_setting="|GaussMarkov\([^)]*"'
