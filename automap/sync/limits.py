@@ -115,6 +115,16 @@ LAG_REACH_S = 0.8
 """The IMU's delay is searched this far to both sides."""
 SEGMENT_S, MOST_SEGMENTS, SEGMENT_NATS = 60.0, 12, 5.0
 """A drift is seen from lags of parts of the drive, each of a minute and worth odds of 150 to 1."""
+PIECE_S, MOST_PIECES = 30.0, 24
+"""Clocks are compared in pieces so long or, of a long drive, in so many. Chosen: half a minute of
+town holds a bend or a stop, and more pieces tell a jump no better."""
+SIDE_PIECES = 2
+"""So many pieces to each side of a change at least: one alone may be mistaken."""
+LAG_SCATTER, SCATTER_PIECES = 2.0, 8
+"""How much more lags of pieces scatter than by their sigmas, and how many pieces of the drive at
+hand that is worth. Recorded cars, with geodetic receivers and phones: 1.5 to 3 times."""
+CHANGE_PROBABILITY = 1e-6
+"""A steady clock is said to jump or to run off so rarely."""
 OFFSET_STEP_S, APART_S = 0.2, 5.0
 """Step of the search over all offsets; peaks nearer than five seconds are one."""
 LEAST_OVERLAP_S, LEAST_OVERLAP = 20.0, 0.3

@@ -57,6 +57,11 @@ class ImuMotion:
         steps[lost] = np.nan
         return steps[:, :3]
 
+    def part(self, first: float, last: float) -> ImuMotion:
+        """The integrals at the times from ``first`` to ``last``."""
+        rows = slice(*np.searchsorted(self.t_s, (first, last)))
+        return ImuMotion(self.t_s[rows], self.integral[rows])
+
 
 @dataclass(frozen=True)
 class GnssMotion:

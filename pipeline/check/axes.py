@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.evaluation.plausibility import Finding
-from automap.fusion.doubts.receiver import usable_fixes
 from automap.fusion.unusable_readings import bridge_unusable
 from automap.gates import sigmas
 from automap.io.axes import ImuAxes, axes_value
 from automap.io.drive import Drive
-from automap.io.recording import Recording, imu_time
-from automap.records import FloatArray, ImuData
+from automap.io.recording import Recording
+from automap.records import ClockModel, Fixes, FloatArray, ImuData
 from automap.sync.axes import (
     AxesJudgement,
     Hypothesis,
@@ -23,8 +22,6 @@ from automap.sync.axes import (
     slope,
 )
 from automap.sync.axes_evidence import AxesEvidence, Followed, axes_evidence
-from automap.sync.clock import rough_clock
-from automap.sync.velocity_consistency import velocity_consistency
 from pipeline.check import limits
 
 CODE = "imu_axes"
@@ -43,19 +40,13 @@ class WeighedAxes:
     mended: ImuAxes | None = None
 
 
-def weigh_axes(drive: Drive, recording: Recording) -> WeighedAxes:
-    """Judge the axes of a recording's IMU by its own readings and by the receiver's motion."""
-    imu, fixes = recording.imu, recording.fixes
+def weigh_axes(
+    drive: Drive, recording: Recording, fixes: Fixes | None, clock: ClockModel | None
+) -> WeighedAxes:
+    """Judge the axes of a recording's IMU by its own readings and by the receiver's motion, of
+    usable ``fixes`` and by the ``clock`` of the stamps where there are any."""
+    imu = recording.imu
     assert imu is not None
-    clock = None
-    if fixes is not None and len(fixes):
-        receiver = velocity_consistency(fixes)
-        # velocities that are wrong themselves say nothing of the IMU, nor does a mirrored path
-        fixes = usable_fixes(fixes, receiver)
-        gnss = drive.gnss
-        base = imu_time(drive, recording)
-        if not any(reason.code == "sign_turned" for reason in receiver.reasons):
-            clock = rough_clock(imu, fixes, base, gnss.arrival_time, gnss.output_delay_s)
     seen = axes_evidence(_usable(imu), fixes, clock)
     if imu.axes_known:
         judged = judge_stated(seen)

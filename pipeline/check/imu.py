@@ -12,6 +12,8 @@ from automap.io.recording import Recording
 from automap.records import ImuData
 from pipeline.check import limits
 from pipeline.check.axes import WeighedAxes, weigh_axes
+from pipeline.check.steadiness import check as steadiness
+from pipeline.check.steadiness import usable_receiver
 
 ABSENT = Finding(
     "warning",
@@ -34,8 +36,8 @@ def sparse(imu: ImuData) -> Finding | None:
 
 
 def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxes | None]:
-    """What the readings look like: amount, rate, gaps, units, gravity; and their axes, None where
-    the unit is wrong already."""
+    """What the readings look like: amount, rate, gaps, units, gravity, clock; and their axes, None
+    where the unit is wrong already."""
     imu = recording.imu
     assert imu is not None
     rate = 1e9 / float(np.median(np.diff(imu.t_ns)))
@@ -72,8 +74,10 @@ def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxe
     findings += plausibility.stuck_readings(imu)
     if unit.severity != "ok":
         return findings, None
-    weighed = weigh_axes(drive, recording)
-    return [*findings, *weighed.findings], weighed
+    fixes, clock = usable_receiver(drive, recording)
+    steady = steadiness(imu, fixes, clock)
+    weighed = weigh_axes(drive, recording, fixes, clock)
+    return [*findings, *steady, *weighed.findings], weighed
 
 
 def is_harmless(recording: Recording, text: str) -> bool:

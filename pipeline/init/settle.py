@@ -19,6 +19,7 @@ from automap.records import FloatArray
 from automap.sync.velocity_consistency import velocity_consistency
 from automap.timebase import unix_to_gps
 from pipeline.check.axes import SCALE_CODE, WeighedAxes, weigh_axes
+from pipeline.check.steadiness import usable_receiver
 from pipeline.importers.level_axes import SLOW, is_slow, level_axes
 from pipeline.init.draft import Draft
 
@@ -127,7 +128,7 @@ def _gyro_unit(draft: Draft) -> tuple[Recording, WeighedAxes] | None:
         if read is None or read[1].imu is None:
             return None
         drive, recording = read
-        seen[unit] = recording, weigh_axes(drive, recording)
+        seen[unit] = recording, weigh_axes(drive, recording, *usable_receiver(drive, recording))
         scaled = any(f.code == SCALE_CODE for f in seen[unit][1].findings)
         assert recording.imu is not None
         fast = plausibility.gyro_size(recording.imu.gyro).severity != "ok"

@@ -1,0 +1,113 @@
+"""Clocks that jump or run off against the receiver's are found, others are not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from automap.evaluation.plausibility import Finding
+from automap.records import ClockModel, Fixes, FloatArray, ImuData
+from automap.sync.steadiness import Piece, clock_change
+from pipeline.check.steadiness import check
+from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, record
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import Receiver, receive
+
+CAR, PHONE = (100.0, 5.0), (10.0, 1.0)
+"""Readings and fixes a second."""
+SECONDS, MIDDLE = 330.0, 165.0
+
+
+@cache
+def recorded(rates: tuple[float, float], seed: int) -> tuple[ImuData, Fixes]:
+    motion = city_drive(SECONDS, seed)
+    imu = record(motion, Sensor(), seed, rate=rates[0])
+    return imu, receive(motion, Receiver(rate=rates[1]), seed)
+
+
+def judged(
+    rates: tuple[float, float],
+    stamps: Callable[[FloatArray], FloatArray],
+    clock: ClockModel | None = CLOCK,
+    seed: int = 1,
+) -> list[Finding]:
+    imu, fixes = recorded(rates, seed)
+    t = stamps((imu.t_ns - BASE_NS) * 1e-9)
+    # readers leave out what goes back in time
+    keep = np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]])
+    t_ns = BASE_NS + np.rint(t * 1e9).astype(np.int64)
+    imu = replace(imu, t_ns=t_ns[keep], gyro=imu.gyro[keep], accel=imu.accel[keep])
+    return check(imu, fixes, clock)
+
+
+@pytest.mark.parametrize("rates", [CAR, PHONE])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_steady_clock_is_none(rates: tuple[float, float], seed: int) -> None:
+    assert judged(rates, lambda t: t, seed=seed) == []
+    assert judged(rates, lambda t: t + 0.2, seed=seed) == []
+    # what a crystal may be off by
+    assert judged(rates, lambda t: t * (1.0 + 300e-6), seed=seed) == []
+
+
+@pytest.mark.parametrize("rates", [CAR, PHONE])
+@pytest.mark.parametrize("clock", [CLOCK, None])
+def test_a_clock_of_another_rate(rates: tuple[float, float], clock: ClockModel | None) -> None:
+    (finding,) = judged(rates, lambda t: 1.01 * t, clock)
+    assert (finding.severity, finding.code) == ("error", "imu_clock_rate")
+    assert "% fast" in finding.text
+    assert abs(float(finding.text.split("clock is ")[1].split(" %")[0]) - 1.0) < 0.15
+
+
+def test_a_clock_that_runs_off_from_some_time_on() -> None:
+    (finding,) = judged(CAR, lambda t: t - 0.02 * np.maximum(t - MIDDLE, 0.0))
+    assert (finding.severity, finding.code) == ("error", "imu_clock_rate")
+    assert "% slow" in finding.text
+    first, last = finding.text.split("time from ")[1].split(" s after")[0].split(" to ")
+    assert float(first) < MIDDLE < float(last)
+
+
+@pytest.mark.parametrize("rates", [CAR, PHONE])
+@pytest.mark.parametrize("size", [1.0, -1.0])
+def test_a_clock_that_jumps(rates: tuple[float, float], size: float) -> None:
+    (finding,) = judged(rates, lambda t: t + size * (t > MIDDLE))
+    assert (finding.severity, finding.code) == ("error", "imu_clock_jump")
+    told = float(finding.text.split("jump by ")[1].split(" s")[0])
+    assert abs(told - size) < 0.2
+    if size > 0.0:
+        stamp = int(finding.text.split("after t_ns ")[1].split()[0])
+        assert stamp == BASE_NS + round(MIDDLE * 1e9)
+    else:
+        first, last = finding.text.split("(")[-1].split(" s after")[0].split(" to ")
+        assert float(first) < MIDDLE < float(last)
+
+
+def _pieces(lags: list[float]) -> list[Piece]:
+    return [Piece(30.0 * k, 30.0 * k + 30.0, lag, 0.04) for k, lag in enumerate(lags)]
+
+
+def test_no_single_piece_decides() -> None:
+    noise = np.random.default_rng(1).normal(0.0, 0.05, 20)
+    for place in range(20):
+        lags = noise.copy()
+        lags[place] += 40.0
+        assert clock_change(_pieces(lags.tolist())) is None
+    lags = noise + (np.arange(20) > 10)
+    change = clock_change(_pieces(lags.tolist()))
+    assert change is not None
+    assert change.kind == "jump"
+    assert change.size == pytest.approx(1.0, abs=0.1)
+
+
+def test_chance_is_no_change() -> None:
+    rng = np.random.default_rng(2)
+    for count in rng.integers(0, 25, 200).tolist():
+        lags = rng.normal(0.0, 0.1, count) - 0.4
+        assert clock_change(_pieces(lags.tolist())) is None
+
+
+def test_too_few_pieces_say_nothing() -> None:
+    assert clock_change(_pieces([0.0, 0.0, 5.0])) is None
