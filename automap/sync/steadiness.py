@@ -82,10 +82,12 @@ def clock_change(pieces: Sequence[Piece]) -> ClockChange | None:
     tried = [(change, _fitted(change, lag, sd)) for change in _changes(pieces)]
     likely = limits.CHANGE_PROBABILITY / len(tried)
     for change, found in sorted(tried, key=lambda item: item[1].probability):
-        rows = np.flatnonzero(change.use)
-        if found.probability < likely and all(
-            _fitted(change, lag, sd, without).probability < likely for without in rows.tolist()
-        ):
+        if found.probability >= likely:
+            return None
+        # the place is known by now, so that nothing is tried any more
+        fewer = [_fitted(change, lag, sd, k) for k in np.flatnonzero(change.use).tolist()]
+        least_sure = max(other.probability for other in fewer)
+        if least_sure < limits.CHANGE_PROBABILITY:
             return found
     return None
 
@@ -134,12 +136,12 @@ def _changes(pieces: Sequence[Piece]) -> Iterator[_Shape]:
     yield _Shape("rate", 0.0, 0.0, middle - middle[0], whole)
     for i in range(side, count - side + 1):
         later = (np.arange(count) >= i).astype(float)
-        yield _Shape("jump", felt[i - 1], felt[i], later, whole)
+        yield _Shape("jump", start[i - 1], end[i], later, whole)
         bent = np.maximum(middle - 0.5 * (middle[i - 1] + middle[i]), 0.0)
         yield _Shape("rate", start[i - 1], end[i], bent, whole)
         if i + side < count:
             # the piece within which a clock jumps has a lag of neither side
-            yield _Shape("jump", start[i], end[i], later, np.arange(count) != i)
+            yield _Shape("jump", felt[i - 1], felt[i + 1], later, np.arange(count) != i)
 
 
 def _fitted(
