@@ -77,7 +77,7 @@ def _gap_like(change: ClockChange, imu: ImuData, first: int, last: int) -> int |
 def _rate(change: ClockChange) -> tuple[str, str]:
     since = ""
     if change.last_s > 0.0:
-        since = f" from {change.first_s:.0f} to {change.last_s:.0f} s after the first reading on"
+        since = f", beginning {change.first_s:.0f} to {change.last_s:.0f} s after the first reading"
     fast = "fast" if change.size > 0.0 else "slow"
     text = (
         f"the IMU's clock is {100.0 * abs(change.size):.2g} % {fast} "

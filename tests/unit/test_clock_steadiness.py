@@ -66,7 +66,7 @@ def test_a_clock_that_runs_off_from_some_time_on() -> None:
     (finding,) = judged(CAR, lambda t: t - 0.02 * np.maximum(t - MIDDLE, 0.0))
     assert (finding.severity, finding.code) == ("error", "imu_clock_rate")
     assert "% slow" in finding.text
-    first, last = finding.text.split("time from ")[1].split(" s after")[0].split(" to ")
+    first, last = finding.text.split("beginning ")[1].split(" s after")[0].split(" to ")
     assert float(first) < MIDDLE < float(last)
 
 
