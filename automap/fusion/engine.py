@@ -33,10 +33,10 @@ from automap.fusion.output import (
     node_trajectory,
     parameter_history,
 )
-from automap.fusion.passes import Pass, Session, fix_speed, run_passes
+from automap.fusion.passes import Pass, Session, run_passes
 from automap.fusion.problem import Problem
 from automap.fusion.screening import screen_fixes
-from automap.fusion.standstill import find_standstill, rest_gyro_bias, unmoved
+from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed, unmoved
 from automap.fusion.tuning import shown_at_least
 from automap.fusion.unusable_readings import Bridged, bridge_unusable
 from automap.fusion.wheels import Wheels, prepare_wheels
@@ -153,7 +153,7 @@ def fuse_imu_gnss(
             f"only {int(inside.sum())} usable fixes fall within the IMU recording "
             f"({span[1]:.0f} s); check the clocks with 'automap check'"
         )
-    speed_t, speed, speed_sd = fix_speed(model)
+    speed_t, speed, speed_sd = shown_speed(model)
     standstill = find_standstill(t_imu - delay.mean, imu.gyro, imu.accel, speed_t, speed, speed_sd)
     standstill = unmoved([(a + delay.mean, b + delay.mean) for a, b in standstill], model)
     rest_bias = rest_gyro_bias(t_imu, imu.gyro, standstill)

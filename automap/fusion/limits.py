@@ -180,6 +180,10 @@ MOVES_PROBABILITY = 2.7e-3
 LEAST_SLOW_SPEED, MOST_SLOW_SPEED = 0.15, 0.5
 """Limits in m/s of the speed that still counts as none, whatever sigma is stated. Chosen:
 noise at rest comes to one or two decimetres a second, and half a metre a second is creeping."""
+POSITION_SPEED_S, POSITION_SPEED_FIXES = 3.0, 2
+"""Where a log tells no speeds they are those of its positions, from so many seconds before to so
+many after, by so many of each at least. Chosen: white errors of 0.3 m, once a second, come to
+0.06 m/s a coordinate then, and of a stop three seconds are lost at either end."""
 FIX_REACH_S = 1.5
 """No standstill further than this from a fix: what a receiver that fixes once a second leaves."""
 REST_BIAS_SD = 2e-3

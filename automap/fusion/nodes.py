@@ -145,6 +145,13 @@ def model_fixes(fixes: Fixes, t: FloatArray, options: FusionOptions) -> FixModel
     )
 
 
+def fix_speed(model: FixModel) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times, horizontal speeds and their sd of the fixes that have velocity."""
+    has = (model.flags & HAS_VEL_H) > 0
+    speed = np.hypot(model.values[has, 3], model.values[has, 4])
+    return model.t[has], speed, np.sqrt(model.white_var[has, 3] + model.white_var[has, 4])
+
+
 def as_shown(model: FixModel, options: FusionOptions, factors: Mapping[str, float]) -> FixModel:
     """Fixes whose errors have the sizes that a drive shows; ``factors`` by level, 1 for none."""
     levels = ("position_h", "position_h", "position_v", "velocity_h", "velocity_h", "velocity_v")

@@ -27,7 +27,7 @@ from automap.fusion.layout import HAS_VEL_H
 from automap.fusion.levels import LEVELS
 from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.model import StateModel, build_state_model
-from automap.fusion.nodes import FixModel, Nodes, Shift, build_nodes
+from automap.fusion.nodes import FixModel, Nodes, Shift, build_nodes, fix_speed
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import Problem, make_problem
 from automap.fusion.rest_noise import least_levels
@@ -79,13 +79,6 @@ class Pass:
         names = self.problem.model.names
         out = dict(zip(names, self.smooth.params[-1].tolist(), strict=True))
         return out | {n: out[n] + part for n, part in contained(self.shift) if n in out}
-
-
-def fix_speed(model: FixModel) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Times, horizontal speeds and their sd of the fixes that have velocity."""
-    has = (model.flags & HAS_VEL_H) > 0
-    speed = np.hypot(model.values[has, 3], model.values[has, 4])
-    return model.t[has], speed, np.sqrt(model.white_var[has, 3] + model.white_var[has, 4])
 
 
 def lateral_acceleration(

@@ -9,40 +9,72 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.earth import metres_per_radian
+from automap.earth import local_ned, metres_per_radian
 from automap.fusion import limits
 from automap.fusion.layout import HAS_POS_H
-from automap.fusion.nodes import FixModel
+from automap.fusion.nodes import FixModel, fix_speed
 from automap.gates import gate, sigmas
 from automap.records import FloatArray
+
+
+def shown_speed(fixes: FixModel) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times [m], horizontal speeds [m] and their sd [m]: the receiver's, and where it tells none
+    at all, those that its positions show.
+
+    A speed of positions is that from the mean of the fixes of some seconds before to the mean of
+    those after.
+    """
+    told = fix_speed(fixes)
+    if len(told[0]):
+        return told
+    has = (fixes.flags & HAS_POS_H) > 0
+    t, values, var = fixes.t[has], fixes.values[has], fixes.white_var[has, :2].max(axis=1)
+    if len(t) == 0:
+        return told
+    reference = (float(values[0, 0]), float(values[0, 1]), float(values[0, 2]))
+    ned = local_ned(values[:, 0], values[:, 1], np.full(len(t), reference[2]), reference)
+    sums = np.cumsum(np.column_stack([t, ned.reshape(-1, 3)[:, :2], var]), axis=0)
+    sums = np.concatenate([np.zeros((1, 4)), sums])
+    first = np.searchsorted(t, t - limits.POSITION_SPEED_S)
+    last = np.searchsorted(t, t + limits.POSITION_SPEED_S, "right")
+    row = np.arange(len(t))
+    n_before, n_after = row - first, last - row - 1
+    enough = (n_before >= limits.POSITION_SPEED_FIXES) & (n_after >= limits.POSITION_SPEED_FIXES)
+    row, n_before, n_after = row[enough], n_before[enough, None], n_after[enough, None]
+    before = (sums[row] - sums[first[enough]]) / n_before
+    after = (sums[last[enough]] - sums[row + 1]) / n_after
+    lasted, north, east, _ = (after - before).T
+    noise = before[:, 3] / n_before[:, 0] + after[:, 3] / n_after[:, 0]
+    # two axes, as of the receiver's speeds
+    return t[row], np.hypot(north, east) / lasted, np.sqrt(2.0 * noise) / lasted
 
 
 def find_standstill(
     t: FloatArray,
     gyro: FloatArray,
     accel: FloatArray,
-    fix_t: FloatArray,
-    fix_speed: FloatArray,
-    fix_speed_sd: FloatArray,
+    speed_t: FloatArray,
+    speed: FloatArray,
+    speed_sd: FloatArray,
 ) -> list[tuple[float, float]]:
     """Intervals (start, stop) in s during which the vehicle stands.
 
-    ``t`` [n], ``gyro`` and ``accel`` [n, 3] readings; ``fix_t`` [m], ``fix_speed`` [m] the
-    receiver's horizontal speed with ``fix_speed_sd`` [m]. The receiver's speed must be
+    ``t`` [n], ``gyro`` and ``accel`` [n, 3] readings; ``speed_t`` [m], ``speed`` [m] the
+    receiver's horizontal speed with ``speed_sd`` [m], see ``shown_speed``. The speed must be
     compatible with zero throughout; then the windowed spread of the readings must be within
     a factor of the quietest such windows, which keeps slow creeping out.
     """
-    if len(t) < 10 or len(fix_t) == 0:
+    if len(t) < 10 or len(speed_t) == 0:
         return []
     dt = float(np.median(np.diff(t)))
     width = max(round(limits.STANDSTILL_WINDOW_S / dt), 5)
     spread_a = _rolling_sd(accel, width)
     spread_g = _rolling_sd(gyro, width)
-    speed = np.interp(t, fix_t, fix_speed)
-    doubt = sigmas(limits.MOVES_PROBABILITY) * fix_speed_sd
-    limit = np.interp(t, fix_t, np.maximum(doubt, limits.LEAST_SLOW_SPEED))
-    nearest = np.abs(t - fix_t[np.clip(np.searchsorted(fix_t, t), 0, len(fix_t) - 1)])
-    before = np.abs(t - fix_t[np.clip(np.searchsorted(fix_t, t) - 1, 0, len(fix_t) - 1)])
+    doubt = sigmas(limits.MOVES_PROBABILITY) * speed_sd
+    limit = np.interp(t, speed_t, np.maximum(doubt, limits.LEAST_SLOW_SPEED))
+    nearest = np.abs(t - speed_t[np.clip(np.searchsorted(speed_t, t), 0, len(speed_t) - 1)])
+    before = np.abs(t - speed_t[np.clip(np.searchsorted(speed_t, t) - 1, 0, len(speed_t) - 1)])
+    speed = np.interp(t, speed_t, speed)
     slow = speed < np.minimum(limit, limits.MOST_SLOW_SPEED)
     slow &= np.minimum(nearest, before) < limits.FIX_REACH_S
     if not slow.any():

@@ -13,9 +13,9 @@ from automap.fusion.layout import HAS_POS_H
 from automap.fusion.limits import REST_BIAS_SD
 from automap.fusion.nodes import FixModel, as_shown, model_fixes
 from automap.fusion.options import FusionOptions
-from automap.fusion.passes import Session, fix_speed
+from automap.fusion.passes import Session
 from automap.fusion.screening import screen_fixes
-from automap.fusion.standstill import find_standstill, rest_gyro_bias
+from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed
 from automap.fusion.wheels import prepare_wheels
 from automap.records import BoolArray, ClockModel, Fixes, FloatArray, ImuData, WheelSpeed
 
@@ -129,7 +129,7 @@ def open_drive(drive: GapDrive, options: FusionOptions) -> OpenDrive:
             f"{drive.name}: only {int(inside.sum())} usable fixes within its {span[1]:.0f} s of "
             "IMU data; a gap can only be found where both recordings overlap"
         )
-    speed_t, speed, speed_sd = fix_speed(fixes)
+    speed_t, speed, speed_sd = shown_speed(fixes)
     late = drive.delay.mean
     still = find_standstill(t - late, drive.imu.gyro, drive.imu.accel, speed_t, speed, speed_sd)
     still = [(a + late, b + late) for a, b in still]
