@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,6 +34,13 @@ ADVICE: dict[str, str] = {
 """What to do about each reason."""
 MIRRORED = "sign_turned"
 """The one that nobody can mend: either the path is mirrored or its velocities are."""
+_SWAPPED = Finding(
+    "error",
+    "latitude and longitude are swapped, or north and east of the velocities",
+    "the velocities fit the positions best with latitude and longitude the other way round: swap "
+    "the two columns",
+    "coordinates_swapped",
+)
 WHOLE = ("velocity_unit", "velocity_scale", "course_turned", "sign_turned")
 """Reasons that are about all velocities of a log."""
 
@@ -48,8 +56,11 @@ def check(fixes: Fixes) -> list[Finding]:
         "position_frozen": found.position_frozen,
         "rows_frozen": found.rows_frozen,
     }
-    findings = []
+    swapped = _swapped(fixes, found)
+    findings = [_SWAPPED] if swapped else []
     for reason in found.reasons:
+        if swapped and reason.code in WHOLE:
+            continue
         severity: Severity = "error" if reason.code == MIRRORED else "warning"
         if reason.code in held and _little(held[reason.code], found.compared_s):
             severity = "info"
@@ -57,7 +68,7 @@ def check(fixes: Fixes) -> list[Finding]:
         if reason.code in WHOLE and reason.code != MIRRORED:
             advice += "; they are left out until then"
         findings.append(Finding(severity, reason.text, advice, reason.code))
-    if found.unrelated:
+    if found.unrelated and not swapped:
         findings.append(
             Finding(
                 "error",
@@ -66,7 +77,7 @@ def check(fixes: Fixes) -> list[Finding]:
                 "velocity_unrelated",
             )
         )
-    elif not any(reason.code in WHOLE for reason in found.reasons):
+    elif not swapped and not any(reason.code in WHOLE for reason in found.reasons):
         findings.append(_agreement(found))
     if found.parted:
         total = sum(interval.seconds for interval in found.parted)
@@ -80,6 +91,23 @@ def check(fixes: Fixes) -> list[Finding]:
             )
         )
     return findings
+
+
+def _swapped(fixes: Fixes, found: VelocityConsistency) -> bool:
+    """Whether latitude and longitude are swapped.
+
+    Positions and velocities then agree but for north and east beyond doubt, or not at all; and
+    swapping the coordinates mends that, and at least as well as swapping the velocities would:
+    the metres of a degree of longitude tell, which depend on latitude.
+    """
+    crossed = found.match.mirrored and found.match.quarters % 2 == 1
+    if not (found.unrelated or crossed):
+        return False
+    if not np.nanmax(np.abs(fixes.lon_rad), initial=0.0) < 0.5 * np.pi:
+        return False
+    other = velocity_consistency(replace(fixes, lat_rad=fixes.lon_rad, lon_rad=fixes.lat_rad))
+    fits = other.can_tell and not (other.unrelated or other.turned or other.scale_wrong)
+    return fits and other.worse <= found.worse
 
 
 def _little(intervals: Sequence[Interval], compared_s: float) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from automap.earth import metres_per_radian
 from automap.evaluation.plausibility import Finding
 from automap.records import Fixes
 from pipeline.check.velocity import check
@@ -78,3 +79,34 @@ def test_velocities_of_another_drive() -> None:
     (finding,) = check(replace(fixes, vel_ned=other.vel_ned))
     assert finding.severity == "error"
     assert "nothing in common" in finding.text
+
+
+@pytest.mark.parametrize(
+    ("lat_deg", "lon_deg"), [(48.0, 11.0), (-33.5, -70.6), (60.0, 25.0), (51.5, 0.1)]
+)
+def test_swapped_coordinates_are_named(lat_deg: float, lon_deg: float) -> None:
+    fixes = placed(simulated_fixes(1, Receiver(), seconds=240.0), lat_deg, lon_deg)
+    assert {finding.severity for finding in check(fixes)} == {"ok"}
+    swapped = replace(fixes, lat_rad=fixes.lon_rad, lon_rad=fixes.lat_rad)
+    errors = [finding for finding in check(swapped) if finding.severity == "error"]
+    assert [finding.code for finding in errors] == ["coordinates_swapped"]
+
+
+def test_velocities_of_another_drive_are_no_swapped_coordinates() -> None:
+    fixes = placed(simulated_fixes(1, Receiver(), seconds=240.0), 48.0, 11.0)
+    alien = simulated_fixes(2, Receiver(), seconds=240.0)
+    codes = [finding.code for finding in check(replace(fixes, vel_ned=alien.vel_ned))]
+    assert "coordinates_swapped" not in codes
+
+
+def placed(fixes: Fixes, lat_deg: float, lon_deg: float) -> Fixes:
+    """The same drive, in metres, at another place."""
+    lat0, lon0 = float(fixes.lat_rad[0]), float(fixes.lon_rad[0])
+    lat, lon = np.radians([lat_deg, lon_deg])
+    was = metres_per_radian(np.array([lat0]), np.zeros(1))
+    now = metres_per_radian(np.array([lat]), np.zeros(1))
+    return replace(
+        fixes,
+        lat_rad=lat + (fixes.lat_rad - lat0) * was[0] / now[0],
+        lon_rad=lon + (fixes.lon_rad - lon0) * was[1] / now[1],
+    )
