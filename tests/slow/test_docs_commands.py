@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import pytest
 
 from tests.docs_commands import DOCS, ROOT, commands, files, pages, scripts
@@ -33,6 +34,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         f"#!/bin/sh\nexec {sys.executable} -c 'from pipeline.cli import main; main()' \"$@\"\n"
     )
     launcher.chmod(0o755)
+    # the picture that the detector's page looks at: a stop sign close by
+    video = cv2.VideoCapture(str(SAMPLE / "video" / "front.mp4"))
+    video.set(cv2.CAP_PROP_POS_FRAMES, 290)
+    _, picture = video.read()
+    assert cv2.imwrite(str(root / "street.jpg"), picture)
     return root
 
 
