@@ -18,6 +18,7 @@ from automap.records import FloatArray, IntArray
 __all__ = ["CsvColumns", "Kind", "read_chosen", "read_columns"]
 
 _NAMES_SHOWN = 20
+"""In a message; a header may have thousands."""
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,10 @@ from automap.io.table_form import Separator, TableForm
 from automap.io.table_units import UNITS, unit_named
 
 _SEPARATORS: tuple[Separator, ...] = (";", "\t", "|", ",")
-_HEAD_BYTES = 1 << 16
-_HEAD_LINES = 200
+_HEAD_BYTES, _HEAD_LINES = 1 << 16, 200
+"""So much of a file tells its form: some seconds of an inertial log, and more than any preamble."""
 _FEW_LINES = 4
+"""Fewer lines agree by chance: a preamble's do, a table's go on."""
 _NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
 _POINT, _COMMA = re.compile(r"^[+-]?\d*\.\d+"), re.compile(r"^[+-]?\d*,\d+([eE][+-]?\d+)?$")
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")

@@ -24,7 +24,7 @@ _ORDER = (
     "NAV-POSLLH",
 )
 
-_GGA_FIX = np.array(
+GGA_FIX = np.array(
     [
         FixType.NONE,
         FixType.THREE_D,
@@ -39,6 +39,7 @@ _GGA_FIX = np.array(
     ],
     np.uint8,
 )
+"""Kinds of fixes by the quality that NMEA's GGA tells (NMEA 0183, version 4.1)."""
 
 _PUBX_FIX = {
     "DR": FixType.DEAD_RECKONING,
@@ -139,7 +140,7 @@ def _fix_of(source: Source, epochs: Epochs) -> Kinds:
     if name == "GGA":
         # fmax gives 0 for NaN
         quality = np.fmin(np.fmax(source.value("quality", epochs), 0.0), 9.0)
-        return np.asarray(_GGA_FIX[quality.astype(np.int8)])
+        return np.asarray(GGA_FIX[quality.astype(np.int8)])
     if name == "PUBX00":
         status = source.value("navStat", epochs)
         fix = np.full(len(status), FixType.NONE, np.uint8)

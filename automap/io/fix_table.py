@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from automap.errors import InputError
+from automap.io.epoch_fix_type import GGA_FIX
 from automap.io.epoch_velocity import STANDSTILL_SPEED
 from automap.io.named_table import NamedTable, read_table
 from automap.io.rtklib import QUALITY
@@ -23,20 +24,6 @@ from automap.timebase import DAY_S
 _HELD_ROWS = 2
 """Rows between changes of a fix, in the middle of them, from which on a table holds its fixes."""
 
-_NMEA = np.array(
-    [
-        FixType.NONE,
-        FixType.THREE_D,
-        FixType.DGNSS,
-        FixType.THREE_D,
-        FixType.FIXED,
-        FixType.FLOAT,
-        FixType.DEAD_RECKONING,
-        FixType.NONE,
-        FixType.THREE_D,
-    ],
-    np.int64,
-)
 _CODES, _SKY = 100, 1000
 """No code of a fix and no number of satellites is as large."""
 _DIMENSIONS = np.array([FixType.NONE, FixType.NONE, FixType.TWO_D, FixType.THREE_D], np.int64)
@@ -236,7 +223,7 @@ def _fix_types(quality: FloatArray, table: NamedTable, usual: IntArray) -> IntAr
     if name == "Q":
         kinds = QUALITY
     elif "qual" in name.lower() or largest > 3:
-        kinds = _NMEA
+        kinds = GGA_FIX.astype(np.int64)
     elif largest <= 1:
         return np.where(code == 1, usual, FixType.NONE).astype(np.int64)
     else:
