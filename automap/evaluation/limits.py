@@ -18,8 +18,6 @@ SLOWEST_HZ, FASTEST_HZ = 40.0, 4e4
 cannot be taken for one another."""
 STRONGEST_RATES = 0.99
 """Quantile that stands for the strongest rates: the largest are a jump or a shock."""
-LARGEST_RATE = 6.0
-"""No car turns faster, rad/s: once around in a second."""
 
 # readings that stick
 

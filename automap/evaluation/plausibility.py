@@ -13,6 +13,7 @@ import numpy as np
 
 from automap.earth import STANDARD_GRAVITY
 from automap.evaluation import limits
+from automap.fusion.limits import MOST_RATE
 from automap.records import FloatArray, ImuData, IntArray
 
 Severity = Literal["ok", "info", "warning", "error"]
@@ -85,7 +86,7 @@ def gyro_size(gyro: FloatArray) -> Finding:
     """Whether rotation rates [n, 3], taken as rad/s, are a vehicle's."""
     rate = np.abs(gyro - np.median(gyro, axis=0))
     largest = float(np.quantile(rate.max(axis=1), limits.STRONGEST_RATES))
-    if largest > limits.LARGEST_RATE:
+    if largest > MOST_RATE:
         return Finding(
             "warning",
             f"rotation rates reach {largest:.3g} rad/s, more than a car's",
