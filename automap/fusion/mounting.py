@@ -67,8 +67,9 @@ def estimate_mounting(
     roll, var = 0.0, limits.ROAD_ROLL_SD**2
     turn_roll, turn_var = _roll_from_turns(rate, turn_rate, moving, forward, right, dt)
     if abs(turn_roll) < limits.MAX_TURN_ROLL:
-        weight = var / (var + turn_var)
-        roll, var = weight * turn_roll, weight * turn_var
+        # by the inverses: a drive without a turn tells nothing, with an infinite variance
+        weight = (1.0 / turn_var) / (1.0 / var + 1.0 / turn_var)
+        roll, var = weight * turn_roll, 1.0 / (1.0 / var + 1.0 / turn_var)
     down = np.cos(roll) * down_gravity - np.sin(roll) * right
     matrix = np.stack([forward, np.cross(down, forward), down])
     sd = np.array([np.sqrt(var), sd_forward, sd_forward])

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from automap.frames import matrix_to_quat, quat_to_matrix
+from automap.fusion import limits
 from automap.fusion.kernel_runs import run_dense
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V
 from automap.fusion.model import build_state_model
@@ -136,6 +137,17 @@ def test_the_axis_of_turning_corrects_a_mounting_that_gravity_got_wrong() -> Non
         assert abs(off) < 0.85 * abs(by_gravity_alone)
         assert off * by_gravity_alone > 0.0
         assert abs(off) < 3.0 * found.sd[0]
+
+
+def test_a_drive_without_a_turn_has_the_mounting_that_gravity_tells() -> None:
+    """Nothing is learnt from turns that are not there, which is not the same as no number."""
+    motion = make_motion([(0.0, 10.0)], [], 60.0, slope=0.0)
+    t = np.arange(0.0, 60.0, 0.1)
+    true = motion.at(t)
+    c_v_s = Rotation.from_rotvec([0.2, -0.1, 0.9]).as_matrix()
+    found = estimate_mounting(t, true.vel, true.c_n_b @ c_v_s, true.gyro @ c_v_s, np.zeros(len(t)))
+    assert np.abs(_turn(found.matrix, c_v_s)).max() < 0.01
+    assert found.sd[0] == pytest.approx(limits.ROAD_ROLL_SD)
 
 
 def _turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
