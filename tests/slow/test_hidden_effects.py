@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.benchmarks.hidden_effects import run
-from tests.hidden_effects.cases import ENOUGH_NATS
+from tests.hidden_effects.hide import ENOUGH_NATS
 from tests.hidden_effects.judge import Verdict
 from tests.hidden_effects.rates import effect_of, report
 from tests.hidden_effects.sizes import SCALES, STOCHASTIC
