@@ -208,11 +208,11 @@ def _write(
     arm = setting.lever_arm
     gnss = record_gnss(motion, wrong, setting.gnss, rng, arm, extras.fix, scene.tag, setting.replay)
     true = motion.at(imu.stamp[::10])
-    if drawn.case.kind != "camera":
+    if drawn.case.kind != "camera" and extras.flex is None:
         write_drive(folder, gps0, imu, gnss, setting.lever_arm, true)
         return
     write_drive(folder, gps0, imu, gnss, setting.lever_arm, true, manifest_section())
-    boxes = film(motion, drawn.case.effects, rng, PIXEL_SD, plant_signs(motion, rng))
+    boxes = film(motion, drawn.case.effects, rng, PIXEL_SD, plant_signs(motion, rng), extras.flex)
     video = folder / "video"
     video.mkdir(exist_ok=True)
     (video / "front_detections.csv").write_text(detections_csv(boxes), encoding="utf-8")

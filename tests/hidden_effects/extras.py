@@ -7,11 +7,15 @@ from dataclasses import dataclass
 
 from tests.hidden_effects.geodesy import Array
 from tests.hidden_effects.imu import Clock, Extra, Readings
-from tests.hidden_effects.motion import Body, Motion
+from tests.hidden_effects.motion import Body, Motion, State
 
 FixExtra = Callable[[Motion, Array], tuple[Array, Array]]
 """Errors (position [n, 3] m, velocity [n, 3] m/s, north, east, down) of the fixes at instants [n]
 of a motion."""
+
+
+Flex = Callable[[State], Array]
+"""Roll, pitch, yaw [n, 3] rad by which a camera is turned further about its own axes."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +24,8 @@ class Extras:
 
     ``imu`` adds to the readings what the true motion says; ``readings`` changes them after bias
     and noise; ``clock`` is by how much IMU stamps are late; ``fix`` adds to the fixes; ``body``
-    turns the vehicle against its path; ``nhc`` adds [n, 2] m/s to what the constraint says.
+    turns the vehicle against its path; ``nhc`` adds [n, 2] m/s to what the constraint says;
+    ``flex`` turns the camera.
     """
 
     imu: Extra | None = None
@@ -29,6 +34,7 @@ class Extras:
     fix: FixExtra | None = None
     body: Body | None = None
     nhc: Callable[[Motion, Array], Array] | None = None
+    flex: Flex | None = None
 
 
 NOTHING = Extras()

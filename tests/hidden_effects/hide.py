@@ -8,6 +8,7 @@ import numpy as np
 
 from tests.hidden_effects.camera import CAMERA_SCALES, camera_nats, film, plant_signs
 from tests.hidden_effects.evidence import Scene
+from tests.hidden_effects.extras import Extras
 from tests.hidden_effects.formulas import Formula, draw_formula
 from tests.hidden_effects.outside import Outside, all_makers
 from tests.hidden_effects.setting import Setting, information
@@ -136,8 +137,7 @@ def _outside_size(
     nats = 0.0
     # not all grow with the square of their size, but all grow
     for _ in range(8):
-        info = information(scene, setting, [{}], (), outside.extras(sign * size))
-        nats = 0.5 * float(info[0, 0])
+        nats = _outside_nats(rng, scene, setting, outside.extras(sign * size))
         if abs(np.log(max(nats, 1e-9) / wanted)) < 0.2:
             break
         factor = float(np.clip(np.sqrt(wanted / max(nats, 1e-9)), 1.0 / 30.0, 30.0))
@@ -146,6 +146,17 @@ def _outside_size(
             break
         size = again
     return sign * size, nats
+
+
+def _outside_nats(
+    rng: np.random.Generator, scene: Scene, setting: Setting, extras: Extras
+) -> float:
+    """Nats of what no library holds, in the fixes or, of the camera's, in the boxes."""
+    if extras.flex is None:
+        return 0.5 * float(information(scene, setting, [{}], (), extras)[0, 0])
+    plates = plant_signs(scene.motion, rng)
+    boxes = film(scene.motion, {}, rng, PIXEL_SD, plates, extras.flex)
+    return camera_nats(scene.motion, {}, boxes, PIXEL_SD, extras.flex)
 
 
 IN_THE_CAR = ("vehicle_sideslip", "nhc_lever_arm")

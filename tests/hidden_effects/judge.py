@@ -162,7 +162,8 @@ def _unlisted(
 ) -> None:
     """Judge an answer where the truth is an error of no library."""
     verdict.closed = None
-    if shown or answer.get("unexplained") is not None:
+    seen = drawn.extras().flex is None
+    if seen and (shown or answer.get("unexplained") is not None):
         verdict.closed = equivalent(drawn, answer, _found(shown))
     verdict.outcome, verdict.wrong = outside_outcome(outside, answer, shown, verdict.closed)
     verdict.flagged = verdict.outcome in FLAGGED

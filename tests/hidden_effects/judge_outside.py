@@ -98,7 +98,11 @@ def _true_families(outside: Outside) -> set[str]:
     if outside.channel.startswith(("gyro", "accel", "position", "velocity", "height")):
         return _family(outside.channel)
     # a clock or a bracket bends both triads, a swaying car its constraint and both
-    whole = {"imu": {"gyro", "accel"}, "antenna": {"position", "velocity"}}
+    whole = {
+        "imu": {"gyro", "accel"},
+        "antenna": {"position", "velocity"},
+        "camera": {"camera"},
+    }
     return whole.get(outside.channel.split()[0], {"gyro", "accel", "nhc"})
 
 

@@ -24,6 +24,7 @@ POSITION = ("position_n", "position_e", "position_d")
 LEVEL = ("velocity_n", "velocity_e", "position_n", "position_e")
 VERTICAL = ("velocity_d", "position_d")
 NHC = ("nhc_y", "nhc_z")
+IMAGE = ("image_u", "image_v")
 INERTIAL = VELOCITY + POSITION + NHC
 """What readings do wrong shows wherever the path is measured."""
 

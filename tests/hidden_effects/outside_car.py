@@ -11,6 +11,7 @@ from tests.hidden_effects.geodesy import Array
 from tests.hidden_effects.imu import Signals
 from tests.hidden_effects.motion import Path, State
 from tests.hidden_effects.outside import (
+    IMAGE,
     INERTIAL,
     LEVEL,
     POSITION,
@@ -146,6 +147,38 @@ def _wind(rng: Rng, seconds: float) -> Outside:
     )  # fmt: skip
 
 
+# the path's own attitude is known to a few hundredths of a degree: mounts that move less are its
+# errors, and a camera's nats, which take the path as known, say more than a drive can show
+def _camera(axis: int, function: Callable[[State], Array]) -> Callable[[float], Extras]:
+    """A camera that turns by a size times ``function`` about one of its axes, rad."""
+
+    def of_size(size: float) -> Extras:
+        def flex(state: State) -> Array:
+            out = np.zeros((len(state.t), 3))
+            out[:, axis] = size * function(state)
+            return out
+
+        return Extras(flex=flex)
+
+    return of_size
+
+
+def _camera_nods(rng: Rng, seconds: float) -> Outside:
+    return Outside(
+        "camera_nods", "camera", "its mount nods by {} for each m/s^2 along the road",
+        IMAGE, ("acceleration",), 2e-3, 3e-2, "rad", _camera(1, lambda s: s.accel),
+    )  # fmt: skip
+
+
+def _camera_warps(rng: Rng, seconds: float) -> Outside:
+    tau = float(rng.uniform(0.15, 0.3)) * seconds
+    return Outside(
+        "camera_warps", "camera", f"yaws on its mount by {{}} as the sun warms it, {tau:.0f} s",
+        IMAGE, ("time",), 8e-3, 8e-2, "rad",
+        _camera(2, lambda s: 1.0 - np.exp(-np.maximum(s.t, 0.0) / tau)),
+    )  # fmt: skip
+
+
 CAR: Mapping[str, Maker] = {
     "sideslip_cubed": _slip_cubed,
     "mount_twists_braking": _braking_twist,
@@ -157,4 +190,6 @@ CAR: Mapping[str, Maker] = {
     "kerb_bends_axle": _kerb,
     "antenna_slides": _antenna_slides,
     "crosswind": _wind,
+    "camera_nods": _camera_nods,
+    "camera_warps": _camera_warps,
 }

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.hidden_effects.camera import camera_nats, film, plant_signs
 from tests.hidden_effects.cases import Drawn, draw_case
 from tests.hidden_effects.evidence import Scene, make_scene, shifts_of
 from tests.hidden_effects.geodesy import meridian_radius
+from tests.hidden_effects.hide import PIXEL_SD
 from tests.hidden_effects.judge import judge, judge_refusal
 from tests.hidden_effects.judge_outside import equivalent
 from tests.hidden_effects.motion import Motion, Path, to_body
@@ -43,7 +45,10 @@ def test_there_are_forty_and_names_say_which() -> None:
         assert maker(np.random.default_rng(1), SECONDS).kind == kind
 
 
-@pytest.mark.parametrize("kind", KINDS)
+INERTIAL = [kind for kind in KINDS if not kind.startswith("camera_")]
+
+
+@pytest.mark.parametrize("kind", INERTIAL)
 def test_a_larger_error_carries_more_evidence(scene: Scene, kind: str) -> None:
     outside = all_makers()[kind](np.random.default_rng(1), SECONDS)
     setting = replace(
@@ -61,6 +66,21 @@ def test_a_larger_error_carries_more_evidence(scene: Scene, kind: str) -> None:
     assert nats[2] > 60.0
     assert outside.told(0.01).startswith(outside.channel)
     assert "{}" not in outside.told(0.01)
+
+
+@pytest.mark.parametrize("kind", ["camera_nods", "camera_warps"])
+def test_a_camera_that_flexes_is_seen_in_its_boxes(scene: Scene, kind: str) -> None:
+    rng = np.random.default_rng(2)
+    outside = all_makers()[kind](rng, SECONDS)
+    plates = plant_signs(scene.motion, rng)
+    nats = []
+    for size in (0.1 * outside.small, 0.2 * outside.small, outside.large):
+        flex = outside.extras(size).flex
+        assert flex is not None
+        boxes = film(scene.motion, {}, np.random.default_rng(2), PIXEL_SD, plates, flex)
+        nats.append(camera_nats(scene.motion, {}, boxes, PIXEL_SD, flex))
+    assert nats[1] == pytest.approx(4.0 * nats[0], rel=0.2)
+    assert nats[2] > 60.0
 
 
 def test_a_bent_body_is_felt_rightly_and_shows_in_the_constraint(scene: Scene) -> None:
