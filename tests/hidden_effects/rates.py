@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
@@ -96,9 +97,9 @@ def report(verdicts: Sequence[Verdict]) -> list[str]:
         ),
         _line("named first, less evidence", count(weak, lambda v: v.top_right), len(weak), "-"),
         _line(
-            "wrong name with confidence, single effects",
-            count(effects + noises + cameras, lambda v: bool(v.wrong)),
-            len(effects + noises + cameras),
+            "wrong name with confidence, single effects and triples",
+            count(effects + noises + cameras + triples, lambda v: bool(v.wrong)),
+            len(effects + noises + cameras + triples),
             "<= 0.5 %",
         ),
         _line(
@@ -224,6 +225,10 @@ def report(verdicts: Sequence[Verdict]) -> list[str]:
         )
     lines += _refused_lines([v for v in nulls if v.refused_p is not None])
     if verdicts:
+        outcomes = Counter(v.outcome for v in outside)
+        if outcomes:
+            ways = ", ".join(f"{n} {outcome}" for outcome, n in outcomes.most_common())
+            lines.append(f"outside the library, outcomes: {ways}")
         speed = [v.cpu_s / (v.seconds / 600.0) for v in verdicts]
         lines.append(
             f"CPU time for ten minutes of drive: median {np.median(speed):.0f} s, "
