@@ -19,14 +19,6 @@ cannot be taken for one another."""
 STRONGEST_RATES = 0.99
 """Quantile that stands for the strongest rates: the largest are a jump or a shock."""
 
-# readings that stick
-
-AT_PEAK = 0.9999
-"""Of its largest value, what a reading that sits there has at least: its resolution."""
-STUCK_COUNT, STUCK_SHARE, STUCK_SIGMAS = 20, 2e-4, 3.0
-"""So many readings at the largest value, such a part of all, and that beyond so many standard
-deviations: then the range is too small. Chosen: single shocks may reach it."""
-
 # maps
 
 GATES_M = (1.0, 2.0, 3.0, 5.0, 6.0, 10.0)

@@ -14,6 +14,7 @@ import numpy as np
 from automap.earth import STANDARD_GRAVITY
 from automap.evaluation import limits
 from automap.fusion.limits import MOST_RATE
+from automap.fusion.stuck_readings import clipped_axes, frozen_axes
 from automap.records import FloatArray, ImuData, IntArray
 
 Severity = Literal["ok", "info", "warning", "error"]
@@ -97,34 +98,26 @@ def gyro_size(gyro: FloatArray) -> Finding:
 
 
 def stuck_readings(imu: ImuData) -> list[Finding]:
-    """Axes that never change, and readings that sit at their largest value."""
-    findings = []
-    for values, triad in ((imu.gyro, "g"), (imu.accel, "a")):
-        for axis, letter in enumerate("xyz"):
-            column = values[:, axis]
-            if np.ptp(column) == 0:
-                findings.append(
-                    Finding(
-                        "error" if triad == "a" else "warning",
-                        f"{triad}{letter} never changes",
-                        "the sensor or its wiring is broken on this axis",
-                        "imu_stuck",
-                    )
-                )
-                continue
-            peak = np.abs(column).max()
-            share = np.count_nonzero(np.abs(column) > limits.AT_PEAK * peak)
-            most = max(limits.STUCK_COUNT, limits.STUCK_SHARE * len(column))
-            if share > most and peak > limits.STUCK_SIGMAS * np.std(column):
-                findings.append(
-                    Finding(
-                        "warning",
-                        f"{triad}{letter} sits at its largest value {share} times",
-                        "its range is too small; choose a wider one",
-                        "imu_clipped",
-                    )
-                )
-    return findings
+    """Axes that never change, and that end at their range."""
+    findings = [
+        Finding(
+            "error" if axis.column[0] == "a" else "warning",
+            f"{axis.column} never changes",
+            "the sensor or its wiring is broken on this axis",
+            "imu_stuck",
+        )
+        for axis in frozen_axes(imu, np.ones(len(imu), np.bool_))
+        if axis.seconds == float(imu.t_ns[-1] - imu.t_ns[0]) * 1e-9
+    ]
+    return findings + [
+        Finding(
+            "warning",
+            f"{axis.column} sits at its largest value for {axis.seconds:.1f} s",
+            "its range is too small; choose a wider one",
+            "imu_clipped",
+        )
+        for axis in clipped_axes(imu)
+    ]
 
 
 def overlap_s(first: IntArray | FloatArray, second: IntArray | FloatArray) -> float:
