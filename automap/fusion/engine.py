@@ -148,7 +148,7 @@ def fuse_imu_gnss(
     t_imu = np.asarray((imu.t_ns - base_ns) * 1e-9)
     span = (0.0, float(t_imu[-1]))
     inside = (model.t > span[0] - 1.0) & (model.t < span[1] + 1.0) & ((model.flags & HAS_POS_H) > 0)
-    if int(inside.sum()) < 2:
+    if int(inside.sum()) < limits.LEAST_FIXES:
         raise InputError(
             f"only {int(inside.sum())} usable fixes fall within the IMU recording "
             f"({span[1]:.0f} s); check the clocks with 'automap check'"

@@ -16,6 +16,7 @@ from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.limits import (
     COURSE_SLIP_SD,
     LEAST_COURSE_SPEED,
+    LEAST_FIXES,
     ROAD_ACCELERATION_PSD,
     UNKNOWN_HEADING_SD,
     UNKNOWN_LEAN_SD,
@@ -40,7 +41,7 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
     model = model_fixes(fixes, np.asarray(t_all), options)
     model = screen_fixes(model, options.wander_tau_s).fixes
     has = (model.flags & 1) > 0
-    if int(has.sum()) < 2:
+    if int(has.sum()) < LEAST_FIXES:
         raise InputError(
             f"only {int(has.sum())} fixes have a position; the receiver had no view of the sky or "
             "the log is cut: check it with 'automap check'"

@@ -317,6 +317,8 @@ between fixes; from so many, whose median square is then good to a third."""
 
 # judging
 
+LEAST_FIXES = 2
+"""A path has two ends."""
 LEAST_JUDGED = 20
 """Innovations from which a channel is judged: their rms is then good to 16 %."""
 

@@ -139,8 +139,10 @@ def _fix_of(source: Source, epochs: Epochs) -> Kinds:
         return fix
     if name == "GGA":
         # fmax gives 0 for NaN
-        quality = np.fmin(np.fmax(source.value("quality", epochs), 0.0), 9.0)
-        return np.asarray(GGA_FIX[quality.astype(np.int8)])
+        quality = np.fmax(source.value("quality", epochs), 0.0)
+        known = quality < len(GGA_FIX)
+        told = GGA_FIX[np.where(known, quality, 0.0).astype(np.int8)]
+        return np.asarray(np.where(known, told, FixType.THREE_D), np.uint8)
     if name == "PUBX00":
         status = source.value("navStat", epochs)
         fix = np.full(len(status), FixType.NONE, np.uint8)

@@ -157,7 +157,12 @@ def _fixes(
     height, separation = _height(path, get("height"), get("msl"), get("geoid_sep"), said)
     fix = np.where(np.isfinite(height), FixType.THREE_D, FixType.TWO_D).astype(np.int64)
     if "quality" in table.columns:
-        fix = _fix_types(get("quality"), table, fix)
+        fix, unknown = _fix_types(get("quality"), table, fix)
+        if unknown:
+            said.append(
+                f"{path}: {unknown} fixes have a quality that no kind of fix has; they are taken "
+                "as plain ones; if the column is none of fixes, name the right one in drive.toml"
+            )
     fix = np.where(good, fix, FixType.NONE)
     none = fix == FixType.NONE
     if none.any():
@@ -215,8 +220,9 @@ def _height(
     return msl + separation, separation
 
 
-def _fix_types(quality: FloatArray, table: NamedTable, usual: IntArray) -> IntArray:
-    """Types of fixes [n] by a column that gives NMEA's or RTKLIB's quality or the dimensions."""
+def _fix_types(quality: FloatArray, table: NamedTable, usual: IntArray) -> tuple[IntArray, int]:
+    """Types of fixes [n] by a column that gives NMEA's or RTKLIB's quality or the dimensions, and
+    how many have a number that is none of these and are ``usual``."""
     name = str(table.guess.form.columns.get("quality", "")).strip()
     code = np.where(np.abs(quality) < _CODES, quality, 0.0).astype(np.int64)
     largest = int(code.max(initial=0))
@@ -225,12 +231,13 @@ def _fix_types(quality: FloatArray, table: NamedTable, usual: IntArray) -> IntAr
     elif "qual" in name.lower() or largest > 3:
         kinds = GGA_FIX.astype(np.int64)
     elif largest <= 1:
-        return np.where(code == 1, usual, FixType.NONE).astype(np.int64)
+        return np.where(code == 1, usual, FixType.NONE).astype(np.int64), 0
     else:
         kinds = _DIMENSIONS
-    told = kinds[np.clip(code, 0, len(kinds) - 1)]
+    unknown = code >= len(kinds)
+    told = np.where(unknown, usual, kinds[np.clip(code, 0, len(kinds) - 1)])
     flat = (told > FixType.TWO_D) & (usual == FixType.TWO_D)
-    return np.where(flat, FixType.TWO_D, told).astype(np.int64)
+    return np.where(flat, FixType.TWO_D, told).astype(np.int64), int(np.count_nonzero(unknown))
 
 
 def _velocity(get: Callable[..., FloatArray]) -> tuple[FloatArray, FloatArray]:

@@ -20,15 +20,23 @@ from automap.io.esf import ReceiverImu, read_esf
 from automap.io.fix_table import RowStamps, read_fix_table
 from automap.io.named_table import look_at_table
 from automap.io.nmea import NmeaTable
+from automap.io.receiver_told import (
+    cut_text,
+    epoch_warnings,
+    height_warnings,
+    join_warnings,
+    manual_positions,
+    message_counts,
+    stream_warnings,
+)
 from automap.io.table_form import TableForm
 from automap.io.ubx import Table
-from automap.io.ubx_names import message_name
-from automap.records import NO_TIME, BoolArray, Fixes, FixType
+from automap.records import NO_TIME, Fixes
 
 _SNIFF_BYTES = 1 << 20
 _TABLE_SUFFIXES = (".csv", ".tsv", ".tab")
-_MANUAL, _PLAIN_FIX = 7, 1
-"""Qualities of GGA: typed in by hand; a fix without corrections."""
+_PLAIN_FIX = 1
+"""Quality of GGA: a fix without corrections."""
 _CONTENT = re.compile(rb"[^ \t\r\n\0]")
 
 
@@ -162,7 +170,7 @@ def _stream_kind(scan: Scan) -> str | None:
 
 def _read_rtklib(data: bytes, name: str) -> ReceiverLog:
     fixes, warnings, truncated, bad_rows = rtklib.decode_pos(data, name)
-    warnings += _epoch_warnings(fixes)
+    warnings += epoch_warnings(fixes)
     if truncated:
         warnings.append(truncated)
     return ReceiverLog(
@@ -187,7 +195,7 @@ def _read_stream(
     manual = manual_positions(nmea)
     if accept_manual and manual.any():
         nmea["GGA"]["quality"][manual] = _PLAIN_FIX
-    messages = _message_counts(scan)
+    messages = message_counts(scan)
     joined = join_epochs(ubx, nmea, len(scan.data), not_before_gps_s)
     fixes = build_fixes(joined, ubx, nmea) if joined is not None else _no_fixes()
     imu, warnings = read_esf(ubx, fixes)
@@ -198,12 +206,12 @@ def _read_stream(
             "switch on NAV-PVT or GGA and RMC in the receiver, "
             "or solve raw measurements with RTKLIB and give its .pos file"
         )
-    truncated = _cut_text(scan, leave)
-    warnings += _stream_warnings(scan, short, use, leave, truncated)
+    truncated = cut_text(scan, leave)
+    warnings += stream_warnings(scan, short, use, leave, truncated)
     if joined is not None:
-        warnings += _join_warnings(joined, fixes)
-    warnings += _epoch_warnings(fixes)
-    warnings += _height_warnings(fixes, nmea)
+        warnings += join_warnings(joined, fixes)
+    warnings += epoch_warnings(fixes)
+    warnings += height_warnings(fixes, nmea)
     if accept_manual and manual.any():
         count = np.count_nonzero(manual)
         warnings.append(f"{count} GGA positions of quality 7 (typed in by hand) are used")
@@ -226,135 +234,6 @@ def _period_s(joined: Joined | None) -> float | None:
     if joined is None or joined.dated:
         return None
     return float(tb.WEEK_S if any(name.startswith("NAV-") for name in joined.rows) else tb.DAY_S)
-
-
-def manual_positions(nmea: dict[str, NmeaTable]) -> BoolArray:
-    """Which GGA sentences [n] call their position typed in by hand."""
-    gga = nmea.get("GGA")
-    return np.zeros(0, np.bool_) if gga is None else np.asarray(gga["quality"] == _MANUAL)
-
-
-def _kind_name(key: int) -> str:
-    if key_is_ubx(key):
-        return message_name(key)
-    return f"RTCM3-{key & 0xFFF}" if key_is_rtcm(key) else f"NMEA-{key_address(key)}"
-
-
-def _message_counts(scan: Scan) -> dict[str, int]:
-    counts: dict[str, int] = {}
-    for kind, key in enumerate(scan.keys):
-        name = _kind_name(key) + ("" if scan.verified[kind] else " without checksum")
-        counts[name] = counts.get(name, 0) + scan.count(kind)
-    return counts
-
-
-def _cut_text(scan: Scan, leave: list[int]) -> str | None:
-    """What the end of the stream cut off, as a sentence; None when it ends with a message."""
-    if scan.cut_offset < 0:
-        last = len(scan) - 1
-        if last < 0 or int(scan.kind[last]) not in leave:
-            return None
-        return (
-            f"the file ends inside a sentence at byte {scan.offset[last]} (its checksum is missing)"
-        )
-    start = scan.data[scan.cut_offset : scan.cut_offset + 16].tobytes()
-    present = len(scan.data) - scan.cut_offset
-    if start.startswith(b"\xb5\x62") and len(start) >= 4:
-        what = message_name(start[2] * 256 + start[3])
-    elif start.startswith(b"$"):
-        what = "the sentence " + start.split(b",")[0].decode("ascii", "replace")
-    else:
-        what = "a message"
-    missing = f", at least {scan.cut_missing} missing" if scan.cut_missing else ""
-    return f"the file ends inside {what} at byte {scan.cut_offset} ({present} bytes of it{missing})"
-
-
-def _stream_warnings(
-    scan: Scan, short: dict[str, int], use: list[int], leave: list[int], truncated: str | None
-) -> list[str]:
-    warnings = []
-    if scan.bad_ubx + scan.bad_nmea:
-        warnings.append(
-            f"{scan.bad_ubx} UBX and {scan.bad_nmea} NMEA messages have a wrong checksum "
-            "and are left out"
-        )
-    if scan.garbage_bytes:
-        share = 100.0 * scan.garbage_bytes / len(scan.data)
-        warnings.append(f"{scan.garbage_bytes} bytes ({share:.2g} %) belong to no message")
-    for name, count in short.items():
-        warnings.append(f"{count} {name} messages are shorter than any known version")
-    accepted = sum(scan.count(k) for k in use if not scan.verified[k])
-    if accepted:
-        warnings.append(f"{accepted} sentences carry no checksum and are taken as they are")
-    left = sum(scan.count(k) for k in leave)
-    if left:
-        warnings.append(f"{left} sentences lack the checksum that others have and are left out")
-    if truncated:
-        warnings.append(truncated)
-    return warnings
-
-
-def _join_warnings(joined: Joined, fixes: Fixes) -> list[str]:
-    warnings = []
-    if joined.no_navigation:
-        warnings.append(
-            f"{joined.no_navigation} epochs have a time but no message with a position or velocity"
-        )
-    if joined.untimed:
-        warnings.append(f"{joined.untimed} messages belong to no epoch, having no readable time")
-    if joined.moved_eras:
-        first = tb.gps_to_iso(float(np.nanmin(fixes.gps_s))) if len(fixes) else "unknown"
-        warnings.append(
-            "the receiver's date lies in a past era of the ten-bit week and is moved on by "
-            f"1024 weeks: the log starts at {first}"
-        )
-    return warnings
-
-
-def _epoch_warnings(fixes: Fixes) -> list[str]:
-    warnings = []
-    n = len(fixes)
-    without = int(np.count_nonzero(fixes.fix_type == FixType.NONE))
-    if without:
-        warnings.append(f"{without} of {n} epochs have no valid position")
-    steps = np.diff(fixes.gps_s)
-    back = np.flatnonzero(steps < 0.0)
-    if len(back):
-        warnings.append(
-            f"time runs backwards {len(back)} times, first by {-steps[back[0]]:.3f} s "
-            f"at byte {fixes.offset[back[0] + 1]}"
-        )
-    repeated = int(np.count_nonzero(steps == 0.0))
-    if repeated:
-        warnings.append(f"{repeated} epochs repeat the time of the one before")
-    return warnings
-
-
-def _height_warnings(fixes: Fixes, nmea: dict[str, NmeaTable]) -> list[str]:
-    """What has to be said of heights above sea level and of positions that are no fixes."""
-    warnings = []
-    gga = nmea.get("GGA")
-    if gga is not None:
-        quality = gga["quality"]
-        simulated = np.count_nonzero(quality == 8)
-        manual = np.count_nonzero(manual_positions(nmea))
-        if simulated:
-            warnings.append(f"{simulated} GGA positions come from a simulator by their own word")
-        if manual:
-            warnings.append(
-                f"{manual} GGA positions were typed in by hand (quality 7) and are not used; where "
-                'they were measured all the same, write accept = ["gnss_quality"] at the top of '
-                "drive.toml"
-            )
-    heights = np.isfinite(fixes.height_m)
-    if gga is not None and heights.any() and not np.isfinite(fixes.geoid_sep_m).any():
-        known = np.isfinite(gga["sep"]).any() if len(gga["sep"]) else False
-        if not known and "PUBX00" not in nmea:
-            warnings.append(
-                "heights are above sea level and no sentence gives the geoid separation; "
-                "they are taken as ellipsoidal"
-            )
-    return warnings
 
 
 def _no_fixes() -> Fixes:

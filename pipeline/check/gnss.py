@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from automap.evaluation.plausibility import Finding
+from automap.fusion.limits import LEAST_FIXES
 from automap.io.drive import Drive
-from automap.io.receiver import manual_positions
+from automap.io.receiver_told import manual_positions
 from automap.io.recording import Recording
 from automap.records import FixType
 from automap.timebase import gps_to_iso
@@ -21,6 +22,8 @@ ABSENT = Finding(
     "finished trajectory.csv or trajectory.pos",
     "no_positions",
 )
+
+OPEN_SKY = "give the antenna an open sky and wait for a fix before driving"
 
 
 def has_fix(recording: Recording) -> bool:
@@ -44,15 +47,12 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
         advice = "a receiver's own are 1 to 6; programs of phones write 7 for what they measured"
         return [*findings, Finding("error", text, advice, "gnss_quality")]
     if not np.any(good):
-        findings.append(
-            Finding(
-                "error",
-                f"the receiver never had a fix in {len(fixes)} epochs",
-                "give the antenna an open sky and wait for a fix before driving",
-                "no_fix",
-            )
-        )
-        return findings
+        text = f"the receiver never had a fix in {len(fixes)} epochs"
+        return [*findings, Finding("error", text, OPEN_SKY, "no_fix")]
+    placed = int(np.count_nonzero(good & np.isfinite(fixes.lat_rad) & np.isfinite(fixes.gps_s)))
+    if placed < LEAST_FIXES:
+        text = f"{placed} of {len(fixes)} epochs has a time and a place, and a path needs two"
+        return [*findings, Finding("error", text, OPEN_SKY, "few_fixes")]
     findings += position.check(fixes, drive.site.country, _written_s(drive.gnss_file))
     findings += geoid.check(fixes)
     findings += _quality(recording, good)

@@ -17,7 +17,10 @@ from automap.records import ImuData
 from pipeline.check import camera, gnss, imu, timing, velocity
 
 NEEDED = frozenset(
-    ("no_fix", "no_positions", "gnss_unreadable", "no_overlap", "arrival_times", "manifest")
+    (
+        *("no_fix", "few_fixes", "no_positions", "gnss_unreadable"),
+        *("no_overlap", "arrival_times", "manifest"),
+    )
 )
 """Codes of errors that leave nothing to go on with: they cannot be accepted."""
 GOES_ON = "the drive goes on without it"
@@ -102,7 +105,8 @@ def _receiver(drive: Drive, recording: Recording) -> Iterator[Judged]:
         assert drive.gnss_file is not None
         receiver = gnss.check(drive, recording)
         if drive.bearings_file is not None:
-            receiver = [_warned(item) if item.code == "no_fix" else item for item in receiver]
+            few = ("no_fix", "few_fixes")
+            receiver = [_warned(item) if item.code in few else item for item in receiver]
         yield from _all(drive.gnss_file, receiver)
         if gnss.has_fix(recording):
             assert recording.fixes is not None

@@ -98,6 +98,7 @@ FAILURES: list[tuple[str, Break, int, str]] = [
     ("gnss_noise", noise(GNSS), 3, r"no UBX, NMEA or RTKLIB content in its 5000 bytes"),
     ("gnss_all_checksums", wrong_checksums(1), 3, r"60 message starts have a wrong checksum"),
     ("gnss_no_fix", sentences(no_fix), 3, r"never had a fix in 30 epochs"),
+    ("gnss_one_fix", sentences(lambda f: f if f[1] == "100000.00" else no_fix(f)), 3, "needs two"),
     ("gnss_absent", without(GNSS, "gnss.nmea", "arrival"), 3, r"no receiver log; without GPS"),
     ("gnss_misnamed", manifest("gnss.nmea", "gnss.nema"), 3, r"is gnss\.nmea meant\?"),
     ("imu_misnamed", manifest("imu.csv", "imv.csv"), 3, r"is imu\.csv meant\?"),

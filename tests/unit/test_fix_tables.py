@@ -122,6 +122,16 @@ def test_heights_above_sea_level_and_lost_fixes_are_told(tmp_path: Path) -> None
     assert np.isnan(found.fixes.sd_pos_ned).all()
 
 
+def test_a_quality_that_no_fix_has_is_a_plain_fix_and_told(tmp_path: Path) -> None:
+    text = "time,lat,lon,fix_quality\n" + _rows("{t},{lat:.5f},11.0,4")
+    text += f"{UNIX_S + 10},48.1,11.0,9\n{UNIX_S + 11},48.1,11.0,12\n{UNIX_S + 12},48.1,11.0,99\n"
+    found = read_fix_table(_write(tmp_path, text))
+    assert "2 fixes have a quality that no kind of fix has" in "\n".join(found.warnings)
+    assert found.fixes.fix_type[-3:].tolist() == [FixType.TWO_D] * 3
+    known = read_fix_table(_write(tmp_path, text.replace(",12\n", ",1\n").replace(",99\n", ",1\n")))
+    assert "quality" not in "\n".join(known.warnings)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -203,6 +203,12 @@ def test_a_warned_epoch_stays_as_an_empty_row() -> None:
     assert np.isnan(log.fixes.lat_rad[1:]).all()
 
 
+def test_a_quality_that_no_fix_has_is_a_plain_fix_and_told() -> None:
+    log = read(gga(GPS, quality=9), gga(GPS + 1, quality=12), rmc(GPS + 1))
+    assert log.fixes.fix_type.tolist() == [FixType.DGNSS, FixType.THREE_D]
+    assert any("1 GGA positions have a quality that no kind" in text for text in log.warnings)
+
+
 def test_pubx() -> None:
     text = f"PUBX,00,{clock(GPS)},3500.0,S,15000.0,E,100.5,D3,2.0,3.0,36.0,90.0,-0.5,,0.9,1,1,9,0,0"
     fixes = read(sentence(text), zda(GPS)).fixes
