@@ -45,7 +45,7 @@ def check(fixes: Fixes) -> list[Finding]:
     stated = float(np.median(fixes.geoid_sep_m[told]))
     lat, lon = (np.degrees(np.median(v[told])) for v in (fixes.lat_rad, fixes.lon_rad))
     height = geoid_height(float(lat), float(lon))
-    if abs(height) < limits.LEAST_GEOID_M or abs(stated + height) > limits.GEOID_OFF_M:
+    if abs(stated - height) < limits.WRONG_GEOID_M or abs(stated + height) > limits.GEOID_OFF_M:
         return []
     text = (
         f"the geoid is stated {stated:+.1f} m from the ellipsoid and is {height:+.0f} m there: the "

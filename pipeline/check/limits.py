@@ -78,8 +78,8 @@ BORDER_DEG = 1.0
 0.3 deg, and leave out small islands."""
 AHEAD_S = 2 * 86400.0
 """A log cannot be of a time after it was written, but for time zones and a recorder's clock."""
-LEAST_GEOID_M, GEOID_OFF_M = 20.0, 12.0
-"""A separation of the geoid has the wrong sign where the geoid is at least so far from the
-ellipsoid and the separation so near its opposite: three times the 2 m (root mean square) by which
-the grid errs and the 3.4 m of receivers with one of 10 degrees. The grid errs by 23 m at most, so
-a right separation is 17 m from its opposite everywhere on Earth."""
+WRONG_GEOID_M, GEOID_OFF_M = 28.0, 12.0
+"""A separation of the geoid has the wrong sign where it is so far from the geoid and so near its
+opposite. The grid errs by 23 m at most anywhere on Earth and by 2 m in the root mean square,
+receivers with a grid of 10 degrees by 3.4 m: no right separation is 28 m off, and a turned one is
+within three times both of the opposite."""
