@@ -71,7 +71,7 @@ def clock_change(pieces: Sequence[Piece]) -> ClockChange | None:
 
     By Student's t of weighted least squares, of what exceeds a sound clock's rate and a step that
     is none. The scatter of the lags is the drive's own, for receivers' delays vary, beside what
-    other drives showed. No single piece decides, as one whose lag was mistaken would.
+    other drives showed. Nor may it be one piece whose lag was mistaken, and chance in all others.
     """
     if len(pieces) < 2 * limits.SIDE_PIECES:
         return None
@@ -86,8 +86,8 @@ def clock_change(pieces: Sequence[Piece]) -> ClockChange | None:
             return None
         # the place is known by now, so that nothing is tried any more
         fewer = [_fitted(change, lag, sd, k) for k in np.flatnonzero(change.use).tolist()]
-        least_sure = max(other.probability for other in fewer)
-        if least_sure < limits.CHANGE_PROBABILITY:
+        mistaken = limits.MISTAKEN_LAG * sum(other.probability for other in fewer)
+        if mistaken < limits.CHANGE_PROBABILITY:
             return found
     return None
 

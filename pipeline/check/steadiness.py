@@ -56,8 +56,9 @@ def _jump(change: ClockChange, imu: ImuData) -> tuple[str, str]:
         f"({change.first_s:.0f} to {change.last_s:.0f} s after the first reading)"
     )
     return text, (
-        "a clock was set or readings were lost while it recorded: stamp with a monotonic clock, "
-        "or correct the stamps from there on, or cut the drive in two there"
+        "a clock was set, readings were lost, or the receiver learnt its leap seconds while it "
+        "recorded: stamp with a monotonic clock, or correct the stamps from there on, or cut the "
+        "drive in two there"
     )
 
 
