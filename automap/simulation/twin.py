@@ -86,7 +86,9 @@ def motion_along(trajectory: Trajectory) -> DriveMotion:
             f"the trajectory is only {t_rows[-1] if len(t_rows) else 0.0:.1f} s long; a twin needs "
             f"{_MIN_LENGTH_S:.0f} s or more"
         )
-    fine: FloatArray = np.arange(int(t_rows[-1] / 0.01) + 1) * np.float64(0.01)
+    # whole steps between knots, and the last knot at the last row
+    step = round(_KNOT_S / 0.01)
+    fine = np.linspace(0.0, float(t_rows[-1]), step * int(t_rows[-1] / _KNOT_S) + 1)
     lat0, lon0 = float(trajectory.lat_rad[0]), float(trajectory.lon_rad[0])
     rows = [
         trajectory.lat_rad - lat0,
@@ -94,7 +96,6 @@ def motion_along(trajectory: Trajectory) -> DriveMotion:
         trajectory.height_m,
         *np.unwrap(trajectory.rpy, axis=0).T,
     ]
-    step = round(_KNOT_S / 0.01)
     knots = fine[::step]
     lat, lon, height, roll, pitch, yaw = (_smooth(np.interp(fine, t_rows, r))[::step] for r in rows)
     speed = _smooth(np.interp(fine, t_rows, np.linalg.norm(trajectory.vel_ned, axis=1)))[::step]
@@ -144,10 +145,10 @@ def make_twin(
     """
     motion = motion_along(trajectory)
     begin = float(trajectory.gps_s[0])
-    t_rows = np.clip(trajectory.gps_s - begin, 0.0, motion.duration_s)
+    t_rows = trajectory.gps_s - begin
     sampled = motion.at(np.clip(t_rows - delay_s, 0.0, motion.duration_s))
     # the walks want time to run on where the ends are held
-    sampled = replace(sampled, t_s=trajectory.gps_s - begin)
+    sampled = replace(sampled, t_s=t_rows)
     rate = 1.0 / max(float(np.median(np.diff(trajectory.gps_s))), 1e-4)
     setup = Imu(rate_hz=rate, gyro_noise=noise.gyro, accel_noise=noise.accel)
     imu = record_imu(trajectory.t_ns, sampled, setup, errors, rng, temp_c)

@@ -87,6 +87,8 @@ def test_the_sensors_have_the_fitted_errors(
     twin = make_twin(trajectory, recorded.fixes, ERRORS, QUIET, delay, np.random.default_rng(1))
     assert np.array_equal(twin.imu.t_ns, trajectory.t_ns)
     assert twin.lever_arm_m == [0.3, -0.2, -1.0]
+    # up to the last row, of which no two are at one time
+    assert np.array_equal(twin.truth.t_s, trajectory.gps_s - trajectory.gps_s[0])
     motion = motion_along(trajectory)
     at = np.clip(trajectory.gps_s - trajectory.gps_s[0] - delay, 0.0, motion.duration_s)
     true = motion.at(at).angular_rate @ sensor_to_vehicle(ERRORS)
