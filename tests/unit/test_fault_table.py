@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +13,12 @@ import pytest
 from automap.records import NO_TIME, Trajectory
 from tests.benchmarks.faults import nmea_log, pos_log, ubx_log
 from tests.benchmarks.faults.catalogue import CONTROL, FAULTS, put
-from tests.benchmarks.faults.drives import DRIVES
+from tests.benchmarks.faults.drives import DRIVES, as_toml, matrix_of
 from tests.benchmarks.faults.fault import DoesNotApplyError, Reason
-from tests.benchmarks.faults.judge import Errors, Row, errors_of, outcome, verdict_of
+from tests.benchmarks.faults.judge import AXES, Errors, Row, errors_of, outcome, verdict_of
 from tests.benchmarks.faults.recording import Recording, read_log
+from tests.benchmarks.faults.run import run_case, simulate
+from tests.benchmarks.faults.table import Results, details, page
 
 SHORT = "kitti-20110930-0033"
 
@@ -29,11 +32,11 @@ def _drive(data: Path, name: str) -> Recording:
     folder = data / "drives" / name
     if not folder.is_dir():
         pytest.skip(f"the recording {folder} is not there")
-    return DRIVES[name](folder)
+    return DRIVES[name].read(folder)
 
 
 def test_there_are_enough_faults_and_each_can_be_told_apart() -> None:
-    assert len(FAULTS) - 1 >= 30
+    assert len(FAULTS) - 1 >= 40
     assert len({fault.what for fault in FAULTS.values()}) == len(FAULTS)
     for fault in FAULTS.values():
         assert fault.name == CONTROL or fault.reasons
@@ -188,13 +191,13 @@ def test_a_run_passes_by_a_reason_that_fits(
     off = Errors(30.0, 1.0, 1.0, (30.0, 1.0, 1.0))
     reasons = (reason,) if reason else ()
     span = (10.0, 20.0)
-    row = Row("d", "velocity-zero-10", code, state, reasons, off, off, span, 0.0, told)
+    row = Row("d", "velocity-zero-10", "given", code, state, reasons, off, off, span, 0.0, told)
     assert outcome(row)[0] == result
 
 
 def test_a_path_within_its_sigmas_passes_unless_it_cries_wolf() -> None:
     fine = Errors(1.0, 1.0, 1.0, (1.0, 1.0, 1.0))
-    row = Row("d", CONTROL, 0, "good", (), fine, fine, (0.0, 1.0), 0.0)
+    row = Row("d", CONTROL, "given", 0, "good", (), fine, fine, (0.0, 1.0), 0.0)
     assert outcome(row)[0] == "passed"
     assert outcome(replace(row, state="doubtful")) == ("failed", "cries wolf")
     assert outcome(replace(row, fault="speed-zero", state="doubtful"))[0] == "passed"
@@ -202,6 +205,41 @@ def test_a_path_within_its_sigmas_passes_unless_it_cries_wolf() -> None:
     far = replace(fine, ratio=(9.0, 9.0, 1.0))
     assert outcome(replace(row, whole=far))[0] == "failed"
     assert outcome(replace(row, whole=far, fault="position-offset"))[0] == "beyond"
+    # silent where it was wrong
+    assert outcome(replace(row, fault="speed-zero", stretch=far))[0] == "failed"
+
+
+def test_the_page_sets_given_and_unknown_axes_side_by_side() -> None:
+    fine = Errors(1.0, 1.0, 1.2, (1.0, 0.4, 1.0))
+    drive = next(iter(DRIVES))
+    row = Row(drive, "speed-zero", "given", 0, "good", (), fine, fine, (0.0, 1.0), 0.0)
+    refused = replace(row, axes="unknown", code=3, state="none", whole=None, stretch=None)
+    refused = replace(refused, told="drive/imu.csv: no.")
+    results: Results = {
+        (drive, "speed-zero", "given"): ("a1", row),
+        (drive, "speed-zero", "unknown"): ("b2", refused),
+        (drive, "speed-kmh", "given"): ("b2", "why not"),
+    }
+    text = page(results)
+    assert "| speed-zero | the speed is 0 all the way | 1.0 / refused | 1.20 |" in text
+    assert "1 runs by `a1`, 1 runs by `b2`" in text
+    assert f"speed-kmh on {drive} (why not)" in text
+    assert len(details(results).splitlines()) > 5
+    both = {**results, (drive, "speed-zero", "given"): ("a1", replace(refused, axes="given"))}
+    assert "| refused | - |" in page(both)
+
+
+def test_a_simulated_drive_runs_with_stated_and_with_unknown_axes(tmp_path: Path) -> None:
+    simulate("town", tmp_path)
+    for axes in AXES:
+        row = run_case(tmp_path, ("town", "hemisphere-east", axes), tmp_path)
+        assert isinstance(row, Row)
+        assert (row.axes, outcome(row)) == (axes, ("passed", "refused"))
+
+
+def test_axes_are_written_as_the_manifest_wants_them() -> None:
+    text = as_toml(matrix_of((180.0, 0.0, 90.0)))
+    assert np.allclose(tomllib.loads(f"a = {text}")["a"], [[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 
 def test_reasons_are_read_from_the_record_of_a_run(tmp_path: Path) -> None:

@@ -1,16 +1,13 @@
-"""Faults of the IMU's axes, signs and units, with the axes stated and with the axes unknown."""
+"""Faults of the IMU's axes, signs and units."""
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
-from tests.benchmarks.faults.fault import DoesNotApplyError, Fault, Put, Stretch, whole
+from tests.benchmarks.faults.fault import Fault, Put, Stretch, whole
 from tests.benchmarks.faults.recording import Recording
 
 REASONS = ("axes", "sign", "imu", "inertial", "gyro", "acceleromet", "specific force")
-UNKNOWN = 'axes = "unknown"'
 READ = ("ax", "ay", "az", "gx", "gy", "gz")
 
 Columns = dict[str, tuple[float, str]]
@@ -45,6 +42,10 @@ CHANGES: dict[str, tuple[str, Columns]] = {
         "the gyro is in deg/s where rad/s is stated",
         {name: (180.0 / np.pi, name) for name in READ[3:]},
     ),
+    "gyro-rad": (
+        "the gyro's readings are 57 times too small, as rad/s where deg/s is stated",
+        {name: (np.pi / 180.0, name) for name in READ[3:]},
+    ),
     "accel-in-g": (
         "the accelerometer is in g where m/s^2 is stated",
         {name: (1.0 / 9.80665, name) for name in READ[:3]},
@@ -52,13 +53,8 @@ CHANGES: dict[str, tuple[str, Columns]] = {
 }
 
 
-def _put(columns: Columns, unknown: bool) -> Put:
+def _put(columns: Columns) -> Put:
     def put(recording: Recording, _: np.random.Generator) -> Stretch:
-        stated = UNKNOWN not in recording.manifest
-        if not stated and not unknown:
-            raise DoesNotApplyError("its axes are not stated")
-        if unknown:
-            recording.manifest = re.sub(r"axes = .*", UNKNOWN, recording.manifest)
         rows = np.ones(len(recording.imu.lines), bool)
         read = {name: recording.imu.values(name) for name in READ}
         for name, (factor, other) in columns.items():
@@ -68,8 +64,4 @@ def _put(columns: Columns, unknown: bool) -> Put:
     return put
 
 
-FAULTS = [
-    Fault(f"{name}{suffix}", f"{what}{said}", _put(columns, unknown), REASONS)
-    for name, (what, columns) in CHANGES.items()
-    for suffix, said, unknown in (("", "", False), ("-unknown", ', axes = "unknown"', True))
-]
+FAULTS = [Fault(name, what, _put(columns), REASONS) for name, (what, columns) in CHANGES.items()]

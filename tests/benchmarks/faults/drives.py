@@ -1,12 +1,14 @@
-"""The recorded drives that faults are put into, each with its truth."""
+"""The drives that faults are put into, each with its truth: recorded ones and a simulated one."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from automap.frames import rpy_to_matrix
 from automap.io.truth_trajectory import read_truth_trajectory
 from automap.records import NO_TIME, Trajectory
 from tests.benchmarks.faults import pos_log
@@ -17,6 +19,13 @@ WANDER_M, WANDER_UP_M, TAU_S, WHITE_M, VELOCITY_SD = 1.0, 1.8, 60.0, 0.3, 0.07
 """Errors put on centimetre fixes: those that the KITTI drives' fixes have."""
 EVERY = 4
 SEED = 20250708
+
+
+RTK_TURN_DEG = (180.6, 6.8, 185.4)
+"""Roll, pitch, yaw from sensor to vehicle of ``rtk-car-a``, as published with it."""
+TOWN_TURN_DEG = (11.0, -7.0, 100.0)
+"""Those of the simulated IMU, and by how much the manifest is off, as by eye."""
+TOWN_OFF_DEG = (1.0, -1.5, 2.0)
 
 
 def city(folder: Path) -> Recording:
@@ -52,6 +61,7 @@ def rtk(folder: Path) -> Recording:
         for k, m in enumerate(log.messages)
     ]
     told = log.now.take(np.arange(n))
+    recording.state_axes(as_toml(matrix_of(RTK_TURN_DEG)))
     # times stay as they were noted: only so are they the rows' own
     recording.log = type(log)(
         [[row] for row in rows], log.arrival, told, log.write, log.gps_offset_s, log.head
@@ -89,11 +99,65 @@ def _truth_of(path: Path) -> Trajectory:
     return part_of(truth, fixed)
 
 
-DRIVES: dict[str, Callable[[Path], Recording]] = {
-    "gsdc-mtv1": phone,
-    "kitti-20111003-0034": city,
-    "kitti-20110930-0033": city,
-    "rtk-car-a": rtk,
+def half(folder: Path) -> Recording:
+    """Five minutes of a drive of eight."""
+    recording = city(folder)
+    recording.cut(300.0)
+    return recording
+
+
+def turned(folder: Path) -> Recording:
+    """A simulated drive whose IMU was mounted askew, as the manifest says but for some degrees."""
+    recording = city(folder)
+    mounted = matrix_of(TOWN_TURN_DEG)
+    rows = np.ones(len(recording.imu.lines), bool)
+    for triad in "ga":
+        names = [f"{triad}{axis}" for axis in "xyz"]
+        read = np.column_stack([recording.imu.values(name) for name in names]) @ mounted
+        for name, column in zip(names, read.T, strict=True):
+            recording.imu.put(name, rows, column)
+    off = tuple(a + b for a, b in zip(TOWN_TURN_DEG, TOWN_OFF_DEG, strict=True))
+    recording.state_axes(as_toml(matrix_of(off)))
+    return recording
+
+
+def matrix_of(rpy_deg: tuple[float, ...]) -> Floats:
+    """The rotation [3, 3] from sensor to vehicle by ZYX angles."""
+    return np.asarray(rpy_to_matrix(np.radians(rpy_deg)))
+
+
+def as_toml(matrix: Floats) -> str:
+    """A matrix [3, 3] as the manifest writes it."""
+    return str([[round(float(value), 5) for value in row] for row in matrix])
+
+
+@dataclass(frozen=True)
+class Source:
+    """``read`` makes a recording, with its axes stated, of a drive's folder, which is one of the
+    recordings or what ``automap simulate`` makes of ``scenario``; ``what`` says what it is."""
+
+    read: Callable[[Path], Recording]
+    what: str
+    scenario: Path | None = None
+
+
+DRIVES: dict[str, Source] = {
+    "gsdc-mtv1": Source(
+        phone, "a phone's NMEA at 1 Hz, real fixes, seven minutes of street and motorway"
+    ),
+    "kitti-20111003-0034": Source(
+        half, "NMEA at 5 Hz with arrival times, five of eight minutes of town"
+    ),
+    "kitti-20110930-0033": Source(city, "UBX at 5 Hz with arrival times, three minutes of town"),
+    "rtk-car-a": Source(
+        rtk,
+        "every fourth RTK fix, a usual receiver's errors added; coarse IMU, upside down and turned",
+    ),
+    "town": Source(
+        turned,
+        "simulated: a u-blox receiver's UBX at 5 Hz, five minutes; IMU turned by 100 deg, tilted "
+        "by 13",
+        Path(__file__).with_name("town.toml"),
+    ),
 }
-"""Reader of each by the name of its folder: NMEA at 1 Hz of a phone, NMEA at 5 Hz and UBX at 5 Hz
-with arrival times, RTKLIB's table at 1 Hz."""
+"""By name, of the recorded ones also that of the folder."""

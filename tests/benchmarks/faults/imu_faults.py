@@ -17,9 +17,11 @@ from tests.benchmarks.faults.fault import (
     whole,
 )
 from tests.benchmarks.faults.log import Mask
-from tests.benchmarks.faults.recording import Recording
+from tests.benchmarks.faults.recording import NS, Recording
 
 CLIP = np.radians(20.0)
+CLIP_G = 9.80665
+"""A range of 1 g: gravity and a slope are at its end."""
 
 
 def _spike(column: str, value: float, count: int = 1) -> Put:
@@ -59,16 +61,43 @@ def _fast_clock(recording: Recording, _: np.random.Generator) -> Stretch:
     return middle, end
 
 
-def _clipped(recording: Recording, _: np.random.Generator) -> Stretch:
-    any_row = np.zeros(len(recording.imu.lines), bool)
-    for name in ("gx", "gy", "gz"):
-        values = recording.imu.values(name)
-        over = np.abs(values) > CLIP
-        recording.imu.put(name, over, np.clip(values, -CLIP, CLIP))
-        any_row |= over
-    if not any_row.any():
-        raise DoesNotApplyError("it never turns faster than 20 deg/s")
-    return whole(recording)
+def _clock(rate: float = 0.0, jump_s: float = 0.0) -> Put:
+    """Stamps that gain ``rate`` from the first fix on and ``jump_s`` at the drive's middle."""
+
+    def put(recording: Recording, _: np.random.Generator) -> Stretch:
+        begin, end = whole(recording)
+        middle, t_ns = recording.stamp(0.5 * (begin + end)), recording.imu.t_ns
+        gained = np.rint((t_ns - recording.stamp(begin)) * rate).astype(np.int64)
+        gained += np.where(t_ns > middle, round(jump_s * NS), 0)
+        recording.imu.put_stamps(_all(recording), t_ns + gained)
+        return (0.5 * (begin + end) if jump_s else begin), end
+
+    return put
+
+
+def _axis_frozen(recording: Recording, _: np.random.Generator) -> Stretch:
+    stretch = driving(recording, 20.0)
+    rows = readings_in(recording, stretch)
+    values = recording.imu.values("gz")
+    recording.imu.put("gz", rows, float(values[rows][0]))
+    return stretch
+
+
+def _clipped(triad: str, most: float, unit: str) -> Put:
+    """Each axis of a triad ends at ``most`` to both sides."""
+
+    def put(recording: Recording, _: np.random.Generator) -> Stretch:
+        any_row = np.zeros(len(recording.imu.lines), bool)
+        for name in (f"{triad}x", f"{triad}y", f"{triad}z"):
+            values = recording.imu.values(name)
+            over = np.abs(values) > most
+            recording.imu.put(name, over, np.clip(values, -most, most))
+            any_row |= over
+        if not any_row.any():
+            raise DoesNotApplyError(f"no reading is beyond {unit}")
+        return whole(recording)
+
+    return put
 
 
 def _times(column: str, factor: float) -> Put:
@@ -106,7 +135,39 @@ FAULTS = [
         _fast_clock,
         (*TIME, "imu", "inertial", "drift"),
     ),
-    Fault("gyro-clipped", "the gyro clips at 20 deg/s", _clipped, (*GYRO, "clip", "satur")),
+    Fault(
+        "imu-clock-all",
+        "the IMU's clock is 1 % fast all the way",
+        _clock(rate=0.01),
+        (*TIME, "imu", "inertial", "drift"),
+    ),
+    *(
+        Fault(
+            f"imu-jump-{name}",
+            f"the IMU's stamps jump by {jump:g} s in the middle",
+            _clock(jump_s=jump),
+            (*TIME, "imu", "inertial", "jump"),
+        )
+        for name, jump in (("0.3", 0.3), ("1", 1.0))
+    ),
+    Fault(
+        "gyro-axis-frozen",
+        "the gyro's z axis keeps its reading for 20 s of driving",
+        _axis_frozen,
+        (*GYRO, "reading", "frozen", "stuck"),
+    ),
+    Fault(
+        "gyro-clipped",
+        "the gyro clips at 20 deg/s",
+        _clipped("g", CLIP, "20 deg/s"),
+        (*GYRO, "clip", "satur"),
+    ),
+    Fault(
+        "accel-clipped",
+        "the accelerometer clips at 1 g",
+        _clipped("a", CLIP_G, "1 g"),
+        (*ACCEL, "clip", "satur"),
+    ),
     Fault(
         "gyro-scale",
         "the gyro's z axis reads twice the rate",

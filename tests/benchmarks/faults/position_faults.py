@@ -140,6 +140,11 @@ def _hemisphere(recording: Recording, _: np.random.Generator) -> Stretch:
     return whole(recording)
 
 
+def _other_side(recording: Recording, _: np.random.Generator) -> Stretch:
+    recording.log.now.lon *= -1.0
+    return whole(recording)
+
+
 def _swapped(recording: Recording, _: np.random.Generator) -> Stretch:
     now = recording.log.now
     now.lat, now.lon = now.lon, now.lat
@@ -225,6 +230,12 @@ FAULTS = [
         "north and south are swapped",
         _hemisphere,
         (*POSITION, "latitude", "course", "heading", "velocit"),
+    ),
+    Fault(
+        "hemisphere-east",
+        "east and west are swapped",
+        _other_side,
+        (*POSITION, "longitude", "course", "heading", "velocit"),
     ),
     Fault(
         "latitude-longitude",

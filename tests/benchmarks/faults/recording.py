@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import tomllib
 from dataclasses import dataclass, replace
@@ -73,6 +74,10 @@ class Recording:
         """One that can be changed without changing this."""
         imu = replace(self.imu, lines=list(self.imu.lines))
         return replace(self, imu=imu, log=self.log.take(np.arange(len(self.log))))
+
+    def state_axes(self, axes: str) -> None:
+        """Say in the manifest how the IMU is mounted; ``axes`` as TOML."""
+        self.manifest = re.sub(r"(?m)^axes = .*$", f"axes = {axes}", self.manifest)
 
     def cut(self, seconds: float) -> None:
         """Leave out what lies later than this after the first fix."""

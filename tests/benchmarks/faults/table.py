@@ -7,11 +7,12 @@ from collections.abc import Sequence
 
 from tests.benchmarks.faults.catalogue import CONTROL, FAULTS
 from tests.benchmarks.faults.drives import DRIVES
-from tests.benchmarks.faults.judge import MOST_SIGMA, Errors, Row, outcome
+from tests.benchmarks.faults.judge import AXES, MOST_SIGMA, Case, Errors, Row, fitting, outcome
 
 HEAD = (
     "drive",
     "fault",
+    "axes",
     "exit",
     "verdict",
     "error h, v (m)",
@@ -29,36 +30,30 @@ and the path is compared with the truth.
 A run passes where one of these holds:
 
 - the errors over the stated sigmas have an RMS of at most {MOST_SIGMA:.0f} on each of north, east
-  and down over the whole drive;
+  and down over the whole drive and in the fault's own stretch;
 - the [verdict](outputs.md#the-verdict) of the run is `doubtful` or `unusable`, for a reason that is
   about this fault: its code or its first clause names what was changed, or says that the path and
   its fixes contradict each other; where a reason tells seconds, the fault lies in them;
 - the drive is refused with exit code 3 and a sentence that names the file.
 
 Drives as they were recorded stand first. They pass only where the verdict is not `doubtful` and the
-errors are within the sigmas: a verdict that always warns says nothing. The outcome of a fault says
-whether it was told, not told, or told for another reason, and the stated sigma stands beside
-the error: a path can pass because its sigma is large. Beside the errors over the whole drive stand
-those in the fault's own stretch. Faults that no reading can show, as a position 10 m off all
-the way, are listed as `beyond` and not counted.
-
-| drive | what it is |
-|---|---|
-| `gsdc-mtv1` | a phone's NMEA at 1 Hz, real fixes, seven minutes of street and motorway |
-| `kitti-20111003-0034` | NMEA at 5 Hz with arrival times, eight minutes of town |
-| `kitti-20110930-0033` | UBX at 5 Hz with arrival times, three minutes of town |
-| `rtk-car-a` | every fourth RTK fix, a usual receiver's errors added; coarse IMU, axes unknown |
-
-Of `rtk-car-a` all fixes that RTK had fixed are the truth.
-
-`python tests/benchmarks/fault_table.py --docs` runs them all and writes this page.
+errors are within the sigmas: a verdict that always warns says nothing. Every fault is tried with
+the IMU's axes as the manifest gives them and with `axes = "unknown"`.
 """
+LEGEND = """Of `rtk-car-a` all fixes that RTK had fixed are the truth.
 
+`python tests/benchmarks/fault_table.py --docs` runs them all and writes this page; a table with a
+line for every run stands beside its results.
 
-def in_order(rows: Sequence[Row]) -> list[Row]:
-    """By drive, then by the catalogue."""
-    drives, faults = list(DRIVES), list(FAULTS)
-    return sorted(rows, key=lambda r: (drives.index(r.drive), faults.index(r.fault)))
+## What comes out
+
+A number is the largest of north, east and down of the RMS of error over stated sigma; `told` where
+the verdict names the fault, `other` where it warns of something else, a number alone where it is
+silent. Two results are those with given / unknown axes. The largest stated horizontal sigma (RMS
+over a drive) stands beside them: a path can pass because its sigma is large.
+"""
+Results = dict[Case, tuple[str, Row | str]]
+"""By case the version of the code that ran, and the run, or why the fault does not apply."""
 
 
 def cells_of(row: Row) -> tuple[str, ...]:
@@ -69,6 +64,7 @@ def cells_of(row: Row) -> tuple[str, ...]:
     return (
         row.drive,
         row.fault,
+        row.axes,
         str(row.code),
         f"{row.state}: {codes}" if codes else row.state,
         errors,
@@ -108,24 +104,72 @@ def summary(rows: Sequence[Row]) -> list[str]:
     return lines
 
 
-def markdown(rows: Sequence[Row], skipped: Sequence[tuple[str, str, str]]) -> str:
-    """The table, the summary and what did not apply."""
-    lines = [f"{line[0].upper()}{line[1:]}." for line in summary(rows)]
-    lines += ["", "| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)]
-    for row in in_order(rows):
+def details(results: Results) -> str:
+    """A line for every run, the summary, and what did not apply."""
+    rows, skipped = _parted(results)
+    lines = [*summary(rows), "", "| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)]
+    for row in rows:
         cells = [cell.replace("|", "/").replace("\n", " ") for cell in cells_of(row)]
         lines.append("| " + " | ".join(cells) + " |")
-    if skipped:
-        lines += ["", "Not run: " + "; ".join(f"{f} on {d} ({w})" for d, f, w in skipped) + "."]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, "", *skipped]) + "\n"
 
 
-def page(rows: Sequence[Row], skipped: Sequence[tuple[str, str, str]], version: str) -> str:
-    """The page of the documentation; ``version`` the digest of the code that ran."""
-    what = ["## What is put in", "", "| fault | what |", "|---|---|"]
+def page(results: Results) -> str:
+    """The page of the documentation: a line for every fault."""
+    rows, skipped = _parted(results)
+    drives = [name for name in DRIVES if any(row.drive == name for row in rows)]
+    lines = [INTRODUCTION, "| drive | what it is |", "|---|---|"]
+    lines += [f"| `{name}` | {DRIVES[name].what} |" for name in drives]
+    lines += ["", LEGEND, _versions(results), ""]
+    lines += [f"{line[0].upper()}{line[1:]}." for line in summary(rows)]
+    head = ["fault", "what", *(f"`{name}`" for name in drives), "most stated (m)", "told as"]
+    lines += ["", "| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for fault in FAULTS.values():
-        note = f" (nothing in the recording shows it: {fault.beyond})" if fault.beyond else ""
-        what.append(f"| {fault.name} | {fault.what}{note} |")
-    made = f"Made with the code whose digest (`code_version` of the benchmarks) is `{version}`."
-    result = ["", "## What comes out", "", made, "", markdown(rows, skipped)]
-    return INTRODUCTION + "\n" + "\n".join(what) + "\n" + "\n".join(result)
+        of_fault = [row for row in rows if row.fault == fault.name]
+        cells = [fault.name, fault.what]
+        cells += [_pair([r for r in of_fault if r.drive == name]) for name in drives]
+        stated = [row.whole.stated_m for row in of_fault if row.whole]
+        codes = sorted({code for row in of_fault for code in fitting(row)})
+        cells += [_m(max(stated)) if stated else "-", ", ".join(codes)]
+        lines.append("| " + " | ".join(cells) + " |")
+    beyond = [f"{f.name}: {f.beyond}" for f in FAULTS.values() if f.beyond]
+    lines += ["", "Nothing in the recording shows " + "; ".join(beyond) + "."]
+    return "\n".join([*lines, "", *skipped]) + "\n"
+
+
+def _parted(results: Results) -> tuple[list[Row], list[str]]:
+    rows = [row for _, row in results.values() if not isinstance(row, str)]
+    unlike: dict[str, str] = {}
+    for (drive, fault, _), (_, why) in results.items():
+        if isinstance(why, str):
+            unlike[f"{fault} on {drive}"] = why
+    told = "; ".join(f"{name} ({why})" for name, why in unlike.items())
+    return rows, [f"Not run: {told}."] if told else []
+
+
+def _versions(results: Results) -> str:
+    count = Counter(v for v, row in results.values() if not isinstance(row, str))
+    told = ", ".join(f"{n} runs by `{version}`" for version, n in count.most_common())
+    return f"Made with the code whose digest (`code_version` of the benchmarks) is: {told}."
+
+
+def _pair(rows: Sequence[Row]) -> str:
+    """What came of a fault on a drive, with given and with unknown axes."""
+    cells = {row.axes: _short(row) for row in rows}
+    if len(cells) < len(AXES):
+        return next(iter(cells.values()), "-")
+    given, unknown = (cells[axes] for axes in AXES)
+    return given if given == unknown else f"{given} / {unknown}"
+
+
+def _short(row: Row) -> str:
+    if row.whole is None:
+        return "refused" if outcome(row)[0] == "passed" else f"**exit {row.code}**"
+    result, how = outcome(row)
+    ratio = f"{max(row.whole.ratio):.1f}"
+    if result == "failed":
+        seconds = f" ({max(row.stretch.ratio):.1f})" if row.stretch else ""
+        return f"**{ratio}{seconds} {how}**"
+    if fitting(row):
+        return f"{ratio} told"
+    return ratio if "another" not in how else f"{ratio} other"
