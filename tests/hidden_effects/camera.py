@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from tests.hidden_effects.extras import Flex
 from tests.hidden_effects.geodesy import Array, meridian_radius, normal_radius
 from tests.hidden_effects.imu import Effects
 from tests.hidden_effects.motion import Motion, rotation, to_nav
@@ -88,8 +89,9 @@ def film(
     rng: np.random.Generator,
     pixel_sd: float,
     plates: Plates,
+    flex: Flex | None = None,
 ) -> Boxes:
-    """Boxes of all signs in all frames; ``pixel_sd`` of a box's edges."""
+    """Boxes of all signs in all frames; ``pixel_sd`` of a box's edges; a ``flex`` of the mount."""
     stamp = np.arange(5, int((motion.seconds - 0.5) * RATE_HZ)) / RATE_HZ
     shutter = sum(effects.get("rolling_shutter", {}).values())
     frames, boxes, numbers = [], [], []
@@ -99,7 +101,7 @@ def film(
             continue
         late = np.zeros(len(near))
         for _ in range(3 if shutter else 1):
-            ray = rays(motion, effects, stamp[near] + late, place)
+            ray = rays(motion, effects, stamp[near] + late, place, flex)
             pixel, good = pixels(effects, ray)
             late = row_delay(shutter, pixel)
         # the edges of a plate that faces the camera
@@ -138,14 +140,19 @@ def _near_frames(motion: Motion, stamp: Array, place: Array, facing: float) -> I
     return np.flatnonzero((away < FAR_M + 10.0) & (ahead > 0.0) & (towards > 0.3 * away))
 
 
-def rays(motion: Motion, effects: Effects, stamp: Array, place: Array) -> Array:
+def rays(
+    motion: Motion, effects: Effects, stamp: Array, place: Array, flex: Flex | None = None
+) -> Array:
     """One place [n, 3] m in camera axes at the frames' stamps [n]."""
     offset = sum(effects.get("camera_time_offset", {}).values())
     state = motion.at(stamp + offset)
     shift = effects.get("camera_lever_arm", {})
     arm = LEVER_ARM + np.array([shift.get(axis, 0.0) for axis in "xyz"])
     turn = effects.get("camera_boresight", {})
-    C_body_cam = rotation(np.array([[turn.get(a, 0.0) for a in ("roll", "pitch", "yaw")]]))[0]
+    angles = np.tile([turn.get(a, 0.0) for a in ("roll", "pitch", "yaw")], (len(stamp), 1))
+    if flex is not None:
+        angles = angles + flex(state)
+    C_body_cam = rotation(angles)
     there = np.column_stack(
         [
             (place[0] - state.lat) * (meridian_radius(state.lat) + state.height),
@@ -158,7 +165,7 @@ def rays(motion: Motion, effects: Effects, stamp: Array, place: Array) -> Array:
     ray = np.einsum(
         "nji,nj->ni", state.C_n_b, there - to_nav(state.C_n_b, np.tile(arm, (len(stamp), 1)))
     )
-    return np.asarray(ray @ C_body_cam)
+    return np.asarray(np.einsum("ni,nij->nj", ray, C_body_cam))
 
 
 def pixels(effects: Effects, ray: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
@@ -177,7 +184,9 @@ def pixels(effects: Effects, ray: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
     return np.where(np.isfinite(pixel), pixel, 0.0), good
 
 
-def camera_nats(motion: Motion, effects: Effects, boxes: Boxes, pixel_sd: float) -> float:
+def camera_nats(
+    motion: Motion, effects: Effects, boxes: Boxes, pixel_sd: float, flex: Flex | None = None
+) -> float:
     """Nats that the boxes carry for the camera's errors, the path known, the signs unknown."""
     total = 0.0
     centre_sd = pixel_sd / np.sqrt(2.0)
@@ -187,7 +196,7 @@ def camera_nats(motion: Motion, effects: Effects, boxes: Boxes, pixel_sd: float)
         clean = pixels({}, rays(motion, {}, stamp, place))[0]
         shutter = sum(effects.get("rolling_shutter", {}).values())
         late = row_delay(shutter, clean)
-        shifted = pixels(effects, rays(motion, effects, stamp + late, place))[0]
+        shifted = pixels(effects, rays(motion, effects, stamp + late, place, flex))[0]
         steps = np.diag([1e-8, 1e-8, 0.05])
         slopes = [pixels({}, rays(motion, {}, stamp, place + step))[0] - clean for step in steps]
         A = np.stack([s.ravel() for s in slopes], axis=1) / centre_sd

@@ -17,15 +17,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tests.hidden_effects.extras import NOTHING, Extras
 from tests.hidden_effects.geodesy import Array, earth_rate_ned
-from tests.hidden_effects.gnss import GnssExtra, GnssRecord, record_gnss
-from tests.hidden_effects.imu import Effects, Extra, ImuRecord, record_imu
+from tests.hidden_effects.gnss import GnssRecord, record_gnss
+from tests.hidden_effects.imu import Effects, ImuRecord, record_imu
 from tests.hidden_effects.motion import Motion, State, to_body, to_nav
 from tests.hidden_effects.noise import GnssNoise, ImuNoise
 
 NHC_SD, NHC_SLIP = 0.04, 0.03
 NHC_SPEED = 3.0
 REST_SPEED_SD, REST_RATE_SD = 0.03, 1e-3
+UNTOLD_SD = 1e3
+"""m/s, of a velocity that the receiver does not tell."""
 _P, _V, _A, _BA, _BG, _SA, _SG, _W = (slice(3 * i, 3 * i + 3) for i in range(8))
 N_STATES = 24
 PRIOR_SD = np.repeat([20.0, 2.0, 0.2, 0.15, 5e-3, 5e-3, 5e-3, 1.0], 3)
@@ -78,21 +81,30 @@ def shifts_of(
     scene: Scene,
     cases: Sequence[Effects],
     warm_up: tuple[float, float, float],
-    extra: Extra | None = None,
-    gnss_extra: GnssExtra | None = None,
+    extras: Extras = NOTHING,
 ) -> Shifts:
     """Readings and fixes with each case's errors and no noise, less the ideal ones.
 
-    A formula (``extra``, ``gnss_extra``) is added to every case.
+    What no library holds (``extras``) is added to every case.
     """
     silent_imu, silent_gnss = ImuNoise(0.0, 0.0), GnssNoise(0.0, 0.0, 60.0, 0.0)
     parts: list[tuple[Array, Array, Array, Array, Array]] = []
     state = scene.state
     for effects in cases:
         rng = np.random.default_rng(0)
-        imu = record_imu(scene.motion, effects, silent_imu, rng, warm_up, extra, scene.rate_hz)
+        imu = record_imu(
+            scene.motion,
+            effects,
+            silent_imu,
+            rng,
+            warm_up,
+            extras.imu,
+            scene.rate_hz,
+            extras.readings,
+            extras.clock,
+        )
         gnss = record_gnss(
-            scene.motion, effects, silent_gnss, rng, scene.lever_arm, gnss_extra, scene.tag
+            scene.motion, effects, silent_gnss, rng, scene.lever_arm, extras.fix, scene.tag
         )
         gyro = imu.gyro - imu.clean_gyro
         if "earth_rotation" in effects:
@@ -101,6 +113,11 @@ def shifts_of(
         nhc = np.cross(state.rate_nav, np.broadcast_to(axle, state.rate_nav.shape))[:, 1:]
         slip = sum(effects.get("vehicle_sideslip", {}).values())
         nhc[:, 0] += slip * state.rate_nav[:, 2] * state.speed**2
+        if extras.body is not None:
+            nose = extras.body(scene.motion.path_at(state.t))
+            nhc += state.speed[:, None] * np.column_stack([nose[:, 2], -nose[:, 1]])
+        if extras.nhc is not None:
+            nhc += extras.nhc(scene.motion, state.t)
         parts.append((imu.accel - imu.clean_accel, gyro, gnss.error_pos, gnss.error_vel, nhc))
     return Shifts(*(np.stack(list(part), axis=-1) for part in zip(*parts, strict=True)))
 
@@ -143,6 +160,8 @@ def whiten(
     log_det = 0.0
     # the receiver's resolution
     pos_var, vel_var = pos_sd**2 + 1e-8, vel_sd**2 + 1e-7
+    if not gnss.down_known:
+        vel_var[2] = UNTOLD_SD**2
     for i, dt in enumerate(blocks.dt):
         F = blocks.transition(i)
         keep = np.exp(-dt / gnss.wander_s)

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tests.hidden_effects.extras import Extras
 from tests.hidden_effects.geodesy import Array
 from tests.hidden_effects.imu import Signals
-from tests.hidden_effects.motion import State
+from tests.hidden_effects.motion import Motion, State
 
 Regressor = Callable[[Signals], Array]
 
@@ -31,6 +32,10 @@ class Formula:
     imu: Regressor | None = None
     fix: Callable[[State], Array] | None = None
 
+    def extras(self, size: float) -> Extras:
+        """The error at ``size``."""
+        return Extras(imu=self.imu_errors(size), fix=self.fix_errors(size))
+
     def imu_errors(self, size: float) -> Callable[[Signals], tuple[Array, Array]] | None:
         """Errors (gyro [n, 3], accel [n, 3]) at ``size``, None where the receiver errs."""
         if self.imu is None:
@@ -45,13 +50,14 @@ class Formula:
 
         return errors
 
-    def fix_errors(self, size: float) -> Callable[[State], tuple[Array, Array]] | None:
+    def fix_errors(self, size: float) -> Callable[[Motion, Array], tuple[Array, Array]] | None:
         """Errors (position [n, 3] m, velocity [n, 3]) at ``size``, None where the IMU errs."""
         if self.fix is None:
             return None
         regressor = self.fix
 
-        def errors(state: State) -> tuple[Array, Array]:
+        def errors(motion: Motion, t: Array) -> tuple[Array, Array]:
+            state = motion.at(t)
             pos, vel = np.zeros_like(state.vel_ned), np.zeros_like(state.vel_ned)
             value = size * regressor(state)
             if self.channel == "position":

@@ -3,31 +3,33 @@
 ``gnss_latency`` > 0: the data are older than their tag; ``gnss_velocity_latency``: the velocity
 still older than the position; ``gnss_velocity_lag``: a first-order low-pass of the velocity.
 ``gnss_lever_arm``: the antenna is that far from where the manifest says.
+
+With a ``Replay`` the receiver is a recorded one: its delays act on this motion, and its errors are
+laid over it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import lfilter
 
+from tests.hidden_effects.extras import FixExtra
 from tests.hidden_effects.geodesy import Array, meridian_radius, normal_radius
 from tests.hidden_effects.imu import Effects
-from tests.hidden_effects.motion import Motion, State, displaced, to_nav
+from tests.hidden_effects.motion import Motion, displaced, to_nav
 from tests.hidden_effects.noise import GnssNoise, coloured, heavy
+from tests.hidden_effects.real_receiver import Replay
 from tests.hidden_effects.route import MARGIN_S
-
-GnssExtra = Callable[[State], tuple[Array, Array]]
-"""Errors (position [n, 3] m, velocity [n, 3] m/s, north, east, down) of the state at the fix."""
 
 
 @dataclass(frozen=True)
 class GnssRecord:
     """``tag`` [n] s of the recording; ``lat``, ``lon`` rad, ``height`` m [n]; ``vel`` [n, 3]
     m/s; ``sd_pos``, ``sd_vel`` [n, 3] the receiver's own figures; ``error_pos`` [n, 3] m and
-    ``error_vel`` [n, 3] against the ideal antenna of the manifest at ``tag``."""
+    ``error_vel`` [n, 3] against the ideal antenna of the manifest at ``tag``. ``hdop`` [n] is all
+    that a recorded receiver states."""
 
     tag: Array
     lat: Array
@@ -38,6 +40,7 @@ class GnssRecord:
     sd_vel: Array
     error_pos: Array
     error_vel: Array
+    hdop: Array | None = None
 
 
 def record_gnss(
@@ -46,28 +49,41 @@ def record_gnss(
     noise: GnssNoise,
     rng: np.random.Generator,
     lever_arm: Array,
-    extra: GnssExtra | None = None,
+    extra: FixExtra | None = None,
     tag: Array | None = None,
+    replay: Replay | None = None,
 ) -> GnssRecord:
     """Fixes at ``noise.rate_hz`` of an antenna at ``lever_arm`` [3] m by the manifest, or at
-    the instants ``tag`` [n]."""
-    if tag is None:
+    the instants ``tag`` [n]; of a ``replay`` at its tags."""
+    if replay is not None:
+        tag = replay.tags(motion.seconds)
+    elif tag is None:
         tag = draw_tags(motion.seconds, noise, rng)
     n = len(tag)
     latency = effects.get("gnss_latency", {}).get("s", 0.0)
+    if replay is not None:
+        latency += replay.series().position_s
     later = effects.get("gnss_velocity_latency", {}).get("s", 0.0)
     lag = effects.get("gnss_velocity_lag", {}).get("s", 0.0)
     shift = effects.get("gnss_lever_arm", {})
     arm = lever_arm + np.array([shift.get(axis, 0.0) for axis in "xyz"])
     then = motion.at(tag - latency)
     lat, lon, height = displaced(then, arm)
-    vel = _antenna_velocity(motion, tag - latency - later, arm, lag)
+    hdop = None
     more_pos, more_vel = np.zeros((n, 3)), np.zeros((n, 3))
     if extra is not None:
-        more_pos, more_vel = extra(then)
+        more_pos, more_vel = extra(motion, then.t)
     datum = effects.get("gnss_datum_shift", {})
     more_pos = more_pos + [datum.get(name, 0.0) for name in "ned"]
-    noise_pos, noise_vel, sd_pos, sd_vel = _noise(tag, effects, noise, rng)
+    if replay is None:
+        vel = _antenna_velocity(motion, tag - latency - later, arm, lag)
+        noise_pos, noise_vel, sd_pos, sd_vel = _noise(tag, effects, noise, rng)
+    else:
+        noise_pos, along, across, hdop = replay.errors(motion.seconds)
+        vel = _recorded_velocity(motion, replay, tag, arm, along, across)
+        noise_vel = np.zeros((n, 3))
+        more_vel = np.where(np.linalg.norm(vel, axis=1)[:, None] > 0.0, more_vel, 0.0)
+        sd_pos = sd_vel = np.full((n, 3), np.nan)
     wrong = more_pos + noise_pos
     radius_n, radius_e = meridian_radius(lat) + height, normal_radius(lat) + height
     lat = lat + wrong[:, 0] / radius_n
@@ -85,7 +101,23 @@ def record_gnss(
     )
     swing = to_nav(now.C_n_b, np.cross(now.rate_nav, np.broadcast_to(lever_arm, (n, 3))))
     error_vel = vel - now.vel_ned - swing
-    return GnssRecord(tag, lat, lon, height, vel, sd_pos, sd_vel, error_pos, error_vel)
+    return GnssRecord(tag, lat, lon, height, vel, sd_pos, sd_vel, error_pos, error_vel, hdop)
+
+
+def _recorded_velocity(
+    motion: Motion, replay: Replay, tag: Array, arm: Array, along: Array, across: Array
+) -> Array:
+    """Velocity NED [n, 3] as a recorded receiver tells it: a speed and a course, each of its own
+    instant, no vertical part, nothing below its threshold."""
+    series = replay.series()
+    swift = _antenna_velocity(motion, tag - series.speed_s, arm, 0.0)
+    turned = _antenna_velocity(motion, tag - series.course_s, arm, 0.0)
+    true_speed = np.hypot(swift[:, 0], swift[:, 1])
+    speed = np.maximum(true_speed + along, 0.0)
+    course = np.arctan2(turned[:, 1], turned[:, 0])
+    course = course + np.arctan2(across, np.maximum(speed, 1.0))
+    speed = np.where(true_speed < series.rest, 0.0, speed)
+    return np.column_stack([speed * np.cos(course), speed * np.sin(course), np.zeros_like(speed)])
 
 
 def draw_tags(seconds: float, noise: GnssNoise, rng: np.random.Generator) -> Array:

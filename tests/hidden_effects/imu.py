@@ -17,6 +17,10 @@ from tests.hidden_effects.noise import ImuNoise, coloured, heavy
 
 Effects = Mapping[str, Mapping[str, float]]
 Extra = Callable[["Signals"], tuple[Array, Array]]
+Readings = Callable[[Array, Array, "Signals"], None]
+"""Changes gyro and accel [n, 3] in place."""
+Clock = Callable[[Array], Array]
+"""By how much stamps are late, s, at true instants [n]."""
 AXES = "xyz"
 REFERENCE_C = 25.0
 
@@ -66,14 +70,19 @@ def record_imu(
     warm_up: tuple[float, float, float],
     extra: Extra | None = None,
     rate_hz: float = 100.0,
+    readings: Readings | None = None,
+    clock: Clock | None = None,
 ) -> ImuRecord:
     """Readings every 1/``rate_hz`` s by the sensor's stamps.
 
-    ``warm_up``: temperature at the start, rise in K, time constant in s. ``extra`` gives the
-    errors (gyro [n, 3], accel [n, 3]) of a formula that no library holds.
+    ``warm_up``: temperature at the start, rise in K, time constant in s. Of what no library
+    holds ``extra`` gives errors (gyro [n, 3], accel [n, 3]), ``readings`` changes what is read,
+    and a ``clock`` errs beside those of ``effects``.
     """
     stamp = np.arange(round(motion.seconds * rate_hz) + 1) / rate_hz
     true_t = sample_times(stamp, effects)
+    if clock is not None:
+        stamp = stamp + clock(true_t)
     state = motion.at(true_t)
     angles = effects.get("imu_mounting", {})
     C_vehicle_sensor = rotation(
@@ -92,6 +101,8 @@ def record_imu(
         gyro += more_gyro
         accel += more_accel
     _add_noise(gyro, accel, signals, effects, noise, rng, rate_hz)
+    if readings is not None:
+        readings(gyro, accel, signals)
     clean = motion.at(stamp)
     return ImuRecord(stamp, true_t, gyro, accel, temp, clean.rate, clean.force)
 

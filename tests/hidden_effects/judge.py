@@ -7,19 +7,38 @@ all, is computed from the drawn drive.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from tests.hidden_effects.answers import (
+    formula_is_strange,
+    misfits,
+    noise_claims,
+    refused,
+    strange_misfits,
+    strangers,
+)
 from tests.hidden_effects.camera import CAMERA_SCALES
 from tests.hidden_effects.cases import Drawn
-from tests.hidden_effects.evidence import Scene, Whitened, shifts_of, whiten
-from tests.hidden_effects.geodesy import Array
-from tests.hidden_effects.setting import Setting, walks
+from tests.hidden_effects.formula_text import (
+    formula_is_right,
+    terms_told_beside,
+    told_beside_a_name,
+)
+from tests.hidden_effects.judge_outside import (
+    FLAGGED,
+    SAME_NATS,
+    SAME_SHARE,
+    equivalent,
+    outside_outcome,
+)
+from tests.hidden_effects.outside import Outside
+from tests.hidden_effects.own_filter import closed_share, own_sd, shortfall
 from tests.hidden_effects.sizes import SCALES, STOCHASTIC, DrawnEffect
+from tests.hidden_effects.told import terms_of
 
 NOISE_NAMES = frozenset({"gnss_correlated_noise"})
 DIRTY_NAMES = NOISE_NAMES | {"gnss_outliers", "gnss_noise_scale"}
@@ -30,8 +49,6 @@ LEVELS_OF = {
     "gyro_bias_walk": ("gyro_bias_walk",),
 }
 """Factors on noise levels that grow with a hidden noise."""
-SAME_NATS = 5.0
-"""A name that falls short of the truth by less cannot be told from it on that drive."""
 KNOWN_SHARE = 0.5
 """A parameter is determined where the drive alone gives its sd below this share of its value."""
 INTERVAL = 1.96
@@ -44,7 +61,10 @@ class Verdict:
     ``outcome`` in a word; ``wrong`` names given with confidence that are not there; ``why`` a
     sentence on every miss; ``covered`` of ``counted`` values lie within their 95 % interval;
     ``closed`` share of the held-out disagreement that the found values take away by the drawn
-    drive, ``closed_told`` by the answer itself.
+    drive, ``closed_told`` by the answer itself. ``receiver`` the recording whose errors the fixes
+    have; ``misfits`` what is said to be missing without a name where nothing is, or where it is;
+    ``claims`` the noise that is said to be more; ``refused``, ``refused_p``, ``refused_nats`` the
+    strongest inertial or installed candidate that was not named.
     """
 
     id: str
@@ -65,6 +85,12 @@ class Verdict:
     formula_right: bool = False
     seconds: float = 0.0
     cpu_s: float = 0.0
+    receiver: str = ""
+    misfits: list[str] = field(default_factory=list)
+    claims: list[str] = field(default_factory=list)
+    refused: str = ""
+    refused_p: float | None = None
+    refused_nats: float | None = None
 
 
 def judge(drawn: Drawn, answer: Mapping[str, Any]) -> Verdict:
@@ -82,16 +108,26 @@ def judge(drawn: Drawn, answer: Mapping[str, Any]) -> Verdict:
     before, after = float(answer["gap_before"]), float(answer["gap_after"])
     if before > 0.0:
         verdict.closed_told = 1.0 - after / before
+    replay = drawn.setting.replay
+    verdict.receiver = case.receiver
+    verdict.refused, verdict.refused_p, verdict.refused_nats = refused(answer)
+    verdict.claims = [f"{c['level']} times {float(c['factor']):.2f}" for c in noise_claims(answer)]
     truth = {name for name in case.effects if name in SCALES or name in CAMERA_SCALES}
     real_noise = DIRTY_NAMES if case.level == "dirty" else NOISE_NAMES
     shown = [f for f in findings if f["effect"] not in real_noise or f["effect"] in truth]
+    if not truth & {str(f["effect"]) for f in shown} & {"imu_time_offset"}:
+        shown = strangers(shown, replay)
     verdict.wrong = [
         str(f["effect"])
         for f in shown
         if f["effect"] not in truth and not truth & set(f.get("confusable_with", ()))
     ]
-    verdict.flagged = answer.get("unexplained") is not None
-    if case.kind in ("formula", "removed"):
+    verdict.flagged = formula_is_strange(answer, replay)
+    odd = strange_misfits(answer, None if case.kind == "outside" else replay)
+    verdict.misfits = [f"{m['channel']} {m['kind']}: {m.get('where', '')}" for m in odd]
+    if isinstance(drawn.formula, Outside):
+        _unlisted(verdict, drawn, drawn.formula, answer, shown)
+    elif case.kind in ("formula", "removed"):
         _outside(verdict, drawn, answer, shown)
     elif not truth:
         verdict.outcome = "false alarm" if shown or verdict.flagged else "silent"
@@ -100,6 +136,52 @@ def judge(drawn: Drawn, answer: Mapping[str, Any]) -> Verdict:
     else:
         _inside(verdict, drawn, answer, shown, truth)
     return verdict
+
+
+def judge_refusal(drawn: Drawn, text: str) -> Verdict:
+    """A run that stopped and said why: right where it names the clock that errs, otherwise no
+    answer, and on a drive where nothing is wrong a false alarm."""
+    case = drawn.case
+    verdict = Verdict(case.id, case.kind, case.level, min(case.evidence.values(), default=0.0))
+    verdict.seconds, verdict.receiver = case.seconds, case.receiver
+    outside = isinstance(drawn.formula, Outside) and "clock" in drawn.formula.channel
+    verdict.flagged = outside and "clock" in text
+    verdict.outcome = "flagged" if verdict.flagged else "refused"
+    if case.kind == "null":
+        verdict.outcome = "false alarm"
+    verdict.why = f"{case.truth}; stopped: {text}"
+    return verdict
+
+
+def _unlisted(
+    verdict: Verdict,
+    drawn: Drawn,
+    outside: Outside,
+    answer: Mapping[str, Any],
+    shown: Sequence[Mapping[str, Any]],
+) -> None:
+    """Judge an answer where the truth is an error of no library."""
+    verdict.closed = None
+    seen = drawn.extras().flex is None
+    if seen and (shown or answer.get("unexplained") is not None):
+        verdict.closed = equivalent(drawn, answer, _found(shown))
+    verdict.outcome, verdict.wrong = outside_outcome(outside, answer, shown, verdict.closed)
+    verdict.flagged = verdict.outcome in FLAGGED
+    verdict.formula_right = verdict.outcome == "formula right"
+    if verdict.outcome not in ("formula right", "misfit right", "noise right"):
+        said = _describe(shown, answer)
+        verdict.why = f"{drawn.case.truth}; {said}"
+        if verdict.closed is not None:
+            verdict.why += f"; takes away {100.0 * verdict.closed:.0f} % on the other day"
+
+
+def _found(shown: Sequence[Mapping[str, Any]]) -> dict[str, DrawnEffect]:
+    """Values of the named effects that this package can draw."""
+    return {
+        str(f["effect"]): _values(f)
+        for f in shown
+        if f["effect"] in SCALES and f["effect"] not in STOCHASTIC
+    }
 
 
 def _inside(
@@ -162,11 +244,12 @@ def _outside(
     case = drawn.case
     truth = set(case.effects)
     if verdict.flagged:
-        verdict.formula_right = case.kind == "formula" and formula_is_right(
-            case.formula_kind, answer["unexplained"]
+        verdict.formula_right = case.kind == "formula" and (
+            formula_is_right(case.formula_kind, answer["unexplained"])
+            or _is_equivalent(drawn, answer, shown)
         )
         verdict.outcome = "formula right" if verdict.formula_right else "flagged"
-    elif shown and case.kind == "formula" and _beside(case.formula_kind, shown):
+    elif shown and case.kind == "formula" and told_beside_a_name(case.formula_kind, shown):
         verdict.outcome = "formula beside a name"
     elif shown:
         verdict.outcome = "mis-named"
@@ -175,7 +258,7 @@ def _outside(
         verdict.outcome = "as noise"
     else:
         verdict.outcome = "missed"
-    if case.kind == "removed" and not verdict.flagged and _told_beside(case.effects, shown):
+    if case.kind == "removed" and not verdict.flagged and terms_told_beside(case.effects, shown):
         verdict.outcome = "formula beside a name"
         verdict.wrong = []
     elif case.kind == "removed":
@@ -193,44 +276,12 @@ def _outside(
         verdict.why += _describe(shown, answer)
 
 
-def _beside(kind: str, shown: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether the right formula is told as what a name cannot be told from."""
-    confusable = (str(r) for f in shown for r in f.get("confusable_with", ()) if "+=" in str(r))
-    return any(
-        formula_is_right(kind, {"channel": r.partition(" ")[0], "formula": r}) for r in confusable
-    )
-
-
-def _told_beside(
-    effects: Mapping[str, Mapping[str, float]], shown: Sequence[Mapping[str, Any]]
+def _is_equivalent(
+    drawn: Drawn, answer: Mapping[str, Any], shown: Sequence[Mapping[str, Any]]
 ) -> bool:
-    """Whether what a name cannot be told from is a formula of the hidden effect's terms alone."""
-    true = {term for effect in effects for term in _terms_of(effect, effects[effect])}
-    for finding in shown:
-        for rival in map(str, finding.get("confusable_with", ())):
-            terms = {(c, q) for c, q in re.findall(r"(\w+) \+= k\d* \* ([^;]+)", rival)}
-            if terms and terms <= true:
-                return True
-    return False
-
-
-def _terms_of(effect: str, values: Mapping[str, float]) -> set[tuple[str, str]]:
-    """What an effect of the sensors adds, as (axis, quantity)."""
-    sensor, _, kind = effect.partition("_")
-    quantity = {"accel": "force", "gyro": "rate"}.get(sensor, "")
-    out = set()
-    for p in values:
-        where = f"{sensor}_{p[0]}"
-        if kind in ("misalignment", "g_sensitivity") and len(p) == 2:
-            out.add((where, f"{'force' if kind == 'g_sensitivity' else quantity}_{p[1]}"))
-        elif kind == "scale_asymmetry":
-            same = (f"abs({quantity}_{p})", f"max({quantity}_{p}, 0)", f"min({quantity}_{p}, 0)")
-            out |= {(where, text) for text in same}
-        elif kind == "quadratic":
-            out.add((where, f"{quantity}_{p}^2"))
-        elif kind == "temperature":
-            out.add((where, "temperature"))
-    return out
+    """Whether another formula is the hidden one for every use of it."""
+    share = equivalent(drawn, answer, _found(shown)) if terms_of(answer["unexplained"]) else None
+    return share is not None and share >= SAME_SHARE
 
 
 def _describe(shown: Sequence[Mapping[str, Any]], answer: Mapping[str, Any]) -> str:
@@ -243,45 +294,9 @@ def _describe(shown: Sequence[Mapping[str, Any]], answer: Mapping[str, Any]) -> 
     odd = answer.get("unexplained")
     if odd is not None:
         parts.append(f"unexplained {odd['channel']}: {odd['formula']}")
+    parts += [f"misfit {m['channel']} {m['kind']}: {m.get('where', '')}" for m in misfits(answer)]
+    parts += [f"noise {c['level']} times {float(c['factor']):.2f}" for c in noise_claims(answer)]
     return "said: " + ("; ".join(parts) if parts else "nothing")
-
-
-_TERMS = {
-    "force_x": r"f_?x|force_?x|accel_?x|a_?x|acceler|braking",
-    "force_y": r"f_?y|force_?y|accel_?y|lateral|a_?y",
-    "rate_z": r"omega_?z|w_?z|rate_?z|gyro_?z|yaw.?rate|ω_?z",
-    "rate": r"omega|rate|gyro|ω",
-    "speed": r"speed|(?<![a-z])v(?![a-z])",
-    "heading": r"heading|yaw|psi|course",
-    "time": r"(?<![a-z])t(?![a-z])|time|warm|ramp|step",
-    "sign": r"sign|tanh|sgn|hyster",
-    "half": r"max|abs|\||positive|negative|half|one.?sided",
-    "sine": r"sin",
-    "square": r"\^\s*2|\*\*\s*2|²|squar|abs|\|",
-    "cube": r"\^\s*3|\*\*\s*3|³|cub",
-    "step": r"step|>|heaviside",
-}
-_RIGHT: dict[str, tuple[str, tuple[str, ...]]] = {
-    "heading_sine": ("accel_x", ("heading", "sine")),
-    "rate_squared": ("gyro_x", ("rate", "square")),
-    "force_times_rate": ("accel_z", ("force_x", "rate_z")),
-    "speed_cubed": ("accel_x", ("speed", "cube")),
-    "warm_up": ("gyro_z", ("time",)),
-    "one_sided": ("accel_y", ("force_x", "half")),
-    "speed_times_lateral": ("accel_x", ("speed", "force_y")),
-    "step": ("accel_y", ("step",)),
-    "position_speed_squared": ("position", ("speed", "square")),
-    "hysteresis": ("accel_z", ("sign",)),
-}
-
-
-def formula_is_right(kind: str, told: Mapping[str, Any]) -> bool:
-    """Whether a reported formula has the channel and the factors of the hidden one."""
-    channel, terms = _RIGHT[kind]
-    text = str(told["formula"]).lower()
-    place = f"{told['channel']} {text}".lower()
-    right_place = channel in place or channel.replace("_", " ") in place
-    return right_place and all(re.search(_TERMS[term], text) for term in terms)
 
 
 def _values(finding: Mapping[str, Any]) -> DrawnEffect:
@@ -304,6 +319,9 @@ def _coverage(verdict: Verdict, drawn: Drawn, shown: Sequence[Mapping[str, Any]]
         effect = str(finding["effect"])
         if effect not in true or effect == "earth_rotation":
             continue
+        if effect == "imu_time_offset" and drawn.setting.replay is not None:
+            # the recorded receiver's own delay is part of what is told
+            continue
         size = max(abs(v) for v in true[effect].values())
         told = list(finding["parameters"].items())
         for name, value in told:
@@ -314,49 +332,3 @@ def _coverage(verdict: Verdict, drawn: Drawn, shown: Sequence[Mapping[str, Any]]
             verdict.counted += 1
             verdict.covered += abs(pull) <= INTERVAL
             verdict.pulls.append(round(pull, 3))
-
-
-def _whitened(
-    drawn: Drawn, scene: Scene, setting: Setting, cases: Sequence[Mapping[str, DrawnEffect]]
-) -> Whitened:
-    shifts = shifts_of(scene, cases, setting.warm_up)
-    hidden = list(drawn.case.effects)
-    return whiten(scene, shifts, setting.imu, setting.gnss, *walks(setting), without=hidden)
-
-
-def _unit_cases(names: Sequence[str]) -> tuple[list[tuple[str, str]], list[dict[str, DrawnEffect]]]:
-    keys = [(name, p) for name in names for p in SCALES[name].parameters]
-    return keys, [{name: {p: SCALES[name].small}} for name, p in keys]
-
-
-def own_sd(drawn: Drawn, names: Sequence[str]) -> dict[tuple[str, str], float]:
-    """Standard deviation of each parameter that an optimal estimator would reach, all unknown."""
-    keys, cases = _unit_cases(names)
-    white = _whitened(drawn, drawn.scene, drawn.setting, list(cases))
-    info = white.gram()
-    # a parameter that shows nowhere else has an sd without bound
-    cov = np.linalg.inv(info + 1e-9 * np.eye(len(info)))
-    small = np.array([SCALES[name].small for name, _ in keys])
-    return {key: float(s) for key, s in zip(keys, np.sqrt(np.diag(cov)) * small, strict=True)}
-
-
-def shortfall(drawn: Drawn, names: Sequence[str]) -> float:
-    """Nats by which the best values of the named effects fail to explain what is hidden."""
-    usable = [name for name in names if name in SCALES and name not in STOCHASTIC]
-    true = {name: v for name, v in drawn.case.effects.items() if name in SCALES}
-    _, cases = _unit_cases(usable)
-    nu = _whitened(drawn, drawn.scene, drawn.setting, [true, *cases]).nu
-    target: Array = nu[:, 0]
-    if not usable:
-        return 0.5 * float(target @ target)
-    fit, *_ = np.linalg.lstsq(nu[:, 1:], target, rcond=None)
-    rest = target - nu[:, 1:] @ fit
-    return 0.5 * float(rest @ rest)
-
-
-def closed_share(drawn: Drawn, found: Mapping[str, DrawnEffect]) -> float:
-    """Share of the held-out disagreement, in nats, that the found values take away."""
-    true = {name: v for name, v in drawn.case.effects.items() if name in SCALES}
-    nu = _whitened(drawn, drawn.held_out, drawn.again, [true, dict(found)]).nu
-    rest = nu[:, 0] - nu[:, 1]
-    return 1.0 - float(rest @ rest) / max(float(nu[:, 0] @ nu[:, 0]), 1e-12)

@@ -11,6 +11,8 @@ Systems, 2nd edition, sections 2.3 and 5.4 (kinematics in north, east, down axes
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +54,22 @@ class State:
     rate_nav: Array
     speed: Array
     accel: Array
+
+
+@dataclass(frozen=True)
+class Path:
+    """What a body's attitude may follow, at instants ``t`` [n] s: ``speed`` m/s, ``accel`` m/s^2,
+    ``curvature`` 1/m (to the right positive), ``heading`` rad."""
+
+    t: Array
+    speed: Array
+    accel: Array
+    curvature: Array
+    heading: Array
+
+
+Body = Callable[[Path], Array]
+"""Roll, pitch and yaw [n, 3] rad of the body against its path."""
 
 
 def _spline(coefficients: Array, start: float, step: float) -> BSpline:
@@ -112,6 +130,23 @@ class Motion:
         elif axis == 1:
             angle = angle + style.pitch_gradient * self._accel(t)
         return _spline(angle, -MARGIN_S, STEP_S)
+
+    def path_at(self, t: Array) -> Path:
+        """What the body follows at instants ``t`` [n]."""
+        s, v, a = self._along(t)
+        return Path(t, v, a, self._curvature(s), self._psi0 + self._heading(s))
+
+    def bent(self, body: Body) -> Motion:
+        """The same drive with the body turned further by ``body``."""
+        t = np.asarray(-MARGIN_S + STEP_S * np.arange(len(self.plan.speed)), np.float64)
+        angles = body(self.path_at(t))
+        out = copy(self)
+        out._body = [
+            BSpline(b.t, b.c + _spline(angle, -MARGIN_S, STEP_S).c, b.k)
+            for b, angle in zip(self._body, angles.T, strict=True)
+        ]
+        out._body_rate = [spline.derivative() for spline in out._body]
+        return out
 
     def _along(self, t: Array) -> tuple[Array, Array, Array]:
         """Distance, speed and its derivative."""

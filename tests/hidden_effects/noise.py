@@ -31,7 +31,8 @@ class GnssNoise:
     """White and wandering error, one sigma: ``white`` m horizontally, ``wander`` m with time
     constant ``wander_s``, both ``vertical`` times that in height; ``velocity`` m/s white,
     ``velocity_wander`` m/s with ``velocity_wander_s``; ``tail`` as for the IMU; ``rate_hz``;
-    an outage of ``outage_s`` at a random time."""
+    an outage of ``outage_s`` at a random time; ``down_known`` whether it tells a vertical
+    velocity."""
 
     white: float
     wander: float
@@ -43,6 +44,7 @@ class GnssNoise:
     tail: float = 0.0
     rate_hz: float = 5.0
     outage_s: float = 0.0
+    down_known: bool = True
 
 
 def heavy(rng: np.random.Generator, shape: tuple[int, ...], tail: float) -> Array:

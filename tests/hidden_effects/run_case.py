@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from tests.hidden_effects.cases import draw_case, write_case
-from tests.hidden_effects.judge import Verdict, judge
+from tests.hidden_effects.judge import Verdict, judge, judge_refusal
 
 
 def run_case(case_id: str, keep: Path | None = None) -> Verdict:
@@ -17,6 +17,7 @@ def run_case(case_id: str, keep: Path | None = None) -> Verdict:
 
     The drives lie in a temporary folder and are removed, or stay under ``keep``.
     """
+    from automap.errors import AutoMapError
     from pipeline.gap.command import find
 
     drawn = draw_case(case_id)
@@ -27,6 +28,10 @@ def run_case(case_id: str, keep: Path | None = None) -> Verdict:
         find([drive], [held_out], config, drawn.case.left_out, folder / "gap")
         cpu = time.process_time() - start
         answer = json.loads((folder / "gap" / "gap.json").read_text(encoding="utf-8"))
+    except AutoMapError as error:
+        verdict = judge_refusal(drawn, str(error))
+        verdict.cpu_s = time.process_time() - start
+        return verdict
     finally:
         if keep is None:
             shutil.rmtree(folder, ignore_errors=True)

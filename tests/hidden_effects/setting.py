@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tests.hidden_effects.evidence import Scene, make_scene, shifts_of, whiten
-from tests.hidden_effects.formulas import Formula
+from tests.hidden_effects.extras import NOTHING, Extras
 from tests.hidden_effects.geodesy import Array
 from tests.hidden_effects.gnss import draw_tags
 from tests.hidden_effects.motion import Motion
 from tests.hidden_effects.noise import GnssNoise, ImuNoise, draw_noise
+from tests.hidden_effects.real_receiver import Replay, draw_replay
 from tests.hidden_effects.route import draw_plan, draw_style
 from tests.hidden_effects.sizes import NULLS, DrawnEffect, draw_effect, draw_sheet
 
@@ -30,20 +31,30 @@ class Setting:
     lever_arm: Array
     warm_up: tuple[float, float, float]
     sheet: dict[str, DrawnEffect]
+    replay: Replay | None = None
 
 
-def draw_setting(rng: np.random.Generator, kind: str, number: int) -> Setting:
-    """Sensors and car of a case; nulls last two minutes, the others up to ten."""
+def draw_setting(rng: np.random.Generator, kind: str, number: int, real: bool = False) -> Setting:
+    """Sensors and car of a case; nulls last two minutes, the others up to ten, those with the
+    errors of a ``real`` receiver, which tells little in two, four at least."""
     level = LEVEL_ORDER[number % len(LEVEL_ORDER)]
     imu, gnss = draw_noise(rng, level)
-    seconds = 120.0 if kind == "null" else float(np.round(np.exp(rng.uniform(*np.log([150, 600])))))
+    shortest = 240.0 if real else 150.0
+    if kind == "null":
+        seconds = 240.0 if real else 120.0
+    else:
+        seconds = float(np.round(np.exp(rng.uniform(*np.log([shortest, 600.0])))))
     arm = np.round(rng.uniform([-1.5, -0.6, -1.6], [1.5, 0.6, -0.3]), 3)
     warm_up = (
         float(rng.uniform(5.0, 30.0)),
         float(rng.uniform(8.0, 25.0)),
         float(rng.uniform(0.15, 0.7) * seconds),
     )
-    return Setting(seconds, level, imu, gnss, arm, warm_up, draw_sheet(rng))
+    setting = Setting(seconds, level, imu, gnss, arm, warm_up, draw_sheet(rng))
+    if not real:
+        return setting
+    replay = draw_replay(rng, seconds)
+    return replace(setting, replay=replay, gnss=replay.series().noise())
 
 
 def without(setting: Setting, effects: Mapping[str, DrawnEffect]) -> Setting:
@@ -58,10 +69,13 @@ def draw_again(rng: np.random.Generator, setting: Setting) -> Setting:
         name: draw_effect(rng, NULLS[name]) for name in ("accel_bias", "gyro_bias")
     }
     start, rise, constant = setting.warm_up
+    seconds = float(np.round(rng.uniform(120.0, 200.0)))
+    replay = setting.replay
     return replace(
         setting,
         sheet=sheet,
-        seconds=float(np.round(rng.uniform(120.0, 200.0))),
+        seconds=seconds,
+        replay=None if replay is None else draw_replay(rng, seconds, replay.recording),
         warm_up=(start + float(rng.uniform(-5.0, 5.0)), rise, constant),
     )
 
@@ -89,7 +103,12 @@ def draw_scene(
         axle=None if axle is None else np.array([axle.get(a, 0.0) for a in "xyz"]),
         sideslip=slip,
     )
-    return make_scene(motion, draw_tags(setting.seconds, setting.gnss, rng), setting.lever_arm)
+    replay = setting.replay
+    if replay is None:
+        tag = draw_tags(setting.seconds, setting.gnss, rng)
+    else:
+        tag = replay.tags(setting.seconds)
+    return make_scene(motion, tag, setting.lever_arm)
 
 
 def walks(setting: Setting) -> tuple[Array, Array]:
@@ -106,19 +125,12 @@ def information(
     setting: Setting,
     cases: Sequence[Mapping[str, DrawnEffect]],
     hidden: Sequence[str],
-    formula: Formula | None = None,
-    size: float = 0.0,
+    extras: Extras = NOTHING,
 ) -> Array:
     """Twice the nats [k, k] between errors, beyond what the base model absorbs.
 
     ``hidden`` effects are not in the base model, where it would have them otherwise.
     """
-    shifts = shifts_of(
-        scene,
-        list(cases),
-        setting.warm_up,
-        None if formula is None else formula.imu_errors(size),
-        None if formula is None else formula.fix_errors(size),
-    )
+    shifts = shifts_of(scene, list(cases), setting.warm_up, extras)
     drift = walks(setting)
     return whiten(scene, shifts, setting.imu, setting.gnss, *drift, without=hidden).gram()

@@ -12,15 +12,10 @@ import pytest
 
 from tests.benchmarks.hidden_effects import COUNTS, all_cases, read_results
 from tests.hidden_effects.cases import Drawn, draw_case, write_case
+from tests.hidden_effects.formula_text import formula_is_right
 from tests.hidden_effects.formulas import KINDS
-from tests.hidden_effects.judge import (
-    Verdict,
-    closed_share,
-    formula_is_right,
-    judge,
-    own_sd,
-    shortfall,
-)
+from tests.hidden_effects.judge import Verdict, judge
+from tests.hidden_effects.own_filter import closed_share, own_sd, shortfall
 from tests.hidden_effects.rates import clopper_pearson, report
 from tests.hidden_effects.setting import draw_scene
 from tests.hidden_effects.sizes import SCALES

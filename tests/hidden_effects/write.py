@@ -12,11 +12,14 @@ from tests.hidden_effects.geodesy import Array
 from tests.hidden_effects.gnss import GnssRecord
 from tests.hidden_effects.imu import ImuRecord
 from tests.hidden_effects.motion import State
+from tests.hidden_effects.nmea import nmea_log
 
 GPS_EPOCH = datetime(1980, 1, 6)
 WEEK_S = 604800
 LEAP_S = 18
-GEOID_M = 20.0
+GEOID_M = 0.0
+"""The receiver states heights above the ellipsoid: the places lie all over the Earth, whose geoid
+this package does not know."""
 
 
 def write_drive(
@@ -28,7 +31,8 @@ def write_drive(
     truth: State | None = None,
     video: str = "",
 ) -> None:
-    """Write ``drive.toml``, ``imu.csv``, ``gnss.ubx`` and ``truth/trajectory.csv``.
+    """Write ``drive.toml``, ``imu.csv``, ``gnss.ubx`` (of a recorded receiver ``gnss.nmea``) and
+    ``truth/trajectory.csv``.
 
     ``gps0`` is GPS time, s, at the recording's zero; IMU stamps are of GPS time. ``video`` is
     added to the manifest as it is.
@@ -42,12 +46,14 @@ def write_drive(
         t_ns,
         np.column_stack([imu.gyro, imu.accel, imu.temp_c]),
     )
-    (folder / "gnss.ubx").write_bytes(ubx_log(gnss, gps0))
+    log = "gnss.ubx" if gnss.hdop is None else "gnss.nmea"
+    write_log = ubx_log if gnss.hdop is None else nmea_log
+    (folder / log).write_bytes(write_log(gnss, gps0))
     arm = ", ".join(f"{value:.4f}" for value in lever_arm)
     (folder / "drive.toml").write_text(
         'schema = "automap.drive/1"\n'
         '[imu]\nfile = "imu.csv"\naxes = "FRD"\ntime = "gps_ns"\n'
-        f'[gnss]\nfile = "gnss.ubx"\nlever_arm_m = [{arm}]\n{video}',
+        f'[gnss]\nfile = "{log}"\nlever_arm_m = [{arm}]\n{video}',
         encoding="utf-8",
     )
     if truth is not None:

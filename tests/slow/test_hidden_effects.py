@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from tests.benchmarks.hidden_effects import run
-from tests.hidden_effects.cases import ENOUGH_NATS
+from tests.hidden_effects.hide import ENOUGH_NATS
 from tests.hidden_effects.judge import Verdict
 from tests.hidden_effects.rates import effect_of, report
+from tests.hidden_effects.real_receiver import shared_drives
 from tests.hidden_effects.sizes import SCALES, STOCHASTIC
 
 EFFECTS = [name for name in SCALES if name not in STOCHASTIC]
@@ -28,13 +29,15 @@ CASES = [
     "removed-gyro_temperature-0",
 ]
 
+REAL = [f"null-{i}-real" for i in range(4)] if shared_drives() is not None else []
+
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def verdicts() -> dict[str, Verdict]:
     out: dict[str, Verdict] = {}
-    for case_id, verdict in run(CASES, min(2, os.cpu_count() or 1), math.inf):
+    for case_id, verdict in run(CASES + REAL, min(2, os.cpu_count() or 1), math.inf):
         assert not isinstance(verdict, str), f"{case_id}: {verdict}"
         out[case_id] = Verdict(**verdict)  # type: ignore[arg-type]
     print("\n".join(report(list(out.values()))))
@@ -63,6 +66,14 @@ def test_no_wrong_name_is_given_with_confidence(verdicts: dict[str, Verdict]) ->
 
 def test_null_drives_raise_no_alarm(verdicts: dict[str, Verdict]) -> None:
     alarms = [v for v in of(verdicts, "null") if v.outcome != "silent"]
+    assert not alarms, why(alarms)
+
+
+@pytest.mark.skipif(not REAL, reason="AUTOMAP_SHARED_DATA holds no drives with a reference")
+def test_real_receivers_raise_no_alarm(verdicts: dict[str, Verdict]) -> None:
+    real = [v for v in of(verdicts, "null") if v.receiver]
+    alarms = [v for v in real if v.outcome != "silent"]
+    assert len(real) == len(REAL)
     assert not alarms, why(alarms)
 
 

@@ -1,0 +1,173 @@
+"""What a finder's formulas say, evaluated on a drawn drive.
+
+A formula of ``gap.json`` names an axis, a function of the drive's quantities, and a coefficient;
+quantities and functions are those of the manual. They are computed here from the true motion.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tests.hidden_effects.extras import Extras
+from tests.hidden_effects.geodesy import Array
+from tests.hidden_effects.imu import Signals
+from tests.hidden_effects.motion import Motion
+from tests.hidden_effects.outside import to_north
+
+FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "tanh": np.tanh,
+    "exp": np.exp,
+    "log": np.log,
+    "sqrt": np.sqrt,
+    "abs": np.abs,
+    "sign": np.sign,
+    "step": lambda x: np.asarray(x > 0.0, np.float64),
+    "max": np.maximum,
+    "min": np.minimum,
+}
+_OPERATORS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: np.divide,
+    ast.Pow: np.power,
+}
+IMU_AXES = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
+FIX_AXES = (
+    "position_along",
+    "position_across",
+    "height",
+    "velocity_along",
+    "velocity_across",
+    "velocity_down",
+)
+VEHICLE_AXES = ("nhc_y", "nhc_z")
+
+
+@dataclass(frozen=True)
+class Term:
+    """``channel`` += ``coefficient`` times ``formula``."""
+
+    channel: str
+    formula: str
+    coefficient: float
+
+
+def terms_of(unexplained: Mapping[str, Any] | None) -> tuple[Term, ...]:
+    """The terms that an answer's ``unexplained`` states."""
+    if unexplained is None:
+        return ()
+    rows: Sequence[Mapping[str, Any]] = unexplained.get("terms") or ()
+    return tuple(Term(str(r["channel"]), str(r["formula"]), float(r["coefficient"])) for r in rows)
+
+
+def evaluate(text: str, quantities: Mapping[str, Array]) -> Array:
+    """A formula of ``quantities`` [n].
+
+    Raises:
+        ValueError: what is no formula of the manual.
+    """
+
+    def value(node: ast.expr) -> Any:
+        if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+            return float(node.value)
+        if isinstance(node, ast.Name) and node.id in quantities:
+            return quantities[node.id]
+        if isinstance(node, ast.Name) and node.id == "pi":
+            return np.pi
+        if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
+            return _OPERATORS[type(node.op)](value(node.left), value(node.right))
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
+            return -value(node.operand) if isinstance(node.op, ast.USub) else value(node.operand)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
+            function = FUNCTIONS.get(node.func.id)
+            if function is not None:
+                return function(*[value(a) for a in node.args])
+        raise ValueError(f"no formula: {text}")
+
+    try:
+        tree = ast.parse(text.replace("^", "**"), mode="eval")
+    except SyntaxError as error:
+        raise ValueError(f"no formula: {text}") from error
+    size = len(next(iter(quantities.values())))
+    with np.errstate(all="ignore"):
+        out = np.broadcast_to(np.asarray(value(tree.body), np.float64), (size,))
+    return np.nan_to_num(out)
+
+
+def _of_signals(s: Signals) -> dict[str, Array]:
+    return {
+        "time": s.t,
+        "speed": s.state.speed,
+        "heading": s.state.rpy[:, 2],
+        "acceleration": s.state.accel,
+        "lateral_acceleration": s.state.speed * s.state.rate_nav[:, 2],
+        **{f"rate_{axis}": s.rate[:, i] for i, axis in enumerate("xyz")},
+        **{f"force_{axis}": s.force[:, i] for i, axis in enumerate("xyz")},
+        "rate": np.linalg.norm(s.rate, axis=1),
+        "force": np.linalg.norm(s.force, axis=1),
+        "temperature": s.temp_c,
+        "temperature_rate": np.gradient(s.temp_c, s.t),
+    }
+
+
+def _of_motion(motion: Motion, t: Array) -> dict[str, Array]:
+    """The same at fixes; the temperature is not known there."""
+    state = motion.at(t)
+    none = np.zeros_like(t)
+    return _of_signals(Signals(t, state.force, state.rate, none, state)) | {
+        "temperature_rate": none
+    }
+
+
+def told_extras(terms: Sequence[Term]) -> Extras:
+    """The terms as errors of a recording.
+
+    Raises:
+        ValueError: on use, of what is no formula of the manual.
+    """
+    inertial = [t for t in terms if t.channel in IMU_AXES]
+    measured = [t for t in terms if t.channel in FIX_AXES]
+    vehicle = [t for t in terms if t.channel in VEHICLE_AXES]
+
+    def imu(s: Signals) -> tuple[Array, Array]:
+        out = np.zeros_like(s.rate), np.zeros_like(s.force)
+        known = _of_signals(s)
+        for term in inertial:
+            target = out[term.channel[0] == "a"]
+            target[:, "xyz".index(term.channel[-1])] += term.coefficient * evaluate(
+                term.formula, known
+            )
+        return out
+
+    def fix(motion: Motion, t: Array) -> tuple[Array, Array]:
+        known = _of_motion(motion, t)
+        sums = {axis: np.zeros_like(t) for axis in FIX_AXES}
+        for term in measured:
+            sums[term.channel] += term.coefficient * evaluate(term.formula, known)
+        place = (sums["position_along"], sums["position_across"], -sums["height"])
+        speed = (sums["velocity_along"], sums["velocity_across"], sums["velocity_down"])
+        return to_north(motion, t, *place), to_north(motion, t, *speed)
+
+    def nhc(motion: Motion, t: Array) -> Array:
+        known = _of_motion(motion, t)
+        out = np.zeros((len(t), 2))
+        for term in vehicle:
+            out[:, VEHICLE_AXES.index(term.channel)] -= term.coefficient * evaluate(
+                term.formula, known
+            )
+        return out
+
+    return Extras(
+        imu=imu if inertial else None,
+        fix=fix if measured else None,
+        nhc=nhc if vehicle else None,
+    )
