@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from tests.hidden_effects.real_receiver import Replay
@@ -52,12 +52,20 @@ def of_receiver(name: str) -> bool:
 
 
 def strangers(
-    findings: Sequence[Mapping[str, Any]], replay: Replay | None
+    findings: Sequence[Mapping[str, Any]],
+    replay: Replay | None,
+    truth: Collection[str] = (),
 ) -> list[Mapping[str, Any]]:
-    """The findings that a recorded receiver has not brought along; all of them without one."""
+    """The findings that a recorded receiver has not brought along, and those that are what is
+    hidden (``truth``) or cannot be told from it; all of them without a recording."""
     if replay is None:
         return list(findings)
-    return [f for f in findings if not (of_receiver(str(f["effect"])) or _is_early(f, replay))]
+    return [
+        f
+        for f in findings
+        if {str(f["effect"]), *f.get("confusable_with", ())} & set(truth)
+        or not (of_receiver(str(f["effect"])) or _is_early(f, replay))
+    ]
 
 
 def _is_early(finding: Mapping[str, Any], replay: Replay) -> bool:

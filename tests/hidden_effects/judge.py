@@ -115,8 +115,7 @@ def judge(drawn: Drawn, answer: Mapping[str, Any]) -> Verdict:
     truth = {name for name in case.effects if name in SCALES or name in CAMERA_SCALES}
     real_noise = DIRTY_NAMES if case.level == "dirty" else NOISE_NAMES
     shown = [f for f in findings if f["effect"] not in real_noise or f["effect"] in truth]
-    if not truth & {str(f["effect"]) for f in shown} & {"imu_time_offset"}:
-        shown = strangers(shown, replay)
+    shown = strangers(shown, replay, truth)
     verdict.wrong = [
         str(f["effect"])
         for f in shown

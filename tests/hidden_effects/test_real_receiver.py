@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.hidden_effects.answers import strangers
 from tests.hidden_effects.cases import Drawn, case_ids, draw_case
 from tests.hidden_effects.gnss import record_gnss
 from tests.hidden_effects.hide import RECEIVERS_OWN
@@ -190,3 +191,12 @@ def test_the_strongest_refused_candidate_is_kept_where_it_is_stated(real_null: D
         4.0,
     )
     assert judge(real_null, answer()).refused_p is None
+
+
+def test_a_receivers_name_counts_where_it_cannot_be_told_from_what_is_hidden() -> None:
+    replay = Replay("gsdc-mtv1", 0.0, False, 0.0, 1.0, 1.0, 1.0)
+    late = finding("gnss_latency", 0.1) | {"confusable_with": ["imu_time_offset"]}
+    slow = finding("gnss_velocity_latency", 0.3)
+    assert strangers([late, slow], replay, {"imu_time_offset"}) == [late]
+    assert strangers([late, slow], replay) == []
+    assert strangers([late, slow], None) == [late, slow]
