@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from functools import cache
 
@@ -12,7 +13,8 @@ from automap.records import BoolArray, IntArray
 from automap.timebase import DAY_S, UNIX_OF_GPS_EPOCH, days_since_epoch
 
 _DATES = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y",
-          "%d.%m.%y", "%d/%m/%y", "%m/%d/%y", "%Y%m%d", "%d%m%y", "%y%m%d")  # fmt: skip
+          "%d.%m.%y", "%d/%m/%y", "%m/%d/%y", "%Y%m%d", "%d%m%y", "%y%m%d", "%d-%b-%Y", "%d %b %Y",
+          "%d. %b %Y", "%b %d, %Y", "%b %d %Y", "%d-%b-%y")  # fmt: skip
 _TIMES = ("%H:%M:%S", "%I:%M:%S %p", "%H-%M-%S", "%H.%M.%S", "%H:%M", "%H%M%S", "%H%M%S%f")
 _AMBIGUOUS = {
     "%d/%m/%Y": "%m/%d/%Y",
@@ -21,7 +23,17 @@ _AMBIGUOUS = {
     "%d%m%y": "%y%m%d",
 }
 ISO = "iso"
-_MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
+_MONTHS = {
+    name: number
+    for number, names in enumerate(
+        ("jan ene gen", "feb fev", "mar mrt", "apr abr avr", "may mai mag mei", "jun giu juin",
+         "jul lug juil", "aug ago aou", "sep set", "oct okt ott out", "nov", "dec dez dic"),
+        start=1,
+    )
+    for name in names.split()
+}  # fmt: skip
+"""The beginnings of the months' names in English, German, French, Spanish, Italian, Portuguese and
+Dutch, without accents."""
 _PARTS = {
     "Y": r"(?P<Y>\d{4})",
     "y": r"(?P<y>\d{2})",
@@ -33,7 +45,7 @@ _PARTS = {
     "S": r"(?P<S>[0-5]?\d|60)",
     "f": r"(?P<f>\d{1,9})",
     "p": r"(?P<p>[AaPp])\.?[Mm]\.?",
-    "b": r"(?P<b>[A-Za-z]{3})[a-z]*\.?",
+    "b": r"(?P<b>[^\W\d_]{3,12})\.?",
     "j": r"(?P<j>\d{1,3})",
     "z": r"(?P<z>Z|UTC|GMT|[+-]\d{2}:?\d{2})",
     "%": "%",
@@ -62,8 +74,10 @@ def _compiled(pattern: str) -> re.Pattern[str]:
         text += r"(?:\s+|T)" if letter in " T" else re.escape(letter)
         at += 1
     if "f" not in re.findall(r"\?P<(\w)>", text):
-        text = re.sub(r"(\(\?P<S>[^)]*\))", r"\1(?:[.,](?P<f>\\d{1,9}))?", text)
-    if "(?P<z>" not in text and "(?P<d>" in text and "(?P<H>" in text:
+        text = re.sub(r"(\(\?P<S>[^)]*\))", r"\1(?:[.,:](?P<f>\\d{1,9}))?", text)
+    if "(?P<z>" in text:
+        text = text.replace("(?P<z>", r"\s*(?P<z>", 1)
+    elif "(?P<d>" in text and "(?P<H>" in text:
         text += r"\s*(?P<z>Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
     return re.compile(rf"\s*{text}\s*$")
 
@@ -81,6 +95,15 @@ def pattern_of(cells: Sequence[str], share: float = 0.8) -> str | None:
     filled = [cell for cell in cells if cell]
     if not filled:
         return None
+    found = _first_pattern(filled, share)
+    if found is not None and has_date(found) and has_time(found):
+        zoned = _compiled(f"{found}%z").match
+        if all(zoned(cell) is not None for cell in filled):
+            return f"{found}%z"
+    return found
+
+
+def _first_pattern(filled: Sequence[str], share: float) -> str | None:
     both = (f"{date} {time}" for date in _DATES for time in _TIMES)
     best = None
     for pattern in (*both, *_DATES, *_TIMES):
@@ -144,9 +167,9 @@ def parse_stamps(
         if "m" in names:
             part["month"][row] = int(of["m"])
         elif "b" in names:
-            month = of["b"].lower()
-            good[row] = month in _MONTHS
-            part["month"][row] = _MONTHS.index(month) + 1 if good[row] else 1
+            month = _month(of["b"])
+            good[row] = month > 0
+            part["month"][row] = max(month, 1)
         else:
             part["month"][row] = 1
         part["day"][row] = int(of.get("d") or of.get("j") or 1)
@@ -167,6 +190,13 @@ def parse_stamps(
         back = np.diff(seconds[known], prepend=seconds[known][:1]) < -DAY_S // 2
         seconds[known] += DAY_S * np.cumsum(back)
     return seconds * 1_000_000_000 + part["ns"], good
+
+
+def _month(name: str) -> int:
+    """The number of a month by the beginning of its name, 0 for none."""
+    bare = unicodedata.normalize("NFKD", name.lower())
+    plain = "".join(c for c in bare if not unicodedata.combining(c))
+    return _MONTHS.get(plain[:4]) or _MONTHS.get(plain[:3], 0)
 
 
 def _zone_s(zone: str) -> int:

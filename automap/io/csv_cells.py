@@ -9,23 +9,20 @@ import csv
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from automap.io import limits
 from automap.io.arrow_columns import column_to_numpy
 from automap.io.csv_layout import Layout
+from automap.io.csv_numbers import NULLS, Kind, convert
 from automap.records import BoolArray, IntArray
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-Kind = Literal["int", "float", "text"]
 
-_NULLS = ["", "nan", "NaN", "NAN", "-nan", "null", "NULL", "None", "NA", "N/A"]
-_INTEGER = r"^\s*[+-]?(\d{1,18}|[1-8]\d{18})\s*$"
-_FLOAT = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*$"
 _BLANK = b" \t"
 
 
@@ -90,7 +87,7 @@ def _parsed(
         convert_options=pa.csv.ConvertOptions(
             include_columns=[_key(at) for at in types],
             column_types={_key(at): kind for at, kind in types.items()},
-            null_values=_NULLS,
+            null_values=NULLS,
             decimal_point=layout.decimal,
         ),
     )
@@ -180,7 +177,7 @@ def _careful(layout: Layout, wanted: Mapping[str, tuple[int, Kind]]) -> Cells:
     fault: dict[int, str] = {}
     for name, (at, kind) in wanted.items():
         column = table.column(_key(at))
-        columns[name], readable = _convert(column, kind, layout.decimal)
+        columns[name], readable = convert(column, kind, layout.decimal)
         for row in np.flatnonzero(~readable & good)[:1]:
             cell = column[int(row)].as_py()
             title = layout.names[at] or str(at + 1)
@@ -241,67 +238,3 @@ def _first_bad(
 def _shown(text: str) -> str:
     text = text.strip()
     return repr(text if len(text) <= limits.SHOWN else text[: limits.SHOWN - 3] + "...")
-
-
-def _convert(column: pa.ChunkedArray, kind: Kind, decimal: str) -> tuple[np.ndarray, BoolArray]:
-    """A column of bytes to its kind, and which cells could be read."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    column = column.combine_chunks()
-    if kind == "text":
-        return _texts(column)
-    pattern = _INTEGER if kind == "int" else _FLOAT
-    if decimal == "," and kind == "float":
-        pattern = pattern.replace(r"\.", ",")
-    plain = np.asarray(
-        pc.fill_null(pc.match_substring_regex(column, pattern), False).to_numpy(
-            zero_copy_only=False
-        )
-    )
-    values = np.zeros(len(column), dtype=np.int64 if kind == "int" else np.float64)
-    texts = pc.utf8_trim_whitespace(pc.cast(column.filter(pa.array(plain)), pa.string()))
-    if decimal == "," and kind == "float":
-        texts = pc.replace_substring(texts, ",", ".")
-    # a plus sign is no part of Arrow's integers
-    texts = pc.utf8_ltrim(texts, "+")
-    values[plain] = pc.cast(texts, pa.int64() if kind == "int" else pa.float64()).to_numpy(
-        zero_copy_only=False
-    )
-    readable = plain.copy()
-    empty = np.asarray(pc.equal(pc.binary_length(column), 0).to_numpy(zero_copy_only=False))
-    if kind == "float":
-        values[empty] = np.nan
-        readable |= empty
-    for row in np.flatnonzero(~plain & ~empty):
-        number = _number(column[int(row)].as_py(), decimal)
-        if number is None or (kind == "int" and not abs(number) < 9e18):
-            continue
-        readable[row] = True
-        # a stamp with a fraction loses less than a microsecond by way of a float
-        values[row] = number if kind == "float" else round(number)
-    return values, readable
-
-
-def _texts(column: pa.Array) -> tuple[np.ndarray, BoolArray]:
-    readable = np.ones(len(column), dtype=bool)
-    texts = np.full(len(column), "", dtype=object)
-    for row, cell in enumerate(column.to_pylist()):
-        try:
-            texts[row] = cell.decode("utf-8").strip()
-        except UnicodeDecodeError:
-            readable[row] = False
-    return texts, readable
-
-
-def _number(cell: bytes, decimal: str) -> float | None:
-    text = cell.strip().decode("ascii", "replace")
-    if text in _NULLS:
-        return float("nan")
-    if decimal == ",":
-        text = text.replace(",", ".")
-    try:
-        # Python takes 1_000 for a number, which no logger writes
-        return None if "_" in text else float(text)
-    except ValueError:
-        return None

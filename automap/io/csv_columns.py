@@ -11,8 +11,9 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.io import limits
-from automap.io.csv_cells import Kind, read_cells
+from automap.io.csv_cells import read_cells
 from automap.io.csv_layout import Layout, read_layout
+from automap.io.csv_numbers import Kind
 from automap.records import FloatArray, IntArray
 
 __all__ = ["CsvColumns", "Kind", "read_chosen", "read_columns"]

@@ -21,7 +21,8 @@ _HEAD_BYTES, _HEAD_LINES = 1 << 16, 200
 _FEW_LINES = 4
 """Fewer lines agree by chance: a preamble's do, a table's go on."""
 _NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
-_POINT, _COMMA = re.compile(r"^[+-]?\d*\.\d+"), re.compile(r"^[+-]?\d*,\d+([eE][+-]?\d+)?$")
+_POINT = re.compile(r"^[+-]?(\d*|\d{1,3}(,\d{3})+)\.\d+([eE][+-]?\d+)?$")
+_COMMA = re.compile(r"^[+-]?(\d*|\d{1,3}(\.\d{3})+),\d+([eE][+-]?\d+)?$")
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 _UTF_8 = b"\xef\xbb\xbf"
 
@@ -84,6 +85,10 @@ def read_layout(path: Path, form: TableForm | None = None, wanted: Sequence[str]
             f"{path}: line {header_line} has {len(names)} columns, more than any table; check "
             "that the file is whole and its line ends are."
         )
+    if header_line and below < len(rows):
+        joined = _joined(names, rows[below])
+        if joined is not None:
+            names, below = joined, below + 1
     units: tuple[str, ...] = ()
     filled = [cells for cells in rows[below:] if any(cells)]
     if header_line and len(filled) > 1 and _is_units(filled[0], len(names)):
@@ -226,6 +231,23 @@ def _refuse_numbers(path: Path, names: list[str], line: int, wanted: Iterable[st
             f"put a first line such as {first}, or say in drive.toml which column is which, "
             "columns = { t = 1, ... }."
         )
+
+
+def _joined(names: list[str], cells: list[str]) -> list[str] | None:
+    """The names where the line below goes on with them, as axes below sensors do; else None.
+
+    A name in the first line then stands over several columns: once, or in each of them.
+    """
+    shared = len({name for name in names if name}) < len(names)
+    if not shared or len(cells) != len(names) or any(map(_NUMBER.match, cells)):
+        return None
+    if len(set(cells)) < 3 or _is_units(cells, len(names)):
+        return None
+    over, whole = "", []
+    for name, cell in zip(names, cells, strict=True):
+        over = name or over
+        whole.append(f"{over} {cell}".strip() if cell else name)
+    return whole
 
 
 def _is_units(cells: list[str], columns: int) -> bool:

@@ -26,7 +26,6 @@ from automap.io.sensor_file import find_sensor
 from automap.io.video import VideoInput, image_size
 from automap.records import Camera, FloatArray, usual_matrix
 
-_IMU_FILE = "imu.csv"
 _GNSS_FILES = ("gnss.ubx", "gnss.nmea", "gnss.pos", "gnss.csv", "fixes.csv")
 _ODOMETER_FILE = "odometer.csv"
 _ARRIVAL_FILE = "gnss_arrival.csv"
@@ -120,7 +119,8 @@ class Drive:
             elif video.section.camera_matrix is None:
                 sentences.append(
                     f"{section} has no camera_matrix; a view of 60 degrees is assumed, which "
-                    "shifts signs sideways and in range; add camera_matrix"
+                    "shifts signs sideways and in range by metres; film a chessboard, calibrate "
+                    "with OpenCV and add camera_matrix (docs/howto/own-drive.md)"
                 )
         return sentences
 
@@ -174,7 +174,7 @@ def _load(folder: Path) -> Drive:
         path=folder,
         name=manifest.name or folder.resolve().name,
         manifest=manifest,
-        imu_file=finder.require(manifest.imu.file, "imu.file", (_IMU_FILE,)),
+        imu_file=finder.require(manifest.imu.file, "imu.file", (names.IMU_TABLE,)),
         imu_calibration=finder.find(manifest.imu.calibration, "imu.calibration"),
         gnss_file=finder.require(manifest.gnss.file, "gnss.file", _GNSS_FILES),
         arrival_file=finder.find(manifest.gnss.arrival, "gnss.arrival", (_ARRIVAL_FILE,)),

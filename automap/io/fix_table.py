@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +11,13 @@ import numpy as np
 from automap.errors import InputError
 from automap.io.epoch_fix_type import GGA_FIX
 from automap.io.epoch_velocity import STANDSTILL_SPEED
+from automap.io.fix_units import told_by_numbers
 from automap.io.named_table import NamedTable, read_table
 from automap.io.rtklib import QUALITY
-from automap.io.speed_unit import speed_unit
 from automap.io.stamps import order_stamps
-from automap.io.table_form import TableForm
+from automap.io.table_form import DEFAULT_UNIT, QUANTITIES, TableForm
 from automap.io.table_times import to_gps_s
-from automap.io.table_units import to_si
+from automap.io.table_units import UNITS, to_si
 from automap.records import NO_TIME, BoolArray, Fixes, FixType, FloatArray, IntArray
 from automap.timebase import DAY_S
 
@@ -40,7 +40,8 @@ class RowStamps:
 @dataclass(frozen=True)
 class FixTable:
     """Fixes of a table; ``rows`` it had, ``held`` of them repeat the one before; ``period_s`` a day
-    where its times are times of day without a date."""
+    where its times are times of day without a date. ``units`` by our names that only its numbers
+    told."""
 
     fixes: Fixes
     rows: int
@@ -48,6 +49,7 @@ class FixTable:
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
     period_s: float | None
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def row_stamps(path: Path, form: TableForm) -> RowStamps:
@@ -87,7 +89,7 @@ def read_fix_table(
         lost = len(rows) - len(order.keep)
         warnings.append(f"{path}: {lost} fixes whose times do not continue were left out")
     rows = rows[order.keep]
-    table, notes = _speeds(path, table, rows)
+    table, units = _in_si(path, table, rows)
     fixes, said = _fixes(path, table, rows, written)
     if not np.any(fixes.fix_type != FixType.NONE):
         raise InputError(
@@ -95,21 +97,26 @@ def read_fix_table(
             "which, and their units."
         )
     period_s = float(DAY_S) if table.clock == "day" else None
-    return FixTable(fixes, len(table), held, (*warnings, *said), (*table.notes, *notes), period_s)
+    notes = [f"{path}: {role} is in {unit}, by its numbers" for role, unit in units.items()]
+    return FixTable(
+        fixes, len(table), held, (*warnings, *said), (*table.notes, *notes), period_s, units
+    )
 
 
-def _speeds(path: Path, table: NamedTable, rows: IntArray) -> tuple[NamedTable, list[str]]:
-    """The table with speeds in m/s where nothing tells their unit but the positions."""
-    if "speed" not in table.guess.assumed:
-        return table, []
+def _in_si(path: Path, table: NamedTable, rows: IntArray) -> tuple[NamedTable, Mapping[str, str]]:
+    """The table in SI where nothing but its numbers tells the units, and those units."""
     assert table.t_ns is not None
-    speed = table.columns["speed"]
     seconds = (table.t_ns[rows] - table.t_ns[rows[0]]) * 1e-9
-    unit = speed_unit(seconds, *(table.column(role)[rows] for role in ("lat", "lon", "speed")))
-    if unit == "m/s":
-        return table, []
-    told = f"{path}: speeds are read as {unit}, which the positions move by"
-    return replace(table, columns=table.columns | {"speed": to_si(speed, unit, "speed")}), [told]
+    shown = {role: values[rows] for role, values in table.columns.items()}
+    units = told_by_numbers(path, seconds, shown, table.guess.assumed)
+    columns = dict(table.columns)
+    for role, unit in units.items():
+        quantity = QUANTITIES["gnss"][role]
+        assert quantity is not None
+        # back to the numbers of the file
+        numbers = columns[role] / UNITS[quantity][DEFAULT_UNIT[quantity]]
+        columns[role] = to_si(numbers, unit, quantity)
+    return replace(table, columns=columns), units
 
 
 def _lines(table: NamedTable) -> IntArray:

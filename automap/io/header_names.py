@@ -141,12 +141,14 @@ def meaning(words: tuple[str, ...], kind: TableKind) -> Meaning:
     return Meaning(frozenset(ideas), unknown)
 
 
-def role_named(name: HeaderName, kind: TableKind) -> tuple[str, int] | None:
-    """Our name of a column, times and triads apart, and how many of its words say nothing."""
+def role_named(name: HeaderName, kind: TableKind) -> tuple[str, tuple[int, int]] | None:
+    """Our name of a column, times and triads apart, and how far from the best way to say it: how
+    many of its words say nothing, and how many ways are preferred."""
     said = meaning(name.words, kind)
     for role, rules in words_of.RULES[kind].items():
-        if any(frozenset(rule.split("+")) == said.ideas for rule in rules.split(", ")):
-            return role, said.unknown
+        for rank, rule in enumerate(rules.split(", ")):
+            if frozenset(rule.split("+")) == said.ideas:
+                return role, (said.unknown, rank)
     return None
 
 

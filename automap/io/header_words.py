@@ -1,4 +1,4 @@
-"""The words of column names in English, German, French, Spanish, Italian and Dutch.
+"""The words of column names in English, German, French, Spanish, Portuguese, Italian and Dutch.
 
 Words are in lower case without accents; a star stands for any ending.
 """
@@ -7,14 +7,14 @@ from __future__ import annotations
 
 COMMON = {
     "time": "t time times timestamp* stamp zeit zeitstempel zeitpunkt temps heure horodatage "
-    "tiempo hora tempo ora orario tijd tijdstip epoch* millis micros nanos seconds sekunden "
-    "secondes segundos secondi seconden sec clock elapsed uhr uhrzeit datetime utc gpst unixtime "
-    "posixtime ts",
-    "date": "date datum fecha data jour",
+    "tiempo hora horario tempo ora orario tijd tijdstip tijdstempel epoch* millis micros nanos "
+    "seconds sekunden secondes segundos secondi seconden sec clock elapsed uhr uhrzeit datetime "
+    "utc gpst unixtime posixtime ts hh",
+    "date": "date datum fecha data jour yyyy",
     "week": "week woche semaine semana settimana",
     "tow": "tow itow sow",
-    "speed": "speed spd sog gs geschwindigkeit geschw vitesse velocidad velocita velocity vel "
-    "snelheid groundspeed mps",
+    "speed": "speed spd sog gs geschwindigkeit geschw vitesse velocidad velocidade velocita "
+    "velocity vel snelheid groundspeed mps",
     "rate": "rate rates",
 }
 
@@ -48,8 +48,9 @@ GNSS = {
     "accuracy": "acc accuracy accur* genauigkeit precision precisione exactitud accuratezza "
     "nauwkeurigheid error err fehler uncertainty",
     "sd": "sd std stdev stddev sigma standardabweichung s",
-    "course": "course cog kurs cap rumbo rotta koers track trk tmg bearing route richtung "
-    "direction fahrtrichtung",
+    "course": "course cog kurs cap rumbo rumo rotta koers track trk tmg bearing route richtung "
+    "direction direccion direcao direzione fahrtrichtung rijrichting",
+    "heading": "heading head hdg orientation",
     "north": "n north nord norte noord",
     "east": "e east est ost este oost",
     "down": "d down unten",
@@ -60,11 +61,14 @@ GNSS = {
     "hdop": "hdop",
     "arrival": "arrival received ankunft",
     "speed": "v",
-    "other": "lateral longitudinal accel* steering throttle engine mag* heading wind limit max min "
-    "avg average target",
+    "other": "lateral longitudinal accel* steering throttle engine mag* compass kompass boussole "
+    "brujula bussola kompas wind limit max min avg average target",
 }
 
-ODOMETER = {"speed": "v wheelspeed radgeschwindigkeit raddrehzahl tacho"}
+ODOMETER = {
+    "speed": "v wheelspeed radgeschwindigkeit raddrehzahl tacho",
+    "other": "angular angulaire angolare winkel* accel* acceler* aceler* beschl* gyro* giro* x y z",
+}
 
 ARRIVAL = {"offset": "offset byte bytes versatz"}
 
@@ -150,6 +154,7 @@ COMPOUNDS: dict[str, tuple[str, ...]] = {
     "eph": ("horizontal", "accuracy"),
     "epv": ("vertical", "accuracy"),
     "eps": ("speed", "accuracy"),
+    "gf": ("accel",),
     "hmsl": ("sealevel",),
     "vn": ("speed", "north"),
     "ve": ("speed", "east"),
@@ -169,7 +174,7 @@ RULES: dict[str, dict[str, str]] = {
     "gnss": {
         "lat": "lat",
         "lon": "lon",
-        "height": "height, ellipsoidal, height+ellipsoidal, altitude+ellipsoidal",
+        "height": "height+ellipsoidal, altitude+ellipsoidal, ellipsoidal, height",
         "msl": "altitude, sealevel, height+sealevel, altitude+sealevel",
         "geoid_sep": "geoid, geoid+height, geoid+altitude, geoid+sd",
         "h_acc": "horizontal+accuracy, accuracy, horizontal+sd",
@@ -177,8 +182,8 @@ RULES: dict[str, dict[str, str]] = {
         "sd_n": "sd+north, sd+lat, lat+accuracy, north+accuracy",
         "sd_e": "sd+east, sd+lon, lon+accuracy, east+accuracy",
         "sd_d": "sd+down, sd+up, sd+altitude, sd+height",
-        "speed": "speed, speed+horizontal",
-        "course": "course",
+        "speed": "speed+horizontal, speed",
+        "course": "course, heading",
         "vn": "speed+north",
         "ve": "speed+east",
         "vd": "speed+down",
@@ -194,4 +199,7 @@ RULES: dict[str, dict[str, str]] = {
     "arrival": {"offset": "offset"},
     "imu": {"temp_c": "temp"},
 }
-"""Kind of table -> our name -> the sets of meanings that say it."""
+"""Kind of table -> our name -> the sets of meanings that say it, the preferred one first."""
+
+TIME_OR_SPEED = "tempo"
+"""A time in Italian and Portuguese, a speed in German."""

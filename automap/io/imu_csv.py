@@ -200,7 +200,7 @@ def read_imu_csv(
         quality=quality,
         extra_columns=table.extra,
         warnings=tuple(
-            ([] if even is None else [f"{path}: {bursts_text(quality.rate_hz)}"])
+            ([] if even is None else [f"{path}: {bursts_text(quality.rate_hz, named.t_ns[rows])}"])
             + _warnings(table, rows, finite, order, quality, t_ns)
         ),
         notes=named.notes,

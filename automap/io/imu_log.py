@@ -185,11 +185,12 @@ def _assemble(
         warnings.append(f"{name}: {n - len(rows)} rows without usable readings left out")
     if len(rows) < 2:
         raise InputError(f"{name} has fewer than two rows with usable readings; record again.")
-    even = straight_stamps(t_ns[rows], np.column_stack([found.accel, found.gyro])[rows])
+    stamped = t_ns[rows]
+    even = straight_stamps(stamped, np.column_stack([found.accel, found.gyro])[rows])
     if even is not None:
         t_ns = t_ns.copy()
         t_ns[rows] = even
-        warnings.append(f"{name}: {bursts_text(1e9 / float(np.median(np.diff(even))))}")
+        warnings.append(f"{name}: {bursts_text(1e9 / float(np.median(np.diff(even))), stamped)}")
     order = order_stamps(t_ns[rows])
     if order is None or len(order.keep) < 2:
         raise InputError(f"{name}: its time column does not run; correct --columns or its unit.")

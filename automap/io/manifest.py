@@ -143,10 +143,11 @@ class GnssSection(TableSection):
 
 
 class OdometerSection(TableSection):
-    """``[odometer]``: wheel or CAN speed, stamped by the host clock of the drive."""
+    """``[odometer]``: wheel or CAN speed; no ``time``: stamped by the clock of the IMU."""
 
     kind: ClassVar[TableKind] = "odometer"
     file: str | None = None
+    time: TimeBase | None = None
 
 
 class VideoSection(Section):

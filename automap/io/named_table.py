@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from automap.errors import InputError
-from automap.io.csv_cells import Kind
+from automap.io.angle_text import SPELLED_OUT, parse_angles, signs
 from automap.io.csv_columns import CsvColumns, read_chosen
 from automap.io.csv_layout import Layout, read_layout
-from automap.io.table_form import ACCEL, GYRO, QUANTITIES, TIME_ROLES, TableForm, TableKind
+from automap.io.csv_numbers import Kind
+from automap.io.table_form import (
+    ACCEL,
+    GYRO,
+    HEMISPHERES,
+    QUANTITIES,
+    TIME_ROLES,
+    TableForm,
+    TableKind,
+)
 from automap.io.table_guess import TableGuess, guess_table
 from automap.io.table_times import Clock, TimeForm, stamps
 from automap.io.table_units import to_si
-from automap.records import FloatArray, IntArray
+from automap.records import BoolArray, FloatArray, IntArray
 
 OURS: dict[TableKind, tuple[str, ...]] = {
     "imu": ("t_ns", *GYRO, *ACCEL),
@@ -24,6 +34,15 @@ OURS: dict[TableKind, tuple[str, ...]] = {
     "arrival": ("offset", "t_ns"),
 }
 """Names in the header of a table of ours, which is read without looking further."""
+
+_FEW = 8
+_OUT_OF_ORDER = 0.25
+"""A share of steps back that no clock has: late packets make a twentieth of them."""
+
+_EVEN = 0.5
+"""A share of steps within half of the usual one: of numbers at random it is 0.35."""
+
+_LETTERS = {angle: (column, letters) for column, (angle, letters) in HEMISPHERES.items()}
 
 
 @dataclass(frozen=True)
@@ -93,7 +112,7 @@ def read_table(
             assert guess.time is not None
             kinds[role] = (at, guess.time.kind(role))
         else:
-            kinds[role] = (at, "int" if role == "offset" else "float")
+            kinds[role] = (at, _kind(role, guess))
     table = read_chosen(layout, kinds)
     t_ns, table = _stamped(layout, table, guess, form)
     columns: dict[str, FloatArray] = {}
@@ -102,11 +121,30 @@ def read_table(
             continue
         values = table.columns[role]
         unit = guess.units.get(role)
+        if role in HEMISPHERES:
+            continue
+        if role in _LETTERS:
+            values = _angles(role, values, unit, table.columns)
         if quantity is not None and unit is not None and role not in GYRO + ACCEL:
             values = to_si(values, unit, quantity)
         columns[role] = values
     clock: Clock = "host" if guess.time is None else guess.time.clock
     return NamedTable(columns, t_ns, clock, table, dict(guess.units), guess.notes, guess)
+
+
+def _kind(role: str, guess: TableGuess) -> Kind:
+    if role in HEMISPHERES or guess.units.get(role) == SPELLED_OUT:
+        return "text"
+    return "int" if role == "offset" else "float"
+
+
+def _angles(
+    role: str, values: np.ndarray, unit: str | None, columns: Mapping[str, np.ndarray]
+) -> FloatArray:
+    """Latitudes or longitudes [n], in degrees where they are spelled out, with their signs."""
+    column, letters = _LETTERS[role]
+    angles = parse_angles(values, letters) if unit == SPELLED_OUT else values
+    return np.abs(angles) * signs(columns[column], letters) if column in columns else angles
 
 
 def _stamped(
@@ -117,8 +155,16 @@ def _stamped(
         return None, table
     times = {role: table.columns[role] for role in guess.places if role in TIME_ROLES}
     t_ns, good = stamps(times, guess.time, form.utc_offset_h)
+    empty = _without_time(times)
+    if empty.any() and not empty.all():
+        # rows of another sensor in the same table
+        table = _taken(table, np.flatnonzero(~empty))
+        times = {role: values[~empty] for role, values in times.items()}
+        t_ns, good = t_ns[~empty], good[~empty]
+    # bytes of a log come in their own order
+    ordered = guess.kind != "arrival"
     if good.all():
-        return t_ns, table
+        return _in_order(t_ns, table) if ordered else (t_ns, table)
     wrong = int(np.flatnonzero(~good)[0])
     first = table.line(wrong)
     cells = ", ".join(repr(str(values[wrong])) for values in times.values())
@@ -129,14 +175,51 @@ def _stamped(
             "Correct time_format or columns in drive.toml."
         )
     earlier = table.first_bad is not None and _line(table.first_bad) < first
-    lines = np.array([table.line(int(row)) for row in np.flatnonzero(good)], np.int64)
-    return t_ns[good], replace(
-        table,
-        columns={name: values[good] for name, values in table.columns.items()},
+    kept = replace(
+        _taken(table, np.flatnonzero(good)),
         bad_rows=table.bad_rows + int(np.count_nonzero(~good)),
         first_bad=table.first_bad if earlier else said,
-        line_numbers=lines,
     )
+    return _in_order(t_ns[good], kept) if ordered else (t_ns[good], kept)
+
+
+def _without_time(times: Mapping[str, np.ndarray]) -> BoolArray:
+    """Rows [n] whose cells of time are all empty."""
+    empty = [
+        np.array([not cell for cell in values], bool) if values.dtype == object
+        else np.isnan(values) if values.dtype.kind == "f"
+        else np.zeros(len(values), bool)
+        for values in times.values()
+    ]  # fmt: skip
+    return np.asarray(np.all(empty, axis=0), bool)
+
+
+def _taken(table: CsvColumns, rows: IntArray) -> CsvColumns:
+    """Some rows of a table in their order."""
+    lines = np.array([table.line(int(row)) for row in rows], np.int64)
+    columns = {name: values[rows] for name, values in table.columns.items()}
+    return replace(table, columns=columns, line_numbers=lines)
+
+
+def _in_order(t_ns: IntArray, table: CsvColumns) -> tuple[IntArray, CsvColumns]:
+    """Stamps and rows in the order of time, where a table was sorted by something else.
+
+    Of the steps of a clock a few in a hundred go back, of rows in any order half, of the newest
+    first nearly all. Numbers that are no clock stay as they are: sorted, they make no even steps.
+    """
+    steps = np.diff(t_ns)
+    moved = np.count_nonzero(steps)
+    if moved < _FEW or np.count_nonzero(steps < 0) < _OUT_OF_ORDER * moved:
+        return t_ns, table
+    # rows of one time stand in their order, or all of them backwards
+    backwards = np.count_nonzero(steps > 0) < np.count_nonzero(steps < 0) / 10
+    rows = np.arange(len(t_ns))[:: -1 if backwards else 1]
+    rows = rows[np.argsort(t_ns[rows], kind="stable")]
+    apart = np.diff(t_ns[rows])
+    apart = apart[apart > 0]
+    usual = np.median(apart)
+    even = np.mean(np.abs(apart - usual) < 0.5 * usual) > _EVEN
+    return (t_ns[rows], _taken(table, rows)) if even else (t_ns, table)
 
 
 def _columns(layout: Layout, guess: TableGuess) -> str:

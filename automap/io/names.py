@@ -50,6 +50,7 @@ RUN_FILES = frozenset(
 
 DEFAULT_OUT = "_automap"
 MANIFEST = "drive.toml"
+IMU_TABLE = "imu.csv"
 TRUTH_DIR = "truth"
 TRUTH_TRAJECTORY = "trajectory.csv"
 TRUTH_SIGNS = "signs.geojson"

@@ -114,7 +114,7 @@ def read_sensor_logger(source: Path) -> PhoneLog:
         )
     t_accel, accel = _specific_force(source, tables, warnings)
     t_gyro, turns = gyro.stamps("time"), gyro.triad("x", "y", "z")
-    imu_t_ns, turns, accel = _together(t_accel, accel, t_gyro, turns, str(source))
+    imu_t_ns, turns, accel = together(t_accel, accel, t_gyro, turns, str(source))
     location = _first(tables, ("LocationGps", "Location"))
     positions, position_t_ns = None, None
     if location is None or not len(location):
@@ -205,7 +205,7 @@ def _at(t: IntArray, times: IntArray, values: FloatArray) -> FloatArray:
     return np.asarray(np.interp((t - base) * 1e-9, seconds, values[order]))
 
 
-def _together(
+def together(
     t_accel: IntArray, accel: FloatArray, t_gyro: IntArray, gyro: FloatArray, name: str
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Both sensors at the accelerometer's stamps, where both were on."""
@@ -290,7 +290,7 @@ def read_gnss_logger(source: Path) -> PhoneLog:
         prefix = "Uncal" if f"uncal{kind.lower()}x{unit.lower()}" in table.index else ""
         columns = [f"{prefix}{kind}{axis}{unit}" for axis in "XYZ"]
         imu.append((table.stamps("elapsedRealtimeNanos"), table.triad(*columns)))
-    t_ns, turns, force = _together(imu[0][0], imu[0][1], imu[1][0], imu[1][1], str(source))
+    t_ns, turns, force = together(imu[0][0], imu[0][1], imu[1][0], imu[1][1], str(source))
     warnings: list[str] = []
     positions, position_t_ns = _fixes(tables.get("Fix"), source, warnings)
     return PhoneLog(t_ns, turns, force, positions, position_t_ns, (source,), tuple(warnings))

@@ -87,17 +87,17 @@ def _positions(fields: dict[str, list[Any]]) -> dict[str, Place]:
         if any(isinstance(value, str) and _has_place(value) for value in values):
             return {"nmea": Place(path)}
     places: dict[str, Place] = {}
-    least: dict[str, int] = {}
+    least: dict[str, tuple[int, int]] = {}
     for path, values in fields.items():
         if not isinstance(values[0], int | float | np.number) or isinstance(values[0], bool):
             continue
         name = take_apart(path.replace(".", " "))
-        role, unknown = role_named(name, "gnss") or (None, 0)
-        if role is None or unknown >= least.get(role, unknown + 1):
+        role, worse = role_named(name, "gnss") or (None, (0, 0))
+        if role is None or (role in least and worse >= least[role]):
             continue
         quantity = QUANTITIES["gnss"].get(role)
         unit = name.unit(quantity) if quantity is not None else None
         if unit is None and role in _POSITION and isinstance(values[0], int | np.integer):
             unit = "1e-7 deg"
-        least[role], places[role] = unknown, Place(path, unit)
+        least[role], places[role] = worse, Place(path, unit)
     return places if all(role in places for role in _POSITION) else {}

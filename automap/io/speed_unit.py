@@ -6,12 +6,27 @@ import numpy as np
 
 from automap.earth import metres_per_radian
 from automap.io.table_units import UNITS
-from automap.records import FloatArray
+from automap.records import FloatArray, IntArray
 
 SAME_RATIO = 0.07
 """Two units of speed differ by 15 % or more (knots and mph do), so half of it parts them all."""
 
 _MOVING_M_S, _WINDOW_S, _FEW = 3.0, 2.0, 10
+
+
+def tracks(
+    seconds: FloatArray, lat: FloatArray, lon: FloatArray
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    """Where positions [n], rad, at ``seconds`` [n] move: rows [k] from and to, some seconds apart,
+    and the way between them to the north and the east [k], m."""
+    ahead = np.searchsorted(seconds, seconds + _WINDOW_S)
+    first = np.flatnonzero(ahead < len(seconds))
+    last = ahead[first]
+    length = seconds[last] - seconds[first]
+    north, east = metres_per_radian(np.nan_to_num(lat[first]), np.zeros(len(first)))
+    north, east = north * (lat[last] - lat[first]), east * (lon[last] - lon[first])
+    use = (length < 2 * _WINDOW_S) & (np.hypot(north, east) > _MOVING_M_S * length)
+    return first[use], last[use], north[use], east[use]
 
 
 def speed_unit(seconds: FloatArray, lat: FloatArray, lon: FloatArray, speed: FloatArray) -> str:
@@ -21,18 +36,10 @@ def speed_unit(seconds: FloatArray, lat: FloatArray, lon: FloatArray, speed: Flo
     """
     good = np.isfinite(lat) & np.isfinite(lon) & np.isfinite(speed)
     seconds, lat, lon, speed = (values[good] for values in (seconds, lat, lon, speed))
-    ahead = np.searchsorted(seconds, seconds + _WINDOW_S)
-    first = np.flatnonzero(ahead < len(seconds))
-    last = ahead[first]
-    length = seconds[last] - seconds[first]
-    first, last = first[length < 2 * _WINDOW_S], last[length < 2 * _WINDOW_S]
-    if len(first) < _FEW:
-        return "m/s"
-    north, east = metres_per_radian(lat[first], np.zeros(len(first)))
-    way = np.hypot(north * (lat[last] - lat[first]), east * (lon[last] - lon[first]))
-    moved = way / (seconds[last] - seconds[first])
+    first, last, north, east = tracks(seconds, lat, lon)
+    moved = np.hypot(north, east) / (seconds[last] - seconds[first])
     told = 0.5 * (speed[first] + speed[last])
-    fast = (moved > _MOVING_M_S) & (told > 0.0)
+    fast = told > 0.0
     if np.count_nonzero(fast) < _FEW:
         return "m/s"
     ratio = float(np.median(told[fast] / moved[fast]))

@@ -21,7 +21,7 @@ QUANTITIES: dict[TableKind, dict[str, Quantity | None]] = {
     "imu": {**dict.fromkeys(GYRO, "rate"), **dict.fromkeys(ACCEL, "acceleration"),
             "temp_c": "temperature"},
     "gnss": {
-        "lat": "angle", "lon": "angle", "height": "length", "msl": "length",
+        "lat": "angle", "ns": None, "lon": "angle", "ew": None, "height": "length", "msl": "length",
         "geoid_sep": "length", "h_acc": "length", "v_acc": "length", "sd_n": "length",
         "sd_e": "length", "sd_d": "length", "speed": "speed", "course": "angle", "vn": "speed",
         "ve": "speed", "vd": "speed", "vu": "speed", "speed_acc": "speed",
@@ -30,7 +30,11 @@ QUANTITIES: dict[TableKind, dict[str, Quantity | None]] = {
     "odometer": {"speed": "speed"},
     "arrival": {"offset": None},
 }  # fmt: skip
-"""Our names of a table's columns, and what each measures; times apart."""
+"""Our names of a table's columns, and what each measures; times apart. ``ns`` and ``ew`` hold the
+letters of the hemispheres where latitude and longitude have no signs."""
+
+HEMISPHERES = {"ns": ("lat", "NS"), "ew": ("lon", "EW")}
+"""Columns of letters -> the angle whose sign they are, and the letters."""
 
 DEFAULT_UNIT: dict[Quantity, str] = {
     "rate": "rad/s",
@@ -47,9 +51,10 @@ TIME_FORMATS = (
     *("ns", "us", "ms", "s"),
     *("unix_ns", "unix_us", "unix_ms", "unix_s"),
     *("gps_ns", "gps_us", "gps_ms", "gps_s"),
-    "iso",
+    *("iso", "excel"),
 )
-"""Counts since anything, since 1970 (UTC) or since 1980-01-06 (GPS time); ISO 8601. Any other
+"""Counts since anything, since 1970 (UTC) or since 1980-01-06 (GPS time); ISO 8601; a spreadsheet's
+days since 1899-12-30. Any other
 format is a pattern such as ``%d.%m.%Y %H:%M:%S.%f``, applied to date and time of day together
 where those are two columns."""
 

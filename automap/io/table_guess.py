@@ -3,25 +3,36 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from automap.errors import ConfigError, InputError
+from automap.io.angle_text import SPELLED_OUT, are_signs, is_spelled_out
 from automap.io.calendar_text import filled_up, other_reading, parse_stamps
 from automap.io.csv_columns import listed
 from automap.io.csv_layout import Layout
+from automap.io.csv_numbers import NULLS
 from automap.io.header_names import HeaderName, role_named, take_apart, triad_axis
 from automap.io.table_form import (
     ACCEL,
     DEFAULT_UNIT,
     GYRO,
+    HEMISPHERES,
     QUANTITIES,
     TIME_ROLES,
     TableForm,
     TableKind,
 )
-from automap.io.table_time_guess import likeliest_times, refuse_other_unit, stated_time
+from automap.io.table_time_guess import (
+    likeliest_times,
+    refuse_other_unit,
+    stated_time,
+    told_apart,
+)
 from automap.io.table_times import TimeForm, guessed_form
+
+_NUMERIC = re.compile(r"[-+]?[\d.,]*\d[\d.,]*([eE][-+]?\d+)?")
 
 NEEDED: dict[TableKind, tuple[str, ...]] = {
     "imu": (*GYRO, *ACCEL),
@@ -35,8 +46,8 @@ NEEDED: dict[TableKind, tuple[str, ...]] = {
 class TableGuess:
     """How a table is read: ``places`` of our columns, counted from 0; ``units`` of those that
     have one (of gyro and accelerometer only where the table tells it), of which nothing tells
-    the ``assumed``; ``time`` None where there are no times. ``notes`` say what was guessed,
-    ``form`` writes all of it as a manifest would.
+    the ``assumed``; ``time`` None where there are no times. ``notes`` say what was guessed, the
+    ``doubts`` what may well be otherwise; ``form`` writes all of it as a manifest would.
     """
 
     kind: TableKind
@@ -46,6 +57,7 @@ class TableGuess:
     notes: tuple[str, ...]
     form: TableForm
     assumed: frozenset[str] = frozenset()
+    doubts: tuple[str, ...] = ()
 
 
 def guess_table(
@@ -56,10 +68,12 @@ def guess_table(
     Raises InputError, which says what to write into the manifest, where one that is needed is
     not found, and ConfigError where the manifest names one that the file does not have.
     """
-    names = tuple(take_apart(name) for name in layout.names)
+    names = told_apart(layout, tuple(take_apart(name) for name in layout.names))
     stated = {role: _place(layout, names, role, place) for role, place in form.columns.items()}
     places = {role: at for role, at in stated.items() if role not in TIME_ROLES}
-    places |= {k: v for k, v in _by_name(names, kind, places).items() if k not in places}
+    if kind == "gnss":
+        places |= {k: v for k, v in _hemispheres(layout, places).items() if k not in places}
+    places |= {k: v for k, v in _by_name(layout, names, kind, places).items() if k not in places}
     if kind == "imu":
         places |= {k: v for k, v in _triads(names).items() if k not in places}
     missing = [role for role in needed or NEEDED[kind] if role not in places]
@@ -85,7 +99,11 @@ def guess_table(
     assumed = frozenset(units) - frozenset(told)
     guess = TableGuess(kind, places, units, time, (), form, assumed)
     notes += _notes(layout, guess, stated)
-    return replace(guess, notes=tuple(notes), form=_written(layout, guess, form))
+    doubts = _doubts(layout, guess)
+    notes += [f"{layout.path}: {doubt}" for doubt in doubts]
+    return replace(
+        guess, notes=tuple(notes), form=_written(layout, guess, form), doubts=tuple(doubts)
+    )
 
 
 def _place(layout: Layout, names: tuple[HeaderName, ...], role: str, place: str | int) -> int:
@@ -114,16 +132,36 @@ def _place(layout: Layout, names: tuple[HeaderName, ...], role: str, place: str 
 
 
 def _by_name(
-    names: tuple[HeaderName, ...], kind: TableKind, stated: Mapping[str, int]
+    layout: Layout, names: tuple[HeaderName, ...], kind: TableKind, stated: Mapping[str, int]
 ) -> dict[str, int]:
-    """Columns by the ideas in their names; the one with the fewest words beside them wins."""
-    best: dict[str, tuple[int, int]] = {}
+    """Columns by the ideas in their names; the one with the fewest words beside them wins. One of
+    words, as a fix called "RTK" or satellites "9 / 12", is none."""
+    best: dict[str, tuple[tuple[int, int], int]] = {}
     for at, name in enumerate(names):
         found = role_named(name, kind)
         if found is not None and at not in stated.values():
-            role, unknown = found
-            best[role] = min(best.get(role, (unknown, at)), (unknown, at))
+            role, worse = found
+            if role not in NEEDED[kind] and not _are_numbers(layout, at):
+                continue
+            best[role] = min(best.get(role, (worse, at)), (worse, at))
     return {role: at for role, (_, at) in best.items()}
+
+
+def _are_numbers(layout: Layout, at: int) -> bool:
+    """Whether most cells of a column that are not empty may be numbers."""
+    filled = [row[at] for row in layout.sample if row[at] not in NULLS]
+    return 2 * sum(map(bool, map(_NUMERIC.fullmatch, filled))) >= len(filled)
+
+
+def _hemispheres(layout: Layout, stated: Mapping[str, int]) -> dict[str, int]:
+    """The columns in which nothing but letters of hemispheres stands, whatever their names."""
+    found: dict[str, int] = {}
+    for at in range(len(layout.names)):
+        cells = [row[at] for row in layout.sample]
+        for role, (_, letters) in HEMISPHERES.items():
+            if at not in stated.values() and role not in found and are_signs(cells, letters):
+                found[role] = at
+    return found
 
 
 def _triads(names: tuple[HeaderName, ...]) -> dict[str, int]:
@@ -174,6 +212,10 @@ def _units(
         told = names[at].unit(quantity)
         if told is None and layout.units:
             told = HeaderName("", (), layout.units[at]).unit(quantity)
+        if role in ("lat", "lon") and is_spelled_out(
+            [row[at] for row in layout.sample], "NS" if role == "lat" else "EW"
+        ):
+            told = SPELLED_OUT
         if told is None and role == "arrival":
             cells = [row[at] for row in layout.sample]
             count = guessed_form(cells, layout.decimal, None, "imu")
@@ -200,16 +242,22 @@ def _notes(layout: Layout, guess: TableGuess, stated: Mapping[str, int]) -> list
     if time is not None and guess.form.time_format is None and not ours:
         what = {"unix": ", UTC", "gps": ", GPS time", "host": "", "day": ", without a date"}
         notes.append(f'{layout.path}: times are read as "{time.spelled}"{what[time.clock]}')
-        other = None if time.pattern is None else other_reading(time.pattern)
-        if other is not None and _both_fit(layout, guess, other):
-            notes.append(
-                f'{layout.path}: the dates could be "{other}" as well; write time_format if so'
-            )
     if layout.decimal == "," and guess.form.decimal is None:
         notes.append(f"{layout.path}: decimal commas, cells apart by {layout.separator!r}")
     if layout.encoding != "utf-8":
         notes.append(f"{layout.path}: it is in {layout.encoding}")
     return notes
+
+
+def _doubts(layout: Layout, guess: TableGuess) -> list[str]:
+    """What else the times could be, where the manifest does not say."""
+    time = guess.time
+    if time is None or time.pattern is None or guess.form.time_format is not None:
+        return []
+    other = other_reading(time.pattern)
+    if other is None or not _both_fit(layout, guess, other):
+        return []
+    return [f'the dates could be "{other}" as well; write time_format if so']
 
 
 def _both_fit(layout: Layout, guess: TableGuess, other: str) -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +12,7 @@ from automap.errors import ConfigError, InputError
 from automap.io.calendar_text import has_date, has_time, pattern_of
 from automap.io.csv_layout import Layout
 from automap.io.header_names import HeaderName, meaning
+from automap.io.header_words import TIME_OR_SPEED
 from automap.io.table_form import TableForm, TableKind
 from automap.io.table_times import (
     TimeForm,
@@ -23,6 +26,29 @@ from automap.io.table_times import (
 _SHARED, _PAIR, _WEEK = 10.0, 6.0, 7.0
 """What a candidate is worth for each word that it shares with the readings, as a date with a time
 of day for fixes, and as a GPS week."""
+
+
+def told_apart(layout: Layout, names: tuple[HeaderName, ...]) -> tuple[HeaderName, ...]:
+    """The names with a word that is a time in one language and a speed in another as what it is.
+
+    A unit tells, else whether its cells run on as times do.
+    """
+
+    def is_speed(at: int, name: HeaderName) -> bool:
+        if name.unit("speed") is not None or name.unit("time") is not None:
+            # "ms" is both, and of a time
+            return name.unit("time") is None
+        values = numbers_of(_cells(layout, at), layout.decimal)
+        known = values[np.isfinite(values)]
+        steps = np.diff(known)
+        return 2 * len(known) > len(values) and bool((steps < 0.0).any() or not steps.any())
+
+    return tuple(
+        replace(name, words=tuple("speed" if w == TIME_OR_SPEED else w for w in name.words))
+        if TIME_OR_SPEED in name.words and is_speed(at, name)
+        else name
+        for at, name in enumerate(names)
+    )
 
 
 def stated_time(
@@ -86,6 +112,21 @@ def refuse_other_unit(
         raise InputError(f"{layout.path}: column {name or at + 1}: {wrong} in drive.toml.")
 
 
+_CUT_OFF = re.compile(r"\d{1,2}:\d{2}(?:[.,]\d+)?")
+"""08:59 or 59:58.3: what a spreadsheet shows of a time of day, and then writes."""
+
+
+def _refuse_cut_off(layout: Layout, at: int) -> None:
+    """Raise InputError where times of day have lost their seconds or their hours."""
+    filled = [cell for cell in _cells(layout, at) if cell]
+    if filled and all(_CUT_OFF.fullmatch(cell.rpartition(" ")[2]) for cell in filled):
+        raise InputError(
+            f"{layout.path}: the times of column {layout.names[at] or at + 1}, such as "
+            f"{filled[0]!r}, have lost their seconds or their hours, as a spreadsheet writes them; "
+            "give the column the format hh:mm:ss.000 and export it again."
+        )
+
+
 def _unit_word(word: str) -> str | None:
     return HeaderName(word, (word,), "").unit("time") if len(word) > 2 else None
 
@@ -127,6 +168,7 @@ def likeliest_times(
     for at in free:
         if not ideas[at] & {"time", "date"} or ideas[at] & {"speed", "accuracy", "other"}:
             continue
+        _refuse_cut_off(layout, at)
         pairs = ((date, _paired(layout, date, at)) for date in dates if date != at)
         paired = [(date, pattern) for date, pattern in pairs if pattern is not None]
         for date, pattern in paired:

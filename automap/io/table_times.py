@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 
 from automap.io.calendar_text import ISO, filled_up, has_date, has_time, parse_stamps, pattern_of
-from automap.io.csv_cells import Kind
+from automap.io.csv_numbers import Kind
 from automap.io.table_form import TableKind
 from automap.io.table_units import UNITS
 from automap.records import BoolArray, FloatArray, IntArray
-from automap.timebase import WEEK_S, unix_to_gps
+from automap.timebase import DAY_S, WEEK_S, unix_to_gps
 
 Clock = Literal["host", "unix", "gps", "day"]
 """What stamps count from: a moment nobody knows, 1970 (UTC), 1980-01-06 (GPS time), midnight."""
@@ -23,16 +23,21 @@ _SLOWEST_HZ, _FASTEST_HZ = 1e-3, 5e4
 _FIRST_S, _LAST_S = 946_684_800.0, 4_102_444_800.0
 """2000 and 2100 as seconds since 1970."""
 _BEFORE = "0123456789"
+_EXCEL_DAYS = 25_569
+"""From 1899-12-30, which Excel counts days from, to 1970."""
+_WRAP = 2.0**32
+"""Where counters of 32 bits begin again."""
 
 
 @dataclass(frozen=True)
 class TimeForm:
     """How the cells of a time become nanoseconds: ``unit`` of a count, or ``pattern`` of a text;
-    ``clock`` is what they count from then."""
+    ``clock`` is what they count from then. ``excel`` for days since 1899-12-30."""
 
     clock: Clock
     unit: str | None = None
     pattern: str | None = None
+    excel: bool = False
 
     def kind(self, role: str) -> Kind:
         """What a column of this time is read as."""
@@ -41,17 +46,27 @@ class TimeForm:
         return "int" if self.unit == "ns" and role not in ("week", "tow") else "float"
 
     @property
+    def is_local(self) -> bool:
+        """Whether these are dates of a clock on a wall, whose zone they do not tell."""
+        return self.excel or (self.clock == "unix" and "%z" not in (self.pattern or "%z"))
+
+    @property
     def spelled(self) -> str:
         """The ``time_format`` of a manifest that says the same."""
-        if self.pattern is not None:
-            return self.pattern
+        if self.pattern is not None or self.excel:
+            return self.pattern or "excel"
         return f"{self.clock}_{self.unit}" if self.clock in ("unix", "gps") else str(self.unit)
+
+
+EXCEL = TimeForm("unix", "d", excel=True)
 
 
 def stated_form(time_format: str) -> TimeForm:
     """The form that a manifest's ``time_format`` says."""
     if time_format == ISO or "%" in time_format:
         return TimeForm("unix" if has_date(time_format) else "day", pattern=time_format)
+    if time_format == EXCEL.spelled:
+        return EXCEL
     clock, _, unit = time_format.rpartition("_")
     return TimeForm("unix" if clock == "unix" else "gps" if clock == "gps" else "host", unit=unit)
 
@@ -87,6 +102,8 @@ def guessed_form(
     steps = steps[steps > 0.0]
     step = float(np.median(steps)) if len(steps) else 0.0
     size = float(np.median(np.abs(known))) if len(known) else 0.0
+    if unit is None and _is_excel(size, step):
+        return EXCEL
     since_1970 = [
         name
         for name in ("s", "ms", "us", "ns")
@@ -105,6 +122,13 @@ def guessed_form(
     if gps:
         return TimeForm("gps", unit)
     return TimeForm("unix" if unit in since_1970 else "host", unit)
+
+
+def _is_excel(size: float, step: float) -> bool:
+    """Whether numbers are days since 1899: of this century, and stepping as a recording does then,
+    which as seconds they would not."""
+    unix_s = 86400.0 * (size - _EXCEL_DAYS)
+    return step > 0.0 and _FIRST_S <= unix_s <= _LAST_S and _runs(step, "d") and step < 1e-3
 
 
 def _runs(step: float, unit: str) -> bool:
@@ -160,10 +184,27 @@ def stamps(
             cells = list(next(iter(columns.values())))
         return parse_stamps(cells, form.pattern, utc_offset_h)
     values = next(iter(columns.values()))
+    if form.excel:
+        good = np.abs(values) < 1e6
+        days = np.floor(np.where(good, values, 0.0))
+        of_day = np.rint((np.where(good, values, 0.0) - days) * UNITS["time"]["d"] / 1e3)
+        whole = (days.astype(np.int64) - _EXCEL_DAYS) * DAY_S - round(utc_offset_h * 3600.0)
+        return whole * 1_000_000_000 + of_day.astype(np.int64) * 1000, good
     if values.dtype == np.int64 and form.unit == "ns":
         return values, np.ones(len(values), bool)
+    if form.clock == "host":
+        values = _unwrapped(np.asarray(values, np.float64))
     good = np.isfinite(values) & (np.abs(values) * UNITS["time"][form.unit or "s"] < 9e18)
     return _counted(np.where(good, values, 0.0), form.unit or "s"), good
+
+
+def _unwrapped(values: FloatArray) -> FloatArray:
+    """Counts [n] of a counter of 32 bits, as Arduino's ``micros()``, running on beyond its end."""
+    steps = np.diff(np.nan_to_num(values), prepend=np.nan_to_num(values)[:1])
+    back, ahead = steps < -0.5 * _WRAP, steps > 0.5 * _WRAP
+    inside = np.nanmax(values, initial=0.0) < _WRAP and np.nanmin(values, initial=0.0) >= 0.0
+    # a wrong stamp goes there and back
+    return values + _WRAP * np.cumsum(back) if inside and not ahead.any() else values
 
 
 def _counted(values: np.ndarray, unit: str) -> IntArray:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from automap.earth import STANDARD_GRAVITY
+from automap.io.angle_text import DEGREES_MINUTES, SPELLED_OUT, from_degrees_minutes
 from automap.records import FloatArray
 
 Quantity = Literal["rate", "acceleration", "speed", "length", "angle", "temperature", "time"]
@@ -24,11 +25,14 @@ UNITS: dict[Quantity, dict[str, float]] = {
     "speed": {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704, "knots": _KNOT, "cm/s": 1e-2,
               "mm/s": 1e-3, "ft/s": 0.3048},
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3, "ft": 0.3048},
-    "angle": {"rad": 1.0, "deg": _DEGREE, "1e-7 deg": 1e-7 * _DEGREE},
+    "angle": {"rad": 1.0, "deg": _DEGREE, "1e-7 deg": 1e-7 * _DEGREE,
+              "1e-6 deg": 1e-6 * _DEGREE, "1e-5 deg": 1e-5 * _DEGREE,
+              DEGREES_MINUTES: _DEGREE, SPELLED_OUT: _DEGREE},
     "temperature": {"degC": 1.0, "degF": 5.0 / 9.0, "K": 1.0},
-    "time": {"ns": 1.0, "us": 1e3, "ms": 1e6, "s": 1e9, "min": 6e10, "h": 3.6e12},
+    "time": {"ns": 1.0, "us": 1e3, "ms": 1e6, "s": 1e9, "min": 6e10, "h": 3.6e12, "d": 8.64e13},
 }  # fmt: skip
-"""Unit -> factor to rad/s, m/s^2, m/s, m, rad, degC and, of time, ns."""
+"""Unit -> factor to rad/s, m/s^2, m/s, m, rad, degC and, of time, ns; of degrees with minutes once
+they are degrees."""
 
 _ZERO = {"degF": -32.0, "K": -273.15}
 
@@ -55,6 +59,10 @@ _SPELLINGS: dict[str, tuple[str, ...]] = {
     "deg": ("degree", "degrees", "grad", "grado", "gradi", "grados", "graden", "degre", "degres",
             "°", "wgs84", "dd", "decimal degrees"),
     "rad": ("radian", "radians", "radiant"),
+    DEGREES_MINUTES: ("ddmm", "dddmm.mmmm", "ddmm.mm", "dm"),
+    SPELLED_OUT: ("d m s", "deg min sec", "degrees minutes seconds"),
+    "1e-6 deg": ("1e-6deg", "dege6", "e6", "1e6", "deg*1e6", "deg*1e-6", "1e-6", "microdegrees"),
+    "1e-5 deg": ("1e-5deg", "dege5", "e5", "1e5", "deg*1e5", "deg*1e-5", "1e-5"),
     "1e-7 deg": ("1e-7deg", "dege7", "e7", "1e7", "deg*1e7", "deg*1e-7", "1e-7"),
     "degC": ("c", "°c", "celsius", "grad c", "deg c"),
     "degF": ("f", "°f", "fahrenheit", "deg f"),
@@ -95,6 +103,8 @@ def unit_named(text: str, quantity: Quantity) -> str | None:
 
 def to_si(values: FloatArray, unit: str, quantity: Quantity) -> FloatArray:
     """Values [n] or [n, k] of a unit in the quantity's SI unit (degC, and ns of time)."""
+    if unit == DEGREES_MINUTES:
+        values = from_degrees_minutes(values)
     shifted = values + _ZERO[unit] if unit in _ZERO else values
     factor = UNITS[quantity][unit]
     return shifted if factor == 1.0 else np.asarray(shifted * factor)

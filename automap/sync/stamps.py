@@ -21,7 +21,7 @@ def in_trajectory_time(t_ns: IntArray, time_base: str, clocks: DriveClocks) -> I
         own = clocks.arrival
     elif time_base == "boot_ns":
         raise InputError(
-            f"its frames are stamped with the host's clock (time = {time_base!r}) and the "
+            f"it is stamped by the host's clock (time = {time_base!r}) and the "
             f"trajectory with {clocks.time_base!r}, and no arrival times tie the two together; "
             "write the clock that the stamps are in as `time`, or record gnss_arrival.csv"
         )
@@ -29,7 +29,7 @@ def in_trajectory_time(t_ns: IntArray, time_base: str, clocks: DriveClocks) -> I
         own = stated_clock(t_ns, time_base)
     if not np.isfinite(clocks.clock.sd_offset_s):
         raise InputError(
-            f"its frames are stamped in {time_base!r} and the trajectory in "
+            f"it is stamped in {time_base!r} and the trajectory in "
             f"{clocks.time_base!r}, whose GPS time is not known; add gps_s to the trajectory"
         )
     return clocks.clock.t_ns(own.gps_s(t_ns))

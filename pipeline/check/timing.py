@@ -19,11 +19,13 @@ def imu_gps_time(drive: Drive, recording: Recording) -> FloatArray | None:
     return None if recording.imu is None else gps_time(drive, recording, recording.imu.t_ns)
 
 
-def gps_time(drive: Drive, recording: Recording, t_ns: IntArray) -> FloatArray | None:
-    """GPS time [n] of stamps of the IMU's clock, good to some tenths of a second, None when
-    unknown."""
+def gps_time(
+    drive: Drive, recording: Recording, t_ns: IntArray, clock: str | None = None
+) -> FloatArray | None:
+    """GPS time [n] of stamps of a clock, by default the IMU's, good to some tenths of a second;
+    None when unknown."""
     fixes = recording.fixes
-    time = imu_time(drive, recording)
+    time = clock or imu_time(drive, recording)
     if time == "gps_ns":
         return np.asarray(t_ns * 1e-9)
     if time == "unix_ns":

@@ -49,7 +49,7 @@ def _against_receiver(drive: Drive, recording: Recording, wheels: WheelSpeed) ->
     from automap.fusion.wheels import contradiction, judge_wheels, path_speed
 
     fixes = recording.fixes
-    gps_s = gps_time(drive, recording, wheels.t_ns)
+    gps_s = gps_time(drive, recording, wheels.t_ns, drive.manifest.odometer.time)
     if fixes is None or gps_s is None:
         text = "wheel speed and fixes have no clock in common yet; the run compares them"
         return [Finding("info", text)]

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from automap.io.table_form import ACCEL, GYRO
 from automap.io.table_guess import TableGuess
-from pipeline.init.draft import Draft
+from pipeline.init.cameras import Ask, cameras
+from pipeline.init.draft import AS_UTC, Draft
 from pipeline.init.found import Found
-
-Ask = Callable[[str, Sequence[str]], str]
-"""Asks for one of some answers; for any where there are none, and "" is none."""
 
 _LOG_KINDS = {
     "ubx": "u-blox messages",
@@ -34,17 +31,8 @@ def draft_of(found: Found, folder: Path, ask: Ask | None) -> Draft:
     else:
         draft.note("imu", "no table of inertial readings was found: the path is the fixes' own")
     _receiver(draft, found, imu, ask)
-    gnss = draft.get("gnss", "file")
-    speeds = [
-        table.path
-        for table in found.of_kind("odometer")
-        if not {"imu", "gnss"} & set(table.guesses) and table.path not in (imu, gnss)
-    ]
-    odometer = _choose("wheel speeds", speeds, "odometer.csv", ask)
-    if odometer is not None:
-        draft.set("odometer", "file", odometer, "a column is a speed, none is a place")
-        _form(draft, "odometer", guesses[odometer]["odometer"])
-    _cameras(draft, found)
+    _wheels(draft, found, (imu, draft.get("gnss", "file")), ask)
+    cameras(draft, found, ask)
     _site(draft, ask)
     return draft
 
@@ -76,6 +64,26 @@ def _imu(draft: Draft, path: Path, guess: TableGuess, candidates: list[Path]) ->
     _form(draft, "imu", guess)
 
 
+def _wheels(draft: Draft, found: Found, taken: tuple[Path | None, ...], ask: Ask | None) -> None:
+    """Speeds of a table that is neither the receiver's nor the IMU's."""
+    tables = {
+        table.path: table
+        for table in found.of_kind("odometer")
+        if table.path not in taken and (table.of_car or not {"imu", "gnss"} & set(table.guesses))
+    }
+    path = _choose("wheel speeds", list(tables), "odometer.csv", ask)
+    if path is None:
+        return
+    of_car = "a car's own computer wrote it, by its other columns"
+    why = of_car if tables[path].of_car else "a column is a speed, none is a place"
+    draft.set("odometer", "file", path, why)
+    guess = tables[path].guesses["odometer"]
+    clock = _CLOCKS.get("host" if guess.time is None else guess.time.clock)
+    if clock is not None and draft.get("imu", "file") is not None:
+        draft.set("odometer", "time", clock, "its stamps have a date")
+    _form(draft, "odometer", guess)
+
+
 def _form(draft: Draft, section: str, guess: TableGuess) -> None:
     """How a table is read, where it does not have our names."""
     form = guess.form
@@ -91,16 +99,21 @@ def _form(draft: Draft, section: str, guess: TableGuess) -> None:
         draft.set(section, "time_format", form.time_format, "by what the times look like")
     if form.units:
         draft.set(section, "units", dict(form.units), "by the names of the columns")
-    if form.time_format is not None and "%" in form.time_format and "%z" not in form.time_format:
-        draft.set(section, "utc_offset_h", 0, "taken as UTC: write the zone's hours if it is not")
+    if form.time_format is not None and guess.time is not None and guess.time.is_local:
+        draft.set(section, "utc_offset_h", 0, AS_UTC)
+    for doubt in guess.doubts:
+        draft.doubt(section, doubt)
 
 
 def _receiver(draft: Draft, found: Found, imu: Path | None, ask: Ask | None) -> None:
     logs = dict(found.logs)
     tables = {table.path: table.guesses["gnss"] for table in found.of_kind("gnss")}
     usual = next((p.name for p in logs if p.name in ("gnss.ubx", "gnss.nmea", "gnss.pos")), "")
-    # a receiver's own words say more than a table of some of them
-    path = _choose("what a receiver said", list(logs or tables), usual, ask)
+    of_car = {table.path for table in found.tables if table.of_car}
+    # a receiver's own words say more than a table of some of them, a table beside the readings is
+    # of their clock, and a car's computer tells the places of a receiver last
+    candidates = [p for p in tables if p == imu] or [p for p in tables if p not in of_car]
+    path = _choose("what a receiver said", list(logs) or candidates or list(tables), usual, ask)
     if path is None:
         draft.note("gnss", "no receiver log and no table of fixes was found")
         return
@@ -119,6 +132,7 @@ def _receiver(draft: Draft, found: Found, imu: Path | None, ask: Ask | None) -> 
     elif path == imu:
         clock = draft.get("imu", "time")
         draft.set("gnss", "arrival_time", clock, "rows came by the stamps of the readings beside")
+    draft.note("gnss", "add output_delay_s where the receiver's data sheet tells it")
     arm = None if ask is None else _three(ask("IMU to antenna in m, forward right down?", ()))
     if arm is not None:
         draft.set("gnss", "lever_arm_m", arm, "IMU to antenna, forward, right, down: as you said")
@@ -137,35 +151,6 @@ def _three(text: str) -> list[float] | None:
     except ValueError:
         return None
     return values if len(values) == 3 and all(abs(v) < 1e3 for v in values) else None
-
-
-def _cameras(draft: Draft, found: Found) -> None:
-    """A section for each camera, whose files share the beginning of their names."""
-    cameras: dict[str, dict[str, list[Path]]] = {}
-    for what, paths in (
-        ("files", found.videos),
-        ("frames", found.frames),
-        ("detections", found.detections),
-    ):
-        for path in paths:
-            stem = re.sub(r"_?(frames|detections)$", "", path.stem)
-            name = re.sub(r"[^\w-]", "_", re.sub(r"[-_]?\d+$", "", stem) or stem)
-            cameras.setdefault(name or "front", {}).setdefault(what, []).append(path)
-    for name, files in cameras.items():
-        section = f"video.{name}"
-        if "files" in files:
-            draft.set(section, "files", files["files"], "chapters in the order of their names")
-        for key, why in (
-            ("frames", "when each frame was taken"),
-            ("detections", "boxes of signs"),
-        ):
-            if key in files:
-                draft.set(section, key, files[key][0], why)
-        clock = draft.get("imu", "time") or "boot_ns"
-        draft.set(section, "time", clock, "taken as the clock of the inertial readings")
-        if "frames" not in files:
-            draft.note(section, "no frame times: add start_ns, the time of the first frame")
-        draft.note(section, "add width, height and camera_matrix of a calibration")
 
 
 def _site(draft: Draft, ask: Ask | None) -> None:

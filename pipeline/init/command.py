@@ -9,11 +9,16 @@ from pathlib import Path
 from automap.errors import ConfigError, InputError
 from automap.io import names
 from automap.io.atomic import write_text
+from automap.io.named_table import look_at_table
 from pipeline.importers.parts import copy_or_link
 from pipeline.importers.target import Import, new_drive
-from pipeline.init.choose import Ask, draft_of
-from pipeline.init.draft import NOTES, Draft
-from pipeline.init.found import Found, look
+from pipeline.init.archive import extract_tables
+from pipeline.init.cameras import Ask
+from pipeline.init.choose import draft_of
+from pipeline.init.draft import AS_UTC, NOTES, Draft
+from pipeline.init.found import Found, Table, look
+from pipeline.init.joined import Joined, join, write_joined
+from pipeline.init.reasons import ALONE
 from pipeline.init.settle import settle
 
 Convert = Callable[[str, list[Path], Path], list[str]]
@@ -39,7 +44,7 @@ def init_drive(
     ask: Ask | None = None,
     force: bool = False,
 ) -> Outcome:
-    """Make a drive of what lies in the folder, or is the file, ``source``.
+    """Make a drive of what lies in the folder, or is the file or the archive, ``source``.
 
     Tables and receiver logs stay as they are and get a manifest beside them, or are copied into
     ``out``; other programs' recordings are converted into ``out``, else into a folder of their own
@@ -50,37 +55,120 @@ def init_drive(
     if found.recordings and found.is_drive:
         # a table and a recording that holds its own: nobody can know which is meant
         raise ConfigError(f"{source} holds recordings of several kinds: {_listed(found)}; {_ONE}.")
-    if not found.recordings and not found.is_drive:
-        raise InputError(
-            f"{source} holds nothing that is known: no table of inertial readings or fixes, no "
-            "receiver log, no recording of another program"
-            + (
-                f"; found are {', '.join(p.name for p in found.passed[:6])}."
-                if found.passed
-                else "."
-            )
-        )
     if found.recordings:
         return _convert(source, out, found, convert, force)
     folder = source if source.is_dir() else source.parent
+    joined = _join(found)
+    if joined is None and not found.is_drive:
+        if found.archives:
+            return _unpack(source, out, found, ask, force)
+        raise InputError(_nothing(source, found))
     _refuse(out or folder, force)
     if out is None:
-        draft = _drafted(found, folder, ask)
+        draft = _drafted(folder, found, joined, ask)
         write_text(folder / names.MANIFEST, draft.manifest(folder.resolve().name))
-        return Outcome(folder, _passed(found))
+        return Outcome(folder, _told(found, joined, draft))
     with new_drive("init", source, out) as run:
         _copy(run, found)
-        run.write_manifest(_drafted(look(run.folder), run.folder, ask).text(), NOTES)
-    return Outcome(out, _passed(found) + run.warnings)
+        draft = _drafted(run.folder, look(run.folder), joined, ask)
+        run.write_manifest(draft.text(), NOTES)
+    return Outcome(out, _told(found, joined, draft) + run.warnings)
 
 
+_MOST_ZONE_H = 14.0
 _ONE = "put each in a folder of its own, or name one: automap init FILE -o DRIVE"
 
 
-def _drafted(found: Found, folder: Path, ask: Ask | None) -> Draft:
+def _nothing(source: Path, found: Found) -> str:
+    text = (
+        f"{source} holds nothing that is known: no table of inertial readings or fixes, no "
+        "receiver log, no recording of another program"
+    )
+    if not found.passed:
+        return f"{text}."
+    path, why = next(iter(found.passed.items()))
+    others = ", ".join(other.name for other in list(found.passed)[1:6])
+    return f"{text}; {path.name}: {why}" + (f"; found are {others} as well." if others else ".")
+
+
+def _join(found: Found) -> Joined | None:
+    """Gyroscope and accelerometer of two tables, where no table holds both."""
+    if found.of_kind("imu"):
+        return None
+    return join([*found.passed, *(table.path for table in found.tables)])
+
+
+def _drafted(folder: Path, found: Found, joined: Joined | None, ask: Ask | None) -> Draft:
+    if joined is not None:
+        path = folder / names.IMU_TABLE
+        write_joined(joined, path)
+        found.tables.append(Table(path, {"imu": look_at_table(path, "imu")}))
     draft = draft_of(found, folder, ask)
+    if joined is not None:
+        for key, triad, unit in (
+            ("gyro_unit", joined.gyro, "rad/s"),
+            ("accel_unit", joined.accel, "m/s^2"),
+        ):
+            if triad.unit is not None:
+                draft.set("imu", key, unit, f"{triad.path.name} is in {triad.unit}")
     settle(draft)
+    _zones(draft, ask)
     return draft
+
+
+def _zones(draft: Draft, ask: Ask | None) -> None:
+    """The zone of dates that nothing tells: as the user says."""
+    open_ones = [s for s in draft.sections if draft.why(s, "utc_offset_h") == AS_UTC]
+    answer = (
+        ask("Hours by which the tables' times are ahead of UTC?", ()) if open_ones and ask else ""
+    )
+    try:
+        hours = float(answer)
+    except ValueError:
+        return
+    for section in open_ones if abs(hours) <= _MOST_ZONE_H else ():
+        draft.set(section, "utc_offset_h", hours, "as you said")
+
+
+def _told(found: Found, joined: Joined | None, draft: Draft | None = None) -> list[str]:
+    """What the user has to know of what was and was not used, and of what was taken for granted."""
+    parts = () if joined is None else (joined.gyro.path, joined.accel.path)
+    passed = [f"{p}: not used: {why}" for p, why in found.passed.items() if p not in parts]
+    if draft is not None:
+        zones = [s for s in draft.sections if draft.why(s, "utc_offset_h") == AS_UTC]
+        for section in zones:
+            file = draft.get(section, "file")
+            passed.append(f"{file}: its times name no zone and are taken as UTC")
+        passed += dict.fromkeys(draft.doubts)
+    if joined is None:
+        return passed
+    gyro, accel = (path.name for path in parts)
+    passed = [text.replace(ALONE, "; another table of that sensor is used") for text in passed]
+    return [f"{names.IMU_TABLE} is made of {gyro} and {accel}", *passed]
+
+
+def _unpack(source: Path, out: Path | None, found: Found, ask: Ask | None, force: bool) -> Outcome:
+    """A drive of the tables in an archive, beside it where no other place is named."""
+    if len(found.archives) > 1:
+        listed = ", ".join(path.name for path in found.archives)
+        raise ConfigError(f"{source} holds several recordings: {listed}; {_ONE}.")
+    archive = found.archives[0]
+    target = out or archive.parent / f"{archive.stem}-{_INSIDE}"
+    _refuse(target, force)
+    with new_drive("init", archive, target) as run:
+        extract_tables(archive, run.folder)
+        run.sources.append(archive)
+        inside = look(run.folder)
+        joined = _join(inside)
+        if joined is None and not inside.is_drive:
+            text = _nothing(archive, inside)
+            raise InputError(text.replace(str(run.folder), str(archive)))
+        draft = _drafted(run.folder, inside, joined, ask)
+        run.write_manifest(draft.text(), NOTES)
+        told = [
+            text.replace(str(run.folder), str(archive)) for text in _told(inside, joined, draft)
+        ]
+    return Outcome(target, told + run.warnings)
 
 
 def _convert(
@@ -96,7 +184,7 @@ def _convert(
     target = out or beside
     _refuse(target, force)
     warnings = convert(kind, paths, target)
-    return Outcome(target, [f"imported as {kind}", *warnings, *_passed(found)])
+    return Outcome(target, [f"imported as {kind}", *warnings, *_told(found, None)])
 
 
 def _refuse(folder: Path, force: bool) -> None:
@@ -110,17 +198,13 @@ def _refuse(folder: Path, force: bool) -> None:
 def _copy(run: Import, found: Found) -> None:
     """The files of a drive in its folder; videos, which are large, as links."""
     plain = [*(p for p, _ in found.logs), *(t.path for t in found.tables), *found.finished]
-    camera = [*found.frames, *found.detections]
+    camera = [*found.frames, *found.detections, *found.calibrations]
     for path in (*plain, *camera, *found.videos):
         target = run.folder / path.name
         if target.exists():
             raise ConfigError(f"{path.name} is there twice; rename one of the two.")
         copy_or_link(path, target, path in found.videos)
         run.sources.append(path)
-
-
-def _passed(found: Found) -> list[str]:
-    return [f"{path}: nothing is known of this file; it is not used" for path in found.passed]
 
 
 def _listed(found: Found) -> str:

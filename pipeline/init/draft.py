@@ -11,17 +11,20 @@ from typing import Any
 from automap.io.toml_file import toml_value
 
 _WIDTH = 100
+AS_UTC = "taken as UTC: write the zone's hours if it is not"
 NOTES = ("Each line says why. Correct what is wrong, then automap check.",)
 """What stands above all sections."""
 
 
 @dataclass
 class Draft:
-    """Sections of ``drive.toml``: key -> value and its reason. Files are paths."""
+    """Sections of ``drive.toml``: key -> value and its reason. Files are paths. ``doubts`` are what
+    the user is told at once."""
 
     folder: Path
     sections: dict[str, dict[str, tuple[Any, str]]] = field(default_factory=dict)
     notes: dict[str, list[str]] = field(default_factory=dict)
+    doubts: list[str] = field(default_factory=list)
 
     def set(self, section: str, key: str, value: Any, why: str) -> None:
         """Put a value in, in place of one that was there."""
@@ -31,10 +34,20 @@ class Draft:
         """A value, None where it was not said."""
         return self.sections.get(section, {}).get(key, (None, ""))[0]
 
+    def why(self, section: str, key: str) -> str:
+        """The reason of a value."""
+        return str(self.sections.get(section, {}).get(key, (None, ""))[1])
+
     def note(self, section: str, text: str) -> None:
         """A line for the user in a section, which may have no values."""
         self.sections.setdefault(section, {})
         self.notes.setdefault(section, []).append(text)
+
+    def doubt(self, section: str, text: str) -> None:
+        """A line for the user that is more than a wish: a value may well be wrong."""
+        self.note(section, text)
+        file = self.get(section, "file")
+        self.doubts.append(f"[{section}]: {text}" if file is None else f"{file}: {text}")
 
     def text(self, absolute: bool = False) -> str:
         """The sections as TOML; files relative to the drive folder unless ``absolute``."""

@@ -3,40 +3,75 @@
 from __future__ import annotations
 
 import re
-import zipfile
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from automap.errors import AutoMapError, InputError
 from automap.io import names
+from automap.io.camera_file import SUFFIXES, CameraFile, read_camera_file
+from automap.io.csv_layout import read_layout
+from automap.io.header_names import take_apart
 from automap.io.named_table import look_at_table
 from automap.io.receiver import sniff
 from automap.io.rosbag import SUFFIXES as BAGS
 from automap.io.table_form import TableKind
 from automap.io.table_guess import TableGuess
+from pipeline.init.archive import GYROSCOPES, TABLES, begins, is_of_sensor_logger, kind_of_archive
+from pipeline.init.reasons import is_projected, why_not
 
-_TABLES = (".csv", ".tsv", ".tab", ".txt", ".dat", ".log")
 _VIDEOS = (".mp4", ".mov", ".mkv", ".avi", ".m4v", ".360")
 _OURS = {*names.FINISHED_TRAJECTORIES, names.BEARINGS, names.MANIFEST}
 _LEFT_OUT = {names.TRUTH_DIR, names.DEFAULT_OUT}
 _SNIFFED = 1 << 20
 _GNSS_LOGGER = re.compile(rb"^(?:# )?(?:Raw|Fix|UncalGyro|UncalAccel),", re.MULTILINE)
+_OF_CAR = frozenset(
+    [
+        "rpm",
+        "throttle",
+        "steering",
+        "brake",
+        "pedal",
+        "gear",
+        "engine",
+        "odometer",
+        "obd",
+        "can",
+        "wheel",
+        "drehzahl",
+        "gaspedal",
+        "lenkwinkel",
+        "lenkradwinkel",
+        "bremse",
+        "gang",
+        "raddrehzahl",
+        "regime",
+        "volant",
+        "frein",
+        "volante",
+        "freno",
+        "marcia",
+    ]
+)
+"""Words of what a car's own computer tells."""
 _KINDS: tuple[TableKind, ...] = ("imu", "gnss", "odometer", "arrival")
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table and how it would be read as each kind that it may be."""
+    """A table and how it would be read as each kind that it may be; ``of_car`` where a car's own
+    computer wrote it, by what else is in it."""
 
     path: Path
     guesses: dict[TableKind, TableGuess]
+    of_car: bool = False
 
 
 @dataclass
 class Found:
     """The files of a folder by what they are; ``recordings`` are those that have to be converted,
-    by the kind of their import. ``passed`` are files that nothing is known of."""
+    by the kind of their import. ``archives`` hold tables; ``passed`` are files that are not used,
+    with the reason."""
 
     tables: list[Table] = field(default_factory=list)
     logs: list[tuple[Path, str]] = field(default_factory=list)
@@ -44,8 +79,10 @@ class Found:
     frames: list[Path] = field(default_factory=list)
     detections: list[Path] = field(default_factory=list)
     finished: list[Path] = field(default_factory=list)
+    calibrations: dict[Path, CameraFile] = field(default_factory=dict)
     recordings: dict[str, list[Path]] = field(default_factory=dict)
-    passed: list[Path] = field(default_factory=list)
+    archives: list[Path] = field(default_factory=list)
+    passed: dict[Path, str] = field(default_factory=dict)
 
     def of_kind(self, kind: TableKind) -> list[Table]:
         """The tables that may be of a kind."""
@@ -106,7 +143,7 @@ def _kind_of_folder(folder: Path) -> str | None:
         return "rosbag"
     if ".tag" in suffixes:
         return "rtklib"
-    if "Gyroscope.csv" in inside or "GyroscopeUncalibrated.csv" in inside:
+    if any(is_of_sensor_logger(begins(folder / name)) for name in inside & GYROSCOPES):
         return "sensor-logger"
     if suffixes and all(suffix in (".jpg", ".jpeg") for suffix in suffixes):
         return "mapillary"
@@ -121,17 +158,29 @@ def _add(found: Found, path: Path) -> None:
     elif path.is_dir() or suffix in BAGS:
         found.recordings.setdefault("rosbag", []).append(path)
     elif suffix == ".zip":
-        kind = found.recordings if _is_sensor_logger(path) else None
-        (found.passed if kind is None else kind.setdefault("sensor-logger", [])).append(path)
+        _add_archive(found, path)
     elif suffix in _VIDEOS:
         gopro = found.recordings.setdefault("gopro", []) if _has_telemetry(path) else found.videos
         gopro.append(path)
+    elif _add_calibration(found, path):
+        pass
     elif path.name.endswith("_detections.csv"):
         found.detections.append(path)
     elif path.name.endswith("frames.csv"):
         found.frames.append(path)
     else:
         _add_text(found, path)
+
+
+def _add_calibration(found: Found, path: Path) -> bool:
+    """Take a file as a camera's calibration; False where it is none."""
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES or (suffix in TABLES and not path.name.lower().startswith("calib")):
+        return False
+    camera = read_camera_file(path)
+    if camera is not None:
+        found.calibrations[path] = camera
+    return camera is not None
 
 
 def _add_text(found: Found, path: Path) -> None:
@@ -145,26 +194,35 @@ def _add_text(found: Found, path: Path) -> None:
         found.logs.append((path, kind))
         return
     guesses: dict[TableKind, TableGuess] = {}
-    for each in _KINDS if path.suffix.lower() in _TABLES else ():
+    for each in _KINDS if path.suffix.lower() in TABLES else ():
         try:
             guess = look_at_table(path, each)
         except AutoMapError:
             continue
         if guess.time is not None:
             guesses[each] = guess
-    if guesses:
-        found.tables.append(Table(path, guesses))
-    elif path.name != "import.json":
-        found.passed.append(path)
+    if guesses and not (set(guesses) == {"odometer"} and is_projected(path)):
+        found.tables.append(Table(path, guesses, _is_of_car(path)))
+    elif path.suffix.lower() in TABLES:
+        found.passed[path] = why_not(path)
+    elif path.name != "import.json" and path not in found.passed:
+        found.passed[path] = "nothing is known of this kind of file"
 
 
-def _is_sensor_logger(path: Path) -> bool:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            inside = {Path(name).name for name in archive.namelist()}
-    except (zipfile.BadZipFile, OSError, ValueError):
-        return False
-    return bool(inside & {"Gyroscope.csv", "GyroscopeUncalibrated.csv"})
+def _add_archive(found: Found, path: Path) -> None:
+    """A phone's recording, or tables of any other program."""
+    kind = kind_of_archive(path)
+    if kind == "sensor-logger":
+        found.recordings.setdefault(kind, []).append(path)
+    elif kind == "tables":
+        found.archives.append(path)
+    else:
+        found.passed[path] = kind
+
+
+def _is_of_car(path: Path) -> bool:
+    names = read_layout(path).names
+    return bool(_OF_CAR & {word for name in names for word in take_apart(name).words})
 
 
 def _has_telemetry(path: Path) -> bool:

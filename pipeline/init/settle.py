@@ -13,18 +13,28 @@ from automap.evaluation import limits, plausibility
 from automap.io import names
 from automap.io.axes import axes_value
 from automap.io.drive import Drive, load_drive
+from automap.io.fix_table import read_fix_table
+from automap.io.named_table import look_at_table
+from automap.io.odometer_csv import read_odometer_csv
 from automap.io.recording import Recording, read_recording
+from automap.io.table_form import TIME_ROLES
 from automap.io.table_units import UNITS
 from automap.records import FloatArray
-from automap.sync.velocity_consistency import velocity_consistency
 from automap.timebase import unix_to_gps
 from pipeline.check.axes import SCALE_CODE, WeighedAxes, weigh_axes
 from pipeline.check.steadiness import usable_receiver
 from pipeline.importers.level_axes import SLOW, is_slow, level_axes
-from pipeline.init.draft import Draft
+from pipeline.init.draft import AS_UTC, Draft
 
 _ZONES_H = (-12.0, 14.25, 0.25)
 """The zones of the world and their steps, h."""
+
+
+_UNDATED_S = 7e8
+"""GPS time of 2002: times of fixes that tell no date count from the beginning of 1980."""
+
+_RATES = ("rad/s", "deg/s", "mrad/s", "mdeg/s")
+"""Units of turn rates, the largest first: in one that is too large no car turns so fast."""
 
 
 def settle(draft: Draft) -> None:
@@ -33,11 +43,12 @@ def settle(draft: Draft) -> None:
     A file that cannot be read leaves the draft as it is; ``check`` says why.
     """
     if draft.get("imu", "file") is None:
-        _speed_unit(draft)
+        _fix_units(draft)
         return
     _accel_unit(draft)
     _clock(draft)
-    _speed_unit(draft)
+    _wheels(draft)
+    _fix_units(draft)
     weighed = _gyro_unit(draft)
     if weighed is not None:
         _axes(draft, *weighed)
@@ -64,7 +75,9 @@ def _accel_unit(draft: Draft) -> None:
     size = float(np.median(np.linalg.norm(read[1].imu.accel, axis=1)))
     for unit, factor in UNITS["acceleration"].items():
         if abs(size * factor / STANDARD_GRAVITY - 1.0) < limits.GRAVITY_TOLERANCE:
+            # mg and cm/s^2 are 2 % apart, less than many sensors err: the usual ones come first
             draft.set("imu", "accel_unit", unit, f"readings are {size:.4g} long, as gravity is")
+            return
 
 
 def _clock(draft: Draft) -> None:
@@ -79,6 +92,10 @@ def _clock(draft: Draft) -> None:
         return
     span = np.array([dated.min(), dated.max()])
     seconds = np.asarray(imu.t_ns * 1e-9, np.float64)
+    if span[1] < _UNDATED_S:
+        if plausibility.overlap_s(seconds, span) > 0.0:
+            draft.set("gnss", "arrival_time", "boot_ns", "its times are of the readings' clock")
+        return
     shared = {
         "unix_ns": plausibility.overlap_s(unix_to_gps(seconds), span),
         "gps_ns": plausibility.overlap_s(seconds, span),
@@ -87,39 +104,109 @@ def _clock(draft: Draft) -> None:
     if shared[best] > 0.0:
         why = f"so its stamps and the fixes overlap, for {shared[best]:.0f} s"
         draft.set("imu", "time", best, why)
+        for section, other in (("imu", "gnss"), ("gnss", "imu")):
+            told = draft.get(section, "utc_offset_h") is not None
+            if told and draft.get(other, "utc_offset_h") is None:
+                draft.set(section, "utc_offset_h", 0, why)
     elif draft.get("imu", "utc_offset_h") is not None:
-        _zone(draft, seconds, span)
+        _zone(draft, "imu", unix_to_gps(seconds), span)
+    elif draft.get("gnss", "utc_offset_h") is not None:
+        clock = draft.get("imu", "time")
+        if clock in ("unix_ns", "gps_ns"):
+            _zone(draft, "gnss", span, unix_to_gps(seconds) if clock == "unix_ns" else seconds)
 
 
-def _zone(draft: Draft, unix_s: FloatArray, span: FloatArray) -> None:
-    """The hours by which dates of readings [n] are ahead of UTC, where they meet the fixes then."""
+def _wheels(draft: Draft) -> None:
+    """The clock of the wheel speeds: one that the readings share, else dates and their zone, by
+    where the fixes lie."""
+    read = None if draft.get("odometer", "file") is None else _read(draft)
+    if read is None or read[0].odometer_file is None or read[1].imu is None:
+        return
+    drive, recording = read
+    wheels = _wheel_stamps(drive)
+    if wheels is None:
+        return
+    if draft.get("odometer", "time") is None:
+        assert recording.imu is not None
+        imu_s = np.asarray(recording.imu.t_ns[[0, -1]] * 1e-9, np.float64)
+        if plausibility.overlap_s(wheels, imu_s) > 0.0 or not _dated_wheels(draft, drive):
+            return
+        read = _read(draft)
+        wheels = None if read is None else _wheel_stamps(read[0])
+    if wheels is None or recording.fixes is None:
+        return
+    dated = recording.fixes.gps_s[np.isfinite(recording.fixes.gps_s)]
+    if draft.get("odometer", "utc_offset_h") is not None and len(dated) > 1:
+        _zone(draft, "odometer", unix_to_gps(wheels), dated)
+
+
+def _wheel_stamps(drive: Drive) -> FloatArray | None:
+    """Stamps [n] of the wheel speeds in s of their own clock."""
+    assert drive.odometer_file is not None
+    try:
+        found = read_odometer_csv(drive.odometer_file, drive.manifest.odometer.form).data
+    except AutoMapError:
+        return None
+    return np.asarray(found.t_ns * 1e-9, np.float64) if len(found) > 1 else None
+
+
+def _dated_wheels(draft: Draft, drive: Drive) -> bool:
+    """Read the wheel speeds by the dates beside their count, where there are any."""
+    path = drive.odometer_file
+    assert path is not None
+    try:
+        # fixes want a date where there is one
+        guess = look_at_table(path, "gnss")
+    except AutoMapError:
+        return False
+    time = guess.time
+    if time is None or time.clock not in ("unix", "gps"):
+        return False
+    columns = {k: v for k, v in draft.get("odometer", "columns").items() if k not in TIME_ROLES}
+    columns |= {k: v for k, v in guess.form.columns.items() if k in TIME_ROLES}
+    why = "the count beside them is of no clock that the readings have"
+    draft.set("odometer", "columns", columns, why)
+    draft.set("odometer", "time", f"{time.clock}_ns", "its stamps have a date")
+    draft.set("odometer", "time_format", time.spelled, "by what the times look like")
+    if time.is_local:
+        draft.set("odometer", "utc_offset_h", 0, AS_UTC)
+    return True
+
+
+def _zone(draft: Draft, section: str, gps_s: FloatArray, other_s: FloatArray) -> None:
+    """The hours by which the dates of a section [n] are ahead of UTC, where with them they meet
+    others [k] that are in it."""
+    span = np.array([other_s.min(), other_s.max()])
     both = {
-        float(hours): plausibility.overlap_s(unix_to_gps(unix_s - 3600.0 * hours), span)
+        float(hours): plausibility.overlap_s(gps_s - 3600.0 * hours, span)
         for hours in np.arange(*_ZONES_H)
     }
     hours = max(both, key=lambda each: both[each])
-    if both[hours] > 0.5 * min(np.ptp(unix_s), np.ptp(span)):
-        why = f"dates are not in UTC: so they and the fixes overlap, for {both[hours]:.0f} s"
-        draft.set("imu", "utc_offset_h", hours, why)
+    if hours and both[hours] > 0.5 * min(np.ptp(gps_s), np.ptp(span)):
+        what = "the readings" if section == "gnss" else "the fixes"
+        why = f"dates are not in UTC: so they and {what} overlap, for {both[hours]:.0f} s"
+        draft.set(section, "utc_offset_h", hours, why)
 
 
-def _speed_unit(draft: Draft) -> None:
-    """The unit in which a table's speeds are those of its positions."""
-    columns, units = draft.get("gnss", "columns") or {}, draft.get("gnss", "units") or {}
-    read = None if "speed" not in columns or "speed" in units else _read(draft)
-    if read is None or read[1].fixes is None:
+def _fix_units(draft: Draft) -> None:
+    """The units of a table of fixes that its numbers tell."""
+    read = None if draft.get("gnss", "columns") is None else _read(draft)
+    if read is None or read[0].gnss_file is None:
         return
-    unit = velocity_consistency(read[1].fixes).unit
-    if unit is not None and unit.expected == "m/s" and unit.logged in UNITS["speed"]:
-        why = f"speeds are those of the positions in {unit.logged}"
-        draft.set("gnss", "units", {**units, "speed": unit.logged}, why)
+    try:
+        found = read_fix_table(read[0].gnss_file, read[0].gnss.form).units
+    except AutoMapError:
+        return
+    if found:
+        units = (draft.get("gnss", "units") or {}) | dict(found)
+        draft.set("gnss", "units", units, "the names tell some at most, the numbers the rest")
 
 
 def _gyro_unit(draft: Draft) -> tuple[Recording, WeighedAxes] | None:
     """The unit in which the gyro turns as the course does; what was seen in it."""
     told = draft.get("imu", "gyro_unit")
     seen: dict[str, tuple[Recording, WeighedAxes]] = {}
-    for unit in (told,) if told else ("rad/s", "deg/s"):
+    for unit in (told,) if told else _RATES:
         if not told:
             draft.set(
                 "imu", "gyro_unit", unit, "so turns are a car's, and the receiver's if it saw"
@@ -132,7 +219,7 @@ def _gyro_unit(draft: Draft) -> tuple[Recording, WeighedAxes] | None:
         scaled = any(f.code == SCALE_CODE for f in seen[unit][1].findings)
         assert recording.imu is not None
         fast = plausibility.gyro_size(recording.imu.gyro).severity != "ok"
-        if not scaled and not (unit == "rad/s" and fast):
+        if not scaled and not fast:
             if not told:
                 compared = "turns with" in seen[unit][1].findings[0].text
                 why = "those of the receiver's course" if compared else "no faster than a car's"

@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from automap.errors import InputError
 from automap.fusion.doubts.receiver import usable_fixes
 from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
 from automap.fusion.options import FusionOptions
 from automap.io import names
-from automap.io.clock_json import read_clock
+from automap.io.clock_json import read_clocks
 from automap.io.drive import Drive
 from automap.io.tables import read_fixes, read_imu, read_odometer
-from automap.records import ClockModel, Fixes, FloatArray, ImuData, WheelSpeed
+from automap.records import ClockModel, DriveClocks, Fixes, FloatArray, ImuData, WheelSpeed
+from automap.sync.stamps import in_trajectory_time
 from automap.sync.velocity_consistency import VelocityConsistency, velocity_consistency
 from pipeline.shared.progress import Progress
 
@@ -65,14 +67,26 @@ def read_inputs(drive: Drive, out: Path, shared_clock_sd_s: float) -> FusionInpu
 
     ``shared_clock_sd_s``: IMU stamps against a clock shared with the receiver, one sigma.
     """
-    clock = read_clock(out / names.SYNC)
+    clocks = read_clocks(out / names.SYNC)
+    clock = clocks.clock
     delay, is_clock = _delay_prior(clock, shared_clock_sd_s)
     arm = None if drive.gnss.lever_arm_m is None else drive.lever_arm
     imu = read_imu(out / names.IMU)
     fixes, receiver = read_usable_fixes(out)
-    wheels = out / names.ODOMETER
-    odometer = read_odometer(wheels) if wheels.exists() else None
+    odometer = _read_wheels(drive, out / names.ODOMETER, clocks)
     return FusionInputs(imu, fixes, clock, delay, is_clock, arm, receiver, odometer)
+
+
+def _read_wheels(drive: Drive, path: Path, clocks: DriveClocks) -> WheelSpeed | None:
+    """Wheel speeds at stamps of the IMU's clock, None where there are none."""
+    wheels = read_odometer(path) if path.exists() else None
+    time = drive.manifest.odometer.time
+    if wheels is None or time is None:
+        return wheels
+    try:
+        return WheelSpeed(in_trajectory_time(wheels.t_ns, time, clocks), wheels.speed)
+    except InputError as error:
+        raise InputError(f"{drive.odometer_file}: {error}") from None
 
 
 def read_usable_fixes(out: Path) -> tuple[Fixes, VelocityConsistency]:

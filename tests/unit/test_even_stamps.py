@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from automap.calibration.allan_triads import resting_fits
-from automap.io.even_stamps import straight_stamps
+from automap.io.even_stamps import bursts_text, straight_stamps
 from automap.io.imu_csv import read_imu_csv
 from automap.io.imu_log import LogFormat, read_imu_log
 
@@ -142,3 +142,16 @@ def test_the_allan_deviation_of_a_log_with_bursts_is_that_of_the_sensor(tmp_path
     assert found.seconds > 650.0
     assert found.fits["gyro_x"].white.value == pytest.approx(gyro, rel=0.05)
     assert found.fits["accel_z"].white.value == pytest.approx(accel, rel=0.05)
+
+
+@pytest.mark.parametrize("cut_s", [1.0, 0.1])
+def test_stamps_that_were_cut_off_lie_between_the_earliest_and_the_latest_line(
+    cut_s: float,
+) -> None:
+    """Whole seconds of 50 Hz are up to a second early, which the samples of each second tell."""
+    true = 1_700_000_000.37 + 0.02 * np.arange(3_000)
+    stamps = np.rint(np.floor(true / cut_s + 1e-9) * cut_s * 1e9).astype(np.int64)
+    even = straight_stamps(stamps, noise(len(true)))
+    assert even is not None
+    assert np.abs(even * 1e-9 - true).max() < 0.02
+    assert f"written to {cut_s:g} s" in bursts_text(50.0, stamps)

@@ -185,6 +185,6 @@ def test_speeds_without_a_unit_are_those_of_the_positions(
     path = _write(tmp_path, "time,lat,lon,speed,course\n" + "\n".join(lines) + "\n")
     found = read_fix_table(path)
     np.testing.assert_allclose(found.fixes.vel_ned[:, 0], 12.0, rtol=1e-3)
-    assert any(f"speeds are read as {unit}" in text for text in found.notes)
+    assert any(f"speed is in {unit}, by its numbers" in text for text in found.notes)
     stated = read_fix_table(path, TableForm(units={"speed": "m/s"}))
     np.testing.assert_allclose(stated.fixes.vel_ned[:, 0], 12.0 * factor, rtol=1e-3)

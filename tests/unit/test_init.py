@@ -161,7 +161,11 @@ def test_recordings_of_other_programs_are_imported(
     ("files", "code", "said"),
     [
         ({}, 3, "holds nothing that is known"),
-        ({"notes.csv": b"a,b\n1,2\n"}, 3, "found are notes.csv"),
+        (
+            {"notes.csv": b"a,b\n1,2\n"},
+            3,
+            "notes.csv: its columns say nothing that is known (a, b)",
+        ),
         ({"a.bag": b"x", "log.nmea": b"$GPGGA,1,1,,,,0*00\r\n"}, 3, "cannot be read"),
         ({"a.bag": b"x", "b.mcap": b"y"}, 3, "cannot be read as a ROS recording"),
     ],

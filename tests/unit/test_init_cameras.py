@@ -1,0 +1,117 @@
+"""Cameras in ``automap init``: calibrations that lie there, views that people know, or neither."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from automap.io.drive import load_drive
+from pipeline.init.choose import draft_of
+from pipeline.init.found import look
+from tests.unit.foreign_tables import SAMPLE
+
+MATRIX = np.array([[1003.25, 0.0, 641.5], [0.0, 998.75, 355.125], [0.0, 0.0, 1.0]])
+DISTORTION = [-0.31, 0.12, 0.001, -0.002, 0.03]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The sample drive's recordings."""
+    shutil.copytree(SAMPLE, tmp_path / "d", ignore=shutil.ignore_patterns("drive.toml", "_automap"))
+    return tmp_path / "d"
+
+
+def _calibrate(path: Path, width: int, height: int) -> None:
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("image_width", width)
+    storage.write("image_height", height)
+    storage.write("camera_matrix", MATRIX)
+    storage.write("distortion_coefficients", np.array(DISTORTION))
+    storage.release()
+
+
+def _said(folder: Path, answers: Sequence[str] = ()) -> tuple[dict[str, Any], str]:
+    """The section of the camera in the manifest, and all of it."""
+    left = list(answers)
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        return left.pop(0) if "[video.front]" in question else ""
+
+    text = draft_of(look(folder), folder, ask if answers else None).manifest("d")
+    (folder / "drive.toml").write_text(text, encoding="utf-8")
+    return tomllib.loads(text)["video"]["front"], text
+
+
+def _size(folder: Path) -> tuple[int, int]:
+    section = _said(folder)[0]
+    return section["width"], section["height"]
+
+
+def test_a_calibration_beside_the_video_is_its_cameras(folder: Path) -> None:
+    width, height = _size(folder)
+    _calibrate(folder / "calibration.yml", width, height)
+    section, text = _said(folder)
+    np.testing.assert_allclose(section["camera_matrix"], MATRIX)
+    assert section["distortion"] == pytest.approx(DISTORTION)
+    assert "# of calibration.yml" in text
+    assert load_drive(folder).camera_warnings() == []
+
+
+def test_a_calibration_of_a_larger_picture_is_scaled(folder: Path) -> None:
+    """A point at half the way across stays there."""
+    width, height = _size(folder)
+    _calibrate(folder / "calibration.yml", 2 * width, 2 * height)
+    matrix = np.array(_said(folder)[0]["camera_matrix"])
+    assert matrix[0, 0] == pytest.approx(MATRIX[0, 0] / 2.0)
+    assert matrix[:2, 2] + 0.5 == pytest.approx((MATRIX[:2, 2] + 0.5) / 2.0)
+
+
+def test_a_calibration_of_another_shape_is_not_used(folder: Path) -> None:
+    width, _ = _size(folder)
+    _calibrate(folder / "calibration.yml", width, width)
+    section, text = _said(folder)
+    assert "camera_matrix" not in section
+    assert "another shape: it is not used" in " ".join(text.replace("#", "").split())
+
+
+def test_of_two_calibrations_the_cameras_own_is_taken(folder: Path) -> None:
+    width, height = _size(folder)
+    _calibrate(folder / "rear.yml", width, height)
+    (folder / "front.yml").write_text(
+        f"cam0:\n  intrinsics: [800, 801, 640, 360]\n  resolution: [{width}, {height}]\n"
+    )
+    assert _said(folder)[0]["camera_matrix"][0][0] == 800.0
+
+
+def test_a_view_that_is_known_makes_a_pinhole(folder: Path) -> None:
+    section, _ = _said(folder, ["90"])
+    assert section["camera_matrix"][0][0] == pytest.approx(section["width"] / 2.0)
+    assert section["camera_matrix"][0][2] == pytest.approx((section["width"] - 1) / 2.0)
+
+
+@pytest.mark.parametrize("answer", ["", "wide", "5", "200"])
+def test_an_unknown_view_is_told_and_the_drive_has_a_camera_all_the_same(
+    folder: Path, answer: str
+) -> None:
+    section, text = _said(folder, [answer])
+    assert "camera_matrix" not in section
+    assert "a horizontal view of 60 degrees is taken" in " ".join(text.replace("#", "").split())
+    drive = load_drive(folder)
+    assert list(drive.cameras()) == ["front"]
+    assert "film a chessboard" in drive.camera_warnings()[0]
+
+
+def test_without_a_video_the_size_of_its_pictures_is_asked(folder: Path) -> None:
+    video = folder / "video"
+    (video / "front.mp4").unlink()
+    (video / "front_detections.csv").write_text("frame,class,x_min,y_min,x_max,y_max,score\n")
+    section, _ = _said(folder, ["1242 x 375", "81"])
+    assert (section["width"], section["height"]) == (1242, 375)
+    assert section["camera_matrix"][0][0] == pytest.approx(727.1, abs=0.1)
