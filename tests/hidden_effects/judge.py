@@ -171,7 +171,7 @@ def _unlisted(
         said = _describe(shown, answer)
         verdict.why = f"{drawn.case.truth}; {said}"
         if verdict.closed is not None:
-            verdict.why += f"; takes away {100.0 * verdict.closed:.0f} % on the other day"
+            verdict.why += f"; takes away {100.0 * verdict.closed:.0f} % of both days"
 
 
 def _found(shown: Sequence[Mapping[str, Any]]) -> dict[str, DrawnEffect]:

@@ -5,27 +5,33 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from tests.hidden_effects.answers import Answer, misfits, noise_claims, rows
 from tests.hidden_effects.cases import Drawn
 from tests.hidden_effects.evidence import shifts_of, whiten
 from tests.hidden_effects.extras import NOTHING, Extras
+from tests.hidden_effects.geodesy import Array
 from tests.hidden_effects.outside import Outside
 from tests.hidden_effects.setting import walks
 from tests.hidden_effects.sizes import STOCHASTIC, DrawnEffect
 from tests.hidden_effects.told import terms_of, told_extras
 
 SAME_SHARE = 0.9
-"""Share of the held-out disagreement from which on two formulas are one for every use: what is
+"""Share of the disagreement from which on two formulas are one for every use: what is
 left is less than a third of the size."""
 SAME_NATS = 5.0
-"""Nats below which two formulas cannot be told apart on the held-out day."""
+"""Nats below which two formulas cannot be told apart."""
 FLAGGED = ("formula right", "misfit right", "noise right", "flagged", "resembles")
 """Outcomes in which something is said to be missing where it is."""
 
 
 def equivalent(drawn: Drawn, answer: Answer, found: Mapping[str, DrawnEffect]) -> float | None:
-    """Share of the held-out disagreement that the answer's formula and names take away; 1 where
-    what is left cannot be seen, None where the answer has no formula that can be computed."""
+    """Share of the disagreement of both days that the answer's formula and names take away; 1
+    where what is left cannot be seen, None where the answer has no formula that can be computed.
+
+    Both, since what happens once, late on the first day, may not happen on the shorter other one.
+    """
     terms = terms_of(answer.get("unexplained"))
     try:
         told = told_extras(terms) if terms else NOTHING
@@ -39,11 +45,15 @@ def equivalent(drawn: Drawn, answer: Answer, found: Mapping[str, DrawnEffect]) -
     return 1.0 - left / max(float((true**2).sum()), 1e-12)
 
 
-def _innovations(drawn: Drawn, effects: Mapping[str, DrawnEffect], extras: Extras) -> Any:
-    scene, setting = drawn.held_out, drawn.again
-    shifts = shifts_of(scene, [effects], setting.warm_up, extras)
+def _innovations(drawn: Drawn, effects: Mapping[str, DrawnEffect], extras: Extras) -> Array:
     hidden = list(drawn.case.effects)
-    return whiten(scene, shifts, setting.imu, setting.gnss, *walks(setting), without=hidden).nu
+    out = []
+    for scene, setting in ((drawn.scene, drawn.setting), (drawn.held_out, drawn.again)):
+        shifts = shifts_of(scene, [effects], setting.warm_up, extras)
+        drift = walks(setting)
+        white = whiten(scene, shifts, setting.imu, setting.gnss, *drift, without=hidden)
+        out.append(white.nu)
+    return np.concatenate(out)
 
 
 def outside_outcome(
