@@ -13,9 +13,9 @@ import numpy as np
 
 from automap.effects.catalogue import CATALOGUE, effect_named
 from automap.effects.effect import Parameter
+from automap.effects.inertial_signals import DEAD, LATE, inertial_signal, late, shape_of
 from automap.effects.signals import Signals
-from automap.effects.terms import INERTIAL, ONE, TEMPERATURE
-from automap.effects.user import is_users, user_signal
+from automap.effects.terms import INERTIAL, ONE
 from automap.errors import ConfigError
 from automap.records import FloatArray
 
@@ -88,30 +88,20 @@ def extra_basis(
     speed: FloatArray | None = None,
     temp_ref_c: float | None = None,
     signals: Signals | None = None,
+    as_read: tuple[FloatArray, FloatArray] | None = None,
 ) -> FloatArray:
     """Extra basis signals [n, k] of the terms at true rates and forces [n, 3].
 
     ``temp_c`` [n] in deg C against ``temp_ref_c`` (default: its median), ``speed`` [n] in m/s;
-    ``signals`` [n] for users' effects. A signal whose source is missing is zero.
+    ``signals`` [n] for what follows from the drive (``asks_for_the_drive``); ``as_read`` the
+    readings [n, 3], [n, 3] with all their errors, for dead zones, where they are not the same as
+    the rates and forces. A signal whose source is missing is zero.
     """
     names: dict[int, str] = {t.basis: t.extra for t in terms if t.extra is not None}
     out = np.zeros((len(gyro), len(names)))
     for basis, name in names.items():
-        column = basis - BASIS_EXTRA
-        if name == TEMPERATURE:
-            if temp_c is not None and np.isfinite(temp_c).any():
-                ref = float(np.nanmedian(temp_c)) if temp_ref_c is None else temp_ref_c
-                out[:, column] = np.nan_to_num(temp_c - ref)
-        elif name == "speed_squared":
-            if speed is not None:
-                out[:, column] = speed**2
-        elif is_users(name):
-            if signals is not None:
-                out[:, column] = user_signal(name, signals)
-        else:
-            kind, source, axis = name.split("_")
-            signal = (gyro if source == "rate" else accel)[:, "xyz".index(axis)]
-            out[:, column] = np.abs(signal) if kind == "abs" else signal**2
+        of = as_read if as_read is not None and name.startswith(DEAD) else (gyro, accel)
+        out[:, basis - BASIS_EXTRA] = inertial_signal(name, *of, temp_c, speed, temp_ref_c, signals)
     return out
 
 
@@ -133,12 +123,19 @@ def distort_imu(
     terms = imu_terms(names)
     extra = extra_basis(terms, gyro, accel, temp_c, speed, temp_ref_c, signals)
     rates, forces = gyro.copy(), accel.copy()
-    for term in terms:
+    # a dead zone comes last: it takes from what would be read without it
+    for term in sorted(terms, key=lambda t: (t.extra or "").startswith(DEAD)):
         theta = values[term.effect].get(term.parameter.name, 0.0)
         if theta == 0.0:
             continue
         target = rates if term.sensor == GYRO else forces
-        target[:, term.axis] += theta * _basis_signal(term, gyro, accel, extra)
+        name = term.extra or ""
+        if signals is not None and name.startswith(LATE):
+            target[:, term.axis] += late(name, theta, gyro, accel, signals.time)
+        elif name.startswith(DEAD):
+            target[:, term.axis] += theta * shape_of(name, rates, forces)
+        else:
+            target[:, term.axis] += theta * _basis_signal(term, gyro, accel, extra)
     return rates, forces
 
 

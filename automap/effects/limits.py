@@ -18,3 +18,13 @@ LEAST_STEP_S = 0.005
 OUTLIER_M = 25.0
 """How far off, in a random horizontal direction, a position of ``gnss_outliers`` is. Chosen: a
 reflection off a house across the street."""
+DEAD_FORCE = 0.1
+"""m/s^2; by so much a reading must differ from zero before a dead zone has taken all that it takes.
+Zeroes of consumer accelerometers are known to a few hundredths of a g (MPU-6050: 0.05), and braking
+and bends are ten times as strong."""
+DEAD_RATE = 0.01
+"""rad/s, as for forces: zeroes of gyros are known to half a degree a second once a car has stood,
+bends turn by 0.1 rad/s and more."""
+WARM_UP_S = 120.0
+"""A sensor on its circuit board comes to the temperature of the housing in minutes, with this time
+constant. Chosen; where it is another, a formula ``exp(-time / ...)`` says so."""

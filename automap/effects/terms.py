@@ -23,6 +23,9 @@ INERTIAL = (GYRO, ACCEL)
 ONE = "1"
 TEMPERATURE = "temperature"
 """Of the sensor, above its reference, K."""
+SPEED_SQUARED = "speed_squared"
+WARM_UP = "warm_up"
+"""What is left of the cold after switching on: 1 at the first inertial sample, then dying away."""
 ELAPSED = "elapsed"
 """Seconds since the first inertial sample."""
 FORWARD_ACCELERATION = "forward_acceleration"
@@ -61,9 +64,10 @@ class Term:
     """One way in which a ``parameter`` acts ``on`` a measurement; see ``Kind``.
 
     ``axis`` 0..2; the parameter is multiplied by ``weight`` and by a ``signal``: one of
-    ``STATE_SIGNALS``, or for inertial readings a true reading (``rate_x``), its size
-    (``abs_rate_x``), its square (``sq_force_x``), ``temperature`` above its reference,
-    ``speed_squared``, or a user's signal (see ``automap.effects.user``).
+    ``STATE_SIGNALS``, or for inertial readings a true reading (``rate_x``), a shape of it
+    (``abs_rate_x``, ``sq_force_x``), what it reads more where it is late (``late_force_x``; see
+    ``automap.effects.inertial_signals``), ``temperature`` above its reference,
+    ``speed_squared``, ``warm_up``, or a user's signal (see ``automap.effects.user``).
     """
 
     parameter: str

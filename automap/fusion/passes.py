@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from automap.effects import Signals
+from automap.effects.inertial_signals import asks_for_the_drive
 from automap.effects.signals import signals_of_readings
-from automap.effects.user import is_users
 from automap.fusion import limits
 from automap.fusion.adapt import COARSE, adapt_noise, refine_noise, scale_nodes, scale_problem
 from automap.fusion.alignment import Alignment, align
@@ -112,7 +112,7 @@ def problem_of(session: Session) -> Problem:
         t_imu = np.asarray((session.imu.t_ns - session.imu.t_ns[0]) * 1e-9)
         along = np.interp(t_imu, speed_t, speed)
     named = [*(t.extra or "" for t in model.terms), *model.signals]
-    signals = session_signals(session) if any(is_users(name) for name in named) else None
+    signals = session_signals(session) if any(asks_for_the_drive(name) for name in named) else None
     return make_problem(session.imu, model, session.options, along, signals, session.bridged_s)
 
 

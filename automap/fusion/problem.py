@@ -48,7 +48,8 @@ def make_problem(
     bridged_s: FloatArray | None = None,
 ) -> Problem:
     """Problem of a recording; ``speed`` [n] m/s feeds effects that grow with it, ``signals`` [n]
-    those of users; ``bridged_s`` [n] s is the length of the replaced stretch at a sample."""
+    those that follow from the drive; ``bridged_s`` [n] s is the length of the replaced stretch at
+    a sample."""
     from scipy.ndimage import uniform_filter1d
 
     t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)

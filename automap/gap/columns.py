@@ -10,6 +10,7 @@ import numpy as np
 from automap.earth import RATE
 from automap.effects import CATALOGUE
 from automap.effects.imu import ACCEL, BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, imu_terms
+from automap.effects.inertial_signals import asks_for_the_drive
 from automap.effects.measured import MEASURED, measured_terms
 from automap.effects.measured_kernels import rows_along
 from automap.effects.terms import POSITION, VEHICLE, VELOCITY, Kind
@@ -107,9 +108,13 @@ def _imu_columns(
     imu = fit.opened.drive.imu
     terms = imu_terms([effect])
     speed = np.linalg.norm(motion.vel, axis=1)
-    users = any(is_users(t.extra or "") for t in terms)
-    signals = motion_signals(fit, motion) if users else None
-    extra = extra_basis(terms, motion.rate, motion.force, imu.temp_c, speed, signals=signals)
+    of_drive = any(asks_for_the_drive(t.extra or "") for t in terms)
+    signals = motion_signals(fit, motion) if of_drive else None
+    extra = extra_basis(
+        *(terms, motion.rate, motion.force, imu.temp_c, speed),
+        signals=signals,
+        as_read=(imu.gyro, imu.accel),
+    )
     out = []
     for term in terms:
         if term.basis == BASIS_ONE:

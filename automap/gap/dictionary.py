@@ -10,6 +10,7 @@ import numpy as np
 from automap.effects import CATALOGUE, Signals, UserEffect, extra_basis, imu_terms
 from automap.effects.formula_text import parse_formula
 from automap.effects.imu import BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, ImuTerm
+from automap.effects.inertial_signals import formula_of
 from automap.effects.terms import VELOCITY
 from automap.effects.user import INERTIAL, OF_FIXES, is_users, towards, turned
 from automap.fusion.layout import CH_POS, CH_VEL, MAX_SCALARS
@@ -150,8 +151,9 @@ def formula_columns(
 
 
 def left_out(effect: str) -> str:
-    """The channel of an effect on fixes or constraint that the library does without."""
-    return f"{'vehicle' if CATALOGUE[effect].family == 'vehicle' else 'fixes'} ({effect})"
+    """The channel of an effect that no formula says and that the library does without."""
+    words = {"vehicle": "vehicle", "imu": "readings"}
+    return f"{words.get(CATALOGUE[effect].family, 'fixes')} ({effect})"
 
 
 def left_out_effect(channel: str) -> str | None:
@@ -170,7 +172,10 @@ def _as_formula(column: Column) -> Column:
     term: ImuTerm = next(
         t for t in imu_terms([column.effect]) if t.parameter.name == column.parameter
     )
-    return Column(channel, _basis_text(term), column.prior_sd, column.inertial)
+    text = _basis_text(term)
+    if not text:
+        channel, text = left_out(column.effect), column.parameter
+    return Column(channel, text, column.prior_sd, column.inertial)
 
 
 def _basis_text(term: ImuTerm) -> str:
@@ -180,16 +185,11 @@ def _basis_text(term: ImuTerm) -> str:
         return f"rate_{'xyz'[term.basis - 1]}"
     if term.basis < BASIS_EXTRA:
         return f"force_{'xyz'[term.basis - BASIS_FORCE]}"
-    words = {"temperature": "temperature", "speed_squared": "speed^2"}
-    if term.extra in words:
-        return words[term.extra]
     if is_users(str(term.extra)):
         effect = CATALOGUE[term.effect]
         assert isinstance(effect, UserEffect)
         return effect.formula(term.parameter.name).formula or term.name
-    kind, source, axis = str(term.extra).split("_")
-    name = f"{source}_{axis}"
-    return f"abs({name})" if kind == "abs" else f"{name}^2"
+    return formula_of(str(term.extra))
 
 
 def _catalogue_signals(

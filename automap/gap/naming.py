@@ -50,7 +50,7 @@ def by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
             other = OFFSETS[1 - OFFSETS.index(effect)]
             if other in effects:
                 trial = _renamed(trial, other)
-        if CATALOGUE[effect].never_negative and value <= 0.0:
+        if CATALOGUE[effect].never_negative and _clearest(trial.joint, effect) <= 0.0:
             continue
         if effect == VELOCITY_DELAY and value + _latency(trial.joint) < 0.0:
             # no velocity is told before its time: where it is ahead of the fixes, those are late
@@ -62,6 +62,12 @@ def by_sign(trials: Sequence[Trial], effects: Sequence[str]) -> list[Trial]:
         if known is None or trial.nats > known.nats:
             out[trial.effect] = trial
     return list(out.values())
+
+
+def _clearest(joint: Joint, effect: str) -> float:
+    """The parameter of an effect that the drive shows best, of several that are axes."""
+    found = joint.of(effect).values()
+    return max(found, key=lambda p: abs(p[0]) / p[1] if p[1] > 0.0 else 0.0, default=(0.0, 0.0))[0]
 
 
 def _latency(joint: Joint) -> float:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from automap.effects import CATALOGUE, Signals, distort_imu
+from automap.effects.inertial_signals import asks_for_the_drive
 from automap.effects.measured import Values
 from automap.effects.signals import signals_of
 from automap.effects.terms import TEMPERATURE
-from automap.effects.user import user_effects
 from automap.effects.vehicle import sensor_to_vehicle
 from automap.records import FloatArray, ImuData, IntArray
 from automap.simulation.scenario import Imu, Scenario, WarmUp
@@ -44,7 +44,9 @@ def record_imu(
     C_v_s = sensor_to_vehicle(errors)
     rates, forces = motion.angular_rate @ C_v_s, motion.specific_force @ C_v_s
     given = {name: dict(values) for name, values in errors.items()}
-    signals = true_signals(motion, temp_c) if user_effects() else None
+    acting = [t.signal for n in given if n in CATALOGUE for t in CATALOGUE[n].terms]
+    asked = any(asks_for_the_drive(signal) for signal in acting)
+    signals = true_signals(motion, temp_c) if asked else None
     gyro, accel = distort_imu(rates, forces, given, temp_c=temp_c, speed=speed, signals=signals)
     steps = np.diff(motion.t_s, prepend=motion.t_s[:1])
     gyro += _walk(given.get("gyro_bias_walk", {}), steps, rng)
@@ -56,7 +58,7 @@ def record_imu(
 
 
 def true_signals(motion: Motion, temp_c: FloatArray | None = None) -> Signals:
-    """The quantities [n] that users' effects are functions of, along a true motion."""
+    """The quantities [n] that effects are functions of, along a true motion."""
     time = motion.t_s - motion.t_s[0]
     heading = np.unwrap(motion.rpy[:, 2])
     along = np.einsum("ni,ni->n", motion.C_n_b[:, :, 0], motion.accel_ned)

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from automap.effects.limits import WARM_UP_S
 from automap.errors import ConfigError
 
 Positive = Annotated[float, Field(gt=0)]
@@ -98,7 +99,7 @@ class WarmUp(_Part):
 
     start_c: float = 20.0
     rise_k: float = 15.0
-    time_constant_s: Positive = 120.0
+    time_constant_s: Positive = WARM_UP_S
 
 
 class Imu(_Part):

@@ -129,6 +129,15 @@ def _fuse(
         ("accel_temperature", {"x": 0.01, "y": -0.01}, None),
         ("gyro_temperature", {"z": 5e-4}, None),
         ("speed_vibration", {"x": 1e-3, "z": -1e-3}, 2e-3),
+        ("gyro_speed_vibration", {"y": 1e-5, "z": -1e-5}, None),
+        ("imu_filter_delay", {"x": 0.05, "y": 0.03}, 0.05),
+        ("imu_filter_delay", {"x": -0.05, "y": -0.05}, 0.05),
+        ("accel_saturation", {"y": 6e-3}, 1e-2),
+        ("gyro_saturation", {"z": 0.3}, 0.3),
+        ("accel_dead_zone", {"x": 0.02, "y": 0.02}, None),
+        ("gyro_dead_zone", {"z": 4e-3}, 5e-3),
+        ("accel_warm_up", {"x": 0.2, "y": -0.2, "z": 0.3}, 0.3),
+        ("gyro_warm_up", {"z": 5e-3}, None),
     ],
 )
 def test_an_injected_effect_is_found_again(

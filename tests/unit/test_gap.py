@@ -81,6 +81,12 @@ def plain() -> Fit:
         ("accel_misalignment", 2e-3),
         ("nhc_lever_arm", 0.05),
         ("gnss_latency", 0.01),
+        ("imu_filter_delay", 0.01),
+        ("accel_dead_zone", 0.01),
+        ("gyro_dead_zone", 1e-3),
+        ("gyro_saturation", 0.02),
+        ("accel_warm_up", 0.02),
+        ("gyro_speed_vibration", 2e-6),
     ],
 )
 def test_sensitivities_predict_what_an_effect_does_to_the_innovations(
@@ -90,7 +96,7 @@ def test_sensitivities_predict_what_an_effect_does_to_the_innovations(
     motion = motion_of(plain.last)
     sds = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
     columns = effect_columns(effect, plain, motion, node_motion(plain, motion), sds)
-    column = 2 if effect == "gyro_scale" else 0
+    column = 2 if effect.startswith("gyro") else 0
     phi = sensitivities(plain, motion, columns)[:, column]
     values = {effect: {columns[column].parameter: size}}
     other = fit_drive(plain.opened, replace(plain.model, values=values), linearised_at=plain)

@@ -10,7 +10,7 @@ import pytest
 from automap.effects.user import set_user_effects
 from automap.gap import base_model
 from automap.gap.columns import node_motion
-from automap.gap.dictionary import formula_columns
+from automap.gap.dictionary import formula_columns, left_out_effect
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive, motion_of
 from automap.gap.formula import screen_formulas
@@ -59,3 +59,7 @@ def test_what_two_effects_make_up_is_no_formula() -> None:
     # a scale and its asymmetry
     assert not one_sided(set())
     assert one_sided({ASYMMETRY})
+    # what no formula says is told as the effect that was left out
+    told = {(c.effect, c.parameter) for c in formula_columns(fit, motion, at, {"imu_filter_delay"})}
+    assert ("readings (imu_filter_delay)", "x") in told
+    assert left_out_effect("readings (imu_filter_delay)") == "imu_filter_delay"

@@ -41,6 +41,15 @@ def test_no_velocity_is_early_and_no_tyre_slips_inwards(effect: str) -> None:
     assert [t.effect for t in by_sign([trial(effect, 0.02, 1e-3)], [effect])] == [effect]
 
 
+@pytest.mark.parametrize(("y", "kept"), [(2e-3, True), (-2e-3, False)])
+def test_the_sign_of_several_axes_is_that_of_the_axis_that_shows(y: float, kept: bool) -> None:
+    found = trial("gyro_dead_zone")
+    names = tuple(("gyro_dead_zone", axis) for axis in "xyz")
+    joint = replace(found.joint, names=names, values=np.array([-1e-4, y, 1e-4]))
+    joint = replace(joint, cov=np.eye(3) * 2e-4**2)
+    assert bool(by_sign([replace(found, joint=joint)], ["gyro_dead_zone"])) is kept
+
+
 def test_velocities_may_be_less_late_than_their_fixes() -> None:
     found = trial("gnss_velocity_latency", -0.05, 1e-3)
     names = (("gnss_latency", "s"), ("gnss_velocity_latency", "s"))

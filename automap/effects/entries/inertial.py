@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from automap.effects.effect import Effect
 from automap.effects.entries.parts import NINE, axes, matrix, named, xyz
-from automap.effects.terms import ACCEL, GYRO, TEMPERATURE
+from automap.effects.terms import ACCEL, GYRO, SPEED_SQUARED, TEMPERATURE, WARM_UP
 
 _COLD_AND_WARM = "start once cold and once warm"
 _POSES = "record twelve poses on a desk"
+_HARD = "brake and corner gently and as hard as is safe"
+_FAST_AND_SLOW = "drive fast and slowly in turns, some minutes each"
+_SWITCH_ON = "switch the sensor on at the start of one drive and half an hour before another"
 
 # Priors are those of a consumer MEMS unit after the sensor file's conversion to SI.
 INERTIAL = (
@@ -122,6 +125,90 @@ INERTIAL = (
         "imu",
         xyz("(m/s^2)/(m/s)^2", 5e-4),
         "accelerometer rectifies vibration that grows with speed",
-        axes(ACCEL, signal="speed_squared"),
+        axes(ACCEL, signal=SPEED_SQUARED),
+    ),
+    Effect(
+        "gyro_speed_vibration",
+        "imu",
+        # 0.1 deg/s at 20 m/s, as much as a steady 1 g does to such a gyro (MPU-6050's data sheet)
+        xyz("(rad/s)/(m/s)^2", 5e-6),
+        "gyro rectifies vibration that grows with speed",
+        axes(GYRO, signal=SPEED_SQUARED),
+        told_apart=(("gyro_bias_walk", _FAST_AND_SLOW), ("gyro_warm_up", _FAST_AND_SLOW)),
+    ),
+    Effect(
+        "imu_filter_delay",
+        "imu",
+        # low-passes of 44, 10 and 5 Hz are 5, 14 and 19 ms late (MPU-6000's register map), and
+        # readings that are paired with the other sensor's nearest are off by a step; an axis, for
+        # filters of analog sensors are capacitors, one each
+        xyz("s", 0.02),
+        "accelerometer readings later than the gyro's: below zero, the gyro's are",
+        axes(ACCEL, signal="late_force_{}"),
+        looks_like="a delay",
+        told_apart=(
+            (
+                "imu_time_offset",
+                "drive tight bends both ways beside braking hard on a straight: what the gyro "
+                "tells of a bend comes in time where the accelerometer alone is late",
+            ),
+        ),
+    ),
+    Effect(
+        "accel_saturation",
+        "imu",
+        # 0.5 %, the nonlinearity of MPU-6050's data sheet, of a reading of 1 g. Of either sign:
+        # springs soften and stiffen (coefficient K3 of IEEE Std 1293)
+        xyz("1/(m/s^2)^2", 5e-5),
+        "accelerometer reads less the stronger the force, by its cube",
+        axes(ACCEL, signal="lost_force_{}"),
+        told_apart=(("accel_scale", _HARD), ("accel_quadratic", _HARD)),
+    ),
+    Effect(
+        "gyro_saturation",
+        "imu",
+        # 0.2 %, the nonlinearity of MPU-6050's data sheet, of a turn of 1 rad/s
+        xyz("1/(rad/s)^2", 2e-3),
+        "gyro reads less the faster the turn, by its cube",
+        axes(GYRO, signal="lost_rate_{}"),
+        told_apart=(("gyro_scale", "drive wide bends and tight circles"),),
+    ),
+    Effect(
+        "accel_dead_zone",
+        "imu",
+        # two steps of 0.001 g, as recorders of cars and phones write them
+        xyz("m/s^2", 0.02, 0.0),
+        "accelerometer does not feel forces below so much, and all others by as much too little",
+        axes(ACCEL, signal="dead_force_{}"),
+        told_apart=(("accel_scale", _HARD),),
+    ),
+    Effect(
+        "gyro_dead_zone",
+        "imu",
+        # 0.1 deg/s: two steps of recorders that write 0.07 deg/s
+        xyz("rad/s", 2e-3, 0.0),
+        "gyro does not feel turns below so much, and all others by as much too little",
+        axes(GYRO, signal="dead_rate_{}"),
+        told_apart=(
+            ("gyro_scale", "drive slow wide bends and tight circles, both ways"),
+            ("gyro_saturation", "drive slow wide bends and tight circles, both ways"),
+        ),
+    ),
+    # a warm-up by 15 K with the prior of the bias's temperature coefficient
+    Effect(
+        "accel_warm_up",
+        "imu",
+        xyz("m/s^2", 0.075),
+        "bias that dies away in the minutes after switching on",
+        axes(ACCEL, signal=WARM_UP),
+        told_apart=(("accel_bias_walk", _SWITCH_ON), ("accel_temperature", _SWITCH_ON)),
+    ),
+    Effect(
+        "gyro_warm_up",
+        "imu",
+        xyz("rad/s", 7.5e-3),
+        "bias that dies away in the minutes after switching on",
+        axes(GYRO, signal=WARM_UP),
+        told_apart=(("gyro_bias_walk", _SWITCH_ON), ("gyro_temperature", _SWITCH_ON)),
     ),
 )
