@@ -11,7 +11,7 @@ import pytest
 
 from automap.evaluation.plausibility import Finding
 from automap.records import ClockModel, Fixes, FloatArray, ImuData
-from automap.sync.steadiness import Piece, clock_change
+from automap.sync.steadiness import ClockChange, Piece, clock_change
 from pipeline.check.steadiness import check
 from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
@@ -100,6 +100,24 @@ def test_no_single_piece_decides() -> None:
     assert change is not None
     assert change.kind == "jump"
     assert change.size == pytest.approx(1.0, abs=0.1)
+
+
+def test_eight_pieces_tell_a_jump_and_one_mistaken_lag_of_them_does_not() -> None:
+    # of a recorded car whose receiver learnt its leap second
+    lags = np.array([-0.779, -0.983, -0.905, -0.036, 0.131, 0.095, 0.082, -0.009])
+    sds = [0.129, 0.050, 0.062, 0.051, 0.031, 0.052, 0.057, 0.058]
+
+    def told(values: FloatArray) -> ClockChange | None:
+        pieces = zip(values.tolist(), sds, strict=True)
+        return clock_change([Piece(30.0 * k, 30.0 * k + 30.0, *p) for k, p in enumerate(pieces)])
+
+    change = told(lags)
+    assert change is not None
+    assert (change.kind, change.first_s, change.last_s) == ("jump", 60.0, 120.0)
+    steady = lags + (np.arange(8) < 3)
+    assert told(steady) is None
+    for place in range(8):
+        assert told(steady + 2.0 * (np.arange(8) == place)) is None
 
 
 def test_chance_is_no_change() -> None:
