@@ -147,7 +147,8 @@ def fuse_imu_gnss(
     model = screened.fixes
     t_imu = np.asarray((imu.t_ns - base_ns) * 1e-9)
     span = (0.0, float(t_imu[-1]))
-    inside = (model.t > span[0] - 1.0) & (model.t < span[1] + 1.0) & ((model.flags & HAS_POS_H) > 0)
+    near = (model.t > span[0] - limits.FIX_EDGE_S) & (model.t < span[1] + limits.FIX_EDGE_S)
+    inside = near & ((model.flags & HAS_POS_H) > 0)
     if int(inside.sum()) < limits.LEAST_FIXES:
         raise InputError(
             f"only {int(inside.sum())} usable fixes fall within the IMU recording "

@@ -317,8 +317,9 @@ between fixes; from so many, whose median square is then good to a third."""
 
 # judging
 
-LEAST_FIXES = 2
-"""A path has two ends."""
+LEAST_FIXES, FIX_EDGE_S = 2, 1.0
+"""A path has two ends. Fixes count up to a second, the usual step of receivers, beside the
+readings: clocks are known to some tenths before the fusion."""
 LEAST_JUDGED = 20
 """Innovations from which a channel is judged: their rms is then good to 16 %."""
 

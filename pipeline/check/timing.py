@@ -6,6 +6,7 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.evaluation.plausibility import Finding, overlap_s
+from automap.fusion.limits import FIX_EDGE_S, LEAST_FIXES
 from automap.io.drive import Drive
 from automap.io.recording import Recording, imu_time
 from automap.io.video import VideoInput
@@ -62,6 +63,13 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
         advice = f"they are not of one drive, or time = {drive.imu.time!r} in [imu] is wrong"
         text = f"IMU and fixes do not overlap in time: {spans}"
         findings.append(Finding("error", text, advice, "no_overlap"))
+        return findings
+    at = dated[np.isfinite(fixes.lat_rad[np.isfinite(fixes.gps_s)])]
+    used = np.count_nonzero((at > gps_s[0] - FIX_EDGE_S) & (at < gps_s[-1] + FIX_EDGE_S))
+    if used < LEAST_FIXES:
+        text = f"{used} of {len(at)} fixes lie in the IMU's time, and a path needs two: {spans}"
+        advice = "wait for a fix before driving, and record the IMU for the whole drive"
+        findings.append(Finding("error", text, advice, "few_fixes"))
         return findings
     outside = int(np.count_nonzero((dated < gps_s[0]) | (dated > gps_s[-1])))
     if shared < limits.SHORT_OVERLAP * shorter:

@@ -91,6 +91,17 @@ def assert_nothing_half_written(out: Path) -> None:
             assert (out / name).stat().st_size == about["bytes"]
 
 
+def at_ends(fields: list[str]) -> list[str]:
+    """A receiver with a fix in the first and in the last epoch alone."""
+    return fields if fields[1] in ("100000.00", "100029.00") else no_fix(fields)
+
+
+def middle(lines: list[str]) -> list[str]:
+    """The middle third of a table."""
+    third = len(lines) // 3
+    return [lines[0], *lines[third : 2 * third]]
+
+
 FAILURES: list[tuple[str, Break, int, str]] = [
     ("imu_empty_gnss_empty", both(content(IMU, b""), content(GNSS, b"")), 3, r"nmea is empty"),
     ("turned_imu", manifest("[imu]", '[imu]\naxes = "FLU"'), 3, r'write axes = "FRD" in \[imu\]'),
@@ -99,6 +110,7 @@ FAILURES: list[tuple[str, Break, int, str]] = [
     ("gnss_all_checksums", wrong_checksums(1), 3, r"60 message starts have a wrong checksum"),
     ("gnss_no_fix", sentences(no_fix), 3, r"never had a fix in 30 epochs"),
     ("gnss_one_fix", sentences(lambda f: f if f[1] == "100000.00" else no_fix(f)), 3, "needs two"),
+    ("imu_between_fixes", both(sentences(at_ends), rows(IMU, middle)), 3, r"0 of 2 fixes lie in"),
     ("gnss_absent", without(GNSS, "gnss.nmea", "arrival"), 3, r"no receiver log; without GPS"),
     ("gnss_misnamed", manifest("gnss.nmea", "gnss.nema"), 3, r"is gnss\.nmea meant\?"),
     ("imu_misnamed", manifest("imu.csv", "imv.csv"), 3, r"is imu\.csv meant\?"),
