@@ -57,6 +57,7 @@ class Weighed:
 def weigh(
     result: FusionResult,
     imu: ImuData,
+    as_read: ImuData,
     fixes: Fixes,
     clock: ClockModel,
     options: FusionOptions,
@@ -66,8 +67,9 @@ def weigh(
 ) -> Weighed:
     """Judge a fused path by what it was made of.
 
-    ``fixes`` as they were fused, ``delay`` and ``delay_is_clock`` as in ``fuse_imu_gnss``;
-    ``receiver`` what the fixes as recorded say of each other.
+    ``as_read`` the readings ``imu`` in the sensor's own axes, ``fixes`` as they were fused,
+    ``delay`` and ``delay_is_clock`` as in ``fuse_imu_gnss``; ``receiver`` what the fixes as
+    recorded say of each other.
     """
     found = final_estimates(result)
     bridged = result.bridged or bridge_unusable(imu)
@@ -76,7 +78,7 @@ def weigh(
     told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
     fix_s = np.asarray((clock.t_ns(fixes.gps_s[told]) - int(imu.t_ns[0])) * 1e-9)
     of_imu = [
-        *reading_doubts(imu, bridged, np.interp(imu.t_ns, path.t_ns, speed)),
+        *reading_doubts(as_read, bridged, np.interp(imu.t_ns, path.t_ns, speed)),
         *turn_doubts(bridged.imu, result.mounting.matrix, fix_s, fixes.vel_ned[told]),
         *impossible_ages(found, delay_is_clock),
         *impossible_errors(found),

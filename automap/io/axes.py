@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from automap.errors import ConfigError
-from automap.records import FloatArray
+from automap.records import FloatArray, ImuData
 
 _DIRECTIONS = {
     "F": (1.0, 0.0, 0.0),
@@ -19,6 +20,8 @@ _DIRECTIONS = {
     "U": (0.0, 0.0, -1.0),
 }
 _MATRIX_TOLERANCE = 1e-3
+_DIGITS = 12
+"""More than any sensor has, and less than the sixteen of the arithmetic."""
 
 Axes = str | Sequence[Sequence[float]]
 """Letters, rows of a matrix, or "unknown"."""
@@ -41,6 +44,19 @@ class ImuAxes:
             np.ascontiguousarray(np.einsum("ij,nj->ni", self.gyro, gyro)),
             np.ascontiguousarray(np.einsum("ij,nj->ni", self.accel, accel)),
         )
+
+    def as_read(self, imu: ImuData) -> ImuData:
+        """Readings in these axes as their triads gave them: only there an axis that stands still
+        keeps one number, to which what turning twice has rounded is rounded back."""
+        gyro = np.einsum("ji,nj->ni", self.gyro, imu.gyro)
+        accel = np.einsum("ji,nj->ni", self.accel, imu.accel)
+        return replace(imu, gyro=_rounded(gyro), accel=_rounded(accel))
+
+
+def _rounded(values: FloatArray) -> FloatArray:
+    """Values to ``_DIGITS`` of their largest."""
+    most = float(np.abs(values).max(initial=0.0))
+    return np.round(values, _DIGITS - math.ceil(math.log10(most))) if most > 0.0 else values
 
 
 def imu_axes(axes: Axes, accel_axes: Axes | None = None, gyro_axes: Axes | None = None) -> ImuAxes:

@@ -71,7 +71,7 @@ def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxe
     findings += [] if stamps is None else [stamps]
     unit = plausibility.accel_unit(imu.accel, rate)
     findings += [unit, plausibility.gyro_size(imu.gyro)]
-    findings += plausibility.stuck_readings(imu)
+    findings += plausibility.stuck_readings(drive.imu_axes.as_read(imu))
     if unit.severity != "ok":
         return findings, None
     fixes, clock = usable_receiver(drive, recording)

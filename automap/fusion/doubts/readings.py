@@ -14,8 +14,8 @@ _TRIADS = {"g": ("gyro", "rad/s"), "a": ("accelerometer", "m/s^2")}
 
 
 def reading_doubts(imu: ImuData, bridged: Bridged, speed: FloatArray) -> list[Reason]:
-    """What is wrong with the readings ``imu``, of which the fusion took what is ``bridged``;
-    ``speed`` [n] m/s of the vehicle at each of them."""
+    """What is wrong with the readings ``imu``, in the sensor's own axes, of which the fusion took
+    what is ``bridged``; ``speed`` [n] m/s of the vehicle at each of them."""
     if len(imu) < limits.LEAST_JUDGED:
         return []
     t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)

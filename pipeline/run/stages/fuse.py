@@ -116,6 +116,7 @@ def _fuse(context: StageContext) -> None:
     weighed = weigh(
         result,
         inputs.imu,
+        context.drive.imu_axes.as_read(inputs.imu),
         inputs.fixes,
         inputs.clock,
         options,

@@ -23,9 +23,9 @@ HEAD = (
 )
 INTRODUCTION = f"""# Faults
 
-What AutoMap makes of a recording in which one thing is wrong. Each fault below is put into recorded
-drives that have a truth, everything else staying as it was recorded; `automap run` makes the path,
-and the path is compared with the truth.
+What AutoMap makes of a recording in which one thing is wrong. Each fault below is put into drives
+that have a truth, recorded ones and a simulated one, everything else staying as it was;
+`automap run` makes the path, and the path is compared with the truth.
 
 A run passes where one of these holds:
 
