@@ -11,7 +11,7 @@ from automap.effects import CATALOGUE, Signals, UserEffect, extra_basis, imu_ter
 from automap.effects.formula_text import parse_formula
 from automap.effects.imu import BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, ImuTerm
 from automap.effects.inertial_signals import formula_of
-from automap.effects.terms import VELOCITY
+from automap.effects.terms import VELOCITY, WARM_UP
 from automap.effects.user import INERTIAL, OF_FIXES, is_users, towards, turned
 from automap.fusion.layout import CH_POS, CH_VEL, MAX_SCALARS
 from automap.gap.columns import Column, Direct, Inertial, NodeMotion, effect_columns
@@ -205,7 +205,8 @@ def _catalogue_signals(
     both = np.concatenate([motion.rate, motion.force], axis=1)
     out: dict[str, list[FloatArray]] = {}
     for term in terms:
-        if term.basis == BASIS_ONE:
+        if term.basis == BASIS_ONE or term.extra == WARM_UP:
+            # a decay of a time constant of its own says more than the catalogue's with others
             continue
         raw = both[:, term.basis - 1] if term.basis < BASIS_EXTRA else extra[:, term.basis - 7]
         size = float(raw.std())
