@@ -24,6 +24,9 @@ from automap.timebase import DAY_S
 _HELD_ROWS = 2
 """Rows between changes of a fix, in the middle of them, from which on a table holds its fixes."""
 
+_UNKNOWN_COURSE = -1.5 * np.pi / 180.0
+"""Below the -1 deg that says that there is none courses count from -180 to 180."""
+
 _CODES, _SKY = 100, 1000
 """No code of a fix and no number of satellites is as large."""
 _DIMENSIONS = np.array([FixType.NONE, FixType.NONE, FixType.TWO_D, FixType.THREE_D], np.int64)
@@ -251,7 +254,9 @@ def _velocity(get: Callable[..., FloatArray]) -> tuple[FloatArray, FloatArray]:
     """Velocity NED [n, 3] and its sd [n, 3] of components, else of speed and course."""
     north, east, down = get("vn"), get("ve"), get("vd")
     down = np.where(np.isfinite(down), down, -get("vu"))
-    speed, course = get("speed", 0.0), get("course", 0.0)
+    speed, course = get("speed", 0.0), get("course")
+    if not np.nanmin(course, initial=0.0) < _UNKNOWN_COURSE:
+        course = get("course", 0.0)
     course = np.where(np.isnan(course) & (speed < STANDSTILL_SPEED), 0.0, course)
     north = np.where(np.isfinite(north), north, speed * np.cos(course))
     east = np.where(np.isfinite(east), east, speed * np.sin(course))

@@ -13,7 +13,7 @@ from automap.io.calendar_text import filled_up, other_reading, parse_stamps
 from automap.io.csv_columns import listed
 from automap.io.csv_layout import Layout
 from automap.io.csv_numbers import NULLS
-from automap.io.header_names import HeaderName, role_named, take_apart, triad_axis
+from automap.io.header_names import HeaderName, meaning, role_named, take_apart, triad_axis
 from automap.io.table_form import (
     ACCEL,
     DEFAULT_UNIT,
@@ -33,6 +33,8 @@ from automap.io.table_time_guess import (
 from automap.io.table_times import TimeForm, guessed_form
 
 _NUMERIC = re.compile(r"[-+]?[\d.,]*\d[\d.,]*([eE][-+]?\d+)?")
+
+_MINUTES = {"min", "mins", "minute", "minutes", "minuten", "minuti", "minutos", "minuut"}
 
 NEEDED: dict[TableKind, tuple[str, ...]] = {
     "imu": (*GYRO, *ACCEL),
@@ -76,6 +78,8 @@ def guess_table(
     places |= {k: v for k, v in _by_name(layout, names, kind, places).items() if k not in places}
     if kind == "imu":
         places |= {k: v for k, v in _triads(names).items() if k not in places}
+    if kind == "gnss" and not form.columns:
+        _refuse_parted(layout, names)
     missing = [role for role in needed or NEEDED[kind] if role not in places]
     if missing:
         raise InputError(_not_found(layout, kind, missing))
@@ -186,6 +190,19 @@ def _triads(names: tuple[HeaderName, ...]) -> dict[str, int]:
     return places
 
 
+def _refuse_parted(layout: Layout, names: tuple[HeaderName, ...]) -> None:
+    """Raise InputError where degrees and minutes stand in columns of their own."""
+    for at, name in enumerate(names):
+        if not _MINUTES & set(name.words):
+            continue
+        of = meaning(tuple(w for w in name.words if w not in _MINUTES), "gnss").ideas
+        if of in ({"lat"}, {"lon"}):
+            raise InputError(
+                f"{layout.path}: column {layout.names[at]} holds the minutes of an angle whose "
+                "degrees stand in another; write each in one column, degrees + minutes / 60."
+            )
+
+
 def _not_found(layout: Layout, kind: TableKind, missing: list[str]) -> str:
     lacking = "t, " if kind == "imu" else ""
     return (
@@ -250,14 +267,18 @@ def _notes(layout: Layout, guess: TableGuess, stated: Mapping[str, int]) -> list
 
 
 def _doubts(layout: Layout, guess: TableGuess) -> list[str]:
-    """What else the times could be, where the manifest does not say."""
+    """What else times and heights could be, where neither manifest nor table says."""
+    doubts = []
     time = guess.time
-    if time is None or time.pattern is None or guess.form.time_format is not None:
-        return []
-    other = other_reading(time.pattern)
-    if other is None or not _both_fit(layout, guess, other):
-        return []
-    return [f'the dates could be "{other}" as well; write time_format if so']
+    if time is not None and time.pattern is not None and guess.form.time_format is None:
+        other = other_reading(time.pattern)
+        if other is not None and _both_fit(layout, guess, other):
+            doubts.append(f'the dates could be "{other}" as well; write time_format if so')
+    ours = {layout.names[at].strip().lower() for at in guess.places.values()} & {"t_ns", "gps_s"}
+    high = [role for role in ("height", "msl") if role in guess.assumed]
+    if high and not ours:
+        doubts.append(f'heights are taken as m; write units = {{ {high[0]} = "ft" }} if they are')
+    return doubts
 
 
 def _both_fit(layout: Layout, guess: TableGuess, other: str) -> bool:

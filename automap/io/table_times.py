@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -25,6 +26,7 @@ _FIRST_S, _LAST_S = 946_684_800.0, 4_102_444_800.0
 _BEFORE = "0123456789"
 _EXCEL_DAYS = 25_569
 """From 1899-12-30, which Excel counts days from, to 1970."""
+_COMPACT = re.compile(r"([01]\d|2[0-3])[0-5]\d[0-5]\d(\.\d*)?")
 _WRAP = 2.0**32
 """Where counters of 32 bits begin again."""
 
@@ -98,6 +100,8 @@ def guessed_form(
         if pattern is None or not has_time(pattern):
             return None
         return TimeForm("unix" if has_date(pattern) else "day", pattern=pattern)
+    if unit in (None, "s") and (_is_clock(known) or _has_digits_of_a_clock(cells)):
+        return TimeForm("day", pattern="%H%M%S")
     steps = np.diff(known)
     steps = steps[steps > 0.0]
     step = float(np.median(steps)) if len(steps) else 0.0
@@ -122,6 +126,26 @@ def guessed_form(
     if gps:
         return TimeForm("gps", unit)
     return TimeForm("unix" if unit in since_1970 else "host", unit)
+
+
+def _is_clock(values: FloatArray) -> bool:
+    """Whether numbers are hours, minutes and seconds in one, as NMEA has them: at each minute's end
+    they leap by forty."""
+    steps = np.diff(values)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    leaps = np.abs(steps - 40.0 - usual) < 0.5 * usual
+    inside = (values >= 0.0) & (values < 240_000.0) & (values % 100.0 < 60.0)
+    inside &= values % 10_000.0 < 6_000.0
+    even = np.abs(steps - usual) < 0.5 * usual
+    return bool(0.0 < usual < 30.0 and inside.all() and leaps.any() and (even | leaps).all())
+
+
+def _has_digits_of_a_clock(cells: Sequence[str]) -> bool:
+    """Whether numbers have the six digits of hours, minutes and seconds, zeros before them too,
+    which no count has."""
+    filled = [cell for cell in cells if cell]
+    zeros = any(cell.startswith("0") for cell in filled)
+    return zeros and all(map(_COMPACT.fullmatch, filled))
 
 
 def _is_excel(size: float, step: float) -> bool:

@@ -159,6 +159,8 @@ def _unpack(source: Path, out: Path | None, found: Found, ask: Ask | None, force
         extract_tables(archive, run.folder)
         run.sources.append(archive)
         inside = look(run.folder)
+        if inside.recordings:
+            raise InputError(f"{archive} holds {_listed(inside)}; unpack it and give that file.")
         joined = _join(inside)
         if joined is None and not inside.is_drive:
             text = _nothing(archive, inside)

@@ -18,7 +18,7 @@ from automap.io.rosbag import SUFFIXES as BAGS
 from automap.io.table_form import TableKind
 from automap.io.table_guess import TableGuess
 from pipeline.init.archive import GYROSCOPES, TABLES, begins, is_of_sensor_logger, kind_of_archive
-from pipeline.init.reasons import is_projected, why_not
+from pipeline.init.reasons import tells_places, why_not
 
 _VIDEOS = (".mp4", ".mov", ".mkv", ".avi", ".m4v", ".360")
 _OURS = {*names.FINISHED_TRAJECTORIES, names.BEARINGS, names.MANIFEST}
@@ -201,8 +201,10 @@ def _add_text(found: Found, path: Path) -> None:
             continue
         if guess.time is not None:
             guesses[each] = guess
-    if guesses and not (set(guesses) == {"odometer"} and is_projected(path)):
-        found.tables.append(Table(path, guesses, _is_of_car(path)))
+    of_car = bool(guesses) and _is_of_car(path)
+    # the speeds of fixes that cannot be read are no wheels'
+    if guesses and (of_car or set(guesses) != {"odometer"} or not tells_places(path)):
+        found.tables.append(Table(path, guesses, of_car))
     elif path.suffix.lower() in TABLES:
         found.passed[path] = why_not(path)
     elif path.name != "import.json" and path not in found.passed:

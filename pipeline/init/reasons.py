@@ -25,10 +25,12 @@ _SHOWN = 8
 ALONE = " and no other table does at the same times"
 
 
-def is_projected(path: Path) -> bool:
-    """Whether a table that can be read tells places as eastings and northings."""
-    words = {word for name in read_layout(path).names for word in take_apart(name).words}
-    return len(words & _PROJECTED) > 1
+def tells_places(path: Path) -> bool:
+    """Whether the columns of a table that can be read are named as places are."""
+    names = [take_apart(name).words for name in read_layout(path).names]
+    ideas = {idea for words in names for idea in meaning(words, "gnss").ideas}
+    projected = {word for words in names for word in words} & _PROJECTED
+    return {"lat", "lon"} <= ideas or len(projected) > 1
 
 
 def why_not(path: Path) -> str:

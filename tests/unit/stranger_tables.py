@@ -1,4 +1,4 @@
-"""Tables as strangers write them: the sample drive in fifty layouts, with what is to come out.
+"""Tables as strangers write them: the sample drive in some fifty layouts, with what is to come out.
 
 Each writer puts the files of one folder down and returns what they tell.
 """
@@ -1034,6 +1034,94 @@ def androsensor(folder: Path) -> Truth:
     return of
 
 
+def parted_degrees(folder: Path) -> Truth:
+    """Degrees in one column, their minutes in the next."""
+    of = truth()
+    _en_imu(folder, of)
+
+    def parted(cell: str) -> list[str]:
+        value = float(cell)
+        return [str(int(value)), num((value - int(value)) * 60.0)]
+
+    rows = fix_rows(of, _iso, height=None, speed=1.0)
+    write(
+        folder / "gps.csv",
+        "time,Lat deg,Lat min,Lon deg,Lon min,speed [m/s],course",
+        ([row[0], *parted(row[1]), *parted(row[2]), *row[3:]] for row in rows),
+    )
+    return of
+
+
+def west_in_the_header(folder: Path) -> Truth:
+    """Longitudes west of Greenwich without a sign."""
+    of = truth(40.0, -100.0)
+    _en_imu(folder, of)
+    rows = fix_rows(of, _iso, height=None, speed=1.0)
+    write(
+        folder / "gps.csv",
+        "time,Latitude (N),Longitude (W),speed [m/s],course",
+        ([*row[:2], row[2].removeprefix("-"), *row[3:]] for row in rows),
+    )
+    return of
+
+
+def signed_courses(folder: Path) -> Truth:
+    """Courses from -180 to 180."""
+    of = truth()
+    _en_imu(folder, of)
+    rows = fix_rows(of, _iso, height=None, speed=1.0)
+    write(
+        folder / "gps.csv",
+        "time,lat,lon,speed [m/s],course",
+        ([*row[:4], num((float(row[4]) + 180.0) % 360.0 - 180.0)] for row in rows),
+    )
+    return of
+
+
+def compact_times(folder: Path) -> Truth:
+    """hhmmss.sss as NMEA has it, and no date; the readings count from midnight."""
+    of = truth()
+    write(
+        folder / "imu_log.csv",
+        _EN_IMU,
+        imu_rows(of, lambda t: [stamp("%H:%M:%S.%L", t)], DEG, PER_G),
+    )
+    write(
+        folder / "gps.csv",
+        "UTC,lat,lon,speed [m/s],course",
+        fix_rows(of, lambda t: [stamp("%H%M%S.%L", t)], height=None, speed=1.0),
+    )
+    return of
+
+
+def heights_in_feet(folder: Path) -> Truth:
+    """Heights in feet, which nothing tells."""
+    of = truth()
+    _en_imu(folder, of)
+    write(
+        folder / "gps.csv",
+        "time,lat,lon,ellipsoidal height,speed,course",
+        fix_rows(of, _iso, height=1 / 0.3048, speed=1.0),
+    )
+    return of
+
+
+def scientific_times(folder: Path) -> Truth:
+    """Milliseconds since 1970 as a spreadsheet shows them: 1.77348E+12."""
+    of = truth()
+
+    def when(t: float) -> list[str]:
+        return [f"{1e3 * t:.5E}"]
+
+    write(folder / "imu_log.csv", _EN_IMU, imu_rows(of, when, DEG, PER_G))
+    write(
+        folder / "gps.csv",
+        "time,lat,lon,speed [m/s],course",
+        fix_rows(of, when, height=None, speed=1.0),
+    )
+    return of
+
+
 WRITERS: tuple[Callable[[Path], Truth], ...] = (
     german_excel, german_tempo, german_tempo_bare, french_utf16, spanish_units_below, italian,
     portuguese, dutch, american, degrees_minutes_seconds, degrees_and_minutes_of_nmea,
@@ -1043,4 +1131,6 @@ WRITERS: tuple[Callable[[Path], Truth], ...] = (
     swapped, attitude_only, radians, scaled_integers, quoted_commas, blanks, compass_beside_course,
     one_table, micros_wrap, local_times, two_sensor_tables, long_format, counter_clockwise,
     either_month, phyphox, phyphox_archive, physics_toolbox, androsensor,
+    parted_degrees, west_in_the_header, signed_courses, compact_times, heights_in_feet,
+    scientific_times,
 )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tomllib
+import zipfile
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -255,3 +256,55 @@ def test_what_a_draft_says_is_what_is_read(
         return text if isinstance(text, int) else text.encode("utf-8", "replace").decode()
 
     assert said["imu"] == {"columns": {k: whole(v) for k, v in columns.items()}, "file": "x.csv"}
+
+
+@pytest.mark.parametrize(
+    ("files", "said"),
+    [
+        ({}, "it is empty"),
+        ({"a.jpg": b"x"}, "it holds no table but a.jpg"),
+        ({"a.csv": bytes(range(256)) * 10}, "a.csv: is not text"),
+        ({"gnss_log.txt": b""}, "unpack it and give that file"),
+        (None, "it is no whole .zip"),
+    ],
+    ids=["empty", "pictures", "garbage", "gnss-logger", "cut"],
+)
+def test_an_archive_without_tables_is_one_sentence(
+    files: dict[str, bytes] | None,
+    said: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = tmp_path / "phone.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in ({"a.csv": b"1,2\n" * 99} if files is None else files).items():
+            whole = content or write_gnss_logger(tmp_path / name).read_bytes()
+            archive.writestr(name, whole)
+    if files is None:
+        path.write_bytes(path.read_bytes()[:-30])
+    assert run_command(["init", str(path)]) == 3
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "phone-drive").exists()
+
+
+def test_wheel_speed_of_a_cars_computer_finds_its_zone(tmp_path: Path) -> None:
+    """A CAN log in local time beside a table of readings and fixes: not the receiver's, the
+    wheels'."""
+    FOREIGN["german"](tmp_path / "d")
+    fixes = (tmp_path / "d/gps.csv").read_text(encoding="latin-1").splitlines()[1:]
+    rows = []
+    for line in fixes:
+        _, time, *place, speed, _ = line.split(";")
+        hour = int(time[:2]) + 3
+        cells = [f"2026-03-14 {hour:02d}{time[2:]}", "2100", *place[:2], speed]
+        rows.append(",".join(cell.replace(",", ".") for cell in cells))
+    header = "Time,Engine RPM,Latitude,Longitude,Speed (km/h)"
+    (tmp_path / "d/can.csv").write_text("\n".join([header, *rows]) + "\n")
+    init_drive(tmp_path / "d", None, not_converted)
+    said = tomllib.loads((tmp_path / "d/drive.toml").read_text(encoding="utf-8"))
+    assert said["gnss"]["file"] == "gps.csv"
+    assert said["odometer"]["file"] == "can.csv"
+    assert (said["odometer"]["time"], said["odometer"]["utc_offset_h"]) == ("unix_ns", 3.0)
+    assert "wheel" in check_drive(tmp_path / "d").text()

@@ -28,6 +28,10 @@ SAID: dict[str, tuple[int, str]] = {
     "long_format": (0, "each of its rows is of one sensor"),
     "counter_clockwise": (0, "north and east are swapped"),
     "either_month": (0, 'the dates could be "%m/%d/%Y %H:%M:%S" as well'),
+    "parted_degrees": (3, "holds the minutes of an angle whose degrees stand in another"),
+    "west_in_the_header": (3, "east is told as west"),
+    "heights_in_feet": (0, 'heights are taken as m; write units = { height = "ft" } if they are'),
+    "scientific_times": (3, "all rows bear the same t_ns"),
     "physics_toolbox": (0, "fixes without velocity"),
 }
 """What a table cannot tell, or tells wrongly: the exit code and the sentence."""
