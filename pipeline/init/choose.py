@@ -129,10 +129,10 @@ def _receiver(draft: Draft, found: Found, imu: Path | None, ask: Ask | None) -> 
         draft.set("gnss", "arrival", arrival, "when the log's bytes came, by their offset")
         clock = draft.get("imu", "time") or "boot_ns"
         draft.set("gnss", "arrival_time", clock, "taken as the clock of the inertial readings")
+        draft.note("gnss", "add output_delay_s where the receiver's data sheet tells it")
     elif path == imu:
         clock = draft.get("imu", "time")
         draft.set("gnss", "arrival_time", clock, "rows came by the stamps of the readings beside")
-    draft.note("gnss", "add output_delay_s where the receiver's data sheet tells it")
     arm = None if ask is None else _three(ask("IMU to antenna in m, forward right down?", ()))
     if arm is not None:
         draft.set("gnss", "lever_arm_m", arm, "IMU to antenna, forward, right, down: as you said")

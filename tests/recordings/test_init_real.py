@@ -58,6 +58,20 @@ def test_a_table_with_readings_and_fixes(
     assert np.nanmax(np.hypot(*fixes.vel_ned[:, :2].T)) == pytest.approx(fastest, rel=0.5)
 
 
+def test_a_cars_log_beside_a_phones_is_its_wheel_speed(shared_data: Path, tmp_path: Path) -> None:
+    """Local time of Texas, a count of its own, mph: the phone's fixes tell the zone."""
+    for name in ("austin-iphone-x.csv", "austin-car-can.csv"):
+        (tmp_path / name).symlink_to(shared_data / "real/phone" / name)
+    assert run_command(["init", str(tmp_path), "--yes"]) == 0
+    said = made(tmp_path)
+    assert said["gnss"]["file"] == said["imu"]["file"] == "austin-iphone-x.csv"
+    assert said["odometer"]["file"] == "austin-car-can.csv"
+    assert said["odometer"]["utc_offset_h"] == -5.0
+    text = " ".join(check_drive(tmp_path).text().split())
+    # the car's speed, and the phone's late by more than a second
+    assert "ms early (sigma 69 ms), 1.0113 times as much" in text
+
+
 def test_a_phones_archive(shared_data: Path, tmp_path: Path) -> None:
     source = shared_data / "real/phone/sensor-logger-2025-07-08.zip"
     assert run_command(["init", str(source), "-o", str(tmp_path / "drive")]) == 0
