@@ -22,7 +22,7 @@ from automap.fusion.kernel_runs import Start, run_dense
 from automap.fusion.layout import HAS_POS_H
 from automap.fusion.measurements.position import unseen_errors
 from automap.fusion.mounting import Mounting, estimate_mounting
-from automap.fusion.nodes import FixModel, Nodes, model_fixes
+from automap.fusion.nodes import FixModel, Nodes, Shift, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.output import (
     Innovations,
@@ -192,6 +192,7 @@ def fuse_imu_gnss(
 
     mounting = Mounting(np.eye(3), np.zeros(3), np.zeros(3))
     start: Start | None = None
+    shift: Shift | None = None
     margin = np.inf
     # level is what the IMU says it is: the constraint cannot tell the roll of the mounting
     known_sds = {"imu_mounting_roll": limits.KNOWN_ROLL_SD}
@@ -209,12 +210,17 @@ def fuse_imu_gnss(
         margin = found.margin
         mounting = _mounting_of(last)
         session, start = _turn(session, last, mounting)
+        shift = last.shift
         # what gravity and turns left open stays open, also in the vehicle's roll
         known_sds["imu_mounting_roll"] = float(mounting.sd[0])
     session = replace(session, means=session.means | known_means, sds=session.sds | known_sds)
     progress(0.3, "fusing")
     last, found = run_passes(
-        session, start, constrained=True, progress=lambda text: progress(0.5, text)
+        session,
+        start,
+        constrained=True,
+        progress=lambda text: progress(0.5, text),
+        found=shift,
     )
     margin = min(margin, found.margin)
     if last.tuned is not None and not last.tuned.better:

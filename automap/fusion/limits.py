@@ -195,11 +195,17 @@ a consumer sensor may warm up in between."""
 FORCE_WINDOW_S = 0.2
 """Over this time forces are averaged where the acceleration of the vehicle is wanted. Vibration
 left in it would count as slope that a delay explains, and hold the delay back."""
-STEADY_WINDOW_S = 0.2
-"""Parabolas are fitted to turn rates over so much: what a body does on its springs, at some
-2 Hz, stays."""
+SWAY_HZ = 5.0
+"""Bodies sway on their springs at 1 to 3 Hz, and wheels hop at 8 to 15 Hz (Gillespie, Fundamentals
+of Vehicle Dynamics, chapter 5): a turn rate that is faster moves no antenna that a receiver sees,
+but shakes the IMU."""
+FLOOR_HZ, FLOOR_BAND_HZ = 20.0, 2.0
+"""White noise of a gyro is told up to here, where the low-passes of sensors begin (MPU-6050: 20 Hz
+and more are usual), by bands so wide: of a minute each is good to a tenth."""
+SPECTRUM_S = 4.0
+"""Spectra of turn rates are over so long: four periods of the slowest swaying."""
 STEADY_GAP_STEPS = 3.0
-"""Across so many sampling steps no parabola is laid: two samples are missing."""
+"""A step between stamps of so many usual ones is a gap: two samples are missing."""
 SHOCK_WINDOW_S = 0.15
 """Scatter is taken over so much: a wheel that hops at some 10 Hz has one or two swings."""
 USUAL_PERCENTILE = 75.0

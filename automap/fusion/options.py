@@ -106,9 +106,6 @@ class FusionOptions:
     """factors on the noise levels, as --tune writes them"""
     earth_rotation: bool = True
     """the Earth turns under the sensor"""
-    calm_rates: bool = False
-    """lever arms take turn rates without the noise of single readings, where delays are told too:
-    a velocity whose age nobody knows makes an arm of its own"""
     retime: bool = True
     """ages of fixes move the nodes; without it only the IMU's delay does"""
     min_position_sd_m: float = 0.01

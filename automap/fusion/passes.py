@@ -144,8 +144,10 @@ def run_passes(
     start: Start | None,
     constrained: bool,
     progress: Callable[[str], None] = lambda text: None,
+    found: Shift | None = None,
 ) -> tuple[Pass, Alignment]:
-    """Align if there is no start, filter and smooth until the delays have settled.
+    """Align if there is no start, filter and smooth until the delays have settled; from those
+    ``found`` by other passes if they are given.
 
     The first pass looks at the head of the drive; then the noise levels are adapted. The second
     linearises about the filter's own estimate, all others about the smoothed path of the one
@@ -155,7 +157,7 @@ def run_passes(
     base = problem_of(session)
     model = base.model
     speed_t, speed, _ = fix_speed(session.fixes)
-    shift = first_shift(session, model)
+    shift = found or first_shift(session, model)
     margin = np.inf
     factors = dict.fromkeys(LEVELS, 1.0) | dict(options.factors)
     least = least_levels(session.imu, base.t, session.standstill, options)
@@ -168,8 +170,8 @@ def run_passes(
         nodes = nodes_of(session, problem, shift, speed_t, speed, constrained)
         if start is None:
             bias = np.array([session.means.get(f"gyro_bias_{a}", 0.0) for a in "xyz"])
-            found = align(problem, session.fixes, nodes, bias, shift)
-            start, margin = found.start, found.margin
+            aligned = align(problem, session.fixes, nodes, bias, shift)
+            start, margin = aligned.start, aligned.margin
         elif number == 1 and (options.adapt or options.tune):
             factors = adapt_noise(base, nodes, start, shift, factors, COARSE, progress, least)
             problem = scale_problem(base, factors)

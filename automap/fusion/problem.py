@@ -63,7 +63,7 @@ def make_problem(
     shocks = shock_noise(readings, step) if options.shocks else np.zeros((len(t), 2))
     if bridged_s is not None:
         shocks = shocks + bridge_noise(bridged_s, options.gap_force_sd, options.gap_rate_sd)
-    calm = steady_rate(t, imu.gyro) - raw[:, :3] if options.calm_rates else np.zeros((len(t), 3))
+    calm = steady_rate(t, imu.gyro) - raw[:, :3]
     samples = Samples(
         t, raw, np.ascontiguousarray(extra), np.ascontiguousarray(force), calm, shocks
     )

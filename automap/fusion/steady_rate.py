@@ -2,37 +2,69 @@
 
 What a lever arm adds to a velocity is the turn rate times the arm. With the noise of a single
 reading in the rate, a short arm fits better than the true one, which adds that noise to every
-prediction (errors in variables; Fuller, 1987): low-cost gyros had antennas a metre off.
+prediction (errors in variables; Fuller, 1987): low-cost gyros had antennas a metre off. A rate
+that is the best estimate from the readings does not do so: what it misses is not correlated with
+it (regression calibration; Carroll et al., Measurement Error in Nonlinear Models, 2006, chapter 4).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from automap.fusion.limits import STEADY_GAP_STEPS, STEADY_WINDOW_S
+from automap.fusion.limits import (
+    FLOOR_BAND_HZ,
+    FLOOR_HZ,
+    SPECTRUM_S,
+    STEADY_GAP_STEPS,
+    SWAY_HZ,
+)
 from automap.records import FloatArray
 
 
 def steady_rate(t: FloatArray, rate: FloatArray) -> FloatArray:
-    """Rates [n, 3] at times [n] s smoothed without delay (Savitzky and Golay, 1964); as they are
-    next to gaps and where sampling is too slow for it."""
-    from scipy.signal import savgol_filter
+    """Rates [n, 3] rad/s at times [n] s as a Wiener filter of both directions sees them; as they
+    are within ``SPECTRUM_S / 2`` of gaps and ends, and where sampling is too slow for it."""
+    from scipy.signal import oaconvolve
 
     if len(t) < 2:
         return rate.copy()
     step = np.diff(t)
     usual = float(np.median(step))
-    half = round(0.5 * STEADY_WINDOW_S / usual) if usual > 0.0 else 0
-    if half < 2 or len(t) < 2 * half + 1:
+    half = round(0.5 * SPECTRUM_S / usual) if usual > 0.0 else 0
+    if half < 2 or 0.5 / usual < 2.0 * SWAY_HZ or len(t) < 4 * half:
         return rate.copy()
-    out = np.asarray(savgol_filter(rate, 2 * half + 1, 2, axis=0, mode="nearest"), np.float64)
+    out, mean = rate.copy(), rate.mean(axis=0)
+    for axis in range(rate.shape[1]):
+        weights = wiener_weights(rate[:, axis], usual, half)
+        moved = oaconvolve(rate[:, axis] - mean[axis], weights, mode="valid")
+        out[half:-half, axis] = mean[axis] + moved
     gaps = np.flatnonzero(step > STEADY_GAP_STEPS * usual)
     near = np.zeros(len(t) + 1, np.int64)
     np.add.at(near, np.maximum(gaps + 1 - half, 0), 1)
     np.add.at(near, np.minimum(gaps + 1 + half, len(t)), -1)
-    near[0] += 1
-    near[half] -= 1
-    near[len(t) - half] += 1
-    raw = np.cumsum(near)[: len(t)] > 0
+    raw = np.cumsum(near[:-1]) > 0
     out[raw] = rate[raw]
     return out
+
+
+def wiener_weights(rate: FloatArray, step_s: float, half: int) -> FloatArray:
+    """Weights [2 half + 1] of the readings about an instant in the best estimate of a rate [n]
+    without its mean.
+
+    The body's motion is what the spectrum has above white noise up to ``SWAY_HZ``. White noise is
+    no more than the least of the spectrum (N. Wiener, Extrapolation, Interpolation, and Smoothing
+    of Stationary Time Series, 1949).
+    """
+    from scipy.signal import welch
+
+    f, density = welch(rate, 1.0 / step_s, nperseg=2 * half)
+    bands = ((f >= SWAY_HZ) & (f < FLOOR_HZ)).nonzero()[0]
+    width = max(round(FLOOR_BAND_HZ / float(f[1])), 1)
+    bands = bands[: max(len(bands) // width, 1) * width]
+    floor = float(density[bands].reshape(-1, min(width, len(bands))).mean(axis=1).min())
+    above = np.maximum(density - floor, 0.0)
+    share = np.divide(above, density, out=np.zeros_like(above), where=(f < SWAY_HZ) & (above > 0.0))
+    # the mean was taken out of the lowest
+    share[0] = share[1]
+    weights = np.roll(np.fft.irfft(share), half)
+    return np.asarray(np.append(weights, 0.0) * np.hanning(2 * half + 1))

@@ -44,7 +44,7 @@ def base_model(options: FusionOptions | None = None) -> GapModel:
     options = vehicle_options(options or base_options(FusionOptions()))
     values = {e: dict(v) for e, v in options.fixed.items() if e != "gnss_lever_arm"}
     factors = dict.fromkeys(ALL_LEVELS, 1.0) | dict(options.factors)
-    options = replace(plain_options(options), calm_rates=True)
+    options = plain_options(options)
     return GapModel(options, values, factors)
 
 

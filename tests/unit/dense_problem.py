@@ -84,7 +84,6 @@ OPTIONS = FusionOptions(
     multipath_share=0.5,
     velocity_wander_sd=0.15,
     velocity_wander_tau_s=1.5,
-    calm_rates=True,
     gate_probability=1e-30,
 )
 MEANS = {
