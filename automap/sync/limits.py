@@ -156,6 +156,13 @@ one to three seconds in a row."""
 DELAY_SD_S = 0.5
 """How late a velocity is against the position of its epoch. Recorded receivers' speeds are late by
 0.1 to 0.7 s, their courses by 0.3 to 0.65 s."""
+BEST_VELOCITY_SD = 0.03
+"""No receiver's velocity is taken to be better, m/s a component, as in the fusion
+(``min_velocity_sd``)."""
+LEAST_DIGIT = 1e-3
+"""Velocities are printed in mm/s at best: none agrees with anything more closely."""
+MOTION_LASTS_S = VELOCITY_ERROR_TAU_S
+"""A change of speed or course lasts for about as long as a receiver's velocities err in a row."""
 LONG_WINDOW = 1.6
 """A window that is longer by such a factor than wanted spans a gap."""
 WINDOW_S, LEAST_WINDOWS = 4.0, 5

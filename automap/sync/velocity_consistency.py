@@ -16,6 +16,7 @@ import numpy as np
 from automap.records import BoolArray, Fixes
 from automap.sync import limits
 from automap.sync.climb_match import Vertical, match_climbs
+from automap.sync.epoch_means import EpochMeans, epoch_means
 from automap.sync.held_values import (
     Stretch,
     frozen_positions,
@@ -83,7 +84,8 @@ class VelocityConsistency:
     not change while positions move (``velocity_stuck``), positions that repeat while velocities
     tell of motion (``position_frozen``), whole rows that do (``rows_frozen``), and those in which
     positions and velocities contradict each other otherwise (``parted``), whichever is wrong.
-    ``worse`` is how many times what is plausible they usually part by, one at least.
+    ``worse`` is how many times what is plausible they usually part by, one at least. ``means``:
+    the velocities are right, and the ways between positions; None where they tell more than that.
     """
 
     compared_s: float
@@ -97,6 +99,7 @@ class VelocityConsistency:
     parted: tuple[Interval, ...]
     vertical: Vertical | None
     worse: float
+    means: EpochMeans | None = None
 
     @property
     def can_tell(self) -> bool:
@@ -184,6 +187,7 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
         parted=_intervals(path, parted),
         vertical=match_climbs(path, use & position, worse),
         worse=worse,
+        means=epoch_means(path, use & position),
     )
 
 

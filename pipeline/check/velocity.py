@@ -78,7 +78,7 @@ def check(fixes: Fixes) -> list[Finding]:
             )
         )
     elif not swapped and not any(reason.code in WHOLE for reason in found.reasons):
-        findings.append(_agreement(found))
+        findings += _agreement(found)
     if found.parted:
         total = sum(interval.seconds for interval in found.parted)
         findings.append(
@@ -117,8 +117,23 @@ def _little(intervals: Sequence[Interval], compared_s: float) -> bool:
     return longest <= limits.FIX_GAP_S and total <= limits.LEFT_OUT_SHARE * compared_s
 
 
-def _agreement(found: VelocityConsistency) -> Finding:
-    """Scale, delays and turn of velocities that are told as they should be."""
+def _agreement(found: VelocityConsistency) -> list[Finding]:
+    """How velocities that are told as they should be agree with the positions."""
+    compared = _compared(found)
+    if found.means is None:
+        return [compared]
+    means = Finding(
+        "info",
+        found.means.text,
+        "a run makes the path without it; a receiver's own (Doppler) velocity would help",
+        "velocity_of_positions",
+    )
+    # their lags are those of means
+    return [compared, means] if compared.severity == "warning" else [means]
+
+
+def _compared(found: VelocityConsistency) -> Finding:
+    """Scale, delays and turn of the velocities."""
     match = found.match
     if match.scale is None:
         return Finding(

@@ -65,7 +65,8 @@ def _gap_drive(path: Path, out: Path, settings: Settings) -> GapDrive:
         arm = np.array([fixed.get(a, 0.0) for a in "xyz"])
     return GapDrive(
         imu=inputs.imu,
-        fixes=inputs.fixes,
+        # what age and arm velocities have is asked here, whatever they were made of
+        fixes=inputs.right_fixes,
         clock=inputs.clock,
         name=path.resolve().name,
         lever_arm=arm,

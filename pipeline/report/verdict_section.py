@@ -28,7 +28,8 @@ def verdict_section(record: dict[str, Any]) -> tuple[str, Section]:
     reasons = verdict.get("reasons")
     for reason in reasons if isinstance(reasons, list) else ():
         text = str(mapping(reason).get("text", ""))
-        section.verdicts.append(("bad", f"{text[:1].upper()}{text[1:]}{_where(reason)}."))
+        told = f"{text[:1].upper()}{text[1:]}{_where(reason)}."
+        section.verdicts.append(("good" if state == "good" else "bad", told))
     return state, section
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from automap.errors import InputError
-from automap.fusion.doubts.receiver import usable_fixes
+from automap.fusion.doubts.receiver import own_velocities, usable_fixes
 from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
 from automap.fusion.options import FusionOptions
 from automap.io import names
@@ -30,7 +30,7 @@ class FusionInputs:
 
     ``delay_is_clock``: the delay between IMU stamps and fixes is an error of the clock model.
     ``lever_arm`` [3] m, None where the manifest gives none. ``fixes`` without what cannot be
-    right by what ``receiver`` says of them.
+    right, or tells nothing, by what ``receiver`` says of them; ``right_fixes`` with the latter.
     """
 
     imu: ImuData
@@ -40,6 +40,7 @@ class FusionInputs:
     delay_is_clock: bool
     lever_arm: FloatArray | None
     receiver: VelocityConsistency
+    right_fixes: Fixes
     odometer: WheelSpeed | None = None
 
     def fuse(
@@ -72,9 +73,10 @@ def read_inputs(drive: Drive, out: Path, shared_clock_sd_s: float) -> FusionInpu
     delay, is_clock = _delay_prior(clock, shared_clock_sd_s)
     arm = None if drive.gnss.lever_arm_m is None else drive.lever_arm
     imu = read_imu(out / names.IMU)
-    fixes, receiver = read_usable_fixes(out)
+    right, receiver = _right_fixes(out)
+    fixes = own_velocities(right, receiver)
     odometer = _read_wheels(drive, out / names.ODOMETER, clocks)
-    return FusionInputs(imu, fixes, clock, delay, is_clock, arm, receiver, odometer)
+    return FusionInputs(imu, fixes, clock, delay, is_clock, arm, receiver, right, odometer)
 
 
 def _read_wheels(drive: Drive, path: Path, clocks: DriveClocks) -> WheelSpeed | None:
@@ -90,7 +92,13 @@ def _read_wheels(drive: Drive, path: Path, clocks: DriveClocks) -> WheelSpeed | 
 
 
 def read_usable_fixes(out: Path) -> tuple[Fixes, VelocityConsistency]:
-    """Fixes of OUT without what cannot be right, and what they say of each other."""
+    """Fixes of OUT without what cannot be right or tells nothing, and what they say of each
+    other."""
+    right, receiver = _right_fixes(out)
+    return own_velocities(right, receiver), receiver
+
+
+def _right_fixes(out: Path) -> tuple[Fixes, VelocityConsistency]:
     fixes = read_fixes(out / names.FIXES)
     receiver = velocity_consistency(fixes)
     return usable_fixes(fixes, receiver), receiver

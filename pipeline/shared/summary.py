@@ -15,7 +15,7 @@ _SHOWN = (("fuse", "trajectory"), ("detect", "detections"), ("geolocate", "signs
 def summary_lines(outcome: Outcome) -> list[str]:
     """The run in a few lines, the last one with where the map is; none after a failure.
 
-    A verdict that is not good stands there with its reasons.
+    The verdict stands there with its reasons, a good one with what else is to be known.
     """
     finished = [line for line in outcome.stages if line.state in ("ran", "kept")]
     if outcome.error is not None or len(finished) != len(outcome.stages) or not finished:
@@ -50,7 +50,9 @@ def _verdict_lines(outcome: Outcome) -> list[str]:
     state, texts = verdict_of(outcome)
     if not state:
         return []
-    told = state + (f", for {len(texts)} reason{'s' if len(texts) != 1 else ''}:" if texts else "")
+    told = state
+    if texts and state != "good":
+        told += f", for {len(texts)} reason{'s' if len(texts) != 1 else ''}:"
     return [f"  {'verdict':<11} {told}", *(f"  {'':<11} - {text}" for text in texts)]
 
 

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 ODOMETER_FILE = "odometer.csv"
 
 
-def write_twin(out: Path, folder: Path, seed: int) -> None:
-    """Write the twin of the run in OUT into an existing empty folder.
+def write_twin(out: Path, folder: Path, seed: int, changed: Values | None = None) -> None:
+    """Write the twin of the run in OUT into an existing empty folder; effects that are ``changed``
+    have other sizes than the run found.
 
     Raises InputError where OUT is no finished run of a drive with an IMU.
     """
@@ -57,6 +58,7 @@ def write_twin(out: Path, folder: Path, seed: int) -> None:
     for sensor in ("accel", "gyro"):
         walk = settings[f"{sensor}_bias_walk"] * factors.get(f"{sensor}_bias_walk", 1.0)
         errors[f"{sensor}_bias_walk"] = dict.fromkeys("xyz", float(walk))
+    errors |= changed or {}
     if len(imu.t_ns) != len(trajectory.t_ns):
         raise InputError(f"{out}: trajectory and IMU have different lengths; run it with --force")
     wheels = out / names.ODOMETER

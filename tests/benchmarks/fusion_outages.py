@@ -23,8 +23,9 @@ from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
 from automap.fusion.options import FusionOptions
 from automap.interpolation import poses_at_gps
 from automap.io.clock_json import read_clock
-from automap.io.tables import read_fixes, read_imu
+from automap.io.tables import read_imu
 from automap.records import Fixes, FixType, FloatArray, Trajectory
+from pipeline.run.fusion_inputs import read_usable_fixes
 from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, errors, record
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import GPS0, Receiver, receive, select
@@ -91,7 +92,7 @@ def recorded(
     folder: Path, length: float, period: float, first: float
 ) -> tuple[list[float], list[float]]:
     """Largest horizontal errors at the fixes that were cut, forward and smoothed."""
-    imu, fixes = read_imu(folder / "imu.parquet"), read_fixes(folder / "fixes.parquet")
+    imu, (fixes, _) = read_imu(folder / "imu.parquet"), read_usable_fixes(folder)
     clock = read_clock(folder / "sync.json")
     t = fixes.gps_s - fixes.gps_s[0]
     mask, spans = outage_mask(t, length, period, first)

@@ -56,6 +56,7 @@ def test_no_false_alarm(shared_data: Path, name: str) -> None:
     # iphone-austin: a row that is the one before, at 5 m/s
     expected = ["rows_frozen"] if name == "iphone-austin" else []
     assert [reason.code for reason in found.reasons] == expected
+    assert (found.means is not None) == (name == "rtk-car-a")
     # balzer-car: 9 m/s by positions, 7.5 by velocities over 18 s, with five satellites
     assert len(found.parted) == (name == "balzer-car")
 

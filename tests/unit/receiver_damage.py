@@ -8,6 +8,8 @@ import numpy as np
 
 from automap.earth import metres_per_radian
 from automap.records import BoolArray, Fixes, FloatArray
+from automap.sync.epoch_means import AROUND, BEFORE
+from automap.sync.receiver_path import receiver_path
 
 
 def scaled(fixes: Fixes, factor: float) -> Fixes:
@@ -61,3 +63,16 @@ def driving(fixes: Fixes, seconds: float) -> BoolArray:
         for rows in stretches
     ]
     return stretches[int(np.argmax(spread))]
+
+
+def derived(fixes: Fixes, interval: str, digits: int = 2) -> Fixes:
+    """Fixes whose velocities are the ways of their positions, as tables print them."""
+    path = receiver_path(fixes)
+    way = np.diff(path.place) / np.diff(path.t)
+    velocity = np.full((len(fixes), 3), np.nan)
+    if interval == AROUND:
+        told, rows = np.gradient(path.place, path.t), path.row
+    else:
+        told, rows = way, path.row[1:] if interval == BEFORE else path.row[:-1]
+    velocity[rows, 0], velocity[rows, 1] = told.real, told.imag
+    return replace(fixes, vel_ned=np.round(velocity, digits))

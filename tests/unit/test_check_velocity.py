@@ -12,7 +12,7 @@ from automap.earth import metres_per_radian
 from automap.evaluation.plausibility import Finding
 from automap.records import Fixes
 from pipeline.check.velocity import check
-from tests.unit.receiver_damage import driving, held, redirected, scaled, shifted, zeroed
+from tests.unit.receiver_damage import derived, driving, held, redirected, scaled, shifted, zeroed
 from tests.unit.receiver_scene import Receiver, simulated_fixes
 
 LATE = Receiver(speed_lag_s=0.7, course_lag_s=0.6)
@@ -36,6 +36,14 @@ def test_a_sound_receiver_has_one_line() -> None:
     assert too_late.severity == "warning"
     (still,) = check(simulated_fixes(1, LATE, fast=0.0))
     assert (still.severity, "moves too little" in still.text) == ("info", True)
+
+
+def test_ways_between_positions_are_told_in_the_place_of_their_lags() -> None:
+    fixes = simulated_fixes(1, seconds=240.0)
+    (finding,) = check(derived(fixes, "before"))
+    assert (finding.severity, finding.code) == ("info", "velocity_of_positions")
+    assert "from the row before to it" in finding.text
+    assert "late" not in finding.text
 
 
 def test_no_line_without_velocities() -> None:

@@ -126,6 +126,12 @@ def test_a_verdict_is_told_with_its_reasons_and_where() -> None:
     assert verdict_section({"verdict": {"state": "good", "reasons": []}})[1].verdicts == []
 
 
+def test_what_is_to_be_known_of_a_good_path_is_no_reproach() -> None:
+    reasons = [{"code": "velocity_of_positions", "text": "it tells nothing more"}]
+    _, section = verdict_section({"verdict": {"state": "good", "reasons": reasons}})
+    assert section.verdicts == [("good", "It tells nothing more.")]
+
+
 @pytest.mark.parametrize("record", [{}, {"verdict": None}, {"verdict": {"state": "?"}}])
 def test_without_a_verdict_the_page_tells_none(record: dict[str, Any]) -> None:
     assert verdict_section(record)[0] == ""

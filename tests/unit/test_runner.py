@@ -106,18 +106,21 @@ def test_the_record_is_the_lineage(drive: Path, out: Path) -> None:
     assert story["warnings"] == ["doubling is not an estimate"]
 
 
-def test_the_verdict_of_the_path_is_the_runs_and_is_kept(drive: Path, out: Path) -> None:
-    verdict = {"state": "doubtful", "reasons": [{"code": "x", "text": "it is late"}]}
+@pytest.mark.parametrize(("state", "told"), [("doubtful", ", for 1 reason:"), ("good", "")])
+def test_the_verdict_of_the_path_is_the_runs_and_is_kept(
+    drive: Path, out: Path, state: str, told: str
+) -> None:
+    verdict = {"state": state, "reasons": [{"code": "x", "text": "it is late"}]}
 
     def judge(context: StageContext) -> None:
         context.verdict = verdict
 
-    for state in ("ran", "kept"):
+    for of_stage in ("ran", "kept"):
         outcome = run_drive(drive, out, request([reader(), doubler(judge), teller()]))
-        assert states(outcome)["detect"] == state
+        assert states(outcome)["detect"] == of_stage
         assert record(out)["verdict"] == verdict
         lines = summary_lines(outcome)
-        assert "  verdict     doubtful, for 1 reason:" in lines
+        assert f"  verdict     {state}{told}" in lines
         assert any(line.strip() == "- it is late" for line in lines)
     assert run_drive(drive, out / "none", request([reader()])).record["verdict"] is None
 

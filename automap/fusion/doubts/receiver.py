@@ -30,6 +30,17 @@ def usable_fixes(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     )
 
 
+def own_velocities(fixes: Fixes, found: VelocityConsistency) -> Fixes:
+    """Fixes without velocities that are the ways between positions.
+
+    As velocities of an instant they would tell of an arm of the antenna, or of a delay, what is the
+    mean over an interval in which the body sways; and the noise of positions would count twice.
+    """
+    if found.means is None:
+        return fixes
+    return replace(fixes, vel_ned=np.full_like(fixes.vel_ned, np.nan))
+
+
 def dated_velocities(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     """Fixes whose speeds and courses are those of the positions' instants, for a smoother that
     knows no lag: each is taken from as much later as the receiver told it late.
@@ -90,6 +101,9 @@ def _doubts(found: VelocityConsistency, start: float) -> Iterator[Reason]:
             f"{found.worse:.0f} times as far as a receiver's do): check its log, and whether it "
             "holds two receivers",
         )
+    if found.means is not None:
+        text = f"{found.means.text}: the path is made without it"
+        yield Reason("velocity_of_positions", text, state="good", handled=True)
     if found.parted:
         worst = max(interval.metres for interval in found.parted)
         yield Reason(
