@@ -17,6 +17,7 @@ from automap.io.tables import floats, read_fixes, read_table
 from automap.io.trajectory_table import read_trajectory
 from automap.records import FixType
 from tests.benchmarks.fusion_outages import recorded, rms
+from tests.benchmarks.fusion_twins import COLUMNS, twin_scores
 
 pytestmark = pytest.mark.slow
 
@@ -109,6 +110,31 @@ def test_an_unknown_mounting_and_a_delay_are_found(rtk: Path) -> None:
     assert metrics["imu_delay_s"] == pytest.approx(0.125, abs=0.04)
     assert 0.0 < metrics["imu_delay_sd_s"] < 0.02
     assert all(0.0 < sd < 5.0 for sd in metrics["mounting_rpy_sd_deg"])
+
+
+def test_the_antenna_is_where_it_was_mounted(rtk: Path) -> None:
+    """Five centimetres to the left, as the author says; velocities that are means between
+    positions would have it 0.17 m further to the front."""
+    run = json.loads((rtk / "run.json").read_text())
+    assert [r["code"] for r in run["verdict"]["reasons"]] == ["velocity_of_positions"]
+    assert run["verdict"]["state"] == "good"
+    table = read_table(rtk / "imu_errors.parquet", COLUMNS)
+    arm = np.array([floats(table, name)[-1] for name in COLUMNS])
+    sd = np.array([floats(table, f"sd_{name}")[-1] for name in COLUMNS])
+    assert np.all(sd < 0.05)
+    assert np.all(np.abs(arm - [0.0, -0.05, 0.0]) < 3.0 * sd)
+
+
+def test_its_twins_tell_delay_and_antenna_as_well_as_they_say(rtk: Path, tmp_path: Path) -> None:
+    arm = (0.6, -0.4, -0.9)
+    scores = list(twin_scores(rtk, range(20), tmp_path, arm))
+    sigmas = np.array([score.sigmas for score in scores])
+    # of 80 right numbers 0.2; more than two once in seven hundred times
+    assert np.count_nonzero(np.abs(sigmas) > 3.0) <= 2
+    # a mean square of twenty: once in a thousand times beyond either bound
+    sizes = np.mean(sigmas**2, axis=0)
+    assert np.all((sizes > 0.3) & (sizes < 2.27))
+    assert 5.0 < np.mean([score.nees for score in scores]) < 13.0
 
 
 def test_the_track_lies_on_the_carrier_phase_fixes(rtk: Path) -> None:
