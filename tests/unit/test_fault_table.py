@@ -222,7 +222,7 @@ def test_the_page_sets_given_and_unknown_axes_side_by_side() -> None:
     }
     text = page(results)
     assert "| speed-zero | the speed is 0 all the way | 1.0 / refused | 1.20 |" in text
-    assert "1 runs by `a1`, 1 runs by `b2`" in text
+    assert f"`a1` (1 runs of `{drive}`); `b2` (1 runs of `{drive}`)" in text
     assert f"speed-kmh on {drive} (why not)" in text
     assert len(details(results).splitlines()) > 5
     both = {**results, (drive, "speed-zero", "given"): ("a1", replace(refused, axes="given"))}

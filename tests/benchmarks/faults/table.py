@@ -148,9 +148,16 @@ def _parted(results: Results) -> tuple[list[Row], list[str]]:
 
 
 def _versions(results: Results) -> str:
-    count = Counter(v for v, row in results.values() if not isinstance(row, str))
-    told = ", ".join(f"{n} runs by `{version}`" for version, n in count.most_common())
-    return f"Made with the code whose digest (`code_version` of the benchmarks) is: {told}."
+    """Which code ran, where it was not one all the time with its drives."""
+    count: dict[str, Counter[str]] = {}
+    for (drive, _, _), (version, row) in results.items():
+        if not isinstance(row, str):
+            count.setdefault(version, Counter())[drive] += 1
+    told = "; ".join(
+        f"`{version}` ({', '.join(f'{n} runs of `{d}`' for d, n in drives.items())})"
+        for version, drives in sorted(count.items(), key=lambda item: -item[1].total())
+    )
+    return f"Made with the code whose digest (`code_version` of the benchmarks) is {told}."
 
 
 def _pair(rows: Sequence[Row]) -> str:
