@@ -13,7 +13,7 @@ demo: $(VENV)/.runtime
 	@$(VENV)/bin/automap run data/sample-drive
 
 test: $(VENV)/.dev
-	@$(VENV)/bin/python -m pytest $(PYTEST_ARGS)
+	@$(VENV)/bin/python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
 
 slow: $(VENV)/.dev
 	@$(VENV)/bin/python -m pytest -m slow $(PYTEST_ARGS)
