@@ -19,6 +19,7 @@ from automap.records import FloatArray
 
 SUFFIXES = (".yaml", ".yml", ".xml", ".json", ".txt", ".cal")
 _MOST_BYTES = 1 << 20
+"""A calibration is some kilobytes, with every corner of its pictures some hundred."""
 _MATRIX = ("camera_matrix", "cameramatrix", "camera_mat", "intrinsic_matrix", "mtx", "k", "m1")
 _INTRINSICS = ("intrinsics",)
 _DISTORTION = (

@@ -17,6 +17,7 @@ from automap.records import NO_TIME, Fixes, FloatArray, IntArray
 _DATE = re.compile(r"(?<!\d)(20\d\d)([-_.]?)(\d\d)\2(\d\d)(?=\D|\d{6}(?!\d)|$)")
 """Year, month and day; a time of day may follow without a separator."""
 _MIDDAY_S = 0.5 * tb.DAY_S
+"""A date alone is off by half a day at most from its noon."""
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ OURS: dict[TableKind, tuple[str, ...]] = {
 """Names in the header of a table of ours, which is read without looking further."""
 
 _FEW = 8
+"""Steps below which no order is judged: of eight even two back are a share of a quarter."""
 _OUT_OF_ORDER = 0.25
 """A share of steps back that no clock has: late packets make a twentieth of them."""
 
