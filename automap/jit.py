@@ -58,7 +58,6 @@ KERNEL_FOLDERS = (
     "fusion",
     "fusion/kernels",
     "fusion/measurements",
-    "gap",
     "geolocation",
     "mapping",
 )

@@ -8,8 +8,8 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.gap.camera_fit import CameraFit
+from automap.gap.camera_scores import Scores, marginalised
 from automap.gap.camera_views import Boxes, keys
-from automap.gap.evidence import Scores, marginalised
 from automap.gap.result import ParameterValue
 from automap.records import FloatArray, IntArray
 

@@ -19,8 +19,9 @@ from automap.gap.camera_evidence import (
     prior_sds,
 )
 from automap.gap.camera_fit import CameraFit, box_noise, estimate_noise, fit_camera
+from automap.gap.camera_scores import evidence, null_maxima
 from automap.gap.camera_views import Boxes, keys
-from automap.gap.evidence import evidence, null_maxima, p_value
+from automap.gap.evidence import p_value
 from automap.gap.result import Finding
 from automap.records import FloatArray
 

@@ -47,13 +47,16 @@ class Direct:
 
 @dataclass(frozen=True)
 class Column:
-    """One parameter of a candidate: how it acts, and its prior sd."""
+    """One parameter of a candidate: how it acts, and its prior sd; channel and text of a formula's
+    ``term``, and out of how many ``choices`` it was the likeliest."""
 
     effect: str
     parameter: str
     prior_sd: float
     inertial: tuple[Inertial, ...] = ()
     direct: Direct | None = None
+    term: tuple[str, str] = ("", "")
+    choices: float = 1.0
 
 
 @dataclass(frozen=True)

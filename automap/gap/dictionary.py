@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -56,13 +55,8 @@ QUANTITIES = (
     "time^2",
 )
 ON_FIXES = ("speed", "speed^2", "acceleration", "lateral_acceleration", "abs(rate_z)")
-DECAYS = (0.05, 0.1, 0.15, 0.2, 0.3)
-STEPS = 16
-INSTANT = re.compile(r"step\(time - ([\d.e+]+)\)")
-CONSTANT = re.compile(r"exp\(-time / ([\d.e+]+)\)")
-FINER, WIDER = 33, 1.6
-"""The dictionary's instants and time constants are coarse; between them the strongest are looked
-for in so many steps."""
+PREFIX = "formula_"
+"""Names of effects that were made of a formula begin with it."""
 ALIKE = 0.999
 """A quantity that correlates so with a sum of catalogue effects' is those effects: a one-sided
 rate is a scale and an asymmetry."""
@@ -70,44 +64,40 @@ LEAST_OWN = 1e-6
 """Share of a signal's variance below which the others make it up."""
 
 
-def quantities(signals: Signals, has_temperature: bool) -> Iterator[tuple[str, FloatArray]]:
-    """Formulas and their values [n] along a drive."""
-    for text in _texts(signals, has_temperature):
-        yield text, parse_formula(text)(signals)
+def equation(terms: Sequence[tuple[str, str]]) -> str:
+    """What terms of channel and text add, as a person writes it."""
+    names = coefficient_names(len(terms))
+    return "; ".join(f"{on} += {k} * {text}" for k, (on, text) in zip(names, terms, strict=True))
 
 
-def _texts(signals: Signals, has_temperature: bool) -> Iterator[str]:
-    yield from QUANTITIES
+def coefficient_names(count: int) -> tuple[str, ...]:
+    """k, k2, k3 and so on."""
+    return ("k", *(f"k{i}" for i in range(2, count + 1)))
+
+
+def warm(fit: Fit) -> bool:
+    """Whether a drive has temperatures."""
+    temperature = fit.opened.drive.imu.temp_c
+    return temperature is not None and bool(np.isfinite(temperature).any())
+
+
+def formula_texts(signals: Signals, has_temperature: bool) -> list[str]:
+    """The dictionary for drives like one of these signals."""
+    out = list(QUANTITIES)
     if has_temperature:
         rise = f"(temperature - {float(np.median(signals.temperature)):.1f})"
-        yield f"{rise}^2"
-        yield "temperature_rate"
-        yield f"{rise} * speed"
-    begin = float(signals.time[0])
-    length = float(signals.time[-1]) - begin
-    for share in DECAYS:
-        yield f"exp(-time / {share * length:.3g})"
-    for i in range(1, STEPS):
-        yield f"step(time - {begin + i / STEPS * length:.0f})"
+        out += [f"{rise}^2", "temperature_rate", f"{rise} * speed"]
+    return out
 
 
-def shape_of(text: str) -> str:
-    """A formula without its instant or time constant; others as they are."""
-    if INSTANT.fullmatch(text):
-        return "step"
-    return "decay" if CONSTANT.fullmatch(text) else text
+def axis_of(channel: str) -> tuple[int, int]:
+    """Sensor (0 gyro, 1 accelerometer) and axis of an inertial channel."""
+    return divmod(CHANNELS.index(channel), 3)
 
 
-def finer_texts(text: str, length_s: float) -> list[str]:
-    """A formula with its instant or time constant moved in small steps; nothing for others."""
-    instant, constant = INSTANT.fullmatch(text), CONSTANT.fullmatch(text)
-    if instant is not None:
-        around = float(instant[1]) + length_s / STEPS * np.linspace(-1.0, 1.0, FINER)
-        return [f"step(time - {at:.4g})" for at in around]
-    if constant is not None:
-        around = float(constant[1]) * np.geomspace(1.0 / WIDER, WIDER, FINER)
-        return [f"exp(-time / {tau:.3g})" for tau in around]
-    return []
+def size_of(channel: str) -> float:
+    """Prior sd of the rms size of a formula on a channel, in its unit."""
+    return SIZES[channel.partition("_")[0]]
 
 
 def inertial_columns(fit: Fit, motion: Motion, channel: str, texts: Sequence[str]) -> list[Column]:
@@ -117,22 +107,21 @@ def inertial_columns(fit: Fit, motion: Motion, channel: str, texts: Sequence[str
 
 
 def _inertial(channel: str, text: str, signal: FloatArray) -> Column:
-    i = CHANNELS.index(channel)
-    sensor, axis = (0, i) if i < 3 else (1, i - 3)
-    sd = SIZES[channel[:-2]] / max(float(np.std(signal)), 1e-12)
-    return Column(channel, text, sd, (Inertial(sensor, axis, signal),))
+    sd = size_of(channel) / max(float(np.std(signal)), 1e-12)
+    acts = (Inertial(*axis_of(channel), signal),)
+    return Column(equation([(channel, text)]), "k", sd, acts, term=(channel, text))
 
 
 def formula_columns(
-    fit: Fit, motion: Motion, at: NodeMotion, exclude: Collection[str]
+    fit: Fit, motion: Motion, at: NodeMotion, texts: Sequence[str], exclude: Collection[str]
 ) -> list[Column]:
-    """All formulas as columns; ``effect`` is the channel, ``parameter`` the text."""
+    """All formulas of ``texts`` as columns of one drive, and the effects to ``exclude`` told as
+    such."""
     signals = motion_signals(fit, motion)
     known = _catalogue_signals(fit, motion, signals, exclude)
-    temperature = fit.opened.drive.imu.temp_c
-    warm = temperature is not None and bool(np.isfinite(temperature).any())
     out: list[Column] = []
-    for text, signal in quantities(signals, warm):
+    for text in texts:
+        signal = parse_formula(text)(signals)
         size = float(np.std(signal))
         if size < 1e-12:
             continue
@@ -166,7 +155,9 @@ def _as_formula(column: Column) -> Column:
     """A column of an effect that the library does without, told as a formula."""
     if not column.inertial:
         text = column.parameter
-        return Column(left_out(column.effect), text, column.prior_sd, direct=column.direct)
+        on = left_out(column.effect)
+        name = equation([(on, text)])
+        return Column(name, text, column.prior_sd, direct=column.direct, term=(on, text))
     part = column.inertial[0]
     channel = CHANNELS[3 * part.sensor + part.axis]
     term: ImuTerm = next(
@@ -175,7 +166,8 @@ def _as_formula(column: Column) -> Column:
     text = _basis_text(term)
     if not text:
         channel, text = left_out(column.effect), column.parameter
-    return Column(channel, text, column.prior_sd, column.inertial)
+    name = equation([(channel, text)])
+    return Column(name, "k", column.prior_sd, column.inertial, term=(channel, text))
 
 
 def _basis_text(term: ImuTerm) -> str:
@@ -229,8 +221,9 @@ def _at_right_angles(rows: Sequence[FloatArray]) -> FloatArray:
 
 def _fix_columns(signals: Signals) -> list[Column]:
     """Formulas on the fixes, ``signals`` at the nodes."""
-    # a latency and a lever arm say these already
+    # a latency, a lever arm and a factor on velocities say these already
     known = {
+        ("velocity_along", "speed"),
         ("position_along", "speed"),
         ("velocity_along", "acceleration"),
         ("velocity_across", "lateral_acceleration"),
@@ -245,6 +238,7 @@ def _fix_columns(signals: Signals) -> list[Column]:
             for part in towards(on):
                 channel = (CH_VEL if part.on == VELOCITY else CH_POS) + part.axis
                 by_channel[:, channel] = part.weight * turned(amount, part.turned, signals)
-            sd = SIZES[on.partition("_")[0]] / max(float(amount.std()), 1e-9)
-            out.append(Column(on, text, sd, direct=Direct(by_channel)))
+            sd = size_of(on) / max(float(amount.std()), 1e-9)
+            acts = Direct(by_channel)
+            out.append(Column(equation([(on, text)]), "k", sd, direct=acts, term=(on, text)))
     return out

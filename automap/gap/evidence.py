@@ -1,91 +1,35 @@
-"""Evidence for candidates from whitened innovations and sensitivities.
+"""Evidence of a candidate beside those that are in a model already, robust to what noise does.
 
-With score g = Phi' w, information I = Phi' Phi and prior covariance S, the log Bayes factor of
-a candidate against nothing is 1/2 g' (I + S^-1)^-1 g - 1/2 log det(1 + S I): Laplace's
-approximation, exact for a linear model with Gaussian noise (MacKay 2003, chapter 28). It pays
-for every parameter that the drive shows, and for none that it does not.
+With score g, information I and prior covariance S, those of the others marginalised, the log Bayes
+factor of a candidate against nothing is 1/2 g' (I + S^-1)^-1 g - 1/2 log det(1 + S I): Laplace's
+approximation, exact for a linear model with Gaussian noise (MacKay 2003, chapter 28). It pays for
+every parameter that the drive shows, and for none that it does not.
+
+Noise is never quite as a model has it. So the score's scatter from stretch to stretch is compared
+with what it should be (the sandwich of White 1980, stretches as clusters), and evidence lowered by
+their ratio; and what a candidate explains must be predicted for each stretch from the others
+(cross-validation), also without the stretch that speaks most for it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from automap.gap.sparse import choices
-from automap.gap.whitening import WhiteRows
+from automap.gap import limits
+from automap.gap.linear import Linear
 from automap.records import FloatArray, IntArray
 
-PRIOR_SCALES = (1.0, 5.0)
-"""Effects beyond their usual size cost the logarithm of the factor a parameter, and log 2."""
-ROOM = 1.5
-BLOCK_S = 8.0
-SHRINK_BLOCKS = 12.0
-MAX_OVERDISPERSION = 4.0
-
-
-@dataclass(frozen=True)
-class Scores:
-    """Score [c], information [c, c] of all columns; ``blocks`` [b, c] the scores of stretches of
-    ``BLOCK_S`` s, ``block_info`` [b, c, c] their information."""
-
-    score: FloatArray
-    info: FloatArray
-    blocks: FloatArray
-    block_info: FloatArray
-
-    def __add__(self, other: Scores) -> Scores:
-        return Scores(
-            self.score + other.score,
-            self.info + other.info,
-            np.concatenate([self.blocks, other.blocks]),
-            np.concatenate([self.block_info, other.block_info]),
-        )
-
-
-def block_starts(t: FloatArray) -> IntArray:
-    """First rows of the stretches of ``BLOCK_S`` s along times [n], at least one, in s."""
-    index = ((t - t[0]) / BLOCK_S).astype(np.int64)
-    return np.flatnonzero(np.diff(index, prepend=-1))
-
-
-def scores_of(rows: WhiteRows) -> Scores:
-    """Sum the rows of one drive."""
-    c = rows.phi.shape[1]
-    if len(rows.t) == 0:
-        return Scores(np.zeros(c), np.zeros((c, c)), np.zeros((0, c)), np.zeros((0, c, c)))
-    edges = block_starts(rows.t)
-    stops = np.append(edges[1:], len(rows.t))
-    blocks = np.stack([rows.phi[a:b].T @ rows.w[a:b] for a, b in zip(edges, stops, strict=True)])
-    infos = np.stack([rows.phi[a:b].T @ rows.phi[a:b] for a, b in zip(edges, stops, strict=True)])
-    return Scores(blocks.sum(axis=0), infos.sum(axis=0), blocks, infos)
-
-
-def marginalised(scores: Scores, nuisances: IntArray, prior_sd: FloatArray) -> Scores:
-    """Scores with nuisance columns [q] of prior sds [q] marginalised (they stay, with nothing)."""
-    if len(nuisances) == 0:
-        return scores
-    inner = scores.info[np.ix_(nuisances, nuisances)] + np.diag(prior_sd**-2.0)
-    a = np.linalg.solve(inner, scores.info[nuisances]).T
-    info = scores.info - a @ scores.info[nuisances]
-    blocks = scores.blocks - scores.blocks[:, nuisances] @ a.T
-    cross = np.einsum("ci,bij->bcj", a, scores.block_info[:, nuisances])
-    inside = scores.block_info[:, nuisances][:, :, nuisances]
-    block_info = scores.block_info - cross - np.swapaxes(cross, 1, 2)
-    block_info = block_info + np.einsum("ci,bij,dj->bcd", a, inside, a)
-    out = Scores(
-        scores.score - a @ scores.score[nuisances], 0.5 * (info + info.T), blocks, block_info
-    )
-    for array in (out.score, out.info, out.info.T):
-        array[nuisances] = 0.0
-    return out
+Part = tuple[int, ...]
+"""Columns that act together."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Of one candidate: log Bayes factor in nats, estimate [p] and sd [p], factor on the prior
-    that leaves room for the estimate, factor by which the score scatters more than it should,
-    and the nats before these were lowered for it."""
+    """Of one part: log Bayes factor in nats, estimate [p], sd [p], factor on its prior, factor by
+    which its score scatters more than it should, nats before these were lowered for it, the part of
+    them that is, and the nats that other stretches predict for each (all, and without the best)."""
 
     nats: float
     estimate: FloatArray
@@ -93,145 +37,212 @@ class Evidence:
     scale: float
     overdispersion: float
     uncorrected: float
+    fixed: float
+    predicted: float
+    predicted_without_best: float
+
+    def corrected(self, ratio: float) -> float:
+        """Nats where the score scatters by ``ratio`` more than it should."""
+        return self.uncorrected - self.fixed * (1.0 - 1.0 / max(ratio, 1.0))
 
 
-def evidence(
-    scores: Scores, columns: IntArray, prior_sd: FloatArray, sparse: bool = False
-) -> Evidence:
-    """Evidence of the candidate with these columns [p] and prior sds [p]; where ``sparse``, of
-    few of them as of all."""
-    g = scores.score[columns]
-    info = scores.info[np.ix_(columns, columns)]
-    best: Evidence | None = None
-    for scale in PRIOR_SCALES:
-        sd = scale * prior_sd
-        h = sd * g
-        b = info * np.outer(sd, sd)
-        root = np.linalg.cholesky(b + np.eye(len(g)))
-        y = np.linalg.solve(root, h)
+@dataclass(frozen=True)
+class Given:
+    """What is in the model beside a candidate: its columns and their prior sds."""
+
+    columns: tuple[int, ...] = ()
+    prior_sd: tuple[float, ...] = ()
+
+    def joined(self, part: Part, linear: Linear, scale: float) -> Given:
+        """The same with one more part."""
+        sds = tuple(float(scale * linear.prior_sd[i]) for i in part)
+        return Given((*self.columns, *part), (*self.prior_sd, *sds))
+
+
+@dataclass(frozen=True)
+class Conditional:
+    """Scores [v] and information of all columns with those given marginalised; ``weights`` [q, v]
+    of the given ones in each, ``value`` [q] their estimate; ``cross`` [q, v]."""
+
+    given: Given
+    score: FloatArray
+    diagonal: FloatArray
+    weights: FloatArray
+    value: FloatArray
+    linear: Linear
+
+    def info(self, part: Part) -> FloatArray:
+        """Information [p, p] of a part."""
+        rows = list(part)
+        full = self.linear.info[np.ix_(rows, rows)]
+        if not self.given.columns:
+            return np.asarray(full)
+        cross = self.linear.info[np.ix_(list(self.given.columns), rows)]
+        return np.asarray(full - cross.T @ self.weights[:, rows])
+
+
+def conditional(linear: Linear, given: Given) -> Conditional:
+    """Marginalise what is given."""
+    at = list(given.columns)
+    if not at:
+        none = np.zeros((0, len(linear.score)))
+        diagonal = np.diag(linear.info).copy()
+        return Conditional(given, linear.score, diagonal, none, np.zeros(0), linear)
+    inner = linear.info[np.ix_(at, at)] + np.diag(np.array(given.prior_sd) ** -2.0)
+    weights = np.asarray(np.linalg.solve(inner, linear.info[at]), np.float64)
+    value = np.asarray(np.linalg.solve(inner, linear.score[at]), np.float64)
+    score = linear.score - weights.T @ linear.score[at]
+    diagonal = np.diag(linear.info) - np.einsum("qv,qv->v", linear.info[at], weights)
+    return Conditional(given, score, np.maximum(diagonal, 0.0), weights, value, linear)
+
+
+def plain_nats(known: Conditional, part: Part) -> tuple[float, float]:
+    """Nats of a part under the noise as modelled, and the factor on its prior."""
+    g = known.score[list(part)]
+    info = known.info(part)
+    best = (-np.inf, 1.0)
+    for scale in limits.PRIOR_SCALES:
+        sd = scale * known.linear.prior_sd[list(part)]
+        try:
+            root = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(sd)))
+        except np.linalg.LinAlgError:
+            continue
+        y = np.linalg.solve(root, sd * g)
         nats = 0.5 * float(y @ y) - float(np.log(np.diag(root)).sum())
-        if sparse:
-            nats = float(_sparse(h[:, None], b)[0])
-        if scale > 1.0:
-            nats -= np.log(2.0)
-        if best is None or nats > best.nats + 1e-9:
-            inverse = np.linalg.inv(root)
-            cov = inverse.T @ inverse
-            estimate = sd * (cov @ h)
-            best = Evidence(nats, estimate, sd * np.sqrt(np.diag(cov)), scale, 1.0, nats)
-    assert best is not None
-    overdispersion = _overdispersion(scores, columns, best.estimate)
-    room = ROOM * float(np.max(np.abs(best.estimate) / prior_sd))
-    best = replace(best, scale=max(best.scale, room) if room > best.scale * ROOM else best.scale)
-    if overdispersion > 1.0:
-        fixed = 0.5 * float(best.estimate @ g)
-        best = Evidence(
-            best.nats - fixed * (1.0 - 1.0 / overdispersion),
-            best.estimate,
-            best.sd * np.sqrt(overdispersion),
-            best.scale,
-            overdispersion,
-            best.uncorrected,
-        )
+        nats -= np.log(len(limits.PRIOR_SCALES))
+        if nats > best[0] + 1e-9:
+            best = (nats, scale)
     return best
 
 
-def _sparse(h: FloatArray, b: FloatArray) -> FloatArray:
-    """Evidence [d] of a candidate of few or all parameters, from scores ``h`` [p, d] and
-    information ``b`` [p, p] in units of the prior."""
-    total = np.full(h.shape[1], -np.inf)
-    for acting, weight in choices(len(h)):
-        root = np.linalg.cholesky(b[np.ix_(acting, acting)] + np.eye(len(acting)))
-        y = np.linalg.solve(root, h[acting])
-        each = weight + 0.5 * (y**2).sum(axis=0) - float(np.log(np.diag(root)).sum())
-        total = np.logaddexp(total, each)
-    return total
+def singles(known: Conditional, columns: IntArray) -> FloatArray:
+    """The same of many columns [k], each a part of its own."""
+    g, info = known.score[columns], known.diagonal[columns]
+    best = np.full(len(columns), -np.inf)
+    for scale in limits.PRIOR_SCALES:
+        room = 1.0 + info * (scale * known.linear.prior_sd[columns]) ** 2
+        grown = (scale * known.linear.prior_sd[columns]) ** 2
+        best = np.maximum(best, 0.5 * g**2 * grown / room - 0.5 * np.log(room))
+    return np.asarray(best - np.log(len(limits.PRIOR_SCALES)))
 
 
-def _overdispersion(scores: Scores, columns: IntArray, theta: FloatArray) -> float:
-    """How much more the score along ``theta`` scatters from stretch to stretch than it should.
-
-    The sandwich of White (1980) with stretches as clusters, shrunk towards one where there
-    are few of them.
-    """
-    if not theta.any() or len(scores.blocks) < 4:
-        return 1.0
-    along = scores.blocks[:, columns] @ theta
-    infos = scores.block_info[:, columns][:, :, columns]
-    expected = np.einsum("bij,i,j->b", infos, theta, theta)
-    total = float(expected.sum())
-    if total <= 0.0:
-        return 1.0
-    # along = expected + noise of variance expected
-    slope = float(along.sum()) / total
-    ratio = float(np.sum((along - slope * expected) ** 2)) / total
-    # in stretches that count
-    count = total**2 / max(float(np.sum(expected**2)), 1e-300)
-    return min(
-        max(1.0, (count * ratio + SHRINK_BLOCKS) / (count + SHRINK_BLOCKS)), MAX_OVERDISPERSION
+def evidence(known: Conditional, part: Part) -> Evidence:
+    """Evidence of a part, corrected for noise that is not as modelled."""
+    linear, at = known.linear, list(part)
+    nats, scale = plain_nats(known, part)
+    g, info = known.score[at], known.info(part)
+    precision = np.diag((scale * linear.prior_sd[at]) ** -2.0)
+    cov = np.linalg.inv(info + precision)
+    estimate = cov @ g
+    if not (np.isfinite(nats) and estimate.any()):
+        zero = np.zeros(len(at))
+        return Evidence(-np.inf, zero, zero, scale, 1.0, -np.inf, 0.0, -np.inf, -np.inf)
+    phi, w, t, drive = _stacked(known, part)
+    along = (phi @ estimate) * w
+    expected = (phi @ estimate) ** 2
+    ratio = max(_scatter(along, expected, t, drive, s) for s in limits.BLOCKS_S)
+    predicted = _predicted(phi, w, expected, _stretches(t, drive, limits.BLOCKS_S[0]), precision)
+    fixed = 0.5 * float(estimate @ g)
+    return Evidence(
+        nats - fixed * (1.0 - 1.0 / ratio),
+        np.asarray(estimate),
+        np.sqrt(np.diag(cov) * ratio),
+        scale,
+        ratio,
+        nats,
+        fixed,
+        float(predicted.sum()),
+        float(predicted.sum() - predicted.max()),
     )
 
 
-def null_maxima(
-    scores: Scores,
-    groups: list[tuple[IntArray, FloatArray]],
-    draws: int,
-    seed: int = 1,
-    sparse: bool = False,
+def _stacked(known: Conditional, part: Part) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+    """Columns [s, p] of a part less what is given, rows [s] less what that explains, times and
+    drives [s]."""
+    linear, given = known.linear, list(known.given.columns)
+    phis, ws, ts, drives = [], [], [], []
+    for number, rows in enumerate(linear.rows):
+        phi, w = linear.columns(rows, part), rows.w
+        if given:
+            others = linear.columns(rows, given)
+            phi = phi - others @ known.weights[:, list(part)]
+            w = w - others @ known.value
+        phis.append(phi)
+        ws.append(w)
+        ts.append(rows.t)
+        drives.append(np.full(len(w), number))
+    return np.concatenate(phis), np.concatenate(ws), np.concatenate(ts), np.concatenate(drives)
+
+
+def _stretches(t: FloatArray, drive: IntArray, length_s: float) -> IntArray:
+    """First rows of stretches of some seconds along each drive."""
+    number = ((t - t[0]) / length_s).astype(np.int64) + drive * (1 << 32)
+    return np.flatnonzero(np.diff(number, prepend=-(1 << 40)))
+
+
+def _scatter(
+    along: FloatArray, expected: FloatArray, t: FloatArray, drive: IntArray, length_s: float
+) -> float:
+    """How much more the score along an estimate scatters from stretch to stretch than it should;
+    at least one, shrunk towards it where few stretches count."""
+    edges = _stretches(t, drive, length_s)
+    sums, sizes = np.add.reduceat(along, edges), np.add.reduceat(expected, edges)
+    total = float(sizes.sum())
+    if total <= 0.0:
+        return 1.0
+    slope = float(sums.sum()) / total
+    ratio = float(np.sum((sums - slope * sizes) ** 2)) / total
+    count = total**2 / max(float(np.sum(sizes**2)), 1e-300)
+    shrink = limits.SHRINK_BLOCKS
+    return max(1.0, (count * ratio + shrink) / (count + shrink))
+
+
+def _predicted(
+    phi: FloatArray, w: FloatArray, expected: FloatArray, starts: IntArray, precision: FloatArray
 ) -> FloatArray:
-    """The largest evidence [draws] over all candidates where none acts, sorted.
+    """Nats [f] by which each fold is likelier with the value that the others give. Folds are
+    stretches in a row, no stretch divided, of as equal information as these allow."""
+    sizes = np.add.reduceat(expected, starts)
+    share = (np.cumsum(sizes) - 0.5 * sizes) / max(float(sizes.sum()), 1e-300)
+    fold = np.minimum((share * limits.FOLDS).astype(np.int64), limits.FOLDS - 1)
+    edges = starts[np.flatnonzero(np.diff(fold, prepend=-1))]
+    stops = np.append(edges[1:], len(w))
+    g = np.array([phi[a:b].T @ w[a:b] for a, b in zip(edges, stops, strict=True)])
+    info = np.array([phi[a:b].T @ phi[a:b] for a, b in zip(edges, stops, strict=True)])
+    out = []
+    for one, own in zip(g, info, strict=True):
+        others = np.linalg.solve(info.sum(axis=0) - own + precision, g.sum(axis=0) - one)
+        out.append(float(others @ one - 0.5 * others @ own @ others))
+    return np.array(out)
+
+
+def estimate_nats(values: FloatArray, cov: FloatArray, prior_sd: FloatArray) -> float:
+    """Nats that an estimate [p] of covariance [p, p] is worth against nothing: the density of the
+    prior, of sds [p], at zero over that of the estimate (Savage and Dickey)."""
+    z = values / prior_sd
+    root = np.linalg.cholesky(cov / np.outer(prior_sd, prior_sd) + 1e-12 * np.eye(len(z)))
+    y = np.linalg.solve(root, z)
+    return 0.5 * float(y @ y) + float(np.log(np.diag(root)).sum())
+
+
+def null_maxima(linear: Linear, columns: IntArray, draws: int, seed: int = 1) -> FloatArray:
+    """The largest evidence [draws] over columns [k] where none acts, sorted.
 
     Scores are drawn from their own covariance, so the overlap of the candidates counts.
     """
     rng = np.random.default_rng(seed)
-    unit = np.sqrt(np.maximum(np.diag(scores.info), 0.0))
-    g = (rng.standard_normal((draws, len(unit))) @ _root(scores.info).T) * unit
-    best = np.full(draws, -np.inf)
-    alone = [(int(columns[0]), float(sd[0])) for columns, sd in groups if len(columns) == 1]
-    if alone:
-        at = np.array([column for column, _ in alone])
-        best = _alone(g[:, at], np.diag(scores.info)[at], np.array([sd for _, sd in alone]))
-    for columns, prior_sd in groups:
-        if len(columns) == 1:
-            continue
-        info = scores.info[np.ix_(columns, columns)]
-        for scale in PRIOR_SCALES:
-            sd = scale * prior_sd
-            h, b = (g[:, columns] * sd).T, info * np.outer(sd, sd)
-            if sparse:
-                nats = _sparse(h, b)
-            else:
-                low = np.linalg.cholesky(b + np.eye(len(sd)))
-                y = np.linalg.solve(low, h)
-                nats = 0.5 * (y**2).sum(axis=0) - np.log(np.diag(low)).sum()
-            best = np.maximum(best, nats - (np.log(2.0) if scale > 1.0 else 0.0))
-    return np.sort(best)
-
-
-def _alone(g: FloatArray, info: FloatArray, prior_sd: FloatArray) -> FloatArray:
-    """The largest evidence [draws] of candidates of one column each, scores ``g`` [draws, c]."""
-    best = np.full(len(g), -np.inf)
-    for scale in PRIOR_SCALES:
-        grown = (scale * prior_sd) ** 2
-        room = 1.0 + info * grown
-        cost = 0.5 * np.log(room) + (np.log(2.0) if scale > 1.0 else 0.0)
-        best = np.maximum(best, (g**2 * (0.5 * grown / room) - cost).max(axis=1))
-    return np.asarray(best, np.float64)
-
-
-def _root(info: FloatArray) -> FloatArray:
-    """A root [c, c] of the correlation matrix of an information matrix, singular or not."""
-    correlation = info / _norm(info)
-    try:
-        return np.asarray(np.linalg.cholesky(correlation + 1e-9 * np.eye(len(info))), np.float64)
-    except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(correlation)
-        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
-
-
-def _norm(info: FloatArray) -> FloatArray:
+    info = linear.info[np.ix_(columns, columns)]
     unit = np.sqrt(np.maximum(np.diag(info), 1e-300))
-    return np.outer(unit, unit)
+    values, vectors = np.linalg.eigh(info / np.outer(unit, unit))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    g = (rng.standard_normal((draws, len(unit))) @ root.T) * unit
+    best = np.full(draws, -np.inf)
+    for scale in limits.PRIOR_SCALES:
+        grown = (scale * linear.prior_sd[columns]) ** 2
+        room = 1.0 + np.diag(info) * grown
+        each = 0.5 * g**2 * (grown / room) - 0.5 * np.log(room)
+        best = np.maximum(best, each.max(axis=1))
+    return np.sort(best - np.log(len(limits.PRIOR_SCALES)))
 
 
 def p_value(nats: float, maxima: FloatArray) -> float:

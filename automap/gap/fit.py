@@ -16,7 +16,7 @@ from automap.gap.delays import Delays, delays_of, has_delays, without_higher_ord
 from automap.gap.drive import OpenDrive
 from automap.gap.model import GapModel, parameter_names, session_with
 from automap.gap.motion import Motion, at_times, lagged, motion_of
-from automap.records import FloatArray
+from automap.records import FloatArray, IntArray
 
 DELAY_ROUNDS = 8
 
@@ -108,6 +108,13 @@ def fit_drive(
     )
 
 
+def whitened_innovations(fit: Fit) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Innovations over sd [s], their times [s] in s and channels [s]."""
+    store = fit.last.forward.store
+    node, channel = store.info[:, 0], store.info[:, 1]
+    return store.nu / np.sqrt(store.var), fit.last.nodes.t[node], channel
+
+
 def _repeat_passes(
     session: Session, last: Pass, start: Start, delays: Delays
 ) -> tuple[Pass, Start]:
@@ -126,4 +133,4 @@ def _stated(opened: OpenDrive, names: list[tuple[str, str]]) -> FloatArray:
     return np.array([known.get(p, 0.0) if e == "gnss_lever_arm" else 0.0 for e, p in names])
 
 
-__all__ = ["Fit", "Motion", "at_times", "fit_drive", "lagged", "motion_of"]
+__all__ = ["Fit", "Motion", "at_times", "fit_drive", "lagged", "motion_of", "whitened_innovations"]

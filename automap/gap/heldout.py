@@ -8,18 +8,17 @@ autoregression of its own innovations could still gain (a Kullback-Leibler dista
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from automap.fusion.layout import CH_VEL, CHANNELS, HAS_POS_H
 from automap.gap.drive import OpenDrive
-from automap.gap.fit import Fit, fit_drive
+from automap.gap.fit import Fit, fit_drive, whitened_innovations
 from automap.gap.model import GapModel
 from automap.gap.result import ChannelGap
 from automap.gap.scoring import robust_score
-from automap.gap.screening import whitened_innovations
 from automap.gap.whitening import AR_ORDER, Whitener, autoregression
 from automap.records import FloatArray
 
@@ -27,9 +26,6 @@ MEASURED = CH_VEL + 3
 """Channels of the receiver. The vehicle constraint is no measurement: what it says counts where
 models are compared, but a vehicle that sways on its springs is no gap of the sensors."""
 SHOWN = MEASURED + 2
-HELD_OUT_SLACK = 3.0
-SURE_NATS = 20.0
-"""What fitted data tell with so much evidence, held-out data may speak against by so much."""
 CLIP = 4.0
 
 
@@ -53,38 +49,9 @@ def fit_held_out(
     return [fit_drive(o, carried, linearised_at=p) for o, p in zip(opened, points, strict=True)]
 
 
-def fit_held_out_uncertain(
-    opened: Sequence[OpenDrive],
-    model: GapModel,
-    values: Mapping[str, Mapping[str, float]],
-    effect: str,
-    sds: Mapping[str, float],
-    linearised_at: Sequence[Fit],
-) -> list[Fit]:
-    """The same with one effect as sure as it was found: ``sds`` of its parameters. What a fit
-    could not tell then does no harm where it is carried over."""
-    options = replace(model.options, prior_sd={**model.options.prior_sd, effect: dict(sds)})
-    carried = replace(model, values={**model.values, **values}, options=options)
-    return [
-        fit_drive(o, carried, {effect: 1.0}, n) for o, n in zip(opened, linearised_at, strict=True)
-    ]
-
-
 def total_score(fits: Sequence[Fit], whitener: Whitener) -> float:
     """Robust log-likelihood of all drives in nats."""
     return sum(robust_score(f, whitener) for f in fits)
-
-
-def score_under_better_noise(
-    fit: Callable[[GapModel], Sequence[Fit]], models: Sequence[GapModel], whitener: Whitener
-) -> float:
-    """Robust log-likelihood under the better of models that differ in their noise levels: whether
-    other data need an effect is not to be mixed up with how noisy they are."""
-    different: list[GapModel] = []
-    for model in models:
-        if all(model.factors != known.factors for known in different):
-            different.append(model)
-    return max(total_score(fit(model), whitener) for model in different)
 
 
 def remaining_gap(fits: Sequence[Fit]) -> float:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.gap.advice import advice
+from automap.gap.candidates import named_columns
 from automap.gap.columns import ORIGIN
 from automap.gap.fit import Fit
-from automap.gap.screening import rows_of
+from automap.gap.linear import linearised
 from automap.records import FloatArray, IntArray
 
 SHOWS = 3.0
@@ -66,25 +67,11 @@ def _information(
     fits: Sequence[Fit], effects: Sequence[str]
 ) -> tuple[FloatArray, list[tuple[str, str]], FloatArray]:
     """Information [c, c] of all parameters, their names, and prior sds [c]."""
-    layout: list[tuple[str, str]] = []
-    priors: list[float] = []
-    parts = []
-    for fit in fits:
-        columns, rows, _ = rows_of(fit, effects)
-        # a skew's origin is no parameter of its own
-        kept = [i for i, c in enumerate(columns) if c.parameter != ORIGIN]
-        names = [(columns[i].effect, columns[i].parameter) for i in kept]
-        for name, i in zip(names, kept, strict=True):
-            if name not in layout:
-                layout.append(name)
-                priors.append(columns[i].prior_sd)
-        phi = rows.phi[:, kept]
-        parts.append((names, phi.T @ phi))
-    info: FloatArray = np.zeros((len(layout), len(layout)))
-    for names, part in parts:
-        at = [layout.index(n) for n in names]
-        info[np.ix_(at, at)] += part
-    return info, layout, np.array(priors)
+    linear = linearised(fits, lambda *about: named_columns(effects, *about), {})
+    # a skew's origin is no parameter of its own
+    kept = [i for i, c in enumerate(linear.layout) if c.parameter != ORIGIN]
+    layout = [(linear.layout[i].effect, linear.layout[i].parameter) for i in kept]
+    return linear.info[np.ix_(kept, kept)], layout, linear.prior_sd[kept]
 
 
 def _share(info: FloatArray, rows: IntArray, other: IntArray, priors: FloatArray) -> float:

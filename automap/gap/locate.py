@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.fusion.layout import CHANNELS
-from automap.gap.fit import Fit, at_times, motion_of
-from automap.gap.screening import whitened_innovations
+from automap.gap.fit import Fit, at_times, motion_of, whitened_innovations
 from automap.records import FloatArray
 
 MANOEUVRES = ("standing", "turning", "accelerating", "braking", "cruising")

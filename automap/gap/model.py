@@ -17,8 +17,15 @@ from automap.gap.drive import OpenDrive
 
 Values = Mapping[str, Mapping[str, float]]
 
-BASE_NUISANCES = ("accel_bias", "gyro_bias", "gnss_correlated_noise", "vehicle_pitch")
-"""What the base model estimates on every drive anew."""
+BASE_NUISANCES = (
+    "accel_bias",
+    "gyro_bias",
+    "gnss_correlated_noise",
+    "gnss_multipath",
+    "vehicle_pitch",
+)
+"""What the base model estimates on every drive anew: every receiver's positions err for minutes
+and for seconds."""
 
 SKEW = "imu_clock_skew"
 
@@ -49,14 +56,9 @@ def base_model(options: FusionOptions | None = None) -> GapModel:
 
 
 def base_options(options: FusionOptions, stated: Collection[str] = ()) -> FusionOptions:
-    """The options with the base model in place of an ordinary run's, but for those ``stated``.
-
-    An ordinary run takes it that a receiver's velocities err for seconds; here that is asked of
-    the drives, for it looks like many an effect.
-    """
-    if "effects" not in stated:
-        options = replace(options, effects=BASE_NUISANCES)
-    return options if "velocity_wander_sd" in stated else replace(options, velocity_wander_sd=0.0)
+    """The options with the base model in place of an ordinary run's effects, but where they are
+    ``stated``: an ordinary run estimates some that are findings here."""
+    return options if "effects" in stated else replace(options, effects=BASE_NUISANCES)
 
 
 def vehicle_options(options: FusionOptions) -> FusionOptions:

@@ -25,9 +25,11 @@ from automap.fusion.problem import Problem
 from automap.gap.fit import Fit
 from automap.records import FloatArray
 
-Curvatures = dict[tuple[str, ...], FloatArray]
-"""Inverse curvatures of the likelihood by the levels that moved."""
 LIMIT = 256.0
+REST_S = 1.0
+"""Long enough for the noise that a filter sums up between fixes, too short for drift."""
+LEAST_RESTS = 10
+"""Differences of means; the deviation of fewer is not known to a third of itself."""
 TAU_STEPS = (2.0, 2.0**0.5)
 MAX_NODES = 4000
 """Noise is fitted on so many nodes at most, spread over the drives."""
@@ -47,33 +49,76 @@ def fit_noise(
     fits: Sequence[Fit],
     levels: Collection[str] = ALL_LEVELS,
     initial: Mapping[str, float] | None = None,
-    known: Curvatures | None = None,
 ) -> dict[str, float]:
     """Factors on the noise levels that make the drives' innovations most likely.
 
     ``levels`` are those that may move. The climb begins at ``initial``, else at the fits' own
-    factors; it is linearised about the fits' smoothed states. What it learns of the hill's
-    curvature it leaves in ``known`` for the next.
+    factors; it is linearised about the fits' smoothed states. No sensor is taken for quieter on
+    the road than it is at rest.
     """
-    known = {} if known is None else known
+    least = rest_factors(fits)
+
+    def limits_of(level: str) -> tuple[float, float]:
+        low, high = _limits(level)
+        return min(max(low, least.get(level, 0.0)), high), high
+
     factors = dict(initial or fits[0].model.factors)
-    factors = {k: float(np.clip(v, *_limits(k))) if k in levels else v for k, v in factors.items()}
+    factors = {
+        k: float(np.clip(v, *limits_of(k))) if k in levels else v for k, v in factors.items()
+    }
     smooth = [level for level in _BY_SLOPE if level in levels]
+    inverse: FloatArray | None = None
     for _ in range(2):
-        top = climb(
-            lambda trial: noise_slopes(fits, trial),
-            factors,
-            smooth,
-            _limits,
-            known.get(tuple(smooth)),
-        )
-        known[tuple(smooth)] = top.inverse
+        top = climb(lambda trial: noise_slopes(fits, trial), factors, smooth, limits_of, inverse)
+        inverse = top.inverse
         if "wander_tau" not in levels:
             return top.factors
         best, factors = _time_constant(fits, top.score, top.factors)
         if best - top.score < GAIN:
             break
     return factors
+
+
+def rest_factors(fits: Sequence[Fit]) -> dict[str, float]:
+    """Factors on the white levels of the inertial sensors below which no drive can be: the noise
+    of their means over ``REST_S`` where the vehicle stands (Allan deviation, IEEE Std 952).
+
+    The smallest over the axes that is likely, since standing vehicles shake; nothing where the
+    drives hardly stand.
+    """
+    found: dict[str, list[float]] = {"accel": [], "gyro": []}
+    for fit in fits:
+        imu = fit.opened.drive.imu
+        t = (imu.t_ns - imu.t_ns[0]) * 1e-9
+        for level, readings in (("accel", imu.accel), ("gyro", imu.gyro)):
+            squares = [_squared_steps(t, readings, span) for span in fit.opened.session.standstill]
+            steps = np.concatenate(squares) if squares else np.zeros((0, 3))
+            if len(steps) < LEAST_RESTS:
+                continue
+            density = np.sqrt(0.5 * steps.mean(axis=0) * REST_S)
+            stated = getattr(fit.model.options, f"{level}_noise")
+            found[level].append(float(density.min() / stated) * _surely(len(steps)))
+    return {level: min(values) for level, values in found.items() if values}
+
+
+def _squared_steps(t: FloatArray, readings: FloatArray, span: tuple[float, float]) -> FloatArray:
+    """Squared differences [k, 3] of neighbouring means over ``REST_S`` within a halt."""
+    inside = np.flatnonzero((t >= span[0]) & (t < span[1]))
+    if len(inside) == 0:
+        return np.zeros((0, 3))
+    number = ((t[inside] - span[0]) / REST_S).astype(np.int64)
+    starts = np.flatnonzero(np.diff(number, prepend=-1))
+    counts = np.diff(np.append(starts, len(inside)))
+    means = np.add.reduceat(readings[inside], starts, axis=0) / counts[:, None]
+    # the last one may be cut short
+    return np.asarray(np.diff(means[:-1], axis=0) ** 2)
+
+
+def _surely(count: int) -> float:
+    """Share of a standard deviation of ``count`` values that it exceeds with 95 %."""
+    from scipy.stats import chi2
+
+    return float(np.sqrt(count / chi2.ppf(0.95, count)))
 
 
 def noise_score(fits: Sequence[Fit], factors: Mapping[str, float]) -> float:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from automap.gap.dictionary import coefficient_names
 from automap.gap.fit import Fit
-from automap.gap.formula import Term, coefficient_names
 from automap.gap.identifiability import Identifiability
 from automap.gap.locate import Place
+from automap.gap.misfit import Misfit
 from automap.gap.model import GapModel
 
 LEAST_SHOWN_P = 1e-12
@@ -41,6 +42,38 @@ class Finding:
     gap_after: float
     confusable_with: tuple[str, ...] = ()
     advice: str = ""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One regressor on one channel: coefficient and sd in the unit of the channel per unit of the
+    quantity."""
+
+    channel: str
+    text: str
+    coefficient: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class NoiseClaim:
+    """A level of noise that is not as stated: ``factor`` on what data sheet or preset says, with
+    the nats by which the drives are likelier with it."""
+
+    level: str
+    factor: float
+    evidence_nats: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Refused:
+    """The strongest candidate that is not named: its name, evidence in nats, and the chance that
+    the strongest of all reaches so much where nothing is missing."""
+
+    effect: str
+    evidence_nats: float
+    p_value: float
 
 
 @dataclass(frozen=True)
@@ -93,16 +126,20 @@ class ChannelGap:
 
 @dataclass(frozen=True)
 class GapResult:
-    """Everything that a search found; ``model`` is the new one, ``places`` where the gap was,
-    ``held_out`` the fits of the held-out data before and after, ``unclear`` what the fitted drives
-    cannot tell."""
+    """Everything that a search found.
+
+    ``formulas`` what no effect of the library explains, ``model`` the new one, ``places`` where the
+    gap was, ``held_out`` the fits of the held-out data before and after, ``unclear`` what the
+    fitted drives cannot tell, ``misfits`` what no candidate explains, ``noise_claims`` noise that
+    is not as stated, ``refused`` the strongest candidate that is not named.
+    """
 
     gap_before: float
     gap_after: float
     channels: tuple[ChannelGap, ...]
     findings: tuple[Finding, ...]
     noise: Mapping[str, float]
-    unexplained: Unexplained | None
+    formulas: tuple[Unexplained, ...]
     verdict: str
     model: GapModel
     base: GapModel
@@ -111,6 +148,9 @@ class GapResult:
     places: tuple[Place, ...] = ()
     held_out: tuple[tuple[Fit, ...], tuple[Fit, ...]] = ((), ())
     unclear: Identifiability = field(default_factory=Identifiability)
+    misfits: tuple[Misfit, ...] = ()
+    noise_claims: tuple[NoiseClaim, ...] = ()
+    refused: tuple[Refused, ...] = ()
 
 
 def p_text(p: float) -> str:

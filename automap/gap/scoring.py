@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.gap.fit import Fit
-from automap.gap.screening import whitened_innovations
+from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.whitening import HUBER, Whitener, filtered, fit_whitener
 from automap.records import FloatArray
 

@@ -1,297 +1,314 @@
-"""The search: name one missing effect after another until nothing stands out any more."""
+"""The search: which set of candidates a model is missing, each round about the last one's fit.
+
+A round makes the fit linear in all candidates, selects the set that the data speak for, fits that
+set as states of the filter together with the noise levels, and begins again about that fit, until
+the set stays. Noise that was fitted without an effect has swallowed part of it: so candidates are
+also proposed under the noise that the model was asked with, and judged with the noise fitted.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.effects.catalogue import bias_walks
-from automap.fusion.levels import ALL_LEVELS
-from automap.gap.clock_offset import missing_offset, starting_offset
-from automap.gap.drive import OpenDrive
-from automap.gap.effect_library import library
-from automap.gap.fit import Fit, fit_drive
-from automap.gap.formula import Formula
-from automap.gap.formula_effect import consistent_terms, dismiss, fit_as_effect, formula_validated
-from automap.gap.formula_trial import strongest_formula
-from automap.gap.heldout import (
-    HELD_OUT_SLACK,
-    SURE_NATS,
-    fit_held_out,
-    fit_held_out_uncertain,
-    score_under_better_noise,
-    total_score,
-)
-from automap.gap.model import SKEW, GapModel
-from automap.gap.naming import (
-    CLOSE_NATS,
-    FIX_DELAY,
-    OFFSETS,
-    VELOCITY_DELAYS,
-    by_sign,
-    confusable_with_best,
-    offset_at_start,
-    offset_besides,
-    offset_first,
-)
-from automap.gap.noise import Curvatures, fit_noise, noise_score
-from automap.gap.noise_kinds import with_noise_kinds, without_wander
-from automap.gap.scoring import Joint, log_likelihood_ratio, whitener_of
-from automap.gap.screening import screen
-from automap.gap.search_state import (
-    MAX_P,
-    MIN_NATS,
-    Log,
-    State,
-    Trial,
-    estimated,
-    fit_all,
-    joint_of,
-    values_of,
-)
-from automap.gap.shortlist import shortlist
-from automap.gap.trial import (
-    INERTIAL_LEVELS,
-    against_better_null,
-    evidence_bound,
-    null_fits,
-    sparsity_gain,
-    take_better_noise,
-    trials_under_stated_noise,
-    trials_with_little_drift,
-    try_candidate,
-    under_common_whitener,
-    with_refitted_noise,
-)
-from automap.gap.whitening import Whitener
+from automap.effects.catalogue import pairs_of_sign
+from automap.gap import limits
+from automap.gap.candidates import candidates_of, library, named_columns
+from automap.gap.columns import Column, NodeMotion
+from automap.gap.dictionary import equation, formula_columns, formula_texts, warm
+from automap.gap.evidence import Given, conditional, estimate_nats, plain_nats
+from automap.gap.fit import Fit, fit_drive, motion_of
+from automap.gap.fitted import Fitted, Log, fitted_about, with_noise
+from automap.gap.formulas import effect_for
+from automap.gap.linear import linearised
+from automap.gap.motion import Motion
+from automap.gap.motion_signals import motion_signals
+from automap.gap.scoring import Joint, mean_ratio
+from automap.gap.selection import Chosen, Selection, select
+from automap.gap.slow import box_columns, is_course, term_columns, variants, with_shapes
 
-MAX_FINDINGS = 8
-SWAP_NATS = 1.0
-LESS_DRIFT = 0.7
+Terms = tuple[tuple[str, str], ...]
+Key = tuple[str, tuple[str, ...]]
+WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
+HELD = 1e-6
+"""Share of its prior sd that is left to a parameter that is not to act."""
 
 
-def initial_state(
-    drives: Sequence[OpenDrive], held_out: Sequence[OpenDrive], model: GapModel, log: Log
-) -> State:
-    """Fit the base model, its noise first."""
-    stated_factors = dict(model.factors)
-    log("fitting the base model")
-    fits = [fit_drive(d, model) for d in drives]
-    others = tuple(k for k in ALL_LEVELS if k not in INERTIAL_LEVELS)
-    log("fitting the noise")
-    # the sensors' noise first or the fixes': the likelihood has a top for either
-    known: Curvatures = {}
-    tops = [
-        fit_noise(fits, initial=fit_noise(fits, levels, known=known), known=known)
-        for levels in (INERTIAL_LEVELS, others)
-    ]
-    best = max(tops, key=lambda factors: noise_score(fits, factors))
-    found = with_noise_kinds(fits, replace(model, factors=best), log)
-    state = State(list(drives), list(held_out), stated_factors, found.model, found.fits)
-    state.stages.append((state.model, {}))
-    return state
+@dataclass(frozen=True)
+class Found:
+    """Where a search ended: the set as fitted, the base model's fit, the joint estimate with all
+    parameters of each effect free, the last selection with what it chose, and which effect stands
+    for each candidate."""
+
+    base: Fitted
+    fitted: Fitted
+    full: Joint
+    selection: Selection
+    chosen: Chosen
+    effects: Mapping[str, str]
 
 
-def candidates_of(state: State, exclude: Collection[str]) -> list[str]:
-    """Effects that may be missing and were not refused already."""
-    has_wheels = any(d.session.odometer is not None for d in state.drives)
-    included = state.model.included | set(state.accepted) | set(state.refused) | set(exclude)
-    for opened in state.drives:
-        if opened.drive.mounting_sd.any():
-            included |= {"imu_mounting"}
-        if opened.drive.delay.sd > 0.02:
-            # a free offset between the clocks is the same thing
-            included |= {"gnss_latency"}
-    return library(frozenset(included), has_wheels, state.model.options.earth_rotation)
+class Search:
+    """A search on drives that were fitted; ``exclude`` effects that the library does without."""
 
+    def __init__(
+        self, base: Fitted, stated: Mapping[str, float], exclude: Collection[str], log: Log
+    ) -> None:
+        self.base, self.stated, self.log = base, dict(stated), log
+        self.exclude = frozenset(exclude)
+        self.effects: dict[str, str] = {}
+        self.courses: dict[str, Terms] = {}
+        self.names = self._library()
+        fit = base.fits[0]
+        self.texts = formula_texts(motion_signals(fit, motion_of(fit.last)), warm(fit))
 
-def forward_step(state: State, exclude: Collection[str], log: Log) -> Trial | None:
-    """Name the next missing effect, or None. The state moves on when one is named."""
-    effects = candidates_of(state, exclude)
-    if not effects:
+    def _library(self) -> list[str]:
+        included = set(self.base.model.included) | self.exclude
+        drives = [fit.opened for fit in self.base.fits]
+        for opened in drives:
+            if opened.drive.mounting_sd.any():
+                included |= {"imu_mounting"}
+            if opened.drive.delay.sd > 0.02:
+                # a free offset between the clocks is the same thing
+                included |= {"gnss_latency"}
+        has_wheels = any(d.session.odometer is not None for d in drives)
+        return library(frozenset(included), has_wheels, self.base.model.options.earth_rotation)
+
+    def run(self) -> Found:
+        """Rounds until the set stays: first without courses of time, then with them."""
+        here, slow = self.base, False
+        selection = self._selection(here, slow)
+        chosen, fitted = Chosen(), frozenset[str]()
+        tried: dict[Key, int] = {}
+        challenged: set[frozenset[str]] = set()
+        for number in range(limits.MAX_ROUNDS):
+            selection.refused = frozenset(k for k, count in tried.items() if count >= limits.TRIALS)
+            self.log(f"selecting beside {', '.join(chosen.names) or 'nothing'}")
+            last = number == limits.MAX_ROUNDS - 1
+            limit = len(chosen.names) if last else limits.MAX_FINDINGS
+            found = select(selection, chosen, limit)
+            if number == 0:
+                found = self._with_stated_noise(here, selection, found)
+            for name, part, _ in found.parts:
+                if name not in fitted:
+                    key = selection.key(name, part)
+                    tried[key] = tried.get(key, 0) + 1
+            if set(found.names) != fitted:
+                found = self._refined(here, selection, found)
+                here = self._fit(here, selection, found)
+                fitted = frozenset(found.names)
+                for name in self._not_borne_out(here, selection, found):
+                    # these parameters do not act; others of the same effect may
+                    acting = [part for n, part, _ in found.parts if n == name]
+                    tried |= dict.fromkeys(
+                        (selection.key(name, part) for part in acting), limits.TRIALS
+                    )
+                    found = found.without(name)
+            elif slow:
+                chosen, rival = found, self._challenged(here, selection, found)
+                if last or rival is None or frozenset(rival.names) in challenged:
+                    break
+                challenged.add(frozenset(rival.names))
+                found = rival
+                here = self._fit(here, selection, found)
+                fitted = frozenset(found.names)
+            else:
+                slow = True
+            after = self._selection(here, slow)
+            chosen = _in_layout(found, selection, after)
+            selection = after
+        self.log("fitting all parameters")
+        free = replace(here.model, options=self.base.model.options)
+        full = fitted_about(free, here.estimate, here.fits).joint()
+        return Found(self.base, here, full, selection, chosen, self.effects)
+
+    def _fit(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
+        """The chosen set as states, with the noise that suits it."""
+        estimate = self._estimate(selection, chosen)
+        held: dict[str, dict[str, float]] = {}
+        for name in chosen.names:
+            effect = self.effects[name]
+            acting = {
+                selection.linear.layout[i].parameter
+                for n, part, _ in chosen.parts
+                for i in part
+                if n == name
+            }
+            own = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
+            if not selection.candidates[name].terms:
+                held[effect] = {p: HELD * sd for p, sd in own.items() if p not in acting}
+        self.log(f"fitting {', '.join(chosen.names) or 'the base model'} with its noise")
+        options = self.base.model.options
+        options = replace(options, prior_sd=_joined(options.prior_sd, held))
+        fitted = fitted_about(replace(here.model, options=options), estimate, here.fits)
+        return with_noise(fitted, self.stated)
+
+    def _estimate(self, selection: Selection, chosen: Chosen) -> dict[str, float]:
+        """What the filter is to estimate of a choice: effect -> factor on its prior sds."""
+        out = {}
+        for name in chosen.names:
+            self.effects[name] = effect_for(selection.candidates[name], selection.linear)
+            out[self.effects[name]] = chosen.scale_of(name)
+        return out
+
+    def _challenged(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen | None:
+        """The choice with a close rival in a candidate's place where the filter itself, which knows
+        what is not linear, finds the drives likelier with it; None where no rival is."""
+        challenged = frozenset(chosen.names)
+        for name in chosen.names:
+            own, _ = selection.odds_of(chosen, name)
+            close = max(limits.CLOSE_NATS, limits.CHALLENGE * own)
+            best, instead = 0.0, None
+            rivals = selection.rivals(chosen, name)
+            names = [r for r in rivals if not selection.candidates[r.name].terms]
+            others = [r for r in rivals if r not in names and -r.ahead <= close]
+            if not selection.candidates[name].terms:
+                names = [r for r in names if -r.ahead <= close]
+            # a formula is told only where no name does as well in the filter itself
+            for rival in [*names[: limits.RIVALS], *others[: limits.RIVALS]]:
+                if frozenset(rival.chosen.names) == challenged:
+                    continue
+                other = rival.name
+                self.log(f"checking whether {name} is {other}")
+                prior = self._prior(selection, other) - self._prior(selection, name)
+                fits = fitted_about(
+                    here.model, self._estimate(selection, rival.chosen), here.fits
+                ).fits
+                ahead = mean_ratio(fits, here.fits) + prior
+                if ahead > best:
+                    best, instead = ahead, rival.chosen
+            if instead is not None:
+                return instead
         return None
-    offset = missing_offset(state, effects, log)
-    if offset is not None and validated(state, offset, log):
-        state.confusable[offset.effect] = confusable_with_best(offset, (), effects, None)
-        return accept(state, offset, log)
-    log("screening the library")
-    screening = screen(state.fits, effects)
-    trials = trials_under_stated_noise(state, effects, log)
-    slow: list[Trial] = []
-    if not any(t.nats >= MIN_NATS for t in trials):
-        chosen = shortlist(screening, state.accepted)
-        trials += [try_candidate(state, c, state.model, screening, log) for c in chosen]
-        slow = trials_with_little_drift(state, effects, log)
-    trials = by_sign([*trials, *slow], effects)
-    trials.sort(key=lambda t: -t.joint.nats)
-    trials = with_refitted_noise(state, trials, log)
-    nulls = null_fits(state, trials)
-    if take_better_noise(state, nulls, log):
-        return forward_step(state, exclude, log)
-    trials = offset_first(under_common_whitener(against_better_null(state, trials, nulls)))
-    for t in trials:
-        log(f"{t.effect}: {t.nats:.1f} nats, screened {t.screened:.1f}, p {t.p_value:.1e}")
-    formula = strongest_formula(state, trials, exclude, log) if state.formulas else None
-    rejection = None if formula is None else _why_rejected(state, formula, log)
-    if formula is not None and rejection is not None:
-        state.warnings.append(
-            f"{formula.equation} would explain {formula.nats:.0f} nats of the "
-            f"fitted data, but {rejection}; it is not told"
-        )
-        formula = None
-    if formula is not None:
-        state.unexplained = formula
-        if trials and trials[0].nats > MIN_NATS:
-            state.resembles = trials[0].effect
-            state.runner_up = trials[0] if trials[0].p_value <= MAX_P else None
-        return None
-    if not trials or trials[0].nats < MIN_NATS or trials[0].p_value > MAX_P:
-        besides = starting_offset(state, effects, log)
-        if besides is not None:
-            return accept(state, besides, log)
-        _note_confusable_with_drift(state, [*trials, *slow])
-        return None
-    best = trials[0]
-    if not validated(state, best, log):
-        state.refused[best.effect] = (
-            f"{best.effect} would explain {best.nats:.0f} nats of the fitted data, but the "
-            "held-out data do not confirm it; it is not named"
-        )
-        return forward_step(state, exclude, log)
-    state.confusable[best.effect] = confusable_with_best(best, trials[1:], effects, screening)
-    if state.equivalent_formula is not None:
-        state.confusable[best.effect] += (state.equivalent_formula,)
-    return accept(state, best, log)
+
+    @staticmethod
+    def _prior(selection: Selection, name: str) -> float:
+        """Log prior probability of a candidate; whole fixes are late more often than parts of
+        them."""
+        candidate = selection.candidates[name]
+        usual = 0.0 if candidate.terms or name in WHOLE_DELAYS else 1.0
+        part = name in CATALOGUE and CATALOGUE[name].resembles == "a delay" and usual
+        return candidate.log_prior - (limits.CLOSE_NATS if part else 0.0)
+
+    def _not_borne_out(self, here: Fitted, selection: Selection, chosen: Chosen) -> list[str]:
+        """Candidates whose values as the filter finds them are worth less than a name: the
+        screening looks at what changes quickly too, and there the vehicle sways."""
+        joint = here.joint()
+        out = []
+        for name in chosen.names:
+            effect, candidate = self.effects[name], selection.candidates[name]
+            columns = [i for n, part, _ in chosen.parts if n == name for i in part]
+            acting = [selection.linear.layout[i].parameter for i in columns]
+            rows = [i for i, (e, p) in enumerate(joint.names) if e == effect and p in acting]
+            if not rows:
+                continue
+            sds = chosen.scale_of(name) * selection.linear.prior_sd[columns[: len(rows)]]
+            nats = estimate_nats(joint.values[rows], joint.cov[np.ix_(rows, rows)], sds)
+            prior = candidate.log_prior + len(rows) * candidate.log_choice
+            if nats + prior < limits.LEAST_ODDS:
+                out.append(name)
+        return out
+
+    def _with_stated_noise(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
+        """The choice with what is proposed under the noise as stated."""
+        self.log("selecting under the noise as stated")
+        model = replace(here.model, factors=self.stated)
+        loud = self._selection(fitted_about(model, here.estimate, here.fits), False)
+        more = select(loud, _in_layout(found, selection, loud), limits.MAX_FINDINGS)
+        return _in_layout(more, loud, selection)
+
+    def _refined(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen:
+        """The choice with the periods, instants and time constants that fit best."""
+        length = float(here.fits[0].last.problem.t[-1])
+        for name in chosen.names:
+            candidate = selection.candidates[name]
+            finer = variants(candidate.terms, length) if is_course(candidate.terms) else []
+            if not finer or name in self.courses:
+                continue
+            self.log(f"refining {name}")
+            rest = [n for n in chosen.names if n != name]
+            best = self._likeliest(here, rest, [candidate.terms, *finer])
+            self.courses[equation(best)] = best
+            selection.candidates[equation(best)] = replace(
+                candidate, name=equation(best), terms=best
+            )
+            chosen = Chosen(
+                tuple(
+                    (equation(best) if n == name else n, part, scale)
+                    for n, part, scale in chosen.parts
+                )
+            )
+        return chosen
+
+    def _likeliest(self, here: Fitted, rest: Collection[str], tried: Sequence[Terms]) -> Terms:
+        """The course of time that explains most beside the effects ``rest``."""
+
+        def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
+            out = self._columns(fit, motion, at)
+            kept = [c for c in out if c.effect in rest]
+            return kept + [c for terms in tried for c in term_columns(fit, motion, terms)]
+
+        linear = linearised(here.fits, columns, {})
+        parts: dict[str, list[int]] = {}
+        given = Given()
+        for i, column in enumerate(linear.layout):
+            if column.effect in rest:
+                given = given.joined((i,), linear, 1.0)
+            else:
+                parts.setdefault(column.effect, []).append(i)
+        known = conditional(linear, given)
+        best = max(parts.values(), key=lambda part: plain_nats(known, tuple(part))[0])
+        return tuple(linear.layout[i].term for i in best)
+
+    def _columns(self, fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
+        out = named_columns(self.names, fit, motion, at)
+        out += formula_columns(fit, motion, at, self.texts, self.exclude)
+        for terms in self.courses.values():
+            out += term_columns(fit, motion, terms)
+        return out
+
+    def _selection(self, here: Fitted, slow: bool) -> Selection:
+        """The fit made linear, and its candidates; ``slow``: courses of time among them."""
+        values = here.values()
+        carried = replace(here.model, values={**here.model.values, **values})
+        fits = [fit_drive(f.opened, carried, linearised_at=f) for f in here.fits]
+        by_effect = {effect: name for name, effect in self.effects.items()}
+        known = {by_effect.get(e, e): v for e, v in values.items()}
+
+        def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
+            boxes = box_columns(fit, motion) if slow else []
+            return self._columns(fit, motion, at) + boxes
+
+        linear = linearised(fits, columns, known)
+        linear = with_shapes(linear) if slow else linear
+        candidates = candidates_of(linear.layout, self.names)
+        return Selection(linear, {c.name: c for c in candidates})
 
 
-def _note_confusable_with_drift(state: State, trials: Sequence[Trial]) -> None:
-    """Keep the names that a drift of the biases cannot be told from: with them less of it is left,
-    and the data are as likely."""
-    for walk, bias in bias_walks().items():
-        alike = [
-            t.effect
-            for t in trials
-            if CATALOGUE[t.effect].sensor == bias.sensor
-            and t.nats > -CLOSE_NATS
-            and t.model.factors[walk] < LESS_DRIFT * state.model.factors[walk]
-        ]
-        known = state.confusable.get(walk, ())
-        state.confusable[walk] = (*known, *dict.fromkeys(e for e in alike if e not in known))
+def _joined(
+    known: Mapping[str, Mapping[str, float]], more: Mapping[str, Mapping[str, float]]
+) -> dict[str, dict[str, float]]:
+    return {e: {**known.get(e, {}), **more.get(e, {})} for e in {**known, **more}}
 
 
-def accept(state: State, best: Trial, log: Log) -> Trial:
-    """Make a trial's effect one of the state's."""
-    state.accepted[best.effect] = best.scale
-    state.trials.append(replace(best, stage=len(state.trials) + 1))
-    state.model, state.fits = best.model, list(best.fits)
-    # what held-out data refused may have been bent by what was still missing
-    state.refused.clear()
-    if CATALOGUE[best.effect].resembles_velocity_wander:
-        plain = without_wander(state.fits, state.model, state.accepted, log)
-        if plain is not None:
-            state.model, state.fits = plain.model, plain.fits
-    state.stages.append((state.model, estimated(state)))
-    return best
-
-
-def validated(state: State, trial: Trial, log: Log) -> bool:
-    """Whether the held-out data are more likely with the effect than without."""
-    if not state.held_out:
-        return True
-    log(f"checking {trial.effect} on held-out data")
-    before = estimated(state)
-    after = values_of(trial.joint, [*state.accepted, trial.effect])
-    wider = float(np.sqrt(trial.candidate.evidence.overdispersion))
-    sds = {p: wider * sd for p, (_, sd) in trial.joint.of(trial.effect).items()}
-    old = state.held_fits = fit_held_out(state.held_out, state.model, before, state.held_fits)
-    whitener: Whitener = whitener_of(trial.fits[0])
-
-    def without(model: GapModel) -> list[Fit]:
-        return fit_held_out(state.held_out, model, before, old)
-
-    def with_effect(model: GapModel) -> list[Fit]:
-        return fit_held_out_uncertain(state.held_out, model, after, trial.effect, sds, old)
-
-    # with the noise that either model was fitted with, or both under whichever suits them better
-    models = (state.model, trial.model)
-    gain = max(
-        total_score(with_effect(trial.model), whitener) - total_score(old, whitener),
-        score_under_better_noise(with_effect, models, whitener)
-        - score_under_better_noise(without, models, whitener),
-    )
-    return gain > (-HELD_OUT_SLACK if trial.nats > SURE_NATS else 0.0)
-
-
-def _why_rejected(state: State, formula: Formula, log: Log) -> str | None:
-    """Why a formula is not to be believed: measurements do not show it, or held-out data do not
-    become more likely with it, as far as they can tell."""
-    log(f"checking {formula.equation} on held-out data")
-    tried = replace(state, unexplained=formula)
-    if fit_as_effect(tried) and not all(consistent_terms(tried)):
-        dismiss(formula)
-        return "only the vehicle constraint shows it"
-    values = estimated(state)
-    old = state.held_fits = fit_held_out(state.held_out, state.model, values, state.held_fits)
-    if not formula_validated(old, state.model, values, formula):
-        return "the held-out data do not confirm it"
-    return None
-
-
-def _resolve_delay(state: State, log: Log) -> None:
-    """Whether velocities come late, through a low-pass or with their whole fix, once all else is
-    named: with other effects still missing one resembles the other."""
-    free = set(candidates_of(state, state.exclude)) | set(VELOCITY_DELAYS) - state.exclude
-    delay = next((e for e in VELOCITY_DELAYS if e in state.accepted), None)
-    if delay is None:
-        return
-    whitener = whitener_of(state.fits[0])
-    before = total_score(state.fits, whitener)
-    found = []
-    for other in (*VELOCITY_DELAYS, FIX_DELAY):
-        if other in state.accepted or other not in free:
+def _in_layout(chosen: Chosen, old: Selection, new: Selection) -> Chosen:
+    """A choice with the columns of another layout; what that does not have is left out."""
+    place = {(c.effect, c.parameter): i for i, c in enumerate(new.linear.layout)}
+    parts = []
+    for name, part, scale in chosen.parts:
+        candidate = new.candidates.get(name)
+        if candidate is None:
             continue
-        log(f"checking whether {delay} is {other}")
-        swapped = {other if e == delay else e: s for e, s in state.accepted.items()}
-        fits = fit_all(state, state.model, swapped)
-        # whole fixes are late more often
-        head_start = CLOSE_NATS if other == FIX_DELAY else -SWAP_NATS
-        gain = total_score(fits, whitener) - before + head_start
-        log(f"{other}: {gain - head_start:.1f} nats more")
-        if gain > 0.0 and min(fits[0].value_of(other).values()) > 0.0:
-            found.append((gain, other, swapped, fits))
-    if not found:
-        return
-    _, other, state.accepted, state.fits = max(found, key=lambda item: item[0])
-    state.confusable[other] = (delay, *(e for e in state.confusable.pop(delay, ()) if e != other))
-    state.trials = [
-        replace(t, candidate=replace(t.candidate, effect=other)) if t.effect == delay else t
-        for t in state.trials
-    ]
-
-
-def _stands_beside(state: State) -> bool:
-    """Whether the clocks have an offset besides their skew."""
-    return offset_besides(state.fits) or offset_at_start(state.fits) != 0.0
-
-
-def backward_elimination(state: State, log: Log) -> Joint:
-    """Drop effects that others, accepted later, have made unnecessary; returns the estimate."""
-    zeros = [0.0] * len(state.fits)
-    _resolve_delay(state, log)
-    for effect in list(state.accepted) if len(state.accepted) > 1 else []:
-        if effect in OFFSETS and SKEW in state.accepted and _stands_beside(state):
+        if candidate.terms:
+            parts.append((name, candidate.parts[0], scale))
             continue
-        log(f"checking whether {effect} is still needed")
-        fewer = {e: s for e, s in state.accepted.items() if e != effect}
-        fits = fit_all(state, state.model, fewer)
-        loss = log_likelihood_ratio(state.fits, fits, state.fits[:1] * len(fits))
-        joint = joint_of(state.model, state.accepted, state.fits, zeros)
-        scale = state.accepted[effect]
-        loss += sparsity_gain(joint, state.model, effect, scale)
-        if min(loss, evidence_bound(joint, state.model, effect, scale)) < CLOSE_NATS:
-            state.accepted, state.fits = fewer, fits
-            state.trials = [t for t in state.trials if t.effect != effect]
-    return joint_of(state.model, state.accepted, state.fits, zeros)
+        columns = [old.linear.layout[i] for i in part]
+        rows = tuple(
+            place[(c.effect, c.parameter)] for c in columns if (c.effect, c.parameter) in place
+        )
+        if len(rows) == len(part):
+            parts.append((name, rows, scale))
+    return Chosen(tuple(parts))

@@ -12,18 +12,19 @@ from dataclasses import replace
 import numpy as np
 
 from automap.effects import CATALOGUE
+from automap.effects.catalogue import bias_walks
 from automap.fusion.layout import CH_VEL
-from automap.fusion.levels import ALL_LEVELS, RECEIVER_LEVELS
+from automap.fusion.levels import ALL_LEVELS, RECEIVER_LEVELS, SLOPED_LEVELS, VELOCITY_WANDER
 from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
 from automap.gap.drive import count_outliers
 from automap.gap.fit import Fit
 from automap.gap.noise import fit_noise, noise_score
-from automap.gap.result import Finding, ParameterValue
-from automap.gap.search_state import WALKS
+from automap.gap.result import Finding, NoiseClaim, ParameterValue
 from automap.gates import exceeds
 from automap.records import FloatArray
 
+WALKS = tuple(bias_walks())
 WALK_FACTOR = 2.5
 SCALE_FACTOR = 1.4
 MIN_NATS = 10.0
@@ -62,6 +63,25 @@ def stochastic_findings(
         if found is not None and found.effect not in exclude:
             out.append(found)
     return out
+
+
+def noise_claims(
+    fits: Sequence[Fit], stated_factors: Mapping[str, float]
+) -> tuple[NoiseClaim, ...]:
+    """Levels that the drives want higher than stated, however it is called: what no other level
+    says as well. The vehicle's own are not of a sensor or receiver."""
+    fitted = dict(fits[0].model.factors)
+    score = _memo(lambda f: noise_score(fits, f))
+    out = []
+    for level in SLOPED_LEVELS:
+        ratio = fitted[level] / stated_factors[level]
+        if level in WALKS or ratio < SCALE_FACTOR:
+            continue
+        held = _at_best(fits, fitted | {level: stated_factors[level]}, (level,))
+        nats = score(fitted) - score(held) - OCCAM_NATS
+        if nats >= MIN_NATS:
+            out.append(NoiseClaim(level, ratio, nats, _p(nats)))
+    return tuple(sorted(out, key=lambda c: -c.evidence_nats))
 
 
 def _at_best(
@@ -109,7 +129,9 @@ def _noise_scale(
     gap: float,
 ) -> Finding | None:
     """Whether positions and velocities are both noisier, or both better, than they say."""
-    logs = np.log(_sizes(fits, fitted) / _sizes(fits, stated_factors)) + np.log(_floored(fits))
+    # what lasts of a velocity's error no receiver states
+    stated = _sizes(fits, {**stated_factors, VELOCITY_WANDER: 0.0})
+    logs = np.log(_sizes(fits, fitted) / stated) + np.log(_floored(fits))
     factor = float(np.exp(np.mean(logs)))
     low, high = float(np.exp(logs.min())), float(np.exp(logs.max()))
     if not (factor > SCALE_FACTOR and low > SCALE_FACTOR**0.5) and not (

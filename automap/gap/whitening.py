@@ -5,6 +5,9 @@ neighbours and have long tails; a score computed from them would be too sure. Ea
 scaled by its robust spread, its remaining autocorrelation is taken out by a short
 autoregression (generalised least squares after Cochrane and Orcutt, 1949), and large values
 count less (Huber's psi). Sensitivities pass through the same steps, so nothing is biased.
+
+What counts as large is judged by what is left over once everything that may be missing has been
+fitted: an innovation that a missing effect makes large is no wild value.
 """
 
 from __future__ import annotations
@@ -13,22 +16,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.fusion.layout import CH_NHC, MAX_SCALARS
+from automap.fusion.layout import CH_NHC, CH_ODOMETER, MAX_SCALARS
 from automap.gates import sd_by_median
 from automap.records import FloatArray, IntArray
 
 AR_ORDER = 3
 HUBER = 2.0
+CLIPPED_SIZE = 0.9205
+"""Mean square of a standard normal value clipped at ``HUBER``: 1 - 2 (a phi(a) - (a^2 - 1) Q(a)).
+Channels that are quieter, as a loose vehicle constraint is, are not scaled up to it."""
 MIN_ROWS = 30
 MAX_COEFFICIENT_SUM = 0.9
-MIN_SPREAD = (0.7,) * CH_NHC + (0.7,) * 2 + (1.0,) * 6 + (0.7,)
-"""No channel counts for much more than its noise model says; pseudo-measurements at rest for
-no more at all."""
+MIN_SPREAD = (0.7,) * CH_NHC + (1.0,) * (CH_ODOMETER - CH_NHC) + (0.7,)
+"""No channel counts for much more than its noise model says; pseudo-measurements for no more at
+all."""
+LOOSE = (CH_NHC, CH_NHC + 1)
+"""Channels of the vehicle constraint: how a vehicle sways is no noise whose memory to take out, it
+is what the constraint's own sigma stands for."""
 
 
 @dataclass(frozen=True)
 class Whitener:
-    """Per channel: spread, autoregression [p], and Huber's factor E[psi']^2 / E[psi^2]."""
+    """Per channel: spread and autoregression [p]."""
 
     spread: dict[int, float]
     ar: dict[int, FloatArray]
@@ -44,7 +53,7 @@ def fit_whitener(whitened: FloatArray, channel: IntArray) -> Whitener:
             continue
         scale = max(sd_by_median(w - np.median(w)), 1e-3)
         clipped = np.clip(w / scale, -3.0, 3.0)
-        ar[c] = autoregression(clipped)
+        ar[c] = np.zeros(AR_ORDER) if c in LOOSE else autoregression(clipped)
         rest = filtered(w[:, None], ar[c])[:, 0]
         spread[c] = max(sd_by_median(rest), MIN_SPREAD[c])
     return Whitener(spread, ar)
@@ -75,7 +84,7 @@ def filtered(rows: FloatArray, a: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class WhiteRows:
-    """``w`` [s] Huberised, ``phi`` [s, c] scaled to match, so that phi' w is a score and phi' phi
+    """``w`` [s] weighted, ``phi`` [s, c] scaled to match, so that phi' w is a score and phi' phi
     its information; ``t`` [s] s, ``channel`` [s]."""
 
     w: FloatArray
@@ -85,23 +94,26 @@ class WhiteRows:
 
 
 def white_rows(
-    whitener: Whitener, whitened: FloatArray, phi: FloatArray, t: FloatArray, channel: IntArray
+    whitener: Whitener,
+    whitened: FloatArray,
+    phi: FloatArray,
+    t: FloatArray,
+    channel: IntArray,
+    left: FloatArray,
 ) -> WhiteRows:
-    """Apply a whitener to innovations [s] and sensitivities [s, c]."""
-    parts = []
+    """Apply a whitener to innovations [s] and sensitivities [s, c]; ``left`` [s] what is left of
+    the innovations decides how much each row counts."""
+    rows = np.flatnonzero(np.isin(channel, list(whitener.spread)))
+    w, f = np.zeros(len(channel)), np.zeros(phi.shape, phi.dtype)
     for c, spread in whitener.spread.items():
-        rows = np.flatnonzero(channel == c)
-        u = filtered(whitened[rows, None], whitener.ar[c])[:, 0] / spread
-        f = filtered(phi[rows], whitener.ar[c]) / spread
-        psi = np.clip(u, -HUBER, HUBER)
-        inside = max(float((np.abs(u) < HUBER).mean()), 0.3)
-        size = float(np.mean(psi**2))
-        # score inside / size per unit, information inside^2 / size
-        root = inside / np.sqrt(max(size, 1e-6))
-        parts.append((rows, psi / np.sqrt(max(size, 1e-6)), f * root))
-    rows = np.concatenate([p[0] for p in parts]) if parts else np.zeros(0, np.int64)
-    order = np.argsort(rows, kind="stable")
-    rows = rows[order]
-    w = np.concatenate([p[1] for p in parts])[order] if parts else np.zeros(0)
-    f = np.concatenate([p[2] for p in parts])[order] if parts else np.zeros((0, phi.shape[1]))
-    return WhiteRows(w, f, t[rows], channel[rows])
+        at = np.flatnonzero(channel == c)
+        ar = whitener.ar[c]
+        u = filtered(left[at, None], ar)[:, 0] / spread
+        weight = HUBER / np.maximum(np.abs(u), HUBER)
+        size = float(np.mean((weight * u) ** 2))
+        # a score of variance size * phi' phi, an information of mean(weight) * phi' phi
+        even = float(weight.mean()) / max(size, CLIPPED_SIZE)
+        factor = np.sqrt(weight * even)
+        w[at] = factor * filtered(whitened[at, None], ar)[:, 0] / spread
+        f[at] = (factor / spread)[:, None] * filtered(phi[at], ar)
+    return WhiteRows(w[rows], f[rows], t[rows], channel[rows])

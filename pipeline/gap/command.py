@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any
 from automap.errors import ConfigError
 
 if TYPE_CHECKING:
-    from automap.gap import Finding, GapResult
+    from automap.gap import Finding, GapResult, Unexplained
     from pipeline.calibrate.logs import LogSource
     from pipeline.shared.progress import Progress
 
 GAP = "gap.json"
 MODEL = "model.toml"
 REPORT = "gap.html"
+MISFITS = 5
+"""So many are printed; all are on the page."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ def _check_distinct(drives: Sequence[Path]) -> None:
 
 def as_json(result: GapResult) -> dict[str, Any]:
     """The content of gap.json."""
-    unexplained = result.unexplained
+    formulas = [_formula_json(f) for f in result.formulas]
     return {
         "schema": "automap.gap/1",
         "gap_before": result.gap_before,
@@ -124,29 +126,31 @@ def as_json(result: GapResult) -> dict[str, Any]:
         ],
         "noise": dict(result.noise),
         "sync": dict(result.sync),
-        "unexplained": None
-        if unexplained is None
-        else {
-            "channel": unexplained.channel,
-            "formula": unexplained.formula,
-            "coefficient": unexplained.coefficient,
-            "sd": unexplained.sd,
-            "evidence_nats": unexplained.evidence_nats,
-            "p_value": unexplained.p_value,
-            "resembles": unexplained.resembles,
-            "effect": unexplained.effect,
-            "gap_before": unexplained.gap_before,
-            "gap_after": unexplained.gap_after,
-            "terms": [
-                {
-                    "channel": term.channel,
-                    "formula": term.text,
-                    "coefficient": term.coefficient,
-                    "sd": term.sd,
-                }
-                for term in unexplained.terms
-            ],
-        },
+        "unexplained": formulas[0] if formulas else None,
+        "formulas": formulas,
+        "misfits": [
+            {
+                "channel": m.channel,
+                "kind": m.kind,
+                "where": m.where,
+                "size": m.size,
+                "p_value": m.p_value,
+            }
+            for m in result.misfits
+        ],
+        "noise_claims": [
+            {
+                "level": c.level,
+                "factor": c.factor,
+                "evidence_nats": c.evidence_nats,
+                "p_value": c.p_value,
+            }
+            for c in result.noise_claims
+        ],
+        "refused": [
+            {"effect": r.effect, "evidence_nats": r.evidence_nats, "p_value": r.p_value}
+            for r in result.refused
+        ],
         "alike": [
             {"effects": list(a.effects), "share": a.share, "advice": a.advice}
             for a in result.unclear.alike
@@ -154,6 +158,30 @@ def as_json(result: GapResult) -> dict[str, Any]:
         "hardly_shown": list(result.unclear.hidden),
         "verdict": result.verdict,
         "warnings": list(result.warnings),
+    }
+
+
+def _formula_json(one: Unexplained) -> dict[str, Any]:
+    return {
+        "channel": one.channel,
+        "formula": one.formula,
+        "coefficient": one.coefficient,
+        "sd": one.sd,
+        "evidence_nats": one.evidence_nats,
+        "p_value": one.p_value,
+        "resembles": one.resembles,
+        "effect": one.effect,
+        "gap_before": one.gap_before,
+        "gap_after": one.gap_after,
+        "terms": [
+            {
+                "channel": term.channel,
+                "formula": term.text,
+                "coefficient": term.coefficient,
+                "sd": term.sd,
+            }
+            for term in one.terms
+        ],
     }
 
 
@@ -173,7 +201,28 @@ def _finding_json(f: Finding) -> dict[str, Any]:
 
 
 def _lines(result: GapResult) -> list[str]:
-    return [result.verdict] + [_line(f) for f in result.findings]
+    from automap.gap.result import p_text
+
+    lines = [result.verdict, *(_line(f) for f in result.findings)]
+    for one in result.formulas:
+        like = f"; resembles {one.resembles}" if one.resembles else ""
+        lines.append(
+            f"  {one.formula}: {one.numbers} ({one.evidence_nats:.0f} nats, "
+            f"p {p_text(one.p_value)}){like}"
+        )
+    lines += [
+        f"  noise: {c.level.replace('_', ' ')} is {c.factor:.3g} times as stated "
+        f"({c.evidence_nats:.0f} nats)"
+        for c in result.noise_claims
+    ]
+    lines += [
+        f"  not explained: {m.channel.replace('_', ' ')} scatters {m.size:.2g} times as much as "
+        f"modelled at {m.where}"
+        for m in result.misfits[:MISFITS]
+    ]
+    if len(result.misfits) > MISFITS:
+        lines.append(f"  not explained: {len(result.misfits) - MISFITS} more in {REPORT}")
+    return lines
 
 
 def _line(f: Finding) -> str:

@@ -39,6 +39,7 @@ def gap_report(result: GapResult, names: Sequence[str], cameras: Sequence[Camera
         ("Measured and simulated", _overlay(result)),
         ("Before and after", _before_after(result)),
         ("Where the gap was", _where(result)),
+        ("Not explained", _misfits(result)),
         ("Channels", _channels(result)),
         ("Slow or fast", _spectra(result)),
         ("Error bars", _bars(result)),
@@ -92,12 +93,10 @@ def laboratory_report(result: LaboratoryResult, names: Sequence[str]) -> str:
 
 def _verdict(result: GapResult) -> Section:
     section = Section(sentences=[result.verdict[:1].upper() + result.verdict[1:] + "."])
-    other = result.unexplained
-    if other is not None:
+    for other in result.formulas:
         text = (
-            f"No effect of the library explains what is left. The formula that fits best is "
-            f"{other.formula} with {other.numbers} "
-            f"({other.evidence_nats:.0f} nats, p {p_text(other.p_value)})."
+            f"A formula that fits what no effect of the library explains: {other.formula} with "
+            f"{other.numbers} ({other.evidence_nats:.0f} nats, p {p_text(other.p_value)})."
         )
         if other.resembles:
             text += f" Of the named effects {other.resembles} resembles it most."
@@ -230,6 +229,22 @@ def _where(result: GapResult) -> Section:
     return section
 
 
+def _misfits(result: GapResult) -> Section:
+    section = Section(header=("channel", "where", "variance, times modelled", "p"))
+    if not result.misfits:
+        section.absent = "What is left is white and of the size that the model states."
+        return section
+    section.sentences.append(
+        "What the innovations of the fitted drives still show, though no candidate explains it: "
+        "sigmas are off by the root of these factors there."
+    )
+    section.rows = [
+        (m.channel.replace("_", " "), m.where, f"{m.size:.2f}", p_text(m.p_value))
+        for m in result.misfits
+    ]
+    return section
+
+
 def _channels(result: GapResult) -> Section:
     section = Section(
         header=("channel", "gap before", "after", "rms before", "after", "memory before", "after")
@@ -277,13 +292,18 @@ def _noise(result: GapResult) -> Section:
     section.sentences.append(
         "Noise was fitted by maximum likelihood before anything was named, and with it."
     )
+    section.sentences += [
+        f"{c.level.replace('_', ' ').capitalize()} is {c.factor:.2f} times as stated: "
+        f"{c.evidence_nats:.0f} nats speak for it. What that is beyond noise, nothing here says."
+        for c in result.noise_claims
+    ]
     section.rows = [(k.replace("_", " "), f"{v:.2f}") for k, v in result.noise.items()]
     return section
 
 
 def _next(result: GapResult) -> Section:
     section = Section()
-    if result.findings or result.unexplained:
+    if result.findings or result.formulas:
         section.sentences.append(
             "Use the new model with: automap run DRIVE --config model.toml. Where an effect is a "
             "fault of the installation or of a setting, mend it there instead."

@@ -1,0 +1,162 @@
+"""A fitted model made linear: how every candidate would show in its innovations.
+
+About a fit the innovations w are linear in the parameters of all candidates: w = phi theta + noise.
+Effects that the fit has already count from zero again: what their values explain is given back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.gap.columns import Column, NodeMotion, node_motion, sensitivities
+from automap.gap.fit import Fit, motion_of, whitened_innovations
+from automap.gap.motion import Motion
+from automap.gap.whitening import HUBER, MIN_SPREAD, fit_whitener, white_rows
+from automap.gates import sd_by_median
+from automap.records import FloatArray, IntArray
+
+BATCH = 96
+"""Columns carried through the filter together: their rows stay in the processor's cache."""
+PASSES = 3
+"""Of weights that the residuals decide: they have settled then."""
+STRETCH = 2048
+"""Rows that are multiplied together in double precision; bounds the memory."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of one drive: ``w`` [s] with all effects left out, ``phi`` [s, c], times ``t``
+    [s] in s, ``channel`` [s]."""
+
+    w: FloatArray
+    phi: FloatArray
+    t: FloatArray
+    channel: IntArray
+
+
+@dataclass(frozen=True)
+class Linear:
+    """All drives: ``layout`` the columns, ``mixing`` [c, v] by which candidates' columns are made
+    of them, None where each is one; score [v] and information [v, v] of these, prior sds [v], and
+    the values [v] that the fit has of them."""
+
+    layout: tuple[Column, ...]
+    rows: tuple[Rows, ...]
+    mixing: FloatArray | None
+    score: FloatArray
+    info: FloatArray
+    prior_sd: FloatArray
+    values: FloatArray
+
+    def columns(self, rows: Rows, at: Sequence[int]) -> FloatArray:
+        """Rows [s, k] of the candidates' columns ``at`` along one drive."""
+        if self.mixing is None:
+            return np.asarray(rows.phi[:, list(at)], np.float64)
+        mixing = self.mixing[:, list(at)]
+        used = np.flatnonzero(mixing.any(axis=1))
+        return np.asarray(rows.phi[:, used].astype(np.float64) @ mixing[used], np.float64)
+
+
+ColumnsOf = Callable[[Fit, Motion, NodeMotion], Sequence[Column]]
+
+
+def linearised(
+    fits: Sequence[Fit],
+    columns_of: ColumnsOf,
+    values: Mapping[str, Mapping[str, float]],
+) -> Linear:
+    """The fits, with effects held at ``values``, made linear in all columns."""
+    per_drive = []
+    layout: list[Column] = []
+    place: dict[tuple[str, str], int] = {}
+    for fit in fits:
+        motion = motion_of(fit.last)
+        columns = list(columns_of(fit, motion, node_motion(fit, motion)))
+        per_drive.append((fit, motion, columns))
+        for column in columns:
+            key = (column.effect, column.parameter)
+            if key not in place:
+                place[key] = len(layout)
+                layout.append(column)
+    known = np.array([values.get(c.effect, {}).get(c.parameter, 0.0) for c in layout])
+    sds = np.array([c.prior_sd for c in layout])
+    raw = []
+    for fit, motion, columns in per_drive:
+        at = [place[(c.effect, c.parameter)] for c in columns]
+        raw.append(_raw(fit, motion, columns, at, known))
+    rows = _white(raw, known, sds)
+    score = sum((_product(r.phi, r.w[:, None])[:, 0] for r in rows), np.zeros(len(layout)))
+    info = sum((_product(r.phi, r.phi) for r in rows), np.zeros((len(layout),) * 2))
+    return Linear(tuple(layout), rows, None, score, info, sds, known)
+
+
+def _product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """a' b in double precision, a stretch at a time: the rows themselves are in single."""
+    out: FloatArray = np.zeros((a.shape[1], b.shape[1]))
+    for start in range(0, len(a), STRETCH):
+        part = slice(start, start + STRETCH)
+        out += a[part].astype(np.float64).T @ b[part].astype(np.float64)
+    return out
+
+
+def _raw(
+    fit: Fit, motion: Motion, columns: Sequence[Column], at: Sequence[int], known: FloatArray
+) -> Rows:
+    """Innovations over their sds with all effects left out, and their sensitivities."""
+    whitened, t, channel = whitened_innovations(fit)
+    phi: FloatArray = np.zeros((len(whitened), len(known)), np.float32)
+    for start in range(0, len(columns), BATCH):
+        part = slice(start, start + BATCH)
+        phi[:, at[part]] = sensitivities(fit, motion, columns[part])
+    return Rows(whitened + _times(phi, known), phi, t, channel)
+
+
+def _times(phi: FloatArray, values: FloatArray) -> FloatArray:
+    """phi times values [s] in double precision, of the columns that count."""
+    used = np.flatnonzero(values)
+    return np.asarray(phi[:, used].astype(np.float64) @ values[used], np.float64)
+
+
+def _white(raw: Sequence[Rows], known: FloatArray, sds: FloatArray) -> tuple[Rows, ...]:
+    """White rows, weighted by what is left of them once all candidates together have been fitted
+    (ridge regression by their priors, iteratively reweighted: Huber, Robust Statistics, 1981).
+
+    Innovations that only a missing effect makes large would else count for too little, and a
+    formula that saturates as the weights do would explain them best.
+    """
+    values, freedom = known, 0.0
+    for _ in range(PASSES):
+        info: FloatArray = np.diag(sds**-2.0)
+        score: FloatArray = np.zeros(len(sds))
+        for r in raw:
+            root = _root_weights(r.w - _times(r.phi, values), r.channel)
+            for start in range(0, len(root), STRETCH):
+                part = slice(start, start + STRETCH)
+                f = r.phi[part] * root[part, None].astype(np.float32)
+                info += f.T @ f
+                score += f.T.astype(np.float64) @ (r.w[part] * root[part])
+        values = np.asarray(np.linalg.solve(info, score))
+    # so many of the rows' degrees of freedom the candidates have taken
+    freedom = len(sds) - float(np.sum(np.diag(np.linalg.inv(info)) * sds**-2.0))
+    count = sum(len(r.w) for r in raw)
+    grown = np.sqrt(count / max(count - freedom, 0.5 * count))
+    out = []
+    for r in raw:
+        left = grown * (r.w - _times(r.phi, values))
+        whitener = fit_whitener(left, r.channel)
+        white = white_rows(whitener, r.w, r.phi, r.t, r.channel, left)
+        out.append(Rows(white.w, white.phi, white.t, white.channel))
+    return tuple(out)
+
+
+def _root_weights(left: FloatArray, channel: IntArray) -> FloatArray:
+    """Square roots [s] of the weights of rows by what is left of them."""
+    out = np.zeros(len(left))
+    for c in np.unique(channel):
+        at = channel == c
+        spread = max(sd_by_median(left[at]), MIN_SPREAD[c])
+        out[at] = np.sqrt(HUBER / np.maximum(np.abs(left[at]) / spread, HUBER)) / spread
+    return out

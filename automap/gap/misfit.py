@@ -1,0 +1,135 @@
+"""What a model still does not explain, though no candidate does either: where, when, how large.
+
+The innovations of a right model are white and of size one. Whatever the search has named, they are
+looked at once more, by channel: by frequency, along the drive, and by what the vehicle does.
+Ljung-Box and chi-squared tests as in Bar-Shalom, Li, Kirubarajan, section 5.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from automap.fusion.layout import CH_VEL, CHANNELS
+from automap.gap import limits
+from automap.gap.fit import Fit, at_times, motion_of, whitened_innovations
+from automap.gates import exceeds
+from automap.records import BoolArray, FloatArray
+
+MEASURED = CH_VEL + 3
+BANDS = 6
+"""Bands of an octave and more between the slowest and the quickest that a channel shows."""
+CLIP = 4.0
+"""One wild fix in a thousand is a finding of its own, not the size of all others."""
+LEAST_ROWS = 60
+WORTH = 1.5
+"""Factor on the variance below which a misfit is not told: sigmas are then off by less than a
+quarter."""
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Something that no candidate explains: ``channel``; ``kind`` "band", "time", "speed", "turn",
+    "acceleration"; ``where`` in words; ``size`` factor on the variance that the model expects;
+    ``p_value`` of such a size by chance, all tests of the search counted."""
+
+    channel: str
+    kind: str
+    where: str
+    size: float
+    p_value: float
+
+
+def misfits(fits: Sequence[Fit]) -> tuple[Misfit, ...]:
+    """All that innovations of fits still show, the largest first."""
+    found: list[Misfit] = []
+    tests = 0
+    for c in range(MEASURED):
+        for one in (*_bands(fits, c), *_conditions(fits, c)):
+            tests += 1
+            found.append(one)
+    told = [
+        Misfit(m.channel, m.kind, m.where, m.size, min(1.0, tests * m.p_value))
+        for m in found
+        if m.size >= WORTH
+    ]
+    told = [m for m in told if m.p_value <= np.exp(-limits.LEAST_ODDS)]
+    return tuple(sorted(told, key=lambda m: -m.size))
+
+
+def _rows(fit: Fit, channel: int) -> tuple[FloatArray, FloatArray]:
+    whitened, t, channels = whitened_innovations(fit)
+    at = channels == channel
+    return np.clip(whitened[at], -CLIP, CLIP), t[at]
+
+
+def _bands(fits: Sequence[Fit], channel: int) -> list[Misfit]:
+    """Power by frequency."""
+    power, frequency = [], []
+    for fit in fits:
+        w, t = _rows(fit, channel)
+        if len(w) < LEAST_ROWS:
+            continue
+        step = float(np.median(np.diff(t)))
+        if step <= 0.0:
+            continue
+        # of white rows of size one every ordinate has mean one
+        power.append(np.asarray(np.abs(np.fft.rfft(w))[1:] ** 2 / len(w), np.float64))
+        frequency.append(np.fft.rfftfreq(len(w), step)[1:])
+    if not power:
+        return []
+    p, f = np.concatenate(power), np.concatenate(frequency)
+    edges = np.geomspace(float(f.min()), float(f.max()) * 1.000001, BANDS + 1)
+    out = []
+    for low, high in pairwise(edges):
+        inside = (f >= low) & (f < high)
+        count = int(inside.sum())
+        if count < 2:
+            continue
+        size = float(p[inside].mean())
+        words = f"periods of {1.0 / high:.3g} to {1.0 / low:.3g} s"
+        chance = exceeds(2.0 * count * size, 2 * count)
+        out.append(Misfit(CHANNELS[channel], "band", words, size, chance))
+    return out
+
+
+def _conditions(fits: Sequence[Fit], channel: int) -> list[Misfit]:
+    """Size along the drive and by what the vehicle does."""
+    ws, kinds = [], []
+    for fit in fits:
+        w, t = _rows(fit, channel)
+        motion = motion_of(fit.last)
+        speed = np.linalg.norm(at_times(motion, motion.vel, t), axis=1)
+        rate = np.abs(at_times(motion, motion.rate, t)[:, 2])
+        along = np.abs(
+            np.interp(t, motion.t, np.einsum("ni,ni->n", motion.dcm[:, :, 0], motion.acc))
+        )
+        ws.append(w)
+        kinds.append(np.stack([t + fit.opened.drive.begin_s, speed, rate, along], axis=1))
+    w, conditions = np.concatenate(ws), np.concatenate(kinds)
+    if len(w) < LEAST_ROWS:
+        return []
+    names = (
+        ("time", "s after the start", 8),
+        ("speed", "m/s", 4),
+        ("turn", "rad/s of turn", 4),
+        ("acceleration", "m/s^2 along", 4),
+    )
+    out = []
+    for column, (kind, unit, pieces) in enumerate(names):
+        x = conditions[:, column]
+        edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, pieces + 1)))
+        for low, high in pairwise(edges):
+            inside: BoolArray = (x >= low) & (x <= high)
+            out += _sized(w[inside], CHANNELS[channel], kind, f"{low:.3g} to {high:.3g} {unit}")
+    return out
+
+
+def _sized(w: FloatArray, channel: str, kind: str, words: str) -> list[Misfit]:
+    if len(w) < LEAST_ROWS // 2:
+        return []
+    size = float(np.mean(w**2))
+    return [Misfit(channel, kind, words, size, exceeds(size * len(w), len(w)))]

@@ -1,0 +1,259 @@
+"""Which candidates a linear model is missing: a search over sets by adding, swapping, dropping.
+
+What counts is the posterior odds: evidence of each part given all others, and prior probability.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from automap.effects.catalogue import alike_to_first_order
+from automap.gap import limits
+from automap.gap.candidates import Candidate
+from automap.gap.evidence import (
+    Conditional,
+    Evidence,
+    Given,
+    Part,
+    conditional,
+    evidence,
+    plain_nats,
+    singles,
+)
+from automap.gap.linear import Linear
+
+TRIES = 40
+"""Moves of one selection at most: each raises the odds, so this bounds the time only."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Parts of candidates with the factors on their priors; the order is that of choice."""
+
+    parts: tuple[tuple[str, Part, float], ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the candidates, each once."""
+        return tuple(dict.fromkeys(name for name, _, _ in self.parts))
+
+    def given(self, linear: Linear) -> Given:
+        """All parts as what is given."""
+        out = Given()
+        for _, part, scale in self.parts:
+            out = out.joined(part, linear, scale)
+        return out
+
+    def without(self, name: str) -> Chosen:
+        """The same less one candidate."""
+        return Chosen(tuple(p for p in self.parts if p[0] != name))
+
+    def joined(self, name: str, part: Part, scale: float) -> Chosen:
+        """The same with one more part."""
+        return Chosen((*self.parts, (name, part, scale)))
+
+    def scale_of(self, name: str) -> float:
+        """The largest factor on a candidate's priors."""
+        return max(scale for n, _, scale in self.parts if n == name)
+
+
+@dataclass(frozen=True)
+class Move:
+    """One part that a candidate may add: its evidence and log posterior odds."""
+
+    name: str
+    part: Part
+    evidence: Evidence
+    odds: float
+
+
+@dataclass
+class Selection:
+    """A linear model, what may be missing from it, and parts that stay out (``refused``)."""
+
+    linear: Linear
+    candidates: dict[str, Candidate]
+    refused: frozenset[tuple[str, tuple[str, ...]]] = frozenset()
+    _known: dict[Given, Conditional] = field(default_factory=dict)
+
+    def given(self, chosen: Chosen) -> Conditional:
+        """The model with what is chosen marginalised."""
+        key = chosen.given(self.linear)
+        if key not in self._known:
+            self._known.clear()
+            self._known[key] = conditional(self.linear, key)
+        return self._known[key]
+
+    def key(self, name: str, part: Part) -> tuple[str, tuple[str, ...]]:
+        """A part of a candidate by its parameters' names, which hold in other layouts too."""
+        return name, tuple(self.linear.layout[i].parameter for i in part)
+
+    def best(self, chosen: Chosen, names: Sequence[str] | None = None) -> list[Move]:
+        """The strongest parts beside what is chosen, best first, of the candidates ``names``."""
+        known = self.given(chosen)
+        barred = twins_of(chosen.names)
+        has = {part for _, part, _ in chosen.parts}
+        open_to = [
+            (c, part)
+            for c in self.candidates.values()
+            if c.name not in barred and (names is None or c.name in names)
+            for part in c.parts
+            if part not in has and (not self.refused or self.key(c.name, part) not in self.refused)
+        ]
+        prior = np.array(
+            [
+                (c.log_prior if c.name not in chosen.names else 0.0) + c.log_choice
+                for c, _ in open_to
+            ]
+        )
+        single = np.array([len(part) == 1 for _, part in open_to], dtype=bool)
+        nats = np.full(len(open_to), -np.inf)
+        if single.any():
+            columns = np.array([p[0] for _, p in open_to if len(p) == 1])
+            nats[single] = singles(known, columns)
+        for i in np.flatnonzero(~single):
+            nats[i] = plain_nats(known, open_to[i][1])[0]
+        out = []
+        for i in np.argsort(-(nats + prior), kind="stable")[: limits.SHORTLIST]:
+            candidate, part = open_to[i]
+            if nats[i] + prior[i] <= 0.0:
+                break
+            found = evidence(known, part)
+            if candidate.positive and found.estimate[0] <= 0.0:
+                continue
+            usual = self.linear.prior_sd[list(part)]
+            if not candidate.terms and (np.abs(found.estimate) > limits.MOST_USUAL * usual).any():
+                continue
+            out.append(Move(candidate.name, part, found, found.nats + float(prior[i])))
+        return sorted(out, key=lambda m: -m.odds)
+
+    def holds(self, move: Move) -> bool:
+        """Whether a move's odds are high, and other stretches predict what it explains."""
+        return move.odds >= limits.LEAST_ODDS and move.evidence.predicted_without_best > 0.0
+
+    def odds_of(self, chosen: Chosen, name: str) -> tuple[float, list[Move]]:
+        """Log posterior odds of all parts of one candidate given the others, and its parts."""
+        rest = chosen.without(name)
+        moves: list[Move] = []
+        for _, part, _ in (p for p in chosen.parts if p[0] == name):
+            found = evidence(self.given(rest), part)
+            candidate = self.candidates[name]
+            prior = candidate.log_choice + (0.0 if moves else candidate.log_prior)
+            moves.append(Move(name, part, found, found.nats + prior))
+            rest = rest.joined(name, part, found.scale)
+        return sum(m.odds for m in moves), moves
+
+    def rivals(self, chosen: Chosen, name: str) -> list[Rival]:
+        """What may stand in a candidate's place, best first.
+
+        Both explain much the same of the same data under the same noise. So the scatter of both
+        scores is taken for the smaller of the two: what one of them has more is its own misfit, and
+        shows in what it explains.
+        """
+        rest = chosen.without(name)
+        _, own = self.odds_of(chosen, name)
+        mine = max((m.evidence.overdispersion for m in own), default=1.0)
+        out = []
+        for other in dict.fromkeys(m.name for m in self.best(rest) if m.name != name):
+            candidate, instead = self.candidates[other], rest
+            moves: list[Move] = []
+            for _ in candidate.parts:
+                more = self.best(instead, (other,))
+                if not more or (moves and more[0].odds <= 0.0):
+                    break
+                moves.append(more[0])
+                instead = instead.joined(other, more[0].part, more[0].evidence.scale)
+            if not moves:
+                continue
+            common = min(mine, max(m.evidence.overdispersion for m in moves))
+            odds = [
+                sum(m.odds - m.evidence.nats + m.evidence.corrected(common) for m in side)
+                for side in (moves, own)
+            ]
+            out.append(Rival(other, odds[0] - odds[1], sum(m.odds for m in moves), instead))
+        return sorted(out, key=lambda r: -r.ahead)
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A candidate in the place of another: by how much its log odds are ahead of that one's, what
+    they are, and the choice with it."""
+
+    name: str
+    ahead: float
+    odds: float
+    chosen: Chosen
+
+
+def twins_of(names: Sequence[str]) -> frozenset[str]:
+    """Effects that act as chosen ones do to first order."""
+    out = set()
+    for one, other in alike_to_first_order():
+        if one in names:
+            out.add(other)
+        if other in names:
+            out.add(one)
+    return frozenset(out)
+
+
+def select(selection: Selection, chosen: Chosen, limit: int) -> Chosen:
+    """Add, swap and drop candidates until nothing raises the odds any more; at most ``limit``."""
+    strongest = 0.0
+    for _ in range(TRIES):
+        moves = [m for m in selection.best(chosen) if selection.holds(m)]
+        if moves:
+            best = moves[0]
+            strongest = max(strongest, best.odds)
+            room = len(chosen.names) < limit or best.name in chosen.names
+            if room and best.odds >= limits.WEAK_SHARE * strongest:
+                chosen = chosen.joined(best.name, best.part, best.evidence.scale)
+                chosen = _swapped(selection, chosen)
+                continue
+        fewer = _pruned(selection, chosen)
+        if fewer == chosen:
+            break
+        chosen = fewer
+    return chosen
+
+
+def _swapped(selection: Selection, chosen: Chosen) -> Chosen:
+    """The choice with a candidate in the place of another where that raises the odds, with what
+    stands out beside either: two effects may together do what one that is not there does nearly."""
+    for name in chosen.names[:-1]:
+        own, _ = selection.odds_of(chosen, name)
+        best, instead = _extended(selection, chosen)[0], chosen
+        for rival in selection.rivals(chosen, name)[: limits.RIVALS]:
+            if rival.ahead < -0.5 * own:
+                continue
+            more, with_more = _extended(selection, rival.chosen)
+            if rival.ahead + more > best + 1.0:
+                best, instead = rival.ahead + more, with_more
+        if instead != chosen:
+            return instead
+    return chosen
+
+
+def _extended(selection: Selection, chosen: Chosen) -> tuple[float, Chosen]:
+    """Odds of the part that stands out most beside a choice, and the choice with it."""
+    moves = [m for m in selection.best(chosen) if selection.holds(m)]
+    if not moves:
+        return 0.0, chosen
+    best = moves[0]
+    return best.odds, chosen.joined(best.name, best.part, best.evidence.scale)
+
+
+def _pruned(selection: Selection, chosen: Chosen) -> Chosen:
+    """The choice without the parts that are not needed beside the others."""
+    for name in chosen.names:
+        odds, moves = selection.odds_of(chosen, name)
+        if odds < limits.LEAST_ODDS:
+            return chosen.without(name)
+        for move in moves if len(moves) > 1 else ():
+            rest = Chosen(tuple(p for p in chosen.parts if p[:2] != (name, move.part)))
+            found = evidence(selection.given(rest), move.part)
+            if found.nats + selection.candidates[name].log_choice < 0.0:
+                return rest
+    return chosen

@@ -1,0 +1,176 @@
+"""What follows time alone: periods, transients, steps, found through boxes.
+
+A bias in boxes of some seconds along each inertial axis has a column a box. Every slow course of
+time is a sum of boxes, so thousands of periods, time constants and instants cost no column more.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from automap.effects.formula_text import parse_formula
+from automap.effects.signals import FIELDS, Signals
+from automap.gap import limits
+from automap.gap.columns import Column, Inertial
+from automap.gap.dictionary import (
+    CHANNELS,
+    axis_of,
+    coefficient_names,
+    equation,
+    inertial_columns,
+    size_of,
+)
+from automap.gap.fit import Fit
+from automap.gap.linear import Linear
+from automap.gap.motion import Motion
+from automap.records import FloatArray
+
+BOX = "box"
+PERIODS_A_BOX = 3.0
+"""A period of fewer boxes than this is not seen as one."""
+OVERSAMPLED = 1.5
+"""Frequencies stand closer than the inverse length of the drive by this factor: in between a
+period loses no more than a tenth of its evidence."""
+DECAYS = 12
+FINER = 21
+"""Steps of a refinement: a tenth of the distance of those first tried."""
+COURSE = re.compile(
+    r"(step\(time - |exp\(-time / |sin\(2 \* pi \* time / |cos\(2 \* pi \* time / )"
+)
+NUMBER = re.compile(r"(?<=[-/] )[\d.e+-]+(?=\))")
+"""The instant, time constant or period of a course of time: the last number of its text."""
+
+
+def box_s(length_s: float) -> float:
+    """Length of the boxes of a drive, s."""
+    return max(limits.BOX_S, length_s / limits.MOST_BOXES)
+
+
+def box_columns(fit: Fit, motion: Motion) -> list[Column]:
+    """A column a box for each inertial axis along one drive."""
+    time = motion.t + fit.opened.drive.begin_s
+    width = box_s(float(motion.t[-1] - motion.t[0]))
+    number = ((motion.t - motion.t[0]) / width).astype(np.int64)
+    out = []
+    for i in range(int(number[-1]) + 1):
+        inside = number == i
+        if not inside.any():
+            continue
+        signal = inside.astype(np.float64)
+        middle = float(time[inside].mean())
+        for channel in CHANNELS:
+            acts = (Inertial(*axis_of(channel), signal),)
+            name = f"{BOX} {fit.opened.drive.name}"
+            key = f"{channel} {middle:.3f}"
+            out.append(Column(name, key, size_of(channel), acts, term=(channel, f"{middle:.3f}")))
+    return out
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A course of time: the texts of its terms."""
+
+    texts: tuple[str, ...]
+
+
+def shapes(begin_s: float, end_s: float) -> list[Shape]:
+    """Periods, decays and steps that a drive between two instants may show."""
+    length = end_s - begin_s
+    width = box_s(length)
+    count = int(OVERSAMPLED * length / (PERIODS_A_BOX * width))
+    out = []
+    for i in range(2, count + 1):
+        period = OVERSAMPLED * length / i
+        texts = (f"sin(2 * pi * time / {period:.4g})", f"cos(2 * pi * time / {period:.4g})")
+        out.append(Shape(texts))
+    for tau in np.geomspace(2.0 * width, 0.5 * length, DECAYS):
+        out.append(Shape((f"exp(-time / {tau:.3g})",)))
+    # between two boxes
+    for at in np.arange(begin_s + 2.5 * width, end_s - 2.0 * width, width):
+        out.append(Shape((f"step(time - {at:.4g})",)))
+    return out
+
+
+def with_shapes(linear: Linear) -> Linear:
+    """The linear model with courses of time in place of its boxes."""
+    boxes = [i for i, c in enumerate(linear.layout) if c.effect.startswith(BOX)]
+    plain = [i for i, c in enumerate(linear.layout) if not c.effect.startswith(BOX)]
+    if not boxes:
+        return linear
+    times = np.array([float(linear.layout[i].term[1]) for i in boxes])
+    channels = [linear.layout[i].term[0] for i in boxes]
+    layout: list[Column] = [linear.layout[i] for i in plain]
+    known = {c.effect for c in layout}
+    mix: list[FloatArray] = []
+    signals = _time_signals(times)
+    for shape in shapes(float(times.min()), float(times.max())):
+        values = [parse_formula(text)(signals) for text in shape.texts]
+        spreads = [max(float(np.std(v)), 1e-9) for v in values]
+        for channel in CHANNELS:
+            on = np.array([c == channel for c in channels])
+            terms = [(channel, text) for text in shape.texts]
+            name = equation(terms)
+            if name in known:
+                continue
+            names = coefficient_names(len(terms))
+            for parameter, value, spread, term in zip(names, values, spreads, terms, strict=True):
+                column: FloatArray = np.zeros(len(linear.layout))
+                column[boxes] = np.where(on, value, 0.0)
+                mix.append(column)
+                layout.append(Column(name, parameter, size_of(channel) / spread, term=term))
+    identity = np.eye(len(linear.layout))[:, plain]
+    mixing = np.concatenate([identity, np.stack(mix, axis=1)], axis=1)
+    return replace(
+        linear,
+        layout=tuple(layout),
+        mixing=mixing,
+        score=mixing.T @ linear.score,
+        info=mixing.T @ linear.info @ mixing,
+        prior_sd=np.array([c.prior_sd for c in layout]),
+        values=np.concatenate([linear.values[plain], np.zeros(len(layout) - len(plain))]),
+    )
+
+
+def _time_signals(time: FloatArray) -> Signals:
+    nothing = np.zeros(len(time))
+    return Signals(*(time if name == "time" else nothing for name in FIELDS))
+
+
+def term_columns(fit: Fit, motion: Motion, terms: Sequence[tuple[str, str]]) -> list[Column]:
+    """The columns of one formula of inertial channels along one drive."""
+    names = coefficient_names(len(terms))
+    return [
+        replace(
+            inertial_columns(fit, motion, on, [text])[0], effect=equation(terms), parameter=name
+        )
+        for name, (on, text) in zip(names, terms, strict=True)
+    ]
+
+
+def variants(
+    terms: Sequence[tuple[str, str]], length_s: float
+) -> list[tuple[tuple[str, str], ...]]:
+    """A course of time with its period, time constant or instant moved in small steps, nothing
+    for other formulas: those that were tried stand a box apart."""
+    number = NUMBER.search(terms[0][1])
+    if number is None:
+        return []
+    value, width = float(number[0]), box_s(length_s)
+    text = terms[0][1]
+    if text.startswith("step"):
+        moved = value + width * np.linspace(-1.0, 1.0, FINER)
+    elif text.startswith("exp"):
+        ratio = (0.25 * length_s / width) ** (1.0 / (DECAYS - 1))
+        moved = value * np.geomspace(1.0 / ratio, ratio, FINER)
+    else:
+        moved = 1.0 / (1.0 / value + np.linspace(-1.0, 1.0, FINER) / (OVERSAMPLED * length_s))
+    return [tuple((on, NUMBER.sub(f"{v:.5g}", t)) for on, t in terms) for v in moved if v > 0.0]
+
+
+def is_course(terms: Sequence[tuple[str, str]]) -> bool:
+    """Whether a formula is a course of time with an instant, a time constant or a period."""
+    return bool(terms) and all(COURSE.match(text) for _, text in terms)
