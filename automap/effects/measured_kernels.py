@@ -232,6 +232,14 @@ def rows_along(
 
 
 @kernel
+def course_changes(vel: FloatArray, acc: FloatArray, out: FloatArray) -> None:
+    """``out`` [k, 3]: what of accelerations ``acc`` [k, 3] turns velocities ``vel`` [k, 3], m/s^2
+    NED, as the rows of a late course have it."""
+    for k in range(vel.shape[0]):
+        _across(vel[k], acc[k], out[k])
+
+
+@kernel
 def _across(whole: FloatArray, late: FloatArray, out: FloatArray) -> None:
     """``out`` [3]: the part of the change ``late`` [3] that turns the horizontal velocity."""
     squared = whole[0] * whole[0] + whole[1] * whole[1]

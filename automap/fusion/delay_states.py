@@ -9,6 +9,7 @@ VEL_LATENCY_STATE = "gnss_velocity_latency_s"
 LATENCY_STATE = "gnss_latency_s"
 SKEW_STATE = "imu_clock_skew_skew"
 VEL_LAG_STATE = "gnss_velocity_lag_tau"
+COURSE_STATE = "gnss_course_latency_s"
 WHEELS_STATE = "odometer_time_offset_s"
 
 

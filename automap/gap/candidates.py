@@ -89,8 +89,14 @@ def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Ca
                 positive=CATALOGUE[effect].never_negative or effect in signs,
             )
         )
+    # those that are the likeliest of many share the prior of all of these
+    plain = sum(layout[groups[n][0]].choices == 1.0 for n in formulas)
+    many = sum(c for n in formulas if (c := layout[groups[n][0]].choices) > 1.0)
+    kinds = (plain > 0) + (many > 0)
     for name in formulas:
         rows = groups[name]
         terms = tuple(layout[i].term for i in rows)
-        out.append(Candidate(name, (tuple(rows),), outside - math.log(len(formulas)), terms=terms))
+        among = plain if layout[rows[0]].choices == 1.0 else many
+        prior = outside - math.log(kinds * among)
+        out.append(Candidate(name, (tuple(rows),), prior, terms=terms))
     return out

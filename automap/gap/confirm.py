@@ -15,6 +15,7 @@ from automap.gap.fit import Fit
 from automap.gap.heldout import fit_held_out, total_score
 from automap.gap.model import GapModel, Values
 from automap.gap.scoring import whitener_of
+from automap.gap.whitening import HUBER
 from automap.records import FloatArray
 
 
@@ -45,13 +46,13 @@ def confirmed(held_out: Sequence[OpenDrive], model: GapModel, values: Values) ->
                 "less likely with it; it is not named"
             )
     # under the same noise: a filter that follows its fixes more closely predicts the next one well
-    plain = position_rms(fit_held_out(held_out, model, {}, fits))
-    while kept and _worse(position_rms(fits), plain):
+    plain = fit_held_out(held_out, model, {}, fits)
+    while kept and _worse(fits, plain):
         tries = []
         for effect in kept:
             fewer = {e: v for e, v in kept.items() if e != effect}
             without = fit_held_out(held_out, model, fewer, fits)
-            tries.append((float(position_rms(without).sum()), effect, fewer, without))
+            tries.append((float(_missed(without).sum()), effect, fewer, without))
         _, effect, kept, fits = min(tries, key=lambda item: item[0])
         warnings.append(
             f"with {effect} held-out positions are predicted worse than without; it is kept out "
@@ -60,17 +61,35 @@ def confirmed(held_out: Sequence[OpenDrive], model: GapModel, values: Values) ->
     return Confirmed(kept, tuple(warnings))
 
 
-def position_rms(fits: Sequence[Fit]) -> FloatArray:
-    """By how much positions differ from what is predicted of them: median [2] level and down, m."""
-    squares: list[list[FloatArray]] = [[], []]
+def _missed(fits: Sequence[Fit]) -> FloatArray:
+    """By how much positions differ from what is predicted of them, summed over stretches of the
+    drives [2, b] level and down, m; what is wild counts as little else (Huber's loss)."""
+    out = []
     for fit in fits:
         store = fit.last.forward.store
-        channel = store.info[:, 1]
-        for side, axes in enumerate(((CH_POS, CH_POS + 1), (CH_POS + 2,))):
-            squares[side].append(store.nu[np.isin(channel, axes)] ** 2)
-    # one wild fix must not decide
-    return np.array([np.sqrt(np.median(np.concatenate(s))) if len(s) else 0.0 for s in squares])
+        t, channel = fit.last.nodes.t[store.info[:, 0]], store.info[:, 1]
+        number = max(int(fit.last.nodes.t[-1] / limits.BLOCKS_S[0]), 1)
+        edges = np.linspace(0.0, np.nextafter(fit.last.nodes.t[-1], np.inf), number + 1)
+        sides = []
+        for axes in ((CH_POS, CH_POS + 1), (CH_POS + 2,)):
+            at = np.isin(channel, axes)
+            off = np.abs(store.nu[at])
+            usual = np.median(off) / 0.6745 if at.any() else 0.0
+            most = HUBER * usual
+            loss = np.where(off < most, 0.5 * off**2, most * (off - 0.5 * most))
+            sides.append(np.histogram(t[at], edges, weights=loss)[0])
+        out.append(np.array(sides))
+    return np.concatenate(out, axis=1)
 
 
-def _worse(after: FloatArray, before: FloatArray) -> bool:
-    return bool((after > (1.0 + limits.WORSE_POSITIONS) * before).any())
+def _worse(after: Sequence[Fit], before: Sequence[Fit]) -> bool:
+    """Whether positions are predicted worse by more than is allowed, and than their scatter from
+    stretch to stretch makes likely, level or down."""
+    now, then = _missed(after), _missed(before)
+    for a, b in zip(now, then, strict=True):
+        more = a - b
+        spread = float(np.sqrt(len(more)) * np.std(more))
+        total, allowed = float(more.sum()), (1.0 + limits.WORSE_POSITIONS) ** 2 - 1.0
+        if total > allowed * float(b.sum()) and total > limits.ONE_IN_A_THOUSAND * spread:
+            return True
+    return False

@@ -13,7 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.earth import gravity, metres_per_radian
-from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE
+from automap.effects.limits import COURSE_SPEED
+from automap.effects.measured_kernels import course_changes
+from automap.fusion.delay_states import (
+    COURSE_STATE,
+    LATENCY_STATE,
+    SKEW_STATE,
+    VEL_LAG_STATE,
+    VEL_LATENCY_STATE,
+)
 from automap.fusion.nodes import FixModel
 from automap.fusion.passes import Pass
 from automap.fusion.steady_rate import steady_rate
@@ -29,26 +37,30 @@ CHANGE = 5e-4
 class Delays:
     """By how much fixes are older than their tags in s: ``all_s`` of them at the start of the
     drive, growing by ``skew`` s/s; velocities by ``velocity_s`` more, and by a low-pass of time
-    constant ``lag_s``."""
+    constant ``lag_s``, their courses by ``course_s`` more than their sizes."""
 
     all_s: float = 0.0
     skew: float = 0.0
     velocity_s: float = 0.0
     lag_s: float = 0.0
+    course_s: float = 0.0
 
     def close_to(self, other: Delays, length_s: float) -> bool:
         """Whether two differ by no more than matters over a drive of ``length_s``."""
-        mine = (self.all_s, self.skew * length_s, self.velocity_s, self.lag_s)
-        others = (other.all_s, other.skew * length_s, other.velocity_s, other.lag_s)
+        mine, others = self._in_s(length_s), other._in_s(length_s)
         return all(
             abs(a - b) <= max(LEAST_S, CHANGE * abs(a)) for a, b in zip(mine, others, strict=True)
         )
+
+    def _in_s(self, length_s: float) -> tuple[float, ...]:
+        return self.all_s, self.skew * length_s, self.velocity_s, self.lag_s, self.course_s
 
 
 def has_delays(where: Mapping[str, Mapping[str, tuple[str, float]]]) -> bool:
     """Whether a model, ``where`` its effects' states, has ages of the fixes at all."""
     states = {state for places in where.values() for state, _ in places.values()}
-    return bool(states & {LATENCY_STATE, SKEW_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE})
+    ages = {LATENCY_STATE, SKEW_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE, COURSE_STATE}
+    return bool(states & ages)
 
 
 def delays_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) -> Delays:
@@ -59,7 +71,9 @@ def delays_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) 
     if "gnss_velocity_lag" not in where or "gnss_velocity_latency" in where:
         # the state stands for a latency
         lag, age = 0.0, age + lag
-    return Delays(found.get(LATENCY_STATE, 0.0), -found.get(SKEW_STATE, 0.0), age, max(lag, 0.0))
+    course = found.get(COURSE_STATE, 0.0)
+    late, skew = found.get(LATENCY_STATE, 0.0), -found.get(SKEW_STATE, 0.0)
+    return Delays(late, skew, age, max(lag, 0.0), course)
 
 
 def without_higher_orders(fixes: FixModel, last: Pass, motion: Motion, delays: Delays) -> FixModel:
@@ -68,26 +82,45 @@ def without_higher_orders(fixes: FixModel, last: Pass, motion: Motion, delays: D
     arm = np.array([found.get(f"gnss_lever_arm_{a}", 0.0) for a in "xyz"])
     # not the noise of single readings: on rough roads an arm would turn it into velocities
     rate = steady_rate(motion.t, motion.rate)
-    swing = np.einsum("nij,nj->ni", motion.dcm, np.cross(rate, arm))
+    turning = np.cross(rate, arm)
+    swing = np.einsum("nij,nj->ni", motion.dcm, turning)
+    inward = np.einsum("nij,nj->ni", motion.dcm, np.cross(rate, turning))
     antenna = replace(motion, vel=motion.vel + swing)
     t = last.shift.position_times(fixes.t)
     late = delays.all_s + delays.skew * t
     values = fixes.values.copy()
-    path = _path(antenna)
-    moved = at_times(motion, path, t - late) - at_times(motion, path, t)
-    moved += late[:, None] * at_times(motion, motion.vel, t)
+    path, vel = _path(antenna), at_times(motion, antenna.vel, t)
+    moved = at_times(motion, path, t - late) - at_times(motion, path, t) + late[:, None] * vel
     north, east = metres_per_radian(values[:, 0], values[:, 2])
     values[:, 0] -= moved[:, 0] / north
     values[:, 1] -= moved[:, 1] / east
     values[:, 2] += moved[:, 2]
     passed = lagged(antenna, delays.lag_s) if delays.lag_s > 0.0 else antenna.vel
-    seen = at_times(motion, passed, t - late - delays.velocity_s)
+    told = t - late - delays.velocity_s
+    seen = at_times(motion, passed, told)
     old = (late + delays.velocity_s + delays.lag_s)[:, None]
-    first_order = at_times(motion, antenna.vel, t) - old * at_times(
-        motion, _steady(last, motion), t
-    )
+    acc = at_times(motion, _steady(last, motion) + inward, t)
+    first_order = vel - old * acc
+    if delays.course_s != 0.0:
+        seen = _turned(seen, at_times(motion, passed, told - delays.course_s))
+        turns = np.zeros_like(vel)
+        course_changes(vel, acc, turns)
+        first_order -= delays.course_s * turns
     values[:, 3:6] -= seen - first_order
     return replace(fixes, values=values)
+
+
+def _turned(vel: FloatArray, course_of: FloatArray) -> FloatArray:
+    """Velocities [k, 3] with the courses of others, at a crawl hardly: a course is anything."""
+    size = np.hypot(vel[:, 0], vel[:, 1])
+    other = np.hypot(course_of[:, 0], course_of[:, 1])
+    told = np.minimum((size / COURSE_SPEED) ** 2, 1.0)
+    moving = other > 0.0
+    out = vel.copy()
+    for a in range(2):
+        turned = np.where(moving, course_of[:, a] / np.where(moving, other, 1.0) * size, vel[:, a])
+        out[:, a] += told * (turned - vel[:, a])
+    return out
 
 
 def _path(motion: Motion) -> FloatArray:

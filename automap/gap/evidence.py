@@ -13,6 +13,7 @@ their ratio; and what a candidate explains must be predicted for each stretch fr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,8 @@ from automap.records import FloatArray, IntArray
 
 Part = tuple[int, ...]
 """Columns that act together."""
+SINGULAR = 1e-6
+"""Share of its variance by which a score is drawn too large, so that a matrix has a root."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,12 @@ class Conditional:
     weights: FloatArray
     value: FloatArray
     linear: Linear
+
+    def shows(self, part: Part) -> bool:
+        """Whether a part has something of its own beside what is given: what is left of nearly the
+        same is what a linear model has wrong of either."""
+        own = np.diag(self.linear.info)[list(part)]
+        return bool((self.diagonal[list(part)] > limits.LEAST_OWN * own).all())
 
     def info(self, part: Part) -> FloatArray:
         """Information [p, p] of a part."""
@@ -225,23 +234,35 @@ def estimate_nats(values: FloatArray, cov: FloatArray, prior_sd: FloatArray) -> 
     return 0.5 * float(y @ y) + float(np.log(np.diag(root)).sum())
 
 
-def null_maxima(linear: Linear, columns: IntArray, draws: int, seed: int = 1) -> FloatArray:
-    """The largest evidence [draws] over columns [k] where none acts, sorted.
+def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int = 1) -> FloatArray:
+    """The largest evidence [draws] over parts where none of them acts, sorted.
 
     Scores are drawn from their own covariance, so the overlap of the candidates counts.
     """
     rng = np.random.default_rng(seed)
-    info = linear.info[np.ix_(columns, columns)]
+    columns = np.array(sorted({i for part in parts for i in part}), np.int64)
+    place = {int(c): i for i, c in enumerate(columns)}
+    info = known.info(tuple(columns))
     unit = np.sqrt(np.maximum(np.diag(info), 1e-300))
-    values, vectors = np.linalg.eigh(info / np.outer(unit, unit))
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    g = (rng.standard_normal((draws, len(unit))) @ root.T) * unit
+    correlation = info / np.outer(unit, unit)
+    # courses of time are made of fewer boxes than there are of them: their scores are singular
+    root = np.linalg.cholesky(correlation + SINGULAR * np.eye(len(columns)))
+    g = (rng.standard_normal((draws, len(columns))) @ root.T) * unit
+    sds = known.linear.prior_sd[columns]
     best = np.full(draws, -np.inf)
+    single = np.array([place[part[0]] for part in parts if len(part) == 1], np.int64)
+    several = [np.array([place[i] for i in part]) for part in parts if len(part) > 1]
     for scale in limits.PRIOR_SCALES:
-        grown = (scale * linear.prior_sd[columns]) ** 2
-        room = 1.0 + np.diag(info) * grown
-        each = 0.5 * g**2 * (grown / room) - 0.5 * np.log(room)
-        best = np.maximum(best, each.max(axis=1))
+        if len(single):
+            grown = (scale * sds[single]) ** 2
+            room = 1.0 + np.diag(info)[single] * grown
+            each = 0.5 * g[:, single] ** 2 * (grown / room) - 0.5 * np.log(room)
+            best = np.maximum(best, each.max(axis=1))
+        for at in several:
+            sd = scale * sds[at]
+            low = np.linalg.cholesky(info[np.ix_(at, at)] * np.outer(sd, sd) + np.eye(len(at)))
+            y = np.linalg.solve(low, (g[:, at] * sd).T)
+            best = np.maximum(best, 0.5 * (y**2).sum(axis=0) - np.log(np.diag(low)).sum())
     return np.sort(best - np.log(len(limits.PRIOR_SCALES)))
 
 

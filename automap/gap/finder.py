@@ -20,7 +20,7 @@ from automap.gap.identifiability import Identifiability, identifiability
 from automap.gap.locate import places, worst_by_channel
 from automap.gap.misfit import misfits
 from automap.gap.model import GapModel, Values, base_model
-from automap.gap.naming import describe, verdict
+from automap.gap.naming import describe, strongest_refused, verdict
 from automap.gap.result import Finding, GapResult
 from automap.gap.scoring import whitener_of
 from automap.gap.search import Found, Search
@@ -58,11 +58,11 @@ def find_gaps(
     kept = [open_drive(d, model.options) for d in held]
     forget_formulas(())
     base = open_fits(opened, model, log)
-    found = Search(base, model.factors, exclude, log).run()
+    found = Search(base, kept, model.factors, exclude, log).run()
     log("checking on held-out data")
     stands = confirmed(kept, found.fitted.model, found.fitted.values())
     log("measuring the gap on held-out data")
-    forget_formulas(stands.values)
+    forget_formulas(found.fitted.estimate)
     return _result(found, stands.values, stands.warnings, kept, model, exclude)
 
 
@@ -136,7 +136,8 @@ def _result(
         held_out=(tuple(first), tuple(final)),
         unclear=_unclear(found, carried, exclude),
         misfits=left,
-        noise_claims=tuple(claims),
+        noise_claims=claims,
+        refused=strongest_refused(found),
     )
 
 

@@ -22,9 +22,12 @@ CHALLENGE = 0.1
 effect is off by what is not linear, rarely by more than a tenth."""
 PRIOR_SCALES = (1.0, 5.0)
 """An effect may be five times its usual size, at odds of one to two for either."""
-MOST_USUAL = 10.0
-"""Usual sizes beyond which an effect is not the one that its name says: two sigma of the wider
-prior. No car carries its antenna ten metres above the sensor."""
+LEAST_OWN = 0.01
+"""Share of its information that a parameter must have beside those in the model: linear models of
+effects that are hardly told apart are off by a percent or so themselves."""
+APART = 1.645
+"""Sigmas of the difference of two models' scores, stretch by stretch, from which on they are told
+apart (Vuong 1989): the better is then the worse one time in twenty."""
 
 # stretches
 
@@ -53,6 +56,9 @@ RIVALS = 5
 WEAK_SHARE = 0.25
 """What has less than this share of the strongest's evidence waits until that one is fitted: the
 screening is linear, and what a large effect leaves beyond that looks like small ones."""
+STEADY = 0.1
+"""Factor on the drift of biases under which courses of time are proposed: what drift can follow in
+a drive, it has swallowed. A tenth follows nothing; what is proposed is judged with all of it."""
 NULL_DRAWS = 4000
 """A p-value of 1e-3 is then known to half of itself."""
 
@@ -71,6 +77,8 @@ sigma, costs half a nat a parameter, rarely more than three."""
 WORSE_POSITIONS = 0.02
 """Share by which held-out positions may be predicted worse with a model than without: the
 standard error of an rms of some thousand fixes."""
+ONE_IN_A_THOUSAND = 3.09
+"""Sigmas beyond which they must be worse stretch by stretch, too."""
 
 # time
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from automap.effects import CATALOGUE
 from automap.gap import limits
 from automap.gap.advice import advice
@@ -13,17 +11,17 @@ from automap.gap.dictionary import coefficient_names
 from automap.gap.evidence import null_maxima, p_value
 from automap.gap.misfit import Misfit
 from automap.gap.model import Values
-from automap.gap.result import Finding, ParameterValue, Term, Unexplained
+from automap.gap.result import Finding, ParameterValue, Refused, Term, Unexplained
 from automap.gap.search import Found
 from automap.gap.selection import Move, Rival, twins_of
+from automap.records import FloatArray
 
 
 def describe(found: Found, values: Values) -> list[Finding | Unexplained]:
     """Findings and formulas of a search that stand with ``values``, the surest first; their gaps
     are filled in later."""
     selection, chosen = found.selection, found.chosen
-    columns = np.array([p[0] for c in selection.candidates.values() for p in c.parts])
-    maxima = null_maxima(selection.linear, columns, limits.NULL_DRAWS)
+    maxima = chance(found)
     told: list[tuple[float, Finding | Unexplained]] = []
     for name in chosen.names:
         effect = found.effects.get(name, name)
@@ -33,13 +31,15 @@ def describe(found: Found, values: Values) -> list[Finding | Unexplained]:
         rivals = [r for r in selection.rivals(chosen, name) if r.chosen != chosen]
         room = max(limits.CLOSE_NATS, limits.CLOSE * odds)
         close = [r.name for r in rivals if r.ahead > -room]
+        close += found.not_told_apart.get(name, ())
         nats = sum(m.evidence.nats for m in moves)
         p = p_value(nats, maxima)
         if selection.candidates[name].terms:
             told.append((odds, _formula(found, name, moves, nats, p, rivals)))
             continue
         twins = [t for t in sorted(twins_of((name,))) if t in selection.candidates]
-        confusable = tuple(dict.fromkeys([*close, *twins]))
+        named = [n for n in close if not selection.candidates[n].terms]
+        confusable = tuple(dict.fromkeys([*named, *twins]))
         units = {q.name: q.unit for q in CATALOGUE[effect].parameters}
         parameters = {
             q: ParameterValue(v, sd, units[q]) for q, (v, sd) in found.full.of(effect).items()
@@ -53,6 +53,24 @@ def describe(found: Found, values: Values) -> list[Finding | Unexplained]:
             )
         )
     return [one for _, one in sorted(told, key=lambda item: -item[0])]
+
+
+def chance(found: Found) -> FloatArray:
+    """The largest evidence [draws] of all candidates beside what was found where nothing else is
+    missing, sorted."""
+    selection = found.selection
+    known = selection.given(found.chosen)
+    parts = [p for c in selection.candidates.values() for p in c.parts if known.shows(p)]
+    return null_maxima(known, parts, limits.NULL_DRAWS)
+
+
+def strongest_refused(found: Found) -> tuple[Refused, ...]:
+    """The strongest candidate that is not named."""
+    move = found.selection.strongest(found.chosen)
+    if move is None:
+        return ()
+    nats = move.evidence.nats
+    return (Refused(move.name, nats, p_value(nats, chance(found))),)
 
 
 def _formula(

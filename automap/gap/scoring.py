@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.gap import limits
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.whitening import HUBER, Whitener, filtered, fit_whitener
 from automap.records import FloatArray
@@ -41,32 +42,38 @@ def whitener_of(fit: Fit) -> Whitener:
 
 def robust_score(fit: Fit, whitener: Whitener) -> float:
     """Log-likelihood of the measurements in nats, up to a constant of the whitener."""
-    whitened, _, channel = whitened_innovations(fit)
-    total = -0.5 * float(np.log(fit.last.forward.store.var).sum())
+    return float(_each_score(fit, whitener)[0].sum())
+
+
+def _each_score(fit: Fit, whitener: Whitener) -> tuple[FloatArray, FloatArray]:
+    """The same of every measurement [s], and their times [s] in s."""
+    whitened, t, channel = whitened_innovations(fit)
+    out = -0.5 * np.log(fit.last.forward.store.var)
     for c, spread in whitener.spread.items():
-        rows = whitened[channel == c]
-        total -= float(_rho(filtered(rows[:, None], whitener.ar[c])[:, 0] / spread).sum())
-    return total
+        at = channel == c
+        out[at] -= _rho(filtered(whitened[at, None], whitener.ar[c])[:, 0] / spread)
+    return out, t
 
 
-def log_likelihood_ratio(
-    after: Sequence[Fit], before: Sequence[Fit], whitened_by: Sequence[Fit] | None = None
-) -> float:
-    """Nats by which measurements are likelier under fits than under others of the same drives.
-
-    Both sides of a drive are whitened by the innovations of its fit in ``whitened_by``, ``after``
-    by default.
-    """
-    total = 0.0
-    for a, b, own in zip(after, before, whitened_by or after, strict=True):
-        whitener = whitener_of(own)
-        total += robust_score(a, whitener) - robust_score(b, whitener)
-    return total
-
-
-def mean_ratio(one: Sequence[Fit], other: Sequence[Fit]) -> float:
-    """The same by the mean of what the whiteners of both sides say."""
-    return 0.5 * (log_likelihood_ratio(one, other) + log_likelihood_ratio(one, other, other))
+def likelier(one: Sequence[Fit], other: Sequence[Fit]) -> tuple[float, float]:
+    """Nats by which drives are likelier under fits than under others, by the mean of what the
+    whiteners of both sides say, and the sigmas of that by its scatter from stretch to stretch
+    (Vuong, Econometrica 57 (1989), 307-333)."""
+    parts = []
+    for a, b in zip(one, other, strict=True):
+        number = max(int(a.last.nodes.t[-1] / limits.BLOCKS_S[0]), 1)
+        edges = np.linspace(0.0, np.nextafter(a.last.nodes.t[-1], np.inf), number + 1)
+        total = np.zeros(number)
+        for own in (a, b):
+            whitener = whitener_of(own)
+            for sign, fit in ((0.5, a), (-0.5, b)):
+                score, t = _each_score(fit, whitener)
+                total += sign * np.histogram(t, edges, weights=score)[0]
+        parts.append(total)
+    each = np.concatenate(parts)
+    total_nats = float(each.sum())
+    spread = float(np.sqrt(len(each)) * np.std(each))
+    return total_nats, total_nats / spread if spread > 0.0 else 0.0
 
 
 def _rho(u: FloatArray) -> FloatArray:

@@ -14,24 +14,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.effects.catalogue import pairs_of_sign
+from automap.effects.catalogue import bias_walks, pairs_of_sign
 from automap.gap import limits
 from automap.gap.candidates import candidates_of, library, named_columns
 from automap.gap.columns import Column, NodeMotion
 from automap.gap.dictionary import equation, formula_columns, formula_texts, warm
+from automap.gap.drive import OpenDrive
 from automap.gap.evidence import Given, conditional, estimate_nats, plain_nats
 from automap.gap.fit import Fit, fit_drive, motion_of
 from automap.gap.fitted import Fitted, Log, fitted_about, with_noise
 from automap.gap.formulas import effect_for
+from automap.gap.heldout import fit_held_out
 from automap.gap.linear import linearised
 from automap.gap.motion import Motion
 from automap.gap.motion_signals import motion_signals
-from automap.gap.scoring import Joint, mean_ratio
-from automap.gap.selection import Chosen, Selection, select
+from automap.gap.scoring import Joint, likelier
+from automap.gap.selection import Chosen, Key, Selection, select
 from automap.gap.slow import box_columns, is_course, term_columns, variants, with_shapes
 
 Terms = tuple[tuple[str, str], ...]
-Key = tuple[str, tuple[str, ...]]
+WALKS = tuple(bias_walks())
 WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
 HELD = 1e-6
 """Share of its prior sd that is left to a parameter that is not to act."""
@@ -40,8 +42,8 @@ HELD = 1e-6
 @dataclass(frozen=True)
 class Found:
     """Where a search ended: the set as fitted, the base model's fit, the joint estimate with all
-    parameters of each effect free, the last selection with what it chose, and which effect stands
-    for each candidate."""
+    parameters of each effect free, the last selection with what it chose, which effect stands for
+    each candidate, and which names the drives cannot tell from each."""
 
     base: Fitted
     fitted: Fitted
@@ -49,18 +51,26 @@ class Found:
     selection: Selection
     chosen: Chosen
     effects: Mapping[str, str]
+    not_told_apart: Mapping[str, tuple[str, ...]]
 
 
 class Search:
-    """A search on drives that were fitted; ``exclude`` effects that the library does without."""
+    """A search on drives that were fitted, and on others, ``held_out``, that judge between models;
+    ``exclude`` effects that the library does without."""
 
     def __init__(
-        self, base: Fitted, stated: Mapping[str, float], exclude: Collection[str], log: Log
+        self,
+        base: Fitted,
+        held_out: Sequence[OpenDrive],
+        stated: Mapping[str, float],
+        exclude: Collection[str],
+        log: Log,
     ) -> None:
-        self.base, self.stated, self.log = base, dict(stated), log
+        self.base, self.held_out, self.stated, self.log = base, held_out, dict(stated), log
         self.exclude = frozenset(exclude)
         self.effects: dict[str, str] = {}
         self.courses: dict[str, Terms] = {}
+        self.close: dict[str, tuple[str, ...]] = {}
         self.names = self._library()
         fit = base.fits[0]
         self.texts = formula_texts(motion_signals(fit, motion_of(fit.last)), warm(fit))
@@ -79,9 +89,9 @@ class Search:
 
     def run(self) -> Found:
         """Rounds until the set stays: first without courses of time, then with them."""
-        here, slow = self.base, False
+        here, slow, steady = self.base, False, False
         selection = self._selection(here, slow)
-        chosen, fitted = Chosen(), frozenset[str]()
+        chosen, fitted = Chosen(), frozenset[Key]()
         tried: dict[Key, int] = {}
         challenged: set[frozenset[str]] = set()
         for number in range(limits.MAX_ROUNDS):
@@ -91,15 +101,15 @@ class Search:
             limit = len(chosen.names) if last else limits.MAX_FINDINGS
             found = select(selection, chosen, limit)
             if number == 0:
-                found = self._with_stated_noise(here, selection, found)
-            for name, part, _ in found.parts:
-                if name not in fitted:
-                    key = selection.key(name, part)
-                    tried[key] = tried.get(key, 0) + 1
-            if set(found.names) != fitted:
+                self.log("selecting under the noise as stated")
+                found = self._proposed(here, selection, found, self.stated, slow)
+            keys = selection.keys(found)
+            for key in keys - fitted:
+                tried[key] = tried.get(key, 0) + 1
+            if keys != fitted:
                 found = self._refined(here, selection, found)
                 here = self._fit(here, selection, found)
-                fitted = frozenset(found.names)
+                here, found = self._better_twins(here, selection, found)
                 for name in self._not_borne_out(here, selection, found):
                     # these parameters do not act; others of the same effect may
                     acting = [part for n, part, _ in found.parts if n == name]
@@ -107,23 +117,31 @@ class Search:
                         (selection.key(name, part) for part in acting), limits.TRIALS
                     )
                     found = found.without(name)
+                fitted = selection.keys(found)
             elif slow:
-                chosen, rival = found, self._challenged(here, selection, found)
+                chosen, rival = found, self._decided(here, selection, found)
                 if last or rival is None or frozenset(rival.names) in challenged:
                     break
-                challenged.add(frozenset(rival.names))
+                challenged |= {frozenset(found.names), frozenset(rival.names)}
                 found = rival
                 here = self._fit(here, selection, found)
-                fitted = frozenset(found.names)
+                fitted = selection.keys(found)
             else:
                 slow = True
             after = self._selection(here, slow)
             chosen = _in_layout(found, selection, after)
+            if slow and not steady:
+                steady = True
+                self.log("selecting what is slow beside steady biases")
+                calm = {
+                    k: v * limits.STEADY if k in WALKS else v for k, v in here.model.factors.items()
+                }
+                chosen = self._proposed(here, after, chosen, calm, slow)
             selection = after
         self.log("fitting all parameters")
         free = replace(here.model, options=self.base.model.options)
         full = fitted_about(free, here.estimate, here.fits).joint()
-        return Found(self.base, here, full, selection, chosen, self.effects)
+        return Found(self.base, here, full, selection, chosen, self.effects, self.close)
 
     def _fit(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
         """The chosen set as states, with the noise that suits it."""
@@ -154,35 +172,72 @@ class Search:
             out[self.effects[name]] = chosen.scale_of(name)
         return out
 
-    def _challenged(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen | None:
-        """The choice with a close rival in a candidate's place where the filter itself, which knows
-        what is not linear, finds the drives likelier with it; None where no rival is."""
-        challenged = frozenset(chosen.names)
+    def _better_twins(
+        self, here: Fitted, selection: Selection, chosen: Chosen
+    ) -> tuple[Fitted, Chosen]:
+        """The fit and the choice with what acts as a chosen effect does to first order in its
+        place, where the filter, which knows more than that, finds the drives likelier."""
+        for one, other in pairs_of_sign(1.0):
+            for name, twin in ((one, other), (other, one)):
+                if name not in chosen.names or twin not in selection.candidates:
+                    continue
+                self.log(f"checking whether {name} is {twin}")
+                parts = tuple(
+                    (twin, selection.candidates[twin].parts[0], scale) if n == name else part
+                    for part in chosen.parts
+                    for n, _, scale in (part,)
+                )
+                instead = Chosen(parts)
+                fitted = fitted_about(here.model, self._estimate(selection, instead), here.fits)
+                if likelier(fitted.fits, here.fits)[0] > 0.0:
+                    return fitted, instead
+                break
+        return here, chosen
+
+    def _decided(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen | None:
+        """The choice with a rival in a candidate's place where the filter itself, which knows what
+        is not linear, finds all drives likelier with it; None where no rival is.
+
+        A formula is told only where it is told apart from every name. What is not told apart from
+        a name that stays is noted.
+        """
+        self.close = {}
+        known = self._held_out(here)
         for name in chosen.names:
-            own, _ = selection.odds_of(chosen, name)
-            close = max(limits.CLOSE_NATS, limits.CHALLENGE * own)
+            formula = bool(selection.candidates[name].terms)
             best, instead = 0.0, None
-            rivals = selection.rivals(chosen, name)
-            names = [r for r in rivals if not selection.candidates[r.name].terms]
-            others = [r for r in rivals if r not in names and -r.ahead <= close]
-            if not selection.candidates[name].terms:
-                names = [r for r in names if -r.ahead <= close]
-            # a formula is told only where no name does as well in the filter itself
-            for rival in [*names[: limits.RIVALS], *others[: limits.RIVALS]]:
-                if frozenset(rival.chosen.names) == challenged:
+            for rival in selection.close_rivals(chosen, name):
+                if frozenset(rival.chosen.names) == frozenset(chosen.names):
                     continue
                 other = rival.name
                 self.log(f"checking whether {name} is {other}")
-                prior = self._prior(selection, other) - self._prior(selection, name)
-                fits = fitted_about(
-                    here.model, self._estimate(selection, rival.chosen), here.fits
-                ).fits
-                ahead = mean_ratio(fits, here.fits) + prior
-                if ahead > best:
+                estimate = self._estimate(selection, rival.chosen)
+                fitted = fitted_about(here.model, estimate, here.fits)
+                ahead, sigmas = likelier(
+                    (*fitted.fits, *self._held_out(fitted)), (*here.fits, *known)
+                )
+                ahead += self._prior(selection, other) - self._prior(selection, name)
+                rival_formula = bool(selection.candidates[other].terms)
+                if abs(sigmas) < limits.APART and not rival_formula:
+                    self.close[name] = (*self.close.get(name, ()), other)
+                if formula and not rival_formula:
+                    wins = sigmas > -limits.APART
+                    ahead = max(ahead, 1e-9) if wins else ahead
+                elif rival_formula and not formula:
+                    wins = sigmas > limits.APART
+                elif formula:
+                    wins = ahead > limits.CLOSE_NATS
+                else:
+                    wins = ahead > 0.0
+                if wins and (instead is None or ahead > best):
                     best, instead = ahead, rival.chosen
             if instead is not None:
                 return instead
         return None
+
+    def _held_out(self, fitted: Fitted) -> list[Fit]:
+        """Held-out drives under a fitted set."""
+        return fit_held_out(self.held_out, fitted.model, fitted.values())
 
     @staticmethod
     def _prior(selection: Selection, name: str) -> float:
@@ -212,13 +267,22 @@ class Search:
                 out.append(name)
         return out
 
-    def _with_stated_noise(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
-        """The choice with what is proposed under the noise as stated."""
-        self.log("selecting under the noise as stated")
-        model = replace(here.model, factors=self.stated)
-        loud = self._selection(fitted_about(model, here.estimate, here.fits), False)
+    def _proposed(
+        self,
+        here: Fitted,
+        selection: Selection,
+        found: Chosen,
+        factors: Mapping[str, float],
+        slow: bool,
+    ) -> Chosen:
+        """The choice with what is proposed under other noise beside it."""
+        model = replace(here.model, factors=dict(factors))
+        loud = self._selection(fitted_about(model, here.estimate, here.fits), slow)
+        loud.refused = selection.refused
         more = select(loud, _in_layout(found, selection, loud), limits.MAX_FINDINGS)
-        return _in_layout(more, loud, selection)
+        new = Chosen(tuple(p for p in more.parts if p[0] not in found.names))
+        new = _in_layout(new, loud, selection)
+        return Chosen((*found.parts, *new.parts))
 
     def _refined(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen:
         """The choice with the periods, instants and time constants that fit best."""
@@ -273,7 +337,9 @@ class Search:
     def _selection(self, here: Fitted, slow: bool) -> Selection:
         """The fit made linear, and its candidates; ``slow``: courses of time among them."""
         values = here.values()
-        carried = replace(here.model, values={**here.model.values, **values})
+        # what was held may act beside what is found
+        options = self.base.model.options
+        carried = replace(here.model, values={**here.model.values, **values}, options=options)
         fits = [fit_drive(f.opened, carried, linearised_at=f) for f in here.fits]
         by_effect = {effect: name for name, effect in self.effects.items()}
         known = {by_effect.get(e, e): v for e, v in values.items()}

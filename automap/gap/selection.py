@@ -25,6 +25,8 @@ from automap.gap.evidence import (
 )
 from automap.gap.linear import Linear
 
+Key = tuple[str, tuple[str, ...]]
+"""A part by name and parameters, which hold in any layout."""
 TRIES = 40
 """Moves of one selection at most: each raises the odds, so this bounds the time only."""
 
@@ -76,7 +78,7 @@ class Selection:
 
     linear: Linear
     candidates: dict[str, Candidate]
-    refused: frozenset[tuple[str, tuple[str, ...]]] = frozenset()
+    refused: frozenset[Key] = frozenset()
     _known: dict[Given, Conditional] = field(default_factory=dict)
 
     def given(self, chosen: Chosen) -> Conditional:
@@ -87,12 +89,24 @@ class Selection:
             self._known[key] = conditional(self.linear, key)
         return self._known[key]
 
-    def key(self, name: str, part: Part) -> tuple[str, tuple[str, ...]]:
+    def key(self, name: str, part: Part) -> Key:
         """A part of a candidate by its parameters' names, which hold in other layouts too."""
         return name, tuple(self.linear.layout[i].parameter for i in part)
 
-    def best(self, chosen: Chosen, names: Sequence[str] | None = None) -> list[Move]:
-        """The strongest parts beside what is chosen, best first, of the candidates ``names``."""
+    def keys(self, chosen: Chosen) -> frozenset[Key]:
+        """All parts of a choice by their parameters' names."""
+        return frozenset(self.key(name, part) for name, part, _ in chosen.parts)
+
+    def strongest(self, chosen: Chosen) -> Move | None:
+        """The strongest part of those that stay out, whether it is likely or not."""
+        moves = self.best(chosen, least=-np.inf)
+        return max(moves, key=lambda m: m.evidence.nats, default=None)
+
+    def best(
+        self, chosen: Chosen, names: Sequence[str] | None = None, least: float = 0.0
+    ) -> list[Move]:
+        """The strongest parts beside what is chosen, best first, of the candidates ``names``, whose
+        odds before correction are above ``least``."""
         known = self.given(chosen)
         barred = twins_of(chosen.names)
         has = {part for _, part, _ in chosen.parts}
@@ -101,7 +115,7 @@ class Selection:
             for c in self.candidates.values()
             if c.name not in barred and (names is None or c.name in names)
             for part in c.parts
-            if part not in has and (not self.refused or self.key(c.name, part) not in self.refused)
+            if part not in has and self.key(c.name, part) not in self.refused and known.shows(part)
         ]
         prior = np.array(
             [
@@ -119,13 +133,10 @@ class Selection:
         out = []
         for i in np.argsort(-(nats + prior), kind="stable")[: limits.SHORTLIST]:
             candidate, part = open_to[i]
-            if nats[i] + prior[i] <= 0.0:
+            if nats[i] + prior[i] <= least:
                 break
             found = evidence(known, part)
             if candidate.positive and found.estimate[0] <= 0.0:
-                continue
-            usual = self.linear.prior_sd[list(part)]
-            if not candidate.terms and (np.abs(found.estimate) > limits.MOST_USUAL * usual).any():
                 continue
             out.append(Move(candidate.name, part, found, found.nats + float(prior[i])))
         return sorted(out, key=lambda m: -m.odds)
@@ -175,6 +186,18 @@ class Selection:
             ]
             out.append(Rival(other, odds[0] - odds[1], sum(m.odds for m in moves), instead))
         return sorted(out, key=lambda r: -r.ahead)
+
+    def close_rivals(self, chosen: Chosen, name: str) -> list[Rival]:
+        """Rivals that a linear model cannot rule out: those nearly as likely, and beside a formula
+        the likeliest names, however far behind."""
+        own, _ = self.odds_of(chosen, name)
+        close = max(limits.CLOSE_NATS, limits.CHALLENGE * own)
+        every = self.rivals(chosen, name)
+        formula = bool(self.candidates[name].terms)
+        names = [r for r in every if not self.candidates[r.name].terms]
+        near = [r for r in every if r not in names and -r.ahead <= close]
+        names = [r for r in names if formula or -r.ahead <= close]
+        return [*names[: limits.RIVALS], *near[: limits.RIVALS]]
 
 
 @dataclass(frozen=True)
@@ -246,10 +269,12 @@ def _extended(selection: Selection, chosen: Chosen) -> tuple[float, Chosen]:
 
 
 def _pruned(selection: Selection, chosen: Chosen) -> Chosen:
-    """The choice without the parts that are not needed beside the others."""
-    for name in chosen.names:
-        odds, moves = selection.odds_of(chosen, name)
-        if odds < limits.LEAST_ODDS:
+    """The choice without the candidate, or the part of one, that is needed least, if it is not
+    needed beside the others."""
+    odds = {name: selection.odds_of(chosen, name) for name in chosen.names}
+    for name in sorted(odds, key=lambda n: odds[n][0]):
+        total, moves = odds[name]
+        if total < limits.LEAST_ODDS:
             return chosen.without(name)
         for move in moves if len(moves) > 1 else ():
             rest = Chosen(tuple(p for p in chosen.parts if p[:2] != (name, move.part)))

@@ -30,19 +30,22 @@ from automap.gap.motion import Motion
 from automap.records import FloatArray
 
 BOX = "box"
+PLATEAU = "step(time - {:.5g}) - step(time - {:.5g})"
 PERIODS_A_BOX = 3.0
 """A period of fewer boxes than this is not seen as one."""
 OVERSAMPLED = 1.5
 """Frequencies stand closer than the inverse length of the drive by this factor: in between a
 period loses no more than a tenth of its evidence."""
 DECAYS = 12
+PLATEAUS = 3
+"""So many of the likeliest, of each axis, are carried on."""
 FINER = 21
 """Steps of a refinement: a tenth of the distance of those first tried."""
 COURSE = re.compile(
     r"(step\(time - |exp\(-time / |sin\(2 \* pi \* time / |cos\(2 \* pi \* time / )"
 )
 NUMBER = re.compile(r"(?<=[-/] )[\d.e+-]+(?=\))")
-"""The instant, time constant or period of a course of time: the last number of its text."""
+"""The instants, the time constant or the period of a course of time in its text."""
 
 
 def box_s(length_s: float) -> float:
@@ -72,9 +75,10 @@ def box_columns(fit: Fit, motion: Motion) -> list[Column]:
 
 @dataclass(frozen=True)
 class Shape:
-    """A course of time: the texts of its terms."""
+    """A course of time: the texts of its terms, and of how many it is the likeliest."""
 
     texts: tuple[str, ...]
+    choices: float = 1.0
 
 
 def shapes(begin_s: float, end_s: float) -> list[Shape]:
@@ -95,6 +99,37 @@ def shapes(begin_s: float, end_s: float) -> list[Shape]:
     return out
 
 
+def plateaus(times: FloatArray, score: FloatArray, info: FloatArray) -> list[Shape]:
+    """What lasts from one box to another: the likeliest of all pairs of instants for boxes at
+    ``times`` [n] with score [n] and information [n, n] of a channel, in drives of one clock."""
+    order = np.argsort(times, kind="stable")
+    times, score = times[order], score[order]
+    n = len(times)
+    if n < 4:
+        return []
+    sums = np.concatenate([[0.0], np.cumsum(score)])
+    corner: FloatArray = np.zeros((n + 1, n + 1))
+    corner[1:, 1:] = np.cumsum(np.cumsum(info[np.ix_(order, order)], axis=0), axis=1)
+    first, last = np.triu_indices(n - 1, 2)
+    # not those that begin or end with the drive: steps say them
+    first, last = first[first > 0], last[first > 0]
+    gain = (sums[last] - sums[first]) ** 2
+    own = np.diag(corner)
+    size = own[last] + own[first] - 2.0 * corner[first, last]
+    worth = gain / np.maximum(size, 1e-12)
+    out: list[Shape] = []
+    taken: list[tuple[float, float]] = []
+    for i in np.argsort(-worth):
+        a, b = (0.5 * float(times[k - 1] + times[k]) for k in (first[i], last[i]))
+        apart = all(abs(a - c) + abs(b - d) > 0.5 * (b - a) for c, d in taken)
+        if apart:
+            taken.append((a, b))
+            out.append(Shape((PLATEAU.format(a, b),), len(first) / PLATEAUS))
+        if len(out) == PLATEAUS:
+            break
+    return out
+
+
 def with_shapes(linear: Linear) -> Linear:
     """The linear model with courses of time in place of its boxes."""
     boxes = [i for i, c in enumerate(linear.layout) if c.effect.startswith(BOX)]
@@ -106,11 +141,19 @@ def with_shapes(linear: Linear) -> Linear:
     layout: list[Column] = [linear.layout[i] for i in plain]
     known = {c.effect for c in layout}
     mix: list[FloatArray] = []
+    left = linear.score - linear.info @ linear.values
     signals = _time_signals(times)
-    for shape in shapes(float(times.min()), float(times.max())):
+    axes: tuple[str, ...] = CHANNELS
+    every = [(shape, axes) for shape in shapes(float(times.min()), float(times.max()))]
+    for channel in CHANNELS:
+        at = np.array([i for i, c in zip(boxes, channels, strict=True) if c == channel])
+        own = np.array([t for t, c in zip(times, channels, strict=True) if c == channel])
+        inner = linear.info[np.ix_(at, at)]
+        every += [(shape, (channel,)) for shape in plateaus(own, left[at], inner)]
+    for shape, on_channels in every:
         values = [parse_formula(text)(signals) for text in shape.texts]
         spreads = [max(float(np.std(v)), 1e-9) for v in values]
-        for channel in CHANNELS:
+        for channel in on_channels:
             on = np.array([c == channel for c in channels])
             terms = [(channel, text) for text in shape.texts]
             name = equation(terms)
@@ -121,7 +164,8 @@ def with_shapes(linear: Linear) -> Linear:
                 column: FloatArray = np.zeros(len(linear.layout))
                 column[boxes] = np.where(on, value, 0.0)
                 mix.append(column)
-                layout.append(Column(name, parameter, size_of(channel) / spread, term=term))
+                sd = size_of(channel) / spread
+                layout.append(Column(name, parameter, sd, term=term, choices=shape.choices))
     identity = np.eye(len(linear.layout))[:, plain]
     mixing = np.concatenate([identity, np.stack(mix, axis=1)], axis=1)
     return replace(
@@ -156,11 +200,16 @@ def variants(
 ) -> list[tuple[tuple[str, str], ...]]:
     """A course of time with its period, time constant or instant moved in small steps, nothing
     for other formulas: those that were tried stand a box apart."""
-    number = NUMBER.search(terms[0][1])
-    if number is None:
-        return []
-    value, width = float(number[0]), box_s(length_s)
+    width = box_s(length_s)
     text = terms[0][1]
+    ends = [float(n) for n in NUMBER.findall(text)]
+    if not ends:
+        return []
+    value = ends[-1]
+    if len(ends) == 2:
+        around = width * np.linspace(-1.0, 1.0, FINER // 2)
+        pairs = [(ends[0] + x, ends[1] + y) for x in around for y in around]
+        return [((terms[0][0], PLATEAU.format(*pair)),) for pair in pairs]
     if text.startswith("step"):
         moved = value + width * np.linspace(-1.0, 1.0, FINER)
     elif text.startswith("exp"):

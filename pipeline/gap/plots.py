@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.earth import metres_per_radian
 from automap.fusion.layout import CHANNELS
-from automap.gap.screening import whitened_innovations
+from automap.gap.fit import whitened_innovations
 from automap.gates import mean_square_limits
 from automap.records import FloatArray
 from pipeline.pages.section import Plot, draw, draw_over_time
