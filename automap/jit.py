@@ -12,13 +12,11 @@ from numba import njit
 
 PACKAGE = Path(__file__).resolve().parent
 
-# divisions by zero give infinity instead of a check at every division, and sums may be taken
-# in any order; NaN and infinity keep their meaning
-kernel = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz", "arcp"})
+# divisions by zero give infinity instead of a check at every division. Sums stay in the order in
+# which they are written and nothing is fused: what a compiler may choose it chooses anew where it
+# compiles a caller beside its callee or finds that one compiled, and close decisions with it
+kernel = njit(cache=True, error_model="numpy")
 """Decorator of the numba functions that make up one filter run."""
-
-kernel_in_order = njit(cache=True, error_model="numpy")
-"""The same with sums in the order in which they are written."""
 
 
 STAMP = "kernels.stamp"

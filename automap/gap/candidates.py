@@ -30,6 +30,7 @@ class Candidate:
     itself (one axis is bent, not all nine elements of a matrix), a formula's terms act together.
     ``log_prior`` of the candidate, ``log_choice`` of each part. ``terms`` are channel and text of
     a formula's terms, none for a named effect. ``positive``: nature knows no other sign.
+    ``choices``: of so many like it it is the likeliest.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Candidate:
     log_choice: float = 0.0
     terms: tuple[tuple[str, str], ...] = ()
     positive: bool = False
+    choices: float = 1.0
 
 
 def library(included: frozenset[str], has_wheels: bool, earth_on: bool) -> list[str]:
@@ -96,7 +98,7 @@ def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Ca
     for name in formulas:
         rows = groups[name]
         terms = tuple(layout[i].term for i in rows)
-        among = plain if layout[rows[0]].choices == 1.0 else many
-        prior = outside - math.log(kinds * among)
-        out.append(Candidate(name, (tuple(rows),), prior, terms=terms))
+        choices = layout[rows[0]].choices
+        prior = outside - math.log(kinds * (plain if choices == 1.0 else many))
+        out.append(Candidate(name, (tuple(rows),), prior, terms=terms, choices=choices))
     return out

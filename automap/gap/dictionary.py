@@ -189,7 +189,9 @@ def _catalogue_signals(
 ) -> dict[str, FloatArray]:
     """What catalogue effects already add to each channel: signals [k, n] of mean square one that
     are at right angles to one another."""
-    names = [e for e in CATALOGUE if CATALOGUE[e].family == "imu" and e not in exclude]
+    # what a search has made an effect of stays a formula
+    out_of = [e for e in CATALOGUE if e not in exclude and not e.startswith(PREFIX)]
+    names = [e for e in out_of if CATALOGUE[e].family == "imu"]
     terms = imu_terms(names)
     speed = np.linalg.norm(motion.vel, axis=1)
     temp_c = fit.opened.drive.imu.temp_c

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from automap.effects import CATALOGUE
 from automap.gap import limits
 from automap.gap.advice import advice
@@ -33,7 +35,7 @@ def describe(found: Found, values: Values) -> list[Finding | Unexplained]:
         close = [r.name for r in rivals if r.ahead > -room]
         close += found.not_told_apart.get(name, ())
         nats = sum(m.evidence.nats for m in moves)
-        p = p_value(nats, maxima)
+        p = p_value(nats - np.log(selection.candidates[name].choices), maxima)
         if selection.candidates[name].terms:
             told.append((odds, _formula(found, name, moves, nats, p, rivals)))
             continue
@@ -60,7 +62,9 @@ def chance(found: Found) -> FloatArray:
     missing, sorted."""
     selection = found.selection
     known = selection.given(found.chosen)
-    parts = [p for c in selection.candidates.values() for p in c.parts if known.shows(p)]
+    # the likeliest of many have paid for that: what they then reach by chance, others do
+    once = [c for c in selection.candidates.values() if c.choices == 1.0]
+    parts = [p for c in once for p in c.parts if known.shows(p)]
     return null_maxima(known, parts, limits.NULL_DRAWS)
 
 
@@ -69,8 +73,9 @@ def strongest_refused(found: Found) -> tuple[Refused, ...]:
     move = found.selection.strongest(found.chosen)
     if move is None:
         return ()
-    nats = move.evidence.nats
-    return (Refused(move.name, nats, p_value(nats, chance(found))),)
+    nats = move.evidence.shown
+    paid = nats - np.log(found.selection.candidates[move.name].choices)
+    return (Refused(move.name, nats, p_value(paid, chance(found))),)
 
 
 def _formula(

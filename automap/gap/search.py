@@ -89,7 +89,9 @@ class Search:
 
     def run(self) -> Found:
         """Rounds until the set stays: first without courses of time, then with them."""
-        here, slow, steady = self.base, False, False
+        here, slow = self.base, False
+        # noise that was fitted without an effect has swallowed part of it
+        louder: Mapping[str, float] | None = self.stated
         selection = self._selection(here, slow)
         chosen, fitted = Chosen(), frozenset[Key]()
         tried: dict[Key, int] = {}
@@ -100,9 +102,10 @@ class Search:
             last = number == limits.MAX_ROUNDS - 1
             limit = len(chosen.names) if last else limits.MAX_FINDINGS
             found = select(selection, chosen, limit)
-            if number == 0:
-                self.log("selecting under the noise as stated")
-                found = self._proposed(here, selection, found, self.stated, slow)
+            if louder is not None and not last:
+                self.log("selecting under other noise")
+                found = self._proposed(here, selection, found, louder, slow)
+                louder = None
             keys = selection.keys(found)
             for key in keys - fitted:
                 tried[key] = tried.get(key, 0) + 1
@@ -127,16 +130,10 @@ class Search:
                 here = self._fit(here, selection, found)
                 fitted = selection.keys(found)
             else:
-                slow = True
+                slow, factors = True, here.model.factors
+                louder = {**factors, **{k: limits.STEADY * factors[k] for k in WALKS}}
             after = self._selection(here, slow)
             chosen = _in_layout(found, selection, after)
-            if slow and not steady:
-                steady = True
-                self.log("selecting what is slow beside steady biases")
-                calm = {
-                    k: v * limits.STEADY if k in WALKS else v for k, v in here.model.factors.items()
-                }
-                chosen = self._proposed(here, after, chosen, calm, slow)
             selection = after
         self.log("fitting all parameters")
         free = replace(here.model, options=self.base.model.options)
@@ -213,6 +210,8 @@ class Search:
                 self.log(f"checking whether {name} is {other}")
                 estimate = self._estimate(selection, rival.chosen)
                 fitted = fitted_about(here.model, estimate, here.fits)
+                if other in self._not_borne_out(fitted, selection, rival.chosen):
+                    continue
                 ahead, sigmas = likelier(
                     (*fitted.fits, *self._held_out(fitted)), (*here.fits, *known)
                 )

@@ -100,7 +100,7 @@ class Selection:
     def strongest(self, chosen: Chosen) -> Move | None:
         """The strongest part of those that stay out, whether it is likely or not."""
         moves = self.best(chosen, least=-np.inf)
-        return max(moves, key=lambda m: m.evidence.nats, default=None)
+        return max(moves, key=lambda m: m.evidence.shown, default=None)
 
     def best(
         self, chosen: Chosen, names: Sequence[str] | None = None, least: float = 0.0

@@ -30,7 +30,7 @@ from automap.gap.motion import Motion
 from automap.records import FloatArray
 
 BOX = "box"
-PLATEAU = "step(time - {:.5g}) - step(time - {:.5g})"
+PLATEAU = "(step(time - {:.5g}) - step(time - {:.5g}))"
 PERIODS_A_BOX = 3.0
 """A period of fewer boxes than this is not seen as one."""
 OVERSAMPLED = 1.5
@@ -42,7 +42,7 @@ PLATEAUS = 3
 FINER = 21
 """Steps of a refinement: a tenth of the distance of those first tried."""
 COURSE = re.compile(
-    r"(step\(time - |exp\(-time / |sin\(2 \* pi \* time / |cos\(2 \* pi \* time / )"
+    r"\(?(step\(time - |exp\(-time / |sin\(2 \* pi \* time / |cos\(2 \* pi \* time / )"
 )
 NUMBER = re.compile(r"(?<=[-/] )[\d.e+-]+(?=\))")
 """The instants, the time constant or the period of a course of time in its text."""

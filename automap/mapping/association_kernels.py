@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.jit import kernel_in_order
+from automap.jit import kernel
 from automap.mapping.candidates import (
     A_EE,
     A_EN,
@@ -32,7 +32,7 @@ _LEAST_INFORMATION = 1e-9
 """On the place of a sign without members, 1/m^2."""
 
 
-@kernel_in_order
+@kernel
 def assign(
     index: IntArray,
     values: FloatArray,
@@ -97,7 +97,7 @@ def assign(
             owner[index[i, c]] = -1
 
 
-@kernel_in_order
+@kernel
 def add_member(
     k: int,
     i: int,
@@ -151,7 +151,7 @@ def add_member(
         slot_weight[k, free] = weight
 
 
-@kernel_in_order
+@kernel
 def found_sign(
     k: int,
     i: int,

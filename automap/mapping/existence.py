@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.jit import kernel_in_order
+from automap.jit import kernel
 from automap.mapping.limits import (
     CHANGE_PER_YEAR,
     DRIVE_FREEDOM,
@@ -175,12 +175,12 @@ def existence(
     )
 
 
-@kernel_in_order
+@kernel
 def _log_beta(a: float, b: float) -> float:
     return math.lgamma(a) + math.lgamma(b) - math.lgamma(a + b)
 
 
-@kernel_in_order
+@kernel
 def _histories(
     sign: IntArray,
     seen: BoolArray,

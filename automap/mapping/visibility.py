@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.jit import kernel_in_order
+from automap.jit import kernel
 from automap.mapping.grid import delta, filled_table, neighbours
 from automap.mapping.limits import (
     EDGE_SHARE,
@@ -97,7 +97,7 @@ def in_view(
     return seen, nearest[seen, 1], nearest[seen, 2]
 
 
-@kernel_in_order
+@kernel
 def _look(
     car_lat: FloatArray,
     car_lon: FloatArray,
@@ -151,7 +151,7 @@ def _look(
     return n
 
 
-@kernel_in_order
+@kernel
 def turned(angle: float) -> float:
     """The same angle between -pi and pi."""
     return (angle + np.pi) % (2.0 * np.pi) - np.pi
@@ -171,7 +171,7 @@ def alike(views: Opportunities, seen: BoolArray) -> BoolArray:
     return result
 
 
-@kernel_in_order
+@kernel
 def _alike(sign: IntArray, heading: FloatArray, offset: FloatArray, seen: BoolArray) -> BoolArray:
     result = seen.copy()
     start = 0
