@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from automap.gap import base_model
+from automap.gap.candidates import library
 from automap.gap.drive import open_drive
-from automap.gap.effect_library import library
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.identifiability import identifiability
 from tests.unit.test_gap import simulated

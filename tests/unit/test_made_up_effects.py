@@ -11,10 +11,11 @@ from automap.effects.user_tables import effects_of_formulas
 from automap.fusion.engine import Prior, fuse_imu_gnss
 from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
 from automap.gap import base_model
+from automap.gap.candidates import library
 from automap.gap.drive import open_drive
-from automap.gap.effect_library import library
 from automap.gap.fit import fit_drive
-from automap.gap.screening import screen
+from automap.gap.selection import Chosen
+from tests.unit.gap_linear import screened
 from tests.unit.test_gap import simulated
 
 MADE_UP = {
@@ -47,6 +48,6 @@ def test_a_made_up_effect_is_simulated_estimated_and_named(name: str) -> None:
     model = base_model()
     plain = fit_drive(open_drive(drive, model.options), model)
     names = library(model.included, has_wheels=False, earth_on=True)
-    first = screen([plain], names).candidates[0]
-    assert first.effect == name
+    first = screened(plain, names).best(Chosen())[0]
+    assert first.name == name
     assert first.evidence.nats > 7.0

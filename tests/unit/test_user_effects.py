@@ -19,11 +19,11 @@ from automap.gap import base_model
 from automap.gap.columns import effect_columns, node_motion, sensitivities
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive, motion_of
-from automap.gap.screening import whitened_innovations
 from pipeline.settings.load import load_settings
 from pipeline.settings.user_effects import activate, effects_of_python
 from pipeline.simulate.command import simulate
 from tests.docs_commands import DOCS, files
+from tests.unit.gap_linear import changes
 from tests.unit.test_gap import simulated
 
 PULL = {"k": {"on": "accel_x", "formula": "sin(heading)", "prior_sd": 0.05, "unit": "m/s^2"}}
@@ -240,10 +240,8 @@ def test_an_effect_of_the_user_is_estimated_by_the_filter_and_shows_in_the_scree
     motion = motion_of(plain.last)
     columns = effect_columns("pull", plain, motion, node_motion(plain, motion), {"k": 0.05})
     phi = sensitivities(plain, motion, columns)[:, 0]
-    before, _, channel = whitened_innovations(plain)
-    after, _, _ = whitened_innovations(known)
-    measured = channel < 8
-    assert np.corrcoef(phi[measured], (before - after)[measured])[0, 1] > 0.95
+    seen, at = changes(plain, known)
+    assert np.corrcoef(phi[at], seen)[0, 1] > 0.95
 
 
 def test_an_effect_on_the_fixes_is_found_and_taken_out() -> None:

@@ -1,0 +1,53 @@
+"""Linear models for the tests of the search: made by hand, or of a fit and effects by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from automap.fusion.layout import CH_ZUPT
+from automap.gap.candidates import candidates_of, named_columns
+from automap.gap.columns import Column
+from automap.gap.fit import Fit, whitened_innovations
+from automap.gap.linear import Linear, Rows, linearised
+from automap.gap.selection import Selection
+from automap.records import BoolArray, FloatArray
+
+STEP_S = 0.1
+PRIOR_SD = 0.5
+
+
+def linear_of(
+    phi: FloatArray, w: FloatArray, layout: Sequence[Column], step_s: float = STEP_S
+) -> Linear:
+    """A drive of white rows [s] with columns [s, c]."""
+    n = len(w)
+    rows = Rows(w, phi, step_s * np.arange(n), np.zeros(n, np.int64))
+    sds = np.array([c.prior_sd for c in layout])
+    return Linear(tuple(layout), (rows,), None, phi.T @ w, phi.T @ phi, sds, np.zeros(phi.shape[1]))
+
+
+def columns_named(*names: str) -> list[Column]:
+    """Columns of effects that are written as effect.parameter."""
+    return [Column(*name.split("."), PRIOR_SD) for name in names]
+
+
+def screened(fit: Fit, effects: Sequence[str]) -> Selection:
+    """A fit made linear in effects by name, and these as candidates."""
+    linear = linearised([fit], lambda *about: named_columns(effects, *about), {})
+    return Selection(linear, {c.name: c for c in candidates_of(linear.layout, effects)})
+
+
+def changes(before: Fit, after: Fit) -> tuple[FloatArray, BoolArray]:
+    """By how much the innovations of receiver and vehicle constraint differ between two fits of a drive [k], and which
+    scalars of the first [s] that is: what only one of them gated out is none."""
+    scalars = [[tuple(row) for row in f.last.forward.store.info[:, :2]] for f in (before, after)]
+    common = set(scalars[0]) & set(scalars[1])
+    sides = []
+    for fit, rows in zip((before, after), scalars, strict=True):
+        whitened, _, channel = whitened_innovations(fit)
+        inside = np.array([row in common for row in rows]) & (channel < CH_ZUPT)
+        sides.append((whitened, inside))
+    (first, at), (second, there) = sides
+    return first[at] - second[there], at

@@ -1,0 +1,173 @@
+"""Evidence of candidates: against Bayes factors computed otherwise, and against chance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from automap.gap import limits
+from automap.gap.evidence import (
+    Given,
+    conditional,
+    estimate_nats,
+    evidence,
+    null_maxima,
+    p_value,
+    plain_nats,
+    singles,
+)
+from automap.gap.linear import Linear
+from automap.records import FloatArray
+from tests.unit.gap_linear import PRIOR_SD, columns_named, linear_of
+
+ROWS = 3000
+
+
+def drive(theta: FloatArray, seed: int = 1, noise: FloatArray | float = 1.0) -> Linear:
+    """Rows that columns at random explain in part."""
+    rng = np.random.default_rng(seed)
+    phi = 0.1 * rng.standard_normal((ROWS, len(theta)))
+    w = phi @ theta + noise * rng.standard_normal(ROWS)
+    return linear_of(phi, w, columns_named(*(f"e{i}.p" for i in range(len(theta)))))
+
+
+def log_density(w: FloatArray, phi: FloatArray, sd: FloatArray) -> float:
+    """Of rows under columns of these prior sds, up to a constant."""
+    cov = np.eye(len(w)) + (phi * sd**2) @ phi.T
+    return float(-0.5 * (w @ np.linalg.solve(cov, w) + np.linalg.slogdet(cov)[1]))
+
+
+@pytest.mark.parametrize("size", [0.0, 0.3, 2.5])
+def test_evidence_of_one_parameter_is_its_bayes_factor(size: float) -> None:
+    linear = drive(np.array([size]))
+    (rows,) = linear.rows
+    phi = rows.phi[:, 0]
+    theta = np.linspace(-20.0, 20.0, 40001)
+    # by how much rows are likelier with each value than with none
+    gain = theta * (phi @ rows.w) - 0.5 * theta**2 * (phi @ phi)
+    factors = []
+    for scale in limits.PRIOR_SCALES:
+        sd = scale * PRIOR_SD
+        prior = np.exp(-0.5 * (theta / sd) ** 2) / (sd * np.sqrt(2.0 * np.pi))
+        factors.append(np.trapezoid(np.exp(gain - gain.max()) * prior, theta))
+    expected = np.log(max(factors)) + gain.max() - np.log(len(limits.PRIOR_SCALES))
+    found = evidence(conditional(linear, Given()), (0,))
+    assert found.uncorrected == pytest.approx(expected, abs=1e-6)
+    assert found.scale == limits.PRIOR_SCALES[int(np.argmax(factors))]
+    assert singles(conditional(linear, Given()), np.array([0]))[0] == pytest.approx(expected)
+
+
+def test_evidence_beside_others_is_the_ratio_of_two_models() -> None:
+    (rows,) = drive(np.array([0.8, 0.6, -0.7])).rows
+    # what is given overlaps with the candidate
+    phi, w = 5.0 * rows.phi[:400], rows.w[:400]
+    phi[:, 1] += 0.7 * phi[:, 0]
+    linear = linear_of(phi, w, columns_named("e0.p", "e1.p", "e1.q"))
+    known = conditional(linear, Given().joined((0,), linear, 5.0))
+    nats, scale = plain_nats(known, (1, 2))
+    sd = np.array([5.0, scale, scale]) * PRIOR_SD
+    expected = log_density(w, phi, sd) - log_density(w, phi[:, :1], sd[:1])
+    assert nats == pytest.approx(expected - np.log(len(limits.PRIOR_SCALES)), abs=1e-6)
+
+
+def test_an_estimate_is_worth_what_its_score_is() -> None:
+    linear = drive(np.array([0.8, 0.0, -0.9]))
+    part = (0, 1, 2)
+    nats, scale = plain_nats(conditional(linear, Given()), part)
+    prior_sd = scale * linear.prior_sd
+    cov = np.linalg.inv(linear.info + np.diag(prior_sd**-2.0))
+    told = estimate_nats(cov @ linear.score, cov, prior_sd)
+    assert told - np.log(len(limits.PRIOR_SCALES)) == pytest.approx(nats)
+    # what is not known at all is worth nothing
+    nothing = estimate_nats(np.zeros(3), np.diag(prior_sd**2), prior_sd)
+    assert nothing == pytest.approx(0.0, abs=1e-9)
+
+
+def test_noise_that_lasts_lowers_evidence_and_widens_sigmas() -> None:
+    rng = np.random.default_rng(4)
+    # each stretch has a value of its own: the mean of all is known worse than rows say
+    phi = 0.1 * np.ones((ROWS, 1))
+    lasting = np.repeat(rng.standard_normal(ROWS // 100), 100)
+    w = 0.3 + rng.standard_normal(ROWS)
+    even = linear_of(phi, w, columns_named("e.p"))
+    coloured = linear_of(phi, w + 0.5 * lasting, columns_named("e.p"))
+    found = [evidence(conditional(one, Given()), (0,)) for one in (even, coloured)]
+    assert found[0].overdispersion < 1.8
+    assert found[1].overdispersion > 4.0
+    assert found[1].nats < found[1].uncorrected - 2.0
+    assert found[1].sd[0] > 2.0 * found[0].sd[0]
+    # corrected by what the other scatters
+    assert found[1].corrected(found[1].overdispersion) == pytest.approx(found[1].nats)
+    assert found[1].corrected(1.0) == found[1].uncorrected
+
+
+def test_what_one_stretch_alone_shows_is_not_predicted_without_it() -> None:
+    rng = np.random.default_rng(5)
+    phi = 0.1 * rng.standard_normal((ROWS, 1))
+    w = rng.standard_normal(ROWS)
+    everywhere = w + 1.5 * phi[:, 0]
+    once = w + np.where(np.arange(ROWS) < 400, 11.0, 0.0) * phi[:, 0]
+    found = [
+        evidence(conditional(linear_of(phi, rows, columns_named("e.p")), Given()), (0,))
+        for rows in (everywhere, once)
+    ]
+    assert all(one.uncorrected > 10.0 for one in found)
+    assert found[0].predicted_without_best > 5.0
+    assert found[1].predicted_without_best < 0.0
+
+
+def test_p_values_of_the_largest_evidence_are_uniform() -> None:
+    linear = drive(np.zeros(8))
+    # candidates that overlap, one of several parameters, beside one that is given
+    rows = linear.rows[0]
+    rows.phi[:, 2] += 2.0 * rows.phi[:, 1]
+    given = Given().joined((0,), linear, 1.0)
+    parts = [(1,), (2,), (3,), (4, 5, 6), (7,)]
+    values = []
+    maxima = null_maxima(
+        conditional(linear_of(rows.phi, rows.w, linear.layout), given), parts, limits.NULL_DRAWS
+    )
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        w = rng.standard_normal(ROWS) + PRIOR_SD * rng.standard_normal() * rows.phi[:, 0]
+        known = conditional(linear_of(rows.phi, w, linear.layout), given)
+        best = max(plain_nats(known, part)[0] for part in parts)
+        values.append(p_value(best, maxima))
+    told = np.array(values)
+    assert 0.42 < float(told.mean()) < 0.58
+    for share in (0.05, 0.2, 0.5, 0.8):
+        assert float(np.mean(told < share)) == pytest.approx(
+            share, abs=4.0 * np.sqrt(share * (1.0 - share) / len(told))
+        )
+
+
+def test_p_values_fall_on_beyond_the_largest_draw() -> None:
+    rng = np.random.default_rng(6)
+    maxima = np.sort(rng.exponential(size=limits.NULL_DRAWS))
+    assert p_value(-1.0, maxima) == 1.0
+    assert p_value(1.0, maxima) == pytest.approx(np.exp(-1.0), rel=0.1)
+    # an exponential tail goes on as it is
+    assert p_value(12.0, maxima) == pytest.approx(np.exp(-12.0), rel=0.8)
+    told = [p_value(x, maxima) for x in np.linspace(0.0, 20.0, 200)]
+    assert all(a >= b for a, b in zip(told, told[1:], strict=False))
+
+
+def test_courses_of_more_columns_than_rows_have_null_draws() -> None:
+    rng = np.random.default_rng(7)
+    phi = rng.standard_normal((20, 5)) @ rng.standard_normal((5, 30))
+    linear = linear_of(phi, np.zeros(20), columns_named(*(f"e{i}.p" for i in range(30))))
+    found = null_maxima(conditional(linear, Given()), [(i,) for i in range(30)], 200)
+    assert np.isfinite(found).all()
+    assert (np.diff(found) >= 0.0).all()
+
+
+def test_what_is_left_of_nearly_the_same_shows_nothing() -> None:
+    linear = drive(np.zeros(2))
+    (rows,) = linear.rows
+    given = Given().joined((0,), linear, 5.0)
+    for own, shown in ((0.05, False), (0.3, True)):
+        phi = rows.phi.copy()
+        phi[:, 1] = phi[:, 0] + own * rows.phi[:, 1]
+        known = conditional(linear_of(phi, rows.w, linear.layout), given)
+        assert known.shows((1,)) is shown
+        assert conditional(known.linear, Given()).shows((1,))
