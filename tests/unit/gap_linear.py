@@ -40,8 +40,8 @@ def screened(fit: Fit, effects: Sequence[str]) -> Selection:
 
 
 def changes(before: Fit, after: Fit) -> tuple[FloatArray, BoolArray]:
-    """By how much the innovations of receiver and vehicle constraint differ between two fits of a drive [k], and which
-    scalars of the first [s] that is: what only one of them gated out is none."""
+    """By how much the innovations of receiver and vehicle constraint differ between two fits of a
+    drive [k], and which scalars of the first [s] that is: not what only one of them gated out."""
     scalars = [[tuple(row) for row in f.last.forward.store.info[:, :2]] for f in (before, after)]
     common = set(scalars[0]) & set(scalars[1])
     sides = []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -149,7 +151,7 @@ def test_p_values_fall_on_beyond_the_largest_draw() -> None:
     # an exponential tail goes on as it is
     assert p_value(12.0, maxima) == pytest.approx(np.exp(-12.0), rel=0.8)
     told = [p_value(x, maxima) for x in np.linspace(0.0, 20.0, 200)]
-    assert all(a >= b for a, b in zip(told, told[1:], strict=False))
+    assert all(a >= b for a, b in pairwise(told))
 
 
 def test_courses_of_more_columns_than_rows_have_null_draws() -> None:

@@ -10,6 +10,7 @@ import pytest
 from automap.gap import base_model
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
+from automap.gap.noise import fit_noise
 from automap.gap.result import p_text
 from pipeline.gap.plots import _spectrum, error_bars, overlay, running, spectrum
 from tests.unit.test_gap import simulated
@@ -22,6 +23,8 @@ def fits() -> tuple[Fit, Fit]:
     """A drive with a lever arm, under the model without it and with it."""
     model = base_model()
     opened = open_drive(simulated(ARM), model.options)
+    fit = fit_drive(opened, replace(model, values=ARM))
+    model = replace(model, factors=fit_noise([fit]))
     before = fit_drive(opened, model)
     return before, fit_drive(opened, replace(model, values=ARM), linearised_at=before)
 
