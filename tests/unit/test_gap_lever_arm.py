@@ -9,7 +9,7 @@ import numpy as np
 from automap.gap import base_model
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive
-from automap.gap.noise_kinds import fit_with_noise
+from automap.gap.fitted import fitted_about, with_noise
 from tests.unit.test_gap import ARM, simulated
 
 NOISE = 0.015
@@ -25,7 +25,8 @@ def test_noise_of_the_gyro_draws_no_arm_towards_nothing() -> None:
         drive = replace(drive, imu=replace(drive.imu, gyro=drive.imu.gyro + noise))
         model = base_model()
         began = fit_drive(open_drive(drive, model.options), model)
-        fit = fit_with_noise([began], model, {"gnss_lever_arm": 3.0}).fits[0]
+        estimate = {"gnss_lever_arm": 3.0}
+        (fit,) = with_noise(fitted_about(model, estimate, [began]), model.factors).fits
         value, sd = fit.value_of("gnss_lever_arm")["z"], fit.sd_of("gnss_lever_arm")["z"]
         pulls.append(value / sd)
         sizes.append(sd)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 
 from automap.fusion.levels import ALL_LEVELS
-from automap.gap import base_model
+from automap.gap import base_model, noise
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.noise import fit_noise, noise_score, noise_slopes
+from automap.gap.noise import LEAST_RESTS, fit_noise, noise_score, noise_slopes, rest_factors
+from automap.records import FloatArray
 from tests.unit.test_gap import simulated
 
 STEP = 1e-3
@@ -64,3 +68,69 @@ def test_levels_that_may_not_move_stay(ungated: Fit) -> None:
     assert {k: v for k, v in found.items() if k not in ("accel", "gyro")} == {
         k: v for k, v in start.items() if k not in ("accel", "gyro")
     }
+
+
+RATE_HZ = 100.0
+
+
+def at_rest(
+    accel: float | FloatArray, gyro: float | FloatArray, spans: list[tuple[float, float]]
+) -> Fit:
+    """A drive of 100 s that stands in ``spans`` and is shaken elsewhere; noise of the sensors as
+    factors on the stated densities."""
+    rng = np.random.default_rng(7)
+    n = round(100.0 * RATE_HZ)
+    t = np.arange(n) / RATE_HZ
+    moving = np.ones(n, bool)
+    for begin, end in spans:
+        moving &= (t < begin) | (t >= end)
+    options = SimpleNamespace(accel_noise=1e-3, gyro_noise=1e-4)
+    sides = {}
+    for name, factor, density in (("accel", accel, 1e-3), ("gyro", gyro, 1e-4)):
+        white = rng.standard_normal((n, 3)) * factor * density * np.sqrt(RATE_HZ)
+        # a bias and its drift
+        slow = np.array([0.3, -9.8, 0.1]) + 1e-6 * t[:, None]
+        sides[name] = white + slow + np.where(moving, np.sin(7.0 * t), 0.0)[:, None]
+    imu = SimpleNamespace(t_ns=np.rint(1e9 * (t + 5.0)).astype(np.int64), **sides)
+    opened = SimpleNamespace(
+        drive=SimpleNamespace(imu=imu), session=SimpleNamespace(standstill=spans)
+    )
+    return cast("Fit", SimpleNamespace(opened=opened, model=SimpleNamespace(options=options)))
+
+
+@pytest.mark.parametrize(("accel", "gyro"), [(1.0, 1.0), (4.0, 0.3)])
+def test_noise_at_rest_is_that_of_the_sensors_and_surely_no_more(accel: float, gyro: float) -> None:
+    found = rest_factors([at_rest(accel, gyro, [(5.0, 35.0), (60.0, 95.0)])])
+    for level, true in (("accel", accel), ("gyro", gyro)):
+        assert 0.6 * true < found[level] < true
+
+
+def test_an_axis_that_is_shaken_does_not_count() -> None:
+    axes = np.array([1.0, 5.0, 20.0])
+    found = rest_factors([at_rest(axes, axes[::-1], [(5.0, 95.0)])])
+    assert found["accel"] < 1.2
+    assert found["gyro"] < 1.2
+
+
+def test_the_quietest_drive_counts() -> None:
+    drives = [at_rest(size, size, [(5.0, 95.0)]) for size in (3.0, 1.0)]
+    assert rest_factors(drives) == rest_factors(drives[1:])
+
+
+def test_drives_that_hardly_stand_say_nothing() -> None:
+    # halts of one second have no two means
+    short = [(10.0 * i, 10.0 * i + 1.0) for i in range(9)]
+    assert rest_factors([at_rest(1.0, 1.0, short)]) == {}
+    assert rest_factors([at_rest(1.0, 1.0, [(5.0, 5.0 + 0.5 * LEAST_RESTS)])]) == {}
+    assert rest_factors([at_rest(1.0, 1.0, [])]) == {}
+
+
+def test_no_sensor_is_taken_for_quieter_than_at_rest(
+    ungated: Fit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    quiet = fit_noise([ungated], ("accel", "gyro"))
+    least = {"accel": 2.0 * quiet["accel"], "gyro": 0.5 * quiet["gyro"]}
+    monkeypatch.setattr(noise, "rest_factors", lambda fits: least)
+    found = fit_noise([ungated], ("accel", "gyro"))
+    assert found["accel"] == pytest.approx(least["accel"])
+    assert found["gyro"] > least["gyro"]

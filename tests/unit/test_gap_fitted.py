@@ -1,0 +1,96 @@
+"""Sets of effects as states of the filter, with the noise that suits them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from automap.gap import GapDrive, base_model
+from automap.gap.drive import open_drive
+from automap.gap.fit import fit_drive
+from automap.gap.fitted import Fitted, fitted_about, open_fits, with_noise
+from automap.gap.noise import noise_score
+from automap.gap.scoring import combine
+from tests.unit.test_gap import simulated
+
+WANDER, LASTS_S = 0.08, 2.5
+
+
+def wandering(drive: GapDrive, rng: np.random.Generator) -> GapDrive:
+    """The drive with velocities whose errors last for seconds."""
+    velocity = drive.fixes.vel_ned.copy()
+    keep = np.exp(-np.diff(drive.fixes.gps_s) / LASTS_S)
+    error = rng.normal(0.0, WANDER, 3)
+    for i in range(len(velocity)):
+        if i:
+            error = keep[i - 1] * error
+            error += rng.normal(0.0, WANDER * np.sqrt(1.0 - keep[i - 1] ** 2), 3)
+        velocity[i] += error
+    return replace(drive, fixes=replace(drive.fixes, vel_ned=velocity))
+
+
+def quietly(said: str) -> None:
+    pass
+
+
+def fitted(drive: GapDrive, effect: str) -> Fitted:
+    """A drive with an effect as a state, beside noise that was fitted without it."""
+    model = base_model()
+    plain = open_fits([open_drive(drive, model.options)], model, quietly)
+    return with_noise(fitted_about(plain.model, {effect: 3.0}, plain.fits), model.factors)
+
+
+def lasting_m_s(fitted: Fitted) -> float:
+    """Size of velocity errors that last."""
+    return fitted.model.options.velocity_wander_sd * fitted.model.factors["velocity_wander"]
+
+
+def test_velocity_errors_that_last_are_not_the_sensors_noise() -> None:
+    model = base_model()
+    without = replace(model, options=replace(model.options, velocity_wander_sd=0.0))
+    drive = wandering(simulated({}), np.random.default_rng(5))
+    quiet, found, deaf = (
+        open_fits([open_drive(d, m.options)], m, quietly)
+        for d, m in ((simulated({}), model), (drive, model), (drive, without))
+    )
+    assert lasting_m_s(quiet) < 0.3 * WANDER
+    assert lasting_m_s(found) == pytest.approx(WANDER, rel=0.35)
+    assert found.model.factors["accel"] < 0.5 * deaf.model.factors["accel"]
+
+
+def test_velocity_errors_that_an_effect_makes_do_not_stay_noise() -> None:
+    found = fitted(simulated({"gnss_velocity_lag": {"tau": 0.25}}), "gnss_velocity_lag")
+    assert lasting_m_s(found) < 0.3 * WANDER
+    assert found.values()["gnss_velocity_lag"]["tau"] == pytest.approx(0.25, abs=0.03)
+
+
+def test_noise_that_was_left_with_drift_is_found_anew() -> None:
+    model = base_model()
+    opened = open_drive(simulated({"gyro_scale": {"z": 0.01}}), model.options)
+    estimate = {"gyro_scale": 1.0}
+    right = with_noise(
+        Fitted(model, estimate, (fit_drive(opened, model, estimate),)), model.factors
+    )
+    drifting = dict(right.model.factors)
+    for walk in ("accel_bias_walk", "gyro_bias_walk"):
+        drifting[walk] *= 50.0
+    left = fitted_about(replace(model, factors=drifting), estimate, right.fits)
+    again = with_noise(left, model.factors)
+    scores = [noise_score(right.fits, f.model.factors) for f in (left, again, right)]
+    assert scores[0] < scores[2] - 5.0
+    assert scores[1] > scores[2] - 2.0
+    assert again.estimate == estimate
+
+
+def test_values_of_several_drives_are_their_joint_estimate() -> None:
+    model = base_model()
+    opened = [open_drive(simulated({"gyro_scale": {"z": 0.01}}, s), model.options) for s in (3, 8)]
+    fits = tuple(fit_drive(o, model, {"gyro_scale": 2.0}) for o in opened)
+    found = Fitted(model, {"gyro_scale": 2.0}, fits)
+    joint = combine(fits, [0.0, 0.0], 2.0 * np.array([0.01, 0.01, 0.01]))
+    value, sd = joint.of("gyro_scale")["z"]
+    assert found.values()["gyro_scale"]["z"] == pytest.approx(value, rel=0.05)
+    assert abs(value - 0.01) < 4.0 * sd
+    assert sd < min(f.sd_of("gyro_scale")["z"] for f in fits)
