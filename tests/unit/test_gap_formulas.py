@@ -1,109 +1,180 @@
-"""Formulas outside the library: what confirms them, and their instants."""
+"""Formulas: which are tried, what a drive shows of them, and how they become effects."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from automap.fusion.layout import CH_NHC
-from automap.gap import base_model
-from automap.gap.columns import sensitivities
-from automap.gap.dictionary import finer_texts, inertial_columns
+from automap.effects import CATALOGUE
+from automap.effects.user import set_user_effects, user_effects
+from automap.effects.user_tables import effects_of_formulas
+from automap.gap import GapDrive, base_model, limits
+from automap.gap.candidates import Candidate
+from automap.gap.columns import node_motion
+from automap.gap.dictionary import PREFIX, equation, formula_columns, left_out, left_out_effect
 from automap.gap.drive import open_drive
-from automap.gap.evidence import Scores
 from automap.gap.fit import Fit, fit_drive, motion_of
-from automap.gap.formula import _conflict, refined, screen_formulas
-from automap.gap.formula_trial import FORMULA_NATS, _different
-from automap.gap.noise import fit_noise
+from automap.gap.fitted import Fitted
+from automap.gap.formulas import effect_for, forget_formulas
+from automap.gap.search import Search, _in_layout
+from automap.gap.selection import Chosen, Selection, select
+from tests.unit.gap_linear import columns_named, linear_of
 from tests.unit.test_gap import simulated
 
 STEP_AT_S = 47.0
-SLIP_NATS = 400.0
+SIZE = 0.008
+ASYMMETRY = "accel_scale_asymmetry"
 
 
-@pytest.fixture(scope="module")
-def stepped() -> Fit:
-    """A drive whose lateral accelerometer jumps, with little drift allowed."""
+@pytest.fixture(autouse=True)
+def no_formula_left() -> Iterator[None]:
+    yield
+    set_user_effects([])
+
+
+def search_on(drive: GapDrive, exclude: Collection[str] = ()) -> Search:
+    """A search on a drive with little drift allowed."""
+    model = base_model()
+    low = {**model.factors, "accel_bias_walk": 0.1, "gyro_bias_walk": 0.1, "velocity_wander": 0.05}
+    model = replace(model, factors=low)
+    fit = fit_drive(open_drive(drive, model.options), model)
+    return Search(Fitted(model, {}, (fit,)), [], low, exclude, lambda text: None)
+
+
+def test_the_instant_of_a_step_is_found_between_boxes() -> None:
     drive = simulated({})
     t = (drive.imu.t_ns - drive.imu.t_ns[0]) * 1e-9
     accel = drive.imu.accel.copy()
     accel[:, 1] += 0.1 * (t > STEP_AT_S)
+    search = search_on(replace(drive, imu=replace(drive.imu, accel=accel)))
+    selection = search._selection(search.base, True)
+    chosen = select(selection, Chosen(), 1)
+    (found,) = chosen.names
+    assert found.startswith("accel_y += k * step(")
+    (finer,) = search._refined(search.base, selection, chosen).names
+    told = re.findall(r"time - ([\d.]+)", finer)
+    assert float(told[0]) == pytest.approx(STEP_AT_S, abs=1.0)
+    # it is a candidate of its own then, and stays one
+    assert selection.candidates[finer].terms == search.courses[finer]
+    assert finer in search._selection(search.base, False).candidates
+
+
+def test_what_the_library_does_without_is_told_axis_by_axis() -> None:
+    drive = simulated({})
+    gyro = drive.imu.gyro.copy()
+    gyro[:, 0] += SIZE * gyro[:, 2]
+    gyro[:, 1] -= SIZE * gyro[:, 2]
+    exclude = ("gyro_misalignment", "gyro_g_sensitivity", "accel_misalignment")
+    search = search_on(replace(drive, imu=replace(drive.imu, gyro=gyro)), exclude)
+    assert not set(exclude) & set(search.names)
+    selection = search._selection(search.base, False)
+    chosen = select(selection, Chosen(), limits.MAX_FINDINGS)
+    chosen = select(selection, chosen, limits.MAX_FINDINGS)
+    for axis, true in (("x", SIZE), ("y", -SIZE)):
+        name = f"gyro_{axis} += k * rate_z"
+        assert name in chosen.names
+        _, moves = selection.odds_of(chosen, name)
+        assert moves[0].evidence.estimate[0] == pytest.approx(true, rel=0.4)
+
+
+@pytest.fixture(scope="module")
+def plain() -> Fit:
     model = base_model()
-    low = {**model.factors, "accel_bias_walk": 0.1, "gyro_bias_walk": 0.1}
-    drive = replace(drive, imu=replace(drive.imu, accel=accel))
-    return fit_drive(open_drive(drive, model.options), replace(model, factors=low))
+    return fit_drive(open_drive(simulated({}), model.options), model)
 
 
-def test_the_instant_of_a_step_is_found_between_those_of_the_dictionary(stepped: Fit) -> None:
-    formulas = [
-        f for f in screen_formulas([stepped], correct_overdispersion=False) if "step" in f.text
-    ]
-    best = formulas[0]
-    assert best.channel == "accel_y"
-    finer = refined([stepped], best, correct_overdispersion=False)
-    assert finer.nats > best.nats
-    told = float(finer.text.removeprefix("step(time - ").removesuffix(")"))
-    assert told == pytest.approx(STEP_AT_S, abs=1.0)
-    assert finer.coefficient == pytest.approx(0.1, abs=0.02)
+def test_what_effects_of_the_catalogue_make_up_is_no_formula(plain: Fit) -> None:
+    motion = motion_of(plain.last)
+    at = node_motion(plain, motion)
+
+    def told(exclude: set[str]) -> dict[tuple[str, str], str]:
+        columns = formula_columns(plain, motion, at, ["max(force_x, 0)", "speed"], exclude)
+        return {c.term: c.effect for c in columns}
+
+    one_sided = ("accel_x", "max(force_x, 0)")
+    # a scale and its asymmetry
+    assert one_sided not in told(set())
+    assert told({ASYMMETRY})[one_sided] == "accel_x += k * max(force_x, 0)"
+    assert ("gyro_z", "speed") in told(set())
+    # what no formula says is told as the effect that was left out
+    assert ("readings (imu_filter_delay)", "x") in told({"imu_filter_delay"})
+    assert left_out_effect("readings (imu_filter_delay)") == "imu_filter_delay"
+    assert left_out_effect(left_out("gnss_latency")) == "gnss_latency"
+    assert left_out_effect("accel_x") is None
 
 
-def test_formulas_without_an_instant_stay_as_they_are(stepped: Fit) -> None:
-    formula = next(f for f in screen_formulas([stepped]) if f.text == "speed^2")
-    assert refined([stepped], formula) is formula
-    assert finer_texts("tanh(rate_z / 0.01)", 100.0) == []
+def formula(*terms: tuple[str, str]) -> tuple[Candidate, Selection]:
+    """A formula as a candidate, and all columns of a model."""
+    columns = columns_named(*(f"formula.k{i}" for i in range(len(terms))))
+    columns = [replace(c, prior_sd=0.1 * (i + 1)) for i, c in enumerate(columns)]
+    linear = linear_of(np.eye(len(terms)), np.zeros(len(terms)), columns)
+    part = tuple(range(len(terms)))
+    candidate = Candidate(equation(terms), (part,), -1.0, terms=terms)
+    return candidate, Selection(linear, {candidate.name: candidate})
 
 
-def test_one_of_each_shape_is_tried(stepped: Fit) -> None:
-    chosen = _different(screen_formulas([stepped], correct_overdispersion=False))
-    steps = [f for f in chosen if f.channel == "accel_y" and f.text.startswith("step")]
-    assert len(chosen) == 4
-    assert len(steps) == 1
+WAVE = (("gyro_z", "sin(2 * pi * time / 50)"), ("gyro_z", "cos(2 * pi * time / 50)"))
 
 
-def _one(score: float, info: float) -> Scores:
-    none = np.zeros((0, 1))
-    return Scores(np.array([score]), np.array([[info]]), none, none[:, :, None])
+def test_an_effect_of_a_formula_has_a_parameter_a_term() -> None:
+    candidate, selection = formula(*WAVE)
+    name = effect_for(candidate, selection.linear)
+    assert name == f"{PREFIX}gyro_z"
+    assert [(p.name, p.prior_sd) for p in CATALOGUE[name].parameters] == [("k", 0.1), ("k2", 0.2)]
+    assert candidate.name == (
+        "gyro_z += k * sin(2 * pi * time / 50); gyro_z += k2 * cos(2 * pi * time / 50)"
+    )
 
 
-@pytest.mark.parametrize(
-    ("constraint", "apart"), [(8.0, False), (0.0, False), (-300.0, True), (500.0, True)]
-)
-def test_the_vehicle_constraint_may_not_contradict_the_measurements(
-    constraint: float, apart: bool
-) -> None:
-    # both with information 400: one sigma is 0.05, and measurements say 10 / 400
-    measured = _one(10.0, 400.0)
-    assert _conflict(measured + _one(constraint, 400.0), measured) is apart
+def test_formulas_of_one_channel_have_names_of_their_own() -> None:
+    first, second = formula(("gyro_z", "speed")), formula(("gyro_z", "time"))
+    names = [effect_for(c, s.linear) for c, s in (first, second, first)]
+    assert names == ["formula_gyro_z", "formula_gyro_z_2", "formula_gyro_z"]
 
 
-def test_a_constraint_that_is_alone_contradicts_nobody() -> None:
-    assert not _conflict(_one(500.0, 400.0), _one(0.0, 0.0))
+def test_only_formulas_that_a_search_tried_are_forgotten() -> None:
+    table = {"k": {"on": "gyro_z", "formula": "speed", "prior_sd": 0.05}}
+    set_user_effects(effects_of_formulas({"mine": table}, "mine.toml"))
+    candidate, selection = formula(("gyro_z", "speed"))
+    # what the user defined stays the user's
+    first = effect_for(candidate, selection.linear)
+    assert first == "formula_gyro_z"
+    other, more = formula(("accel_x", "speed"))
+    second = effect_for(other, more.linear)
+    forget_formulas([second])
+    assert [e.name for e in user_effects()] == ["mine", second]
+    forget_formulas([])
+    assert [e.name for e in user_effects()] == ["mine"]
 
 
-def test_what_only_the_constraint_shows_is_no_sensor_formula(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    # the body slips to the outside of every bend by a little: no accelerometer does that
-    model = base_model()
-    fit = fit_drive(open_drive(simulated({}), model.options), model)
-    factors = fit_noise([fit])
-    fit = fit_drive(fit.opened, replace(model, factors=factors), linearised_at=fit)
-    motion = motion_of(fit.last)
-    column = inertial_columns(fit, motion, "accel_y", ["tanh(rate_z / 0.01)"])
-    phi = sensitivities(fit, motion, column)[:, 0]
-    store = fit.last.forward.store
-    constraint = store.info[:, 1] == CH_NHC
-    size = np.sqrt(2.0 * SLIP_NATS / float((phi[constraint] ** 2).sum()))
-    nu = store.nu + np.where(constraint, size * phi * np.sqrt(store.var), 0.0)
-    forward = replace(fit.last.forward, store=store._replace(nu=nu))
-    slipping = replace(fit, last=replace(fit.last, forward=forward))
+def test_names_and_effects_that_were_left_out_stand_for_themselves() -> None:
+    _, selection = formula(("gyro_z", "speed"))
+    named = Candidate("gyro_scale", ((0,),), -1.0)
+    assert effect_for(named, selection.linear) == "gyro_scale"
+    channel = left_out("gnss_latency")
+    hidden = Candidate(f"{channel} += k * s", ((0,),), -1.0, terms=((channel, "s"),))
+    assert effect_for(hidden, selection.linear) == "gnss_latency"
+    assert not user_effects()
 
-    def strongest() -> float:
-        return max(f.nats for f in screen_formulas([slipping]) if f.channel == "accel_y")
 
-    assert strongest() < FORMULA_NATS
-    # the constraint alone would show one
-    monkeypatch.setattr("automap.gap.formula.CONFLICT", np.inf)
-    assert strongest() > FORMULA_NATS
+def test_a_choice_is_carried_to_another_layout_by_its_names() -> None:
+    def selection(*names: str) -> Selection:
+        rows = np.eye(len(names))
+        linear = linear_of(rows, np.zeros(len(names)), columns_named(*names))
+        parts: dict[str, list[tuple[int, ...]]] = {}
+        for i, name in enumerate(names):
+            parts.setdefault(name.split(".")[0], []).append((i,))
+        each = [Candidate(n, tuple(p), -1.0) for n, p in parts.items()]
+        return Selection(linear, {c.name: c for c in each})
+
+    before = selection("gyro_scale.x", "gyro_scale.y", "gnss_latency.s", "vehicle_pitch.k")
+    after = selection("gnss_latency.s", "gyro_scale.y", "gyro_scale.z")
+    parts = (("gyro_scale", (1,), 5.0), ("gnss_latency", (2,), 1.0), ("vehicle_pitch", (3,), 1.0))
+    found = _in_layout(Chosen(parts), before, after)
+    assert found.parts == (("gyro_scale", (1,), 5.0), ("gnss_latency", (0,), 1.0))
+    # a parameter that the other does not have
+    assert _in_layout(Chosen((("gyro_scale", (0,), 1.0),)), before, after).parts == ()

@@ -1,71 +1,154 @@
-"""When a name is given, refused and asked for again."""
+"""What is told of a search: names, what else they may be, and the sentence above it all."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
 
-from automap.gap.evidence import Evidence
-from automap.gap.model import SKEW, base_model
-from automap.gap.naming import by_sign
+from automap.gap import limits
+from automap.gap.candidates import candidates_of
+from automap.gap.columns import Column
+from automap.gap.fitted import Fitted
+from automap.gap.misfit import Misfit
+from automap.gap.model import base_model
+from automap.gap.naming import describe, strongest_refused, verdict
+from automap.gap.result import Finding, Term, Unexplained
 from automap.gap.scoring import Joint
-from automap.gap.screening import Candidate
-from automap.gap.search import accept, candidates_of
-from automap.gap.search_state import State, Trial
+from automap.gap.search import Found
+from automap.gap.selection import Chosen, Selection, select
+from automap.records import FloatArray
+from tests.unit.gap_linear import columns_named, linear_of
 
-MODEL = base_model()
-
-
-def trial(effect: str, value: float = 1.0, sd: float = 1.0, nats: float = 50.0) -> Trial:
-    one = np.ones(1)
-    candidate = Candidate(
-        effect, ("p",), np.array([0]), one, Evidence(nats, one, one, 1.0, 1.0, nats), 0.0
-    )
-    joint = Joint(((effect, "p"),), np.array([value]), np.array([[sd**2]]), nats)
-    return Trial(candidate, joint, (), MODEL, nats, 0.0, one)
-
-
-@pytest.mark.parametrize(("value", "kept"), [(9e-6, False), (-1e-4, True), (2e-4, True)])
-def test_clocks_whose_rates_do_not_differ_have_no_skew(value: float, kept: bool) -> None:
-    found = by_sign([trial(SKEW, value, 2e-5)], [SKEW])
-    assert bool(found) is kept
-
-
-@pytest.mark.parametrize(
-    "effect", ["gnss_velocity_latency", "gnss_velocity_lag", "vehicle_sideslip"]
+NAMED = (
+    "gyro_scale.x",
+    "gyro_scale.y",
+    "gyro_scale.z",
+    "gnss_latency.s",
+    "imu_time_offset.s",
+    "accel_scale.x",
 )
-def test_no_velocity_is_early_and_no_tyre_slips_inwards(effect: str) -> None:
-    assert by_sign([trial(effect, -0.02, 1e-3)], [effect]) == []
-    assert [t.effect for t in by_sign([trial(effect, 0.02, 1e-3)], [effect])] == [effect]
+FORMULA = ("accel_x", "speed")
+ROWS = 2000
+VALUES = {"gyro_scale": {"z": 0.3}, "gnss_latency": {"s": 0.25}, "formula_accel_x": {"k": -0.2}}
 
 
-@pytest.mark.parametrize(("y", "kept"), [(2e-3, True), (-2e-3, False)])
-def test_the_sign_of_several_axes_is_that_of_the_axis_that_shows(y: float, kept: bool) -> None:
-    found = trial("gyro_dead_zone")
-    names = tuple(("gyro_dead_zone", axis) for axis in "xyz")
-    joint = replace(found.joint, names=names, values=np.array([-1e-4, y, 1e-4]))
-    joint = replace(joint, cov=np.eye(3) * 2e-4**2)
-    assert bool(by_sign([replace(found, joint=joint)], ["gyro_dead_zone"])) is kept
+class Told(Fitted):
+    """A fitted set whose estimate is given."""
+
+    def joint(self) -> Joint:
+        names = (("formula_accel_x", "k"),)
+        return Joint(names, np.array([-0.21]), np.array([[0.02**2]]), 0.0)
 
 
-def test_velocities_may_be_less_late_than_their_fixes() -> None:
-    found = trial("gnss_velocity_latency", -0.05, 1e-3)
-    names = (("gnss_latency", "s"), ("gnss_velocity_latency", "s"))
-    joint = replace(found.joint, names=names, values=np.array([0.07, -0.05]), cov=np.eye(2) * 1e-6)
-    assert by_sign([replace(found, joint=joint)], ["gnss_velocity_latency"])
+def found_with(
+    sizes: Mapping[int, float],
+    alike: tuple[int, int, float] | None = None,
+    not_told_apart: Mapping[str, tuple[str, ...]] | None = None,
+) -> Found:
+    """Where a search on made-up rows ended, with columns of these sizes missing; the second of two
+    that are ``alike`` is the first and so much of its own."""
+    rng = np.random.default_rng(1)
+    layout = [*columns_named(*NAMED), Column("accel_x += k * speed", "k", 0.5, term=FORMULA)]
+    phi = rng.standard_normal((ROWS, len(layout)))
+    if alike is not None:
+        one, other, own = alike
+        phi[:, other] = phi[:, one] + own * phi[:, other]
+    w: FloatArray = rng.standard_normal(ROWS)
+    for i, size in sizes.items():
+        w = w + size * phi[:, i]
+    candidates = candidates_of(layout, [n.split(".")[0] for n in NAMED])
+    selection = Selection(linear_of(phi, w, layout), {c.name: c for c in candidates})
+    chosen = select(selection, Chosen(), limits.MAX_FINDINGS)
+    names = (("gyro_scale", "x"), ("gyro_scale", "y"), ("gyro_scale", "z"), ("gnss_latency", "s"))
+    full = Joint(names, np.array([0.0, 0.01, 0.3, 0.25]), np.diag([0.02**2] * 4), 0.0)
+    fitted = Told(base_model(), {}, ())
+    effects = {n: n for n in chosen.names} | {"accel_x += k * speed": "formula_accel_x"}
+    return Found(fitted, fitted, full, selection, chosen, effects, not_told_apart or {})
 
 
-def test_what_was_refused_is_asked_for_again_once_something_is_named() -> None:
-    state = State([], [], {}, MODEL, [])
-    state.refused = {"imu_mounting": "held-out data do not confirm it"}
-    state.warnings = ["a formula was not confirmed"]
-    assert "imu_mounting" not in candidates_of(state, ())
-    accept(state, trial("speed_vibration"), print)
-    assert not state.refused
-    assert "imu_mounting" in candidates_of(state, ())
-    accept(state, trial("imu_mounting"), print)
-    assert list(state.accepted) == ["speed_vibration", "imu_mounting"]
-    assert [t.stage for t in state.trials] == [1, 2]
-    assert state.warnings == ["a formula was not confirmed"]
+def test_findings_come_with_all_parameters_and_the_surest_first() -> None:
+    told = describe(found_with({2: 0.3, 3: 0.22, 6: -0.2}), VALUES)
+    assert [t.effect for t in told] == ["gyro_scale", "gnss_latency", "formula_accel_x"]
+    scale, latency, formula = told
+    assert isinstance(scale, Finding)
+    assert list(scale.parameters) == ["x", "y", "z"]
+    assert (scale.parameters["z"].value, scale.parameters["z"].sd) == (0.3, pytest.approx(0.02))
+    assert scale.evidence_nats > latency.evidence_nats > 20.0
+    assert scale.p_value < 1e-6
+    assert scale.confusable_with == ()
+    assert isinstance(latency, Finding)
+    # stamps that are early do the same
+    assert latency.confusable_with == ("imu_time_offset",)
+    assert "tap the IMU" in latency.advice
+    assert isinstance(formula, Unexplained)
+    assert (formula.channel, formula.formula) == ("accel_x", "accel_x += k * speed")
+    assert formula.terms == (Term("accel_x", "speed", -0.21, pytest.approx(0.02)),)
+    assert formula.resembles is None
+
+
+def test_what_held_out_data_refused_is_not_told() -> None:
+    told = describe(found_with({2: 0.3, 3: 0.22}), {"gnss_latency": {"s": 0.25}})
+    assert [t.effect for t in told] == ["gnss_latency"]
+
+
+def test_names_that_a_linear_model_cannot_tell_apart_are_told_with_each_other() -> None:
+    (told,) = describe(found_with({2: 0.3}, alike=(2, 5, 0.2)), VALUES)
+    assert isinstance(told, Finding)
+    assert told.effect == "gyro_scale"
+    assert "accel_scale" in told.confusable_with
+
+
+def test_names_that_the_filter_could_not_tell_apart_are_told_too() -> None:
+    (told,) = describe(
+        found_with({2: 0.3}, not_told_apart={"gyro_scale": ("accel_scale",)}), VALUES
+    )
+    assert isinstance(told, Finding)
+    assert told.confusable_with == ("accel_scale",)
+
+
+def test_a_formula_says_which_name_it_resembles() -> None:
+    (told,) = describe(found_with({6: -0.3}, alike=(6, 5, 0.4)), VALUES)
+    assert isinstance(told, Unexplained)
+    assert told.resembles == "accel_scale"
+
+
+def test_the_strongest_that_is_not_named_is_told_with_its_chance() -> None:
+    (one,) = strongest_refused(found_with({2: 0.3}))
+    assert one.effect not in ("gyro_scale",)
+    assert one.p_value > 0.01
+    assert one.evidence_nats < limits.LEAST_ODDS
+
+
+FINDING = Finding("gyro_scale", {}, 50.0, 1e-9, 1.0, 0.2)
+SPEED = Unexplained("accel_x", "accel_x += k * speed", 0.2, 0.01, 40.0, 1e-8)
+MISFIT = Misfit("velocity_n", "band", "periods of 20 to 40 s", 3.0, 1e-6)
+
+
+def test_the_verdict_says_all_that_is_missing() -> None:
+    quiet = verdict([], [], [], 0.1, 0.1)
+    assert quiet.startswith("nothing is missing")
+    text = verdict([FINDING], [SPEED], [], 1.0, 0.2)
+    assert "missing from the model: gyro_scale" in text
+    assert "accel_x += k * speed with k = 0.2 ± 0.01 (40 nats)" in text
+    assert "falls from 1 to 0.2" in text
+    assert "resembles" not in text
+    named = Unexplained(*("accel_x", "f", 0.2, 0.01, 40.0, 1e-8), resembles="accel_scale")
+    assert "which resembles accel_scale" in verdict([], [named], [], 1.0, 0.2)
+
+
+def test_a_misfit_is_no_silence() -> None:
+    alone = verdict([], [], [MISFIT], 0.1, 0.1)
+    assert "nothing" not in alone
+    assert "something is missing that no candidate explains" in alone
+    assert "velocity_n scatters 3 times as much as modelled at periods of 20 to 40 s" in alone
+    more = verdict([FINDING], [], [MISFIT] * 3, 1.0, 0.2)
+    assert "something is also missing" in more
+    assert "and 2 more" in more
+
+
+def test_coefficients_of_several_terms_have_their_names() -> None:
+    terms = (Term("gyro_x", "rate_z", 0.01, 0.001), Term("gyro_y", "rate_z", -0.008, 0.001))
+    two = Unexplained("gyro_x", "f", 0.01, 0.001, 40.0, 1e-8, terms=terms)
+    assert two.numbers == "k = 0.01 ± 0.001, k2 = -0.008 ± 0.001"
