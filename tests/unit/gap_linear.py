@@ -23,14 +23,19 @@ def linear_of(
 ) -> Linear:
     """A drive of white rows [s] with columns [s, c]."""
     n = len(w)
-    rows = Rows(w, phi, step_s * np.arange(n), np.zeros(n, np.int64))
+    rows = Rows(w, phi, np.arange(n, dtype=np.float64) * step_s, np.zeros(n, np.int64))
     sds = np.array([c.prior_sd for c in layout])
     return Linear(tuple(layout), (rows,), None, phi.T @ w, phi.T @ phi, sds, np.zeros(phi.shape[1]))
 
 
 def columns_named(*names: str) -> list[Column]:
     """Columns of effects that are written as effect.parameter."""
-    return [Column(*name.split("."), PRIOR_SD) for name in names]
+    return [Column(*_halves(name), PRIOR_SD) for name in names]
+
+
+def _halves(name: str) -> tuple[str, str]:
+    effect, _, parameter = name.partition(".")
+    return effect, parameter
 
 
 def screened(fit: Fit, effects: Sequence[str]) -> Selection:

@@ -76,7 +76,7 @@ def test_an_estimate_is_worth_what_its_score_is() -> None:
     linear = drive(np.array([0.8, 0.0, -0.9]))
     part = (0, 1, 2)
     nats, scale = plain_nats(conditional(linear, Given()), part)
-    prior_sd = scale * linear.prior_sd
+    prior_sd = np.asarray(scale * linear.prior_sd, np.float64)
     cov = np.linalg.inv(linear.info + np.diag(prior_sd**-2.0))
     told = estimate_nats(cov @ linear.score, cov, prior_sd)
     assert told - np.log(len(limits.PRIOR_SCALES)) == pytest.approx(nats)

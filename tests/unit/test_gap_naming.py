@@ -74,7 +74,8 @@ def test_findings_come_with_all_parameters_and_the_surest_first() -> None:
     scale, latency, formula = told
     assert isinstance(scale, Finding)
     assert list(scale.parameters) == ["x", "y", "z"]
-    assert (scale.parameters["z"].value, scale.parameters["z"].sd) == (0.3, pytest.approx(0.02))
+    z = scale.parameters["z"]
+    assert (z.value, z.sd) == pytest.approx((0.3, 0.02))
     assert scale.evidence_nats > latency.evidence_nats > 20.0
     assert scale.p_value < 1e-6
     assert scale.confusable_with == ()
@@ -84,7 +85,9 @@ def test_findings_come_with_all_parameters_and_the_surest_first() -> None:
     assert "tap the IMU" in latency.advice
     assert isinstance(formula, Unexplained)
     assert (formula.channel, formula.formula) == ("accel_x", "accel_x += k * speed")
-    assert formula.terms == (Term("accel_x", "speed", -0.21, pytest.approx(0.02)),)
+    (term,) = formula.terms
+    assert (term.channel, term.text) == FORMULA
+    assert (term.coefficient, term.sd) == pytest.approx((-0.21, 0.02))
     assert formula.resembles is None
 
 
@@ -94,7 +97,7 @@ def test_what_held_out_data_refused_is_not_told() -> None:
 
 
 def test_names_that_a_linear_model_cannot_tell_apart_are_told_with_each_other() -> None:
-    (told,) = describe(found_with({2: 0.3}, alike=(2, 5, 0.2)), VALUES)
+    (told,) = describe(found_with({2: 0.3}, alike=(2, 5, 0.12)), VALUES)
     assert isinstance(told, Finding)
     assert told.effect == "gyro_scale"
     assert "accel_scale" in told.confusable_with

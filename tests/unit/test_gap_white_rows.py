@@ -22,10 +22,16 @@ def drive(seed: int = 1) -> tuple[FloatArray, FloatArray, BoolArray]:
     return rng.standard_normal(ROWS), bends, few
 
 
+def rows_of(w: FloatArray, phi: FloatArray) -> Rows:
+    """Rows of one channel."""
+    t = np.arange(len(w), dtype=np.float64) * 0.1
+    return Rows(w, phi, t, np.zeros(len(w), np.int64))
+
+
 def weights(w: FloatArray, columns: FloatArray) -> FloatArray:
     """By how much each row counts beside the usual one; the last column, of ones, tells."""
     phi = np.column_stack([columns, np.ones(len(w))])
-    rows = Rows(w, phi, 0.1 * np.arange(len(w)), np.zeros(len(w), np.int64))
+    rows = rows_of(w, phi)
     sds = np.full(phi.shape[1], 50.0)
     (white,) = _white([rows], np.zeros(phi.shape[1]), sds)
     assert len(white.w) == len(w)
@@ -59,7 +65,7 @@ def test_wild_values_do_not_move_what_is_estimated() -> None:
     w = noise + 0.3 * column
     w[::50] += 30.0 * np.sign(column[::50])
     phi = column[:, None]
-    rows = Rows(w, phi, 0.1 * np.arange(ROWS), np.zeros(ROWS, np.int64))
+    rows = rows_of(w, phi)
     (white,) = _white([rows], np.zeros(1), np.ones(1))
     estimate = float(white.phi[:, 0] @ white.w / (white.phi[:, 0] @ white.phi[:, 0]))
     plain = float(column @ w / (column @ column))
@@ -70,12 +76,7 @@ def test_wild_values_do_not_move_what_is_estimated() -> None:
 def test_many_candidates_do_not_make_noise_look_small() -> None:
     rng = np.random.default_rng(4)
     count, n = 400, 2000
-    rows = Rows(
-        rng.standard_normal(n),
-        rng.standard_normal((n, count)),
-        0.1 * np.arange(n),
-        np.zeros(n, np.int64),
-    )
+    rows = rows_of(rng.standard_normal(n), rng.standard_normal((n, count)))
     (white,) = _white([rows], np.zeros(count), np.full(count, 50.0))
     # a score's scatter is as its information says
     z = (white.phi.T @ white.w) / np.sqrt(np.sum(white.phi**2, axis=0))
@@ -85,8 +86,8 @@ def test_many_candidates_do_not_make_noise_look_small() -> None:
 
 def test_columns_of_mixtures_are_sums_of_rows() -> None:
     rng = np.random.default_rng(5)
-    phi = rng.standard_normal((50, 4)).astype(np.float32)
-    rows = Rows(rng.standard_normal(50), phi, np.arange(50.0), np.zeros(50, np.int64))
+    phi: FloatArray = rng.standard_normal((50, 4))
+    rows = rows_of(rng.standard_normal(50), phi)
     mixing = np.array([[1.0, 0.0], [0.0, 2.0], [0.0, -1.0], [0.0, 0.0]])
     layout = tuple(columns_named("a.p", "b.p"))
     nothing = np.zeros(2)
