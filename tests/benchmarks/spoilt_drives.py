@@ -155,8 +155,8 @@ def alike(result: GapResult, change: str) -> str | None:
 def same_effects(drive: GapDrive, result: GapResult, names: Sequence[str]) -> list[dict[str, Any]]:
     """What a drive says of the effects ``names``, with its own noise."""
     from automap.gap.drive import open_drive
-    from automap.gap.finder import FIT_SHARE
     from automap.gap.fit import fit_drive
+    from automap.gap.limits import FIT_SHARE
     from automap.gap.noise import fit_noise
 
     base = result.base
@@ -178,7 +178,6 @@ def same_effects(drive: GapDrive, result: GapResult, names: Sequence[str]) -> li
 
 def told(result: GapResult) -> dict[str, Any]:
     """A result as plain values."""
-    odd = result.unexplained
     return {
         "findings": [
             {
@@ -189,7 +188,8 @@ def told(result: GapResult) -> dict[str, Any]:
             }
             for f in result.findings
         ],
-        "unexplained": None if odd is None else odd.formula,
+        "formulas": [formula.formula for formula in result.formulas],
+        "misfits": [f"{m.channel} {m.where}" for m in result.misfits],
         "gap": [result.gap_before, result.gap_after],
         "warnings": list(result.warnings),
     }
@@ -237,8 +237,8 @@ def verdict(
         line = line.replace("MISS", "pair" if abs(off) < 3.0 else "MISS", 1)
         line += f", with both {before:+.4g} becomes {after:+.4g} ({off:+.1f} sigma)"
     line += f"; {', '.join(names) or '-'}"
-    if case["unexplained"]:
-        line += f"; unexplained {case['unexplained']}"
+    if case["formulas"]:
+        line += f"; outside the library {', '.join(case['formulas'])}"
     return found[0], found[1], line
 
 
@@ -253,8 +253,7 @@ def report(done: Mapping[tuple[str, str], Mapping[str, Any]]) -> list[str]:
         for finding in base["findings"]:
             values = ", ".join(f"{p} {v:.3g}±{s:.1g}" for p, (v, s) in finding["values"].items())
             lines.append(f"       {finding['effect']} ({values}) {finding['nats']:.0f} nats")
-        if base["unexplained"]:
-            lines.append(f"       unexplained {base['unexplained']}")
+        lines += [f"       outside the library {formula}" for formula in base["formulas"]]
         for change in CHANGES:
             if (name, change) in done:
                 plain = done.get((name, f"baseline of {change}"), base)

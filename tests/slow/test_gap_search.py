@@ -34,29 +34,28 @@ def test_a_hidden_effect_is_named_and_recovered(effect: str, values: dict[str, f
         assert abs(found.value - true) < 4.0 * found.sd, parameter
     assert finding.p_value < 1e-3
     assert result.gap_after < 0.5 * result.gap_before
-    assert result.unexplained is None
+    assert result.formulas == ()
 
 
 @pytest.mark.parametrize("seed", [3, 5, 6])
 def test_a_drive_without_errors_has_no_findings(seed: int) -> None:
     result = find_gaps([simulated({}, seed=seed)])
     assert result.findings == ()
-    assert result.unexplained is None
+    assert result.formulas == ()
+    assert result.misfits == ()
 
 
 def test_an_effect_kept_out_of_the_library_is_not_given_another_name() -> None:
     hidden: dict[str, Any] = {"gyro_scale": {"z": 0.02}}
     drive, held = simulated(hidden), simulated(hidden, seed=8)
     result = find_gaps([drive], [held], exclude=("gyro_scale",))
-    assert result.unexplained is not None
-    assert result.unexplained.channel == "gyro_z"
+    assert "gyro_z" in [formula.channel for formula in result.formulas]
 
 
 def test_a_name_that_only_resembles_what_is_missing_does_not_stand_alone() -> None:
     hidden: dict[str, Any] = {"gyro_misalignment": {"xz": 0.01, "yz": -0.008}}
     drive, held = simulated(hidden), simulated(hidden, seed=8)
     result = find_gaps([drive], [held], exclude=("gyro_misalignment",))
-    other = result.unexplained
-    told = [other.formula] if other is not None else []
+    told = [formula.formula for formula in result.formulas]
     told += [rival for f in result.findings for rival in f.confusable_with]
     assert any(re.search(r"gyro_[xy] \+= k\d* \* rate_z", text) for text in told)

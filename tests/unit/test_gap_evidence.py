@@ -78,7 +78,7 @@ def test_an_estimate_is_worth_what_its_score_is() -> None:
     nats, scale = plain_nats(conditional(linear, Given()), part)
     prior_sd = np.asarray(scale * linear.prior_sd, np.float64)
     cov = np.linalg.inv(linear.info + np.diag(prior_sd**-2.0))
-    told = estimate_nats(cov @ linear.score, cov, prior_sd)
+    told = estimate_nats(np.asarray(cov @ linear.score), np.asarray(cov, np.float64), prior_sd)
     assert told - np.log(len(limits.PRIOR_SCALES)) == pytest.approx(nats)
     # what is not known at all is worth nothing
     nothing = estimate_nats(np.zeros(3), np.diag(prior_sd**2), prior_sd)
