@@ -70,10 +70,12 @@ def test_differences_that_come_and_go_are_chance() -> None:
     assert sum(told) <= 1
 
 
-def test_wild_positions_count_as_little_as_others() -> None:
+def test_wild_positions_count_by_their_size_and_no_more() -> None:
     before = errors()
     after = before.copy()
-    after[::80, 0] = 500.0
+    after[::80, 0] = 20.0
+    missed = [confirm._missed([fit_with(e)]).sum(axis=1) for e in (after, before)]
+    assert 1.1 * missed[1][0] < missed[0][0] < 2.0 * missed[1][0]
     assert not worse(after, before)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -115,25 +116,46 @@ def test_what_one_stretch_alone_shows_is_not_predicted_without_it() -> None:
     ]
     assert all(one.uncorrected > 10.0 for one in found)
     assert found[0].predicted_without_best > 5.0
+    # one of six stretches that say the same
+    assert found[0].predicted_without_best == pytest.approx(5.0 / 6.0 * found[0].predicted, rel=0.2)
     assert found[1].predicted_without_best < 0.0
 
 
+def test_what_is_given_does_not_scatter_the_score_of_others() -> None:
+    strong = 25.0
+    linear = drive(np.array([strong, 2.0]))
+    (rows,) = linear.rows
+    phi = rows.phi.copy()
+    phi[:, 1] += 0.7 * phi[:, 0]
+    w = rows.w + 2.0 * (phi[:, 1] - rows.phi[:, 1])
+    beside = linear_of(phi, w, linear.layout)
+    wide = replace(beside, prior_sd=np.array([20.0, PRIOR_SD]))
+    found = evidence(conditional(wide, Given().joined((0,), wide, 5.0)), (1,))
+    alone = linear_of(rows.phi, rows.w - strong * rows.phi[:, 0], linear.layout)
+    right = evidence(conditional(alone, Given()), (1,))
+    assert found.overdispersion == pytest.approx(right.overdispersion, rel=0.1)
+    assert found.nats == pytest.approx(right.nats, rel=0.15)
+    assert found.predicted == pytest.approx(right.predicted, rel=0.15)
+
+
 def test_p_values_of_the_largest_evidence_are_uniform() -> None:
-    linear = drive(np.zeros(8))
-    # candidates that overlap, one of several parameters, beside one that is given
+    linear = drive(np.zeros(20))
+    # most candidates are nearly one, one has several parameters, beside one that is given
     rows = linear.rows[0]
-    rows.phi[:, 2] += 2.0 * rows.phi[:, 1]
+    rows.phi[:, 6:] = 3.0 * rows.phi[:, 6:7] + rows.phi[:, 6:]
     given = Given().joined((0,), linear, 1.0)
-    parts = [(1,), (2,), (3,), (4, 5, 6), (7,)]
+    parts = [(1,), (2, 3, 4), *((i,) for i in range(5, 20))]
+    linear = linear_of(rows.phi, rows.w, linear.layout)
+    maxima = null_maxima(conditional(linear, given), parts, limits.NULL_DRAWS)
     values = []
-    maxima = null_maxima(
-        conditional(linear_of(rows.phi, rows.w, linear.layout), given), parts, limits.NULL_DRAWS
-    )
     for seed in range(300):
         rng = np.random.default_rng(seed)
         w = rng.standard_normal(ROWS) + PRIOR_SD * rng.standard_normal() * rows.phi[:, 0]
-        known = conditional(linear_of(rows.phi, w, linear.layout), given)
-        best = max(plain_nats(known, part)[0] for part in parts)
+        known = conditional(replace(linear, score=rows.phi.T @ w), given)
+        best = max(
+            singles(known, np.array([p[0] for p in parts if len(p) == 1])).max(),
+            plain_nats(known, parts[1])[0],
+        )
         values.append(p_value(best, maxima))
     told = np.array(values)
     assert 0.42 < float(told.mean()) < 0.58

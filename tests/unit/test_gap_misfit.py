@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import lru_cache
 from types import SimpleNamespace
 from typing import cast
 
@@ -20,6 +22,13 @@ MEASURED = 6
 VELOCITY_N = 3
 
 
+FIT = cast(
+    "Fit",
+    SimpleNamespace(last=None, opened=SimpleNamespace(drive=SimpleNamespace(begin_s=0.0))),
+)
+
+
+@lru_cache
 def motion() -> Motion:
     """Speeds, turns and accelerations at rates that have nothing to do with one another."""
     t = np.arange(0.0, LENGTH_S, 0.1)
@@ -42,8 +51,7 @@ def found(rows: FloatArray, monkeypatch: pytest.MonkeyPatch) -> tuple[misfit.Mis
     t, channel = np.repeat(T, MEASURED), np.tile(np.arange(MEASURED), len(T))
     monkeypatch.setattr(misfit, "whitened_innovations", lambda fit: (rows.ravel(), t, channel))
     monkeypatch.setattr(misfit, "motion_of", lambda last: motion())
-    fit = SimpleNamespace(last=None, opened=SimpleNamespace(drive=SimpleNamespace(begin_s=0.0)))
-    return misfit.misfits([cast("Fit", fit)])
+    return misfit.misfits([FIT])
 
 
 def white(seed: int) -> FloatArray:
@@ -94,6 +102,26 @@ def test_a_wild_fix_is_no_misfit(monkeypatch: pytest.MonkeyPatch) -> None:
     rows = white(4)
     rows[500, 2] = 80.0
     assert found(rows, monkeypatch) == ()
+
+
+def test_noise_that_is_a_little_large_is_no_misfit(monkeypatch: pytest.MonkeyPatch) -> None:
+    # all sigmas are off by a sixth, which so many rows show surely
+    told = found(1.17 * white(6), monkeypatch)
+    assert all(m.size >= misfit.WORTH for m in told)
+    assert len(told) < 0.1 * len(found(1.5 * white(6), monkeypatch))
+
+
+@pytest.mark.parametrize("look", [misfit._bands, misfit._conditions])
+def test_chances_of_single_looks_are_uniform(
+    look: Callable[[list[Fit], int], list[misfit.Misfit]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[float] = []
+    for seed in range(12):
+        found(white(seed), monkeypatch)
+        told += [m.p_value for c in range(MEASURED) for m in look([FIT], c)]
+    values = np.array(told)
+    assert float(values.mean()) == pytest.approx(0.5, abs=0.06)
+    assert float(np.mean(values < 0.1)) == pytest.approx(0.1, abs=0.04)
 
 
 def test_too_few_rows_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -127,6 +128,14 @@ def test_what_is_almost_in_the_model_is_not_offered(own: float, offered: bool) -
     assert selected(selection, "e6") == ({"e6", "e7"} if offered else {"e6"})
 
 
+def test_a_move_holds_from_a_thousand_to_one_on() -> None:
+    phi, w = noise(16)
+    selection = alone(linear_with(phi, w + 0.2 * phi[:, 3]))
+    move = selection.best(Chosen())[0]
+    assert not selection.holds(replace(move, odds=math.log(990.0)))
+    assert selection.holds(replace(move, odds=math.log(1010.0)))
+
+
 def test_what_was_refused_stays_out() -> None:
     phi, w = noise(7)
     selection = alone(linear_with(phi, w + 0.2 * phi[:, 3]))
@@ -140,7 +149,7 @@ def test_what_only_one_stretch_shows_is_not_selected() -> None:
     selection = alone(linear_with(phi, w + shown))
     (move,) = (m for m in selection.best(Chosen()) if m.name == "e3")
     assert move.evidence.uncorrected > 20.0
-    assert not selection.holds(move)
+    assert not selection.holds(replace(move, odds=100.0))
     assert selected(selection) == set()
 
 

@@ -58,6 +58,10 @@ def test_the_likeliest_plateau_is_the_one_that_is_there(begin: float, end: float
     # one in so many pairs of instants
     assert all(shape.choices > 100.0 for shape in best)
     np.testing.assert_allclose(curve(best[0].texts[0]) > 0.5, inside)
+    # the others are no neighbours of it
+    ends = [instants(shape.texts[0]) for shape in best]
+    for i, (a, b) in enumerate(ends):
+        assert all(abs(a - c) + abs(b - d) > 0.5 * (b - a) for c, d in ends[:i])
 
 
 def test_two_plateaus_are_both_found() -> None:
@@ -70,8 +74,8 @@ def test_two_plateaus_are_both_found() -> None:
 
 def test_what_begins_or_ends_with_the_drive_is_no_plateau() -> None:
     best = plateaus(TIMES, *told(np.where(TIMES < 150.0, 1.0, 0.0)))
-    assert all(min(instants(s.texts[0])) > TIMES[0] for s in best)
-    assert all(max(instants(s.texts[0])) < TIMES[-1] for s in best)
+    for begin, end in (instants(shape.texts[0]) for shape in best):
+        assert TIMES[0] < begin < end < TIMES[-1]
     assert plateaus(TIMES[:3], np.ones(3), np.eye(3)) == []
 
 

@@ -73,6 +73,15 @@ def test_wild_values_do_not_move_what_is_estimated() -> None:
     assert estimate == pytest.approx(0.3, abs=0.1)
 
 
+def test_wild_rows_do_not_make_their_neighbours_look_wild() -> None:
+    noise, bends, few = drive()
+    # of the rows where a column acts a fifth are wild, all to one side of it
+    wild = few & (np.cumsum(few) % 5 == 0)
+    found = weights(noise + np.where(wild, 60.0 * bends, 0.0), bends)
+    assert found[wild].mean() < 0.1
+    assert found[few & ~wild].mean() > 0.85
+
+
 def test_many_candidates_do_not_make_noise_look_small() -> None:
     rng = np.random.default_rng(4)
     count, n = 400, 2000
