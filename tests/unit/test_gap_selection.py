@@ -194,6 +194,17 @@ def test_rivals_come_with_how_far_they_are_ahead() -> None:
     assert back.odds > rival.odds
 
 
+def test_a_wrong_first_choice_is_swapped_once_what_it_stood_for_is_there() -> None:
+    phi, w = noise(17)
+    # nearly one that acts, and alone the strongest, for it has part of another that acts
+    phi[:, 0] = phi[:, 2] + 0.5 * phi[:, 1] + 0.15 * phi[:, 0]
+    selection = alone(linear_with(phi, w + 0.5 * phi[:, 1] + 0.5 * phi[:, 2]))
+    assert selection.best(Chosen())[0].name == "e0"
+    both = selection.best(of(selection, "e0", "e1"))
+    assert not [m for m in both if selection.holds(m)]
+    assert selected(selection, "e0") == {"e1", "e2"}
+
+
 def with_formula(behind: Mapping[str, float]) -> Selection:
     """A formula that is there, and others that resemble it, by what of them is their own."""
     phi, w = noise(13)
