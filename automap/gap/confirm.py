@@ -4,33 +4,46 @@ with all of them must not predict positions worse than without."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from automap.fusion.layout import CH_POS
 from automap.gap import limits
+from automap.gap.cost import HeldPath, held_path
 from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit
 from automap.gap.heldout import fit_held_out, total_score
 from automap.gap.model import GapModel, Values
+from automap.gap.result import HeldPositions, KeptOut
 from automap.gap.scoring import whitener_of
 from automap.gap.whitening import HUBER
 from automap.records import FloatArray
 
+LEVEL, DOWN = (CH_POS, CH_POS + 1), (CH_POS + 2,)
+
 
 @dataclass(frozen=True)
 class Confirmed:
-    """Effects that held-out data let stand, with their values, and a sentence on each other."""
+    """Effects that held-out data let stand, with their values, and a sentence on each other.
+
+    ``kept_out`` these others; ``positions`` how well positions are predicted; ``without`` effect ->
+    held-out paths of the model that lacks it alone, where they were fitted anyhow.
+    """
 
     values: dict[str, Mapping[str, float]]
     warnings: tuple[str, ...]
+    kept_out: tuple[KeptOut, ...] = ()
+    positions: HeldPositions | None = None
+    without: Mapping[str, Sequence[HeldPath]] = field(default_factory=dict)
 
 
 def confirmed(held_out: Sequence[OpenDrive], model: GapModel, values: Values) -> Confirmed:
     """Judge effects at ``values`` on held-out drives under ``model``."""
     kept: dict[str, Mapping[str, float]] = dict(values)
-    warnings = []
+    warnings: list[str] = []
+    kept_out: list[KeptOut] = []
+    paths: dict[str, tuple[frozenset[str], list[HeldPath]]] = {}
     if not held_out:
         return Confirmed(kept, ())
     fits = fit_held_out(held_out, model, kept)
@@ -45,6 +58,9 @@ def confirmed(held_out: Sequence[OpenDrive], model: GapModel, values: Values) ->
                 f"{effect} explains the fitted data, but the held-out data are {-gain:.0f} nats "
                 "less likely with it; it is not named"
             )
+            kept_out.append(KeptOut(effect, False, -gain))
+        else:
+            paths[effect] = frozenset(fewer), [held_path(fit) for fit in without]
     # under the same noise: a filter that follows its fixes more closely predicts the next one well
     plain = fit_held_out(held_out, model, {}, fits)
     while kept and _worse(fits, plain):
@@ -58,7 +74,23 @@ def confirmed(held_out: Sequence[OpenDrive], model: GapModel, values: Values) ->
             f"with {effect} held-out positions are predicted worse than without; it is kept out "
             "of the model"
         )
-    return Confirmed(kept, tuple(warnings))
+        kept_out.append(KeptOut(effect, True))
+    # those that were fitted beside one that has gone since are of another model
+    alone = {e: p for e, (rest, p) in paths.items() if e in kept and rest == set(kept) - {e}}
+    return Confirmed(kept, tuple(warnings), tuple(kept_out), _positions(plain, fits), alone)
+
+
+def _positions(before: Sequence[Fit], after: Sequence[Fit]) -> HeldPositions | None:
+    sizes = []
+    for fits in (before, after):
+        channel = np.concatenate([fit.last.forward.store.info[:, 1] for fit in fits])
+        # a position has two coordinates level; the loss is half of the square
+        counts = [0.5 * np.isin(channel, LEVEL).sum(), np.isin(channel, DOWN).sum()]
+        if not all(counts):
+            return None
+        sizes.append(np.sqrt(2.0 * _missed(fits).sum(axis=1) / counts))
+    (level_then, height_then), (level, height) = (s.tolist() for s in sizes)
+    return HeldPositions((level_then, level), (height_then, height))
 
 
 def _missed(fits: Sequence[Fit]) -> FloatArray:
@@ -71,7 +103,7 @@ def _missed(fits: Sequence[Fit]) -> FloatArray:
         number = max(int(fit.last.nodes.t[-1] / limits.BLOCKS_S[0]), 1)
         edges = np.linspace(0.0, np.nextafter(fit.last.nodes.t[-1], np.inf), number + 1)
         sides = []
-        for axes in ((CH_POS, CH_POS + 1), (CH_POS + 2,)):
+        for axes in (LEVEL, DOWN):
             at = np.isin(channel, axes)
             off = np.abs(store.nu[at])
             usual = np.median(off) / 0.6745 if at.any() else 0.0

@@ -10,7 +10,8 @@ from automap.fusion.options import FusionOptions
 from automap.gap import limits
 from automap.gap.camera_search import CameraGap
 from automap.gap.candidates import library
-from automap.gap.confirm import confirmed
+from automap.gap.confirm import Confirmed, confirmed
+from automap.gap.cost import costs
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import fit_drive
 from automap.gap.fitted import Log, open_fits
@@ -19,9 +20,9 @@ from automap.gap.heldout import channel_gaps, epochs, fit_held_out, remaining_ga
 from automap.gap.identifiability import Identifiability, identifiability
 from automap.gap.locate import places, worst_by_channel
 from automap.gap.misfit import misfits
-from automap.gap.model import GapModel, Values, base_model
+from automap.gap.model import GapModel, base_model
 from automap.gap.naming import describe, strongest_refused, verdict
-from automap.gap.result import Finding, GapResult
+from automap.gap.result import Finding, GapResult, KeptOut
 from automap.gap.scoring import whitener_of
 from automap.gap.search import Found, Search
 from automap.gap.stochastic import noise_claims, stochastic_findings
@@ -63,7 +64,7 @@ def find_gaps(
     stands = confirmed(kept, found.fitted.model, found.fitted.values())
     log("measuring the gap on held-out data")
     forget_formulas(found.fitted.estimate)
-    return _result(found, stands.values, stands.warnings, kept, model, exclude)
+    return _result(found, stands, kept, model, exclude)
 
 
 def _head(drive: GapDrive, seconds: float) -> GapDrive:
@@ -88,14 +89,13 @@ def _split(drives: Sequence[GapDrive]) -> tuple[list[GapDrive], list[GapDrive]]:
 
 def _result(
     found: Found,
-    values: Values,
-    warnings: Sequence[str],
+    stands: Confirmed,
     held_out: Sequence[OpenDrive],
     stated: GapModel,
     exclude: Collection[str],
 ) -> GapResult:
-    """Everything that is told of a search whose effects stand with ``values``."""
-    model, base = found.fitted.model, found.base.model
+    """Everything that is told of a search of which ``stands`` is confirmed."""
+    model, base, values = found.fitted.model, found.base.model, stands.values
     told = describe(found, values)
     final = fit_held_out(held_out, model, values)
     whitener, count = whitener_of(final[0]), epochs(final)
@@ -119,6 +119,8 @@ def _result(
     findings += noise
     claims = noise_claims(fits, stated.factors)
     left = misfits(fits)
+    noisy = [*(f.effect for f in noise), *(c.level for c in claims)]
+    paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
     shown = places(first, final)
     carried = replace(model, values={**model.values, **values})
     return GapResult(
@@ -131,14 +133,23 @@ def _result(
         verdict(findings, formulas, left, gaps[0], rest),
         carried,
         base,
-        warnings=tuple(warnings),
+        warnings=stands.warnings,
         places=tuple(shown),
         held_out=(tuple(first), tuple(final)),
         unclear=_unclear(found, carried, exclude),
         misfits=left,
         noise_claims=claims,
         refused=strongest_refused(found),
+        costs=paid,
+        kept_out=_by_formula(found, stands.kept_out),
+        positions=stands.positions,
     )
+
+
+def _by_formula(found: Found, kept_out: Sequence[KeptOut]) -> tuple[KeptOut, ...]:
+    """Formulas by what they say: the effects that stood for them are forgotten."""
+    says = {effect: name for name, effect in found.effects.items()}
+    return tuple(replace(one, effect=says.get(one.effect, one.effect)) for one in kept_out)
 
 
 def _unclear(found: Found, model: GapModel, exclude: Collection[str]) -> Identifiability:

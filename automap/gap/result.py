@@ -110,6 +110,49 @@ class Unexplained:
 
 
 @dataclass(frozen=True)
+class Extent:
+    """How far something is off along a drive: root mean square, and the largest size."""
+
+    rms: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class Cost:
+    """How far the smoothed held-out path is off where one effect is left out of the new model:
+    ``level`` and ``height`` in m, ``heading`` and ``tilt`` (of the vehicle's down axis) in rad, all
+    at the same IMU stamps."""
+
+    level: Extent
+    height: Extent
+    heading: Extent
+    tilt: Extent
+
+
+@dataclass(frozen=True)
+class KeptOut:
+    """An effect that the fitted data speak for, but not the held-out ones; it is not in the model.
+
+    ``positions``: with it held-out positions are predicted worse. Otherwise they are less likely by
+    ``nats``.
+    """
+
+    effect: str
+    positions: bool
+    nats: float = 0.0
+
+
+@dataclass(frozen=True)
+class HeldPositions:
+    """Root mean square in m by which held-out positions differ from their prediction, (without,
+    with) what was found, under the same noise, ``level`` and in ``height``; wild ones count as
+    little else."""
+
+    level: tuple[float, float]
+    height: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class ChannelGap:
     """One channel on held-out data: its gap before and after in nats a measurement, normalised
     rms and lag-one correlation before and after, and where it is worst."""
@@ -131,7 +174,9 @@ class GapResult:
     ``formulas`` what no effect of the library explains, ``model`` the new one, ``places`` where the
     gap was, ``held_out`` the fits of the held-out data before and after, ``unclear`` what the
     fitted drives cannot tell, ``misfits`` what no candidate explains, ``noise_claims`` noise that
-    is not as stated, ``refused`` the strongest candidate that is not named.
+    is not as stated, ``refused`` the strongest candidate that is not named, ``costs`` what each
+    effect by name, or level of noise, costs on held-out data, ``kept_out`` what these spoke
+    against, ``positions`` how well they are predicted.
     """
 
     gap_before: float
@@ -151,6 +196,9 @@ class GapResult:
     misfits: tuple[Misfit, ...] = ()
     noise_claims: tuple[NoiseClaim, ...] = ()
     refused: tuple[Refused, ...] = ()
+    costs: Mapping[str, Cost] = field(default_factory=dict)
+    kept_out: tuple[KeptOut, ...] = ()
+    positions: HeldPositions | None = None
 
 
 def p_text(p: float) -> str:

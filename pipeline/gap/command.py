@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from automap.errors import ConfigError
+from pipeline.gap.cost_json import held_out_json
 
 if TYPE_CHECKING:
     from automap.gap import Finding, GapResult, Unexplained
@@ -151,6 +152,7 @@ def as_json(result: GapResult) -> dict[str, Any]:
             {"effect": r.effect, "evidence_nats": r.evidence_nats, "p_value": r.p_value}
             for r in result.refused
         ],
+        **held_out_json(result),
         "alike": [
             {"effects": list(a.effects), "share": a.share, "advice": a.advice}
             for a in result.unclear.alike
@@ -251,7 +253,7 @@ def find_in_logs(
     from automap.gap.laboratory import find_laboratory_gaps
     from automap.io.atomic import make_folder, write_json, write_text
     from pipeline.calibrate.logs import local_gravity, read_logs
-    from pipeline.gap.report import laboratory_report
+    from pipeline.gap.laboratory_report import laboratory_report
 
     logs = read_logs(source)
     g, warnings = local_gravity(gravity, place)

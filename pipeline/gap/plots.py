@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automap.earth import metres_per_radian
 from automap.fusion.layout import CHANNELS
 from automap.gap.fit import whitened_innovations
 from automap.gates import mean_square_limits
@@ -150,16 +149,14 @@ def _spectrum(fit: Fit, name: str) -> tuple[FloatArray, FloatArray, int] | None:
 
 
 def error_bars(before: Fit, after: Fit) -> list[Plot]:
-    """What the trajectory's error bars become, and how far the path moves."""
+    """What the trajectory's error bars become."""
     old, new = _bars(before), _bars(after)
     end = float(new[0][-1])
-    moved = _moved(before, after)
     plots = draw_over_time(
         "horizontal position of the held-out drive, one sigma",
         [
             Series("before", old[0], old[1], "line", "bad"),
             Series("after", new[0], new[1], "line", 0),
-            Series("path moved by", new[0], moved, "line", "quiet"),
         ],
         "m",
         end,
@@ -181,16 +178,6 @@ def _bars(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray]:
     cov = fit.last.smooth.cov
     place = np.sqrt(np.maximum(cov[:, 0, 0] + cov[:, 1, 1], 0.0))
     return fit.last.nodes.t, place, np.degrees(np.sqrt(np.maximum(cov[:, 8, 8], 0.0)))
-
-
-def _moved(before: Fit, after: Fit) -> FloatArray:
-    """Horizontal distance in m between the two paths at the nodes of the second."""
-    one, two = before.last.smooth.nominal, after.last.smooth.nominal
-    t0, t1 = before.last.nodes.t, after.last.nodes.t
-    north, east = metres_per_radian(two[:, 0], two[:, 2])
-    dn = (two[:, 0] - np.interp(t1, t0, one[:, 0])) * north
-    de = (two[:, 1] - np.interp(t1, t0, one[:, 1])) * east
-    return np.asarray(np.hypot(dn, de))
 
 
 def camera_plots(before: CameraFit, after: CameraFit) -> list[Plot]:

@@ -1,4 +1,4 @@
-"""gap.html: where the gap is, what closes it, how sure, before and after, what next."""
+"""gap.html: what is wrong in words, the path before and after, where the gap is, how sure."""
 
 from __future__ import annotations
 
@@ -6,19 +6,17 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from automap.gap.result import p_text
+from pipeline.gap.path_sections import cost_section, path_figure, path_section
 from pipeline.gap.plots import WINDOW_S, camera_plots, error_bars, overlay, running, spectrum
+from pipeline.gap.words import in_words
 from pipeline.pages.render import sections_page
-from pipeline.pages.section import Figure, Plot, Section, draw_over_time
-from pipeline.pages.svg_plot import Series
+from pipeline.pages.section import Figure, Plot, Section
 
 if TYPE_CHECKING:
     from automap.gap import GapResult
     from automap.gap.camera_search import CameraGap
     from automap.gap.fit import Fit
-    from automap.gap.laboratory import LaboratoryResult
     from automap.gap.result import Finding
 
 OVERLAYS = 2
@@ -28,14 +26,21 @@ PLACES = 12
 
 def gap_report(result: GapResult, names: Sequence[str], cameras: Sequence[CameraGap] = ()) -> str:
     """The page of a search on drives called ``names``."""
+    found = len(result.findings) + len(result.formulas)
     figures = [
-        Figure(str(len(result.findings)), "missing effects", "named with evidence below"),
-        Figure(f"{result.gap_before:.3g}", "gap before, nats an epoch", "on held-out data"),
-        Figure(f"{result.gap_after:.3g}", "gap after, nats an epoch", "0 is a perfect model"),
+        Figure(str(found), "missing effects", "told in words below"),
+        path_figure(result),
+        Figure(
+            f"{result.gap_before:.3g} → {result.gap_after:.3g}",
+            "gap before and after, nats an epoch",
+            "on held-out data; 0 is a perfect model",
+        ),
     ]
     parts = [
-        ("Verdict", _verdict(result)),
-        ("What is missing", _findings(result.findings)),
+        ("In words", Section(paragraphs=in_words(result))),
+        ("The path before and after", path_section(result)),
+        ("What is missing, in numbers", _numbers(result)),
+        ("What each costs", cost_section(result)),
         ("Measured and simulated", _overlay(result)),
         ("Before and after", _before_after(result)),
         ("Where the gap was", _where(result)),
@@ -47,64 +52,29 @@ def gap_report(result: GapResult, names: Sequence[str], cameras: Sequence[Camera
         ("Noise", _noise(result)),
         ("What next", _next(result)),
     ]
+    if result.warnings:
+        # after the words: what a reader needs first stands there
+        noted = Section(verdicts=[("fair", text) for text in result.warnings])
+        parts.insert(2, ("Warnings", noted))
     if cameras:
         parts.insert(len(parts) - 2, ("Camera", _cameras(cameras)))
-    return sections_page("Gap", ", ".join(names), figures, parts, list(result.warnings))
-
-
-def laboratory_report(result: LaboratoryResult, names: Sequence[str]) -> str:
-    """The page of a search on desk logs."""
-    figures = [
-        Figure(f"{1e3 * result.gap_before:.2f} mm/s²", "norm off gravity before", "held-out poses"),
-        Figure(f"{1e3 * result.gap_after:.2f} mm/s²", "norm off gravity after", "held-out poses"),
-        Figure(str(len(result.poses.accel_before)), "rest poses", "each judged by the others"),
-    ]
-    section = Section(sentences=[result.verdict[:1].upper() + result.verdict[1:] + "."])
-    poses = np.arange(len(result.poses.accel_before), dtype=float)
-    plots = Section()
-    plots.plots += draw_over_time(
-        "Norm off gravity of held-out poses, mm/s²",
-        [
-            Series("before", poses, 1e3 * result.poses.accel_before, "dots", "bad"),
-            Series("after", poses, 1e3 * result.poses.accel_after, "dots", 0),
-        ],
-        "mm/s²",
-        1.0,
-        include=(0.0,),
-    )
-    turns = np.arange(len(result.poses.gyro_before), dtype=float)
-    plots.plots += draw_over_time(
-        "Gravity after held-out turns, degrees off",
-        [
-            Series("before", turns, np.degrees(result.poses.gyro_before), "dots", "bad"),
-            Series("after", turns, np.degrees(result.poses.gyro_after), "dots", 0),
-        ],
-        "deg",
-        1.0,
-        include=(0.0,),
-    )
-    parts = [
-        ("Verdict", section),
-        ("What is missing", _findings(result.findings)),
-        ("Before and after", plots),
-    ]
     return sections_page("Gap", ", ".join(names), figures, parts)
 
 
-def _verdict(result: GapResult) -> Section:
-    section = Section(sentences=[result.verdict[:1].upper() + result.verdict[1:] + "."])
-    for other in result.formulas:
-        text = (
-            f"A formula that fits what no effect of the library explains: {other.formula} with "
-            f"{other.numbers} ({other.evidence_nats:.0f} nats, p {p_text(other.p_value)})."
+def _numbers(result: GapResult) -> Section:
+    section = findings_table(result.findings)
+    if result.formulas:
+        section.absent = ""
+    for one in result.formulas:
+        section.sentences.append(
+            f"{one.formula} with {one.numbers}: {one.evidence_nats:.0f} nats, p "
+            f"{p_text(one.p_value)}; no effect of the library."
         )
-        if other.resembles:
-            text += f" Of the named effects {other.resembles} resembles it most."
-        section.sentences.append(text)
     return section
 
 
-def _findings(findings: Sequence[Finding]) -> Section:
+def findings_table(findings: Sequence[Finding]) -> Section:
+    """The findings with all their numbers."""
     section = Section(
         header=("effect", "values", "evidence, nats", "p", "gap before", "after", "not told from")
     )
@@ -187,8 +157,8 @@ def _spectra(result: GapResult) -> Section:
 def _bars(result: GapResult) -> Section:
     return _held_out(
         result,
-        "Error bars of the smoothed path on the held-out drive under both models, and how far "
-        "the path itself moves. Bars of the old model are what it claims, not what is true.",
+        "Error bars of the smoothed path on the held-out drive under both models. "
+        "Bars of the old model are what it claims, not what is true.",
         error_bars,
     )
 

@@ -31,7 +31,8 @@ class Plot:
 
 @dataclass
 class Section:
-    """Sentences, plots and a table for one part of the page.
+    """Sentences, plots and a table for one part of the page; ``paragraphs`` are pairs of what it is
+    about and the text.
 
     ``absent`` says why the section is empty; with ``folded`` the table hides under that title.
     """
@@ -43,6 +44,7 @@ class Section:
     verdicts: list[tuple[Literal["good", "fair", "bad"], str]] = field(default_factory=list)
     absent: str = ""
     folded: str = ""
+    paragraphs: list[tuple[str, str]] = field(default_factory=list)
 
 
 def draw(

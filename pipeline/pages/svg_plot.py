@@ -86,13 +86,20 @@ def plot(
     x_axis = _x_axis(drawn)
     y_axis = _y_axis(drawn, include, log)
     parts = [
-        f'<svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
-        f'aria-label="{escape(title, quote=True)}"><title>{escape(title)}</title>',
-        *_grid(x_axis, y_axis, x_label, y_label),
+        opening(title, HEIGHT),
+        *grid(x_axis, y_axis, x_label, y_label),
     ]
     parts += [_draw(s, x_axis, y_axis) for s in drawn]
     parts.append("</svg>")
     return "".join(parts)
+
+
+def opening(title: str, height: int) -> str:
+    """The start of a plot of that height."""
+    return (
+        f'<svg class="plot" viewBox="0 0 {WIDTH} {height}" role="img" '
+        f'aria-label="{escape(title, quote=True)}"><title>{escape(title)}</title>'
+    )
 
 
 def _finite(series: Series) -> Series:
@@ -160,13 +167,14 @@ def tick_label(value: float, step: float) -> str:
     return f"{value:.{max(0, -int(np.floor(np.log10(step) + 1e-9)))}f}"
 
 
-def _grid(x_axis: Axis, y_axis: Axis, x_label: str, y_label: str) -> list[str]:
+def grid(x_axis: Axis, y_axis: Axis, x_label: str, y_label: str) -> list[str]:
+    """Lines, ticks and labels of a plot whose axes end where the drawing does."""
     parts: list[str] = []
     x_ticks = ticks(x_axis.low, x_axis.high, 6)
     y_ticks = (
         _log_ticks(y_axis.low, y_axis.high) if y_axis.log else ticks(y_axis.low, y_axis.high, 4)
     )
-    bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
+    bottom, right = round(y_axis.start), round(x_axis.end)
     y_step = float(y_ticks[1] - y_ticks[0]) if len(y_ticks) > 1 else 1.0
     for value, y in zip(y_ticks.tolist(), y_axis(y_ticks).tolist(), strict=True):
         label = f"{value:g}" if y_axis.log else tick_label(value, y_step)
@@ -178,7 +186,7 @@ def _grid(x_axis: Axis, y_axis: Axis, x_label: str, y_label: str) -> list[str]:
         label = tick_label(value, x_step)
         parts.append(f'<text class="m" x="{x:.1f}" y="{bottom + 14}">{label}</text>')
     parts.append(f'<path class="a" d="M{LEFT} {TOP}V{bottom}H{right}"/>')
-    parts.append(f'<text class="e" x="{right}" y="{HEIGHT - 4}">{escape(x_label)}</text>')
+    parts.append(f'<text class="e" x="{right}" y="{bottom + BOTTOM - 4}">{escape(x_label)}</text>')
     middle = (TOP + bottom) / 2
     parts.append(
         f'<text class="m" transform="translate(12 {middle:.0f}) rotate(-90)">{escape(y_label)}'
@@ -190,14 +198,18 @@ def _grid(x_axis: Axis, y_axis: Axis, x_label: str, y_label: str) -> list[str]:
 def _draw(series: Series, x_axis: Axis, y_axis: Axis) -> str:
     css = series.css
     if series.kind == "dots":
-        x, y = x_axis(series.x), y_axis(series.y)
-        # a dot is a line of no length with round ends: a tenth of the size of circles
-        spots = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x.tolist(), y.tolist(), strict=True))
-        return f'<path class="d {css}" d="{spots}"/>'
+        return dots(x_axis(series.x), y_axis(series.y), css)
     if series.kind == "band" and series.upper is not None:
         return "".join(_band(series.x, series.y, series.upper, x_axis, y_axis, css))
     path = "".join(_line(series.x, series.y, x_axis, y_axis))
     return f'<path class="l {css}" d="{path}"/>'
+
+
+def dots(x: FloatArray, y: FloatArray, css: str) -> str:
+    """Dots at pixels [n]."""
+    # a dot is a line of no length with round ends: a tenth of the size of circles
+    spots = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x.tolist(), y.tolist(), strict=True))
+    return f'<path class="d {css}" d="{spots}"/>'
 
 
 def _runs(x: FloatArray) -> list[slice]:

@@ -13,7 +13,7 @@ from automap.gap.fit import Fit, fit_drive
 from automap.gap.noise import fit_noise
 from automap.gap.result import p_text
 from pipeline.gap.plots import _spectrum, error_bars, overlay, running, spectrum
-from tests.unit.test_gap import simulated
+from tests.unit.test_gap_sim import simulated
 
 ARM = {"gnss_lever_arm": {"x": 0.6, "y": 0.0, "z": 0.0}}
 

@@ -1,0 +1,66 @@
+"""A finding as a plain sentence: what is wrong, by how much, which way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from automap.effects import CATALOGUE
+from automap.gap.result import Finding, ParameterValue
+from pipeline.gap.effect_sentences import SENTENCES
+from pipeline.gap.sentence_parts import Part
+from pipeline.gap.sizes import with_sd
+
+SHOWS = 2.0
+"""Sigmas from which on a parameter is told of; the strongest is told of anyhow."""
+
+
+def what_is_wrong(finding: Finding) -> str:
+    """A finding as a sentence; of what is not in the table (an effect of the user's) the summary
+    and the numbers."""
+    sentence = SENTENCES.get(finding.effect)
+    if sentence is None:
+        return _summary(finding)
+    parts = {p: v for p, v in finding.parameters.items() if p in sentence.parts}
+    if not parts:
+        return _summary(finding) if finding.parameters else sentence.frame
+    shown = [p for p, v in parts.items() if abs(v.value) >= SHOWS * v.sd]
+    strongest = max(parts, key=lambda p: abs(parts[p].value) / max(parts[p].sd, 1e-300))
+    told = [_part(sentence.parts[p], parts[p]) for p in shown or [strongest]]
+    if len(told) > 1:
+        return sentence.frame.format(listed([text + unsure for text, unsure in told]))
+    text, unsure = told[0]
+    return f"{sentence.frame.format(text).removesuffix('.')}{unsure}."
+
+
+def in_a_word(name: str) -> str:
+    """A name with what it is, for a list."""
+    return f"{name} ({CATALOGUE[name].summary})" if name in CATALOGUE else name
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words with commas and an "and"."""
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def sentence_case(text: str) -> str:
+    """The text with a large first letter."""
+    return text[:1].upper() + text[1:]
+
+
+def _part(part: Part, value: ParameterValue) -> tuple[str, str]:
+    """A parameter in words, and what is unsure of it."""
+    size, sd = with_sd(part.factor * value.value, part.factor * value.sd, part.unit)
+    text = (part.more if value.value >= 0.0 else part.less).format(size)
+    return text, f" (give or take {sd})" if value.sd > 0.0 else ""
+
+
+def _summary(finding: Finding) -> str:
+    known = CATALOGUE.get(finding.effect)
+    numbers = []
+    for name, v in finding.parameters.items():
+        size, sd = with_sd(v.value, v.sd, v.unit)
+        numbers.append(f"{name} is {'-' if v.value < 0.0 else ''}{size} (give or take {sd})")
+    text = sentence_case(known.summary if known else finding.effect)
+    return f"{text}: {listed(numbers)}." if numbers else f"{text}."

@@ -1,0 +1,103 @@
+"""The path of the held-out drive under the old and the new model: plan view, and what differs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from automap.earth import metres_per_radian
+from automap.fusion.layout import HAS_POS_H
+from automap.gap.cost import HeldPath, Moved, held_path, moved
+from automap.records import BoolArray, FloatArray
+from pipeline.pages.plan_plot import draw_plan
+from pipeline.pages.section import Plot, draw_over_time
+from pipeline.pages.svg_plot import Series
+
+if TYPE_CHECKING:
+    from automap.gap.fit import Fit
+
+CLOSE_S = 4.0
+"""The close view shows so much before and after the place where the paths are furthest apart."""
+EDGE_S = 10.0
+"""At its ends a path hangs on few fixes; the close view looks elsewhere where there is a middle."""
+
+
+@dataclass(frozen=True)
+class _Plane:
+    """Metres per radian about a place, for plan views."""
+
+    lat: float
+    lon: float
+    north: float
+    east: float
+
+    def __call__(self, lat: FloatArray, lon: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Metres east and north [n] of the place."""
+        return (lon - self.lon) * self.east, (lat - self.lat) * self.north
+
+
+def path_plots(before: Fit, after: Fit) -> list[Plot]:
+    """The whole drive and the place where the paths differ most from above, with the receiver's
+    fixes, and how far the paths are apart along time."""
+    old, new = held_path(before), held_path(after)
+    known = np.isfinite(new.pos).all(axis=1)
+    if not known.any():
+        return []
+    lat, lon, height = new.pos[known][0]
+    north, east = metres_per_radian(lat, height)
+    plane = _Plane(float(lat), float(lon), float(north), float(east))
+    apart = moved(new, old)
+    plots = _plan("the held-out drive from above", plane, old, new, after, -np.inf, np.inf)
+    if len(apart.t):
+        inner = np.abs(apart.t - 0.5 * (apart.t[0] + apart.t[-1]))
+        middle = inner <= max(0.5 * float(np.ptp(apart.t)) - EDGE_S, 0.0)
+        level = np.where(middle, apart.level, 0.0) if middle.any() else apart.level
+        at = float(apart.t[int(np.argmax(level))])
+        title = f"where the paths are furthest apart, {at:.0f} s into the held-out data"
+        plots += _plan(title, plane, old, new, after, at - CLOSE_S, at + CLOSE_S)
+    return plots + _differences(apart)
+
+
+def _plan(
+    title: str,
+    plane: _Plane,
+    old: HeldPath,
+    new: HeldPath,
+    fit: Fit,
+    start_s: float,
+    stop_s: float,
+) -> list[Plot]:
+    fixes = fit.opened.session.fixes
+
+    def between(t: FloatArray) -> BoolArray:
+        return np.asarray((t >= start_s) & (t <= stop_s))
+
+    shown = between(fixes.t) & ((fixes.flags & HAS_POS_H) > 0)
+    rows = between(old.t), between(new.t)
+    return draw_plan(
+        title,
+        [
+            Series("fixes", *plane(fixes.values[shown, 0], fixes.values[shown, 1]), "dots", 1),
+            Series("old model", *plane(*old.pos[rows[0], :2].T), "line", "bad"),
+            Series("new model", *plane(*new.pos[rows[1], :2].T), "line", 0),
+        ],
+    )
+
+
+def _differences(apart: Moved) -> list[Plot]:
+    if not len(apart.t):
+        return []
+    end = float(apart.t[-1])
+    turned = np.degrees(apart.heading)
+    kinds = (
+        ("old path off the new one, level", apart.level, "m"),
+        ("old path off the new one, height", apart.height, "m, up"),
+        ("old path off the new one, heading", turned, "deg, clockwise"),
+    )
+    plots = []
+    for title, values, unit in kinds:
+        line = [Series("", apart.t, values, "line", 0)]
+        plots += draw_over_time(title, line, unit, end, include=(0.0,))
+    return plots

@@ -1,0 +1,246 @@
+"""What a search found in words, for who measures and is no statistician.
+
+One paragraph for each finding, as (what is wrong, the rest): how sure that is, what it costs on
+the held-out drive, what to do.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from automap.effects import CATALOGUE, Effect
+from pipeline.gap.effect_words import in_a_word, listed, sentence_case, what_is_wrong
+from pipeline.gap.misfit_words import misfit_words
+from pipeline.gap.remedies import remedy
+from pipeline.gap.sizes import about
+
+if TYPE_CHECKING:
+    from automap.gap import Finding, GapResult, Unexplained
+    from automap.gap.result import Cost, HeldPositions, KeptOut, NoiseClaim
+
+MILLION = 1e6
+SURE = (
+    (math.log(MILLION) + math.log(1e3), 1.0 / MILLION, "practically certain"),
+    (math.log(1e4), 1e-3, "very likely"),
+    (math.log(1e2), 5e-2, "likely"),
+)
+"""Nats, p-value and words: both must be as good. The odds that the data give must outweigh some
+hundreds of candidates that are each unlikely beforehand, hence a thousand more than a million."""
+LEAST_M, LEAST_DEG = 0.001, 0.001
+"""Differences below these no survey sees."""
+FEW = 3
+
+Paragraph = tuple[str, str]
+LEVELS = {
+    "accel": "The accelerometer's noise",
+    "gyro": "The gyro's noise",
+    "position_h": "The scatter of the receiver's level positions",
+    "position_v": "The scatter of the receiver's heights",
+    "velocity_h": "The scatter of the receiver's level velocities",
+    "velocity_v": "The scatter of the receiver's vertical velocities",
+    "wander": "The slow wander of the receiver's level positions",
+    "wander_v": "The slow wander of the receiver's heights",
+    "multipath": "The receiver's position error that lasts for seconds, as reflections make it,",
+    "velocity_wander": "The receiver's velocity error that lasts",
+    "accel_bias_walk": "The drift of the accelerometer's zero",
+    "gyro_bias_walk": "The drift of the gyro's zero",
+}
+
+
+def in_words(result: GapResult) -> list[Paragraph]:
+    """All that a search found, and what is left."""
+    out = [_overview(result)]
+    out += [finding_words(f, result.costs.get(f.effect)) for f in result.findings]
+    out += [formula_words(f, result.costs.get(f.effect or "")) for f in result.formulas]
+    out += [noise_words(c, result.costs.get(c.level)) for c in result.noise_claims]
+    out += [kept_out_words(one) for one in result.kept_out]
+    if result.misfits:
+        out.append(misfit_words(result.misfits, result.held_out[1]))
+    return out
+
+
+def finding_words(finding: Finding, cost: Cost | None) -> Paragraph:
+    """A finding; without a ``cost`` nothing is said of the path but for a camera's."""
+    known = CATALOGUE.get(finding.effect)
+    parts = [f"({finding.effect}.)", how_sure(finding.evidence_nats, finding.p_value)]
+    if finding.confusable_with:
+        others = [in_a_word(name) for name in finding.confusable_with]
+        shown = [*others[:FEW], f"{len(others) - FEW} more"] if len(others) > FEW else others
+        parts.append(
+            "What is not sure is that it is this and nothing else: these data cannot tell it from "
+            f"{listed(shown)}."
+        )
+    if cost is not None:
+        parts.append(cost_words(cost, noise=known is not None and _is_noise(known)))
+    elif known is not None and known.family == "camera":
+        parts.append("What it costs: it moves the signs, not the path.")
+    parts.append(f"What to do: {remedy(finding.effect)}")
+    if finding.advice:
+        parts.append(f"To tell which it is: {finding.advice}.")
+    return what_is_wrong(finding), " ".join(parts)
+
+
+def _is_noise(effect: Effect) -> bool:
+    """Whether the model without it has other noise, and all effects."""
+    return effect.family == "noise" or effect.nuisance
+
+
+def formula_words(one: Unexplained, cost: Cost | None) -> Paragraph:
+    """Something that no effect of the library explains."""
+    lead = f"Something acts on {channel_words(one.channel)} that no known effect explains."
+    parts = [
+        f"What fits best is {one.formula}, with {one.numbers}.",
+        how_sure(one.evidence_nats, one.p_value),
+    ]
+    if one.resembles:
+        parts.append(f"Of the known effects {in_a_word(one.resembles)} is most like it.")
+    if cost is not None:
+        parts.append(cost_words(cost))
+    parts.append(
+        "What to do: look for a cause that goes with the quantities of the formula. Until it is "
+        "found take model.toml, which has the formula."
+    )
+    return lead, " ".join(parts)
+
+
+def noise_words(claim: NoiseClaim, cost: Cost | None) -> Paragraph:
+    """A level of noise that is not as stated."""
+    what = LEVELS.get(claim.level, sentence_case(claim.level.replace("_", " ")))
+    parts = [how_sure(claim.evidence_nats, claim.p_value)]
+    if cost is not None:
+        parts.append(cost_words(cost, noise=True))
+    parts.append(
+        "What to do: take model.toml, which has the noise as it is. What makes it, nothing here "
+        "says: look for what shakes the sensor or shades the antenna."
+    )
+    return f"{what} is {claim.factor:.2g} times as large as stated.", " ".join(parts)
+
+
+def kept_out_words(one: KeptOut) -> Paragraph:
+    """An effect that held-out data spoke against."""
+    why = (
+        "with it the held-out positions are predicted worse than without. No model may make "
+        "positions worse"
+        if one.positions
+        else "the held-out data are less likely with it"
+    )
+    return (
+        f"Not taken: {in_a_word(one.effect)}.",
+        f"The fitted data speak for it, but {why}, so it is not in model.toml. What to do: "
+        "give another drive with --holdout, which would show whether it holds.",
+    )
+
+
+def how_sure(nats: float, p_value: float) -> str:
+    """Odds and p-value as a sentence."""
+    said = [text for least, most, text in SURE if nats >= least and p_value <= most]
+    words = said[0] if said else "possible, but not sure"
+    return f"How sure: {words}. The data are {_times(nats)} likelier so, and {_chance(p_value)}."
+
+
+def _times(nats: float) -> str:
+    if nats >= math.log(MILLION):
+        return "more than a million times"
+    if nats < math.log(2.0):
+        return "hardly"
+    return f"about {_round(math.exp(nats))} times"
+
+
+def _chance(p: float) -> str:
+    if p < 1.0 / MILLION:
+        return "chance alone shows as much in less than one search of a million"
+    if p >= 0.1:
+        return "chance alone often shows as much"
+    return f"chance alone shows as much in about one search of {_round(1.0 / p)}"
+
+
+def _round(number: float) -> str:
+    """A number to one digit, thousands apart."""
+    power = 10 ** math.floor(math.log10(number))
+    return f"{round(number / power) * power:,.0f}".replace(",", " ")
+
+
+def cost_words(cost: Cost, noise: bool = False) -> str:
+    """How far the path is off where the effect is left out."""
+    degrees = [math.degrees(v) for v in (cost.heading.rms, cost.tilt.rms)]
+    what = "With the noise as stated" if noise else "Without it"
+    if max(cost.level.largest, cost.height.largest) < LEAST_M and max(degrees) < LEAST_DEG:
+        return f"What it costs: nothing here. {what} the held-out path is the same."
+    sizes = [
+        _off(cost.level.rms, cost.level.largest, "m", LEAST_M, "level"),
+        _off(cost.height.rms, cost.height.largest, "m", LEAST_M, "in height"),
+        _off(degrees[0], math.degrees(cost.heading.largest), "°", LEAST_DEG, "in heading"),
+        _off(degrees[1], math.degrees(cost.tilt.largest), "°", LEAST_DEG, "in tilt"),
+    ]
+    return (
+        f"What it costs: {what[:1].lower()}{what[1:]} the held-out path is off by {listed(sizes)}."
+    )
+
+
+def _off(rms: float, largest: float, unit: str, least: float, where: str) -> str:
+    if largest < least:
+        return f"nothing {where}"
+    return f"{about(rms, unit, least)} {where} (at most {about(largest, unit, least)})"
+
+
+def channel_words(channel: str) -> str:
+    """A channel of a formula as a person calls it."""
+    sensor, _, axis = channel.partition("_")
+    name = {"x": "forward", "y": "right", "z": "down"}.get(axis)
+    sensors = {"gyro": "gyro", "accel": "accelerometer"}
+    if name and sensor in sensors:
+        return f"the {sensors[sensor]}'s {name} axis"
+    return f"the receiver's or the vehicle's {channel.replace('_', ' ')}"
+
+
+def position_words(positions: HeldPositions | None) -> str:
+    """How well held-out positions are predicted before and after."""
+    if positions is None:
+        return ""
+    (level_then, level), (height_then, height) = positions.level, positions.height
+    text = (
+        "From all that came before, each held-out fix is predicted to "
+        f"{about(level, 'm', LEAST_M)} level and {about(height, 'm', LEAST_M)} in height (rms)"
+    )
+    if (level_then, height_then) == (level, height):
+        return f"{text}."
+    text += (
+        f"; without what was found, under the same noise, to {about(level_then, 'm', LEAST_M)} and "
+        f"{about(height_then, 'm', LEAST_M)}."
+    )
+    if level > level_then or height > height_then:
+        text += " What got worse did so by no more than chance makes likely."
+    return text
+
+
+def _overview(result: GapResult) -> Paragraph:
+    found = len(result.findings) + len(result.formulas)
+    left = bool(result.misfits)
+    if found:
+        things = "one thing is" if found == 1 else f"{found} things are"
+        lead = f"{sentence_case(things)} missing from the model."
+    elif left or result.noise_claims:
+        lead = "No known effect is missing that these data can show, but not all is as modelled."
+    else:
+        lead = "Nothing is missing from the model as far as these data can show."
+    parts = [position_words(result.positions)]
+    if found:
+        parts.append(
+            "Give or take is one standard deviation. Costs are by how much (rms) the held-out "
+            "path is off that of the new model."
+        )
+    else:
+        parts += [_suspicion(result), "Nothing to mend: model.toml is the model that you gave."]
+        if left or result.noise_claims:
+            parts[-1] = "What is off is told below."
+    if not left:
+        parts.append("What the new model leaves is as small and as random as it should be.")
+    return lead, " ".join(p for p in parts if p)
+
+
+def _suspicion(result: GapResult) -> str:
+    if not result.refused:
+        return ""
+    one = result.refused[0]
+    return f"The strongest suspicion is {in_a_word(one.effect)}, which is too weak to be named."
