@@ -10,8 +10,9 @@ from pipeline.gap.effect_sentences import SENTENCES
 from pipeline.gap.sentence_parts import Part
 from pipeline.gap.sizes import with_sd
 
-SHOWS = 2.0
-"""Sigmas from which on a parameter is told of; the strongest is told of anyhow."""
+SHOWS = 3.0
+"""Sigmas from which on a parameter is told of: of an arm's three axes two mostly do nothing, and a
+person would measure them again for nothing. The strongest is told of anyhow."""
 
 
 def what_is_wrong(finding: Finding) -> str:
@@ -47,6 +48,11 @@ def listed(words: Sequence[str]) -> str:
 def sentence_case(text: str) -> str:
     """The text with a large first letter."""
     return text[:1].upper() + text[1:]
+
+
+def as_clause(text: str) -> str:
+    """The text with a small first letter, for after a colon."""
+    return text[:1].lower() + text[1:]
 
 
 def _part(part: Part, value: ParameterValue) -> tuple[str, str]:

@@ -10,7 +10,7 @@ import numpy as np
 from automap.earth import metres_per_radian
 from automap.fusion.layout import HAS_POS_H
 from automap.gap.cost import HeldPath, Moved, held_path, moved
-from automap.records import BoolArray, FloatArray
+from automap.records import FloatArray
 from pipeline.pages.plan_plot import draw_plan
 from pipeline.pages.section import Plot, draw_over_time
 from pipeline.pages.svg_plot import Series
@@ -18,8 +18,12 @@ from pipeline.pages.svg_plot import Series
 if TYPE_CHECKING:
     from automap.gap.fit import Fit
 
-CLOSE_S = 4.0
-"""The close view shows so much before and after the place where the paths are furthest apart."""
+CLOSE_S = 20.0
+"""The close view shows no more before and after the instant at which the paths are furthest apart:
+a street may be driven twice."""
+CLOSE_UP = 8.0
+"""It reaches so many times their distance to all sides, so that both lines can be seen."""
+LEAST_M = 5.0
 EDGE_S = 10.0
 """At its ends a path hangs on few fixes; the close view looks elsewhere where there is a middle."""
 
@@ -49,14 +53,15 @@ def path_plots(before: Fit, after: Fit) -> list[Plot]:
     north, east = metres_per_radian(lat, height)
     plane = _Plane(float(lat), float(lon), float(north), float(east))
     apart = moved(new, old)
-    plots = _plan("the held-out drive from above", plane, old, new, after, -np.inf, np.inf)
+    plots = _plan("the held-out drive from above", plane, old, new, after, np.inf, 0.0, np.inf)
     if len(apart.t):
         inner = np.abs(apart.t - 0.5 * (apart.t[0] + apart.t[-1]))
         middle = inner <= max(0.5 * float(np.ptp(apart.t)) - EDGE_S, 0.0)
         level = np.where(middle, apart.level, 0.0) if middle.any() else apart.level
-        at = float(apart.t[int(np.argmax(level))])
+        row = int(np.argmax(level))
+        at, reach = float(apart.t[row]), max(CLOSE_UP * float(level[row]), LEAST_M)
         title = f"where the paths are furthest apart, {at:.0f} s into the held-out data"
-        plots += _plan(title, plane, old, new, after, at - CLOSE_S, at + CLOSE_S)
+        plots += _plan(title, plane, old, new, after, CLOSE_S, at, reach)
     return plots + _differences(apart)
 
 
@@ -66,22 +71,31 @@ def _plan(
     old: HeldPath,
     new: HeldPath,
     fit: Fit,
-    start_s: float,
-    stop_s: float,
+    within_s: float,
+    at_s: float,
+    reach_m: float,
 ) -> list[Plot]:
+    """Paths and fixes within seconds of ``at_s`` and metres of where the vehicle then is."""
     fixes = fit.opened.session.fixes
-
-    def between(t: FloatArray) -> BoolArray:
-        return np.asarray((t >= start_s) & (t <= stop_s))
-
-    shown = between(fixes.t) & ((fixes.flags & HAS_POS_H) > 0)
-    rows = between(old.t), between(new.t)
+    has = (fixes.flags & HAS_POS_H) > 0
+    places = (
+        (fixes.t[has], *plane(fixes.values[has, 0], fixes.values[has, 1])),
+        (old.t, *plane(old.pos[:, 0], old.pos[:, 1])),
+        (new.t, *plane(new.pos[:, 0], new.pos[:, 1])),
+    )
+    t, east, north = places[-1]
+    centre = int(np.argmin(np.abs(t - at_s)))
+    shown = []
+    for when, e, n in places:
+        near = np.maximum(np.abs(e - east[centre]), np.abs(n - north[centre])) <= reach_m
+        keep = near & (np.abs(when - at_s) <= within_s)
+        shown.append((e[keep], n[keep]))
     return draw_plan(
         title,
         [
-            Series("fixes", *plane(fixes.values[shown, 0], fixes.values[shown, 1]), "dots", 1),
-            Series("old model", *plane(*old.pos[rows[0], :2].T), "line", "bad"),
-            Series("new model", *plane(*new.pos[rows[1], :2].T), "line", 0),
+            Series("fixes", *shown[0], "dots", 1),
+            Series("old model", *shown[1], "line", "bad"),
+            Series("new model", *shown[2], "line", 0),
         ],
     )
 

@@ -10,7 +10,7 @@ import math
 from typing import TYPE_CHECKING
 
 from automap.effects import CATALOGUE, Effect
-from pipeline.gap.effect_words import in_a_word, listed, sentence_case, what_is_wrong
+from pipeline.gap.effect_words import as_clause, in_a_word, listed, sentence_case, what_is_wrong
 from pipeline.gap.misfit_words import misfit_words
 from pipeline.gap.remedies import remedy
 from pipeline.gap.sizes import about
@@ -75,7 +75,7 @@ def finding_words(finding: Finding, cost: Cost | None) -> Paragraph:
         parts.append(cost_words(cost, noise=known is not None and _is_noise(known)))
     elif known is not None and known.family == "camera":
         parts.append("What it costs: it moves the signs, not the path.")
-    parts.append(f"What to do: {remedy(finding.effect)}")
+    parts.append(f"What to do: {as_clause(remedy(finding.effect))}")
     if finding.advice:
         parts.append(f"To tell which it is: {finding.advice}.")
     return what_is_wrong(finding), " ".join(parts)
@@ -136,7 +136,9 @@ def how_sure(nats: float, p_value: float) -> str:
     """Odds and p-value as a sentence."""
     said = [text for least, most, text in SURE if nats >= least and p_value <= most]
     words = said[0] if said else "possible, but not sure"
-    return f"How sure: {words}. The data are {_times(nats)} likelier so, and {_chance(p_value)}."
+    return (
+        f"How sure: {words}. The data are {_times(nats)} likelier with it, and {_chance(p_value)}."
+    )
 
 
 def _times(nats: float) -> str:
@@ -198,18 +200,15 @@ def position_words(positions: HeldPositions | None) -> str:
     """How well held-out positions are predicted before and after."""
     if positions is None:
         return ""
-    (level_then, level), (height_then, height) = positions.level, positions.height
-    text = (
-        "From all that came before, each held-out fix is predicted to "
-        f"{about(level, 'm', LEAST_M)} level and {about(height, 'm', LEAST_M)} in height (rms)"
+    then, now = (
+        f"{about(level, 'm', LEAST_M)} level and {about(height, 'm', LEAST_M)} in height"
+        for level, height in zip(positions.level, positions.height, strict=True)
     )
-    if (level_then, height_then) == (level, height):
-        return f"{text}."
-    text += (
-        f"; without what was found, under the same noise, to {about(level_then, 'm', LEAST_M)} and "
-        f"{about(height_then, 'm', LEAST_M)}."
-    )
-    if level > level_then or height > height_then:
+    text = f"From all that came before, each held-out fix is predicted to {now} (rms)"
+    if then == now:
+        return f"{text}, under the same noise as well without as with what was found."
+    text += f"; without what was found, under the same noise, to {then}."
+    if positions.level[1] > positions.level[0] or positions.height[1] > positions.height[0]:
         text += " What got worse did so by no more than chance makes likely."
     return text
 

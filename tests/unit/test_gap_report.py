@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from automap.gap import base_model
+from automap.gap.cost import cost_between, held_path
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.noise import fit_noise
 from automap.gap.result import p_text
+from pipeline.gap.path_plots import path_plots
 from pipeline.gap.plots import _spectrum, error_bars, overlay, running, spectrum
 from tests.unit.test_gap_sim import simulated
 
@@ -68,3 +70,25 @@ def test_error_bars_are_of_position_and_heading(fits: tuple[Fit, Fit]) -> None:
 )
 def test_a_p_value_far_out_is_told_as_a_bound(p: float, told: str) -> None:
     assert p_text(p) == told
+
+
+def test_the_path_is_shown_from_above_whole_and_close_and_what_differs_along_time(
+    fits: tuple[Fit, Fit],
+) -> None:
+    plots = path_plots(*fits)
+    titles = [p.title for p in plots]
+    assert ["level" in t for t in titles] == [False, False, True, False, False]
+    assert "above" in titles[0]
+    assert "furthest apart" in titles[1]
+    for plot in plots[:2]:
+        assert [label for label, _ in plot.legend] == ["fixes", "old model", "new model"]
+        assert "nan" not in plot.svg
+
+
+def test_a_path_without_the_arm_is_off_by_it(fits: tuple[Fit, Fit]) -> None:
+    before, after = (held_path(fit) for fit in fits)
+    found = cost_between([after], [before])
+    # positions and velocities pull the IMU to where the antenna is, as far as the bends allow
+    assert 0.3 < found.level.rms < 0.7
+    assert found.height.rms < 0.2
+    assert cost_between([after], [after]).level.largest == 0.0
