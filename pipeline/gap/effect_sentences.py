@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from pipeline.gap.sensor_sentences import INERTIAL
-from pipeline.gap.sentence_parts import ARM, DEGREES, HOUR, TURNED, Sentence, one, wander
+from pipeline.gap.sentence_parts import ARM, DEGREES, HOUR, LOOKS, SITS, Sentence, one, wander
 
 _INSTALLATION = {
     "imu_mounting": Sentence(
-        "The IMU sits turned in the vehicle, against what the manifest says: {}.", TURNED
+        "The IMU does not sit in the vehicle as the manifest says: it is {}.", SITS
     ),
     "imu_time_offset": Sentence(
         "The IMU's time stamps are {}.", one("s", "{} too late", "{} too early")
@@ -110,7 +110,7 @@ _RECEIVER = {
 }
 
 _CAMERA = {
-    "camera_boresight": Sentence("The camera looks elsewhere than the manifest says: {}.", TURNED),
+    "camera_boresight": Sentence("The camera looks elsewhere than the manifest says: {}.", LOOKS),
     "camera_time_offset": Sentence(
         "The camera's pictures were taken {} than their stamps say.",
         one("s", "{} later", "{} earlier"),

@@ -93,9 +93,9 @@ def _plan(
     return draw_plan(
         title,
         [
-            Series("fixes", *shown[0], "dots", 1),
             Series("old model", *shown[1], "line", "bad"),
             Series("new model", *shown[2], "line", 0),
+            Series("fixes", *shown[0], "dots", 1),
         ],
     )
 

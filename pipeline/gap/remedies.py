@@ -46,8 +46,8 @@ _BY_EFFECT = {
     "gnss_latency": _CLOCK,
     "imu_time_offset": _CLOCK,
     "imu_clock_skew": f"Time the IMU by the receiver's pulse or a better clock. {MODEL}",
-    "imu_mounting": "Measure how the IMU sits and state it as axes under [imu] in drive.toml, "
-    f"or fasten it anew. {MODEL}",
+    "imu_mounting": "Measure how the IMU sits and state it as axes (a matrix) under [imu] in "
+    f"drive.toml, or fasten it anew. {MODEL}",
     "imu_filter_delay": "Set accelerometer and gyro to the same low-pass and stamp them together. "
     + MODEL,
     "gnss_velocity_latency": _SMOOTHING,

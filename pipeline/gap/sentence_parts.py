@@ -96,10 +96,15 @@ ARM = {
     "y": Part("{} further to the right", "{} further to the left", 1.0, "m"),
     "z": Part("{} lower", "{} higher", 1.0, "m"),
 }
-TURNED = {
+LOOKS = {
     "roll": Part("{} with its right side down", "{} with its left side down", DEGREES, "°"),
     "pitch": Part("{} upwards", "{} downwards", DEGREES, "°"),
     "yaw": Part("{} to the right", "{} to the left", DEGREES, "°"),
+}
+SITS = {
+    "roll": Part("rolled {} right side down", "rolled {} left side down", DEGREES, "°"),
+    "pitch": Part("tilted {} front up", "tilted {} front down", DEGREES, "°"),
+    "yaw": Part("turned {} to the right", "turned {} to the left", DEGREES, "°"),
 }
 
 

@@ -30,6 +30,7 @@ hundreds of candidates that are each unlikely beforehand, hence a thousand more 
 LEAST_M, LEAST_DEG = 0.001, 0.001
 """Differences below these no survey sees."""
 FEW = 3
+NUMBERS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 
 Paragraph = tuple[str, str]
 LEVELS = {
@@ -200,15 +201,22 @@ def position_words(positions: HeldPositions | None) -> str:
     """How well held-out positions are predicted before and after."""
     if positions is None:
         return ""
-    then, now = (
-        f"{about(level, 'm', LEAST_M)} level and {about(height, 'm', LEAST_M)} in height"
-        for level, height in zip(positions.level, positions.height, strict=True)
+    (level_then, level), (height_then, height) = (
+        [about(size, "m", LEAST_M) for size in sizes]
+        for sizes in (positions.level, positions.height)
     )
-    text = f"From all that came before, each held-out fix is predicted to {now} (rms)"
-    if then == now:
+    text = (
+        "From all that came before, each held-out fix is predicted to "
+        f"{level} level and {height} in height (rms)"
+    )
+    if (level_then, height_then) == (level, height):
         return f"{text}, under the same noise as well without as with what was found."
-    text += f"; without what was found, under the same noise, to {then}."
-    if positions.level[1] > positions.level[0] or positions.height[1] > positions.height[0]:
+    text += (
+        f"; without what was found, under the same noise, to {level_then} level and {height_then} "
+        "in height."
+    )
+    sides = ((positions.level, level_then != level), (positions.height, height_then != height))
+    if any(seen and after > before for (before, after), seen in sides):
         text += " What got worse did so by no more than chance makes likely."
     return text
 
@@ -217,8 +225,8 @@ def _overview(result: GapResult) -> Paragraph:
     found = len(result.findings) + len(result.formulas)
     left = bool(result.misfits)
     if found:
-        things = "one thing is" if found == 1 else f"{found} things are"
-        lead = f"{sentence_case(things)} missing from the model."
+        number = NUMBERS[found] if found < len(NUMBERS) else str(found)
+        lead = f"{number} thing{' is' if found == 1 else 's are'} missing from the model."
     elif left or result.noise_claims:
         lead = "No known effect is missing that these data can show, but not all is as modelled."
     else:

@@ -11,7 +11,7 @@ from automap.gap import base_model
 from automap.gap.cost import cost_between, held_path
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.noise import fit_noise
+from automap.gap.fitted import Fitted, with_noise
 from automap.gap.result import p_text
 from pipeline.gap.path_plots import path_plots
 from pipeline.gap.plots import _spectrum, error_bars, overlay, running, spectrum
@@ -22,13 +22,13 @@ ARM = {"gnss_lever_arm": {"x": 0.6, "y": 0.0, "z": 0.0}}
 
 @pytest.fixture(scope="module")
 def fits() -> tuple[Fit, Fit]:
-    """A drive with a lever arm, under the model without it and with it."""
+    """A drive with a lever arm, under the model without it and with it, noise as it is."""
     model = base_model()
     opened = open_drive(simulated(ARM), model.options)
-    fit = fit_drive(opened, replace(model, values=ARM))
-    model = replace(model, factors=fit_noise([fit]))
-    before = fit_drive(opened, model)
-    return before, fit_drive(opened, replace(model, values=ARM), linearised_at=before)
+    armed = replace(model, values=ARM)
+    fitted = with_noise(Fitted(armed, {}, (fit_drive(opened, armed),)), model.factors)
+    after = fitted.fits[0]
+    return fit_drive(opened, replace(fitted.model, values={}), linearised_at=after), after
 
 
 def test_a_right_model_has_a_flat_spectrum_and_the_wrong_one_more_power(
@@ -81,7 +81,7 @@ def test_the_path_is_shown_from_above_whole_and_close_and_what_differs_along_tim
     assert "above" in titles[0]
     assert "furthest apart" in titles[1]
     for plot in plots[:2]:
-        assert [label for label, _ in plot.legend] == ["fixes", "old model", "new model"]
+        assert [label for label, _ in plot.legend] == ["old model", "new model", "fixes"]
         assert "nan" not in plot.svg
 
 
