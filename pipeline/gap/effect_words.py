@@ -14,6 +14,9 @@ SHOWS = 3.0
 """Sigmas from which on a parameter is told of: of an arm's three axes two mostly do nothing, and a
 person would measure them again for nothing. The strongest is told of anyhow."""
 
+FEW = 3
+"""So many parameters are told of, the surest; the table has all."""
+
 
 def what_is_wrong(finding: Finding) -> str:
     """A finding as a sentence; of what is not in the table (an effect of the user's) the summary
@@ -24,13 +27,15 @@ def what_is_wrong(finding: Finding) -> str:
     parts = {p: v for p, v in finding.parameters.items() if p in sentence.parts}
     if not parts:
         return _summary(finding) if finding.parameters else sentence.frame
-    shown = [p for p, v in parts.items() if abs(v.value) >= SHOWS * v.sd]
-    strongest = max(parts, key=lambda p: abs(parts[p].value) / max(parts[p].sd, 1e-300))
-    told = [_part(sentence.parts[p], parts[p]) for p in shown or [strongest]]
-    if len(told) > 1:
-        return sentence.frame.format(listed([text + unsure for text, unsure in told]))
-    text, unsure = told[0]
-    return f"{sentence.frame.format(text).removesuffix('.')}{unsure}."
+    sure = {p: abs(v.value) / max(v.sd, 1e-300) for p, v in parts.items()}
+    shown = [p for p in parts if sure[p] >= SHOWS] or [max(parts, key=lambda p: sure[p])]
+    told = sorted(shown, key=lambda p: -sure[p])[:FEW]
+    words = [_part(sentence.parts[p], parts[p]) for p in shown if p in told]
+    if len(shown) == 1:
+        text, unsure = words[0]
+        return f"{sentence.frame.format(text).removesuffix('.')}{unsure}."
+    rest = [f"{len(shown) - FEW} more"] if len(shown) > FEW else []
+    return sentence.frame.format(listed([text + unsure for text, unsure in words] + rest))
 
 
 def in_a_word(name: str) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.gap.effect_words import sentence_case
+from pipeline.gap.remedies import TAKE_MODEL
 from pipeline.gap.report import findings_table
 from pipeline.gap.words import finding_words
 from pipeline.pages.render import sections_page
@@ -26,7 +27,7 @@ def laboratory_report(result: LaboratoryResult, names: Sequence[str]) -> str:
         Figure(str(len(result.poses.accel_before)), "rest poses", "each judged by the others"),
     ]
     section = Section(sentences=[sentence_case(result.verdict) + "."])
-    section.paragraphs = [finding_words(f, None) for f in result.findings]
+    section.paragraphs = [finding_words(f, None, TAKE_MODEL) for f in result.findings]
     poses = np.arange(len(result.poses.accel_before), dtype=float)
     plots = Section()
     plots.plots += draw_over_time(

@@ -9,7 +9,7 @@ import numpy as np
 from automap.gap.cost import cost_between, held_path
 from pipeline.gap.path_plots import path_plots
 from pipeline.gap.sizes import about
-from pipeline.gap.words import LEAST_M, position_words
+from pipeline.gap.words import LEAST_M
 from pipeline.pages.section import Figure, Section
 
 if TYPE_CHECKING:
@@ -35,12 +35,11 @@ def path_section(result: GapResult) -> Section:
     before, after = result.held_out
     if not before or not after:
         return Section(absent="No held-out data.")
-    sentences = [
-        position_words(result.positions),
+    sentence = (
         "The smoothed path of the IMU under the old and the new model at the same stamps, and the "
-        "fixes of the antenna. Only these data judge: neither model was fitted to them.",
-    ]
-    return Section([s for s in sentences if s], path_plots(before[0], after[0]))
+        "fixes of the antenna. Neither model was fitted to these data."
+    )
+    return Section([sentence], path_plots(before[0], after[0]))
 
 
 def cost_section(result: GapResult) -> Section:

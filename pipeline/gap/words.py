@@ -61,8 +61,9 @@ def in_words(result: GapResult) -> list[Paragraph]:
     return out
 
 
-def finding_words(finding: Finding, cost: Cost | None) -> Paragraph:
-    """A finding; without a ``cost`` nothing is said of the path but for a camera's."""
+def finding_words(finding: Finding, cost: Cost | None, to_do: str = "") -> Paragraph:
+    """A finding; without a ``cost`` nothing is said of the path but for a camera's. ``to_do`` where
+    that is not what mostly is to be done about the effect."""
     known = CATALOGUE.get(finding.effect)
     parts = [f"({finding.effect}.)", how_sure(finding.evidence_nats, finding.p_value)]
     if finding.confusable_with:
@@ -76,7 +77,7 @@ def finding_words(finding: Finding, cost: Cost | None) -> Paragraph:
         parts.append(cost_words(cost, noise=known is not None and _is_noise(known)))
     elif known is not None and known.family == "camera":
         parts.append("What it costs: it moves the signs, not the path.")
-    parts.append(f"What to do: {as_clause(remedy(finding.effect))}")
+    parts.append(f"What to do: {as_clause(to_do or remedy(finding.effect))}")
     if finding.advice:
         parts.append(f"To tell which it is: {finding.advice}.")
     return what_is_wrong(finding), " ".join(parts)
@@ -197,8 +198,8 @@ def channel_words(channel: str) -> str:
     return f"the receiver's or the vehicle's {channel.replace('_', ' ')}"
 
 
-def position_words(positions: HeldPositions | None) -> str:
-    """How well held-out positions are predicted before and after."""
+def position_words(positions: HeldPositions | None, found: bool = True) -> str:
+    """How well held-out positions are predicted, before and after where anything was found."""
     if positions is None:
         return ""
     (level_then, level), (height_then, height) = (
@@ -209,6 +210,8 @@ def position_words(positions: HeldPositions | None) -> str:
         "From all that came before, each held-out fix is predicted to "
         f"{level} level and {height} in height (rms)"
     )
+    if not found:
+        return f"{text}."
     if (level_then, height_then) == (level, height):
         return f"{text}, under the same noise as well without as with what was found."
     text += (
@@ -231,7 +234,7 @@ def _overview(result: GapResult) -> Paragraph:
         lead = "No known effect is missing that these data can show, but not all is as modelled."
     else:
         lead = "Nothing is missing from the model as far as these data can show."
-    parts = [position_words(result.positions)]
+    parts = [position_words(result.positions, found > 0)]
     if found:
         parts.append(
             "Give or take is one standard deviation. Costs are by how much (rms) the held-out "

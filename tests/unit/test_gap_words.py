@@ -101,6 +101,18 @@ def test_parameters_that_do_not_show_are_not_told() -> None:
     assert "to the left" in text
 
 
+def test_of_many_parameters_the_surest_are_told() -> None:
+    nine = {
+        f"{a}{b}": ParameterValue(1e-4, 1e-5 * (1 + "xyz".index(b)), "")
+        for a in "xyz"
+        for b in "xyz"
+    }
+    text = what_is_wrong(Finding("gyro_g_sensitivity", nine, 60.0, 0.0, 1.0, 0.5))
+    assert text.count("1 g along the forward axis") == 3
+    assert "the right axis adds" not in text
+    assert text.endswith("and 6 more.")
+
+
 def test_sizes_are_in_units_that_one_measures() -> None:
     assert "0.57°" in what_is_wrong(finding("gyro_misalignment", xy=0.01))
     assert "1.00 %" in what_is_wrong(finding("gyro_scale", z=0.01))
@@ -176,7 +188,10 @@ def test_costs_are_metres_and_degrees() -> None:
 
 def test_a_camera_costs_no_path() -> None:
     assert "not the path" in finding_words(finding("camera_focal", relative=0.01), None)[1]
-    assert "costs" not in finding_words(finding("gyro_scale", z=0.01), None)[1]
+    text = finding_words(finding("gyro_scale", z=0.01), None, TAKE_MODEL)[1]
+    assert "costs" not in text
+    assert "What to do: take model.toml" in text
+    assert "calibrate" not in text
 
 
 def test_where_nothing_is_missing_it_says_so() -> None:
@@ -217,6 +232,7 @@ def test_how_well_positions_are_predicted_is_told_before_and_after() -> None:
     assert "to 1.0 m level and 2.0 m in height" in better
     assert "got worse" not in better
     assert "got worse" in position_words(HeldPositions((1.0, 1.2), (2.0, 1.5)))
+    assert "without" not in position_words(HeldPositions((1.0, 0.5), (2.0, 1.5)), found=False)
     assert "as well without" in position_words(HeldPositions((1.0, 1.0001), (2.0, 2.0)))
 
 
