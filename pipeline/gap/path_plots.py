@@ -90,14 +90,13 @@ def _plan(
         near = np.maximum(np.abs(e - east[centre]), np.abs(n - north[centre])) <= reach_m
         keep = near & (np.abs(when - at_s) <= within_s)
         shown.append((e[keep], n[keep]))
-    return draw_plan(
-        title,
-        [
-            Series("old model", *shown[1], "line", "bad"),
-            Series("new model", *shown[2], "line", 0),
-            Series("fixes", *shown[0], "dots", 1),
-        ],
-    )
+    dots = [Series("fixes", *shown[0], "dots", 1)]
+    lines = [
+        Series("old model", *shown[1], "line", "bad"),
+        Series("new model", *shown[2], "line", 0),
+    ]
+    # many dots close together would hide the paths, few far apart would lie hidden under them
+    return draw_plan(title, [*dots, *lines] if np.isinf(reach_m) else [*lines, *dots])
 
 
 def _differences(apart: Moved) -> list[Plot]:

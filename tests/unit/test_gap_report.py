@@ -81,7 +81,7 @@ def test_the_path_is_shown_from_above_whole_and_close_and_what_differs_along_tim
     assert "above" in titles[0]
     assert "furthest apart" in titles[1]
     for plot in plots[:2]:
-        assert [label for label, _ in plot.legend] == ["old model", "new model", "fixes"]
+        assert {label for label, _ in plot.legend} == {"old model", "new model", "fixes"}
         assert "nan" not in plot.svg
 
 
