@@ -37,8 +37,8 @@ def path_section(result: GapResult) -> Section:
         return Section(absent="No held-out data.")
     sentence = (
         "The smoothed path of the IMU under the old and the new model at the same stamps, and the "
-        "fixes of the antenna. Neither model was fitted to these data. What differs along the road, "
-        "as with a delay, shows over time only."
+        "fixes of the antenna. Neither model was fitted to these data. What differs "
+        "along the road, as with a delay, shows over time only."
     )
     return Section([sentence], path_plots(before[0], after[0]))
 
