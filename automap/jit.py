@@ -56,6 +56,7 @@ KERNEL_FOLDERS = (
     "fusion",
     "fusion/kernels",
     "fusion/measurements",
+    "gap",
     "geolocation",
     "mapping",
 )

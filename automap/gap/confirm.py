@@ -4,7 +4,7 @@ with all of them must not predict positions worse than without."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -36,6 +36,14 @@ class Confirmed:
     kept_out: tuple[KeptOut, ...] = ()
     positions: HeldPositions | None = None
     without: Mapping[str, Sequence[HeldPath]] = field(default_factory=dict)
+
+    def after(self, earlier: Sequence[Confirmed]) -> Confirmed:
+        """The same with what was spoken against before."""
+        every = (*earlier, self)
+        warnings = tuple(text for one in every for text in one.warnings)
+        return replace(
+            self, warnings=warnings, kept_out=tuple(out for one in every for out in one.kept_out)
+        )
 
 
 def confirmed(held_out: Sequence[OpenDrive], model: GapModel, values: Values) -> Confirmed:

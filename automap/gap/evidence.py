@@ -24,6 +24,8 @@ from automap.records import FloatArray, IntArray
 
 Part = tuple[int, ...]
 """Columns that act together."""
+MEDIAN_SQUARE = 0.4549
+"""Median of the square of a standard normal value."""
 SINGULAR = 1e-6
 """Share of its variance by which a score is drawn too large, so that a matrix has a root."""
 
@@ -140,8 +142,28 @@ def singles(known: Conditional, columns: IntArray) -> FloatArray:
     return np.asarray(best - np.log(len(limits.PRIOR_SCALES)))
 
 
-def evidence(known: Conditional, part: Part) -> Evidence:
-    """Evidence of a part, corrected for noise that is not as modelled."""
+def inflation(known: Conditional, columns: IntArray) -> float:
+    """By how much the scores of columns [k], most of which can be missing from nothing, are larger
+    than those of noise as modelled; at least one.
+
+    The median of their squares over what it is for a normal one (genomic control: Devlin and
+    Roeder, Biometrics 55 (1999), 997-1004), shrunk where the columns are but a few different ones.
+    """
+    columns = columns[[known.shows((int(i),)) for i in columns]]
+    if len(columns) < 2:
+        return 1.0
+    info = known.info(tuple(columns))
+    size = np.diag(info)
+    ratio = float(np.median(known.score[columns] ** 2 / size)) / MEDIAN_SQUARE
+    correlation = info / np.sqrt(np.outer(size, size))
+    different = len(columns) ** 2 / float(np.sum(correlation**2))
+    shrink = limits.SHRINK_BLOCKS
+    return max(1.0, (different * ratio + shrink) / (different + shrink))
+
+
+def evidence(known: Conditional, part: Part, least_ratio: float = 1.0) -> Evidence:
+    """Evidence of a part, corrected for noise that is not as modelled: its score scatters by
+    ``least_ratio`` more than it should or, stretch by stretch, by more."""
     linear, at = known.linear, list(part)
     nats, scale = plain_nats(known, part)
     g, info = known.score[at], known.info(part)
@@ -155,6 +177,7 @@ def evidence(known: Conditional, part: Part) -> Evidence:
     along = (phi @ estimate) * w
     expected = (phi @ estimate) ** 2
     ratio = max(_scatter(along, expected, t, drive, s) for s in limits.BLOCKS_S)
+    ratio = max(ratio, least_ratio)
     predicted = _predicted(phi, w, expected, _stretches(t, drive, limits.BLOCKS_S[0]), precision)
     fixed = 0.5 * float(estimate @ g)
     return Evidence(

@@ -10,7 +10,7 @@ from automap.fusion.options import FusionOptions
 from automap.gap import limits
 from automap.gap.camera_search import CameraGap
 from automap.gap.candidates import library
-from automap.gap.confirm import Confirmed, confirmed
+from automap.gap.confirm import Confirmed
 from automap.gap.cost import costs
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import fit_drive
@@ -60,11 +60,9 @@ def find_gaps(
     forget_formulas(())
     base = open_fits(opened, model, log)
     found = Search(base, kept, model.factors, exclude, log).run()
-    log("checking on held-out data")
-    stands = confirmed(kept, found.fitted.model, found.fitted.values())
     log("measuring the gap on held-out data")
     forget_formulas(found.fitted.estimate)
-    return _result(found, stands, kept, model, exclude)
+    return _result(found, found.stands, kept, model, exclude)
 
 
 def _head(drive: GapDrive, seconds: float) -> GapDrive:

@@ -45,7 +45,7 @@ know much less than all, with more a stretch holds no whole bend."""
 
 MAX_FINDINGS = 8
 """Bounds the time of a search; triples are rare."""
-MAX_ROUNDS = 10
+MAX_ROUNDS = 12
 """Rounds of selecting and fitting at most; bounds the time."""
 TRIALS = 2
 """A candidate that was fitted and not needed is tried once more, beside others; then no more."""

@@ -8,7 +8,7 @@ also proposed under the noise that the model was asked with, and judged with the
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from automap.effects.catalogue import bias_walks, pairs_of_sign
 from automap.gap import limits
 from automap.gap.candidates import candidates_of, library, named_columns
 from automap.gap.columns import Column, NodeMotion
+from automap.gap.confirm import Confirmed, confirmed
 from automap.gap.dictionary import equation, formula_columns, formula_texts, warm
 from automap.gap.drive import OpenDrive
 from automap.gap.evidence import Given, conditional, estimate_nats, plain_nats
@@ -29,7 +30,7 @@ from automap.gap.linear import linearised
 from automap.gap.motion import Motion
 from automap.gap.motion_signals import motion_signals
 from automap.gap.scoring import Joint, likelier
-from automap.gap.selection import Chosen, Key, Selection, select
+from automap.gap.selection import Chosen, Key, Selection, pruned, select
 from automap.gap.slow import box_columns, is_course, term_columns, variants, with_shapes
 
 Terms = tuple[tuple[str, str], ...]
@@ -43,7 +44,8 @@ HELD = 1e-6
 class Found:
     """Where a search ended: the set as fitted, the base model's fit, the joint estimate with all
     parameters of each effect free, the last selection with what it chose, which effect stands for
-    each candidate, and which names the drives cannot tell from each."""
+    each candidate, which names the drives cannot tell from each, and what of it held-out data let
+    stand."""
 
     base: Fitted
     fitted: Fitted
@@ -52,6 +54,7 @@ class Found:
     chosen: Chosen
     effects: Mapping[str, str]
     not_told_apart: Mapping[str, tuple[str, ...]]
+    stands: Confirmed
 
 
 class Search:
@@ -71,6 +74,9 @@ class Search:
         self.effects: dict[str, str] = {}
         self.courses: dict[str, Terms] = {}
         self.close: dict[str, tuple[str, ...]] = {}
+        self.tried: dict[Key, int] = {}
+        self.challenged: set[frozenset[str]] = set()
+        self.spoken_against: list[Confirmed] = []
         self.names = self._library()
         fit = base.fits[0]
         self.texts = formula_texts(motion_signals(fit, motion_of(fit.last)), warm(fit))
@@ -94,10 +100,10 @@ class Search:
         louder: Mapping[str, float] | None = self.stated
         selection = self._selection(here, slow)
         chosen, fitted = Chosen(), frozenset[Key]()
-        tried: dict[Key, int] = {}
-        challenged: set[frozenset[str]] = set()
         for number in range(limits.MAX_ROUNDS):
-            selection.refused = frozenset(k for k, count in tried.items() if count >= limits.TRIALS)
+            selection.refused = frozenset(
+                k for k, count in self.tried.items() if count >= limits.TRIALS
+            )
             self.log(f"selecting beside {', '.join(chosen.names) or 'nothing'}")
             last = number == limits.MAX_ROUNDS - 1
             limit = len(chosen.names) if last else limits.MAX_FINDINGS
@@ -108,40 +114,79 @@ class Search:
                 louder = None
             keys = selection.keys(found)
             for key in keys - fitted:
-                tried[key] = tried.get(key, 0) + 1
+                self.tried[key] = self.tried.get(key, 0) + 1
             if keys != fitted:
                 found = self._refined(here, selection, found)
                 here = self._fit(here, selection, found)
                 here, found = self._better_twins(here, selection, found)
                 for name in self._not_borne_out(here, selection, found):
                     # these parameters do not act; others of the same effect may
-                    acting = [part for n, part, _ in found.parts if n == name]
-                    tried |= dict.fromkeys(
-                        (selection.key(name, part) for part in acting), limits.TRIALS
-                    )
+                    self._bar(selection.key(n, part) for n, part, _ in found.parts if n == name)
                     found = found.without(name)
-                fitted = selection.keys(found)
             elif slow:
-                chosen, rival = found, self._decided(here, selection, found)
-                if last or rival is None or frozenset(rival.names) in challenged:
+                other = None if last else self._reconsidered(here, selection, found)
+                if other is None:
                     break
-                challenged |= {frozenset(found.names), frozenset(rival.names)}
-                found = rival
+                found = other
                 here = self._fit(here, selection, found)
-                fitted = selection.keys(found)
             else:
                 slow, factors = True, here.model.factors
                 louder = {**factors, **{k: limits.STEADY * factors[k] for k in WALKS}}
+            fitted = selection.keys(found)
             after = self._selection(here, slow)
             chosen = _in_layout(found, selection, after)
             selection = after
+        selection.inflate(chosen)
         self.log("fitting all parameters")
         free = replace(here.model, options=self.base.model.options)
         full = fitted_about(free, here.estimate, here.fits).joint()
-        return Found(self.base, here, full, selection, chosen, self.effects, self.close)
+        stands = confirmed(self.held_out, here.model, here.values())
+        return Found(
+            self.base,
+            here,
+            full,
+            selection,
+            chosen,
+            self.effects,
+            self.close,
+            stands.after(self.spoken_against),
+        )
+
+    def _bar(self, keys: Iterable[Key]) -> None:
+        """Try parts no more."""
+        self.tried |= dict.fromkeys(keys, limits.TRIALS)
+
+    def _reconsidered(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen | None:
+        """Another set, where noise as it really is, rivals or held-out data speak against one that
+        nothing can be added to; None where nothing does."""
+        selection.inflate(found)
+        fewer = pruned(selection, found)
+        if fewer != found:
+            self._bar(selection.keys(found) - selection.keys(fewer))
+            return fewer
+        rival = self._decided(here, selection, found)
+        if rival is not None and frozenset(rival.names) not in self.challenged:
+            self.challenged |= {frozenset(found.names), frozenset(rival.names)}
+            return rival
+        self.log("checking on held-out data")
+        stands = confirmed(self.held_out, here.model, here.values())
+        gone = [n for n in found.names if self.effects[n] not in stands.values]
+        if not gone:
+            return None
+        self.spoken_against.append(stands)
+        for name in gone:
+            self._bar(selection.key(name, part) for part in selection.candidates[name].parts)
+            found = found.without(name)
+        return found
 
     def _fit(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
         """The chosen set as states, with the noise that suits it."""
+        self.log(f"fitting {', '.join(chosen.names) or 'the base model'} with its noise")
+        return with_noise(self._states(here, selection, chosen), self.stated)
+
+    def _states(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
+        """The chosen set as states under the noise as it is; parameters of its effects that do not
+        act are held at nothing."""
         estimate = self._estimate(selection, chosen)
         held: dict[str, dict[str, float]] = {}
         for name in chosen.names:
@@ -155,11 +200,9 @@ class Search:
             own = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
             if not selection.candidates[name].terms:
                 held[effect] = {p: HELD * sd for p, sd in own.items() if p not in acting}
-        self.log(f"fitting {', '.join(chosen.names) or 'the base model'} with its noise")
         options = self.base.model.options
         options = replace(options, prior_sd=_joined(options.prior_sd, held))
-        fitted = fitted_about(replace(here.model, options=options), estimate, here.fits)
-        return with_noise(fitted, self.stated)
+        return fitted_about(replace(here.model, options=options), estimate, here.fits)
 
     def _estimate(self, selection: Selection, chosen: Chosen) -> dict[str, float]:
         """What the filter is to estimate of a choice: effect -> factor on its prior sds."""
@@ -185,7 +228,7 @@ class Search:
                     for n, _, scale in (part,)
                 )
                 instead = Chosen(parts)
-                fitted = fitted_about(here.model, self._estimate(selection, instead), here.fits)
+                fitted = self._states(here, selection, instead)
                 if likelier(fitted.fits, here.fits)[0] > 0.0:
                     return fitted, instead
                 break
@@ -208,8 +251,7 @@ class Search:
                     continue
                 other = rival.name
                 self.log(f"checking whether {name} is {other}")
-                estimate = self._estimate(selection, rival.chosen)
-                fitted = fitted_about(here.model, estimate, here.fits)
+                fitted = self._states(here, selection, rival.chosen)
                 if other in self._not_borne_out(fitted, selection, rival.chosen):
                     continue
                 ahead, sigmas = likelier(

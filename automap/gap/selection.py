@@ -5,7 +5,7 @@ What counts is the posterior odds: evidence of each part given all others, and p
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,10 +20,12 @@ from automap.gap.evidence import (
     Part,
     conditional,
     evidence,
+    inflation,
     plain_nats,
     singles,
 )
 from automap.gap.linear import Linear
+from automap.gap.slow import is_course
 
 Key = tuple[str, tuple[str, ...]]
 """A part by name and parameters, which hold in any layout."""
@@ -74,11 +76,14 @@ class Move:
 
 @dataclass
 class Selection:
-    """A linear model, what may be missing from it, and parts that stay out (``refused``)."""
+    """A linear model, what may be missing from it, and parts that stay out (``refused``);
+    ``inflated`` by how much scores are larger than noise makes them, of what follows time and of
+    all else."""
 
     linear: Linear
     candidates: dict[str, Candidate]
     refused: frozenset[Key] = frozenset()
+    inflated: Mapping[bool, float] = field(default_factory=dict)
     _known: dict[Given, Conditional] = field(default_factory=dict)
 
     def given(self, chosen: Chosen) -> Conditional:
@@ -88,6 +93,25 @@ class Selection:
             self._known.clear()
             self._known[key] = conditional(self.linear, key)
         return self._known[key]
+
+    def inflate(self, chosen: Chosen) -> None:
+        """Lower all evidence by what the candidates beside a choice say more than they should."""
+        known = self.given(chosen)
+        single = [
+            (is_course(c.terms), part[0])
+            for c in self.candidates.values()
+            for part in c.parts
+            if c.choices == 1.0 and c.name not in chosen.names and len(part) == 1
+        ]
+        self.inflated = {
+            course: inflation(known, np.array([i for slow, i in single if slow == course], int))
+            for course in (False, True)
+        }
+
+    def evidence(self, known: Conditional, name: str, part: Part) -> Evidence:
+        """Evidence of a part of a candidate."""
+        ratio = self.inflated.get(is_course(self.candidates[name].terms), 1.0)
+        return evidence(known, part, ratio)
 
     def key(self, name: str, part: Part) -> Key:
         """A part of a candidate by its parameters' names, which hold in other layouts too."""
@@ -135,7 +159,7 @@ class Selection:
             candidate, part = open_to[i]
             if nats[i] + prior[i] <= least:
                 break
-            found = evidence(known, part)
+            found = self.evidence(known, candidate.name, part)
             if candidate.positive and found.estimate[0] <= 0.0:
                 continue
             out.append(Move(candidate.name, part, found, found.nats + float(prior[i])))
@@ -150,7 +174,7 @@ class Selection:
         rest = chosen.without(name)
         moves: list[Move] = []
         for _, part, _ in (p for p in chosen.parts if p[0] == name):
-            found = evidence(self.given(rest), part)
+            found = self.evidence(self.given(rest), name, part)
             candidate = self.candidates[name]
             prior = candidate.log_choice + (0.0 if moves else candidate.log_prior)
             moves.append(Move(name, part, found, found.nats + prior))
@@ -233,16 +257,16 @@ def select(selection: Selection, chosen: Chosen, limit: int) -> Chosen:
             room = len(chosen.names) < limit or best.name in chosen.names
             if room and best.odds >= limits.WEAK_SHARE * strongest:
                 chosen = chosen.joined(best.name, best.part, best.evidence.scale)
-                chosen = _swapped(selection, chosen)
+                chosen = _swapped(selection, chosen, limit)
                 continue
-        fewer = _pruned(selection, chosen)
+        fewer = pruned(selection, chosen)
         if fewer == chosen:
             break
         chosen = fewer
     return chosen
 
 
-def _swapped(selection: Selection, chosen: Chosen) -> Chosen:
+def _swapped(selection: Selection, chosen: Chosen, limit: int) -> Chosen:
     """The choice with a candidate in the place of another where that raises the odds, with what
     stands out beside either: two effects may together do what one that is not there does nearly."""
     for name in chosen.names[:-1]:
@@ -252,7 +276,7 @@ def _swapped(selection: Selection, chosen: Chosen) -> Chosen:
             if rival.ahead < -0.5 * own:
                 continue
             more, with_more = _extended(selection, rival.chosen)
-            if rival.ahead + more > best + 1.0:
+            if rival.ahead + more > best + 1.0 and len(with_more.names) <= limit:
                 best, instead = rival.ahead + more, with_more
         if instead != chosen:
             return instead
@@ -268,7 +292,7 @@ def _extended(selection: Selection, chosen: Chosen) -> tuple[float, Chosen]:
     return best.odds, chosen.joined(best.name, best.part, best.evidence.scale)
 
 
-def _pruned(selection: Selection, chosen: Chosen) -> Chosen:
+def pruned(selection: Selection, chosen: Chosen) -> Chosen:
     """The choice without the candidate, or the part of one, that is needed least, if it is not
     needed beside the others."""
     odds = {name: selection.odds_of(chosen, name) for name in chosen.names}
@@ -278,7 +302,7 @@ def _pruned(selection: Selection, chosen: Chosen) -> Chosen:
             return chosen.without(name)
         for move in moves if len(moves) > 1 else ():
             rest = Chosen(tuple(p for p in chosen.parts if p[:2] != (name, move.part)))
-            found = evidence(selection.given(rest), move.part)
+            found = selection.evidence(selection.given(rest), name, move.part)
             if found.nats + selection.candidates[name].log_choice < 0.0:
                 return rest
     return chosen

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.jit import kernel_in_order
+from automap.jit import kernel
 from automap.mapping.association_kernels import add_member, assign, found_sign
 from automap.mapping.candidates import CLASS_SLOTS, PLACES, STATE, SUPPORT, find_candidates
 from automap.mapping.classes import class_evidence
@@ -109,7 +109,7 @@ def renumbered(sign: IntArray) -> IntArray:
     return np.asarray(rank[inverse], np.int64)
 
 
-@kernel_in_order
+@kernel
 def _lay_over(
     lo: int,
     hi: int,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automap.jit import kernel_in_order
+from automap.jit import kernel
 from automap.mapping.limits import ALTERNATIVES, CHANGED, CLASS_RIGHT, LEAST_CONFIDENCE
 from automap.mapping.sightings import DriveSigns, Sightings
 from automap.records import FloatArray, IntArray
@@ -154,7 +154,7 @@ def _classes(
     return code, share, changed
 
 
-@kernel_in_order
+@kernel
 def _change_point(codes: IntArray, n_classes: int) -> int:
     """Where in a sequence [n] of sightings, by time, the sign's class became another; 0 never.
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from automap.jit import kernel_in_order
+from automap.jit import kernel
 from automap.mapping.grid import delta, neighbours
 from automap.mapping.limits import (
     FACING_LIMIT,
@@ -41,7 +41,7 @@ CELL_M = 16.0
 """Of the table of map signs; founding and mean place of a sign differ by little."""
 
 
-@kernel_in_order
+@kernel
 def mean_of(state: FloatArray) -> tuple[float, float, float]:
     """Mean place of a map sign relative to where it was founded: east, north, up in m."""
     det = state[A_EE] * state[A_NN] - state[A_EN] * state[A_EN]
@@ -51,7 +51,7 @@ def mean_of(state: FloatArray) -> tuple[float, float, float]:
     return east, north, up
 
 
-@kernel_in_order
+@kernel
 def facing_evidence(difference: float) -> float:
     """Evidence in nats of an angle between two faces that may be one; -inf beyond the limit."""
     turn = abs(difference) % (2.0 * np.pi)
@@ -63,7 +63,7 @@ def facing_evidence(difference: float) -> float:
     return best - 0.5 * (turn / FACING_SD) ** 2
 
 
-@kernel_in_order
+@kernel
 def match_gain(v_ee: float, v_en: float, v_nn: float, v_u: float) -> float:
     """Evidence in nats of a perfect agreement of place, against a sign new to the map."""
     gain = -math.log(2.0 * math.pi * math.sqrt(v_ee * v_nn - v_en * v_en) * NEW_PER_M2)
@@ -72,7 +72,7 @@ def match_gain(v_ee: float, v_en: float, v_nn: float, v_u: float) -> float:
     return gain
 
 
-@kernel_in_order
+@kernel
 def find_candidates(
     lo: int,
     hi: int,

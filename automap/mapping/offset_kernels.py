@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.jit import kernel_in_order
+from automap.jit import kernel
 from automap.mapping.candidates import D_E, D_N, D_U, EVIDENCE, V_EE, V_EN, V_NN, V_U, match_gain
 from automap.mapping.limits import (
     HYPOTHESES,
@@ -24,7 +24,7 @@ _ROUNDS = 3
 """Of the choice of candidates and their mean."""
 
 
-@kernel_in_order
+@kernel
 def agreement(values: FloatArray, e: float, n: float, u: float, p_e: float, p_n: float) -> float:
     """Evidence in nats for one candidate when the drive's offset is (e, n, u), variances p."""
     v_ee, v_en, v_nn = values[V_EE] + p_e, values[V_EN], values[V_NN] + p_n
@@ -37,7 +37,7 @@ def agreement(values: FloatArray, e: float, n: float, u: float, p_e: float, p_n:
     return float(values[EVIDENCE] + gain - 0.5 * square)
 
 
-@kernel_in_order
+@kernel
 def vote(
     time_s: FloatArray,
     shared_sd: FloatArray,
@@ -86,7 +86,7 @@ def vote(
         start = stop
 
 
-@kernel_in_order
+@kernel
 def _best_of_stretch(
     start: int,
     stop: int,
@@ -128,7 +128,7 @@ def _best_of_stretch(
         mean[axis], variance[axis] = best[axis], after[axis]
 
 
-@kernel_in_order
+@kernel
 def _support(
     start: int,
     stop: int,
@@ -157,7 +157,7 @@ def _support(
     return total
 
 
-@kernel_in_order
+@kernel
 def _refine(
     start: int,
     stop: int,
@@ -202,7 +202,7 @@ def _refine(
     return best, np.array([a_nn / det, a_ee / det, 1.0 / a_u])
 
 
-@kernel_in_order
+@kernel
 def smooth(
     time_s: FloatArray,
     shared_sd: FloatArray,

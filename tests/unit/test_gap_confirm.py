@@ -98,6 +98,7 @@ def held(monkeypatch: pytest.MonkeyPatch, score: dict[str, float], level: dict[s
         return [fit]
 
     monkeypatch.setattr(confirm, "fit_held_out", fit_held_out)
+    monkeypatch.setattr(confirm, "held_path", lambda fit: None)
     monkeypatch.setattr(confirm, "whitener_of", lambda fit: None)
     monkeypatch.setattr(confirm, "total_score", lambda fits, whitener: fits[0].score)
 

@@ -10,6 +10,7 @@ import pytest
 from automap.gap import limits
 from automap.gap.candidates import candidates_of
 from automap.gap.columns import Column
+from automap.gap.confirm import Confirmed
 from automap.gap.fitted import Fitted
 from automap.gap.misfit import Misfit
 from automap.gap.model import base_model
@@ -65,7 +66,9 @@ def found_with(
     full = Joint(names, np.array([0.0, 0.01, 0.3, 0.25]), np.diag([0.02**2] * 4), 0.0)
     fitted = Told(base_model(), {}, ())
     effects = {n: n for n in chosen.names} | {"accel_x += k * speed": "formula_accel_x"}
-    return Found(fitted, fitted, full, selection, chosen, effects, not_told_apart or {})
+    alike_names = not_told_apart or {}
+    stands = Confirmed(dict(VALUES), ())
+    return Found(fitted, fitted, full, selection, chosen, effects, alike_names, stands)
 
 
 def test_findings_come_with_all_parameters_and_the_surest_first() -> None:

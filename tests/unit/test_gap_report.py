@@ -15,7 +15,7 @@ from automap.gap.fitted import Fitted, with_noise
 from automap.gap.result import p_text
 from pipeline.gap.path_plots import path_plots
 from pipeline.gap.plots import _spectrum, error_bars, overlay, running, spectrum
-from tests.unit.test_gap_sim import simulated
+from tests.unit.test_gap import simulated
 
 ARM = {"gnss_lever_arm": {"x": 0.6, "y": 0.0, "z": 0.0}}
 

@@ -85,7 +85,6 @@ def test_what_two_others_replace_is_dropped() -> None:
     assert selected(selection, "e0", "e1", "e2") == {"e1", "e2"}
 
 
-@pytest.mark.xfail(strict=True, reason="a swap brings what stands out beside it, above the limit")
 def test_no_more_are_selected_than_asked_for() -> None:
     phi, w = noise(2)
     w = w + phi[:, :4] @ np.array([0.3, 0.28, 0.26, 0.24])
