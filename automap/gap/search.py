@@ -36,6 +36,7 @@ from automap.gap.slow import box_columns, is_course, term_columns, variants, wit
 Terms = tuple[tuple[str, str], ...]
 WALKS = tuple(bias_walks())
 WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
+ON = {"on": 1.0}
 HELD = 1e-6
 """Share of its prior sd that is left to a parameter that is not to act."""
 
@@ -383,7 +384,8 @@ class Search:
         carried = replace(here.model, values={**here.model.values, **values}, options=options)
         fits = [fit_drive(f.opened, carried, linearised_at=f) for f in here.fits]
         by_effect = {effect: name for name, effect in self.effects.items()}
-        known = {by_effect.get(e, e): v for e, v in values.items()}
+        # what has no parameters is there
+        known = {by_effect.get(e, e): v or ON for e, v in values.items()}
 
         def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
             boxes = box_columns(fit, motion) if slow else []
