@@ -21,7 +21,7 @@ from automap.gap.camera_evidence import (
 from automap.gap.camera_fit import CameraFit, box_noise, estimate_noise, fit_camera
 from automap.gap.camera_scores import evidence, null_maxima
 from automap.gap.camera_views import Boxes, keys
-from automap.gap.evidence import p_value
+from automap.gap.chance import p_value
 from automap.gap.result import Finding
 from automap.records import FloatArray
 

@@ -13,21 +13,19 @@ their ratio; and what a candidate explains must be predicted for each stretch fr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from automap.gap import limits
 from automap.gap.linear import Linear
-from automap.records import FloatArray, IntArray
+from automap.gap.whitening import LOOSE
+from automap.records import BoolArray, FloatArray, IntArray
 
 Part = tuple[int, ...]
 """Columns that act together."""
 MEDIAN_SQUARE = 0.4549
 """Median of the square of a standard normal value."""
-SINGULAR = 1e-6
-"""Share of its variance by which a score is drawn too large, so that a matrix has a root."""
 
 
 @dataclass(frozen=True)
@@ -120,12 +118,9 @@ def plain_nats(known: Conditional, part: Part) -> tuple[float, float]:
     for scale in limits.PRIOR_SCALES:
         sd = scale * known.linear.prior_sd[list(part)]
         try:
-            root = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(sd)))
+            nats = _bayes_factor(g, info, sd) - np.log(len(limits.PRIOR_SCALES))
         except np.linalg.LinAlgError:
             continue
-        y = np.linalg.solve(root, sd * g)
-        nats = 0.5 * float(y @ y) - float(np.log(np.diag(root)).sum())
-        nats -= np.log(len(limits.PRIOR_SCALES))
         if nats > best[0] + 1e-9:
             best = (nats, scale)
     return best
@@ -167,18 +162,24 @@ def evidence(known: Conditional, part: Part, least_ratio: float = 1.0) -> Eviden
     linear, at = known.linear, list(part)
     nats, scale = plain_nats(known, part)
     g, info = known.score[at], known.info(part)
-    precision = np.diag((scale * linear.prior_sd[at]) ** -2.0)
-    cov = np.linalg.inv(info + precision)
+    sd = scale * linear.prior_sd[at]
+    cov = np.linalg.inv(info + np.diag(sd**-2.0))
     estimate = cov @ g
     if not (np.isfinite(nats) and estimate.any()):
         zero = np.zeros(len(at))
         return Evidence(-np.inf, zero, zero, scale, 1.0, -np.inf, 0.0, -np.inf, -np.inf)
-    phi, w, t, drive = _stacked(known, part)
-    along = (phi @ estimate) * w
-    expected = (phi @ estimate) ** 2
-    ratio = max(_scatter(along, expected, t, drive, s) for s in limits.BLOCKS_S)
-    ratio = max(ratio, least_ratio)
-    predicted = _predicted(phi, w, expected, _stretches(t, drive, limits.BLOCKS_S[0]), precision)
+    rows = _stacked(known, part)
+    ratio = max(_ratio(rows, estimate), least_ratio)
+    if not linear.of_vehicle(part) and _contradicted(rows, estimate, ratio):
+        rows = rows.some(~np.isin(rows.channel, LOOSE))
+        g, info = rows.phi.T @ rows.w, rows.phi.T @ rows.phi
+        nats = _bayes_factor(g, info, sd) - np.log(len(limits.PRIOR_SCALES))
+        cov = np.linalg.inv(info + np.diag(sd**-2.0))
+        estimate = cov @ g
+        ratio = max(_ratio(rows, estimate), least_ratio)
+    expected = (rows.phi @ estimate) ** 2
+    starts = _stretches(rows.t, rows.drive, limits.BLOCKS_S[0])
+    predicted = _predicted(rows.phi, rows.w, expected, starts, np.diag(sd**-2.0))
     fixed = 0.5 * float(estimate @ g)
     return Evidence(
         nats - fixed * (1.0 - 1.0 / ratio),
@@ -193,11 +194,55 @@ def evidence(known: Conditional, part: Part, least_ratio: float = 1.0) -> Eviden
     )
 
 
-def _stacked(known: Conditional, part: Part) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
-    """Columns [s, p] of a part less what is given, rows [s] less what that explains, times and
-    drives [s]."""
+def _bayes_factor(g: FloatArray, info: FloatArray, sd: FloatArray) -> float:
+    """Nats of parameters with score [p], information [p, p] and prior sds [p]."""
+    root = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(sd)))
+    y = np.linalg.solve(root, sd * g)
+    return 0.5 * float(y @ y) - float(np.log(np.diag(root)).sum())
+
+
+@dataclass(frozen=True)
+class _Stacked:
+    """Rows of all drives: columns ``phi`` [s, p] of a part less what is given, ``w`` [s] less what
+    that explains, times [s] in s, drives and channels [s]."""
+
+    phi: FloatArray
+    w: FloatArray
+    t: FloatArray
+    drive: IntArray
+    channel: IntArray
+
+    def some(self, at: BoolArray) -> _Stacked:
+        """Some of the rows [s]."""
+        return _Stacked(self.phi[at], self.w[at], self.t[at], self.drive[at], self.channel[at])
+
+
+def _contradicted(rows: _Stacked, estimate: FloatArray, ratio: float) -> bool:
+    """Whether the receiver and the vehicle constraint say of an estimate what chance and what is
+    not linear do not explain: then the vehicle slips or sways, and no sensor errs. The constraint
+    has no say there."""
+    along, loose = rows.phi @ estimate, np.isin(rows.channel, LOOSE)
+    slopes, variance = [], 0.0
+    for side in (loose, ~loose):
+        size = float(along[side] @ along[side])
+        if size <= 0.0:
+            return False
+        slopes.append(float(along[side] @ rows.w[side]) / size)
+        variance += ratio / size
+    apart = slopes[0] - slopes[1]
+    # in units of the estimate
+    return apart**2 > limits.ONE_IN_A_THOUSAND**2 * (variance + limits.CHALLENGE**2)
+
+
+def _ratio(rows: _Stacked, estimate: FloatArray) -> float:
+    """The larger of the scatters over stretches of all lengths."""
+    along = rows.phi @ estimate
+    return max(_scatter(along * rows.w, along**2, rows.t, rows.drive, s) for s in limits.BLOCKS_S)
+
+
+def _stacked(known: Conditional, part: Part) -> _Stacked:
     linear, given = known.linear, list(known.given.columns)
-    phis, ws, ts, drives = [], [], [], []
+    phis, ws, ts, drives, channels = [], [], [], [], []
     for number, rows in enumerate(linear.rows):
         phi, w = linear.columns(rows, part), rows.w
         if given:
@@ -208,7 +253,8 @@ def _stacked(known: Conditional, part: Part) -> tuple[FloatArray, FloatArray, Fl
         ws.append(w)
         ts.append(rows.t)
         drives.append(np.full(len(w), number))
-    return np.concatenate(phis), np.concatenate(ws), np.concatenate(ts), np.concatenate(drives)
+        channels.append(rows.channel)
+    return _Stacked(*(np.concatenate(each) for each in (phis, ws, ts, drives, channels)))
 
 
 def _stretches(t: FloatArray, drive: IntArray, length_s: float) -> IntArray:
@@ -260,48 +306,3 @@ def estimate_nats(values: FloatArray, cov: FloatArray, prior_sd: FloatArray) -> 
     root = np.linalg.cholesky(cov / np.outer(prior_sd, prior_sd) + 1e-12 * np.eye(len(z)))
     y = np.linalg.solve(root, z)
     return 0.5 * float(y @ y) + float(np.log(np.diag(root)).sum())
-
-
-def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int = 1) -> FloatArray:
-    """The largest evidence [draws] over parts where none of them acts, sorted.
-
-    Scores are drawn from their own covariance, so the overlap of the candidates counts.
-    """
-    rng = np.random.default_rng(seed)
-    columns = np.array(sorted({i for part in parts for i in part}), np.int64)
-    place = {int(c): i for i, c in enumerate(columns)}
-    info = known.info(tuple(columns))
-    unit = np.sqrt(np.maximum(np.diag(info), 1e-300))
-    correlation = info / np.outer(unit, unit)
-    # courses of time are made of fewer boxes than there are of them: their scores are singular
-    root = np.linalg.cholesky(correlation + SINGULAR * np.eye(len(columns)))
-    g = (rng.standard_normal((draws, len(columns))) @ root.T) * unit
-    sds = known.linear.prior_sd[columns]
-    best = np.full(draws, -np.inf)
-    single = np.array([place[part[0]] for part in parts if len(part) == 1], np.int64)
-    several = [np.array([place[i] for i in part]) for part in parts if len(part) > 1]
-    for scale in limits.PRIOR_SCALES:
-        if len(single):
-            grown = (scale * sds[single]) ** 2
-            room = 1.0 + np.diag(info)[single] * grown
-            each = 0.5 * g[:, single] ** 2 * (grown / room) - 0.5 * np.log(room)
-            best = np.maximum(best, each.max(axis=1))
-        for at in several:
-            sd = scale * sds[at]
-            low = np.linalg.cholesky(info[np.ix_(at, at)] * np.outer(sd, sd) + np.eye(len(at)))
-            y = np.linalg.solve(low, (g[:, at] * sd).T)
-            best = np.maximum(best, 0.5 * (y**2).sum(axis=0) - np.log(np.diag(low)).sum())
-    return np.sort(best - np.log(len(limits.PRIOR_SCALES)))
-
-
-def p_value(nats: float, maxima: FloatArray) -> float:
-    """Share of ``maxima`` [draws], sorted, that reach ``nats``; beyond them by their exponential
-    tail (Pickands' theorem with shape zero)."""
-    n = len(maxima)
-    above = n - int(np.searchsorted(maxima, nats))
-    top = max(n // 50, 10)
-    if above >= top:
-        return above / n
-    threshold = float(maxima[n - top])
-    mean_excess = max(float(np.mean(maxima[n - top :] - threshold)), 1e-3)
-    return float(top / n * np.exp(-(nats - threshold) / mean_excess))

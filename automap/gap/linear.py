@@ -14,7 +14,7 @@ import numpy as np
 from automap.gap.columns import Column, NodeMotion, node_motion, sensitivities
 from automap.gap.fit import Fit, motion_of, whitened_innovations
 from automap.gap.motion import Motion
-from automap.gap.whitening import HUBER, MIN_SPREAD, fit_whitener, white_rows
+from automap.gap.whitening import HUBER, LOOSE, MIN_SPREAD, fit_whitener, white_rows
 from automap.gates import sd_by_median
 from automap.records import FloatArray, IntArray
 
@@ -50,6 +50,11 @@ class Linear:
     info: FloatArray
     prior_sd: FloatArray
     values: FloatArray
+
+    def of_vehicle(self, at: Sequence[int]) -> bool:
+        """Whether candidates' columns act on the vehicle constraint itself."""
+        acts = (self.layout[i].direct for i in at)
+        return any(d is not None and bool(d.by_channel[:, LOOSE].any()) for d in acts)
 
     def columns(self, rows: Rows, at: Sequence[int]) -> FloatArray:
         """Rows [s, k] of the candidates' columns ``at`` along one drive."""

@@ -9,8 +9,8 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.gap import limits
 from automap.gap.advice import advice
+from automap.gap.chance import null_maxima, p_value
 from automap.gap.dictionary import coefficient_names
-from automap.gap.evidence import null_maxima, p_value
 from automap.gap.misfit import Misfit
 from automap.gap.model import Values
 from automap.gap.result import Finding, ParameterValue, Refused, Term, Unexplained

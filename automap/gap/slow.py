@@ -37,6 +37,8 @@ OVERSAMPLED = 2.0
 """Frequencies stand closer than the inverse length of the drive by this factor: in between a
 period loses no more than a fifth of its evidence, sinc^2(1 / 4)."""
 DECAYS = 12
+LEAST_BOXES = 3
+"""A plateau of fewer boxes is not seen as one either."""
 PLATEAUS = 3
 """So many of the likeliest, of each axis, are carried on."""
 FINER = 21
@@ -110,7 +112,7 @@ def plateaus(times: FloatArray, score: FloatArray, info: FloatArray) -> list[Sha
     sums = np.concatenate([[0.0], np.cumsum(score)])
     corner: FloatArray = np.zeros((n + 1, n + 1))
     corner[1:, 1:] = np.cumsum(np.cumsum(info[np.ix_(order, order)], axis=0), axis=1)
-    first, last = np.triu_indices(n - 1, 2)
+    first, last = np.triu_indices(n - 1, LEAST_BOXES)
     # not those that begin or end with the drive: steps say them
     first, last = first[first > 0], last[first > 0]
     gain = (sums[last] - sums[first]) ** 2

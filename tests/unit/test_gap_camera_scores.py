@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from automap.gap.camera_scores import Scores, evidence, marginalised, null_maxima
-from automap.gap.evidence import p_value
+from automap.gap.chance import p_value
 from automap.records import FloatArray
 
 

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from automap.gap import limits
+from automap.gap.chance import null_maxima, p_value
 from automap.gap.evidence import (
     Given,
     conditional,
     estimate_nats,
     evidence,
-    null_maxima,
-    p_value,
     plain_nats,
     singles,
 )
