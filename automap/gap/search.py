@@ -16,27 +16,18 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks, pairs_of_sign
 from automap.gap import limits
-from automap.gap.candidates import candidates_of, library, named_columns
-from automap.gap.columns import Column, NodeMotion
 from automap.gap.confirm import Confirmed, confirmed
-from automap.gap.dictionary import equation, formula_columns, formula_texts, warm
 from automap.gap.drive import OpenDrive
-from automap.gap.evidence import Given, conditional, estimate_nats, plain_nats
-from automap.gap.fit import Fit, fit_drive, motion_of
+from automap.gap.evidence import estimate_nats
+from automap.gap.fit import Fit
 from automap.gap.fitted import Fitted, Log, fitted_about, with_noise
-from automap.gap.formulas import effect_for
 from automap.gap.heldout import fit_held_out
-from automap.gap.linear import linearised
-from automap.gap.motion import Motion
-from automap.gap.motion_signals import motion_signals
 from automap.gap.scoring import Joint, likelier
+from automap.gap.screening import Screening, in_layout
 from automap.gap.selection import Chosen, Key, Selection, pruned, select
-from automap.gap.slow import box_columns, is_course, term_columns, variants, with_shapes
 
-Terms = tuple[tuple[str, str], ...]
 WALKS = tuple(bias_walks())
 WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
-ON = {"on": 1.0}
 HELD = 1e-6
 """Share of its prior sd that is left to a parameter that is not to act."""
 
@@ -71,35 +62,18 @@ class Search:
         log: Log,
     ) -> None:
         self.base, self.held_out, self.stated, self.log = base, held_out, dict(stated), log
-        self.exclude = frozenset(exclude)
-        self.effects: dict[str, str] = {}
-        self.courses: dict[str, Terms] = {}
+        self.screening = Screening(base, exclude, log)
         self.close: dict[str, tuple[str, ...]] = {}
         self.tried: dict[Key, int] = {}
         self.challenged: set[frozenset[str]] = set()
         self.spoken_against: list[Confirmed] = []
-        self.names = self._library()
-        fit = base.fits[0]
-        self.texts = formula_texts(motion_signals(fit, motion_of(fit.last)), warm(fit))
-
-    def _library(self) -> list[str]:
-        included = set(self.base.model.included) | self.exclude
-        drives = [fit.opened for fit in self.base.fits]
-        for opened in drives:
-            if opened.drive.mounting_sd.any():
-                included |= {"imu_mounting"}
-            if opened.drive.delay.sd > 0.02:
-                # a free offset between the clocks is the same thing
-                included |= {"gnss_latency"}
-        has_wheels = any(d.session.odometer is not None for d in drives)
-        return library(frozenset(included), has_wheels, self.base.model.options.earth_rotation)
 
     def run(self) -> Found:
         """Rounds until the set stays: first without courses of time, then with them."""
         here, slow = self.base, False
         # noise that was fitted without an effect has swallowed part of it
         louder: Mapping[str, float] | None = self.stated
-        selection = self._selection(here, slow)
+        selection = self.screening.selection(here, slow)
         chosen, fitted = Chosen(), frozenset[Key]()
         for number in range(limits.MAX_ROUNDS):
             selection.refused = frozenset(
@@ -117,7 +91,7 @@ class Search:
             for key in keys - fitted:
                 self.tried[key] = self.tried.get(key, 0) + 1
             if keys != fitted:
-                found = self._refined(here, selection, found)
+                found = self.screening.refined(here, selection, found)
                 here = self._fit(here, selection, found)
                 here, found = self._better_twins(here, selection, found)
                 for name in self._not_borne_out(here, selection, found):
@@ -134,8 +108,8 @@ class Search:
                 slow, factors = True, here.model.factors
                 louder = {**factors, **{k: limits.STEADY * factors[k] for k in WALKS}}
             fitted = selection.keys(found)
-            after = self._selection(here, slow)
-            chosen = _in_layout(found, selection, after)
+            after = self.screening.selection(here, slow)
+            chosen = in_layout(found, selection, after)
             selection = after
         selection.inflate(chosen)
         self.log("fitting all parameters")
@@ -148,7 +122,7 @@ class Search:
             full,
             selection,
             chosen,
-            self.effects,
+            self.screening.effects,
             self.close,
             stands.after(self.spoken_against),
         )
@@ -171,7 +145,7 @@ class Search:
             return rival
         self.log("checking on held-out data")
         stands = confirmed(self.held_out, here.model, here.values())
-        gone = [n for n in found.names if self.effects[n] not in stands.values]
+        gone = [n for n in found.names if self.screening.effects[n] not in stands.values]
         if not gone:
             return None
         self.spoken_against.append(stands)
@@ -188,10 +162,10 @@ class Search:
     def _states(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
         """The chosen set as states under the noise as it is; parameters of its effects that do not
         act are held at nothing."""
-        estimate = self._estimate(selection, chosen)
+        estimate = self.screening.estimate(selection, chosen)
         held: dict[str, dict[str, float]] = {}
         for name in chosen.names:
-            effect = self.effects[name]
+            effect = self.screening.effects[name]
             acting = {
                 selection.linear.layout[i].parameter
                 for n, part, _ in chosen.parts
@@ -204,14 +178,6 @@ class Search:
         options = self.base.model.options
         options = replace(options, prior_sd=_joined(options.prior_sd, held))
         return fitted_about(replace(here.model, options=options), estimate, here.fits)
-
-    def _estimate(self, selection: Selection, chosen: Chosen) -> dict[str, float]:
-        """What the filter is to estimate of a choice: effect -> factor on its prior sds."""
-        out = {}
-        for name in chosen.names:
-            self.effects[name] = effect_for(selection.candidates[name], selection.linear)
-            out[self.effects[name]] = chosen.scale_of(name)
-        return out
 
     def _better_twins(
         self, here: Fitted, selection: Selection, chosen: Chosen
@@ -229,8 +195,12 @@ class Search:
                     for n, _, scale in (part,)
                 )
                 instead = Chosen(parts)
-                fitted = self._states(here, selection, instead)
-                if likelier(fitted.fits, here.fits)[0] > 0.0:
+                # each with the noise that suits it: what follows badly is taken for noise
+                fitted = self._fit(here, selection, instead)
+                _, sigmas = likelier(fitted.fits, here.fits)
+                # a long low-pass has the row of a short one, and draws itself out
+                least = -limits.APART if CATALOGUE[twin].first_order else limits.APART
+                if sigmas > least:
                     return fitted, instead
                 break
         return here, chosen
@@ -291,18 +261,25 @@ class Search:
         return candidate.log_prior - (limits.CLOSE_NATS if part else 0.0)
 
     def _not_borne_out(self, here: Fitted, selection: Selection, chosen: Chosen) -> list[str]:
-        """Candidates whose values as the filter finds them are worth less than a name: the
-        screening looks at what changes quickly too, and there the vehicle sways."""
+        """Candidates whose values as the filter finds them are worth less than a name, or larger
+        than any such effect is: the screening looks at what changes quickly too, and there the
+        vehicle sways."""
         joint = here.joint()
         out = []
         for name in chosen.names:
-            effect, candidate = self.effects[name], selection.candidates[name]
+            effect, candidate = self.screening.effects[name], selection.candidates[name]
             columns = [i for n, part, _ in chosen.parts if n == name for i in part]
             acting = [selection.linear.layout[i].parameter for i in columns]
             rows = [i for i, (e, p) in enumerate(joint.names) if e == effect and p in acting]
             if not rows:
                 continue
             sds = chosen.scale_of(name) * selection.linear.prior_sd[columns[: len(rows)]]
+            most = limits.ONE_IN_A_THOUSAND * max(limits.PRIOR_SCALES)
+            usual = selection.linear.prior_sd[columns[: len(rows)]]
+            if not candidate.terms and (np.abs(joint.values[rows]) > most * usual).any():
+                # a delay of ten seconds is none: what the filter has found is something else
+                out.append(name)
+                continue
             nats = estimate_nats(joint.values[rows], joint.cov[np.ix_(rows, rows)], sds)
             prior = candidate.log_prior + len(rows) * candidate.log_choice
             if nats + prior < limits.LEAST_ODDS:
@@ -319,105 +296,15 @@ class Search:
     ) -> Chosen:
         """The choice with what is proposed under other noise beside it."""
         model = replace(here.model, factors=dict(factors))
-        loud = self._selection(fitted_about(model, here.estimate, here.fits), slow)
+        loud = self.screening.selection(fitted_about(model, here.estimate, here.fits), slow)
         loud.refused = selection.refused
-        more = select(loud, _in_layout(found, selection, loud), limits.MAX_FINDINGS)
+        more = select(loud, in_layout(found, selection, loud), limits.MAX_FINDINGS)
         new = Chosen(tuple(p for p in more.parts if p[0] not in found.names))
-        new = _in_layout(new, loud, selection)
+        new = in_layout(new, loud, selection)
         return Chosen((*found.parts, *new.parts))
-
-    def _refined(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen:
-        """The choice with the periods, instants and time constants that fit best."""
-        length = float(here.fits[0].last.problem.t[-1])
-        for name in chosen.names:
-            candidate = selection.candidates[name]
-            finer = variants(candidate.terms, length) if is_course(candidate.terms) else []
-            if not finer or name in self.courses:
-                continue
-            self.log(f"refining {name}")
-            rest = [n for n in chosen.names if n != name]
-            best = self._likeliest(here, rest, [candidate.terms, *finer])
-            self.courses[equation(best)] = best
-            selection.candidates[equation(best)] = replace(
-                candidate, name=equation(best), terms=best
-            )
-            chosen = Chosen(
-                tuple(
-                    (equation(best) if n == name else n, part, scale)
-                    for n, part, scale in chosen.parts
-                )
-            )
-        return chosen
-
-    def _likeliest(self, here: Fitted, rest: Collection[str], tried: Sequence[Terms]) -> Terms:
-        """The course of time that explains most beside the effects ``rest``."""
-
-        def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-            out = self._columns(fit, motion, at)
-            kept = [c for c in out if c.effect in rest]
-            return kept + [c for terms in tried for c in term_columns(fit, motion, terms)]
-
-        linear = linearised(here.fits, columns, {})
-        parts: dict[str, list[int]] = {}
-        given = Given()
-        for i, column in enumerate(linear.layout):
-            if column.effect in rest:
-                given = given.joined((i,), linear, 1.0)
-            else:
-                parts.setdefault(column.effect, []).append(i)
-        known = conditional(linear, given)
-        best = max(parts.values(), key=lambda part: plain_nats(known, tuple(part))[0])
-        return tuple(linear.layout[i].term for i in best)
-
-    def _columns(self, fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-        out = named_columns(self.names, fit, motion, at)
-        out += formula_columns(fit, motion, at, self.texts, self.exclude)
-        for terms in self.courses.values():
-            out += term_columns(fit, motion, terms)
-        return out
-
-    def _selection(self, here: Fitted, slow: bool) -> Selection:
-        """The fit made linear, and its candidates; ``slow``: courses of time among them."""
-        values = here.values()
-        # what was held may act beside what is found
-        options = self.base.model.options
-        carried = replace(here.model, values={**here.model.values, **values}, options=options)
-        fits = [fit_drive(f.opened, carried, linearised_at=f) for f in here.fits]
-        by_effect = {effect: name for name, effect in self.effects.items()}
-        # what has no parameters is there
-        known = {by_effect.get(e, e): v or ON for e, v in values.items()}
-
-        def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-            boxes = box_columns(fit, motion) if slow else []
-            return self._columns(fit, motion, at) + boxes
-
-        linear = linearised(fits, columns, known)
-        linear = with_shapes(linear) if slow else linear
-        candidates = candidates_of(linear.layout, self.names)
-        return Selection(linear, {c.name: c for c in candidates})
 
 
 def _joined(
     known: Mapping[str, Mapping[str, float]], more: Mapping[str, Mapping[str, float]]
 ) -> dict[str, dict[str, float]]:
     return {e: {**known.get(e, {}), **more.get(e, {})} for e in {**known, **more}}
-
-
-def _in_layout(chosen: Chosen, old: Selection, new: Selection) -> Chosen:
-    """A choice with the columns of another layout; what that does not have is left out."""
-    place = {(c.effect, c.parameter): i for i, c in enumerate(new.linear.layout)}
-    parts = []
-    for name, part, scale in chosen.parts:
-        candidate = new.candidates.get(name)
-        if candidate is None:
-            continue
-        if candidate.terms:
-            parts.append((name, candidate.parts[0], scale))
-            continue
-        columns = [old.linear.layout[i] for i in part]
-        rows = tuple(
-            place[(c.effect, c.parameter)] for c in columns if (c.effect, c.parameter) in place
-        )
-        if len(rows) == len(part):
-            parts.append((name, rows, scale))
-    return Chosen(tuple(parts))

@@ -20,7 +20,7 @@ from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive, motion_of
 from automap.gap.fitted import Fitted
 from automap.gap.formulas import effect_for, forget_formulas
-from automap.gap.search import Search, _in_layout
+from automap.gap.screening import Screening, in_layout
 from automap.gap.selection import Chosen, Selection, select
 from tests.unit.gap_linear import columns_named, linear_of
 from tests.unit.test_gap import simulated
@@ -36,13 +36,13 @@ def no_formula_left() -> Iterator[None]:
     set_user_effects([])
 
 
-def search_on(drive: GapDrive, exclude: Collection[str] = ()) -> Search:
+def search_on(drive: GapDrive, exclude: Collection[str] = ()) -> Screening:
     """A search on a drive with little drift allowed."""
     model = base_model()
     low = {**model.factors, "accel_bias_walk": 0.1, "gyro_bias_walk": 0.1, "velocity_wander": 0.05}
     model = replace(model, factors=low)
     fit = fit_drive(open_drive(drive, model.options), model)
-    return Search(Fitted(model, {}, (fit,)), [], low, exclude, lambda text: None)
+    return Screening(Fitted(model, {}, (fit,)), exclude, lambda text: None)
 
 
 def test_the_instant_of_a_step_is_found_between_boxes() -> None:
@@ -51,16 +51,16 @@ def test_the_instant_of_a_step_is_found_between_boxes() -> None:
     accel = drive.imu.accel.copy()
     accel[:, 1] += 0.1 * (t > STEP_AT_S)
     search = search_on(replace(drive, imu=replace(drive.imu, accel=accel)))
-    selection = search._selection(search.base, True)
+    selection = search.selection(search.base, True)
     chosen = select(selection, Chosen(), 1)
     (found,) = chosen.names
     assert found.startswith("accel_y += k * step(")
-    (finer,) = search._refined(search.base, selection, chosen).names
+    (finer,) = search.refined(search.base, selection, chosen).names
     told = re.findall(r"time - ([\d.]+)", finer)
     assert float(told[0]) == pytest.approx(STEP_AT_S, abs=1.0)
     # it is a candidate of its own then, and stays one
     assert selection.candidates[finer].terms == search.courses[finer]
-    assert finer in search._selection(search.base, False).candidates
+    assert finer in search.selection(search.base, False).candidates
 
 
 def test_what_the_library_does_without_is_told_axis_by_axis() -> None:
@@ -71,7 +71,7 @@ def test_what_the_library_does_without_is_told_axis_by_axis() -> None:
     exclude = ("gyro_misalignment", "gyro_g_sensitivity", "accel_misalignment")
     search = search_on(replace(drive, imu=replace(drive.imu, gyro=gyro)), exclude)
     assert not set(exclude) & set(search.names)
-    selection = search._selection(search.base, False)
+    selection = search.selection(search.base, False)
     chosen = select(selection, Chosen(), limits.MAX_FINDINGS)
     chosen = select(selection, chosen, limits.MAX_FINDINGS)
     for axis, true in (("x", SIZE), ("y", -SIZE)):
@@ -174,7 +174,7 @@ def test_a_choice_is_carried_to_another_layout_by_its_names() -> None:
     before = selection("gyro_scale.x", "gyro_scale.y", "gnss_latency.s", "vehicle_pitch.k")
     after = selection("gnss_latency.s", "gyro_scale.y", "gyro_scale.z")
     parts = (("gyro_scale", (1,), 5.0), ("gnss_latency", (2,), 1.0), ("vehicle_pitch", (3,), 1.0))
-    found = _in_layout(Chosen(parts), before, after)
+    found = in_layout(Chosen(parts), before, after)
     assert found.parts == (("gyro_scale", (1,), 5.0), ("gnss_latency", (0,), 1.0))
     # a parameter that the other does not have
-    assert _in_layout(Chosen((("gyro_scale", (0,), 1.0),)), before, after).parts == ()
+    assert in_layout(Chosen((("gyro_scale", (0,), 1.0),)), before, after).parts == ()
