@@ -67,6 +67,8 @@ class Search:
         self.tried: dict[Key, int] = {}
         self.challenged: set[frozenset[str]] = set()
         self.spoken_against: list[Confirmed] = []
+        self.held: list[tuple[Fitted, list[Fit]]] = []
+        self.before: tuple[Fitted, Selection, Chosen] | None = None
 
     def run(self) -> Found:
         """Rounds until the set stays: first without courses of time, then with them."""
@@ -106,6 +108,7 @@ class Search:
                 here = self._fit(here, selection, found)
             else:
                 slow, factors = True, here.model.factors
+                self.before = here, selection, found
                 louder = {**factors, **{k: limits.STEADY * factors[k] for k in WALKS}}
             fitted = selection.keys(found)
             after = self.screening.selection(here, slow)
@@ -134,6 +137,15 @@ class Search:
     def _reconsidered(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen | None:
         """Another set, where noise as it really is, rivals or held-out data speak against one that
         nothing can be added to; None where nothing does."""
+        if self.before is not None:
+            earlier, its_selection, without = self.before
+            self.before = None
+            ahead, _ = self._ahead(here, earlier)
+            ahead += selection.log_prior(found) - its_selection.log_prior(without)
+            if without.names != found.names and ahead < 0.0:
+                # courses of time follow what a name says better
+                self._bar(selection.keys(found) - its_selection.keys(without))
+                return in_layout(without, its_selection, selection)
         selection.inflate(found)
         fewer = pruned(selection, found)
         if fewer != found:
@@ -213,7 +225,6 @@ class Search:
         a name that stays is noted.
         """
         self.close = {}
-        known = self._held_out(here)
         for name in chosen.names:
             formula = bool(selection.candidates[name].terms)
             best, instead = 0.0, None
@@ -225,9 +236,7 @@ class Search:
                 fitted = self._states(here, selection, rival.chosen)
                 if other in self._not_borne_out(fitted, selection, rival.chosen):
                     continue
-                ahead, sigmas = likelier(
-                    (*fitted.fits, *self._held_out(fitted)), (*here.fits, *known)
-                )
+                ahead, sigmas = self._ahead(fitted, here)
                 ahead += self._prior(selection, other) - self._prior(selection, name)
                 rival_formula = bool(selection.candidates[other].terms)
                 if abs(sigmas) < limits.APART and not rival_formula:
@@ -247,9 +256,20 @@ class Search:
                 return instead
         return None
 
+    def _ahead(self, one: Fitted, other: Fitted) -> tuple[float, float]:
+        """Nats by which fitted and held-out drives are likelier with one set than with another, and
+        the sigmas of that."""
+        sides = [(*fitted.fits, *self._held_out(fitted)) for fitted in (other, one)]
+        return likelier(sides[1], sides[0])
+
     def _held_out(self, fitted: Fitted) -> list[Fit]:
-        """Held-out drives under a fitted set."""
-        return fit_held_out(self.held_out, fitted.model, fitted.values())
+        """Held-out drives under a fitted set; those of the last set but one are kept."""
+        for known, fits in self.held:
+            if known is fitted:
+                return fits
+        fits = fit_held_out(self.held_out, fitted.model, fitted.values())
+        self.held = [*self.held[-1:], (fitted, fits)]
+        return fits
 
     @staticmethod
     def _prior(selection: Selection, name: str) -> float:

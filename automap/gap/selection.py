@@ -169,6 +169,11 @@ class Selection:
         """Whether a move's odds are high, and other stretches predict what it explains."""
         return move.odds >= limits.LEAST_ODDS and move.evidence.predicted_without_best > 0.0
 
+    def log_prior(self, chosen: Chosen) -> float:
+        """Logarithm of a choice's prior probability."""
+        names = sum(self.candidates[name].log_prior for name in chosen.names)
+        return names + sum(self.candidates[name].log_choice for name, _, _ in chosen.parts)
+
     def odds_of(self, chosen: Chosen, name: str) -> tuple[float, list[Move]]:
         """Log posterior odds of all parts of one candidate given the others, and its parts."""
         rest = chosen.without(name)
