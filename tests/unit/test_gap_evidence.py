@@ -8,13 +8,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from automap.fusion.layout import CH_NHC, CH_POS, MAX_SCALARS
 from automap.gap import limits
 from automap.gap.chance import null_maxima, p_value
+from automap.gap.columns import Direct
 from automap.gap.evidence import (
     Given,
     conditional,
     estimate_nats,
     evidence,
+    inflation,
     plain_nats,
     singles,
 )
@@ -194,3 +197,51 @@ def test_what_is_left_of_nearly_the_same_shows_nothing() -> None:
         known = conditional(linear_of(phi, rows.w, linear.layout), given)
         assert known.shows((1,)) is shown
         assert conditional(known.linear, Given()).shows((1,))
+
+
+def with_constraint(receiver: float, vehicle: float) -> Linear:
+    """Rows of a receiver and of the vehicle constraint that tell these values of one parameter."""
+    rng = np.random.default_rng(4)
+    phi = 0.1 * rng.standard_normal((ROWS, 1))
+    loose = np.arange(ROWS) % 3 == 0
+    w = phi[:, 0] * np.where(loose, vehicle, receiver) + rng.standard_normal(ROWS)
+    linear = linear_of(phi, w, columns_named("e0.p"))
+    (rows,) = linear.rows
+    channel = np.where(loose, CH_NHC, CH_POS)
+    return replace(linear, rows=(replace(rows, channel=channel),))
+
+
+def test_the_constraint_has_no_say_where_the_receiver_contradicts_it() -> None:
+    both = evidence(conditional(with_constraint(2.0, 2.0), Given()), (0,))
+    assert both.estimate[0] == pytest.approx(2.0, abs=3.0 * both.sd[0])
+    apart = evidence(conditional(with_constraint(0.0, 4.0), Given()), (0,))
+    # all that is shown is the vehicle's doing
+    assert apart.nats < 3.0 < 15.0 < both.nats
+    assert abs(apart.estimate[0]) < 3.0 * apart.sd[0]
+
+
+def test_what_acts_on_the_constraint_itself_may_show_there_alone() -> None:
+    linear = with_constraint(0.0, 4.0)
+    by_channel = np.zeros((10, MAX_SCALARS))
+    by_channel[:, CH_NHC] = 1.0
+    acting = replace(linear.layout[0], direct=Direct(by_channel))
+    found = evidence(conditional(replace(linear, layout=(acting,)), Given()), (0,))
+    assert found.nats > 15.0
+
+
+def test_scores_that_are_all_too_large_tell_by_how_much() -> None:
+    columns = np.arange(60)
+    quiet = inflation(conditional(drive(np.zeros(60)), Given()), columns)
+    loud = inflation(conditional(drive(np.zeros(60), noise=2.0), Given()), columns)
+    assert 1.0 <= quiet < 1.6
+    assert loud == pytest.approx(4.0, rel=0.4)
+    # one that is really there hides nothing and raises little
+    some = inflation(conditional(drive(np.array([3.0] + [0.0] * 59)), Given()), columns)
+    assert some < 1.6
+
+
+def test_inflated_scores_lower_evidence() -> None:
+    known = conditional(drive(np.array([2.0])), Given())
+    plain, lowered = evidence(known, (0,)), evidence(known, (0,), 4.0)
+    assert lowered.overdispersion == 4.0
+    assert lowered.nats == pytest.approx(plain.uncorrected - 0.75 * plain.fixed)
