@@ -19,6 +19,7 @@ from automap.gap.fit import Fit
 from automap.gap.model import SKEW, prior_sd
 from automap.gap.motion import Motion
 
+FIX_AGE, VELOCITY_AGE = "gnss_latency", "gnss_velocity_latency"
 FAMILIES = ("imu", "vehicle", "clock", "gnss", "earth")
 
 
@@ -29,7 +30,8 @@ class Candidate:
     ``parts`` are groups of columns of a layout: any of a named effect's parameters may act by
     itself (one axis is bent, not all nine elements of a matrix), a formula's terms act together.
     ``log_prior`` of the candidate, ``log_choice`` of each part. ``terms`` are channel and text of
-    a formula's terms, none for a named effect. ``positive``: nature knows no other sign.
+    a formula's terms, none for a named effect. ``positive``: nature knows no other sign, ``unless``
+    beside another.
     ``choices``: of so many like it it is the likeliest.
     """
 
@@ -39,6 +41,7 @@ class Candidate:
     log_choice: float = 0.0
     terms: tuple[tuple[str, str], ...] = ()
     positive: bool = False
+    unless: str = ""
     choices: float = 1.0
 
 
@@ -88,7 +91,9 @@ def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Ca
                 tuple(parts),
                 inside - math.log(len(named)),
                 -math.log(len(parts)),
-                positive=CATALOGUE[effect].never_negative or effect in signs,
+                positive=CATALOGUE[effect].never_negative or effect in {*signs, VELOCITY_AGE},
+                # beside late fixes a velocity may be the less late of the two
+                unless=FIX_AGE if effect == VELOCITY_AGE else "",
             )
         )
     # those that are the likeliest of many share the prior of all of these

@@ -45,8 +45,9 @@ know much less than all, with more a stretch holds no whole bend."""
 
 MAX_FINDINGS = 8
 """Bounds the time of a search; triples are rare."""
-MAX_ROUNDS = 12
-"""Rounds of selecting and fitting at most; bounds the time."""
+MAX_ROUNDS, CLOSING_ROUNDS = 12, 5
+"""Rounds of selecting and fitting at most, and the last of them, in which candidates are only
+exchanged and dropped; bounds the time."""
 TRIALS = 2
 """A candidate that was fitted and not needed is tried once more, beside others; then no more."""
 SHORTLIST = 16

@@ -82,10 +82,10 @@ class Search:
                 k for k, count in self.tried.items() if count >= limits.TRIALS
             )
             self.log(f"selecting beside {', '.join(chosen.names) or 'nothing'}")
-            last = number == limits.MAX_ROUNDS - 1
-            limit = len(chosen.names) if last else limits.MAX_FINDINGS
+            closing = number >= limits.MAX_ROUNDS - limits.CLOSING_ROUNDS
+            limit = len(chosen.names) if closing else limits.MAX_FINDINGS
             found = select(selection, chosen, limit)
-            if louder is not None and not last:
+            if louder is not None and not closing:
                 self.log("selecting under other noise")
                 found = self._proposed(here, selection, found, louder, slow)
                 louder = None
@@ -100,8 +100,8 @@ class Search:
                     # these parameters do not act; others of the same effect may
                     self._bar(selection.key(n, part) for n, part, _ in found.parts if n == name)
                     found = found.without(name)
-            elif slow:
-                other = None if last else self._reconsidered(here, selection, found)
+            elif slow or closing:
+                other = self._reconsidered(here, selection, found)
                 if other is None:
                     break
                 found = other

@@ -160,7 +160,8 @@ class Selection:
             if nats[i] + prior[i] <= least:
                 break
             found = self.evidence(known, candidate.name, part)
-            if candidate.positive and found.estimate[0] <= 0.0:
+            free = candidate.unless in chosen.names
+            if candidate.positive and not free and found.estimate[0] <= 0.0:
                 continue
             out.append(Move(candidate.name, part, found, found.nats + float(prior[i])))
         return sorted(out, key=lambda m: -m.odds)
