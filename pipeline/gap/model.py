@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from automap.effects.user import user_effects
 from automap.effects.user_tables import as_table
+from automap.gap.model import BASE_NUISANCES
 from automap.io.toml_file import toml_value
 
 if TYPE_CHECKING:
-    from automap.gap import GapDrive, GapResult
+    from automap.gap import GapDrive, GapModel, GapResult
 from pipeline.settings.effects import EffectsSettings
 
 _NINE = "{:.9g}".format
@@ -43,7 +44,7 @@ def model_toml(
         "# Made by automap gap; for automap run --config, and for automap gap --config.",
         *_definitions(result, users, folder),
         "[fuse]",
-        "effects = [" + ", ".join(f'"{e}"' for e in effects) + "]",
+        *_nuisances(model, effects),
         "adapt = false",
     ]
     options, asked = model.options, result.base.options
@@ -66,6 +67,14 @@ def model_toml(
         lines += ["", f"[fuse.fixed.{effect}]"]
         lines += [f"{p} = {v:.9g}" for p, v in total.items()]
     return "\n".join([*lines, *cameras]) + "\n"
+
+
+def _nuisances(model: GapModel, effects: Sequence[str]) -> list[str]:
+    """The line of estimated effects, where somebody stated them. An ordinary run estimates more
+    than the base model of a search, scale factors for one, and errs less with them."""
+    if set(model.options.effects) == set(BASE_NUISANCES):
+        return []
+    return ["effects = [" + ", ".join(f'"{e}"' for e in effects) + "]"]
 
 
 def _definitions(result: GapResult, users: EffectsSettings, folder: Path) -> list[str]:
