@@ -55,7 +55,7 @@ def test_what_was_compiled_before_changes_no_bit(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("effect", ["gyro_scale", "gyro_misalignment", "accel_misalignment"])
 def test_the_twelfth_digit_decides_nothing(effect: str) -> None:
-    parameter = {"gyro_scale": "z", "gyro_misalignment": "xz", "accel_misalignment": "xy"}[effect]
+    parameter = {"gyro_scale": "z", "gyro_misalignment": "xz", "accel_misalignment": "zy"}[effect]
     drive = simulated({effect: {parameter: 0.01}})
     imu = drive.imu
     moved = replace(
