@@ -96,10 +96,14 @@ class Search:
                 found = self.screening.refined(here, selection, found)
                 here = self._fit(here, selection, found)
                 here, found = self._better_twins(here, selection, found)
-                for name in self._not_borne_out(here, selection, found):
+                idle = self._not_borne_out(here, selection, found)
+                for name in idle:
                     # these parameters do not act; others of the same effect may
                     self._bar(selection.key(n, part) for n, part, _ in found.parts if n == name)
                     found = found.without(name)
+                if idle:
+                    # what is not told must not stay in the model
+                    here = self._fit(here, selection, found)
             elif slow or closing:
                 other = self._reconsidered(here, selection, found)
                 if other is None:
