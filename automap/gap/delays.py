@@ -98,6 +98,8 @@ def without_higher_orders(fixes: FixModel, last: Pass, motion: Motion, delays: D
     passed = lagged(antenna, delays.lag_s) if delays.lag_s > 0.0 else antenna.vel
     told = t - late - delays.velocity_s
     seen = at_times(motion, passed, told)
+    # metres a second of a clock that runs fast
+    seen *= 1.0 - delays.skew
     old = (late + delays.velocity_s + delays.lag_s)[:, None]
     acc = at_times(motion, _steady(last, motion) + inward, t)
     first_order = vel - old * acc

@@ -13,6 +13,7 @@ import numpy as np
 
 from automap.gap.columns import Column, NodeMotion, node_motion, sensitivities
 from automap.gap.fit import Fit, motion_of, whitened_innovations
+from automap.gap.limits import LEAST_OWN
 from automap.gap.motion import Motion
 from automap.gap.whitening import HUBER, LOOSE, MIN_SPREAD, fit_whitener, white_rows
 from automap.gates import sd_by_median
@@ -132,29 +133,39 @@ def _white(raw: Sequence[Rows], known: FloatArray, sds: FloatArray) -> tuple[Row
     Innovations that only a missing effect makes large would else count for too little, and a
     formula that saturates as the weights do would explain them best.
     """
-    values, freedom = known, 0.0
+    values = known
     for _ in range(PASSES):
         info: FloatArray = np.diag(sds**-2.0)
         score: FloatArray = np.zeros(len(sds))
-        for r in raw:
-            root = _root_weights(r.w - _times(r.phi, values), r.channel)
+        roots = [_root_weights(r.w - _times(r.phi, values), r.channel) for r in raw]
+        for r, root in zip(raw, roots, strict=True):
             for start in range(0, len(root), STRETCH):
                 part = slice(start, start + STRETCH)
                 f = r.phi[part] * root[part, None].astype(np.float32)
                 info += f.T @ f
                 score += f.T.astype(np.float64) @ (r.w[part] * root[part])
         values = np.asarray(np.linalg.solve(info, score))
-    # so many of the rows' degrees of freedom the candidates have taken
-    freedom = len(sds) - float(np.sum(np.diag(np.linalg.inv(info)) * sds**-2.0))
-    count = sum(len(r.w) for r in raw)
-    grown = np.sqrt(count / max(count - freedom, 0.5 * count))
+    cov = np.asarray(np.linalg.inv(info), np.float64)
     out = []
-    for r in raw:
-        left = grown * (r.w - _times(r.phi, values))
+    for r, root in zip(raw, roots, strict=True):
+        left = _studentised(r.w - _times(r.phi, values), r, root, cov)
         whitener = fit_whitener(left, r.channel)
         white = white_rows(whitener, r.w, r.phi, r.t, r.channel, left)
         out.append(Rows(white.w, white.phi, white.t, white.channel))
     return tuple(out)
+
+
+def _studentised(left: FloatArray, rows: Rows, root: FloatArray, cov: FloatArray) -> FloatArray:
+    """What is left [s] of rows of weights ``root``^2 after a fit of covariance ``cov`` [c, c], as
+    large as the noise in them is: a fit follows the rows that tell most, and leaves little of them
+    (Cook and Weisberg, Residuals and Influence in Regression, 1982, section 2.2)."""
+    out = np.empty_like(left)
+    for start in range(0, len(left), STRETCH):
+        part = slice(start, start + STRETCH)
+        f = rows.phi[part] * root[part, None]
+        leverage = np.einsum("sc,sc->s", f @ cov, f)
+        out[part] = left[part] / np.sqrt(np.maximum(1.0 - leverage, LEAST_OWN))
+    return out
 
 
 def _root_weights(left: FloatArray, channel: IntArray) -> FloatArray:

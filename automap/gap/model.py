@@ -22,6 +22,7 @@ BASE_NUISANCES = (
     "gyro_bias",
     "gnss_correlated_noise",
     "gnss_multipath",
+    "gnss_course_distance",
     "vehicle_pitch",
 )
 """What the base model estimates on every drive anew: every receiver's positions err for minutes

@@ -8,6 +8,9 @@ count less (Huber's psi). Sensitivities pass through the same steps, so nothing 
 
 What counts as large is judged by what is left over once everything that may be missing has been
 fitted: an innovation that a missing effect makes large is no wild value.
+
+A receiver errs more in some stretches than in others: in bends that its filter smooths, between
+houses. Rows of such a stretch count for as little as its own scatter says.
 """
 
 from __future__ import annotations
@@ -16,7 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.fusion.layout import CH_NHC, CH_ODOMETER, MAX_SCALARS
+from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS
+from automap.gap.limits import BLOCKS_S
 from automap.gates import sd_by_median
 from automap.records import FloatArray, IntArray
 
@@ -33,6 +37,12 @@ all."""
 LOOSE = (CH_NHC, CH_NHC + 1)
 """Channels of the vehicle constraint: how a vehicle sways is no noise whose memory to take out, it
 is what the constraint's own sigma stands for."""
+RECEIVER = tuple(tuple(range(first, first + 3)) for first in (CH_POS, CH_VEL))
+"""Channels whose noise grows and falls together along a drive: of positions, of velocities."""
+FREEDOM = 2.0 ** np.arange(1, 15)
+"""Degrees of freedom from which that of a stretch's scatter is chosen; the last are as normal."""
+SCATTER_ROUNDS = 8
+"""What is clipped and what is scatter have settled then."""
 
 
 @dataclass(frozen=True)
@@ -105,15 +115,53 @@ def white_rows(
     the innovations decides how much each row counts."""
     rows = np.flatnonzero(np.isin(channel, list(whitener.spread)))
     w, f = np.zeros(len(channel)), np.zeros(phi.shape, phi.dtype)
+    rest = np.zeros(len(channel))
     for c, spread in whitener.spread.items():
         at = np.flatnonzero(channel == c)
-        ar = whitener.ar[c]
-        u = filtered(left[at, None], ar)[:, 0] / spread
+        rest[at] = filtered(left[at, None], whitener.ar[c])[:, 0] / spread
+    noisier = np.ones(len(channel))
+    for channels in RECEIVER:
+        at = np.flatnonzero(np.isin(channel, [c for c in channels if c in whitener.spread]))
+        noisier[at] = stretch_scatter(rest[at], t[at])
+    for c, spread in whitener.spread.items():
+        at = np.flatnonzero(channel == c)
+        u, sizes = rest[at] / noisier[at], spread * noisier[at]
         weight = HUBER / np.maximum(np.abs(u), HUBER)
         size = float(np.mean((weight * u) ** 2))
         # a score of variance size * phi' phi, an information of mean(weight) * phi' phi
         even = float(weight.mean()) / max(size, CLIPPED_SIZE)
-        factor = np.sqrt(weight * even)
-        w[at] = factor * filtered(whitened[at, None], ar)[:, 0] / spread
-        f[at] = (factor / spread)[:, None] * filtered(phi[at], ar)
+        factor = np.sqrt(weight * even) / sizes
+        w[at] = factor * filtered(whitened[at, None], whitener.ar[c])[:, 0]
+        f[at] = factor[:, None] * filtered(phi[at], whitener.ar[c])
     return WhiteRows(w[rows], f[rows], t[rows], channel[rows])
+
+
+def stretch_scatter(u: FloatArray, t: FloatArray) -> FloatArray:
+    """By how much rows ``u`` [s], of size one as a rule, scatter more in the stretch [s] that they
+    are of, by their times ``t`` [s] in s; at least one.
+
+    The variances of stretches are taken for draws from an inverse gamma distribution: together the
+    rows of one follow Student's t (Lange, Little and Taylor, JASA 84 (1989), 881-896), of as many
+    degrees of freedom as makes all likeliest. Single wild values are no scatter.
+    """
+    if len(u) == 0:
+        return np.ones(0)
+    _, stretch = np.unique(((t - t.min()) / BLOCKS_S[0]).astype(np.int64), return_inverse=True)
+    count = np.bincount(stretch).astype(np.float64)
+    variance = np.ones(len(count))
+    for _ in range(SCATTER_ROUNDS):
+        most = HUBER * np.sqrt(variance)[stretch]
+        squares = np.bincount(stretch, np.clip(u, -most, most) ** 2) / CLIPPED_SIZE
+        freedom = _likeliest_freedom(squares, count)
+        variance = (freedom + squares) / (freedom + count)
+    return np.asarray(np.sqrt(np.maximum(variance, 1.0))[stretch])
+
+
+def _likeliest_freedom(squares: FloatArray, count: FloatArray) -> float:
+    """Degrees of freedom under which sums of squares [b] of ``count`` [b] rows are likeliest."""
+    from scipy.special import gammaln
+
+    nu = FREEDOM[:, None]
+    nats = gammaln(0.5 * (nu + count)) - gammaln(0.5 * nu) - 0.5 * count * np.log(nu)
+    nats -= 0.5 * (nu + count) * np.log1p(squares / nu)
+    return float(FREEDOM[int(np.argmax(nats.sum(axis=1)))])

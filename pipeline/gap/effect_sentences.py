@@ -72,6 +72,9 @@ _RECEIVER = {
         "The direction of the receiver's velocities is {} than their size.",
         one("s", "{} older", "{} newer"),
     ),
+    "gnss_course_distance": Sentence(
+        "The direction of the receiver's velocities is that of a place {} behind.", one("m", "{}")
+    ),
     "gnss_velocity_scale": Sentence(
         "The receiver's speeds are {}.",
         one("relative", "{} too high", "{} too low", 100.0, "%"),

@@ -53,6 +53,7 @@ _BY_EFFECT = {
     "gnss_velocity_latency": _SMOOTHING,
     "gnss_velocity_lag": _SMOOTHING,
     "gnss_course_latency": _SMOOTHING,
+    "gnss_course_distance": _SMOOTHING,
     "gnss_velocity_scale": f"Check the unit of the receiver's speeds. {MODEL}",
     "gnss_noise_scale": "Do not trust the accuracy that this receiver states. model.toml has the "
     "one that was found.",

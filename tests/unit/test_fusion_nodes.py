@@ -163,3 +163,21 @@ def test_a_start_before_the_first_fix_lies_where_the_vehicle_came_from(lat_deg: 
     assert np.abs(ned).max() < 0.5
     assert (np.abs(ned) < start.sd[:3]).all()
     assert start.nominal[3:6] == pytest.approx(true.vel[0], abs=0.01)
+
+
+@pytest.mark.parametrize("velocity_late", [0.0, 0.3])
+def test_velocities_are_metres_a_second_of_the_clock_that_the_nodes_are_on(
+    velocity_late: float,
+) -> None:
+    skew = 0.02
+    fixes = receive(city_drive(30.0, 3), Receiver(), 1)
+    model = model_fixes(fixes, fixes.gps_s - GPS0, OPTIONS)
+    shift = Shift(skew=skew, vel_latency_s=velocity_late)
+    still = np.zeros(0)
+    nodes = build_nodes(model, shift, (0.0, 30.0), [], still, still, still, None, OPTIONS, False)
+    moving = np.hypot(nodes.values[:, 3], nodes.values[:, 4]) > 1.0
+    own = np.array([np.flatnonzero(model.row == row)[0] for row in nodes.fix_row[moving]])
+    assert moving.sum() > 5
+    # a step of the path is the same in metres, and takes a fast clock longer
+    assert nodes.values[moving, 3:6] * (1.0 + skew) == pytest.approx(model.values[own, 3:6])
+    np.testing.assert_array_equal(nodes.values[moving, :3], model.values[own, :3])

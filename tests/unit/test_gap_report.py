@@ -17,7 +17,7 @@ from pipeline.gap.path_plots import path_plots
 from pipeline.gap.plots import _spectrum, error_bars, overlay, running, spectrum
 from tests.unit.test_gap import simulated
 
-ARM = {"gnss_lever_arm": {"x": 0.6, "y": 0.0, "z": 0.0}}
+ARM = {"gnss_lever_arm": {"x": 0.0, "y": 0.6, "z": 0.0}}
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automap.gap.linear import Linear, Rows, _white
+from automap.fusion.layout import CH_NHC, CH_VEL
+from automap.gap.linear import Linear, Rows, _studentised, _white
+from automap.gap.whitening import stretch_scatter
 from automap.records import BoolArray, FloatArray
 from tests.unit.gap_linear import columns_named
 
@@ -104,3 +106,66 @@ def test_columns_of_mixtures_are_sums_of_rows() -> None:
     expected = phi[:, 1] * 2.0 - phi[:, 2]
     np.testing.assert_allclose(linear.columns(rows, (1,))[:, 0], expected, rtol=1e-5)
     np.testing.assert_allclose(linear.columns(rows, (1, 0))[:, 1], phi[:, 0], rtol=1e-5)
+
+
+def test_a_stretch_that_scatters_more_counts_for_as_much_less() -> None:
+    rng = np.random.default_rng(11)
+    t = np.arange(0.0, 800.0, 0.5)
+    u = rng.standard_normal(len(t))
+    loud = (t >= 160.0) & (t < 240.0)
+    u[loud] *= 5.0
+    found = stretch_scatter(u, t)
+    # twenty rows a stretch tell its size to a sixth, and the usual one draws it in
+    assert found[loud] == pytest.approx(np.full(loud.sum(), 5.0), rel=0.5)
+    assert np.median(found[loud]) == pytest.approx(4.5, abs=0.8)
+    assert found[~loud].mean() < 1.1
+
+
+def test_even_noise_and_single_wild_values_make_no_stretch_scatter() -> None:
+    rng = np.random.default_rng(12)
+    t = np.arange(0.0, 1600.0, 0.5)
+    u = rng.standard_normal(len(t))
+    assert stretch_scatter(u, t).max() < 1.1
+    u[::97] *= 30.0
+    assert np.median(stretch_scatter(u, t)) < 1.1
+    assert stretch_scatter(np.zeros(0), np.zeros(0)).shape == (0,)
+
+
+def test_receivers_rows_count_less_where_it_errs_more_and_the_vehicles_do_not() -> None:
+    rng = np.random.default_rng(13)
+    n = 1600
+    t = np.repeat(np.arange(n // 2) * 0.5, 2)
+    channel = np.tile([CH_VEL, CH_NHC], n // 2)
+    loud = (t >= 100.0) & (t < 140.0)
+    w = rng.standard_normal(n) * np.where(loud, 4.0, 1.0)
+    (white,) = _white([Rows(w, np.ones((n, 1)), t, channel)], np.zeros(1), np.full(1, 1e-6))
+    counts = white.phi[:, 0] ** 2
+    for one, least, most in ((CH_VEL, 0.03, 0.12), (CH_NHC, 0.2, 1.0)):
+        at = white.channel == one
+        ratio = counts[at & loud].mean() / counts[at & ~loud].mean()
+        assert least < ratio < most
+    # what is left of the loud stretch is of size one again
+    assert 0.8 < np.std(white.w[(white.channel == CH_VEL) & loud]) < 1.4
+
+
+def test_a_fit_that_follows_a_few_rows_does_not_make_them_look_quiet() -> None:
+    rng = np.random.default_rng(14)
+    n, size = 1200, 5.0
+    t = np.arange(n) * 0.5
+    phi = np.zeros((n, 8))
+    for i in range(8):
+        # two rows of the loud stretch each
+        phi[400 + 2 * i : 402 + 2 * i, i] = 1.0
+    loud = (t >= 200.0) & (t < 208.0)
+    noises, followed = [], []
+    for _ in range(300):
+        w = rng.standard_normal(n) * np.where(loud, size, 1.0)
+        rows = Rows(w, phi, t, np.full(n, CH_VEL))
+        left = w.copy()
+        for i in range(8):
+            left[400 + 2 * i : 402 + 2 * i] -= w[400 + 2 * i : 402 + 2 * i].mean()
+        cov = np.diag(1.0 / (phi**2).sum(axis=0))
+        noises.append(np.mean(_studentised(left, rows, np.ones(n), cov)[loud] ** 2))
+        followed.append(np.mean(left[loud] ** 2))
+    assert np.mean(followed) < 0.6 * size**2
+    assert np.mean(noises) == pytest.approx(size**2, rel=0.1)

@@ -56,6 +56,16 @@ RECEIVER = (
         one("s", VELOCITY, Kind.COURSE, weight=-1.0),
     ),
     Effect(
+        "gnss_course_distance",
+        "gnss",
+        named("m", "m", 1.0, 0.0),
+        "the velocity's course that of a place so far behind, as of filters that smooth it more "
+        "the slower the car goes",
+        # its size is that of two phones of which it was measured: 1.3 and 0.1 m
+        one("m", VELOCITY, Kind.POINT, weight=-1.0),
+        told_apart=(("gnss_lever_arm", _SLOW_CIRCLES),),
+    ),
+    Effect(
         "gnss_velocity_scale",
         "gnss",
         named("relative", "", 0.02),
