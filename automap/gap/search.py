@@ -225,13 +225,16 @@ class Search:
         """The choice with a rival in a candidate's place where the filter itself, which knows what
         is not linear, finds all drives likelier with it; None where no rival is.
 
-        A formula is told only where it is told apart from every name. What is not told apart from
-        a name that stays is noted.
+        A formula is told only where it is told apart from every name and explains a tenth more: one
+        that follows a name so closely is that name, and something else is a little off. What is
+        not told apart from a name that stays is noted.
         """
         self.close = {}
+        joint = here.joint()
         for name in chosen.names:
             formula = bool(selection.candidates[name].terms)
             best, instead = 0.0, None
+            nats = self._nats(joint, selection, chosen, name)
             for rival in selection.close_rivals(chosen, name):
                 if frozenset(rival.chosen.names) == frozenset(chosen.names):
                     continue
@@ -245,11 +248,12 @@ class Search:
                 rival_formula = bool(selection.candidates[other].terms)
                 if abs(sigmas) < limits.APART and not rival_formula:
                     self.close[name] = (*self.close.get(name, ()), other)
+                clear = abs(sigmas) > limits.APART and abs(ahead) > limits.CHALLENGE * nats
                 if formula and not rival_formula:
-                    wins = sigmas > -limits.APART
+                    wins = ahead > 0.0 or not clear
                     ahead = max(ahead, 1e-9) if wins else ahead
                 elif rival_formula and not formula:
-                    wins = sigmas > limits.APART
+                    wins = ahead > 0.0 and clear
                 elif formula:
                     wins = ahead > limits.CLOSE_NATS
                 else:
@@ -291,24 +295,39 @@ class Search:
         joint = here.joint()
         out = []
         for name in chosen.names:
-            effect, candidate = self.screening.effects[name], selection.candidates[name]
-            columns = [i for n, part, _ in chosen.parts if n == name for i in part]
-            acting = [selection.linear.layout[i].parameter for i in columns]
-            rows = [i for i, (e, p) in enumerate(joint.names) if e == effect and p in acting]
+            candidate = selection.candidates[name]
+            rows, columns = self._rows(joint, selection, chosen, name)
             if not rows:
                 continue
-            sds = chosen.scale_of(name) * selection.linear.prior_sd[columns[: len(rows)]]
             most = limits.ONE_IN_A_THOUSAND * max(limits.PRIOR_SCALES)
-            usual = selection.linear.prior_sd[columns[: len(rows)]]
+            usual = selection.linear.prior_sd[columns]
             if not candidate.terms and (np.abs(joint.values[rows]) > most * usual).any():
                 # a delay of ten seconds is none: what the filter has found is something else
                 out.append(name)
                 continue
-            nats = estimate_nats(joint.values[rows], joint.cov[np.ix_(rows, rows)], sds)
+            nats = self._nats(joint, selection, chosen, name)
             prior = candidate.log_prior + len(rows) * candidate.log_choice
             if nats + prior < limits.LEAST_ODDS:
                 out.append(name)
         return out
+
+    def _rows(
+        self, joint: Joint, selection: Selection, chosen: Chosen, name: str
+    ) -> tuple[list[int], list[int]]:
+        """Rows in a joint estimate of the parameters of a candidate that act, and their columns."""
+        columns = [i for n, part, _ in chosen.parts if n == name for i in part]
+        acting = [selection.linear.layout[i].parameter for i in columns]
+        own = self.screening.effects[name]
+        rows = [i for i, (e, p) in enumerate(joint.names) if e == own and p in acting]
+        return rows, columns[: len(rows)]
+
+    def _nats(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> float:
+        """What a candidate's values as the filter finds them are worth against nothing."""
+        rows, columns = self._rows(joint, selection, chosen, name)
+        if not rows:
+            return 0.0
+        sds = chosen.scale_of(name) * selection.linear.prior_sd[columns]
+        return estimate_nats(joint.values[rows], joint.cov[np.ix_(rows, rows)], sds)
 
     def _proposed(
         self,
