@@ -38,7 +38,8 @@ Example:
     metavar="MODEL",
     type=ANY_PATH,
     help="A model as automap gap writes it: the sensors have its errors too, and the scenario may "
-    "use the effects that it defines.",
+    "use the effects that it defines. With --like it only names the Python files of effects that "
+    "the run may have used.",
 )
 @click.option(
     "--receiver",
@@ -81,9 +82,7 @@ def command(
     if like is not None:
         if receiver or replay is not None:
             raise click.UsageError("--receiver and --replay belong to a scenario")
-        if config is not None:
-            raise click.UsageError("--config belongs to a scenario; a twin has its run's model")
-        simulate_like(like, out, 1 if seed is None else seed)
+        simulate_like(like, out, 1 if seed is None else seed, config)
         click.echo(str(out))
         return
     assert scenario is not None

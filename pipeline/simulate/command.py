@@ -103,19 +103,23 @@ def _errors_of(settings: Settings, scenario: Scenario) -> dict[str, dict[str, fl
     return errors
 
 
-def simulate_like(run: Path, out: Path, seed: int = 1) -> None:
+def simulate_like(run: Path, out: Path, seed: int = 1, config: Path | None = None) -> None:
     """Write the twin of a recorded drive, truth included, to the new folder ``out``.
 
     ``run`` is the output folder of a finished run of a drive with an IMU: the twin follows its
-    smoothed trajectory with the errors and the noise that were fitted. Raises InputError
+    smoothed trajectory with the errors and the noise that were fitted. Python files of effects that
+    it names are run where the settings ``config`` name them too. Raises InputError
     for another folder, ConfigError for an ``out`` that is not empty, StageError when it cannot
     be written.
     """
+    from pipeline.settings.load import load_settings
     from pipeline.simulate.twin import write_twin
+
+    trusted = load_settings(config).effects.paths()
 
     def fill(folder: Path) -> None:
         try:
-            write_twin(Path(run), folder, seed)
+            write_twin(Path(run), folder, seed, trusted=trusted)
         except _DAMAGE as error:
             raise InputError(
                 f"{run}: its results are damaged or incomplete ({type(error).__name__}: {error}); "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,11 +21,18 @@ if TYPE_CHECKING:
 ODOMETER_FILE = "odometer.csv"
 
 
-def write_twin(out: Path, folder: Path, seed: int, changed: Values | None = None) -> None:
+def write_twin(
+    out: Path,
+    folder: Path,
+    seed: int,
+    changed: Values | None = None,
+    trusted: Collection[Path] = (),
+) -> None:
     """Write the twin of the run in OUT into an existing empty folder; effects that are ``changed``
-    have other sizes than the run found.
+    have other sizes than the run found. Of the Python files of effects that the run names those are
+    run that are ``trusted``.
 
-    Raises InputError where OUT is no finished run of a drive with an IMU.
+    Raises InputError where OUT is no finished run of a drive with an IMU, or names another one.
     """
     import numpy as np
 
@@ -42,12 +49,20 @@ def write_twin(out: Path, folder: Path, seed: int, changed: Values | None = None
             f"{out}: this run had no IMU, so there is no model of one to simulate; run a drive "
             "with an IMU"
         )
+    # the users' effects of that run
+    effects = EffectsSettings.model_validate(run["settings"].get("effects", {}))
+    for path in effects.paths():
+        if path.resolve() not in {each.resolve() for each in trusted}:
+            raise InputError(
+                f"{out / names.RUN}: the run took effects from {path}, a Python file, which is not "
+                "run because a results folder names it; if you trust it, give the settings that "
+                "name it with --config."
+            )
+    activate(effects)
     trajectory = read_trajectory(out / names.TRAJECTORY)
     fixes, imu = read_fixes(out / names.FIXES), read_imu(out / names.IMU)
     clock = read_clock(out / names.SYNC)
     late = 0.0 if fusion["delay_is_clock"] else float(fusion["imu_delay_s"])
-    # the users' effects of that run
-    activate(EffectsSettings.model_validate(run["settings"].get("effects", {})))
     errors = dict(_last_errors(out))
     if late:
         errors["imu_time_offset"] = {"s": late}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 from collections.abc import Iterator
@@ -299,7 +300,7 @@ def test_a_trajectory_off_the_earth_is_left_out(
 def test_the_twin_of_damaged_results(
     out: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def damaged(run: Path, folder: Path, seed: int) -> None:
+    def damaged(run: Path, folder: Path, seed: int, **_: object) -> None:
         (folder / "imu.csv").touch()
         raise KeyError("settings")
 
@@ -307,6 +308,26 @@ def test_the_twin_of_damaged_results(
     words = ["simulate", "--like", str(out), "-o", str(out.parent / "twin")]
     assert "damaged or incomplete" in failed(words, 3, capsys)
     assert [path.name for path in out.parent.iterdir()] == ["out"]
+
+
+def test_a_results_folder_runs_no_program_without_the_users_word(
+    out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mark, program = out.parent / "mark", out / "effects.py"
+    program.write_text(f"open({str(mark)!r}, 'w').close()\nEFFECTS = []\n", encoding="utf-8")
+    (out / names.FUSION).write_text('{"method": "inertial"}', encoding="utf-8")
+    record = json.loads((out / names.RUN).read_text(encoding="utf-8"))
+    record["settings"] = {"effects": {"files": [str(program)]}}
+    (out / names.RUN).write_text(json.dumps(record), encoding="utf-8")
+    words = ["simulate", "--like", str(out), "-o", str(out.parent / "twin")]
+    text = failed(words, 3, capsys)
+    assert "effects.py" in text
+    assert "--config" in text
+    assert not mark.exists()
+    config = out.parent / "mine.toml"
+    config.write_text(f'[effects]\nfiles = ["{program}"]\n', encoding="utf-8")
+    assert "no list EFFECTS" in failed([*words, "--config", str(config)], 2, capsys)
+    assert mark.exists()
 
 
 def test_a_folder_in_the_place_of_the_clock(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
