@@ -16,6 +16,7 @@ import click
 from automap import __version__
 from automap.errors import AutoMapError, InputError, closed
 from pipeline.cli.command import show_failure
+from pipeline.cli.streams import outlast_readers
 
 # small matrices only: a pool of threads costs more than it brings, and numpy starts it at import
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -120,6 +121,7 @@ def cli(debug: bool) -> None:
 def main(args: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and leave the process with the contract's exit code."""
     _interruptible()
+    outlast_readers()
     words = list(sys.argv[1:] if args is None else args)
     sys.exit(run_command(words))
 
@@ -167,10 +169,6 @@ def run_command(words: list[str]) -> int:
         # of a file that is merely looked for; what is read or written has sentences of its own
         show_failure(closed(error), debug)
         return InputError.exit_code
-    except BrokenPipeError:
-        # the reader (head, less) has gone; keep the interpreter from writing at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     except Exception as error:
         if _interrupted.is_set():
             # a compiled module makes an error of its own of an interrupt while it is loaded

@@ -1,0 +1,61 @@
+"""What a command prints, and who reads it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipeline.cli.streams import Outlasting
+
+ROOT = Path(__file__).parents[2]
+PROGRAM = "import sys; from pipeline.cli import main; main(sys.argv[1:])"
+
+
+def automap(*words: str, stdout: int) -> subprocess.CompletedProcess[str]:
+    """A command whose output goes to a file descriptor."""
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM, *words],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+
+
+def test_a_run_outlasts_the_reader_of_its_output(tmp_path: Path) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    out = tmp_path / "out"
+    done = automap("run", "data/sample-drive", "-o", str(out), "--to", "ingest", stdout=write)
+    os.close(write)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert (out / "run.json").is_file()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+def test_output_that_cannot_be_written_is_told() -> None:
+    with Path("/dev/full").open("w", encoding="utf-8") as full:
+        done = automap("check", "data/sample-drive", stdout=full.fileno())
+    assert done.returncode == 4
+    assert "No space left on device" in done.stderr
+    assert "unexpectedly" not in done.stderr
+
+
+def test_after_the_reader_text_goes_nowhere_without_an_error() -> None:
+    read, write = os.pipe()
+    with os.fdopen(write, "w", encoding="utf-8") as stream:
+        out = Outlasting(stream)
+        assert out.write("read\n") == 5
+        out.flush()
+        os.close(read)
+        for _ in range(3):
+            assert out.write("lost\n") == 5
+            out.flush()
+        assert out.encoding == "utf-8"
