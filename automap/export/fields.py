@@ -25,6 +25,10 @@ class Field:
 SIGN_FIELDS: tuple[Field, ...] = (
     Field("id", "text", "", "name of the sign within this map"),
     Field("class", "text", "", "class of the sign face"),
+    Field("name", "text", "", "the class in words"),
+    Field("code", "text", "", "number of the face in the code of the drive's country, after it"),
+    Field("value", "real", "", "number that the face shows, in value_unit", 1),
+    Field("value_unit", "text", "", "unit of value: km/h or mph"),
     Field("confidence", "real", "", "belief that the sign exists and is of this class, 0 to 1", 3),
     Field("n_views", "integer", "", "number of frames that the position rests on"),
     Field("first_seen", "time", "UTC", "time of the first sighting"),

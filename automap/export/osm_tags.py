@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 
-from automap.signs.classes import ClassEntry, load_classes
+from automap.signs.national import bare_name, class_entry, national_code, shown_value
 
 _WORDS = {
     "stop": "stop",
@@ -20,38 +20,21 @@ _WORDS = {
 }
 """For detectors that name their classes otherwise."""
 
-_LIMIT = re.compile(r"(?:regulatory--)?(?:maximum-)?speed-limit-(\d{1,3})(?:--g\d+)?")
-_MILES = ("US", "GB", "LR", "MM")
-
 
 def traffic_sign_tags(class_name: str, country: str | None = None) -> dict[str, str]:
     """Tags of a class, named as Mapillary names it, in a country (ISO 3166 alpha-2)."""
-    country = country.upper() if country and re.fullmatch("[A-Za-z]{2}", country) else ""
-    entry = _entry(class_name)
-    code = entry.codes.get(country) if entry is not None else None
+    entry, code = class_entry(class_name), national_code(class_name, country)
     if code:
-        tags = {"traffic_sign": f"{country}:{code}"}
+        tags = {"traffic_sign": code}
     elif entry is not None and entry.osm:
         tags = {"traffic_sign": entry.osm}
     elif class_name.startswith("warning--"):
         tags = {"traffic_sign": "hazard"}
     else:
-        bare = _bare(class_name).split("--")[-1]
+        bare = bare_name(class_name).split("--")[-1]
         tags = {"traffic_sign": _WORDS.get(re.sub(r"-\d+$", "", bare), "yes")}
-    limit = _LIMIT.fullmatch(class_name)
-    if limit:
-        tags["maxspeed"] = f"{limit[1]} mph" if country in _MILES else limit[1]
+    shown = shown_value(class_name, country)
+    if shown and "end-of-" not in class_name:
+        value, unit = shown
+        tags["maxspeed"] = f"{value:.0f} mph" if unit == "mph" else f"{value:.0f}"
     return tags
-
-
-def _bare(class_name: str) -> str:
-    return re.sub(r"--g\d+$", "", class_name)
-
-
-def _entry(class_name: str) -> ClassEntry | None:
-    """The class of the table, or a variant of the same face (g1, g2 ...)."""
-    classes = load_classes()
-    if class_name in classes:
-        return classes[class_name]
-    bare = _bare(class_name)
-    return next((entry for name, entry in classes.items() if _bare(name) == bare), None)

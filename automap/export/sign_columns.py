@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from automap.export.clock import iso_texts, utc_of_stamps
+from automap.export.icons import sign_words
 from automap.export.uncertainty import ce95, ellipse_outlines
 from automap.records import NO_TIME, ClockModel, FloatArray, IntArray, Sign
+from automap.signs.national import national_code, shown_value
 
 
 @dataclass(frozen=True)
@@ -39,8 +41,11 @@ class SignColumns:
         return np.isfinite(self.lon_deg) & np.isfinite(self.lat_deg) & (abs(self.lat_deg) <= 90)
 
 
-def sign_columns(signs: Sequence[Sign], clock: ClockModel | None = None) -> SignColumns:
-    """Columns of ``signs`` in file units; times become UTC when ``clock`` is given."""
+def sign_columns(
+    signs: Sequence[Sign], clock: ClockModel | None = None, country: str | None = None
+) -> SignColumns:
+    """Columns of ``signs`` in file units; times become UTC when ``clock`` is given, codes and units
+    are those of the ``country`` (ISO 3166 alpha-2)."""
 
     def real(name: str) -> FloatArray:
         return np.array([getattr(sign, name) for sign in signs], np.float64)
@@ -53,9 +58,14 @@ def sign_columns(signs: Sequence[Sign], clock: ClockModel | None = None) -> Sign
     with np.errstate(invalid="ignore"):
         sd_u = np.sqrt(np.where(covariance[:, 2, 2] >= 0, covariance[:, 2, 2], np.nan))
     first, last = stamps("first_seen_ns"), stamps("last_seen_ns")
+    shown = [shown_value(sign.class_name, country) for sign in signs]
     values: dict[str, Any] = {
         "id": [sign.id for sign in signs],
         "class": [sign.class_name for sign in signs],
+        "name": [sign_words(sign.class_name) or None for sign in signs],
+        "code": [national_code(sign.class_name, country) for sign in signs],
+        "value": np.array([np.nan if one is None else one[0] for one in shown], np.float64),
+        "value_unit": [None if one is None else one[1] for one in shown],
         "confidence": real("confidence"),
         "n_views": stamps("n_views"),
         "first_seen": _times(first, clock),

@@ -93,11 +93,14 @@ def gpx_track(
     step_s: float = GPX_STEP_S,
     signs: SignColumns | None = None,
     lineage: Mapping[str, Any] | None = None,
+    geoid_m: FloatArray | None = None,
 ) -> str:
-    """GPX 1.1 track in the order of time, at about one point in ``step_s`` (0: all), heights
-    above the ellipsoid; ``signs`` become waypoints, ``lineage`` the description of the file.
+    """GPX 1.1 track in the order of time, at about one point in ``step_s`` (0: all); ``signs``
+    become waypoints, ``lineage`` the description of the file.
 
-    Points without a time or a place are left out.
+    Programs take a height of GPX for one above the sea: it stands there with that of the geoid,
+    ``geoid_m`` [n] above the ellipsoid, and where that is unknown no height does. Points without a
+    time or a place are left out.
     """
     known = np.isfinite(trajectory.gps_s + trajectory.lat_rad + trajectory.lon_rad)
     order = np.flatnonzero(known)[np.argsort(trajectory.gps_s[known], kind="stable")]
@@ -107,10 +110,13 @@ def gpx_track(
         order = order[np.append(keep[keep < len(gps_s) - 1], len(gps_s) - 1)]
     keep, gps_s = order, trajectory.gps_s
     lat, lon = np.degrees(trajectory.lat_rad[keep]), np.degrees(trajectory.lon_rad[keep])
+    geoid = np.full(len(gps_s), np.nan) if geoid_m is None else geoid_m
     points = "\n".join(
-        f'<trkpt lat="{a:.9f}" lon="{b:.9f}">{_elevation(h)}<time>{gps_to_iso(float(s))}</time>'
-        "</trkpt>"
-        for a, b, h, s in zip(lat, lon, trajectory.height_m[keep], gps_s[keep], strict=True)
+        f'<trkpt lat="{a:.9f}" lon="{b:.9f}">{_elevation(h - n)}'
+        f"<time>{gps_to_iso(float(s))}</time>{_geoid(h - n, n)}</trkpt>"
+        for a, b, h, s, n in zip(
+            lat, lon, trajectory.height_m[keep], gps_s[keep], geoid[keep], strict=True
+        )
     )
     about = "; ".join(f"{key}: {_flat(value)}" for key, value in (lineage or {}).items())
     title = xml_text(name)
@@ -130,12 +136,14 @@ def _waypoints(signs: SignColumns | None) -> Iterator[str]:
     values = signs.values
     for row in np.flatnonzero(signs.located).tolist():
         confidence, radius = values["confidence"][row], values["ce95_m"][row]
+        height = float(values["height_msl_m"][row])
         words = [sign_words(values["class"][row])]
         words += [f"confidence {confidence:.2f}"] if np.isfinite(confidence) else []
         words += [f"95 % within {radius:.1f} m"] if np.isfinite(radius) else []
         yield (
             f'<wpt lat="{signs.lat_deg[row]:.7f}" lon="{signs.lon_deg[row]:.7f}">'
-            f"{_elevation(float(signs.height_m[row]))}<name>{xml_text(values['id'][row])}</name>"
+            f"{_elevation(height)}{_geoid(height, float(signs.height_m[row]) - height)}"
+            f"<name>{xml_text(values['id'][row])}</name>"
             f"<desc>{xml_text(', '.join(words))}</desc>"
             f"<type>{xml_text(values['class'][row])}</type></wpt>\n"
         )
@@ -143,6 +151,11 @@ def _waypoints(signs: SignColumns | None) -> Iterator[str]:
 
 def _elevation(height: float) -> str:
     return f"<ele>{height:.3f}</ele>" if np.isfinite(height) else ""
+
+
+def _geoid(height: float, geoid: float) -> str:
+    """The geoid's height beside one above the sea."""
+    return f"<geoidheight>{geoid:.3f}</geoidheight>" if np.isfinite(height) else ""
 
 
 def _flat(value: Any) -> str:

@@ -17,6 +17,7 @@ from automap.records import NO_TIME, FloatArray, Trajectory
 from pipeline.export.lineage import lineage
 from pipeline.shared.pictures import Picture, read_pictures
 from pipeline.shared.products import RunProducts, geoid_separation, load_products
+from pipeline.shared.run_record import country_of
 
 
 @dataclass
@@ -45,9 +46,10 @@ def map_content(out: Path, name: str, min_confidence: float = 0.0) -> MapContent
     """
     products = load_products(out)
     left_out = _drop_unsure(products, min_confidence)
-    signs = sign_columns(products.signs or [], products.clock)
-    path = simplified_path(products.trajectory) if products.trajectory is not None else None
     record = products.json(names.RUN)
+    country = country_of(record)
+    signs = sign_columns(products.signs or [], products.clock, country)
+    path = simplified_path(products.trajectory) if products.trajectory is not None else None
     pictures = read_pictures(products)
     content = MapContent(
         name,
@@ -56,7 +58,7 @@ def map_content(out: Path, name: str, min_confidence: float = 0.0) -> MapContent
         products,
         list(products.problems),
         lineage=lineage(record, name, products.trajectory),
-        country=_country(record),
+        country=country,
         pictures=pictures,
     )
     signs.values["height_msl_m"] = sea_level_heights(signs, geoid_heights(content)[0])
@@ -92,17 +94,6 @@ def _drop_unsure(products: RunProducts, least: float) -> int:
     left_out = len(products.signs) - len(kept)
     products.signs = kept
     return left_out
-
-
-def _country(record: dict[str, Any]) -> str | None:
-    """The country that the drive's manifest named."""
-    stages = record.get("stages")
-    for stage in stages.values() if isinstance(stages, dict) else ():
-        manifest = stage.get("manifest") if isinstance(stage, dict) else None
-        country = manifest.get("site.country") if isinstance(manifest, dict) else None
-        if isinstance(country, str):
-            return country
-    return None
 
 
 def geoid_heights(content: MapContent) -> tuple[FloatArray | None, FloatArray | None]:

@@ -15,6 +15,7 @@ from automap.io import names
 from automap.io.atomic import write_bytes, write_chunks, write_json, write_text
 from pipeline.export.content import MapContent, geoid_heights, trajectory_of
 from pipeline.shared.pictures import pictures_by_sign
+from pipeline.shared.products import geoid_separation
 
 
 def write_geojson(content: MapContent, path: Path) -> None:
@@ -25,7 +26,8 @@ def write_geojson(content: MapContent, path: Path) -> None:
 def write_rejected(content: MapContent, path: Path) -> None:
     """Write the signs that a review took off the map, as GeoJSON."""
     products = content.products
-    write_text(path, geojson.signs_geojson(sign_columns(products.rejected, products.clock)))
+    signs = sign_columns(products.rejected, products.clock, content.country)
+    write_text(path, geojson.signs_geojson(signs))
 
 
 def write_kml(content: MapContent, path: Path) -> None:
@@ -161,8 +163,10 @@ def write_kitti(content: MapContent, path: Path) -> None:
 def write_gpx(content: MapContent, path: Path) -> None:
     """Write the trajectory as a GPX track, with the signs as waypoints."""
     step_s = 0.0 if content.every_row else trajectory_formats.GPX_STEP_S
+    trajectory = trajectory_of(content)
+    geoid = geoid_separation(content.products, trajectory.t_ns)
     text = trajectory_formats.gpx_track(
-        trajectory_of(content), content.name, step_s, content.signs, content.lineage
+        trajectory, content.name, step_s, content.signs, content.lineage, geoid
     )
     write_text(path, text)
 

@@ -10,6 +10,7 @@ from typing import Any
 from automap import __version__
 from automap.io import names
 from automap.records import Trajectory
+from pipeline.shared.run_record import without_folder
 from pipeline.shared.values import mapping
 
 _LISTED = 50
@@ -46,7 +47,9 @@ def lineage(record: dict[str, Any], name: str, trajectory: Trajectory | None) ->
         "datum": "WGS-84, longitude and latitude in degrees, heights above the ellipsoid",
         "coordinate_epoch": epoch_of(trajectory),
         "settings_sha256": _digest(record.get("settings")),
-        "inputs_sha256": {str(k): str(v) for k, v in mapping(record.get("inputs")).items()},
+        "inputs_sha256": {
+            without_folder(str(k)): str(v) for k, v in mapping(record.get("inputs")).items()
+        },
         "packages": {key: str(packages[key]) for key in _PACKAGES if key in packages},
     }
     return {key: value for key, value in content.items() if value not in (None, "", {}, [])}

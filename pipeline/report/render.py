@@ -24,6 +24,7 @@ from pipeline.report.sync_section import sync_section
 from pipeline.report.verdict_section import verdict_section
 from pipeline.shared.pictures import read_pictures
 from pipeline.shared.products import RunProducts
+from pipeline.shared.run_record import country_of, without_folder
 from pipeline.shared.values import mapping
 
 TABLE_LIMIT = 1000
@@ -31,7 +32,7 @@ TABLE_LIMIT = 1000
 
 def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str:
     """The page for a run named ``name``; ``record`` is run.json as it stands."""
-    signs = sign_columns(products.signs or [], products.clock)
+    signs = sign_columns(products.signs or [], products.clock, country_of(record))
     sections = {
         "fusion": fusion_section(products),
         "evaluation": evaluation_section(products),
@@ -82,7 +83,15 @@ def _warnings(products: RunProducts, record: dict[str, Any]) -> list[str]:
     stages = record.get("stages")
     for stage in stages.values() if isinstance(stages, dict) else ():
         texts += [str(text) for text in mapping(stage).get("warnings") or ()]
-    return list(dict.fromkeys(texts + products.problems))
+    folders = [str(products.out.absolute()), str(products.out)]
+    folders += [str(path) for path in (mapping(record.get("drive")).get("path"),) if path]
+    told = []
+    for text in texts + products.problems:
+        for folder in folders:
+            # where it lies is this computer's business
+            text = text.replace(f"{folder.rstrip('/')}/", "")
+        told.append(text)
+    return list(dict.fromkeys(told))
 
 
 def _stages(record: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
@@ -120,7 +129,7 @@ def _flat_rows(value: Any, prefix: str = "") -> list[tuple[str, str]]:
 def _text(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}" if abs(value) < 1e6 else f"{value:.3f}"
-    return "" if value is None else str(value)
+    return "" if value is None else without_folder(str(value))
 
 
 def _versions(record: dict[str, Any]) -> list[tuple[str, str]]:
@@ -133,10 +142,10 @@ def _facts(products: RunProducts, record: dict[str, Any]) -> list[tuple[str, str
     rows = []
     command = record.get("command")
     if command:
-        rows.append(("command", str(command)))
+        rows.append(("command", " ".join(map(without_folder, str(command).split(" ")))))
     drive = mapping(record.get("drive"))
     if drive.get("path"):
-        rows.append(("drive folder", str(drive["path"])))
+        rows.append(("drive folder", without_folder(str(drive["path"]))))
     if record.get("started"):
         rows.append(("run started", str(record["started"])))
     for key, value in _flat_rows(products.json(names.INGEST)):

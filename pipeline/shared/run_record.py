@@ -6,7 +6,7 @@ import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib import metadata
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 from automap import __version__
@@ -113,3 +113,21 @@ def _package_versions() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             versions[name] = "missing"
     return versions
+
+
+def country_of(record: dict[str, Any]) -> str | None:
+    """The country that the drive's manifest named."""
+    stages = record.get("stages")
+    for stage in stages.values() if isinstance(stages, dict) else ():
+        manifest = stage.get("manifest") if isinstance(stage, dict) else None
+        country = manifest.get("site.country") if isinstance(manifest, dict) else None
+        if isinstance(country, str):
+            return country
+    return None
+
+
+def without_folder(name: str) -> str:
+    """An input as its drive names it, and one from elsewhere by its own name alone: where it lies
+    is this computer's business."""
+    path = PureWindowsPath(name) if "\\" in name else PurePosixPath(name)
+    return path.name if path.is_absolute() or ".." in path.parts else name

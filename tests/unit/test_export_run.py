@@ -16,6 +16,7 @@ from automap.errors import ConfigError, InputError
 from automap.io import names
 from pipeline.export.command import export_run
 from pipeline.export.formats import FORMATS
+from pipeline.report.render import report_html
 from pipeline.run.stage import StageContext
 from pipeline.run.stages.export import STAGE
 from pipeline.settings.load import load_settings
@@ -121,3 +122,23 @@ def test_clock_falls_back_on_the_trajectory(out: Path) -> None:
     assert fallback.method == "trajectory"
     stamp = exact.t_ns([exact.ref_gps_s + 60.0])
     assert fallback.gps_s(stamp)[0] == pytest.approx(exact.ref_gps_s + 60.0, abs=1e-5)
+
+
+def test_nothing_that_leaves_says_where_this_computer_keeps_its_files(out: Path) -> None:
+    record = json.loads((out / names.RUN).read_text(encoding="utf-8"))
+    home = "/home/somebody/drives/monday"
+    record["inputs"] = {"imu.csv": "a" * 64, f"{home}/detector.onnx": "b" * 64}
+    record["drive"] = {"name": "monday", "path": home}
+    record["command"] = f"automap run {home} -o {home}/_automap"
+    record["warnings"] = [f"{home}/gnss.ubx: 3 of 9 epochs have no position"]
+    record["settings"] = {"detect": {"model": f"{home}/detector.onnx"}}
+    (out / names.RUN).write_text(json.dumps(record), encoding="utf-8")
+    work, _ = run_stage(out)
+    page = report_html(load_products(out), "monday", record)
+    (work / "report.html").write_text(page, encoding="utf-8")
+    for path in (p for p in work.rglob("*") if p.is_file()):
+        content = path.read_bytes()
+        assert b"somebody" not in content, path.name
+        assert str(out).encode() not in content, path.name
+    assert "gnss.ubx: 3 of 9 epochs" in page
+    assert "detector.onnx" in (work / names.SIGNS_GEOJSON).read_text(encoding="utf-8")

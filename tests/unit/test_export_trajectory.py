@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from automap.earth import from_local_ned
+from automap.export.sign_columns import sign_columns
 from automap.export.trajectory_formats import (
     gpx_track,
     kitti_poses,
@@ -18,6 +19,7 @@ from automap.export.trajectory_formats import (
 )
 from automap.io.receiver import read_receiver_bytes
 from automap.records import Trajectory
+from tests.unit.export_inputs import sign
 
 REF = (np.radians(-35.3), np.radians(149.1), 580.0)
 
@@ -89,3 +91,26 @@ def test_gpx_is_well_formed_and_sparse(circle: Trajectory) -> None:
     points = root.findall("g:trk/g:trkseg/g:trkpt", space)
     assert 15 <= len(points) <= 17
     assert float(points[0].attrib["lon"]) == pytest.approx(149.1, abs=1e-8)
+
+
+def test_heights_of_gpx_are_above_the_sea_or_none(circle: Trajectory) -> None:
+    space = {"g": "http://www.topografix.com/GPX/1/1"}
+    geoid = np.where(np.arange(len(circle)) < len(circle) // 2, 48.25, np.nan)
+    signs = sign_columns([sign(1), sign(2)])
+    signs.values["height_msl_m"] = np.array([signs.height_m[0] - 30.5, np.nan])
+    root = ElementTree.fromstring(gpx_track(circle, "x", 0.0, signs, None, geoid))
+    points = root.findall("g:trk/g:trkseg/g:trkpt", space)
+    assert len(points) == len(circle)
+    for row, point in enumerate(points):
+        height = point.findtext("g:ele", None, space)
+        above = point.findtext("g:geoidheight", None, space)
+        assert (height is None) == (above is None) == bool(np.isnan(geoid[row]))
+        if height is not None and above is not None:
+            assert float(height) + float(above) == pytest.approx(circle.height_m[row], abs=2e-3)
+            assert float(above) == pytest.approx(48.25)
+    one, other = root.findall("g:wpt", space)
+    assert float(one.findtext("g:geoidheight", "", space)) == pytest.approx(30.5, abs=1e-3)
+    assert other.find("g:ele", space) is None
+    # in the order of GPX's schema
+    assert [c.tag.split("}")[1] for c in one][:3] == ["ele", "geoidheight", "name"]
+    assert [c.tag.split("}")[1] for c in points[0]] == ["ele", "time", "geoidheight"]

@@ -1,0 +1,45 @@
+"""What a class is called in a country, and the number that its face shows."""
+
+from __future__ import annotations
+
+import re
+
+from automap.signs.classes import ClassEntry, load_classes
+
+_LIMIT = re.compile(r"(?:regulatory--)?(?:end-of-)?(?:maximum-)?speed-limit-(\d{1,3})(?:--\w+)?")
+_MILES = ("US", "GB", "LR", "MM")
+"""Countries whose signs give speeds in miles an hour."""
+
+
+def country_code(country: str | None) -> str:
+    """A country as ISO 3166 alpha-2 in capitals; nothing for what is none."""
+    return country.upper() if country and re.fullmatch("[A-Za-z]{2}", country) else ""
+
+
+def class_entry(class_name: str) -> ClassEntry | None:
+    """The class of the table, or a variant of the same face (g1, g2 ...)."""
+    classes = load_classes()
+    if class_name in classes:
+        return classes[class_name]
+    bare = bare_name(class_name)
+    return next((entry for name, entry in classes.items() if bare_name(name) == bare), None)
+
+
+def bare_name(class_name: str) -> str:
+    """A class without the number of its variant."""
+    return re.sub(r"--g\d+$", "", class_name)
+
+
+def national_code(class_name: str, country: str | None) -> str | None:
+    """The code of a class in a country after the country's, ``AU:R4-1[60]``; None without one."""
+    place, entry = country_code(country), class_entry(class_name)
+    code = entry.codes.get(place) if entry is not None else None
+    return f"{place}:{code}" if code else None
+
+
+def shown_value(class_name: str, country: str | None) -> tuple[float, str] | None:
+    """The number on a face and its unit, "km/h" or "mph" by the country; None without one."""
+    limit = _LIMIT.fullmatch(class_name)
+    if limit is None:
+        return None
+    return float(limit[1]), "mph" if country_code(country) in _MILES else "km/h"
