@@ -30,3 +30,31 @@ def assign(cost: FloatArray, alone: npt.ArrayLike) -> IntArray:
     paired = columns < m
     partner[rows[paired]] = columns[paired]
     return partner
+
+
+def assign_near(
+    rows: IntArray, columns: IntArray, cost: FloatArray, n: int, alone: float
+) -> IntArray:
+    """``assign`` for few of the pairs: ``cost`` [k] of those of ``rows`` and ``columns`` [k].
+
+    The column of each of the ``n`` rows, -1 where it stays alone. Groups that share no pair are
+    solved on their own, which keeps a whole city affordable.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    partner = np.full(n, -1, np.int64)
+    if len(rows) == 0:
+        return partner
+    total = n + int(columns.max()) + 1
+    links = coo_array((np.ones(len(rows)), (rows, columns + n)), shape=(total, total))
+    label = connected_components(links, directed=False)[1][rows]
+    order = np.argsort(label, kind="stable")
+    for chosen in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
+        own, row = np.unique(rows[chosen], return_inverse=True)
+        others, column = np.unique(columns[chosen], return_inverse=True)
+        block = np.full((len(own), len(others)), np.inf)
+        block[row, column] = cost[chosen]
+        found = assign(block, alone)
+        partner[own[found >= 0]] = others[found[found >= 0]]
+    return partner

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from automap.assignment import assign_near
 from automap.earth import ecef
 from automap.evaluation.limits import GATES_M, PAIR_GATE_M
 from automap.gates import OUTSIDE_95, gate
@@ -52,38 +53,19 @@ def match(estimate: SignPoints, truth: SignPoints, gate_m: float) -> Pairs:
     if len(estimate) == 0 or len(truth) == 0:
         nothing = np.zeros(0, np.int64)
         return Pairs(nothing, nothing.copy(), np.zeros(0))
-    from scipy.optimize import linear_sum_assignment
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
     near = cKDTree(_on_ellipsoid(estimate)).sparse_distance_matrix(
         cKDTree(_on_ellipsoid(truth)), gate_m, output_type="coo_matrix"
     )
-    total = len(estimate) + len(truth)
-    links = coo_array(
-        (np.ones(near.nnz), (near.row, near.col + len(estimate))), shape=(total, total)
-    )
-    _, label = connected_components(links, directed=False)
-    group = label[near.row]
-    order = np.argsort(group, kind="stable")
-    edges = np.split(order, np.flatnonzero(np.diff(group[order])) + 1) if near.nnz else []
-    found: list[tuple[int, int, float]] = []
-    for chosen in edges:
-        rows, row_index = np.unique(near.row[chosen], return_inverse=True)
-        columns, column_index = np.unique(near.col[chosen], return_inverse=True)
-        cost = np.full((len(rows), len(columns)), float(gate_m))
-        cost[row_index, column_index] = near.data[chosen]
-        within = np.zeros(cost.shape, np.bool_)
-        within[row_index, column_index] = True
-        for i, j in zip(*linear_sum_assignment(cost), strict=True):
-            if within[i, j]:
-                found.append((int(rows[i]), int(columns[j]), float(cost[i, j])))
-    found.sort()
+    rows, columns = near.row.astype(np.int64), near.col.astype(np.int64)
+    partner = assign_near(rows, columns, near.data, len(estimate), gate_m)
+    apart = {(i, j): d for i, j, d in zip(rows.tolist(), columns.tolist(), near.data, strict=True)}
+    paired = np.flatnonzero(partner >= 0)
     return Pairs(
-        np.array([p[0] for p in found], np.int64),
-        np.array([p[1] for p in found], np.int64),
-        np.array([p[2] for p in found], np.float64),
+        paired,
+        partner[paired],
+        np.array([apart[i, int(partner[i])] for i in paired.tolist()], np.float64),
     )
 
 

@@ -17,7 +17,8 @@ from automap.mapping.sightings import CameraView
 from automap.mapping.visibility import head_on, in_view, opportunities
 from automap.records import BoolArray, IntArray, Sign
 
-_COVERAGE_VIEW = CameraView(0.0, 0.6)
+COVERAGE_VIEW = CameraView(0.0, 0.6)
+"""Half a sector and more of the directions that a merged map's coverage tells."""
 
 
 @dataclass(frozen=True)
@@ -118,5 +119,5 @@ def _seen_before(
     lon = np.array([signs[k].lon_rad for k in places])
     facing = np.array([signs[k].facing_rad for k in places])
     table = filled_table(lat, lon, limits.FARTHEST_M)
-    looked = set(in_view(older.coverage, (_COVERAGE_VIEW,), table, lat, lon, facing)[0].tolist())
+    looked = set(in_view(older.coverage, (COVERAGE_VIEW,), table, lat, lon, facing)[0].tolist())
     return [k in looked for k in range(len(places))]

@@ -37,6 +37,7 @@ _GROUPS: dict[str, dict[str, str]] = {
         "check": "pipeline.cli.check",
         "view": "pipeline.cli.view",
         "evaluate": "pipeline.cli.evaluate",
+        "compare": "pipeline.cli.compare",
         "gap": "pipeline.cli.gap",
         "experiment": "pipeline.cli.experiment",
     },

@@ -38,7 +38,7 @@ APPLICATION = (
     *("shared", "settings", "pages"),
     # commands that do one thing, as stages of a run or on their own
     *("check", "detect", "export", "report", "evaluate", "calibrate", "simulate", "importers"),
-    *("init", "record", "merge", "view", "train"),
+    *("init", "record", "merge", "compare", "view", "train"),
     # what runs drives, and commands that have them run
     *("run", "experiments", "gap", "regress"),
     # what starts them

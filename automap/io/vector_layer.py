@@ -1,0 +1,200 @@
+"""Features of other people's files: GeoPackage, GeoJSON, Shapefile, (Geo)Parquet, CSV and the like.
+
+GDAL reads what it knows through pyogrio, pyarrow reads Parquet (the wheel's GDAL may not) and CSV.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.errors import InputError
+
+_TABLES = (".csv", ".tsv", ".txt")
+_PARQUET = (".parquet", ".geoparquet", ".pq")
+_KNOWN = "GeoPackage, GeoJSON, Shapefile, Parquet or CSV"
+
+
+@dataclass(frozen=True)
+class VectorLayer:
+    """Features [n]: ``geometry`` shapely geometries or None, None altogether for a plain table;
+    ``crs`` as the file states it (None: not at all); ``columns`` by name, [n] objects."""
+
+    geometry: npt.NDArray[np.object_] | None
+    crs: str | None
+    columns: dict[str, npt.NDArray[np.object_]]
+    count: int
+
+    def __len__(self) -> int:
+        return self.count
+
+
+def read_layer(path: Path, layer: str | None = None) -> VectorLayer:
+    """Read one layer of a file; without ``layer`` the first one that has geometries.
+
+    Raises InputError when there is no such file or layer, or when it cannot be read.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: no such file; give a file of {_KNOWN}.")
+    suffix = path.suffix.lower()
+    try:
+        if suffix in _PARQUET:
+            return _parquet(path)
+        if suffix in _TABLES:
+            return _csv(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}).") from error
+    return _gdal(path, layer)
+
+
+def _gdal(path: Path, layer: str | None) -> VectorLayer:
+    import pyogrio
+    import shapely
+    from pyogrio.errors import DataLayerError, DataSourceError
+    from pyogrio.raw import read
+
+    try:
+        listed = pyogrio.list_layers(path)
+        if layer is not None and layer not in listed[:, 0]:
+            have = ", ".join(map(str, listed[:, 0]))
+            raise InputError(f"{path} has no layer {layer}; it has {have}.")
+        spatial = [str(name) for name, kind in listed if kind is not None]
+        chosen = layer or next(iter(spatial), None)
+        meta, _, wkb, values = read(path, layer=chosen)
+        geometry = None if wkb is None else np.asarray(shapely.from_wkb(wkb), object)
+    except (DataSourceError, DataLayerError, shapely.errors.GEOSException, ValueError) as error:
+        raise InputError(
+            f"{path}: cannot be read ({str(error).splitlines()[0]}); give a file of {_KNOWN}."
+        ) from error
+    columns = {
+        str(name): np.asarray(value).astype(object)
+        for name, value in zip(meta["fields"], values, strict=True)
+    }
+    count = len(geometry) if geometry is not None else len(next(iter(columns.values()), []))
+    return VectorLayer(geometry, meta.get("crs"), columns, count)
+
+
+def _parquet(path: Path) -> VectorLayer:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+    import shapely
+
+    try:
+        table = pq.read_table(path)
+    except pa.ArrowException as error:
+        raise InputError(f"{path}: is no Parquet file ({str(error).splitlines()[0]}).") from error
+    columns = {
+        name: np.array(table[name].to_pylist(), object)
+        for name in table.column_names
+        if not pa.types.is_nested(table[name].type) and not pa.types.is_binary(table[name].type)
+    }
+    try:
+        geo = json.loads((table.schema.metadata or {}).get(b"geo", b"{}"))
+        name = geo.get("primary_column") or "geometry"
+        # without an entry the format means longitude and latitude, with null none is known
+        stated = geo["columns"][name].get("crs", "OGC:CRS84") if "columns" in geo else None
+        crs = json.dumps(stated) if isinstance(stated, dict) else stated
+        geometry = None
+        if name in table.column_names and pa.types.is_binary(table[name].type):
+            geometry = np.asarray(shapely.from_wkb(table[name].to_pylist()), object)
+    except (ValueError, KeyError, TypeError, AttributeError, shapely.errors.GEOSException) as error:
+        raise InputError(f"{path}: its geometries cannot be read ({error}).") from error
+    return VectorLayer(geometry, crs, columns, len(table))
+
+
+def _csv(path: Path) -> VectorLayer:
+    import csv
+    import io
+
+    data = path.read_bytes()
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        # what spreadsheets on Windows write
+        text = data.decode("cp1252", "replace")
+    first = text.partition("\n")[0]
+    separator = max((";", ",", "\t", "|"), key=first.count)
+    try:
+        rows = [
+            row for row in csv.reader(io.StringIO(text, newline=""), delimiter=separator) if row
+        ]
+    except csv.Error as error:
+        raise InputError(f"{path}: is no CSV file ({error}).") from error
+    if len(rows) < 1:
+        raise InputError(f"{path}: is empty; its first line must name the columns.")
+    header = [name.strip() for name in rows[0]]
+    width = len(header)
+    for number, row in enumerate(rows[1:], start=2):
+        if len(row) > width and any(cell.strip() for cell in row[width:]):
+            raise InputError(
+                f"{path}, line {number}: {len(row)} cells, but {width} columns are named; quote "
+                "cells that hold the separator."
+            )
+    cells = [[*row, *[""] * width][:width] for row in rows[1:]]
+    columns = {
+        name: np.array([row[k].strip() for row in cells], object)
+        for k, name in enumerate(header)
+        if name
+    }
+    return VectorLayer(None, None, columns, len(cells))
+
+
+def to_degrees(
+    x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], crs: str, where: Path
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Longitude and latitude in degrees, WGS-84, of coordinates [n] of any system, east first.
+
+    Raises InputError for a system that PROJ does not know.
+    """
+    from pyproj import Transformer
+    from pyproj.exceptions import ProjError
+
+    try:
+        change = Transformer.from_crs(crs, "OGC:CRS84", always_xy=True)
+        lon, lat = change.transform(x, y)
+    except ProjError as error:
+        raise InputError(
+            f"{where}: its coordinate system {crs[:60]!r} cannot be used "
+            f"({str(error).splitlines()[0]}); give another with --crs."
+        ) from error
+    lon, lat = np.asarray(lon, np.float64), np.asarray(lat, np.float64)
+    bad = ~(np.isfinite(lon) & np.isfinite(lat))
+    return np.where(bad, np.nan, lon), np.where(bad, np.nan, lat)
+
+
+def numbers(values: npt.NDArray[np.object_]) -> npt.NDArray[np.float64]:
+    """Cells [n] as numbers, a decimal comma too; NaN for what is none."""
+    result = np.full(len(values), np.nan)
+    for k, value in enumerate(values.tolist()):
+        try:
+            result[k] = float(value.strip().replace(",", ".") if isinstance(value, str) else value)
+        except (TypeError, ValueError, AttributeError):
+            continue
+    return result
+
+
+def texts(values: npt.NDArray[np.object_]) -> list[str]:
+    """Cells [n] as texts, whole numbers without a point; "" for what is empty."""
+    result = []
+    for value in values.tolist():
+        if value is None or (isinstance(value, float) and np.isnan(value)):
+            result.append("")
+        elif isinstance(value, float) and value.is_integer():
+            result.append(str(int(value)))
+        else:
+            result.append(str(value).strip())
+    return result
+
+
+def column_named(columns: Mapping[str, Any], names: tuple[str, ...]) -> str | None:
+    """The column of one of ``names`` (the first that is there), whatever its case and marks."""
+    plain = {
+        "".join(c for c in name.lower() if c.isalnum()): name for name in reversed(list(columns))
+    }
+    return next((plain[name] for name in names if name in plain), None)

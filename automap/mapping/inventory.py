@@ -1,0 +1,324 @@
+"""A map of signs against a list of signs that somebody keeps: the same, moved, changed, new, gone.
+
+Each pair of a map sign and a listed one near it has a probability of being one sign in place, and
+of being one that was moved; errors of the list, its common shift and the share of signs that it
+lacks are estimated with them by expectation maximisation (Dempster, Laird, Rubin, Journal of the
+Royal Statistical Society B 39, 1977). Who belongs to whom is then decided for all together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from automap.assignment import assign_near
+from automap.earth import ecef, metres_per_radian
+from automap.mapping.candidates import facing_evidence
+from automap.mapping.inventory_limits import (
+    DETECTION_PRIOR,
+    LARGEST_SD_M,
+    LEAST_SD_M,
+    NEW_SHARE,
+    ROUNDS,
+    STALE,
+    USUAL_PAIRS,
+    USUAL_SD_M,
+)
+from automap.mapping.limits import MOVED_M
+from automap.mapping.sightings import DriveSigns
+from automap.mapping.visibility import head_on, opportunities
+from automap.records import BoolArray, FloatArray, IntArray, Sign
+from automap.signs.codes import face_of
+from automap.signs.vocabulary import load_vocabulary
+
+
+@dataclass(frozen=True)
+class Inventory:
+    """Listed signs [n]: ``ids``; ``class_name`` ("" not told or not understood); positions and
+    ``facing_rad`` in rad, ``sd_m`` one sigma per axis (NaN unknown)."""
+
+    ids: Sequence[str]
+    class_name: Sequence[str]
+    lat_rad: FloatArray
+    lon_rad: FloatArray
+    facing_rad: FloatArray
+    sd_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What became of one sign. ``kind`` "matched", "moved", "class", "new", "missing",
+    "unconfirmed" (not found, but missed signs are as likely) or "not_seen" (no drive had it in
+    view); ``sign`` and ``listed`` its places in map and inventory (-1 none); ``probability`` of
+    the kind; from listed to found ``east_m``, ``north_m``, and ``sd_m`` per axis of that."""
+
+    kind: str
+    sign: int
+    listed: int
+    probability: float
+    east_m: float = float("nan")
+    north_m: float = float("nan")
+    sd_m: float = float("nan")
+
+    @property
+    def distance_m(self) -> float:
+        """How far it was found from where it is listed."""
+        return math.hypot(self.east_m, self.north_m)
+
+
+@dataclass(frozen=True)
+class InventoryComparison:
+    """``findings`` of all signs; the inventory's ``shift_m`` [2] east and north against the map,
+    its error ``sd_m`` per axis without that, ``normalised_square`` of pairs in place (1 where the
+    stated errors are right, NaN without pairs), ``turned`` where its directions are those of
+    traffic and not of faces, and ``detection``, how often a sign in view was found."""
+
+    findings: list[Finding]
+    shift_m: FloatArray
+    sd_m: float
+    normalised_square: float
+    turned: bool
+    detection: float
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Candidates [k]: ``sign``, ``listed``; from listed to found ``apart`` [k, 2] m; the map's
+    covariance ``cov`` [k, 2, 2]; log evidence of class and facing ``told``."""
+
+    sign: IntArray
+    listed: IntArray
+    apart: FloatArray
+    cov: FloatArray
+    told: FloatArray
+
+
+def compare_inventory(
+    signs: Sequence[Sign],
+    inventory: Inventory,
+    drives: Sequence[DriveSigns],
+) -> InventoryComparison:
+    """What of ``inventory`` is on the map, what is not, and what the map has besides.
+
+    ``signs`` with positions; ``drives`` tell where cameras looked.
+    """
+    turned = _is_turned(signs, inventory)
+    if turned:
+        inventory = replace(inventory, facing_rad=inventory.facing_rad + np.pi)
+    pairs = _candidates(signs, inventory)
+    shift, sd, evidence, moved, square = _fit(pairs, inventory, signs)
+    chosen = _one_to_one(pairs, evidence, len(signs))
+    findings = [
+        _paired(pairs, k, signs, inventory, shift, sd, float(moved[k])) for k in chosen.tolist()
+    ]
+    found = np.zeros(len(inventory), np.bool_)
+    found[pairs.listed[chosen]] = True
+    known = np.zeros(len(signs), np.bool_)
+    known[pairs.sign[chosen]] = True
+    findings += [
+        Finding("new", k, -1, float(signs[k].confidence)) for k in np.flatnonzero(~known).tolist()
+    ]
+    lost, detection = _not_found(inventory, found, drives)
+    order = ("matched", "moved", "class", "new", "missing", "unconfirmed", "not_seen")
+    findings = sorted([*findings, *lost], key=lambda f: (order.index(f.kind), f.listed, f.sign))
+    return InventoryComparison(findings, shift, sd, square, turned, detection)
+
+
+def same_face(a: str, b: str) -> bool | None:
+    """Whether two classes are of one face; None where one tells no more than a look."""
+    if not a or not b:
+        return None
+    if face_of(a) == face_of(b):
+        return True
+    vocabulary = load_vocabulary()
+    generic = set(vocabulary.groups.values())
+    if (a in generic or b in generic) and vocabulary.group_of(a) == vocabulary.group_of(b):
+        return None
+    return False
+
+
+def _near(signs: Sequence[Sign], inventory: Inventory) -> tuple[IntArray, IntArray, FloatArray]:
+    """Pairs within MOVED_M, and those further apart where the errors are as large."""
+    from scipy.spatial import cKDTree
+
+    lat, lon = np.array([s.lat_rad for s in signs]), np.array([s.lon_rad for s in signs])
+    ours = cKDTree(ecef(lat, lon, np.zeros(len(lat))))
+    theirs = cKDTree(ecef(inventory.lat_rad, inventory.lon_rad, np.zeros(len(inventory))))
+    near: Any = ours.sparse_distance_matrix(theirs, MOVED_M, output_type="coo_matrix")
+    i, j = near.row.astype(np.int64), near.col.astype(np.int64)
+    north, east = metres_per_radian(lat[i], 0.0)
+    turn = (lon[i] - inventory.lon_rad[j] + np.pi) % (2.0 * np.pi) - np.pi
+    return i, j, np.column_stack([turn * east, (lat[i] - inventory.lat_rad[j]) * north])
+
+
+def _candidates(signs: Sequence[Sign], inventory: Inventory) -> _Pairs:
+    if not len(signs) or not len(inventory):
+        none = np.zeros(0, np.int64)
+        return _Pairs(none, none, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
+    i, j, apart = _near(signs, inventory)
+    names = [face_of(s.class_name) for s in signs]
+    share = {name: (names.count(name) + 1.0) / (len(names) + 2.0) for name in set(names)}
+    told = np.zeros(len(i))
+    for k, (a, b) in enumerate(zip(i.tolist(), j.tolist(), strict=True)):
+        same = same_face(signs[a].class_name, inventory.class_name[b])
+        # by chance two signs have one class as often as the class is on the map
+        chance = share[names[a]]
+        if same is not None:
+            told[k] = math.log((1.0 - STALE) / chance) if same else math.log(STALE)
+        turn = signs[a].facing_rad - inventory.facing_rad[b]
+        if np.isfinite(turn):
+            told[k] += facing_evidence(turn)
+    cov = np.array([s.cov_enu[:2, :2] for s in signs], np.float64).reshape(-1, 2, 2)
+    known: BoolArray = np.asarray(np.isfinite(cov).all(axis=(1, 2)))
+    cov = np.where(known[:, None, None], cov, USUAL_SD_M**2 * np.eye(2))
+    keep = np.isfinite(told)
+    return _Pairs(i[keep], j[keep], apart[keep], cov[i[keep]], told[keep])
+
+
+def _is_turned(signs: Sequence[Sign], inventory: Inventory) -> bool:
+    """Whether listed directions are those in which traffic goes: opposite to the faces."""
+    if not len(signs) or not len(inventory):
+        return False
+    i, j, apart = _near(signs, inventory)
+    nearest = np.lexsort((np.hypot(*apart.T), j))
+    first = nearest[np.unique(j[nearest], return_index=True)[1]]
+    seen = np.array([signs[k].facing_rad for k in i[first]], np.float64)
+    turn: FloatArray = seen - inventory.facing_rad[j[first]]
+    cosine: FloatArray = np.cos(turn[np.isfinite(turn)])
+    against, along = int((cosine < -0.5).sum()), int((cosine > 0.5).sum())
+    # signs on both sides of one post are a few; three sigmas of a fair coin are not
+    return against - along > 3.0 * math.sqrt(max(against + along, 1))
+
+
+def _fit(
+    pairs: _Pairs, inventory: Inventory, signs: Sequence[Sign]
+) -> tuple[FloatArray, float, FloatArray, FloatArray, float]:
+    """Shift and sd of the list, each pair's log odds against standing alone, the probability that
+    it was moved, and the mean square of pairs in place over what is expected."""
+    shift, sd, new = np.zeros(2), USUAL_SD_M, NEW_SHARE
+    n, m = len(signs), len(inventory)
+    if len(pairs.sign) == 0:
+        return shift, sd, np.zeros(0), np.zeros(0), math.nan
+    area = math.pi * MOVED_M**2
+    # map signs round a listed one, besides its own
+    crowd = max(len(pairs.sign) / m - 1.0, 1.0) / area
+    stated = inventory.sd_m[pairs.listed]
+    found = DETECTION_PRIOR[0] / sum(DETECTION_PRIOR) * (1.0 - STALE)
+    moved_density = STALE / area
+    for _ in range(ROUNDS):
+        own = np.where(np.isfinite(stated), np.maximum(stated, LEAST_SD_M), sd)
+        total = pairs.cov + own[:, None, None] ** 2 * np.eye(2)
+        residual = pairs.apart - shift
+        weighted = np.linalg.solve(total, residual[:, :, None])[:, :, 0]
+        square = np.einsum("ki,ki->k", residual, weighted)
+        in_place = (1.0 - STALE) * np.exp(-0.5 * square)
+        in_place /= 2.0 * math.pi * np.sqrt(np.linalg.det(total))
+        alone = (1.0 - found) * new * crowd / found
+        evidence = pairs.told + np.log((in_place + moved_density) / alone)
+        odds = np.exp(np.minimum(evidence, 500.0))
+        # of one listed sign's candidates at most one is it, and so the other way round
+        share = odds / (1.0 + _sum_of(pairs.listed, odds, m)[pairs.listed])
+        other = odds / (1.0 + _sum_of(pairs.sign, odds, n)[pairs.sign])
+        share = np.minimum(share, other)
+        stays = share * in_place / (in_place + moved_density)
+        information = np.linalg.inv(total) * stays[:, None, None]
+        precision = information.sum(axis=0) + np.eye(2) / USUAL_SD_M**2
+        shift = np.linalg.solve(precision, np.einsum("kij,kj->i", information, pairs.apart))
+        # expectation of the list's own squared error, given the pair
+        mean = own[:, None] ** 2 * weighted
+        left = own**2 * (2.0 - own**2 * np.trace(np.linalg.inv(total), axis1=1, axis2=2))
+        squares = np.einsum("ki,ki->k", mean, mean) + left
+        told = np.isnan(stated) * stays
+        prior = USUAL_PAIRS * USUAL_SD_M**2
+        sd = math.sqrt((0.5 * (told * squares).sum() + prior) / (told.sum() + USUAL_PAIRS))
+        sd = min(max(sd, LEAST_SD_M), LARGEST_SD_M)
+        new = min(max((n - share.sum() + 1.0) / (n + 2.0), 0.5 / (n + 2.0)), 1.0)
+    moved = moved_density / (in_place + moved_density)
+    weight = float(stays.sum())
+    mean_square = float((stays * square).sum() / (2.0 * weight)) if weight > 1.0 else math.nan
+    return shift, sd, evidence, moved, mean_square
+
+
+def _sum_of(place: IntArray, values: FloatArray, n: int) -> FloatArray:
+    return np.asarray(np.bincount(place, values, n), np.float64)
+
+
+def _one_to_one(pairs: _Pairs, evidence: FloatArray, n: int) -> IntArray:
+    """The candidates that are one sign, by the greatest sum of evidence; none against the odds."""
+    good = np.flatnonzero(evidence > 0.0)
+    partner = assign_near(pairs.sign[good], pairs.listed[good], -evidence[good], n, 0.0)
+    chosen: IntArray = good[partner[pairs.sign[good]] == pairs.listed[good]]
+    return chosen
+
+
+def _paired(
+    pairs: _Pairs,
+    k: int,
+    signs: Sequence[Sign],
+    inventory: Inventory,
+    shift: FloatArray,
+    sd: float,
+    moved: float,
+) -> Finding:
+    i, j = int(pairs.sign[k]), int(pairs.listed[k])
+    own = inventory.sd_m[j] if np.isfinite(inventory.sd_m[j]) else sd
+    east, north = (pairs.apart[k] - shift).tolist()
+    error = math.sqrt(0.5 * float(np.trace(pairs.cov[k])) + float(own) ** 2)
+    if same_face(signs[i].class_name, inventory.class_name[j]) is False:
+        # either the list or the map is wrong
+        right = min(max(float(signs[i].confidence), 0.0), 1.0)
+        listed_wrong, read_wrong = STALE * right, (1.0 - STALE) * (1.0 - right)
+        belief = listed_wrong / max(listed_wrong + read_wrong, 1e-12)
+        return Finding("class", i, j, belief, east, north, error)
+    kind, belief = ("moved", moved) if moved > 0.5 else ("matched", 1.0 - moved)
+    return Finding(kind, i, j, belief, east, north, error)
+
+
+def _not_found(
+    inventory: Inventory, found: BoolArray, drives: Sequence[DriveSigns]
+) -> tuple[list[Finding], float]:
+    """Listed signs without a partner, and how often one in view was found.
+
+    Signs of unknown facing may look away from every drive: those to the left and to the right of
+    the path are found at rates of their own.
+    """
+    facing = np.asarray(inventory.facing_rad, np.float64)
+    views = opportunities(drives, inventory.lat_rad, inventory.lon_rad, facing)
+    views = head_on(views, facing)
+    count = np.bincount(views.sign, minlength=len(inventory))
+    side = np.zeros(len(inventory), np.int64)
+    unknown = np.isnan(facing)
+    side[views.sign] = np.where(unknown[views.sign], np.where(views.offset > 0.0, 2, 1), 0)
+    rate = np.zeros(3)
+    for k in range(3):
+        seen = (count > 0) & (side == k)
+        hits, misses = float((seen & found).sum()), float((seen & ~found).sum())
+        rate[k] = _detection(hits, misses)
+    result = []
+    for j in np.flatnonzero(~found).tolist():
+        if count[j] == 0:
+            result.append(Finding("not_seen", -1, j, 1.0))
+            continue
+        missed = float(1.0 - rate[side[j]]) ** count[j]
+        gone = STALE / (STALE + (1.0 - STALE) * missed)
+        kind = "missing" if gone > 0.5 else "unconfirmed"
+        result.append(Finding(kind, -1, j, gone if kind == "missing" else 1.0 - gone))
+    in_view = count > 0
+    hits, misses = float((in_view & found).sum()), float((in_view & ~found).sum())
+    return result, _detection(hits, misses)
+
+
+def _detection(hits: float, misses: float) -> float:
+    """How often a sign that stands is found: what is not found beyond the usual share of stale
+    entries was missed."""
+    a, b = DETECTION_PRIOR
+    standing = (hits + misses) * (1.0 - STALE)
+    missed = max(standing - hits, 0.0)
+    return (hits + a) / (hits + missed + a + b)

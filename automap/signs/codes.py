@@ -1,0 +1,135 @@
+"""Which class a sign of somebody's list is: by our name, a national code or OpenStreetMap's word.
+
+Codes are those of the table of classes (VzKat for DE, AS 1742 for AU), and the few of the MUTCD
+and the Vienna Convention whose faces the table has.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import cache
+
+from automap.signs.classes import load_classes
+from automap.signs.vocabulary import load_vocabulary
+
+_OTHER_CODES = {
+    "US": {
+        "R1-1": "regulatory--stop--g1",
+        "R1-2": "regulatory--yield--g1",
+        "R5-1": "regulatory--no-entry--g1",
+        "R5-1A": "regulatory--wrong-way--g1",
+        "W3-1": "warning--stop-ahead--g1",
+        "W3-2": "warning--yield-ahead--g1",
+        "W3-3": "warning--traffic-signals--g2",
+        "W6-3": "warning--two-way-traffic--g2",
+    },
+    "VIENNA": {
+        "B1": "regulatory--yield--g1",
+        "B2": "regulatory--stop--g1",
+        "B3": "regulatory--priority-road--g1",
+        "C1": "regulatory--no-entry--g1",
+        "C2": "regulatory--road-closed-to-vehicles--g3",
+        "C13AA": "regulatory--no-overtaking--g1",
+        "C13BA": "regulatory--no-overtaking-by-heavy-goods-vehicles--g1",
+        "C18": "regulatory--no-parking--g1",
+        "C19": "regulatory--no-stopping--g1",
+    },
+}
+"""MUTCD 2023, chapters 2B and 2C; Convention on Road Signs and Signals, 1968, annex 1."""
+
+_OLD_VZKAT = {f"274-{50 + k}": f"274-{10 * k}" for k in range(1, 14)} | {"274-50": "274-5"}
+"""The VzKat numbered speed limits from 274-50 up before 2017, by their value since."""
+
+_PREFIX = re.compile(r"^(?:ZEICHEN|VERKEHRSZEICHEN|VZ|VZNR|STVO|Z|NR)?\.?:?(?=\d)")
+
+
+def classes_of(texts: Sequence[str], country: str | None = None) -> list[str | None]:
+    """The class of each text, "" for an empty one, None for one that is not understood.
+
+    ``country`` (ISO 3166 alpha-2) is that of codes which do not name their own. Where a list has
+    speed limits that only the old VzKat has, 274-50 and 274-60 are the old ones too.
+    """
+    codes = [_code(text, country) for text in texts]
+    old = any(
+        where in ("", "DE") and code in _OLD_VZKAT and not code.endswith("0")
+        for where, code in codes
+    )
+    return [
+        _class(text, where, code, old) for text, (where, code) in zip(texts, codes, strict=True)
+    ]
+
+
+def _code(text: str, country: str | None) -> tuple[str, str]:
+    """Country and code in the table's form: ``de: Zeichen 274 [60]`` is DE, 274-60."""
+    # of "274-60,1040-30" what follows the comma are plates beneath
+    first = re.split(r"[;,]", text.upper())[0]
+    where, _, rest = first.rpartition(":")
+    where = where.strip() or (country or "").upper()
+    rest = re.sub(r"[\s_]+", "", rest).replace("(", "[").replace(")", "]")
+    if where in ("", "DE", "AT", "CH") or rest[:1] in "ZVN":
+        rest = _PREFIX.sub("", rest).replace(".", "-")
+        rest = re.sub(r"\[(\d+)(?:KM/?H)?\]$", r"-\1", rest)
+    return where, rest
+
+
+def _class(text: str, where: str, code: str, old: bool) -> str | None:
+    bare = text.strip()
+    if not bare:
+        return ""
+    if bare in load_classes() or bare in load_vocabulary().classes:
+        return bare
+    if bare in load_vocabulary().groups.values():
+        return bare
+    if where in ("", "DE") and code in _OLD_VZKAT and (old or not code.endswith("0")):
+        code = _OLD_VZKAT[code]
+    limit = re.fullmatch(r"R2-1\[?-?(\d+)\]?", code) if where == "US" else None
+    if limit:
+        name = f"regulatory--maximum-speed-limit-{limit[1]}--g1"
+        return name if name in load_classes() else None
+    table = _by_code()
+    if where:
+        found = table.get((where, code)) or table.get((where, code.rstrip("ABC")))
+        # who follows the Convention numbers as the Convention, if by no table of its own
+        return found or _by_word().get(bare.lower()) or table.get(("VIENNA", code.replace(",", "")))
+    found_in = {table[c, code] for c in ("DE", "AU", "US", "VIENNA") if (c, code) in table}
+    # a code that two catalogues give to different signs is neither's
+    return found_in.pop() if len(found_in) == 1 else _by_word().get(bare.lower())
+
+
+@cache
+def _by_code() -> dict[tuple[str, str], str]:
+    table: dict[tuple[str, str], str] = {}
+    for entry in load_classes().values():
+        for country, code in entry.codes.items():
+            table.setdefault((country, code.upper()), entry.name)
+    for country, codes in _OTHER_CODES.items():
+        table |= {(country, code): name for code, name in codes.items()}
+    return table
+
+
+@cache
+def _by_word() -> dict[str, str]:
+    """Names in words, "maximum speed limit 60", and OpenStreetMap's where one class has it."""
+    words: dict[str, list[str]] = {}
+    # give-way signs of roundabouts share the word with the one that everybody means
+    give_way = {"give_way": "regulatory--yield--g1", "give way": "regulatory--yield--g1"}
+    for entry in load_classes().values():
+        bare = face_of(entry.name)
+        short = bare.split("--")[-1]
+        for word in {bare, short, short.replace("-", " "), short.replace("-", "_")}:
+            words.setdefault(word, []).append(entry.name)
+        if entry.osm:
+            words.setdefault(entry.osm, []).append(entry.name)
+    # the first of several drawings of one sign serves; a word of many signs says nothing
+    return {
+        word: names[0]
+        for word, names in words.items()
+        if len({face_of(name) for name in names}) == 1
+    } | give_way
+
+
+def face_of(class_name: str) -> str:
+    """A class without the number of its drawing: what is written on ``stop--g1`` and ``--g2`` is
+    the same."""
+    return re.sub(r"--(g\d+|[a-z]{2})$", "", class_name)

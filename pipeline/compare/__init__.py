@@ -1,0 +1,1 @@
+"""``automap compare``: a map against an inventory of signs."""

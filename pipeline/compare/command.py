@@ -1,0 +1,268 @@
+"""``automap compare``: a map and an inventory in, what differs out."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from automap import __version__
+from automap.errors import ConfigError, InputError
+from automap.io import names
+from automap.io.atomic import make_folder, write_json, write_text
+from pipeline.shared.products import RunProducts, load_products
+
+if TYPE_CHECKING:
+    from automap.export.inventory import ComparedSign
+    from automap.io.inventory_file import InventoryFile
+    from automap.mapping.inventory import Inventory, InventoryComparison
+    from automap.mapping.sightings import DriveSigns
+    from automap.records import Sign
+
+GPKG, CSV, REPORT = "comparison.gpkg", "comparison.csv", "report.html"
+OSM, TASKS, SUMMARY = "comparison.osc", "maproulette.geojson", "comparison.json"
+KINDS = ("matched", "moved", "class", "new", "missing", "unconfirmed", "not_seen")
+
+
+@dataclass(frozen=True)
+class CompareOutcome:
+    """``rows`` of all signs, ``summary`` as comparison.json has it, ``files`` written."""
+
+    rows: list[ComparedSign]
+    summary: dict[str, Any]
+    files: list[Path]
+    warnings: list[str]
+
+
+def compare_with_inventory(
+    folder: Path,
+    inventory: Path,
+    out: Path,
+    columns: Mapping[str, str] | None = None,
+    crs: str | None = None,
+    layer: str | None = None,
+    country: str | None = None,
+) -> CompareOutcome:
+    """Compare the map in ``folder`` with the list in ``inventory`` and write the result to ``out``.
+
+    ``columns`` names the list's columns by role, ``crs`` its coordinate system, ``country`` the
+    catalogue of its codes where they do not say (default: the drive's). Raises InputError for a
+    folder without a map and a list that cannot be used, ConfigError for an ``out`` in the way.
+    """
+    from automap.export.gis import write_layers
+    from automap.export.inventory import (
+        comparison_csv,
+        comparison_layers,
+        maproulette_tasks,
+        osm_change,
+    )
+    from automap.io.inventory_file import read_inventory
+    from automap.mapping.inventory import compare_inventory
+    from pipeline.compare.report import comparison_report
+    from pipeline.shared.run_record import country_of
+
+    if out.resolve() == folder.resolve() or (out / names.RUN).is_file():
+        raise ConfigError(f"-o {out} holds a map; choose another folder for the comparison.")
+    products = _map(folder)
+    warnings = list(products.problems)
+    signs = _signs(products, warnings)
+    near = (np.array([s.lat_rad for s in signs]), np.array([s.lon_rad for s in signs]))
+    read = read_inventory(inventory, columns, crs, layer, near if signs else None)
+    warnings += read.warnings
+    country = country or country_of(products.json(names.RUN))
+    listed, rows_of = _listed(read, country, inventory, warnings)
+    drives = _drives(folder, warnings)
+    result = compare_inventory(signs, listed, drives)
+    warnings += _doubts(result, inventory)
+    rows = [_row(finding, signs, listed, read, rows_of) for finding in result.findings]
+    summary = _summary(result, rows, read, inventory, len(signs), country)
+    make_folder(out)
+    write_layers(out / GPKG, comparison_layers(rows), crs="OGC:CRS84")
+    write_text(out / CSV, comparison_csv(rows))
+    write_text(out / OSM, osm_change(rows, country))
+    write_text(out / TASKS, maproulette_tasks(rows))
+    name = folder.resolve().name
+    write_text(out / REPORT, comparison_report(name, rows, summary, products, warnings))
+    write_json(out / SUMMARY, summary)
+    files = [out / file for file in (GPKG, CSV, OSM, TASKS, REPORT, SUMMARY)]
+    return CompareOutcome(rows, summary, files, warnings)
+
+
+def _map(folder: Path) -> RunProducts:
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such map; give a folder of automap run or merge.")
+    products = load_products(folder)
+    if products.signs is None:
+        told = f" ({products.problems[0]})" if products.problems else ""
+        raise InputError(f"{folder} holds no signs{told}; run the drive up to the export first.")
+    return products
+
+
+def _signs(products: RunProducts, warnings: list[str]) -> list[Sign]:
+    """Signs that have a position and are not the backs of others."""
+    from automap.signs.backs import is_back
+
+    signs = [s for s in products.signs or [] if not is_back(s.class_name)]
+    placed = [s for s in signs if math.isfinite(s.lat_rad) and math.isfinite(s.lon_rad)]
+    if len(placed) < len(signs):
+        warnings.append(f"{len(signs) - len(placed)} signs of the map have no position.")
+    return placed
+
+
+def _listed(
+    read: InventoryFile, country: str | None, path: Path, warnings: list[str]
+) -> tuple[Inventory, list[int]]:
+    """The list's signs that have a position, and their rows."""
+    from automap.mapping.inventory import Inventory
+    from automap.signs.codes import classes_of
+
+    classes = classes_of(read.codes, country)
+    unknown = Counter(code for code, name in zip(read.codes, classes, strict=True) if name is None)
+    if unknown:
+        most = ", ".join(f"{code!r} ({n})" for code, n in unknown.most_common(5))
+        warnings.append(
+            f"{path}: {unknown.total()} entries have {len(unknown)} codes that are not known, such "
+            f"as {most}; their classes are not compared. --country names the catalogue."
+        )
+    rows = np.flatnonzero(np.isfinite(read.lat_rad) & np.isfinite(read.lon_rad)).tolist()
+    if not rows:
+        raise InputError(f"{path}: no entry has a position; see --columns and --crs.")
+    return (
+        Inventory(
+            [read.ids[k] for k in rows],
+            [classes[k] or "" for k in rows],
+            read.lat_rad[rows],
+            read.lon_rad[rows],
+            read.facing_rad[rows],
+            read.sd_m[rows],
+        ),
+        rows,
+    )
+
+
+def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
+    """Where cameras looked; all drives of a merged map count as one."""
+    from automap.io.map_tables import COVERAGE, read_coverage
+    from automap.mapping.compare import COVERAGE_VIEW
+    from automap.mapping.sightings import DriveSigns
+    from pipeline.merge.inputs import read_run
+
+    if not (folder / names.MERGE).is_file():
+        return [read_run(folder).signs]
+    if not (folder / COVERAGE).is_file():
+        warnings.append(
+            f"{folder} has no {COVERAGE}: what was in view is not known, so nothing is missing."
+        )
+        return []
+    blank: Any = np.zeros(0)
+    view = DriveSigns(
+        "", math.nan, (), *(blank,) * 4, np.zeros((0, 3, 3)), *(blank,) * 9,
+        path=read_coverage(folder / COVERAGE), cameras=(COVERAGE_VIEW,),
+    )  # fmt: skip
+    return [view]
+
+
+def _doubts(result: InventoryComparison, path: Path) -> list[str]:
+    """What of the list's own statements its signs contradict."""
+    warnings = []
+    if result.turned:
+        warnings.append(
+            f"{path}: its directions are those of traffic; faces are taken to look the other way."
+        )
+    shift = float(np.hypot(*result.shift_m))
+    if shift > 2.0 * result.sd_m:
+        warnings.append(
+            f"{path}: all of it lies {shift:.1f} m off the map ({result.shift_m[0]:+.1f} m east, "
+            f"{result.shift_m[1]:+.1f} m north), which is taken off; its datum may be another."
+        )
+    # twice the stated error is more than rounding
+    if result.normalised_square > 4.0:
+        warnings.append(
+            f"{path}: its stated accuracy is too good: signs in place are "
+            f"{math.sqrt(result.normalised_square):.1f} times as far off, so many are called moved."
+        )
+    return warnings
+
+
+def _row(
+    finding: Any,
+    signs: Sequence[Sign],
+    listed: Inventory,
+    read: InventoryFile,
+    rows_of: Sequence[int],
+) -> ComparedSign:
+    from automap.export.inventory import ComparedSign
+
+    sign = signs[finding.sign] if finding.sign >= 0 else None
+    at = finding.listed
+    facing = sign.facing_rad if sign is not None else listed.facing_rad[at]
+    return ComparedSign(
+        kind=finding.kind,
+        probability=finding.probability,
+        id="" if sign is None else sign.id,
+        listed_id="" if at < 0 else listed.ids[at],
+        class_name="" if sign is None else sign.class_name,
+        listed_class="" if at < 0 else listed.class_name[at],
+        listed_code="" if at < 0 else read.codes[rows_of[at]],
+        distance_m=finding.distance_m,
+        east_m=finding.east_m,
+        north_m=finding.north_m,
+        sd_m=finding.sd_m,
+        facing_deg=math.degrees(facing) % 360.0 if math.isfinite(facing) else math.nan,
+        lon_deg=math.nan if sign is None else math.degrees(sign.lon_rad),
+        lat_deg=math.nan if sign is None else math.degrees(sign.lat_rad),
+        listed_lon_deg=math.nan if at < 0 else math.degrees(listed.lon_rad[at]),
+        listed_lat_deg=math.nan if at < 0 else math.degrees(listed.lat_rad[at]),
+        listed_version="" if at < 0 else read.version[rows_of[at]],
+    )
+
+
+def _summary(
+    result: InventoryComparison,
+    rows: Sequence[ComparedSign],
+    read: InventoryFile,
+    inventory: Path,
+    n_signs: int,
+    country: str | None,
+) -> dict[str, Any]:
+    """The content of comparison.json."""
+    counts = Counter(row.kind for row in rows)
+    square = result.normalised_square
+    return {
+        "schema": "automap.comparison/1",
+        "automap": __version__,
+        "inventory": inventory.name,
+        "columns": read.columns,
+        "country": country,
+        "signs": n_signs,
+        "listed": len(read),
+        "kinds": {kind: counts.get(kind, 0) for kind in KINDS},
+        "inventory_shift_m": {"e": float(result.shift_m[0]), "n": float(result.shift_m[1])},
+        "inventory_sd_m": result.sd_m,
+        "normalised_square": None if math.isnan(square) else square,
+        "detection_rate": result.detection,
+        "directions_turned": result.turned,
+    }
+
+
+def columns_of(text: str | None) -> dict[str, str]:
+    """``class=VZ_NR,id=NR`` as a mapping; ConfigError for anything else."""
+    columns = {}
+    for part in (text or "").split(","):
+        role, sign, name = part.partition("=")
+        if part.strip() and not (sign and role.strip() and name.strip()):
+            raise ConfigError(f"--columns: {part!r} is not of the form ROLE=COLUMN.")
+        if part.strip():
+            columns[role.strip()] = name.strip()
+    return columns
+
+
+def summary_text(summary: Mapping[str, Any]) -> str:
+    """comparison.json as text."""
+    return json.dumps(summary, indent=2)

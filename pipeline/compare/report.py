@@ -1,0 +1,87 @@
+"""The page of a comparison: how many of each kind, and what to look at, with pictures."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from automap import __version__
+from automap.export.icons import class_icon, sign_words
+from pipeline.pages.render import render
+from pipeline.pages.section import Figure
+from pipeline.shared.pictures import pictures_by_sign, read_pictures
+
+if TYPE_CHECKING:
+    from automap.export.inventory import ComparedSign
+    from pipeline.shared.products import RunProducts
+
+_TITLES = {
+    "missing": ("Missing", "In the inventory, in view of a drive, and not found."),
+    "new": ("New", "On the map and not in the inventory."),
+    "class": ("Another class", "One sign, of which map and inventory say different things."),
+    "moved": ("Moved", "Found elsewhere than the errors of map and inventory allow."),
+    "unconfirmed": (
+        "Unconfirmed",
+        "In view and not found, but a sign that stands is overlooked as often.",
+    ),
+    "not_seen": ("Not seen", "No drive had them in view: nothing is said of them."),
+}
+_MOST = 400
+"""Rows of a kind on the page; all are in comparison.csv."""
+
+
+def comparison_report(
+    name: str,
+    rows: Sequence[ComparedSign],
+    summary: dict[str, Any],
+    products: RunProducts,
+    warnings: Sequence[str],
+) -> str:
+    """The page; ``summary`` is the content of comparison.json."""
+    pictures = {
+        sign: f"data:image/jpeg;base64,{base64.b64encode(views[0].jpeg).decode()}"
+        for sign, views in pictures_by_sign(read_pictures(products)).items()
+    }
+    parts = []
+    for kind, (title, meaning) in _TITLES.items():
+        own = sorted((r for r in rows if r.kind == kind), key=lambda r: -r.probability)
+        if own:
+            shown = [_entry(row, pictures) for row in own[:_MOST]]
+            parts.append({"title": title, "meaning": meaning, "n": len(own), "rows": shown})
+    kinds = summary["kinds"]
+    shift = summary["inventory_shift_m"]
+    figures = [Figure(str(kinds["matched"]), "matched", f"of {summary['listed']} listed")]
+    figures += [Figure(str(kinds[kind]), title.lower(), "") for kind, (title, _) in _TITLES.items()]
+    figures.append(
+        Figure(f"{summary['inventory_sd_m']:.2f} m", "sd of the inventory", "per axis, estimated")
+    )
+    facts = [
+        ("version", __version__),
+        ("inventory", summary["inventory"]),
+        ("columns", ", ".join(f"{role}: {name}" for role, name in summary["columns"].items())),
+        ("shift of the inventory", f"{shift['e']:+.2f} m east, {shift['n']:+.2f} m north"),
+        ("signs in view that were found", f"{100 * summary['detection_rate']:.0f} %"),
+    ]
+    return render(
+        "comparison.html.j2", title="Comparison", name=name, figures=figures, parts=parts,
+        warnings=warnings, facts=facts,
+    )  # fmt: skip
+
+
+def _entry(row: ComparedSign, pictures: dict[str, str]) -> dict[str, str]:
+    lon, lat = row.place
+    shown = row.class_name or row.listed_class
+    icon = base64.b64encode(class_icon(shown)).decode() if shown else ""
+    distance = f"{row.distance_m:.1f} ± {row.sd_m:.1f}" if row.kind in ("moved", "class") else ""
+    return {
+        "icon": f"data:image/png;base64,{icon}" if icon else "",
+        "picture": pictures.get(row.id, ""),
+        "id": row.id,
+        "listed_id": row.listed_id,
+        "words": sign_words(row.class_name),
+        "listed_words": sign_words(row.listed_class) or row.listed_code,
+        "probability": f"{row.probability:.2f}",
+        "distance": distance,
+        "place": f"{lat:.6f}, {lon:.6f}",
+    }
