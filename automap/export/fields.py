@@ -34,6 +34,7 @@ SIGN_FIELDS: tuple[Field, ...] = (
     Field("first_seen", "time", "UTC", "time of the first sighting"),
     Field("last_seen", "time", "UTC", "time of the last sighting"),
     Field("height_above_road_m", "real", "m", "height of the face's centre above the road", 2),
+    Field("sd_above_road_m", "real", "m", "standard deviation of height_above_road_m", 3),
     Field("height_msl_m", "real", "m", "height above mean sea level, by the receiver's geoid", 2),
     Field("facing_deg", "real", "deg", "direction the face looks, clockwise from north", 1),
     Field("size_m", "real", "m", "height of the face", 2),

@@ -190,6 +190,7 @@ def _sign(feature: dict[str, Any], number: int, to_ns: Callable[[Any], int]) -> 
         first_seen_ns=to_ns(properties.get("first_seen")),
         last_seen_ns=to_ns(properties.get("last_seen")),
         height_above_road_m=real("height_above_road_m"),
+        sd_above_road_m=real("sd_above_road_m"),
         facing_rad=float(np.radians(real("facing_deg"))),
         size_m=real("size_m"),
         side=str(properties.get("side") or ""),

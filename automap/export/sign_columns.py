@@ -71,6 +71,7 @@ def sign_columns(
         "first_seen": _times(first, clock),
         "last_seen": _times(last, clock),
         "height_above_road_m": real("height_above_road_m"),
+        "sd_above_road_m": real("sd_above_road_m"),
         # known only with the receiver's geoid, which whoever reads the run fills in
         "height_msl_m": np.full(len(signs), np.nan),
         "facing_deg": np.mod(np.degrees(real("facing_rad")), 360.0),

@@ -20,11 +20,13 @@ C_ENU_NED: FloatArray = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -
 
 @dataclass(frozen=True)
 class AssemblyRules:
-    """``imu_above_road_m`` height of the IMU above the road; ``far_m`` distance of the nearest
-    view beyond which a sign is called far; ``size_limits_m`` and ``height_limits_m`` (above
-    the road) outside which it is called implausible; ``drive`` the drive's name."""
+    """``imu_above_road_m`` height of the IMU above the road, ``imu_above_road_sd_m`` one sigma of
+    it; ``far_m`` distance of the nearest view beyond which a sign is called far; ``size_limits_m``
+    and ``height_limits_m`` (above the road) outside which it is called implausible; ``drive`` the
+    drive's name."""
 
-    imu_above_road_m: float = 1.0
+    imu_above_road_m: float = limits.IMU_ABOVE_ROAD_M
+    imu_above_road_sd_m: float = limits.IMU_ABOVE_ROAD_SD_M
     far_m: float = 60.0
     size_limits_m: tuple[float, float] = (0.15, 6.0)
     height_limits_m: tuple[float, float] = (-2.0, 15.0)
@@ -43,7 +45,8 @@ def assemble_sign(
 
     ``combined`` their mean position [3] and its covariance [3, 3] in the local frame.
     The height above the road is the height above the path of the IMU at the point nearest in
-    plan plus the given height of the IMU above the road. The sign faces the mean direction in
+    plan plus the given height of the IMU above the road; its sigma is that of the best pass, and
+    of the IMU's height. The sign faces the mean direction in
     plan from it to the cameras. Confidence is the probability that at least one of the boxes
     is right, a box of score s being right with s / 2, reduced by the uncertainty of the place:
     (1 - prod(1 - s_i / 2)) / sqrt(1 + (sd / 3 m)^2).
@@ -83,6 +86,7 @@ def assemble_sign(
         first_seen_ns=int(views.t_ns[rows].min()),
         last_seen_ns=int(views.t_ns[rows].max()),
         height_above_road_m=above_road,
+        sd_above_road_m=float(np.hypot(_relative_sd(best), rules.imu_above_road_sd_m)),
         facing_rad=float(np.arctan2(facing_east, facing_north) % (2.0 * np.pi)),
         size_m=size,
         side=side_of_path(lateral, above_road),
@@ -90,6 +94,12 @@ def assemble_sign(
         drives=(rules.drive,) if rules.drive else (),
         detection_rows=np.sort(views.row[rows]),
     )
+
+
+def _relative_sd(sighting: Sighting) -> float:
+    """One sigma of a sign's height above the path that it was seen from, m: the path's own error
+    lifts both."""
+    return float(np.sqrt(max(sighting.covariance[2, 2] - sighting.path_sd[2] ** 2, 0.0)))
 
 
 def _status(

@@ -262,3 +262,7 @@ SHARED_CAMERA_VARIANCE = 0.5
 """Of the variance of the cameras' positions, what all cameras of one street share. Chosen: half."""
 WEAK_SD_M = 5.0
 """An object less sure than this in its worst direction is flagged: about the width of a street."""
+
+IMU_ABOVE_ROAD_M, IMU_ABOVE_ROAD_SD_M = 1.0, 0.4
+"""Of an IMU of which nobody says where it is: from a car's floor, 0.3 m, to its roof, 1.7 m, each
+as likely (the sigma of that is 0.4)."""

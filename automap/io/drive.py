@@ -18,6 +18,7 @@ from automap.io.manifest import (
     ImuSection,
     Manifest,
     SiteSection,
+    VehicleSection,
     VideoSection,
     read_manifest,
 )
@@ -75,6 +76,11 @@ class Drive:
     def site(self) -> SiteSection:
         """The section ``[site]``."""
         return self.manifest.site
+
+    @property
+    def vehicle(self) -> VehicleSection:
+        """The section ``[vehicle]``."""
+        return self.manifest.vehicle
 
     @property
     def imu_axes(self) -> ImuAxes:

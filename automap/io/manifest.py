@@ -195,6 +195,13 @@ class SiteSection(Section):
     traffic_side: Literal["left", "right"] | None = None
 
 
+class VehicleSection(Section):
+    """``[vehicle]``: how high the IMU is above the road where the loaded vehicle stands."""
+
+    imu_above_road_m: Annotated[FiniteFloat, Field(ge=0, le=10)] | None = None
+    imu_above_road_sigma_m: Annotated[FiniteFloat, Field(ge=0, le=10)] = 0.03
+
+
 class Manifest(Section):
     """The whole of ``drive.toml``; everything but ``schema`` has a default. ``accept`` names what
     is known to be wrong with the recording and no reason to stop."""
@@ -207,6 +214,7 @@ class Manifest(Section):
     odometer: OdometerSection = OdometerSection()
     video: dict[str, VideoSection] = {}
     site: SiteSection = SiteSection()
+    vehicle: VehicleSection = VehicleSection()
 
 
 def read_manifest(path: Path) -> Manifest:

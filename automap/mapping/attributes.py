@@ -29,6 +29,7 @@ class Attributes:
     first_gps_s: FloatArray
     last_gps_s: FloatArray
     height_above_road_m: FloatArray
+    sd_above_road_m: FloatArray
     facing_rad: FloatArray
     size_m: FloatArray
     side: list[str]
@@ -76,6 +77,15 @@ def combine_attributes(
         last_gps_s=_extreme(np.fmax, last[order], edges),
         height_above_road_m=_mean(
             sign, np.asarray(column("height_above_road_m"), np.float64), 1.0 / sightings.own_u, m
+        ),
+        # what is wrong of a vehicle's height all its drives have in common
+        sd_above_road_m=np.sqrt(
+            _mean(
+                sign,
+                np.asarray(column("sd_above_road_m"), np.float64) ** 2,
+                1.0 / sightings.own_u,
+                m,
+            )
         ),
         facing_rad=np.mod(direction, 2.0 * np.pi),
         size_m=np.exp(_mean(sign, _log(np.asarray(column("size_m"), np.float64)), weight, m)),

@@ -119,6 +119,7 @@ def _signs(
             first_seen_ns=first[k],
             last_seen_ns=last[k],
             height_above_road_m=float(attributes.height_above_road_m[k]),
+            sd_above_road_m=float(attributes.sd_above_road_m[k]),
             facing_rad=float(attributes.facing_rad[k]),
             size_m=float(attributes.size_m[k]),
             side=attributes.side[k],

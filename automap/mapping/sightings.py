@@ -51,6 +51,7 @@ class DriveSigns:
     first_gps_s: FloatArray
     last_gps_s: FloatArray
     height_above_road_m: FloatArray
+    sd_above_road_m: FloatArray
     facing_rad: FloatArray
     size_m: FloatArray
     side: npt.NDArray[np.object_]

@@ -38,6 +38,7 @@ class Sign:
     drives: tuple[str, ...] = ()
     detection_rows: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     support: str = ""
+    sd_above_road_m: float = float("nan")
 
 
 @dataclass(frozen=True)

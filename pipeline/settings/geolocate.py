@@ -47,8 +47,6 @@ class GeolocateSettings(Section):
     """known errors of the stated cameras: { camera = { effect = { parameter = value } } }"""
     single_sightings: bool = False
     """bearings.csv: objects by the depth of one sighting alone"""
-    imu_above_road_m: float = Field(default=1.0, ge=0)
-    """m, height of the IMU above the road"""
 
     def check_fixed(self, users: Iterable[Effect], source: str) -> None:
         """Refuse known errors of cameras that are none.

@@ -281,6 +281,9 @@ def _manifest(scenario: Scenario) -> str:
         "[site]",
         f'country = "{scenario.site.country}"',
         f'traffic_side = "{scenario.site.traffic_side}"',
+        "",
+        "[vehicle]",
+        f"imu_above_road_m = {scenario.vehicle.imu_height_m!r}",
     ]
     return "\n".join(lines) + "\n"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -70,6 +71,31 @@ def test_signs_and_observations(context: StageContext) -> None:
         assert sign.n_views == len(sign.detection_rows)
     assert context.metrics["detections_used"] == table["used"].to_pylist().count(True)
     assert "2 signs" in context.result
+
+
+def test_heights_above_the_road_are_as_well_known_as_the_imus_above_it(
+    context: StageContext, tmp_path: Path
+) -> None:
+    write_trajectory(context.out / names.TRAJECTORY, drive_path(duration_s=14.0))
+    write_detections(context.out / names.DETECTIONS, [seen()])
+    STAGE.run(context)
+    assumed = read_signs(context.work / names.SIGNS_RAW)
+    (said,) = (text for text in context.warnings if "above the road" in text)
+    assert "[vehicle]" in said
+    folder = tmp_path / "measured"
+    shutil.copytree(context.drive.path, folder)
+    section = "[vehicle]\nimu_above_road_m = 1.65\nimu_above_road_sigma_m = 0.02\n"
+    (folder / "drive.toml").write_text(MANIFEST + section)
+    work = tmp_path / "work-measured"
+    work.mkdir()
+    told = StageContext(load_drive(folder), context.out, work, load_settings())
+    STAGE.run(told)
+    assert not any("above the road" in text for text in told.warnings)
+    for before, after in zip(assumed, read_signs(work / names.SIGNS_RAW), strict=True):
+        assert after.height_above_road_m - before.height_above_road_m == pytest.approx(0.65)
+        shown = after.sd_above_road_m**2 - 0.02**2
+        assert 0.0 < shown < before.cov_enu[2, 2]
+        assert before.sd_above_road_m**2 == pytest.approx(shown + 0.4**2)
 
 
 def test_detections_of_an_unknown_camera_are_listed_but_not_used(context: StageContext) -> None:

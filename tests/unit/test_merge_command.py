@@ -60,6 +60,8 @@ def test_the_map_has_the_files_of_a_run(folders: list[Path], tmp_path: Path) -> 
     for feature in found.values():
         assert feature["properties"]["status"] == "ok"
         assert feature["properties"]["first_seen"].endswith("Z")
+        # of all drives alike, and what is wrong of a vehicle's height they have in common
+        assert feature["properties"]["sd_above_road_m"] == pytest.approx(0.1, abs=1e-3)
     summary = json.loads((out / "merge.json").read_text(encoding="utf-8"))
     assert [d["name"] for d in summary["drives"]] == ["d0", "d1", "d2", "d3"]
     assert all(Path(d["folder"]).is_absolute() for d in summary["drives"])

@@ -62,6 +62,7 @@ def drive(
         first_gps_s=time - 2.0,
         last_gps_s=time,
         height_above_road_m=np.full(n, 2.0),
+        sd_above_road_m=np.full(n, 0.1),
         facing_rad=np.zeros(n),
         size_m=np.full(n, 0.7),
         side=np.full(n, "left", object),

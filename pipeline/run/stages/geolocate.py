@@ -16,9 +16,11 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from automap.effects.path_signals import PathSignals
+    from automap.geolocation.assembly import AssemblyRules
     from automap.geolocation.control import ControlSigns
     from automap.geolocation.rules import GeolocationRules
     from automap.io.drive import Drive
+    from automap.io.manifest import VehicleSection
     from automap.records import Camera, Detections, IntArray, Trajectory
     from pipeline.settings.geolocate import GeolocateSettings
 
@@ -135,9 +137,10 @@ def _in_trajectory_time(
     return converted
 
 
-def rules_from(settings: GeolocateSettings, drive: str) -> GeolocationRules:
-    """The library's rules from the stage's settings."""
-    from automap.geolocation.assembly import AssemblyRules
+def rules_from(
+    settings: GeolocateSettings, drive: str, vehicle: VehicleSection | None = None
+) -> GeolocationRules:
+    """The library's rules from the stage's settings and what the manifest says of the vehicle."""
     from automap.geolocation.boresight import CameraPriors
     from automap.geolocation.landmark import SizePrior
     from automap.geolocation.rules import GeolocationRules
@@ -152,7 +155,7 @@ def rules_from(settings: GeolocateSettings, drive: str) -> GeolocationRules:
         ),
         size=SizePrior(size_m=settings.sign_size_m, log_sd=settings.sign_size_log_sd),
         tracking=TrackingRules(max_silence_s=settings.max_silence_s),
-        assembly=AssemblyRules(imu_above_road_m=settings.imu_above_road_m, drive=drive),
+        assembly=_assembly(drive, vehicle),
         camera=CameraPriors(
             focal_sd=settings.focal_sd,
             lever_arm_sd_m=settings.lever_arm_sd_m,
@@ -166,6 +169,18 @@ def rules_from(settings: GeolocateSettings, drive: str) -> GeolocationRules:
     )
 
 
+def _assembly(drive: str, vehicle: VehicleSection | None) -> AssemblyRules:
+    from automap.geolocation.assembly import AssemblyRules
+
+    if vehicle is None or vehicle.imu_above_road_m is None:
+        return AssemblyRules(drive=drive)
+    return AssemblyRules(
+        imu_above_road_m=vehicle.imu_above_road_m,
+        imu_above_road_sd_m=vehicle.imu_above_road_sigma_m,
+        drive=drive,
+    )
+
+
 def _locate(
     context: StageContext,
     trajectory: Trajectory,
@@ -174,6 +189,7 @@ def _locate(
 ) -> None:
     import numpy as np
 
+    from automap.geolocation import limits
     from automap.geolocation.locate import locate_signs
     from automap.io.signs_table import write_signs
     from automap.io.trajectory_table import write_trajectory
@@ -189,7 +205,7 @@ def _locate(
         trajectory,
         records,
         cameras,
-        rules_from(settings, context.drive.name),
+        rules_from(settings, context.drive.name, context.drive.vehicle),
         lambda fraction: context.progress(fraction, "linking detections"),
         _control_signs(context.drive),
     )
@@ -198,6 +214,13 @@ def _locate(
         replace(sign, detection_rows=np.sort(rows[sign.detection_rows])) for sign in result.signs
     ]
     write_signs(context.work / names.SIGNS_RAW, signs)
+    if signs and context.drive.vehicle.imu_above_road_m is None:
+        context.warn(
+            "Nobody says how high the IMU is above the road; the signs' heights above it assume "
+            f"{limits.IMU_ABOVE_ROAD_M:.1f} m, give or take {limits.IMU_ABOVE_ROAD_SD_M:.1f} m. "
+            "Measure it and write imu_above_road_m under [vehicle] in "
+            f"{context.drive.manifest_file}."
+        )
     if result.trajectory is not None:
         write_trajectory(context.work / names.TRAJECTORY_ADJUSTED, result.trajectory)
     write_observations_of(context.work / names.OBSERVATIONS, table, parts, result)
@@ -262,5 +285,5 @@ STAGE = Stage(
     # the adjusted trajectory is written where signs seen again or surveyed ones move the vehicle
     outputs=(names.SIGNS_RAW, names.OBSERVATIONS, names.TRAJECTORY_ADJUSTED),
     settings=("effects", "geolocate"),
-    manifest=("name", "video"),
+    manifest=("name", "video", "vehicle"),
 )
