@@ -162,7 +162,7 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
         return []
     blank: Any = np.zeros(0)
     view = DriveSigns(
-        "", math.nan, (), *(blank,) * 4, np.zeros((0, 3, 3)), *(blank,) * 9,
+        "", math.nan, (), *(blank,) * 4, np.zeros((0, 3, 3)), *(blank,) * 10,
         path=read_coverage(folder / COVERAGE), cameras=(COVERAGE_VIEW,),
     )  # fmt: skip
     return [view]
