@@ -88,20 +88,34 @@ def kitti_poses(trajectory: Trajectory) -> str:
 
 
 def gpx_track(
-    trajectory: Trajectory,
+    trajectory: Trajectory | None,
     name: str,
     step_s: float = GPX_STEP_S,
     signs: SignColumns | None = None,
     lineage: Mapping[str, Any] | None = None,
     geoid_m: FloatArray | None = None,
 ) -> str:
-    """GPX 1.1 track in the order of time, at about one point in ``step_s`` (0: all); ``signs``
-    become waypoints, ``lineage`` the description of the file.
+    """GPX 1.1 track, where there is one, in the order of time, at about one point in ``step_s`` (0:
+    all); ``signs`` become waypoints, ``lineage`` the description of the file.
 
     Programs take a height of GPX for one above the sea: it stands there with that of the geoid,
     ``geoid_m`` [n] above the ellipsoid, and where that is unknown no height does. Points without a
     time or a place are left out.
     """
+    track = "" if trajectory is None else _track(trajectory, xml_text(name), step_s, geoid_m)
+    about = "; ".join(f"{key}: {_flat(value)}" for key, value in (lineage or {}).items())
+    title = xml_text(name)
+    description = f"<desc>{xml_text(about)}</desc>" if about else ""
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        '<gpx version="1.1" creator="AutoMap" xmlns="http://www.topografix.com/GPX/1/1">\n'
+        f"<metadata><name>{title}</name>{description}</metadata>\n"
+        f"{''.join(_waypoints(signs))}"
+        f"{track}</gpx>\n"
+    )
+
+
+def _track(trajectory: Trajectory, title: str, step_s: float, geoid_m: FloatArray | None) -> str:
     known = np.isfinite(trajectory.gps_s + trajectory.lat_rad + trajectory.lon_rad)
     order = np.flatnonzero(known)[np.argsort(trajectory.gps_s[known], kind="stable")]
     gps_s = trajectory.gps_s[order]
@@ -118,16 +132,7 @@ def gpx_track(
             lat, lon, trajectory.height_m[keep], gps_s[keep], geoid[keep], strict=True
         )
     )
-    about = "; ".join(f"{key}: {_flat(value)}" for key, value in (lineage or {}).items())
-    title = xml_text(name)
-    description = f"<desc>{xml_text(about)}</desc>" if about else ""
-    return (
-        '<?xml version="1.0" encoding="UTF-8"?>\n'
-        '<gpx version="1.1" creator="AutoMap" xmlns="http://www.topografix.com/GPX/1/1">\n'
-        f"<metadata><name>{title}</name>{description}</metadata>\n"
-        f"{''.join(_waypoints(signs))}"
-        f"<trk><name>{title}</name><trkseg>\n{points}\n</trkseg></trk>\n</gpx>\n"
-    )
+    return f"<trk><name>{title}</name><trkseg>\n{points}\n</trkseg></trk>\n"
 
 
 def _waypoints(signs: SignColumns | None) -> Iterator[str]:

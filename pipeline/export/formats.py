@@ -163,8 +163,11 @@ def write_kitti(content: MapContent, path: Path) -> None:
 def write_gpx(content: MapContent, path: Path) -> None:
     """Write the trajectory as a GPX track, with the signs as waypoints."""
     step_s = 0.0 if content.every_row else trajectory_formats.GPX_STEP_S
-    trajectory = trajectory_of(content)
-    geoid = geoid_separation(content.products, trajectory.t_ns)
+    # a merged map has its signs alone
+    trajectory = content.products.trajectory if len(content.signs) else trajectory_of(content)
+    geoid = None
+    if trajectory is not None:
+        geoid = geoid_separation(content.products, trajectory.t_ns)
     text = trajectory_formats.gpx_track(
         trajectory, content.name, step_s, content.signs, content.lineage, geoid
     )

@@ -32,6 +32,9 @@ def lineage(record: dict[str, Any], name: str, trajectory: Trajectory | None) ->
     }
     merged = record.get("merged")
     folders = [str(path) for path in merged] if isinstance(merged, list) else []
+    called = record.get("drives")
+    drives = [str(one) for one in called] if isinstance(called, list) else []
+    drives = drives or [_drive_name(folder) for folder in folders]
     if folders:
         parts = {"merged": folders, "metrics": record.get("metrics")}
     packages = mapping(record.get("packages"))
@@ -40,7 +43,7 @@ def lineage(record: dict[str, Any], name: str, trajectory: Trajectory | None) ->
         "run_id": hashlib.sha256(
             json.dumps([name, parts], sort_keys=True, default=str).encode("utf-8", "replace")
         ).hexdigest()[:16],
-        "drives": [_drive_name(folder) for folder in folders[:_LISTED]] or [name],
+        "drives": drives[:_LISTED] or [name],
         "drives_in_all": len(folders) if len(folders) > _LISTED else None,
         "run_started": str(record.get("started", "")),
         "recorded": _recorded(trajectory),

@@ -39,6 +39,7 @@ def merge_runs(
     """
     from automap.mapping.compare import compare_maps
     from automap.mapping.merge import merge_drives
+    from automap.mapping.posts import with_supports
     from pipeline.merge.output import write_map
 
     started = time.monotonic()
@@ -57,7 +58,18 @@ def merge_runs(
     signs, named = _named(merged, comparison, older, least_existence)
     if comparison is not None:
         comparison = replace(comparison, changes=_named_changes(comparison.changes, named, signs))
-    outcome = MergeOutcome(out, [s for s in signs if s.id], merged, comparison, [], warnings, 0.0)
+    signs = with_supports(signs, merged)
+    countries = {run.country.upper() for run in runs if run.country}
+    outcome = MergeOutcome(
+        out,
+        [s for s in signs if s.id],
+        merged,
+        comparison,
+        [],
+        warnings,
+        0.0,
+        countries.pop() if len(countries) == 1 else None,
+    )
     folder_of = {run.signs.name: run.folder for run in runs}
     files = write_map(
         outcome,

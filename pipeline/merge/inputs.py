@@ -17,7 +17,7 @@ from automap.mapping.sightings import DriveSigns
 from automap.records import ClockModel, DrivePath, FloatArray, IntArray
 from pipeline.merge.cameras import cameras_of_run
 from pipeline.merge.signs import sign_columns
-from pipeline.shared.run_record import drive_of
+from pipeline.shared.run_record import country_of, drive_of
 from pipeline.shared.values import json_object
 
 if TYPE_CHECKING:
@@ -31,11 +31,13 @@ _SLACK_S = 10.0
 
 @dataclass(frozen=True)
 class RunSigns:
-    """A run ready to be merged: its ``folder``, ``signs``, and sentences about what is missing."""
+    """A run ready to be merged: its ``folder``, ``signs``, sentences about what is missing, and the
+    country that its drive names (None unknown)."""
 
     folder: Path
     signs: DriveSigns
     warnings: tuple[str, ...]
+    country: str | None = None
 
 
 def read_run(folder: Path) -> RunSigns:
@@ -77,7 +79,7 @@ def read_run(folder: Path) -> RunSigns:
         key=_recording_key(record),
         **columns,
     )
-    return RunSigns(folder, signs, tuple(warnings))
+    return RunSigns(folder, signs, tuple(warnings), country_of(record))
 
 
 def _recording_key(record: dict[str, Any]) -> str:

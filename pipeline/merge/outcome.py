@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class MergeOutcome:
     """The map's ``signs``, all that was ``merged``, the ``comparison`` with an older map (None
-    without one), ``files`` written, and ``warnings``."""
+    without one), ``files`` written, ``warnings``, and the one ``country`` that the drives name
+    (None where they name none, or several)."""
 
     folder: Path
     signs: list[Sign]
@@ -24,3 +25,4 @@ class MergeOutcome:
     files: list[Path]
     warnings: list[str]
     seconds: float
+    country: str | None = None

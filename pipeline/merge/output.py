@@ -115,6 +115,8 @@ def _run_record(outcome: MergeOutcome, folders: Sequence[Path]) -> dict[str, Any
         "status": "done",
         "merged": [str(folder.resolve()) for folder in folders],
         "warnings": outcome.warnings,
+        "country": outcome.country,
+        "drives": [drive.name for drive in outcome.merged.drives],
         "stages": {},
         "metrics": {"signs": len(outcome.signs), "drives": len(folders)},
     }

@@ -116,7 +116,9 @@ def _package_versions() -> dict[str, str]:
 
 
 def country_of(record: dict[str, Any]) -> str | None:
-    """The country that the drive's manifest named."""
+    """The country that the drive's manifest named, or the one of all drives of a merged map."""
+    if isinstance(record.get("country"), str):
+        return str(record["country"])
     stages = record.get("stages")
     for stage in stages.values() if isinstance(stages, dict) else ():
         manifest = stage.get("manifest") if isinstance(stage, dict) else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,13 +65,43 @@ def test_the_map_has_the_files_of_a_run(folders: list[Path], tmp_path: Path) -> 
         assert feature["properties"]["sd_above_road_m"] == pytest.approx(0.1, abs=1e-3)
     summary = json.loads((out / "merge.json").read_text(encoding="utf-8"))
     assert [d["name"] for d in summary["drives"]] == ["d0", "d1", "d2", "d3"]
+    header = json.loads((out / "signs.geojson").read_text(encoding="utf-8"))["automap"]
+    assert header["drives"] == ["d0", "d1", "d2", "d3"]
     assert all(Path(d["folder"]).is_absolute() for d in summary["drives"])
     for drive in summary["drives"]:
         assert abs(drive["offset_m"]["e"]) < 4 * drive["offset_sd_m"]["e"] + 1.0
     assert not (out / "changes.geojson").exists()
     # the other commands take the map as they take a run
     assert run_command(["export", str(out), "--format", "csv"]) == 0
+    assert run_command(["export", str(out), "--format", "gpx"]) == 0
+    gpx = (out / "trajectory.gpx").read_text(encoding="utf-8")
+    assert gpx.count("<wpt ") == len(found)
+    assert "<trk>" not in gpx
     assert run_command(["export", str(out), "--format", "gpkg", "--datum", "GDA2020"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("countries", "code"),
+    [(("DE", "de"), "DE:274-50"), (("DE", None), "DE:274-50"), (("DE", "AU"), None)],
+)
+def test_codes_of_a_merged_map_are_of_the_country_of_its_drives(
+    tmp_path: Path, countries: tuple[str | None, ...], code: str | None
+) -> None:
+    folders = []
+    for number, (drive, country) in enumerate(zip(passes(2), countries, strict=True)):
+        names_of = np.full(len(drive), "regulatory--maximum-speed-limit-50--g1", np.object_)
+        folder = write_run(tmp_path / f"out{number}", replace(drive, class_name=names_of))
+        record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        if country is not None:
+            record["stages"] = {"export": {"manifest": {"site.country": country}}}
+        (folder / "run.json").write_text(json.dumps(record), encoding="utf-8")
+        folders.append(folder)
+    outcome_of(folders, tmp_path / "map")
+    found = features(tmp_path / "map")
+    assert len(found) > 3
+    for feature in found.values():
+        assert feature["properties"]["code"] == code
+        assert feature["properties"]["support"].startswith("p")
 
 
 def outcome_of(folders: list[Path], out: Path, previous: Path | None = None) -> MergeOutcome:
