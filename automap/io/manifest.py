@@ -189,10 +189,11 @@ class VideoSection(Section):
 
 
 class SiteSection(Section):
-    """``[site]``. ``country`` is the ISO 3166 code of two letters."""
+    """``[site]``. ``country`` is the ISO 3166 code of two letters, ``roads`` a file of lines."""
 
     country: Annotated[str, Field(pattern="^[A-Za-z]{2}$")] | None = None
     traffic_side: Literal["left", "right"] | None = None
+    roads: str | None = None
 
 
 class VehicleSection(Section):

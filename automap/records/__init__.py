@@ -20,7 +20,15 @@ from automap.records.sensors import (
     TriadCalibration,
     WheelSpeed,
 )
-from automap.records.signs import Bearings, ReviewAction, ReviewKind, Sign, SignPoints
+from automap.records.signs import (
+    Bearings,
+    ReviewAction,
+    ReviewKind,
+    RoadPosition,
+    Roads,
+    Sign,
+    SignPoints,
+)
 
 __all__ = [
     "NO_TIME",
@@ -44,6 +52,8 @@ __all__ = [
     "RawImu",
     "ReviewAction",
     "ReviewKind",
+    "RoadPosition",
+    "Roads",
     "Sign",
     "SignPoints",
     "Trajectory",

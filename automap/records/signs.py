@@ -96,3 +96,32 @@ class ReviewAction:
     sd_m: float | None = None
     note: str | None = None
     undoes: str | None = None
+
+
+@dataclass(frozen=True)
+class Roads:
+    """Roads [n]: ``lines``, points [k, 2] longitude and latitude in degrees in the digitised
+    direction; ``ids``, ``names`` ("" unknown); ``start_m`` [n] chainage of the first
+    point."""
+
+    lines: list[FloatArray]
+    ids: list[str]
+    names: list[str]
+    start_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+
+@dataclass(frozen=True)
+class RoadPosition:
+    """Where a sign stands on a road: ``road`` its place among the roads, ``chainage_m`` of its foot
+    point, ``offset_m`` from the line, positive to the right of the digitised direction; ``side``
+    "left" or "right" of it, ``direction``, "forward" or "backward", of the traffic that
+    it speaks to."""
+
+    road: int
+    chainage_m: float
+    offset_m: float
+    side: str
+    direction: str

@@ -43,6 +43,13 @@ Examples:
     help="Datum of GeoPackage and Parquet, as GDA2020@2026.5. Default: WGS-84.",
 )
 @click.option(
+    "--roads",
+    metavar="FILE",
+    type=ANY_PATH,
+    help="Lines of roads (GeoPackage, GeoJSON, Shapefile, Parquet, .osm, .osm.pbf): signs get "
+    "road, chainage and side.",
+)
+@click.option(
     "--strict",
     is_flag=True,
     help="Exit with code 5 where the verdict on a path is doubtful or unusable.",
@@ -61,6 +68,7 @@ def command(
     dry_run: bool,
     tune: bool,
     datum: str | None,
+    roads: Path | None,
     strict: bool,
     quiet: bool,
     as_json: bool,
@@ -72,7 +80,7 @@ def command(
     said beside it. At the end stands whether the path may be relied on: good, doubtful or
     unusable, with the reasons.
     """
-    from automap.errors import RegressionError
+    from automap.errors import ConfigError, RegressionError
     from pipeline.run import registry
     from pipeline.run.batch import run_drives
     from pipeline.run.runner import Request
@@ -83,6 +91,11 @@ def command(
 
     if datum:
         assignments = (*assignments, f"export.datum={datum}")
+    if roads is not None:
+        if not roads.is_file():
+            raise ConfigError(f"--roads {roads}: no such file.")
+        # a whole path, as TOML: run from elsewhere it is the same file
+        assignments = (*assignments, f"export.roads={json.dumps(str(roads.resolve()))}")
     if tune:
         assignments = (*assignments, "fuse.tune=true")
     settings = load_settings(config, assignments)

@@ -11,6 +11,7 @@ import numpy as np
 from automap.errors import InputError
 from automap.export.path import Path as MapPath
 from automap.export.path import simplified_path
+from automap.export.roads import RoadRow, read_roads_csv
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
 from automap.records import NO_TIME, FloatArray, Trajectory
@@ -35,6 +36,8 @@ class MapContent:
     """Run, versions and inputs, for the metadata of every file."""
     country: str | None = None
     pictures: list[Picture] = field(default_factory=list)
+    roads: list[RoadRow] = field(default_factory=list)
+    """Where signs stand on the roads of a layer, if there was one."""
     crs: str | None = None
     """Coordinate system of the positions where it is not WGS-84."""
 
@@ -60,6 +63,7 @@ def map_content(out: Path, name: str, min_confidence: float = 0.0) -> MapContent
         lineage=lineage(record, name, products.trajectory),
         country=country,
         pictures=pictures,
+        roads=products.attempt(names.SIGN_ROADS, read_roads_csv) or [],
     )
     signs.values["height_msl_m"] = sea_level_heights(signs, geoid_heights(content)[0])
     if min_confidence > 0.0:

@@ -17,6 +17,9 @@ class ExportSettings(Section):
     pictures: bool = True
     """pictures of the signs, cut out of the video, beside the map"""
 
+    roads: str = ""
+    """file of road lines: signs get road, chainage and side; "" is the drive's own"""
+
     @field_validator("datum", mode="after")
     @classmethod
     def _datum_exists(cls, value: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 from pathlib import Path
@@ -9,6 +10,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pyarrow.parquet as pq
+import pyogrio
 import pytest
 from export_inputs import HOSTILE, write_run
 
@@ -33,10 +35,15 @@ def out(finished: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(finished, tmp_path / "out"))
 
 
-def run_stage(out: Path) -> tuple[Path, StageContext]:
+def run_stage(out: Path, roads: str | None = None) -> tuple[Path, StageContext]:
     work = out / "export.tmp"
     work.mkdir()
-    drive: Any = SimpleNamespace(name="demo", videos={})
+    drive: Any = SimpleNamespace(
+        name="demo",
+        path=out,
+        videos={},
+        manifest=SimpleNamespace(site=SimpleNamespace(roads=roads)),
+    )
     context = StageContext(drive=drive, out=out, work=work, settings=load_settings())
     STAGE.run(context)
     return work, context
@@ -46,7 +53,7 @@ def written(folder: Path) -> set[str]:
     return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
 
 
-SOMETIMES = (names.REJECTED, names.PICTURES, names.PICTURE_INDEX)
+SOMETIMES = (names.REJECTED, names.PICTURES, names.PICTURE_INDEX, names.SIGN_ROADS)
 ALWAYS = set(STAGE.outputs) - set(SOMETIMES)
 
 
@@ -58,6 +65,29 @@ def test_stage_writes_all_declared_files(out: Path) -> None:
     features = json.loads((work / names.SIGNS_GEOJSON).read_text())["features"]
     assert len(features) == pq.read_metadata(work / names.SIGNS_TABLE).num_rows == 12
     assert "absolute" in (work / names.KML).read_text()
+
+
+def test_signs_get_their_place_on_a_road(out: Path) -> None:
+    path = pq.read_table(out / names.TRAJECTORY, columns=["lon_deg", "lat_deg"]).to_pydict()
+    line = [list(place) for place in zip(path["lon_deg"], path["lat_deg"], strict=True)]
+    road = {
+        "type": "Feature",
+        "properties": {"road_id": "B 7", "name": "Main"},
+        "geometry": {"type": "LineString", "coordinates": line},
+    }
+    roads = out / "roads.geojson"
+    roads.write_text(json.dumps({"type": "FeatureCollection", "features": [road]}))
+    work, context = run_stage(out, roads.name)
+    rows = list(csv.DictReader((work / names.SIGN_ROADS).open(encoding="utf-8", newline="")))
+    assert rows, context.warnings
+    assert {row["road_id"] for row in rows} == {"B 7"}
+    assert pyogrio.read_info(work / names.GPKG, layer="sign_roads")["features"] == len(rows)
+
+
+def test_roads_that_cannot_be_read_are_a_warning(out: Path) -> None:
+    work, context = run_stage(out, "none.gpkg")
+    assert written(work) == ALWAYS
+    assert any("none.gpkg: no such file" in text for text in context.warnings)
 
 
 @pytest.mark.parametrize("missing", STAGE.needs)

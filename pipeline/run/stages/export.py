@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 def run(context: StageContext) -> None:
     """Write the map in every standard format with its pictures; whatever is missing is said."""
+    from automap.errors import InputError
+    from automap.export.roads import roads_csv
+    from automap.io.atomic import write_text
     from pipeline.export.content import map_content
     from pipeline.export.datum import DATUM_FORMATS, in_datum
     from pipeline.export.formats import (
@@ -22,6 +25,7 @@ def run(context: StageContext) -> None:
         write_dictionary,
         write_rejected,
     )
+    from pipeline.export.roads import signs_on_roads
     from pipeline.shared.pictures import take_pictures, write_pictures
 
     settings = context.settings.export
@@ -36,6 +40,17 @@ def run(context: StageContext) -> None:
         )
         if content.pictures:
             write_pictures(context.work, content.pictures)
+    roads = _roads_file(context.drive, settings.roads)
+    content.roads = []
+    if roads is not None:
+        try:
+            content.roads, told = signs_on_roads(content.products, roads)
+        except InputError as error:
+            context.warn(f"Signs have no place on roads: {error}")
+        else:
+            write_text(context.work / names.SIGN_ROADS, roads_csv(content.roads))
+            if told:
+                context.warn(told)
     elsewhere = in_datum(content, settings.datum) if settings.datum else content
     for text in elsewhere.warnings:
         context.warn(text)
@@ -55,7 +70,15 @@ def run(context: StageContext) -> None:
 
 
 def _inputs(drive: Drive) -> list[Path]:
-    return [path for video in drive.videos.values() for path in video.chapters]
+    roads = _roads_file(drive, "")
+    chapters = [path for video in drive.videos.values() for path in video.chapters]
+    return chapters if roads is None else [*chapters, roads]
+
+
+def _roads_file(drive: Drive, stated: str) -> Path | None:
+    """The layer of roads that the settings name, else the drive's own."""
+    own = drive.manifest.site.roads
+    return Path(stated) if stated else drive.path / own if own else None
 
 
 STAGE = Stage(
@@ -83,7 +106,9 @@ STAGE = Stage(
         names.REJECTED,
         names.PICTURES,
         names.PICTURE_INDEX,
+        names.SIGN_ROADS,
     ),
     settings=("export",),
+    setting_files=lambda settings: [Path(p) for p in [settings.export.roads] if p],
     manifest=("name", "video", "site"),
 )

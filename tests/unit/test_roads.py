@@ -1,0 +1,164 @@
+"""Which road a path went along, and where on it its signs stand."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from merge_scene import to_geodetic
+from pyogrio.raw import write
+
+from automap.errors import InputError
+from automap.export.roads import read_roads_csv, road_rows, roads_csv
+from automap.io.roads_file import read_roads
+from automap.mapping.road_matching import road_positions
+from automap.records import DrivePath, FloatArray, Roads, Sign
+
+EVERYWHERE = (-180.0, -90.0, 180.0, 90.0)
+
+
+def degrees(xy: FloatArray) -> FloatArray:
+    lat, lon, _ = to_geodetic(np.column_stack([xy, np.zeros(len(xy))]))
+    return np.degrees(np.column_stack([lon, lat]))
+
+
+def layer(*lines: list[tuple[float, float]]) -> Roads:
+    names = [f"r{k}" for k in range(len(lines))]
+    parts = [degrees(np.array(line, np.float64)) for line in lines]
+    return Roads(parts, names, names, np.zeros(len(lines)))
+
+
+def driven(corners: list[tuple[float, float]], error: FloatArray | None = None) -> DrivePath:
+    """A drive at 10 m/s with a place every second."""
+    line = np.array(corners, np.float64)
+    size = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    at = np.arange(0.0, size[-1], 10.0)
+    xy = np.column_stack([np.interp(at, size, line[:, k]) for k in range(2)])
+    yaw = np.arctan2(*np.gradient(xy, axis=0).T)
+    lat, lon, _ = to_geodetic(
+        np.column_stack([xy if error is None else xy + error, np.zeros(len(xy))])
+    )
+    return DrivePath(at / 10.0, lat, lon, yaw, np.full((len(at), 3), 1.0))
+
+
+def sign_at(east: float, north: float, facing: float, side: str = "") -> Sign:
+    lat, lon, _ = to_geodetic(np.array([[east, north, 2.0]]))
+    return Sign(
+        "s1", "regulatory--stop--g1", lat[0], lon[0], 580.0, np.eye(3), 0.9, 5, 0, 0, 2.0, facing,
+        0.6, side,
+    )  # fmt: skip
+
+
+UNKNOWN = (np.nan, np.nan)
+
+
+@pytest.mark.parametrize("against", [False, True])
+@pytest.mark.parametrize("east", [6.0, -6.0])
+def test_chainage_offset_side_and_direction(against: bool, east: float) -> None:
+    line = [(0.0, 0.0), (0.0, 400.0)]
+    roads = layer(line[::-1] if against else line)
+    # driven to the north: the face looks south
+    (found,), _ = road_positions(
+        driven([(2.0, 0.0), (2.0, 400.0)]), roads, [sign_at(east, 130.0, np.pi)], [UNKNOWN]
+    )
+    assert found is not None
+    assert found.chainage_m == pytest.approx(270.0 if against else 130.0, abs=0.3)
+    right = (east > 0.0) != against
+    assert found.offset_m == pytest.approx(6.0 if right else -6.0, abs=0.1)
+    assert found.side == ("right" if right else "left")
+    assert found.direction == ("backward" if against else "forward")
+
+
+def test_the_road_that_goes_on_wins_over_a_nearer_one_that_does_not() -> None:
+    """A parallel road lies on the path for a while, and is not connected to where it goes."""
+    roads = layer(
+        [(0.0, 0.0), (0.0, 500.0), (300.0, 500.0)],
+        [(9.0, 100.0), (9.0, 400.0)],
+        [(-200.0, 250.0), (200.0, 250.0)],
+    )
+    # some metres off, nearer to the second road half of the way
+    error = np.tile([4.0, 0.0], (80, 1))
+    path = driven([(0.0, 0.0), (0.0, 500.0), (300.0, 500.0)], error)
+    _, matched = road_positions(path, roads, [], [])
+    # the first two segments are the first road's
+    assert np.isin(matched.segment, [0, 1]).mean() > 0.95
+
+
+def test_a_sign_that_the_drive_passed_twice_stands_on_the_road_it_was_seen_from() -> None:
+    roads = layer([(0.0, 0.0), (0.0, 300.0)], [(0.0, 300.0), (20.0, 300.0)],
+                  [(20.0, 300.0), (20.0, 0.0)])  # fmt: skip
+    path = driven([(0.0, 0.0), (0.0, 300.0), (20.0, 300.0), (20.0, 0.0)])
+    sign = sign_at(10.0, 150.0, np.pi)
+    (up, down), _ = road_positions(path, roads, [sign, sign], [(8.0, 14.0), (40.0, 46.0)])
+    assert up is not None
+    assert down is not None
+    assert (up.road, down.road) == (0, 2)
+
+
+def test_no_place_far_from_every_road() -> None:
+    roads = layer([(900.0, 0.0), (900.0, 400.0)])
+    path = driven([(0.0, 0.0), (0.0, 400.0)])
+    (found,), matched = road_positions(path, roads, [sign_at(5.0, 100.0, np.pi)], [UNKNOWN])
+    assert found is None
+    assert (matched.segment == -1).all()
+
+
+OSM = """<osm version="0.6">
+<node id="1" lat="-35.28" lon="149.13" version="1"/>
+<node id="2" lat="-35.27" lon="149.13" version="1"/>
+<node id="3" lat="-35.27" lon="149.14" version="1"/>
+<way id="70" version="1"><nd ref="1"/><nd ref="2"/><tag k="highway" v="primary"/>
+<tag k="name" v="Main"/></way>
+<way id="71" version="1"><nd ref="2"/><nd ref="3"/><tag k="highway" v="footway"/></way>
+</osm>"""
+
+
+def test_an_extract_of_openstreetmap_gives_roads_for_cars(tmp_path: Path) -> None:
+    path = tmp_path / "town.osm"
+    path.write_text(OSM, encoding="utf-8")
+    roads = read_roads(path, EVERYWHERE)
+    assert (roads.ids, roads.names) == (["70"], ["Main"])
+    assert roads.lines[0] == pytest.approx(np.array([[149.13, -35.28], [149.13, -35.27]]))
+
+
+@pytest.mark.parametrize("form", ["gpkg", "geojson", "shp"])
+def test_other_layers_count_from_where_they_say(tmp_path: Path, form: str) -> None:
+    path = tmp_path / f"roads.{form}"
+    line = shapely.linestrings([(149.13, -35.28), (149.13, -35.27)])
+    driver = {"gpkg": "GPKG", "geojson": "GeoJSON", "shp": "ESRI Shapefile"}[form]
+    fields = [np.array(["A1"], object), np.array([1250.0])]
+    write(path, geometry=np.array([shapely.to_wkb(line)], object), field_data=fields,
+          fields=["road_id", "from_m"], driver=driver, geometry_type="LineString",
+          crs="EPSG:4326")  # fmt: skip
+    roads = read_roads(path, EVERYWHERE)
+    assert roads.ids == ["A1"]
+    assert roads.start_m.tolist() == [1250.0]
+    with pytest.raises(InputError, match="where the drive went"):
+        read_roads(path, (7.0, 50.0, 8.0, 51.0))
+
+
+def test_points_are_no_roads(tmp_path: Path) -> None:
+    path = tmp_path / "points.geojson"
+    point = {
+        "type": "Feature",
+        "properties": {},
+        "geometry": {"type": "Point", "coordinates": [1, 2]},
+    }
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [point]}))
+    with pytest.raises(InputError, match="holds no lines"):
+        read_roads(path, EVERYWHERE)
+
+
+def test_the_table_is_read_as_it_was_written(tmp_path: Path) -> None:
+    roads = replace(layer([(0.0, 0.0), (0.0, 400.0)]), names=["=1+1"])
+    sign = sign_at(6.0, 130.0, np.pi)
+    found, _ = road_positions(driven([(2.0, 0.0), (2.0, 400.0)]), roads, [sign], [UNKNOWN])
+    rows = road_rows([sign], found, roads)
+    path = tmp_path / "sign_roads.csv"
+    path.write_text(roads_csv(rows), encoding="utf-8", newline="")
+    assert "'=1+1" in path.read_text(encoding="utf-8")
+    assert read_roads_csv(path) == rows
