@@ -1,6 +1,6 @@
 """How well a comparison finds faults put into an inventory, on simulated drives of many seeds.
 
-Run from the project's folder: ``python tests/benchmarks/inventory_faults.py [SEEDS]``. Prints, for a
+``python tests/benchmarks/inventory_faults.py [SEEDS]`` in the project's folder prints, for a
 map without errors of its own kind and for one drive as it usually is (8 % missed, 3 % false, 3 %
 misread), per kind: right, told, due, precision, recall.
 """
