@@ -71,6 +71,11 @@ def test_chainage_offset_side_and_direction(against: bool, east: float) -> None:
     assert found.offset_m == pytest.approx(6.0 if right else -6.0, abs=0.1)
     assert found.side == ("right" if right else "left")
     assert found.direction == ("backward" if against else "forward")
+    # seen from behind it speaks to those who come
+    back = sign_at(east, 130.0, 0.0)
+    (other,), _ = road_positions(driven([(2.0, 0.0), (2.0, 400.0)]), roads, [back], [UNKNOWN])
+    assert other is not None
+    assert other.direction == ("forward" if against else "backward")
 
 
 def test_the_road_that_goes_on_wins_over_a_nearer_one_that_does_not() -> None:
@@ -81,7 +86,7 @@ def test_the_road_that_goes_on_wins_over_a_nearer_one_that_does_not() -> None:
         [(-200.0, 250.0), (200.0, 250.0)],
     )
     # some metres off, nearer to the second road half of the way
-    error = np.tile([4.0, 0.0], (80, 1))
+    error = np.tile([6.0, 0.0], (80, 1))
     path = driven([(0.0, 0.0), (0.0, 500.0), (300.0, 500.0)], error)
     _, matched = road_positions(path, roads, [], [])
     # the first two segments are the first road's
