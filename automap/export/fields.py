@@ -46,7 +46,8 @@ SIGN_FIELDS: tuple[Field, ...] = (
     Field("sd_u_m", "real", "m", "standard deviation of the height, trajectory included", 3),
     Field("ce95_m", "real", "m", "radius that holds the position with 95 % probability", 3),
     Field("drives", "list", "", "drives that saw the sign"),
-    Field("status", "text", "", "ok, or what weakens the position"),
+    Field("status", "text", "", "ok, or what weakens the position, or what a reviewer decided"),
+    Field("note", "text", "", "what a reviewer wrote"),
 )
 
 STAMP_FIELDS: tuple[Field, ...] = (

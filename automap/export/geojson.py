@@ -196,6 +196,7 @@ def _sign(feature: dict[str, Any], number: int, to_ns: Callable[[Any], int]) -> 
         side=str(properties.get("side") or ""),
         support=str(properties.get("support") or ""),
         status=str(properties.get("status") or "ok"),
+        note=str(properties.get("note") or ""),
         drives=(drives,) if isinstance(drives, str) else tuple(str(name) for name in drives),
     )
 

@@ -42,6 +42,7 @@ BALLOON_FIELDS = (
     "last_seen",
     "drives",
     "status",
+    "note",
 )
 """What the balloon shows of a sign, in this order; the typed data hold every field."""
 

@@ -53,7 +53,11 @@ def sign_tags(columns: SignColumns, row: int, country: str | None = None) -> dic
     if columns.utc_known and last:
         tags["survey:date"] = str(last)[:10]
     tags["source"] = "AutoMap"
-    tags["fixme"] = _review(columns, row)
+    if values["note"][row]:
+        tags["note"] = values["note"][row]
+    # what a person has looked at needs no second look
+    if values["status"][row] not in ("accepted", "corrected"):
+        tags["fixme"] = _review(columns, row)
     return tags
 
 

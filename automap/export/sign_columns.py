@@ -85,6 +85,7 @@ def sign_columns(
         "ce95_m": ce95(cov_ee, cov_en, cov_nn),
         "drives": [list(sign.drives) for sign in signs],
         "status": [sign.status for sign in signs],
+        "note": [sign.note or None for sign in signs],
         "first_seen_t_ns": _known(first),
         "last_seen_t_ns": _known(last),
     }

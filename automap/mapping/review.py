@@ -93,8 +93,9 @@ def apply_review(signs: Sequence[Sign], actions: Iterable[ReviewAction]) -> Revi
     """Signs with the review applied, in their order.
 
     An accepted or corrected sign says so in ``status``; a rejected one is left out and listed
-    apart. A position set by hand has the reviewer's uncertainty in place of the computed one.
-    A verdict whose sign is not there any more becomes a sentence and changes nothing.
+    apart; notes go with their signs. A position set by hand has the reviewer's uncertainty in
+    place of the computed one. A verdict whose sign is not there any more becomes a sentence and
+    changes nothing.
     """
     decided = list(verdicts(actions).values())
     rows = match(
@@ -130,6 +131,8 @@ def _changed(sign: Sign, verdict: Verdict) -> Sign:
     changes: dict[str, object] = {}
     if verdict.status:
         changes["status"] = verdict.status
+    if verdict.note:
+        changes["note"] = verdict.note
     if verdict.class_name is not None:
         changes["class_name"] = verdict.class_name
     if verdict.lon_deg is not None and verdict.lat_deg is not None:

@@ -17,7 +17,8 @@ ReviewKind = Literal["accept", "reject", "correct", "note", "reset", "undo"]
 class Sign:
     """One located sign. Position WGS-84; covariance [3, 3] in ENU metres, trajectory included.
 
-    ``support`` names the post or gantry, the same for all signs on it ("" unknown).
+    ``support`` names the post or gantry, the same for all signs on it ("" unknown); ``note`` is
+    what a reviewer wrote.
     """
 
     id: str
@@ -39,6 +40,7 @@ class Sign:
     detection_rows: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     support: str = ""
     sd_above_road_m: float = float("nan")
+    note: str = ""
 
 
 @dataclass(frozen=True)

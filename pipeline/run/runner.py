@@ -177,7 +177,8 @@ def _run_stages(run: _Run) -> None:
         if run.request.dry_run:
             reason = _cascade(stage, run.ran, producers) or reason
         if stage.name not in run.request.selected:
-            if reason is not None and before is not None and _is_used(stage, run.request):
+            stale = _is_used(stage, run.request) or _cascade(stage, run.ran, producers)
+            if reason is not None and before is not None and stale:
                 run.reporter.note(f"stage {stage.name} is out of date, but not selected: {reason}")
         elif reason is None and not run.request.force:
             kept = before or {}

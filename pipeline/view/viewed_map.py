@@ -50,9 +50,10 @@ class ViewedMap:
     def overview(self) -> dict[str, Any]:
         """What the page needs first.
 
-        ``classes_known`` are the names that a correction may choose, ``faces`` the numbers of
+        ``classes_known`` are the names that a correction is offered, ``faces`` the numbers of
         the classes that have a picture.
         """
+        from automap.signs.classes import load_classes
         from automap.signs.vocabulary import load_vocabulary
 
         vocabulary = set(load_vocabulary().classes)
@@ -63,7 +64,7 @@ class ViewedMap:
             "signs": 0 if self.signs is None else len(self.signs),
             "drives": [drive.name for drive in self.drives],
             "fields": [{"name": f.name, "unit": f.unit, "meaning": f.meaning} for f in SIGN_FIELDS],
-            "classes_known": sorted(vocabulary.union(own)),
+            "classes_known": sorted(vocabulary.union(own, load_classes())),
             "faces": [number for number, name in enumerate(own) if name in vocabulary],
             "report": (self.out / names.REPORT).is_file(),
         }
@@ -214,8 +215,21 @@ class ViewedMap:
         action = action_of(value)
         if action.kind == "undo" and action.undoes not in {a.id for a in actions}:
             raise ValueError("there is no such action to undo")
+        if action.class_name is not None and not self._is_class(action.class_name):
+            raise ValueError(
+                f"{action.class_name!r} is no known class of signs; choose one of the list"
+            )
         append_action(self.out / names.REVIEW, action)
         return self.review()
+
+    def _is_class(self, name: str) -> bool:
+        """Whether it is a class of the package's, in full or its middle part, or of this map's."""
+        from automap.signs.classes import load_classes
+        from automap.signs.national import class_entry
+
+        own = [] if self.signs is None else self.signs.classes
+        middles = {full.split("--")[1] for full in load_classes() if "--" in full}
+        return class_entry(name) is not None or name in middles or name in own
 
     def _decided(self, actions: list[ReviewAction]) -> list[tuple[Verdict, int | None]]:
         """What was decided about signs, each with its row, None for one that is gone."""

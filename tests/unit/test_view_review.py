@@ -236,6 +236,26 @@ def test_the_next_export_has_what_the_review_says(
     capsys.readouterr()
 
 
+def test_notes_are_in_every_export_and_fixme_is_for_the_unseen(tmp_path: Path) -> None:
+    out = write_run(tmp_path / "out", signs=3)
+    for one in (
+        action(1, "note", sign(1), note="leans & rusts"),
+        action(2, "accept", sign(2)),
+    ):
+        append_action(out / names.REVIEW, one)
+    for fmt, name in (
+        ("geojson", "a.geojson"),
+        ("csv", "a.csv"),
+        ("kml", "a.kml"),
+        ("osm", "a.osm"),
+    ):
+        assert run_command(["export", str(out), "--format", fmt, "-o", str(tmp_path / name)]) == 0
+        text = (tmp_path / name).read_text(encoding="utf-8")
+        assert "leans & rusts" in text or "leans &amp; rusts" in text, fmt
+    nodes = (tmp_path / "a.osm").read_text(encoding="utf-8").split("<node ")[1:]
+    assert ['k="fixme"' in node for node in nodes] == [True, False, True]
+
+
 def test_a_review_of_another_map_is_a_warning(tmp_path: Path) -> None:
     out = write_run(tmp_path / "out", signs=2)
     write_signs(out / names.SIGNS_RAW, [sign(7)])

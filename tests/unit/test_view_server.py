@@ -237,13 +237,29 @@ def test_what_is_no_decision_is_not_kept(
     assert read_review(out / names.REVIEW) == before
 
 
+@pytest.mark.parametrize("name", [HOSTILE, "stopp", "AU:R1-1"])
+def test_what_is_no_class_is_refused_in_words(server: ViewServer, out: Path, name: str) -> None:
+    before = read_review(out / names.REVIEW)
+    status, _, content = post(server, {"row": 0, "kind": "correct", "class_name": name})
+    assert status == 400
+    assert "no known class of signs" in content.decode()
+    assert read_review(out / names.REVIEW) == before
+
+
+def test_every_class_is_offered(server: ViewServer) -> None:
+    from automap.signs.classes import load_classes
+
+    offered = json.loads(get(server, "api/map")[2])["classes_known"]
+    assert set(load_classes()) <= set(offered)
+
+
 def test_a_decision_is_on_disk_before_it_is_answered(tmp_path: Path) -> None:
     out = write_run(tmp_path / "out", signs=3)
     with serving(out) as server:
-        status, _, content = post(server, {"row": 1, "kind": "correct", "class_name": HOSTILE})
+        status, _, content = post(server, {"row": 1, "kind": "correct", "class_name": "yield"})
         assert status == 200
         (kept,) = read_review(out / names.REVIEW)
-        assert (kept.sign, kept.class_name, kept.seen_class) == ("s0002", HOSTILE, "speed-limit-50")
+        assert (kept.sign, kept.class_name, kept.seen_class) == ("s0002", "yield", "speed-limit-50")
         (verdict,) = json.loads(content)["verdicts"]
         assert (verdict["row"], verdict["status"]) == (1, "corrected")
         # unknown fields of the page do not get into the file, nor another sign's name

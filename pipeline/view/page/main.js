@@ -6,7 +6,7 @@ import { listenToKeys } from "./keys.js";
 import { SignMap } from "./map.js";
 import { Player } from "./player.js";
 import { Review } from "./review.js";
-import { applyFilter, css, parse, place } from "./signs.js";
+import { applyFilter, css, parse, place, words } from "./signs.js";
 
 const byId = (id) => document.getElementById(id);
 const SIGMA = [0, 1, 2, 3, 4].map((k) => css(`--s${k}`));
@@ -36,7 +36,7 @@ async function start() {
     byId("report").href = api.address("out/report.html");
     byId("report").hidden = false;
   }
-  for (const name of overview.classes_known) byId("class-names").append(new Option("", name));
+  for (const name of overview.classes_known) byId("class-names").append(new Option(words(name), name));
 
   app.select = select;
   app.refilter = refilter;
