@@ -10,6 +10,7 @@ LATENCY_STATE = "gnss_latency_s"
 SKEW_STATE = "imu_clock_skew_skew"
 VEL_LAG_STATE = "gnss_velocity_lag_tau"
 COURSE_STATE = "gnss_course_latency_s"
+COURSE_DISTANCE_STATE = "gnss_course_distance_m"
 WHEELS_STATE = "odometer_time_offset_s"
 
 

@@ -7,7 +7,7 @@ fixes, so models with other delays are compared at the same nodes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from automap.earth import gravity, metres_per_radian
 from automap.effects.limits import COURSE_SPEED
 from automap.effects.measured_kernels import course_changes
 from automap.fusion.delay_states import (
+    COURSE_DISTANCE_STATE,
     COURSE_STATE,
     LATENCY_STATE,
     SKEW_STATE,
@@ -29,6 +30,8 @@ from automap.gap.motion import Motion, at_times, lagged
 from automap.records import FloatArray
 
 LEAST_S = 5e-4
+STREET_SPEED = 10.0
+"""At which a distance is so many seconds, m/s."""
 CHANGE = 5e-4
 """Ages that moved by less, in s or as a share, change nothing of the remainder."""
 
@@ -37,13 +40,15 @@ CHANGE = 5e-4
 class Delays:
     """By how much fixes are older than their tags in s: ``all_s`` of them at the start of the
     drive, growing by ``skew`` s/s; velocities by ``velocity_s`` more, and by a low-pass of time
-    constant ``lag_s``, their courses by ``course_s`` more than their sizes."""
+    constant ``lag_s``, their courses by ``course_s`` and by the time for ``course_m`` more than
+    their sizes."""
 
     all_s: float = 0.0
     skew: float = 0.0
     velocity_s: float = 0.0
     lag_s: float = 0.0
     course_s: float = 0.0
+    course_m: float = 0.0
 
     def close_to(self, other: Delays, length_s: float) -> bool:
         """Whether two differ by no more than matters over a drive of ``length_s``."""
@@ -53,14 +58,14 @@ class Delays:
         )
 
     def _in_s(self, length_s: float) -> tuple[float, ...]:
-        return self.all_s, self.skew * length_s, self.velocity_s, self.lag_s, self.course_s
+        ages = self.all_s, self.skew * length_s, self.velocity_s, self.lag_s, self.course_s
+        return *ages, self.course_m / STREET_SPEED
 
 
-def has_delays(where: Mapping[str, Mapping[str, tuple[str, float]]]) -> bool:
-    """Whether a model, ``where`` its effects' states, has ages of the fixes at all."""
-    states = {state for places in where.values() for state, _ in places.values()}
-    ages = {LATENCY_STATE, SKEW_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE, COURSE_STATE}
-    return bool(states & ages)
+def has_delays(effects: Collection[str]) -> bool:
+    """Whether a model that estimates these effects has ages of the fixes at all."""
+    ages = (LATENCY_STATE, SKEW_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE, COURSE_STATE)
+    return any(age.rpartition("_")[0] in effects for age in (*ages, COURSE_DISTANCE_STATE))
 
 
 def delays_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) -> Delays:
@@ -73,7 +78,8 @@ def delays_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) 
         lag, age = 0.0, age + lag
     course = found.get(COURSE_STATE, 0.0)
     late, skew = found.get(LATENCY_STATE, 0.0), -found.get(SKEW_STATE, 0.0)
-    return Delays(late, skew, age, max(lag, 0.0), course)
+    behind = found.get(COURSE_DISTANCE_STATE, 0.0)
+    return Delays(late, skew, age, max(lag, 0.0), course, behind)
 
 
 def without_higher_orders(fixes: FixModel, last: Pass, motion: Motion, delays: Delays) -> FixModel:
@@ -103,11 +109,15 @@ def without_higher_orders(fixes: FixModel, last: Pass, motion: Motion, delays: D
     old = (late + delays.velocity_s + delays.lag_s)[:, None]
     acc = at_times(motion, _steady(last, motion) + inward, t)
     first_order = vel - old * acc
-    if delays.course_s != 0.0:
-        seen = _turned(seen, at_times(motion, passed, told - delays.course_s))
+    if delays.course_s != 0.0 or delays.course_m != 0.0:
+        speed = np.maximum(np.hypot(seen[:, 0], seen[:, 1]), COURSE_SPEED)
+        behind = delays.course_s + delays.course_m / speed
+        seen = _turned(seen, at_times(motion, passed, told - behind))
         turns = np.zeros_like(vel)
         course_changes(vel, acc, turns)
+        place = np.cross(rate, np.array([delays.course_m, 0.0, 0.0]))
         first_order -= delays.course_s * turns
+        first_order -= at_times(motion, np.einsum("nij,nj->ni", motion.dcm, place), t)
     values[:, 3:6] -= seen - first_order
     return replace(fixes, values=values)
 

@@ -71,7 +71,7 @@ def fit_drive(
         start = found.start
     else:
         last, start = linearised_at.last, linearised_at.start
-        if linearised_at.delays != delays and has_delays(where):
+        if linearised_at.delays != delays and has_delays(session.options.effects):
             delays = linearised_at.delays
         last, start = _repeat_passes(session, last, start, delays)
     for _ in range(DELAY_ROUNDS):

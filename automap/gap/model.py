@@ -17,13 +17,15 @@ from automap.gap.drive import OpenDrive
 
 Values = Mapping[str, Mapping[str, float]]
 
+ALWAYS = ("gnss_course_distance", "vehicle_pitch")
+"""What every receiver and every vehicle has, whatever else is asked: courses that lag at low speed,
+and springs."""
 BASE_NUISANCES = (
     "accel_bias",
     "gyro_bias",
     "gnss_correlated_noise",
     "gnss_multipath",
-    "gnss_course_distance",
-    "vehicle_pitch",
+    *ALWAYS,
 )
 """What the base model estimates on every drive anew: every receiver's positions err for minutes
 and for seconds."""
@@ -49,7 +51,7 @@ class GapModel:
 def base_model(options: FusionOptions | None = None) -> GapModel:
     """The model that is taken where nobody gives another: biases, their drift, a receiver whose
     error wanders, the vehicle constraint at the IMU, noise as ``options`` say."""
-    options = vehicle_options(options or base_options(FusionOptions()))
+    options = usual_options(options or base_options(FusionOptions()))
     values = {e: dict(v) for e, v in options.fixed.items() if e != "gnss_lever_arm"}
     factors = dict.fromkeys(ALL_LEVELS, 1.0) | dict(options.factors)
     options = plain_options(options)
@@ -62,11 +64,11 @@ def base_options(options: FusionOptions, stated: Collection[str] = ()) -> Fusion
     return options if "effects" in stated else replace(options, effects=BASE_NUISANCES)
 
 
-def vehicle_options(options: FusionOptions) -> FusionOptions:
-    """The options with the vehicle's springs among the nuisances: every vehicle has them."""
-    if "vehicle_pitch" in options.effects or "vehicle_pitch" in options.fixed:
-        return options
-    return replace(options, effects=(*options.effects, "vehicle_pitch"))
+def usual_options(options: FusionOptions) -> FusionOptions:
+    """The options with what every vehicle and every receiver has among the nuisances: springs, and
+    courses that lag at low speed."""
+    more = [e for e in ALWAYS if e not in options.effects and e not in options.fixed]
+    return replace(options, effects=(*options.effects, *more))
 
 
 def plain_options(options: FusionOptions) -> FusionOptions:

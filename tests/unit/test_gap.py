@@ -11,14 +11,12 @@ import pytest
 
 from automap.effects import CATALOGUE
 from automap.errors import InputError
-from automap.fusion.options import FusionOptions
 from automap.gap import GapDrive, base_model, find_gaps
 from automap.gap.advice import advice
 from automap.gap.candidates import library
 from automap.gap.columns import effect_columns, node_motion, sensitivities
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive, motion_of
-from automap.gap.model import BASE_NUISANCES
 from automap.gap.selection import Chosen
 from automap.gap.whitening import fit_whitener, white_rows
 from automap.simulation.scenario import Gnss, Imu, Leg, Route, Scenario, Start, Stop, Vehicle
@@ -71,9 +69,10 @@ def simulated(errors: dict[str, Any], seed: int = 3, noise: float = 1.0) -> GapD
 
 @pytest.fixture(scope="module")
 def plain() -> Fit:
-    # a late course would take up the first order of a delay, and leave the second
-    kept = [e for e in BASE_NUISANCES if e != "gnss_course_distance"]
-    model = base_model(replace(FusionOptions(), effects=tuple(kept)))
+    model = base_model()
+    # beside it little of a delay or an arm is left, and that not linear
+    kept = tuple(e for e in model.options.effects if e != "gnss_course_distance")
+    model = replace(model, options=replace(model.options, effects=kept))
     return fit_drive(open_drive(simulated({}), model.options), model)
 
 

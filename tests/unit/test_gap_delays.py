@@ -163,6 +163,33 @@ def test_late_courses_less_the_remainder_are_late_to_first_order(plain: Fit) -> 
     np.testing.assert_allclose(rest.values[:, :3], values[:, :3], rtol=1e-12)
 
 
+def test_courses_of_a_place_behind_less_the_remainder_are_those_of_an_arm(plain: Fit) -> None:
+    behind = 2.0
+    motion = motion_of(plain.last)
+    arm = np.array([plain.last.totals()[f"gnss_lever_arm_{a}"] for a in "xyz"])
+    antenna, _ = moving_antenna(motion, arm)
+    fixes = plain.opened.session.fixes
+    t = plain.last.shift.position_times(fixes.t)
+    vel = at_times(motion, antenna, t)
+    speed = np.hypot(vel[:, 0], vel[:, 1])
+    before = at_times(motion, antenna, t - behind / np.maximum(speed, 1.0))
+    moving = (np.minimum(speed, np.hypot(before[:, 0], before[:, 1])) > 4.0) & (t > 2.0)
+    moving &= t < motion.t[-1] - 1.0
+    values = fixes.values.copy()
+    values[:, 3:6] = turned_back(vel, before)
+    rest = without_higher_orders(
+        replace(fixes, values=values), plain.last, motion, Delays(course_m=behind)
+    )
+    # a point so far behind the antenna swings by the turn rate times the distance
+    rate = steady_rate(motion.t, motion.rate)
+    swing = np.cross(rate, np.array([-behind, 0.0, 0.0]))
+    expected = vel + at_times(motion, np.einsum("nij,nj->ni", motion.dcm, swing), t)
+    off = [np.abs(v[:, 3:6] - expected)[moving].max() for v in (values, rest.values)]
+    assert moving.sum() > 100
+    assert off[0] > 0.1
+    assert off[1] < 1e-6
+
+
 def test_a_course_at_a_crawl_is_not_turned() -> None:
     fast, slow = np.array([[10.0, 0.0, 0.3]]), np.array([[0.05, 0.0, 0.3]])
     before = np.array([[0.0, 3.0, 0.0]])
@@ -172,10 +199,10 @@ def test_a_course_at_a_crawl_is_not_turned() -> None:
     np.testing.assert_array_equal(_turned(fast, np.zeros((1, 3))), fast)
 
 
-@pytest.mark.parametrize("field", ["all_s", "skew", "velocity_s", "course_s"])
+@pytest.mark.parametrize("field", ["all_s", "skew", "velocity_s", "course_s", "course_m"])
 def test_delays_are_close_where_no_age_moved(field: str) -> None:
-    here = Delays(0.1, 1e-4, 0.05, 0.02, 0.2)
-    size = 100.0 if field != "skew" else 1.0
+    here = Delays(0.1, 1e-4, 0.05, 0.02, 0.2, 1.0)
+    size = {"skew": 1.0, "course_m": 1000.0}.get(field, 100.0)
     for change, close in ((1e-6, True), (1e-4, False)):
         there = replace(here, **{field: getattr(here, field) + size * change})
         assert here.close_to(there, 100.0) is close
