@@ -164,7 +164,7 @@ def test_late_courses_less_the_remainder_are_late_to_first_order(plain: Fit) -> 
 
 
 def test_courses_of_a_place_behind_less_the_remainder_are_those_of_an_arm(plain: Fit) -> None:
-    behind = 2.0
+    behind = 4.0
     motion = motion_of(plain.last)
     arm = np.array([plain.last.totals()[f"gnss_lever_arm_{a}"] for a in "xyz"])
     antenna, _ = moving_antenna(motion, arm)
