@@ -78,7 +78,8 @@ def delays_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) 
         lag, age = 0.0, age + lag
     course = found.get(COURSE_STATE, 0.0)
     late, skew = found.get(LATENCY_STATE, 0.0), -found.get(SKEW_STATE, 0.0)
-    behind = found.get(COURSE_DISTANCE_STATE, 0.0)
+    # negative ones are none, but what a first order takes up for something else
+    behind = max(found.get(COURSE_DISTANCE_STATE, 0.0), 0.0)
     return Delays(late, skew, age, max(lag, 0.0), course, behind)
 
 
