@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from automap.errors import InputError
+from automap.fusion.delay_states import COURSE_DISTANCE_STATE
 from automap.fusion.options import FusionOptions
 from automap.gap import limits
 from automap.gap.camera_search import CameraGap
@@ -20,7 +21,7 @@ from automap.gap.heldout import channel_gaps, epochs, fit_held_out, remaining_ga
 from automap.gap.identifiability import Identifiability, identifiability
 from automap.gap.locate import places, worst_by_channel
 from automap.gap.misfit import misfits
-from automap.gap.model import GapModel, base_model
+from automap.gap.model import GapModel, base_model, without_course_distance
 from automap.gap.naming import describe, strongest_refused, verdict
 from automap.gap.result import Finding, GapResult, KeptOut
 from automap.gap.scoring import whitener_of
@@ -59,6 +60,9 @@ def find_gaps(
     kept = [open_drive(d, model.options) for d in held]
     forget_formulas(())
     base = open_fits(opened, model, log)
+    if sum(fit.last.totals().get(COURSE_DISTANCE_STATE, 0.0) for fit in base.fits) < 0.0:
+        # no course is that of a place ahead: the antenna is
+        base = open_fits(opened, without_course_distance(model), log)
     found = Search(base, kept, model.factors, exclude, log).run()
     log("measuring the gap on held-out data")
     forget_formulas(found.fitted.estimate)

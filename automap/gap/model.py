@@ -71,6 +71,12 @@ def usual_options(options: FusionOptions) -> FusionOptions:
     return replace(options, effects=(*options.effects, *more))
 
 
+def without_course_distance(model: GapModel) -> GapModel:
+    """A model in which no course lags with the distance."""
+    effects = tuple(e for e in model.options.effects if e != "gnss_course_distance")
+    return replace(model, options=replace(model.options, effects=effects))
+
+
 def plain_options(options: FusionOptions) -> FusionOptions:
     """The options for passes whose noise is given, not adapted."""
     return replace(options, adapt=False, tune=False, fixed={}, retime=False)

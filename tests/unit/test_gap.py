@@ -17,6 +17,7 @@ from automap.gap.candidates import library
 from automap.gap.columns import effect_columns, node_motion, sensitivities
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive, motion_of
+from automap.gap.model import without_course_distance
 from automap.gap.selection import Chosen
 from automap.gap.whitening import fit_whitener, white_rows
 from automap.simulation.scenario import Gnss, Imu, Leg, Route, Scenario, Start, Stop, Vehicle
@@ -71,8 +72,7 @@ def simulated(errors: dict[str, Any], seed: int = 3, noise: float = 1.0) -> GapD
 def plain() -> Fit:
     model = base_model()
     # beside it little of a delay or an arm is left, and that not linear
-    kept = tuple(e for e in model.options.effects if e != "gnss_course_distance")
-    model = replace(model, options=replace(model.options, effects=kept))
+    model = without_course_distance(model)
     return fit_drive(open_drive(simulated({}), model.options), model)
 
 
