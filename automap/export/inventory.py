@@ -48,7 +48,6 @@ class ComparedSign:
     lat_deg: float
     listed_lon_deg: float
     listed_lat_deg: float
-    listed_version: str = ""
 
     @property
     def place(self) -> tuple[float, float]:
@@ -130,41 +129,27 @@ def _cell(name: str, value: Any) -> str:
 
 
 def osm_change(rows: Sequence[ComparedSign], country: str | None) -> str:
-    """An osmChange file to be looked through in JOSM, each object with a ``fixme``.
+    """An osmChange file to be looked through in JOSM: new signs, each with a ``fixme``.
 
-    New signs are created. Signs that moved or are of another class are modified where the
-    inventory is OpenStreetMap's own (ids of nodes, with versions), and never deleted: that a
-    sign is gone is for a person to see.
+    What OpenStreetMap has already is left alone: a change there states all tags of an object, and
+    an inventory holds but some of them. Those are among the tasks for people.
     """
-    created: list[str] = []
-    modified: list[str] = []
-    for row in rows:
-        if row.kind == "new":
-            created.append(_node(row, str(-len(created) - 1), "0", country))
-        elif row.kind in ("moved", "class", "missing") and _osm_node(row):
-            modified.append(_node(row, _osm_node(row), row.listed_version, country))
+    nodes = [
+        _node(row, -number, country)
+        for number, row in enumerate((r for r in rows if r.kind == "new"), start=1)
+    ]
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         f'<osmChange version="0.6" generator="AutoMap {__version__}">',
     ]
-    for name, nodes in (("create", created), ("modify", modified)):
-        if nodes:
-            lines += [f"  <{name}>", *nodes, f"  </{name}>"]
+    if nodes:
+        lines += ["  <create>", *nodes, "  </create>"]
     return "\n".join([*lines, "</osmChange>"]) + "\n"
 
 
-def _osm_node(row: ComparedSign) -> str:
-    """The number of the node in OpenStreetMap that a row is; "" where it is none."""
-    number = row.listed_id.removeprefix("node/").removeprefix("n")
-    return number if number.isdigit() and row.listed_version.isdigit() else ""
-
-
-def _node(row: ComparedSign, number: str, version: str, country: str | None) -> str:
+def _node(row: ComparedSign, number: int, country: str | None) -> str:
     lon, lat = row.place
-    class_name = row.class_name or row.listed_class
-    tags = traffic_sign_tags(class_name, country)
-    if row.kind == "missing" and row.listed_code:
-        tags = {"traffic_sign": row.listed_code}
+    tags = traffic_sign_tags(row.class_name, country)
     if np.isfinite(row.facing_deg):
         tags["direction"] = str(round(row.facing_deg) % 360)
     tags |= {"source": "AutoMap", "fixme": f"check: {row.sentence}"}
@@ -173,8 +158,7 @@ def _node(row: ComparedSign, number: str, version: str, country: str | None) -> 
         for key, value in tags.items()
     )
     return (
-        f'    <node id="{number}" version="{version}" lat="{lat:.7f}" lon="{lon:.7f}">\n'
-        f"{cells}    </node>"
+        f'    <node id="{number}" version="0" lat="{lat:.7f}" lon="{lon:.7f}">\n{cells}    </node>'
     )
 
 

@@ -36,7 +36,6 @@ ROLES = {
     "facing": ("facing", "facingdeg", "direction", "bearing", "azimuth", "richtung", "heading"),
     "sd": ("sd", "sdm", "accuracy", "accuracym", "sigma", "genauigkeit", "precision"),
     "value": ("speed", "speedlimit", "limit", "maxspeed", "wert", "text", "aufschrift"),
-    "version": ("version", "osmversion"),
 }
 """What is read of a list, and names that such columns have, without marks and in lower case."""
 
@@ -50,7 +49,7 @@ _COMPASS = {name: 22.5 * k for k, name in enumerate(_POINTS)}
 @dataclass(frozen=True)
 class InventoryFile:
     """Listed signs [n] as they are told: ``ids``, ``codes`` ("" none), positions in rad (NaN for
-    none), ``facing_rad`` and ``sd_m`` (NaN unknown), OSM's ``version`` ("" none); the names of the
+    none), ``facing_rad`` and ``sd_m`` (NaN unknown); the names of the
     columns by role; sentences about what is doubtful."""
 
     ids: list[str]
@@ -59,7 +58,6 @@ class InventoryFile:
     lon_rad: FloatArray
     facing_rad: FloatArray
     sd_m: FloatArray
-    version: list[str]
     columns: dict[str, str]
     warnings: list[str] = field(default_factory=list)
 
@@ -125,7 +123,6 @@ def read_inventory(
         np.radians(lon),
         np.radians(_directions(column("facing"))),
         np.where(sd > 0.0, sd, np.nan),
-        column("version"),
         columns,
         warnings,
     )

@@ -156,7 +156,7 @@ def test_clock_falls_back_on_the_trajectory(out: Path) -> None:
 
 def test_nothing_that_leaves_says_where_this_computer_keeps_its_files(out: Path) -> None:
     record = json.loads((out / names.RUN).read_text(encoding="utf-8"))
-    home = "/home/somebody/drives/monday"
+    home = "/media/somebody/monday"
     record["inputs"] = {"imu.csv": "a" * 64, f"{home}/detector.onnx": "b" * 64}
     record["drive"] = {"name": "monday", "path": home}
     record["command"] = f"automap run {home} -o {home}/_automap"

@@ -19,7 +19,7 @@ from merge_scene import CLASSES, Errors, Town, drive_through, street, to_geodeti
 from pyogrio.raw import write
 from pyproj import Transformer
 
-from automap.export.inventory import ComparedSign, osm_change
+from automap.export.inventory import ComparedSign, maproulette_tasks, osm_change
 from automap.mapping.inventory import Inventory, InventoryComparison, compare_inventory
 from automap.mapping.sightings import DriveSigns
 from automap.records import Sign
@@ -315,13 +315,20 @@ def test_a_broken_inventory_is_told_in_a_sentence(
     assert (tmp_path / "out").exists() == (code == 0)
 
 
-def test_signs_of_openstreetmap_are_modified_and_never_deleted() -> None:
-    row = ComparedSign(
+def test_what_openstreetmap_has_is_left_to_people() -> None:
+    # a modified object loses each tag that a change does not state, and a list has but some
+    moved = ComparedSign(
         "moved", 0.9, "s1", "node/42", "regulatory--stop--g1", "regulatory--stop--g1", "DE:206",
-        8.0, 8.0, 0.0, 0.5, 90.0, 7.1, 50.7, 7.0, 50.7, "3",
+        8.0, 8.0, 0.0, 0.5, 90.0, 7.1, 50.7, 7.0, 50.7,
     )  # fmt: skip
-    text = osm_change([row, replace(row, kind="missing", class_name="", lon_deg=np.nan)], "DE")
-    root = ElementTree.fromstring(text)
-    assert [node.attrib["id"] for node in root.findall("modify/node")] == ["42", "42"]
-    assert not root.findall("delete")
-    assert root.find("modify/node").attrib["version"] == "3"  # type: ignore[union-attr]
+    gone = replace(moved, kind="missing", class_name="", lon_deg=np.nan)
+    new = replace(moved, kind="new", listed_id="", listed_class="", listed_code="")
+    root = ElementTree.fromstring(osm_change([moved, new, gone, new], "DE"))
+    assert [child.tag for child in root] == ["create"]
+    assert [node.attrib["id"] for node in root.findall("create/node")] == ["-1", "-2"]
+    tags = {t.attrib["k"]: t.attrib["v"] for t in root.findall("create/node[1]/tag")}
+    assert tags["traffic_sign"] == "DE:206"
+    assert "fixme" in tags
+    tasks = maproulette_tasks([moved, gone, new]).strip("\n").split("\n")
+    kinds = [json.loads(task[1:])["features"][0]["properties"]["kind"] for task in tasks]
+    assert kinds == ["moved", "missing", "new"]
