@@ -24,6 +24,7 @@ from automap.io.manifest import (
 )
 from automap.io.receiver_file import find_receiver
 from automap.io.sensor_file import find_sensor
+from automap.io.trust import check_inside
 from automap.io.video import VideoInput, image_size
 from automap.records import Camera, FloatArray, usual_matrix
 
@@ -173,6 +174,7 @@ def _load(folder: Path) -> Drive:
         raise InputError(f"{folder}: there is no such drive folder; check the path.")
     if not folder.is_dir():
         raise InputError(f"{folder} is a file; give the drive folder that holds {names.MANIFEST}.")
+    check_inside(folder / names.MANIFEST, folder, str(folder))
     manifest = read_manifest(folder / names.MANIFEST)
     _check_presets(folder, manifest)
     finder = _Finder(folder)
@@ -187,7 +189,7 @@ def _load(folder: Path) -> Drive:
         odometer_file=finder.find(manifest.odometer.file, "odometer.file", (_ODOMETER_FILE,)),
         trajectory_file=finder.find(None, "", names.FINISHED_TRAJECTORIES),
         bearings_file=finder.find(None, "", (names.BEARINGS,)),
-        truth_dir=folder / names.TRUTH_DIR if (folder / names.TRUTH_DIR).is_dir() else None,
+        truth_dir=_truth(folder),
         videos=_videos(finder, manifest),
         warnings=tuple(finder.warnings),
     )
@@ -199,6 +201,16 @@ def _load(folder: Path) -> Drive:
             "in it."
         )
     return drive
+
+
+def _truth(folder: Path) -> Path | None:
+    """The folder of the truth; ConfigError where a link in it leads out of the drive."""
+    truth = folder / names.TRUTH_DIR
+    if not truth.is_dir():
+        return None
+    for path in (truth, *truth.iterdir()):
+        check_inside(path, folder, str(folder))
+    return truth
 
 
 def _is_file(path: Path) -> bool:
@@ -230,7 +242,8 @@ class _Finder:
     def find(self, named: str | None, key: str, defaults: tuple[str, ...] = ()) -> Path | None:
         if named is None:
             found = (self.folder / name for name in defaults)
-            return next((path for path in found if path.is_file()), None)
+            path = next((path for path in found if path.is_file()), None)
+            return None if path is None else self.checked(path)
         path = self._inside(named, key)
         if _is_file(path):
             return path
@@ -258,17 +271,15 @@ class _Finder:
         near = difflib.get_close_matches(path.name[: limits.SHOWN], present, n=1, cutoff=0.6)
         return f"{where}, which is not there" + (f" (is {near[0]} meant?)" if near else "")
 
+    def checked(self, path: Path) -> Path:
+        """A file that bears a usual name; ConfigError where it is a link out of the folder."""
+        check_inside(path, self.folder, str(self.folder))
+        return path
+
     def _inside(self, named: str, key: str) -> Path:
-        given = Path(named)
-        if given.is_absolute():
-            return given
-        # compared as written: a link inside the folder may well lead out of it
-        if ".." in given.parts:
-            raise ConfigError(
-                f"{self.folder / names.MANIFEST}: {key} = {named!r} leads out of the drive "
-                "folder; put the file inside or give its absolute path."
-            )
-        return self.folder / given
+        path = self.folder / named
+        check_inside(path, self.folder, f"{self.folder / names.MANIFEST}: {key}")
+        return path
 
 
 def _check_presets(folder: Path, manifest: Manifest) -> None:
@@ -314,7 +325,8 @@ def _video(finder: _Finder, name: str, section: VideoSection) -> VideoInput:
         found = (finder.find(text, f"{key}.files") for text in section.files)
         chapters = tuple(path for path in found if path is not None)
     else:
-        chapters = _default_chapters(finder.folder / _VIDEO_DIR, name)
+        found_there = _default_chapters(finder.folder / _VIDEO_DIR, name)
+        chapters = tuple(finder.checked(path) for path in found_there)
     frames = finder.find(section.frames, f"{key}.frames", (f"{_VIDEO_DIR}/{name}_frames.csv",))
     detections = finder.find(
         section.detections, f"{key}.detections", (f"{_VIDEO_DIR}/{name}_detections.csv",)

@@ -13,6 +13,7 @@ from automap.earth import STANDARD_GRAVITY
 from automap.errors import ConfigError
 from automap.io.table_units import UNITS
 from automap.io.toml_file import read_toml
+from automap.io.trust import check_inside
 from automap.records import FloatArray
 
 SCHEMA = "automap.sensor/1"
@@ -90,6 +91,7 @@ def find_preset(name: str, drive: Path | None, schema: str, kind: str) -> Path:
     folders = [folder for folder in (drive, sensors_dir()) if folder is not None]
     for folder in folders:
         if (folder / file_name).is_file():
+            check_inside(folder / file_name, folder, f"{folder}: a {kind} file")
             return folder / file_name
     known = preset_names(schema)
     near = difflib.get_close_matches(name.removesuffix(".toml"), known, n=1, cutoff=0.4)

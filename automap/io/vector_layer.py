@@ -6,6 +6,7 @@ GDAL reads what it knows through pyogrio, pyarrow reads Parquet (the wheel's GDA
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,8 @@ from automap.errors import InputError
 
 _TABLES = (".csv", ".tsv", ".txt")
 _PARQUET = (".parquet", ".geoparquet", ".pq")
+_REDIRECTION = re.compile(rb"<OGR\w+DataSource")
+"""Files of GDAL's that are no data but say where any are: other files and the net."""
 _KNOWN = "GeoPackage, GeoJSON, Shapefile, Parquet or CSV"
 
 
@@ -48,9 +51,17 @@ def read_layer(path: Path, layer: str | None = None) -> VectorLayer:
             return _parquet(path)
         if suffix in _TABLES:
             return _csv(path)
+        redirects = path.is_file() and _REDIRECTION.search(_head(path))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}).") from error
+    if redirects:
+        raise InputError(f"{path}: only says where else data are; give a file of {_KNOWN}.")
     return _gdal(path, layer)
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as stream:
+        return stream.read(4096)
 
 
 def _gdal(path: Path, layer: str | None) -> VectorLayer:

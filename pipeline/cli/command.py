@@ -1,18 +1,30 @@
-"""What the subcommands share: the ``--debug`` option and how a failure is shown."""
+"""What the subcommands share: ``--allow-outside``, ``--debug`` and how a failure is shown."""
 
 from __future__ import annotations
 
 import traceback
+from pathlib import Path
 from typing import Any
 
 import click
 
 
 class Command(click.Command):
-    """A subcommand that also takes ``--debug`` after its own name."""
+    """A subcommand that also takes ``--allow-outside`` and ``--debug`` after its own name."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
+        self.params.append(
+            click.Option(
+                ["--allow-outside"],
+                multiple=True,
+                metavar="DIR",
+                type=click.Path(path_type=Path),
+                expose_value=False,
+                callback=_allow,
+                help="Let drives name files, or lead by links, into this folder too; repeatable.",
+            )
+        )
         self.params.append(
             click.Option(
                 ["--debug"],
@@ -21,6 +33,14 @@ class Command(click.Command):
                 help="Show the traceback of an error.",
             )
         )
+
+
+def _allow(context: click.Context, option: click.Parameter, folders: tuple[Path, ...]) -> None:
+    """Allow the folders for as long as the command runs."""
+    if folders:
+        from automap.io.trust import allowing
+
+        context.with_resource(allowing(folders))
 
 
 def show_failure(error: BaseException, debug: bool) -> None:

@@ -39,7 +39,7 @@ class Kind:
     """Whether several sources make one drive; the function then gets a tuple of them."""
 
 
-_LINK = Option("--link", "Link videos and images instead of copying them.", {"is_flag": True})
+_LINK = Option("--link", "Hard-link videos instead of copying them.", {"is_flag": True})
 
 _AXES = Option(
     "--axes",

@@ -19,6 +19,7 @@ from automap.evaluation.trajectory_errors import (
 from automap.io import names
 from automap.io.atomic import write_json
 from automap.io.sign_points import read_sign_points
+from automap.io.trust import check_inside
 from automap.io.truth_trajectory import read_truth_trajectory
 from automap.records import NO_TIME, Fixes, FloatArray, SignPoints, Trajectory
 from pipeline.evaluate.requirements import check_requirements
@@ -44,6 +45,8 @@ def evaluate_run(
     truth = Path(truth_dir) if truth_dir is not None else drive_dir / names.TRUTH_DIR
     trajectory_truth = truth / names.TRUTH_TRAJECTORY
     signs_truth = truth / names.TRUTH_SIGNS
+    for path in (trajectory_truth, signs_truth):
+        check_inside(path, drive_dir if truth_dir is None else truth, str(truth))
     if not trajectory_truth.is_file() and not signs_truth.is_file():
         raise InputError(
             f"{truth}: no truth found ({names.TRUTH_TRAJECTORY} or {names.TRUTH_SIGNS}); "

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -58,11 +60,13 @@ def write_arrival(run: Import, offset: np.ndarray[Any, Any], t_ns: np.ndarray[An
 
 
 def copy_or_link(source: Path, target: Path, link: bool) -> None:
-    """Put a large file into the drive, as a copy or as a link to where it is."""
+    """Put a large file into the drive: a copy, or as ``link`` a second name of the same file, which
+    needs no room and leads nowhere. On another disk a file has no second name and is copied."""
     if link:
-        target.symlink_to(source.resolve())
-    else:
-        shutil.copyfile(source, target)
+        with suppress(OSError):
+            os.link(source.resolve(), target)
+            return
+    shutil.copyfile(source, target)
 
 
 def write_frames(run: Import, t_ns: np.ndarray[Any, Any], camera: str = "front") -> None:

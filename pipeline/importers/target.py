@@ -19,6 +19,7 @@ from automap.io import names
 from automap.io.atomic import make_folder, write_failure, write_json, write_text
 from automap.io.json_text import parse_json
 from automap.io.toml_file import toml_value
+from automap.io.trust import refuse_links_out
 
 MARK = "# Made by automap import"
 LINEAGE = "import.json"
@@ -59,13 +60,15 @@ class Import:
 def new_drive(kind: str, source: Path, out: Path) -> Iterator[Import]:
     """A folder to fill; on success it becomes ``out`` with its lineage, else nothing remains.
 
-    Raises ConfigError when ``out`` holds anything but an earlier import, InputError when
-    ``source`` does not exist, StageError when it cannot be written.
+    Raises ConfigError when ``out`` holds anything but an earlier import or ``source`` has links
+    that lead out of it, InputError when ``source`` does not exist, StageError when it cannot be
+    written.
     """
     source, out = Path(source), Path(out)
     _check_target(out)
     if not source.exists():
         raise InputError(f"{source}: there is no such file or folder; check the path.")
+    refuse_links_out(source)
     make_folder(out.parent)
     try:
         temporary = tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.name}.")

@@ -17,6 +17,7 @@ from automap.io.receiver import sniff
 from automap.io.rosbag import SUFFIXES as BAGS
 from automap.io.table_form import TableKind
 from automap.io.table_guess import TableGuess
+from automap.io.trust import refuse_links_out
 from pipeline.init.archive import GYROSCOPES, TABLES, begins, is_of_sensor_logger, kind_of_archive
 from pipeline.init.reasons import tells_places, why_not
 
@@ -97,10 +98,12 @@ class Found:
 def look(source: Path) -> Found:
     """Look at a folder, its folder ``video`` included, or at one file.
 
-    Raises InputError where there is nothing, or it cannot be read.
+    Raises InputError where there is nothing, or it cannot be read, ConfigError where a link in the
+    folder leads out of it.
     """
     if not source.exists():
         raise InputError(f"{source}: there is no such file or folder; check the path.")
+    refuse_links_out(source)
     found = Found()
     whole = None if source.is_file() else _kind_of_folder(source)
     if whole is not None:

@@ -19,6 +19,7 @@ from automap.io.odometer_csv import read_odometer_csv
 from automap.io.recording import Recording, read_recording
 from automap.io.table_form import TIME_ROLES
 from automap.io.table_units import UNITS
+from automap.io.trust import allowing
 from automap.records import FloatArray
 from automap.timebase import unix_to_gps
 from pipeline.check.axes import SCALE_CODE, WeighedAxes, weigh_axes
@@ -60,7 +61,9 @@ def _read(draft: Draft) -> tuple[Drive, Recording] | None:
         manifest = Path(folder) / names.MANIFEST
         manifest.write_text(draft.manifest("draft", absolute=True), encoding="utf-8")
         try:
-            drive = load_drive(folder)
+            # the draft lies elsewhere, and only files that were looked at are in it
+            with allowing([draft.folder]):
+                drive = load_drive(folder)
             recording = read_recording(drive)
         except AutoMapError:
             return None

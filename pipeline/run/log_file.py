@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from automap.io.atomic import write_failure
+from automap.io.trust import check_inside
 
 
 class _LogFile(logging.FileHandler):
@@ -24,7 +25,11 @@ class _LogFile(logging.FileHandler):
 
 @contextmanager
 def logging_to(path: Path) -> Iterator[None]:
-    """Append what the application and the library log, warnings included, to the file."""
+    """Append what the application and the library log, warnings included, to the file.
+
+    Raises ConfigError where it is a link to a file elsewhere.
+    """
+    check_inside(path, path.parent, str(path.parent))
     try:
         handler = _LogFile(path, encoding="utf-8")
     except OSError as error:

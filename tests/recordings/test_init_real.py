@@ -15,6 +15,12 @@ from pipeline.check.command import check_drive
 from pipeline.cli.root import run_command
 
 
+@pytest.fixture(autouse=True)
+def _links(shared_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Links into the recordings are the user's own here."""
+    monkeypatch.setenv("AUTOMAP_ALLOW_OUTSIDE", str(shared_data))
+
+
 def made(drive: Path) -> dict[str, Any]:
     """What the manifest says of a drive that can be used."""
     report = check_drive(drive)

@@ -107,7 +107,7 @@ def test_a_lesser_file_named_wrongly_is_a_warning(tmp_path: Path) -> None:
         ("[gnss]\nlever_arm_m = [1, 2, nan]", "finite"),
         ("[gnss]\noutput_delay_s = -1", "line 3: gnss.output_delay_s"),
         ('imu = "imu.csv"', "write it as [imu]"),
-        ('[imu]\nfile = "../imu.csv"', "leads out of the drive"),
+        ('[imu]\nfile = "../imu.csv"', "is outside the folder"),
         ('[imu]\naccel_unit = "counts"', "names no sensor"),
         ("[video.front]\ncamera_matrix = [[1, 0, 3], [4, 5, 6], [0, 0, 1]]", "camera_matrix"),
         ("[video.front]\ndistortion = [0, 0, 0]", "4, 5, 8, 12 or 14"),

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automap.io import names
+from automap.io.trust import check_inside
 from pipeline.run.stage import Stage, StageContext
 
 if TYPE_CHECKING:
@@ -78,7 +79,10 @@ def _inputs(drive: Drive) -> list[Path]:
 def _roads_file(drive: Drive, stated: str) -> Path | None:
     """The layer of roads that the settings name, else the drive's own."""
     own = drive.manifest.site.roads
-    return Path(stated) if stated else drive.path / own if own else None
+    if stated or not own:
+        return Path(stated) if stated else None
+    check_inside(drive.path / own, drive.path, f"{drive.manifest_file}: site.roads")
+    return drive.path / own
 
 
 STAGE = Stage(
