@@ -1,63 +1,76 @@
-"""How the kernels of sensor model, fusion and gap finder are compiled."""
+"""How the kernels are compiled, and when what was compiled is still what the sources say."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable
-from contextlib import suppress
+import re
+from functools import cache
 from hashlib import sha256
+from inspect import getfile
 from pathlib import Path
+from typing import Any
 
 from numba import njit
 
-PACKAGE = Path(__file__).resolve().parent
-
-# divisions by zero give infinity instead of a check at every division. Sums stay in the order in
-# which they are written and nothing is fused: what a compiler may choose it chooses anew where it
-# compiles a caller beside its callee or finds that one compiled, and close decisions with it
-kernel = njit(cache=True, error_model="numpy")
-"""Decorator of the numba functions that make up one filter run."""
+ROOT = Path(__file__).resolve().parent.parent
+_IMPORT = re.compile(r"^from (automap[\w.]*) import (\([^)]*\)|.*)|^import (automap[\w.]*)", re.M)
 
 
-STAMP = "kernels.stamp"
-"""Beside the compiled code: a digest of the sources that it was compiled from."""
+def kernel(function: Any = None, **options: Any) -> Any:
+    """Decorator of the numba functions; ``options`` are numba's own.
 
+    Divisions by zero give infinity instead of a check at every division. Sums stay in the order in
+    which they are written and nothing is fused: what a compiler may choose it chooses anew where
+    it compiles a caller beside its callee or finds that one compiled, and close decisions with it.
 
-def drop_stale(folders: Iterable[Path]) -> None:
-    """Remove the index of compiled code beside the sources where any of these has changed.
-
-    Numba compiles a function anew when its own file changes, not when a function or a constant
-    that it takes from another file does. What tells a change is each source's name, size and time,
-    and not that a source is the newer one: an installed package's files have the time of its build.
-    The stamp lies in the first folder.
+    The machine code is kept on disk. Numba compiles a function anew when its own file changes, not
+    when a function or a constant that it takes from another file does; so the digest of all files
+    that the function's module imports, and these import, stands in the stamp that numba compares.
     """
-    folders = list(folders)
-    # where nothing may be written nothing was compiled
-    with suppress(OSError):
-        sources = ((p, p.stat()) for folder in folders for p in sorted(folder.glob("*.py")))
-        known = [(p.parent.name, p.name, about.st_size, about.st_mtime_ns) for p, about in sources]
-        digest = sha256(repr(known).encode()).hexdigest()
-        stamp = folders[0] / "__pycache__" / STAMP
-        if stamp.exists() and stamp.read_text(encoding="ascii") == digest:
-            return
-        for folder in folders:
-            for index in (folder / "__pycache__").glob("*.nbi"):
-                index.unlink(missing_ok=True)
-        stamp.parent.mkdir(exist_ok=True)
-        # whole or not at all, also beside another process that does the same
-        part = stamp.with_name(f"{STAMP}.{os.getpid()}")
-        part.write_text(digest, encoding="ascii")
-        part.replace(stamp)
+    if function is None:
+        return lambda each: kernel(each, **options)
+    compiled = njit(cache=True, error_model="numpy", **options)(function)
+    # there is none where numba is told to leave everything interpreted
+    kept = getattr(compiled, "_cache", None)
+    if kept is not None:
+        file = kept._cache_file
+        file._source_stamp = (file._source_stamp, digest_of_sources(Path(getfile(function))))
+    return compiled
 
 
-KERNEL_FOLDERS = (
-    "",
-    "effects",
-    "fusion",
-    "fusion/kernels",
-    "fusion/measurements",
-    "gap",
-    "geolocation",
-    "mapping",
-)
-drop_stale([PACKAGE / folder for folder in KERNEL_FOLDERS])
+@cache
+def digest_of_sources(path: Path) -> str:
+    """A digest of the content of a source and of all of AutoMap's that it imports."""
+    whole = sha256()
+    for source in sorted(sources_of(path)):
+        whole.update(source.name.encode() + b"\0" + _content(source))
+    return whole.hexdigest()
+
+
+def sources_of(path: Path) -> set[Path]:
+    """The files of a module and of AutoMap's modules that it imports, directly or by others.
+
+    Only imports at the top count: a kernel can have no others.
+    """
+    found: set[Path] = set()
+    waiting = {path}
+    while waiting:
+        source = waiting.pop()
+        found.add(source)
+        waiting |= _imported(source) - found
+    return found
+
+
+@cache
+def _content(path: Path) -> bytes:
+    return path.read_bytes()
+
+
+@cache
+def _imported(path: Path) -> frozenset[Path]:
+    modules: set[str] = set()
+    for module, named, plain in _IMPORT.findall(_content(path).decode("utf-8")):
+        # a name may be a module of a package
+        modules |= {module or plain, *(f"{module}.{name}" for name in re.findall(r"\w+", named))}
+    places = (ROOT.joinpath(*name.split(".")) for name in modules)
+    files = (each for place in places for each in (place.with_suffix(".py"), place / "__init__.py"))
+    return frozenset(file for file in files if file.is_file())

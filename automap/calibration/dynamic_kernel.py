@@ -11,9 +11,9 @@ order the filter of (12) to (28) without the trouble of a quaternion's covarianc
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from automap.fusion.mechanisation import quat_to_dcm, rotate_left, rotate_right
+from automap.jit import kernel
 from automap.records import FloatArray
 
 VEL, PHI, BA, BG, SA, SG, POS = 0, 3, 6, 9, 12, 15, 18
@@ -21,7 +21,7 @@ N_STATES = 21
 N_ERRORS = 12
 
 
-@njit(cache=True)
+@kernel
 def run_filter(
     dt: FloatArray,
     gyro: FloatArray,
@@ -109,7 +109,7 @@ def run_filter(
     return count
 
 
-@njit(cache=True)
+@kernel
 def _propagate(
     v: FloatArray,
     quat: FloatArray,
@@ -132,7 +132,7 @@ def _propagate(
     quat_to_dcm(quat, c)
 
 
-@njit(cache=True)
+@kernel
 def _propagate_covariance(
     P: FloatArray,
     c: FloatArray,
@@ -191,7 +191,7 @@ def _propagate_covariance(
             P[j, i] += FP[i, j]
 
 
-@njit(cache=True)
+@kernel
 def _update(
     state: int,
     y: float,
@@ -227,7 +227,7 @@ def _update(
             P[j, i] = m
 
 
-@njit(cache=True)
+@kernel
 def _identity(T: FloatArray) -> None:
     for i in range(T.shape[0]):
         for j in range(T.shape[1]):
@@ -235,7 +235,7 @@ def _identity(T: FloatArray) -> None:
         T[i, i] = 1.0
 
 
-@njit(cache=True)
+@kernel
 def _propagate_response(T: FloatArray, F: FloatArray, h: float) -> None:
     """T := (1 + F h) T with the ``F`` of _propagate_covariance, position first."""
     row = np.empty(6)
@@ -251,7 +251,7 @@ def _propagate_response(T: FloatArray, F: FloatArray, h: float) -> None:
             T[i, j] += row[i]
 
 
-@njit(cache=True)
+@kernel
 def _update_response(T: FloatArray, P: FloatArray, state: int, s: float, column: int) -> None:
     """T := (1 - K H) T, and what is measured enters by K; ``P`` is that before the update."""
     for j in range(T.shape[1]):
@@ -262,7 +262,7 @@ def _update_response(T: FloatArray, P: FloatArray, state: int, s: float, column:
         T[i, column] += P[i, state] / s
 
 
-@njit(cache=True)
+@kernel
 def _store(k: int, quat: FloatArray, errors: FloatArray, P: FloatArray, out: FloatArray) -> None:
     for i in range(4):
         out[k, i] = quat[i]

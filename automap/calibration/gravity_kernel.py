@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from automap.jit import kernel
 from automap.records import FloatArray
 
 N_SIGNALS = 7
 """Basis signals of an angular rate: 1, reading x y z, specific force x y z."""
 
 
-@njit(cache=True)
+@kernel
 def carry_direction(
     rate: FloatArray,
     signals: FloatArray,
@@ -62,7 +62,7 @@ def carry_direction(
         _add_variation(end, signals[k + 1], 0.5 * h, sensitivity)
 
 
-@njit(cache=True)
+@kernel
 def _transposed_rotation(x: float, y: float, z: float, r: FloatArray) -> None:
     """Write exp(-[(x, y, z) x]) into ``r`` [3, 3]."""
     n2 = x * x + y * y + z * z
@@ -83,7 +83,7 @@ def _transposed_rotation(x: float, y: float, z: float, r: FloatArray) -> None:
     r[2, 1] = c * y * z - s * x
 
 
-@njit(cache=True)
+@kernel
 def _add_variation(u: FloatArray, signal: FloatArray, h: float, sensitivity: FloatArray) -> None:
     """Add u x (e_a signal_j) h to ``sensitivity`` [3, 3, 7]."""
     for j in range(N_SIGNALS):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+from automap import jit
 from automap.records import FloatArray, IntArray
 
 Bytes = npt.NDArray[np.uint8]
@@ -22,7 +22,7 @@ LARGEST = 9.0e15
 
 _ZERO, _MINUS, _POINT, _PLUS, _E = 48, 45, 46, 43, 101
 
-kernel: Any = numba.njit(cache=True, error_model="numpy", nogil=True)
+kernel: Any = jit.kernel(nogil=True)
 
 
 @kernel

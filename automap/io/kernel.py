@@ -43,7 +43,7 @@ class Kernel(Generic[P, R]):
     @cached_property
     def compiled(self) -> Callable[..., R]:
         """The compiled function; its machine code is kept on disk from run to run."""
-        from numba import njit
+        from automap.jit import kernel
 
         function: Any = self.function
         scope = dict(function.__globals__)
@@ -52,7 +52,7 @@ class Kernel(Generic[P, R]):
                 scope[name] = scope[name].compiled
         copy = types.FunctionType(function.__code__, scope, function.__name__)
         copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
-        compiled: Callable[..., R] = njit(cache=True, error_model="numpy")(copy)
+        compiled: Callable[..., R] = kernel(copy)
         return compiled
 
     def run(self, log_bytes: int, *args: Any) -> R:

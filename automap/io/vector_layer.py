@@ -5,6 +5,7 @@ GDAL reads what it knows through pyogrio, pyarrow reads Parquet (the wheel's GDA
 
 from __future__ import annotations
 
+import glob
 import json
 import re
 from collections.abc import Mapping
@@ -57,6 +58,12 @@ def read_layer(path: Path, layer: str | None = None) -> VectorLayer:
     if redirects:
         raise InputError(f"{path}: only says where else data are; give a file of {_KNOWN}.")
     return _gdal(path, layer)
+
+
+def layer_files(path: Path) -> list[Path]:
+    """The files that a layer is in: a Shapefile is several of one name."""
+    parts = path.parent.glob(f"{glob.escape(path.stem)}.*")
+    return sorted({path, *parts}) if path.suffix.lower() == ".shp" else [path]
 
 
 def _head(path: Path) -> bytes:

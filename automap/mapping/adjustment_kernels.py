@@ -9,15 +9,15 @@ of P' Sigma^-1 P, with P picking the drive's signs.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
 _SUMS = {"reassoc", "contract", "nsz", "arcp"}
 """Sums may be taken in any order, so that they run in vector registers."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(nogil=True)
 def covariance_of_drive(
     lo: int,
     hi: int,
@@ -48,7 +48,7 @@ def covariance_of_drive(
     return total
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_SUMS)
+@kernel(nogil=True, fastmath=_SUMS)
 def invert(matrix: FloatArray) -> float:
     """Replace a positive definite matrix [n, n] by its inverse; returns log det of it.
 
@@ -87,7 +87,7 @@ def invert(matrix: FloatArray) -> float:
     return log_det
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(nogil=True)
 def add_drives(
     first: IntArray,
     sign: IntArray,
@@ -131,7 +131,7 @@ def add_drives(
     return total
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(nogil=True)
 def drive_offsets(
     first: IntArray,
     sign: IntArray,

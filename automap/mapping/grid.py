@@ -3,41 +3,41 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
 RADIUS_M = 6371000.0
 """Of a sphere like the Earth: good for cells and for searches near by."""
 
 
-@njit(cache=True)
+@kernel
 def cell_row(lat: float, cell_m: float) -> int:
     """Row of a latitude in rad."""
     return int(np.floor(lat * RADIUS_M / cell_m))
 
 
-@njit(cache=True)
+@kernel
 def cells_around(row: int, cell_m: float) -> int:
     """Number of cells in a row; never narrower than ``cell_m``."""
     edge = max(abs(row), abs(row + 1)) * cell_m / RADIUS_M
     return max(1, int(2.0 * np.pi * RADIUS_M * max(np.cos(edge), 0.0) / cell_m))
 
 
-@njit(cache=True)
+@kernel
 def cell_column(lon: float, around: int) -> int:
     """Column of a longitude in rad in a row of ``around`` cells."""
     turns = (lon + np.pi) / (2.0 * np.pi)
     return min(int((turns - np.floor(turns)) * around), around - 1)
 
 
-@njit(cache=True)
+@kernel
 def bucket(row: int, column: int, mask: int) -> int:
     """Place of a cell in the table of ``mask`` + 1 chains."""
     return ((row * 73856093) ^ (column * 19349663)) & mask
 
 
-@njit(cache=True)
+@kernel
 def insert(
     head: IntArray,
     following: IntArray,
@@ -60,7 +60,7 @@ def insert(
     head[place] = number
 
 
-@njit(cache=True)
+@kernel
 def neighbours(
     head: IntArray,
     following: IntArray,
@@ -95,7 +95,7 @@ def neighbours(
     return count
 
 
-@njit(cache=True)
+@kernel
 def delta(
     lat_a: float, lon_a: float, lat_b: float, lon_b: float, per_lat: float, per_lon: float
 ) -> tuple[float, float]:
@@ -131,7 +131,7 @@ def filled_table(
     return table
 
 
-@njit(cache=True)
+@kernel
 def _fill(
     head: IntArray,
     following: IntArray,

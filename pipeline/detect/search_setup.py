@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -54,7 +55,9 @@ def detector_files(settings: Settings) -> list[Path]:
 
     path = _path(settings.detect.detector)
     try:
-        return [path, path.parent / read_description(path).model]
+        model = path.parent / read_description(path).model
+        # large weights stand in files beside the model
+        return [path, *sorted({model, *model.parent.glob(f"{glob.escape(model.name)}*")})]
     except ConfigError:
         return [path]  # the stage says what is wrong with it
 

@@ -1,57 +1,150 @@
-"""Compiled code is not used when what it was compiled from has changed."""
+"""Compiled code is not used when anything that it was compiled from has changed."""
 
 from __future__ import annotations
 
+import importlib
 import os
+import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import pytest
+from numba.core.dispatcher import Dispatcher
 
-from automap.jit import KERNEL_FOLDERS, PACKAGE, drop_stale
+from automap.jit import ROOT, sources_of
 
-
-def put(path: Path, text: str = "", age_s: float = 0.0) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)
-    then = path.stat().st_mtime - age_s
-    os.utime(path, (then, then))
-    return path
-
-
-@pytest.mark.parametrize("age_s", [0.0, 1e8])
-def test_code_is_dropped_when_any_source_changes(tmp_path: Path, age_s: float) -> None:
-    """Also by a source that is older than the code, as that of an installed package is."""
-    folders = [tmp_path / "a", tmp_path / "b"]
-    put(tmp_path / "a" / "caller.py")
-    put(tmp_path / "b" / "callee.py")
-    drop_stale(folders)
-    code = put(tmp_path / "a" / "__pycache__" / "caller.nbi")
-    drop_stale(folders)
-    assert code.exists()
-    put(tmp_path / "b" / "callee.py", "changed", age_s)
-    drop_stale(folders)
-    assert not code.exists()
-    again = put(code)
-    drop_stale(folders)
-    assert again.exists()
+PACKAGE = ROOT / "automap"
+KERNELS = sorted(
+    path
+    for path in PACKAGE.rglob("*.py")
+    if re.search(r"^\s*from automap(\.jit)? import (kernel|jit)$", path.read_text(), re.MULTILINE)
+)
+"""The modules that have functions of their own compiled."""
 
 
-def test_code_is_dropped_when_a_source_is_gone(tmp_path: Path) -> None:
-    put(tmp_path / "caller.py")
-    moved = put(tmp_path / "callee.py")
-    drop_stale([tmp_path])
-    code = put(tmp_path / "__pycache__" / "caller.nbi")
-    moved.unlink()
-    drop_stale([tmp_path])
-    assert not code.exists()
+def _module(path: Path) -> ModuleType:
+    return importlib.import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
 
 
-def test_folders_without_anything_are_no_error(tmp_path: Path) -> None:
-    drop_stale([tmp_path, tmp_path / "none"])
+def _all_called(function: Any, found: set[Any]) -> set[Any]:
+    """A compiled function and all compiled ones that it calls."""
+    found.add(function)
+    scope = function.py_func.__globals__
+    for name in function.py_func.__code__.co_names:
+        value = scope.get(name)
+        if isinstance(value, Dispatcher) and value not in found:
+            _all_called(value, found)
+    return found
 
 
-def test_every_kernel_is_watched_with_the_modules_that_it_is_compiled_from() -> None:
-    watched = {PACKAGE / folder for folder in KERNEL_FOLDERS}
-    users = [p for p in PACKAGE.rglob("*.py") if "from automap.jit import kernel" in p.read_text()]
-    assert len(users) > 10
-    assert {p.parent for p in users} <= watched
+def test_there_are_kernels_in_every_package_that_had_some() -> None:
+    packages = {path.relative_to(PACKAGE).parts[0] for path in KERNELS}
+    assert {"calibration", "effects", "export", "fusion", "gap", "geolocation"} <= packages
+    assert {"mapping", "io", "robust.py"} <= packages
+
+
+@pytest.mark.parametrize("path", KERNELS, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_what_a_kernel_is_compiled_from_is_watched(path: Path) -> None:
+    """Every compiled function that a module's own ones call, and every module that it has a name
+    from, be it of a constant."""
+    watched = sources_of(path)
+    module = _module(path)
+    own = [
+        value
+        for value in vars(module).values()
+        if isinstance(value, Dispatcher) and value.__module__ == module.__name__
+    ]
+    for function in own:
+        assert {
+            Path(each.py_func.__code__.co_filename) for each in _all_called(function, set())
+        } <= (watched)
+    named = re.findall(r"^from (automap\.[\w.]+) import", path.read_text(), re.MULTILINE)
+    for name in named:
+        place = ROOT.joinpath(*name.split("."))
+        assert place.with_suffix(".py") in watched or place / "__init__.py" in watched
+
+
+def test_the_earth_is_watched_where_it_is_compiled_in() -> None:
+    assert PACKAGE / "earth.py" in sources_of(PACKAGE / "fusion" / "kernels" / "forward.py")
+
+
+def test_nothing_is_compiled_but_by_the_one_decorator() -> None:
+    others = [
+        path
+        for path in (*PACKAGE.rglob("*.py"), *(ROOT / "pipeline").rglob("*.py"))
+        if re.search(r"numba import .*(jit|vectorize|cfunc)|numba\.(n?jit|vectorize)", path.read_text())
+    ]
+    assert others == [PACKAGE / "jit.py"]
+
+
+MAIN = """
+import automap.mapping.caller as caller
+print(caller.answer(1.0), caller.answer.stats.cache_hits[caller.answer.signatures[0]])
+"""
+CALLER = """
+from automap.jit import kernel
+from automap.mapping.helper import (
+    SIZE,
+    doubled,
+)
+
+@kernel
+def answer(x):
+    return doubled(x) + SIZE
+"""
+HELPER = """
+from automap import depth
+from automap.jit import kernel
+SIZE = 10.0
+
+@kernel
+def doubled(x):
+    return 2.0 * x + depth.DEPTH
+"""
+
+
+@pytest.mark.parametrize("elsewhere", [False, True])
+def test_an_edit_of_a_helper_is_run(tmp_path: Path, elsewhere: bool) -> None:
+    """Be it two modules away, of the same length and with the time that the file had before."""
+    package = tmp_path / "automap"
+    (package / "mapping").mkdir(parents=True)
+    for name in ("__init__.py", "jit.py"):
+        shutil.copy(PACKAGE / name, package / name)
+    for name, text in (
+        ("mapping/__init__", ""),
+        ("mapping/caller", CALLER),
+        ("mapping/helper", HELPER),
+        ("depth", "DEPTH = 100.0\n"),
+    ):
+        (package / f"{name}.py").write_text(text)
+    kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")} if elsewhere else {}
+    variables = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    # python's own compiled files go by size and time
+    variables |= kept | {"PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+
+    def run() -> list[str]:
+        command = [sys.executable, "-c", MAIN]
+        done = subprocess.run(
+            command, env=variables, capture_output=True, text=True, check=True, cwd=tmp_path
+        )
+        return done.stdout.split()
+
+    def edit(name: str, old: str, new: str) -> None:
+        path = package / name
+        times = path.stat().st_atime_ns, path.stat().st_mtime_ns
+        path.write_text(path.read_text().replace(old, new))
+        os.utime(path, ns=times)
+
+    assert run() == ["112.0", "0"]
+    assert run() == ["112.0", "1"]
+    edit("mapping/helper.py", "SIZE = 10.0", "SIZE = 20.0")
+    assert run() == ["122.0", "0"]
+    edit("mapping/helper.py", "2.0 * x", "3.0 * x")
+    assert run() == ["123.0", "0"]
+    edit("depth.py", "100.0", "200.0")
+    assert run() == ["223.0", "0"]
+    assert run() == ["223.0", "1"]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from automap.io import names
 from automap.io.trust import check_inside
+from automap.io.vector_layer import layer_files
 from pipeline.run.stage import Stage, StageContext
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def run(context: StageContext) -> None:
 def _inputs(drive: Drive) -> list[Path]:
     roads = _roads_file(drive, "")
     chapters = [path for video in drive.videos.values() for path in video.chapters]
-    return chapters if roads is None else [*chapters, roads]
+    return chapters if roads is None else [*chapters, *layer_files(roads)]
 
 
 def _roads_file(drive: Drive, stated: str) -> Path | None:
@@ -113,6 +114,6 @@ STAGE = Stage(
         names.SIGN_ROADS,
     ),
     settings=("export",),
-    setting_files=lambda settings: [Path(p) for p in [settings.export.roads] if p],
+    setting_files=lambda s: layer_files(Path(s.export.roads)) if s.export.roads else [],
     manifest=("name", "video", "site"),
 )

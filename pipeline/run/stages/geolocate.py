@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from automap.errors import InputError
 from automap.io import names
+from automap.io.trust import check_inside
 from pipeline.run.geolocate_output import report_result, write_nothing, write_observations_of
 from pipeline.run.stage import Stage, StageContext
 
@@ -263,17 +264,23 @@ def _control_signs(drive: Drive) -> ControlSigns | None:
     from automap.geolocation.control import ControlSigns
     from automap.io.sign_points import read_sign_points
 
-    path = drive.path / names.CONTROL_SIGNS
-    if not path.is_file():
+    path = _control_file(drive)
+    if path is None:
         return None
     points = read_sign_points(path)
     return ControlSigns(points.lat_rad, points.lon_rad, points.class_name, points.sd_m)
 
 
+def _control_file(drive: Drive) -> Path | None:
+    path = drive.path / names.CONTROL_SIGNS
+    if not path.is_file():
+        return None
+    check_inside(path, drive.path, str(drive.path))
+    return path
+
+
 def _inputs(drive: Drive) -> list[Path]:
-    control = drive.path / names.CONTROL_SIGNS
-    files = [] if drive.bearings_file is None else [drive.bearings_file]
-    return [*files, control] if control.is_file() else files
+    return [path for path in (drive.bearings_file, _control_file(drive)) if path is not None]
 
 
 STAGE = Stage(
@@ -285,5 +292,6 @@ STAGE = Stage(
     # the adjusted trajectory is written where signs seen again or surveyed ones move the vehicle
     outputs=(names.SIGNS_RAW, names.OBSERVATIONS, names.TRAJECTORY_ADJUSTED),
     settings=("effects", "geolocate"),
+    setting_files=lambda settings: settings.effects.paths(),
     manifest=("name", "video", "vehicle"),
 )
