@@ -206,8 +206,6 @@ def test_a_stage_uses_no_part_of_the_manifest_that_it_does_not_declare(ran: Ran)
         if stage.manifest is not None:
             declared = {*stage.manifest, "model_fields_set"}
             assert ran.used[stage.name].manifest <= declared, stage.name
-                stage.name
-            )
 
 
 def reasons(

@@ -76,7 +76,9 @@ def test_nothing_is_compiled_but_by_the_one_decorator() -> None:
     others = [
         path
         for path in (*PACKAGE.rglob("*.py"), *(ROOT / "pipeline").rglob("*.py"))
-        if re.search(r"numba import .*(jit|vectorize|cfunc)|numba\.(n?jit|vectorize)", path.read_text())
+        if re.search(
+            r"numba import .*(jit|vectorize|cfunc)|numba\.(n?jit|vectorize)", path.read_text()
+        )
     ]
     assert others == [PACKAGE / "jit.py"]
 
