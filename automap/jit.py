@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parent.parent
 _IMPORT = re.compile(r"^from (automap[\w.]*) import (\([^)]*\)|.*)|^import (automap[\w.]*)", re.M)
 
 
-def kernel(function: Any = None, **options: Any) -> Any:
+def _kernel(function: Any = None, **options: Any) -> Any:
     """Decorator of the numba functions; ``options`` are numba's own.
 
     Divisions by zero give infinity instead of a check at every division. Sums stay in the order in
@@ -27,7 +27,7 @@ def kernel(function: Any = None, **options: Any) -> Any:
     that the function's module imports, and these import, stands in the stamp that numba compares.
     """
     if function is None:
-        return lambda each: kernel(each, **options)
+        return lambda each: _kernel(each, **options)
     compiled = njit(cache=True, error_model="numpy", **options)(function)
     # there is none where numba is told to leave everything interpreted
     kept = getattr(compiled, "_cache", None)
@@ -35,6 +35,10 @@ def kernel(function: Any = None, **options: Any) -> Any:
         file = kept._cache_file
         file._source_stamp = (file._source_stamp, digest_of_sources(Path(getfile(function))))
     return compiled
+
+
+kernel: Any = _kernel
+"""The decorator; numba's types say nothing of what it makes."""
 
 
 @cache
