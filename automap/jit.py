@@ -7,7 +7,7 @@ from functools import cache
 from hashlib import sha256
 from inspect import getfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numba import njit
 
@@ -37,8 +37,8 @@ def _kernel(function: Any = None, **options: Any) -> Any:
     return compiled
 
 
-kernel: Any = _kernel
-"""The decorator; numba's types say nothing of what it makes."""
+# for types it is numba's own, which leaves functions as they are written
+kernel = njit if TYPE_CHECKING else _kernel
 
 
 @cache
