@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parent.parent
 _IMPORT = re.compile(r"^from (automap[\w.]*) import (\([^)]*\)|.*)|^import (automap[\w.]*)", re.M)
 
 
-def _kernel(function: Any = None, **options: Any) -> Any:
+def kernel_with(**options: Any) -> Any:
     """Decorator of the numba functions; ``options`` are numba's own.
 
     Divisions by zero give infinity instead of a check at every division. Sums stay in the order in
@@ -26,19 +26,22 @@ def _kernel(function: Any = None, **options: Any) -> Any:
     when a function or a constant that it takes from another file does; so the digest of all files
     that the function's module imports, and these import, stands in the stamp that numba compares.
     """
-    if function is None:
-        return lambda each: _kernel(each, **options)
-    compiled = njit(cache=True, error_model="numpy", **options)(function)
-    # there is none where numba is told to leave everything interpreted
-    kept = getattr(compiled, "_cache", None)
-    if kept is not None:
-        file = kept._cache_file
-        file._source_stamp = (file._source_stamp, digest_of_sources(Path(getfile(function))))
-    return compiled
+
+    def decorated(function: Any) -> Any:
+        compiled = njit(cache=True, error_model="numpy", **options)(function)
+        # there is none where numba is told to leave everything interpreted
+        kept = getattr(compiled, "_cache", None)
+        if kept is not None:
+            file = kept._cache_file
+            file._source_stamp = (file._source_stamp, digest_of_sources(Path(getfile(function))))
+        return compiled
+
+    return decorated
 
 
-# for types it is numba's own, which leaves functions as they are written
-kernel = njit if TYPE_CHECKING else _kernel
+# to a checker it is numba's own, which has the functions' types
+kernel = njit(cache=True, error_model="numpy") if TYPE_CHECKING else kernel_with()
+"""The decorator without options."""
 
 
 @cache

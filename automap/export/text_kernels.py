@@ -9,7 +9,7 @@ import numpy.typing as npt
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from automap import jit
+from automap.jit import kernel_with
 from automap.records import FloatArray, IntArray
 
 Bytes = npt.NDArray[np.uint8]
@@ -22,7 +22,7 @@ LARGEST = 9.0e15
 
 _ZERO, _MINUS, _POINT, _PLUS, _E = 48, 45, 46, 43, 101
 
-kernel: Any = jit.kernel(nogil=True)
+kernel: Any = kernel_with(nogil=True)
 
 
 @kernel

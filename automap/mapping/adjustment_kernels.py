@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.jit import kernel
+from automap.jit import kernel_with
 from automap.records import FloatArray, IntArray
 
 _SUMS = {"reassoc", "contract", "nsz", "arcp"}
 """Sums may be taken in any order, so that they run in vector registers."""
 
 
-@kernel(nogil=True)
+@kernel_with(nogil=True)
 def covariance_of_drive(
     lo: int,
     hi: int,
@@ -48,7 +48,7 @@ def covariance_of_drive(
     return total
 
 
-@kernel(nogil=True, fastmath=_SUMS)
+@kernel_with(nogil=True, fastmath=_SUMS)
 def invert(matrix: FloatArray) -> float:
     """Replace a positive definite matrix [n, n] by its inverse; returns log det of it.
 
@@ -87,7 +87,7 @@ def invert(matrix: FloatArray) -> float:
     return log_det
 
 
-@kernel(nogil=True)
+@kernel_with(nogil=True)
 def add_drives(
     first: IntArray,
     sign: IntArray,
@@ -131,7 +131,7 @@ def add_drives(
     return total
 
 
-@kernel(nogil=True)
+@kernel_with(nogil=True)
 def drive_offsets(
     first: IntArray,
     sign: IntArray,

@@ -21,7 +21,7 @@ PACKAGE = ROOT / "automap"
 KERNELS = sorted(
     path
     for path in PACKAGE.rglob("*.py")
-    if re.search(r"^\s*from automap(\.jit)? import (kernel|jit)$", path.read_text(), re.MULTILINE)
+    if re.search(r"^\s*from automap\.jit import kernel(_with)?$", path.read_text(), re.MULTILINE)
 )
 """The modules that have functions of their own compiled."""
 
