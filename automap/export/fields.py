@@ -37,6 +37,7 @@ SIGN_FIELDS: tuple[Field, ...] = (
     Field("sd_above_road_m", "real", "m", "standard deviation of height_above_road_m", 3),
     Field("height_msl_m", "real", "m", "height above mean sea level, by the receiver's geoid", 2),
     Field("facing_deg", "real", "deg", "direction the face looks, clockwise from north", 1),
+    Field("facing_sd_deg", "real", "deg", "standard deviation of facing_deg", 1),
     Field("size_m", "real", "m", "height of the face", 2),
     Field("side", "text", "", "side of the road in the direction of travel"),
     Field("support", "text", "", "post or gantry, the same for all signs on it"),

@@ -192,6 +192,7 @@ def _sign(feature: dict[str, Any], number: int, to_ns: Callable[[Any], int]) -> 
         height_above_road_m=real("height_above_road_m"),
         sd_above_road_m=real("sd_above_road_m"),
         facing_rad=float(np.radians(real("facing_deg"))),
+        facing_sd_rad=float(np.radians(real("facing_sd_deg"))),
         size_m=real("size_m"),
         side=str(properties.get("side") or ""),
         support=str(properties.get("support") or ""),

@@ -67,7 +67,7 @@ def icon_text(class_name: str) -> str:
 def _drawn(class_name: str, px: int) -> Any:
     import cv2
 
-    from automap.signs.faces import outline_points
+    from automap.signs.outlines import outline_points
 
     name = class_name.lower()
     _, shape, fill, border, ink = next(row for row in _SHAPES if re.search(row[0], name))

@@ -18,7 +18,7 @@ from automap.export.icons import sign_words
 from automap.export.kml_cells import clean_text
 from automap.export.layers import Layer
 from automap.export.osm import LONGEST
-from automap.export.osm_tags import traffic_sign_tags
+from automap.export.osm_tags import direction_tag, traffic_sign_tags
 
 WORK = ("missing", "new", "class", "moved")
 """Kinds that somebody has to look at."""
@@ -44,6 +44,7 @@ class ComparedSign:
     north_m: float
     sd_m: float
     facing_deg: float
+    facing_sd_deg: float
     lon_deg: float
     lat_deg: float
     listed_lon_deg: float
@@ -150,8 +151,7 @@ def osm_change(rows: Sequence[ComparedSign], country: str | None) -> str:
 def _node(row: ComparedSign, number: int, country: str | None) -> str:
     lon, lat = row.place
     tags = traffic_sign_tags(row.class_name, country)
-    if np.isfinite(row.facing_deg):
-        tags["direction"] = str(round(row.facing_deg) % 360)
+    tags |= direction_tag(row.facing_deg, row.facing_sd_deg)
     tags |= {"source": "AutoMap", "fixme": f"check: {row.sentence}"}
     cells = "".join(
         f"      <tag k={quoteattr(key)} v={quoteattr(_plain(value))}/>\n"

@@ -14,7 +14,7 @@ import numpy as np
 from automap import __version__
 from automap.export.icons import sign_words
 from automap.export.kml_cells import clean_text
-from automap.export.osm_tags import traffic_sign_tags
+from automap.export.osm_tags import direction_tag, traffic_sign_tags
 from automap.export.sign_columns import SignColumns
 
 LONGEST = 255
@@ -44,9 +44,7 @@ def sign_tags(columns: SignColumns, row: int, country: str | None = None) -> dic
     """The tags of one sign: what it says, where it looks, its side, and what to check."""
     values = columns.values
     tags = traffic_sign_tags(values["class"][row], country)
-    facing = float(values["facing_deg"][row])
-    if np.isfinite(facing):
-        tags["direction"] = str(round(facing) % 360)
+    tags |= direction_tag(values["facing_deg"][row], values["facing_sd_deg"][row])
     if values["side"][row] in ("left", "right"):
         tags["side"] = values["side"][row]
     last = values["last_seen"][row]

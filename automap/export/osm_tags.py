@@ -7,6 +7,7 @@ A class without a code in the country gets the human-readable value; one without
 
 from __future__ import annotations
 
+import math
 import re
 
 from automap.signs.national import bare_name, class_entry, national_code, shown_value
@@ -19,6 +20,8 @@ _WORDS = {
     "speed-limit": "maxspeed",
 }
 """For detectors that name their classes otherwise."""
+DIRECTION_SD = 11.5
+"""Of ``direction``, deg, at most: 95 % of such are within 22.5 deg, so that N is not NE."""
 
 
 def traffic_sign_tags(class_name: str, country: str | None = None) -> dict[str, str]:
@@ -38,3 +41,10 @@ def traffic_sign_tags(class_name: str, country: str | None = None) -> dict[str, 
         value, unit = shown
         tags["maxspeed"] = f"{value:.0f} mph" if unit == "mph" else f"{value:.0f}"
     return tags
+
+
+def direction_tag(facing_deg: float, sd_deg: float) -> dict[str, str]:
+    """Where the face looks; nothing where that is not known to a cardinal point of eight."""
+    if not (math.isfinite(facing_deg) and sd_deg <= DIRECTION_SD):
+        return {}
+    return {"direction": str(round(float(facing_deg)) % 360)}

@@ -75,6 +75,7 @@ def sign_columns(
         # known only with the receiver's geoid, which whoever reads the run fills in
         "height_msl_m": np.full(len(signs), np.nan),
         "facing_deg": np.mod(np.degrees(real("facing_rad")), 360.0),
+        "facing_sd_deg": np.degrees(real("facing_sd_rad")),
         "size_m": real("size_m"),
         "side": [sign.side for sign in signs],
         "support": [sign.support or None for sign in signs],

@@ -9,6 +9,7 @@ import numpy as np
 
 from automap.earth import from_local_ned, tangent_rotation
 from automap.geolocation import limits
+from automap.geolocation.facing import Facing
 from automap.geolocation.merging import member_rows
 from automap.geolocation.path_relation import Path, relate, side_of_path
 from automap.geolocation.sightings import Sighting
@@ -38,6 +39,7 @@ def assemble_sign(
     sightings: Sequence[Sighting],
     combined: tuple[FloatArray, FloatArray],
     path: Path,
+    facing: Facing,
     number: int,
     rules: AssemblyRules,
 ) -> Sign:
@@ -46,9 +48,9 @@ def assemble_sign(
     ``combined`` their mean position [3] and its covariance [3, 3] in the local frame.
     The height above the road is the height above the path of the IMU at the point nearest in
     plan plus the given height of the IMU above the road; its sigma is that of the best pass, and
-    of the IMU's height. The sign faces the mean direction in
-    plan from it to the cameras. Confidence is the probability that at least one of the boxes
-    is right, a box of score s being right with s / 2, reduced by the uncertainty of the place:
+    of the IMU's height. ``facing`` as ``facing.find_facings`` found it. Confidence is the
+    probability that at least one of the boxes is right, a box of score s being right with s / 2,
+    reduced by the uncertainty of the place:
     (1 - prod(1 - s_i / 2)) / sqrt(1 + (sd / 3 m)^2).
     """
     position, cov_ned = combined
@@ -62,9 +64,8 @@ def assemble_sign(
     seen = views.t_ns[best.landmark.rows]
     lateral, above = relate(path, position, int(seen.min()), int(seen.max()))
     above_road = above + rules.imu_above_road_m
-    facing = np.sum([s.facing for s in sightings], axis=0)
-    facing_north = float(to_ned_here[0, 0] * facing[0] + to_ned_here[0, 1] * facing[1])
-    facing_east = float(to_ned_here[1, 0] * facing[0] + to_ned_here[1, 1] * facing[1])
+    # meridians converge between the local frame's origin and the sign
+    looks = to_ned_here[:2, :2] @ [np.cos(facing.rad), np.sin(facing.rad)]
     size_weights = np.array([1.0 / s.landmark.covariance[3, 3] for s in sightings])
     log_sizes = np.array([s.landmark.parameters[3] for s in sightings])
     size = float(np.exp(np.sum(size_weights * log_sizes) / size_weights.sum()))
@@ -87,7 +88,8 @@ def assemble_sign(
         last_seen_ns=int(views.t_ns[rows].max()),
         height_above_road_m=above_road,
         sd_above_road_m=float(np.hypot(_relative_sd(best), rules.imu_above_road_sd_m)),
-        facing_rad=float(np.arctan2(facing_east, facing_north) % (2.0 * np.pi)),
+        facing_rad=float(np.arctan2(looks[1], looks[0]) % (2.0 * np.pi)),
+        facing_sd_rad=facing.sd_rad,
         size_m=size,
         side=side_of_path(lateral, above_road),
         status=status,

@@ -152,6 +152,7 @@ def _signs(
                 last_seen_ns=NO_TIME,
                 height_above_road_m=float("nan"),
                 facing_rad=float(np.arctan2(towards[1], towards[0]) % (2.0 * np.pi)),
+                facing_sd_rad=limits.FACE_READ_SD,
                 size_m=float("nan"),
                 side="unknown",
                 status=_status(len(rows), cov),

@@ -74,8 +74,9 @@ def margin_scatter(
     return share
 
 
-def scatter(residuals: Sequence[FloatArray]) -> float:
-    """Factor on the one-sigma errors from residuals [n] in sigmas, one array a sign, n >= 2.
+def scatter(residuals: Sequence[FloatArray], absorbed: float = limits.ABSORBED) -> float:
+    """Factor on the one-sigma errors from residuals [n] in sigmas, one array a sign, n >= 2;
+    ``absorbed`` degrees of freedom that the fit of a sign took.
 
     Root mean square without outliers, regarding the degrees of freedom that the fits took,
     times the inflation sqrt((1 + r) / (1 - r)) by the correlation r of neighbouring frames.
@@ -86,7 +87,7 @@ def scatter(residuals: Sequence[FloatArray]) -> float:
     limit = sigmas(limits.STRAY_PROBABILITY) * sd_by_median(joined)
     kept = [np.where(np.abs(values) <= limit, values, 0.0) for values in residuals]
     count = float(np.sum(np.abs(joined) <= limit))
-    freedom = max(count - limits.ABSORBED * len(residuals), 1.0)
+    freedom = max(count - absorbed * len(residuals), 1.0)
     square = float(sum(np.sum(values**2) for values in kept))
     variance = (square + limits.SCATTER_FREEDOM) / (freedom + limits.SCATTER_FREEDOM)
     pairs = float(sum(len(values) - 1 for values in kept))

@@ -215,6 +215,27 @@ wrong."""
 LEAST_CONTROL_SD_M = 0.01
 """Of a surveyed place, whatever it states: a face has no better one."""
 
+# which way faces look
+
+TURNED_SD, FACE_ELSEWHERE = math.radians(10.0), 0.05
+"""Of faces about the direction against the traffic, and the share that is for another road, before
+a drive's own signs tell. Chosen: signs are set up by eye, some turned 3 to 5 deg away so that
+headlights do not dazzle, and posts twist."""
+FACE_ASPECT_SD, PLATE_ASPECT_SD = 0.03, 0.35
+"""Of the logarithm of width over height, from sign to sign: a face of known shape as boxes are
+drawn about it, chosen as a pixel of thirty; a plate, square to twice as wide or tall."""
+FACE_ALIKE = 0.02
+"""Of width over height, what a sign's boxes of about one size err by in common beside their
+margins, before a drive tells. Chosen: a pixel of fifty."""
+FACES_FREEDOM, TURNED_FREEDOM = 4.0, 30.0
+"""How many signs outweigh what is stated above. Chosen as for margins; of turns, which a sign's own
+boxes tell to several degrees only, the signs of half an hour of town."""
+THINNEST = 0.02
+"""A face seen edge on is still as wide as that part of its height: plates have an edge."""
+FACE_READ_SD = math.radians(40.0)
+"""Of a face's normal about where it was looked at from, where nothing else is known: faces are
+read up to some 70 deg off, each as likely."""
+
 # what a sign of the map is called
 
 WEAK_DEPTH_LOG_SD = 0.25

@@ -17,6 +17,7 @@ from automap.geolocation.contradiction import disagreement
 from automap.geolocation.control import ControlSigns
 from automap.geolocation.course_yaw import yaw_by_course
 from automap.geolocation.existence import existence_probabilities
+from automap.geolocation.facing import Faces, find_facings
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
 from automap.geolocation.merging import combine
 from automap.geolocation.observations import (
@@ -43,7 +44,7 @@ class GeolocationResult:
     """Signs in the order of first sight, what became of every detection, what was found out
     about each camera, and sentences for the user; ``trajectory`` as signs seen again and control
     signs adjusted it (None: not at all), ``n_control`` control signs that were used, ``noise``
-    of the boxes as it was taken."""
+    of the boxes as it was taken, ``faces`` what was found of all faces."""
 
     signs: list[Sign]
     observations: Observations
@@ -52,6 +53,7 @@ class GeolocationResult:
     trajectory: Trajectory | None
     n_control: int
     noise: MeasurementNoise
+    faces: Faces
 
 
 def locate_signs(
@@ -146,12 +148,14 @@ def locate_signs(
     if passes.adjustment is not None:
         adjusted = shift_trajectory(trajectory, passes.adjustment, views.origin)
         path = make_path(adjusted, views.origin)
+    joined = [[sightings[k] for k in group] for group in groups]
+    facings, faces = find_facings(views, joined, path)
     signs: list[Sign] = []
     places, own = [], []
-    for number, group in enumerate(groups, start=1):
-        members = [sightings[k] for k in group]
+    for number, (group, members) in enumerate(zip(groups, joined, strict=True), start=1):
         combined = combine(members, adjusted is not None)
-        sign = assemble_sign(views, members, combined, path, number, rules.assembly)
+        facing = facings[number - 1]
+        sign = assemble_sign(views, members, combined, path, facing, number, rules.assembly)
         signs.append(sign)
         places.append(combined[0])
         own.append(min((m.own_cov for m in members), key=lambda c: float(np.trace(c))))
@@ -173,8 +177,9 @@ def locate_signs(
             "stand where the trajectory's own error does not allow them; they were not used."
         )
     return GeolocationResult(
-        signs, observations, corrections, sentences, adjusted, len(passes.controlled), rules.noise
-    )
+        signs, observations, corrections, sentences, adjusted, len(passes.controlled), rules.noise,
+        faces,
+    )  # fmt: skip
 
 
 def _find_landmarks(

@@ -51,15 +51,25 @@ def relate(path: Path, position: FloatArray, first_ns: int, last_ns: int) -> tup
     Both at the point of the path nearest in plan, among those passed while the sign was in
     view or shortly after: other passes of the same street do not count.
     """
+    k = _nearest(path, position, first_ns, last_ns)
+    offset, course = position - path.position[k], path.course[k]
+    lateral = -np.sin(course) * offset[0] + np.cos(course) * offset[1]
+    return float(lateral), float(-offset[2])
+
+
+def course_at(path: Path, position: FloatArray, first_ns: int, last_ns: int) -> tuple[float, float]:
+    """Course of the path, rad, where it passes a ``position`` [3] and where it was seen last."""
+    last = min(int(np.searchsorted(path.t_ns, last_ns)), len(path.t_ns) - 1)
+    at = _nearest(path, position, first_ns, last_ns)
+    return float(path.course[at]), float(path.course[last])
+
+
+def _nearest(path: Path, position: FloatArray, first_ns: int, last_ns: int) -> int:
     start = int(np.searchsorted(path.t_ns, first_ns))
     stop = int(np.searchsorted(path.t_ns, last_ns + int(limits.AFTER_S * 1e9), side="right"))
     start = max(0, min(start, len(path.t_ns) - 1))
-    near = path.position[start : max(stop, start + 1)]
-    offset = position - near
-    k = int(np.argmin(np.hypot(offset[:, 0], offset[:, 1])))
-    course = path.course[start + k]
-    lateral = -np.sin(course) * offset[k, 0] + np.cos(course) * offset[k, 1]
-    return float(lateral), float(-offset[k, 2])
+    offset = position[:2] - path.position[start : max(stop, start + 1), :2]
+    return start + int(np.argmin(np.hypot(offset[:, 0], offset[:, 1])))
 
 
 def side_of_path(lateral_m: float, height_above_road_m: float) -> str:

@@ -51,7 +51,8 @@ class Views:
     (``effects.lens``). ``measured`` [n, 3]: right /
     forward, down / forward of the box centre and the logarithm of the box height over the focal
     length; ``sd`` [n, 3] their one-sigma errors; ``share`` [n] of the image height at which they
-    are. ``pose_sd`` [n, 3] m NED,
+    are; ``log_aspect`` [n] logarithm of the box's width over its height, both as directions and
+    without the camera's margin. ``pose_sd`` [n, 3] m NED,
     ``attitude_sd`` [n, 3] rad (roll, pitch, yaw) and ``velocity_sd`` [n, 3] m/s (forward, right,
     down) of the trajectory, ``speed_sd`` [n] m/s; ``margin_sd`` [n] rad what the height of a
     sign's boxes is off by in common.
@@ -72,6 +73,7 @@ class Views:
     measured: FloatArray
     sd: FloatArray
     share: FloatArray
+    log_aspect: FloatArray
     pose_sd: FloatArray
     attitude_sd: FloatArray
     velocity_sd: FloatArray
@@ -175,7 +177,7 @@ def build_views(
 def _nothing() -> dict[str, np.ndarray]:
     whole, one, three = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3))
     result: dict[str, np.ndarray] = {k: whole for k in ("row", "camera", "t_ns", "track")}
-    result |= {k: one for k in ("score", "speed_sd", "margin_sd", "share")}
+    result |= {k: one for k in ("score", "speed_sd", "margin_sd", "share", "log_aspect")}
     vectors = ("centre", "velocity", "rate", "measured", "sd", "pose_sd", "attitude_sd")
     result |= {k: three for k in (*vectors, "velocity_sd")}
     matrices = {"C_cam_ref": np.zeros((0, 3, 3)), "C_cam_body": np.zeros((0, 3, 3))}
@@ -199,6 +201,12 @@ def _vehicle_velocity_sd(sd_ned: FloatArray) -> FloatArray:
     """One-sigma errors [n, 3] of the velocity along the vehicle's axes, from north, east, down."""
     level = np.sqrt(0.5 * (sd_ned[:, 0] ** 2 + sd_ned[:, 1] ** 2))
     return np.asarray(np.nan_to_num(np.column_stack([level, level, sd_ned[:, 2]])))
+
+
+def _without_margin(extent: FloatArray, margin: float) -> FloatArray:
+    """Widths or heights [n] of boxes without what the camera's boxes leave beyond their signs."""
+    without = np.maximum(extent - margin, limits.LEAST_WITHOUT_MARGIN * extent)
+    return np.where(extent > 0.0, without, extent)
 
 
 def _camera_views(
@@ -231,13 +239,16 @@ def _camera_views(
     centre_ray = normalise(camera, np.column_stack([middle_x, middle_y]))
     top = normalise(camera, np.column_stack([middle_x, box[:, 1]]))
     bottom = normalise(camera, np.column_stack([middle_x, box[:, 3]]))
-    height = bottom[:, 1] - top[:, 1]
-    without = np.maximum(height - margin, limits.LEAST_WITHOUT_MARGIN * height)
-    height = np.where(height > 0.0, without, height)
+    left = normalise(camera, np.column_stack([box[:, 0], middle_y]))
+    right = normalise(camera, np.column_stack([box[:, 2], middle_y]))
+    height = _without_margin(bottom[:, 1] - top[:, 1], margin)
+    width = _without_margin(right[:, 0] - left[:, 0], margin)
     has_ray = np.isfinite(centre_ray).all(axis=1) & (height > 0.0)
     measured = np.column_stack([centre_ray, np.log(np.where(has_ray, height, 1.0))])
 
     plausible = np.where(has_ray, height, 1.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        log_aspect = np.where(width > 0.0, np.log(width / plausible), np.nan)
     variance = box_variances(
         *(camera, box, plausible, noise.pixel_sd, noise.box_fraction, noise.attitude_sd)
     )
@@ -256,6 +267,7 @@ def _camera_views(
         "measured": measured[ok],
         "sd": sd[ok],
         "share": row_share(middle_y, camera.height)[ok],
+        "log_aspect": log_aspect[ok],
         "pose_sd": np.nan_to_num(poses.sd_pos_ned[ok]),
         "attitude_sd": np.nan_to_num(poses.sd_rpy[ok]),
         "margin_sd": np.full(int(ok.sum()), noise.margin_sd_px / focal_length(camera)),

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.jit import kernel
-from automap.mapping.limits import ALTERNATIVES, CHANGED, CLASS_RIGHT, LEAST_CONFIDENCE
+from automap.mapping.limits import ALTERNATIVES, CHANGED, CLASS_RIGHT, FACING_SD, LEAST_CONFIDENCE
 from automap.mapping.sightings import DriveSigns, Sightings
 from automap.records import FloatArray, IntArray
 
@@ -31,6 +31,7 @@ class Attributes:
     height_above_road_m: FloatArray
     sd_above_road_m: FloatArray
     facing_rad: FloatArray
+    facing_sd_rad: FloatArray
     size_m: FloatArray
     side: list[str]
     status: list[str]
@@ -63,8 +64,10 @@ def combine_attributes(
     last = np.asarray(column("last_gps_s"), np.float64)
     facing = sightings.facing
     known = np.isfinite(facing)
-    north = np.bincount(sign, np.where(known, np.cos(np.nan_to_num(facing)), 0.0), m)
-    east = np.bincount(sign, np.where(known, np.sin(np.nan_to_num(facing)), 0.0), m)
+    facing_sd = np.asarray(column("facing_sd_rad"), np.float64)
+    sure = np.where(known, 1.0 / np.nan_to_num(facing_sd, nan=FACING_SD) ** 2, 0.0)
+    north = np.bincount(sign, sure * np.cos(np.nan_to_num(facing)), m)
+    east = np.bincount(sign, sure * np.sin(np.nan_to_num(facing)), m)
     direction = np.where(np.hypot(north, east) > 1e-9, np.arctan2(east, north), np.nan)
     sides, states = column("side"), column("status")
     seen_by = sightings.drive[order]
@@ -88,6 +91,8 @@ def combine_attributes(
             )
         ),
         facing_rad=np.mod(direction, 2.0 * np.pi),
+        # what the road's direction lends all drives have in common
+        facing_sd_rad=np.sqrt(_mean(sign, facing_sd**2, sure, m)),
         size_m=np.exp(_mean(sign, _log(np.asarray(column("size_m"), np.float64)), weight, m)),
         side=[_most(sides[order[a:b]], weight[order[a:b]]) for a, b in _spans(edges)],
         status=[_status(states[order[a:b]], seen_by[a:b]) for a, b in _spans(edges)],

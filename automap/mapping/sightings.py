@@ -53,6 +53,7 @@ class DriveSigns:
     height_above_road_m: FloatArray
     sd_above_road_m: FloatArray
     facing_rad: FloatArray
+    facing_sd_rad: FloatArray
     size_m: FloatArray
     side: npt.NDArray[np.object_]
     status: npt.NDArray[np.object_]

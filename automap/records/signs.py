@@ -17,6 +17,7 @@ ReviewKind = Literal["accept", "reject", "correct", "note", "reset", "undo"]
 class Sign:
     """One located sign. Position WGS-84; covariance [3, 3] in ENU metres, trajectory included.
 
+    ``facing_rad`` clockwise from north, with one sigma ``facing_sd_rad`` (NaN unknown).
     ``support`` names the post or gantry, the same for all signs on it ("" unknown); ``note`` is
     what a reviewer wrote.
     """
@@ -40,6 +41,7 @@ class Sign:
     detection_rows: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     support: str = ""
     sd_above_road_m: float = float("nan")
+    facing_sd_rad: float = float("nan")
     note: str = ""
 
 

@@ -11,7 +11,10 @@ from automap.effects.camera import exposed, true_camera
 from automap.effects.lens import project
 from automap.effects.measured import Values
 from automap.effects.signals import Signals
+from automap.frames import rpy_to_matrix
 from automap.records import Camera, FloatArray, IntArray
+from automap.signs.outlines import outline_points
+from automap.signs.vocabulary import load_vocabulary
 from automap.simulation.scenario import CameraSetup
 from automap.simulation.scene import Scene, SceneSign
 from automap.simulation.trajectory import DriveMotion
@@ -81,9 +84,10 @@ def sign_boxes(
         if len(near) == 0:
             continue
         ray, read = exposed(camera, errors, pose_at, t_s[near], sign.centre, signals)
-        box = plate_box(camera, ray, sign.size_m)
-        box += rng.standard_normal(box.shape) * noise
         place, C_n_b = pose_at(read)
+        C_cam_n = rpy_to_matrix(camera.mount_rpy).T @ np.swapaxes(C_n_b, 1, 2)
+        box = face_box(camera, ray, np.einsum("nij,kj->nki", C_cam_n, face_outline(sign)))
+        box += rng.standard_normal(box.shape) * noise
         towards = _towards(sign, place + C_n_b @ camera.lever_arm_m)
         good = (ray[:, 0] > NEAR_M) & (ray[:, 0] < FAR_M) & (towards > FACING)
         good &= np.hypot(ray[:, 1], ray[:, 2]) < WIDEST * ray[:, 0]
@@ -99,14 +103,20 @@ def sign_boxes(
     return SignBoxes(frame[order], tuple(names[i] for i in order), every[order])
 
 
-def plate_box(camera: Camera, ray: FloatArray, size_m: float) -> FloatArray:
-    """Boxes [n, 4] of a plate at ``ray`` [n, 3] m in camera axes that faces the camera."""
-    ahead = np.column_stack([np.maximum(ray[:, 0], 0.1), ray[:, 1:]])
-    half = 0.5 * size_m * np.eye(3)
-    left, top, right, bottom = (
-        project(camera, ahead + move) for move in (-half[1], -half[2], half[1], half[2])
-    )
-    return np.column_stack([left[:, 0], top[:, 1], right[:, 0], bottom[:, 1]])
+def face_box(camera: Camera, ray: FloatArray, corners: FloatArray) -> FloatArray:
+    """Boxes [n, 4] about a face at ``ray`` [n, 3] m, of ``corners`` [n, k, 3] m about its centre,
+    both in camera axes."""
+    points = ray[:, None] + corners
+    points[..., 0] = np.maximum(points[..., 0], 0.1)
+    pixels = project(camera, points.reshape(-1, 3)).reshape(*points.shape[:2], 2)
+    return np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=1)
+
+
+def face_outline(sign: SceneSign) -> FloatArray:
+    """Corners [k, 3] NED of a sign's face about its centre, m."""
+    shape = outline_points(load_vocabulary().classes[sign.name].outline) - 0.5
+    right = np.array([np.sin(sign.facing_rad), -np.cos(sign.facing_rad), 0.0])
+    return np.asarray(sign.size_m * (shape[:, :1] * right + shape[:, 1:] * [0.0, 0.0, 1.0]))
 
 
 def _towards(sign: SceneSign, place: FloatArray) -> FloatArray:

@@ -8,7 +8,8 @@ import numpy as np
 from automap import earth, frames
 from automap.effects.lens import normalise, project
 from automap.records import FloatArray, Image
-from automap.signs.faces import draw_face, outline_points
+from automap.signs.faces import draw_face
+from automap.signs.outlines import outline_points
 from automap.signs.vocabulary import load_vocabulary
 from automap.simulation.boxes import stated_camera
 from automap.simulation.scenario import CameraSetup

@@ -162,7 +162,7 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
         return []
     blank: Any = np.zeros(0)
     view = DriveSigns(
-        "", math.nan, (), *(blank,) * 4, np.zeros((0, 3, 3)), *(blank,) * 10,
+        "", math.nan, (), *(blank,) * 4, np.zeros((0, 3, 3)), *(blank,) * 11,
         path=read_coverage(folder / COVERAGE), cameras=(COVERAGE_VIEW,),
     )  # fmt: skip
     return [view]
@@ -214,6 +214,7 @@ def _row(
         east_m=finding.east_m,
         north_m=finding.north_m,
         sd_m=finding.sd_m,
+        facing_sd_deg=math.nan if sign is None else math.degrees(sign.facing_sd_rad),
         facing_deg=math.degrees(facing) % 360.0 if math.isfinite(facing) else math.nan,
         lon_deg=math.nan if sign is None else math.degrees(sign.lon_rad),
         lat_deg=math.nan if sign is None else math.degrees(sign.lat_rad),

@@ -52,7 +52,6 @@ def _table_columns(path: Path, clock: ClockModel | None) -> dict[str, Any]:
     table = read_table(path, wanted)
     # runs of earlier versions do not say how well they know it
     unknown = np.full(len(table), np.nan)
-    known = "sd_above_road_m" in table.column_names
     covariance = np.empty((len(table), 3, 3))
     for name, i, j in COVARIANCE_COLUMNS:
         covariance[:, i, j] = covariance[:, j, i] = floats(table, name)
@@ -69,7 +68,9 @@ def _table_columns(path: Path, clock: ClockModel | None) -> dict[str, Any]:
         "last_gps_s": _gps(ints(table, "last_seen_ns"), clock),
         "side": texts("side"),
         "status": texts("status"),
-        "sd_above_road_m": floats(table, "sd_above_road_m") if known else unknown,
+    } | {
+        name: floats(table, name) if name in table.column_names else unknown
+        for name in ("sd_above_road_m", "facing_sd_rad")
     } | {
         name: floats(table, name)
         for name in (
@@ -91,7 +92,7 @@ def _columns(signs: Sequence[Sign], clock: ClockModel | None) -> dict[str, Any]:
 
     numbers = (
         "lat_rad", "lon_rad", "height_m", "confidence", "height_above_road_m", "sd_above_road_m",
-        "facing_rad", "size_m",
+        "facing_rad", "facing_sd_rad", "size_m",
     )  # fmt: skip
     return {
         "ids": tuple(sign.id for sign in signs),

@@ -92,6 +92,17 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
     context.metric("sign_status", {k: sum(s.status == k for s in signs) for k in statuses})
     context.metric("box_scatter_scales", list(result.noise.scales))
     context.metric("box_margin_scatter_px", result.noise.margin_sd_px)
+    context.metric(
+        "faces",
+        {
+            "turned_sd_deg": float(np.degrees(result.faces.turned_sd)),
+            "elsewhere": result.faces.elsewhere,
+            "aspect_sd": result.faces.aspect_sd,
+            "sd_deg": float(np.degrees(np.median([s.facing_sd_rad for s in signs])))
+            if signs
+            else None,
+        },
+    )
     if result.trajectory is not None:
         context.metric("control_signs_used", result.n_control)
         context.metric("trajectory_adjusted", True)

@@ -49,6 +49,8 @@ class SignTable:
     sd_u_m: FloatArray
     confidence: FloatArray
     facing_deg: FloatArray
+    facing_sd_deg: FloatArray
+    sd_above_road_m: FloatArray
     size_m: FloatArray
     height_above_road_m: FloatArray
     n_views: IntArray
@@ -113,7 +115,10 @@ def _from_table(table: pa.Table) -> SignTable:
         lon, lat, height = _points(table)
     with np.errstate(invalid="ignore"):
         sd_u = real("sd_u_m") if "sd_u_m" in have else np.sqrt(real("cov_uu_m2"))
-        facing = real("facing_deg") if "facing_deg" in have else real("facing_rad", degrees)
+    facing, facing_sd = (
+        real(f"{name}_deg") if f"{name}_deg" in have else real(f"{name}_rad", degrees)
+        for name in ("facing", "facing_sd")
+    )
     drive_starts, drive_values = _lists(table, "drives")
     drives, drive_members = _indexed(drive_values)
     rows_starts, rows_values = _lists(table, "detection_rows")
@@ -140,6 +145,8 @@ def _from_table(table: pa.Table) -> SignTable:
         sd_u_m=sd_u,
         confidence=real("confidence"),
         facing_deg=np.mod(facing, 360.0),
+        facing_sd_deg=facing_sd,
+        sd_above_road_m=real("sd_above_road_m"),
         size_m=real("size_m"),
         height_above_road_m=real("height_above_road_m"),
         n_views=whole("n_views", 0),
@@ -216,6 +223,8 @@ def _from_geojson(path: Path) -> SignTable:
         "height_m",
         "confidence",
         "facing_rad",
+        "facing_sd_rad",
+        "sd_above_road_m",
         "size_m",
         "height_above_road_m",
     ):

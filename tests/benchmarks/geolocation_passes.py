@@ -52,6 +52,7 @@ def of_drive(name: str, day: int, world: World, signs: list[Sign]) -> DriveSigns
         first_gps_s=seen("first_seen_ns"),
         last_gps_s=seen("last_seen_ns"),
         height_above_road_m=column("height_above_road_m"),
+        facing_sd_rad=column("facing_sd_rad"),
         sd_above_road_m=column("sd_above_road_m"),
         facing_rad=column("facing_rad"),
         size_m=column("size_m"),

@@ -33,7 +33,12 @@ class Difficulty:
     [3] and ``late_s`` the camera's true turn and offset, ``focal`` its relative focal error.
     ``box_alike`` correlation of the errors of a sign's boxes from frame to frame, ``box_freedom``
     of Student's t that they follow (infinite: normal), ``odd_sizes`` of the signs are 1.5 times
-    larger or smaller than their class.
+    larger or smaller than their class. Faces look against the traffic but for turns of the
+    distribution ``turned`` ("normal", "uniform", "laplace", "some": a tenth by up to 55 deg) of
+    standard deviation ``turned_deg``; ``faces`` names of the classes in place of ``CLASSES``.
+    ``margin_px`` sd of what all boxes of a sign are too wide and too tall by, ``wide`` of the
+    logarithm of width over height from sign to sign; ``box_alike`` and ``box_freedom`` hold for
+    widths too.
     """
 
     position_sd: float = 1.0
@@ -57,14 +62,19 @@ class Difficulty:
     box_alike: float = 0.0
     box_freedom: float = np.inf
     odd_sizes: float = 0.0
+    turned: str = "normal"
+    turned_deg: float = 0.0
+    faces: tuple[str, ...] = CLASSES
+    margin_px: float = 0.0
+    wide: float = 0.0
 
 
 @dataclass(frozen=True)
 class World:
     """A drive: ``trajectory`` as geolocation gets it, ``true`` as it was; ``detections`` with
     the sign each box shows in ``owner`` (-1 clutter); signs ``position`` [m, 3] NED at ORIGIN
-    with ``class_name`` and ``size`` in m; ``camera`` as in the manifest, ``true_camera`` as it
-    is."""
+    with ``class_name``, ``size`` in m and ``facing`` in rad clockwise from north; ``camera`` as in
+    the manifest, ``true_camera`` as it is."""
 
     trajectory: Trajectory
     true: Trajectory
@@ -73,6 +83,7 @@ class World:
     position: FloatArray
     class_name: tuple[str, ...]
     size: FloatArray
+    facing: FloatArray
     camera: Camera
     true_camera: Camera
 
@@ -164,9 +175,22 @@ def make_world(
     )
     position, kind, size, approach = _signs(rng, d, t, place, yaw)
     camera, true_camera = _cameras(d)
-    detections, owner = _boxes(errors, d, true, true_camera, position, kind, size, approach)
-    names = tuple(CLASSES[k] for k in kind)
-    return World(given, true, detections, owner, position, names, size, camera, true_camera)
+    facing = np.arctan2(-approach[:, 1], -approach[:, 0]) + np.radians(_turns(seed, d, len(kind)))
+    detections, owner = _boxes(errors, d, true, true_camera, position, kind, size, facing)
+    names = tuple(d.faces[k] for k in kind)
+    return World(given, true, detections, owner, position, names, size, facing, camera, true_camera)
+
+
+def _turns(seed: int, d: Difficulty, n: int) -> FloatArray:
+    """Degrees [n] by which faces are turned from the direction against the traffic."""
+    rng = np.random.default_rng([seed, 1])  # of its own: the rest is the same however they turn
+    if d.turned == "uniform":
+        return rng.uniform(-1.0, 1.0, n) * np.sqrt(3.0) * d.turned_deg
+    if d.turned == "laplace":
+        return rng.laplace(0.0, d.turned_deg / np.sqrt(2.0), n)
+    turns = d.turned_deg * rng.normal(size=n)
+    some = rng.random(n) < (0.1 if d.turned == "some" else 0.0)
+    return np.where(some, rng.uniform(-55.0, 55.0, n), turns)
 
 
 def _trajectory(
@@ -264,6 +288,36 @@ def _box_errors(
     return np.asarray(error)
 
 
+def _widths(
+    frame: IntArray,
+    sign: IntArray,
+    height: FloatArray,
+    sd: FloatArray,
+    d: Difficulty,
+    C_ref_cam: FloatArray,
+    q: FloatArray,
+    facing: FloatArray,
+) -> FloatArray:
+    """Widths [n] px of the boxes of round faces, from points all round each face.
+
+    ``height`` [n] px of the bare boxes and ``sd`` [n] px of one side; ``C_ref_cam`` [f, 3, 3] and
+    ``q`` [f, m, 3] of all frames and signs; ``facing`` [m].
+    """
+    rng = np.random.default_rng([len(frame), 2])
+    angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    across = np.column_stack([-np.sin(facing), np.cos(facing), np.zeros(len(facing))])[sign]
+    # the face's radius is half its height, which is that of the boxes at the sign's distance
+    radius = 0.5 * height * q[frame, sign, 0] / 1000.0
+    rim = np.cos(angle)[:, None] * across[:, None] - np.sin(angle)[:, None] * [0.0, 0.0, 1.0]
+    rim = np.einsum("nji,nkj->nki", C_ref_cam[frame], rim * radius[:, None, None])
+    rim += q[frame, sign][:, None]
+    flat = rim[..., 1:] / rim[..., :1]
+    extent = flat.max(axis=1) - flat.min(axis=1)
+    error = _box_errors(rng, d, frame, sign)[:, 0] * sd
+    wide = extent[:, 0] / extent[:, 1] * np.exp(d.wide * rng.normal(size=len(facing)))[sign]
+    return np.asarray(wide * height + error)
+
+
 def _boxes(
     rng: np.random.Generator,
     d: Difficulty,
@@ -272,7 +326,7 @@ def _boxes(
     position: FloatArray,
     kind: IntArray,
     size: FloatArray,
-    approach: FloatArray,
+    facing: FloatArray,
     interval_s: float = 0.2,
     range_m: tuple[float, float] = (5.0, 55.0),
 ) -> tuple[Detections, IntArray]:
@@ -284,9 +338,10 @@ def _boxes(
     centre = body + C @ view.lever_arm_m
     towards = position[None] - centre[:, None]
     q = np.einsum("nji,nmj->nmi", C @ rpy_to_matrix(view.mount_rpy), towards)
-    # a sign faces the traffic it is for: only cameras on its approach see its face
+    # only cameras in front of it see a sign's face
     plan = towards[..., :2] / np.maximum(np.linalg.norm(towards[..., :2], axis=2), 0.1)[..., None]
-    faces = np.einsum("nmi,mi->nm", plan, approach) > _FACE_COSINE
+    normal = np.column_stack([np.cos(facing), np.sin(facing)])
+    faces = -np.einsum("nmi,mi->nm", plan, normal) > _FACE_COSINE
     focal, (cx, cy) = view.matrix[0, 0], view.matrix[:2, 2]
     depth = np.where(q[..., 0] > 1.0, q[..., 0], np.nan)
     x, y = focal * q[..., 1] / depth + cx, focal * q[..., 2] / depth + cy
@@ -302,10 +357,13 @@ def _boxes(
     sd = np.hypot(d.box_px, d.box_share * h)
     off = _box_errors(rng, d, frame, sign)
     middle = np.column_stack([x[frame, sign], y[frame, sign]]) + sd[:, None] * off[:, :2]
-    tall = np.maximum(h + sd * off[:, 2], 3.0)
-    names = np.array([CLASSES[k] for k in kind], np.object_)[sign]
+    loose = d.margin_px * np.random.default_rng([n, 3]).normal(size=(len(size), 2))[sign]
+    tall = np.maximum(h + sd * off[:, 2] + loose[:, 1], 3.0)
+    bare = _widths(frame, sign, h, sd, d, C @ rpy_to_matrix(view.mount_rpy), q, facing)
+    wide = np.maximum(bare + loose[:, 0], 2.0)
+    names = np.array([d.faces[k] for k in kind], np.object_)[sign]
     wrong = rng.random(n) < d.wrong_class
-    names[wrong] = rng.choice(CLASSES, wrong.sum())
+    names[wrong] = rng.choice(d.faces, wrong.sum())
     extra = rng.poisson(d.clutter, len(rows))
     clutter_frame = np.repeat(np.arange(len(rows)), extra)
     m = len(clutter_frame)
@@ -315,10 +373,11 @@ def _boxes(
         [middle, rng.uniform([60, 120], [view.width - 60, view.height - 200], (m, 2))]
     )
     tall = np.concatenate([tall, np.exp(rng.uniform(np.log(12), np.log(70), m))])
-    names = np.concatenate([names, rng.choice(CLASSES, m).astype(np.object_)])
+    wide = np.concatenate([wide, tall[n:]])
+    names = np.concatenate([names, rng.choice(d.faces, m).astype(np.object_)])
     score = np.concatenate([rng.uniform(0.6, 1.0, n), rng.uniform(0.3, 0.8, m)])
     order = np.argsort(frame, kind="stable")
-    half = 0.5 * tall[:, None]
+    half = 0.5 * np.column_stack([wide, tall])
     box = np.hstack([middle - half, middle + half])
     stamps = true.t_ns[rows] - round(view.time_offset_s * 1e9)
     return (

@@ -34,6 +34,7 @@ def sign(number: int = 1, **changes: object) -> Sign:
         "last_seen_ns": first + 1_500_000_000,
         "height_above_road_m": 2.2,
         "facing_rad": -0.5,
+        "facing_sd_rad": 0.05,
         "size_m": 0.75,
         "side": "right",
         "status": "ok" if number % 4 else "weak_geometry",

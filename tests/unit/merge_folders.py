@@ -34,6 +34,7 @@ def write_run(folder: Path, drive: DriveSigns, inputs: str = "") -> Path:
                 first_seen_ns=round(drive.first_gps_s[k] * 1e9),
                 last_seen_ns=round(drive.last_gps_s[k] * 1e9),
                 height_above_road_m=drive.height_above_road_m[k],
+                facing_sd_rad=drive.facing_sd_rad[k],
                 sd_above_road_m=drive.sd_above_road_m[k],
                 facing_rad=drive.facing_rad[k],
                 size_m=drive.size_m[k],

@@ -176,6 +176,7 @@ def drive_through(
         first_gps_s=time[last] - 2.0,
         last_gps_s=time[last],
         height_above_road_m=place[:, 2],
+        facing_sd_rad=np.full(n, 0.1),
         sd_above_road_m=np.full(n, 0.1),
         facing_rad=np.mod(facing + errors.facing * rng.standard_normal(n), 2 * np.pi),
         size_m=np.full(n, 0.6),

@@ -21,7 +21,7 @@ from automap.effects.camera import (
 from automap.effects.lens import normalise, project, touches_edge
 from automap.frames import matrix_to_rotation_vector, rotation_vector_to_matrix, rpy_to_matrix
 from automap.records import Camera, FloatArray
-from automap.simulation.boxes import plate_box
+from automap.simulation.boxes import face_box
 
 STATED = camera(
     distortion=np.array([-0.25, 0.08, 0.001, -0.002, 0.01]),
@@ -40,6 +40,8 @@ KNOWN = {
 KEYS = [(e.name, p.name) for e in CATALOGUE.values() if e.family == "camera" for p in e.parameters]
 SIGNS = np.array([[24.0, 5.0, -2.5], [30.0, -6.0, 1.0], [26.0, 1.0, -4.5], [28.0, -9.0, -3.0]])
 SIZE_M = 0.3
+PLATE = 0.5 * np.array([[[0.0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]]])
+"""Middles of the edges of a plate that faces the camera, in its axes."""
 STAMPS = np.array([0.0, 0.3, 0.5, 0.1])
 
 
@@ -57,7 +59,7 @@ def boxes(values: dict[str, dict[str, float]]) -> FloatArray:
     out = []
     for sign, stamp in zip(SIGNS, STAMPS, strict=True):
         at = np.array([stamp + true.time_offset_s])
-        out.append(plate_box(true, exposed(true, values, pose_at, at, sign)[0], SIZE_M)[0])
+        out.append(face_box(true, exposed(true, values, pose_at, at, sign)[0], PLATE * SIZE_M)[0])
     return np.array(out)
 
 

@@ -26,6 +26,7 @@ CONTRACT = [
     "last_seen",
     "height_above_road_m",
     "facing_deg",
+    "facing_sd_deg",
     "size_m",
     "side",
     "cov_ee_m2",

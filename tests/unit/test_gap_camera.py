@@ -22,9 +22,11 @@ from automap.gap.camera_search import find_camera_gap
 from automap.gap.camera_views import Boxes, boxes_of, joined
 from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
-from automap.simulation.boxes import plate_box
+from automap.simulation.boxes import face_box
 from pipeline.settings.load import load_settings
 
+PLATE = 0.5 * np.array([[[0.0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]]])
+"""Middles of the edges of a plate that faces the camera, in its axes."""
 ORIGIN = (-0.6, 2.6, 500.0)
 PIXEL_SD = 0.7
 CAMERA = Camera(
@@ -92,7 +94,7 @@ def film(values: dict[str, dict[str, float]], seed: int = 1) -> tuple[Detections
         stamp = frames[max(0, at - 60) : at]
         at = stamp + camera.time_offset_s + drift(values, signals.at(stamp))[1]
         ray, _ = exposed(camera, values, pose_at, at, place, signals)
-        box = plate_box(camera, ray, size)
+        box = face_box(camera, ray, PLATE * size)
         box += rng.normal(0.0, PIXEL_SD, box.shape)
         good = (ray[:, 0] > 5.0) & (ray[:, 0] < 60.0) & (box[:, :2] > 2.0).all(axis=1)
         good &= (box[:, 2] < 1277.0) & (box[:, 3] < 717.0)

@@ -319,7 +319,7 @@ def test_what_openstreetmap_has_is_left_to_people() -> None:
     # a modified object loses each tag that a change does not state, and a list has but some
     moved = ComparedSign(
         "moved", 0.9, "s1", "node/42", "regulatory--stop--g1", "regulatory--stop--g1", "DE:206",
-        8.0, 8.0, 0.0, 0.5, 90.0, 7.1, 50.7, 7.0, 50.7,
+        8.0, 8.0, 0.0, 0.5, 90.0, 5.0, 7.1, 50.7, 7.0, 50.7,
     )  # fmt: skip
     gone = replace(moved, kind="missing", class_name="", lon_deg=np.nan)
     new = replace(moved, kind="new", listed_id="", listed_class="", listed_code="")
@@ -328,6 +328,7 @@ def test_what_openstreetmap_has_is_left_to_people() -> None:
     assert [node.attrib["id"] for node in root.findall("create/node")] == ["-1", "-2"]
     tags = {t.attrib["k"]: t.attrib["v"] for t in root.findall("create/node[1]/tag")}
     assert tags["traffic_sign"] == "DE:206"
+    assert tags["direction"] == "90"
     assert "fixme" in tags
     tasks = maproulette_tasks([moved, gone, new]).strip("\n").split("\n")
     kinds = [json.loads(task[1:])["features"][0]["properties"]["kind"] for task in tasks]

@@ -64,6 +64,7 @@ def drive(
         height_above_road_m=np.full(n, 2.0),
         sd_above_road_m=np.full(n, 0.1),
         facing_rad=np.zeros(n),
+        facing_sd_rad=np.full(n, 0.1),
         size_m=np.full(n, 0.7),
         side=np.full(n, "left", object),
         status=np.full(n, "ok", object),

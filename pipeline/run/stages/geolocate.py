@@ -285,7 +285,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="geolocate",
-    version=9,
+    version=10,
     run=run,
     inputs=_inputs,
     needs=(names.TRAJECTORY, names.DETECTIONS, names.SYNC, names.IMU),

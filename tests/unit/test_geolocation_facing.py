@@ -1,0 +1,90 @@
+"""Which way signs face, against faces whose boxes come from points on their rims."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from geolocation_scene import ORIGIN, boxes, camera, drive_path, roadside
+
+from automap.earth import local_ned
+from automap.export.osm_tags import direction_tag
+from automap.frames import rpy_to_matrix
+from automap.gates import sigmas
+from automap.geolocation import limits
+from automap.geolocation.facing import expected_aspect
+from automap.geolocation.locate import locate_signs
+from automap.geolocation.views import MeasurementNoise, build_views
+from automap.records import FloatArray
+from automap.simulation.boxes import face_box, face_outline
+from automap.simulation.scene import SceneSign
+from tests.benchmarks.geolocation_facing import ONE, errors
+
+SHAPES = {
+    "regulatory--no-entry--g1": "circle",
+    "regulatory--stop--g1": "octagon",
+    "regulatory--yield--g1": "triangle-down",
+    "warning--roundabout--g2": "diamond",
+    "information--parking--g1": "square",
+}
+
+
+@pytest.mark.parametrize("name", sorted(SHAPES))
+def test_the_aspect_of_a_small_face_is_that_of_its_projected_outline(name: str) -> None:
+    path = drive_path(duration_s=14.0, turn_rate=0.0)
+    view = camera()
+    found, owner = boxes(path, roadside(path), view, np.random.default_rng(0), noise_px=0.0)
+    place = roadside(path).position[owner[0]]
+    rows = np.flatnonzero(owner == owner[0])
+    views = build_views(path, [found], {"front": view}, MeasurementNoise())
+    views = replace(views, origin=ORIGIN)
+    at = [int(np.argmin(np.abs(path.t_ns - t))) for t in found.t_ns[rows]]
+    body = local_ned(path.lat_rad[at], path.lon_rad[at], path.height_m[at], ORIGIN)
+    C_n_b = rpy_to_matrix(path.rpy[at])
+    C_cam_n = np.swapaxes(C_n_b @ rpy_to_matrix(view.mount_rpy), 1, 2)
+    ray = np.einsum("nij,nj->ni", C_cam_n, place - body - C_n_b @ view.lever_arm_m)
+    normals = np.pi + 0.7 + np.radians([-40.0, -15.0, 0.0, 20.0, 50.0])
+    told = expected_aspect(views, np.flatnonzero(np.isin(views.row, rows)), normals, SHAPES[name])
+    for k, normal in enumerate(normals):
+        sign = SceneSign(name, place, place, float(normal), 0.05, 1.0)
+        corners = np.einsum("nij,kj->nki", C_cam_n, face_outline(sign))
+        box = face_box(view, ray, corners)
+        shown = np.log((box[:, 2] - box[:, 0]) / (box[:, 3] - box[:, 1]))
+        np.testing.assert_allclose(told[:, k], shown, atol=0.012)
+
+
+@pytest.fixture(scope="module")
+def turned() -> FloatArray:
+    d = replace(ONE, turned="uniform", turned_deg=15.0, duration_s=300.0)
+    return np.concatenate([errors(d, seed) for seed in (100, 101)])
+
+
+def test_turned_signs_face_where_they_do_within_their_sigmas(turned: FloatArray) -> None:
+    off, sd = turned.T
+    assert len(off) > 90
+    assert np.median(np.abs(off)) < 3.0
+    inside = np.mean(np.abs(off) < sigmas(0.05) * sd)
+    # a hundred signs: three sigmas of the share about 95.5 %
+    assert inside > 0.89
+    assert np.median(sd) < 6.0
+
+
+def test_signs_seen_from_afar_alone_get_the_roads_direction_with_its_sigma() -> None:
+    path = drive_path(duration_s=30.0, turn_rate=0.0)
+    scene = roadside(path)
+    found, _ = boxes(path, scene, camera(), np.random.default_rng(3), range_m=(32.0, 45.0))
+    result = locate_signs(path, [found], {"front": camera()})
+    assert len(result.signs) >= 4
+    for sign in result.signs:
+        off = np.degrees((sign.facing_rad - 0.7 - 2.0 * np.pi) % (2.0 * np.pi) - np.pi)
+        assert abs(off) < 2.0 * np.degrees(sign.facing_sd_rad)
+        assert sign.facing_sd_rad > 0.8 * result.faces.turned_sd
+    assert result.faces.turned_sd > 0.5 * limits.TURNED_SD
+
+
+def test_openstreetmap_gets_directions_that_are_known_to_a_cardinal_point_of_eight() -> None:
+    assert direction_tag(359.7, 4.0) == {"direction": "0"}
+    assert direction_tag(90.0, 12.0) == {}
+    assert direction_tag(90.0, float("nan")) == {}
+    assert direction_tag(float("nan"), 4.0) == {}
