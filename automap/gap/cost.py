@@ -17,7 +17,7 @@ from automap.gap.fit import Fit
 from automap.gap.heldout import fit_held_out
 from automap.gap.model import GapModel, Values
 from automap.gap.result import Cost, Extent
-from automap.gap.stochastic import GNSS_LEVELS
+from automap.gap.stochastic import FIGURES, GNSS_LEVELS
 from automap.records import FloatArray
 
 STEP_S = 0.1
@@ -129,8 +129,8 @@ def paths_without(
 def noise_levels(name: str) -> tuple[str, ...]:
     """The noise levels that a finding on the noise is about; none for wild fixes, which the filter
     refuses under either model."""
-    if name in ALL_LEVELS:
-        return (name,)
+    if name in FIGURES or name in ALL_LEVELS:
+        return FIGURES.get(name, (name,))
     effect = CATALOGUE.get(name)
     return GNSS_LEVELS if effect is not None and effect.setting == "fuse.adapt" else ()
 

@@ -14,7 +14,7 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks
 from automap.fusion.layout import CH_VEL
-from automap.fusion.levels import ALL_LEVELS, RECEIVER_LEVELS, SLOPED_LEVELS, VELOCITY_WANDER
+from automap.fusion.levels import ALL_LEVELS, RECEIVER_LEVELS, VELOCITY_WANDER
 from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
 from automap.gap.drive import count_outliers
@@ -34,7 +34,15 @@ USUAL_SHARE = 0.002
 """Share of fixes that heavy tails alone throw so far."""
 MIN_SHARE = 0.005
 MAX_P = 1e-4
-GNSS_LEVELS = (*RECEIVER_LEVELS, "position_h", "position_v", "velocity_h", "velocity_v")
+SENSOR_LEVELS = ("accel", "gyro")
+FIGURES: dict[str, tuple[str, ...]] = {
+    "position_h": ("position_h", "wander", "multipath"),
+    "position_v": ("position_v", "wander_v", "multipath"),
+    "velocity_h": ("velocity_h", VELOCITY_WANDER),
+    "velocity_v": ("velocity_v", VELOCITY_WANDER),
+}
+"""What a receiver states of its errors, and the levels of what these are made of."""
+GNSS_LEVELS = (*RECEIVER_LEVELS, *FIGURES)
 
 
 def stochastic_findings(
@@ -69,15 +77,22 @@ def noise_claims(
     fits: Sequence[Fit], stated_factors: Mapping[str, float]
 ) -> tuple[NoiseClaim, ...]:
     """Levels that the drives want higher than stated, however it is called: what no other level
-    says as well. The vehicle's own are not of a sensor or receiver."""
+    says as well. The vehicle's own are not of a sensor or receiver.
+
+    Of a receiver's figure only the whole can be too small: it does not say how much of its error
+    lasts, and how that is split is the model's own matter.
+    """
     fitted = dict(fits[0].model.factors)
     score = _memo(lambda f: noise_score(fits, f))
+    ratios = {level: fitted[level] / stated_factors[level] for level in SENSOR_LEVELS}
+    ratios |= dict(zip(FIGURES, _whole(fits, fitted, stated_factors), strict=True))
     out = []
-    for level in SLOPED_LEVELS:
-        ratio = fitted[level] / stated_factors[level]
-        if level in WALKS or ratio < SCALE_FACTOR:
+    for level, ratio in ratios.items():
+        if ratio < SCALE_FACTOR:
             continue
-        held = _at_best(fits, fitted | {level: stated_factors[level]}, (level,))
+        parts = FIGURES.get(level, (level,))
+        as_stated = {part: fitted[part] / ratio for part in parts}
+        held = _at_best(fits, fitted | as_stated, parts)
         nats = score(fitted) - score(held) - OCCAM_NATS
         if nats >= MIN_NATS:
             out.append(NoiseClaim(level, ratio, nats, _p(nats)))
@@ -129,9 +144,7 @@ def _noise_scale(
     gap: float,
 ) -> Finding | None:
     """Whether positions and velocities are both noisier, or both better, than they say."""
-    # what lasts of a velocity's error no receiver states
-    stated = _sizes(fits, {**stated_factors, VELOCITY_WANDER: 0.0})
-    logs = np.log(_sizes(fits, fitted) / stated) + np.log(_floored(fits))
+    logs = np.log(_whole(fits, fitted, stated_factors))
     factor = float(np.exp(np.mean(logs)))
     low, high = float(np.exp(logs.min())), float(np.exp(logs.max()))
     if not (factor > SCALE_FACTOR and low > SCALE_FACTOR**0.5) and not (
@@ -147,18 +160,28 @@ def _noise_scale(
     return Finding("gnss_noise_scale", parameters, nats, _p(nats), gap, gap)
 
 
+def _whole(
+    fits: Sequence[Fit], fitted: Mapping[str, float], stated_factors: Mapping[str, float]
+) -> list[float]:
+    """By how much the errors of FIGURES are larger than receivers report."""
+    # what lasts of a velocity's error no receiver states
+    stated = _sizes(fits, {**stated_factors, VELOCITY_WANDER: 0.0})
+    return [float(x) for x in _sizes(fits, fitted) / stated * _floored(fits)]
+
+
 def _sizes(fits: Sequence[Fit], factors: Mapping[str, float]) -> FloatArray:
-    """Sigmas [4] of positions, as shares of what they state, and of velocities, m/s, horizontal
-    and vertical: the white and the lasting part together."""
+    """Sigmas [4] of positions, m, and of velocities, m/s, horizontal and vertical: the white and
+    the lasting part together."""
     options = fits[0].model.options
     if "gnss_multipath" not in options.effects:
         options = replace(options, multipath_share=0.0)
-    white = options.white_share * np.array([factors["position_h"], factors["position_v"]])
-    position = np.hypot(white, lasting_share(options, factors)[1:])
-    stated = [np.median(fit.opened.session.fixes.white_var[:, 4:], axis=0) for fit in fits]
-    white = np.sqrt(np.median(stated, axis=0)) * [factors["velocity_h"], factors["velocity_v"]]
-    lasting = options.velocity_wander_sd * factors["velocity_wander"]
-    return np.concatenate([position, np.hypot(white, lasting)])
+    fixes = [fit.opened.session.fixes for fit in fits]
+    white = np.median([np.median(f.white_var, axis=0) for f in fixes], axis=0) ** 0.5
+    stated = np.median([np.median(f.stated_sd, axis=0) for f in fixes], axis=0)
+    lasts = options.velocity_wander_sd * factors["velocity_wander"]
+    lasting = [*(stated * lasting_share(options, factors))[[0, 2]], lasts, lasts]
+    levels = [factors[name] for name in FIGURES]
+    return np.hypot(white[[0, 2, 3, 5]] * levels, lasting)
 
 
 def _floored(fits: Sequence[Fit]) -> FloatArray:

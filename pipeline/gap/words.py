@@ -36,16 +36,10 @@ Paragraph = tuple[str, str]
 LEVELS = {
     "accel": "The accelerometer's noise",
     "gyro": "The gyro's noise",
-    "position_h": "The scatter of the receiver's level positions",
-    "position_v": "The scatter of the receiver's heights",
-    "velocity_h": "The scatter of the receiver's level velocities",
-    "velocity_v": "The scatter of the receiver's vertical velocities",
-    "wander": "The slow wander of the receiver's level positions",
-    "wander_v": "The slow wander of the receiver's heights",
-    "multipath": "The receiver's position error that lasts for seconds, as reflections make it,",
-    "velocity_wander": "The receiver's velocity error that lasts",
-    "accel_bias_walk": "The drift of the accelerometer's zero",
-    "gyro_bias_walk": "The drift of the gyro's zero",
+    "position_h": "The error of the receiver's level positions",
+    "position_v": "The error of the receiver's heights",
+    "velocity_h": "The error of the receiver's level velocities",
+    "velocity_v": "The error of the receiver's vertical velocities",
 }
 
 

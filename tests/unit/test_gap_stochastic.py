@@ -11,7 +11,7 @@ from automap.gap import base_model
 from automap.gap.drive import count_outliers, open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.noise import fit_noise
-from automap.gap.stochastic import _floored, stochastic_findings
+from automap.gap.stochastic import _floored, noise_claims, stochastic_findings
 from tests.unit.test_gap import simulated
 
 
@@ -59,3 +59,20 @@ def test_fixes_are_wild_by_what_their_noise_turned_out_to_be(claims: float, wild
     after = count_outliers(drive, model.options, factors)
     assert before > 0
     assert (after > 0) is wild
+
+
+@pytest.mark.parametrize(("claims", "larger"), [(1.0, ()), (0.4, ("position_h", "position_v"))])
+def test_a_receivers_figure_is_of_its_whole_error(claims: float, larger: tuple[str, ...]) -> None:
+    """How much of an error lasts is the model's guess: white levels of 1.2 and 3.0 times it are no
+    fault of the figure, and its being too small is."""
+    drive = simulated({})
+    fixes = replace(drive.fixes, sd_pos_ned=drive.fixes.sd_pos_ned * claims)
+    model = base_model()
+    fit = fit_drive(open_drive(replace(drive, fixes=fixes), model.options), model)
+    factors = fit_noise([fit])
+    fit = fit_drive(fit.opened, replace(model, factors=factors), linearised_at=fit)
+    told = {c.level: c.factor for c in noise_claims([fit], model.factors)}
+    assert {level for level in told if level.startswith("position")} == set(larger)
+    for level in larger:
+        # of an error of minutes a short drive shows but some values
+        assert told[level] == pytest.approx(1.0 / claims, rel=0.4)

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from automap.effects import CATALOGUE
-from automap.fusion.levels import SLOPED_LEVELS
 from automap.gap import Finding, GapResult, Unexplained, base_model
 from automap.gap.misfit import Misfit
 from automap.gap.result import (
@@ -20,6 +19,7 @@ from automap.gap.result import (
     ParameterValue,
     Refused,
 )
+from automap.gap.stochastic import FIGURES, SENSOR_LEVELS
 from pipeline.gap.effect_sentences import SENTENCES
 from pipeline.gap.effect_words import what_is_wrong
 from pipeline.gap.remedies import TAKE_MODEL, remedy
@@ -236,7 +236,7 @@ def test_how_well_positions_are_predicted_is_told_before_and_after() -> None:
     assert "as well without" in position_words(HeldPositions((1.0, 1.0001), (2.0, 2.0)))
 
 
-@pytest.mark.parametrize("level", SLOPED_LEVELS)
+@pytest.mark.parametrize("level", [*SENSOR_LEVELS, *FIGURES])
 def test_every_noise_claim_has_a_paragraph(level: str) -> None:
     assert level in LEVELS
     text = text_of(noise_claims=(NoiseClaim(level, 2.5, 30.0, 1e-12),), costs={level: COST})
