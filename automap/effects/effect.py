@@ -38,8 +38,9 @@ class Effect:
     ``nuisance`` is part of every model, never a finding. ``first_order`` names the effect that
     acts alike to first order, and with which sign; ``unknown_epoch`` the one that acts as this
     does at an instant that nobody knows. What is ``one_signed`` has no values below zero in
-    nature. ``looks_like`` is what it shows as, with others, where a drive shows little;
-    ``told_apart`` which manoeuvre tells it from another effect: (its name, the manoeuvre).
+    nature, what is ``isotropic`` much the same on all axes. ``looks_like`` is what it shows as,
+    with others, where a drive shows little; ``told_apart`` which manoeuvre tells it from another
+    effect: (its name, the manoeuvre).
     """
 
     name: str
@@ -54,6 +55,7 @@ class Effect:
     first_order: tuple[str, float] | None = None
     unknown_epoch: str = ""
     one_signed: bool = False
+    isotropic: bool = False
     looks_like: str = ""
     told_apart: tuple[tuple[str, str], ...] = ()
 

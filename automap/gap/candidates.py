@@ -31,7 +31,7 @@ class Candidate:
     itself (one axis is bent, not all nine elements of a matrix), a formula's terms act together.
     ``log_prior`` of the candidate, ``log_choice`` of each part. ``terms`` are channel and text of
     a formula's terms, none for a named effect. ``positive``: nature knows no other sign, ``unless``
-    beside another.
+    beside another. ``isotropic``: nature knows it much the same on all axes.
     ``choices``: of so many like it it is the likeliest.
     """
 
@@ -42,6 +42,7 @@ class Candidate:
     terms: tuple[tuple[str, str], ...] = ()
     positive: bool = False
     unless: str = ""
+    isotropic: bool = False
     choices: float = 1.0
 
 
@@ -94,6 +95,7 @@ def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Ca
                 positive=CATALOGUE[effect].never_negative or effect in {*signs, VELOCITY_AGE},
                 # beside late fixes a velocity may be the less late of the two
                 unless=FIX_AGE if effect == VELOCITY_AGE else "",
+                isotropic=CATALOGUE[effect].isotropic,
             )
         )
     # those that are the likeliest of many share the prior of all of these

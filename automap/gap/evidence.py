@@ -194,6 +194,19 @@ def evidence(known: Conditional, part: Part, least_ratio: float = 1.0) -> Eviden
     )
 
 
+def shown_by(known: Conditional, part: Part) -> tuple[int, float]:
+    """The channel in which a part explains most, and the mean square of the rows there, weighted by
+    what the part would add to each."""
+    rows = _stacked(known, part)
+    sd = known.linear.prior_sd[list(part)]
+    info = known.info(part) + np.diag(sd**-2.0)
+    along = rows.phi @ np.linalg.solve(info, known.score[list(part)])
+    gain = np.bincount(rows.channel, along * (2.0 * rows.w - along))
+    at = rows.channel == int(np.argmax(gain))
+    weight = along[at] ** 2
+    return int(np.argmax(gain)), float(weight @ rows.w[at] ** 2 / max(float(weight.sum()), 1e-300))
+
+
 def _bayes_factor(g: FloatArray, info: FloatArray, sd: FloatArray) -> float:
     """Nats of parameters with score [p], information [p, p] and prior sds [p]."""
     root = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(sd)))

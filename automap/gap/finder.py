@@ -22,7 +22,7 @@ from automap.gap.identifiability import Identifiability, identifiability
 from automap.gap.locate import places, worst_by_channel
 from automap.gap.misfit import misfits
 from automap.gap.model import GapModel, base_model, without_course_distance
-from automap.gap.naming import describe, strongest_refused, verdict
+from automap.gap.naming import describe, strongest_refused, suspected, verdict
 from automap.gap.result import Finding, GapResult, KeptOut
 from automap.gap.scoring import whitener_of
 from automap.gap.search import Found, Search
@@ -120,7 +120,8 @@ def _result(
     noise = stochastic_findings(fits, stated.factors, rest, frozenset(exclude))
     findings += noise
     claims = noise_claims(fits, stated.factors)
-    left = misfits(fits)
+    refused = strongest_refused(found)
+    left = (*misfits(fits), *suspected(refused))
     noisy = [*(f.effect for f in noise), *(c.level for c in claims)]
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
     shown = places(first, final)
@@ -141,7 +142,7 @@ def _result(
         unclear=_unclear(found, carried, exclude),
         misfits=left,
         noise_claims=claims,
-        refused=strongest_refused(found),
+        refused=refused,
         costs=paid,
         kept_out=_by_formula(found, stands.kept_out),
         positions=stands.positions,

@@ -12,6 +12,9 @@ thousand may name what is not there."""
 OUTSIDE_LIBRARY = 0.1
 """Prior probability that a missing effect is none of the library's. Chosen: the library has what
 data sheets and the literature name; one in ten leaves room for what they do not."""
+ANISOTROPY = 0.2
+"""Share by which what is much the same on all axes differs between them: capacitors of a filter
+are good to a fifth."""
 CLOSE_NATS = math.log(20.0)
 """Rivals with odds of less than twenty to one between them are not told apart."""
 CLOSE = 0.03

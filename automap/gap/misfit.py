@@ -25,6 +25,7 @@ BANDS = 6
 CLIP = 4.0
 """One wild fix in a thousand is a finding of its own, not the size of all others."""
 LEAST_ROWS = 60
+LIKE = "like"
 WORTH = 1.5
 """Factor on the variance below which a misfit is not told: sigmas are then off by less than a
 quarter."""
@@ -33,14 +34,29 @@ quarter."""
 @dataclass(frozen=True)
 class Misfit:
     """Something that no candidate explains: ``channel``; ``kind`` "band", "time", "speed", "turn",
-    "acceleration"; ``where`` in words; ``size`` factor on the variance that the model expects;
-    ``p_value`` of such a size by chance, all tests of the search counted."""
+    "acceleration", or "like" for what follows a candidate that is too weak to be named; ``where``
+    in words, the candidate's name of the last; ``size`` factor on the variance that the model
+    expects; ``p_value`` of such a size by chance, all tests of the search counted."""
 
     channel: str
     kind: str
     where: str
     size: float
     p_value: float
+
+    @property
+    def suspected(self) -> bool:
+        """Whether it is known by a candidate that it follows."""
+        return self.kind == LIKE
+
+    def __str__(self) -> str:
+        channel = self.channel.replace("_", " ")
+        if self.suspected:
+            return (
+                f"{channel} follows what {self.where} would do more than chance lets it, though "
+                "not so surely that this is its name"
+            )
+        return f"{channel} scatters {self.size:.2g} times as much as modelled at {self.where}"
 
 
 def misfits(fits: Sequence[Fit]) -> tuple[Misfit, ...]:

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from automap.effects import CATALOGUE
+from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.advice import advice
 from automap.gap.chance import null_maxima, p_value
 from automap.gap.dictionary import coefficient_names
-from automap.gap.misfit import Misfit
+from automap.gap.evidence import shown_by
+from automap.gap.misfit import LIKE, Misfit
 from automap.gap.model import Values
 from automap.gap.result import Finding, ParameterValue, Refused, Term, Unexplained
 from automap.gap.search import Found
@@ -75,7 +77,17 @@ def strongest_refused(found: Found) -> tuple[Refused, ...]:
         return ()
     nats = move.evidence.shown
     paid = nats - np.log(found.selection.candidates[move.name].choices)
-    return (Refused(move.name, nats, p_value(paid, chance(found))),)
+    channel, size = shown_by(found.selection.given(found.chosen), move.part)
+    return (Refused(move.name, nats, p_value(paid, chance(found)), channel, size),)
+
+
+def suspected(refused: Sequence[Refused]) -> tuple[Misfit, ...]:
+    """Candidates that were not named and yet no chance: something is missing, whatever it is."""
+    return tuple(
+        Misfit(CHANNELS[one.channel], LIKE, one.effect, one.size, one.p_value)
+        for one in refused
+        if one.p_value <= np.exp(-limits.LEAST_ODDS)
+    )
 
 
 def _formula(
@@ -133,9 +145,6 @@ def verdict(
     if left:
         worst = left[0]
         also = " also" if parts else ""
-        parts.append(
-            f"something is{also} missing that no candidate explains: {worst.channel} scatters "
-            f"{worst.size:.2g} times as much as modelled at {worst.where}"
-            + (f", and {len(left) - 1} more" if len(left) > 1 else "")
-        )
+        more = f", and {len(left) - 1} more" if len(left) > 1 else ""
+        parts.append(f"something is{also} missing that no candidate explains: {worst}{more}")
     return "; ".join(parts) or "nothing is missing from the model as far as these drives can show"

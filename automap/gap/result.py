@@ -69,11 +69,14 @@ class NoiseClaim:
 @dataclass(frozen=True)
 class Refused:
     """The strongest candidate that is not named: its name, evidence in nats, and the chance that
-    the strongest of all reaches so much where nothing is missing."""
+    the strongest of all reaches so much where nothing is missing; the ``channel`` in which it shows
+    most, and the variance there, times modelled, where it would act."""
 
     effect: str
     evidence_nats: float
     p_value: float
+    channel: int = 0
+    size: float = 1.0
 
 
 @dataclass(frozen=True)

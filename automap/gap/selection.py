@@ -5,6 +5,7 @@ What counts is the posterior odds: evidence of each part given all others, and p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -26,6 +27,7 @@ from automap.gap.evidence import (
 )
 from automap.gap.linear import Linear
 from automap.gap.slow import is_course
+from automap.gates import exceeds
 
 Key = tuple[str, tuple[str, ...]]
 """A part by name and parameters, which hold in any layout."""
@@ -163,8 +165,25 @@ class Selection:
             free = candidate.unless in chosen.names
             if candidate.positive and not free and found.estimate[0] <= 0.0:
                 continue
+            if candidate.isotropic and self._axes_differ(known, candidate, found.overdispersion):
+                continue
             out.append(Move(candidate.name, part, found, found.nats + float(prior[i])))
         return sorted(out, key=lambda m: -m.odds)
+
+    def _axes_differ(self, known: Conditional, candidate: Candidate, ratio: float) -> bool:
+        """Whether the axes of a candidate contradict one another: what is much the same on all of
+        them is then not what they show."""
+        every = [i for part in candidate.parts for i in part if known.shows((i,))]
+        if len(every) < 2:
+            return False
+        cov = np.linalg.inv(known.info(tuple(every)))
+        values = cov @ known.score[every]
+        mean = float(np.linalg.solve(cov, values).sum() / np.linalg.inv(cov).sum())
+        cov = ratio * cov + (limits.ANISOTROPY * mean) ** 2 * np.eye(len(every))
+        weight = np.linalg.inv(cov)
+        apart = values - float((weight @ values).sum() / weight.sum())
+        chance = exceeds(float(apart @ weight @ apart), len(every) - 1)
+        return chance < math.exp(-limits.LEAST_ODDS)
 
     def holds(self, move: Move) -> bool:
         """Whether a move's odds are high, and other stretches predict what it explains."""

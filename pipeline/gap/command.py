@@ -217,11 +217,7 @@ def _lines(result: GapResult) -> list[str]:
         f"({c.evidence_nats:.0f} nats)"
         for c in result.noise_claims
     ]
-    lines += [
-        f"  not explained: {m.channel.replace('_', ' ')} scatters {m.size:.2g} times as much as "
-        f"modelled at {m.where}"
-        for m in result.misfits[:MISFITS]
-    ]
+    lines += [f"  not explained: {m}" for m in result.misfits[:MISFITS]]
     if len(result.misfits) > MISFITS:
         lines.append(f"  not explained: {len(result.misfits) - MISFITS} more in {REPORT}")
     return lines

@@ -31,9 +31,10 @@ def misfit_words(misfits: Sequence[Misfit], after: Sequence[Fit] = ()) -> tuple[
     rest = list(by_channel)[SHOWN:]
     if rest:
         parts.append(f"Less so: {listed([channel_name(c) for c in rest])}.")
-    worst = math.sqrt(misfits[0].size)
+    worst = max((math.sqrt(m.size) for m in misfits if not m.suspected), default=1.0)
+    bars = f"take the error bars of the path for up to {worst:.1f} times too small there. "
     parts.append(
-        f"What to do: take the error bars of the path for up to {worst:.1f} times too small there. "
+        f"What to do: {bars if worst > 1.0 else ''}"
         "Every place stands in the table under Not explained; look there at what receiver and road "
         "did then. Another drive along the same places shows whether it comes back."
     )
@@ -47,7 +48,11 @@ def channel_name(channel: str) -> str:
 
 
 def _channel(name: str, ones: Sequence[Misfit], after: Sequence[Fit]) -> str:
-    worst = max(ones, key=lambda m: m.size)
+    sized = [m for m in ones if not m.suspected]
+    follows = " ".join(sentence_case(f"{m}.") for m in ones if m.suspected)
+    if not sized:
+        return follows
+    worst = max(sized, key=lambda m: m.size)
     factor = math.sqrt(worst.size)
     text = (
         f"{sentence_case(channel_name(name))} scatters {factor:.1f} times as much as the model says"
@@ -64,7 +69,7 @@ def _channel(name: str, ones: Sequence[Misfit], after: Sequence[Fit]) -> str:
         text += f"; of all times most {_where(when)} ({math.sqrt(when.size):.1f} times)"
     elif not times:
         text += "; at no time more than at others"
-    return text + "."
+    return f"{text}. {follows}".rstrip()
 
 
 def _where(one: Misfit) -> str:

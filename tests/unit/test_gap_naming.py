@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import candidates_of
 from automap.gap.columns import Column
 from automap.gap.confirm import Confirmed
+from automap.gap.evidence import Given, conditional, shown_by
 from automap.gap.fitted import Fitted
 from automap.gap.misfit import Misfit
 from automap.gap.model import base_model
-from automap.gap.naming import describe, strongest_refused, verdict
-from automap.gap.result import Finding, Term, Unexplained
+from automap.gap.naming import describe, strongest_refused, suspected, verdict
+from automap.gap.result import Finding, Refused, Term, Unexplained
 from automap.gap.scoring import Joint
 from automap.gap.search import Found
 from automap.gap.selection import Chosen, Selection, select
@@ -148,7 +151,7 @@ def test_a_misfit_is_no_silence() -> None:
     alone = verdict([], [], [MISFIT], 0.1, 0.1)
     assert "nothing" not in alone
     assert "something is missing that no candidate explains" in alone
-    assert "velocity_n scatters 3 times as much as modelled at periods of 20 to 40 s" in alone
+    assert "velocity n scatters 3 times as much as modelled at periods of 20 to 40 s" in alone
     more = verdict([FINDING], [], [MISFIT] * 3, 1.0, 0.2)
     assert "something is also missing" in more
     assert "and 2 more" in more
@@ -158,3 +161,31 @@ def test_coefficients_of_several_terms_have_their_names() -> None:
     terms = (Term("gyro_x", "rate_z", 0.01, 0.001), Term("gyro_y", "rate_z", -0.008, 0.001))
     two = Unexplained("gyro_x", "f", 0.01, 0.001, 40.0, 1e-8, terms=terms)
     assert two.numbers == "k = 0.01 ± 0.001, k2 = -0.008 ± 0.001"
+
+
+def test_a_candidate_that_is_no_chance_and_yet_not_named_is_no_silence() -> None:
+    weak = Refused("accel_x += k * speed", 6.0, 1e-5, CHANNELS.index("velocity_n"), 1.2)
+    (one,) = suspected([weak, Refused("gyro_scale", 3.0, 0.2)])
+    assert (one.channel, one.where, one.size, one.p_value) == (
+        "velocity_n",
+        "accel_x += k * speed",
+        1.2,
+        1e-5,
+    )
+    text = verdict([], [], [one], 0.1, 0.1)
+    assert "nothing" not in text
+    assert "velocity n follows what accel_x += k * speed would do" in text
+    assert "scatters" not in text
+
+
+def test_where_a_candidate_shows_is_told() -> None:
+    rng = np.random.default_rng(1)
+    phi, w = rng.standard_normal((4000, 4)), rng.standard_normal(4000)
+    channel = np.arange(4000) % 2
+    phi[:, 2] *= channel == 1
+    linear = linear_of(phi, w + 0.3 * phi[:, 2], columns_named(*(f"e{i}.p" for i in range(4))))
+    rows = (replace(linear.rows[0], channel=channel),)
+    known = conditional(replace(linear, rows=rows), Given())
+    shown, size = shown_by(known, (2,))
+    assert shown == 1
+    assert size == pytest.approx(1.0 + 3 * 0.09, rel=0.2)

@@ -115,6 +115,20 @@ def test_no_effect_acts_with_a_sign_that_nature_does_not_know(sign: float, names
     assert selected(selection) == names
 
 
+@pytest.mark.parametrize(("other", "named"), [(0.3, True), (0.22, True), (0.0, False)])
+def test_what_is_alike_on_all_axes_does_not_act_on_one_alone(other: float, named: bool) -> None:
+    phi, w = noise(3)
+    linear = linear_with(phi, w + 0.3 * phi[:, 4] + other * phi[:, 5])
+    selection = alone(linear)
+    del selection.candidates["e5"]
+    for isotropic in (True, False):
+        selection.candidates["e4"] = Candidate(
+            "e4", ((4,), (5,)), -math.log(30), isotropic=isotropic
+        )
+        chosen = select(selection, Chosen(), limits.MAX_FINDINGS)
+        assert ("e4" in chosen.names) is (named or not isotropic)
+
+
 @pytest.mark.parametrize(("own", "offered"), [(0.03, False), (0.3, True)])
 def test_what_is_almost_in_the_model_is_not_offered(own: float, offered: bool) -> None:
     phi, w = noise(6)

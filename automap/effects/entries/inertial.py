@@ -141,10 +141,11 @@ INERTIAL = (
         "imu",
         # low-passes of 44, 10 and 5 Hz are 5, 14 and 19 ms late (MPU-6000's register map), and
         # readings that are paired with the other sensor's nearest are off by a step; an axis, for
-        # filters of analog sensors are capacitors, one each
+        # filters of analog sensors are capacitors, one each: alike, but not the same
         xyz("s", 0.02),
         "accelerometer readings later than the gyro's: below zero, the gyro's are",
         axes(ACCEL, signal="late_force_{}"),
+        isotropic=True,
         looks_like="a delay",
         told_apart=(
             (
