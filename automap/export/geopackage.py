@@ -14,6 +14,9 @@ from pathlib import Path
 from automap.export.dictionary import LAYERS
 from automap.export.qgis_style import QgisStyle
 
+_DATE = "1980-01-01T00:00:00.000Z"
+"""In place of the time of writing, as in a .kmz: the same map is then the same file."""
+
 _STYLES_TABLE = """
 CREATE TABLE layer_styles (
   id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,
@@ -45,12 +48,24 @@ CREATE TABLE IF NOT EXISTS gpkg_extensions (
 """
 
 
+_DATED = (
+    ("gpkg_contents", "last_change"),
+    ("gpkg_metadata_reference", "timestamp"),
+    ("layer_styles", "update_time"),
+)
+
+
 def complete_geopackage(path: Path, layers: Sequence[str], styles: Sequence[QgisStyle]) -> None:
-    """Add the columns' meanings and the styles to a GeoPackage that GDAL has written."""
+    """Add the columns' meanings and the styles to a GeoPackage that GDAL has written, and take out
+    when that was."""
     with closing(sqlite3.connect(path)) as file, file:
         _describe(file, layers)
         if styles:
             _add_styles(file, styles)
+        present = {row[0] for row in file.execute("SELECT name FROM sqlite_master")}
+        for table, column in _DATED:
+            if table in present:
+                file.execute(f"UPDATE {table} SET {column} = ?", (_DATE,))
 
 
 def _describe(file: sqlite3.Connection, layers: Sequence[str]) -> None:

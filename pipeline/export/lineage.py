@@ -45,7 +45,6 @@ def lineage(record: dict[str, Any], name: str, trajectory: Trajectory | None) ->
         ).hexdigest()[:16],
         "drives": drives[:_LISTED] or [name],
         "drives_in_all": len(folders) if len(folders) > _LISTED else None,
-        "run_started": str(record.get("started", "")),
         "recorded": _recorded(trajectory),
         "datum": "WGS-84, longitude and latitude in degrees, heights above the ellipsoid",
         "coordinate_epoch": epoch_of(trajectory),

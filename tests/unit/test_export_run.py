@@ -67,6 +67,18 @@ def test_stage_writes_all_declared_files(out: Path) -> None:
     assert "absolute" in (work / names.KML).read_text()
 
 
+def test_the_same_results_give_the_same_bytes(out: Path) -> None:
+    """When a map was written stands in none of its files."""
+    first, _ = run_stage(out)
+    before = {name: (first / name).read_bytes() for name in written(first)}
+    shutil.rmtree(first)
+    record = json.loads((out / names.RUN).read_text())
+    (out / names.RUN).write_text(json.dumps(record | {"started": "2031-01-01T00:00:00Z"}))
+    again, _ = run_stage(out)
+    for name, content in before.items():
+        assert (again / name).read_bytes() == content, name
+
+
 def test_signs_get_their_place_on_a_road(out: Path) -> None:
     path = pq.read_table(out / names.TRAJECTORY, columns=["lon_deg", "lat_deg"]).to_pydict()
     line = [list(place) for place in zip(path["lon_deg"], path["lat_deg"], strict=True)]

@@ -82,7 +82,7 @@ def _roads_file(drive: Drive, stated: str) -> Path | None:
     own = drive.manifest.site.roads
     if stated or not own:
         return Path(stated) if stated else None
-    check_inside(drive.path / own, drive.path, f"{drive.manifest_file}: site.roads")
+    check_inside(drive.path / own, drive.path, f"{drive.path / names.MANIFEST}: site.roads")
     return drive.path / own
 
 

@@ -1,0 +1,1 @@
+"""Mistakes put into the code, to see whether the fast tests notice them."""

@@ -1,0 +1,70 @@
+"""What is mutated, and the fast tests that are asked first."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+PROJECT = Path(__file__).resolve().parents[2]
+UNIT = PROJECT / "tests" / "unit"
+
+AREAS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "fusion": (
+        ("automap/fusion",),
+        (
+            *("test_fusion_*", "test_optimal_smoother", "test_standstill_positions"),
+            *("test_steady_rate", "test_stuck_readings", "test_velocity_consistency"),
+        ),
+    ),
+    "effects": (
+        ("automap/effects",),
+        ("test_effects*", "test_camera.py", "test_user_effects", "test_made_up_effects"),
+    ),
+    "sync": (
+        ("automap/sync",),
+        ("test_sync_*", "test_clock_steadiness", "test_epoch_means", "test_even_stamps"),
+    ),
+    "calibration": (("automap/calibration",), ("test_calibration_*",)),
+    "geolocation": (("automap/geolocation",), ("test_geolocation_*",)),
+    "mapping": (("automap/mapping",), ("test_merge_*", "test_inventory", "test_roads")),
+    "gap": (
+        *(("automap/gap/evidence.py", "automap/gap/noise.py", "automap/gap/heldout.py"),),
+        *(("test_gap_evidence", "test_gap_noise", "test_gap_confirm", "test_gap_selection"),),
+    ),
+    "cache": (
+        *(("pipeline/run/cache.py", "pipeline/run/digests.py", "automap/jit.py"),),
+        *(("test_runner", "test_cache_inputs", "test_kernel_staleness"),),
+    ),
+}
+"""Of each area its sources, folders or files, and the names of its own unit tests."""
+
+_IDLE = ("__init__.py",)
+
+
+def sources_of(area: str) -> list[Path]:
+    """The sources of an area, from the project's folder."""
+    found: list[Path] = []
+    for name in AREAS[area][0]:
+        path = PROJECT / name
+        found += sorted(path.rglob("*.py")) if path.is_dir() else [path]
+    return [path.relative_to(PROJECT) for path in found if path.name not in _IDLE]
+
+
+def tests_of(area: str, source: Path) -> list[str]:
+    """The unit tests that may notice a mistake: those that import the module itself, then the
+    area's own."""
+    module = ".".join(source.with_suffix("").parts)
+    parent, _, name = module.rpartition(".")
+    imports = re.compile(
+        rf"^\s*(?:from {re.escape(module)} import|import {re.escape(module)}\b"
+        rf"|from {re.escape(parent)} import .*\b{name}\b)",
+        re.MULTILINE,
+    )
+    direct = [p for p in sorted(UNIT.glob("test_*.py")) if imports.search(p.read_text())]
+    own = [p for pattern in AREAS[area][1] for p in sorted(UNIT.glob(_whole(pattern)))]
+    chosen = dict.fromkeys([*(p for p in own if p in direct), *direct, *own])
+    return [str(path.relative_to(PROJECT)) for path in chosen]
+
+
+def _whole(pattern: str) -> str:
+    return pattern if pattern.endswith((".py", "*")) else f"{pattern}.py"
