@@ -33,11 +33,9 @@ _LEVER_ARM = slice(5, 8)
 @dataclass(frozen=True)
 class CameraPriors:
     """One-sigma priors that the manifest does not state: relative ``focal_sd``,
-    ``lever_arm_sd_m`` of the camera's place on the vehicle, ``margin_sd_px`` by which boxes are
-    taller than their signs."""
+    ``margin_sd_px`` by which boxes are taller than their signs."""
 
     focal_sd: float = 0.005
-    lever_arm_sd_m: float = 0.3
     margin_sd_px: float = 2.0
 
 
@@ -45,7 +43,7 @@ def prior_covariance(camera: Camera, priors: CameraPriors) -> FloatArray:
     """Covariance [9, 9] of turn (rad), time offset (s), log focal length, lever arm (m) and box
     margin (rad) before any sign was seen."""
     sd = [camera.mount_sd] * 3 + [camera.time_offset_sd, priors.focal_sd]
-    sd += [priors.lever_arm_sd_m] * 3 + [priors.margin_sd_px / focal_length(camera)]
+    sd += [camera.lever_arm_sd] * 3 + [priors.margin_sd_px / focal_length(camera)]
     return np.diag(np.maximum(np.array(sd), 1e-9) ** 2)
 
 
@@ -69,7 +67,7 @@ def refine_correction(
     evidence = [
         evidence_of(
             *(views, mark, prior),
-            pass_sd(views, mark.rows, priors.lever_arm_sd_m, attitude=False),
+            pass_sd(views, mark.rows, attitude=False),
         )
         for mark in usable
     ]

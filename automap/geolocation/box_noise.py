@@ -31,25 +31,22 @@ def measured_noise(
     landmarks: Sequence[Landmark],
     prior: SizePrior,
     noise: MeasurementNoise,
-    lever_arm_sd_m: float,
 ) -> MeasurementNoise:
     """``noise`` with the scales that the residuals of ``landmarks`` (made with it) show."""
     often = [mark for mark in landmarks if mark.ok and len(mark.rows) >= limits.SCATTER_VIEWS]
     step = max(1, -(-len(often) // limits.SCATTER_SIGNS))
-    settled = [solve_with_pass_errors(views, mark, prior, lever_arm_sd_m) for mark in often[::step]]
+    settled = [solve_with_pass_errors(views, mark, prior) for mark in often[::step]]
     right, down, height = (
         noise.scales[k] * scatter([mark.residual[:, k] for mark in settled]) for k in range(3)
     )
     measured = replace(noise, scales=(right, down, height))
     step = max(1, -(-len(often) // limits.MARGIN_SIGNS))
     finer = replace(views, sd=views.sd * (np.array(measured.scales) / np.array(noise.scales)))
-    share = margin_scatter(finer, often[::step], prior, lever_arm_sd_m)
+    share = margin_scatter(finer, often[::step], prior)
     return replace(measured, margin_sd_px=noise.margin_sd_px * share)
 
 
-def margin_scatter(
-    views: Views, landmarks: Sequence[Landmark], prior: SizePrior, lever_arm_sd_m: float
-) -> float:
+def margin_scatter(views: Views, landmarks: Sequence[Landmark], prior: SizePrior) -> float:
     """Factor on the one-sigma margin of a sign's boxes, from how margins differ between signs.
 
     Expectation maximisation: what every sign tells of its own margin, with the variance that
@@ -61,9 +58,7 @@ def margin_scatter(
     stated = np.array([views.margin_sd[mark.rows].mean() for mark in landmarks])
     for _ in range(_MARGIN_ROUNDS):
         scaled = replace(views, margin_sd=views.margin_sd * share)
-        settled = [
-            solve_with_pass_errors(scaled, mark, prior, lever_arm_sd_m) for mark in landmarks
-        ]
+        settled = [solve_with_pass_errors(scaled, mark, prior) for mark in landmarks]
         margin = np.array([mark.pass_bias[MARGIN] for mark in settled]) / stated
         variance = np.array([mark.pass_bias_variance[MARGIN] for mark in settled]) / stated**2
         square = float(np.sum((margin - margin.mean()) ** 2 + variance))

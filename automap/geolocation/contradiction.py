@@ -42,9 +42,7 @@ AGREED = Disagreement(0.0, np.zeros((3, 3)))
 """Of a sign of which nothing can be compared."""
 
 
-def disagreement(
-    views: Views, landmark: Landmark, prior: SizePrior, lever_arm_sd_m: float
-) -> Disagreement:
+def disagreement(views: Views, landmark: Landmark, prior: SizePrior) -> Disagreement:
     """Bearings against heights of one settled ``landmark``, with the ``prior`` of its size.
 
     Where either alone leads nowhere (a single view, or parallel bearings) nothing disagrees.
@@ -53,9 +51,7 @@ def disagreement(
         return AGREED
     aside = limits.SET_ASIDE
     parts = [
-        solve_with_pass_errors(
-            seen, fit_landmark(seen, landmark.rows, known), known, lever_arm_sd_m
-        )
+        solve_with_pass_errors(seen, fit_landmark(seen, landmark.rows, known), known)
         for seen, known in (
             (replace(views, sd=views.sd * [1.0, 1.0, aside]), SizePrior(log_sd=aside)),
             (replace(views, sd=views.sd * [aside, aside, 1.0]), prior),

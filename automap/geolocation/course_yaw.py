@@ -49,7 +49,7 @@ def yaw_by_course(
         heading = _off_course(views, mark, camera)
         if heading is None:
             continue
-        sd = pass_sd(views, mark.rows, priors.lever_arm_sd_m, attitude=False)
+        sd = pass_sd(views, mark.rows, attitude=False)
         # an error of the velocity to the side turns the course, which is held to
         sd[_VELOCITY_RIGHT] = 0.0
         information, pull = evidence_of(views, mark, prior, sd)

@@ -81,9 +81,7 @@ def locate_signs(
     rules = replace(rules, size=replace(rules.size, by_class={**usual, **rules.size.by_class}))
     landmarks, misfits = _find_landmarks(views, rules, lambda done: progress(0.1 + 0.4 * done))
     if rules.estimate_noise:
-        noise = measured_noise(
-            views, landmarks, rules.size, rules.noise, rules.camera.lever_arm_sd_m
-        )
+        noise = measured_noise(views, landmarks, rules.size, rules.noise)
         rules = replace(rules, noise=noise)
         views = build_views(trajectory, detections, cameras, noise, corrections)
         landmarks = [fit_landmark(views, mark.rows, rules.size) for mark in landmarks]
@@ -127,7 +125,6 @@ def locate_signs(
             observations.note[views.row[mark.rows]] = "too_far"
         else:
             kept.append(mark)
-    lever_arm = rules.camera.lever_arm_sd_m
     covariances = [
         corrections[name].covariance
         if name in corrections
@@ -135,7 +132,7 @@ def locate_signs(
         for name in views.camera_names
     ]
     sightings = [
-        make_sighting(views, mark, covariances, disagreement(views, mark, size, lever_arm))
+        make_sighting(views, mark, covariances, disagreement(views, mark, size))
         for mark, size in _settled(views, kept, rules)
     ]
     path = make_path(trajectory, views.origin)
@@ -194,13 +191,12 @@ def _settled(
     views: Views, landmarks: Sequence[Landmark], rules: GeolocationRules
 ) -> list[tuple[Landmark, SizePrior]]:
     """The landmarks with the errors of their passes and what other signs tell of their sizes."""
-    lever_arm = rules.camera.lever_arm_sd_m
-    alone = [solve_with_pass_errors(views, mark, rules.size, lever_arm) for mark in landmarks]
+    alone = [solve_with_pass_errors(views, mark, rules.size) for mark in landmarks]
     return [
         (mark, size)
         if size == rules.size.of(views.class_name[mark.rows].tolist())
         else (
-            solve_with_pass_errors(*(views, fit_landmark(views, mark.rows, size), size, lever_arm)),
+            solve_with_pass_errors(*(views, fit_landmark(views, mark.rows, size), size)),
             size,
         )
         for mark, size in zip(alone, sizes_of_others(views, alone, rules.size), strict=True)

@@ -30,14 +30,12 @@ _STEPS, _SETTLED = 5, 1e-3
 """Gauss-Newton steps at most, and what the last one is below: sigmas, and part of the distance."""
 
 
-def pass_sd(
-    views: Views, rows: IntArray, lever_arm_sd_m: float, attitude: bool = True
-) -> FloatArray:
+def pass_sd(views: Views, rows: IntArray, attitude: bool = True) -> FloatArray:
     """One-sigma errors [12] of one pass of one sign, in the order of ``N_COMMON``.
 
-    ``lever_arm_sd_m`` of the camera's place on the vehicle, which shows in bends only and then
-    differently in each (on the straight it is one with the place of the sign); ``attitude``
-    whether the trajectory's attitude error is among them. A box that is loose on one side is off
+    The lever arm's shows in bends only and then differently in each (on the straight it is one
+    with the place of the sign). ``attitude`` whether the trajectory's attitude error is among
+    them. A box that is loose on one side is off
     its sign's centre by half as much as it is too tall.
     """
     sd = np.zeros(N_COMMON)
@@ -46,7 +44,7 @@ def pass_sd(
     margin = float(views.margin_sd[rows].mean())
     sd[1:3] = np.hypot(sd[1:3], 0.5 * margin)
     sd[3] = limits.STAMP_SD_S
-    sd[5:8] = lever_arm_sd_m
+    sd[5:8] = views.lever_arm_sd[rows].mean()
     sd[8] = margin
     sd[9:12] = np.sqrt(np.mean(views.velocity_sd[rows] ** 2, axis=0))
     return sd
@@ -61,9 +59,7 @@ def equations(
     return sign_equations(views, rows, anchor, parameters, columns, bias, prior, BY_CAUCHY)
 
 
-def solve_with_pass_errors(
-    views: Views, landmark: Landmark, prior: SizePrior, lever_arm_sd_m: float
-) -> Landmark:
+def solve_with_pass_errors(views: Views, landmark: Landmark, prior: SizePrior) -> Landmark:
     """The landmark solved together with the errors of its pass.
 
     Gauss-Newton from the landmark's own solution; where that leads nowhere (a sign passing
@@ -71,7 +67,7 @@ def solve_with_pass_errors(
     """
     if not landmark.ok:
         return landmark
-    sd = pass_sd(views, landmark.rows, lever_arm_sd_m)
+    sd = pass_sd(views, landmark.rows)
     parameters, z = landmark.parameters.copy(), np.zeros(N_COMMON)
     identity = np.eye(N_COMMON)
     for _ in range(_STEPS):

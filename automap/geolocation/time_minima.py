@@ -57,8 +57,8 @@ def cost_of(
     for mark in landmarks:
         if not mark.ok:
             continue
-        settled = solve_with_pass_errors(views, mark, prior, priors.lever_arm_sd_m)
-        sd = np.maximum(pass_sd(views, mark.rows, priors.lever_arm_sd_m), 1e-12)
+        settled = solve_with_pass_errors(views, mark, prior)
+        sd = np.maximum(pass_sd(views, mark.rows), 1e-12)
         own = prior.of(views.class_name[mark.rows].tolist())
         size = (settled.parameters[3] - np.log(own.size_m)) / own.log_sd
         r = settled.residual

@@ -55,7 +55,7 @@ class Views:
     without the camera's margin. ``pose_sd`` [n, 3] m NED,
     ``attitude_sd`` [n, 3] rad (roll, pitch, yaw) and ``velocity_sd`` [n, 3] m/s (forward, right,
     down) of the trajectory, ``speed_sd`` [n] m/s; ``margin_sd`` [n] rad what the height of a
-    sign's boxes is off by in common.
+    sign's boxes is off by in common, ``lever_arm_sd`` [n] m of the camera.
     """
 
     origin: tuple[float, float, float]
@@ -78,6 +78,7 @@ class Views:
     attitude_sd: FloatArray
     velocity_sd: FloatArray
     margin_sd: FloatArray
+    lever_arm_sd: FloatArray
     speed_sd: FloatArray
     class_name: npt.NDArray[np.object_]
     score: FloatArray
@@ -177,7 +178,9 @@ def build_views(
 def _nothing() -> dict[str, np.ndarray]:
     whole, one, three = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3))
     result: dict[str, np.ndarray] = {k: whole for k in ("row", "camera", "t_ns", "track")}
-    result |= {k: one for k in ("score", "speed_sd", "margin_sd", "share", "log_aspect")}
+    result |= {
+        k: one for k in ("score", "speed_sd", "margin_sd", "lever_arm_sd", "share", "log_aspect")
+    }
     vectors = ("centre", "velocity", "rate", "measured", "sd", "pose_sd", "attitude_sd")
     result |= {k: three for k in (*vectors, "velocity_sd")}
     matrices = {"C_cam_ref": np.zeros((0, 3, 3)), "C_cam_body": np.zeros((0, 3, 3))}
@@ -271,6 +274,7 @@ def _camera_views(
         "pose_sd": np.nan_to_num(poses.sd_pos_ned[ok]),
         "attitude_sd": np.nan_to_num(poses.sd_rpy[ok]),
         "margin_sd": np.full(int(ok.sum()), noise.margin_sd_px / focal_length(camera)),
+        "lever_arm_sd": np.full(int(ok.sum()), camera.lever_arm_sd),
         "velocity_sd": _vehicle_velocity_sd(poses.sd_vel_ned[ok]),
         "speed_sd": np.nan_to_num(np.linalg.norm(poses.sd_vel_ned[ok], axis=1)),
         "class_name": np.asarray(found.class_name, np.object_)[ok],

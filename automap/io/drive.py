@@ -381,4 +381,5 @@ def _camera(video: VideoInput) -> Camera | None:
         mount_sd=float(np.radians(section.mount_rpy_sigma_deg)),
         time_offset_s=section.time_offset_s,
         time_offset_sd=section.time_offset_sigma_s,
+        lever_arm_sd=section.lever_arm_sigma_m,
     )

@@ -29,6 +29,7 @@ from automap.io.table_form import (
 from automap.io.table_units import Quantity, unit_named
 from automap.io.toml_file import parse_toml
 from automap.io.toml_place import keys_in_file, line_of
+from automap.records import LEVER_ARM_SD_M
 
 SCHEMA = "automap.drive/1"
 MINIMAL = 'schema = "automap.drive/1"'
@@ -163,6 +164,7 @@ class VideoSection(Section):
     camera_matrix: tuple[Triple, Triple, Triple] | None = None
     distortion: tuple[FiniteFloat, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
     lever_arm_m: Triple = (0.0, 0.0, 0.0)
+    lever_arm_sigma_m: NotNegative = LEVER_ARM_SD_M
     mount_rpy_deg: Triple = (0.0, 0.0, 0.0)
     mount_rpy_sigma_deg: NotNegative = 2.0
     time_offset_s: FiniteFloat = 0.0

@@ -9,7 +9,15 @@ from __future__ import annotations
 from automap.records.arrays import NO_TIME, BoolArray, FloatArray, Image, IntArray
 from automap.records.clocks import ClockModel, DriveClocks
 from automap.records.motion import DrivePath, Trajectory
-from automap.records.pictures import Camera, Crop, Detections, FrameTimes, VideoFrame, usual_matrix
+from automap.records.pictures import (
+    LEVER_ARM_SD_M,
+    Camera,
+    Crop,
+    Detections,
+    FrameTimes,
+    VideoFrame,
+    usual_matrix,
+)
 from automap.records.sensors import (
     FixErrors,
     Fixes,
@@ -31,6 +39,7 @@ from automap.records.signs import (
 )
 
 __all__ = [
+    "LEVER_ARM_SD_M",
     "NO_TIME",
     "Bearings",
     "BoolArray",

@@ -9,6 +9,9 @@ import numpy.typing as npt
 
 from automap.records.arrays import FloatArray, Image, IntArray
 
+LEVER_ARM_SD_M = 0.3
+"""Of a camera's place on the vehicle of which nobody says how well it is known: by eye."""
+
 
 @dataclass(frozen=True)
 class Camera:
@@ -16,7 +19,8 @@ class Camera:
 
     ``matrix`` [3, 3], ``distortion`` [k] OpenCV order, ``lever_arm_m`` [3] IMU to camera in
     body axes, ``mount_rpy`` [3] rad (C_body_cam = Rz(yaw) Ry(pitch) Rx(roll), camera axes
-    forward, right, down), ``mount_sd`` rad, ``time_offset_s`` added to frame stamps.
+    forward, right, down), ``mount_sd`` rad, ``time_offset_s`` added to frame stamps,
+    ``lever_arm_sd`` one sigma of the lever arm in m, each axis.
     """
 
     width: int
@@ -28,6 +32,7 @@ class Camera:
     mount_sd: float
     time_offset_s: float
     time_offset_sd: float
+    lever_arm_sd: float = LEVER_ARM_SD_M
 
 
 def usual_matrix(width: int, height: int) -> FloatArray:

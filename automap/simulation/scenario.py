@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from automap.effects.limits import WARM_UP_S
 from automap.errors import ConfigError
+from automap.records import LEVER_ARM_SD_M
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -207,6 +208,7 @@ class CameraSetup(_Part):
     focal_px: Positive = 1000.0
     frame_rate_hz: Positive = 10.0
     lever_arm_m: Vector = (1.2, 0.0, -0.9)
+    lever_arm_sigma_m: NonNegative = LEVER_ARM_SD_M
     mount_rpy_deg: Vector = (0.0, 0.0, 0.0)
     mount_error_deg: Vector = (0.0, 0.0, 0.0)
     mount_rpy_sigma_deg: Positive = 1.0

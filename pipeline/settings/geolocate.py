@@ -41,8 +41,6 @@ class GeolocateSettings(Section):
     """0..1, least probability that a sign exists (seen, and not missed)"""
     focal_sd: float = Field(default=0.005, ge=0)
     """one sigma of the focal length, part of it"""
-    lever_arm_sd_m: float = Field(default=0.3, ge=0)
-    """m, one sigma of the camera's place on the vehicle"""
     fixed: dict[str, dict[str, dict[str, float]]] = Field(default_factory=dict)
     """known errors of the stated cameras: { camera = { effect = { parameter = value } } }"""
     single_sightings: bool = False

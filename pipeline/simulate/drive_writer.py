@@ -305,6 +305,7 @@ def _video_section(setup: CameraSetup) -> list[str]:
         f"camera_matrix = [[{f}, 0.0, {cx}], [0.0, {f}, {cy}], [0.0, 0.0, 1.0]]",
         "distortion = [0.0, 0.0, 0.0, 0.0, 0.0]",
         f"lever_arm_m = {list(setup.lever_arm_m)}",
+        f"lever_arm_sigma_m = {setup.lever_arm_sigma_m}",
         f"mount_rpy_deg = {[round(float(a), 6) for a in mount]}",
         f"mount_rpy_sigma_deg = {setup.mount_rpy_sigma_deg}",
         "time_offset_s = 0.0",

@@ -36,6 +36,10 @@ WORLDS = {
     "normal 12, wide, tails": replace(ONE, turned_deg=12.0, wide=0.03, box_freedom=3.0),
     "normal 10, plates": replace(ONE, turned_deg=10.0, faces=CLASSES),
     "normal 10, two laps": replace(ONE, turned_deg=10.0, twice=True),
+    # looked at once, when nothing was changed any more
+    "normal 4, unseen": replace(ONE, turned_deg=4.0, margin_px=0.7, box_alike=0.4),
+    "uniform +-40, unseen": replace(ONE, turned="uniform", turned_deg=40.0 / np.sqrt(3.0)),
+    "some, tails, unseen": replace(ONE, turned="some", turned_deg=9.0, box_freedom=4.0, wide=0.02),
 }
 
 

@@ -47,7 +47,6 @@ from automap.io.frame_times import frame_times
 from automap.io.trajectory_csv import read_trajectory_csv
 from automap.records import FloatArray, IntArray
 
-LEVER_ARM_SD_M = 0.3
 LEVER_ARM = slice(5, 8)
 OFTEN = 6
 """Signs with so many views tell of scatter, and half of them foretell the nearest."""
@@ -68,7 +67,7 @@ class Seen:
 
 
 def solved(views: Views, rows: IntArray, prior: SizePrior) -> Landmark:
-    return solve_with_pass_errors(views, fit_landmark(views, rows, prior), prior, LEVER_ARM_SD_M)
+    return solve_with_pass_errors(views, fit_landmark(views, rows, prior), prior)
 
 
 def foretell_nearest(views: Views, rows: IntArray, prior: SizePrior) -> float:
@@ -77,7 +76,7 @@ def foretell_nearest(views: Views, rows: IntArray, prior: SizePrior) -> float:
     last = rows[-1:]
     mark = solved(views, rows[: len(rows) // 2], prior)
     N, A, shared, *_ = equations(views, mark, mark.parameters, mark.pass_bias, prior)
-    known = np.maximum(pass_sd(views, mark.rows, LEVER_ARM_SD_M), 1e-9) ** -2.0
+    known = np.maximum(pass_sd(views, mark.rows), 1e-9) ** -2.0
     whole = np.linalg.inv(np.block([[N, A], [A.T, shared[:N_COMMON, :N_COMMON] + np.diag(known)]]))
 
     def expected(parameters: FloatArray) -> FloatArray:
@@ -138,7 +137,7 @@ def look_at(folder: Path, into: Sequence[Seen]) -> None:
     for mark, prior in zip(marks, sizes_of_others(views, marks, general), strict=True):
         mark = solved(views, mark.rows, prior)
         size = measured_size(views, mark.rows, result.corrections["front"].covariance)
-        square = disagreement(views, mark, prior, LEVER_ARM_SD_M).square
+        square = disagreement(views, mark, prior).square
         often = len(mark.rows) >= OFTEN
         foretold = foretell_nearest(views, mark.rows, prior) if often else np.nan
         for seen in into:

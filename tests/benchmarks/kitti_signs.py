@@ -41,7 +41,6 @@ from automap.io.sign_points import read_sign_points
 from automap.io.trajectory_csv import read_trajectory_csv
 from automap.records import FloatArray, IntArray, Sign, SignPoints
 
-LEVER_ARM_SD_M = 0.3
 PAIR_M, LOST_M, NEAR_M = 15.0, 10.0, 2.0
 CONTRADICTED = 1e-3
 
@@ -74,7 +73,7 @@ def by_bearings(views: Views, rows: IntArray, camera: FloatArray) -> tuple[Float
     [9, 9] of what was found out about the camera."""
     blind = replace(views, sd=views.sd * [1.0, 1.0, SET_ASIDE])
     prior = SizePrior(log_sd=SET_ASIDE)
-    mark = solve_with_pass_errors(blind, fit_landmark(blind, rows, prior), prior, LEVER_ARM_SD_M)
+    mark = solve_with_pass_errors(blind, fit_landmark(blind, rows, prior), prior)
     return mark.position, make_sighting(blind, mark, [camera]).covariance
 
 

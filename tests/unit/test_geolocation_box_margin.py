@@ -26,6 +26,6 @@ def test_margins_that_differ_from_sign_to_sign_are_measured() -> None:
         shown = owner[views.row]
         rows = [np.flatnonzero(shown == k) for k in np.unique(shown)]
         marks = [fit_landmark(views, r, SizePrior()) for r in rows if len(r) >= 6]
-        share[name] = margin_scatter(views, marks, SizePrior(), 0.1)
+        share[name] = margin_scatter(views, marks, SizePrior())
     assert share["tight"] < 0.7
     assert share["loose"] > 1.1

@@ -69,7 +69,7 @@ def settled(size_m: np.ndarray, names: tuple[str, ...]):
     prior = SizePrior()
     shown = owner[views.row]
     marks = [fit_landmark(views, np.flatnonzero(shown == k), prior) for k in np.unique(shown)]
-    return views, [solve_with_pass_errors(views, mark, prior, 0.1) for mark in marks], prior
+    return views, [solve_with_pass_errors(views, mark, prior) for mark in marks], prior
 
 
 def test_the_other_signs_of_a_class_tell_the_size() -> None:

@@ -18,7 +18,6 @@ from automap.geolocation.views import MeasurementNoise, Views, build_views
 from automap.records import Detections, Sign
 
 SIZES = SizePrior(0.75, 0.1)
-LEVER_ARM_SD_M = 0.1
 
 
 def scene(odd: int = -1, factor: float = 3.0) -> tuple[Scene, int]:
@@ -41,14 +40,14 @@ def settled(world: Scene, seed: int) -> tuple[Views, list[Landmark]]:
     views = build_views(path, [found], {"front": camera()}, MeasurementNoise())
     shown = owner[views.row]
     marks = [fit_landmark(views, np.flatnonzero(shown == k), SIZES) for k in np.unique(shown)]
-    return views, [solve_with_pass_errors(views, m, SIZES, LEVER_ARM_SD_M) for m in marks]
+    return views, [solve_with_pass_errors(views, m, SIZES) for m in marks]
 
 
 def test_signs_as_tall_as_expected_do_not_contradict_themselves() -> None:
     squares = []
     for seed in range(4):
         views, marks = settled(scene()[0], seed)
-        found = [disagreement(views, mark, SIZES, LEVER_ARM_SD_M) for mark in marks]
+        found = [disagreement(views, mark, SIZES) for mark in marks]
         assert not any(f.contradictory for f in found)
         squares += [f.square for f in found]
     # the sigmas of both ways are no smaller than they differ by
@@ -97,16 +96,12 @@ def test_a_sign_of_an_odd_size_whose_growth_confirms_its_bearings_is_no_contradi
 
 def test_one_view_and_parallel_bearings_contradict_nothing() -> None:
     views, marks = settled(scene()[0], 1)
-    alone = solve_with_pass_errors(
-        views, fit_landmark(views, marks[0].rows[:1], SIZES), SIZES, LEVER_ARM_SD_M
-    )
-    assert disagreement(views, alone, SIZES, LEVER_ARM_SD_M).square == 0.0
+    alone = solve_with_pass_errors(views, fit_landmark(views, marks[0].rows[:1], SIZES), SIZES)
+    assert disagreement(views, alone, SIZES).square == 0.0
     # at a standstill bearings have no distance, whatever the size
     still = replace(
         views, centre=np.broadcast_to(views.centre[marks[0].anchor], views.centre.shape)
     )
-    mark = solve_with_pass_errors(
-        still, fit_landmark(still, marks[0].rows[-3:], SIZES), SIZES, LEVER_ARM_SD_M
-    )
+    mark = solve_with_pass_errors(still, fit_landmark(still, marks[0].rows[-3:], SIZES), SIZES)
     odd = SizePrior(SIZES.size_m * 3.0, SIZES.log_sd)
-    assert not disagreement(still, mark, odd, LEVER_ARM_SD_M).contradictory
+    assert not disagreement(still, mark, odd).contradictory

@@ -81,7 +81,7 @@ def test_an_error_of_the_pass_is_found_within_its_sigma(approach) -> None:
     unsure = replace(views, velocity_sd=np.full_like(views.velocity_sd, 0.15))
     shifted = with_velocity_error(unsure, landmark, error)
     plain = fit_landmark(shifted, landmark.rows, PRIOR)
-    settled = solve_with_pass_errors(shifted, plain, PRIOR, 0.1)
+    settled = solve_with_pass_errors(shifted, plain, PRIOR)
     off = [float(np.linalg.norm(m.position - landmark.position)) for m in (plain, settled)]
     assert off[1] < off[0]
     assert settled.pass_covariance[2, 2] > 0.0
@@ -92,8 +92,8 @@ def test_a_sure_trajectory_leaves_the_sign_alone(approach) -> None:
     views, landmark, _ = approach
     nothing = np.zeros_like(views.velocity_sd)
     sure = replace(views, velocity_sd=nothing, attitude_sd=nothing, margin_sd=np.zeros(len(views)))
-    assert pass_sd(sure, landmark.rows, 0.0)[[0, 1, 2, 8, 9, 10, 11]].sum() == 0.0
-    settled = solve_with_pass_errors(sure, landmark, PRIOR, 0.0)
+    assert pass_sd(sure, landmark.rows)[[0, 1, 2, 8, 9, 10, 11]].sum() == 0.0
+    settled = solve_with_pass_errors(sure, landmark, PRIOR)
     np.testing.assert_allclose(settled.position, landmark.position, atol=0.02)
 
 

@@ -98,6 +98,25 @@ def test_heights_above_the_road_are_as_well_known_as_the_imus_above_it(
         assert before.sd_above_road_m**2 == pytest.approx(shown + 0.4**2)
 
 
+def test_a_cameras_place_that_is_measured_makes_heights_surer(
+    context: StageContext, tmp_path: Path
+) -> None:
+    write_trajectory(context.out / names.TRAJECTORY, drive_path(duration_s=14.0))
+    write_detections(context.out / names.DETECTIONS, [seen()])
+    shown = {}
+    for sigma in ("", "lever_arm_sigma_m = 0.02\n"):
+        folder, work = tmp_path / f"drive{len(shown)}", tmp_path / f"work{len(shown)}"
+        shutil.copytree(context.drive.path, folder)
+        work.mkdir()
+        text = MANIFEST.replace("mount_rpy_sigma_deg", sigma + "mount_rpy_sigma_deg")
+        text += "[vehicle]\nimu_above_road_m = 1.0\nimu_above_road_sigma_m = 0.0\n"
+        (folder / "drive.toml").write_text(text)
+        STAGE.run(StageContext(load_drive(folder), context.out, work, load_settings()))
+        shown[sigma] = [s.sd_above_road_m for s in read_signs(work / names.SIGNS_RAW)]
+    for loose, tight in zip(*shown.values(), strict=True):
+        assert loose**2 - tight**2 == pytest.approx(0.3**2 - 0.02**2, rel=0.1)
+
+
 def test_detections_of_an_unknown_camera_are_listed_but_not_used(context: StageContext) -> None:
     write_trajectory(context.out / names.TRAJECTORY, drive_path(duration_s=14.0))
     write_detections(context.out / names.DETECTIONS, [seen("rear"), seen()])

@@ -159,7 +159,6 @@ def rules_from(
         assembly=_assembly(drive, vehicle),
         camera=CameraPriors(
             focal_sd=settings.focal_sd,
-            lever_arm_sd_m=settings.lever_arm_sd_m,
             margin_sd_px=settings.box_margin_sd_px,
         ),
         estimate_camera=settings.estimate_camera,
