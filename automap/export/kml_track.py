@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.export.clock import iso_texts
 from automap.export.kml_cells import xml_text
-from automap.export.path import Path, split_at_date_line
+from automap.export.path import Path
 from automap.export.uncertainty import sigma_classes
 from automap.records import FloatArray
 
@@ -45,15 +45,22 @@ def track_elements(path: Path, altitude: FloatArray) -> Iterator[str]:
     altitudes = altitude if absolute else np.zeros(len(path))
     head = f"<altitudeMode>{mode}</altitudeMode>"
     yield "<Folder><name>Trajectory</name>"
+    for name, rows in path.pieces:
+        yield from _track(path.part(rows), altitudes[rows], xml_text(name or "Track"), head)
+    yield from _uncertainty(path)
+    yield "</Folder>"
+
+
+def _track(path: Path, altitudes: FloatArray, name: str, head: str) -> Iterator[str]:
     if np.isnat(path.utc).any():
-        for run in split_at_date_line(path.lon_deg):
+        for run in path.runs:
             yield (
-                "<Placemark><name>Track</name><styleUrl>#track</styleUrl><LineString>"
+                f"<Placemark><name>{name}</name><styleUrl>#track</styleUrl><LineString>"
                 f"{head}<coordinates>{_corners(path, run, altitudes)}</coordinates>"
                 "</LineString></Placemark>"
             )
     else:
-        yield f"<Placemark><name>Track</name><styleUrl>#track</styleUrl><gx:Track>{head}"
+        yield f"<Placemark><name>{name}</name><styleUrl>#track</styleUrl><gx:Track>{head}"
         yield from (f"<when>{when}</when>" for when in iso_texts(path.utc))
         for lon, lat, alt in zip(
             path.lon_deg.tolist(), path.lat_deg.tolist(), altitudes.tolist(), strict=True
@@ -65,8 +72,6 @@ def track_elements(path: Path, altitude: FloatArray) -> Iterator[str]:
             yield f"<gx:angles>{yaw % 360.0:.2f} {pitch:.2f} {roll:.2f}</gx:angles>"
         yield from _values(path)
         yield "</gx:Track></Placemark>"
-    yield from _uncertainty(path)
-    yield "</Folder>"
 
 
 def _values(path: Path) -> Iterator[str]:
@@ -87,7 +92,7 @@ def _uncertainty(path: Path) -> Iterator[str]:
     yield "<Folder><name>Horizontal sigma</name><visibility>0</visibility>"
     ground = np.zeros(len(path))
     shades = np.linspace(0, len(SIGMA_COLOURS) - 1, len(labels)).round().astype(int)
-    for run in split_at_date_line(path.lon_deg):
+    for run in path.runs:
         # a line from each point to the next has the class of its start
         own = classes[run.start : run.stop - 1]
         cuts = (np.flatnonzero(np.diff(own)) + 1 + run.start).tolist()

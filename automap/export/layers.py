@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,9 +11,9 @@ import numpy.typing as npt
 
 from automap.export.clock import utc_of_stamps
 from automap.export.fields import SIGN_FIELDS, STAMP_FIELDS
-from automap.export.path import Path, split_at_date_line
+from automap.export.path import Path
 from automap.export.sign_columns import SignColumns, ellipse_rings, wrap_degrees
-from automap.records import ClockModel, Trajectory
+from automap.records import ClockModel, IntArray, Trajectory
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -107,8 +108,7 @@ def path_layer(path: Path) -> Layer:
     import shapely
 
     starts = np.concatenate(
-        [np.arange(run.start, run.stop - 1) for run in split_at_date_line(path.lon_deg)]
-        or [np.zeros(0, np.int64)]
+        [np.arange(run.start, run.stop - 1) for run in path.runs] or [np.zeros(0, np.int64)]
     ).astype(np.int64)
     height = np.nan_to_num(path.height_m)
     points = np.column_stack([path.lon_deg, path.lat_deg, height])
@@ -123,19 +123,21 @@ def path_layer(path: Path) -> Layer:
         "sd_h_m": path.sd_h_m[starts],
         "sd_d_m": path.sd_d_m[starts],
     }
+    if path.drives:
+        names = np.repeat([name for name, _ in path.drives], [n for _, n in path.drives])
+        columns["drive"] = _objects(names[starts].tolist())
     wkb = np.asarray(shapely.to_wkb(lines, flavor="iso"), object)
     return Layer("trajectory", "LineString Z", wkb, columns, {})
 
 
 def observation_layer(
-    table: pa.Table, trajectory: Trajectory | None, clock: ClockModel | None
+    table: pa.Table, trajectories: Mapping[str, Trajectory], clock: ClockModel | None
 ) -> Layer:
-    """Detections with all their columns, each placed where the vehicle was.
+    """Detections with all their columns, each placed where the vehicle was: on the trajectory of
+    its drive, or on that of the name "" where the table names no drive.
 
     Without a trajectory, or outside of it, the geometry is null.
     """
-    import shapely
-
     columns: dict[str, npt.NDArray[Any]] = {}
     missing: dict[str, npt.NDArray[np.bool_]] = {}
     for name in table.column_names:
@@ -146,18 +148,30 @@ def observation_layer(
     wkb = np.full(table.num_rows, None, object)
     if "t_ns" in columns and "t_ns" not in missing:
         columns["utc"] = utc_of_stamps(columns["t_ns"], clock)
-        if trajectory is not None and len(trajectory) > 1:
-            from automap.interpolation import poses_at
-
-            poses = poses_at(trajectory, columns["t_ns"])
-            there = poses.covered & np.isfinite(poses.lat_rad) & np.isfinite(poses.lon_rad)
-            points = shapely.points(
-                wrap_degrees(np.degrees(poses.lon_rad[there])),
-                np.degrees(poses.lat_rad[there]),
-                np.nan_to_num(poses.height_m[there]),
-            )
-            wkb[there] = shapely.to_wkb(points, flavor="iso")
+        drive = columns.get("drive", np.full(table.num_rows, "", object))
+        for name, trajectory in trajectories.items():
+            rows = np.flatnonzero(drive == name)
+            wkb[rows] = _places(trajectory, columns["t_ns"][rows])
     return Layer("observations", "Point Z", wkb, columns, missing)
+
+
+def _places(trajectory: Trajectory, t_ns: IntArray) -> WkbArray:
+    """Where a vehicle was at stamps [n], as points; None where that is not known."""
+    import shapely
+
+    from automap.interpolation import poses_at
+
+    wkb = np.full(len(t_ns), None, object)
+    if len(trajectory) > 1:
+        poses = poses_at(trajectory, t_ns)
+        there = poses.covered & np.isfinite(poses.lat_rad) & np.isfinite(poses.lon_rad)
+        points = shapely.points(
+            wrap_degrees(np.degrees(poses.lon_rad[there])),
+            np.degrees(poses.lat_rad[there]),
+            np.nan_to_num(poses.height_m[there]),
+        )
+        wkb[there] = shapely.to_wkb(points, flavor="iso")
+    return wkb
 
 
 def _column(column: pa.ChunkedArray) -> tuple[npt.NDArray[Any], npt.NDArray[np.bool_] | None]:

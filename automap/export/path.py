@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -20,7 +21,8 @@ POINT_LIMIT = 20_000
 class Path:
     """Points [n] of a trajectory: ``row`` in it, longitude, latitude (deg), ellipsoidal height
     (m), ``rpy_deg`` [n, 3], speed (m/s), horizontal sigma (m, north and east together),
-    vertical sigma, host stamp and UTC (NaT when unknown)."""
+    vertical sigma, host stamp and UTC (NaT when unknown); ``drives`` the name and the number of
+    points of each drive, in their order, where there are several."""
 
     row: IntArray
     lon_deg: FloatArray
@@ -32,9 +34,45 @@ class Path:
     sd_d_m: FloatArray
     t_ns: IntArray
     utc: TimeArray
+    drives: tuple[tuple[str, int], ...] = ()
 
     def __len__(self) -> int:
         return len(self.row)
+
+    @property
+    def pieces(self) -> list[tuple[str, slice]]:
+        """Each drive's name ("" of the only one) and its points."""
+        edges = np.cumsum([0, *(n for _, n in self.drives or (("", len(self)),))]).tolist()
+        names = [name for name, _ in self.drives or (("", 0),)]
+        return [
+            (name, slice(a, b))
+            for name, (a, b) in zip(names, itertools.pairwise(edges), strict=True)
+        ]
+
+    @property
+    def runs(self) -> list[slice]:
+        """Points between which the path does not jump from one end of the map to the other, nor
+        from one drive to another."""
+        return [
+            slice(piece.start + run.start, piece.start + run.stop)
+            for _, piece in self.pieces
+            for run in split_at_date_line(self.lon_deg[piece])
+        ]
+
+    def part(self, rows: slice) -> Path:
+        """Some points of it, of one drive."""
+        values = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "drives"}
+        return Path(**values)
+
+
+def joined_paths(paths: Mapping[str, Path]) -> Path:
+    """The paths of several drives, by name, as one."""
+    columns = {
+        f.name: np.concatenate([getattr(path, f.name) for path in paths.values()])
+        for f in fields(Path)
+        if f.name != "drives"
+    }
+    return Path(**columns, drives=tuple((name, len(path)) for name, path in paths.items()))
 
 
 def simplified_path(

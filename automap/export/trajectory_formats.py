@@ -94,15 +94,19 @@ def gpx_track(
     signs: SignColumns | None = None,
     lineage: Mapping[str, Any] | None = None,
     geoid_m: FloatArray | None = None,
+    others: Mapping[str, Trajectory] | None = None,
 ) -> str:
     """GPX 1.1 track, where there is one, in the order of time, at about one point in ``step_s`` (0:
-    all); ``signs`` become waypoints, ``lineage`` the description of the file.
+    all), and those of ``others`` by their names; ``signs`` become waypoints, ``lineage`` the
+    description of the file.
 
     Programs take a height of GPX for one above the sea: it stands there with that of the geoid,
     ``geoid_m`` [n] above the ellipsoid, and where that is unknown no height does. Points without a
     time or a place are left out.
     """
     track = "" if trajectory is None else _track(trajectory, xml_text(name), step_s, geoid_m)
+    for other, drive in (others or {}).items():
+        track += _track(drive, xml_text(other), step_s, None)
     about = "; ".join(f"{key}: {_flat(value)}" for key, value in (lineage or {}).items())
     title = xml_text(name)
     description = f"<desc>{xml_text(about)}</desc>" if about else ""

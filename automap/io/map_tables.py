@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from automap.io.atomic import atomic_path
-from automap.io.tables import floats, read_table, write_columns
-from automap.records import DrivePath
+from automap.io.tables import floats, ints, read_table, write_columns
+from automap.io.trajectory_table import COLUMNS, from_columns, to_columns
+from automap.records import DrivePath, Trajectory
 
 SIGHTINGS = "sightings.parquet"
 COVERAGE = "coverage.parquet"
+TRACKS = "tracks.parquet"
 _TEXTS = ("key", "drive", "drive_sign", "sign_id")
 
 
@@ -45,6 +48,30 @@ def read_members(path: Path) -> dict[str, str]:
             strict=True,
         )
     )
+
+
+def write_tracks(path: Path, tracks: Mapping[str, Trajectory]) -> None:
+    """Write the trajectories of several drives, by name, one after another."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    parts = []
+    for name, trajectory in tracks.items():
+        columns = {"drive": np.full(len(trajectory), name, object), **to_columns(trajectory)}
+        parts.append(pa.table({key: pa.array(v, from_pandas=True) for key, v in columns.items()}))
+    with atomic_path(path) as temporary:
+        pq.write_table(pa.concat_tables(parts), temporary, compression="zstd")
+
+
+def read_tracks(path: Path) -> dict[str, Trajectory]:
+    """Read what ``write_tracks`` wrote."""
+    table = read_table(path, ("drive", *COLUMNS))
+    drive = np.array(table["drive"].to_pylist(), object)
+    whole = from_columns(lambda name: floats(table, name), ints(table, "t_ns"))
+    return {
+        str(name): Trajectory(*(getattr(whole, f.name)[drive == name] for f in fields(Trajectory)))
+        for name in dict.fromkeys(drive.tolist())
+    }
 
 
 def write_coverage(path: Path, coverage: DrivePath) -> None:

@@ -56,6 +56,8 @@ def write_signs(path: Path, signs: Sequence[Sign]) -> None:
         "side": pa.array([s.side for s in signs], text),
         "status": pa.array([s.status for s in signs], text),
         "drives": pa.array([list(s.drives) for s in signs], pa.list_(text)),
+        "geoid_m": pa.array([s.geoid_m for s in signs], real),
+        "note": pa.array([s.note for s in signs], text),
         "support": pa.array([s.support for s in signs], text),
         "detection_rows": pa.array(
             [np.asarray(s.detection_rows, np.int64).tolist() for s in signs], pa.list_(whole)
@@ -111,5 +113,7 @@ def _sign(row: dict[str, Any]) -> Sign:
         status=row["status"],
         drives=tuple(row["drives"]),
         support=row.get("support") or "",
+        geoid_m=row.get("geoid_m", float("nan")),
+        note=row.get("note") or "",
         detection_rows=np.array(row["detection_rows"], np.int64),
     )

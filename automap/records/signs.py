@@ -19,7 +19,8 @@ class Sign:
 
     ``facing_rad`` clockwise from north, with one sigma ``facing_sd_rad`` (NaN unknown).
     ``support`` names the post or gantry, the same for all signs on it ("" unknown); ``note`` is
-    what a reviewer wrote.
+    what a reviewer wrote; ``geoid_m`` the geoid's height above the ellipsoid there, where that is
+    known without the fixes of a drive (NaN else).
     """
 
     id: str
@@ -42,6 +43,7 @@ class Sign:
     support: str = ""
     sd_above_road_m: float = float("nan")
     facing_sd_rad: float = float("nan")
+    geoid_m: float = float("nan")
     note: str = ""
 
 

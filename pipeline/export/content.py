@@ -10,7 +10,7 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.export.path import Path as MapPath
-from automap.export.path import simplified_path
+from automap.export.path import joined_paths, simplified_path
 from automap.export.roads import RoadRow, read_roads_csv
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
@@ -52,7 +52,8 @@ def map_content(out: Path, name: str, min_confidence: float = 0.0) -> MapContent
     record = products.json(names.RUN)
     country = country_of(record)
     signs = sign_columns(products.signs or [], products.clock, country)
-    path = simplified_path(products.trajectory) if products.trajectory is not None else None
+    paths = {name: simplified_path(track) for name, track in products.trajectories.items()}
+    path = joined_paths(paths) if products.tracks else paths.get("")
     pictures = read_pictures(products)
     content = MapContent(
         name,
@@ -111,6 +112,9 @@ def geoid_heights(content: MapContent) -> tuple[FloatArray | None, FloatArray | 
     sign_geoid = geoid_separation(content.products, stamps)
     if sign_geoid is not None:
         sign_geoid = np.where(stamps == NO_TIME, np.nan, sign_geoid)
+    elif content.products.tracks:
+        told = [sign.geoid_m for sign in content.products.signs or []]
+        sign_geoid = np.array(told, np.float64)
     track = content.path
     track_geoid = None if track is None else geoid_separation(content.products, track.t_ns)
     return sign_geoid, track_geoid
@@ -119,6 +123,11 @@ def geoid_heights(content: MapContent) -> tuple[FloatArray | None, FloatArray | 
 def trajectory_of(content: MapContent) -> Trajectory:
     """The trajectory; InputError where OUT has none."""
     trajectory = content.products.trajectory
+    if content.products.tracks:
+        raise InputError(
+            "a merged map has the thinned tracks of several drives; give the folder of one drive, "
+            "or take gpx, which holds them all."
+        )
     if trajectory is None or len(trajectory) == 0:
         raise InputError("there is no trajectory in OUT; run the drive first.")
     return trajectory

@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.errors import ConfigError
 from automap.export.datum import Datum, InDatum, decimal_year, parse_datum, to_datum
-from automap.records import FixType
+from automap.records import FixType, Trajectory
 from pipeline.export.content import MapContent
 from pipeline.shared.products import RunProducts
 
@@ -74,21 +74,24 @@ def recorded_year(content: MapContent) -> float | None:
 
 def _products(products: RunProducts, datum: Datum, recorded: float | None) -> RunProducts:
     """The products with the trajectory, on which the detections are placed, in the datum."""
-    trajectory = products.trajectory
-    if trajectory is None or len(trajectory) == 0:
-        return products
+    moved = {name: _moved(t, datum, recorded) for name, t in products.trajectories.items()}
+    if products.trajectory is None:
+        return replace(products, tracks=moved)
+    return replace(products, trajectory=moved[""])
+
+
+def _moved(trajectory: Trajectory, datum: Datum, recorded: float | None) -> Trajectory:
+    if len(trajectory) == 0:
+        return trajectory
     moved = to_datum(
         np.degrees(trajectory.lon_rad), np.degrees(trajectory.lat_rad), trajectory.height_m,
         datum, recorded,
     )  # fmt: skip
     return replace(
-        products,
-        trajectory=replace(
-            trajectory,
-            lon_rad=np.radians(moved.lon_deg),
-            lat_rad=np.radians(moved.lat_deg),
-            height_m=moved.height_m,
-        ),
+        trajectory,
+        lon_rad=np.radians(moved.lon_deg),
+        lat_rad=np.radians(moved.lat_deg),
+        height_m=moved.height_m,
     )
 
 

@@ -76,7 +76,7 @@ def write_gpkg(content: MapContent, path: Path) -> None:
     styles = [qgis_style.sign_style(icons, colours)]
     if products.observations is not None:
         built.append(
-            layers.observation_layer(products.observations, products.trajectory, products.clock)
+            layers.observation_layer(products.observations, products.trajectories, products.clock)
         )
         styles.append(qgis_style.observation_style())
     if content.path is not None and len(content.path) > 1:
@@ -166,13 +166,21 @@ def write_kitti(content: MapContent, path: Path) -> None:
 def write_gpx(content: MapContent, path: Path) -> None:
     """Write the trajectory as a GPX track, with the signs as waypoints."""
     step_s = 0.0 if content.every_row else trajectory_formats.GPX_STEP_S
-    # a merged map has its signs alone
-    trajectory = content.products.trajectory if len(content.signs) else trajectory_of(content)
+    products = content.products
+    # a merged map of before it had tracks has its signs alone
+    bare = products.tracks or len(content.signs)
+    trajectory = products.trajectory if bare else trajectory_of(content)
     geoid = None
     if trajectory is not None:
         geoid = geoid_separation(content.products, trajectory.t_ns)
     text = trajectory_formats.gpx_track(
-        trajectory, content.name, step_s, content.signs, content.lineage, geoid
+        trajectory,
+        content.name,
+        step_s,
+        content.signs,
+        content.lineage,
+        geoid,
+        products.tracks,
     )
     write_text(path, text)
 

@@ -8,6 +8,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ from automap import __version__
 from automap.errors import StageError
 from automap.io import names
 from automap.io.atomic import make_folder, write_json, write_text
-from automap.io.map_tables import COVERAGE, SIGHTINGS
+from automap.io.map_tables import COVERAGE, SIGHTINGS, TRACKS
 from automap.records import DrivePath
 from pipeline.merge.signs import GPS_CLOCK
 from pipeline.shared.lock import locked
@@ -58,8 +59,10 @@ def write_map(
         except StageError as error:
             raise StageError(str(error).replace(str(new), str(out))) from error
         (new / names.REVIEW).unlink(missing_ok=True)
-        if not (new / CHANGES).exists():
-            (out / CHANGES).unlink(missing_ok=True)
+        for name in (CHANGES, TRACKS, names.OBSERVATIONS):
+            if not (new / name).exists():
+                (out / name).unlink(missing_ok=True)
+        shutil.rmtree(out / names.PICTURES, ignore_errors=True)
         # merge.json last: it says that the map is complete
         for path in sorted(new.iterdir(), key=lambda path: path.name == names.MERGE):
             os.replace(path, out / path.name)
@@ -80,8 +83,12 @@ def _write_files(
     from pipeline.export.content import map_content
     from pipeline.export.formats import FORMATS, STANDARD_FORMATS, write_dictionary
     from pipeline.merge.report import merge_report
+    from pipeline.merge.whole import complete, gather, write_whole
 
+    whole = gather(outcome.merged, signs, folders, outcome.warnings)
+    outcome = replace(outcome, signs=complete(outcome.signs, whole))
     write_signs(out / names.SIGNS_RAW, outcome.signs)
+    write_whole(out, whole)
     write_clock(out / names.SYNC, GPS_CLOCK)
     progress(0.1)
     _write_sightings(out / SIGHTINGS, outcome.merged, signs)
@@ -101,7 +108,7 @@ def _write_files(
         write_text(out / CHANGES, changes_geojson(changes))
         files.append(out / CHANGES)
     summary = merge_summary(outcome, signs, folders, previous)
-    write_text(out / names.REPORT, merge_report(outcome, summary))
+    write_text(out / names.REPORT, merge_report(outcome, summary, content))
     write_json(out / names.MERGE, summary)
     return [*files, out / names.REPORT, out / names.MERGE]
 

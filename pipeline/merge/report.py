@@ -10,20 +10,22 @@ import numpy as np
 from automap import __version__
 from automap.export.uncertainty import ce95
 from pipeline.pages.render import sections_page
-from pipeline.pages.section import Figure, Section, draw
-from pipeline.pages.svg_plot import Series
+from pipeline.pages.section import Figure, Section
 
 if TYPE_CHECKING:
+    from pipeline.export.content import MapContent
     from pipeline.merge.outcome import MergeOutcome
 
 _ROWS = 500
-_DOTS = 4000
 _KINDS = {"new": "new", "gone": "gone", "class": "another class", "moved": "moved"}
 
 
-def merge_report(outcome: MergeOutcome, summary: dict[str, Any]) -> str:
-    """The page; ``summary`` is the content of merge.json."""
-    parts = [("The map", _map_section(outcome))]
+def merge_report(outcome: MergeOutcome, summary: dict[str, Any], content: MapContent) -> str:
+    """The page; ``summary`` is the content of merge.json, ``content`` that of the map's files."""
+    from pipeline.report.map_data import map_data
+    from pipeline.report.render import sign_list
+
+    parts = [("How often signs were seen", _seen_section(outcome))]
     if outcome.comparison is not None:
         parts.append(("Changes", changes_section(outcome, summary)))
     parts += [
@@ -34,7 +36,11 @@ def merge_report(outcome: MergeOutcome, summary: dict[str, Any]) -> str:
     facts = [("version", __version__), ("previous map", summary.get("previous", "none"))]
     name = outcome.folder.resolve().name
     figures = _figures(outcome, summary)
-    return sections_page("Merged map", name, figures, parts, outcome.warnings, facts)
+    return sections_page(
+        "Merged map", name, figures, parts, outcome.warnings, facts,
+        map=map_data(content.products, content.signs, content.pictures),
+        sign_table=sign_list(content.signs),
+    )  # fmt: skip
 
 
 def _radius(outcome: MergeOutcome) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -60,29 +66,12 @@ def _figures(outcome: MergeOutcome, summary: dict[str, Any]) -> list[Figure]:
     return figures
 
 
-def _map_section(outcome: MergeOutcome) -> Section:
-    section = Section(
-        sentences=[
-            f"{len(outcome.signs)} signs. Open map.kml in Google Earth or map.gpkg in a GIS."
-        ]
-    )
+def _seen_section(outcome: MergeOutcome) -> Section:
+    section = Section(header=("drives that saw a sign", "signs", "95 % radius, median, m"))
     if not outcome.signs:
         section.absent = "The drives saw no signs."
         return section
-    lat = np.degrees([s.lat_rad for s in outcome.signs])
-    lon = np.unwrap(np.array([s.lon_rad for s in outcome.signs]))
-    middle = float(np.median(lat))
-    east = (np.degrees(lon) - np.degrees(np.median(lon))) * 111.32 * np.cos(np.radians(middle))
-    north = (lat - middle) * 110.95
-    several = np.array([len(s.drives) > 1 for s in outcome.signs])
-    step = max(1, len(lat) // _DOTS)
-    series = [
-        Series("seen by one drive", east[~several][::step], north[~several][::step], "dots", "bad"),
-        Series("by several", east[several][::step], north[several][::step], "dots", 0),
-    ]
-    section.plots += draw("Signs in plan", series, "north, km", "east, km")
     counts = Counter(len(s.drives) for s in outcome.signs)
-    section.header = ("drives that saw a sign", "signs", "95 % radius, median, m")
     radius = _radius(outcome)
     seen_by = np.array([len(s.drives) for s in outcome.signs])
     for number in sorted(counts)[:30]:

@@ -52,10 +52,14 @@ def sections_page(
     parts: Sequence[tuple[str, Section]],
     warnings: Sequence[str] = (),
     facts: Sequence[tuple[str, str]] = (),
+    **drawn: Any,
 ) -> str:
-    """A page of key figures, sections under their headings, and the conditions they hold for."""
+    """A page of key figures, sections under their headings, and the conditions they hold for;
+    ``drawn`` a ``map`` and ``sign_table`` as the report of a run has them, above the sections."""
     return render(
         "sections.html.j2",
+        leaflet=drawn.get("map") is not None,
+        **drawn,
         title=title,
         name=name,
         figures=figures,

@@ -47,6 +47,7 @@ def map_data(
             for f in SIGN_FIELDS
         ],
         "path": _path(products, origin),
+        "tracks": _tracks(products, origin),
         "fixes": _fixes(products, origin, notes),
         "signs": _signs(products, signs, origin, notes, list(pictures)),
         "faces": sign_faces({str(name) for name in signs.values["class"]}),
@@ -114,6 +115,12 @@ def _path(products: RunProducts, origin: tuple[float, float]) -> dict[str, Any] 
         "modes": [mode.as_json() for mode in path_modes(products, path)],
         "outages": silent,
     }
+
+
+def _tracks(products: RunProducts, origin: tuple[float, float]) -> list[list[list[float]]]:
+    """The ways of a merged map's drives."""
+    paths = [simplified_path(track, tolerance_m=0.5) for track in products.tracks.values()]
+    return [_pairs(_metres(p.lat_deg, p.lon_deg, origin)) for p in paths if len(p) > 1]
 
 
 def _fixes(products: RunProducts, origin: tuple[float, float], notes: list[str]) -> Any:

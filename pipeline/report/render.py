@@ -55,7 +55,7 @@ def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str
         warnings=_warnings(products, record),
         verdict=state,
         sections=sections,
-        sign_table=_sign_table(signs),
+        sign_table=sign_list(signs),
         map=content,
         stages=_stages(record),
         settings=_flat_rows(record.get("settings")),
@@ -155,7 +155,8 @@ def _facts(products: RunProducts, record: dict[str, Any]) -> list[tuple[str, str
     return [(key, value) for key, value in rows if len(value) < 400]
 
 
-def _sign_table(signs: SignColumns) -> dict[str, Any]:
+def sign_list(signs: SignColumns) -> dict[str, Any]:
+    """The table of the signs: heads, rows, and how many are left out."""
     shown = {"id", "class", "confidence", "n_views", "ce95_m", "side", "height_above_road_m",
              "size_m", "facing_deg", "status"}  # fmt: skip
     fields = [field for field in SIGN_FIELDS if field.name in shown]

@@ -35,7 +35,14 @@ class RunProducts:
     clock: ClockModel | None = None
     rejected: list[Sign] = field(default_factory=list)
     """Signs that a review took off the map."""
+    tracks: dict[str, Trajectory] = field(default_factory=dict)
+    """Trajectories of the drives of a merged map, by name, thinned."""
     problems: list[str] = field(default_factory=list)
+
+    @property
+    def trajectories(self) -> dict[str, Trajectory]:
+        """That of the run under the name "", or those of a merged map's drives."""
+        return self.tracks if self.trajectory is None else {"": self.trajectory}
 
     def table(self, name: str, required: tuple[str, ...] = ()) -> pa.Table | None:
         """A Parquet file of OUT, None when it is missing, empty or unreadable."""
@@ -79,6 +86,7 @@ def load_products(out: Path) -> RunProducts:
     An adjusted trajectory, where geolocation wrote one, is the one the signs rest on; the map
     shows it. What a review decided about signs is applied to them.
     """
+    from automap.io.map_tables import TRACKS, read_tracks
     from automap.io.signs_table import read_signs
     from automap.io.tables import read_fixes
     from automap.io.trajectory_table import read_trajectory
@@ -89,6 +97,7 @@ def load_products(out: Path) -> RunProducts:
         if trajectory is not None and len(trajectory):
             products.trajectory = trajectory
             break
+    products.tracks = products.attempt(TRACKS, read_tracks) or {}
     products.signs = products.attempt(names.SIGNS_RAW, read_signs)
     _apply_review(products)
     products.observations = products.table(names.OBSERVATIONS)

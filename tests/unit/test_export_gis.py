@@ -90,7 +90,7 @@ def test_geopackage_layers(tmp_path: Path) -> None:
         path,
         [
             layers.sign_layer(columns()),
-            layers.observation_layer(observations, full, CLOCK),
+            layers.observation_layer(observations, {"": full}, CLOCK),
             layers.path_layer(simplified_path(full)),
             layers.ellipse_layer(columns()),
         ],

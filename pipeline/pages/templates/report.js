@@ -15,6 +15,7 @@
   data.fixes.forEach((p) => bounds.extend(at(p)));
   data.signs.xy.forEach((p) => bounds.extend(at(p)));
   if (data.path) data.path.points.forEach((p) => bounds.extend(at(p)));
+  data.tracks.forEach((run) => run.forEach((p) => bounds.extend(at(p))));
   const whole = () => map.fitBounds(bounds.isValid() ? bounds.pad(0.04) : [[-50, -50], [50, 50]], { animate: false, maxZoom: 3 });
   whole();
 
@@ -24,6 +25,9 @@
     L.circleMarker(at(p), { radius: 1.8, stroke: false, fillColor: css("--soft"), fillOpacity: 0.6, interactive: false }).addTo(fixes);
   }
   const track = L.layerGroup().addTo(map);
+  for (const run of data.tracks) {
+    L.polyline(run.map(at), { color: UNKNOWN, weight: 1.5, opacity: 0.7, smoothFactor: 0.5, interactive: false }).addTo(map);
+  }
   if (data.path) {
     for (const run of data.path.outages) {
       L.polyline(run.map(at), { color: css("--c3"), weight: 12, opacity: 0.35, interactive: false }).addTo(map);

@@ -1,0 +1,184 @@
+"""What a merged map takes over from its drives beside where signs stand: pictures of the best
+views, tracks, observations, heights of the geoid, and what reviewers wrote."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from automap.io import names
+from automap.io.map_tables import TRACKS, write_tracks
+from automap.records import ClockModel, FloatArray, IntArray, Sign, Trajectory
+from pipeline.shared.pictures import Picture, read_pictures, write_pictures
+from pipeline.shared.products import RunProducts, geoid_separation, load_products
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from automap.mapping.merge import Merged
+
+TRACK_STEP_M, TRACK_STEP_S = 4.0, 1.0
+"""A track has a row every so many metres, and at least every so many seconds, which is often enough
+to place an observation on it."""
+PICTURES_EACH, MANY_SIGNS = 3, 2000
+"""Pictures of a sign, as in a run; of more signs than that the best alone, which bounds the map."""
+
+
+@dataclass
+class Whole:
+    """Gathered from the drives: ``tracks`` by the drive's name, tables of observations,
+    ``pictures`` of each sign from the best on, its geoid heights and its notes."""
+
+    tracks: dict[str, Trajectory] = field(default_factory=dict)
+    observations: list[pa.Table] = field(default_factory=list)
+    pictures: dict[str, list[Picture]] = field(default_factory=dict)
+    geoid_m: dict[str, list[float]] = field(default_factory=dict)
+    notes: dict[str, list[str]] = field(default_factory=dict)
+
+
+def gather(
+    merged: Merged, signs: Sequence[Sign], folders: Sequence[Path], warnings: list[str]
+) -> Whole:
+    """What the drives of a merge, in ``folders`` in their order, have of the map's signs.
+
+    ``signs`` are all merged ones, those off the map without a name; what a drive cannot give is
+    added to ``warnings``.
+    """
+    whole = Whole()
+    first, row = merged.sightings.first, merged.sightings.row
+    each = PICTURES_EACH if sum(bool(s.id) for s in signs) <= MANY_SIGNS else 1
+    for number, (drive, folder) in enumerate(zip(merged.drives, folders, strict=True)):
+        products = load_products(folder)
+        mine = range(int(first[number]), int(first[number + 1]))
+        named = {drive.ids[int(row[k])]: signs[merged.association.sign[k]].id for k in mine}
+        named = {own: name for own, name in named.items() if name}
+        _take_notes(whole, products, drive.name, named)
+        if products.clock is None:
+            if products.trajectory is not None:
+                warnings.append(
+                    f"{folder}: its clock is not tied to GPS time, so its track and observations "
+                    "are not in the map."
+                )
+            continue
+        _take_drive(whole, products, products.clock, drive.name, named)
+        _take_pictures(whole, products, products.clock, drive.name, named, each)
+    return whole
+
+
+def complete(signs: Sequence[Sign], whole: Whole) -> list[Sign]:
+    """The signs with heights of the geoid and notes."""
+    return [
+        replace(
+            sign,
+            geoid_m=float(np.mean(told)) if (told := whole.geoid_m.get(sign.id)) else np.nan,
+            note="; ".join([*([sign.note] if sign.note else []), *whole.notes.get(sign.id, [])]),
+        )
+        for sign in signs
+    ]
+
+
+def write_whole(out: Path, whole: Whole) -> None:
+    """Write tracks, observations and pictures as far as there are any."""
+    if whole.tracks:
+        write_tracks(out / TRACKS, whole.tracks)
+    if whole.observations:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        table = pa.concat_tables(whole.observations, promote_options="permissive")
+        pq.write_table(table, out / names.OBSERVATIONS, compression="zstd")
+    pictures = [
+        replace(picture, view=replace(picture.view, rank=rank))
+        for _, own in sorted(whole.pictures.items())
+        for rank, picture in enumerate(own, start=1)
+    ]
+    if pictures:
+        write_pictures(out, pictures)
+
+
+def _take_notes(whole: Whole, products: RunProducts, drive: str, named: dict[str, str]) -> None:
+    for sign in products.signs or []:
+        if sign.note and sign.id in named:
+            whole.notes.setdefault(named[sign.id], []).append(f"{drive}: {sign.note}")
+
+
+def _gps_ns(clock: ClockModel, t_ns: IntArray) -> IntArray:
+    """Stamps [n] as a merged map's clock has them: GPS time in ns."""
+    return np.rint(clock.gps_s(np.asarray(t_ns, np.int64)) * 1e9).astype(np.int64)
+
+
+def _take_drive(
+    whole: Whole, products: RunProducts, clock: ClockModel, drive: str, named: dict[str, str]
+) -> None:
+    if products.trajectory is not None:
+        track = thinned(products.trajectory)
+        whole.tracks[drive] = replace(track, t_ns=_gps_ns(clock, track.t_ns))
+    seen = [sign for sign in products.signs or [] if sign.id in named]
+    stamps = np.array([(s.first_seen_ns + s.last_seen_ns) // 2 for s in seen], np.int64)
+    geoid = geoid_separation(products, stamps)
+    for sign, height in zip(seen, () if geoid is None else geoid.tolist(), strict=False):
+        whole.geoid_m.setdefault(named[sign.id], []).append(height)
+    table = products.observations
+    if table is not None and {"sign_id", "t_ns"} <= set(table.column_names):
+        whole.observations.append(_observations(table, clock, drive, named))
+
+
+def _observations(
+    table: pa.Table, clock: ClockModel, drive: str, named: dict[str, str]
+) -> pa.Table:
+    """The detections of the map's signs, under their names there and in its time."""
+    import pyarrow as pa
+
+    ids = [named.get(own or "", "") for own in table["sign_id"].to_pylist()]
+    kept = np.flatnonzero(np.array([bool(i) for i in ids], np.bool_))
+    table = table.take(pa.array(kept))
+    t_ns = _gps_ns(clock, np.asarray(table["t_ns"].to_numpy(), np.int64))
+    columns = {name: table[name] for name in table.column_names}
+    columns |= {"sign_id": pa.array([ids[k] for k in kept], pa.string()), "t_ns": pa.array(t_ns)}
+    return pa.table({"drive": pa.array([drive] * len(kept), pa.string()), **columns})
+
+
+def _take_pictures(
+    whole: Whole,
+    products: RunProducts,
+    clock: ClockModel,
+    drive: str,
+    named: dict[str, str],
+    each: int,
+) -> None:
+    """Pictures of the largest boxes, which show most of a sign."""
+    for picture in read_pictures(products):
+        if (name := named.get(picture.view.sign_id)) is None:
+            continue
+        view = replace(
+            picture.view,
+            sign_id=name,
+            camera=f"{drive} {picture.view.camera}",
+            t_ns=int(_gps_ns(clock, np.array([picture.view.t_ns]))[0]),
+        )
+        own = whole.pictures.setdefault(name, [])
+        own.append(Picture(view, picture.jpeg))
+        own.sort(key=lambda p: -_height(p.view.box))
+        del own[each:]
+
+
+def _height(box: FloatArray) -> float:
+    return float(box[3] - box[1])
+
+
+def thinned(trajectory: Trajectory) -> Trajectory:
+    """Rows of a trajectory that are ``TRACK_STEP_M`` or ``TRACK_STEP_S`` apart, and the last."""
+    if len(trajectory) < 2:
+        return trajectory
+    speed = np.linalg.norm(np.nan_to_num(trajectory.vel_ned), axis=1)
+    seconds = (trajectory.t_ns - trajectory.t_ns[0]) * 1e-9
+    gone = np.concatenate([[0.0], np.cumsum(speed[1:] * np.diff(seconds))])
+    step = np.diff(np.floor(gone / TRACK_STEP_M), prepend=-1.0) > 0
+    step |= np.diff(np.floor(seconds / TRACK_STEP_S), prepend=-1.0) > 0
+    step[-1] = True
+    rows = np.flatnonzero(step)
+    return Trajectory(**{name: values[rows] for name, values in vars(trajectory).items()})

@@ -1,0 +1,149 @@
+"""A merged map has what its drives have: heights, pictures, tracks, observations, notes."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+import pyarrow.parquet as pq
+import pyogrio
+import pytest
+from export_inputs import HOSTILE, write_run
+
+from automap.export.pictures import SignView
+from automap.io import names
+from automap.io.map_tables import TRACKS, read_tracks
+from automap.io.review_json import append_action
+from automap.io.signs_table import read_signs
+from automap.records import ReviewAction
+from pipeline.cli.root import run_command
+from pipeline.merge.whole import TRACK_STEP_M, thinned
+from pipeline.shared.pictures import Picture, read_pictures, write_pictures
+from pipeline.shared.products import load_products
+
+GEOID_M = 48.0
+
+
+def with_picture(out: Path, height_px: float, shade: int) -> None:
+    box = np.array([100.0, 100.0, 100.0 + height_px, 100.0 + height_px])
+    first = read_signs(out / names.SIGNS_RAW)[0]
+    view = SignView(first.id, 1, "front", 7, first.last_seen_ns, box, 0.9, 12.0)
+    _, jpeg = cv2.imencode(".jpg", np.full((20, 20, 3), shade, np.uint8))
+    write_pictures(out, [Picture(view, jpeg.tobytes())])
+
+
+@pytest.fixture(scope="module")
+def merged(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("whole")
+    runs = [write_run(root / name, name=name) for name in ("monday", HOSTILE.replace("/", ""))]
+    for run, size, shade in zip(runs, (40.0, 80.0), (50, 200), strict=True):
+        with_picture(run, size, shade)
+    sign = read_signs(runs[0] / names.SIGNS_RAW)[0]
+    lon, lat = float(np.degrees(sign.lon_rad)), float(np.degrees(sign.lat_rad))
+    note = ReviewAction(
+        "a1", "2026-11-23T10:00:00Z", sign.id, "note", sign.class_name, lon, lat,
+        note="leans <b>left</b>",
+    )  # fmt: skip
+    append_action(runs[0] / names.REVIEW, note)
+    assert run_command(["merge", *map(str, runs), "-o", str(root / "map")]) == 0
+    # a second merge into the same folder takes the place of the first
+    assert run_command(["merge", *map(str, runs), "-o", str(root / "map")]) == 0
+    return root / "map"
+
+
+def features(folder: Path) -> list[dict[str, Any]]:
+    content = json.loads((folder / names.SIGNS_GEOJSON).read_text(encoding="utf-8"))
+    return [
+        {**f["properties"], "height_m": f["geometry"]["coordinates"][2]}
+        for f in content["features"]
+    ]
+
+
+def test_heights_above_the_sea_are_those_of_the_drives_receivers(merged: Path) -> None:
+    for sign in features(merged):
+        assert sign["height_m"] - sign["height_msl_m"] == pytest.approx(GEOID_M, abs=0.01)
+
+
+def test_notes_of_reviews_of_the_drives_say_whose_they_are(merged: Path) -> None:
+    noted = [sign["note"] for sign in features(merged) if sign["note"]]
+    assert noted == ["monday: leans <b>left</b>"]
+
+
+def test_the_best_view_comes_first(merged: Path) -> None:
+    pictures = read_pictures(load_products(merged))
+    assert [p.view.rank for p in pictures] == [1, 2]
+    assert pictures[0].view.box[3] - pictures[0].view.box[1] == 80.0
+    assert cv2.imdecode(np.frombuffer(pictures[0].jpeg, np.uint8), 1).mean() > 150.0
+    assert {p.view.sign_id for p in pictures} < {sign["id"] for sign in features(merged)}
+
+
+def test_observations_have_the_maps_names_and_lie_on_their_drives_tracks(merged: Path) -> None:
+    table = pq.read_table(merged / names.OBSERVATIONS)
+    ids = {sign["id"] for sign in features(merged)}
+    assert set(table["sign_id"].to_pylist()) <= ids
+    assert len(set(table["drive"].to_pylist())) == 2
+    _, _, geometry, fields = pyogrio.raw.read(merged / names.GPKG, layer="observations")
+    assert len(fields) > 0
+    assert len(geometry) == len(table)
+    assert all(wkb is not None for wkb in geometry)
+
+
+def test_every_drive_has_its_track_in_each_format_that_holds_tracks(merged: Path) -> None:
+    tracks = read_tracks(merged / TRACKS)
+    drives = {name for sign in features(merged) for name in sign["drives"]}
+    assert set(tracks) == drives
+    assert run_command(["export", str(merged), "--format", "gpx"]) == 0
+    root = ElementTree.parse(merged / "trajectory.gpx").getroot()
+    found = [t.findtext("{*}name") for t in root.iterfind("{*}trk")]
+    assert len(found) == 2
+    assert "monday" in found
+    kml = ElementTree.parse(merged / names.KML).getroot()
+    assert len(kml.findall(".//{*}Track")) == 2
+    meta, _, _, columns = pyogrio.raw.read(merged / names.GPKG, layer="trajectory")
+    assert set(columns[list(meta["fields"]).index("drive")]) == drives
+
+
+def test_a_track_keeps_its_course(merged: Path) -> None:
+    whole = load_products(merged.parent / "monday").trajectory
+    assert whole is not None
+    track = thinned(whole)
+    assert len(track) < 0.2 * len(whole)
+    assert track.t_ns[0] == whole.t_ns[0]
+    assert track.t_ns[-1] == whole.t_ns[-1]
+    step = np.diff(track.t_ns) * 1e-9 * np.hypot(*track.vel_ned[1:, :2].T)
+    assert step.max() < 1.5 * TRACK_STEP_M
+
+
+def test_other_formats_of_trajectories_say_where_to_find_them(
+    merged: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command(["export", str(merged), "--format", "pos"]) == 3
+    assert "the folder of one drive" in capsys.readouterr().err
+
+
+def test_the_page_has_map_list_and_cards(merged: Path) -> None:
+    page = (merged / names.REPORT).read_text(encoding="utf-8")
+    start = page.index('id="map-data">') + len('id="map-data">')
+    data = json.loads(page[start : page.index("</script>", start)])
+    assert len(data["tracks"]) == 2
+    assert len(data["signs"]["rows"]) == len(features(merged))
+    assert sum(len(card["pictures"]) for card in data["signs"]["cards"]) == 2
+    assert "<b>left" not in page
+    assert 'id="sign-table"' in page
+
+
+def test_a_drive_without_a_clock_is_told_and_does_without(tmp_path: Path) -> None:
+    runs = [write_run(tmp_path / name, name=name) for name in ("one", "two")]
+    (runs[1] / names.SYNC).unlink()
+    trajectory = pq.read_table(runs[1] / names.TRAJECTORY)
+    at = trajectory.column_names.index("gps_s")
+    bare = trajectory.set_column(at, "gps_s", [np.full(len(trajectory), np.nan)])
+    pq.write_table(bare, runs[1] / names.TRAJECTORY)
+    assert run_command(["merge", *map(str, runs), "-o", str(tmp_path / "map")]) == 0
+    assert list(read_tracks(tmp_path / "map" / TRACKS)) == ["one"]
+    shutil.rmtree(tmp_path / "map")
