@@ -58,14 +58,14 @@ KNOWN = (
         "automap/fusion/alignment.py",
         "nominal[4] * wait / (earth.A * np.cos(nominal[0]))",
         "nominal[4] * wait / earth.A",
-        ("test_fusion_start.py",),
+        ("test_fusion_nodes.py",),
     ),
     Known(
         "lateral acceleration that keeps the gyro's bias",
         "automap/fusion/passes.py",
         "imu.gyro - np.median(imu.gyro, axis=0)",
         "imu.gyro",
-        ("test_fusion_start.py",),
+        ("test_fusion_nodes.py",),
     ),
     Known(
         "the sign of the calm rate",
@@ -93,7 +93,7 @@ KNOWN = (
         "automap/sync/clock.py",
         "return SyncResult(fit.clock, fit=fit, warnings=list(fit.warnings))",
         "return SyncResult(fit.clock, fit=fit)",
-        ("test_sync_arrival.py", "test_sync_stage.py"),
+        ("test_sync_arrival.py",),
     ),
     Known(
         "a gate's slack not squared",
@@ -107,7 +107,7 @@ KNOWN = (
         "automap/mapping/association_kernels.py",
         "own[i, 2] / det, -own[i, 1] / det, own[i, 0] / det",
         "own[i, 2] / det, own[i, 1] / det, own[i, 0] / det",
-        ("test_merge_association.py",),
+        ("test_merge_correlation.py",),
     ),
     Known(
         "the sign of the bias-scale covariance of the accelerometer",

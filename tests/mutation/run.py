@@ -102,6 +102,8 @@ class Copy:
             return "killed", f"took more than {limit_s:.0f} s"
         if done.returncode == 0:
             return "survived", ""
+        if done.returncode > 2:
+            raise SystemExit(f"no tests ran: {' '.join(command)} {' '.join(tests)}\n{done.stdout}")
         told = [s for s in done.stdout.splitlines() if s.startswith(("FAILED", "ERROR"))]
         return "killed", told[0] if told else (done.stdout + done.stderr)[-300:]
 

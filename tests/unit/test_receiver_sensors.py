@@ -18,8 +18,11 @@ def word(kind: int, value: int) -> int:
     return kind << 24 | value & 0xFFFFFF
 
 
-def meas(tag: int, readings: list[tuple[int, int]], calibrated: bool = False) -> bytes:
-    flags = len(readings) << 11 | calibrated << 3
+def meas(
+    tag: int, readings: list[tuple[int, int]], calibrated: bool = False, counted: bool = True
+) -> bytes:
+    """``counted``: the message says how many readings it has, as old firmware does not."""
+    flags = (len(readings) if counted else 0) << 11 | calibrated << 3
     words = [word(kind, value) for kind, value in readings]
     payload = struct.pack("<IHH", tag & 0xFFFFFFFF, flags, 0)
     payload += b"".join(struct.pack("<I", w) for w in words)
@@ -52,6 +55,25 @@ def test_units_axes_and_temperature() -> None:
     assert np.allclose(imu.accel, [1.0, -2.0, 10.0])
     assert imu.temp_c is not None
     assert np.allclose(imu.temp_c, 25.5)
+
+
+@pytest.mark.parametrize("counted", [True, False])
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_a_calibrated_time_tag_is_no_reading(counted: bool, calibrated: bool) -> None:
+    """Also where it looks like one: the upper byte of a tag is then a kind of data."""
+    parts = [pvt(GPS)]
+    # tags like the head of a gyro reading about x, of some value
+    tags = [(14 << 24) + 100_000 + 10 * k for k in range(8)]
+    for tag in tags:
+        gyro = [(13, -8192), (5, 12288), (14, 4096)]
+        force = [(16, 1024), (17, -2048), (18, 10240)]
+        parts.append(meas(tag, gyro + force, calibrated, counted))
+    imu = imu_of(read_receiver_bytes(b"".join(parts), "x"))
+    assert len(imu) == len(tags)
+    assert np.allclose(imu.gyro, np.radians([1.0, -2.0, 3.0]))
+    from automap.io.ubx import decode_ubx
+
+    assert len(decode_ubx(b"".join(parts))["ESF-MEAS"]) == 6 * len(tags)
 
 
 def test_accelerometer_between_gyro_readings_is_interpolated() -> None:

@@ -10,8 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from automap.errors import InputError
-from automap.records import NO_TIME, FloatArray, IntArray
+from automap.records import NO_TIME, Fixes, FixType, FloatArray, ImuData, IntArray
+from automap.sync import limits
 from automap.sync.arrival import ClockFit, fit_arrival_clock
+from automap.sync.clock import synchronise
 from automap.sync.steps import find_step
 
 GPS0 = 1_400_000_000.0
@@ -73,6 +75,55 @@ def test_sd_is_not_claimed_far_too_large() -> None:
     fit = fit_arrival_clock(arrival, epochs, LEAST)
     assert fit.clock.sd_offset_s < 1e-3
     assert fit.clock.sd_drift < 3e-6
+
+
+def test_the_sd_has_a_part_that_no_number_of_epochs_takes_away() -> None:
+    """Lognormal waiting has next to no edge: what arrived first is late by more than its sd, and
+    the more so the longer the waiting."""
+    outside = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        waiting = 0.1 * np.exp(0.6 * rng.normal(size=4000))
+        arrival, epochs, true = log(4000, 0.2, waiting)
+        fit = fit_arrival_clock(arrival, epochs, LEAST)
+        # the median is 100 ms, less what the earliest of all waited
+        assert fit.clock.sd_offset_s > limits.UNSEEN * fit.waiting_s > 0.02 * 0.1
+        outside += abs(errors(fit, true)) > 4.0 * fit.clock.sd_offset_s
+    few = fit_arrival_clock(arrival[:200], epochs[:200], LEAST).clock.sd_offset_s
+    many = fit.clock.sd_offset_s
+    assert few < 3.0 * many
+    assert outside <= 20
+
+
+@pytest.mark.parametrize("with_imu", [True, False])
+def test_what_the_clock_warns_of_reaches_the_drive(with_imu: bool) -> None:
+    rng = np.random.default_rng(8)
+    waiting = rng.exponential(0.01, 600)
+    waiting[:50] -= 0.4
+    arrival, epochs, _ = log(600, 0.2, waiting)
+    n = len(epochs)
+    none = np.full((n, 3), np.nan)
+    fixes = Fixes(
+        gps_s=epochs,
+        arrival_ns=arrival,
+        lat_rad=np.full(n, 0.5),
+        lon_rad=np.full(n, 0.1),
+        height_m=np.zeros(n),
+        vel_ned=none,
+        sd_pos_ned=none,
+        sd_vel_ned=none,
+        fix_type=np.full(n, FixType.THREE_D, np.int64),
+        n_sats=np.full(n, 9),
+        hdop=np.ones(n),
+        geoid_sep_m=np.zeros(n),
+        offset=np.arange(n),
+    )
+    t_ns = HOST0 + np.arange(1200) * 100_000_000
+    still = np.tile([0.0, 0.0, -9.81], (1200, 1))
+    imu = ImuData(t_ns, np.zeros((1200, 3)), still, None) if with_imu else None
+    result = synchronise(imu, fixes, output_delay_s=LEAST)
+    assert result.clock.method == "arrival"
+    assert any("jump" in text for text in result.warnings)
 
 
 def test_a_lasting_burst_does_not_move_the_clock() -> None:
