@@ -6,8 +6,9 @@ VENV := .venv
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
 INSTALL := $(PIP) install --quiet --no-deps --requirement
 PYTEST_ARGS ?=
+MUTANTS ?=
 
-.PHONY: demo test slow check docs man clean
+.PHONY: demo test slow mutants check docs man clean
 
 demo: $(VENV)/.runtime
 	@$(VENV)/bin/automap run data/sample-drive
@@ -17,6 +18,11 @@ test: $(VENV)/.dev
 
 slow: $(VENV)/.dev
 	@$(VENV)/bin/python -m pytest -m slow $(PYTEST_ARGS)
+
+# for the night: 200 mistakes at random, another 200 with MUTANTS="--seed 2"; those known of old first
+mutants: $(VENV)/.dev
+	@$(VENV)/bin/python -m tests.mutation.run --known
+	@$(VENV)/bin/python -m tests.mutation.run --count 200 $(MUTANTS)
 
 check: $(VENV)/.dev
 	@$(VENV)/bin/ruff check .

@@ -1,8 +1,9 @@
-"""What all tests share: where the real recordings are."""
+"""What all tests share: where the real recordings are, and what is told of tests left out."""
 
 from __future__ import annotations
 
 import os
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -34,3 +35,21 @@ def shared_data() -> Path:
             f"the real recordings are not at {folder}; name their folder in AUTOMAP_SHARED_DATA"
         )
     return folder.resolve()
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say how many tests could not run and why: a dot that is an s is easily passed over."""
+    why: Counter[str] = Counter()
+    for report in terminalreporter.stats.get("skipped", []):
+        # file, line, reason
+        told = report.longrepr[-1] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+        reason = " ".join(str(told).removeprefix("Skipped: ").split())
+        why["an empty list of cases" if reason.startswith("got empty parameter") else reason] += 1
+    if not why:
+        return
+    terminalreporter.section("could not run")
+    for reason, count in why.most_common():
+        terminalreporter.line(f"{count:5} {'tests' if count > 1 else 'test'}: {reason}")
+    terminalreporter.line(
+        f"{sum(why.values())} tests could not run; whole files that lack a package count as one."
+    )

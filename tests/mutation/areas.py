@@ -29,7 +29,7 @@ AREAS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "mapping": (("automap/mapping",), ("test_merge_*", "test_inventory", "test_roads")),
     "gap": (
         *(("automap/gap/evidence.py", "automap/gap/noise.py", "automap/gap/heldout.py"),),
-        *(("test_gap_evidence", "test_gap_noise", "test_gap_confirm", "test_gap_selection"),),
+        *(("test_gap_evidence", "test_gap_noise", "test_gap_confirm", "test_gap_heldout"),),
     ),
     "cache": (
         *(("pipeline/run/cache.py", "pipeline/run/digests.py", "automap/jit.py"),),
@@ -60,10 +60,19 @@ def tests_of(area: str, source: Path) -> list[str]:
         rf"|from {re.escape(parent)} import .*\b{name}\b)",
         re.MULTILINE,
     )
-    direct = [p for p in sorted(UNIT.glob("test_*.py")) if imports.search(p.read_text())]
-    own = [p for pattern in AREAS[area][1] for p in sorted(UNIT.glob(_whole(pattern)))]
-    chosen = dict.fromkeys([*(p for p in own if p in direct), *direct, *own])
-    return [str(path.relative_to(PROJECT)) for path in chosen]
+    direct = [str(p.relative_to(PROJECT)) for p in _unit() if imports.search(p.read_text())]
+    own = own_tests(area)
+    return list(dict.fromkeys([*(test for test in own if test in direct), *direct, *own]))
+
+
+def own_tests(area: str) -> list[str]:
+    """The unit tests of an area."""
+    found = [p for pattern in AREAS[area][1] for p in sorted(UNIT.glob(_whole(pattern)))]
+    return [str(path.relative_to(PROJECT)) for path in dict.fromkeys(found)]
+
+
+def _unit() -> list[Path]:
+    return sorted(UNIT.glob("test_*.py"))
 
 
 def _whole(pattern: str) -> str:

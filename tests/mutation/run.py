@@ -23,9 +23,12 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from tests.mutation.areas import AREAS, PROJECT, sources_of, tests_of
+from numba.core.caching import _CacheLocator
+
+from tests.mutation.areas import AREAS, PROJECT, own_tests, sources_of, tests_of
 from tests.mutation.known import KNOWN
 from tests.mutation.mutants import Mutant, mutants_of
 
@@ -51,20 +54,37 @@ class Copy:
                 shutil.copy2(PROJECT / name, self.root / name)
 
     def warm(self, tests: Sequence[str]) -> None:
-        """Run tests as the code is, and keep what was compiled; they have to pass."""
+        """Run tests as the code is, and keep what they compile; they have to pass."""
+        self._restore()
         done = self.test(tests, limit_s=10 * _LIMIT_S)
         if done[0] != "survived":
             raise SystemExit(f"the tests fail without any mistake:\n{done[1]}")
-        shutil.rmtree(self.kept, ignore_errors=True)
         if self.cache.exists():
+            shutil.rmtree(self.kept, ignore_errors=True)
             shutil.copytree(self.cache, self.kept, copy_function=os.link)
 
-    def with_mistake(self, source: Path, text: str, tests: Sequence[str]) -> tuple[str, str]:
-        """Whether tests notice that a source has another text: a state, and what noticed it."""
+    def _restore(self) -> None:
+        """Have compiled what is kept, and nothing else."""
         shutil.rmtree(self.cache, ignore_errors=True)
         if self.kept.exists():
             # numba writes beside and renames, so that a link is never written into
             shutil.copytree(self.kept, self.cache, copy_function=os.link)
+
+    def adopt(self, compiled: Path) -> None:
+        """Begin with what is compiled of this checkout in a folder of numba's.
+
+        Numba names the folders below it after the sources' places.
+        """
+        for folder in {path.parent for path in (PROJECT / "automap").rglob("*.py")}:
+            of = _CacheLocator.get_suitable_cache_subpath
+            place = self.root / folder.relative_to(PROJECT)
+            have = compiled / of(str(folder / "x.py"))
+            if have.is_dir():
+                shutil.copytree(have, self.kept / of(str(place / "x.py")))
+
+    def with_mistake(self, source: Path, text: str, tests: Sequence[str]) -> tuple[str, str]:
+        """Whether tests notice that a source has another text: a state, and what noticed it."""
+        self._restore()
         path = self.root / source
         right = path.read_text()
         try:
@@ -110,6 +130,7 @@ class Copy:
 
 def _known(copy: Copy) -> int:
     passed = []
+    copy.warm(sorted({f"tests/unit/{name}" for mistake in KNOWN for name in mistake.tests}))
     for mistake in KNOWN:
         right = (copy.root / mistake.source).read_text()
         if mistake.old not in right:
@@ -137,13 +158,21 @@ def drawn(areas: Iterable[str], count: int, seed: int) -> list[tuple[str, Path, 
     return random.Random(seed).sample(every, min(count, len(every)))
 
 
-def _sampled(
-    copy: Copy, areas: Sequence[str], count: int, seed: int, out: Path, hours: float
-) -> int:
-    chosen = drawn(areas, count, seed)
-    # those of one area together: what is compiled serves longer
-    chosen.sort(key=lambda item: list(AREAS).index(item[0]))
-    ends = time.monotonic() + 3600.0 * hours
+@dataclass(frozen=True)
+class Sample:
+    """How many mistakes of which areas, by which seed; every ``of``-th of them from ``part`` on."""
+
+    areas: Sequence[str]
+    count: int
+    seed: int
+    part: int
+    of: int
+    hours: float
+
+
+def _sampled(copy: Copy, sample: Sample, out: Path) -> int:
+    chosen = drawn(sample.areas, sample.count, sample.seed)[sample.part :: sample.of]
+    ends = time.monotonic() + 3600.0 * sample.hours
     counts: Counter[tuple[str, str]] = Counter()
     warmed: set[str] = set()
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -153,8 +182,8 @@ def _sampled(
                 break
             tests = tests_of(area, source)
             if area not in warmed:
-                copy.warm(tests_of(area, sources_of(area)[0]))
                 warmed.add(area)
+                copy.warm(own_tests(area))
             begun = time.monotonic()
             text = mutant.applied((copy.root / source).read_text())
             state, by = copy.with_mistake(source, text, tests)
@@ -192,15 +221,23 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--area", action="append", choices=list(AREAS))
+    parser.add_argument("--part", default="0/1", help="I/N: every N-th of them, from I on")
+    parser.add_argument(
+        "--compiled", type=Path, help="NUMBA_CACHE_DIR of this checkout's, to begin"
+    )
     parser.add_argument("--hours", type=float, default=8.0, help="draw no more after so long")
     parser.add_argument("-o", "--out", type=Path, default=PROJECT / "build" / "mutants.jsonl")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         copy = Copy(Path(folder))
+        if options.compiled is not None:
+            copy.adopt(options.compiled)
         if options.known:
             return _known(copy)
+        part, of = map(int, options.part.split("/"))
         areas = options.area or list(AREAS)
-        return _sampled(copy, areas, options.count, options.seed, options.out, options.hours)
+        sample = Sample(areas, options.count, options.seed, part, of, options.hours)
+        return _sampled(copy, sample, options.out)
 
 
 if __name__ == "__main__":

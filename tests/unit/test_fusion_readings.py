@@ -9,10 +9,12 @@ import pytest
 
 from automap.fusion.filtered import full_covariance
 from automap.fusion.kernel_runs import run_dense, run_forward
+from automap.fusion.kernels.readings import calm_rate
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import Problem, make_problem
+from automap.fusion.steady_rate import steady_rate
 from automap.records import ImuData
 from tests.unit.fusion_drive import BASE_NS
 from tests.unit.fusion_motion import make_motion
@@ -30,6 +32,7 @@ EFFECTS = (
     "gyro_temperature",
 )
 RATE_HZ = 50.0
+OPTIONS = FusionOptions(effects=())
 
 
 def _errors(values: dict[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -99,6 +102,28 @@ def _growth(problem: Problem, t: tuple[float, float]) -> np.ndarray:
     run = run_forward(problem, make_nodes(np.array(t)), start, Shift())
     cov = full_covariance(run.store.cov, problem.model.size)
     return np.diag(cov[1] - cov[0])
+
+
+def test_a_calmed_rate_is_the_steady_one_at_any_instant() -> None:
+    """Reading and what is taken out of it add up to the best estimate of the rate, between samples
+    as well."""
+    rng = np.random.default_rng(3)
+    t = np.arange(6000) / 100.0
+    turning = np.column_stack([0.1 * np.sin(0.8 * t), 0.05 * np.cos(1.1 * t), 0.3 * np.sin(t)])
+    gyro = turning + 0.01 * rng.normal(size=turning.shape)
+    accel = np.tile([0.0, 0.0, -9.8], (len(t), 1))
+    imu = ImuData(BASE_NS + np.rint(t * 1e9).astype(np.int64), gyro, accel, None)
+    problem = make_problem(imu, build_state_model(OPTIONS), OPTIONS)
+    steady = steady_rate(t, gyro)
+    # the noise of the readings is out of it, the turns are not
+    inside = slice(500, -500)
+    assert np.std((steady - turning)[inside]) < 0.5 * np.std((gyro - turning)[inside])
+    for at in (10.0, 20.004, 30.0075, 59.99):
+        i = int(np.searchsorted(t, at, "right")) - 1
+        rate = np.array([np.interp(at, t, problem.samples.raw[:, a]) for a in range(3)])
+        calm_rate(problem.samples, i, at, rate)
+        expected = [np.interp(at, t, steady[:, a]) for a in range(3)]
+        np.testing.assert_allclose(rate, expected, rtol=0.0, atol=1e-12)
 
 
 def test_a_gap_of_the_samples_adds_what_the_vehicle_may_have_done_in_it() -> None:
