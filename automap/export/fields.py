@@ -30,6 +30,7 @@ SIGN_FIELDS: tuple[Field, ...] = (
     Field("value", "real", "", "number that the face shows, in value_unit", 1),
     Field("value_unit", "text", "", "unit of value: km/h or mph"),
     Field("confidence", "real", "", "belief that the sign exists and is of this class, 0 to 1", 3),
+    Field("existence", "real", "", "probability that a thing of that size stands there", 3),
     Field("n_views", "integer", "", "number of frames that the position rests on"),
     Field("first_seen", "time", "UTC", "time of the first sighting"),
     Field("last_seen", "time", "UTC", "time of the last sighting"),

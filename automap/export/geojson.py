@@ -186,6 +186,7 @@ def _sign(feature: dict[str, Any], number: int, to_ns: Callable[[Any], int]) -> 
         height_m=height,
         cov_enu=_covariance(real),
         confidence=real("confidence"),
+        existence=real("existence"),
         n_views=int(properties.get("n_views") or 0),
         first_seen_ns=to_ns(properties.get("first_seen")),
         last_seen_ns=to_ns(properties.get("last_seen")),

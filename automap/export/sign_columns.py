@@ -67,6 +67,7 @@ def sign_columns(
         "value": np.array([np.nan if one is None else one[0] for one in shown], np.float64),
         "value_unit": [None if one is None else one[1] for one in shown],
         "confidence": real("confidence"),
+        "existence": real("existence"),
         "n_views": stamps("n_views"),
         "first_seen": _times(first, clock),
         "last_seen": _times(last, clock),

@@ -115,7 +115,7 @@ def locate_signs(
     observations.note[views.row[misfits]] = "misfit"
 
     exists = existence_probabilities(views, landmarks, trajectory, detections, found)
-    kept = []
+    kept, stands = [], []
     for mark, likely in zip(landmarks, exists, strict=True):
         if not mark.ok:
             continue
@@ -125,6 +125,7 @@ def locate_signs(
             observations.note[views.row[mark.rows]] = "too_far"
         else:
             kept.append(mark)
+            stands.append(float(likely))
     covariances = [
         corrections[name].covariance
         if name in corrections
@@ -153,6 +154,8 @@ def locate_signs(
         combined = combine(members, adjusted is not None)
         facing = facings[number - 1]
         sign = assemble_sign(views, members, combined, path, facing, number, rules.assembly)
+        # each pass tells for itself that something is there
+        sign = replace(sign, existence=float(1.0 - np.prod([1.0 - stands[k] for k in group])))
         signs.append(sign)
         places.append(combined[0])
         own.append(min((m.own_cov for m in members), key=lambda c: float(np.trace(c))))

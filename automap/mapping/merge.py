@@ -121,6 +121,7 @@ def _signs(
             height_above_road_m=float(attributes.height_above_road_m[k]),
             sd_above_road_m=float(attributes.sd_above_road_m[k]),
             facing_rad=float(attributes.facing_rad[k]),
+            existence=float(belief[k]),
             facing_sd_rad=float(attributes.facing_sd_rad[k]),
             size_m=float(attributes.size_m[k]),
             side=attributes.side[k],

@@ -20,7 +20,8 @@ class Sign:
     ``facing_rad`` clockwise from north, with one sigma ``facing_sd_rad`` (NaN unknown).
     ``support`` names the post or gantry, the same for all signs on it ("" unknown); ``note`` is
     what a reviewer wrote; ``geoid_m`` the geoid's height above the ellipsoid there, where that is
-    known without the fixes of a drive (NaN else).
+    known without the fixes of a drive (NaN else); ``existence`` the probability that a thing of
+    that size stands there (NaN unknown).
     """
 
     id: str
@@ -44,6 +45,7 @@ class Sign:
     sd_above_road_m: float = float("nan")
     facing_sd_rad: float = float("nan")
     geoid_m: float = float("nan")
+    existence: float = float("nan")
     note: str = ""
 
 

@@ -69,6 +69,7 @@ def test_signs_and_observations(context: StageContext) -> None:
     for sign in signs:
         assert {ids[row] for row in sign.detection_rows} == {sign.id}
         assert sign.n_views == len(sign.detection_rows)
+        assert 0.9 < sign.existence <= 1.0
     assert context.metrics["detections_used"] == table["used"].to_pylist().count(True)
     assert "2 signs" in context.result
 
