@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[2]
-UNIT = PROJECT / "tests" / "unit"
 
 AREAS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "fusion": (
@@ -41,16 +40,16 @@ AREAS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 _IDLE = ("__init__.py",)
 
 
-def sources_of(area: str) -> list[Path]:
-    """The sources of an area, from the project's folder."""
+def sources_of(area: str, root: Path = PROJECT) -> list[Path]:
+    """The sources of an area, from the folder of a checkout."""
     found: list[Path] = []
     for name in AREAS[area][0]:
-        path = PROJECT / name
+        path = root / name
         found += sorted(path.rglob("*.py")) if path.is_dir() else [path]
-    return [path.relative_to(PROJECT) for path in found if path.name not in _IDLE]
+    return [path.relative_to(root) for path in found if path.name not in _IDLE]
 
 
-def tests_of(area: str, source: Path) -> list[str]:
+def tests_of(area: str, source: Path, root: Path) -> list[str]:
     """The unit tests that may notice a mistake: those that import the module itself, then the
     area's own."""
     module = ".".join(source.with_suffix("").parts)
@@ -60,19 +59,17 @@ def tests_of(area: str, source: Path) -> list[str]:
         rf"|from {re.escape(parent)} import .*\b{name}\b)",
         re.MULTILINE,
     )
-    direct = [str(p.relative_to(PROJECT)) for p in _unit() if imports.search(p.read_text())]
-    own = own_tests(area)
+    unit = sorted((root / "tests" / "unit").glob("test_*.py"))
+    direct = [str(p.relative_to(root)) for p in unit if imports.search(p.read_text())]
+    own = own_tests(area, root)
     return list(dict.fromkeys([*(test for test in own if test in direct), *direct, *own]))
 
 
-def own_tests(area: str) -> list[str]:
+def own_tests(area: str, root: Path = PROJECT) -> list[str]:
     """The unit tests of an area."""
-    found = [p for pattern in AREAS[area][1] for p in sorted(UNIT.glob(_whole(pattern)))]
-    return [str(path.relative_to(PROJECT)) for path in dict.fromkeys(found)]
-
-
-def _unit() -> list[Path]:
-    return sorted(UNIT.glob("test_*.py"))
+    unit = root / "tests" / "unit"
+    found = [p for pattern in AREAS[area][1] for p in sorted(unit.glob(_whole(pattern)))]
+    return [str(path.relative_to(root)) for path in dict.fromkeys(found)]
 
 
 def _whole(pattern: str) -> str:

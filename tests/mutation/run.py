@@ -147,13 +147,15 @@ def _known(copy: Copy) -> int:
     return 1 if passed else 0
 
 
-def drawn(areas: Iterable[str], count: int, seed: int) -> list[tuple[str, Path, Mutant]]:
+def drawn(
+    root: Path, areas: Iterable[str], count: int, seed: int
+) -> list[tuple[str, Path, Mutant]]:
     """Mistakes at random out of all of some areas."""
     every = [
         (area, source, mutant)
         for area in areas
-        for source in sources_of(area)
-        for mutant in mutants_of((PROJECT / source).read_text())
+        for source in sources_of(area, root)
+        for mutant in mutants_of((root / source).read_text())
     ]
     return random.Random(seed).sample(every, min(count, len(every)))
 
@@ -171,7 +173,7 @@ class Sample:
 
 
 def _sampled(copy: Copy, sample: Sample, out: Path) -> int:
-    chosen = drawn(sample.areas, sample.count, sample.seed)[sample.part :: sample.of]
+    chosen = drawn(copy.root, sample.areas, sample.count, sample.seed)[sample.part :: sample.of]
     ends = time.monotonic() + 3600.0 * sample.hours
     counts: Counter[tuple[str, str]] = Counter()
     warmed: set[str] = set()
@@ -180,10 +182,10 @@ def _sampled(copy: Copy, sample: Sample, out: Path) -> int:
         for area, source, mutant in chosen:
             if time.monotonic() > ends:
                 break
-            tests = tests_of(area, source)
+            tests = tests_of(area, source, copy.root)
             if area not in warmed:
                 warmed.add(area)
-                copy.warm(own_tests(area))
+                copy.warm(own_tests(area, copy.root))
             begun = time.monotonic()
             text = mutant.applied((copy.root / source).read_text())
             state, by = copy.with_mistake(source, text, tests)
