@@ -33,8 +33,9 @@ def test_the_density_is_that_of_averages(rate_hz: float) -> None:
     expected = SD / np.sqrt(rate_hz)
     # one rest: ten batches tell an sd to a quarter
     np.testing.assert_allclose(noise_density(resting, STILL_LIMIT), expected, rtol=0.75)
-    # twenty times the noise of the slowest sway: no window of it is a rest
-    sway = 20.0 * SD * np.sin(2.0 * np.pi * 0.4 * t)[:, None]
+    # slow sway of many times the noise, at no time still on all axes: no window of it is a rest
+    axes = np.arange(6)
+    sway = 100.0 * SD * np.sin(2.0 * np.pi * np.outer(t, 0.3 + 0.07 * axes) + axes)
     moving = log_of(noise(rng, n) + sway, rate_hz)
     assert movement(moving).min() > STILL_LIMIT
     np.testing.assert_allclose(noise_density(moving, STILL_LIMIT), expected, rtol=0.5)
