@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
+import stat
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -147,6 +149,27 @@ def test_links_in_what_is_imported_lead_nowhere_else(
     assert "--allow-outside" in told
     assert "secret line" not in told
     assert not (tmp_path / "made").exists()
+
+
+def test_an_archive_makes_no_links_and_writes_nothing_outside(
+    tmp_path: Path, secret: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = write_drive(tmp_path / "recordings")
+    archive = tmp_path / "log.zip"
+    with zipfile.ZipFile(archive, "w") as file:
+        file.write(drive / "imu.csv", "imu.csv")
+        file.write(drive / "imu.csv", "../../outside.csv")
+        file.write(drive / "imu.csv", str(tmp_path / "absolute.csv"))
+        link = zipfile.ZipInfo("link.csv")
+        link.create_system, link.external_attr = 3, (stat.S_IFLNK | 0o777) << 16
+        file.writestr(link, str(secret))
+    before = {path for path in tmp_path.rglob("*") if "made" not in path.parts}
+    run_command(["init", str(archive), "-o", str(tmp_path / "made"), "--yes"])
+    told = "".join(capsys.readouterr())
+    assert "secret line" not in told
+    assert {path for path in tmp_path.rglob("*") if "made" not in path.parts} == before
+    assert not [path for path in (tmp_path / "made").rglob("*") if path.is_symlink()]
+    assert b"secret line" not in everything_written(tmp_path / "made")
 
 
 def test_a_drive_that_init_makes_elsewhere_is_whole(tmp_path: Path) -> None:
