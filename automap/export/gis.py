@@ -47,7 +47,6 @@ def write_layers(
     layers' geometries. Raises StageError when GDAL cannot write the file.
     """
     from pyogrio.errors import DataLayerError, DataSourceError
-    from pyogrio.raw import write
 
     text = json.dumps(lineage or {}, default=str)
     with atomic_path(path) as temporary:
@@ -60,28 +59,10 @@ def write_layers(
                 # an index cannot hold features without a position
                 if any(wkb is None for wkb in layer.wkb):
                     options["SPATIAL_INDEX"] = "NO"
-            masks = [layer.missing.get(name) for name in layer.columns]
+            metadata = {"AUTOMAP": text} if lineage and driver == "GPKG" else None
+            more = {"append": number > 0, "dataset_metadata": metadata}
             try:
-                write(
-                    target,
-                    geometry=layer.wkb,
-                    field_data=list(layer.columns.values()),
-                    fields=list(layer.columns),
-                    field_mask=masks,
-                    layer=layer.name,
-                    driver=driver,
-                    geometry_type=layer.geometry_type,
-                    crs=crs,
-                    append=number > 0,
-                    nan_as_null=True,
-                    dataset_metadata={"AUTOMAP": text} if lineage and driver == "GPKG" else None,
-                    layer_options=options or None,
-                    gdal_tz_offsets={
-                        name: np.full(len(layer), 100, np.int64)
-                        for name, values in layer.columns.items()
-                        if values.dtype.kind == "M"
-                    },
-                )
+                write_layer(target, layer, driver, crs, layer_options=options or None, **more)
             except (DataSourceError, DataLayerError) as error:
                 target.unlink(missing_ok=True)
                 raise _failure(path, layer, error) from error
@@ -89,6 +70,30 @@ def write_layers(
             target.replace(temporary)
         if driver == "GPKG":
             complete_geopackage(temporary, [layer.name for layer in layers], styles)
+
+
+def write_layer(path: Path, layer: Layer, driver: str, crs: str, **more: Any) -> None:
+    """Write one layer with GDAL; raises what pyogrio raises."""
+    from pyogrio.raw import write
+
+    write(
+        path,
+        geometry=layer.wkb,
+        field_data=list(layer.columns.values()),
+        fields=list(layer.columns),
+        field_mask=[layer.missing.get(name) for name in layer.columns],
+        layer=layer.name,
+        driver=driver,
+        geometry_type=layer.geometry_type,
+        crs=crs,
+        nan_as_null=True,
+        gdal_tz_offsets={
+            name: np.full(len(layer), 100, np.int64)
+            for name, values in layer.columns.items()
+            if values.dtype.kind == "M"
+        },
+        **more,
+    )
 
 
 def _failure(path: Path, layer: Layer, error: Exception) -> StageError:

@@ -17,6 +17,7 @@ Examples:
   automap export maps --format tum --point antenna
   automap export maps --format trajectory-csv --at frames.csv --point front \\
       -o frames_poses.csv
+  automap export maps --format postgis --to postgresql://gis@localhost/roads
   automap export maps --format pos --filtered -o forward.pos
 """
 
@@ -28,8 +29,9 @@ Examples:
     "form",
     required=True,
     metavar="F",
-    help="Signs: geojson, kml, kmz, gpkg, parquet, flatgeobuf, csv, osm (a file for review in "
-    "JOSM). Trajectory: trajectory-csv, pos, tum, kitti, gpx.",
+    help="Signs: geojson, kml, kmz, gpkg, parquet, flatgeobuf, csv, xlsx (with pictures), "
+    "shapefile, pmtiles, osm (a file for review in JOSM), postgis (with --to). Trajectory: "
+    "trajectory-csv, pos, tum, kitti, gpx.",
 )
 @click.option(
     "-o",
@@ -37,6 +39,13 @@ Examples:
     "target",
     type=ANY_PATH,
     help="File to write. Default: the format's own name in OUT.",
+)
+@click.option(
+    "--to",
+    default="",
+    metavar="URL",
+    help="For postgis: postgresql://user@host:port/database?schema=public. The password may stand "
+    "in the variable PGPASSWORD.",
 )
 @click.option(
     "--at",
@@ -71,6 +80,7 @@ def command(
     out: Path,
     form: str,
     target: Path | None,
+    to: str,
     at: Path | None,
     point: str,
     min_confidence: float,
@@ -84,6 +94,14 @@ def command(
     from pipeline.export.command import export_run
     from pipeline.export.trajectory_view import TrajectoryView
 
+    if form == "postgis" or to:
+        from pipeline.export.postgis import export_postgis
+
+        told, warnings = export_postgis(out, form, to, min_confidence)
+        for text in warnings:
+            click.echo(f"warning: {text}", err=True)
+        click.echo(told)
+        return
     path, warnings = export_run(
         out, form, target, TrajectoryView(at, point, filtered), min_confidence, datum
     )

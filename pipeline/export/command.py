@@ -39,11 +39,7 @@ def export_run(
             f"take one of {', '.join(TRAJECTORY_FORMATS)}."
         )
     check_format(datum, fmt)
-    if not out.is_dir():
-        raise InputError(f"{out} is no output folder of automap run; run the drive first.")
-    has_run = (names.RUN, names.TRAJECTORY, names.SIGNS_RAW)
-    if not any((out / name).is_file() for name in has_run):
-        raise InputError(f"{out} holds neither a trajectory nor signs; run the drive first.")
+    check_run(out)
     file_name, write = FORMATS[fmt]
     path = target if target is not None else out / file_name
     spare_results(path, out, file_name)
@@ -62,3 +58,12 @@ def export_run(
         # that there are no signs concerns no trajectory
         return path, list(content.products.problems)
     return path, content.warnings
+
+
+def check_run(out: Path) -> None:
+    """Raise InputError when OUT holds no run."""
+    if not out.is_dir():
+        raise InputError(f"{out} is no output folder of automap run; run the drive first.")
+    has_run = (names.RUN, names.TRAJECTORY, names.SIGNS_RAW)
+    if not any((out / name).is_file() for name in has_run):
+        raise InputError(f"{out} holds neither a trajectory nor signs; run the drive first.")

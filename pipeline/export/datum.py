@@ -13,7 +13,7 @@ from automap.records import FixType, Trajectory
 from pipeline.export.content import MapContent
 from pipeline.shared.products import RunProducts
 
-DATUM_FORMATS = ("gpkg", "parquet", "flatgeobuf", "csv")
+DATUM_FORMATS = ("gpkg", "parquet", "flatgeobuf", "csv", "xlsx", "shapefile")
 """Formats that can hold another datum; GeoJSON, KML, GPX and OSM are WGS-84 by definition."""
 
 

@@ -126,6 +126,28 @@ def _describe_csv(content: MapContent, path: Path, fields: Sequence[Field]) -> N
     write_json(path.with_name(f"{path.name}-metadata.json"), metadata)
 
 
+def write_xlsx(content: MapContent, path: Path) -> None:
+    """Write the signs as a workbook with a picture of each."""
+    from automap.export import xlsx
+
+    best = {name: own[0].jpeg for name, own in pictures_by_sign(content.pictures).items()}
+    xlsx.write_xlsx(path, content.signs, best, content.lineage)
+
+
+def write_shapefile(content: MapContent, path: Path) -> None:
+    """Write the signs as a zipped Shapefile."""
+    from automap.export import gis, shapefile
+
+    shapefile.write_shapefile(path, content.signs, content.crs or gis.WGS84_3D)
+
+
+def write_pmtiles(content: MapContent, path: Path) -> None:
+    """Write the signs as vector tiles."""
+    from automap.export import tiles
+
+    tiles.write_pmtiles(path, content.signs, content.path)
+
+
 def write_osm(content: MapContent, path: Path) -> None:
     """Write the signs as nodes for review in JOSM."""
     from automap.export.osm import josm_file
@@ -195,6 +217,9 @@ FORMATS: dict[str, tuple[str, Writer]] = {
     "parquet": (names.SIGNS_TABLE, write_geoparquet),
     "flatgeobuf": ("signs.fgb", write_flatgeobuf),
     "csv": ("signs.csv", write_csv),
+    "xlsx": ("signs.xlsx", write_xlsx),
+    "shapefile": ("signs.shp.zip", write_shapefile),
+    "pmtiles": ("signs.pmtiles", write_pmtiles),
     "osm": ("signs.osm", write_osm),
     "trajectory-csv": ("trajectory.csv", write_trajectory_csv),
     "pos": ("trajectory.pos", write_pos),

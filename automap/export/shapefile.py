@@ -1,0 +1,92 @@
+"""Signs as a zipped Shapefile: names of ten letters, with a legend of them in the archive.
+
+Its tables hold no time of day and no text beyond 254 bytes, so times are texts and long texts end.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import tempfile
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from automap.export.fields import SIGN_FIELDS
+from automap.export.layers import Layer, sign_layer
+from automap.export.sign_columns import SignColumns
+from automap.io.atomic import atomic_path
+
+SHORT = {
+    "value_unit": "unit",
+    "confidence": "confid",
+    "height_above_road_m": "h_road_m",
+    "sd_above_road_m": "sd_road_m",
+    "height_msl_m": "h_msl_m",
+    "facing_deg": "facing",
+    "facing_sd_deg": "facing_sd",
+    "cov_ee_m2": "cov_ee",
+    "cov_en_m2": "cov_en",
+    "cov_nn_m2": "cov_nn",
+}
+"""Names that a Shapefile's tables cannot hold, or that say more with fewer letters."""
+LONGEST_NAME, LONGEST_TEXT = 10, 254
+LEGEND = "signs_columns.csv"
+_DATE = (1980, 1, 1, 0, 0, 0)
+
+
+def short_name(name: str) -> str:
+    """A column's name in the Shapefile."""
+    return SHORT.get(name, name)
+
+
+def write_shapefile(path: Path, columns: SignColumns, crs: str) -> None:
+    """Write ``path``, a .zip with ``signs.shp`` and its kin, and the legend; in ``crs``."""
+    from automap.export.gis import write_layer
+
+    layer = _plain(sign_layer(columns), columns)
+    with tempfile.TemporaryDirectory() as folder:
+        shape = Path(folder) / "signs.shp"
+        write_layer(shape, layer, "ESRI Shapefile", crs, layer_options={"ENCODING": "UTF-8"})
+        with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+            for file in sorted(Path(folder).iterdir()):
+                _add(archive, file.name, file.read_bytes())
+            _add(archive, LEGEND, legend_csv().encode())
+
+
+def legend_csv() -> str:
+    """The short names, what they are called elsewhere, units and meanings."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\r\n")
+    writer.writerow(["column", "name", "unit", "meaning"])
+    for field in SIGN_FIELDS:
+        writer.writerow([short_name(field.name), field.name, field.unit, field.meaning])
+    return stream.getvalue()
+
+
+def _plain(layer: Layer, columns: SignColumns) -> Layer:
+    """The layer in what such a table can hold."""
+    arrays = {}
+    for field in SIGN_FIELDS:
+        values = layer.columns[field.name]
+        if field.kind == "time":
+            texts = columns.values[field.name] if columns.utc_known else [None] * len(columns)
+            values = np.array([*texts, None], object)[:-1]
+        elif values.dtype == object:
+            values = np.array([None if v is None else _cut(v) for v in values] + [None], object)[
+                :-1
+            ]
+        arrays[short_name(field.name)] = values
+    missing = {short_name(name): mask for name, mask in layer.missing.items()}
+    return Layer("signs", layer.geometry_type, layer.wkb, arrays, missing)
+
+
+def _cut(text: str) -> str:
+    return text.encode()[:LONGEST_TEXT].decode("utf-8", "ignore")
+
+
+def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
+    info = zipfile.ZipInfo(name, _DATE)
+    info.compress_type = zipfile.ZIP_DEFLATED
+    archive.writestr(info, content)

@@ -1,0 +1,122 @@
+"""Signs as a workbook of Excel's: a sheet of signs with their pictures, and what its columns mean.
+
+Texts are written as texts, so that nothing of a recording is computed.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from automap.errors import StageError
+from automap.export.dictionary import POSITION_FIELDS
+from automap.export.fields import SIGN_FIELDS
+from automap.export.kml_cells import clean_text
+from automap.export.sign_columns import SignColumns
+from automap.io.atomic import atomic_path
+
+if TYPE_CHECKING:
+    from xlsxwriter.worksheet import Worksheet
+
+LAST_ROW = 1_048_575
+"""Excel's last row of a sheet that has a head."""
+_PICTURE_PX, _ROW_PT = 56, 44
+"""Of a picture's longer side, and the height of a row that shows it: 56 px are 42 pt."""
+_DATE = datetime(1980, 1, 1)
+"""In place of the time of writing: the same map is then the same file."""
+
+
+def write_xlsx(
+    path: Path,
+    columns: SignColumns,
+    pictures: Mapping[str, bytes] | None = None,
+    lineage: Mapping[str, Any] | None = None,
+) -> None:
+    """Write the workbook; ``pictures`` JPEGs by sign.
+
+    Raises StageError for more signs than a sheet holds.
+    """
+    import xlsxwriter
+
+    if len(columns) > LAST_ROW:
+        raise StageError(
+            f"{path}: a sheet holds {LAST_ROW} signs and the map has {len(columns)}; take csv."
+        )
+    with atomic_path(path) as temporary:
+        book = xlsxwriter.Workbook(
+            str(temporary), {"strings_to_formulas": False, "strings_to_urls": False}
+        )
+        book.set_properties({"created": _DATE})
+        bold = book.add_format({"bold": True, "bottom": 1})
+        _write_signs(book, book.add_worksheet("signs"), columns, pictures or {}, bold)
+        sheet = book.add_worksheet("columns")
+        sheet.write_row(0, 0, ["column", "unit", "meaning"], bold)
+        for row, field in enumerate((*POSITION_FIELDS, *SIGN_FIELDS), start=1):
+            sheet.write_row(row, 0, [field.name, field.unit, field.meaning])
+        sheet.set_column(0, 0, 22)
+        sheet.set_column(2, 2, 80)
+        sheet = book.add_worksheet("map")
+        for row, (key, value) in enumerate((lineage or {}).items()):
+            sheet.write_string(row, 0, str(key))
+            sheet.write_string(row, 1, clean_text(value)[:32_000])
+        sheet.set_column(0, 1, 30)
+        book.close()
+
+
+def _write_signs(
+    book: Any, sheet: Worksheet, columns: SignColumns, pictures: Mapping[str, bytes], bold: Any
+) -> None:
+    fields = (*POSITION_FIELDS, *SIGN_FIELDS)
+    places = {"lon_deg": columns.lon_deg, "lat_deg": columns.lat_deg, "height_m": columns.height_m}
+    when = book.add_format({"num_format": "yyyy-mm-dd hh:mm:ss"})
+    formats = {
+        f.decimals: book.add_format({"num_format": "0." + "0" * f.decimals if f.decimals else "0"})
+        for f in fields
+        if f.decimals is not None
+    }
+    degrees = book.add_format({"num_format": "0.0000000"})
+    sheet.write_row(0, 0, ["picture", *(field.name for field in fields)], bold)
+    sheet.freeze_panes(1, 2)
+    sheet.autofilter(0, 0, max(len(columns), 1), len(fields))
+    sheet.set_column(0, 0, 10)
+    sheet.set_column(1, len(fields), 12)
+    for number, field in enumerate(fields, start=1):
+        values = places.get(field.name, columns.values.get(field.name))
+        cell_format = (
+            degrees
+            if field.name in ("lon_deg", "lat_deg")
+            else formats.get(-1 if field.decimals is None else field.decimals)
+        )
+        for row, value in enumerate(values if values is not None else (), start=1):
+            if value is None or (isinstance(value, float) and not np.isfinite(value)):
+                continue
+            if field.kind == "time" and columns.utc_known:
+                sheet.write_datetime(row, number, datetime.fromisoformat(value[:-1]), when)
+            elif field.kind in ("real", "integer", "time"):
+                sheet.write_number(row, number, float(value), cell_format)
+            else:
+                text = ", ".join(value) if field.kind == "list" else str(value)
+                sheet.write_string(row, number, clean_text(text)[:32_000])
+    for row, name in enumerate(columns.values["id"], start=1):
+        if name in pictures:
+            _insert(sheet, row, pictures[name])
+
+
+def _insert(sheet: Worksheet, row: int, jpeg: bytes) -> None:
+    import cv2
+
+    image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        return
+    scale = _PICTURE_PX / max(image.shape[:2])
+    sheet.set_row(row, _ROW_PT)
+    sheet.insert_image(
+        row, 0, "sign.jpg",
+        {"image_data": io.BytesIO(jpeg), "x_scale": scale, "y_scale": scale, "x_offset": 2,
+         "y_offset": 1, "object_position": 1},
+    )  # fmt: skip
