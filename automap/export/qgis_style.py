@@ -7,17 +7,23 @@ no network is referred to.
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree as Xml
 
+from automap.export.fields import SIGN_FIELDS, Field
 from automap.export.icons import sign_words
 from automap.export.kml_cells import clean_text
 from automap.export.kml_track import SIGMA_COLOURS, UNKNOWN_COLOUR
 
 _HEAD = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
 _VERSION = "3.22.0"
+_CATEGORIES = "Symbology|Labeling|Fields|MapTips|Rendering"
 _BEYOND = 1e6
+_SEEN_SCALE = 1000
+"""Hundreds of dots would be all that a map of a town shows."""
 
 
 @dataclass(frozen=True)
@@ -29,27 +35,50 @@ class QgisStyle:
     description: str
 
 
+_SIZE_MM = "CASE WHEN @map_scale < 5000 THEN 7 WHEN @map_scale < 30000 THEN 4 ELSE 2 END"
+"""Of a sign: faces to be read in a street, dots in a town, where thousands would cover it."""
+_ARROW_SCALE = 5000
+_TIP = """<b>[% coalesce("name", "class") %]</b> [% coalesce("code", '') %]<br>
+<img height="90" src="[% 'file:///' || regexp_replace(decode_uri(@layer, 'path'), '[^/]*$', '') ||
+'pictures/' || "id" || '-1.jpg' %]"><br>
+[% "id" %], [% coalesce("status", '') %], confidence [% coalesce(round("confidence", 2), '?') %]<br>
+95 % within [% coalesce(round("ce95_m", 2), '?') %] m<br>
+[% coalesce(round("height_above_road_m", 2), '?') %] m above the road, sd
+[% coalesce(round("sd_above_road_m", 2), '?') %] m<br>
+faces [% coalesce(round("facing_deg"), '?') %] deg, sd
+[% coalesce(round("facing_sd_deg"), '?') %] deg
+[% coalesce('<br>' || "note", '') %]"""
+"""The picture lies in the folder ``pictures`` beside the map."""
+
+
 def sign_style(icons: Mapping[str, bytes], colours: Mapping[str, str]) -> QgisStyle:
-    """Signs as the faces of their classes (PNG), labelled with their id when zoomed in.
+    """Signs as the faces of their classes (PNG), with an arrow the way they face, names when
+    zoomed in, readable columns and a tip with the picture.
 
     A class without a picture is a dot in its colour (#rrggbb).
     """
     root, renderer = _document("categorizedSymbol", {"attr": "class"})
+    names = _legend_names(colours)
     categories = Xml.SubElement(renderer, "categories")
     symbols = Xml.SubElement(renderer, "symbols")
     for number, (name, colour) in enumerate(sorted(colours.items())):
         _range_or_category(
-            categories, "category", number, clean_text(sign_words(name)), value=clean_text(name)
+            categories, "category", number, clean_text(names[name]), value=clean_text(name)
         )
         if name in icons:
             picture = "base64:" + base64.b64encode(icons[name]).decode()
             layer = ("RasterMarker", {"imageFile": picture, "size": "7", "size_unit": "MM"})
         else:
             layer = ("SimpleMarker", _dot(colour, "3"))
-        _symbol(symbols, number, "marker", *layer)
+        symbol = _symbol(symbols, number, "marker", *layer)
+        _by_expression(symbol[-1], size=_SIZE_MM)
+        _arrow(symbol, colour)
     _range_or_category(categories, "category", len(colours), "other", value="")
     _symbol(symbols, len(colours), "marker", "SimpleMarker", _dot(UNKNOWN_COLOUR, "3"))
-    _labels(root, "id", scale=5000)
+    _labels(root, "name", scale=2500)
+    _columns(root, SIGN_FIELDS)
+    Xml.SubElement(root, "previewExpression").text = 'concat("name", \' \', "id")'
+    Xml.SubElement(root, "mapTip").text = _TIP
     return QgisStyle("signs", _text(root), "faces by class")
 
 
@@ -94,8 +123,10 @@ def ellipse_style() -> QgisStyle:
 
 
 def observation_style() -> QgisStyle:
-    """The places from which signs were seen: small grey dots."""
+    """The places from which signs were seen: small grey dots, in a street only."""
     root, renderer = _document("singleSymbol", {})
+    shown = {"hasScaleBasedVisibilityFlag": "1", "minScale": str(_SEEN_SCALE), "maxScale": "0"}
+    root.attrib.update(shown)
     _symbol(
         Xml.SubElement(renderer, "symbols"), 0, "marker", "SimpleMarker", _dot(UNKNOWN_COLOUR, "1")
     )
@@ -103,7 +134,7 @@ def observation_style() -> QgisStyle:
 
 
 def _document(kind: str, attributes: Mapping[str, str]) -> tuple[Xml.Element, Xml.Element]:
-    root = Xml.Element("qgis", version=_VERSION, styleCategories="Symbology|Labeling")
+    root = Xml.Element("qgis", version=_VERSION, styleCategories=_CATEGORIES)
     common = {"type": kind, "forceraster": "0", "symbollevels": "0", "enableorderby": "0"}
     renderer = Xml.SubElement(root, "renderer-v2", common | dict(attributes))
     return root, renderer
@@ -116,17 +147,64 @@ def _range_or_category(
     Xml.SubElement(parent, tag, common | values)
 
 
+def _legend_names(classes: Iterable[str]) -> dict[str, str]:
+    """Classes in words; those of the same words with what tells them apart."""
+    words = {name: sign_words(name) for name in classes}
+    count = Counter(words.values())
+    return {
+        name: f"{text} ({name.rpartition('--')[2]})" if count[text] > 1 else text
+        for name, text in words.items()
+    }
+
+
+def _columns(root: Xml.Element, fields: Sequence[Field]) -> None:
+    """Readable names of the columns, with their units."""
+    aliases = Xml.SubElement(root, "aliases")
+    for number, field in enumerate(fields):
+        words = re.sub(r"_(m|deg|m2)$", "", field.name).replace("_", " ")
+        unit = f" ({field.unit})" if field.unit else ""
+        Xml.SubElement(aliases, "alias", field=field.name, index=str(number), name=words + unit)
+
+
+def _by_expression(layer: Xml.Element, **properties: str) -> None:
+    """Properties of a symbol's layer that an expression gives."""
+    parent = Xml.SubElement(layer, "data_defined_properties")
+    whole = Xml.SubElement(parent, "Option", type="Map")
+    Xml.SubElement(whole, "Option", name="name", type="QString", value="")
+    each = Xml.SubElement(whole, "Option", name="properties", type="Map")
+    for name, expression in properties.items():
+        own = Xml.SubElement(each, "Option", name=name, type="Map")
+        Xml.SubElement(own, "Option", name="active", type="bool", value="true")
+        Xml.SubElement(own, "Option", name="expression", type="QString", value=expression)
+        Xml.SubElement(own, "Option", name="type", type="int", value="3")
+    Xml.SubElement(whole, "Option", name="type", type="QString", value="collection")
+
+
+def _arrow(symbol: Xml.Element, colour: str) -> None:
+    """An arrow from the sign the way its face looks."""
+    values = _dot(colour, "2.8") | {"name": "triangle", "offset": "0,-5.6", "offset_unit": "MM"}
+    layer = _layer(symbol, "SimpleMarker", values)
+    shown = f'"facing_deg" IS NOT NULL AND @map_scale < {_ARROW_SCALE}'
+    _by_expression(layer, angle='"facing_deg"', enabled=shown)
+
+
 def _symbol(
     parent: Xml.Element, number: int, kind: str, layer_class: str, values: Mapping[str, str]
-) -> None:
+) -> Xml.Element:
     symbol = Xml.SubElement(
         parent, "symbol", name=str(number), type=kind, alpha="1", clip_to_extent="1", force_rhr="0"
     )
+    _layer(symbol, layer_class, values)
+    return symbol
+
+
+def _layer(symbol: Xml.Element, layer_class: str, values: Mapping[str, str]) -> Xml.Element:
     common = {"class": layer_class, "enabled": "1", "locked": "0", "pass": "0"}
     layer = Xml.SubElement(symbol, "layer", common)
     options = Xml.SubElement(layer, "Option", type="Map")
     for key, value in values.items():
         Xml.SubElement(options, "Option", name=key, type="QString", value=value)
+    return layer
 
 
 def _labels(root: Xml.Element, attribute: str, scale: int) -> None:
@@ -140,7 +218,10 @@ def _labels(root: Xml.Element, attribute: str, scale: int) -> None:
         style, "text-buffer", bufferDraw="1", bufferSize="0.8", bufferSizeUnits="MM",
         bufferColor="255,255,255,255", bufferOpacity="1",
     )  # fmt: skip
-    Xml.SubElement(settings, "placement", placement="6", dist="1", distUnits="MM")
+    # below the face
+    Xml.SubElement(
+        settings, "placement", placement="1", quadOffset="7", yOffset="5.5", offsetUnits="MM"
+    )
     Xml.SubElement(
         settings, "rendering", scaleVisibility="1", scaleMin="0", scaleMax=str(scale),
         drawLabels="1",

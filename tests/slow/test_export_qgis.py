@@ -33,6 +33,16 @@ for name in ("signs", "observations", "trajectory", "ellipses"):
         "count": layer.featureCount(),
         "crs": layer.crs().authid(),
         "renderer": renderer.type() if renderer else None,
+        "tip": layer.mapTipTemplate(),
+        "shown_as": layer.displayExpression(),
+        "aliases": {f.name(): f.alias() for f in layer.fields()},
+        "scales": layer.hasScaleBasedVisibility() and layer.minimumScale(),
+        "legend": [item.label() for item in renderer.legendSymbolItems()],
+        "turned": [
+            part.dataDefinedProperties().property(part.PropertyAngle).expressionString()
+            for symbol in renderer.symbols(QgsRenderContext())
+            for part in symbol.symbolLayers()
+        ],
         "symbols": [
             [part.layerType() for part in symbol.symbolLayers()]
             for symbol in renderer.symbols(QgsRenderContext())
@@ -77,6 +87,13 @@ def test_qgis_opens_the_map_with_its_styles(tmp_path: Path) -> None:
     assert {layer["crs"] for layer in found.values()} == {"EPSG:4979"}
     assert found["signs"]["count"] == found["ellipses"]["count"] == 12
     assert found["signs"]["renderer"] == "categorizedSymbol"
-    assert found["signs"]["symbols"] == [["RasterMarker"]] * 3 + [["SimpleMarker"]]
+    assert found["signs"]["symbols"] == [["RasterMarker", "SimpleMarker"]] * 3 + [["SimpleMarker"]]
+    assert found["signs"]["turned"].count('"facing_deg"') == 3
+    assert "pictures/" in found["signs"]["tip"]
+    assert "name" in found["signs"]["shown_as"]
+    assert found["signs"]["aliases"]["height_above_road_m"] == "height above road (m)"
+    assert len(set(found["signs"]["legend"])) == len(found["signs"]["legend"])
+    assert found["observations"]["scales"] == 1000
+    assert not found["signs"]["scales"]
     assert found["trajectory"]["renderer"] == "graduatedSymbol"
     assert found["ellipses"]["symbols"] == [["SimpleFill"]]
