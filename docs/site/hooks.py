@@ -23,6 +23,7 @@ _FIXED: list[tuple[str, list[str]]] = [
             "howto/own-drive.md",
             "howto/review.md",
             "howto/authority.md",
+            "howto/openstreetmap.md",
             "howto/calibrate.md",
             "howto/tune.md",
             "howto/own-detector.md",
