@@ -9,7 +9,12 @@ import pymap3d
 import pytest
 
 from automap.fusion.gnss_only import smooth_fixes
-from automap.fusion.limits import ROAD_ACCELERATION_PSD
+from automap.fusion.limits import (
+    COURSE_SLIP_SD,
+    ROAD_ACCELERATION_PSD,
+    UNKNOWN_HEADING_SD,
+    UNKNOWN_LEAN_SD,
+)
 from automap.fusion.options import FusionOptions
 from automap.records import Fixes, FloatArray
 from tests.unit.fusion_drive import CLOCK
@@ -130,3 +135,50 @@ def test_a_fix_far_off_pulls_no_further_than_its_surprise() -> None:
     assert 0.0 < moved[20] < 2.0
     assert pulled.sd_pos_ned[20, 2] > plain.sd_pos_ned[20, 2]
     assert np.abs(moved[[0, -1]]).max() < 0.5 * moved[20]
+
+
+def test_attitude_is_that_of_the_velocity_where_there_is_any() -> None:
+    """Heading and pitch of a vehicle that drives where it looks, with the sigma of the heading by
+    moving the velocity by its own; at rest they are held."""
+    rng = np.random.default_rng(6)
+    fixes = _fixes(3)
+    n = len(fixes)
+    # a climb of a tenth, north-eastwards, then a stop
+    speed = np.where(np.arange(n) < n // 2, 12.0, 0.0)
+    course = 1.1
+    climb = 0.1 * speed
+    vel = np.column_stack([speed * np.cos(course), speed * np.sin(course), -climb])
+    t = fixes.gps_s - fixes.gps_s[0]
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
+    north, east, up = way * np.cos(course), way * np.sin(course), 0.1 * way
+    lat, lon, height = pymap3d.ned2geodetic(north, east, -up, *ORIGIN)
+    small = np.array([0.05, 0.4, 0.3])
+    fixes = replace(
+        fixes,
+        lat_rad=np.radians(lat),
+        lon_rad=np.radians(lon),
+        height_m=np.asarray(height),
+        vel_ned=vel,
+        sd_vel_ned=np.tile(small, (n, 1)),
+    )
+    path = smooth_fixes(fixes, CLOCK, OPTIONS)
+    driving = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]) > 11.0
+    assert 10 < driving.sum() < n - 10
+    v = path.vel_ned
+    np.testing.assert_allclose(path.rpy[driving, 2], course, atol=0.05)
+    np.testing.assert_allclose(path.rpy[driving, 1], np.arctan(0.1), atol=0.05)
+    np.testing.assert_array_equal(path.rpy[:, 0], 0.0)
+    still = np.hypot(v[:, 0], v[:, 1]) < 0.2
+    assert still.any()
+    assert np.ptp(path.rpy[still, 2]) == 0.0
+    np.testing.assert_array_equal(path.rpy[still, 1], 0.0)
+    for row in np.flatnonzero(driving)[::7]:
+        level = np.hypot(*v[row, :2])
+        # of a horizontal velocity that errs by both of its sigmas, at the most across its way
+        turned = np.hypot(*path.sd_vel_ned[row, :2]) / level
+        assert path.sd_rpy[row, 2] == pytest.approx(turned + COURSE_SLIP_SD, rel=1e-6)
+        moved = v[row, :2] + path.sd_vel_ned[row, :2] * rng.normal(size=(4000, 2))
+        scatter = np.std(np.arctan2(moved[:, 1], moved[:, 0]))
+        assert scatter < path.sd_rpy[row, 2]
+    np.testing.assert_array_equal(path.sd_rpy[:, :2], UNKNOWN_LEAN_SD)
+    assert path.sd_rpy[still, 2].max() <= UNKNOWN_HEADING_SD

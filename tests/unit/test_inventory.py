@@ -20,8 +20,11 @@ from pyogrio.raw import write
 from pyproj import Transformer
 
 from automap.export.inventory import ComparedSign, maproulette_tasks, osm_change
+from automap.mapping import inventory as inventory_module
 from automap.mapping.inventory import Inventory, InventoryComparison, compare_inventory
+from automap.mapping.inventory_limits import DETECTION_PRIOR, STALE
 from automap.mapping.sightings import DriveSigns
+from automap.mapping.visibility import Opportunities
 from automap.records import Sign
 from automap.signs.codes import classes_of
 from pipeline.cli.root import run_command
@@ -333,3 +336,48 @@ def test_what_openstreetmap_has_is_left_to_people() -> None:
     tasks = maproulette_tasks([moved, gone, new]).strip("\n").split("\n")
     kinds = [json.loads(task[1:])["features"][0]["properties"]["kind"] for task in tasks]
     assert kinds == ["moved", "missing", "new"]
+
+
+def test_what_was_not_found_is_weighed_by_how_often_its_kind_was_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Known faces, and unknown ones to the left and to the right, each at a rate of their own; a
+    sign that was passed twice unseen is the surer gone."""
+    facing = np.array([0.0] * 12 + [np.nan] * 16)
+    listed = len(facing)
+    found = np.ones(listed, bool)
+    # of twelve known one is missing, of eight on the left four, of eight on the right one
+    found[[3, 12, 13, 14, 15, 20]] = False
+    passes = np.ones(listed, int)
+    passes[[3, 13]] = 2
+    passes[[14, 27]] = 0
+    sign = np.repeat(np.arange(listed), passes)
+    offset = np.where(sign < 20, -3.0, 3.0)
+    views = Opportunities(sign, np.zeros(len(sign), np.int64), np.zeros(len(sign)), offset)
+    monkeypatch.setattr(inventory_module, "opportunities", lambda *_: views)
+    monkeypatch.setattr(inventory_module, "head_on", lambda views, facing: views)
+    zero = np.zeros(listed)
+    inventory = Inventory(
+        [str(k) for k in range(listed)], ["a"] * listed, zero, zero, facing, zero + np.nan
+    )
+    told, overall = inventory_module._not_found(inventory, found, [])
+
+    def rate(hits: float, misses: float) -> float:
+        """Beta, but for the usual share of stale entries among what was not found."""
+        missed = max((hits + misses) * (1.0 - STALE) - hits, 0.0)
+        return (hits + DETECTION_PRIOR[0]) / (hits + missed + sum(DETECTION_PRIOR))
+
+    # what no drive had in view counts nowhere
+    rates = {"known": rate(11, 1), "left": rate(4, 3), "right": rate(6, 1)}
+    assert overall == pytest.approx(rate(21, 5))
+    assert {f.listed for f in told} == {3, 12, 13, 14, 15, 20}
+    for finding in told:
+        j = finding.listed
+        if passes[j] == 0:
+            assert (finding.kind, finding.probability) == ("not_seen", 1.0)
+            continue
+        side = "known" if j < 12 else "left" if j < 20 else "right"
+        gone = STALE / (STALE + (1.0 - STALE) * (1.0 - rates[side]) ** passes[j])
+        assert finding.kind == ("missing" if gone > 0.5 else "unconfirmed")
+        assert finding.probability == pytest.approx(max(gone, 1.0 - gone))
+        assert finding.sign == -1
