@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from automap.frames import matrix_to_quat, rpy_to_matrix
 from automap.fusion.engine import Prior, fuse_imu_gnss
@@ -40,6 +41,21 @@ def test_rates_of_change_of_a_bend_taken_at_rising_speed() -> None:
     assert rates[:, :2] == pytest.approx(v[:, None] * heading, abs=0.1)
     assert rates[:, 3:5] == pytest.approx(ALONG * heading + (TURN * v)[:, None] * across, abs=0.1)
     assert rates[:, 6:] == pytest.approx(np.tile([0.0, 0.0, TURN], (4, 1)), abs=1e-3)
+
+
+@pytest.mark.parametrize("turn", [(0.3, 0.0, 0.0), (0.0, -0.4, 0.0), (0.2, -0.3, 0.5)])
+def test_a_turn_about_any_axis_is_told_in_the_navigation_frame(turn: tuple[float, ...]) -> None:
+    """Of a body that lies anyhow, also where the sign of its quaternion changes on the way."""
+    t = np.arange(0.0, 4.0, 0.01)
+    begin = Rotation.from_euler("ZYX", [2.0, 0.7, -1.1])
+    states = np.zeros((len(t), 10))
+    states[:, 6:10] = [
+        (Rotation.from_rotvec(np.array(turn) * at) * begin).as_quat()[[3, 0, 1, 2]] for at in t
+    ]
+    states[200:, 6:10] *= -1.0
+    rates = rates_of_change(t, states, np.array([0.5, 1.995, 3.5]))
+    assert rates[:, 6:] == pytest.approx(np.tile(turn, (3, 1)), abs=2e-3)
+    assert np.array_equal(rates[:, :6], np.zeros((3, 6)))
 
 
 @pytest.mark.parametrize("more", [(), ("imu_clock_skew",)])
