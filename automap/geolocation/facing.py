@@ -251,11 +251,11 @@ def _common(seen: Sequence[_Seen]) -> Faces:
             aspect_sd=float(
                 np.sqrt((freedom * limits.FACE_ASPECT_SD**2 + spread) / (freedom + len(told)))
             ),
-            # no less than stated: few signs do not tell how far a detector's boxes err alike
-            alike=max(1.0, float(np.sqrt((freedom + common.sum()) / (freedom + len(common))))),
+            alike=float(np.sqrt((freedom + common.sum()) / (freedom + len(common)))),
             scale=float(np.clip(scale, *limits.SCATTER_LIMITS)),
         )
-    return faces
+    # no less than stated: few signs do not tell how far a detector's boxes err alike
+    return replace(faces, alike=max(1.0, faces.alike))
 
 
 def _summary(one: _Seen, belief: _Belief) -> Facing:

@@ -24,20 +24,28 @@ if TYPE_CHECKING:
 TRACK_STEP_M, TRACK_STEP_S = 4.0, 1.0
 """A track has a row every so many metres, and at least every so many seconds, which is often enough
 to place an observation on it."""
-PICTURES_EACH, MANY_SIGNS = 3, 2000
-"""Pictures of a sign, as in a run; of more signs than that the best alone, which bounds the map."""
+PICTURES_EACH, MANY_SIGNS, MOST_PICTURED = 3, 2000, 20_000
+"""Pictures of a sign, as in a run; of more signs than that the best alone, and of still more none:
+they are held in memory until all drives are read, some 8 kB each."""
+MOST_OBSERVATIONS = 2_000_000
+"""Rows of observations: as many are some 400 MB while they are written, and a layer that a GIS
+still opens."""
+MANY_DRIVES = 200
+"""From so many drives on tracks are coarser, so that all together stay as large."""
 
 
 @dataclass
 class Whole:
     """Gathered from the drives: ``tracks`` by the drive's name, tables of observations,
-    ``pictures`` of each sign from the best on, its geoid heights and its notes."""
+    ``pictures`` of each sign from the best on, its geoid heights and its notes;
+    ``too_many`` whether there were more observations than are kept."""
 
     tracks: dict[str, Trajectory] = field(default_factory=dict)
     observations: list[pa.Table] = field(default_factory=list)
     pictures: dict[str, list[Picture]] = field(default_factory=dict)
     geoid_m: dict[str, list[float]] = field(default_factory=dict)
     notes: dict[str, list[str]] = field(default_factory=dict)
+    too_many: bool = False
 
 
 def gather(
@@ -50,7 +58,15 @@ def gather(
     """
     whole = Whole()
     first, row = merged.sightings.first, merged.sightings.row
-    each = PICTURES_EACH if sum(bool(s.id) for s in signs) <= MANY_SIGNS else 1
+    number_of_signs = sum(bool(s.id) for s in signs)
+    each = PICTURES_EACH if number_of_signs <= MANY_SIGNS else 1
+    if number_of_signs > MOST_PICTURED:
+        each = 0
+        warnings.append(
+            f"The map has more than {MOST_PICTURED} signs: their pictures stay in the drives' "
+            "folders."
+        )
+    step_m = TRACK_STEP_M * max(1.0, len(folders) / MANY_DRIVES)
     for number, (drive, folder) in enumerate(zip(merged.drives, folders, strict=True)):
         products = load_products(folder)
         mine = range(int(first[number]), int(first[number + 1]))
@@ -64,8 +80,16 @@ def gather(
                     "are not in the map."
                 )
             continue
-        _take_drive(whole, products, products.clock, drive.name, named)
-        _take_pictures(whole, products, products.clock, drive.name, named, each)
+        _take_drive(whole, products, products.clock, drive.name, named, step_m)
+        if each:
+            _take_pictures(whole, products, products.clock, drive.name, named, each)
+        if sum(map(len, whole.observations)) > MOST_OBSERVATIONS:
+            whole.observations, whole.too_many = [], True
+    if whole.too_many:
+        warnings.append(
+            f"The map's signs have more than {MOST_OBSERVATIONS} observations: they stay in the "
+            "drives' folders."
+        )
     return whole
 
 
@@ -112,10 +136,15 @@ def _gps_ns(clock: ClockModel, t_ns: IntArray) -> IntArray:
 
 
 def _take_drive(
-    whole: Whole, products: RunProducts, clock: ClockModel, drive: str, named: dict[str, str]
+    whole: Whole,
+    products: RunProducts,
+    clock: ClockModel,
+    drive: str,
+    named: dict[str, str],
+    step_m: float,
 ) -> None:
     if products.trajectory is not None:
-        track = thinned(products.trajectory)
+        track = thinned(products.trajectory, step_m)
         whole.tracks[drive] = replace(track, t_ns=_gps_ns(clock, track.t_ns))
     seen = [sign for sign in products.signs or [] if sign.id in named]
     stamps = np.array([(s.first_seen_ns + s.last_seen_ns) // 2 for s in seen], np.int64)
@@ -123,7 +152,7 @@ def _take_drive(
     for sign, height in zip(seen, () if geoid is None else geoid.tolist(), strict=False):
         whole.geoid_m.setdefault(named[sign.id], []).append(height)
     table = products.observations
-    if table is not None and {"sign_id", "t_ns"} <= set(table.column_names):
+    if table is not None and not whole.too_many and {"sign_id", "t_ns"} <= set(table.column_names):
         whole.observations.append(_observations(table, clock, drive, named))
 
 
@@ -170,14 +199,14 @@ def _height(box: FloatArray) -> float:
     return float(box[3] - box[1])
 
 
-def thinned(trajectory: Trajectory) -> Trajectory:
-    """Rows of a trajectory that are ``TRACK_STEP_M`` or ``TRACK_STEP_S`` apart, and the last."""
+def thinned(trajectory: Trajectory, step_m: float = TRACK_STEP_M) -> Trajectory:
+    """Rows of a trajectory that are ``step_m`` or ``TRACK_STEP_S`` apart, and the last."""
     if len(trajectory) < 2:
         return trajectory
     speed = np.linalg.norm(np.nan_to_num(trajectory.vel_ned), axis=1)
     seconds = (trajectory.t_ns - trajectory.t_ns[0]) * 1e-9
     gone = np.concatenate([[0.0], np.cumsum(speed[1:] * np.diff(seconds))])
-    step = np.diff(np.floor(gone / TRACK_STEP_M), prepend=-1.0) > 0
+    step = np.diff(np.floor(gone / step_m), prepend=-1.0) > 0
     step |= np.diff(np.floor(seconds / TRACK_STEP_S), prepend=-1.0) > 0
     step[-1] = True
     rows = np.flatnonzero(step)

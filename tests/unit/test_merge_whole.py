@@ -22,6 +22,7 @@ from automap.io.review_json import append_action
 from automap.io.signs_table import read_signs
 from automap.records import ReviewAction
 from pipeline.cli.root import run_command
+from pipeline.merge import whole
 from pipeline.merge.whole import TRACK_STEP_M, thinned
 from pipeline.shared.pictures import Picture, read_pictures, write_pictures
 from pipeline.shared.products import load_products
@@ -109,14 +110,29 @@ def test_every_drive_has_its_track_in_each_format_that_holds_tracks(merged: Path
 
 
 def test_a_track_keeps_its_course(merged: Path) -> None:
-    whole = load_products(merged.parent / "monday").trajectory
-    assert whole is not None
-    track = thinned(whole)
-    assert len(track) < 0.2 * len(whole)
-    assert track.t_ns[0] == whole.t_ns[0]
-    assert track.t_ns[-1] == whole.t_ns[-1]
+    full = load_products(merged.parent / "monday").trajectory
+    assert full is not None
+    track = thinned(full)
+    assert len(track) < 0.2 * len(full)
+    assert track.t_ns[0] == full.t_ns[0]
+    assert track.t_ns[-1] == full.t_ns[-1]
     step = np.diff(track.t_ns) * 1e-9 * np.hypot(*track.vel_ned[1:, :2].T)
     assert step.max() < 1.5 * TRACK_STEP_M
+
+
+def test_a_map_of_very_many_things_leaves_them_with_their_drives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(whole, "MOST_OBSERVATIONS", 100)
+    monkeypatch.setattr(whole, "MOST_PICTURED", 3)
+    runs = [write_run(tmp_path / name, name=name) for name in ("one", "two")]
+    with_picture(runs[0], 40.0, 50)
+    assert run_command(["merge", *map(str, runs), "-o", str(tmp_path / "map")]) == 0
+    told = capsys.readouterr()
+    assert "more than 100 observations" in told.out + told.err
+    assert "more than 3 signs" in told.out + told.err
+    assert not (tmp_path / "map" / names.OBSERVATIONS).exists()
+    assert not (tmp_path / "map" / names.PICTURES).exists()
 
 
 def test_other_formats_of_trajectories_say_where_to_find_them(
