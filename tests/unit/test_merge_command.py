@@ -14,6 +14,7 @@ from merge_folders import write_run
 from merge_scene import Errors, drive_through, street
 
 from automap.errors import ConfigError, InputError, StageError
+from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import DriveSigns
 from pipeline.cli.root import run_command
 from pipeline.merge.command import merge_runs
@@ -84,6 +85,27 @@ def test_the_map_has_the_files_of_a_run(folders: list[Path], tmp_path: Path) -> 
     ("countries", "code"),
     [(("DE", "de"), "DE:274-50"), (("DE", None), "DE:274-50"), (("DE", "AU"), None)],
 )
+def test_a_merged_sign_faces_where_the_surer_drives_say() -> None:
+    first, second = passes(2)
+    away = replace(
+        second,
+        facing_rad=first.facing_rad[0] + np.full(len(second), 0.4),
+        facing_sd_rad=np.full(len(second), 0.5),
+    )
+    sure = replace(
+        first,
+        facing_rad=np.full(len(first), first.facing_rad[0]),
+        facing_sd_rad=np.full(len(first), 0.05),
+    )
+    both = [sign for sign in merge_drives([sure, away]).signs if len(sign.drives) == 2]
+    assert len(both) > 10
+    for sign in both:
+        turn = (sign.facing_rad - first.facing_rad[0] + np.pi) % (2.0 * np.pi) - np.pi
+        # a hundredth of the weight
+        assert turn == pytest.approx(0.4 / 101.0, abs=5e-4)
+        assert 0.05 < sign.facing_sd_rad < 0.08
+
+
 def test_codes_of_a_merged_map_are_of_the_country_of_its_drives(
     tmp_path: Path, countries: tuple[str | None, ...], code: str | None
 ) -> None:
