@@ -81,10 +81,6 @@ def test_the_map_has_the_files_of_a_run(folders: list[Path], tmp_path: Path) -> 
     assert run_command(["export", str(out), "--format", "gpkg", "--datum", "GDA2020"]) == 0
 
 
-@pytest.mark.parametrize(
-    ("countries", "code"),
-    [(("DE", "de"), "DE:274-50"), (("DE", None), "DE:274-50"), (("DE", "AU"), None)],
-)
 def test_a_merged_sign_faces_where_the_surer_drives_say() -> None:
     first, second = passes(2)
     away = replace(
@@ -106,6 +102,10 @@ def test_a_merged_sign_faces_where_the_surer_drives_say() -> None:
         assert 0.05 < sign.facing_sd_rad < 0.08
 
 
+@pytest.mark.parametrize(
+    ("countries", "code"),
+    [(("DE", "de"), "DE:274-50"), (("DE", None), "DE:274-50"), (("DE", "AU"), None)],
+)
 def test_codes_of_a_merged_map_are_of_the_country_of_its_drives(
     tmp_path: Path, countries: tuple[str | None, ...], code: str | None
 ) -> None:
