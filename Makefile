@@ -8,7 +8,7 @@ INSTALL := $(PIP) install --quiet --no-deps --requirement
 PYTEST_ARGS ?=
 MUTANTS ?=
 
-.PHONY: demo test slow mutants check docs man clean
+.PHONY: demo test slow mutants fuzz check docs man clean
 
 demo: $(VENV)/.runtime
 	@$(VENV)/bin/automap run data/sample-drive
@@ -23,6 +23,9 @@ slow: $(VENV)/.dev
 mutants: $(VENV)/.dev
 	@$(VENV)/bin/python -m tests.mutation.run --known
 	@$(VENV)/bin/python -m tests.mutation.run --count 200 $(MUTANTS)
+
+fuzz: $(VENV)/.dev
+	@$(VENV)/bin/python -m tests.fuzz.run $(FUZZ_ARGS)
 
 check: $(VENV)/.dev
 	@$(VENV)/bin/ruff check .

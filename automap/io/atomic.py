@@ -63,7 +63,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
         yield temporary
         with temporary.open("rb") as stream:
             os.fsync(stream.fileno())
-        os.replace(temporary, path)
+        put_in_place(temporary, path)
     except OSError as error:
         _discard(temporary)
         named = getattr(error, "filename", None)
@@ -74,6 +74,18 @@ def atomic_path(path: Path) -> Iterator[Path]:
     except BaseException:
         _discard(temporary)
         raise
+
+
+def put_in_place(source: Path, target: Path) -> None:
+    """Rename a file over another, so that the name outlasts a loss of power too; OSError."""
+    os.replace(source, target)
+    # the name stands in the folder, which is a file of its own; not every file system syncs one
+    with suppress(OSError):
+        handle = os.open(target.parent, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 def is_temporary(path: Path) -> bool:

@@ -73,13 +73,13 @@ def _read(path: Path) -> PlacedImage | None:
 
     try:
         with warnings.catch_warnings():
-            # headers alone are read, so a huge image costs nothing
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            image = Image.open(path)
-        with image:
-            exif = image.getexif()
-            tags: dict[int, Any] = dict(exif) | dict(exif.get_ifd(_EXIF_IFD))
-            gps: dict[int, Any] = dict(exif.get_ifd(_GPS_IFD))
+            # headers alone are read, so a huge image costs nothing; what a damaged one lacks is
+            # said by what is found in it
+            warnings.simplefilter("ignore")
+            with Image.open(path) as image:
+                exif = image.getexif()
+                tags: dict[int, Any] = dict(exif) | dict(exif.get_ifd(_EXIF_IFD))
+                gps: dict[int, Any] = dict(exif.get_ifd(_GPS_IFD))
     except (OSError, ValueError, SyntaxError, KeyError, TypeError, Image.DecompressionBombError):
         return None
     try:

@@ -145,7 +145,8 @@ def _csv_texts(source: Path) -> tuple[dict[str, str], list[Path]]:
                 if not entry.filename.startswith("__MACOSX"):
                     texts[stem] = archive.read(entry).decode("utf-8-sig", "replace")
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError) as error:
-        why = str(error) or "its end is missing"
+        # a garbled directory would repeat the file itself as a name
+        why = str(error)[:SHOWN] or "its end is missing"
         raise InputError(
             f"{source} is no folder and no whole .zip ({why}); export the recording again."
         ) from error
@@ -179,7 +180,9 @@ def _specific_force(
         t, accel = linear.stamps("time"), linear.triad("x", "y", "z")
         pull, t_pull = gravity.triad("x", "y", "z"), gravity.stamps("time")
         accel = accel + np.column_stack([_at(t, t_pull, pull[:, k]) for k in range(3)])
-    sizes = np.linalg.norm(accel, axis=1)
+    # a garbled reading may be too large to square
+    with np.errstate(over="ignore"):
+        sizes = np.linalg.norm(accel, axis=1)
     sizes = sizes[np.isfinite(sizes)]
     size = float(np.median(sizes)) if len(sizes) else 0.0
     if 0.5 < size < 2.0:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import errno
 import logging
-import os
 import shutil
 from contextlib import suppress
 from pathlib import Path
 
 from automap.errors import AutoMapError, StageError
-from automap.io.atomic import is_temporary, make_folder, write_failure
+from automap.io.atomic import is_temporary, make_folder, put_in_place, write_failure
 from pipeline.run.stage import Stage, StageContext
 
 log = logging.getLogger(__name__)
@@ -44,6 +43,10 @@ def execute(stage: Stage, context: StageContext) -> list[str]:
     make_folder(work)
     try:
         _call(stage, context)
+        if not work.is_dir():
+            raise StageError(
+                f"{work} was removed while stage {stage.name} wrote there; run the command again"
+            )
         written = sorted(str(p.relative_to(work)) for p in work.rglob("*") if p.is_file())
         undeclared = [name for name in written if not _declared(name, stage)]
         if undeclared:
@@ -109,6 +112,6 @@ def _call(stage: Stage, context: StageContext) -> None:
 def _put(source: Path, target: Path) -> None:
     make_folder(target.parent)
     try:
-        os.replace(source, target)
+        put_in_place(source, target)
     except OSError as error:
         raise write_failure(target, error) from error

@@ -85,6 +85,7 @@ def run_drive(path: Path, out: Path, request: Request, reporter: Reporter | None
         with _prepared(path, out, request, reporter) as run:
             _check_selection(run)
             _run_stages(run)
+            _check_outputs(run)
     except AutoMapError as failure:
         error = failure
     except Exception as failure:
@@ -191,6 +192,20 @@ def _run_stages(run: _Run) -> None:
             _run_stage(run, stage, now, reason or "--force")
             run.ran.append(stage.name)
         records.append(run.record.get("stages", {}).get(stage.name, {}))
+
+
+def _check_outputs(run: _Run) -> None:
+    """StageError where files of this run are gone at its end: someone else removed them."""
+    if run.request.dry_run:
+        return
+    stages = (run.record["stages"].get(line.name, {}) for line in run.lines)
+    written = (name for stage in stages for name in stage.get("outputs", {}))
+    gone = [name for name in written if not (run.out / name).is_file()]
+    if gone:
+        others = f" and {len(gone) - 1} more" if len(gone) > 1 else ""
+        raise StageError(
+            f"{run.out / gone[0]}{others} was removed while the run went on; run the command again"
+        )
 
 
 def _run_stage(run: _Run, stage: Stage, now: Ingredients, reason: str) -> None:

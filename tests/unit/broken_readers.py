@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from automap.io.drive import load_drive
 from automap.io.exif_images import read_images
 from automap.io.frame_times import frame_times
 from automap.io.gopro_streams import Channel, add_payload
+from automap.io.gpmf import GpmfError
 from automap.io.imu_calibration import read_imu_calibration
 from automap.io.imu_csv import read_imu_csv
 from automap.io.imu_log import LogFormat, read_imu_log
@@ -54,14 +56,11 @@ def _as(name: str, read: Callable[[Path], object]) -> Reader:
     return run
 
 
-def _folder(name: str, read: Callable[[Path], object]) -> Reader:
-    """Reads a folder with a copy of the file in it."""
-
-    def run(path: Path, work: Path) -> object:
+def _images(path: Path, work: Path) -> object:
+    # one image alone is no sequence
+    for name in ("0.jpg", "1.jpg"):
         shutil.copyfile(path, work / name)
-        return read(work)
-
-    return run
+    return read_images(work)
 
 
 def _drive(path: Path, work: Path) -> object:
@@ -84,7 +83,9 @@ def _record(path: Path, work: Path) -> object:
 
 def _payload(path: Path) -> object:
     channels: dict[str, Channel] = {}
-    add_payload(path.read_bytes(), 0.0, channels)
+    # the caller counts such a packet and goes on with the next
+    with suppress(GpmfError):
+        add_payload(path.read_bytes(), 0.0, channels)
     return [channel.times_us(1e6) for channel in channels.values()]
 
 
@@ -95,7 +96,7 @@ READERS: dict[str, Reader] = {
     "detections_csv": _plain(lambda path: read_detections_csv(path, _TIMES)),
     "detector_toml": _plain(read_description),
     "drive_toml": _drive,
-    "exif_jpg": _folder("0.jpg", read_images),
+    "exif_jpg": _images,
     "foreign_bearings": _plain(read_foreign_bearings),
     "foreign_points": _plain(read_foreign_points),
     "frames_csv": _plain(

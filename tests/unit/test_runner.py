@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from automap.errors import ConfigError, InputError
+from automap.errors import ConfigError, InputError, StageError
 from pipeline.run.batch import out_folders, run_drives
 from pipeline.run.runner import Request, run_drive
 from pipeline.run.stage import Stage, StageContext
@@ -378,3 +379,19 @@ def test_a_kept_run_reads_no_input_again(
 
     monkeypatch.setattr("hashlib.file_digest", refuse)
     assert states(run_drive(drive, out, request())) == ALL_KEPT
+
+
+@pytest.mark.parametrize("when", ["before it writes", "after the stage before"])
+def test_a_removed_results_folder_fails_the_run(drive: Path, out: Path, when: str) -> None:
+    def remove(context: StageContext) -> None:
+        if when == "before it writes":
+            shutil.rmtree(context.out)
+        else:
+            (context.out / "lines.txt").unlink()
+
+    outcome = run_drive(drive, out, request((reader(), doubler(remove), teller())))
+    assert outcome.exit_code == StageError.exit_code
+    assert "removed while" in str(outcome.error)
+    again = run_drive(drive, out, request())
+    assert again.exit_code == 0
+    assert (out / "lines.txt").is_file()
