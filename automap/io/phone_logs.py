@@ -146,7 +146,7 @@ def _csv_texts(source: Path) -> tuple[dict[str, str], list[Path]]:
                     texts[stem] = archive.read(entry).decode("utf-8-sig", "replace")
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError) as error:
         # a garbled directory would repeat the file itself as a name
-        why = str(error)[:SHOWN] or "its end is missing"
+        why = str(error)[: limits.SHOWN] or "its end is missing"
         raise InputError(
             f"{source} is no folder and no whole .zip ({why}); export the recording again."
         ) from error
