@@ -22,7 +22,7 @@ from automap.gap.identifiability import Identifiability, identifiability
 from automap.gap.locate import places, worst_by_channel
 from automap.gap.misfit import misfits
 from automap.gap.model import GapModel, base_model, without_course_distance
-from automap.gap.naming import describe, strongest_refused, suspected, verdict
+from automap.gap.naming import chance, describe, strongest_refused, suspected, verdict
 from automap.gap.result import Finding, GapResult, KeptOut
 from automap.gap.scoring import whitener_of
 from automap.gap.search import Found, Search
@@ -98,7 +98,8 @@ def _result(
 ) -> GapResult:
     """Everything that is told of a search of which ``stands`` is confirmed."""
     model, base, values = found.fitted.model, found.base.model, stands.values
-    told = describe(found, values)
+    maxima = chance(found)
+    told = describe(found, values, maxima)
     final = fit_held_out(held_out, model, values)
     whitener, count = whitener_of(final[0]), epochs(final)
     rest, reference = remaining_gap(final), total_score(final, whitener)
@@ -120,7 +121,7 @@ def _result(
     noise = stochastic_findings(fits, stated.factors, rest, frozenset(exclude))
     findings += noise
     claims = noise_claims(fits, stated.factors)
-    refused = strongest_refused(found)
+    refused = strongest_refused(found, maxima)
     left = (*misfits(fits), *suspected(refused))
     noisy = [*(f.effect for f in noise), *(c.level for c in claims)]
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)

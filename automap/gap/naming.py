@@ -21,11 +21,10 @@ from automap.gap.selection import Move, Rival, twins_of
 from automap.records import FloatArray
 
 
-def describe(found: Found, values: Values) -> list[Finding | Unexplained]:
+def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding | Unexplained]:
     """Findings and formulas of a search that stand with ``values``, the surest first; their gaps
-    are filled in later."""
+    are filled in later. ``maxima`` [draws] what chance reaches."""
     selection, chosen = found.selection, found.chosen
-    maxima = chance(found)
     told: list[tuple[float, Finding | Unexplained]] = []
     for name in chosen.names:
         effect = found.effects.get(name, name)
@@ -70,15 +69,15 @@ def chance(found: Found) -> FloatArray:
     return null_maxima(known, parts, limits.NULL_DRAWS)
 
 
-def strongest_refused(found: Found) -> tuple[Refused, ...]:
-    """The strongest candidate that is not named."""
+def strongest_refused(found: Found, maxima: FloatArray) -> tuple[Refused, ...]:
+    """The strongest candidate that is not named; ``maxima`` [draws] what chance reaches."""
     move = found.selection.strongest(found.chosen)
     if move is None:
         return ()
     nats = move.evidence.shown
     paid = nats - np.log(found.selection.candidates[move.name].choices)
     channel, size = shown_by(found.selection.given(found.chosen), move.part)
-    return (Refused(move.name, nats, p_value(paid, chance(found)), channel, size),)
+    return (Refused(move.name, nats, p_value(paid, maxima), channel, size),)
 
 
 def suspected(refused: Sequence[Refused]) -> tuple[Misfit, ...]:

@@ -16,8 +16,8 @@ from automap.gap.confirm import Confirmed
 from automap.gap.evidence import Given, conditional, shown_by
 from automap.gap.fitted import Fitted
 from automap.gap.misfit import Misfit
-from automap.gap.model import base_model
-from automap.gap.naming import describe, strongest_refused, suspected, verdict
+from automap.gap.model import Values, base_model
+from automap.gap.naming import chance, describe, strongest_refused, suspected, verdict
 from automap.gap.result import Finding, Refused, Term, Unexplained
 from automap.gap.scoring import Joint
 from automap.gap.search import Found
@@ -74,8 +74,12 @@ def found_with(
     return Found(fitted, fitted, full, selection, chosen, effects, alike_names, stands)
 
 
+def told_of(found: Found, values: Values) -> list[Finding | Unexplained]:
+    return describe(found, values, chance(found))
+
+
 def test_findings_come_with_all_parameters_and_the_surest_first() -> None:
-    told = describe(found_with({2: 0.3, 3: 0.22, 6: -0.2}), VALUES)
+    told = told_of(found_with({2: 0.3, 3: 0.22, 6: -0.2}), VALUES)
     assert [t.effect for t in told] == ["gyro_scale", "gnss_latency", "formula_accel_x"]
     scale, latency, formula = told
     assert isinstance(scale, Finding)
@@ -98,33 +102,32 @@ def test_findings_come_with_all_parameters_and_the_surest_first() -> None:
 
 
 def test_what_held_out_data_refused_is_not_told() -> None:
-    told = describe(found_with({2: 0.3, 3: 0.22}), {"gnss_latency": {"s": 0.25}})
+    told = told_of(found_with({2: 0.3, 3: 0.22}), {"gnss_latency": {"s": 0.25}})
     assert [t.effect for t in told] == ["gnss_latency"]
 
 
 def test_names_that_a_linear_model_cannot_tell_apart_are_told_with_each_other() -> None:
-    (told,) = describe(found_with({2: 0.3}, alike=(2, 5, 0.12)), VALUES)
+    (told,) = told_of(found_with({2: 0.3}, alike=(2, 5, 0.12)), VALUES)
     assert isinstance(told, Finding)
     assert told.effect == "gyro_scale"
     assert "accel_scale" in told.confusable_with
 
 
 def test_names_that_the_filter_could_not_tell_apart_are_told_too() -> None:
-    (told,) = describe(
-        found_with({2: 0.3}, not_told_apart={"gyro_scale": ("accel_scale",)}), VALUES
-    )
+    (told,) = told_of(found_with({2: 0.3}, not_told_apart={"gyro_scale": ("accel_scale",)}), VALUES)
     assert isinstance(told, Finding)
     assert told.confusable_with == ("accel_scale",)
 
 
 def test_a_formula_says_which_name_it_resembles() -> None:
-    (told,) = describe(found_with({6: -0.3}, alike=(6, 5, 0.4)), VALUES)
+    (told,) = told_of(found_with({6: -0.3}, alike=(6, 5, 0.4)), VALUES)
     assert isinstance(told, Unexplained)
     assert told.resembles == "accel_scale"
 
 
 def test_the_strongest_that_is_not_named_is_told_with_its_chance() -> None:
-    (one,) = strongest_refused(found_with({2: 0.3}))
+    known = found_with({2: 0.3})
+    (one,) = strongest_refused(known, chance(known))
     assert one.effect not in ("gyro_scale",)
     assert one.p_value > 0.01
     assert one.evidence_nats < limits.LEAST_ODDS
