@@ -87,7 +87,7 @@ ONE_IN_A_THOUSAND = 3.09
 
 # time
 
-BOX_S = 5.0
+BOX_S = 2.0
 """Biases are followed in boxes of this length: periods of 15 s and more show."""
 MOST_BOXES = 150
 """Of longer drives boxes are longer; bounds the time."""
