@@ -35,7 +35,7 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
         room = max(limits.CLOSE_NATS, limits.CLOSE * odds)
         close = [r.name for r in rivals if r.ahead > -room]
         close += found.not_told_apart.get(name, ())
-        nats = sum(m.evidence.nats for m in moves)
+        nats = max(sum(m.evidence.nats for m in moves), found.borne_out.get(name, 0.0))
         p = p_value(nats - np.log(selection.candidates[name].choices), maxima)
         if selection.candidates[name].terms:
             told.append((odds, _formula(found, name, moves, nats, p, rivals)))

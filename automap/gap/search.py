@@ -9,7 +9,7 @@ also proposed under the noise that the model was asked with, and judged with the
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -36,8 +36,8 @@ HELD = 1e-6
 class Found:
     """Where a search ended: the set as fitted, the base model's fit, the joint estimate with all
     parameters of each effect free, the last selection with what it chose, which effect stands for
-    each candidate, which names the drives cannot tell from each, and what of it held-out data let
-    stand."""
+    each candidate, which names the drives cannot tell from each, what of it held-out data let
+    stand, and nats of those that the filter alone bears out."""
 
     base: Fitted
     fitted: Fitted
@@ -47,6 +47,7 @@ class Found:
     effects: Mapping[str, str]
     not_told_apart: Mapping[str, tuple[str, ...]]
     stands: Confirmed
+    borne_out: Mapping[str, float] = field(default_factory=dict)
 
 
 class Search:
@@ -64,6 +65,7 @@ class Search:
         self.base, self.held_out, self.stated, self.log = base, held_out, dict(stated), log
         self.screening = Screening(base, exclude, log)
         self.close: dict[str, tuple[str, ...]] = {}
+        self.borne_out: dict[str, float] = {}
         self.tried: dict[Key, int] = {}
         self.challenged: set[frozenset[str]] = set()
         self.spoken_against: list[Confirmed] = []
@@ -84,7 +86,7 @@ class Search:
             self.log(f"selecting beside {', '.join(chosen.names) or 'nothing'}")
             closing = number >= limits.MAX_ROUNDS - limits.CLOSING_ROUNDS
             limit = len(chosen.names) if closing else limits.MAX_FINDINGS
-            found = select(selection, chosen, limit)
+            found = self._kept(here, selection, chosen, select(selection, chosen, limit))
             if louder is not None and not closing:
                 self.log("selecting under other noise")
                 found = self._proposed(here, selection, found, louder, slow)
@@ -116,6 +118,7 @@ class Search:
                 louder = {**factors, **{k: limits.STEADY * factors[k] for k in WALKS}}
             fitted = selection.keys(found)
             after = self.screening.selection(here, slow)
+            after.needed = frozenset(self.borne_out)
             chosen = in_layout(found, selection, after)
             selection = after
         selection.inflate(chosen)
@@ -132,7 +135,23 @@ class Search:
             self.screening.effects,
             self.close,
             stands.after(self.spoken_against),
+            self.borne_out,
         )
+
+    def _kept(self, here: Fitted, selection: Selection, chosen: Chosen, found: Chosen) -> Chosen:
+        """A selection, or what was chosen before where that only drops from it what the filter does
+        not: beside a noise that was fitted with a candidate that one is not needed, and without it
+        the noise grows to take its place. Each model is asked with the noise that suits it."""
+        gone = [n for n in chosen.names if n not in found.names]
+        if not gone or any(n not in chosen.names for n in found.names):
+            return found
+        ahead, sigmas = self._ahead(here, self._fit(here, selection, found))
+        ahead += selection.log_prior(chosen) - selection.log_prior(found)
+        if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
+            return found
+        self.borne_out |= dict.fromkeys(gone, ahead)
+        selection.needed = frozenset(self.borne_out)
+        return chosen
 
     def _bar(self, keys: Iterable[Key]) -> None:
         """Try parts no more."""

@@ -78,13 +78,15 @@ class Move:
 
 @dataclass
 class Selection:
-    """A linear model, what may be missing from it, and parts that stay out (``refused``);
+    """A linear model, what may be missing from it, and parts that stay out (``refused``),
+    and names that stay in (``needed``);
     ``inflated`` by how much scores are larger than noise makes them, of what follows time and of
     all else."""
 
     linear: Linear
     candidates: dict[str, Candidate]
     refused: frozenset[Key] = frozenset()
+    needed: frozenset[str] = frozenset()
     inflated: Mapping[bool, float] = field(default_factory=dict)
     _known: dict[Given, Conditional] = field(default_factory=dict)
 
@@ -321,7 +323,7 @@ def pruned(selection: Selection, chosen: Chosen) -> Chosen:
     """The choice without the candidate, or the part of one, that is needed least, if it is not
     needed beside the others."""
     odds = {name: selection.odds_of(chosen, name) for name in chosen.names}
-    for name in sorted(odds, key=lambda n: odds[n][0]):
+    for name in sorted(odds.keys() - selection.needed, key=lambda n: (odds[n][0], n)):
         total, moves = odds[name]
         if total < limits.LEAST_ODDS:
             return chosen.without(name)
