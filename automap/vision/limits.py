@@ -25,6 +25,16 @@ NOISE_BAND_PX = 192
 
 MOST_ZOOM = 2.0
 """Small pictures are enlarged at most so much: more has no detail, and costs its square."""
+REDUCED_BY = (4.0, 8.0, 16.0)
+"""Copies in which large signs are looked for, each smaller than the first search by so much: drawn
+stop signs of all sizes are found at a score of 0.9 between some 20 and 180 px as searched, so that
+each size is well within the range of one copy."""
+LEAST_REDUCED_PX = 36.0
+"""The longest side of a sign in a reduced copy: what is smaller has less than 144 px in the first
+search, well within its range. With less (20, 28) one more false box came up in the 50 images to
+tune on."""
+LEAST_COPY_PX = 64.0
+"""The longest side of a copy: less shows no sign and what is around it."""
 SURE = 1e-4
 """Probabilities are taken for no surer than this, to either side, when they are joined."""
 JOINT_WEIGHTS = (0.0, 1.0, 0.5)

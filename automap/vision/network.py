@@ -52,7 +52,7 @@ def default_detector(country: str | None = None, threads: int = 1) -> NetworkDet
 
 
 class NetworkDetector:
-    """Finds signs of about 10 to 250 px and names their faces.
+    """Finds signs from about 10 px to the whole picture and names their faces.
 
     The files are read when the first picture comes. One object may serve several threads, and
     may be handed to another process.
@@ -78,8 +78,8 @@ class NetworkDetector:
         """Signs in a BGR picture [height, width, 3] of 8 bits.
 
         ``region`` (x_min, y_min, x_max, y_max in px) looks only there; ``zoom`` enlarges it
-        first, which finds smaller signs in proportion and costs its square; None goes by the
-        size of the picture.
+        first, which finds smaller signs in proportion, up to 180 px as enlarged, and costs its
+        square; None goes by the size of the picture and looks for signs of all sizes.
 
         Raises ValueError for a picture of another kind, InputError for a broken model file.
         """
@@ -97,30 +97,51 @@ class NetworkDetector:
         """How much a picture is enlarged: the smaller it is, the fewer pixels a far sign has."""
         return float(min(max(self.rules.width / max(image.shape[:2]), 1.0), limits.MOST_ZOOM))
 
+    def zooms_of(self, image: Image, window: tuple[int, int, int, int]) -> list[float]:
+        """By how much a window of a picture is enlarged to be searched, the most first.
+
+        The network finds what is some 10 to 180 px large. Reduced copies, which cost a twelfth of
+        the first search together, show it what is larger, up to the whole window.
+        """
+        first = self.zoom_of(image)
+        largest = max(window[2] - window[0], window[3] - window[1])
+        reduced = (first / by for by in limits.REDUCED_BY)
+        return [first, *(z for z in reduced if z * largest >= limits.LEAST_COPY_PX)]
+
     def propose(
         self, image: Image, region: Region | None = None, zoom: float | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Boxes [n, 4] px and scores [n] of what may be signs, best first, not yet named."""
+        """Boxes [n, 4] px and scores [n] of what may be signs, the best of each copy of the picture
+        first, not yet named."""
         return self._propose(brightened(image), region, zoom)
 
     def _propose(
         self, image: Image, region: Region | None, zoom: float | None
     ) -> tuple[FloatArray, FloatArray]:
         height, width = image.shape[:2]
-        zoom = self.zoom_of(image) if zoom is None else zoom
-        x0, y0, x1, y1 = _window(region, width, height)
+        x0, y0, x1, y1 = window = _window(region, width, height)
         part = image[y0:y1, x0:x1]
-        if part.shape[0] < 8 or part.shape[1] < 8:
-            return np.zeros((0, 4)), np.zeros(0)
-        if zoom != 1.0:
-            size = (max(8, round((x1 - x0) * zoom)), max(8, round((y1 - y0) * zoom)))
-            how = cv2.INTER_LINEAR if zoom > 1.0 else cv2.INTER_AREA
-            part = np.asarray(cv2.resize(part, size, interpolation=how), np.uint8)
-        scale = np.array([part.shape[1] / (x1 - x0), part.shape[0] / (y1 - y0)])
-        maps = self._model.run(blocks_of(part))[0]
+        boxes, scores = [np.zeros((0, 4))], [np.zeros(0)]
+        if min(part.shape[:2]) >= 8:
+            copy = part
+            for step, z in enumerate([zoom] if zoom is not None else self.zooms_of(image, window)):
+                # each reduced copy is made of the one before
+                copy = _resized(copy if len(copy) < len(part) else part, part, z)
+                own, score = self._in_copy(copy)
+                # what a reduced copy shows in few pixels, the one before shows in more
+                size = np.max(own[:, 2:] - own[:, :2], axis=1, initial=0.0)
+                kept = size >= (limits.LEAST_REDUCED_PX if step else 0.0)
+                scale = np.array([copy.shape[1] / part.shape[1], copy.shape[0] / part.shape[0]])
+                # outlines run between pixels, whose centres are integers
+                own = (own[kept] + 0.5) / np.tile(scale, 2) - 0.5 + np.array([x0, y0, x0, y0])
+                boxes.append(own)
+                scores.append(score[kept])
+        return np.concatenate(boxes), np.concatenate(scores)
+
+    def _in_copy(self, copy: Image) -> tuple[FloatArray, FloatArray]:
+        """Boxes [n, 4] and scores [n] in pixels of what is searched."""
+        maps = self._model.run(blocks_of(copy))[0]
         boxes, scores = decode_maps(maps, self.rules.min_score, 4 * self.rules.most)
-        # outlines run between pixels, whose centres are integers
-        boxes = (boxes + 0.5) / np.tile(scale, 2) - 0.5 + np.array([x0, y0, x0, y0])
         kept = distinct(boxes, scores, self.rules.overlap, self.rules.inside)[: self.rules.most]
         return boxes[kept], scores[kept]
 
@@ -134,14 +155,16 @@ class NetworkDetector:
             [
                 joint_score(float(score), face.sign, weights)
                 for score, face in zip(scores, named, strict=True)
-            ]
+            ],
+            np.float64,
         )
-        order = [int(i) for i in np.argsort(-final, kind="stable")]
-        order = [i for i in order if final[i] >= self.rules.min_score]
+        # copies of the picture show the same sign, and parts of a large one
+        order = distinct(boxes, final, self.rules.overlap, self.rules.inside)[: self.rules.most]
+        order = order[final[order] >= self.rules.min_score]
         return FoundSigns(
             class_name=tuple(named[i].name for i in order),
             box=boxes[order].reshape(-1, 4),
-            score=final[order] if order else np.zeros(0),
+            score=final[order],
             alternatives=tuple(named[i].alternatives for i in order),
         )
 
@@ -158,6 +181,15 @@ def joint_score(found: float, sign: float, weights: Sequence[float]) -> float:
     ]
     total = weights[0] + weights[1] * odds[0] + weights[2] * odds[1]
     return 1.0 / (1.0 + math.exp(-total))
+
+
+def _resized(copy: Image, part: Image, zoom: float) -> Image:
+    """A part of a picture enlarged by ``zoom``, made of a ``copy`` of it."""
+    if zoom == 1.0:
+        return part
+    high, wide = (max(8, round(side * zoom)) for side in part.shape[:2])
+    how = cv2.INTER_LINEAR if zoom > 1.0 else cv2.INTER_AREA
+    return np.asarray(cv2.resize(copy, (wide, high), interpolation=how), np.uint8)
 
 
 def _window(region: Region | None, width: int, height: int) -> tuple[int, int, int, int]:

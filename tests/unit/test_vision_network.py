@@ -209,6 +209,34 @@ def test_faces_along_a_street_are_found_and_named(detector: NetworkDetector) -> 
     assert all(a[0][1] >= a[-1][1] for a in found.alternatives if a)
 
 
+@pytest.mark.parametrize("name", ["regulatory--stop--g1", SIXTY])
+@pytest.mark.parametrize("size", [60, 130, 240, 440])
+def test_a_sign_of_any_size_is_found_once(detector: NetworkDetector, name: str, size: int) -> None:
+    image = cv2.resize(street([], 0)[0], (1024, 683))
+    face = cv2.resize(draw_face(name), (size, size), interpolation=cv2.INTER_AREA)
+    cover = face[:, :, 3:] / 255.0
+    x, y = 300, 120
+    part = image[y : y + size, x : x + size]
+    part[:] = (0.85 * face[:, :, :3] * cover + part * (1 - cover)).astype(np.uint8)
+    found = detector.detect(np.asarray(image, np.uint8))
+    middle = (found.box[:, :2] + found.box[:, 2:]) / 2
+    here = np.abs(middle - [x + size / 2, y + size / 2]).max(axis=1) < 0.5 * size
+    here &= found.score > 0.5
+    assert here.sum() == 1
+    assert found.class_name[int(np.argmax(here))] == name
+    sides = found.box[here][0, 2:] - found.box[here][0, :2]
+    np.testing.assert_allclose(sides, size, rtol=0.12)
+
+
+def test_a_region_of_another_zoom_is_searched_at_that_alone(detector: NetworkDetector) -> None:
+    image = street(FACES, 44)[0]
+    assert detector.zooms_of(image, (0, 0, 768, 512)) == [2.0, 0.5, 0.25, 0.125]
+    # no sign is as large as a copy of a few pixels shows
+    assert detector.zooms_of(image, (0, 0, 100, 100)) == [2.0]
+    scored = detector.detect(image, zoom=0.25)
+    assert all((scored.box[:, 2:] - scored.box[:, :2]).max(axis=1) > 20.0)
+
+
 def test_a_region_is_looked_at_alone(detector: NetworkDetector) -> None:
     image, boxes = street(FACES, 44)
     region = (boxes[1, 0] - 60.0, 90.0, boxes[1, 2] + 60.0, 330.0)

@@ -1,0 +1,124 @@
+"""How many signs are found from small ones to such that fill the picture.
+
+python tests/benchmarks/large_signs.py --data DATA [--part tune] [--scenes 20]
+
+Drawn faces (stop signs of all countries drawn, and one face of each shape and colour) are set into
+street images that are not trained on, with perspective, light, dirt and another camera's look, and
+searched at the size of the data set and at 4K. A sign is found where a box overlaps it by half, at
+the score that leaves one box in ten images that is not labelled.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from automap.vision.network import NetworkDetector, default_detector
+from pipeline.train import degrade
+from pipeline.train.art import Face, load_faces
+from pipeline.train.metrics import ImageResult, judge_image, threshold_at
+from pipeline.train.scenes import Image, draw_face
+from pipeline.train.street_data import Street, load_streets
+
+SIZES = ((12, 24), (24, 64), (64, 128), (128, 256), (256, 450), (450, 700))
+"""Longest sides, px, at the size of the data set's pictures."""
+WIDE_4K = 3840
+LEAST = 0.3
+"""What a search of a video reports."""
+
+
+def faces_of(data: Path, cache: Path) -> dict[str, list[Face]]:
+    """Stop signs, and the first face of every other shape and colour that stands alone."""
+    faces = load_faces(data / "sign-art", cache)
+    stops = [f for f in faces if f.name.startswith("regulatory--stop--g")]
+    kinds: dict[tuple[str, str], Face] = {}
+    for face in faces:
+        if not face.plate and face not in stops and face.shape != "other":
+            kinds.setdefault((face.shape, face.colour), face)
+    return {"stop signs": stops, "other kinds": list(kinds.values())}
+
+
+def scene(
+    street: Street, face: Face, size: float, rng: np.random.Generator, width: int
+) -> tuple[Image, np.ndarray] | None:
+    """A street with one face in it, ``width`` px wide, and the face's box."""
+    scale = width / street.image.shape[1]
+    image = cv2.resize(street.image, None, fx=scale, fy=scale) if scale != 1 else street.image
+    image = np.asarray(image, np.uint8).copy()
+    high, wide = image.shape[:2]
+    shape = np.array([face.image.shape[1], face.image.shape[0]], np.float64)
+    sides = size * scale * shape / shape.max()
+    if (sides > 0.95 * np.array([wide, high])).any():
+        sides *= 0.9 * float((np.array([wide, high]) / sides).min())
+    low = rng.uniform(0.0, np.array([wide, high]) - sides)
+    box = draw_face(image, face.image, np.concatenate([low, low + sides]), rng)
+    if box is None:
+        return None
+    return degrade.at_random(image, rng), np.clip(box, 0, [wide - 1, high - 1] * 2)
+
+
+def false_boxes(
+    detector: NetworkDetector, streets: Sequence[Street], width: int
+) -> list[ImageResult]:
+    """What is found beside the labelled signs."""
+    out = []
+    for number, street in enumerate(streets):
+        rng = np.random.default_rng([5, number])
+        scale = width / street.image.shape[1]
+        image = np.asarray(cv2.resize(street.image, None, fx=scale, fy=scale), np.uint8)
+        found = detector.detect(degrade.at_random(image, rng))
+        out.append(judge_image(found.box, found.score, (street.boxes + 0.5) * scale - 0.5))
+    return out
+
+
+def main() -> None:
+    """Print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--part", choices=("tune", "test"), default="tune")
+    parser.add_argument("--scenes", type=int, default=20, help="of each size and kind")
+    options = parser.parse_args()
+    streets = load_streets(options.data / "gtsdb", options.part)
+    with tempfile.TemporaryDirectory() as folder:
+        faces = faces_of(options.data, Path(folder) / "faces.pickle")
+    detector = default_detector()
+    for width in (streets[0].image.shape[1], WIDE_4K):
+        count = len(streets) if width < WIDE_4K else len(streets) // 5
+        clear = false_boxes(detector, streets[:count], width)
+        least = max(threshold_at(clear, 0.1), LEAST)
+        sure = sum(int((~r.right & (r.score >= 0.9)).sum()) for r in clear)
+        print(
+            f"{width} px wide: a score of {least:.2f} leaves one box that is not labelled in ten "
+            f"of {count} images, or fewer; {sure} such above 0.9",
+            flush=True,
+        )
+        for kind, own in faces.items():
+            shares = []
+            for low, high in SIZES:
+                hits, tried = 0, 0
+                for number in range(options.scenes):
+                    rng = np.random.default_rng([9, low, number])
+                    made = scene(
+                        streets[int(rng.integers(len(streets)))],
+                        own[number % len(own)],
+                        float(np.exp(rng.uniform(np.log(low), np.log(high)))),
+                        rng,
+                        width,
+                    )
+                    if made is None:
+                        continue
+                    found = detector.detect(made[0])
+                    at = found.score >= least
+                    result = judge_image(found.box[at], found.score[at], made[1][None])
+                    hits, tried = hits + int(result.right.any()), tried + 1
+                shares.append(f"{low}-{high}: {hits}/{tried}")
+            print(f"  {kind}, found by size in px: {', '.join(shares)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
