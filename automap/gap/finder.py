@@ -23,16 +23,10 @@ from automap.gap.locate import places, worst_by_channel
 from automap.gap.misfit import misfits
 from automap.gap.model import GapModel, base_model, without_course_distance
 from automap.gap.naming import chance, describe, strongest_refused, suspected, verdict
-from automap.gap.noise_places import noise_places
 from automap.gap.result import Finding, GapResult, KeptOut
 from automap.gap.scoring import whitener_of
 from automap.gap.search import Found, Search
-from automap.gap.stochastic import (
-    SENSOR_LEVELS,
-    WALKS,
-    noise_claims,
-    stochastic_findings,
-)
+from automap.gap.stochastic import noise_claims, stochastic_findings
 
 
 def find_gaps(
@@ -128,9 +122,7 @@ def _result(
     findings += noise
     claims = noise_claims(fits, stated.factors)
     refused = strongest_refused(found, maxima)
-    raised = [c.level for c in claims if c.level in SENSOR_LEVELS]
-    raised += [f.effect for f in noise if f.effect in WALKS]
-    left = (*misfits(fits), *noise_places(fits, raised, stated.factors), *suspected(refused))
+    left = (*misfits(fits), *suspected(refused))
     noisy = [*(f.effect for f in noise), *(c.level for c in claims)]
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
     shown = places(first, final)

@@ -133,7 +133,7 @@ def noise_slopes(fits: Sequence[Fit], factors: Mapping[str, float]) -> LevelLike
     relative = _relative(fits, factors)
     parts = []
     for fit in fits:
-        problem, nodes, linearised_at = at_levels(fit, relative, most)
+        problem, nodes, linearised_at = _scaled(fit, relative, most)
         parts.append(level_likelihood(problem, nodes, fit.start, fit.last.shift, linearised_at))
     return reduce(operator.add, parts)
 
@@ -165,19 +165,14 @@ def _time_constant(
     return best, factors
 
 
-def at_levels(
-    fit: Fit, relative: Mapping[str, float], most: int
-) -> tuple[Problem, Nodes, SmoothRun]:
-    """What the filter runs on with levels of noise of a fit moved by factors ``relative``, of the
-    first ``most`` nodes, and the path to linearise about."""
-    relative = dict.fromkeys(ALL_LEVELS, 1.0) | dict(relative)
+def _scaled(fit: Fit, relative: Mapping[str, float], most: int) -> tuple[Problem, Nodes, SmoothRun]:
     last: Pass = fit.last
     nodes = scale_nodes(last.nodes.first(most), relative)
     return scale_problem(last.problem, relative), nodes, _first(last.smooth, most)
 
 
 def _score(fit: Fit, relative: Mapping[str, float], most: int) -> float:
-    problem, nodes, linearised_at = at_levels(fit, relative, most)
+    problem, nodes, linearised_at = _scaled(fit, relative, most)
     run = run_forward(
         problem, nodes, fit.start, fit.last.shift, store=False, linearised_at=linearised_at
     )

@@ -25,6 +25,8 @@ CASES = [
     "formula-speed_cubed-0",
     "formula-step-1",
     "formula-position_speed_squared-0",
+    "outside-accel_swing-2",
+    "outside-accel_settling-2",
     "removed-accel_misalignment-0",
     "removed-gyro_temperature-0",
 ]
@@ -50,6 +52,12 @@ def of(verdicts: dict[str, Verdict], kind: str) -> list[Verdict]:
 
 def why(items: list[Verdict]) -> str:
     return "\n".join(f"{v.id} {v.outcome}: {v.why}" for v in items)
+
+
+def test_a_swing_and_a_zero_that_settles_are_told(verdicts: dict[str, Verdict]) -> None:
+    outside = of(verdicts, "outside")
+    assert len(outside) == 2
+    assert [v.outcome for v in outside] == ["formula right"] * 2, why(outside)
 
 
 def test_effects_are_named_first(verdicts: dict[str, Verdict]) -> None:

@@ -74,6 +74,13 @@ def test_what_is_not_needed_is_dropped() -> None:
     assert selected(selection, "e3", "e8", "e9") == {"e3"}
 
 
+def test_what_the_filter_needs_is_not_dropped() -> None:
+    phi, w = noise(1)
+    selection = alone(linear_with(phi, w + 0.2 * phi[:, 3]))
+    selection.needed = frozenset({"e9"})
+    assert selected(selection, "e3", "e8", "e9") == {"e3", "e9"}
+
+
 def test_what_two_others_replace_is_dropped() -> None:
     phi, w = noise(4)
     # the sum of both is what stands out first
