@@ -33,11 +33,13 @@ _BATCH = 32
 
 @dataclass(frozen=True)
 class Named:
-    """What a face is: ``name``, ``alternatives`` and the probability that it is a sign."""
+    """What a face is: ``name``, ``alternatives``, the probability that it is a ``sign``, and if it
+    is that it is one of the classes (``known``)."""
 
     name: str
     alternatives: Alternatives
     sign: float
+    known: float
 
 
 @dataclass(frozen=True)
@@ -130,11 +132,13 @@ class SignClassifier:
         p = probabilities[:-1] / max(sign, 1e-6)
         order = np.argsort(-p, kind="stable")[:_LISTED]
         listed = tuple((outcomes.names[i], float(p[i])) for i in order if p[i] >= _FAINT)
+        known = float(p[: outcomes.n_classes].sum())
         best = int(order[0])
         if best < outcomes.n_classes and p[best] >= 0.5:
-            return Named(outcomes.names[best], listed, sign)
+            return Named(outcomes.names[best], listed, sign, known)
         together = np.bincount(outcomes.group_of, weights=p)
-        return Named(outcomes.unknown[int(together.argmax())], listed, sign)
+        name = outcomes.unknown[int(together.argmax())]
+        return Named(name, listed, sign, known)
 
     def _outcomes(self) -> _Outcomes:
         """What the outputs but the last are called."""
