@@ -31,26 +31,32 @@ _BATCH = 32
 """Faces that are named at once."""
 
 
+BOARDS = ("square", "other")
+"""How the groups end whose faces are rectangles or of no shape of their own."""
+
+
 @dataclass(frozen=True)
 class Named:
     """What a face is: ``name``, ``alternatives``, the probability that it is a ``sign``, and if it
-    is that it is one of the classes (``known``)."""
+    is that it is no more than a board: rectangular, and none of the classes."""
 
     name: str
     alternatives: Alternatives
     sign: float
-    known: float
+    board: float
 
 
 @dataclass(frozen=True)
 class _Outcomes:
     """The outputs but "no sign": their ``names``, the first ``n_classes`` of them classes;
-    each output's group as a number, and what an unknown face of each group is called."""
+    each output's group as a number, what an unknown face of each group is called, and which
+    outputs are unknown rectangles and other shapes (``boards``)."""
 
     names: tuple[str, ...]
     n_classes: int
     group_of: IntArray
     unknown: tuple[str, ...]
+    boards: IntArray
 
 
 def crop_faces(image: Image, boxes: FloatArray) -> Image:
@@ -132,13 +138,13 @@ class SignClassifier:
         p = probabilities[:-1] / max(sign, 1e-6)
         order = np.argsort(-p, kind="stable")[:_LISTED]
         listed = tuple((outcomes.names[i], float(p[i])) for i in order if p[i] >= _FAINT)
-        known = float(p[: outcomes.n_classes].sum())
+        board = float(p[outcomes.boards].sum())
         best = int(order[0])
         if best < outcomes.n_classes and p[best] >= 0.5:
-            return Named(outcomes.names[best], listed, sign, known)
+            return Named(outcomes.names[best], listed, sign, board)
         together = np.bincount(outcomes.group_of, weights=p)
         name = outcomes.unknown[int(together.argmax())]
-        return Named(name, listed, sign, known)
+        return Named(name, listed, sign, board)
 
     def _outcomes(self) -> _Outcomes:
         """What the outputs but the last are called."""
@@ -152,6 +158,13 @@ class SignClassifier:
                 len(known),
                 np.array([order.index(group) for group in groups], np.int64),
                 tuple(told[group] for group in order),
+                np.array(
+                    [
+                        i
+                        for i, label in enumerate(labels)
+                        if label not in known and label.endswith(BOARDS)
+                    ]
+                ),
             )
         return self._called
 

@@ -151,12 +151,15 @@ class NetworkDetector:
         able = [joint_score(float(s), 1.0, weights) >= self.rules.min_score for s in scores]
         boxes, scores = boxes[able], scores[able]
         named = self.classifier.name(image, boxes)
-        # a large face can be read: what is then none of the classes is mostly the front of a house
+        # a large face can be read: a rectangle that is then none of the classes is mostly the front
+        # of a house, a window or a shop's board
         large = np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0.0) * self.zoom_of(image)
         read = large >= limits.LEAST_REDUCED_PX * limits.REDUCED_BY[0]
         final = np.array(
             [
-                joint_score(float(score), face.sign * (face.known if legible else 1.0), weights)
+                joint_score(
+                    float(score), face.sign * (1.0 - face.board if legible else 1.0), weights
+                )
                 for score, face, legible in zip(scores, named, read, strict=True)
             ],
             np.float64,
