@@ -23,7 +23,7 @@ fitted noise leave unsure of many nats."""
 CHALLENGE = 0.1
 """Share of the evidence within which a rival is fitted too: a screening's evidence of a strong
 effect is off by what is not linear, rarely by more than a tenth. By as much a formula must be ahead
-of a name to be told in its place."""
+of a name to be told in its place, or more clearly so than one time in a thousand by chance."""
 PRIOR_SCALES = (1.0, 5.0)
 """An effect may be five times its usual size, at odds of one to two for either."""
 LEAST_OWN = 0.01

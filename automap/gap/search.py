@@ -268,6 +268,7 @@ class Search:
                 if abs(sigmas) < limits.APART and not rival_formula:
                     self.close[name] = (*self.close.get(name, ()), other)
                 clear = abs(sigmas) > limits.APART and abs(ahead) > limits.CHALLENGE * nats
+                clear |= abs(sigmas) > limits.ONE_IN_A_THOUSAND
                 if formula and not rival_formula:
                     wins = ahead > 0.0 or not clear
                     ahead = max(ahead, 1e-9) if wins else ahead
