@@ -88,7 +88,7 @@ ONE_IN_A_THOUSAND = 3.09
 # time
 
 BOX_S = 2.0
-"""Biases are followed in boxes of this length: periods of 6 s and more show, below which a car on its
-springs and bends sways itself."""
+"""Biases are followed in boxes of this length: periods of 6 s and more show, below which a car on
+its springs and bends sways itself."""
 MOST_BOXES = 150
 """Of longer drives boxes are longer; bounds the time."""
