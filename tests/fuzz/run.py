@@ -3,9 +3,8 @@
     python -m tests.fuzz.run [--count N] [--seconds S] [--seed N] [--only GLOB] [-o FOLDER]
 
 A file whose sentence is new is kept and damaged further. What no reader may do - an exception that
-is not ours, a warning of a library, a sentence of a page, ten seconds - is written to FOLDER, whose
-files go through ``tests/fuzz/found`` as regression tests once mended. Prints a table by kind; the
-exit code is 1 where something was found.
+is not ours, a warning of a library, a sentence of a page, ten seconds - is written to FOLDER.
+Prints a table by kind; the exit code is 1 where something was found.
 """
 
 from __future__ import annotations
