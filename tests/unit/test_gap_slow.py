@@ -101,7 +101,7 @@ def test_every_course_of_a_drive_is_near_one_that_is_tried() -> None:
     def nearest(values: FloatArray, word: str) -> float:
         return max(explained(values, s.texts, t) for s in every if word in s.texts[0])
 
-    for period in np.geomspace(1.1 * PERIODS_A_BOX * WIDTH_S, 0.7 * LENGTH_S, 25):
+    for period in np.geomspace(1.1 * PERIODS_A_BOX * box_s(LENGTH_S), 0.7 * LENGTH_S, 25):
         phase = rng.uniform(0.0, 2.0 * np.pi)
         # halfway between two frequencies sinc(1 / 3)^2 of the power is left
         assert nearest(np.sin(2.0 * np.pi * t / period + phase), "sin") > 0.64
