@@ -110,7 +110,7 @@ def test_every_course_of_a_drive_is_near_one_that_is_tried() -> None:
     for at in rng.uniform(20.0, LENGTH_S - 20.0, 10):
         step = np.where(t > at, 1.0, 0.0)
         tried = [s for s in every if s.texts[0].startswith("step")]
-        assert min(abs(instants(s.texts[0])[0] - at) for s in tried) <= 0.5 * WIDTH_S + 1e-6
+        assert min(abs(instants(s.texts[0])[0] - at) for s in tried) <= 0.5 * box_s(LENGTH_S) + 1e-6
         assert nearest(step, "step") > 0.8
 
 
