@@ -20,7 +20,8 @@ class Signals:
 
     ``time`` s since its first IMU sample, ``speed`` m/s, ``heading`` rad (north 0, east pi/2),
     ``acceleration`` m/s^2 along the track, ``lateral_acceleration`` m/s^2 to the right,
-    ``rate_x`` .. ``rate_z`` rad/s, ``force_x`` .. ``force_z`` m/s^2 (specific force),
+    ``rate_x`` .. ``rate_z`` rad/s, ``force_x`` .. ``force_z`` m/s^2 (specific force), their changes
+    ``angular_acceleration_x`` .. rad/s^2 and ``jerk_x`` .. m/s^3 without vibration,
     ``temperature`` deg C and ``temperature_rate`` K/s (constant where nobody measured it).
     """
 
@@ -35,6 +36,12 @@ class Signals:
     force_x: FloatArray
     force_y: FloatArray
     force_z: FloatArray
+    angular_acceleration_x: FloatArray
+    angular_acceleration_y: FloatArray
+    angular_acceleration_z: FloatArray
+    jerk_x: FloatArray
+    jerk_y: FloatArray
+    jerk_z: FloatArray
     temperature: FloatArray
     temperature_rate: FloatArray
 
@@ -111,6 +118,7 @@ def _signals(
     force: FloatArray,
     warm: FloatArray,
 ) -> Signals:
+    turning, jerk = _change(rate, time), _change(force, time)
     return Signals(
         time=time,
         speed=speed,
@@ -123,6 +131,12 @@ def _signals(
         force_x=force[:, 0],
         force_y=force[:, 1],
         force_z=force[:, 2],
+        angular_acceleration_x=turning[:, 0],
+        angular_acceleration_y=turning[:, 1],
+        angular_acceleration_z=turning[:, 2],
+        jerk_x=jerk[:, 0],
+        jerk_y=jerk[:, 1],
+        jerk_z=jerk[:, 2],
         temperature=warm,
         temperature_rate=_slope(warm, time),
     )
@@ -144,6 +158,18 @@ def _temperature(temp_c: FloatArray | None, n: int) -> FloatArray:
     good = np.isfinite(temp_c)
     rows = np.arange(n)
     return np.interp(rows, rows[good], temp_c[good])
+
+
+def _change(readings: FloatArray, time: FloatArray) -> FloatArray:
+    """Slopes [n, 3] of readings [n, 3] a second, of their average over ``FORCE_S``: white noise of a
+    gyro at 100 Hz would be ten times what a car's turning is."""
+    from scipy.ndimage import gaussian_filter1d
+
+    if len(time) < 2:
+        return np.zeros_like(readings)
+    step = max(float(np.median(np.diff(time))), LEAST_STEP_S)
+    slow = gaussian_filter1d(readings, FORCE_S / step, axis=0)
+    return np.asarray(np.gradient(slow, time, axis=0))
 
 
 def _slope(values: FloatArray, time: FloatArray) -> FloatArray:

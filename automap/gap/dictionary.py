@@ -51,6 +51,13 @@ QUANTITIES = (
     "rate_y^2",
     "tanh(acceleration / 0.1)",
     "tanh(rate_z / 0.01)",
+    # one axis late by itself, and where inside the housing an axis is
+    "angular_acceleration_x",
+    "angular_acceleration_y",
+    "angular_acceleration_z",
+    "jerk_x",
+    "jerk_y",
+    "jerk_z",
     "time",
     "time^2",
 )

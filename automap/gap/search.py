@@ -121,7 +121,7 @@ class Search:
             after.needed = frozenset(self.borne_out)
             chosen = in_layout(found, selection, after)
             selection = after
-        selection.inflate(chosen)
+        here, selection, chosen = self._needed_alone(here, selection, chosen, slow)
         self.log("fitting all parameters")
         free = replace(here.model, options=self.base.model.options)
         full = fitted_about(free, here.estimate, here.fits).joint()
@@ -152,6 +152,21 @@ class Search:
         self.borne_out |= dict.fromkeys(gone, ahead)
         selection.needed = frozenset(self.borne_out)
         return chosen
+
+    def _needed_alone(
+        self, here: Fitted, selection: Selection, chosen: Chosen, slow: bool
+    ) -> tuple[Fitted, Selection, Chosen]:
+        """Where the search ended, less what the last fit does not need: a rival that took a place
+        in the last round has not been asked whether it is likelier than nothing."""
+        while True:
+            selection.inflate(chosen)
+            fewer = pruned(selection, chosen)
+            if fewer == chosen:
+                return here, selection, chosen
+            here = self._fit(here, selection, fewer)
+            after = self.screening.selection(here, slow)
+            after.needed = frozenset(self.borne_out)
+            selection, chosen = after, in_layout(fewer, selection, after)
 
     def _bar(self, keys: Iterable[Key]) -> None:
         """Try parts no more."""

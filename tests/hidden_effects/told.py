@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from tests.hidden_effects.extras import Extras
 from tests.hidden_effects.geodesy import Array
@@ -112,11 +113,21 @@ def _of_signals(s: Signals) -> dict[str, Array]:
         "lateral_acceleration": s.state.speed * s.state.rate_nav[:, 2],
         **{f"rate_{axis}": s.rate[:, i] for i, axis in enumerate("xyz")},
         **{f"force_{axis}": s.force[:, i] for i, axis in enumerate("xyz")},
+        **{f"angular_acceleration_{a}": _change(s.rate[:, i], s.t) for i, a in enumerate("xyz")},
+        **{f"jerk_{a}": _change(s.force[:, i], s.t) for i, a in enumerate("xyz")},
         "rate": np.linalg.norm(s.rate, axis=1),
         "force": np.linalg.norm(s.force, axis=1),
         "temperature": s.temp_c,
         "temperature_rate": np.gradient(s.temp_c, s.t),
     }
+
+
+def _change(values: Array, t: Array) -> Array:
+    """Slope a second of the average over a Gaussian of 50 ms, as the manual has it."""
+    if len(t) < 2:
+        return np.zeros_like(values)
+    step = max(float(np.median(np.diff(t))), 0.005)
+    return np.asarray(np.gradient(gaussian_filter1d(values, 0.05 / step), t))
 
 
 def _of_motion(motion: Motion, t: Array) -> dict[str, Array]:

@@ -20,6 +20,7 @@ from automap.effects import (
 from automap.effects.formula_text import parse_formula
 from automap.effects.imu import BASIS_EXTRA
 from automap.effects.inertial_signals import formula_of
+from automap.effects.signals import FIELDS
 from automap.errors import ConfigError
 from automap.fusion.kernels.readings import correct, correction_of
 
@@ -106,7 +107,7 @@ STEP_S = 0.02
 def _of_drive(n: int = 40) -> Signals:
     """Quantities of a drive of which the time alone is asked for."""
     time, rest = STEP_S * np.arange(n, dtype=np.float64), np.zeros(n)
-    return Signals(time, *[rest] * 12)
+    return Signals(time, *[rest] * (len(FIELDS) - 1))
 
 
 def _signals(n: int = 40) -> tuple[np.ndarray, ...]:

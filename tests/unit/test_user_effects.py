@@ -11,7 +11,7 @@ import pytest
 
 from automap.effects import CATALOGUE, Signals, UserTerm, distort_imu, user_effect
 from automap.effects.formula_text import parse_formula
-from automap.effects.signals import VOCABULARY, signals_of_readings
+from automap.effects.signals import VOCABULARY, signals_of, signals_of_readings
 from automap.effects.user import set_user_effects, signal_of, towards, turned
 from automap.effects.user_tables import as_table, effects_of_formulas
 from automap.errors import ConfigError
@@ -295,3 +295,21 @@ def test_a_model_gives_a_scenario_its_errors(tmp_path: Path) -> None:
     # to the east the sine of the heading is one
     assert np.abs(off - 0.1).max() < 1e-3
     np.testing.assert_array_equal(read[0][:, :4], read[1][:, :4])
+
+
+def test_changes_of_a_noisy_turn_are_those_of_the_vehicle() -> None:
+    rng = np.random.default_rng(4)
+    t = np.arange(0.0, 60.0, 0.01)
+    swing = 2.0 * np.pi / 8.0
+    rate = np.zeros((len(t), 3))
+    rate[:, 2] = 0.3 * np.sin(swing * t)
+    force = np.column_stack([np.cos(swing * t), np.zeros_like(t), np.full_like(t, -9.8)])
+    noisy = rate + 0.003 * rng.standard_normal(rate.shape)
+    found = signals_of(t, np.zeros((len(t), 3)), t, t, noisy, force, None)
+    inside = slice(50, -50)
+    true = 0.3 * swing * np.cos(swing * t)
+    off = (found.angular_acceleration_z - true)[inside]
+    # plain differences of the readings would be off by 0.2 rad/s^2
+    assert np.std(off) < 0.03
+    np.testing.assert_allclose(found.jerk_x[inside], -swing * np.sin(swing * t)[inside], atol=2e-3)
+    assert np.std(found.angular_acceleration_x[inside]) < 0.03
