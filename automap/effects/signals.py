@@ -161,8 +161,8 @@ def _temperature(temp_c: FloatArray | None, n: int) -> FloatArray:
 
 
 def _change(readings: FloatArray, time: FloatArray) -> FloatArray:
-    """Slopes [n, 3] of readings [n, 3] a second, of their average over ``FORCE_S``: white noise of a
-    gyro at 100 Hz would be ten times what a car's turning is."""
+    """Slopes [n, 3] of readings [n, 3] a second, of their average over ``FORCE_S``: a gyro's white
+    noise at 100 Hz would be ten times what a car's turning is."""
     from scipy.ndimage import gaussian_filter1d
 
     if len(time) < 2:
