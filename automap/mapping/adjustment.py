@@ -20,6 +20,8 @@ from automap.records import FloatArray, IntArray
 
 _NO_HEIGHT = 1e12
 """Variance of a height that is not known, m^2."""
+_REWEIGHTINGS, _SETTLED = 3, 0.1
+"""Times that stray sightings are looked for anew, unless no weight changes by more than a tenth."""
 
 
 @dataclass(frozen=True)
@@ -89,14 +91,14 @@ def adjust(
     )  # fmt: skip
     if m == 0:
         return result
-    lat, lon = rough_places(sightings, association)
-    factor = own_factors(sightings, association, lat, lon)
+    lat, lon = rough_places(sightings, association.sign)
     members = Members(association.sign)
     tiles = list(cut_tiles(lat, lon))
     sums, squares, counts = (np.zeros((sightings.n_drives, 3)) for _ in range(3))
 
     def work(tile: Tile) -> tuple[TileData, list[FloatArray], list[FloatArray]]:
         data = tile_data(sightings, members, tile, lat, lon)
+        factor = stray_factors(sightings, data, levels)
         plan, up = (_solve(sightings, data, levels, factor, axes) for axes in (2, 1))
         return data, plan, up
 
@@ -129,38 +131,45 @@ class Members:
         return self.order[np.repeat(starts, lengths) + within], place
 
 
-def rough_places(sightings: Sightings, association: Association) -> tuple[FloatArray, FloatArray]:
-    """Plain means [m] of the sightings moved by their drives' offsets, latitude, longitude."""
-    sign = association.sign
+def rough_places(sightings: Sightings, sign: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Plain means [m] of the sightings' latitudes and longitudes."""
     count = np.bincount(sign)
     first = np.zeros(len(count), np.int64)
     first[sign[::-1]] = np.arange(len(sign))[::-1]
-    lat = sightings.lat - association.offset[:, 1] / sightings.per_lat
     turn = sightings.lon - sightings.lon[first][sign]
-    turn = (turn + np.pi) % (2 * np.pi) - np.pi - association.offset[:, 0] / sightings.per_lon
+    turn = (turn + np.pi) % (2 * np.pi) - np.pi
     mean_lon = sightings.lon[first] + np.bincount(sign, turn) / count
     mean_lon = (mean_lon + np.pi) % (2 * np.pi) - np.pi
-    return np.bincount(sign, lat) / count, mean_lon
+    return np.bincount(sign, sightings.lat) / count, mean_lon
 
 
-def own_factors(
-    sightings: Sightings, association: Association, lat: FloatArray, lon: FloatArray
-) -> FloatArray:
-    """Factor [n] on the own variance of a sighting that lies too far from its sign.
+def stray_factors(sightings: Sightings, data: TileData, levels: ErrorLevels) -> FloatArray:
+    """Factor [n] on the own variance of a tile's sightings that lie too far from their sign.
 
     Beyond ``STRAY_PROBABILITY``, with the drive's offset taken off, the variance grows with the
-    square of the distance in sigmas: a stray sighting says little.
+    square of the distance in sigmas: a stray sighting says little. Reweighted least squares (P. W.
+    Holland, R. E. Welsch, Communications in Statistics A 6, 1977).
     """
-    sign = association.sign
-    turn = (sightings.lon - lon[sign] + np.pi) % (2 * np.pi) - np.pi
-    east = turn * sightings.per_lon - association.offset[:, 0]
-    north = (sightings.lat - lat[sign]) * sightings.per_lat - association.offset[:, 1]
-    v = sightings.own
-    p = v[:, 0] + association.offset_var[:, 0]
-    q = v[:, 2] + association.offset_var[:, 1]
-    square = (q * east**2 - 2 * v[:, 1] * east * north + p * north**2) / (p * q - v[:, 1] ** 2)
-    alone = np.bincount(sign)[sign] < limits.STRAY_MEMBERS
-    return np.where(alone, 1.0, np.maximum(1.0, square / gate(limits.STRAY_PROBABILITY, 2)))
+    factor = np.ones(len(data.rows))
+    alone = np.bincount(data.sign)[data.sign] < limits.STRAY_MEMBERS
+    for _ in range(_REWEIGHTINGS):
+        far = squares(sightings, data, levels, factor) / gate(limits.STRAY_PROBABILITY, 2)
+        before, factor = factor, np.where(alone, 1.0, np.maximum(1.0, far))
+        if np.max(np.abs(factor / before - 1.0), initial=0.0) < _SETTLED:
+            break
+    return factor
+
+
+def squares(
+    sightings: Sightings, data: TileData, levels: ErrorLevels, factor: FloatArray
+) -> FloatArray:
+    """Squared distances [n] in plan of a tile's sightings from their signs, their drives' offsets
+    taken off, in sigmas of their own errors; weighed with ``factor`` [n] on the own variances."""
+    v = sightings.own[data.rows] * levels.own**2
+    place, _, offset, *_ = _solve(sightings, data, levels, factor, 2)
+    east, north = (data.measured[:, :2] - place[data.sign] - offset).T
+    square = v[:, 2] * east**2 - 2 * v[:, 1] * east * north + v[:, 0] * north**2
+    return np.asarray(square / (v[:, 0] * v[:, 2] - v[:, 1] ** 2))
 
 
 def tile_data(
@@ -188,9 +197,9 @@ def columns_of(
     sightings: Sightings, data: TileData, levels: ErrorLevels, factor: FloatArray, axes: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """``measured`` [n, 2], ``own`` [n, 3] and ``shared`` [n, 2] of a tile in plan (two axes)
-    or in height (one); an unknown height has no weight."""
+    or in height (one); ``factor`` [n] on the own variances; an unknown height has no weight."""
     rows = data.rows
-    scale = levels.own**2 * factor[rows]
+    scale = levels.own**2 * factor
     if axes == 2:
         own = sightings.own[rows] * scale[:, None]
         shared = sightings.shared_sd[rows, :2] * levels.shared

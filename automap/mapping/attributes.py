@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy.typing as npt
 
 from automap.jit import kernel
 from automap.mapping.limits import ALTERNATIVES, CHANGED, CLASS_RIGHT, FACING_SD, LEAST_CONFIDENCE
-from automap.mapping.sightings import DriveSigns, Sightings
+from automap.mapping.sightings import Sightings
 from automap.records import FloatArray, IntArray
 
 _FALSE_SHARE = (1.0 - CLASS_RIGHT) / ALTERNATIVES
@@ -39,37 +38,25 @@ class Attributes:
     seen: FloatArray
 
 
-def combine_attributes(
-    drives: Sequence[DriveSigns], sightings: Sightings, sign: IntArray
-) -> Attributes:
+def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
     """Attributes of the map signs that the sightings were given to."""
     m = int(sign.max()) + 1 if len(sign) else 0
     order = np.argsort(sign, kind="stable")
     edges = np.searchsorted(sign[order], np.arange(m + 1))
 
-    def column(name: str) -> npt.NDArray[np.generic]:
-        values = [
-            np.asarray(getattr(drive, name))[
-                sightings.row[sightings.first[k] : sightings.first[k + 1]]
-            ]
-            for k, drive in enumerate(drives)
-        ]
-        return np.concatenate(values) if values else np.zeros(0)
-
-    views = np.asarray(column("n_views"), np.int64)
+    views = sightings.n_views
     weight = np.maximum(views, 1).astype(np.float64)
     doubt = 1.0 - np.clip(sightings.confidence, 0.0, 0.999)
     code, share, changed = _classes(sightings, sign, order, edges)
-    first = np.asarray(column("first_gps_s"), np.float64)
-    last = np.asarray(column("last_gps_s"), np.float64)
+    first, last = sightings.first_gps_s, sightings.last_gps_s
     facing = sightings.facing
     known = np.isfinite(facing)
-    facing_sd = np.asarray(column("facing_sd_rad"), np.float64)
+    facing_sd = sightings.facing_sd_rad
     sure = np.where(known, 1.0 / np.nan_to_num(facing_sd, nan=FACING_SD) ** 2, 0.0)
     north = np.bincount(sign, sure * np.cos(np.nan_to_num(facing)), m)
     east = np.bincount(sign, sure * np.sin(np.nan_to_num(facing)), m)
     direction = np.where(np.hypot(north, east) > 1e-9, np.arctan2(east, north), np.nan)
-    sides, states = column("side"), column("status")
+    sides, states = sightings.side, sightings.status
     seen_by = sightings.drive[order]
     return Attributes(
         code=code,
@@ -78,22 +65,15 @@ def combine_attributes(
         n_views=np.bincount(sign, views, m).astype(np.int64),
         first_gps_s=_extreme(np.fmin, first[order], edges),
         last_gps_s=_extreme(np.fmax, last[order], edges),
-        height_above_road_m=_mean(
-            sign, np.asarray(column("height_above_road_m"), np.float64), 1.0 / sightings.own_u, m
-        ),
+        height_above_road_m=_mean(sign, sightings.height_above_road_m, 1.0 / sightings.own_u, m),
         # what is wrong of a vehicle's height all its drives have in common
         sd_above_road_m=np.sqrt(
-            _mean(
-                sign,
-                np.asarray(column("sd_above_road_m"), np.float64) ** 2,
-                1.0 / sightings.own_u,
-                m,
-            )
+            _mean(sign, sightings.sd_above_road_m**2, 1.0 / sightings.own_u, m)
         ),
         facing_rad=np.mod(direction, 2.0 * np.pi),
         # what the road's direction lends all drives have in common
         facing_sd_rad=np.sqrt(_mean(sign, facing_sd**2, sure, m)),
-        size_m=np.exp(_mean(sign, _log(np.asarray(column("size_m"), np.float64)), weight, m)),
+        size_m=np.exp(_mean(sign, _log(sightings.size_m), weight, m)),
         side=[_most(sides[order[a:b]], weight[order[a:b]]) for a, b in _spans(edges)],
         status=[_status(states[order[a:b]], seen_by[a:b]) for a, b in _spans(edges)],
         drives=[tuple(sorted(set(seen_by[a:b].tolist()))) for a, b in _spans(edges)],

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.gates import gate
 from automap.mapping import limits
 from automap.mapping.adjustment import (
     ErrorLevels,
     Members,
     TileData,
     columns_of,
-    own_factors,
     rough_places,
+    squares,
+    stray_factors,
     tile_data,
     weights_size,
 )
@@ -30,19 +32,23 @@ def estimate_levels(sightings: Sightings, association: Association) -> ErrorLeve
     """
     if association.n_signs == 0:
         return ErrorLevels()
-    lat, lon = rough_places(sightings, association)
-    factor = own_factors(sightings, association, lat, lon)
-    tiles = _sample(sightings, association, lat, lon)
+    tiles = _sample(sightings, association)
     if not tiles:
         return ErrorLevels()
     from scipy.optimize import minimize
+
+    # what is stray is judged by how far sightings usually are
+    told = [squares(sightings, data, ErrorLevels(), np.ones(len(data.rows))) for data in tiles]
+    usual = float(np.median(np.concatenate(told))) / gate(0.5, 2)
+    start_levels = ErrorLevels(own=max(1.0, usual) ** 0.5)
+    factors = [stray_factors(sightings, data, start_levels) for data in tiles]
 
     sd = np.array([limits.LEVEL_LOG_SD, limits.LEVEL_LOG_SD, limits.TAU_LOG_SD])
 
     def cost(x: FloatArray) -> float:
         levels = _levels(x)
         total = float(np.sum((x / sd) ** 2))
-        for data in tiles:
+        for data, factor in zip(tiles, factors, strict=True):
             total += deviance(sightings, data, levels, factor)
         return total
 
@@ -79,10 +85,9 @@ def deviance(
     return float(total + 2.0 * np.sum(np.log(np.diag(lower))) - whitened @ whitened)
 
 
-def _sample(
-    sightings: Sightings, association: Association, lat: FloatArray, lon: FloatArray
-) -> list[TileData]:
+def _sample(sightings: Sightings, association: Association) -> list[TileData]:
     """Tiles with the most to say, spread over the map."""
+    lat, lon = rough_places(sightings, association.sign)
     members = Members(association.sign)
     found: list[tuple[int, int, TileData]] = []
     tiles = list(cut_tiles(lat, lon, core=limits.LEVEL_TILE_SIGNS, margin_m=0.0))

@@ -39,6 +39,9 @@ FACING_SD, FACING_LIMIT = 0.45, 1.75
 axis. Faces further from one another than 100 deg are two: the other face of a sign is another."""
 LEAST_CONFIDENCE = 0.05
 """What a sighting's class counts at least, however unsure the sighting."""
+HALO_M = 400.0
+"""Round a cell, what is looked at with it. A drive's offset, from signs every 40 m that are seen to
+half a metre, forgets what is further off than some 100 m; four times that leaves a fiftieth."""
 BID_STEP = 0.02
 """Nats by which bids rise: so far from the best choice each sighting may end, far less than what
 decides anything."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust
-from automap.mapping.association import Association, associate
+from automap.mapping.association import Association
 from automap.mapping.attributes import Attributes, combine_attributes
 from automap.mapping.backs import backs_of_others
-from automap.mapping.duplicates import join_duplicates
+from automap.mapping.by_cells import associate_by_cells
 from automap.mapping.error_levels import estimate_levels
 from automap.mapping.existence import (
     Chances,
@@ -61,17 +61,16 @@ def merge_drives(
     """
     ordered = [drives[k] for k in canonical_order(drives)]
     sightings = stack_sightings(ordered)
-    found = associate(
-        sightings, progress=lambda done: progress(0.4 * done, "which sightings are one sign")
+    found = associate_by_cells(
+        sightings, lambda done: progress(0.5 * done, "which sightings are one sign")
     )
-    found = join_duplicates(sightings, found)
     progress(0.5, "how large the errors are")
     levels = estimate_levels(sightings, found)
     adjusted = adjust(
         sightings, found, levels, lambda done: progress(0.55 + 0.25 * done, "where signs stand")
     )
     progress(0.8, "which signs are there")
-    attributes = combine_attributes(ordered, sightings, found.sign)
+    attributes = combine_attributes(sightings, found.sign)
     views = opportunities(ordered, adjusted.lat, adjusted.lon, attributes.facing_rad)
     pairs = chances(found.sign, sightings.drive, views)
     m = found.n_signs

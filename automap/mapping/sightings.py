@@ -17,6 +17,10 @@ _STACKED = (
     "drive", "row", "time_s", "lat", "lon", "height", "per_lat", "per_lon", "own", "own_u",
     "shared_sd", "facing", "code", "confidence",
 )  # fmt: skip
+_TOLD = (
+    "n_views", "first_gps_s", "last_gps_s", "height_above_road_m", "sd_above_road_m",
+    "facing_sd_rad", "size_m", "side", "status",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,7 @@ class Sightings:
     Positions in rad and m, ``per_lat``, ``per_lon`` [n] metres per radian there. The error is
     the sum of its own, ``own`` [n, 3] (ee, en, nn) and ``own_u`` [n] in m^2, and of what the
     drive's signs share, ``shared_sd`` [n, 3] m east, north, up. ``code`` [n] numbers
-    ``classes``.
+    ``classes``. The columns from ``id`` on are as the drives tell them.
     """
 
     drive: IntArray
@@ -92,10 +96,26 @@ class Sightings:
     facing: FloatArray
     code: IntArray
     confidence: FloatArray
+    id: npt.NDArray[np.object_]
+    n_views: IntArray
+    first_gps_s: FloatArray
+    last_gps_s: FloatArray
+    height_above_road_m: FloatArray
+    sd_above_road_m: FloatArray
+    facing_sd_rad: FloatArray
+    size_m: FloatArray
+    side: npt.NDArray[np.object_]
+    status: npt.NDArray[np.object_]
     classes: tuple[str, ...]
 
     def __len__(self) -> int:
         return len(self.lat)
+
+    def at(self, rows: IntArray) -> Sightings:
+        """Those of ``rows``, ascending; drives and classes keep their numbers."""
+        columns = {name: getattr(self, name)[rows] for name in (*_STACKED, "id", *_TOLD)}
+        first = np.searchsorted(columns["drive"], np.arange(self.n_drives + 1))
+        return Sightings(first=first, classes=self.classes, **columns)
 
     @property
     def n_drives(self) -> int:
@@ -118,10 +138,10 @@ def stack_sightings(drives: Sequence[DriveSigns]) -> Sightings:
     """Columns of all sightings that have a position, in the order of the drives given."""
     if not drives:
         none, zero = np.zeros(0, np.int64), np.zeros(0)
-        three = np.zeros((0, 3))
+        three, text = np.zeros((0, 3)), np.zeros(0, np.object_)
         return Sightings(
             none, none, np.zeros(1, np.int64), zero, zero, zero, zero, zero, zero, three, zero,
-            three, zero, none, zero, (),
+            three, zero, none, zero, text, none, zero, zero, zero, zero, zero, zero, text, text, (),
         )  # fmt: skip
     names = sorted({str(name) for drive in drives for name in set(drive.class_name)})
     number = {name: k for k, name in enumerate(names)}
@@ -152,11 +172,14 @@ def stack_sightings(drives: Sequence[DriveSigns]) -> Sightings:
                 drive.facing_rad[rows],
                 codes,
                 np.nan_to_num(drive.confidence[rows], nan=0.5),
+                np.array([drive.ids[k] for k in rows.tolist()], np.object_),
+                *(getattr(drive, name)[rows] for name in _TOLD),
             ]
         )
         first.append(first[-1] + len(rows))
     stacked: dict[str, Any] = {
-        name: np.concatenate([part[k] for part in parts]) for k, name in enumerate(_STACKED)
+        name: np.concatenate([part[k] for part in parts])
+        for k, name in enumerate((*_STACKED, "id", *_TOLD))
     }
     columns: dict[str, Any] = {"first": np.array(first, np.int64), "classes": tuple(names)}
     return Sightings(**columns, **stacked)

@@ -1,4 +1,4 @@
-"""The map cut into tiles of a bounded number of signs, each with a margin round it."""
+"""Cells cut into tiles of a bounded number of signs, each with a margin round it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.mapping import limits
+from automap.mapping.cells import cell_of, groups
 from automap.mapping.grid import RADIUS_M
 from automap.records import FloatArray, IntArray
 
@@ -26,10 +27,12 @@ def cut_tiles(
     lon: FloatArray,
     core: int = limits.CORE_SIGNS,
     margin_m: float = limits.MARGIN_M,
+    only: int | None = None,
 ) -> Iterator[Tile]:
     """Tiles of at most ``core`` signs at positions in rad [m], each sign in exactly one.
 
-    The longer side is halved at the median until few enough are left. Around a tile lies a
+    The longer side of a cell is halved at the median until few enough are left, so that signs
+    elsewhere change nothing; ``only`` gives the tiles of that cell alone. Around a tile lies a
     margin in which at most ``limits.MOST_SIGNS`` in all are taken, the nearest first.
     """
     from scipy.spatial import cKDTree
@@ -40,16 +43,19 @@ def cut_tiles(
     # chords on the unit sphere serve as distances for the search
     sphere = np.column_stack([east * np.cos(lon), east * np.sin(lon), np.sin(lat)])
     tree = cKDTree(sphere)
-    for rows in _halve(sphere, np.arange(len(lat)), core):
+    home = cell_of(lat, lon)
+    order = np.argsort(home, kind="stable")
+    wanted = (order[at] for cell, at in groups(home[order]) if only in (None, cell))
+    for rows in (part for own in wanted for part in _halve(sphere, own, core)):
         centre = sphere[rows].mean(axis=0)
         reach = float(np.max(np.linalg.norm(sphere[rows] - centre, axis=1))) + margin_m / RADIUS_M
         near = np.array(sorted(tree.query_ball_point(centre, reach)), np.int64)
         others = np.setdiff1d(near, rows, assume_unique=True)
         if len(others):
             gap = np.asarray(cKDTree(sphere[rows]).query(sphere[others])[0], np.float64)
-            order = np.argsort(gap, kind="stable")
-            order = order[gap[order] * RADIUS_M < margin_m][: limits.MOST_SIGNS - len(rows)]
-            others = others[order]
+            nearest = np.argsort(gap, kind="stable")
+            nearest = nearest[gap[nearest] * RADIUS_M < margin_m]
+            others = others[nearest[: limits.MOST_SIGNS - len(rows)]]
         yield Tile(rows, np.concatenate([rows, np.sort(others)]))
 
 

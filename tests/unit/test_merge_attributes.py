@@ -67,7 +67,7 @@ def weighted(pairs: list[tuple[float, float]]) -> float:
 
 def test_every_column_is_the_sum_that_it_says(scene: Scene) -> None:
     sightings, sign, members = stacked(scene)
-    found = combine_attributes(scene.drives, sightings, sign)
+    found = combine_attributes(sightings, sign)
 
     def of(drive: int, place: int, name: str) -> float:
         return float(getattr(scene.drives[drive], name)[sightings.row[place]])
@@ -116,7 +116,7 @@ def test_every_column_is_the_sum_that_it_says(scene: Scene) -> None:
 
 def test_the_status_is_the_best_that_several_drives_allow(scene: Scene) -> None:
     sightings, sign, members = stacked(scene)
-    found = combine_attributes(scene.drives, sightings, sign)
+    found = combine_attributes(sightings, sign)
     for k, own in enumerate(members):
         states = [str(scene.drives[d].status[sightings.row[p]]) for p, d in own]
         drives = {d for _, d in own}
@@ -139,7 +139,7 @@ def test_the_class_is_that_of_the_most_belief_and_says_its_share(scene: Scene) -
     votes = [("a", 0.9), ("b", 0.5), ("b", 0.3)]
     drives = [_single(d, c, name) for d, (name, c) in zip(scene.drives, votes, strict=True)]
     sightings, sign, members = stacked(Scene(scene.town, drives, scene.truth))
-    found = combine_attributes(drives, sightings, sign)
+    found = combine_attributes(sightings, sign)
     seen = 0
     for k, own in enumerate(members):
         belief: dict[str, float] = {}

@@ -1,0 +1,93 @@
+"""Cells of the globe that a map is merged by: tiles of the web maps, named by their quadkeys.
+
+A cell's result depends on what lies in it and in a margin round it, so cells can be merged in any
+order and by any number of processes, and what is far from a new drive need not be merged again.
+Beyond the latitude where the tiles end all is in one cell round each pole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from automap.mapping.grid import RADIUS_M
+from automap.records import FloatArray, IntArray
+
+LEVEL = 14
+"""Of the tiles: 2.4 km at the equator, 1.5 km at 50 deg. Chosen: some 100,000 sightings of a town
+that is driven daily fit into little memory, and the margins are no larger than the cells."""
+COLOURS = 5
+"""Cells of one colour do not touch; the cells round the poles, which touch many, have the last."""
+_SIDE = 1 << LEVEL
+_END = float(np.arctan(np.sinh(np.pi)))
+"""Latitude at which the tiles end, rad."""
+
+
+def cell_of(lat: FloatArray, lon: FloatArray) -> IntArray:
+    """Cell [n] of every position in rad."""
+    x, y = _column(lon), _row(lat)
+    return np.asarray(y * _SIDE + np.where(np.abs(lat) > _END, 0, x), np.int64)
+
+
+def colour_of(cell: int) -> int:
+    """One of ``COLOURS``."""
+    y, x = divmod(cell, _SIDE)
+    return COLOURS - 1 if x == 0 and y in (0, _SIDE - 1) else x % 2 + 2 * (y % 2)
+
+
+def quadkey(cell: int) -> str:
+    """The cell's name in the web maps' tiling."""
+    y, x = divmod(cell, _SIDE)
+    return "".join(str((x >> k & 1) + 2 * (y >> k & 1)) for k in reversed(range(LEVEL)))
+
+
+def cell_named(name: str) -> int:
+    """The inverse of ``quadkey``."""
+    x = sum((int(digit) & 1) << k for k, digit in enumerate(reversed(name)))
+    y = sum((int(digit) >> 1) << k for k, digit in enumerate(reversed(name)))
+    return y * _SIDE + x
+
+
+def touched(lat: FloatArray, lon: FloatArray, margin_m: float) -> tuple[IntArray, IntArray]:
+    """Pairs of a position and a cell within ``margin_m`` of it, as their numbers [k] and cells [k],
+    by cell and then number. The margin is a square, so corners reach a little further."""
+    up = margin_m / RADIUS_M
+    low, high = np.clip(lat - up, -np.pi / 2, np.pi / 2), np.clip(lat + up, -np.pi / 2, np.pi / 2)
+    widest = np.minimum(np.maximum(np.abs(low), np.abs(high)), _END)
+    aside = up / np.cos(widest)
+    first_x, wide = _column(lon - aside), 2.0 * aside / (2.0 * np.pi) * _SIDE
+    columns = np.minimum((_column(lon + aside) - first_x) % _SIDE + 1, np.ceil(wide + 1.0))
+    first_y = _row(high)
+    rows = _row(low) - first_y + 1
+    polar = (low > _END) | (high < -_END)
+    first_x, columns = np.where(polar, 0, first_x), np.where(polar, 1, columns).astype(np.int64)
+    count = rows * columns
+    number = np.repeat(np.arange(len(lat)), count)
+    place = np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
+    y = first_y[number] + place // columns[number]
+    x = (first_x[number] + place % columns[number]) % _SIDE
+    cell = y * _SIDE + x
+    # a margin over the end of the tiles meets the cell round the pole too
+    over = np.flatnonzero(((high > _END) | (low < -_END)) & ~polar)
+    number = np.concatenate([number, over])
+    cell = np.concatenate([cell, np.where(lat[over] > 0.0, 0, (_SIDE - 1) * _SIDE)])
+    pairs = np.unique(np.column_stack([cell, number]), axis=0)
+    return pairs[:, 1], pairs[:, 0]
+
+
+def groups(cell: IntArray) -> Iterator[tuple[int, slice]]:
+    """Each cell of an ascending array [k] and where it stands."""
+    edges = np.flatnonzero(np.diff(cell, prepend=-1, append=-1))
+    for lo, hi in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        yield int(cell[lo]), slice(lo, hi)
+
+
+def _column(lon: FloatArray) -> IntArray:
+    turns = (np.asarray(lon, np.float64) + np.pi) / (2.0 * np.pi)
+    return np.minimum((turns - np.floor(turns)) * _SIDE, _SIDE - 1).astype(np.int64)
+
+
+def _row(lat: FloatArray) -> IntArray:
+    north = np.arcsinh(np.tan(np.clip(lat, -_END, _END))) / np.pi
+    return np.clip(np.floor((1.0 - north) / 2.0 * _SIDE), 0, _SIDE - 1).astype(np.int64)
