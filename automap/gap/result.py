@@ -134,15 +134,17 @@ class Cost:
 
 @dataclass(frozen=True)
 class KeptOut:
-    """An effect that the fitted data speak for, but not the held-out ones; it is not in the model.
+    """An effect that the fitted data speak for, but not the held-out ones; its value is not in the
+    model.
 
     ``positions``: with it held-out positions are predicted worse. Otherwise they are less likely by
-    ``nats``.
+    ``nats``. ``each_drive``: a receiver's delay, which every drive is fitted with anew instead.
     """
 
     effect: str
     positions: bool
     nats: float = 0.0
+    each_drive: bool = False
 
 
 @dataclass(frozen=True)

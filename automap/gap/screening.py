@@ -35,6 +35,7 @@ class Screening:
         self.effects: dict[str, str] = {}
         self.courses: dict[str, Terms] = {}
         self.names = self._library()
+        self.options = base.model.options
         fit = base.fits[0]
         self.texts = formula_texts(motion_signals(fit, motion_of(fit.last)), warm(fit))
 
@@ -42,7 +43,7 @@ class Screening:
         """The fit made linear, and its candidates; ``slow``: courses of time among them."""
         values = here.values()
         # what was held may act beside what is found
-        options = self.base.model.options
+        options = self.options
         carried = replace(here.model, values={**here.model.values, **values}, options=options)
         fits = [fit_drive(f.opened, carried, linearised_at=f) for f in here.fits]
         by_effect = {effect: name for name, effect in self.effects.items()}

@@ -70,6 +70,7 @@ class Search:
         self.challenged: set[frozenset[str]] = set()
         self.spoken_against: list[Confirmed] = []
         self.held: list[tuple[Fitted, list[Fit]]] = []
+        self.each_drive: list[str] = []
         self.before: tuple[Fitted, Selection, Chosen] | None = None
 
     def run(self) -> Found:
@@ -123,7 +124,7 @@ class Search:
             selection = after
         here, selection, chosen = self._needed_alone(here, selection, chosen, slow)
         self.log("fitting all parameters")
-        free = replace(here.model, options=self.base.model.options)
+        free = replace(here.model, options=self.screening.options)
         full = fitted_about(free, here.estimate, here.fits).joint()
         stands = confirmed(self.held_out, here.model, here.values())
         return Found(
@@ -134,7 +135,7 @@ class Search:
             chosen,
             self.screening.effects,
             self.close,
-            stands.after(self.spoken_against),
+            self._told(stands).after(self.spoken_against),
             self.borne_out,
         )
 
@@ -198,11 +199,32 @@ class Search:
         gone = [n for n in found.names if self.screening.effects[n] not in stands.values]
         if not gone:
             return None
-        self.spoken_against.append(stands)
+        self._free_delays([self.screening.effects[name] for name in gone])
+        self.spoken_against.append(self._told(stands))
         for name in gone:
             self._bar(selection.key(name, part) for part in selection.candidates[name].parts)
             found = found.without(name)
         return found
+
+    def _free_delays(self, effects: Iterable[str]) -> None:
+        """Fit a receiver's delays that held-out data do not know at the same value on every drive
+        anew: without them, other candidates follow what a delay does."""
+        for effect in effects:
+            known = CATALOGUE[effect]
+            if known.family != "gnss" or known.resembles != "a delay":
+                continue
+            state = known.first_order[0] if known.first_order else effect
+            options = self.screening.options
+            if state not in options.effects:
+                self.each_drive.append(effect)
+                self.screening.options = replace(options, effects=(*options.effects, state))
+
+    def _told(self, stands: Confirmed) -> Confirmed:
+        """What held-out data say, with which delays every drive has its own of."""
+        kept_out = tuple(
+            replace(k, each_drive=k.effect in self.each_drive) for k in stands.kept_out
+        )
+        return replace(stands, kept_out=kept_out)
 
     def _fit(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
         """The chosen set as states, with the noise that suits it."""
@@ -225,7 +247,7 @@ class Search:
             own = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
             if not selection.candidates[name].terms:
                 held[effect] = {p: HELD * sd for p, sd in own.items() if p not in acting}
-        options = self.base.model.options
+        options = self.screening.options
         options = replace(options, prior_sd=_joined(options.prior_sd, held))
         return fitted_about(replace(here.model, options=options), estimate, here.fits)
 

@@ -16,7 +16,12 @@ def held_out_json(result: GapResult) -> dict[str, Any]:
     return {
         "costs": {name: _cost(cost) for name, cost in result.costs.items()},
         "kept_out": [
-            {"effect": k.effect, "positions_worse": k.positions, "nats": k.nats}
+            {
+                "effect": k.effect,
+                "positions_worse": k.positions,
+                "nats": k.nats,
+                "each_drive": k.each_drive,
+            }
             for k in result.kept_out
         ],
         "held_out_positions": _positions(result.positions),

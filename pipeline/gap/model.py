@@ -14,6 +14,7 @@ from automap.io.toml_file import toml_value
 
 if TYPE_CHECKING:
     from automap.gap import GapDrive, GapModel, GapResult
+from automap.fusion.options import FusionOptions
 from pipeline.settings.effects import EffectsSettings
 
 _NINE = "{:.9g}".format
@@ -71,8 +72,10 @@ def model_toml(
 
 def _nuisances(model: GapModel, effects: Sequence[str]) -> list[str]:
     """The line of estimated effects, where somebody stated them. An ordinary run estimates more
-    than the base model of a search, scale factors for one, and errs less with them."""
-    if set(model.options.effects) == set(BASE_NUISANCES):
+    than the base model of a search, scale factors for one, and errs less with them; delays that
+    are every drive's own are among these."""
+    base, run = set(BASE_NUISANCES), set(FusionOptions().effects)
+    if base <= set(model.options.effects) <= base | run:
         return []
     return ["effects = [" + ", ".join(f'"{e}"' for e in effects) + "]"]
 

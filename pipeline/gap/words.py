@@ -121,6 +121,13 @@ def kept_out_words(one: KeptOut) -> Paragraph:
         if one.positions
         else "the held-out data are less likely with it"
     )
+    if one.each_drive:
+        return (
+            f"Not the same on every drive: {in_a_word(one.effect)}.",
+            f"The fitted data speak for it, but {why} at the same value. Receivers smooth by how "
+            "they are driven and what they see, so model.toml has it without a value: every drive "
+            "is fitted with its own. Nothing is to be done.",
+        )
     return (
         f"Not taken: {in_a_word(one.effect)}.",
         f"The fitted data speak for it, but {why}, so it is not in model.toml. What to do: "

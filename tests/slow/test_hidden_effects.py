@@ -31,7 +31,8 @@ CASES = [
     "removed-gyro_temperature-0",
 ]
 
-REAL = [f"null-{i}-real" for i in range(4)] if shared_drives() is not None else []
+# of the last, held-out data do not know the course's age at the same value
+REAL = [f"null-{i}-real" for i in (0, 1, 2, 3, 107)] if shared_drives() is not None else []
 
 pytestmark = pytest.mark.slow
 

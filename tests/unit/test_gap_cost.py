@@ -201,14 +201,17 @@ def test_gap_json_has_costs_with_units() -> None:
     told = held_out_json(
         result(
             costs={"a": COST},
-            kept_out=(KeptOut("b", True),),
+            kept_out=(KeptOut("b", True), KeptOut("c", False, 9.0, each_drive=True)),
             positions=HeldPositions((1.0, 0.5), (3.0, 2.0)),
         )
     )
     assert told["costs"]["a"]["level_rms_m"] == 0.32
     assert told["costs"]["a"]["level_max_m"] == 0.61
     assert told["costs"]["a"]["heading_max_deg"] == pytest.approx(math.degrees(4e-3))
-    assert told["kept_out"] == [{"effect": "b", "positions_worse": True, "nats": 0.0}]
+    assert told["kept_out"] == [
+        {"effect": "b", "positions_worse": True, "nats": 0.0, "each_drive": False},
+        {"effect": "c", "positions_worse": False, "nats": 9.0, "each_drive": True},
+    ]
     assert told["held_out_positions"]["height_rms_after_m"] == 2.0
     assert held_out_json(result())["held_out_positions"] is None
 

@@ -226,6 +226,13 @@ def test_what_made_positions_worse_is_told() -> None:
     assert "less likely" in other
 
 
+def test_a_delay_that_every_drive_has_its_own_of_is_told() -> None:
+    own = text_of(kept_out=(KeptOut("gnss_course_latency", False, 9.0, each_drive=True),))
+    assert "Not the same on every drive: gnss_course_latency" in own
+    assert "every drive is fitted with its own" in own
+    assert "Not taken" not in own
+
+
 def test_how_well_positions_are_predicted_is_told_before_and_after() -> None:
     better = position_words(HeldPositions((1.0, 0.5), (2.0, 1.5)))
     assert "to 0.50 m level and 1.5 m in height (rms)" in better
