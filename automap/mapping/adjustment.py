@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -43,7 +43,7 @@ class Adjusted:
 
     ``offset`` [n, 3] east, north, up of every sighting's drive there, m. Per drive [d]:
     ``drive_offset`` [d, 3] its mean and ``drive_sd`` [d, 3], not less than the truth of it;
-    NaN for a drive without sightings.
+    NaN for a drive without sightings; ``drive_count`` [d, 3] sightings that they are means of.
     """
 
     lat: FloatArray
@@ -53,6 +53,7 @@ class Adjusted:
     offset: FloatArray
     drive_offset: FloatArray
     drive_sd: FloatArray
+    drive_count: FloatArray
 
 
 @dataclass(frozen=True)
@@ -74,27 +75,30 @@ def adjust(
     association: Association,
     levels: ErrorLevels | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
+    only: Container[int] | None = None,
 ) -> Adjusted:
     """Places of all signs by generalised least squares (A. C. Aitken, Proceedings of the Royal
     Society of Edinburgh 55, 1936), tile by tile.
 
     In a tile every drive's sightings have the full covariance of what they share, so that the
     covariance of a sign is that of its mean under all errors; sightings outside the tile's
-    margin are left aside, which costs a little precision and no truth.
+    margin are left aside, which costs a little precision and no truth. With ``only`` the signs of
+    those cells are placed, the others stay NaN.
     """
     levels = levels or ErrorLevels()
     m, n = association.n_signs, len(sightings)
     result = Adjusted(
         np.full(m, np.nan), np.full(m, np.nan), np.full(m, np.nan), np.full((m, 3, 3), np.nan),
         np.zeros((n, 3)), np.full((sightings.n_drives, 3), np.nan),
-        np.full((sightings.n_drives, 3), np.nan),
+        np.full((sightings.n_drives, 3), np.nan), np.zeros((sightings.n_drives, 3)),
     )  # fmt: skip
     if m == 0:
         return result
     lat, lon = rough_places(sightings, association.sign)
     members = Members(association.sign)
-    tiles = list(cut_tiles(lat, lon))
-    sums, squares, counts = (np.zeros((sightings.n_drives, 3)) for _ in range(3))
+    tiles = list(cut_tiles(lat, lon, only=only))
+    sums, sds = (np.zeros((sightings.n_drives, 3)) for _ in range(2))
+    counts = result.drive_count
 
     def work(tile: Tile) -> tuple[TileData, list[FloatArray], list[FloatArray]]:
         data = tile_data(sightings, members, tile, lat, lon)
@@ -102,15 +106,16 @@ def adjust(
         plan, up = (_solve(sightings, data, levels, factor, axes) for axes in (2, 1))
         return data, plan, up
 
-    with ThreadPoolExecutor(max(1, os.cpu_count() or 1)) as pool:
+    # cells are placed by several processes at once
+    with ThreadPoolExecutor(max(1, os.cpu_count() or 1) if only is None else 1) as pool:
         for done, (data, plan, up) in enumerate(pool.map(work, tiles)):
             _store(result, data, plan, up)
-            _add_offsets(data, plan, up, sightings.drive, sums, squares, counts)
+            _add_offsets(data, plan, up, sightings.drive, sums, sds, counts)
             progress((done + 1) / len(tiles))
     seen = counts > 0
     result.drive_offset[seen] = sums[seen] / counts[seen]
     # neighbouring tiles share sightings, so their errors may be the same: sds are added
-    result.drive_sd[seen] = squares[seen] / counts[seen]
+    result.drive_sd[seen] = sds[seen] / counts[seen]
     return result
 
 
@@ -276,7 +281,7 @@ def _add_offsets(
     up: Sequence[FloatArray],
     drive: IntArray,
     sums: FloatArray,
-    squares: FloatArray,
+    sds: FloatArray,
     counts: FloatArray,
 ) -> None:
     own = (data.sign < len(data.tile.core)).astype(np.float64)
@@ -285,5 +290,5 @@ def _add_offsets(
     mean = np.column_stack([plan[3], up[3][:, 0]])
     sd = np.sqrt(np.column_stack([plan[4], up[4][:, 0]]))
     np.add.at(sums, who, n_core[:, None] * mean)
-    np.add.at(squares, who, n_core[:, None] * sd)
+    np.add.at(sds, who, n_core[:, None] * sd)
     np.add.at(counts, who, n_core[:, None])

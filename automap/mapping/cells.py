@@ -76,6 +76,23 @@ def touched(lat: FloatArray, lon: FloatArray, margin_m: float) -> tuple[IntArray
     return pairs[:, 1], pairs[:, 0]
 
 
+def around(cell: int, margin_m: float, occupied: IntArray) -> IntArray:
+    """Those of the cells ``occupied`` [k] that may reach within ``margin_m`` of ``cell``, itself
+    among them."""
+    y, x = np.divmod(occupied, _SIDE)
+    own_y, own_x = divmod(cell, _SIDE)
+    # the tiles are as high as they are wide, and smallest on the side of the pole
+    edge = max(abs(1.0 - 2.0 * own_y / _SIDE), abs(1.0 - 2.0 * (own_y + 1) / _SIDE)) * np.pi
+    wide = 2.0 * np.pi * RADIUS_M / _SIDE / np.cosh(edge)
+    reach = int(np.ceil(margin_m / wide)) + 1
+    beside = np.abs(x - own_x)
+    near = (np.abs(y - own_y) <= reach) & (np.minimum(beside, _SIDE - beside) <= reach)
+    for pole in (0, _SIDE - 1):
+        caps = (x == 0) & (y == pole) | (own_x == 0 and own_y == pole)
+        near |= caps & (np.abs(y - pole) <= reach) & (abs(own_y - pole) <= reach)
+    return np.asarray(occupied[near], np.int64)
+
+
 def groups(cell: IntArray) -> Iterator[tuple[int, slice]]:
     """Each cell of an ascending array [k] and where it stands."""
     edges = np.flatnonzero(np.diff(cell, prepend=-1, append=-1))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Container, Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from automap.gates import gate
@@ -19,9 +22,10 @@ from automap.mapping.adjustment import (
 )
 from automap.mapping.adjustment_kernels import add_drives
 from automap.mapping.association import Association
+from automap.mapping.cells import cell_of
 from automap.mapping.sightings import Sightings
 from automap.mapping.tiles import cut_tiles
-from automap.records import FloatArray
+from automap.records import FloatArray, IntArray
 
 
 def estimate_levels(sightings: Sightings, association: Association) -> ErrorLevels:
@@ -32,24 +36,28 @@ def estimate_levels(sightings: Sightings, association: Association) -> ErrorLeve
     """
     if association.n_signs == 0:
         return ErrorLevels()
-    tiles = _sample(sightings, association)
+    rich = richest_cells(*np.unique(cell_of(sightings.lat, sightings.lon), return_counts=True))
+    return levels_of_tiles(level_tiles(sightings, association.sign, rich))
+
+
+def levels_of_tiles(tiles: Sequence[tuple[Sightings, TileData]]) -> ErrorLevels:
+    """The levels that a sample of tiles tells."""
     if not tiles:
         return ErrorLevels()
     from scipy.optimize import minimize
 
     # what is stray is judged by how far sightings usually are
-    told = [squares(sightings, data, ErrorLevels(), np.ones(len(data.rows))) for data in tiles]
+    told = [squares(*tile, ErrorLevels(), np.ones(len(tile[0]))) for tile in tiles]
     usual = float(np.median(np.concatenate(told))) / gate(0.5, 2)
     start_levels = ErrorLevels(own=max(1.0, usual) ** 0.5)
-    factors = [stray_factors(sightings, data, start_levels) for data in tiles]
-
+    factors = [stray_factors(*tile, start_levels) for tile in tiles]
     sd = np.array([limits.LEVEL_LOG_SD, limits.LEVEL_LOG_SD, limits.TAU_LOG_SD])
 
     def cost(x: FloatArray) -> float:
         levels = _levels(x)
         total = float(np.sum((x / sd) ** 2))
-        for data, factor in zip(tiles, factors, strict=True):
-            total += deviance(sightings, data, levels, factor)
+        for tile, factor in zip(tiles, factors, strict=True):
+            total += deviance(*tile, levels, factor)
         return total
 
     start = np.vstack([np.zeros(3), np.diag(0.5 * sd)])
@@ -85,17 +93,31 @@ def deviance(
     return float(total + 2.0 * np.sum(np.log(np.diag(lower))) - whitened @ whitened)
 
 
-def _sample(sightings: Sightings, association: Association) -> list[TileData]:
-    """Tiles with the most to say, spread over the map."""
-    lat, lon = rough_places(sightings, association.sign)
-    members = Members(association.sign)
-    found: list[tuple[int, int, TileData]] = []
-    tiles = list(cut_tiles(lat, lon, core=limits.LEVEL_TILE_SIGNS, margin_m=0.0))
-    step = max(1, len(tiles) // (4 * limits.LEVEL_TILES))
-    for tile in tiles[::step]:
+def level_tiles(
+    sightings: Sightings, sign: IntArray, only: Container[int]
+) -> list[tuple[Sightings, TileData]]:
+    """The tiles of the cells ``only`` with the most to say, each with its own sightings; ``sign``
+    [n] whose each sighting is."""
+    lat, lon = rough_places(sightings, sign)
+    members = Members(sign)
+    found: list[tuple[Sightings, TileData]] = []
+    for tile in cut_tiles(lat, lon, limits.LEVEL_TILE_SIGNS, 0.0, only):
         data = tile_data(sightings, members, tile, lat, lon)
-        spare = len(data.rows) - len(tile.signs)
-        if spare >= limits.LEAST_REDUNDANCY and len(data.rows) <= limits.LEVEL_ROWS:
-            found.append((spare, len(found), data))
-    found.sort(key=lambda item: (-item[0], item[1]))
-    return [data for _, _, data in found[: limits.LEVEL_TILES]]
+        if _spare(data) >= limits.LEAST_REDUNDANCY and len(data.rows) <= limits.LEVEL_ROWS:
+            found.append((sightings.at(data.rows), replace(data, rows=np.arange(len(data.rows)))))
+    return best_tiles(found)
+
+
+def best_tiles(tiles: Sequence[tuple[Sightings, TileData]]) -> list[tuple[Sightings, TileData]]:
+    """Those with the most sightings beyond one a sign, the earlier of equals."""
+    return sorted(tiles, key=lambda item: -_spare(item[1]))[: limits.LEVEL_TILES]
+
+
+def richest_cells(cell: IntArray, count: IntArray) -> set[int]:
+    """The cells [k] with the most sightings, of which levels are told."""
+    order = np.lexsort((cell, -count))
+    return set(cell[order[: limits.LEVEL_TILES]].tolist())
+
+
+def _spare(data: TileData) -> int:
+    return len(data.rows) - len(data.tile.signs)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,12 +27,12 @@ def cut_tiles(
     lon: FloatArray,
     core: int = limits.CORE_SIGNS,
     margin_m: float = limits.MARGIN_M,
-    only: int | None = None,
+    only: Container[int] | None = None,
 ) -> Iterator[Tile]:
     """Tiles of at most ``core`` signs at positions in rad [m], each sign in exactly one.
 
     The longer side of a cell is halved at the median until few enough are left, so that signs
-    elsewhere change nothing; ``only`` gives the tiles of that cell alone. Around a tile lies a
+    elsewhere change nothing; ``only`` gives the tiles of those cells alone. Around a tile lies a
     margin in which at most ``limits.MOST_SIGNS`` in all are taken, the nearest first.
     """
     from scipy.spatial import cKDTree
@@ -45,7 +45,7 @@ def cut_tiles(
     tree = cKDTree(sphere)
     home = cell_of(lat, lon)
     order = np.argsort(home, kind="stable")
-    wanted = (order[at] for cell, at in groups(home[order]) if only in (None, cell))
+    wanted = (order[at] for cell, at in groups(home[order]) if only is None or cell in only)
     for rows in (part for own in wanted for part in _halve(sphere, own, core)):
         centre = sphere[rows].mean(axis=0)
         reach = float(np.max(np.linalg.norm(sphere[rows] - centre, axis=1))) + margin_m / RADIUS_M

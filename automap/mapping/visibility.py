@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -20,13 +21,25 @@ from automap.mapping.limits import (
     SAME_HEADING,
     SAME_LATERAL_M,
 )
-from automap.mapping.sightings import CameraView, DriveSigns
+from automap.mapping.sightings import CameraView
 from automap.records import BoolArray, DrivePath, FloatArray, IntArray
 
-_STRIDE = 2
+STRIDE = 2
 """Rows of a path from one that is looked at to the next."""
 
 DEFAULT_CAMERA = CameraView(0.0, 0.5)
+
+
+class Passage(Protocol):
+    """Where a drive went and where its cameras looked."""
+
+    @property
+    def path(self) -> DrivePath | None:
+        """Its path, None where it is not known."""
+
+    @property
+    def cameras(self) -> Sequence[CameraView]:
+        """Its cameras."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +66,11 @@ class Opportunities:
 
 
 def opportunities(
-    drives: Sequence[DriveSigns], lat: FloatArray, lon: FloatArray, facing: FloatArray
+    drives: Sequence[Passage],
+    lat: FloatArray,
+    lon: FloatArray,
+    facing: FloatArray,
+    stride: int = STRIDE,
 ) -> Opportunities:
     """Which of the signs [m] each drive had in view, by its path and its cameras.
 
@@ -66,7 +83,7 @@ def opportunities(
     for number, drive in enumerate(drives):
         if drive.path is None or len(drive.path) == 0 or not drive.cameras or not len(lat):
             continue
-        seen, heading, offset = in_view(drive.path, drive.cameras, table, lat, lon, facing)
+        seen, heading, offset = in_view(drive.path, drive.cameras, table, lat, lon, facing, stride)
         parts.append((seen, np.full(len(seen), number, np.int64), heading, offset))
     return Opportunities(*(np.concatenate([part[k] for part in parts]) for k in range(4)))
 
@@ -78,6 +95,7 @@ def in_view(
     lat: FloatArray,
     lon: FloatArray,
     facing: FloatArray,
+    stride: int = STRIDE,
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Signs in view from a path, ascending, with heading and offset as ``Opportunities`` has
     them; ``table`` holds the signs in cells of FARTHEST_M."""
@@ -89,7 +107,7 @@ def in_view(
     nearest = np.full((len(lat), 3), np.inf)
     touched = np.empty(len(lat), np.int64)
     n = _look(
-        path.lat_rad, path.lon_rad, path.yaw_rad, per_lat, per_lon, views, *table,
+        stride, path.lat_rad, path.lon_rad, path.yaw_rad, per_lat, per_lon, views, *table,
         lat, lon, facing, count, nearest, touched,
     )  # fmt: skip
     seen = np.sort(touched[:n])
@@ -99,6 +117,7 @@ def in_view(
 
 @kernel
 def _look(
+    stride: int,
     car_lat: FloatArray,
     car_lon: FloatArray,
     yaw: FloatArray,
@@ -121,7 +140,7 @@ def _look(
     """
     near = np.empty(4096, np.int64)
     n = 0
-    for row in range(0, len(car_lat), _STRIDE):
+    for row in range(0, len(car_lat), stride):
         if not (car_lat[row] == car_lat[row] and yaw[row] == yaw[row]):
             continue
         found = neighbours(head, following, cells, FARTHEST_M, car_lat[row], car_lon[row], near)

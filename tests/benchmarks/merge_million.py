@@ -116,10 +116,10 @@ def wander(rng: np.random.Generator, time_s: FloatArray) -> FloatArray:
     return np.column_stack([np.interp(time_s, grid, value[:, k]) for k in range(3)]) * SHARED_SD
 
 
-def write_drive(
-    rng: np.random.Generator, city: City, number: int, sightings: int, out: Path
-) -> IntArray:
-    """One output folder; returns the true sign of every row, -1 for clutter."""
+def seen_signs(
+    rng: np.random.Generator, city: City, number: int, sightings: int
+) -> tuple[dict[str, object], IntArray, IntArray, float]:
+    """A drive's table of signs, the true sign of every row (-1 clutter), its route and start."""
     blocks = int(np.ceil(sightings / (SIGNS_PER_BLOCK * SEEN * (1.0 + CLUTTER))))
     route = city.route(rng, blocks)
     start = 1.45e9 + 86400.0 * number
@@ -182,10 +182,19 @@ def write_drive(
         "drives": [[f"drive-{number:04d}"]] * n,
         "detection_rows": pa.array([[k] for k in range(n)], pa.list_(pa.int64())),
     }
+    return columns, truth, route, start
+
+
+def write_drive(
+    rng: np.random.Generator, city: City, number: int, sightings: int, out: Path
+) -> IntArray:
+    """One output folder; returns the true sign of every row, -1 for clutter."""
+    columns, truth, route, start = seen_signs(rng, city, number, sightings)
     out.mkdir(parents=True)
     pq.write_table(pa.table(columns), out / "signs_raw.parquet")
-    _write_trajectory(rng, city, route, start, out / "trajectory.parquet")
-    write_columns(out / "observations.parquet", {"t_ns": stamps})
+    way = along_route(city, route, start, SPEED / 10.0)
+    _write_trajectory(way, out / "trajectory.parquet")
+    write_columns(out / "observations.parquet", {"t_ns": columns["last_seen_ns"]})
     write_json(
         out / "sync.json",
         {"ref_ns": 0, "ref_gps_s": 0.0, "drift": 0.0, "sd_offset_s": 0.0, "sd_drift": 0.0,
@@ -196,26 +205,30 @@ def write_drive(
     return truth
 
 
-def _write_trajectory(
-    rng: np.random.Generator, city: City, route: IntArray, start: float, path: Path
-) -> None:
-    at = np.arange(0.0, len(route) * BLOCK_M, SPEED / 10.0)
+def along_route(city: City, route: IntArray, start: float, step_m: float) -> FloatArray:
+    """Time in s, latitude, longitude and heading in rad [k, 4] every so many metres."""
+    at = np.arange(0.0, len(route) * BLOCK_M, step_m)
     block = np.minimum((at / BLOCK_M).astype(np.int64), len(route) - 1)
     part = (at - block * BLOCK_M) / BLOCK_M
     step = city.steps[route[block]]
     plan = city.starts[route[block]] + step * part[:, None]
-    time_s = start + at / SPEED
     north, east = (float(v) for v in metres_per_radian(ORIGIN[0], ORIGIN[2]))
-    n, zero = len(at), np.zeros(len(at))
+    place = ORIGIN[0] + plan[:, 1] / north, ORIGIN[1] + plan[:, 0] / east
+    return np.column_stack([start + at / SPEED, *place, np.arctan2(step[:, 0], step[:, 1])])
+
+
+def _write_trajectory(way: FloatArray, path: Path) -> None:
+    time_s, lat, lon, yaw = way.T
+    n, zero = len(way), np.zeros(len(way))
     columns = {name: zero for name in ("vn", "ve", "vd", "roll_deg", "pitch_deg")}
     columns |= {f"sd_{k}": zero for k in ("vn", "ve", "vd", "roll_deg", "pitch_deg", "yaw_deg")}
     columns |= {
         "t_ns": np.rint(time_s * 1e9).astype(np.int64),
         "gps_s": time_s,
-        "lat_deg": np.degrees(ORIGIN[0] + plan[:, 1] / north),
-        "lon_deg": np.degrees(ORIGIN[1] + plan[:, 0] / east),
+        "lat_deg": np.degrees(lat),
+        "lon_deg": np.degrees(lon),
         "height_m": np.full(n, ORIGIN[2]),
-        "yaw_deg": np.degrees(np.arctan2(step[:, 0], step[:, 1])),
+        "yaw_deg": np.degrees(yaw),
         "sd_n_m": np.full(n, SHARED_SD[1]),
         "sd_e_m": np.full(n, SHARED_SD[0]),
         "sd_d_m": np.full(n, SHARED_SD[2]),
@@ -223,14 +236,13 @@ def _write_trajectory(
     write_columns(path, columns)
 
 
-def evaluate(city: City, out: Path, seen_often: IntArray) -> dict[str, float]:
-    """The map against the city; ``seen_often`` [n] sightings of each true sign."""
+def evaluate(city: City, table: pa.Table, seen_often: IntArray) -> dict[str, float]:
+    """The map's signs against the city; ``seen_often`` [n] sightings of each true sign."""
     from scipy.optimize import linear_sum_assignment
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    table = pq.read_table(out / "signs_raw.parquet")
     north, east = (float(v) for v in metres_per_radian(ORIGIN[0], ORIGIN[2]))
     found = np.column_stack(
         [
@@ -312,7 +324,7 @@ def main() -> None:
             "peak_gb": usage.ru_maxrss / 1e6,
             "sightings": json.loads((merged / "merge.json").read_text())["sightings"],
         }
-        result |= evaluate(city, merged, seen)
+        result |= evaluate(city, pq.read_table(merged / "signs_raw.parquet"), seen)
         for name, value in result.items():
             print(f"{name:<32}{value:.4g}")
 

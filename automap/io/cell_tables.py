@@ -1,0 +1,51 @@
+"""Sightings and paths of one cell as tables, which DuckDB and geopandas read without us."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automap.io.atomic import atomic_path
+from automap.io.tables import read_table
+from automap.records import FloatArray
+
+_POINT = np.dtype([("order", "u1"), ("type", "<u4"), ("x", "<f8"), ("y", "<f8")])
+"""A point in well-known binary, little-endian."""
+
+
+def write_points(path: Path, columns: Mapping[str, Any], lat: FloatArray, lon: FloatArray) -> None:
+    """Write columns [n] with points at ``lat``, ``lon`` rad as GeoParquet 1.1 (OGC:CRS84)."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    points = np.empty(len(lat), _POINT)
+    points["order"], points["type"] = 1, 1
+    points["x"], points["y"] = np.degrees(lon), np.degrees(lat)
+    size = _POINT.itemsize
+    offsets = np.arange(0, size * (len(lat) + 1), size, dtype=np.int32)
+    geometry = pa.Array.from_buffers(
+        pa.binary(), len(lat), [None, pa.py_buffer(offsets), pa.py_buffer(points.tobytes())]
+    )
+    table = pa.table({**{k: pa.array(v) for k, v in columns.items()}, "geometry": geometry})
+    told = {
+        "version": "1.1.0",
+        "primary_column": "geometry",
+        "columns": {"geometry": {"encoding": "WKB", "geometry_types": ["Point"]}},
+    }
+    table = table.replace_schema_metadata({"geo": json.dumps(told)})
+    with atomic_path(path) as temporary:
+        pq.write_table(table, temporary, compression="zstd")
+
+
+def read_points(paths: Sequence[Path]) -> dict[str, Any]:
+    """Columns [n] of all the files, without the points; {} without files."""
+    import pyarrow as pa
+
+    if not paths:
+        return {}
+    table = pa.concat_tables([read_table(path).drop_columns(["geometry"]) for path in paths])
+    return {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}

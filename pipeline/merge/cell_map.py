@@ -1,0 +1,117 @@
+"""A store of sightings merged to one map, by one process or several."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automap.io.atomic import write_json
+from automap.mapping.adjustment import ErrorLevels
+from automap.mapping.backs import backs_of_others
+from automap.mapping.existence import DetectionRates, detection_rates, existence
+from automap.records import FloatArray
+from pipeline.merge.cell_steps import estimate, group, place, placed_cells, standing, turns
+from pipeline.merge.cell_store import read_drives
+
+LEVELS = "levels.json"
+KEPT_LEVEL = 0.01
+"""Levels that differ by less than this part from those of before are left as they were: a weight
+that is wrong by a hundredth moves no place by a hundredth of its sigma, and all cells stay."""
+
+
+@dataclass(frozen=True)
+class StoreMap:
+    """Signs [m] of a store: ``founder`` [m] keys that name them, places as ``Adjusted`` has them,
+    ``existence`` [m], ``columns`` with all others; and how many cells were grouped and placed
+    anew, of how many."""
+
+    founder: list[str]
+    lat: FloatArray
+    lon: FloatArray
+    height: FloatArray
+    cov_enu: FloatArray
+    existence: FloatArray
+    columns: dict[str, Any]
+    levels: ErrorLevels
+    rates: DetectionRates
+    grouped: int
+    placed: int
+    cells: int
+
+
+def merge_store(
+    folder: Path,
+    workers: int = 1,
+    progress: Callable[[float, str], None] = lambda fraction, text: None,
+) -> StoreMap:
+    """Do what of the merge is not done yet; the same map whatever the number of processes."""
+    if workers > 1:
+        # threads and locks of this process are no business of the others
+        with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+            return _merge(folder, pool.map, progress)
+    return _merge(folder, map, progress)
+
+
+def _merge(
+    folder: Path, over: Callable[..., Iterable[bool]], progress: Callable[[float, str], None]
+) -> StoreMap:
+    waves = turns(folder)
+    cells = sum(len(wave) for wave in waves)
+    grouped = 0
+    done = 0
+    for wave in waves:
+        for changed in over(group, [folder] * len(wave), wave):
+            grouped += changed
+            done += 1
+            progress(0.5 * done / cells, "which sightings are one sign")
+    levels = _levels(folder, estimate(folder) if grouped else None)
+    wanted = standing(folder)
+    placed = 0
+    for done, changed in enumerate(
+        over(place, [folder] * len(wanted), wanted, [levels] * len(wanted))
+    ):
+        placed += changed
+        progress(0.5 + 0.4 * done / len(wanted), "where signs stand")
+    progress(0.9, "which signs are there")
+    return _whole(folder, wanted, levels, (grouped, placed, cells))
+
+
+def _levels(folder: Path, found: ErrorLevels | None) -> ErrorLevels:
+    path = folder / LEVELS
+    before = ErrorLevels(**json.loads(path.read_text())) if path.is_file() else None
+    if before is not None and (
+        found is None
+        or all(abs(v / vars(before)[k] - 1.0) < KEPT_LEVEL for k, v in vars(found).items())
+    ):
+        return before
+    levels = found or ErrorLevels()
+    write_json(path, vars(levels))
+    return levels
+
+
+def _whole(
+    folder: Path, cells: list[int], levels: ErrorLevels, done: tuple[int, int, int]
+) -> StoreMap:
+    drives = read_drives(folder)
+    columns, pairs = placed_cells(folder, cells)
+    m = len(columns["lat"])
+    rates = detection_rates(pairs, m, len(drives))
+    belief = existence(pairs, rates, m, drives.start_gps_s)
+    place = (columns["lat"], columns["lon"], columns["height"], columns["cov_enu"])
+    backs = backs_of_others(
+        columns["class_name"], place[0], place[1], columns["facing_rad"], place[3]
+    )
+    keys = [
+        f"{drives.key[number >> 32]}|{name}"
+        for number, name in zip(
+            columns["founder"].tolist(), columns["founder_id"].tolist(), strict=True
+        )
+    ]
+    return StoreMap(keys, *place, np.where(backs, 0.0, belief), columns, levels, rates, *done)

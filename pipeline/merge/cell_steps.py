@@ -1,0 +1,205 @@
+"""The merge of a store, step by step: every step is a function of one cell, and done once only.
+
+``group`` in the order of ``turns``, ``estimate``, then ``place`` of every cell that ``standing``
+names. A step writes a file for its cell with a digest of what it took, and is left out where that
+digest is as it was: after new drives only cells change that have something new in them or near.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automap.io.atomic import atomic_path
+from automap.mapping.adjustment import ErrorLevels, rough_places
+from automap.mapping.association import renumbered
+from automap.mapping.by_cells import group_cell
+from automap.mapping.cell_merge import PLACE_MARGIN_M, place_cell
+from automap.mapping.cells import around, cell_of, colour_of, quadkey
+from automap.mapping.error_levels import best_tiles, level_tiles, levels_of_tiles, richest_cells
+from automap.mapping.existence import Chances
+from automap.mapping.limits import FARTHEST_M, HALO_M
+from automap.records import IntArray
+from pipeline.merge.cell_store import (
+    GROUPS,
+    PLACED,
+    SIGHTINGS,
+    Drives,
+    Near,
+    occupied,
+    parts,
+    read_drives,
+    read_near,
+)
+
+VIEW_MARGIN_M = FARTHEST_M + 5.0
+"""Round a cell, where a path may have its signs in view, and a little for the Earth's shape."""
+
+
+def turns(folder: Path) -> list[list[int]]:
+    """Cells that hold something, in turns: those of a turn may be grouped at once."""
+    found: dict[int, list[int]] = {}
+    for cell in occupied(folder).tolist():
+        found.setdefault(colour_of(cell), []).append(cell)
+    return [found[colour] for colour in sorted(found)]
+
+
+def group(folder: Path, cell: int) -> bool:
+    """Group the sightings of one cell; False where nothing had changed."""
+    drives = read_drives(folder)
+    near = read_near(folder, drives, cell, HALO_M)
+    before = [
+        k for k in around(cell, HALO_M, occupied(folder)).tolist() if colour_of(k) < colour_of(cell)
+    ]
+    taken, _ = _members(folder, before)
+    s = near.sightings
+    free = ~np.isin(near.name, taken)
+    digest = hashlib.sha256(near.digest().encode() + free.tobytes()).hexdigest()
+    path = _file(folder, GROUPS, cell)
+    if _digest(path) == digest:
+        return False
+    own = cell_of(s.lat, s.lon) == cell
+    if not own.any():
+        _write(path, digest, name=taken[:0], sign=taken[:0], home=taken[:0])
+        return True
+    found = group_cell(s, own, free)
+    rows = np.flatnonzero(found.sign >= 0)
+    sign = renumbered(found.sign[rows])
+    lat, lon = rough_places(s.at(rows), sign) if len(rows) else (s.lat[:0], s.lon[:0])
+    _write(path, digest, name=near.name[rows], sign=sign, home=np.unique(cell_of(lat, lon)))
+    return True
+
+
+def estimate(folder: Path) -> ErrorLevels:
+    """How large the errors are, from the cells with the most sightings."""
+    import pyarrow.parquet as pq
+
+    cells = occupied(folder)
+    count = [
+        sum(pq.read_metadata(file).num_rows for file in parts(folder, SIGHTINGS, cells[k : k + 1]))
+        for k in range(len(cells))
+    ]
+    drives, tiles = read_drives(folder), []
+    for cell in sorted(richest_cells(cells, np.array(count, np.int64))):
+        near, sign = _grouped(folder, drives, cell)
+        rows = np.flatnonzero(sign >= 0)
+        if len(rows):
+            tiles += level_tiles(near.sightings.at(rows), renumbered(sign[rows]), {cell})
+    return levels_of_tiles(best_tiles(tiles))
+
+
+def standing(folder: Path) -> list[int]:
+    """Cells that signs stand in."""
+    homes = [_read(path)["home"] for path in sorted((folder / GROUPS).glob("*.npz"))]
+    return np.unique(np.concatenate(homes)).tolist() if homes else []
+
+
+def place(folder: Path, cell: int, levels: ErrorLevels) -> bool:
+    """Place the signs of one cell; False where nothing had changed."""
+    drives = read_drives(folder)
+    near, sign = _grouped(folder, drives, cell, VIEW_MARGIN_M)
+    whole = hashlib.sha256(near.digest().encode() + repr(levels).encode() + sign.tobytes())
+    path = _file(folder, PLACED, cell)
+    if _digest(path) == whole.hexdigest():
+        return False
+    placed = place_cell(near.sightings, sign, near.tracks, cell, levels)
+    a, b, s = placed.attributes, placed.adjusted, placed.sightings
+    seen = b.drive_count[:, 0] > 0
+    _write(
+        path, whole.hexdigest(),
+        founder=near.drive[s.drive[placed.founder]] << 32 | s.row[placed.founder],
+        founder_id=_texts(s.id[placed.founder]),
+        member=near.drive[s.drive] << 32 | s.row, member_sign=placed.sign,
+        lat=b.lat, lon=b.lon, height=b.height, cov_enu=b.cov_enu,
+        class_name=_texts(np.array(s.classes, object)[a.code]),
+        class_share=a.class_share, class_changed=a.class_changed, n_views=a.n_views,
+        first_gps_s=a.first_gps_s, last_gps_s=a.last_gps_s,
+        height_above_road_m=a.height_above_road_m, sd_above_road_m=a.sd_above_road_m,
+        facing_rad=a.facing_rad, facing_sd_rad=a.facing_sd_rad, size_m=a.size_m,
+        side=_texts(a.side), status=_texts(a.status), seen=a.seen,
+        own_variance=placed.own_variance, n_drives=np.array([len(d) for d in a.drives], np.int64),
+        pair_sign=placed.pairs.sign, pair_drive=near.drive[placed.pairs.drive],
+        pair_seen=placed.pairs.seen,
+        drive=near.drive[seen], drive_offset=b.drive_offset[seen], drive_sd=b.drive_sd[seen],
+        drive_count=b.drive_count[seen],
+    )  # fmt: skip
+    return True
+
+
+def placed_cells(folder: Path, cells: Sequence[int]) -> tuple[dict[str, Any], Chances]:
+    """All signs [m] of some cells, and the pairs of a sign and a drive, by drives' numbers."""
+    wanted = (
+        "founder", "founder_id", "lat", "lon", "height", "cov_enu", "class_name", "class_share",
+        "n_views", "first_gps_s", "last_gps_s", "height_above_road_m", "sd_above_road_m",
+        "facing_rad", "facing_sd_rad", "size_m", "side", "status", "seen", "own_variance",
+        "n_drives",
+    )  # fmt: skip
+    found: dict[str, list[Any]] = {name: [] for name in wanted}
+    pairs: list[list[Any]] = [[np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros(0, bool)]]
+    count = 0
+    for cell in cells:
+        path = _file(folder, PLACED, cell)
+        with np.load(path, allow_pickle=False) as file:
+            for name in wanted:
+                found[name].append(file[name])
+            for column, name in zip(pairs, ("pair_sign", "pair_drive", "pair_seen"), strict=True):
+                column.append(file[name] + count if name == "pair_sign" else file[name])
+            count += len(found["lat"][-1])
+    columns = {name: np.concatenate(v) if v else np.zeros(0) for name, v in found.items()}
+    return columns, Chances(*(np.concatenate(column) for column in pairs))
+
+
+def _texts(values: Iterable[Any]) -> np.ndarray:
+    return np.array([str(value) for value in values], np.str_)
+
+
+def _grouped(
+    folder: Path, drives: Drives, cell: int, path_margin_m: float | None = None
+) -> tuple[Near, IntArray]:
+    """What the places of a cell's signs are told from, and whose each sighting is (-1)."""
+    near = read_near(folder, drives, cell, PLACE_MARGIN_M, path_margin_m)
+    names, signs = _members(folder, around(cell, HALO_M, occupied(folder)).tolist())
+    order = np.argsort(names)
+    at = np.minimum(np.searchsorted(names[order], near.name), max(len(names) - 1, 0))
+    if not len(names):
+        return near, np.full(len(near.name), -1, np.int64)
+    known = names[order][at] == near.name
+    return near, np.where(known, signs[order][at], -1)
+
+
+def _members(folder: Path, cells: Sequence[int]) -> tuple[IntArray, IntArray]:
+    """Names of the sightings that cells have grouped, and numbers of their signs."""
+    names, signs, count = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], 0
+    for cell in cells:
+        path = _file(folder, GROUPS, cell)
+        if path.is_file():
+            found = _read(path)
+            names.append(found["name"])
+            signs.append(found["sign"] + count)
+            count += int(found["sign"].max(initial=-1)) + 1
+    return np.concatenate(names), np.concatenate(signs)
+
+
+def _file(folder: Path, kind: str, cell: int) -> Path:
+    return folder / kind / f"{quadkey(cell)}.npz"
+
+
+def _read(path: Path) -> Mapping[str, Any]:
+    with np.load(path, allow_pickle=False) as file:
+        return {name: file[name] for name in file.files}
+
+
+def _digest(path: Path) -> str:
+    if not path.is_file():
+        return ""
+    with np.load(path, allow_pickle=False) as file:
+        return str(file["digest"])
+
+
+def _write(path: Path, digest: str, **columns: Any) -> None:
+    with atomic_path(path) as temporary:
+        np.savez(temporary, digest=np.array(digest), **columns)

@@ -1,0 +1,118 @@
+"""A store merged cell by cell: the map of all drives at once, whatever came when."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import shapely
+from merge_scene import street_scene
+from test_merge_cells import at_edge, moved
+
+from automap.mapping.merge import merge_drives
+from automap.mapping.sightings import DriveSigns
+from pipeline.merge.cell_map import merge_store
+from pipeline.merge.cell_store import add_drives
+
+
+def drives_of(seed: int, count: int) -> list[DriveSigns]:
+    return at_edge(street_scene(seed, count, length_m=2000.0), np.pi)
+
+
+def test_a_store_is_merged_as_all_drives_at_once(tmp_path: Path) -> None:
+    drives = drives_of(1, 7)
+    add_drives(tmp_path, drives[3:], "a")
+    add_drives(tmp_path, drives[:3], "b")
+    found = merge_store(tmp_path)
+    whole = merge_drives(drives)
+    assert sorted(found.founder) == sorted(whole.founders)
+    order = [list(found.founder).index(key) for key in whole.founders]
+    assert found.levels == whole.levels
+    assert np.array_equal(found.lat[order], whole.adjusted.lat)
+    assert np.array_equal(found.lon[order], whole.adjusted.lon)
+    assert np.array_equal(found.cov_enu[order], whole.adjusted.cov_enu)
+    assert found.existence[order] == pytest.approx(whole.existence, abs=1e-12)
+    assert found.rates.overall == pytest.approx(whole.rates.overall, abs=1e-12)
+
+
+def test_drives_that_come_later_give_the_map_of_all_from_nothing(tmp_path: Path) -> None:
+    """Bit for bit, where the error levels are the same; in any order of coming."""
+    drives = drives_of(2, 8)
+    one, two = tmp_path / "one", tmp_path / "two"
+    add_drives(one, drives[2:6], "a")
+    merge_store(one)
+    add_drives(one, [drives[7], drives[0]], "b")
+    merge_store(one)
+    add_drives(one, [drives[1], drives[6]], "c")
+    found = merge_store(one)
+    add_drives(two, drives, "all")
+    whole = merge_store(two)
+    assert sorted(found.founder) == sorted(whole.founder)
+    order = [found.founder.index(key) for key in whole.founder]
+    apart = np.abs(found.lat[order] - whole.lat) * 6.371e6
+    assert (apart < 0.01 * np.sqrt(whole.cov_enu[:, 1, 1])).all()
+    if found.levels == whole.levels:
+        assert np.array_equal(found.lat[order], whole.lat)
+    assert found.existence[order] == pytest.approx(whole.existence, abs=0.01)
+
+
+def test_what_is_far_from_a_new_drive_is_not_touched(tmp_path: Path) -> None:
+    near, far = (
+        [replace(moved(d, -0.6, lon), key=f"{lon}-{k}") for k, d in enumerate(drives)]
+        for lon, drives in ((0.5, street_scene(3, 6).drives), (0.6, street_scene(4, 6).drives))
+    )
+    add_drives(tmp_path, [*near, *far[:5]], "a")
+    first = merge_store(tmp_path)
+    assert first.grouped == first.cells
+    again = merge_store(tmp_path)
+    assert (again.grouped, again.placed) == (0, 0)
+    add_drives(tmp_path, far[5:], "b")
+    levels = (tmp_path / "levels.json").read_text()
+    after = merge_store(tmp_path)
+    here = [k for k, key in enumerate(first.founder) if key.startswith("0.5")]
+    names = [after.founder.index(first.founder[k]) for k in here]
+    assert len(here) > 20
+    assert 0 < after.grouped < after.cells
+    if (tmp_path / "levels.json").read_text() == levels:
+        assert np.array_equal(after.lat[names], first.lat[here])
+
+
+def test_two_processes_give_the_map_of_one(tmp_path: Path) -> None:
+    drives = drives_of(5, 5)
+    maps = []
+    for name, workers in (("one", 1), ("two", 2)):
+        add_drives(tmp_path / name, drives, "a")
+        maps.append(merge_store(tmp_path / name, workers))
+    assert maps[0].founder == maps[1].founder
+    assert np.array_equal(maps[0].lat, maps[1].lat)
+    assert np.array_equal(maps[0].existence, maps[1].existence)
+
+
+def test_a_step_that_was_interrupted_is_done_again(tmp_path: Path) -> None:
+    add_drives(tmp_path, drives_of(6, 5), "a")
+    whole = merge_store(tmp_path)
+    for kind in ("groups", "placed"):
+        sorted((tmp_path / kind).glob("*.npz"))[0].unlink()
+    again = merge_store(tmp_path)
+    assert (again.grouped, again.placed) == (1, 1)
+    assert np.array_equal(again.lat, whole.lat)
+
+
+def test_the_sightings_of_a_cell_are_geoparquet_for_anybody(tmp_path: Path) -> None:
+    """Points where the sightings are, as another program's reader finds them."""
+    drives = drives_of(7, 3)
+    add_drives(tmp_path, drives, "a")
+    count = 0
+    for path in (tmp_path / "sightings").glob("cell=*/*.parquet"):
+        table = pq.read_table(path)
+        told = json.loads(table.schema.metadata[b"geo"])
+        assert told["primary_column"] == "geometry"
+        points = shapely.from_wkb(table["geometry"].to_numpy(zero_copy_only=False))
+        assert np.allclose(shapely.get_x(points), np.degrees(table["lon"].to_numpy()))
+        assert np.allclose(shapely.get_y(points), np.degrees(table["lat"].to_numpy()))
+        count += len(table)
+    assert count == sum(len(drive) for drive in drives)
