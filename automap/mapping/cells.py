@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from automap.mapping.grid import RADIUS_M
-from automap.records import FloatArray, IntArray
+from automap.records import BoolArray, FloatArray, IntArray
 
 LEVEL = 14
 """Of the tiles: 2.4 km at the equator, 1.5 km at 50 deg. Chosen: some 100,000 sightings of a town
@@ -52,6 +52,34 @@ def cell_named(name: str) -> int:
 def touched(lat: FloatArray, lon: FloatArray, margin_m: float) -> tuple[IntArray, IntArray]:
     """Pairs of a position and a cell within ``margin_m`` of it, as their numbers [k] and cells [k],
     by cell and then number. The margin is a square, so corners reach a little further."""
+    first_x, columns, first_y, rows, pole = _boxes(lat, lon, margin_m)
+    count = rows * columns
+    number = np.repeat(np.arange(len(lat)), count)
+    place = np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
+    y = first_y[number] + place // columns[number]
+    x = (first_x[number] + place % columns[number]) % _SIDE
+    # a margin over the end of the tiles meets the cell round the pole too
+    over = np.flatnonzero(pole >= 0)
+    number = np.concatenate([number, over])
+    cell = np.concatenate([y * _SIDE + x, pole[over]])
+    width = max(len(lat), 1)
+    key = np.unique(cell * width + number)
+    return key % width, key // width
+
+
+def touches(lat: FloatArray, lon: FloatArray, margin_m: float, cell: int) -> BoolArray:
+    """Which of the positions [n] have one ``cell`` within ``margin_m``."""
+    first_x, columns, first_y, rows, pole = _boxes(lat, lon, margin_m)
+    y, x = divmod(cell, _SIDE)
+    beside = (x - first_x) % _SIDE < columns
+    return np.asarray(((y >= first_y) & (y < first_y + rows) & beside) | (pole == cell), np.bool_)
+
+
+def _boxes(
+    lat: FloatArray, lon: FloatArray, margin_m: float
+) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray]:
+    """Westernmost column and number of columns, first row and number of rows [n] of the cells that
+    a square round each position meets, and the cell round a pole (-1 none)."""
     up = margin_m / RADIUS_M
     low, high = np.clip(lat - up, -np.pi / 2, np.pi / 2), np.clip(lat + up, -np.pi / 2, np.pi / 2)
     widest = np.minimum(np.maximum(np.abs(low), np.abs(high)), _END)
@@ -59,21 +87,11 @@ def touched(lat: FloatArray, lon: FloatArray, margin_m: float) -> tuple[IntArray
     first_x, wide = _column(lon - aside), 2.0 * aside / (2.0 * np.pi) * _SIDE
     columns = np.minimum((_column(lon + aside) - first_x) % _SIDE + 1, np.ceil(wide + 1.0))
     first_y = _row(high)
-    rows = _row(low) - first_y + 1
     polar = (low > _END) | (high < -_END)
-    first_x, columns = np.where(polar, 0, first_x), np.where(polar, 1, columns).astype(np.int64)
-    count = rows * columns
-    number = np.repeat(np.arange(len(lat)), count)
-    place = np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
-    y = first_y[number] + place // columns[number]
-    x = (first_x[number] + place % columns[number]) % _SIDE
-    cell = y * _SIDE + x
-    # a margin over the end of the tiles meets the cell round the pole too
-    over = np.flatnonzero(((high > _END) | (low < -_END)) & ~polar)
-    number = np.concatenate([number, over])
-    cell = np.concatenate([cell, np.where(lat[over] > 0.0, 0, (_SIDE - 1) * _SIDE)])
-    pairs = np.unique(np.column_stack([cell, number]), axis=0)
-    return pairs[:, 1], pairs[:, 0]
+    south = (_SIDE - 1) * _SIDE
+    pole = np.where(high > _END, 0, np.where(low < -_END, south, -1))
+    columns = np.where(polar, 0, columns).astype(np.int64)
+    return first_x, columns, first_y, _row(low) - first_y + 1, pole
 
 
 def around(cell: int, margin_m: float, occupied: IntArray) -> IntArray:

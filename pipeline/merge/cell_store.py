@@ -14,7 +14,7 @@ import numpy as np
 from automap.io.atomic import atomic_path
 from automap.io.cell_tables import read_points, write_points
 from automap.io.tables import read_table
-from automap.mapping.cells import around, cell_named, cell_of, groups, quadkey, touched
+from automap.mapping.cells import around, cell_named, cell_of, groups, quadkey, touches
 from automap.mapping.identity import drive_key
 from automap.mapping.sightings import CameraView, DriveSigns, Sightings, stack_sightings
 from automap.mapping.visibility import STRIDE
@@ -233,8 +233,7 @@ def _cut(
     """The rows within the margin of the cell, by the drives' ranks and along each drive."""
     if not columns:
         return {}
-    number, near = touched(columns[lat], columns[lon], margin_m)
-    rows = number[near == cell]
+    rows = np.flatnonzero(touches(columns[lat], columns[lon], margin_m, cell))
     rows = rows[columns["drive"][rows] < len(drives)]
     order = np.lexsort((columns["place"][rows], drives.rank[columns["drive"][rows]]))
     return {name: values[rows[order]] for name, values in columns.items()}

@@ -20,6 +20,7 @@ from automap.mapping.cells import (
     colour_of,
     quadkey,
     touched,
+    touches,
 )
 from automap.mapping.duplicates import join_duplicates
 from automap.mapping.grid import RADIUS_M
@@ -85,6 +86,9 @@ def test_what_is_within_the_margin_of_a_cell_touches_it(
     assert len(set(found.tolist())) == len(found)
     assert int(cell_of(np.array([there]), np.array([lon + aside]))[0]) in found
     assert len(found) < 64
+    for cell in {*found.tolist(), int(found[0]) + 1}:
+        one = touches(np.array([lat]), np.array([lon]), 400.0, cell)
+        assert one.tolist() == [cell in found]
 
 
 def test_cells_have_the_names_of_web_map_tiles() -> None:
