@@ -148,6 +148,12 @@ def rough_places(sightings: Sightings, sign: IntArray) -> tuple[FloatArray, Floa
     return np.bincount(sign, sightings.lat) / count, mean_lon
 
 
+def own_variance(sightings: Sightings, sign: IntArray) -> FloatArray:
+    """Variance [m] in m^2 per level axis of what is a sign's own error, its drives' left out."""
+    own = 0.5 * (sightings.own[:, 0] + sightings.own[:, 2])
+    return np.asarray(1.0 / np.bincount(sign, 1.0 / own), np.float64)
+
+
 def stray_factors(sightings: Sightings, data: TileData, levels: ErrorLevels) -> FloatArray:
     """Factor [n] on the own variance of a tile's sightings that lie too far from their sign.
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust
+from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust, own_variance
 from automap.mapping.association import Association, renumbered
 from automap.mapping.attributes import Attributes, combine_attributes
 from automap.mapping.existence import Chances, chances
@@ -78,8 +78,7 @@ def place_cell(
     attributes = combine_attributes(own, place)
     views = opportunities(passages, adjusted.lat, adjusted.lon, attributes.facing_rad, stride)
     founder = np.unique(place, return_index=True)[1]
-    variance = 0.5 * (own.own[:, 0] + own.own[:, 2])
     return PlacedCell(
         own, place, founder, adjusted, attributes, chances(place, own.drive, views),
-        np.asarray(1.0 / np.bincount(place, 1.0 / variance), np.float64),
+        own_variance(own, place),
     )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,8 +36,10 @@ def estimate_levels(sightings: Sightings, association: Association) -> ErrorLeve
     """
     if association.n_signs == 0:
         return ErrorLevels()
-    rich = richest_cells(*np.unique(cell_of(sightings.lat, sightings.lon), return_counts=True))
-    return levels_of_tiles(level_tiles(sightings, association.sign, rich))
+    home = cell_of(sightings.lat, sightings.lon)
+    cells, most = level_cells(*np.unique(home, return_counts=True))
+    found = [level_tiles(sightings, association.sign, cell, most) for cell in cells]
+    return levels_of_tiles([tile for tiles in found for tile in tiles])
 
 
 def levels_of_tiles(tiles: Sequence[tuple[Sightings, TileData]]) -> ErrorLevels:
@@ -66,7 +68,7 @@ def levels_of_tiles(tiles: Sequence[tuple[Sightings, TileData]]) -> ErrorLevels:
         cost,
         np.zeros(3),
         method="Nelder-Mead",
-        options={"initial_simplex": start, "xatol": 0.02, "fatol": 0.05, "maxfev": 90},
+        options={"initial_simplex": start, "xatol": 0.002, "fatol": 0.005, "maxfev": 200},
     )
     return _levels(np.clip(found.x, -most, most))
 
@@ -94,29 +96,32 @@ def deviance(
 
 
 def level_tiles(
-    sightings: Sightings, sign: IntArray, only: Container[int]
+    sightings: Sightings, sign: IntArray, cell: int, most: int
 ) -> list[tuple[Sightings, TileData]]:
-    """The tiles of the cells ``only`` with the most to say, each with its own sightings; ``sign``
-    [n] whose each sighting is."""
+    """The tiles of a cell with the most sightings beyond one a sign, at ``most`` so many, each with
+    its own sightings; ``sign`` [n] whose each sighting is."""
     lat, lon = rough_places(sightings, sign)
     members = Members(sign)
-    found: list[tuple[Sightings, TileData]] = []
-    for tile in cut_tiles(lat, lon, limits.LEVEL_TILE_SIGNS, 0.0, only):
+    found: list[TileData] = []
+    for tile in cut_tiles(lat, lon, limits.LEVEL_TILE_SIGNS, 0.0, {cell}):
         data = tile_data(sightings, members, tile, lat, lon)
         if _spare(data) >= limits.LEAST_REDUNDANCY and len(data.rows) <= limits.LEVEL_ROWS:
-            found.append((sightings.at(data.rows), replace(data, rows=np.arange(len(data.rows)))))
-    return best_tiles(found)
+            found.append(data)
+    return [
+        (sightings.at(data.rows), replace(data, rows=np.arange(len(data.rows))))
+        for data in sorted(found, key=lambda data: -_spare(data))[:most]
+    ]
 
 
-def best_tiles(tiles: Sequence[tuple[Sightings, TileData]]) -> list[tuple[Sightings, TileData]]:
-    """Those with the most sightings beyond one a sign, the earlier of equals."""
-    return sorted(tiles, key=lambda item: -_spare(item[1]))[: limits.LEVEL_TILES]
+def level_cells(cell: IntArray, count: IntArray) -> tuple[list[int], int]:
+    """The cells of which levels are told, of the cells [k] that have ``count`` [k] sightings, and
+    how many tiles of each.
 
-
-def richest_cells(cell: IntArray, count: IntArray) -> set[int]:
-    """The cells [k] with the most sightings, of which levels are told."""
-    order = np.lexsort((cell, -count))
-    return set(cell[order[: limits.LEVEL_TILES]].tolist())
+    A draw by their numbers among those that have many, so that further drives hardly change it.
+    """
+    many = cell[2 * count >= min(2 * limits.LEVEL_ROWS, int(count.max(initial=0)))]
+    drawn = np.argsort(many * 2654435761 % 2**32, kind="stable")[: limits.LEVEL_TILES]
+    return sorted(many[drawn].tolist()), -(-limits.LEVEL_TILES // max(len(drawn), 1))
 
 
 def _spare(data: TileData) -> int:

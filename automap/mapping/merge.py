@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -91,51 +92,45 @@ def merge_drives(
         keys[sign_of[place]].append(sighting_key(ordered[who], ordered[who].ids[row]))
     return Merged(
         ordered, sightings, found, adjusted, levels, attributes, pairs, rates, belief,
-        _signs(ordered, sightings, adjusted, attributes, belief),
+        map_signs(
+            {**vars(attributes), **vars(adjusted), "class_name": names},
+            belief,
+            [tuple(ordered[d].name for d in seen_by) for seen_by in attributes.drives],
+        ),
         founder_keys(ordered, sightings, found.sign), keys,
     )  # fmt: skip
 
 
-def _signs(
-    drives: Sequence[DriveSigns],
-    sightings: Sightings,
-    adjusted: Adjusted,
-    attributes: Attributes,
-    belief: FloatArray,
+def map_signs(
+    columns: Mapping[str, Any], belief: FloatArray, drives: Sequence[tuple[str, ...]]
 ) -> list[Sign]:
-    first, last = _stamps(attributes.first_gps_s), _stamps(attributes.last_gps_s)
-    confidence = belief * attributes.seen * attributes.class_share
+    """Signs [m] without names, from ``columns`` [m] of places, classes and attributes, the
+    ``belief`` [m] that each stands, and the names of the ``drives`` [m] that saw it."""
+    first, last = _stamps(columns["first_gps_s"]), _stamps(columns["last_gps_s"])
+    confidence = belief * columns["seen"] * columns["class_share"]
     return [
         Sign(
             id="",
-            class_name=sightings.classes[code],
-            lat_rad=lat,
-            lon_rad=lon,
-            height_m=height,
-            cov_enu=adjusted.cov_enu[k],
+            class_name=str(columns["class_name"][k]),
+            lat_rad=float(columns["lat"][k]),
+            lon_rad=float(columns["lon"][k]),
+            height_m=float(columns["height"][k]),
+            cov_enu=columns["cov_enu"][k],
             confidence=float(confidence[k]),
-            n_views=int(attributes.n_views[k]),
+            n_views=int(columns["n_views"][k]),
             first_seen_ns=first[k],
             last_seen_ns=last[k],
-            height_above_road_m=float(attributes.height_above_road_m[k]),
-            sd_above_road_m=float(attributes.sd_above_road_m[k]),
-            facing_rad=float(attributes.facing_rad[k]),
             existence=float(belief[k]),
-            facing_sd_rad=float(attributes.facing_sd_rad[k]),
-            size_m=float(attributes.size_m[k]),
-            side=attributes.side[k],
-            status=attributes.status[k],
-            drives=tuple(drives[d].name for d in attributes.drives[k]),
+            side=str(columns["side"][k]),
+            status=str(columns["status"][k]),
+            drives=drives[k],
+            height_above_road_m=float(columns["height_above_road_m"][k]),
+            sd_above_road_m=float(columns["sd_above_road_m"][k]),
+            facing_rad=float(columns["facing_rad"][k]),
+            facing_sd_rad=float(columns["facing_sd_rad"][k]),
+            size_m=float(columns["size_m"][k]),
         )
-        for k, (code, lat, lon, height) in enumerate(
-            zip(
-                attributes.code.tolist(),
-                adjusted.lat.tolist(),
-                adjusted.lon.tolist(),
-                adjusted.height.tolist(),
-                strict=True,
-            )
-        )
+        for k in range(len(belief))
     ]
 
 

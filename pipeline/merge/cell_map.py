@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
@@ -16,9 +17,10 @@ from automap.io.atomic import write_json
 from automap.mapping.adjustment import ErrorLevels
 from automap.mapping.backs import backs_of_others
 from automap.mapping.existence import DetectionRates, detection_rates, existence
-from automap.records import FloatArray
+from automap.mapping.merge import map_signs
+from automap.records import FloatArray, Sign
 from pipeline.merge.cell_steps import estimate, group, place, placed_cells, standing, turns
-from pipeline.merge.cell_store import read_drives
+from pipeline.merge.cell_store import Drives, read_drives
 
 LEVELS = "levels.json"
 KEPT_LEVEL = 0.01
@@ -44,6 +46,13 @@ class StoreMap:
     grouped: int
     placed: int
     cells: int
+
+    def signs(self, drives: Drives) -> list[Sign]:
+        """The signs [m], still without names."""
+        seen_by = [drives.name[k] for k in self.columns["seen_by"].tolist()]
+        edges = np.concatenate([[0], np.cumsum(self.columns["n_drives"])]).tolist()
+        who = [tuple(seen_by[lo:hi]) for lo, hi in itertools.pairwise(edges)]
+        return map_signs(self.columns, self.existence, who)
 
 
 def merge_store(

@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from automap import __version__
 from automap.io.atomic import atomic_path
 from automap.mapping.adjustment import ErrorLevels, rough_places
 from automap.mapping.association import renumbered
 from automap.mapping.by_cells import group_cell
 from automap.mapping.cell_merge import PLACE_MARGIN_M, place_cell
 from automap.mapping.cells import around, cell_of, colour_of, quadkey
-from automap.mapping.error_levels import best_tiles, level_tiles, levels_of_tiles, richest_cells
+from automap.mapping.error_levels import level_cells, level_tiles, levels_of_tiles
 from automap.mapping.existence import Chances
 from automap.mapping.limits import FARTHEST_M, HALO_M
 from automap.records import IntArray
@@ -36,6 +37,8 @@ from pipeline.merge.cell_store import (
     read_near,
 )
 
+_FORMAT = f"{__version__} 2"
+"""What another version of the steps made is made again."""
 VIEW_MARGIN_M = FARTHEST_M + 5.0
 """Round a cell, where a path may have its signs in view, and a little for the Earth's shape."""
 
@@ -58,7 +61,7 @@ def group(folder: Path, cell: int) -> bool:
     taken, _ = _members(folder, before)
     s = near.sightings
     free = ~np.isin(near.name, taken)
-    digest = hashlib.sha256(near.digest().encode() + free.tobytes()).hexdigest()
+    digest = hashlib.sha256((_FORMAT + near.digest()).encode() + free.tobytes()).hexdigest()
     path = _file(folder, GROUPS, cell)
     if _digest(path) == digest:
         return False
@@ -75,7 +78,7 @@ def group(folder: Path, cell: int) -> bool:
 
 
 def estimate(folder: Path) -> ErrorLevels:
-    """How large the errors are, from the cells with the most sightings."""
+    """How large the errors are, from a draw of cells."""
     import pyarrow.parquet as pq
 
     cells = occupied(folder)
@@ -84,12 +87,13 @@ def estimate(folder: Path) -> ErrorLevels:
         for k in range(len(cells))
     ]
     drives, tiles = read_drives(folder), []
-    for cell in sorted(richest_cells(cells, np.array(count, np.int64))):
+    chosen, most = level_cells(cells, np.array(count, np.int64))
+    for cell in chosen:
         near, sign = _grouped(folder, drives, cell)
         rows = np.flatnonzero(sign >= 0)
         if len(rows):
-            tiles += level_tiles(near.sightings.at(rows), renumbered(sign[rows]), {cell})
-    return levels_of_tiles(best_tiles(tiles))
+            tiles += level_tiles(near.sightings.at(rows), renumbered(sign[rows]), cell, most)
+    return levels_of_tiles(tiles)
 
 
 def standing(folder: Path) -> list[int]:
@@ -102,7 +106,8 @@ def place(folder: Path, cell: int, levels: ErrorLevels) -> bool:
     """Place the signs of one cell; False where nothing had changed."""
     drives = read_drives(folder)
     near, sign = _grouped(folder, drives, cell, VIEW_MARGIN_M)
-    whole = hashlib.sha256(near.digest().encode() + repr(levels).encode() + sign.tobytes())
+    took = _FORMAT + near.digest() + repr(levels)
+    whole = hashlib.sha256(took.encode() + sign.tobytes())
     path = _file(folder, PLACED, cell)
     if _digest(path) == whole.hexdigest():
         return False
@@ -122,6 +127,7 @@ def place(folder: Path, cell: int, levels: ErrorLevels) -> bool:
         facing_rad=a.facing_rad, facing_sd_rad=a.facing_sd_rad, size_m=a.size_m,
         side=_texts(a.side), status=_texts(a.status), seen=a.seen,
         own_variance=placed.own_variance, n_drives=np.array([len(d) for d in a.drives], np.int64),
+        seen_by=near.drive[np.array([k for d in a.drives for k in d], np.int64)],
         pair_sign=placed.pairs.sign, pair_drive=near.drive[placed.pairs.drive],
         pair_seen=placed.pairs.seen,
         drive=near.drive[seen], drive_offset=b.drive_offset[seen], drive_sd=b.drive_sd[seen],
@@ -131,12 +137,13 @@ def place(folder: Path, cell: int, levels: ErrorLevels) -> bool:
 
 
 def placed_cells(folder: Path, cells: Sequence[int]) -> tuple[dict[str, Any], Chances]:
-    """All signs [m] of some cells, and the pairs of a sign and a drive, by drives' numbers."""
+    """Columns of all signs [m] of some cells, ``seen_by`` of their ``n_drives`` drives each, one
+    after another, and the pairs of a sign and a drive, by drives' numbers."""
     wanted = (
         "founder", "founder_id", "lat", "lon", "height", "cov_enu", "class_name", "class_share",
         "n_views", "first_gps_s", "last_gps_s", "height_above_road_m", "sd_above_road_m",
         "facing_rad", "facing_sd_rad", "size_m", "side", "status", "seen", "own_variance",
-        "n_drives",
+        "n_drives", "seen_by",
     )  # fmt: skip
     found: dict[str, list[Any]] = {name: [] for name in wanted}
     pairs: list[list[Any]] = [[np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros(0, bool)]]

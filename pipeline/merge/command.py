@@ -37,6 +37,7 @@ def merge_runs(
     warning as long as another can. Raises InputError when none can, ConfigError for an ``out``
     that is one of them.
     """
+    from automap.mapping.adjustment import own_variance
     from automap.mapping.compare import compare_maps
     from automap.mapping.merge import merge_drives
     from automap.mapping.posts import with_supports
@@ -58,7 +59,7 @@ def merge_runs(
     signs, named = _named(merged, comparison, older, least_existence)
     if comparison is not None:
         comparison = replace(comparison, changes=_named_changes(comparison.changes, named, signs))
-    signs = with_supports(signs, merged)
+    signs = with_supports(signs, own_variance(merged.sightings, merged.association.sign))
     countries = {run.country.upper() for run in runs if run.country}
     outcome = MergeOutcome(
         out,

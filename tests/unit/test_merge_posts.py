@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from automap.mapping.adjustment import own_variance
 from automap.mapping.merge import merge_drives
 from automap.mapping.posts import with_supports
 from automap.mapping.sightings import DriveSigns
@@ -28,13 +29,14 @@ def passes(count: int) -> list[DriveSigns]:
 def test_two_faces_of_a_post_share_it_and_its_neighbours_do_not() -> None:
     merged = merge_drives(passes(3))
     signs = [replace(sign, id=f"s{k}") for k, sign in enumerate(merged.signs)]
-    alone = with_supports(signs, merged)
+    own = own_variance(merged.sightings, merged.association.sign)
+    alone = with_supports(signs, own)
     assert len({sign.support for sign in alone}) > 0.9 * len(signs)
     # the second sign hung below the first, the third left out of the map
     below = replace(signs[1], **{n: getattr(signs[0], n) for n in ("lat_rad", "lon_rad", "side")})
     below = replace(below, height_m=signs[0].height_m - 0.7)
     third = replace(signs[2], id="")
-    found = with_supports([signs[0], below, third, *signs[3:]], merged)
+    found = with_supports([signs[0], below, third, *signs[3:]], own)
     assert found[0].support == found[1].support == "p0001"
     assert found[2].support == ""
     others = {sign.support for sign in found[3:]}
@@ -43,5 +45,4 @@ def test_two_faces_of_a_post_share_it_and_its_neighbours_do_not() -> None:
 
 
 def test_a_map_without_signs_has_no_posts() -> None:
-    merged = merge_drives(passes(2))
-    assert with_supports([], replace(merged, signs=[])) == []
+    assert with_supports([], np.zeros(0)) == []

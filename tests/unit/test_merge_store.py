@@ -16,7 +16,7 @@ from test_merge_cells import at_edge, moved
 from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import DriveSigns
 from pipeline.merge.cell_map import merge_store
-from pipeline.merge.cell_store import add_drives
+from pipeline.merge.cell_store import add_drives, read_drives
 
 
 def drives_of(seed: int, count: int) -> list[DriveSigns]:
@@ -37,6 +37,13 @@ def test_a_store_is_merged_as_all_drives_at_once(tmp_path: Path) -> None:
     assert np.array_equal(found.cov_enu[order], whole.adjusted.cov_enu)
     assert found.existence[order] == pytest.approx(whole.existence, abs=1e-12)
     assert found.rates.overall == pytest.approx(whole.rates.overall, abs=1e-12)
+    signs = found.signs(read_drives(tmp_path))
+    for k, sign in zip(order, whole.signs, strict=True):
+        assert signs[k].class_name == sign.class_name
+        assert signs[k].drives == sign.drives
+        assert signs[k].facing_rad == sign.facing_rad
+        assert signs[k].last_seen_ns == sign.last_seen_ns
+        assert signs[k].confidence == pytest.approx(sign.confidence, abs=1e-12)
 
 
 def test_drives_that_come_later_give_the_map_of_all_from_nothing(tmp_path: Path) -> None:
