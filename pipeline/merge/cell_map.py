@@ -19,7 +19,15 @@ from automap.mapping.backs import backs_of_others
 from automap.mapping.existence import DetectionRates, detection_rates, existence
 from automap.mapping.merge import map_signs
 from automap.records import FloatArray, Sign
-from pipeline.merge.cell_steps import estimate, group, place, placed_cells, standing, turns
+from pipeline.merge.cell_steps import (
+    digest_of_groups,
+    estimate,
+    group,
+    place,
+    placed_cells,
+    standing,
+    turns,
+)
 from pipeline.merge.cell_store import Drives, read_drives
 
 LEVELS = "levels.json"
@@ -80,7 +88,7 @@ def _merge(
             grouped += changed
             done += 1
             progress(0.5 * done / cells, "which sightings are one sign")
-    levels = _levels(folder, estimate(folder) if grouped else None)
+    levels = _levels(folder)
     wanted = standing(folder)
     placed = 0
     for done, changed in enumerate(
@@ -92,17 +100,20 @@ def _merge(
     return _whole(folder, wanted, levels, (grouped, placed, cells))
 
 
-def _levels(folder: Path, found: ErrorLevels | None) -> ErrorLevels:
-    path = folder / LEVELS
-    before = ErrorLevels(**json.loads(path.read_text())) if path.is_file() else None
-    if before is not None and (
-        found is None
-        or all(abs(v / vars(before)[k] - 1.0) < KEPT_LEVEL for k, v in vars(found).items())
-    ):
+def _levels(folder: Path) -> ErrorLevels:
+    """The levels that go with the groups as they are."""
+    path, groups = folder / LEVELS, digest_of_groups(folder)
+    told = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    before = ErrorLevels(**told["levels"]) if told else None
+    if before is not None and told["groups"] == groups:
         return before
-    levels = found or ErrorLevels()
-    write_json(path, vars(levels))
-    return levels
+    found = estimate(folder)
+    if before is not None and all(
+        abs(value / vars(before)[name] - 1.0) < KEPT_LEVEL for name, value in vars(found).items()
+    ):
+        found = before
+    write_json(path, {"groups": groups, "levels": vars(found)})
+    return found
 
 
 def _whole(

@@ -11,6 +11,7 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from automap.mapping.limits import FARTHEST_M, HALO_M
 from automap.records import IntArray
 from pipeline.merge.cell_store import (
     GROUPS,
+    PATHS,
     PLACED,
     SIGHTINGS,
     Drives,
@@ -53,27 +55,30 @@ def turns(folder: Path) -> list[list[int]]:
 
 def group(folder: Path, cell: int) -> bool:
     """Group the sightings of one cell; False where nothing had changed."""
-    drives = read_drives(folder)
-    near = read_near(folder, drives, cell, HALO_M)
-    before = [
-        k for k in around(cell, HALO_M, occupied(folder)).tolist() if colour_of(k) < colour_of(cell)
-    ]
+    cells = around(cell, HALO_M, occupied(folder))
+    before = [k for k in cells.tolist() if colour_of(k) < colour_of(cell)]
+    path = _file(folder, GROUPS, cell)
+    stamp = _stamp(parts(folder, SIGHTINGS, cells), [_file(folder, GROUPS, k) for k in before])
+    if _text(path, "stamp") == stamp:
+        return False
+    near = read_near(folder, read_drives(folder), cell, HALO_M)
     taken, _ = _members(folder, before)
     s = near.sightings
     free = ~np.isin(near.name, taken)
     digest = hashlib.sha256((_FORMAT + near.digest()).encode() + free.tobytes()).hexdigest()
-    path = _file(folder, GROUPS, cell)
-    if _digest(path) == digest:
+    if _text(path, "digest") == digest:
         return False
+    told = {"digest": np.array(digest), "stamp": np.array(stamp)}
     own = cell_of(s.lat, s.lon) == cell
     if not own.any():
-        _write(path, digest, name=taken[:0], sign=taken[:0], home=taken[:0])
+        _write(path, **told, name=taken[:0], sign=taken[:0], home=taken[:0])
         return True
     found = group_cell(s, own, free)
     rows = np.flatnonzero(found.sign >= 0)
     sign = renumbered(found.sign[rows])
     lat, lon = rough_places(s.at(rows), sign) if len(rows) else (s.lat[:0], s.lon[:0])
-    _write(path, digest, name=near.name[rows], sign=sign, home=np.unique(cell_of(lat, lon)))
+    home = np.unique(cell_of(lat, lon))
+    _write(path, **told, name=near.name[rows], sign=sign, home=home)
     return True
 
 
@@ -104,18 +109,23 @@ def standing(folder: Path) -> list[int]:
 
 def place(folder: Path, cell: int, levels: ErrorLevels) -> bool:
     """Place the signs of one cell; False where nothing had changed."""
-    drives = read_drives(folder)
-    near, sign = _grouped(folder, drives, cell, VIEW_MARGIN_M)
+    cells = around(cell, HALO_M, occupied(folder))
+    files = parts(folder, SIGHTINGS, cells) + parts(folder, PATHS, cells)
+    grouped = [_file(folder, GROUPS, k) for k in cells.tolist()]
+    stamp = _stamp(files, grouped) + repr(levels)
+    path = _file(folder, PLACED, cell)
+    if _text(path, "stamp") == stamp:
+        return False
+    near, sign = _grouped(folder, read_drives(folder), cell, VIEW_MARGIN_M)
     took = _FORMAT + near.digest() + repr(levels)
     whole = hashlib.sha256(took.encode() + sign.tobytes())
-    path = _file(folder, PLACED, cell)
-    if _digest(path) == whole.hexdigest():
+    if _text(path, "digest") == whole.hexdigest():
         return False
     placed = place_cell(near.sightings, sign, near.tracks, cell, levels)
     a, b, s = placed.attributes, placed.adjusted, placed.sightings
     seen = b.drive_count[:, 0] > 0
     _write(
-        path, whole.hexdigest(),
+        path, digest=np.array(whole.hexdigest()), stamp=np.array(stamp),
         founder=near.drive[s.drive[placed.founder]] << 32 | s.row[placed.founder],
         founder_id=_texts(s.id[placed.founder]),
         member=near.drive[s.drive] << 32 | s.row, member_sign=placed.sign,
@@ -200,13 +210,28 @@ def _read(path: Path) -> Mapping[str, Any]:
         return {name: file[name] for name in file.files}
 
 
-def _digest(path: Path) -> str:
-    if not path.is_file():
+def _text(path: Path, name: str) -> str:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return str(file[name])
+    except (OSError, KeyError, ValueError, BadZipFile):
+        # missing, damaged or of another version: it is made again
         return ""
-    with np.load(path, allow_pickle=False) as file:
-        return str(file["digest"])
 
 
-def _write(path: Path, digest: str, **columns: Any) -> None:
+def _stamp(files: Sequence[Path], before: Sequence[Path]) -> str:
+    """Of the files of a cell and its neighbours by names and sizes, as parts are written once, and
+    of the digests of the steps ``before``: where it is as it was, nothing need be read."""
+    told = [f"{path.parent.name}/{path.name} {path.stat().st_size}" for path in files]
+    told += [_text(path, "digest") for path in before]
+    return hashlib.sha256("\n".join([_FORMAT, *told]).encode()).hexdigest()
+
+
+def digest_of_groups(folder: Path) -> str:
+    """Of how all cells are grouped."""
+    return _stamp([], sorted((folder / GROUPS).glob("*.npz")))
+
+
+def _write(path: Path, **columns: Any) -> None:
     with atomic_path(path) as temporary:
-        np.savez(temporary, digest=np.array(digest), **columns)
+        np.savez(temporary, **columns)

@@ -80,12 +80,17 @@ class Near:
         return whole.hexdigest()
 
 
-def add_drives(folder: Path, drives: Sequence[DriveSigns], batch: str) -> set[int]:
-    """Put drives into the store as one ``batch``; returns the cells that they touch.
+def add_drives(folder: Path, drives: Sequence[DriveSigns]) -> set[int]:
+    """Put drives that it has not into the store; returns the cells that they touch.
 
-    The table of drives is written last: what a batch without it left is overwritten.
+    Their table is written last: what an attempt that did not come so far left is removed. One
+    process at a time.
     """
     first = len(read_drives(folder))
+    batch = f"{first:08d}"
+    for kind in (SIGHTINGS, PATHS):
+        for left in (folder / kind).glob(f"cell=*/{batch}.parquet"):
+            left.unlink()
     sightings = stack_sightings(drives)
     number = first + sightings.drive
     columns: dict[str, Any] = {name: getattr(sightings, name) for name in _PLAIN}
@@ -108,7 +113,7 @@ def add_drives(folder: Path, drives: Sequence[DriveSigns], batch: str) -> set[in
         cells |= _write_parts(
             folder / PATHS, batch, columns, columns["lat_rad"], columns["lon_rad"]
         )
-    _write_drives(folder / DRIVES / f"{first:08d}.parquet", drives)
+    _write_drives(folder / DRIVES / f"{batch}.parquet", drives)
     return cells
 
 

@@ -103,7 +103,7 @@ def fill(store: Path, town: int, first: int, count: int) -> None:
     city = town_of(town)
     rng = np.random.default_rng(1_000_000 + 1000 * town + first)
     made = [one_drive(rng, city, town, first + k) for k in range(count)]
-    add_drives(store, [drive for drive, _ in made], f"town-{town:03d}-{first:05d}")
+    add_drives(store, [drive for drive, _ in made])
     path = store / f"seen-{town:03d}.npy"
     seen = np.load(path) if path.is_file() else np.zeros(len(city.position), np.int64)
     for _, truth in made:

@@ -16,6 +16,7 @@ from test_merge_cells import at_edge, moved
 from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import DriveSigns
 from pipeline.merge.cell_map import merge_store
+from pipeline.merge.cell_steps import group, turns
 from pipeline.merge.cell_store import add_drives, read_drives
 
 
@@ -25,8 +26,8 @@ def drives_of(seed: int, count: int) -> list[DriveSigns]:
 
 def test_a_store_is_merged_as_all_drives_at_once(tmp_path: Path) -> None:
     drives = drives_of(1, 7)
-    add_drives(tmp_path, drives[3:], "a")
-    add_drives(tmp_path, drives[:3], "b")
+    add_drives(tmp_path, drives[3:])
+    add_drives(tmp_path, drives[:3])
     found = merge_store(tmp_path)
     whole = merge_drives(drives)
     assert sorted(found.founder) == sorted(whole.founders)
@@ -50,13 +51,13 @@ def test_drives_that_come_later_give_the_map_of_all_from_nothing(tmp_path: Path)
     """Bit for bit, where the error levels are the same; in any order of coming."""
     drives = drives_of(2, 8)
     one, two = tmp_path / "one", tmp_path / "two"
-    add_drives(one, drives[2:6], "a")
+    add_drives(one, drives[2:6])
     merge_store(one)
-    add_drives(one, [drives[7], drives[0]], "b")
+    add_drives(one, [drives[7], drives[0]])
     merge_store(one)
-    add_drives(one, [drives[1], drives[6]], "c")
+    add_drives(one, [drives[1], drives[6]])
     found = merge_store(one)
-    add_drives(two, drives, "all")
+    add_drives(two, drives)
     whole = merge_store(two)
     assert sorted(found.founder) == sorted(whole.founder)
     order = [found.founder.index(key) for key in whole.founder]
@@ -72,19 +73,18 @@ def test_what_is_far_from_a_new_drive_is_not_touched(tmp_path: Path) -> None:
         [replace(moved(d, -0.6, lon), key=f"{lon}-{k}") for k, d in enumerate(drives)]
         for lon, drives in ((0.5, street_scene(3, 6).drives), (0.6, street_scene(4, 6).drives))
     )
-    add_drives(tmp_path, [*near, *far[:5]], "a")
+    add_drives(tmp_path, [*near, *far[:5]])
     first = merge_store(tmp_path)
     assert first.grouped == first.cells
     again = merge_store(tmp_path)
     assert (again.grouped, again.placed) == (0, 0)
-    add_drives(tmp_path, far[5:], "b")
-    levels = (tmp_path / "levels.json").read_text()
+    add_drives(tmp_path, far[5:])
     after = merge_store(tmp_path)
     here = [k for k, key in enumerate(first.founder) if key.startswith("0.5")]
     names = [after.founder.index(first.founder[k]) for k in here]
     assert len(here) > 20
     assert 0 < after.grouped < after.cells
-    if (tmp_path / "levels.json").read_text() == levels:
+    if after.levels == first.levels:
         assert np.array_equal(after.lat[names], first.lat[here])
 
 
@@ -92,7 +92,7 @@ def test_two_processes_give_the_map_of_one(tmp_path: Path) -> None:
     drives = drives_of(5, 5)
     maps = []
     for name, workers in (("one", 1), ("two", 2)):
-        add_drives(tmp_path / name, drives, "a")
+        add_drives(tmp_path / name, drives)
         maps.append(merge_store(tmp_path / name, workers))
     assert maps[0].founder == maps[1].founder
     assert np.array_equal(maps[0].lat, maps[1].lat)
@@ -100,7 +100,7 @@ def test_two_processes_give_the_map_of_one(tmp_path: Path) -> None:
 
 
 def test_a_step_that_was_interrupted_is_done_again(tmp_path: Path) -> None:
-    add_drives(tmp_path, drives_of(6, 5), "a")
+    add_drives(tmp_path, drives_of(6, 5))
     whole = merge_store(tmp_path)
     for kind in ("groups", "placed"):
         sorted((tmp_path / kind).glob("*.npz"))[0].unlink()
@@ -109,10 +109,39 @@ def test_a_step_that_was_interrupted_is_done_again(tmp_path: Path) -> None:
     assert np.array_equal(again.lat, whole.lat)
 
 
+def test_a_merge_that_ended_before_the_levels_goes_on_as_if_it_had_not(tmp_path: Path) -> None:
+    add_drives(tmp_path, drives_of(6, 5))
+    for wave in turns(tmp_path):
+        for cell in wave:
+            assert group(tmp_path, cell)
+    found = merge_store(tmp_path)
+    assert found.grouped == 0
+    whole = merge_drives(drives_of(6, 5))
+    assert found.levels == whole.levels
+    assert sorted(found.lat) == sorted(whole.adjusted.lat)
+
+
+def test_what_an_interrupted_attempt_left_is_no_part_of_the_map(tmp_path: Path) -> None:
+    drives = drives_of(8, 5)
+    add_drives(tmp_path, [moved(street_scene(9, 1).drives[0], 0.2, 0.3)])
+    (tmp_path / "drives" / "00000000.parquet").unlink()
+    add_drives(tmp_path, drives)
+    assert sorted(merge_store(tmp_path).founder) == sorted(merge_drives(drives).founders)
+
+
+def test_a_damaged_step_is_done_again(tmp_path: Path) -> None:
+    add_drives(tmp_path, drives_of(6, 4))
+    whole = merge_store(tmp_path)
+    for kind in ("groups", "placed"):
+        path = sorted((tmp_path / kind).glob("*.npz"))[0]
+        path.write_bytes(path.read_bytes()[:200])
+    assert np.array_equal(merge_store(tmp_path).lat, whole.lat)
+
+
 def test_the_sightings_of_a_cell_are_geoparquet_for_anybody(tmp_path: Path) -> None:
     """Points where the sightings are, as another program's reader finds them."""
     drives = drives_of(7, 3)
-    add_drives(tmp_path, drives, "a")
+    add_drives(tmp_path, drives)
     count = 0
     for path in (tmp_path / "sightings").glob("cell=*/*.parquet"):
         table = pq.read_table(path)
