@@ -17,7 +17,7 @@ from automap.gap.misfit import LIKE, Misfit
 from automap.gap.model import Values
 from automap.gap.result import Finding, ParameterValue, Refused, Term, Unexplained
 from automap.gap.search import Found
-from automap.gap.selection import Move, Rival, twins_of
+from automap.gap.selection import Chosen, Move, Rival, twins_of
 from automap.records import FloatArray
 
 
@@ -45,7 +45,8 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
         confusable = tuple(dict.fromkeys([*named, *twins]))
         units = {q.name: q.unit for q in CATALOGUE[effect].parameters}
         parameters = {
-            q: ParameterValue(v, sd, units[q]) for q, (v, sd) in found.full.of(effect).items()
+            q: ParameterValue(v, _honest_sd(found, name, q, sd), units[q])
+            for q, (v, sd) in found.full.of(effect).items()
         }
         told.append(
             (
@@ -56,6 +57,26 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
             )
         )
     return [one for _, one in sorted(told, key=lambda item: -item[0])]
+
+
+def _honest_sd(found: Found, name: str, parameter: str, sd: float) -> float:
+    """The filter's sd of a parameter, wider by as much as its score scatters from stretch to
+    stretch beyond what noise as modelled does (the sandwich of White 1980); what the prior says of
+    it stays."""
+    selection, chosen = found.selection, found.chosen
+    layout = selection.linear.layout
+    mine = [i for i, c in enumerate(layout) if c.effect == name and c.parameter == parameter]
+    if not mine or sd <= 0.0:
+        return sd
+    part = next((p for n, p, _ in chosen.parts if n == name and mine[0] in p), (mine[0],))
+    rest = Chosen(tuple(p for p in chosen.parts if p[:2] != (name, part)))
+    known = selection.given(rest)
+    if not known.shows(part):
+        return sd
+    ratio = selection.evidence(known, name, part).overdispersion
+    prior = 1.0 / (chosen.scale_of(name) * selection.linear.prior_sd[mine[0]]) ** 2
+    data = max(1.0 / sd**2 - prior, 0.0)
+    return float(sd**2 * np.sqrt(ratio * data + prior))
 
 
 def chance(found: Found) -> FloatArray:
@@ -102,8 +123,9 @@ def _formula(
     joint = found.fitted.joint().of(effect)
     names = coefficient_names(len(candidate.terms))
     terms = tuple(
-        Term(on, text, *joint.get(k, (0.0, 0.0)))
+        Term(on, text, value, _honest_sd(found, name, k, sd))
         for k, (on, text) in zip(names, candidate.terms, strict=True)
+        for value, sd in (joint.get(k, (0.0, 0.0)),)
     )
     named = [r.name for r in rivals if not found.selection.candidates[r.name].terms]
     return Unexplained(
