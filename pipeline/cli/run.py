@@ -50,6 +50,14 @@ Examples:
     "road, chainage and side.",
 )
 @click.option(
+    "--jobs",
+    metavar="N",
+    type=click.IntRange(1, 256),
+    default=1,
+    help="Run so many drives at once, each in a process of its own; each needs the memory of a "
+    "run. Default: 1.",
+)
+@click.option(
     "--strict",
     is_flag=True,
     help="Exit with code 5 where the verdict on a path is doubtful or unusable.",
@@ -69,6 +77,7 @@ def command(
     tune: bool,
     datum: str | None,
     roads: Path | None,
+    jobs: int,
     strict: bool,
     quiet: bool,
     as_json: bool,
@@ -80,11 +89,10 @@ def command(
     said beside it. At the end stands whether the path may be relied on: good, doubtful or
     unusable, with the reasons.
     """
+    from functools import partial
+
     from automap.errors import ConfigError, RegressionError
-    from pipeline.run import registry
-    from pipeline.run.batch import run_drives
-    from pipeline.run.runner import Request
-    from pipeline.settings.load import load_settings
+    from pipeline.run.batch import requested, run_drives
     from pipeline.shared.progress import Reporter
     from pipeline.shared.summary import as_dict, verdict_of
     from pipeline.shared.terminal import Terminal
@@ -98,19 +106,18 @@ def command(
         assignments = (*assignments, f"export.roads={json.dumps(str(roads.resolve()))}")
     if tune:
         assignments = (*assignments, "fuse.tune=true")
-    settings = load_settings(config, assignments)
-    selected = registry.select(only, first, last)
-    last_index = ORDER.index(selected[-1])
-    request = Request(
-        stages=registry.load_stages(ORDER[: last_index + 1]),
-        selected=selected,
-        settings=settings,
+    make = partial(
+        requested,
+        config,
+        assignments,
+        (only, first, last),
         force=force,
         dry_run=dry_run,
-        command=["automap", *sys.argv[1:]],
+        command=("automap", *sys.argv[1:]),
     )
-    reporter = Reporter() if quiet or as_json else Terminal(len(selected))
-    outcomes = run_drives(drives, out, request, reporter)
+    request = make()
+    reporter = Reporter() if quiet or as_json else Terminal(len(request.selected))
+    outcomes = run_drives(drives, out, request, reporter, jobs, make)
     for outcome in outcomes:
         if outcome.error is not None:
             show_failure(outcome.error, debug_wanted())
