@@ -355,3 +355,25 @@ def test_a_sound_recording_is_never_read_cell_by_cell(
     monkeypatch.setattr("automap.io.csv_cells._careful", slowly)
     path = _write(tmp_path, _rows(np.arange(1000) * 10_000_000))
     assert len(read_imu_csv(path).data) == 1000
+
+
+def test_a_table_whose_threads_lose_a_chunk_is_read_by_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import pyarrow as pa
+    import pyarrow.csv
+
+    path = _write(tmp_path, "t_ns,gx\n1,2.5\n3,4\n")
+    sound, threads = pa.csv.read_csv, []
+
+    def losing(source: object, read_options: pa.csv.ReadOptions, **others: object) -> pa.Table:
+        threads.append(read_options.use_threads)
+        if read_options.use_threads:
+            raise pa.ArrowException("Unknown error: a chunk failed converting")
+        return sound(source, read_options=read_options, **others)
+
+    monkeypatch.setattr(pa.csv, "read_csv", losing)
+    table = read_columns(path, {"t_ns": "int", "gx": "float"})
+    assert threads == [True, False]
+    assert table.columns["gx"].tolist() == [2.5, 4.0]
+    assert table.bad_rows == 0
