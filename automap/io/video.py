@@ -104,6 +104,14 @@ def read_chapter(path: Path) -> Chapter:
                 warnings.append(
                     f"{path} promises {said:.1f} s and holds {held:.1f} s; it was cut short"
                 )
+        turned = _turned_deg(path)
+        if turned:
+            warnings.append(
+                f"{path} says that its pictures are to be turned by {turned} deg to be upright; "
+                "they are searched as they are stored, where signs lie on their side or stand on "
+                f"their head. Write it upright with 'ffmpeg -i {path.name} upright.mp4' and name "
+                "that file"
+            )
         return Chapter(
             path=path,
             width=int(stream.codec_context.width),
@@ -115,6 +123,19 @@ def read_chapter(path: Path) -> Chapter:
             keys=np.array(sorted(keys), dtype=np.int64).reshape(-1, 2),
             warnings=tuple(warnings),
         )
+
+
+def _turned_deg(path: Path) -> int:
+    """By how much the first picture of a file is to be turned before it is shown, deg; 0 where the
+    file does not say so or no picture can be decoded."""
+    import av
+
+    with open_video(path) as container:
+        try:
+            frame = next(container.decode(video_stream(container, path)), None)
+        except av.FFmpegError:
+            return 0
+    return 0 if frame is None else int(frame.rotation)
 
 
 @dataclass(frozen=True)

@@ -143,3 +143,22 @@ def test_damaged_pictures_are_counted_and_the_rest_is_read(tmp_path: Path) -> No
     found = [frame.frame for frame in iter_frames(_video(path), warn=warnings.append)]
     assert expected // 2 < len(found) <= expected
     assert found == sorted(set(found))
+
+
+@pytest.mark.parametrize(
+    ("matrix", "said"),
+    [((0, 1, -1, 0), "turned by"), ((-1, 0, 0, -1), "180 deg"), ((1, 0, 0, 1), "")],
+)
+def test_pictures_that_are_to_be_turned_are_told(
+    clip: Path, tmp_path: Path, matrix: tuple[int, int, int, int], said: str
+) -> None:
+    data = bytearray(clip.read_bytes())
+    # the track header's matrix, 16.16 fixed point (ISO/IEC 14496-12, 8.3.2)
+    at = data.index(b"tkhd") + 44
+    a, b, c, d = (round(value * 65536).to_bytes(4, "big", signed=True) for value in matrix)
+    data[at : at + 8], data[at + 12 : at + 20] = a + b, c + d
+    path = tmp_path / "turned.mp4"
+    path.write_bytes(data)
+    warnings = read_chapter(path).warnings
+    assert len(warnings) == (1 if said else 0)
+    assert all(said in text and "upright.mp4" in text for text in warnings)
