@@ -124,7 +124,15 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
     _interruptible()
     outlast_readers()
     words = list(sys.argv[1:] if args is None else args)
-    sys.exit(run_command(words))
+    try:
+        code = run_command(words)
+    except KeyboardInterrupt:
+        # another one, while the first was told of
+        code = 130
+    # all is done, and Python takes a moment to end: what comes now must not become the exit code
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, signal.SIG_IGN)
+    sys.exit(code)
 
 
 _interrupted = threading.Event()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -59,3 +60,29 @@ def test_after_the_reader_text_goes_nowhere_without_an_error() -> None:
             assert out.write("lost\n") == 5
             out.flush()
         assert out.encoding == "utf-8"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_in_the_last_moments_is_not_the_exit_code(number: signal.Signals) -> None:
+    # Python has called what is to be called at exit, and goes on taking things down
+    program = (
+        "import atexit, os, time\n"
+        "from pipeline.cli import root\n"
+        f"late = lambda: (os.kill(os.getpid(), {int(number)}), time.sleep(0.2))\n"
+        "atexit.register(late)\n"
+        "root.main(['--version'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_second_interrupt_ends_like_the_first() -> None:
+    program = (
+        "from pipeline.cli import root\n"
+        "def twice(words):\n"
+        "    raise KeyboardInterrupt\n"
+        "root.run_command = twice\n"
+        "root.main(['--version'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "")
