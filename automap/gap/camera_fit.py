@@ -16,7 +16,6 @@ from automap.effects.camera import by_parameters
 from automap.effects.camera_kernels import N_COLUMNS, TURN
 from automap.effects.lens import focal_length
 from automap.effects.measured import Values
-from automap.gap.camera_scores import Scores
 from automap.gap.camera_views import Boxes, keys
 from automap.geolocation.landmark import (
     SizePrior,
@@ -47,8 +46,9 @@ VELOCITY = slice(9, 12)
 @dataclass(frozen=True)
 class CameraFit:
     """A model on the boxes: shared parameters [g], the signs' own [s, 7], robust ``cost`` in nats
-    with all priors, whitened residuals [n, 3] of boxes of one sigma ``sd`` [n, 3], and the scores
-    of the shared parameters, the signs being the blocks."""
+    with all priors, whitened residuals [n, 3] of boxes of one sigma ``sd`` [n, 3],
+    ``prior_sd`` [g] of the shared parameters, zero of what does not act, and of each sign their
+    normal equations, ``info`` [s, g, g] and ``right`` [s, g] of a step from where they are."""
 
     boxes: Boxes
     sd: FloatArray
@@ -56,7 +56,16 @@ class CameraFit:
     local: FloatArray
     cost: float
     residual: FloatArray
-    scores: Scores
+    prior_sd: FloatArray
+    info: FloatArray
+    right: FloatArray
+
+    def cost_by_sign(self) -> FloatArray:
+        """Nats [s] of each sign's boxes, without priors."""
+        square = self.residual**2
+        each = huber_loss(square[:, 0] + square[:, 1]) + huber_loss(square[:, 2])
+        sums = np.bincount(self.boxes.sign, each, minlength=self.boxes.n_signs)
+        return np.asarray(0.5 * sums, np.float64)
 
 
 def box_noise(boxes: Boxes, a_px: FloatArray, b: FloatArray) -> FloatArray:
@@ -107,10 +116,7 @@ def fit_camera(
         start_at = _descend(_evaluated(boxes, sd, common, local, np.zeros_like(prior)))
         common, local = start_at.common, start_at.local
     at = _descend(_evaluated(boxes, sd, common, local, prior))
-    nuisance = np.where(np.isfinite(boxes.prior_sd()), at.common, 0.0)
-    blocks = at.right + at.info @ nuisance
-    scores = Scores(blocks.sum(axis=0), at.info.sum(axis=0), blocks, at.info)
-    return CameraFit(boxes, sd, at.common, at.local, at.cost, at.residual, scores)
+    return CameraFit(boxes, sd, at.common, at.local, at.cost, at.residual, prior, at.info, at.right)
 
 
 def _views(boxes: Boxes, sd: FloatArray, values: Values) -> Views | None:

@@ -84,6 +84,10 @@ class Boxes:
         """Number of signs."""
         return len(self.anchor)
 
+    def first_signs(self) -> IntArray:
+        """Number of the first sign of each drive."""
+        return _first_signs(self.drives)
+
     @property
     def n_common(self) -> int:
         """Number of parameters that all signs share."""

@@ -46,9 +46,9 @@ class Chosen:
         """Names of the candidates, each once."""
         return tuple(dict.fromkeys(name for name, _, _ in self.parts))
 
-    def given(self, linear: Linear) -> Given:
-        """All parts as what is given."""
-        out = Given()
+    def given(self, linear: Linear, always: Given) -> Given:
+        """All parts as what is given, beside what always is."""
+        out = always
         for _, part, scale in self.parts:
             out = out.joined(part, linear, scale)
         return out
@@ -79,7 +79,7 @@ class Move:
 @dataclass
 class Selection:
     """A linear model, what may be missing from it, and parts that stay out (``refused``),
-    and names that stay in (``needed``);
+    and names that stay in (``needed``); ``always`` columns that every choice has beside it;
     ``inflated`` by how much scores are larger than noise makes them, of what follows time and of
     all else."""
 
@@ -88,11 +88,12 @@ class Selection:
     refused: frozenset[Key] = frozenset()
     needed: frozenset[str] = frozenset()
     inflated: Mapping[bool, float] = field(default_factory=dict)
+    always: Given = field(default_factory=Given)
     _known: dict[Given, Conditional] = field(default_factory=dict)
 
     def given(self, chosen: Chosen) -> Conditional:
         """The model with what is chosen marginalised."""
-        key = chosen.given(self.linear)
+        key = chosen.given(self.linear, self.always)
         if key not in self._known:
             self._known.clear()
             self._known[key] = conditional(self.linear, key)

@@ -21,7 +21,8 @@ def found_with(model: str, shared_data: Path, folder: Path) -> CameraGap:
     drive = shared_data / "drives" / "kitti-20110930-0033"
     gaps, warnings = camera_gaps([drive], [], folder / "runs", file, [])
     assert warnings == []
-    assert gaps[0].gap_after < 0.2 * gaps[0].gap_before
+    # three signs are held out
+    assert gaps[0].gap_after < 0.5 * gaps[0].gap_before
     return gaps[0]
 
 
@@ -29,11 +30,8 @@ def found_with(model: str, shared_data: Path, folder: Path) -> CameraGap:
 def test_a_camera_that_is_not_where_the_manifest_says(
     shared_data: Path, tmp_path: Path, model: str
 ) -> None:
-    """Two nats decide between the lever arm and another focal length, once the camera's turn is
-    known: either is named, and the other beside it."""
+    """The lever arm is named and not another focal length, which explains the fitted signs as well:
+    the held-out ones decide."""
     gap = found_with(model, shared_data, tmp_path)
-    named = [f for f in gap.findings if f.effect == "camera_lever_arm"]
-    assert named or any("camera_lever_arm" in f.confusable_with for f in gap.findings)
-    for finding in named:
-        ahead = finding.parameters["x"]
-        assert abs(ahead.value - AHEAD_M) < 3.0 * ahead.sd < 1.0
+    ahead = next(f for f in gap.findings if f.effect == "camera_lever_arm").parameters["x"]
+    assert abs(ahead.value - AHEAD_M) < 3.0 * ahead.sd < 1.0

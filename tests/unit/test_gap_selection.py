@@ -11,6 +11,7 @@ import pytest
 
 from automap.gap import limits
 from automap.gap.candidates import Candidate
+from automap.gap.evidence import Given
 from automap.gap.linear import Linear
 from automap.gap.selection import Chosen, Selection, select, twins_of
 from automap.records import FloatArray
@@ -268,6 +269,6 @@ def test_a_choice_knows_its_names_parts_and_factors() -> None:
     assert chosen.scale_of("e3") == 5.0
     assert chosen.without("e3").names == ("e1",)
     assert selection.keys(chosen) == {("e3", ("p3",)), ("e1", ("p1",)), ("e3", ("p9",))}
-    given = chosen.given(selection.linear)
+    given = chosen.given(selection.linear, Given())
     assert given.columns == (3, 1, 9)
     assert given.prior_sd == pytest.approx((0.5, 0.5, 2.5))
