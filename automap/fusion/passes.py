@@ -29,7 +29,7 @@ from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.model import StateModel, build_state_model
 from automap.fusion.nodes import FixModel, Nodes, Shift, build_nodes, fix_speed
 from automap.fusion.options import FusionOptions
-from automap.fusion.problem import Problem, make_problem
+from automap.fusion.problem import Problem, make_problem, with_late_change
 from automap.fusion.rest_noise import least_levels
 from automap.fusion.sections import filter_and_smooth
 from automap.fusion.tuning import Tuned, tune_noise
@@ -42,7 +42,8 @@ class Session:
 
     ``means`` and ``sds`` are priors by parameter name, ``standstill`` intervals and ``span`` in
     s from the first sample, which was taken ``begin_s`` into the drive; ``bridged_s`` [n] how long
-    the stretch of readings is that was replaced at a sample, s.
+    the stretch of readings is that was replaced at a sample, s; ``late_change`` [n, 3] m/s^2 what
+    velocities change by when they are late, less the acceleration at their tag.
     """
 
     imu: ImuData
@@ -55,6 +56,7 @@ class Session:
     odometer: Odometer | None = None
     begin_s: float = 0.0
     bridged_s: FloatArray | None = None
+    late_change: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -113,7 +115,10 @@ def problem_of(session: Session) -> Problem:
         along = np.interp(t_imu, speed_t, speed)
     named = [*(t.extra or "" for t in model.terms), *model.signals]
     signals = session_signals(session) if any(asks_for_the_drive(name) for name in named) else None
-    return make_problem(session.imu, model, session.options, along, signals, session.bridged_s)
+    problem = make_problem(session.imu, model, session.options, along, signals, session.bridged_s)
+    if session.late_change is None:
+        return problem
+    return with_late_change(problem, session.late_change)
 
 
 def nodes_of(

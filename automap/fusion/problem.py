@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from automap.effects import Signals, extra_basis
+from automap.effects.term_sums import AXIS, SIGNAL_COLUMN, SIGNAL_ONE, TIME, Terms
 from automap.effects.terms import POSITION_ACCURACY
 from automap.effects.user import is_users, user_signal
 from automap.fusion.kernels import ModelArrays, Samples
@@ -78,6 +79,28 @@ def with_options(problem: Problem, options: FusionOptions | None = None) -> Prob
     options = options or problem.options
     step = float(np.median(np.diff(problem.t)))
     return replace(problem, options=options, arrays=_model_arrays(problem.model, options, step))
+
+
+def with_late_change(problem: Problem, change: FloatArray) -> Problem:
+    """The problem in which velocities that are late by a second more change by the acceleration at
+    their tag plus ``change`` [n, 3] m/s^2 NED at the samples: by that of the instant that they are
+    of, of a low-pass by what it lets through."""
+    model = problem.model
+    codes, weights = model.measured.velocity
+    late = (codes[:, 1] == TIME) & (codes[:, 3] == SIGNAL_ONE)
+    more = np.repeat(codes[late], 3, axis=0)
+    more[:, 1] = AXIS
+    more[:, 2] = np.tile(np.arange(3), int(late.sum()))
+    more[:, 3] = SIGNAL_COLUMN + len(model.signals) + more[:, 2]
+    terms = Terms(
+        np.concatenate([codes, more]), np.concatenate([weights, np.repeat(weights[late], 3)])
+    )
+    names = tuple(f"late_change_{axis}" for axis in "ned")
+    measured = model.measured._replace(velocity=terms)
+    model = replace(model, measured=measured, signals=(*model.signals, *names))
+    users = {**problem.users, **dict(zip(names, np.ascontiguousarray(change.T), strict=True))}
+    arrays = problem.arrays._replace(on_velocity=terms)
+    return replace(problem, model=model, arrays=arrays, users=users)
 
 
 def _for_linear_steps(readings: FloatArray, t: FloatArray, step: float) -> FloatArray:

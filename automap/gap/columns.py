@@ -201,7 +201,7 @@ def _beyond_first_order(kind: Kind, weight: float, motion: Motion, t: FloatArray
     """What a delay or a lag of ``REFERENCE_TAU_S`` makes of velocities [k, 3], per second of it."""
     tau = REFERENCE_TAU_S
     if kind == Kind.LAG:
-        seen = at_times(motion, lagged(motion, tau), t)
+        seen = at_times(motion, lagged(motion, motion.vel, tau), t)
     else:
         seen = at_times(motion, motion.vel, t + weight * tau)
     return (seen - at_times(motion, motion.vel, t)) / tau

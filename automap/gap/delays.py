@@ -83,8 +83,15 @@ def delays_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) 
     return Delays(late, skew, age, max(lag, 0.0), course, behind)
 
 
-def without_higher_orders(fixes: FixModel, last: Pass, motion: Motion, delays: Delays) -> FixModel:
-    """Fixes less what their ages do to them beyond the first order."""
+def linear_in_delays(
+    fixes: FixModel, last: Pass, motion: Motion, delays: Delays
+) -> tuple[FixModel, FloatArray | None]:
+    """Fixes less what their ages do to them beyond the first order about ``delays``, and what
+    velocities change by as they grow later, less the acceleration at their tag [n, 3] m/s^2.
+
+    A velocity that is late by a time constant or more changes by what happened then: the
+    acceleration at its tag may have the other sign, and would lead away from the right delay.
+    """
     found = last.totals()
     arm = np.array([found.get(f"gnss_lever_arm_{a}", 0.0) for a in "xyz"])
     # not the noise of single readings: on rough roads an arm would turn it into velocities
@@ -102,14 +109,19 @@ def without_higher_orders(fixes: FixModel, last: Pass, motion: Motion, delays: D
     values[:, 0] -= moved[:, 0] / north
     values[:, 1] -= moved[:, 1] / east
     values[:, 2] += moved[:, 2]
-    passed = lagged(antenna, delays.lag_s) if delays.lag_s > 0.0 else antenna.vel
+    passed = lagged(motion, antenna.vel, delays.lag_s) if delays.lag_s > 0.0 else antenna.vel
     told = t - late - delays.velocity_s
     seen = at_times(motion, passed, told)
     # metres a second of a clock that runs fast
     seen *= 1.0 - delays.skew
     old = (late + delays.velocity_s + delays.lag_s)[:, None]
-    acc = at_times(motion, _steady(last, motion) + inward, t)
+    changing = _steady(last, motion) + inward
+    acc = at_times(motion, changing, t)
     first_order = vel - old * acc
+    change = _late_change(motion, changing, delays)
+    if change is not None:
+        constant = delays.all_s + delays.velocity_s + delays.lag_s
+        first_order -= constant * at_times(motion, change, t)
     if delays.course_s != 0.0 or delays.course_m != 0.0:
         speed = np.maximum(np.hypot(seen[:, 0], seen[:, 1]), COURSE_SPEED)
         behind = delays.course_s + delays.course_m / speed
@@ -120,7 +132,21 @@ def without_higher_orders(fixes: FixModel, last: Pass, motion: Motion, delays: D
         first_order -= delays.course_s * turns
         first_order -= at_times(motion, np.einsum("nij,nj->ni", motion.dcm, place), t)
     values[:, 3:6] -= seen - first_order
-    return replace(fixes, values=values)
+    return replace(fixes, values=values), change
+
+
+def _late_change(motion: Motion, acc: FloatArray, delays: Delays) -> FloatArray | None:
+    """By how much the change of late velocities differs from the acceleration ``acc`` [n, 3]; None
+    where they are not late. A low-pass changes with its time constant by the acceleration passed
+    through it twice: y = v / (1 + s tau), dy / dtau = -s v / (1 + s tau)^2."""
+    late = delays.all_s + delays.velocity_s
+    if abs(late) < LEAST_S and delays.lag_s < LEAST_S:
+        return None
+    then = acc
+    for _ in range(2 if delays.lag_s > 0.0 else 0):
+        then = lagged(motion, then, delays.lag_s)
+    skewed = delays.skew * motion.t
+    return np.asarray(at_times(motion, then, motion.t - late - skewed) - acc)
 
 
 def _turned(vel: FloatArray, course_of: FloatArray) -> FloatArray:

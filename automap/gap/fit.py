@@ -12,7 +12,7 @@ from automap.fusion.kernel_runs import Start
 from automap.fusion.layout import N_NAV
 from automap.fusion.passes import Pass, Session, run_passes
 from automap.fusion.relinearise import relinearise
-from automap.gap.delays import Delays, delays_of, has_delays, without_higher_orders
+from automap.gap.delays import Delays, delays_of, has_delays, linear_in_delays
 from automap.gap.drive import OpenDrive
 from automap.gap.model import GapModel, parameter_names, session_with
 from automap.gap.motion import Motion, at_times, lagged, motion_of
@@ -121,8 +121,8 @@ def _repeat_passes(
     """The passes again about the path of ``last``, without what ``delays`` do to the fixes beyond
     the first order."""
     if delays != Delays():
-        fixes = without_higher_orders(session.fixes, last, motion_of(last), delays)
-        session = replace(session, fixes=fixes)
+        fixes, change = linear_in_delays(session.fixes, last, motion_of(last), delays)
+        session = replace(session, fixes=fixes, late_change=change)
     return relinearise(session, last, start)
 
 

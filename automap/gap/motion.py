@@ -60,10 +60,10 @@ def at_times(motion: Motion, signal: FloatArray, t: FloatArray) -> FloatArray:
     return np.asarray(out.reshape((len(t), *signal.shape[1:])))
 
 
-def lagged(motion: Motion, tau_s: float) -> FloatArray:
-    """The velocity [n, 3] after a first-order low-pass of time constant ``tau_s``."""
+def lagged(motion: Motion, signal: FloatArray, tau_s: float) -> FloatArray:
+    """A ``signal`` [n, 3] of the motion after a first-order low-pass of time constant ``tau_s``."""
     step = max(float(np.median(np.diff(motion.t))), 1e-4)
     grid = np.arange(motion.t[0], motion.t[-1] + step, step)
-    even = np.stack([np.interp(grid, motion.t, v) for v in motion.vel.T], axis=1)
+    even = np.stack([np.interp(grid, motion.t, v) for v in signal.T], axis=1)
     passed = low_pass(even, step, tau_s)
     return np.stack([np.interp(motion.t, grid, v) for v in passed.T], axis=1)

@@ -10,10 +10,10 @@ import pytest
 from automap.earth import metres_per_radian
 from automap.fusion.steady_rate import steady_rate
 from automap.gap import base_model
-from automap.gap.delays import Delays, _steady, _turned, without_higher_orders
+from automap.gap.delays import Delays, _steady, _turned, linear_in_delays
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, at_times, fit_drive, motion_of
-from automap.gap.motion import Motion
+from automap.gap.motion import Motion, lagged
 from automap.records import FloatArray
 from tests.unit.test_gap import simulated
 
@@ -53,7 +53,7 @@ def test_old_fixes_less_the_remainder_are_old_to_first_order(plain: Fit) -> None
     values[:, :3] = motion.pos[0] + old / [north, east, -1.0]
     aged = replace(fixes, **{f: getattr(fixes, f)[inner] for f in ("flags", "t", "row")})
     aged = replace(aged, values=values)
-    rest = without_higher_orders(aged, plain.last, motion, Delays(all_s=age))
+    rest, _ = linear_in_delays(aged, plain.last, motion, Delays(all_s=age))
     seen = (rest.values[:, :3] - motion.pos[0]) * [north, east, -1.0]
     expected = at_times(motion, antenna, t) - age * velocity
     assert np.abs(old - expected).max() > 0.03
@@ -65,9 +65,7 @@ def test_noise_of_single_turn_rates_does_not_age_velocities(plain: Fit) -> None:
     fixes = plain.opened.session.fixes
     noise = 0.1 * np.random.default_rng(1).standard_normal(motion.rate.shape)
     rough = replace(motion, rate=motion.rate + noise)
-    seen = [
-        without_higher_orders(fixes, plain.last, m, Delays(all_s=0.02)) for m in (motion, rough)
-    ]
+    seen = [linear_in_delays(fixes, plain.last, m, Delays(all_s=0.02))[0] for m in (motion, rough)]
     arm = np.array([plain.last.totals()[f"gnss_lever_arm_{a}"] for a in "xyz"])
     apart = np.std(seen[1].values[:, 3:6] - seen[0].values[:, 3:6])
     # two readings of that noise would part them by 0.14 rad/s times the arm
@@ -114,7 +112,7 @@ def test_metres_a_second_are_longer_on_a_clock_that_runs_fast(plain: Fit) -> Non
     values = fixes.values.copy()
     values[:, 3:6] = np.stack([np.interp(tag, own, axis) for axis in told.T], axis=1)
     late = replace(fixes, values=values)
-    rest = without_higher_orders(late, plain.last, motion, Delays(skew=-skew))
+    rest, _ = linear_in_delays(late, plain.last, motion, Delays(skew=-skew))
     vel = at_times(motion, antenna, tag)
     acc = at_times(motion, _steady(plain.last, motion) + inward, tag)
     off = np.abs(rest.values[:, 3:6] - vel - (skew * tag)[:, None] * acc)
@@ -144,7 +142,7 @@ def test_late_courses_less_the_remainder_are_late_to_first_order(plain: Fit) -> 
     moving = (np.minimum(*speeds) > 4.0) & (t > motion.t[0] + 1.0) & (t < motion.t[-1] - 1.0)
     values = fixes.values.copy()
     values[:, 3:6] = turned_back(vel, before)
-    rest = without_higher_orders(
+    rest, _ = linear_in_delays(
         replace(fixes, values=values), plain.last, motion, Delays(course_s=late)
     )
     # what the filter multiplies the delay with: of the acceleration that part which turns
@@ -177,7 +175,7 @@ def test_courses_of_a_place_behind_less_the_remainder_are_those_of_an_arm(plain:
     moving &= t < motion.t[-1] - 1.0
     values = fixes.values.copy()
     values[:, 3:6] = turned_back(vel, before)
-    rest = without_higher_orders(
+    rest, _ = linear_in_delays(
         replace(fixes, values=values), plain.last, motion, Delays(course_m=behind)
     )
     # a point so far behind the antenna swings by the turn rate times the distance
@@ -206,3 +204,29 @@ def test_delays_are_close_where_no_age_moved(field: str) -> None:
     for change, close in ((1e-6, True), (1e-4, False)):
         there = replace(here, **{field: getattr(here, field) + size * change})
         assert here.close_to(there, 100.0) is close
+
+
+@pytest.mark.parametrize("late", [Delays(velocity_s=0.8), Delays(lag_s=0.8), Delays(all_s=0.5)])
+def test_late_velocities_change_by_what_happened_then(plain: Fit, late: Delays) -> None:
+    """What the filter multiplies a further delay with, against two delays in place of one."""
+    step = 0.02
+    motion = motion_of(plain.last)
+    arm = np.array([plain.last.totals()[f"gnss_lever_arm_{a}"] for a in "xyz"])
+    antenna, inward = moving_antenna(motion, arm)
+    changing = _steady(plain.last, motion) + inward
+    _, change = linear_in_delays(plain.opened.session.fixes, plain.last, motion, late)
+    assert change is not None
+
+    def told(more: float) -> FloatArray:
+        tau = late.lag_s + more if late.lag_s > 0.0 else 0.0
+        passed = lagged(motion, antenna, tau) if tau > 0.0 else antenna
+        age = late.all_s + late.velocity_s + (0.0 if late.lag_s > 0.0 else more)
+        return at_times(motion, passed, motion.t - age)
+
+    numeric = -(told(step) - told(-step)) / (2.0 * step)
+    inner = (motion.t > 3.0) & (motion.t < motion.t[-1] - 3.0)
+    told_then, at_tag = changing[inner] + change[inner], changing[inner]
+    # a smoothed path and the forces behind it are not one and the same to the last bit
+    off = [float(np.std(a - numeric[inner])) for a in (told_then, at_tag)]
+    assert off[0] < 0.2 * np.std(numeric[inner])
+    assert off[0] < 0.5 * off[1]
