@@ -200,14 +200,14 @@ class MapDrive:
 
     def _path(self, start_ns: int) -> dict[str, Any] | None:
         from automap.export.path import simplified_path
-        from pipeline.view.payload import mercator
+        from automap.io.web_tiles import to_world
 
         if self.trajectory is None:
             return None
         path = simplified_path(self.trajectory, tolerance_m=0.15)
         if len(path) < 2:
             return None
-        x, y = mercator(path.lon_deg, path.lat_deg)
+        x, y = to_world(path.lon_deg, path.lat_deg)
         return {
             "t": np.round((path.t_ns - start_ns) * 1e-9, 3).tolist(),
             "x": np.round(x, 12).tolist(),
