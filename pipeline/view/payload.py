@@ -61,6 +61,7 @@ def sign_payload(signs: SignTable) -> bytes:
             "class": signs.class_index.astype(np.uint32),
             "status": signs.status_index.astype(np.uint32),
             "confidence": signs.confidence.astype(small),
+            "existence": signs.existence.astype(small),
             "facing": signs.facing_deg.astype(small),
             "major": (scale * major).astype(small),
             "minor": (scale * minor).astype(small),

@@ -188,3 +188,110 @@ def test_a_damaged_tile_leaves_a_hole_and_no_more(tmp_path: Path) -> None:
     assert 0.3 < solid.mean() < 0.9
     off = image[..., :3].astype(int) - made.colour(lon, lat)
     assert np.median(np.abs(off[solid])) <= 1
+
+
+# --- in the report and on the command line
+
+
+def test_the_report_has_the_part_below_its_map(tmp_path: Path) -> None:
+    import base64
+    import json
+
+    from export_inputs import write_run
+
+    from pipeline.report.background import MOST_BYTES
+    from pipeline.report.render import report_html
+    from pipeline.shared.products import load_products
+
+    out = write_run(tmp_path / "out")
+    background = open_background(made.write_mbtiles(tmp_path / "city.mbtiles"))
+    page = report_html(load_products(out), "demo", {}, background)
+    data = json.loads(page.split('id="map-data">')[1].split("</script>")[0])
+    below = data["background"]
+    assert below["opaque"]
+    assert "city.mbtiles" in below["text"]
+    content = base64.b64decode(below["src"].partition(",")[2])
+    assert len(content) <= MOST_BYTES
+    image = decoded(content)
+    assert image is not None
+    # a sign's place in metres of the map has the colour of its longitude and latitude
+    west, south, east, north = below["box"]
+    for (x, y), (lon, lat) in zip(data["signs"]["xy"], data["signs"]["lonlat"], strict=True):
+        column = int((x - west) / (east - west) * image.shape[1])
+        row = int((north - y) / (north - south) * image.shape[0])
+        off = image[row, column, :3].astype(int) - made.colour(lon, lat)
+        assert np.abs(off).max() <= 8
+    bare = report_html(load_products(out), "demo", {})
+    assert '"background":null' in bare
+    elsewhere = open_background(made.write_geotiff(tmp_path / "far.tif", east=90_000.0))
+    page = report_html(load_products(out), "demo", {}, elsewhere)
+    assert "far.tif shows nothing of the map" in page
+
+
+def test_lines_below_the_report_leave_the_rest_clear(tmp_path: Path) -> None:
+    from export_inputs import write_run
+
+    from pipeline.export.content import map_content
+    from pipeline.report.map_data import map_data
+    from pipeline.shared.products import load_products
+
+    out = write_run(tmp_path / "out")
+    background = open_background(made.write_roads(tmp_path / "roads.geojson"))
+    signs = map_content(out, "demo").signs
+    data = map_data(load_products(out), signs, (), background)
+    assert data is not None
+    assert data["background"]["src"].startswith("data:image/png")
+    assert not data["background"]["opaque"]
+
+
+def test_a_background_that_cannot_be_shown_ends_the_viewer_with_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from export_inputs import write_run
+
+    from pipeline.cli.root import run_command
+
+    out = str(write_run(tmp_path / "out"))
+    far = made.write_geotiff(tmp_path / "far.tif", east=40_000.0)
+    bare = made.write_geotiff(tmp_path / "bare.tif", None)
+    for file, code in ((tmp_path / "none.tif", 2), (bare, 3), (far, 3)):
+        assert run_command(["view", out, "--no-browser", "--background", str(file)]) == code
+        told = capsys.readouterr().err
+        assert file.name in told
+        assert "Traceback" not in told
+
+
+def test_a_drives_own_background_is_shown_or_told_of(tmp_path: Path) -> None:
+    import json
+
+    from export_inputs import write_run
+    from fake_stages import make_drive
+
+    from automap.io import names
+    from pipeline.view.command import serving
+
+    drive = make_drive(tmp_path / "drive")
+    out = write_run(drive / "_automap")
+    record = json.loads((out / names.RUN).read_text())
+    record["drive"] = {"name": "demo", "path": str(drive)}
+    (out / names.RUN).write_text(json.dumps(record))
+    made.write_geotiff(drive / "air.tif")
+    made.write_geotiff(tmp_path / "outside.tif")
+    made.write_geotiff(drive / "far.tif", east=40_000.0)
+
+    def shown(stated: str) -> tuple[str | None, list[str]]:
+        text = f'schema = "automap.drive/1"\n[site]\nbackground = "{stated}"\n'
+        (drive / names.MANIFEST).write_text(text)
+        with serving(out) as server:
+            below = server.shown.background
+            return None if below is None else below.name, server.shown.problems
+
+    assert shown("air.tif") == ("air.tif", [])
+    for stated, told in (
+        ("../outside.tif", "--allow-outside"),
+        ("far.tif", "the map lies at"),
+        ("none.tif", "no such file"),
+    ):
+        name, problems = shown(stated)
+        assert name is None
+        assert told in problems[0]
