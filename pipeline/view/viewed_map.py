@@ -66,7 +66,7 @@ class ViewedMap:
         classes = load_classes()
         known = sorted({*load_vocabulary().classes, *self.table.classes, *classes} - {""})
         codes = {
-            name: " ".join(f"{place} {code}" for place, code in sorted(entry.codes.items()))
+            name: ", ".join(f"{place} {code}" for place, code in sorted(entry.codes.items()))
             for name, entry in classes.items()
         }
         below = self.background
