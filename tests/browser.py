@@ -6,6 +6,7 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -29,6 +30,14 @@ def chromium_path() -> str | None:
     """The installed Chromium, None where there is none."""
     found = os.environ.get("AUTOMAP_CHROMIUM")
     return found or shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+def axe_path() -> str | None:
+    """The script of axe-core (npm's package), None where there is none."""
+    named = os.environ.get("AUTOMAP_AXE")
+    places = [named] if named else ["/usr/share/javascript/axe-core/axe.min.js"]
+    places.append(str(Path(__file__).parents[1] / "node_modules" / "axe-core" / "axe.min.js"))
+    return next((place for place in places if Path(place).is_file()), None)
 
 
 @contextmanager

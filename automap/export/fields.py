@@ -50,6 +50,8 @@ SIGN_FIELDS: tuple[Field, ...] = (
     Field("drives", "list", "", "drives that saw the sign"),
     Field("status", "text", "", "ok, or what weakens the position, or what a reviewer decided"),
     Field("note", "text", "", "what a reviewer wrote"),
+    Field("reviewer", "text", "", "who decided about the sign last"),
+    Field("reviewed", "text", "UTC", "when that was"),
 )
 
 STAMP_FIELDS: tuple[Field, ...] = (

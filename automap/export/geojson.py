@@ -199,6 +199,8 @@ def _sign(feature: dict[str, Any], number: int, to_ns: Callable[[Any], int]) -> 
         support=str(properties.get("support") or ""),
         status=str(properties.get("status") or "ok"),
         note=str(properties.get("note") or ""),
+        reviewer=str(properties.get("reviewer") or ""),
+        reviewed=str(properties.get("reviewed") or ""),
         drives=(drives,) if isinstance(drives, str) else tuple(str(name) for name in drives),
     )
 

@@ -31,6 +31,19 @@ _SHAPES = (
     (r"", "square", (245, 245, 245), (90, 90, 90), (25, 25, 25)),
 )  # fmt: skip
 
+_FILLS = {
+    # the first word of a group: fill, border (BGR), ink; the red is that of the rim
+    "red": ((245, 245, 245), (28, 18, 193), (25, 25, 25)),
+    "blue": ((161, 92, 3), (245, 245, 245), (245, 245, 245)),
+    "yellow": ((0, 209, 255), (25, 25, 25), (25, 25, 25)),
+    "white": ((245, 245, 245), (25, 25, 25), (25, 25, 25)),
+    "black": ((25, 25, 25), (245, 245, 245), (245, 245, 245)),
+    "other": ((245, 245, 245), (90, 90, 90), (25, 25, 25)),
+}
+
+Face = tuple[str, tuple[int, int, int], tuple[int, int, int], tuple[int, int, int]]
+"""Outline, colours of fill and border (BGR), ink."""
+
 
 def sign_words(class_name: str) -> str:
     """A class name as people say it: ``regulatory--stop--g1`` is "stop"."""
@@ -64,13 +77,25 @@ def icon_text(class_name: str) -> str:
     return "".join(initials)[:3].upper()
 
 
+def _face_of(name: str) -> Face:
+    """The look of a class: of its group where the table has it, else what its name speaks of."""
+    from automap.signs.national import class_entry
+
+    entry = class_entry(name)
+    if entry is None:
+        _, shape, fill, border, ink = next(row for row in _SHAPES if re.search(row[0], name))
+        return shape, fill, border, ink
+    colour, _, outline = entry.group.partition("-")
+    return (outline or "square", *_FILLS.get(colour, _FILLS["other"]))
+
+
 def _drawn(class_name: str, px: int) -> Any:
     import cv2
 
     from automap.signs.outlines import outline_points
 
     name = class_name.lower()
-    _, shape, fill, border, ink = next(row for row in _SHAPES if re.search(row[0], name))
+    shape, fill, border, ink = _face_of(name)
     n = 4 * px
     corners = outline_points(shape)
     centre = corners.mean(axis=0)
@@ -80,7 +105,19 @@ def _drawn(class_name: str, px: int) -> Any:
         points = np.rint(((corners - centre) * share + centre) * (n - 1)).astype(np.int32)
         cv2.fillPoly(canvas, [points], (*colour, 255), cv2.LINE_AA)
     text = icon_text(class_name)
-    if text:
+    if "two-way" in name:
+        reach = 0.14 if shape.startswith("triangle") else 0.2
+        for x, (tail, tip) in (
+            (0.41, (0.5 - reach, 0.5 + reach)),
+            (0.59, (0.5 + reach, 0.5 - reach)),
+        ):
+            start, end = (
+                (int((x + centre[0] - 0.5) * n), int((y + centre[1] - 0.5) * n))
+                for y in (tail, tip)
+            )
+            width = n // 20
+            cv2.arrowedLine(canvas, start, end, (*ink, 255), width, cv2.LINE_AA, tipLength=0.35)
+    elif text:
         font, thickness = cv2.FONT_HERSHEY_SIMPLEX, max(1, n // 28)
         (width, height), _ = cv2.getTextSize(text, font, 1.0, thickness)
         room = 0.34 if shape.startswith("triangle") else 0.5

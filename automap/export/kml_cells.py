@@ -45,6 +45,8 @@ BALLOON_FIELDS = (
     "drives",
     "status",
     "note",
+    "reviewer",
+    "reviewed",
 )
 """What the balloon shows of a sign, in this order; the typed data hold every field."""
 

@@ -54,7 +54,7 @@ def sign_tags(columns: SignColumns, row: int, country: str | None = None) -> dic
     if values["note"][row]:
         tags["note"] = values["note"][row]
     # what a person has looked at needs no second look
-    if values["status"][row] not in ("accepted", "corrected"):
+    if values["status"][row] not in ("accepted", "corrected", "added"):
         tags["fixme"] = _review(columns, row)
     return tags
 

@@ -88,6 +88,8 @@ def sign_columns(
         "drives": [list(sign.drives) for sign in signs],
         "status": [sign.status for sign in signs],
         "note": [sign.note or None for sign in signs],
+        "reviewer": [sign.reviewer or None for sign in signs],
+        "reviewed": [sign.reviewed or None for sign in signs],
         "first_seen_t_ns": _known(first),
         "last_seen_t_ns": _known(last),
     }

@@ -191,11 +191,13 @@ class VideoSection(Section):
 
 
 class SiteSection(Section):
-    """``[site]``. ``country`` is the ISO 3166 code of two letters, ``roads`` a file of lines."""
+    """``[site]``. ``country`` is the ISO 3166 code of two letters, ``roads`` a file of lines,
+    ``background`` one of pictures, tiles or lines to lay below the map."""
 
     country: Annotated[str, Field(pattern="^[A-Za-z]{2}$")] | None = None
     traffic_side: Literal["left", "right"] | None = None
     roads: str | None = None
+    background: str | None = None
 
 
 class VehicleSection(Section):

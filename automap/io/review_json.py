@@ -11,20 +11,32 @@ import os
 import typing
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
 from automap.errors import InputError
 from automap.io.atomic import write_failure, write_json
 from automap.io.json_text import parse_json
-from automap.records import ReviewAction, ReviewKind
+from automap.records import NO_TIME, PlacedSign, ReviewAction, ReviewKind, SeenIn
 
-SCHEMA = "automap.review/1"
+SCHEMA = "automap.review/2"
+"""The second has signs that are added, split and merged, facings, heights and reviewers."""
+_READ = ("automap.review/1", SCHEMA)
 _LOCK = ".review.lock"
 _KINDS = typing.get_args(ReviewKind)
-_NUMBERS = ("seen_lon_deg", "seen_lat_deg", "lon_deg", "lat_deg", "sd_m")
-_TEXTS = ("id", "time", "sign", "seen_class", "class_name", "note", "undoes")
+_NUMBERS = (
+    *("seen_lon_deg", "seen_lat_deg", "lon_deg", "lat_deg", "sd_m", "facing_deg"),
+    *("height_above_road_m", "other_seen_lon_deg", "other_seen_lat_deg"),
+)
+_TEXTS = (
+    *("id", "time", "sign", "seen_class", "class_name", "note", "undoes", "reviewer", "other"),
+    "other_seen_class",
+)
+_MOST_VIEWS = 100_000
+"""Of one action: an hour of a camera in view of one sign."""
+_LONGEST = 200
+"""Characters of a reviewer's name: longer ones are no names."""
 
 
 def read_review(path: Path) -> list[ReviewAction]:
@@ -42,7 +54,7 @@ def read_review(path: Path) -> list[ReviewAction]:
             "without it."
         ) from error
     actions = content.get("actions") if isinstance(content, dict) else None
-    if not isinstance(actions, list) or content.get("schema") != SCHEMA:
+    if not isinstance(actions, list) or content.get("schema") not in _READ:
         raise InputError(f"{path} is no review ({SCHEMA}); move it away to go on without it.")
     read = []
     for number, value in enumerate(actions, start=1):
@@ -63,7 +75,7 @@ def append_action(path: Path, action: ReviewAction) -> int:
     """
     with _locked(path.with_name(_LOCK)):
         actions = [*read_review(path), action]
-        write_json(path, {"schema": SCHEMA, "actions": [_plain(a) for a in actions]})
+        write_json(path, {"schema": SCHEMA, "actions": [plain_action(a) for a in actions]})
     return len(actions)
 
 
@@ -76,13 +88,13 @@ def action_of(value: Any) -> ReviewAction:
         raise ValueError(f"it has an unknown key {unknown[0]!r}")
     if value.get("kind") not in _KINDS:
         raise ValueError(f"its kind is none of {', '.join(_KINDS)}")
-    fields: dict[str, Any] = {"kind": value["kind"]}
+    found: dict[str, Any] = {"kind": value["kind"]}
     for name in _TEXTS:
         text = value.get(name)
         if text is not None and not isinstance(text, str):
             raise ValueError(f"its {name} is no text")
         if text is not None:
-            fields[name] = text
+            found[name] = text
     for name in _NUMBERS:
         number = value.get(name)
         if number is None:
@@ -91,25 +103,134 @@ def action_of(value: Any) -> ReviewAction:
             raise ValueError(f"its {name} is no number")
         if not math.isfinite(number):
             raise ValueError(f"its {name} is not finite")
-        fields[name] = float(number)
+        found[name] = float(number)
     for name in ("id", "time", "sign"):
-        if not fields.get(name):
+        if not found.get(name):
             raise ValueError(f"it has no {name}")
-    for name, limit in (("lon_deg", 180.0), ("lat_deg", 90.0)):
-        if abs(fields.get(name, 0.0)) > limit:
+    found |= _nested(value)
+    _check(found)
+    return ReviewAction(**found)
+
+
+def _check(found: dict[str, Any]) -> None:
+    """ValueError where values are out of their range, or an action lacks what makes it one."""
+    for name, limit in (("lon_deg", 180.0), ("lat_deg", 90.0), ("facing_deg", 360.0)):
+        if abs(found.get(name, 0.0)) > limit:
             raise ValueError(f"its {name} is beyond {limit:.0f} degrees")
-    if not 0.0 <= fields.get("sd_m", 0.0) <= 1000.0:
+    if not 0.0 <= found.get("sd_m", 0.0) <= 1000.0:
         raise ValueError("its sd_m is not between 0 and 1000 m")
-    return ReviewAction(**fields)
+    if not -20.0 <= found.get("height_above_road_m", 0.0) <= 50.0:
+        raise ValueError("its height_above_road_m is not between -20 and 50 m")
+    if len(found.get("reviewer", "")) > _LONGEST:
+        raise ValueError(f"its reviewer has more than {_LONGEST} characters")
+    needed = {"add": ("class_name", "place"), "split": ("other", "place", "other_place", "views"),
+              "merge": ("other", "place")}.get(found["kind"], ())  # fmt: skip
+    for name in needed:
+        if not found.get(name):
+            raise ValueError(f"it has no {name}")
+    if needed and found.get("other") == found["sign"]:
+        raise ValueError("its sign and the other are one")
 
 
-def _plain(action: ReviewAction) -> dict[str, Any]:
-    values = asdict(action)
-    return {
-        name: value
-        for name, value in values.items()
-        if value is not None and not (isinstance(value, float) and math.isnan(value))
-    }
+def _nested(value: dict[str, Any]) -> dict[str, Any]:
+    """What of an action is no text and no number."""
+    found: dict[str, Any] = {}
+    if (settles := value.get("settles")) is not None:
+        if not isinstance(settles, bool):
+            raise ValueError("its settles is neither true nor false")
+        found["settles"] = settles
+    for name in ("place", "other_place"):
+        if value.get(name) is not None:
+            found[name] = _place_of(value[name], name)
+    views = value.get("views")
+    if views is not None:
+        if not isinstance(views, list) or len(views) > _MOST_VIEWS:
+            raise ValueError("its views are no list, or far too many")
+        found["views"] = tuple(seen_in(view) for view in views)
+    return found
+
+
+def seen_in(value: Any) -> SeenIn:
+    """A view from [drive, camera, frame] or that with x and y in pixels; ValueError else."""
+    if not isinstance(value, list) or len(value) not in (3, 5):
+        raise ValueError("a view is no list of drive, camera, frame, and x and y perhaps")
+    drive, camera, frame, *at = value
+    if not (isinstance(drive, str) and isinstance(camera, str) and _is_whole(frame)):
+        raise ValueError("a view does not name drive, camera and frame")
+    if not all(_is_number(v) for v in at):
+        raise ValueError("where a view was clicked is no number")
+    return SeenIn(drive, camera, frame, *(float(v) for v in at))
+
+
+def _place_of(value: Any, name: str) -> PlacedSign:
+    if not isinstance(value, dict):
+        raise ValueError(f"its {name} is no object")
+    known = {field.name: field for field in fields(PlacedSign)}
+    found: dict[str, Any] = {}
+    for key, part in value.items():
+        if key not in known:
+            raise ValueError(f"its {name} has an unknown key {key!r}")
+        if key == "cov_m2":
+            told = isinstance(part, list) and len(part) == 4
+            if not told or not all(v is None or _is_number(v) for v in part):
+                raise ValueError(f"its {name} has no four numbers cov_m2")
+            found[key] = tuple(math.nan if v is None else float(v) for v in part)
+        elif key == "side":
+            if not isinstance(part, str):
+                raise ValueError(f"its {name} has a side that is no text")
+            found[key] = part
+        elif key in ("n_views", "first_seen_ns", "last_seen_ns"):
+            if not _is_whole(part):
+                raise ValueError(f"its {name} has no whole number {key}")
+            found[key] = part
+        elif not _is_number(part):
+            raise ValueError(f"its {name} has no number {key}")
+        else:
+            found[key] = float(part)
+    for key, limit in (("lon_deg", 180.0), ("lat_deg", 90.0)):
+        if abs(found.get(key, math.inf)) > limit:
+            raise ValueError(f"its {name} has no {key} within {limit:.0f} degrees")
+    if "cov_m2" not in found:
+        raise ValueError(f"its {name} has no cov_m2")
+    return PlacedSign(**found)
+
+
+def _is_number(value: Any) -> bool:
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    return plain and math.isfinite(value)
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63
+
+
+def plain_action(action: ReviewAction) -> dict[str, Any]:
+    """The action as JSON's types, without what it does not say."""
+    values = _told(asdict(replace(action, place=None, other_place=None, views=())))
+    for name, place in (("place", action.place), ("other_place", action.other_place)):
+        if place is not None:
+            told = _told(asdict(place))
+            told["cov_m2"] = [None if math.isnan(v) else v for v in place.cov_m2]
+            values[name] = told
+    if action.views:
+        values["views"] = [
+            [v.drive, v.camera, v.frame, *([] if math.isnan(v.x_px) else [v.x_px, v.y_px])]
+            for v in action.views
+        ]
+    return values
+
+
+def _told(values: dict[str, Any]) -> dict[str, Any]:
+    """What is said of anything: a zero is a value."""
+    return {name: value for name, value in values.items() if not _is_unsaid(name, value)}
+
+
+def _is_unsaid(name: str, value: Any) -> bool:
+    if value is None or value is False or value == ():
+        return True
+    if isinstance(value, str):
+        return not value and name not in ("note", "class_name", "undoes")
+    return value == NO_TIME or (isinstance(value, float) and math.isnan(value))
 
 
 @contextmanager

@@ -59,6 +59,8 @@ def write_signs(path: Path, signs: Sequence[Sign]) -> None:
         "existence": pa.array([s.existence for s in signs], real),
         "geoid_m": pa.array([s.geoid_m for s in signs], real),
         "note": pa.array([s.note for s in signs], text),
+        "reviewer": pa.array([s.reviewer for s in signs], text),
+        "reviewed": pa.array([s.reviewed for s in signs], text),
         "support": pa.array([s.support for s in signs], text),
         "detection_rows": pa.array(
             [np.asarray(s.detection_rows, np.int64).tolist() for s in signs], pa.list_(whole)
@@ -117,5 +119,7 @@ def _sign(row: dict[str, Any]) -> Sign:
         existence=row.get("existence", float("nan")),
         geoid_m=row.get("geoid_m", float("nan")),
         note=row.get("note") or "",
+        reviewer=row.get("reviewer") or "",
+        reviewed=row.get("reviewed") or "",
         detection_rows=np.array(row["detection_rows"], np.int64),
     )

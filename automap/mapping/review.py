@@ -1,103 +1,63 @@
-"""What a person decided about signs, and the signs as they are after it.
-
-A review is a list of actions that only grows. Each names the sign that it concerns and keeps
-what the reviewer saw (class and position), so that it still finds its sign when a new run has
-numbered the signs anew or moved them a little.
-"""
+"""Signs as they are after a review, and which of its verdicts is about which sign."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
 from automap.mapping import limits
-from automap.records import FloatArray, ReviewAction, Sign
+from automap.mapping.review_state import Verdict, standing, verdicts
+from automap.records import FloatArray, PlacedSign, ReviewAction, Sign
 
-Status = Literal["", "accepted", "rejected", "corrected"]
+__all__ = ["Renamed", "Reviewed", "Verdict", "apply_review", "match", "standing", "verdicts"]
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """What all actions on one sign come to; None leaves the value as it is."""
+class Renamed:
+    """Views that a review gives to other signs: ``single`` by sign, camera and frame (and drive),
+    ``whole`` all of a sign's that was merged."""
 
-    sign: str
-    status: Status
-    seen_class: str
-    seen_lon_deg: float
-    seen_lat_deg: float
-    class_name: str | None = None
-    lon_deg: float | None = None
-    lat_deg: float | None = None
-    sd_m: float | None = None
-    note: str = ""
+    single: dict[tuple[str, str, int], list[tuple[str, str]]] = field(default_factory=dict)
+    whole: dict[str, str] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return bool(self.single or self.whole)
+
+    def name_of(self, sign: str, camera: str, frame: int, drive: str = "") -> str:
+        """What the sign of a view is called after the review; ``drive`` "" is any."""
+        for of_drive, name in self.single.get((sign, camera, frame), ()):
+            if not drive or not of_drive or drive == of_drive:
+                sign = name
+        seen = {sign}
+        while (into := self.whole.get(sign)) is not None and into not in seen:
+            seen.add(into)
+            sign = into
+        return sign
 
 
 @dataclass(frozen=True)
 class Reviewed:
-    """Signs after a review: those for the map, those rejected, and sentences about the rest."""
+    """Signs after a review: those for the map, those rejected, sentences about the rest, and what
+    became of views."""
 
     signs: list[Sign]
     rejected: list[Sign]
     problems: list[str] = field(default_factory=list)
-
-
-def verdicts(actions: Iterable[ReviewAction]) -> dict[str, Verdict]:
-    """The state of every sign that was reviewed, by its id, in the order of first review."""
-    by_sign: dict[str, list[ReviewAction]] = {}
-    for action in standing(actions):
-        kept = by_sign.setdefault(action.sign, [])
-        if action.kind == "reset":
-            kept.clear()
-        else:
-            kept.append(action)
-    return {sign: _verdict(sign, kept) for sign, kept in by_sign.items() if kept}
-
-
-def standing(actions: Iterable[ReviewAction]) -> list[ReviewAction]:
-    """The actions that were not taken back, in their order, without the undoing ones."""
-    listed = list(actions)
-    undone: set[str] = set()
-    # an undo may itself be undone, so the last word is heard first
-    for action in reversed(listed):
-        if action.kind == "undo" and action.undoes and action.id not in undone:
-            undone.add(action.undoes)
-    return [a for a in listed if a.kind != "undo" and a.id not in undone]
-
-
-def _verdict(sign: str, actions: list[ReviewAction]) -> Verdict:
-    seen = actions[0]
-    verdict = Verdict(sign, "", seen.seen_class, seen.seen_lon_deg, seen.seen_lat_deg)
-    corrected = False
-    for action in actions:
-        if action.class_name is not None:
-            verdict = replace(verdict, class_name=action.class_name)
-            corrected = True
-        if action.lon_deg is not None and action.lat_deg is not None:
-            verdict = replace(
-                verdict, lon_deg=action.lon_deg, lat_deg=action.lat_deg, sd_m=action.sd_m
-            )
-            corrected = True
-        if action.note is not None:
-            verdict = replace(verdict, note=action.note)
-        if action.kind == "reject":
-            verdict = replace(verdict, status="rejected")
-        elif action.kind in ("accept", "correct"):
-            verdict = replace(verdict, status="corrected" if corrected else "accepted")
-    return verdict
+    renamed: Renamed = field(default_factory=Renamed)
 
 
 def apply_review(signs: Sequence[Sign], actions: Iterable[ReviewAction]) -> Reviewed:
-    """Signs with the review applied, in their order.
+    """Signs with the review applied, in their order, those that it made at the end.
 
-    An accepted or corrected sign says so in ``status``; a rejected one is left out and listed
-    apart; notes go with their signs. A position set by hand has the reviewer's uncertainty in
-    place of the computed one. A verdict whose sign is not there any more becomes a sentence and
-    changes nothing.
+    A sign that was decided about says so in ``status``, with who decided and when; a rejected one
+    is left out and listed apart, one that was merged into another is gone; notes go with their
+    signs. A position set by hand has the reviewer's uncertainty in place of the computed one. A
+    verdict whose sign is not there any more becomes a sentence and changes nothing.
     """
-    decided = list(verdicts(actions).values())
+    state = verdicts(actions)
+    decided = [verdict for verdict in state.values() if not verdict.created]
     rows = match(
         decided,
         [sign.id for sign in signs],
@@ -105,14 +65,27 @@ def apply_review(signs: Sequence[Sign], actions: Iterable[ReviewAction]) -> Revi
         np.degrees([sign.lon_rad for sign in signs]),
         np.degrees([sign.lat_rad for sign in signs]),
     )
-    changed: dict[int, Sign] = {}
-    lost = []
-    for verdict, row in zip(decided, rows, strict=True):
-        if row is not None:
-            changed[row] = _changed(signs[row], verdict)
-        elif verdict.status:
-            lost.append(verdict.sign)
-    after = [changed.get(row, sign) for row, sign in enumerate(signs)]
+    row_of = {v.sign: row for v, row in zip(decided, rows, strict=True) if row is not None}
+    lost = [v.sign for v in decided if v.status and v.sign not in row_of]
+    after = list(signs)
+    for name, row in row_of.items():
+        after[row] = _changed(signs[row], state[name])
+    for verdict in state.values():
+        origin = signs[row_of[verdict.origin]] if verdict.origin in row_of else None
+        if verdict.created and (sign := created_sign(verdict, origin)) is not None:
+            after.append(sign)
+    called = {v.sign: v.sign for v in state.values() if v.created}
+    called |= {name: signs[row].id for name, row in row_of.items()}
+    after = _joined(after, state, called)
+    return Reviewed(
+        signs=[sign for sign in after if sign.status not in ("rejected", "merged")],
+        rejected=[sign for sign in after if sign.status == "rejected"],
+        problems=_problems(lost, state),
+        renamed=renamed_views(state, called),
+    )
+
+
+def _problems(lost: list[str], state: dict[str, Verdict]) -> list[str]:
     problems = []
     if lost:
         named = ", ".join(lost[:5]) + (" and more" if len(lost) > 5 else "")
@@ -120,17 +93,85 @@ def apply_review(signs: Sequence[Sign], actions: Iterable[ReviewAction]) -> Revi
             f"The review decided about {len(lost)} sign{'s' if len(lost) > 1 else ''} that the "
             f"map no longer has ({named}); the decisions stay in the review and change nothing."
         )
-    return Reviewed(
-        signs=[sign for sign in after if sign.status != "rejected"],
-        rejected=[sign for sign in after if sign.status == "rejected"],
-        problems=problems,
+    disputed = [v for v in state.values() if v.disputed]
+    if disputed:
+        first = disputed[0]
+        others = ", ".join(first.disputed)
+        problems.append(
+            f"Reviewers disagree about {len(disputed)} sign{'s' if len(disputed) > 1 else ''}, as "
+            f"about {first.sign} ({first.reviewer} against {others}); the last word stands. "
+            "automap view lists them as disputed."
+        )
+    return problems
+
+
+def created_sign(verdict: Verdict, origin: Sign | None = None) -> Sign | None:
+    """A sign that the review made, as it decided about it since; None where it has no place. Out
+    of ``origin`` it keeps what its boxes were worth."""
+    place = verdict.place
+    if place is None:
+        return None
+    nan = float("nan")
+    drives = tuple(sorted({view.drive for view in verdict.views if view.drive}))
+    sign = Sign(
+        id=verdict.sign,
+        class_name=verdict.seen_class,
+        lat_rad=nan,
+        lon_rad=nan,
+        height_m=nan,
+        cov_enu=np.full((3, 3), nan),
+        confidence=nan if origin is None else origin.confidence,
+        n_views=place.n_views,
+        first_seen_ns=place.first_seen_ns,
+        last_seen_ns=place.last_seen_ns,
+        height_above_road_m=nan,
+        facing_rad=nan,
+        size_m=nan,
+        side=place.side,
+        drives=drives or (() if origin is None else origin.drives),
+        existence=nan if origin is None else origin.existence,
     )
+    return _changed(sign, verdict)
+
+
+def _joined(signs: list[Sign], state: dict[str, Verdict], called: dict[str, str]) -> list[Sign]:
+    """Signs with the drives of those that were merged into them."""
+    more: dict[str, set[str]] = {}
+    own = {sign.id: sign for sign in signs}
+    for verdict in state.values():
+        gone, into = own.get(called.get(verdict.sign, "")), called.get(verdict.into, "")
+        if verdict.status == "merged" and gone is not None:
+            more.setdefault(into, set()).update(gone.drives)
+    return [
+        replace(s, drives=tuple(sorted({*s.drives, *more[s.id]}))) if s.id in more else s
+        for s in signs
+    ]
+
+
+def renamed_views(state: dict[str, Verdict], called: dict[str, str]) -> Renamed:
+    """What becomes of views by the verdicts; ``called`` are the map's names of their signs."""
+    single: dict[tuple[str, str, int], list[tuple[str, str]]] = {}
+    whole = {}
+    for verdict in state.values():
+        if verdict.created and verdict.origin in called:
+            for view in verdict.views:
+                key = (called[verdict.origin], view.camera, view.frame)
+                single.setdefault(key, []).append((view.drive, verdict.sign))
+        if verdict.status == "merged" and {verdict.sign, verdict.into} <= set(called):
+            whole[called[verdict.sign]] = called[verdict.into]
+    return Renamed(single, whole)
 
 
 def _changed(sign: Sign, verdict: Verdict) -> Sign:
+    if verdict.place is not None:
+        sign = _placed(sign, verdict.place)
     changes: dict[str, object] = {}
     if verdict.status:
-        changes["status"] = verdict.status
+        changes |= {
+            "status": verdict.status,
+            "reviewer": verdict.reviewer,
+            "reviewed": verdict.time,
+        }
     if verdict.note:
         changes["note"] = verdict.note
     if verdict.class_name is not None:
@@ -145,7 +186,44 @@ def _changed(sign: Sign, verdict: Verdict) -> Sign:
             "lat_rad": float(np.radians(verdict.lat_deg)),
             "cov_enu": covariance,
         }
+    if verdict.facing_deg is not None:
+        changes |= {
+            "facing_rad": float(np.radians(verdict.facing_deg % 360.0)),
+            "facing_sd_rad": float(np.radians(limits.HAND_FACING_SD_DEG)),
+        }
+    if verdict.height_above_road_m is not None:
+        changes |= {
+            "height_above_road_m": verdict.height_above_road_m,
+            "sd_above_road_m": limits.HAND_HEIGHT_SD_M,
+        }
+        raised = verdict.height_above_road_m - sign.height_above_road_m
+        if np.isfinite(raised):
+            # the road is where it was
+            changes["height_m"] = sign.height_m + raised
     return replace(sign, **changes) if changes else sign  # type: ignore[arg-type]
+
+
+def _placed(sign: Sign, place: PlacedSign) -> Sign:
+    """The sign as it was computed when it was added, split or merged."""
+    ee, en, nn, uu = place.cov_m2
+    changes: dict[str, object] = {
+        "lon_rad": float(np.radians(place.lon_deg)),
+        "lat_rad": float(np.radians(place.lat_deg)),
+        "cov_enu": np.array([[ee, en, 0.0], [en, nn, 0.0], [0.0, 0.0, uu]]),
+        "side": place.side or sign.side,
+    }
+    if place.n_views:
+        changes |= {"n_views": place.n_views, "first_seen_ns": place.first_seen_ns}
+        changes["last_seen_ns"] = place.last_seen_ns
+    for name in ("height_m", "height_above_road_m", "sd_above_road_m", "size_m"):
+        if np.isfinite(value := getattr(place, name)):
+            changes[name] = value
+    if np.isfinite(place.facing_deg):
+        changes |= {
+            "facing_rad": float(np.radians(place.facing_deg)),
+            "facing_sd_rad": float(np.radians(place.facing_sd_deg)),
+        }
+    return replace(sign, **changes)  # type: ignore[arg-type]
 
 
 def match(

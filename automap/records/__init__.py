@@ -30,10 +30,12 @@ from automap.records.sensors import (
 )
 from automap.records.signs import (
     Bearings,
+    PlacedSign,
     ReviewAction,
     ReviewKind,
     RoadPosition,
     Roads,
+    SeenIn,
     Sign,
     SignPoints,
 )
@@ -58,11 +60,13 @@ __all__ = [
     "ImuCalibration",
     "ImuData",
     "IntArray",
+    "PlacedSign",
     "RawImu",
     "ReviewAction",
     "ReviewKind",
     "RoadPosition",
     "Roads",
+    "SeenIn",
     "Sign",
     "SignPoints",
     "Trajectory",

@@ -8,9 +8,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from automap.records.arrays import FloatArray, IntArray
+from automap.records.arrays import NO_TIME, FloatArray, IntArray
 
-ReviewKind = Literal["accept", "reject", "correct", "note", "reset", "undo"]
+ReviewKind = Literal[
+    "accept", "reject", "correct", "note", "reset", "undo", "add", "split", "merge"
+]
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,8 @@ class Sign:
 
     ``facing_rad`` clockwise from north, with one sigma ``facing_sd_rad`` (NaN unknown).
     ``support`` names the post or gantry, the same for all signs on it ("" unknown); ``note`` is
-    what a reviewer wrote; ``geoid_m`` the geoid's height above the ellipsoid there, where that is
+    what a reviewer wrote, ``reviewer`` who decided about it last and ``reviewed`` when (UTC, ISO
+    8601; "" for nobody); ``geoid_m`` the geoid's height above the ellipsoid there, where that is
     known without the fixes of a drive (NaN else); ``existence`` the probability that a thing of
     that size stands there (NaN unknown).
     """
@@ -47,6 +50,8 @@ class Sign:
     geoid_m: float = float("nan")
     existence: float = float("nan")
     note: str = ""
+    reviewer: str = ""
+    reviewed: str = ""
 
 
 @dataclass(frozen=True)
@@ -84,11 +89,48 @@ class Bearings:
 
 
 @dataclass(frozen=True)
+class SeenIn:
+    """A view of a sign: ``frame`` of a drive's camera, and where in it a reviewer clicked, in
+    pixels of the whole frame (NaN: the view is a box of the detector's)."""
+
+    drive: str
+    camera: str
+    frame: int
+    x_px: float = float("nan")
+    y_px: float = float("nan")
+
+
+@dataclass(frozen=True)
+class PlacedSign:
+    """What was computed of a sign when a reviewer added, split or merged it; degrees and metres,
+    ``cov_m2`` the variances and covariance ee, en, nn, uu of the place (NaN, "" and ``NO_TIME``:
+    unknown)."""
+
+    lon_deg: float
+    lat_deg: float
+    cov_m2: tuple[float, float, float, float]
+    height_m: float = float("nan")
+    height_above_road_m: float = float("nan")
+    sd_above_road_m: float = float("nan")
+    facing_deg: float = float("nan")
+    facing_sd_deg: float = float("nan")
+    size_m: float = float("nan")
+    side: str = ""
+    n_views: int = 0
+    first_seen_ns: int = NO_TIME
+    last_seen_ns: int = NO_TIME
+
+
+@dataclass(frozen=True)
 class ReviewAction:
     """One decision. Positions are degrees; ``seen_*`` is the sign as it was before any review.
 
-    ``kind`` "correct" sets ``class_name`` or the position (or both), "note" the text ``note``;
-    "reset" drops all that was decided about the sign before, "undo" the action ``undoes``.
+    ``kind`` "correct" sets ``class_name``, the position, the facing or the height, "note" the text
+    ``note``; "reset" drops what was decided about the sign before, "undo" the action ``undoes``.
+    "add" makes the sign itself, ``place`` and ``views`` say where. "split" takes ``views`` from the
+    sign and makes ``other`` of them at ``other_place``; what is left stands at ``place``. "merge"
+    makes the sign ``other``, seen as ``other_seen_*``, one with it at ``place``. ``reviewer`` is
+    who did it ("" unknown); ``settles`` that it was done in view of what others decided.
     """
 
     id: str
@@ -104,6 +146,17 @@ class ReviewAction:
     sd_m: float | None = None
     note: str | None = None
     undoes: str | None = None
+    reviewer: str = ""
+    settles: bool = False
+    facing_deg: float | None = None
+    height_above_road_m: float | None = None
+    place: PlacedSign | None = None
+    views: tuple[SeenIn, ...] = ()
+    other: str | None = None
+    other_place: PlacedSign | None = None
+    other_seen_class: str = ""
+    other_seen_lon_deg: float = float("nan")
+    other_seen_lat_deg: float = float("nan")
 
 
 @dataclass(frozen=True)

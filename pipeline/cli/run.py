@@ -50,6 +50,12 @@ Examples:
     "road, chainage and side.",
 )
 @click.option(
+    "--background",
+    metavar="FILE",
+    type=ANY_PATH,
+    help="What lies below the report's map: PMTiles, MBTiles, GeoTIFF, GeoPackage, or lines.",
+)
+@click.option(
     "--jobs",
     metavar="N",
     type=click.IntRange(1, 256),
@@ -77,6 +83,7 @@ def command(
     tune: bool,
     datum: str | None,
     roads: Path | None,
+    background: Path | None,
     jobs: int,
     strict: bool,
     quiet: bool,
@@ -99,11 +106,16 @@ def command(
 
     if datum:
         assignments = (*assignments, f"export.datum={datum}")
-    if roads is not None:
-        if not roads.is_file():
-            raise ConfigError(f"--roads {roads}: no such file.")
+    for option, file, key in (
+        ("--roads", roads, "export.roads"),
+        ("--background", background, "report.background"),
+    ):
+        if file is None:
+            continue
+        if not file.is_file():
+            raise ConfigError(f"{option} {file}: no such file.")
         # a whole path, as TOML: run from elsewhere it is the same file
-        assignments = (*assignments, f"export.roads={json.dumps(str(roads.resolve()))}")
+        assignments = (*assignments, f"{key}={json.dumps(str(file.resolve()))}")
     if tune:
         assignments = (*assignments, "fuse.tune=true")
     make = partial(

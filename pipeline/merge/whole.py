@@ -37,14 +37,15 @@ MANY_DRIVES = 200
 @dataclass
 class Whole:
     """Gathered from the drives: ``tracks`` by the drive's name, tables of observations,
-    ``pictures`` of each sign from the best on, its geoid heights and its notes;
-    ``too_many`` whether there were more observations than are kept."""
+    ``pictures`` of each sign from the best on, its geoid heights, its notes and its reviews (time
+    and reviewer); ``too_many`` whether there were more observations than are kept."""
 
     tracks: dict[str, Trajectory] = field(default_factory=dict)
     observations: list[pa.Table] = field(default_factory=list)
     pictures: dict[str, list[Picture]] = field(default_factory=dict)
     geoid_m: dict[str, list[float]] = field(default_factory=dict)
     notes: dict[str, list[str]] = field(default_factory=dict)
+    reviews: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
     too_many: bool = False
 
 
@@ -94,12 +95,14 @@ def gather(
 
 
 def complete(signs: Sequence[Sign], whole: Whole) -> list[Sign]:
-    """The signs with heights of the geoid and notes."""
+    """The signs with heights of the geoid, notes, and who decided about them last in a drive."""
     return [
         replace(
             sign,
             geoid_m=float(np.mean(told)) if (told := whole.geoid_m.get(sign.id)) else np.nan,
             note="; ".join([*([sign.note] if sign.note else []), *whole.notes.get(sign.id, [])]),
+            reviewed=max(whole.reviews.get(sign.id, []), default=("", ""))[0],
+            reviewer=max(whole.reviews.get(sign.id, []), default=("", ""))[1],
         )
         for sign in signs
     ]
@@ -126,6 +129,9 @@ def write_whole(out: Path, whole: Whole) -> None:
 
 def _take_notes(whole: Whole, products: RunProducts, drive: str, named: dict[str, str]) -> None:
     for sign in products.signs or []:
+        if sign.reviewed and sign.id in named:
+            review = (sign.reviewed, sign.reviewer)
+            whole.reviews.setdefault(named[sign.id], []).append(review)
         if sign.note and sign.id in named:
             whole.notes.setdefault(named[sign.id], []).append(f"{drive}: {sign.note}")
 

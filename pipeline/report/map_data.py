@@ -15,7 +15,9 @@ from automap.export.path import simplified_path
 from automap.export.sign_columns import SignColumns
 from automap.export.uncertainty import principal_axes
 from automap.gates import OUTSIDE_95, gate
+from automap.io.web_tiles import Background
 from automap.records import FixType, FloatArray
+from pipeline.report.background import cut_below
 from pipeline.report.outages import outages
 from pipeline.report.path_modes import path_modes
 from pipeline.report.sign_cards import sign_cards
@@ -29,7 +31,10 @@ FACE_LIMIT = 200
 
 
 def map_data(
-    products: RunProducts, signs: SignColumns, pictures: Sequence[Picture] = ()
+    products: RunProducts,
+    signs: SignColumns,
+    pictures: Sequence[Picture] = (),
+    background: Background | None = None,
 ) -> dict[str, Any] | None:
     """Content of the map, None when there is nothing to draw.
 
@@ -52,6 +57,9 @@ def map_data(
         "signs": _signs(products, signs, origin, notes, list(pictures)),
         "faces": sign_faces({str(name) for name in signs.values["class"]}),
     }
+    data["background"] = below = cut_below(data, background) if background is not None else None
+    if background is not None and below is None:
+        notes.append(f"{background.name} shows nothing of the map, so it has no background.")
     data["notes"] = notes
     return data
 

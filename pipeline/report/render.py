@@ -9,6 +9,7 @@ from automap.export.clock import iso_texts, utc_of_gps
 from automap.export.fields import SIGN_FIELDS
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
+from automap.io.web_tiles import Background
 from pipeline.pages.render import render
 from pipeline.report.evaluation_section import evaluation_section
 from pipeline.report.figures import key_figures
@@ -30,8 +31,14 @@ from pipeline.shared.values import mapping
 TABLE_LIMIT = 1000
 
 
-def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str:
-    """The page for a run named ``name``; ``record`` is run.json as it stands."""
+def report_html(
+    products: RunProducts,
+    name: str,
+    record: dict[str, Any],
+    background: Background | None = None,
+) -> str:
+    """The page for a run named ``name``; ``record`` is run.json as it stands, ``background`` what
+    lies below its map."""
     signs = sign_columns(products.signs or [], products.clock, country_of(record))
     sections = {
         "fusion": fusion_section(products),
@@ -43,7 +50,7 @@ def report_html(products: RunProducts, name: str, record: dict[str, Any]) -> str
         "motion": motion_section(products),
     }
     state, sections["verdict"] = verdict_section(record)
-    content = map_data(products, signs, read_pictures(products))
+    content = map_data(products, signs, read_pictures(products), background)
     facts = _facts(products, record)
     return render(
         "report.html.j2",

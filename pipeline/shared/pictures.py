@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from automap.export.dictionary import PICTURE_FIELDS
 from automap.export.pictures import SignView, choose_views, sign_picture
 from automap.io import names
 from automap.io.atomic import write_bytes, write_text
+from automap.mapping.review import Renamed
 from pipeline.shared.products import RunProducts
 
 if TYPE_CHECKING:
@@ -116,7 +118,30 @@ def read_pictures(products: RunProducts) -> list[Picture]:
     An entry that is damaged, or whose file is missing, is passed over; an index that cannot be
     read is noted among the problems.
     """
-    return products.attempt(names.PICTURE_INDEX, _read_index) or []
+    pictures = products.attempt(names.PICTURE_INDEX, _read_index) or []
+    if not products.renamed:
+        return pictures
+    ranked, rank = [], Counter[str]()
+    for picture in sorted((_renamed(p, products.renamed) for p in pictures), key=_rank):
+        name = picture.view.sign_id
+        rank[name] += 1
+        ranked.append(Picture(replace(picture.view, rank=rank[name]), picture.jpeg))
+    return ranked
+
+
+def _rank(picture: Picture) -> int:
+    return picture.view.rank
+
+
+def _renamed(picture: Picture, renamed: Renamed) -> Picture:
+    """A picture under the name that its sign has after a review."""
+    view = picture.view
+    name = renamed.name_of(view.sign_id, view.camera, view.frame)
+    if name == view.sign_id:
+        # in a merged map the drive stands before the camera
+        drive, _, camera = view.camera.rpartition(" ")
+        name = renamed.name_of(view.sign_id, camera, view.frame, drive)
+    return picture if name == view.sign_id else Picture(replace(view, sign_id=name), picture.jpeg)
 
 
 def _read_index(index: Path) -> list[Picture]:

@@ -12,6 +12,7 @@ import numpy as np
 from automap.errors import AutoMapError
 from automap.io import names
 from automap.io.json_text import parse_json
+from automap.mapping.review import Renamed, apply_review
 from automap.records import ClockModel, Fixes, Sign, Trajectory
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ class RunProducts:
     clock: ClockModel | None = None
     rejected: list[Sign] = field(default_factory=list)
     """Signs that a review took off the map."""
+    renamed: Renamed = field(default_factory=Renamed)
+    """Views that a review gave to other signs."""
     tracks: dict[str, Trajectory] = field(default_factory=dict)
     """Trajectories of the drives of a merged map, by name, thinned."""
     problems: list[str] = field(default_factory=list)
@@ -100,7 +103,7 @@ def load_products(out: Path) -> RunProducts:
     products.tracks = products.attempt(TRACKS, read_tracks) or {}
     products.signs = products.attempt(names.SIGNS_RAW, read_signs)
     _apply_review(products)
-    products.observations = products.table(names.OBSERVATIONS)
+    products.observations = _renamed(products.table(names.OBSERVATIONS), products.renamed)
     fixes = products.attempt(names.FIXES, read_fixes)
     products.fixes = fixes if fixes is not None and len(fixes) else None
     products.clock = _clock(products)
@@ -111,12 +114,29 @@ def _apply_review(products: RunProducts) -> None:
     from automap.io.review_json import read_review
 
     actions = products.attempt(names.REVIEW, read_review)
-    if actions and products.signs is not None:
-        from automap.mapping.review import apply_review
-
-        reviewed = apply_review(products.signs, actions)
-        products.signs, products.rejected = reviewed.signs, reviewed.rejected
+    if actions:
+        reviewed = apply_review(products.signs or [], actions)
+        if products.signs is not None or reviewed.signs:
+            products.signs, products.rejected = reviewed.signs, reviewed.rejected
+        products.renamed = reviewed.renamed
         products.problems += reviewed.problems
+
+
+def _renamed(table: pa.Table | None, renamed: Renamed) -> pa.Table | None:
+    """The observations under the names that their signs have after a review."""
+    import pyarrow as pa
+
+    wanted = ("sign_id", "camera", "frame")
+    if table is None or not renamed or any(name not in table.column_names for name in wanted):
+        return table
+    views = zip(*(table[name].to_pylist() for name in wanted), strict=True)
+    some = "drive" in table.column_names
+    drives = table["drive"].to_pylist() if some else [""] * len(table)
+    ids = [
+        renamed.name_of(sign, camera, frame, drive or "") if sign else None
+        for (sign, camera, frame), drive in zip(views, drives, strict=True)
+    ]
+    return table.set_column(table.column_names.index("sign_id"), "sign_id", pa.array(ids))
 
 
 def _clock(products: RunProducts) -> ClockModel | None:

@@ -12,17 +12,23 @@ from pathlib import Path
 from typing import Any
 
 from automap.errors import ConfigError
+from pipeline.view.below import lay_below
+from pipeline.view.opening import open_map
 from pipeline.view.server import ViewServer
-from pipeline.view.viewed_map import open_map
 
 
 @contextmanager
-def serving(out: Path, port: int = 0) -> Iterator[ViewServer]:
-    """Serve the map in ``out`` while the block lasts.
+def serving(
+    out: Path, port: int = 0, background: Path | None = None, reviewer: str = ""
+) -> Iterator[ViewServer]:
+    """Serve the map in ``out`` while the block lasts, above ``background`` or the drive's own.
 
-    Raises InputError when there is no map, ConfigError when the port is taken.
+    Raises InputError when there is no map or the background cannot be shown below it, ConfigError
+    when the port is taken.
     """
     shown = open_map(out)
+    shown.reviewer = reviewer
+    lay_below(shown, background)
     # made before the first request, so that the page has its signs at once
     _ = shown.payload
     try:
@@ -41,14 +47,23 @@ def serving(out: Path, port: int = 0) -> Iterator[ViewServer]:
         thread.join()
 
 
-def view(out: Path, port: int, browser: bool, log: Callable[[str], None]) -> None:
+def view(
+    out: Path,
+    port: int,
+    browser: bool,
+    log: Callable[[str], None],
+    background: Path | None = None,
+    reviewer: str = "",
+) -> None:
     """Serve the map until Ctrl-C or a signal to end; ``log`` receives the lines for the user."""
     ended = threading.Event()
-    with _ending(ended), serving(out, port) as server:
+    with _ending(ended), serving(out, port, background, reviewer) as server:
         shown = server.shown
         count = 0 if shown.signs is None else len(shown.signs)
         log(server.url)
         log(f"{shown.name}: {count} signs; Ctrl-C ends the viewer")
+        for text in shown.problems:
+            log(text)
         with _shown_in_browser(server.url) if browser else nullcontext():
             ended.wait()
 

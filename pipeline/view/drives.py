@@ -9,38 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from automap.errors import AutoMapError
 from automap.io import names
-from automap.records import ClockModel, FloatArray, IntArray, Trajectory
+from automap.records import ClockModel, IntArray, Trajectory
+from pipeline.view.boxes import Boxes, read_boxes
 
 if TYPE_CHECKING:
     from automap.io.drive import Drive
     from pipeline.view.frames import FrameReader
-
-
-@dataclass(frozen=True)
-class Boxes:
-    """Detections [n] of one drive in the order of camera, frame.
-
-    ``row`` is the row of ``observations.parquet``, ``box`` [n, 4] x_min, y_min, x_max, y_max in
-    pixels, ``sign_id`` text or None, ``residual_px`` NaN where the file has none.
-    """
-
-    camera: npt.NDArray[np.object_]
-    frame: IntArray
-    t_ns: IntArray
-    class_name: npt.NDArray[np.object_]
-    box: FloatArray
-    score: FloatArray
-    sign_id: npt.NDArray[np.object_]
-    used: npt.NDArray[np.bool_]
-    residual_px: FloatArray
-    row: IntArray
-
-    def __len__(self) -> int:
-        return len(self.frame)
 
 
 @dataclass
@@ -107,10 +84,17 @@ class MapDrive:
         for name in (names.OBSERVATIONS, names.DETECTIONS):
             if (self.out / name).is_file():
                 try:
-                    return _read_boxes(self.out / name)
+                    return read_boxes(self.out / name)
                 except (AutoMapError, KeyError, ValueError, TypeError) as error:
                     self.problems.append(f"The boxes of {self.name} are not shown: {error}")
         return None
+
+    @cached_property
+    def metrics(self) -> dict[str, Any]:
+        """Figures of the run, as its record has them."""
+        from pipeline.shared.run_record import read_record
+
+        return {} if self.out is None else dict(read_record(self.out).get("metrics", {}))
 
     @cached_property
     def readers(self) -> dict[str, FrameReader]:
@@ -151,6 +135,44 @@ class MapDrive:
         seen = [] if self.boxes is None else self.boxes.camera.tolist()
         return list(dict.fromkeys([*self.readers, *seen]))
 
+    def stamp_of(self, camera: str, frame: int) -> int | None:
+        """A frame's stamp in the trajectory's clock, without the camera's offset; None for a frame
+        that is not there. Raises InputError where nothing ties the two clocks."""
+        from automap.io.clock_json import read_clocks
+        from automap.sync.stamps import in_trajectory_time
+
+        boxes = self.boxes
+        if boxes is not None:
+            rows = np.flatnonzero((boxes.frame == frame) & (boxes.camera == camera))
+            if len(rows):
+                return int(boxes.t_ns[rows[0]])
+        if camera not in self.readers or self.drive is None:
+            return None
+        section = self.drive.videos[camera].section
+        frames, t_ns = self.readers[camera].times()
+        at = int(np.searchsorted(frames, frame))
+        if at >= len(frames) or frames[at] != frame:
+            return None
+        own = t_ns[at : at + 1] - np.int64(round(section.time_offset_s * 1e9))
+        if self.out is not None and (self.out / names.SYNC).is_file():
+            own = in_trajectory_time(own, section.time, read_clocks(self.out / names.SYNC))
+        return int(own[0])
+
+    def rows_of(self, rows: IntArray, sign_id: str) -> IntArray:
+        """Boxes of a sign, by rows of the observations or else by its id, in time order."""
+        self.load()
+        boxes = self.boxes
+        if boxes is None:
+            return np.zeros(0, np.int64)
+        chosen = np.isin(boxes.row, rows) if len(rows) else boxes.sign_id == sign_id
+        found = np.flatnonzero(chosen)
+        return found[np.argsort(boxes.t_ns[found], kind="stable")]
+
+    def camera_frame(self, row: int) -> tuple[str, int]:
+        """The camera and the frame of a box."""
+        assert self.boxes is not None
+        return self.boxes.camera[row], int(self.boxes.frame[row])
+
     def boxes_in(self, camera: str, frame: int) -> list[dict[str, Any]]:
         """The boxes of one frame."""
         self.load()
@@ -164,34 +186,36 @@ class MapDrive:
                 "class": boxes.class_name[k],
                 "score": round(float(boxes.score[k]), 3),
                 "sign": boxes.sign_id[k],
+                "row": k,
                 "used": bool(boxes.used[k]),
             }
             for k in range(int(low), int(high))
             if boxes.camera[k] == camera
         ]
 
-    def views(self, rows: IntArray, sign_id: str) -> list[dict[str, Any]]:
-        """Where a sign is seen, by rows of the observations or else by its id, in time order."""
-        self.load()
+    def view(self, k: int) -> dict[str, Any]:
+        """One box as the page lists it."""
         boxes = self.boxes
-        if boxes is None:
-            return []
-        chosen = np.isin(boxes.row, rows) if len(rows) else boxes.sign_id == sign_id
-        found = np.flatnonzero(chosen)
-        found = found[np.argsort(boxes.t_ns[found], kind="stable")]
-        size = np.diff(boxes.box[:, [1, 3]], axis=1)[:, 0]
-        return [
-            {
-                "camera": boxes.camera[k],
-                "frame": int(boxes.frame[k]),
-                "t": round((int(boxes.t_ns[k]) - self.start_ns) * 1e-9, 3),
-                "height_px": round(float(size[k]), 1),
-                "score": round(float(boxes.score[k]), 3),
-                "residual_px": _known(boxes.residual_px[k], 1),
-                "used": bool(boxes.used[k]),
-            }
-            for k in found.tolist()
-        ]
+        assert boxes is not None
+        return {
+            "row": k,
+            "camera": boxes.camera[k],
+            "frame": int(boxes.frame[k]),
+            "t": round((int(boxes.t_ns[k]) - self.start_ns) * 1e-9, 3),
+            "height_px": round(float(boxes.box[k, 3] - boxes.box[k, 1]), 1),
+            "score": round(float(boxes.score[k]), 3),
+            "residual_px": _known(boxes.residual_px[k], 1),
+            "used": bool(boxes.used[k]),
+        }
+
+    def clicked(self, camera: str, frame: int, at: tuple[float, float]) -> dict[str, Any] | None:
+        """A frame that a reviewer clicked in, likewise."""
+        self.load()
+        t_ns = self.stamp_of(camera, frame)
+        if t_ns is None:
+            return None
+        seconds = round((t_ns - self.start_ns) * 1e-9, 3)
+        return {"camera": camera, "frame": frame, "t": seconds, "at": at, "used": True}
 
     def _utc(self, t_ns: int) -> str | None:
         from automap.export.clock import iso_texts, utc_of_stamps
@@ -200,14 +224,14 @@ class MapDrive:
 
     def _path(self, start_ns: int) -> dict[str, Any] | None:
         from automap.export.path import simplified_path
-        from pipeline.view.payload import mercator
+        from automap.io.web_tiles import to_world
 
         if self.trajectory is None:
             return None
         path = simplified_path(self.trajectory, tolerance_m=0.15)
         if len(path) < 2:
             return None
-        x, y = mercator(path.lon_deg, path.lat_deg)
+        x, y = to_world(path.lon_deg, path.lat_deg)
         return {
             "t": np.round((path.t_ns - start_ns) * 1e-9, 3).tolist(),
             "x": np.round(x, 12).tolist(),
@@ -245,40 +269,3 @@ class MapDrive:
 
 def _known(value: float, decimals: int) -> float | None:
     return round(float(value), decimals) if np.isfinite(value) else None
-
-
-def _read_boxes(path: Path) -> Boxes:
-    from automap.io.detections_table import COLUMNS
-    from automap.io.tables import floats, ints, read_table
-
-    table = read_table(path, COLUMNS[:9])
-    n = table.num_rows
-    have = set(table.column_names)
-    camera = np.array(table.column("camera").to_pylist(), object)
-    frame = ints(table, "frame")
-    order = np.argsort(frame, kind="stable")
-
-    def texts(name: str) -> npt.NDArray[np.object_]:
-        values = table.column(name).to_pylist() if name in have else [None] * n
-        array = np.empty(n, object)
-        array[:] = values
-        return array[order]
-
-    residual = np.full(n, np.nan)
-    if {"residual_x_px", "residual_y_px"} <= have:
-        residual = np.hypot(floats(table, "residual_x_px"), floats(table, "residual_y_px"))
-    used = np.ones(n, bool)
-    if "used" in have:
-        used = np.asarray(table.column("used").fill_null(False).to_numpy(), bool)
-    return Boxes(
-        camera=camera[order],
-        frame=frame[order],
-        t_ns=ints(table, "t_ns")[order],
-        class_name=texts("class"),
-        box=np.column_stack([floats(table, c) for c in COLUMNS[4:8]])[order],
-        score=floats(table, "score")[order],
-        sign_id=texts("sign_id"),
-        used=used[order],
-        residual_px=residual[order],
-        row=order.astype(np.int64),
-    )

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from automap.export.uncertainty import principal_axes
 from automap.gates import OUTSIDE_95, gate
-from automap.records import FloatArray
+from automap.io.web_tiles import to_world
 from pipeline.view.signs import SignTable
 
 _TYPES = {"float64": "f8", "float32": "f4", "uint32": "u4", "uint16": "u2", "uint8": "u1"}
@@ -39,15 +39,9 @@ def packed(header: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]]) ->
     return len(text).to_bytes(4, "little") + text + b"".join(blocks)
 
 
-def mercator(lon_deg: FloatArray, lat_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Web Mercator x to the east and y to the south [n], both 0 to 1 over the world."""
-    lat = np.radians(np.clip(lat_deg, -89.9, 89.9))
-    return (lon_deg + 180.0) / 360.0, 0.5 - np.arcsinh(np.tan(lat)) / (2.0 * np.pi)
-
-
 def sign_payload(signs: SignTable) -> bytes:
     """All signs as the page's map needs them; a sign without a position has x NaN."""
-    x, y = mercator(signs.lon_deg, signs.lat_deg)
+    x, y = to_world(signs.lon_deg, signs.lat_deg)
     x[~np.isfinite(y)] = np.nan
     major, minor, azimuth = principal_axes(signs.cov_ee_m2, signs.cov_en_m2, signs.cov_nn_m2)
     scale = np.sqrt(gate(OUTSIDE_95, 2))
@@ -67,6 +61,7 @@ def sign_payload(signs: SignTable) -> bytes:
             "class": signs.class_index.astype(np.uint32),
             "status": signs.status_index.astype(np.uint32),
             "confidence": signs.confidence.astype(small),
+            "existence": signs.existence.astype(small),
             "facing": signs.facing_deg.astype(small),
             "major": (scale * major).astype(small),
             "minor": (scale * minor).astype(small),

@@ -16,8 +16,10 @@ from automap.errors import AutoMapError
 from automap.io import names
 from automap.io.atomic import plain
 from automap.io.json_text import parse_json
+from automap.io.web_tiles import MOST_ZOOM, content_type
 from pipeline.pages.palette import colours_css
 from pipeline.view import guard
+from pipeline.view.reviewing import Reviewing
 from pipeline.view.viewed_map import ViewedMap
 
 log = logging.getLogger(__name__)
@@ -40,6 +42,7 @@ class ViewServer(ThreadingHTTPServer):
     def __init__(self, shown: ViewedMap, port: int = 0) -> None:
         super().__init__(("127.0.0.1", port), _Handler)
         self.shown = shown
+        self.reviewing = Reviewing(shown)
         self.token = guard.new_token()
 
     @property
@@ -92,9 +95,9 @@ class _Handler(BaseHTTPRequestHandler):
             return self._send(200, "application/octet-stream", shown.payload)
         if path == "api/review":
             known = parse_qs(urlsplit(self.path).query).get("known", ["-1"])[0]
-            return self._json(shown.review(_number(known, signed=True)))
+            return self._json(self.server.reviewing.told(_number(known, signed=True)))
         if found := re.fullmatch(r"api/sign/(\d{1,9})", path):
-            return self._json(_there(shown.sign(int(found[1]))))
+            return self._json(_there(self.server.reviewing.sign(int(found[1]))))
         if found := re.fullmatch(r"api/drive/(\d{1,6})", path):
             return self._json(self._drive(found[1]).overview())
         if found := re.fullmatch(r"api/boxes/(\d{1,6})/(\d{1,9})/(.+)", path):
@@ -102,14 +105,21 @@ class _Handler(BaseHTTPRequestHandler):
         if found := re.fullmatch(r"frame/(\d{1,6})/(\d{1,9})/(.+)", path):
             reader = _there(self._drive(found[1]).readers.get(found[3]))
             return self._send(200, "image/jpeg", _there(reader.jpeg(int(found[2]))))
-        if found := re.fullmatch(r"face/(\d{1,9})", path):
-            return self._send(200, "image/png", _there(shown.face(int(found[1]))))
+        if found := re.fullmatch(r"face/(.{1,300})", path):
+            kept = {"Cache-Control": "max-age=86400"}
+            return self._send(200, "image/png", _there(shown.face(found[1])), kept)
+        if found := re.fullmatch(r"below/(\d{1,2})/(\d{1,8})/(\d{1,8})", path):
+            return self._tile(*(int(number) for number in found.groups()))
         if path.startswith("out/"):
             return self._file(path.removeprefix("out/"))
         return self._send(200, *_there(_asset(path)))
 
     def _post(self, path: str) -> None:
-        if path != "api/review":
+        act = {
+            "api/review": self.server.reviewing.add,
+            "api/place": self.server.reviewing.preview,
+        }.get(path)
+        if act is None:
             raise guard.RefusedError(404, "there is nothing to write")
         if self.headers.get_content_type() != "application/json":
             raise guard.RefusedError(415, "send JSON")
@@ -120,7 +130,17 @@ class _Handler(BaseHTTPRequestHandler):
             sent = parse_json(self.rfile.read(length))
         except ValueError:
             raise ValueError("it is no JSON") from None
-        self._json(self.server.shown.add(sent))
+        self._json(act(sent))
+
+    def _tile(self, zoom: int, x: int, y: int) -> None:
+        """A tile of the background; an empty answer where it has none."""
+        below = _there(self.server.shown.background)
+        there = zoom <= MOST_ZOOM and max(x, y) < 2**zoom
+        data = below.tile(zoom, x, y) if there else None
+        kind = None if data is None else content_type(data)
+        if data is None or kind is None:
+            return self._send(204, "image/png", b"")
+        self._send(200, kind, data, {"Cache-Control": "max-age=86400"})
 
     def _drive(self, number: str) -> Any:
         drives = self.server.shown.drives

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from automap.errors import InputError
 from automap.io import names
 from automap.io.tables import floats, read_table
-from automap.records import NO_TIME, FloatArray, IntArray
+from automap.records import NO_TIME, FloatArray, IntArray, Sign
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -48,6 +48,7 @@ class SignTable:
     cov_nn_m2: FloatArray
     sd_u_m: FloatArray
     confidence: FloatArray
+    existence: FloatArray
     facing_deg: FloatArray
     facing_sd_deg: FloatArray
     sd_above_road_m: FloatArray
@@ -90,7 +91,11 @@ def read_sign_table(out: Path) -> SignTable | None:
                     f"{path}: the table of signs cannot be used ({error}); make the map again."
                 ) from error
     path = out / names.SIGNS_GEOJSON
-    return _from_geojson(path) if path.is_file() else None
+    if not path.is_file():
+        return None
+    from automap.export.geojson import read_signs_geojson
+
+    return table_of(read_signs_geojson(path))
 
 
 def _from_table(table: pa.Table) -> SignTable:
@@ -144,6 +149,7 @@ def _from_table(table: pa.Table) -> SignTable:
         cov_nn_m2=real("cov_nn_m2"),
         sd_u_m=sd_u,
         confidence=real("confidence"),
+        existence=real("existence"),
         facing_deg=np.mod(facing, 360.0),
         facing_sd_deg=facing_sd,
         sd_above_road_m=real("sd_above_road_m"),
@@ -197,12 +203,10 @@ def _points(table: pa.Table) -> tuple[FloatArray, FloatArray, FloatArray]:
     return shapely.get_x(points), shapely.get_y(points), np.asarray(height, np.float64)
 
 
-def _from_geojson(path: Path) -> SignTable:
+def table_of(signs: Sequence[Sign]) -> SignTable:
+    """Signs as such a table."""
     import pyarrow as pa
 
-    from automap.export.geojson import read_signs_geojson
-
-    signs = read_signs_geojson(path)
     real = pa.float64()
     covariance = np.array([s.cov_enu for s in signs], np.float64).reshape(-1, 3, 3)
     columns: dict[str, Any] = {
@@ -216,12 +220,15 @@ def _from_geojson(path: Path) -> SignTable:
         "cov_nn_m2": pa.array(covariance[:, 1, 1], real),
         "cov_uu_m2": pa.array(covariance[:, 2, 2], real),
         "n_views": pa.array([s.n_views for s in signs], pa.int64()),
+        "first_seen_ns": pa.array([s.first_seen_ns for s in signs], pa.int64()),
+        "last_seen_ns": pa.array([s.last_seen_ns for s in signs], pa.int64()),
     }
     for name in (
         "lon_rad",
         "lat_rad",
         "height_m",
         "confidence",
+        "existence",
         "facing_rad",
         "facing_sd_rad",
         "sd_above_road_m",

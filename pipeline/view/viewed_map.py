@@ -2,45 +2,55 @@
 
 from __future__ import annotations
 
-import itertools
-import threading
-import uuid
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from automap.errors import AutoMapError, InputError
+from automap.errors import AutoMapError
 from automap.export.clock import iso_texts, utc_of_stamps
 from automap.export.fields import SIGN_FIELDS
 from automap.export.uncertainty import ce95
 from automap.io import names
-from automap.io.json_text import parse_json
-from automap.io.review_json import action_of, append_action, read_review
-from automap.mapping.review import Verdict, match, standing, verdicts
-from automap.records import ClockModel, IntArray, ReviewAction
-from pipeline.shared.run_record import drive_of, utc_now
+from automap.records import ClockModel, IntArray, PlacedSign
 from pipeline.view.drives import MapDrive
 from pipeline.view.payload import sign_payload
-from pipeline.view.signs import SignTable, read_sign_table
+from pipeline.view.signs import SignTable, table_of
+from pipeline.view.snapshot import Snapshot
 
-_SENT = ("kind", "class_name", "lon_deg", "lat_deg", "sd_m", "note", "undoes")
-"""What the page may say of an action; the rest is known here."""
+if TYPE_CHECKING:
+    from automap.io.web_tiles import Background
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """A box of a sign: ``row`` among the boxes of ``drive``, the map's drive ``number``."""
+
+    number: int
+    drive: MapDrive
+    row: int
 
 
 @dataclass
 class ViewedMap:
-    """The map in ``out``. ``drives`` are in the order of their numbers on the page."""
+    """The map in ``out``. ``drives`` are in the order of their numbers on the page; ``reviewer`` is
+    who reviews if the page does not say, ``problems`` what is not shown."""
 
     out: Path
     name: str
     merged: bool
     signs: SignTable | None
     drives: list[MapDrive]
-    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
-    _review: tuple[tuple[int, int], list[ReviewAction]] | None = field(default=None, repr=False)
+    background: Background | None = None
+    reviewer: str = ""
+    problems: list[str] = field(default_factory=list)
+
+    @cached_property
+    def table(self) -> SignTable:
+        """The map's own signs, none where it has no table of them."""
+        return table_of([]) if self.signs is None else self.signs
 
     @cached_property
     def payload(self) -> bytes:
@@ -48,63 +58,151 @@ class ViewedMap:
         return b"" if self.signs is None else sign_payload(self.signs)
 
     def overview(self) -> dict[str, Any]:
-        """What the page needs first.
-
-        ``classes_known`` are the names that a correction is offered, ``faces`` the numbers of
-        the classes that have a picture.
-        """
+        """What the page needs first; ``known`` are the classes that a sign may have, with their
+        codes of all countries for a search."""
         from automap.signs.classes import load_classes
         from automap.signs.vocabulary import load_vocabulary
 
-        vocabulary = set(load_vocabulary().classes)
-        own = [] if self.signs is None else self.signs.classes
+        classes = load_classes()
+        known = sorted({*load_vocabulary().classes, *self.table.classes, *classes} - {""})
+        codes = {
+            name: ", ".join(f"{place} {code}" for place, code in sorted(entry.codes.items()))
+            for name, entry in classes.items()
+        }
+        below = self.background
         return {
             "name": self.name,
             "merged": self.merged,
-            "signs": 0 if self.signs is None else len(self.signs),
+            "signs": len(self.table),
             "drives": [drive.name for drive in self.drives],
             "fields": [{"name": f.name, "unit": f.unit, "meaning": f.meaning} for f in SIGN_FIELDS],
-            "classes_known": sorted(vocabulary.union(own, load_classes())),
-            "faces": [number for number, name in enumerate(own) if name in vocabulary],
+            "known": [{"name": name, "codes": codes.get(name, "")} for name in known],
             "report": (self.out / names.REPORT).is_file(),
+            "reviewer": self.reviewer,
+            "problems": list(self.problems),
+            "background": None
+            if below is None
+            else {
+                "name": below.name,
+                "bounds": list(below.bounds),
+                "least_zoom": below.least_zoom,
+                "most_zoom": below.most_zoom,
+                "tile_px": below.tile_px,
+            },
         }
 
-    def sign(self, row: int) -> dict[str, Any] | None:
+    def sign(self, row: int, now: Snapshot) -> dict[str, Any] | None:
         """All that is known about one sign, None for a row that is not there."""
-        signs = self.signs
-        if signs is None or not 0 <= row < len(signs):
+        if not 0 <= row < len(self.table) + len(now.made):
             return None
-        own = self._own_names(row)
-        views = []
-        for number, sign_ids in own.items():
-            rows = np.zeros(0, np.int64) if self.merged else signs.observations_of(row)
-            for sign_id in sign_ids:
-                found = self.drives[number].views(rows, sign_id)
-                views += [{"drive": number, **view} for view in found]
+        signs, k = self.at(row, now)
+        views = [{"drive": b.number, **b.drive.view(b.row)} for b in self.boxes_of(row, now)]
         return {
-            "id": signs.ids[row],
-            "lon_deg": _number(signs.lon_deg[row], 7),
-            "lat_deg": _number(signs.lat_deg[row], 7),
-            "height_m": _number(signs.height_m[row], 2),
-            "values": self._values(signs, row),
-            "views": views,
-            "names": own,
-            "history": self._history(row),
+            "id": signs.ids[k],
+            "class": signs.class_of(k),
+            "lon_deg": _number(signs.lon_deg[k], 7),
+            "lat_deg": _number(signs.lat_deg[k], 7),
+            "height_m": _number(signs.height_m[k], 2),
+            "values": self._values(signs, k),
+            "views": views + self._clicks(row, now),
         }
 
-    def _history(self, row: int) -> list[dict[str, Any]]:
-        actions = self._actions()
-        name = self._name_in_review(actions, row)
-        return [
-            {"kind": a.kind, "time": a.time, "class": a.class_name, "note": a.note}
-            for a in actions
-            if a.sign == name
-        ]
+    def at(self, row: int, now: Snapshot) -> tuple[SignTable, int]:
+        """The table that a row of the page is in, the map's or the review's, and where."""
+        if row < len(self.table):
+            return self.table, row
+        assert now.table is not None
+        return now.table, row - len(self.table)
+
+    def class_of(self, row: int, now: Snapshot) -> str:
+        """A sign's class after the review."""
+        name = next((n for n, at in now.rows.items() if at == row), None)
+        decided = None if name is None else now.state[name].class_name
+        table, k = self.at(row, now)
+        return decided or table.class_of(k)
+
+    def placed(self, row: int, now: Snapshot) -> PlacedSign:
+        """Where a sign stands; ValueError for one of unknown place."""
+        signs, k = self.at(row, now)
+        variances = tuple(float(c[k]) for c in (signs.cov_ee_m2, signs.cov_en_m2, signs.cov_nn_m2))
+        place = float(signs.lon_deg[k]), float(signs.lat_deg[k])
+        if not np.isfinite([*variances, *place]).all():
+            raise ValueError("a sign without a known place cannot be made one with another")
+        return PlacedSign(
+            *place,
+            (*variances, float(signs.sd_u_m[k]) ** 2),  # type: ignore[arg-type]
+            height_m=float(signs.height_m[k]),
+            height_above_road_m=float(signs.height_above_road_m[k]),
+            sd_above_road_m=float(signs.sd_above_road_m[k]),
+            facing_deg=float(signs.facing_deg[k]),
+            facing_sd_deg=float(signs.facing_sd_deg[k]),
+            size_m=float(signs.size_m[k]),
+            side=signs.sides[k] or "",
+            n_views=int(signs.n_views[k]),
+            first_seen_ns=int(signs.first_seen_ns[k]),
+            last_seen_ns=int(signs.last_seen_ns[k]),
+        )
+
+    def boxes_of(self, row: int, now: Snapshot) -> list[Box]:
+        """The boxes of a sign after the review, in the order of time in each drive."""
+        signs, k = self.at(row, now)
+        name = signs.ids[k]
+        found = []
+        for other in self._sources(name, now):
+            for number, own_names in self._own_names(other).items():
+                drive = self.drives[number]
+                rows = self._rows_of(other)
+                for own in own_names:
+                    for at in drive.rows_of(rows, own).tolist():
+                        camera, frame = drive.camera_frame(at)
+                        if (
+                            now.renamed.name_of(self.table.ids[other], camera, frame, drive.name)
+                            == name
+                        ):
+                            found.append(Box(number, drive, at))
+        return found
+
+    def _rows_of(self, row: int) -> IntArray:
+        return np.zeros(0, np.int64) if self.merged else self.table.observations_of(row)
+
+    def _sources(self, name: str, now: Snapshot) -> list[int]:
+        """Rows of the map's own signs whose boxes a sign may have: itself, those merged into it,
+        and those that it was split from."""
+        wanted, known = [name], {name}
+        for one in wanted:
+            more = [gone for gone, into in now.renamed.whole.items() if into == one]
+            verdict = now.state.get(one)
+            if verdict is not None and verdict.created and verdict.origin in now.rows:
+                row = now.rows[verdict.origin]
+                table, k = self.at(row, now)
+                more.append(table.ids[k])
+            fresh = [m for m in more if m not in known]
+            wanted += fresh
+            known.update(fresh)
+        return [self._row_of[one] for one in wanted if one in self._row_of]
+
+    @cached_property
+    def _row_of(self) -> dict[str, int]:
+        return {name: row for row, name in enumerate(self.table.ids)}
+
+    def _clicks(self, row: int, now: Snapshot) -> list[dict[str, Any]]:
+        """Frames in which a reviewer clicked a sign that was added."""
+        if row < len(self.table):
+            return []
+        verdict = now.state.get(now.made[row - len(self.table)])
+        number = {drive.name: k for k, drive in enumerate(self.drives)}
+        views = []
+        for view in () if verdict is None or verdict.origin else verdict.views:
+            k = number.get(view.drive)
+            at = (view.x_px, view.y_px)
+            shown = None if k is None else self.drives[k].clicked(view.camera, view.frame, at)
+            if shown is not None:
+                views.append({"drive": k, **shown})
+        return views
 
     def _own_names(self, row: int) -> dict[int, list[str]]:
         """What the drives' own runs call a sign of the map, by the number of the drive."""
-        assert self.signs is not None
-        name = self.signs.ids[row]
+        name = self.table.ids[row]
         return {0: [name]} if not self.merged else self._sightings.get(name, {})
 
     @cached_property
@@ -147,6 +245,7 @@ class ViewedMap:
             "id": signs.ids[row],
             "class": signs.class_of(row),
             "confidence": _number(signs.confidence[row], 3),
+            "existence": _number(signs.existence[row], 3),
             "n_views": int(signs.n_views[row]),
             "first_seen": first,
             "last_seen": last,
@@ -169,161 +268,21 @@ class ViewedMap:
     def _time(self, stamps: IntArray) -> str | None:
         return iso_texts(utc_of_stamps(stamps, self._clock))[0]
 
-    def face(self, class_index: int) -> bytes | None:
-        """A picture of a class, PNG; None where the vocabulary has none."""
-        if self.signs is None or not 0 <= class_index < len(self.signs.classes):
-            return None
-        import base64
+    def face(self, name: str) -> bytes | None:
+        """A picture of a class, PNG; None for what is none."""
+        from automap.export.icons import class_icon
 
-        from pipeline.report.map_data import sign_faces
+        return class_icon(name) if name and self.is_class(name) else None
 
-        name = self.signs.classes[class_index]
-        uri = sign_faces({name}).get(name)
-        return None if uri is None else base64.b64decode(uri.partition(",")[2])
-
-    def review(self, known: int = -1) -> dict[str, Any]:
-        """The state of all reviewed signs; only the number of actions when it is ``known``."""
-        actions = self._actions()
-        state: dict[str, Any] = {"count": len(actions)}
-        if known == len(actions):
-            return state
-        told = []
-        for verdict, row in self._decided(actions):
-            content = asdict(verdict)
-            told.append({"row": row, **{k: v for k, v in content.items() if not _is_nan(v)}})
-        last = standing(actions)[-1:]
-        state["verdicts"] = told
-        state["last"] = [{"id": a.id, "sign": a.sign, "kind": a.kind} for a in last]
-        return state
-
-    def add(self, sent: Any) -> dict[str, Any]:
-        """Append what the page sent; ValueError says what is wrong with it."""
-        if not isinstance(sent, dict) or self.signs is None:
-            raise ValueError("it is no action on a sign")
-        row = sent.get("row")
-        if isinstance(row, bool) or not isinstance(row, int) or not 0 <= row < len(self.signs):
-            raise ValueError("there is no such sign")
-        signs = self.signs
-        value = {name: sent[name] for name in _SENT if sent.get(name) is not None}
-        actions = self._actions()
-        value |= {
-            "sign": self._name_in_review(actions, row),
-            "id": uuid.uuid4().hex,
-            "time": utc_now(),
-            "seen_class": signs.class_of(row),
-            "seen_lon_deg": _number(signs.lon_deg[row], 9),
-            "seen_lat_deg": _number(signs.lat_deg[row], 9),
-        }
-        action = action_of(value)
-        if action.kind == "undo" and action.undoes not in {a.id for a in actions}:
-            raise ValueError("there is no such action to undo")
-        if action.class_name is not None and not self._is_class(action.class_name):
-            raise ValueError(
-                f"{action.class_name!r} is no known class of signs; choose one of the list"
-            )
-        append_action(self.out / names.REVIEW, action)
-        return self.review()
-
-    def _is_class(self, name: str) -> bool:
+    def is_class(self, name: str) -> bool:
         """Whether it is a class of the package's, in full or its middle part, or of this map's."""
         from automap.signs.classes import load_classes
         from automap.signs.national import class_entry
+        from automap.signs.vocabulary import load_vocabulary
 
-        own = [] if self.signs is None else self.signs.classes
         middles = {full.split("--")[1] for full in load_classes() if "--" in full}
-        return class_entry(name) is not None or name in middles or name in own
-
-    def _decided(self, actions: list[ReviewAction]) -> list[tuple[Verdict, int | None]]:
-        """What was decided about signs, each with its row, None for one that is gone."""
-        decided = list(verdicts(actions).values())
-        signs = self.signs
-        if signs is None or not decided:
-            return [(verdict, None) for verdict in decided]
-        classes = np.array(signs.classes, object)[signs.class_index].tolist()
-        rows = match(decided, signs.ids, classes, signs.lon_deg, signs.lat_deg)
-        return list(zip(decided, rows, strict=True))
-
-    def _name_in_review(self, actions: list[ReviewAction], row: int) -> str:
-        """What the review calls a sign: its id, unless an earlier run's sign has that name or
-        this one was reviewed under another."""
-        assert self.signs is not None
-        decided = self._decided(actions)
-        for verdict, at in decided:
-            if at == row:
-                return verdict.sign
-        name = self.signs.ids[row]
-        taken = {verdict.sign for verdict, _ in decided}
-        candidates = itertools.chain([name], (f"{name}#{k}" for k in itertools.count(2)))
-        return next(n for n in candidates if n not in taken)
-
-    def _actions(self) -> list[ReviewAction]:
-        """The actions in the file, which another program may have changed."""
-        path = self.out / names.REVIEW
-        with self._lock:
-            try:
-                state = path.stat()
-            except OSError:
-                return []
-            stamp = (state.st_mtime_ns, state.st_ino)
-            if self._review is None or self._review[0] != stamp:
-                self._review = stamp, read_review(path)
-            return self._review[1]
-
-
-def open_map(out: Path) -> ViewedMap:
-    """Read the map in an output folder, or in the ``_automap`` of a drive folder.
-
-    Raises InputError when there is neither a sign nor a trajectory, or a damaged review.
-    """
-    if (out / names.MANIFEST).is_file() and (out / names.DEFAULT_OUT).is_dir():
-        out = out / names.DEFAULT_OUT
-    if not out.is_dir():
-        raise InputError(f"{out} is no output folder of automap run; run the drive first.")
-    signs = read_sign_table(out)
-    merged = _merged_drives(out)
-    drives = [_own_drive(out)] if merged is None else merged
-    if signs is None and (merged is not None or drives[0].trajectory is None):
-        inside = sorted(p.parent.name for p in out.glob(f"*/{names.RUN}"))
-        hint = f"; it has the runs {', '.join(inside[:4])}, view one of them" if inside else ""
-        raise InputError(f"{out} holds neither signs nor a trajectory{hint or '; run the drive'}.")
-    read_review(out / names.REVIEW)
-    name = drives[0].name if merged is None else out.resolve().name
-    return ViewedMap(out.resolve(), name, merged is not None, signs, drives)
-
-
-def _merged_drives(out: Path) -> list[MapDrive] | None:
-    """The drives of a merged map, None where ``out`` is the map of one run."""
-    if not (out / names.MERGE).is_file():
-        return None
-    try:
-        listed = parse_json((out / names.MERGE).read_text(encoding="utf-8"))["drives"]
-        return [_drive_of(out, str(value["name"]), Path(value["folder"])) for value in listed]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            f"{out / names.MERGE} cannot be used ({error}); merge the drives again."
-        ) from error
-
-
-def _drive_of(out: Path, name: str, folder: Path) -> MapDrive:
-    """A drive of a merged map; a folder that is no longer there shows nothing of it."""
-    root = out.resolve()
-    # a relative name was one of where the merge was started, mostly beside the map
-    places = [folder, root.parent / folder, root / folder, root.parent / folder.name]
-    place = next((p for p in places if (p / names.RUN).is_file()), None)
-    if place is None:
-        lost = f"The results of {name} are not at {folder} any more, so its views are not shown."
-        return MapDrive(name, None, None, [lost])
-    found = _own_drive(place)
-    return MapDrive(name, place, found.folder)
-
-
-def _own_drive(out: Path) -> MapDrive:
-    """The drive that a run in ``out`` was made of."""
-    name, folder = drive_of(out)
-    if not (folder / names.MANIFEST).is_file():
-        folder = out.resolve().parent
-    known = (folder / names.MANIFEST).is_file()
-    return MapDrive(name, out, folder if known else None)
+        known = (middles, load_vocabulary().classes, self.table.classes)
+        return class_entry(name) is not None or any(name in names_ for names_ in known)
 
 
 def _covariance(signs: SignTable) -> tuple[Any, Any, Any]:
@@ -332,7 +291,3 @@ def _covariance(signs: SignTable) -> tuple[Any, Any, Any]:
 
 def _number(value: float, decimals: int) -> float | None:
     return round(float(value), decimals) if np.isfinite(value) else None
-
-
-def _is_nan(value: Any) -> bool:
-    return value is None or (isinstance(value, float) and not np.isfinite(value))

@@ -51,6 +51,10 @@ def merged(tmp_path_factory: pytest.TempPathFactory) -> Path:
         note="leans <b>left</b>",
     )  # fmt: skip
     append_action(runs[0] / names.REVIEW, note)
+    accept = ReviewAction(
+        "a2", "2026-11-23T10:05:00Z", sign.id, "accept", sign.class_name, lon, lat, reviewer="Anna"
+    )
+    append_action(runs[0] / names.REVIEW, accept)
     assert run_command(["merge", *map(str, runs), "-o", str(root / "map")]) == 0
     # a second merge into the same folder takes the place of the first
     assert run_command(["merge", *map(str, runs), "-o", str(root / "map")]) == 0
@@ -73,6 +77,11 @@ def test_heights_above_the_sea_are_those_of_the_drives_receivers(merged: Path) -
 def test_notes_of_reviews_of_the_drives_say_whose_they_are(merged: Path) -> None:
     noted = [sign["note"] for sign in features(merged) if sign["note"]]
     assert noted == ["monday: leans <b>left</b>"]
+
+
+def test_who_decided_about_a_sign_in_a_drive_is_in_the_map(merged: Path) -> None:
+    told = [(sign["reviewer"], sign["reviewed"]) for sign in features(merged) if sign["reviewer"]]
+    assert told == [("Anna", "2026-11-23T10:05:00Z")]
 
 
 def test_the_best_view_comes_first(merged: Path) -> None:

@@ -15,7 +15,8 @@ from automap.io.clock_json import write_clock
 from automap.io.map_tables import SIGHTINGS, write_sightings
 from automap.io.review_json import read_review
 from automap.io.signs_table import write_signs
-from pipeline.view.viewed_map import open_map
+from pipeline.view.opening import open_map
+from pipeline.view.reviewing import Reviewing
 
 
 @pytest.fixture
@@ -75,12 +76,11 @@ def test_a_merged_sign_has_the_views_of_all_its_drives(merged: Path) -> None:
     shown = open_map(merged)
     assert (shown.merged, shown.name) == (True, "map")
     assert shown.overview()["drives"] == ["monday", "tuesday"]
-    first = shown.sign(0)
+    first = Reviewing(shown).sign(0)
     assert first is not None
-    assert first["names"] == {0: ["s0001"], 1: ["s0002"]}
     assert [(v["drive"], v["frame"]) for v in first["views"]] == [(0, 0), (0, 1), (1, 2)]
     assert first["values"]["first_seen"].startswith("2026-")
-    second = shown.sign(1)
+    second = Reviewing(shown).sign(1)
     assert second is not None
     assert [(v["drive"], v["frame"]) for v in second["views"]] == [(1, 0), (1, 1)]
     assert shown.drives[1].overview()["path"] is not None
@@ -88,7 +88,7 @@ def test_a_merged_sign_has_the_views_of_all_its_drives(merged: Path) -> None:
 
 def test_a_review_of_a_merged_map_lies_in_the_map(merged: Path) -> None:
     shown = open_map(merged)
-    told = shown.add({"row": 1, "kind": "reject"})
+    told = Reviewing(shown).add({"row": 1, "kind": "reject"})
     assert [(v["row"], v["status"]) for v in told["verdicts"]] == [(1, "rejected")]
     assert [a.sign for a in read_review(merged / names.REVIEW)] == ["def"]
 
@@ -105,7 +105,7 @@ def test_runs_that_moved_with_the_map_are_found(merged: Path, tmp_path: Path) ->
     overview = tuesday.overview()
     assert overview["path"] is None
     assert "tuesday" in overview["problems"][0]
-    assert shown.sign(0) is not None
+    assert Reviewing(shown).sign(0) is not None
 
 
 def test_a_damaged_merge_is_one_sentence(merged: Path) -> None:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
+import backgrounds
 import numpy as np
 import pytest
 from export_inputs import HOSTILE, sign, write_run
+from PIL import Image
 from view_maps import write_large_map
 
 from automap.io import names
@@ -21,7 +24,7 @@ from automap.mapping.review import verdicts
 from automap.records import Detections
 from pipeline.cli.root import run_command
 from pipeline.view.command import serving
-from tests.browser import launched, watched
+from tests.browser import axe_path, launched, watched
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -85,8 +88,9 @@ def test_a_sign_is_clicked_judged_and_still_so_after_a_reload(
         page.wait_for_selector(".badge.rejected")
         page.mouse.click(*on_screen(page, 4))
         until(page, "document.querySelector('#card').innerText.includes('s0005')")
-        page.fill("#class-name", "yield")
-        page.click("#save-class")
+        page.click("#class-button")
+        page.fill("#picker-search", "yield")
+        page.click("#picker-list li:first-child")
         page.wait_for_selector(".badge.corrected")
         page.fill("#note", "behind a tree")
         page.click("#save-note")
@@ -103,7 +107,10 @@ def test_a_sign_is_clicked_judged_and_still_so_after_a_reload(
     features = json.loads((out / names.SIGNS_GEOJSON).read_text())["features"]
     found = {f["id"]: f["properties"] for f in features}
     assert "s0003" not in found
-    assert (found["s0005"]["class"], found["s0005"]["status"]) == ("yield", "corrected")
+    assert (found["s0005"]["class"], found["s0005"]["status"]) == (
+        "regulatory--yield--g1",
+        "corrected",
+    )
 
 
 def test_everything_by_keyboard(browser: Browser, tmp_path: Path) -> None:
@@ -126,7 +133,7 @@ def test_everything_by_keyboard(browser: Browser, tmp_path: Path) -> None:
         press("u")
         until(page, "document.querySelector('#card').innerText.includes('s0002')")
         press("c")
-        page.keyboard.type("no-entry")
+        page.keyboard.type("no entry")
         press("Enter")
         page.wait_for_selector(".badge.corrected")
         press("n")
@@ -155,7 +162,7 @@ def test_everything_by_keyboard(browser: Browser, tmp_path: Path) -> None:
         "s0002": "corrected",
         "s0003": "corrected",
     }
-    assert found["s0002"].class_name == "no-entry"
+    assert found["s0002"].class_name == "regulatory--no-entry--g1"
     assert found["s0003"].note == "moved, n a x"
     from pymap3d import geodetic2enu
 
@@ -288,14 +295,14 @@ def test_hostile_text_is_text(browser: Browser, tmp_path: Path) -> None:
             page.keyboard.press("n")
             until(
                 page,
-                "(id) => document.querySelector('#card .hint')?.textContent === id",
+                "(id) => document.querySelector('#head .hint')?.textContent === id",
                 f"{text}{k}",
             )
             page.keyboard.press("t")
             page.keyboard.type(bad)
             page.keyboard.press("Enter")
             page.wait_for_selector("#history li")
-        assert page.locator("img").count() == 0
+        assert page.locator("img:not([src*='/face/'])").count() == 0
         assert page.locator("script").count() == 1
         page.close()
     assert dialogs == []
@@ -383,3 +390,230 @@ def test_video_boxes_and_time(browser: Browser, tmp_path: Path) -> None:
         page.keyboard.press(" ")
         page.close()
     assert troubles == []
+
+
+def saw(page: Page, name: str) -> None:
+    """Wait until the card is that of a sign."""
+    until(page, "(id) => document.querySelector('#head .hint')?.textContent === id", name)
+
+
+def test_signs_are_added_turned_raised_and_made_one(browser: Browser, tmp_path: Path) -> None:
+    out = write_run(tmp_path / "out", signs=3)
+    with serving(out, reviewer="Anna") as server:
+        page, troubles = opened(browser, server.url)
+        press = page.keyboard.press
+        x, y = on_screen(page, 1)
+        page.click("#add")
+        page.mouse.click(x + 90, y + 40)
+        page.wait_for_selector("#save-add:enabled")
+        page.click("#add-class")
+        page.fill("#picker-search", "274-70")
+        press("Enter")
+        until(page, "document.querySelector('#add-class').innerText.includes('70')")
+        press("Escape")
+        page.click("#add")
+        page.mouse.click(x + 90, y + 40)
+        page.wait_for_selector("#save-add:enabled")
+        page.click("#save-add")
+        page.fill("#picker-search", "two way")
+        press("ArrowDown")
+        press("Enter")
+        page.wait_for_selector(".badge.added")
+        assert page.locator("#tally").inner_text() == "4 signs, 1 reviewed"
+        press("r")
+        press("Shift+ArrowRight")
+        press("ArrowRight")
+        press("Enter")
+        until(page, "document.querySelector('#facing')?.value === '11'")
+        press("h")
+        page.keyboard.type("2.75")
+        press("Enter")
+        until(page, "document.querySelectorAll('#history li').length === 3")
+        page.fill("#reviewer", "Ben")
+        page.mouse.click(*on_screen(page, 0))
+        saw(page, "s0001")
+        press("j")
+        page.mouse.click(*on_screen(page, 2))
+        until(page, "document.querySelector('#tally').innerText === '3 signs, 2 reviewed'")
+        press("z")
+        until(page, "document.querySelector('#tally').innerText === '4 signs, 1 reviewed'")
+        press("z")
+        until(page, "document.querySelector('#hint').innerText.includes('nothing of yours')")
+        assert page.evaluate("document.querySelector('#progress').value") == 1
+        page.close()
+    assert troubles == []
+    found = verdicts(read_review(out / names.REVIEW))
+    (made,) = [v for v in found.values() if v.created]
+    assert (made.status, made.reviewer) == ("added", "Anna")
+    assert (made.facing_deg, made.height_above_road_m) == (11.0, 2.75)
+    assert "two-way" in (made.class_name or "")
+    assert not found.get("s0001") or found["s0001"].status == ""
+
+
+def test_the_doubtful_come_first_and_disputes_are_shown(browser: Browser, tmp_path: Path) -> None:
+    out = write_run(tmp_path / "out", signs=4)
+    beliefs = {1: 0.9, 2: 0.3, 3: 0.8, 4: 0.95}
+    signs = [sign(i, confidence=0.95, existence=e, status="ok") for i, e in beliefs.items()]
+    write_signs(out / names.SIGNS_RAW, [*signs, sign(5, confidence=0.95, status="far")])
+    with serving(out, reviewer="Anna") as server:
+        page, troubles = opened(browser, server.url)
+        press = page.keyboard.press
+        for name in ("s0005", "s0002"):
+            press("d")
+            saw(page, name)
+            press("a")
+            page.wait_for_selector(".badge.accepted")
+        page.select_option("#order", "doubt")
+        page.locator("#canvas").focus()
+        press("u")
+        saw(page, "s0003")
+        press("n")
+        saw(page, "s0001")
+        page.fill("#reviewer", "Ben")
+        press("Escape")
+        press("p")
+        press("p")
+        saw(page, "s0002")
+        press("x")
+        until(page, "document.querySelector('#head .warn')?.innerText.includes('Anna')")
+        page.select_option("#review-filter", "disputed")
+        until(page, "document.querySelector('#tally').innerText.startsWith('1 of 5')")
+        page.locator("#canvas").focus()
+        press("x")
+        until(page, "!document.querySelector('#head .warn')")
+        page.close()
+    assert troubles == []
+
+
+@pytest.mark.parametrize("kind", ["tif", "mbtiles", "geojson"])
+def test_a_background_lies_below_the_map(browser: Browser, tmp_path: Path, kind: str) -> None:
+    writers: dict[str, Callable[[Path], Path]] = {
+        "tif": backgrounds.write_geotiff,
+        "mbtiles": backgrounds.write_mbtiles,
+        "geojson": backgrounds.write_roads,
+    }
+    out = write_run(tmp_path / "out", signs=2)
+    with serving(out, background=writers[kind](tmp_path / f"below.{kind}")) as server:
+        page, troubles = opened(browser, server.url)
+        page.evaluate(
+            "automapMap.centre(...[(8.474 + 180) / 360, 0.5 - Math.asinh(Math.tan("
+            "48.975 * Math.PI / 180)) / (2 * Math.PI)], 3)"
+        )
+        until(page, "[...automapMap.below.tiles.values()].some((tile) => tile)")
+        page.wait_for_timeout(300)
+        wanted = backgrounds.colour(8.474, 48.975).tolist()
+        if kind == "geojson":
+            wanted = [120, 130, 140]
+        assert middle(page) == pytest.approx(wanted, abs=14)
+        page.keyboard.press("b")
+        page.wait_for_timeout(100)
+        assert middle(page) != pytest.approx(wanted, abs=14)
+        page.close()
+    assert troubles == []
+
+
+def middle(page: Page) -> list[int]:
+    """The colour in the middle of the map."""
+    box = page.locator("#canvas").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    shot = page.screenshot(clip={"x": round(x) - 1, "y": round(y) - 1, "width": 2, "height": 2})
+    pixel = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB"))[0, 0]
+    return [int(v) for v in pixel]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1400, 390])
+def test_the_page_is_accessible(
+    browser: Browser, tmp_path: Path, width: int, scheme: Literal["light", "dark"]
+) -> None:
+    out = write_run(tmp_path / "out", signs=4)
+    background = backgrounds.write_geotiff(tmp_path / "a.tif")
+    with serving(out, background=background) as server:
+        context = browser.new_context(
+            viewport={"width": width, "height": 844}, color_scheme=scheme, bypass_csp=True
+        )
+        page = context.new_page()
+        troubles = watched(page)
+        page.goto(server.url)
+        page.wait_for_selector("html[data-paths]")
+        assert violations(page) == []
+        page.keyboard.press("n")
+        page.wait_for_selector("#accept")
+        page.keyboard.press("a")
+        page.wait_for_selector(".badge.accepted")
+        assert violations(page) == []
+        page.keyboard.press("c")
+        assert violations(page) == []
+        page.keyboard.press("Escape")
+        until(page, "!document.querySelector('#picker').open")
+        page.keyboard.press("i")
+        page.wait_for_selector("#leave-add")
+        assert violations(page) == []
+        page.keyboard.press("Escape")
+        page.keyboard.press("f")
+        assert violations(page) == []
+        context.close()
+    assert troubles == []
+
+
+def violations(page: Page) -> list[str]:
+    """What axe-core finds, where a copy of it is at hand, and what needs no program to find."""
+    bare = page.evaluate(
+        "[...document.querySelectorAll('button, input, select')].filter((e) => !e.hidden && "
+        "e.checkVisibility() && !(e.ariaLabel || e.labels?.length || e.innerText?.trim()))"
+        ".map((e) => e.outerHTML)"
+    )
+    axe = axe_path()
+    if axe is None:
+        return [str(one) for one in bare]
+    page.add_script_tag(path=axe)
+    found = page.evaluate(
+        "axe.run({runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', "
+        "'best-practice']}).then((r) => r.violations.map((v) => v.id + ': ' + "
+        "v.nodes.map((n) => n.html).join(' ')))"
+    )
+    return [str(one) for one in (*bare, *found)]
+
+
+def test_a_phone_has_map_decisions_and_time_at_once(browser: Browser, tmp_path: Path) -> None:
+    out = write_run(tmp_path / "out", signs=4)
+    with serving(out) as server:
+        context = browser.new_context(viewport={"width": 390, "height": 844}, has_touch=True)
+        page = context.new_page()
+        troubles = watched(page)
+        page.goto(server.url)
+        page.wait_for_selector("html[data-paths]")
+        assert not page.locator("#filters").is_visible()
+        page.touchscreen.tap(*on_screen(page, 2))
+        page.wait_for_selector("#accept")
+        boxes = {}
+        for name in ("map", "side", "accept", "reject", "time"):
+            box = page.locator(f"#{name}").bounding_box()
+            assert box is not None
+            boxes[name] = box
+        free = boxes["map"]["height"] + boxes["side"]["height"]
+        assert boxes["side"]["height"] <= 0.5 * free
+        assert free > 0.75 * 844
+        for name in ("accept", "reject"):
+            assert boxes[name]["height"] >= 24
+            assert boxes[name]["x"] + boxes[name]["width"] <= 390
+            assert boxes[name]["y"] + boxes[name]["height"] <= boxes["side"]["y"] + 150
+        assert boxes["time"]["width"] >= 200
+        wide = "[...document.querySelectorAll('body *')].filter((e) => e.checkVisibility() && "
+        wide += "e.getBoundingClientRect().right > 391 && !e.closest('.actions')).map((e) => e.id)"
+        assert page.evaluate(wide) == []
+        widths = "[innerWidth, document.documentElement.clientWidth, document.body.scrollWidth]"
+        assert page.evaluate(widths) == [390, 390, 390]
+        page.locator("#accept").tap()
+        page.wait_for_selector(".badge.accepted")
+        page.locator("#move").tap()
+        page.locator("#mode-keep").tap()
+        page.wait_for_selector(".badge.corrected")
+        # what has the focus is reached in the order in which it is seen
+        page.locator("#accept").focus()
+        page.keyboard.press("Tab")
+        assert page.evaluate("document.activeElement.id") == "reject"
+        context.close()
+    assert troubles == []
+    assert status(out) == {"s0003": "corrected"}

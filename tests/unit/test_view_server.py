@@ -249,8 +249,12 @@ def test_what_is_no_class_is_refused_in_words(server: ViewServer, out: Path, nam
 def test_every_class_is_offered(server: ViewServer) -> None:
     from automap.signs.classes import load_classes
 
-    offered = json.loads(get(server, "api/map")[2])["classes_known"]
-    assert set(load_classes()) <= set(offered)
+    offered = json.loads(get(server, "api/map")[2])["known"]
+    assert set(load_classes()) <= {c["name"] for c in offered}
+    # each with a picture, and what is no class without
+    assert all(get(server, f"face/{name}")[2].startswith(b"\x89PNG") for name in load_classes())
+    assert get(server, "face/nothing-of-the-kind")[0] == 404
+    assert "DE 206" in next(c["codes"] for c in offered if c["name"] == "regulatory--stop--g1")
 
 
 def test_a_decision_is_on_disk_before_it_is_answered(tmp_path: Path) -> None:
@@ -268,7 +272,7 @@ def test_a_decision_is_on_disk_before_it_is_answered(tmp_path: Path) -> None:
         state = json.loads(get(server, "api/review")[2])
         assert state["count"] == 2
         assert json.loads(get(server, "api/review?known=2")[2]) == {"count": 2}
-        post(server, {"row": 0, "kind": "undo", "undoes": state["last"][0]["id"]})
+        post(server, {"row": 0, "kind": "undo", "undoes": state["last"][""]["id"]})
         told = json.loads(get(server, "api/review?known=2")[2])
         assert [v["sign"] for v in told["verdicts"]] == ["s0002"]
         # someone else damages the file: said, and nothing is overwritten

@@ -9,6 +9,11 @@
 
   const map = plane.map("map", { maxZoom: 7 });
   const grid = L.layerGroup().addTo(map);
+  let below = null;
+  if (data.background) {
+    const [west, south, east, north] = data.background.box;
+    below = L.imageOverlay(data.background.src, [[south, west], [north, east]], { interactive: false, alt: data.background.text, className: "below" }).addTo(map);
+  }
 
   // a canvas can only be drawn on once the map has a view
   const bounds = L.latLngBounds([]);
@@ -71,7 +76,7 @@
     if (major !== null && azimuth !== null) {
       L.polygon(ellipse(p, major, minor, azimuth), { color: colour, weight: 1, opacity: 0.7, fillOpacity: 0.08, smoothFactor: 0.3, interactive: false }).addTo(map);
     }
-    const sure = ["ok", "accepted", "corrected"].includes(row[column.status]);
+    const sure = ["ok", "accepted", "corrected", "added"].includes(row[column.status]);
     const face = signs.xy.length <= MANY ? faceOf(row[column["class"]]) : null;
     const marker = face ? L.marker(at(p), {
       icon: icon(face, FACE), opacity: sure ? 1 : 0.55, alt: words(row[column["class"]]),
@@ -111,6 +116,7 @@
   }
   function drawGrid() {
     grid.clearLayers();
+    if (below && data.background.opaque && map.hasLayer(below)) return;
     const view = map.getBounds().pad(0.5);
     const metre = 1 / map.options.crs.scale(map.getZoom());
     const power = Math.pow(10, Math.floor(Math.log10(110 * metre)));
@@ -268,6 +274,16 @@
     const names = [...counts.keys()].sort((a, b) => counts.get(b) - counts.get(a));
     names.slice(0, 14).forEach((name) => entry("dot", signs.colours[name] || UNKNOWN, words(name) + " (" + counts.get(name) + ")", faceOf(name)));
     if (names.length > 14) element("div", "and " + (names.length - 14) + " more classes", legend);
+  }
+
+  if (below) {
+    const label = element("label", undefined, legend);
+    label.className = "below-switch";
+    const tick = element("input", undefined, label);
+    tick.type = "checkbox";
+    tick.checked = true;
+    element("span", data.background.text, label);
+    tick.addEventListener("change", () => { if (tick.checked) below.addTo(map); else below.remove(); drawGrid(); });
   }
 
   // on paper the map is narrower

@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automap.io import names
+from automap.io.vector_layer import layer_files
 from pipeline.run.stage import Stage, StageContext
+from pipeline.shared.background import background_file
 
 if TYPE_CHECKING:
     from automap.io.drive import Drive
@@ -14,14 +16,22 @@ if TYPE_CHECKING:
 
 def run(context: StageContext) -> None:
     """Write report.html from whatever the earlier stages left."""
+    from automap.errors import InputError
     from automap.io.atomic import write_text
+    from automap.io.background import open_background
     from pipeline.report.render import report_html
     from pipeline.shared.products import load_products
 
     products = load_products(context.out)
     record = products.json(names.RUN)
     context.progress(0.2, "drawing")
-    text = report_html(products, context.drive.name, record)
+    background = None
+    if (file := background_file(context.drive, context.settings.report.background)) is not None:
+        try:
+            background = open_background(file)
+        except InputError as error:
+            context.warn(f"The report's map has no background: {error}")
+    text = report_html(products, context.drive.name, record, background)
     for problem in products.problems:
         context.warn(problem)
     write_text(context.work / names.REPORT, text)
@@ -29,12 +39,13 @@ def run(context: StageContext) -> None:
 
 
 def _inputs(drive: Drive) -> list[Path]:
-    return []
+    own = background_file(drive)
+    return [] if own is None else layer_files(own)
 
 
 STAGE = Stage(
     name="report",
-    version=4,
+    version=5,
     run=run,
     inputs=_inputs,
     needs=(
@@ -56,4 +67,6 @@ STAGE = Stage(
     ),
     outputs=(names.REPORT,),
     settings=("report",),
+    setting_files=lambda s: layer_files(Path(s.report.background)) if s.report.background else [],
+    manifest=("name", "video", "site"),
 )

@@ -2,6 +2,7 @@
 const base = new URL(".", import.meta.url);
 
 export const address = (path) => new URL(path, base).href;
+export const face = (name) => address(`face/${encodeURIComponent(name)}`);
 
 async function asked(path, options) {
   const answer = await fetch(address(path), options);
@@ -16,6 +17,11 @@ async function asked(path, options) {
 export const json = async (path, signal) => (await asked(path, { signal })).json();
 export const bytes = async (path) => (await asked(path)).arrayBuffer();
 export const picture = async (path, signal) => createImageBitmap(await (await asked(path, { signal })).blob());
+// a tile, null where there is none
+export async function tile(path) {
+  const answer = await asked(path);
+  return answer.status === 204 ? null : createImageBitmap(await answer.blob());
+}
 export const post = async (path, value) => (await asked(path, {
   method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(value),
 })).json();

@@ -1,6 +1,6 @@
 // The card of one sign. Text of the recording is only ever set as text.
 import * as api from "./api.js";
-import { classOf, words } from "./signs.js";
+import { classOf, facingOf, isGone, words } from "./signs.js";
 
 const element = (tag, text, parent, className) => {
   const e = document.createElement(tag);
@@ -10,26 +10,39 @@ const element = (tag, text, parent, className) => {
   return e;
 };
 
-const WORDS = { accept: "accepted", reject: "rejected", correct: "corrected", note: "note", reset: "reset", undo: "undone" };
+const WORDS = {
+  accept: "accepted", reject: "rejected", correct: "corrected", note: "note", reset: "reset", undo: "undone",
+  add: "added", split: "split", merge: "made one with another",
+};
+const EMPTY = "Click a sign, or press n for the first one. ? lists the keys.";
 
 export class Card {
-  constructor(app) { this.app = app; this.box = app.byId("card"); this.sign = null; this.row = null; this.view = -1; }
+  constructor(app) {
+    this.app = app; this.head = app.byId("head"); this.details = app.byId("details");
+    this.sign = null; this.row = null; this.view = -1; this.boxes = new Set();
+  }
 
   async show(row) {
     this.row = row;
-    if (row === null) { this.sign = null; this.box.replaceChildren(element("p", "Click a sign, or press n for the first one. ? lists the keys.", null, "hint")); return; }
+    if (row === null) { this.sign = null; this.draw(); return; }
     let sign;
     try { sign = await api.json(`api/sign/${row}`); } catch (error) { this.app.hint(error.message); return; }
     // another sign may have been chosen in the meantime
     if (this.row !== row) return;
-    this.sign = sign;
+    this.take(sign);
     this.view = -1;
     this.draw();
     this.app.player.marks();
     if (sign.views.length) {
-      const largest = sign.views.reduce((best, v, i) => (v.height_px > sign.views[best].height_px ? i : best), 0);
+      const size = (v) => v.height_px ?? 0;
+      const largest = sign.views.reduce((best, v, i) => (size(v) > size(sign.views[best]) ? i : best), 0);
       await this.showView(largest);
     }
+  }
+
+  take(sign) {
+    this.sign = sign;
+    this.boxes = new Set(sign.views.filter((v) => v.row !== undefined).map((v) => `${v.drive}/${v.row}`));
   }
 
   async refresh() {
@@ -37,83 +50,120 @@ export class Card {
     if (row === null || !this.sign) return;
     const sign = await api.json(`api/sign/${row}`).catch(() => null);
     // what is being typed is not taken away
-    const busy = ["INPUT", "TEXTAREA"].includes(document.activeElement?.tagName) && this.box.contains(document.activeElement);
-    if (sign && this.row === row) { this.sign.history = sign.history; if (!busy) this.draw(); }
+    const typed = document.activeElement;
+    const busy = ["INPUT", "TEXTAREA"].includes(typed?.tagName) && this.details.contains(typed);
+    if (!sign || this.row !== row) return;
+    this.take(sign);
+    if (!busy && !this.app.state.adding) this.draw();
+    this.app.player.paint();
   }
+
+  className() { return this.row === null ? "" : classOf(this.app.state.signs, this.row); }
 
   draw() {
     const { signs } = this.app.state;
-    const { sign, row, box } = this;
+    const { sign, row, head, details } = this;
+    const focus = document.activeElement?.id;
+    head.replaceChildren();
+    details.replaceChildren();
+    if (row === null || !sign) { element("p", EMPTY, head, "hint"); return; }
     const verdict = signs.verdicts.get(row);
     const name = classOf(signs, row);
-    box.replaceChildren();
-    const title = element("h2", undefined, box);
-    const number = this.app.hasFace(name);
-    if (number >= 0) {
-      const picture = element("img", undefined, title);
-      picture.alt = "";
-      picture.src = api.address(`face/${number}`);
-    }
+    const title = element("h2", undefined, head);
+    const picture = element("img", undefined, title);
+    picture.alt = "";
+    picture.src = api.face(name);
+    picture.onerror = () => picture.remove();
     element("span", words(name), title);
     if (verdict?.status) element("span", verdict.status, title, `badge ${verdict.status}`);
-    element("div", sign.id, box, "hint");
-    this.buttons(box, verdict, name);
-    this.views(box);
-    this.figures(box, verdict);
-    if (sign.history.length) {
-      element("h3", "Review", box);
-      const list = element("ol", undefined, box);
-      list.id = "history";
-      for (const h of sign.history) {
-        element("li", [WORDS[h.kind], h.class, h.note, h.time.slice(0, 19).replace("T", " ") + " UTC"].filter(Boolean).join(", "), list);
-      }
-    }
+    if (verdict?.disputed) element("span", "disputed", title, "badge rejected");
+    element("div", sign.id, head, "hint");
+    if (isGone(signs, row)) element("p", verdict?.into ? `It is one with ${verdict.into} now.` : "This sign was taken back.", head);
+    else this.buttons(head, verdict);
+    if (verdict?.disputed) element("p", `${verdict.reviewer || "Somebody"} decided otherwise than ${verdict.disputed.join(", ")}: see the review below. What you decide now settles it.`, head, "warn");
+    this.views(details);
+    this.corrections(details, verdict, name);
+    this.figures(details, verdict);
+    this.history(details);
+    if (focus && !this.app.byId("picker").open) this.app.byId(focus)?.focus?.({ preventScroll: true });
   }
 
-  buttons(box, verdict, name) {
+  button(parent, id, text, title, action) {
+    const b = element("button", text, parent);
+    b.type = "button"; b.id = id; b.title = title;
+    b.onclick = action;
+    return b;
+  }
+
+  buttons(box, verdict) {
     const { review } = this.app;
-    const row = element("p", undefined, box, "row");
-    const button = (id, text, title, action) => {
-      const b = element("button", text, row);
-      b.type = "button"; b.id = id; b.title = title;
-      b.onclick = action;
-      return b;
+    const row = element("p", undefined, box, "row actions");
+    this.button(row, "accept", "Accept", "The sign is right (a)", () => review.accept());
+    this.button(row, "reject", "Reject", "There is no such sign (x)", () => review.reject());
+    this.button(row, "class-button", "Class", "Correct the class (c)", () => review.chooseClass());
+    this.button(row, "move", "Move", "Set its place by hand (m)", () => review.startMove());
+    this.button(row, "turn", "Turn", "Set the way it faces (r)", () => review.startTurn());
+    this.button(row, "merge", "Merge", "It is the same as another sign (j)", () => review.startMerge());
+    if (this.sign.views.length > 1) this.button(row, "split", "Split", "Its views are of two signs (k)", () => review.startSplit());
+    if (verdict) this.button(row, "reset", "Reset", "Forget what was decided about it", () => review.reset());
+  }
+
+  corrections(box, verdict) {
+    const { review, state } = this.app;
+    if (isGone(state.signs, this.row)) return;
+    const line = (id, label, input, save, action) => {
+      const form = element("form", undefined, box, "row");
+      const tag = element("label", label, form);
+      input.id = id;
+      tag.append(input);
+      element("button", save, form).id = `save-${id}`;
+      form.onsubmit = (e) => { e.preventDefault(); input.blur(); action(input.value); };
     };
-    button("accept", "Accept", "The sign is right (a)", () => review.accept());
-    button("reject", "Reject", "There is no such sign (x)", () => review.reject());
-    button("move", "Move", "Set its place by hand (m)", () => review.startMove());
-    if (verdict) button("reset", "Reset", "Forget what was decided about it", () => review.reset());
-    const form = element("form", undefined, box, "row");
-    const input = element("input", undefined, form);
-    input.type = "text"; input.id = "class-name"; input.value = name;
-    input.setAttribute("list", "class-names"); input.setAttribute("aria-label", "Class");
-    const save = element("button", "Correct class", form);
-    save.id = "save-class";
-    form.onsubmit = (e) => { e.preventDefault(); if (input.value.trim()) { input.blur(); review.setClass(input.value.trim()); } };
-    const noteForm = element("form", undefined, box, "row");
-    const note = element("input", undefined, noteForm);
-    note.type = "text"; note.id = "note"; note.placeholder = "Note"; note.value = verdict?.note ?? "";
-    note.setAttribute("aria-label", "Note");
-    element("button", "Keep note", noteForm).id = "save-note";
-    noteForm.onsubmit = (e) => { e.preventDefault(); note.blur(); review.note(note.value); };
+    const number = (value, decimals, low, high, step) => {
+      const input = document.createElement("input");
+      input.type = "number"; input.min = low; input.max = high; input.step = step;
+      if (value !== undefined && value !== null && value === value) input.value = value.toFixed(decimals);
+      return input;
+    };
+    element("h3", "Correct", box);
+    const facing = facingOf(state.signs, this.row);
+    line("facing", "Faces, ° from north", number(facing, 0, -360, 360, "any"), "Turn", (v) => { if (v !== "") review.turn(Number(v)); });
+    const height = verdict?.height_above_road_m ?? this.sign.values.height_above_road_m;
+    line("height", "Above the road, m", number(height, 2, -20, 50, "any"), "Raise", (v) => { if (v !== "") review.raise(Number(v)); });
+    const note = document.createElement("input");
+    note.type = "text"; note.value = verdict?.note ?? "";
+    line("note", "Note", note, "Keep", (v) => review.note(v));
   }
 
   views(box) {
     const { views } = this.sign;
     if (!views.length) return;
-    element("h3", `${views.length} view${views.length === 1 ? "" : "s"}`, box);
+    const { splitting } = this.app.state;
+    element("h3", splitting ? "Views of the other sign" : `${views.length} view${views.length === 1 ? "" : "s"}`, box);
     const list = element("div", undefined, box);
     list.id = "views";
     // a long row of buttons tells nothing: at most some thirty, evenly chosen
-    const step = Math.max(1, Math.ceil(views.length / 30));
+    const step = splitting ? 1 : Math.max(1, Math.ceil(views.length / 30));
     views.forEach((v, i) => {
       if (i % step && i !== this.view) return;
-      const b = element("button", `${v.height_px.toFixed(0)} px`, list);
-      b.type = "button";
-      b.setAttribute("aria-pressed", String(i === this.view));
-      b.title = [`frame ${v.frame} of ${v.camera}`, v.residual_px === null ? null : `residual ${v.residual_px} px`, v.used ? null : "not used"].filter(Boolean).join(", ");
-      b.onclick = () => this.showView(i);
+      const b = element("button", v.height_px === undefined ? "click" : `${v.height_px.toFixed(0)} px`, list);
+      b.type = "button"; b.dataset.view = i;
+      const chosen = splitting ? splitting.has(i) : i === this.view;
+      b.setAttribute("aria-pressed", String(chosen));
+      b.setAttribute("aria-label", `View in frame ${v.frame}, ${b.textContent}`);
+      b.title = [`frame ${v.frame} of ${v.camera}`, v.residual_px === null || v.residual_px === undefined ? null : `residual ${v.residual_px} px`, v.used ? null : "not used"].filter(Boolean).join(", ");
+      b.onclick = () => {
+        if (splitting) {
+          if (!splitting.delete(i)) splitting.add(i);
+          b.setAttribute("aria-pressed", String(splitting.has(i)));
+        }
+        this.showView(i);
+      };
     });
+    if (!splitting) return;
+    const row = element("p", undefined, box, "row");
+    this.button(row, "save-split", "Make two signs", "Enter", () => this.app.review.save());
+    this.button(row, "leave-split", "Cancel", "Esc", () => this.app.review.leave());
   }
 
   figures(box, verdict) {
@@ -125,7 +175,7 @@ export class Card {
       element("dd", value, list);
     };
     const { sign } = this;
-    if (verdict?.lon_deg !== undefined) line("set by hand", `${verdict.lat_deg.toFixed(7)}°, ${verdict.lon_deg.toFixed(7)}°`);
+    if (verdict?.lon_deg !== undefined) line(verdict.computed ? "now at" : "set by hand", `${verdict.lat_deg.toFixed(7)}°, ${verdict.lon_deg.toFixed(7)}°`);
     if (sign.lat_deg !== null) line("computed at", `${sign.lat_deg.toFixed(7)}°, ${sign.lon_deg.toFixed(7)}°`, "latitude, longitude (WGS-84)");
     if (sign.height_m !== null) line("height", `${sign.height_m.toFixed(2)} m`, "above the ellipsoid");
     for (const field of this.app.overview.fields) {
@@ -137,11 +187,57 @@ export class Card {
     }
   }
 
+  history(box) {
+    const { sign } = this;
+    if (!sign.history.length) return;
+    element("h3", "Review", box);
+    const list = element("ol", undefined, box);
+    list.id = "history";
+    for (const h of sign.history) {
+      const item = element("li", undefined, list, h.stands ? "" : "undone");
+      const what = h.kind === "merge" ? `one with ${h.other === sign.id ? h.sign : h.other}` : WORDS[h.kind];
+      element("span", [what, h.class && words(h.class), h.note, h.reviewer, h.time.slice(0, 19).replace("T", " ") + " UTC"].filter(Boolean).join(", "), item);
+      if (!h.stands || h.kind === "undo") continue;
+      const b = element("button", "Undo", item);
+      b.type = "button";
+      b.setAttribute("aria-label", `Undo: ${what}`);
+      b.onclick = () => this.app.review.undoAction(h.id);
+    }
+  }
+
+  // the panel of a sign that is being added
+  drawAdding() {
+    const { adding } = this.app.state;
+    const { review, picker } = this.app;
+    const { head, details } = this;
+    head.replaceChildren();
+    details.replaceChildren();
+    element("h2", "A sign that was missed", head);
+    const found = adding.at || adding.preview;
+    const text = adding.at ? "Placed on the map; drag the map, click again or use the arrows to correct it."
+      : adding.trouble ? `No place yet: ${adding.trouble}.`
+      : adding.preview ? `${adding.clicks.length} frames meet; the 95 % ellipse is ${adding.preview.major?.toFixed(1) ?? "?"} m.`
+      : adding.clicks.length ? "Click it in a second frame, from further off or nearer."
+      : "Click it on the map, or its middle in two or more frames of the video below.";
+    const p = element("p", text, head);
+    p.id = "adding"; p.setAttribute("role", "status");
+    const row = element("p", undefined, head, "row actions");
+    const name = this.button(row, "add-class", adding.name ? words(adding.name) : "Choose class", "", async () => {
+      adding.name = await picker.choose(adding.name) ?? adding.name;
+      if (this.app.state.adding === adding) { this.drawAdding(); this.app.byId("add-class").focus(); }
+    });
+    if (adding.name) { const picture = document.createElement("img"); picture.src = api.face(adding.name); picture.alt = ""; name.prepend(picture); }
+    this.button(row, "save-add", "Add", "Enter", () => review.saveAdd()).disabled = !found;
+    this.button(row, "leave-add", "Cancel", "Esc", () => review.leave());
+  }
+
   async showView(index) {
     const v = this.sign?.views[index];
     if (!v) return;
     this.view = index;
-    for (const [i, b] of [...(this.app.byId("views")?.children ?? [])].entries()) b.setAttribute("aria-pressed", String(i === index));
+    if (!this.app.state.splitting) {
+      for (const b of this.app.byId("views")?.children ?? []) b.setAttribute("aria-pressed", String(Number(b.dataset.view) === index));
+    }
     await this.app.player.showFrame(v.drive, v.camera, v.frame, v.t);
   }
 

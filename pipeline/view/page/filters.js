@@ -18,6 +18,7 @@ export class Filters {
       app.refilter();
     };
     byId("review-filter").onchange = () => app.refilter();
+    byId("order").onchange = () => { app.order = null; };
     byId("classes-all").onclick = () => this.setAll(this.ticks, true);
     byId("classes-none").onclick = () => this.setAll(this.ticks, false);
     byId("drives-all").onclick = () => this.setAll(drives, true);
@@ -28,6 +29,8 @@ export class Filters {
       for (const label of this.ticks) label.style.display = label.hidden ? "none" : "";
     };
     byId("toggle-filters").onclick = () => this.toggle();
+    // on a phone they would cover the map
+    if (matchMedia("(max-width: 700px)").matches) this.toggle();
   }
 
   tick(box, flags, k, text, title, count, colour) {
@@ -62,7 +65,7 @@ export class Filters {
   toggle() {
     const box = this.app.byId("filters");
     box.hidden = !box.hidden;
-    this.app.byId("toggle-filters").setAttribute("aria-pressed", String(!box.hidden));
+    this.app.byId("toggle-filters").setAttribute("aria-expanded", String(!box.hidden));
   }
 
   values() {

@@ -1,12 +1,14 @@
 // Puts the page together.
 import * as api from "./api.js";
+import { Below } from "./below.js";
 import { Card } from "./card.js";
 import { Filters } from "./filters.js";
 import { listenToKeys } from "./keys.js";
 import { SignMap } from "./map.js";
+import { Picker } from "./picker.js";
 import { Player } from "./player.js";
 import { Review } from "./review.js";
-import { applyFilter, css, parse, place, words } from "./signs.js";
+import { applyFilter, css, isGone, parse, place } from "./signs.js";
 
 const byId = (id) => document.getElementById(id);
 const SIGMA = [0, 1, 2, 3, 4].map((k) => css(`--s${k}`));
@@ -14,7 +16,7 @@ const PATHS_AT_ONCE = 60;
 
 const state = {
   signs: parse(new ArrayBuffer(0)), paths: new Map(), drives: new Map(), selected: null, moving: null,
-  vehicle: null, frames: 0, face: () => null,
+  turning: null, merging: false, mergeInto: null, adding: null, splitting: null, vehicle: null, frames: 0, face: () => null,
 };
 globalThis.automapState = state;
 
@@ -29,25 +31,27 @@ async function start() {
   app.overview = overview;
   state.signs = parse(buffer);
   state.face = faces(map);
-  app.hasFace = (name) => { const k = state.signs.classes.indexOf(name); return overview.faces.includes(k) ? k : -1; };
   document.title = `${overview.name} - AutoMap`;
   byId("title").textContent = overview.name;
   if (overview.report) {
     byId("report").href = api.address("out/report.html");
     byId("report").hidden = false;
   }
-  for (const name of overview.classes_known) byId("class-names").append(new Option(words(name), name));
+  layBelow(map);
 
   app.select = select;
   app.refilter = refilter;
   app.wholeMap = wholeMap;
   app.review = new Review(app);
   app.filters = new Filters(app);
+  app.picker = new Picker(app);
   app.player = new Player(app);
   app.card = new Card(app);
   app.review.take(review);
-  map.onPick = (row) => select(row, false);
-  map.onMove = (dx, dy) => app.review.nudge(dx, dy);
+  app.card.draw();
+  map.onPick = (row) => (state.merging ? app.review.merge(row) : select(row, false));
+  map.onMove = (...drag) => app.review.drag(...drag);
+  map.onPlace = (x, y) => app.review.clickMap(x, y);
   byId("fit").onclick = wholeMap;
   byId("zoom-in").onclick = () => map.zoomBy(2);
   byId("zoom-out").onclick = () => map.zoomBy(0.5);
@@ -56,8 +60,26 @@ async function start() {
   wholeMap();
   map.draw();
   document.documentElement.dataset.ready = String(Math.round(performance.now()));
+  for (const text of overview.problems) hint(text);
   await loadPaths();
   app.review.watch();
+}
+
+function layBelow(map) {
+  const { background } = app.overview;
+  app.toggleBelow = () => hint("This map has no background; give one with --background.");
+  if (!background) return;
+  map.below = new Below(map, background);
+  const box = byId("below"), tick = byId("below-on");
+  box.hidden = false;
+  box.lastElementChild.textContent = background.name;
+  byId("map").classList.add("over");
+  tick.onchange = () => {
+    map.below.on = tick.checked;
+    byId("map").classList.toggle("over", tick.checked);
+    map.redraw();
+  };
+  app.toggleBelow = () => tick.click();
 }
 
 async function loadPaths() {
@@ -130,14 +152,18 @@ function wholeMap() { app.map.fit(bounds(null)); }
 
 function refilter() {
   applyFilter(state.signs, app.filters.values());
-  const { n, count } = state.signs;
-  const reviewed = [...state.signs.verdicts.values()].filter((v) => v.status).length;
+  const { signs } = state;
+  let n = 0, reviewed = 0;
+  for (let i = 0; i < signs.n; i++) if (!isGone(signs, i)) { n++; if (signs.verdicts.get(i)?.status) reviewed++; }
+  const { count } = signs;
   byId("tally").textContent = `${count === n ? n : `${count} of ${n}`} signs, ${reviewed} reviewed`;
+  byId("progress").max = Math.max(n, 1);
+  byId("progress").value = reviewed;
   app.map.redraw();
 }
 
 async function select(row, centre = true) {
-  if (state.moving) app.review.cancelMove();
+  if (app.review.busy && !state.merging) app.review.leave();
   state.selected = row;
   if (row !== null && centre) {
     const [x, y] = place(state.signs, row);
@@ -150,14 +176,11 @@ async function select(row, centre = true) {
 // pictures of classes, fetched when first drawn
 function faces(map) {
   const pictures = new Map();
-  const number = new Map(app.overview.faces.map((k) => [state.signs.classes[k], k]));
-  return (k, corrected) => {
-    const index = number.get(corrected ?? state.signs.classes[k]);
-    if (index === undefined) return null;
-    if (!pictures.has(index)) {
-      pictures.set(index, null);
-      api.picture(`face/${index}`).then((bitmap) => { pictures.set(index, bitmap); map.redraw(); }, () => {});
+  return (name) => {
+    if (!pictures.has(name)) {
+      pictures.set(name, null);
+      api.picture(`face/${encodeURIComponent(name)}`).then((bitmap) => { pictures.set(name, bitmap); map.redraw(); }, () => {});
     }
-    return pictures.get(index);
+    return pictures.get(name);
   };
 }

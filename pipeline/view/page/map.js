@@ -1,6 +1,6 @@
 // The map: a canvas with its own view, in Web Mercator units (0 to 1 over the world).
-import { drawSigns } from "./marks.js";
-import { metresPerUnit } from "./signs.js";
+import { drawAdding, drawSigns } from "./marks.js";
+import { metresPerUnit, place } from "./signs.js";
 
 const MAX_PX_PER_M = 400;
 
@@ -13,7 +13,8 @@ export class SignMap {
     this.drawn = [];
     this.onPick = () => {};
     this.onMove = () => {};
-    this.onDrop = () => {};
+    this.onPlace = () => {};
+    this.below = null;
     this.pointers = new Map();
     new ResizeObserver(() => this.resize()).observe(canvas);
     canvas.addEventListener("wheel", (e) => this.wheel(e), { passive: false });
@@ -88,7 +89,10 @@ export class SignMap {
     this.pointers.set(e.pointerId, [e.offsetX, e.offsetY]);
     this.travel = 0;
     const hit = this.hit(e.offsetX, e.offsetY);
-    this.dragged = this.state.moving && hit && hit.row === this.state.selected ? hit.row : null;
+    const held = this.state.moving || this.state.turning !== null;
+    // what is turned is held by its arrow too
+    const own = hit && hit.row === this.state.selected;
+    this.dragged = held && (own || this.nearArrow(e.offsetX, e.offsetY)) ? this.state.selected : null;
     this.canvas.classList.add("drag");
   }
 
@@ -104,7 +108,7 @@ export class SignMap {
     } else {
       this.travel += Math.hypot(now[0] - before[0], now[1] - before[1]);
       if (this.travel > 3 || this.dragged !== null) {
-        if (this.dragged !== null) this.onMove((now[0] - before[0]) / this.k, (now[1] - before[1]) / this.k);
+        if (this.dragged !== null) this.onMove((now[0] - before[0]) / this.k, (now[1] - before[1]) / this.k, this.wx(now[0]), this.wy(now[1]));
         else this.panBy(before[0] - now[0], before[1] - now[1]);
       }
     }
@@ -116,6 +120,12 @@ export class SignMap {
     if (!this.pointers.size) this.canvas.classList.remove("drag");
     if (e.type === "pointerup" && this.travel <= 3 && this.dragged === null) this.click(e.offsetX, e.offsetY);
     this.dragged = null;
+  }
+
+  nearArrow(sx, sy) {
+    if (this.state.turning === null) return false;
+    const [x, y] = place(this.state.signs, this.state.selected);
+    return Math.hypot(this.sx(x) - sx, this.sy(y) - sy) < 60;
   }
 
   hit(sx, sy) {
@@ -130,6 +140,7 @@ export class SignMap {
   }
 
   click(sx, sy) {
+    if (this.state.adding) return this.onPlace(this.wx(sx), this.wy(sy));
     const hit = this.hit(sx, sy);
     if (!hit) return;
     if (hit.row !== undefined) this.onPick(hit.row);
@@ -155,9 +166,10 @@ export class SignMap {
     const { ctx } = this;
     ctx.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     ctx.clearRect(0, 0, this.w, this.h);
-    this.drawGrid();
+    if (!this.below?.draw(ctx)) this.drawGrid();
     for (const path of this.state.paths.values()) this.drawPath(path);
     this.drawn = drawSigns(this, this.state);
+    drawAdding(this, this.state);
     this.drawVehicle();
     this.drawScale();
     this.state.frames = (this.state.frames || 0) + 1;
@@ -184,9 +196,10 @@ export class SignMap {
   drawPath(path) {
     const { ctx } = this;
     ctx.lineJoin = ctx.lineCap = "round";
-    ctx.lineWidth = 3;
-    for (const run of path.runs) {
-      ctx.strokeStyle = run.colour;
+    // on a picture from the air the path has a rim
+    for (const rim of this.below?.on ? [true, false] : [false]) for (const run of path.runs) {
+      ctx.lineWidth = rim ? 6 : 3;
+      ctx.strokeStyle = rim ? this.colour("--card") : run.colour;
       ctx.beginPath();
       let px = Infinity, py = Infinity;
       for (let i = run.from; i <= run.to; i++) {

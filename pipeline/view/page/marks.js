@@ -1,11 +1,11 @@
 // Signs on the map: single ones with ellipse and direction, many near one another as one disc.
-import { COLOURS, classOf, metresPerUnit, place } from "./signs.js";
+import { COLOURS, classOf, facingOf, isGone, mercator, metresPerUnit, place } from "./signs.js";
 
 const CELL = 52;           // pixels of a cell of the cluster grid, at least
 const APART_PX = 38;       // discs nearer than this are one
 const FACES = 500;         // more signs in view than this are drawn as dots
 const APART = 14;          // pixels per metre from which signs are never put together
-export const RING = { accepted: "--good", rejected: "--bad", corrected: "--warn" };
+export const RING = { accepted: "--good", rejected: "--bad", corrected: "--warn", added: "--accent" };
 
 // scratch arrays of the cluster grid, kept from one drawing to the next
 let sum = new Float64Array(0), grid = { n: new Uint32Array(0), first: new Uint32Array(0) };
@@ -15,11 +15,11 @@ export function drawSigns(map, state) {
   const drawn = [];
   const singles = map.pxPerM >= APART ? inView(map, signs) : clustered(map, signs, drawn, state);
   const chosen = state.selected;
-  if (chosen !== null && !singles.includes(chosen)) singles.push(chosen);
+  if (chosen !== null && !isGone(signs, chosen) && !singles.includes(chosen)) singles.push(chosen);
   const faces = singles.length <= FACES;
   for (const row of singles) if (map.pxPerM > 0.4 || row === chosen) ellipse(map, state, row, row === chosen);
   for (const row of singles) if (row !== chosen) drawn.push(single(map, state, row, faces));
-  if (chosen !== null) drawn.push(single(map, state, chosen, true));
+  if (chosen !== null && !isGone(signs, chosen)) drawn.push(single(map, state, chosen, true));
   return drawn;
 }
 
@@ -120,11 +120,13 @@ function ellipse(map, state, row, chosen) {
   const moved = v && v.lon_deg !== undefined;
   const px = map.k / metresPerUnit(signs.y[row]);
   const hand = 2.448 * (v?.sd_m ?? 1);
-  const major = (moved ? hand : signs.major[row]) * px, minor = (moved ? hand : signs.minor[row]) * px;
+  const by = (name) => (v?.major !== undefined ? v[name] : signs[name][row]);
+  const round = moved && v.major === undefined;
+  const major = (round ? hand : by("major")) * px, minor = (round ? hand : by("minor")) * px;
   if (!(major > 3) || major > 20000) return;
   const [x, y] = place(signs, row);
   ctx.beginPath();
-  ctx.ellipse(map.sx(x), map.sy(y), major, Math.max(minor, 0.5), moved ? 0 : signs.azimuth[row] - Math.PI / 2, 0, 7);
+  ctx.ellipse(map.sx(x), map.sy(y), major, Math.max(minor, 0.5), round ? 0 : by("azimuth") - Math.PI / 2, 0, 7);
   const colour = COLOURS[signs.class[row] % COLOURS.length];
   ctx.fillStyle = ctx.strokeStyle = colour;
   ctx.globalAlpha = chosen ? 0.16 : 0.07; ctx.fill();
@@ -141,9 +143,12 @@ function single(map, state, row, faces) {
   const sx = map.sx(x), sy = map.sy(y);
   const r = chosen ? 15 : faces ? 11 : 5;
   const colour = COLOURS[signs.class[row] % COLOURS.length];
-  const facing = signs.facing[row];
-  if (facing === facing && (faces || chosen)) arrow(ctx, sx, sy, r, facing * Math.PI / 180, colour);
-  const face = faces ? state.face(signs.class[row], verdict?.class_name) : null;
+  const facing = chosen && state.turning !== null ? state.turning : facingOf(signs, row);
+  if (facing === facing && (faces || chosen)) {
+    if (map.below?.on) arrow(ctx, sx, sy, r, facing * Math.PI / 180, map.colour("--card"), 4.5);
+    arrow(ctx, sx, sy, r, facing * Math.PI / 180, chosen && state.turning !== null ? map.colour("--warn") : colour);
+  }
+  const face = faces ? state.face(classOf(signs, row)) : null;
   ctx.globalAlpha = verdict?.status === "rejected" ? 0.35 : 1;
   if (face) ctx.drawImage(face, sx - r, sy - r, 2 * r, 2 * r);
   else {
@@ -157,6 +162,29 @@ function single(map, state, row, faces) {
   return { sx, sy, r: r + 2, row };
 }
 
+// a sign that is being added: where it was clicked, or where the frames meet
+export function drawAdding(map, state) {
+  const { adding } = state;
+  if (!adding) return;
+  const { ctx } = map;
+  const at = adding.at ?? (adding.preview ? mercator(adding.preview.lon_deg, adding.preview.lat_deg) : null);
+  if (!at) return;
+  const sx = map.sx(at[0]), sy = map.sy(at[1]);
+  const px = map.k / metresPerUnit(at[1]);
+  const { major = 2.448, minor = 2.448, azimuth = 0 } = adding.preview ?? {};
+  ctx.beginPath();
+  ctx.ellipse(sx, sy, Math.max(major * px, 1), Math.max(minor * px, 1), azimuth - Math.PI / 2, 0, 7);
+  ctx.fillStyle = ctx.strokeStyle = map.colour("--accent");
+  ctx.globalAlpha = 0.2; ctx.fill();
+  ctx.globalAlpha = 1; ctx.lineWidth = 2; ctx.stroke();
+  for (const [colour, width] of [[map.colour("--card"), 6], [map.colour("--accent"), 3]]) {
+    ctx.strokeStyle = colour; ctx.lineWidth = width;
+    ctx.beginPath();
+    ctx.moveTo(sx - 12, sy); ctx.lineTo(sx + 12, sy); ctx.moveTo(sx, sy - 12); ctx.lineTo(sx, sy + 12);
+    ctx.stroke();
+  }
+}
+
 function ring(map, sx, sy, r, colour, crossed) {
   const { ctx } = map;
   ctx.strokeStyle = colour; ctx.lineWidth = 2.4;
@@ -165,9 +193,9 @@ function ring(map, sx, sy, r, colour, crossed) {
   ctx.stroke();
 }
 
-function arrow(ctx, sx, sy, r, angle, colour) {
+function arrow(ctx, sx, sy, r, angle, colour, width = 1.8) {
   const far = r + 13, s = Math.sin(angle), c = -Math.cos(angle);
-  ctx.strokeStyle = colour; ctx.lineWidth = 1.8;
+  ctx.strokeStyle = colour; ctx.lineWidth = width;
   ctx.beginPath();
   ctx.moveTo(sx + s * r, sy + c * r); ctx.lineTo(sx + s * far, sy + c * far);
   for (const turn of [2.6, -2.6]) {

@@ -16,6 +16,8 @@ export class Player {
     byId("drive").onchange = (e) => this.show(Number(e.target.value));
     byId("camera").onchange = (e) => { this.camera = this.drive.cameras[Number(e.target.value)]; this.frame = -1; this.seek(this.t); };
     app.overview.drives.forEach((name, k) => byId("drive").append(new Option(name, k)));
+    this.canvas.addEventListener("click", (e) => this.click(e));
+    this.point = null;
     new ResizeObserver(() => this.marks()).observe(byId("marks"));
   }
 
@@ -127,13 +129,13 @@ export class Player {
     const ctx = this.canvas.getContext("2d");
     if (picture) ctx.drawImage(picture, 0, 0);
     const { selected } = this.app.state;
-    const chosen = selected === null ? null : this.app.card.sign;
+    const chosen = selected === null ? null : this.app.card?.sign ?? null;
     const line = Math.max(1.5, width / 500);
     ctx.font = `600 ${Math.round(width / 55)}px system-ui, sans-serif`;
     ctx.textBaseline = "bottom";
     for (const box of boxes) {
       const [x0, y0, x1, y1] = box.box.map((v) => v * scale);
-      const own = chosen !== null && (chosen.names[this.drive.number] ?? []).includes(box.sign);
+      const own = chosen !== null && this.app.card.boxes.has(`${this.drive.number}/${box.row}`);
       ctx.strokeStyle = own ? "#ffd33d" : box.sign ? "#58d68d" : "#9aa5b1";
       ctx.lineWidth = own ? 2 * line : line;
       ctx.strokeRect(x0, y0, x1 - x0, y1 - y0);
@@ -145,6 +147,54 @@ export class Player {
       ctx.fillStyle = ctx.strokeStyle;
       ctx.fillText(label, x + 3, y);
     }
+    this.crosses(ctx, scale, width);
+  }
+
+  // where a sign was clicked, pixels of the whole frame
+  crosses(ctx, scale, width) {
+    const { adding } = this.app.state;
+    const { drive, camera, frame } = this.shown;
+    const same = (c) => c.drive === drive.number && c.camera === camera.name && c.frame === frame;
+    const clicks = adding ? adding.clicks.filter(same).map((c) => [c.x, c.y, "#ff5cc8"]) : [];
+    const sign = this.app.state.selected === null ? null : this.app.card?.sign;
+    for (const v of sign?.views ?? []) if (v.at && v.drive === drive.number && v.camera === camera.name && v.frame === frame) clicks.push([...v.at, "#ffd33d"]);
+    if (adding && this.point && document.activeElement === this.canvas) clicks.push([...this.point, "#ffffff"]);
+    const arm = width / 40;
+    for (const [x, y, colour] of clicks) {
+      for (const [stroke, wide] of [["#0b0d10", 5], [colour, 2.5]]) {
+        ctx.strokeStyle = stroke; ctx.lineWidth = wide * width / 900;
+        ctx.beginPath();
+        ctx.moveTo(x * scale - arm, y * scale); ctx.lineTo(x * scale + arm, y * scale);
+        ctx.moveTo(x * scale, y * scale - arm); ctx.lineTo(x * scale, y * scale + arm);
+        ctx.stroke();
+      }
+    }
+  }
+
+  click(e) {
+    if (!this.app.state.adding || !this.shown) return;
+    const box = this.canvas.getBoundingClientRect();
+    this.mark((e.clientX - box.left) / box.width * this.shown.camera.width, (e.clientY - box.top) / box.height * this.shown.camera.height);
+  }
+
+  mark(x, y) {
+    const { drive, camera, frame } = this.shown;
+    this.app.review.clickFrame({ drive: drive.number, camera: camera.name, frame, x: Math.round(x * 10) / 10, y: Math.round(y * 10) / 10 });
+  }
+
+  // the place in the frame by keyboard; true for a key that was used
+  pointKey(e) {
+    if (!this.shown) return false;
+    const { width, height } = this.shown.camera;
+    this.point ??= [width / 2, height / 2];
+    const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[e.key];
+    if (e.key === "Enter") this.mark(...this.point);
+    else if (step) {
+      const far = e.shiftKey ? 1 : 10;
+      this.point = [Math.min(Math.max(this.point[0] + far * step[0], 0), width), Math.min(Math.max(this.point[1] + far * step[1], 0), height)];
+    } else return false;
+    this.paint();
+    return true;
   }
 
   // ticks where the chosen sign is seen
