@@ -100,6 +100,8 @@ PICTURE_FIELDS: tuple[Field, ...] = (
       for b in ("min", "max") for a in "xy"),
     Field("range_m", "real", "m", "distance from the camera to the sign"),
     Field("score", "real", "", "the detector's belief in the box, 0 to 1"),
+    Field("context", "text", "", "picture of the street around the sign"),
+    Field("street", "text", "", "in that picture: hidden (nobody can be recognised) or shown"),
 )  # fmt: skip
 
 _TYPES = {"text": "text", "integer": "integer", "real": "number", "time": "time", "list": "list"}

@@ -42,6 +42,15 @@ SIGN_FIELDS: tuple[Field, ...] = (
     Field("size_m", "real", "m", "height of the face", 2),
     Field("side", "text", "", "side of the road in the direction of travel"),
     Field("support", "text", "", "post or gantry, the same for all signs on it"),
+    Field(
+        "face_order",
+        "integer",
+        "",
+        "place from the top among its support's faces that look the same way, 1 the uppermost",
+    ),
+    Field(
+        "main_sign", "text", "", "of a supplementary plate, the sign above it that it belongs to"
+    ),
     Field("cov_ee_m2", "real", "m^2", "variance of the position east, trajectory included"),
     Field("cov_en_m2", "real", "m^2", "covariance of east and north, trajectory included"),
     Field("cov_nn_m2", "real", "m^2", "variance of the position north, trajectory included"),

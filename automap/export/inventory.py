@@ -29,11 +29,13 @@ class ComparedSign:
     """One row: its kind and what map and inventory say; NaN and "" where either says nothing.
 
     From where it is listed to where it was found ``east_m``, ``north_m``, after the inventory's
-    common shift; ``sd_m`` one sigma per axis of that.
+    common shift; ``sd_m`` one sigma per axis of that. ``sure`` is "yes" where the probability is at
+    least 0.9, else "no".
     """
 
     kind: str
     probability: float
+    sure: str
     id: str
     listed_id: str
     class_name: str
@@ -49,6 +51,11 @@ class ComparedSign:
     lat_deg: float
     listed_lon_deg: float
     listed_lat_deg: float
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether it is likely enough to be acted on."""
+        return self.sure == "yes"
 
     @property
     def place(self) -> tuple[float, float]:
@@ -130,14 +137,14 @@ def _cell(name: str, value: Any) -> str:
 
 
 def osm_change(rows: Sequence[ComparedSign], country: str | None) -> str:
-    """An osmChange file to be looked through in JOSM: new signs, each with a ``fixme``.
+    """An osmChange file to be looked through in JOSM: sure new signs, each with a ``fixme``.
 
     What OpenStreetMap has already is left alone: a change there states all tags of an object, and
     an inventory holds but some of them. Those are among the tasks for people.
     """
     nodes = [
         _node(row, -number, country)
-        for number, row in enumerate((r for r in rows if r.kind == "new"), start=1)
+        for number, row in enumerate((r for r in rows if r.kind == "new" and r.is_sure), start=1)
     ]
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
@@ -167,10 +174,11 @@ def _plain(value: str) -> str:
 
 
 def maproulette_tasks(rows: Sequence[ComparedSign]) -> str:
-    """Line by line GeoJSON (RFC 8142), each line one task of a MapRoulette challenge."""
+    """Line by line GeoJSON (RFC 8142), each line one task of a MapRoulette challenge, for what is
+    sure."""
     lines = []
     for row in rows:
-        if row.kind not in WORK:
+        if row.kind not in WORK or not row.is_sure:
             continue
         lon, lat = row.place
         name = f"{row.kind}-{row.id or row.listed_id}"

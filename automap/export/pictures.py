@@ -1,7 +1,7 @@
-"""Pictures of the signs: which views to show, and the sign cut out of the frame.
+"""Pictures of the signs: which views to show, the sign cut out of the frame, and the street.
 
-Nothing is shown beyond the sign's own box and a narrow rim, so that faces and number plates
-beside a sign stay out of the map.
+A sign's picture shows nothing beyond its own box and a narrow rim; one of the street around it
+has nothing else sharp, so that faces and number plates stay out of the map.
 """
 
 from __future__ import annotations
@@ -23,13 +23,11 @@ if TYPE_CHECKING:
 VIEWS = 3
 """Pictures a sign: the largest, and ones from about two and four times as far."""
 
-_RIM = 0.06
-_RIM_PX = 1.0
 _LARGEST_PX = 128
 _SMALLEST_PX = 48
 _QUALITY = 80
-_GREATEST_SHARE = 0.15
-"""Share of the frame beyond which a box is no sign but a mistake that shows the street."""
+_CONTEXT_PX = 480
+"""Width of a picture of the street: it shows on which post, and more is not sharp anyway."""
 
 _COLUMNS = ("camera", "frame", "t_ns", "x_min", "y_min", "x_max", "y_max", "score", "sign_id")
 
@@ -51,6 +49,11 @@ class SignView:
     def file(self) -> str:
         """Name of the picture's file; whatever the sign is called, it stays in its folder."""
         return f"{safe_name(self.sign_id)}-{self.rank}.jpg"
+
+    @property
+    def context_file(self) -> str:
+        """Name of the file with the street around the sign."""
+        return f"{safe_name(self.sign_id)}-context.jpg"
 
 
 def safe_name(sign_id: str) -> str:
@@ -130,18 +133,11 @@ def sign_picture(image: Image, box: FloatArray) -> bytes | None:
     sensible part of the frame."""
     import cv2
 
-    height, width = image.shape[:2]
-    x0, y0, x1, y1 = (float(value) for value in box)
-    if not min(x1 - x0, y1 - y0) >= 1.0:
+    from automap.vision.privacy import rimmed
+
+    if not _is_sensible(image, box):
         return None
-    rim = max(_RIM * max(x1 - x0, y1 - y0), _RIM_PX)
-    left, top = max(int(np.floor(x0 - rim + 0.5)), 0), max(int(np.floor(y0 - rim + 0.5)), 0)
-    right = min(int(np.ceil(x1 + rim + 0.5)), width)
-    bottom = min(int(np.ceil(y1 + rim + 0.5)), height)
-    if right - left < 2 or bottom - top < 2:
-        return None
-    if (right - left) * (bottom - top) > _GREATEST_SHARE * width * height:
-        return None
+    left, top, right, bottom = rimmed(box, image.shape[1], image.shape[0])
     part: Any = np.ascontiguousarray(image[top:bottom, left:right])
     largest = max(part.shape[:2])
     scale = float(np.clip(largest, _SMALLEST_PX, _LARGEST_PX)) / largest
@@ -149,7 +145,44 @@ def sign_picture(image: Image, box: FloatArray) -> bytes | None:
         way = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC
         size = (max(round(part.shape[1] * scale), 1), max(round(part.shape[0] * scale), 1))
         part = cv2.resize(part, size, interpolation=way)
+    return _jpeg(part)
+
+
+def context_picture(
+    image: Image, box: FloatArray, focal_px: float | None = None, hide: bool = True
+) -> bytes | None:
+    """The whole BGR frame as JPEG of at most 480 px in width, with nothing recognisable but the
+    box [4]; ``hide`` False leaves all as it is. ``focal_px`` is the camera's, if known. None where
+    the box is no sensible part of the frame."""
+    import cv2
+
+    from automap.vision.privacy import street_hidden
+
+    if not _is_sensible(image, box):
+        return None
+    height, width = image.shape[:2]
+    shown = street_hidden(image, [box], focal_px) if hide else image
+    if width > _CONTEXT_PX:
+        size = (_CONTEXT_PX, max(round(height * _CONTEXT_PX / width), 1))
+        shown = np.asarray(cv2.resize(shown, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return _jpeg(shown)
+
+
+def _is_sensible(image: Image, box: FloatArray) -> bool:
+    """Whether a box [4] may be a sign in this frame."""
+    from automap.vision.privacy import is_mistake, rimmed
+
+    height, width = image.shape[:2]
+    if not min(box[2] - box[0], box[3] - box[1]) >= 1.0:
+        return False
+    left, top, right, bottom = rimmed(box, width, height)
+    return min(right - left, bottom - top) >= 2 and not is_mistake(box, width, height)
+
+
+def _jpeg(image: Image) -> bytes | None:
+    import cv2
+
     good, data = cv2.imencode(
-        ".jpg", part, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
+        ".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
     )
     return bytes(data.tobytes()) if good else None

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from automap.export.assembly import on_post
 from automap.export.clock import iso_texts, utc_of_stamps
 from automap.export.icons import sign_words
 from automap.export.uncertainty import ce95, ellipse_outlines
@@ -58,6 +59,7 @@ def sign_columns(
     with np.errstate(invalid="ignore"):
         sd_u = np.sqrt(np.where(covariance[:, 2, 2] >= 0, covariance[:, 2, 2], np.nan))
     first, last = stamps("first_seen_ns"), stamps("last_seen_ns")
+    hung = on_post(signs)
     shown = [shown_value(sign.class_name, country) for sign in signs]
     values: dict[str, Any] = {
         "id": [sign.id for sign in signs],
@@ -80,6 +82,8 @@ def sign_columns(
         "size_m": real("size_m"),
         "side": [sign.side for sign in signs],
         "support": [sign.support or None for sign in signs],
+        "face_order": hung.order,
+        "main_sign": hung.main,
         "cov_ee_m2": cov_ee,
         "cov_en_m2": cov_en,
         "cov_nn_m2": cov_nn,

@@ -18,6 +18,13 @@ import numpy as np
 from automap.assignment import assign_near
 from automap.earth import ecef, metres_per_radian
 from automap.mapping.candidates import facing_evidence
+from automap.mapping.inventory_findings import (
+    Finding,
+    Inventory,
+    judge_classes,
+    new_signs,
+    not_found,
+)
 from automap.mapping.inventory_limits import (
     DETECTION_PRIOR,
     LARGEST_SD_M,
@@ -30,47 +37,9 @@ from automap.mapping.inventory_limits import (
 )
 from automap.mapping.limits import MOVED_M
 from automap.mapping.sightings import DriveSigns
-from automap.mapping.visibility import head_on, opportunities
 from automap.records import BoolArray, FloatArray, IntArray, Sign
 from automap.signs.codes import face_of
 from automap.signs.vocabulary import load_vocabulary
-
-
-@dataclass(frozen=True)
-class Inventory:
-    """Listed signs [n]: ``ids``; ``class_name`` ("" not told or not understood); positions and
-    ``facing_rad`` in rad, ``sd_m`` one sigma per axis (NaN unknown)."""
-
-    ids: Sequence[str]
-    class_name: Sequence[str]
-    lat_rad: FloatArray
-    lon_rad: FloatArray
-    facing_rad: FloatArray
-    sd_m: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.ids)
-
-
-@dataclass(frozen=True)
-class Finding:
-    """What became of one sign. ``kind`` "matched", "moved", "class", "new", "missing",
-    "unconfirmed" (not found, but missed signs are as likely) or "not_seen" (no drive had it in
-    view); ``sign`` and ``listed`` its places in map and inventory (-1 none); ``probability`` of
-    the kind; from listed to found ``east_m``, ``north_m``, and ``sd_m`` per axis of that."""
-
-    kind: str
-    sign: int
-    listed: int
-    probability: float
-    east_m: float = float("nan")
-    north_m: float = float("nan")
-    sd_m: float = float("nan")
-
-    @property
-    def distance_m(self) -> float:
-        """How far it was found from where it is listed."""
-        return math.hypot(self.east_m, self.north_m)
 
 
 @dataclass(frozen=True)
@@ -118,14 +87,12 @@ def compare_inventory(
     findings = [
         _paired(pairs, k, signs, inventory, shift, sd, float(moved[k])) for k in chosen.tolist()
     ]
-    found = np.zeros(len(inventory), np.bool_)
-    found[pairs.listed[chosen]] = True
-    known = np.zeros(len(signs), np.bool_)
-    known[pairs.sign[chosen]] = True
-    findings += [
-        Finding("new", k, -1, float(signs[k].confidence)) for k in np.flatnonzero(~known).tolist()
-    ]
-    lost, detection = _not_found(inventory, found, drives)
+    findings = judge_classes(findings, signs)
+    partner = np.full(len(inventory), -1)
+    partner[pairs.listed[chosen]] = pairs.sign[chosen]
+    unknown = np.setdiff1d(np.arange(len(signs)), pairs.sign[chosen])
+    findings += new_signs(signs, unknown, len(chosen), len(drives) > 1)
+    lost, detection = not_found(inventory, partner, signs, drives)
     order = ("matched", "moved", "class", "new", "missing", "unconfirmed", "not_seen")
     findings = sorted([*findings, *lost], key=lambda f: (order.index(f.kind), f.listed, f.sign))
     return InventoryComparison(findings, shift, sd, square, turned, detection)
@@ -272,53 +239,7 @@ def _paired(
     east, north = (pairs.apart[k] - shift).tolist()
     error = math.sqrt(0.5 * float(np.trace(pairs.cov[k])) + float(own) ** 2)
     if same_face(signs[i].class_name, inventory.class_name[j]) is False:
-        # either the list or the map is wrong
-        right = min(max(float(signs[i].confidence), 0.0), 1.0)
-        listed_wrong, read_wrong = STALE * right, (1.0 - STALE) * (1.0 - right)
-        belief = listed_wrong / max(listed_wrong + read_wrong, 1e-12)
-        return Finding("class", i, j, belief, east, north, error)
+        # either the list or the map is wrong, which all of these together tell
+        return Finding("class", i, j, 1.0 - STALE, east, north, error)
     kind, belief = ("moved", moved) if moved > 0.5 else ("matched", 1.0 - moved)
     return Finding(kind, i, j, belief, east, north, error)
-
-
-def _not_found(
-    inventory: Inventory, found: BoolArray, drives: Sequence[DriveSigns]
-) -> tuple[list[Finding], float]:
-    """Listed signs without a partner, and how often one in view was found.
-
-    Signs of unknown facing may look away from every drive: those to the left and to the right of
-    the path are found at rates of their own.
-    """
-    facing = np.asarray(inventory.facing_rad, np.float64)
-    views = opportunities(drives, inventory.lat_rad, inventory.lon_rad, facing)
-    views = head_on(views, facing)
-    count = np.bincount(views.sign, minlength=len(inventory))
-    side = np.zeros(len(inventory), np.int64)
-    unknown = np.isnan(facing)
-    side[views.sign] = np.where(unknown[views.sign], np.where(views.offset > 0.0, 2, 1), 0)
-    rate = np.zeros(3)
-    for k in range(3):
-        seen = (count > 0) & (side == k)
-        hits, misses = float((seen & found).sum()), float((seen & ~found).sum())
-        rate[k] = _detection(hits, misses)
-    result = []
-    for j in np.flatnonzero(~found).tolist():
-        if count[j] == 0:
-            result.append(Finding("not_seen", -1, j, 1.0))
-            continue
-        missed = float(1.0 - rate[side[j]]) ** count[j]
-        gone = STALE / (STALE + (1.0 - STALE) * missed)
-        kind = "missing" if gone > 0.5 else "unconfirmed"
-        result.append(Finding(kind, -1, j, gone if kind == "missing" else 1.0 - gone))
-    in_view = count > 0
-    hits, misses = float((in_view & found).sum()), float((in_view & ~found).sum())
-    return result, _detection(hits, misses)
-
-
-def _detection(hits: float, misses: float) -> float:
-    """How often a sign that stands is found: what is not found beyond the usual share of stale
-    entries was missed."""
-    a, b = DETECTION_PRIOR
-    standing = (hits + misses) * (1.0 - STALE)
-    missed = max(standing - hits, 0.0)
-    return (hits + a) / (hits + missed + a + b)

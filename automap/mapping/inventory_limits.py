@@ -5,10 +5,20 @@ from __future__ import annotations
 STALE = 0.05
 """Of an inventory's signs, those that are gone, that stand elsewhere by now, and that are of
 another class, before the data: chosen, as registers that are looked after are right in 19 of 20."""
+STALE_WEIGHT = 20.0
+"""Listed signs that the share of gone ones, and that of another class, weigh as, before the data.
+Chosen: as many as one of which is stale."""
 NEW_SHARE = 0.1
 """Of a map's signs those that no inventory has, before that is estimated. Chosen."""
+SURE = 0.9
+"""Statements of at least this probability are for work, the others for who has time. What is asked
+of each kind: nine of ten right."""
+HIGHEST_RATE = 0.99
+"""Of finding a sign in view: no drive is without any risk of a lorry in between."""
+MOST_SURE = 0.999
+"""A map's belief in a sign and its class is taken for no more, as by a merge."""
 DETECTION_PRIOR = (8.0, 1.5)
-"""Beta parameters of how often a sign in view is on the map: that of merged maps."""
+"""Beta parameters of how often a drive sees a sign in view, before the data: as in a merge."""
 USUAL_SD_M, USUAL_PAIRS = 2.0, 0.5
 """Error of an inventory's position per axis, before the data: chosen, about what aerial
 pictures are digitised to. It counts as half a sign, so that the first signs outweigh it."""

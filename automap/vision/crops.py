@@ -1,4 +1,4 @@
-"""The best picture of each track, as a small JPEG."""
+"""The best picture of each track, as a small JPEG, in which only the sign is sharp."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from automap.records import Crop, FloatArray, Image
 from automap.vision import limits
+from automap.vision.privacy import hide_street, is_mistake, reduction
 
 _SURROUND = 0.35
 """What is shown around a box, in parts of its longer side."""
@@ -19,8 +20,8 @@ _SMALLEST_PX, _LARGEST_PX, _QUALITY = 64, 160, 85
 class BestCrops:
     """Keeps one crop a track while a video is searched: a few kilobytes for each sign."""
 
-    def __init__(self, camera: str) -> None:
-        self._camera = camera
+    def __init__(self, camera: str, focal_px: float | None = None) -> None:
+        self._camera, self._focal_px = camera, focal_px
         self._best: dict[int, Crop] = {}
 
     def offer(
@@ -43,13 +44,17 @@ class BestCrops:
         known = self._best.get(track)
         if known is not None and worth < limits.BETTER_VIEW * known.worth:
             return
-        picture, inside = cut_out(image, box)
+        picture, inside = cut_out(image, box, self._reduction(width))
         coded, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
         if coded:
             self._best[track] = Crop(
                 self._camera, track, frame, t_ns, class_name, score,
                 np.asarray(box, np.float64), inside, data.tobytes(), worth,
             )  # fmt: skip
+
+    def _reduction(self, width: int) -> float:
+        """Of a frame of this width, whatever its focal length was taken for."""
+        return max(reduction(width), reduction(width, self._focal_px))
 
     def crops(self, class_of: dict[int, str]) -> list[Crop]:
         """The crops in the order of the tracks, named after the tracks' classes."""
@@ -59,8 +64,12 @@ class BestCrops:
         ]
 
 
-def cut_out(image: Image, box: FloatArray) -> tuple[Image, FloatArray]:
-    """A box with its surround, scaled to 64 to 160 px, and the box in that picture."""
+def cut_out(image: Image, box: FloatArray, factor: float = 1.0) -> tuple[Image, FloatArray]:
+    """A box with its surround, scaled to 64 to 160 px, and the box in that picture.
+
+    ``factor`` pixels are made one around the box, as ``privacy`` has it; all of a box that is no
+    sign but shows the street.
+    """
     height, width = image.shape[:2]
     x0, y0, x1, y1 = (float(v) for v in box)
     half = max((0.5 + _SURROUND) * max(x1 - x0, y1 - y0), 4.0)
@@ -70,6 +79,10 @@ def cut_out(image: Image, box: FloatArray) -> tuple[Image, FloatArray]:
     bottom = min(int(np.ceil(middle_y + half)) + 1, height)
     left, top = min(left, width - 1), min(top, height - 1)
     part = image[top : max(bottom, top + 1), left : max(right, left + 1)]
+    if factor > 1.0:
+        own = np.array([x0 - left, y0 - top, x1 - left, y1 - top])
+        sharp = own[:0] if is_mistake(box, width, height) else own
+        part = hide_street(np.ascontiguousarray(part), sharp, factor)
     largest = max(part.shape[:2])
     scale = float(np.clip(largest, _SMALLEST_PX, _LARGEST_PX)) / largest
     size = (max(round(part.shape[1] * scale), 1), max(round(part.shape[0] * scale), 1))

@@ -127,7 +127,7 @@ def search_frames(
     frames are chosen by time and by change, and tracks follow the pictures. Memory does not grow
     with the length of the video, but for its list of frames and the boxes found.
     """
-    rows, best = _Rows(), BestCrops(name)
+    rows, best = _Rows(), BestCrops(name, float(camera.matrix[0, 0]))
     plan = every_frame(times) if rules.every else plan_frames(times, path, rules.choice)
     tracker = Tracker(camera, rules.tracking)
     motions = _Motions(camera, path)

@@ -56,8 +56,10 @@ def command(
 
     The inventory is a GeoPackage, GeoJSON, Shapefile, Parquet or CSV file of points. Each sign
     of either is matched, moved, of another class, new, missing, unconfirmed or not seen, with a
-    probability, by the errors that the map states and the inventory turns out to have.
+    probability, by the errors that the map states and the inventory turns out to have. What is
+    told with less than 0.9 is listed by itself, as unsure.
     """
+    from automap.export.inventory import WORK
     from pipeline.compare.command import columns_of, compare_with_inventory, summary_text
 
     result = compare_with_inventory(
@@ -71,4 +73,6 @@ def command(
         kinds = result.summary["kinds"]
         click.echo(f"{result.summary['signs']} signs, {result.summary['listed']} listed -> {out}")
         for kind, number in kinds.items():
-            click.echo(f"  {kind.replace('_', ' '):12} {number}")
+            unsure = number - result.summary["sure"][kind]
+            beside = f" ({unsure} unsure)" if unsure and kind in WORK else ""
+            click.echo(f"  {kind.replace('_', ' '):12} {number}{beside}")

@@ -49,18 +49,26 @@ def command(
 
     Frames are chosen by what a map needs: how far the vehicle went and turned, more of them
     where a sign is in sight. Boxes of one sign share a track, and all its views say its class.
+    Beside the signs nobody can be recognised in the pictures that are written;
+    privacy.hide_street=false leaves them as they are.
     """
     from pipeline.detect.command import detect_to_csv
     from pipeline.settings.load import load_settings
     from pipeline.shared.terminal import progress_bar
 
-    settings = load_settings(config, assignments).detect
+    read = load_settings(config, assignments)
+    settings = read.detect
     changes: dict[str, object] = {"every_frame": True} if every_frame else {}
     if detector is not None:
         changes["detector"] = str(detector)
     with progress_bar("detect") as progress:
         outcome = detect_to_csv(
-            source, out, progress, settings=settings.model_copy(update=changes), annotate=annotate
+            source,
+            out,
+            progress,
+            settings=settings.model_copy(update=changes),
+            annotate=annotate,
+            hide=read.privacy.hide_street,
         )
     signs = f", {outcome.tracks} signs" if outcome.tracks else ""
     click.echo(f"{outcome.boxes} boxes{signs} in {outcome.searched} of {outcome.frames} pictures")

@@ -21,7 +21,8 @@ from pipeline.shared.products import RunProducts, load_products
 if TYPE_CHECKING:
     from automap.export.inventory import ComparedSign
     from automap.io.inventory_file import InventoryFile
-    from automap.mapping.inventory import Inventory, InventoryComparison
+    from automap.mapping.inventory import InventoryComparison
+    from automap.mapping.inventory_findings import Inventory
     from automap.mapping.sightings import DriveSigns
     from automap.records import Sign
 
@@ -119,7 +120,7 @@ def _listed(
     read: InventoryFile, country: str | None, path: Path, warnings: list[str]
 ) -> tuple[Inventory, list[int]]:
     """The list's signs that have a position, and their rows."""
-    from automap.mapping.inventory import Inventory
+    from automap.mapping.inventory_findings import Inventory
     from automap.signs.codes import classes_of
 
     classes = classes_of(read.codes, country)
@@ -147,25 +148,37 @@ def _listed(
 
 
 def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
-    """Where cameras looked; all drives of a merged map count as one."""
-    from automap.io.map_tables import COVERAGE, read_coverage
+    """Where cameras looked, drive by drive; a merged map without tracks counts as one drive."""
+    from automap.io.map_tables import COVERAGE, TRACKS, read_coverage, read_tracks
     from automap.mapping.compare import COVERAGE_VIEW
     from automap.mapping.sightings import DriveSigns
+    from automap.records import DrivePath
     from pipeline.merge.inputs import read_run
 
     if not (folder / names.MERGE).is_file():
         return [read_run(folder).signs]
-    if not (folder / COVERAGE).is_file():
+    paths: dict[str, DrivePath] = {}
+    if (folder / TRACKS).is_file():
+        for name, track in read_tracks(folder / TRACKS).items():
+            yaw = np.asarray(track.rpy[:, 2], np.float64)
+            none = np.zeros(len(track))
+            error = np.zeros((len(track), 3))
+            paths[name] = DrivePath(none, track.lat_rad, track.lon_rad, yaw, error)
+    elif (folder / COVERAGE).is_file():
+        paths[""] = read_coverage(folder / COVERAGE)
+    else:
         warnings.append(
-            f"{folder} has no {COVERAGE}: what was in view is not known, so nothing is missing."
+            f"{folder} has neither {TRACKS} nor {COVERAGE}: what was in view is not known, so "
+            "nothing is missing."
         )
-        return []
     blank: Any = np.zeros(0)
-    view = DriveSigns(
-        "", math.nan, (), *(blank,) * 4, np.zeros((0, 3, 3)), *(blank,) * 11,
-        path=read_coverage(folder / COVERAGE), cameras=(COVERAGE_VIEW,),
-    )  # fmt: skip
-    return [view]
+    return [
+        DriveSigns(
+            name, math.nan, (), *(blank,) * 4, np.zeros((0, 3, 3)), *(blank,) * 11,
+            path=path, cameras=(COVERAGE_VIEW,),
+        )
+        for name, path in paths.items()
+    ]  # fmt: skip
 
 
 def _doubts(result: InventoryComparison, path: Path) -> list[str]:
@@ -205,6 +218,7 @@ def _row(
     return ComparedSign(
         kind=finding.kind,
         probability=finding.probability,
+        sure="yes" if finding.sure else "no",
         id="" if sign is None else sign.id,
         listed_id="" if at < 0 else listed.ids[at],
         class_name="" if sign is None else sign.class_name,
@@ -233,6 +247,7 @@ def _summary(
 ) -> dict[str, Any]:
     """The content of comparison.json."""
     counts = Counter(row.kind for row in rows)
+    sure = Counter(row.kind for row in rows if row.is_sure)
     square = result.normalised_square
     return {
         "schema": "automap.comparison/1",
@@ -243,6 +258,7 @@ def _summary(
         "signs": n_signs,
         "listed": len(read),
         "kinds": {kind: counts.get(kind, 0) for kind in KINDS},
+        "sure": {kind: sure.get(kind, 0) for kind in KINDS},
         "inventory_shift_m": {"e": float(result.shift_m[0]), "n": float(result.shift_m[1])},
         "inventory_sd_m": result.sd_m,
         "normalised_square": None if math.isnan(square) else square,

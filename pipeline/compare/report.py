@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import base64
+from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from automap import __version__
 from automap.export.icons import class_icon, sign_words
+from automap.export.inventory import WORK
 from pipeline.pages.render import render
 from pipeline.pages.section import Figure
 from pipeline.shared.pictures import pictures_by_sign, read_pictures
@@ -21,6 +23,11 @@ _TITLES = {
     "new": ("New", "On the map and not in the inventory."),
     "class": ("Another class", "One sign, of which map and inventory say different things."),
     "moved": ("Moved", "Found elsewhere than the errors of map and inventory allow."),
+    "unsure": (
+        "Unsure",
+        "Likely one of these, but less than nine times of ten: where there is time, or after "
+        "another drive.",
+    ),
     "unconfirmed": (
         "Unconfirmed",
         "In view and not found, but a sign that stands is overlooked as often.",
@@ -45,11 +52,11 @@ def comparison_report(
     }
     parts = []
     for kind, (title, meaning) in _TITLES.items():
-        own = sorted((r for r in rows if r.kind == kind), key=lambda r: -r.probability)
+        own = sorted((r for r in rows if _part(r) == kind), key=lambda r: -r.probability)
         if own:
             shown = [_entry(row, pictures) for row in own[:_MOST]]
             parts.append({"title": title, "meaning": meaning, "n": len(own), "rows": shown})
-    kinds = summary["kinds"]
+    kinds = Counter(_part(row) for row in rows)
     shift = summary["inventory_shift_m"]
     figures = [Figure(str(kinds["matched"]), "matched", f"of {summary['listed']} listed")]
     figures += [Figure(str(kinds[kind]), title.lower(), "") for kind, (title, _) in _TITLES.items()]
@@ -69,8 +76,14 @@ def comparison_report(
     )  # fmt: skip
 
 
+def _part(row: ComparedSign) -> str:
+    """Which part of the page a row belongs to."""
+    return row.kind if row.is_sure or row.kind not in WORK else "unsure"
+
+
 def _entry(row: ComparedSign, pictures: dict[str, str]) -> dict[str, str]:
     lon, lat = row.place
+    kind = _TITLES[row.kind][0].lower() if _part(row) == "unsure" else ""
     shown = row.class_name or row.listed_class
     icon = base64.b64encode(class_icon(shown)).decode() if shown else ""
     distance = f"{row.distance_m:.1f} ± {row.sd_m:.1f}" if row.kind in ("moved", "class") else ""
@@ -81,7 +94,7 @@ def _entry(row: ComparedSign, pictures: dict[str, str]) -> dict[str, str]:
         "listed_id": row.listed_id,
         "words": sign_words(row.class_name),
         "listed_words": sign_words(row.listed_class) or row.listed_code,
-        "probability": f"{row.probability:.2f}",
+        "probability": f"{kind} {row.probability:.2f}".strip(),
         "distance": distance,
         "place": f"{lat:.6f}, {lon:.6f}",
     }

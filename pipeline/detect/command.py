@@ -51,6 +51,7 @@ def detect_to_csv(
     warn: Callable[[str], None] = say,
     settings: DetectSettings | None = None,
     annotate: bool = False,
+    hide: bool = True,
 ) -> Outcome:
     """Search ``source`` and write what is found.
 
@@ -59,8 +60,8 @@ def detect_to_csv(
     ``front_detections.csv`` may hold as it is; a drive with several cameras gives one file each,
     named ``OUT_CAMERA.csv``. A folder of images gives ``image`` with the file name instead of
     ``frame``, and no tracks. Beside it ``OUT_signs.jpg`` shows every sign, and with ``annotate``
-    ``OUT_annotated.mp4`` (a folder for images) shows them in place. Files appear whole or not
-    at all.
+    ``OUT_annotated.mp4`` (a folder for images) shows them in place, with ``hide`` so that
+    nobody can be recognised around them. Files appear whole or not at all.
 
     Raises InputError when there is nothing to search, ConfigError or InputError for a detector
     that cannot be used, StageError when a file cannot be written.
@@ -76,17 +77,17 @@ def detect_to_csv(
     # before a search that may take an hour
     make_folder(out.parent)
     if source.is_file() and source.name != names.MANIFEST:
-        job = _Job(out, settings, annotate, progress, warn)
+        job = _Job(out, settings, annotate, progress, warn, hide)
         return job.video(_lone_video(source), None)
     if source.is_file() or (source / names.MANIFEST).is_file():
-        return _drive(source, _Job(out, settings, annotate, progress, warn))
+        return _drive(source, _Job(out, settings, annotate, progress, warn, hide))
     images = images_in(source)
     if not images:
         raise InputError(
             f"{source} holds neither {names.MANIFEST} nor images; give a video, a folder of "
             "images or a drive."
         )
-    return _Job(out, settings, annotate, progress, warn).images(images)
+    return _Job(out, settings, annotate, progress, warn, hide).images(images)
 
 
 def _lone_video(path: Path) -> VideoInput:
@@ -131,6 +132,7 @@ class _Job:
     annotate: bool
     progress: Progress
     warn: Callable[[str], None]
+    hide: bool = True
 
     def video(self, video: VideoInput, drive: Drive | None) -> Outcome:
         """Search one camera's video."""
@@ -166,7 +168,11 @@ class _Job:
 
             shown = _annotated_of(self.out)
             annotate_video(
-                video, found, shown, progress=lambda f, text: self.progress(0.7 + 0.3 * f, text)
+                video,
+                found,
+                shown,
+                progress=lambda f, text: self.progress(0.7 + 0.3 * f, text),
+                hide=self.hide,
             )
             files.append(shown)
         tracks = len(set(found.track.tolist()))
@@ -177,7 +183,7 @@ class _Job:
         detector = open_detector(self.settings, None)
         folder = self.out.with_name(f"{self.out.stem}_annotated") if self.annotate else None
         result = search_images(
-            images, detector, self.settings.min_score, folder, self.warn, self.progress
+            images, detector, self.settings.min_score, folder, self.warn, self.progress, self.hide
         )
         files = [self.out, *self._sheet(result.crops), *([folder] if folder else [])]
         _write(self.out, "image", result.rows)

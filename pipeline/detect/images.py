@@ -48,8 +48,10 @@ def search_images(
     annotated: Path | None,
     warn: Callable[[str], None],
     progress: Progress,
+    hide: bool = True,
 ) -> ImageResult:
-    """Search pictures one by one; those with signs are drawn into the folder ``annotated``.
+    """Search pictures one by one; those with signs are drawn into the folder ``annotated``, with
+    ``hide`` so that nobody can be recognised in them.
 
     A picture that cannot be read is left out with a warning; InputError when none can be.
     """
@@ -74,7 +76,7 @@ def search_images(
             result.rows.append((path.name, name, *box, f"{score:.3f}", -1, name))
             best.offer(picture.image, picture.frame, 0, number, name, found.box[i], score)
         if annotated is not None and len(found):
-            _draw(annotated / f"{path.stem}.jpg", picture.image, found)
+            _draw(annotated / f"{path.stem}.jpg", picture.image, found, hide)
         progress((picture.frame + 1) / len(images), f"image {picture.frame + 1} of {len(images)}")
     if not result.read:
         raise InputError(f"none of the {len(images)} images in {images[0].parent} can be read.")
@@ -118,13 +120,14 @@ def _cut_short(path: Path) -> bool:
     return data.rfind(b"\xff\xd9") < len(data) // 2
 
 
-def _draw(path: Path, image: Image, found: FoundSigns) -> None:
+def _draw(path: Path, image: Image, found: FoundSigns, hide: bool) -> None:
     import cv2
 
     from automap.io.atomic import write_bytes
     from automap.vision.annotate import draw, label_for
+    from automap.vision.privacy import street_hidden
 
-    shown = image.copy()
+    shown = street_hidden(image, list(found.box)) if hide else image.copy()
     draw(
         shown,
         [

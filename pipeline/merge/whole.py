@@ -119,7 +119,12 @@ def write_whole(out: Path, whole: Whole) -> None:
         table = pa.concat_tables(whole.observations, promote_options="permissive")
         pq.write_table(table, out / names.OBSERVATIONS, compression="zstd")
     pictures = [
-        replace(picture, view=replace(picture.view, rank=rank))
+        replace(
+            picture,
+            view=replace(picture.view, rank=rank),
+            # the nearest view alone shows its street
+            context=picture.context if rank == 1 else None,
+        )
         for _, own in sorted(whole.pictures.items())
         for rank, picture in enumerate(own, start=1)
     ]
@@ -196,7 +201,7 @@ def _take_pictures(
             t_ns=int(_gps_ns(clock, np.array([picture.view.t_ns]))[0]),
         )
         own = whole.pictures.setdefault(name, [])
-        own.append(Picture(view, picture.jpeg))
+        own.append(replace(picture, view=view))
         own.sort(key=lambda p: -_height(p.view.box))
         del own[each:]
 

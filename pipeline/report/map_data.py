@@ -198,5 +198,5 @@ def _value(kind: str, value: Any, decimals: int | None) -> Any:
             return None
         return round(number, decimals) if decimals is not None else float(f"{number:.4g}")
     if kind == "integer":
-        return int(value)
+        return None if value is None else int(value)
     return value

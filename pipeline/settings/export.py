@@ -16,7 +16,8 @@ class ExportSettings(Section):
     """of the GIS files, as "GDA2020@2026.5"; "" is WGS-84"""
     pictures: bool = True
     """pictures of the signs, cut out of the video, beside the map"""
-
+    context: bool = True
+    """with them one of the street around each sign, in which nobody can be recognised"""
     roads: str = ""
     """file of road lines: signs get road, chainage and side; "" is the drive's own"""
 

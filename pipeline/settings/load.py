@@ -18,6 +18,7 @@ from pipeline.settings.export import ExportSettings
 from pipeline.settings.fuse import FuseSettings
 from pipeline.settings.geolocate import GeolocateSettings
 from pipeline.settings.ingest import IngestSettings
+from pipeline.settings.privacy import PrivacySettings
 from pipeline.settings.report import ReportSettings
 from pipeline.settings.section import Section
 from pipeline.settings.sync import SyncSettings
@@ -36,6 +37,7 @@ class Settings(Section):
     geolocate: GeolocateSettings = GeolocateSettings()
     export: ExportSettings = ExportSettings()
     report: ReportSettings = ReportSettings()
+    privacy: PrivacySettings = PrivacySettings()
 
     def echo(self, sections: Sequence[str] | None = None) -> dict[str, Any]:
         """The settings as JSON-able values, all sections or the named ones."""

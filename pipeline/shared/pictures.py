@@ -15,7 +15,7 @@ import numpy as np
 from automap.errors import InputError
 from automap.export.csv_text import csv_cell
 from automap.export.dictionary import PICTURE_FIELDS
-from automap.export.pictures import SignView, choose_views, sign_picture
+from automap.export.pictures import SignView, choose_views, context_picture, sign_picture
 from automap.io import names
 from automap.io.atomic import write_bytes, write_text
 from automap.mapping.review import Renamed
@@ -27,15 +27,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Picture:
-    """One view of a sign with its JPEG."""
+    """One view of a sign with its JPEG, and with that of the street around it for the nearest,
+    which is ``hidden`` where nobody can be recognised in it."""
 
     view: SignView
     jpeg: bytes
+    context: bytes | None = None
+    hidden: bool = True
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Whether pictures of the street are ``context``, and whether it is to be hidden in them."""
+
+    context: bool = True
+    hide: bool = True
+
+    def satisfied_by(self, picture: Picture) -> bool:
+        """Whether a picture that is there will do."""
+        if picture.view.rank != 1 or not self.context:
+            return picture.context is None
+        return picture.context is not None and picture.hidden == self.hide
 
 
 def take_pictures(
     products: RunProducts,
     videos: Mapping[str, VideoInput],
+    wanted: Wanted | None = None,
     warn: Callable[[str], None] = lambda text: None,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> list[Picture]:
@@ -47,16 +65,22 @@ def take_pictures(
     if products.observations is None or not products.signs:
         return []
     views = choose_views(products.observations, [sign.id for sign in products.signs])
+    wanted = Wanted() if wanted is None else wanted
     kept = {_identity(p.view): p for p in read_pictures(products)}
-    pictures = [kept[_identity(view)] for view in views if _identity(view) in kept]
-    missing = [view for view in views if _identity(view) not in kept]
+    kept = {key: p for key, p in kept.items() if key in {_identity(view) for view in views}}
+    pictures = [p for p in kept.values() if wanted.satisfied_by(p)]
+    done = {_identity(p.view) for p in pictures}
+    missing = [view for view in views if _identity(view) not in done]
     for camera in dict.fromkeys(view.camera for view in missing):
         own = [view for view in missing if view.camera == camera]
         video = videos.get(camera)
         if video is None or not video.chapters:
+            # the sign itself is the same in any case
+            old = [kept[_identity(view)] for view in own if _identity(view) in kept]
+            pictures += [replace(picture, context=None) for picture in old]
             continue
         try:
-            pictures += _from_video(video, own, progress)
+            pictures += _from_video(video, own, wanted, progress)
         except InputError as error:
             warn(f"The signs that the camera {camera} saw have no pictures: {error}")
     order = {sign.id: number for number, sign in enumerate(products.signs)}
@@ -69,10 +93,15 @@ def _identity(view: SignView) -> tuple[object, ...]:
 
 
 def _from_video(
-    video: VideoInput, views: Sequence[SignView], progress: Callable[[float], None]
+    video: VideoInput,
+    views: Sequence[SignView],
+    wanted: Wanted,
+    progress: Callable[[float], None],
 ) -> list[Picture]:
     from automap.io.video_decode import iter_frames
 
+    matrix = video.section.camera_matrix
+    focal_px = None if matrix is None else float(matrix[0][0])
     by_frame: dict[int, list[SignView]] = {}
     for view in views:
         by_frame.setdefault(view.frame, []).append(view)
@@ -81,8 +110,12 @@ def _from_video(
     for done, frame in enumerate(iter_frames(video, sorted(by_frame)), start=1):
         for view in by_frame[frame.frame]:
             jpeg = sign_picture(frame.image, view.box)
-            if jpeg is not None:
-                pictures.append(Picture(view, jpeg))
+            if jpeg is None:
+                continue
+            context = None
+            if wanted.context and view.rank == 1:
+                context = context_picture(frame.image, view.box, focal_px, wanted.hide)
+            pictures.append(Picture(view, jpeg, context, wanted.hide))
         progress(done / len(by_frame))
     return pictures
 
@@ -91,6 +124,8 @@ def write_pictures(folder: Path, pictures: Sequence[Picture]) -> None:
     """Write the pictures and their index below ``folder``, which stands for OUT."""
     for picture in pictures:
         write_bytes(folder / names.PICTURES / picture.view.file, picture.jpeg)
+        if picture.context is not None:
+            write_bytes(folder / names.PICTURES / picture.view.context_file, picture.context)
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\r\n")
     writer.writerow([field.name for field in PICTURE_FIELDS])
@@ -106,10 +141,17 @@ def write_pictures(folder: Path, pictures: Sequence[Picture]) -> None:
                 view.t_ns,
                 *(f"{value:.2f}" for value in view.box),
                 *("" if np.isnan(v) else f"{v:.3f}" for v in (view.range_m, view.score)),
+                *_context_cells(picture),
             ]
         )
     text = stream.getvalue().encode("utf-8", "replace").decode()
     write_text(folder / names.PICTURE_INDEX, text)
+
+
+def _context_cells(picture: Picture) -> tuple[str, str]:
+    if picture.context is None:
+        return "", ""
+    return picture.view.context_file, "hidden" if picture.hidden else "shown"
 
 
 def read_pictures(products: RunProducts) -> list[Picture]:
@@ -166,10 +208,12 @@ def _read_index(index: Path) -> list[Picture]:
             )
             # never by the name in the index, which anyone may have edited
             jpeg = (index.parent / view.file).read_bytes()
+            told = row.get("street") or ""
+            context = (index.parent / view.context_file).read_bytes() if told else None
         except (OSError, KeyError, ValueError, TypeError):
             continue
         if jpeg.startswith(b"\xff\xd8"):
-            pictures.append(Picture(view, jpeg))
+            pictures.append(Picture(view, jpeg, context, told != "shown"))
     return pictures
 
 

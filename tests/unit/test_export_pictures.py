@@ -12,7 +12,13 @@ from export_inputs import HOSTILE, sign, write_run
 
 from automap.export.pictures import choose_views, safe_name, sign_picture
 from automap.io import names
-from pipeline.shared.pictures import Picture, read_pictures, take_pictures, write_pictures
+from pipeline.shared.pictures import (
+    Picture,
+    Wanted,
+    read_pictures,
+    take_pictures,
+    write_pictures,
+)
 from pipeline.shared.products import RunProducts, load_products
 
 
@@ -133,3 +139,29 @@ def test_pictures_of_the_same_boxes_are_not_taken_again(tmp_path: Path) -> None:
     assert len(take_pictures(products, {})) == len(views) == 2
     products.observations = observations([31.0, 61.0])
     assert take_pictures(products, {}) == []
+
+
+def street_picture(grey: int) -> bytes:
+    image = np.full((20, 40, 3), grey, np.uint8)
+    return bytes(cv2.imencode(".jpg", image)[1].tobytes())
+
+
+def test_the_street_around_a_sign_is_kept_with_whether_it_is_hidden(tmp_path: Path) -> None:
+    products = load_products(write_run(tmp_path / "out"))
+    products.signs = [sign(1)]
+    products.observations = observations([30.0, 60.0])
+    views = choose_views(products.observations, ["s0001"])
+    pictures = [
+        Picture(view, small_picture(), street_picture(90) if view.rank == 1 else None, False)
+        for view in views
+    ]
+    write_pictures(products.out, pictures)
+    assert (products.out / names.PICTURES / "s0001-context.jpg").is_file()
+    near = next(p for p in read_pictures(products) if p.view.rank == 1)
+    assert near.context == street_picture(90)
+    assert not near.hidden
+    # shown when it is to be hidden: the picture of the sign stays, the street goes
+    again = take_pictures(products, {}, Wanted(hide=True))
+    assert [p.context for p in again] == [None, None]
+    assert len(take_pictures(products, {}, Wanted(hide=False))[0].context or b"") > 0
+    assert all(p.context is None for p in take_pictures(products, {}, Wanted(context=False)))

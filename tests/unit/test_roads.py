@@ -130,6 +130,66 @@ def test_an_extract_of_openstreetmap_gives_roads_for_cars(tmp_path: Path) -> Non
     assert roads.lines[0] == pytest.approx(np.array([[149.13, -35.28], [149.13, -35.27]]))
 
 
+def varint(number: int) -> bytes:
+    """A whole number as protocol buffers have it, seven bits a byte."""
+    text = bytearray()
+    while number > 0x7F:
+        text.append(number & 0x7F | 0x80)
+        number >>= 7
+    return bytes([*text, number])
+
+
+def zigzag(number: int) -> int:
+    return 2 * number if number >= 0 else -2 * number - 1
+
+
+def message(*fields: tuple[int, int | bytes]) -> bytes:
+    """A message of protocol buffers: numbers, and bytes with their length."""
+    return b"".join(
+        varint(key << 3) + varint(value)
+        if isinstance(value, int)
+        else varint(key << 3 | 2) + varint(len(value)) + value
+        for key, value in fields
+    )
+
+
+def packed(*numbers: int) -> bytes:
+    return b"".join(varint(number) for number in numbers)
+
+
+def osm_pbf() -> bytes:
+    """The extract ``OSM`` above as .osm.pbf (wiki.openstreetmap.org/wiki/PBF_Format)."""
+    texts = [b"", b"highway", b"primary", b"name", b"Main", b"footway"]
+    places = [(1, -35.28, 149.13), (2, -35.27, 149.13), (3, -35.27, 149.14)]
+    nodes = [
+        (1, message((1, zigzag(n)), (8, zigzag(round(lat * 1e7))), (9, zigzag(round(lon * 1e7)))))
+        for n, lat, lon in places
+    ]
+    main = message((1, 70), (2, packed(1, 3)), (3, packed(2, 4)), (8, packed(2, 2)))
+    foot = message((1, 71), (2, packed(1)), (3, packed(5)), (8, packed(4, 2)))
+    table = message(*((1, text) for text in texts))
+    data = message((1, table), (2, message(*nodes)), (2, message((3, main), (3, foot))))
+    blocks = ((b"OSMHeader", message((4, b"OsmSchema-V0.6"))), (b"OSMData", data))
+    parts = []
+    for kind, content in blocks:
+        blob = message((1, content))
+        head = message((1, kind), (3, len(blob)))
+        parts.append(len(head).to_bytes(4, "big") + head + blob)
+    return b"".join(parts)
+
+
+def test_a_packed_extract_of_openstreetmap_is_read_alike(tmp_path: Path) -> None:
+    packed_file, plain = tmp_path / "town.osm.pbf", tmp_path / "town.osm"
+    packed_file.write_bytes(osm_pbf())
+    plain.write_text(OSM, encoding="utf-8")
+    found, expected = read_roads(packed_file, EVERYWHERE), read_roads(plain, EVERYWHERE)
+    assert (found.ids, found.names) == (expected.ids, expected.names) == (["70"], ["Main"])
+    assert found.lines[0] == pytest.approx(expected.lines[0], abs=1e-7)
+    packed_file.write_bytes(osm_pbf()[:90])
+    with pytest.raises(InputError, match=r"town\.osm\.pbf"):
+        read_roads(packed_file, EVERYWHERE)
+
+
 @pytest.mark.parametrize("form", ["gpkg", "geojson", "shp"])
 def test_other_layers_count_from_where_they_say(tmp_path: Path, form: str) -> None:
     path = tmp_path / f"roads.{form}"

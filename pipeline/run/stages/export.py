@@ -28,7 +28,7 @@ def run(context: StageContext) -> None:
         write_rejected,
     )
     from pipeline.export.roads import signs_on_roads
-    from pipeline.shared.pictures import take_pictures, write_pictures
+    from pipeline.shared.pictures import Wanted, take_pictures, write_pictures
 
     settings = context.settings.export
     content = map_content(context.out, context.drive.name, settings.min_confidence)
@@ -37,6 +37,7 @@ def run(context: StageContext) -> None:
         content.pictures = take_pictures(
             content.products,
             context.drive.videos,
+            Wanted(settings.context, context.settings.privacy.hide_street),
             context.warn,
             lambda done: context.progress(0.7 * done, "sign pictures"),
         )
@@ -88,7 +89,7 @@ def _roads_file(drive: Drive, stated: str) -> Path | None:
 
 STAGE = Stage(
     name="export",
-    version=2,
+    version=3,
     run=run,
     inputs=_inputs,
     needs=(
@@ -113,7 +114,7 @@ STAGE = Stage(
         names.PICTURE_INDEX,
         names.SIGN_ROADS,
     ),
-    settings=("export",),
+    settings=("export", "privacy"),
     setting_files=lambda s: layer_files(Path(s.export.roads)) if s.export.roads else [],
     manifest=("name", "video", "site"),
 )

@@ -1,0 +1,57 @@
+"""What hangs where on one post: the order of its faces from the top, and whose a plate is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from automap.records import Sign
+
+SUPPLEMENTARY = "complementary--"
+"""Family of the classes of plates that say more of the sign above them."""
+ONE_SIDE_RAD = 0.5 * math.pi
+"""Faces turned from one another by less are read by the same traffic."""
+
+
+@dataclass(frozen=True)
+class OnPost:
+    """Where signs [n] hang: ``order`` from the top among the faces of one post that look the same
+    way, 1 the uppermost (None without a post or a height); ``main`` the id of the sign that a plate
+    belongs to (None for other signs, and where none hangs above)."""
+
+    order: list[int | None]
+    main: list[str | None]
+
+
+def on_post(signs: Sequence[Sign]) -> OnPost:
+    """Order and relations of the signs that share a ``support``.
+
+    A plate belongs to the nearest sign above it that is no plate itself.
+    """
+    order: list[int | None] = [None] * len(signs)
+    main: list[str | None] = [None] * len(signs)
+    posts: dict[str, list[int]] = {}
+    for k, sign in enumerate(signs):
+        if sign.support and math.isfinite(sign.height_m):
+            posts.setdefault(sign.support, []).append(k)
+    for members in posts.values():
+        members.sort(key=lambda k: (-signs[k].height_m, signs[k].id))
+        for place, k in enumerate(members):
+            above = [j for j in members[:place] if _same_side(signs[j], signs[k])]
+            order[k] = len(above) + 1
+            if is_plate(signs[k]):
+                heads = [j for j in above if not is_plate(signs[j])]
+                main[k] = signs[heads[-1]].id if heads else None
+    return OnPost(order, main)
+
+
+def is_plate(sign: Sign) -> bool:
+    """Whether a sign is a plate that says more of another."""
+    return sign.class_name.startswith(SUPPLEMENTARY)
+
+
+def _same_side(one: Sign, other: Sign) -> bool:
+    """Whether the same traffic reads both; faces of unknown direction count as such."""
+    turn = one.facing_rad - other.facing_rad
+    return not (math.isfinite(turn) and math.cos(turn) < math.cos(ONE_SIDE_RAD))
