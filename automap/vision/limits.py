@@ -62,14 +62,17 @@ signs are taken to be as often none of the classes."""
 
 CLEAR_PX = 32.0
 """From this height a face shows all that a classifier can read."""
+CLEAR_POWER = 2.0
+"""A smaller face counts by that power of its share of it."""
 FAINTEST, OTHERS = 0.02, 50.0
 """What a view does not list has that probability together, at least, and is so many classes: none
 is forbidden by one view."""
-NAMED, DOUBTED = 0.55, 0.35
-"""A class is named that has this probability by all views, and this share of what they say one by
-one. Chosen: somewhat more likely than not, and not with two thirds of the views against it."""
-INDEPENDENT = 4.0
-"""Views of one sign share light, dirt and angle: together they count as so many at most."""
+ONE_VIEW, VIEW_CORRELATION = 1.0, 0.25
+"""Clear views that count as one, and the correlation of the views of a pass."""
+CONFUSED, CONFUSED_GROUP = 0.01, 0.005
+"""How often all views of a pass are wrong alike about the class, and about the group."""
+NAMED = 0.55
+"""A class is named that has this probability by all views."""
 SCORE_LIMITS = (0.05, 0.95)
 """A detector that gives a name alone has its score for a probability, within these."""
 
