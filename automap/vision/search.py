@@ -132,7 +132,10 @@ def search_frames(
     with the length of the video, but for its list of frames and the boxes found.
     """
     rows, best = _Rows(), BestCrops(name)
-    plan = every_frame(times) if rules.every else plan_frames(times, path, rules.choice)
+    if rules.every:
+        plan = every_frame(times, limits.WHOLE_S if rules.windows else 0.0)
+    else:
+        plan = plan_frames(times, path, rules.choice)
     tracker = Tracker(camera, rules.tracking)
     motions = _Motions(camera, path)
     report = _Report(progress, len(plan))

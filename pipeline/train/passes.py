@@ -100,6 +100,17 @@ def held_faces(faces: Sequence[Face], country: str = "") -> tuple[list[Drawn], l
     return known, unknown
 
 
+def seen_faces(faces: Sequence[Face], country: str = "") -> list[Drawn]:
+    """Drawings of classes that were trained on, as they are: what stands on most streets."""
+    classes = load_classes()
+    return [
+        Drawn(face.name, face.image, name)
+        for name, drawn in Drawings(list(faces)).art.items()
+        for face in drawn
+        if not country or country in classes[name].codes
+    ]
+
+
 def drawn_passes(
     drawn: Sequence[Drawn],
     streets: Sequence[Street],
