@@ -13,7 +13,14 @@ from automap.effects.lens import box_variances, focal_length, lens_of, normalise
 from automap.frames import matrix_to_rotation_vector, rpy_to_matrix
 from automap.geolocation import limits
 from automap.interpolation import poses_at
-from automap.records import TRACK_PROBABILITIES, Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.records import (
+    TRACK_PROBABILITIES,
+    Camera,
+    Detections,
+    FloatArray,
+    IntArray,
+    Trajectory,
+)
 
 _RATE_STEP_NS = 20_000_000
 """Velocity and rate are differences over twice this."""
@@ -54,9 +61,10 @@ class Views:
     are; ``log_aspect`` [n] logarithm of the box's width over its height, both as directions and
     without the camera's margin. ``pose_sd`` [n, 3] m NED,
     ``attitude_sd`` [n, 3] rad (roll, pitch, yaw) and ``velocity_sd`` [n, 3] m/s (forward, right,
-    down) of the trajectory, ``speed_sd`` [n] m/s; ``class_probability`` and ``group_probability``
-    [n] that the box's track is what it is called, and of its shape and colour (NaN untold); ``margin_sd`` [n] rad what the height of a
-    sign's boxes is off by in common, ``lever_arm_sd`` [n] m of the camera.
+    down) of the trajectory, ``speed_sd`` [n] m/s; ``margin_sd`` [n] rad what the height of a
+    sign's boxes is off by in common, ``lever_arm_sd`` [n] m of the camera. ``class_probability``
+    and ``group_probability`` [n] that the box's track is what it is called, and of its shape and
+    colour (NaN untold).
     """
 
     origin: tuple[float, float, float]

@@ -61,18 +61,19 @@ signs are taken to be as often none of the classes."""
 # the class of a track
 
 CLEAR_PX = 32.0
-"""From this height a face shows all that a classifier can read."""
-CLEAR_POWER = 2.0
-"""A smaller face counts by that power of its share of it."""
+"""From this height a face shows all that a classifier can read; a smaller one counts by its area,
+the most likely among the powers 0.5, 1 and 2."""
 FAINTEST, OTHERS = 0.02, 50.0
 """What a view does not list has that probability together, at least, and is so many classes: none
 is forbidden by one view."""
-ONE_VIEW, VIEW_CORRELATION = 1.0, 0.25
-"""Clear views that count as one, and the correlation of the views of a pass."""
-CONFUSED, CONFUSED_GROUP = 0.01, 0.005
-"""How often all views of a pass are wrong alike about the class, and about the group."""
-NAMED = 0.55
-"""A class is named that has this probability by all views."""
+VIEW_CORRELATION, CLASS_POWER, GROUP_POWER = 0.25, 0.53, 0.46
+"""Of the views of a pass, which count as four at most, and powers of the odds of class and group:
+the most likely on the half to fit of held tracks and drawn passes, the correlation of 0.1, 0.25,
+0.5 and 1 (``tests/benchmarks/sign_probability.py --fit``)."""
+SUREST = 1e-7
+"""Nothing pooled is taken for surer than this: it is what the numbers of a view are rounded to."""
+NAMED = 2.0 / 3.0
+"""A class is named that is so probable: a wrong name costs as much as two that are missing."""
 SCORE_LIMITS = (0.05, 0.95)
 """A detector that gives a name alone has its score for a probability, within these."""
 

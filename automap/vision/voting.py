@@ -1,11 +1,12 @@
 """What a sign is by all its views, and how sure that is.
 
 The views of a pass share the face, its dirt and light, the optics and what the classifier confuses:
-a hundred of them say hardly more than five. Their evidence is pooled as the mean of log
-probabilities (Genest and Zidek, Statistical Science 1, 1986) that counts as so many independent
-views as the mean of n equally correlated values does, n / (1 + (n - 1) rho), which ends at 1 / rho.
-How large rho is, and how often a whole pass is confused whatever its views say, was fitted on
-tracks and faces that the classifier was not trained on (``docs/detector.md``).
+a hundred of them say hardly more than four. Their evidence is the mean of their log probabilities
+(a logarithmic pool: Genest and Zidek, Statistical Science 1, 1986), which counts as so many
+independent views as the mean of n equally correlated values does: n / (1 + rho n), at most 1 / rho.
+What is left of overconfidence, of faces that are drawn as none that was trained on, is taken out by
+a power of the odds (Platt's scaling without a shift). All was fitted on passes of signs that the
+classifier was not trained on (``docs/detector.md``).
 """
 
 from __future__ import annotations
@@ -43,20 +44,13 @@ class Verdict:
 
 @dataclass(frozen=True)
 class PoolingRules:
-    """``clear_px`` height from which a view counts whole, a smaller one by its ``power``;
-    ``single`` how many views one needs to count as one, ``correlation`` of the views of a pass;
-    ``faintest`` probability of all that a view does not list, which are ``others``;
-    ``confused`` how often a pass is taken for another class, ``confused_group`` for another group,
-    whatever its views say; ``named`` the probability from which a class is named."""
+    """``correlation`` of the views of a pass; ``class_power`` and ``group_power`` of the odds that
+    the class, and the group, are as they come out; ``named`` the probability from which a class
+    is named."""
 
-    clear_px: float = limits.CLEAR_PX
-    power: float = limits.CLEAR_POWER
-    single: float = limits.ONE_VIEW
     correlation: float = limits.VIEW_CORRELATION
-    faintest: float = limits.FAINTEST
-    others: float = limits.OTHERS
-    confused: float = limits.CONFUSED
-    confused_group: float = limits.CONFUSED_GROUP
+    class_power: float = limits.CLASS_POWER
+    group_power: float = limits.GROUP_POWER
     named: float = limits.NAMED
 
 
@@ -78,34 +72,41 @@ def vote(views: Sequence[View], rules: PoolingRules | None = None) -> Verdict:
     colour.
     """
     rules = rules or PoolingRules()
-    names, shares = pooled(views, rules)
+    names, shares = pooled(views, rules.correlation)
     own = [group_of(name) or name for name in names]
-    groups: dict[str, float] = {}
+    sure: dict[str, float] = {}
     for group, share in zip(own, shares.tolist(), strict=True):
-        groups[group] = groups.get(group, 0.0) + share
-    sure = {group: share * (1.0 - rules.confused_group) for group, share in groups.items()}
-    best = max(
-        (k for k in range(len(names)) if names[k] != own[k]),
-        key=lambda k: (shares[k], names[k]),
-        default=-1,
-    )
-    if best >= 0 and (share := float(shares[best]) * (1.0 - rules.confused)) >= rules.named:
-        return Verdict(names[best], min(share, sure[own[best]]), sure[own[best]])
+        sure[group] = sure.get(group, 0.0) + share
+    sure = {group: tempered(share, rules.group_power) for group, share in sure.items()}
+    classes = [k for k, name in enumerate(names) if name != own[k]]
+    if classes:
+        best = max(classes, key=lambda k: shares[k])
+        likely = tempered(float(shares[best]), rules.class_power)
+        if likely >= rules.named:
+            group_too = sure[own[best]]
+            return Verdict(names[best], min(likely, group_too), group_too)
     group = max(sorted(sure), key=sure.__getitem__)
     return Verdict(group, sure[group], sure[group])
 
 
-def pooled(views: Sequence[View], rules: PoolingRules) -> tuple[list[str], FloatArray]:
+def tempered(share: float, power: float) -> float:
+    """A probability whose odds are those of ``share`` to a power."""
+    share = min(max(share, limits.SUREST), 1.0 - limits.SUREST)
+    odds = float((share / (1.0 - share)) ** power)
+    return odds / (1.0 + odds)
+
+
+def pooled(views: Sequence[View], correlation: float) -> tuple[list[str], FloatArray]:
     """Names that the views list, and the share [k] of each in what they say together."""
     names = sorted({name for view in views for name, _ in view.alternatives})
-    clear = np.array([min(max(v.height, 1.0) / rules.clear_px, 1.0) for v in views])
-    weight = clear**rules.power
+    clear = np.array([min(max(v.height, 1.0) / limits.CLEAR_PX, 1.0) for v in views])
+    weight = clear**2
     listed = np.array([[dict(v.alternatives).get(name, 0.0) for name in names] for v in views])
-    rest = np.maximum(1.0 - listed.sum(axis=1), rules.faintest) / rules.others
+    rest = np.maximum(1.0 - listed.sum(axis=1), limits.FAINTEST) / limits.OTHERS
     # rounded probabilities of exactly zero must not forbid a class
-    mean = weight @ np.log(np.maximum(listed, rest[:, None])) / weight.sum()
-    mean *= weight.sum() / (rules.single + rules.correlation * weight.sum())
-    shares = np.exp(mean - mean.max())
+    total = weight @ np.log(np.maximum(listed, rest[:, None]))
+    total /= 1.0 + correlation * weight.sum()
+    shares = np.exp(total - total.max())
     return names, np.asarray(shares / shares.sum(), np.float64)
 
 

@@ -215,7 +215,15 @@ def _rows(found: Detections) -> Iterator[Row]:
         box = (f"{v:.2f}" for v in found.box[i].tolist())
         score, track = f"{found.score[i]:.3f}", int(found.track[i])
         likely = (f"{p[i]:.4f}" if p[i] == p[i] else "" for p in told)
-        yield int(found.frame[i]), str(found.class_name[i]), *box, score, track, str(views[i]), *likely
+        yield (
+            int(found.frame[i]),
+            str(found.class_name[i]),
+            *box,
+            score,
+            track,
+            str(views[i]),
+            *likely,
+        )
 
 
 def _write(out: Path, key: str, rows: Iterable[Row]) -> None:

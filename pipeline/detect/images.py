@@ -54,8 +54,8 @@ def search_images(
     A picture that cannot be read is left out with a warning; InputError when none can be.
     """
     from automap.vision.crops import BestCrops
-    from automap.vision.parallel import detections, prefetched, worker_count
     from automap.vision.detector import CalibratedDetector
+    from automap.vision.parallel import detections, prefetched, worker_count
     from automap.vision.search import above
     from automap.vision.voting import view_of, vote
 
