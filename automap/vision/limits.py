@@ -66,7 +66,7 @@ the most likely among the powers 0.5, 1 and 2."""
 FAINTEST, OTHERS = 0.02, 50.0
 """What a view does not list has that probability together, at least, and is so many classes: none
 is forbidden by one view."""
-VIEW_CORRELATION, CLASS_POWER, GROUP_POWER = 0.25, 0.53, 0.46
+VIEW_CORRELATION, CLASS_POWER, GROUP_POWER = 0.25, 0.48, 0.57
 """Of the views of a pass, which count as four at most, and powers of the odds of class and group:
 the most likely on the half to fit of held tracks and drawn passes, the correlation of 0.1, 0.25,
 0.5 and 1 (``tests/benchmarks/sign_probability.py --fit``)."""
