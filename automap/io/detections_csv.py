@@ -81,7 +81,8 @@ def read_detections_csv(
             score=score[rows],
             track=np.asarray(track[rows], dtype=np.int64),
             camera=camera,
-            **{name: _share(table.floats(name)[rows]) for name in TRACK_PROBABILITIES},
+            class_probability=_share(table.floats("class_probability")[rows]),
+            group_probability=_share(table.floats("group_probability")[rows]),
         ),
         warnings=tuple(warnings),
     )
