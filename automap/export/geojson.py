@@ -187,6 +187,8 @@ def _sign(feature: dict[str, Any], number: int, to_ns: Callable[[Any], int]) -> 
         cov_enu=_covariance(real),
         confidence=real("confidence"),
         existence=real("existence"),
+        class_probability=real("class_probability"),
+        group_probability=real("group_probability"),
         n_views=int(properties.get("n_views") or 0),
         first_seen_ns=to_ns(properties.get("first_seen")),
         last_seen_ns=to_ns(properties.get("last_seen")),

@@ -21,6 +21,8 @@ from automap.io.atomic import atomic_path
 SHORT = {
     "value_unit": "unit",
     "confidence": "confid",
+    "class_probability": "p_class",
+    "group_probability": "p_group",
     "height_above_road_m": "h_road_m",
     "sd_above_road_m": "sd_road_m",
     "height_msl_m": "h_msl_m",

@@ -70,6 +70,8 @@ def sign_columns(
         "value_unit": [None if one is None else one[1] for one in shown],
         "confidence": real("confidence"),
         "existence": real("existence"),
+        "class_probability": real("class_probability"),
+        "group_probability": real("group_probability"),
         "n_views": stamps("n_views"),
         "first_seen": _times(first, clock),
         "last_seen": _times(last, clock),

@@ -14,7 +14,8 @@ from automap.geolocation.merging import member_rows
 from automap.geolocation.path_relation import Path, relate, side_of_path
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
-from automap.records import FloatArray, Sign
+from automap.records import FloatArray, IntArray, Sign
+from automap.signs.vocabulary import load_vocabulary
 
 C_ENU_NED: FloatArray = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
@@ -42,16 +43,17 @@ def assemble_sign(
     facing: Facing,
     number: int,
     rules: AssemblyRules,
+    existence: float,
 ) -> Sign:
     """One sign from its sightings (at least one), seen from the views.
 
     ``combined`` their mean position [3] and its covariance [3, 3] in the local frame.
     The height above the road is the height above the path of the IMU at the point nearest in
     plan plus the given height of the IMU above the road; its sigma is that of the best pass, and
-    of the IMU's height. ``facing`` as ``facing.find_facings`` found it. Confidence is the
-    probability that at least one of the boxes is right, a box of score s being right with s / 2,
-    reduced by the uncertainty of the place:
-    (1 - prod(1 - s_i / 2)) / sqrt(1 + (sd / 3 m)^2).
+    of the IMU's height. ``facing`` as ``facing.find_facings`` found it; ``existence`` the
+    probability that something stands there. Confidence is existence times the probability of the
+    class; where the detector tells none, times the probability that at least one of the boxes is
+    right, a box of score s being right with s / 2: 1 - prod(1 - s_i / 2).
     """
     position, cov_ned = combined
     rows = member_rows(sightings)
@@ -75,14 +77,22 @@ def assemble_sign(
         for name, score in sighting.class_score.items():
             scores[name] = scores.get(name, 0.0) + score
     status = _status(sightings, size, above_road, len(rows), rules)
+    class_name = max(sorted(scores), key=scores.__getitem__)
+    of_class, of_group = class_beliefs(views, rows, class_name)
+    believed = of_class if np.isfinite(of_class) else _belief_by_scores(views.score[rows])
+    if status == "implausible":
+        believed *= limits.IMPLAUSIBLE_CONFIDENCE
     return Sign(
         id=f"s{number:04d}",
-        class_name=max(sorted(scores), key=scores.__getitem__),
+        class_name=class_name,
         lat_rad=lat,
         lon_rad=lon,
         height_m=height,
         cov_enu=0.5 * (cov_enu + cov_enu.T),
-        confidence=_confidence(views.score[rows], cov_enu, status),
+        confidence=existence * believed,
+        existence=existence,
+        class_probability=of_class,
+        group_probability=of_group,
         n_views=len(rows),
         first_seen_ns=int(views.t_ns[rows].min()),
         last_seen_ns=int(views.t_ns[rows].max()),
@@ -128,8 +138,31 @@ def _status(
     return "ok"
 
 
-def _confidence(scores: FloatArray, cov_enu: FloatArray, status: str) -> float:
-    wrong = float(np.prod(1.0 - limits.VIEW_EVIDENCE * np.clip(scores, 0.0, 1.0)))
-    variance = 0.5 * float(cov_enu[0, 0] + cov_enu[1, 1])
-    value = (1.0 - wrong) / np.sqrt(1.0 + variance / limits.CONFIDENCE_SD_M**2)
-    return float(value * (limits.IMPLAUSIBLE_CONFIDENCE if status == "implausible" else 1.0))
+def class_beliefs(views: Views, rows: IntArray, class_name: str) -> tuple[float, float]:
+    """The probabilities that a sign is of a class, and of its shape and colour, by its boxes: what
+    their tracks tell, each box by its score. A track of another class tells against it. NaN where
+    no box's track tells them.
+    """
+    group = load_vocabulary().group_of(class_name)
+    weight = np.maximum(views.score[rows], limits.LEAST_SCORE)
+    told = np.isfinite(views.class_probability[rows])
+    if not told.any():
+        return float("nan"), float("nan")
+    names = views.class_name[rows]
+    alike = np.array([name == class_name for name in names], np.bool_)
+    of_group = alike | np.array(
+        [group is not None and load_vocabulary().group_of(str(n)) == group for n in names], np.bool_
+    )
+    weight = weight * told / weight[told].sum()
+    p_class, p_group = (
+        float(np.sum(weight * np.where(right, np.nan_to_num(value[rows]), 0.0)))
+        for right, value in (
+            (alike, views.class_probability),
+            (of_group, views.group_probability),
+        )
+    )
+    return p_class, max(p_class, p_group)
+
+
+def _belief_by_scores(scores: FloatArray) -> float:
+    return float(1.0 - np.prod(1.0 - limits.VIEW_EVIDENCE * np.clip(scores, 0.0, 1.0)))

@@ -244,7 +244,8 @@ size alone (``USUAL_LOG_SD``)."""
 VIEW_EVIDENCE = 0.5
 """A box of score one is right with that. Chosen: one box alone never makes a sign sure."""
 CONFIDENCE_SD_M = 3.0
-"""Chosen: a place that is unsure by this lowers the confidence by 1 / sqrt(2)."""
+"""Chosen: where bearings alone are known, a place that is unsure by this lowers the confidence by
+1 / sqrt(2)."""
 IMPLAUSIBLE_CONFIDENCE = 0.3
 """Factor on the confidence of what is too large, too small or in no place for a sign. Chosen: below
 the usual thresholds, and still on the map."""

@@ -153,9 +153,11 @@ def locate_signs(
     for number, (group, members) in enumerate(zip(groups, joined, strict=True), start=1):
         combined = combine(members, adjusted is not None)
         facing = facings[number - 1]
-        sign = assemble_sign(views, members, combined, path, facing, number, rules.assembly)
         # each pass tells for itself that something is there
-        sign = replace(sign, existence=float(1.0 - np.prod([1.0 - stands[k] for k in group])))
+        exists_at_all = float(1.0 - np.prod([1.0 - stands[k] for k in group]))
+        sign = assemble_sign(
+            views, members, combined, path, facing, number, rules.assembly, exists_at_all
+        )
         signs.append(sign)
         places.append(combined[0])
         own.append(min((m.own_cov for m in members), key=lambda c: float(np.trace(c))))

@@ -13,7 +13,14 @@ from automap.effects.lens import box_variances, focal_length, lens_of, normalise
 from automap.frames import matrix_to_rotation_vector, rpy_to_matrix
 from automap.geolocation import limits
 from automap.interpolation import poses_at
-from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.records import (
+    TRACK_PROBABILITIES,
+    Camera,
+    Detections,
+    FloatArray,
+    IntArray,
+    Trajectory,
+)
 
 _RATE_STEP_NS = 20_000_000
 """Velocity and rate are differences over twice this."""
@@ -55,7 +62,9 @@ class Views:
     without the camera's margin. ``pose_sd`` [n, 3] m NED,
     ``attitude_sd`` [n, 3] rad (roll, pitch, yaw) and ``velocity_sd`` [n, 3] m/s (forward, right,
     down) of the trajectory, ``speed_sd`` [n] m/s; ``margin_sd`` [n] rad what the height of a
-    sign's boxes is off by in common, ``lever_arm_sd`` [n] m of the camera.
+    sign's boxes is off by in common, ``lever_arm_sd`` [n] m of the camera. ``class_probability``
+    and ``group_probability`` [n] that the box's track is what it is called, and of its shape and
+    colour (NaN untold).
     """
 
     origin: tuple[float, float, float]
@@ -83,6 +92,8 @@ class Views:
     class_name: npt.NDArray[np.object_]
     score: FloatArray
     track: IntArray
+    class_probability: FloatArray
+    group_probability: FloatArray
     n_without_pose: int = 0
     n_without_ray: int = 0
 
@@ -181,6 +192,7 @@ def _nothing() -> dict[str, np.ndarray]:
     result |= {
         k: one for k in ("score", "speed_sd", "margin_sd", "lever_arm_sd", "share", "log_aspect")
     }
+    result |= dict.fromkeys(TRACK_PROBABILITIES, one)
     vectors = ("centre", "velocity", "rate", "measured", "sd", "pose_sd", "attitude_sd")
     result |= {k: three for k in (*vectors, "velocity_sd")}
     matrices = {"C_cam_ref": np.zeros((0, 3, 3)), "C_cam_body": np.zeros((0, 3, 3))}
@@ -280,5 +292,6 @@ def _camera_views(
         "class_name": np.asarray(found.class_name, np.object_)[ok],
         "score": np.asarray(found.score, np.float64)[ok],
         "track": np.asarray(found.track, np.int64)[ok],
+        **{name: found.told(name)[ok] for name in TRACK_PROBABILITIES},
     }
     return part, int((~has_pose).sum()), int((has_pose & ~has_ray).sum())

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from automap.io.csv_columns import Kind, read_columns
-from automap.records import Detections, FrameTimes
+from automap.records import TRACK_PROBABILITIES, Detections, FloatArray, FrameTimes
 
 _BOX = ("x_min", "y_min", "x_max", "y_max")
 _REQUIRED: dict[str, Kind] = {
@@ -17,6 +17,7 @@ _REQUIRED: dict[str, Kind] = {
     **dict.fromkeys(_BOX, "float"),
     "score": "float",
 }
+_TOLD: dict[str, Kind] = {"track": "int", **dict.fromkeys(TRACK_PROBABILITIES, "float")}
 
 
 @dataclass(frozen=True)
@@ -33,13 +34,14 @@ def read_detections_csv(
     camera: str = "front",
     size: tuple[int, int] | None = None,
 ) -> DetectionFile:
-    """Read ``frame, class, x_min, y_min, x_max, y_max, score [, track]``.
+    """Read ``frame, class, x_min, y_min, x_max, y_max, score`` and, where there are such columns,
+    ``track``, ``class_probability`` and ``group_probability``.
 
     ``times`` gives the stamp of each frame; boxes in frames without a stamp, without area, or
     wholly outside an image of ``size`` (width, height) are left out and counted. A
     file with a header alone says that nothing was detected.
     """
-    table = read_columns(path, _REQUIRED, {"track": "int"}, may_be_empty=True)
+    table = read_columns(path, _REQUIRED, _TOLD, may_be_empty=True)
     warnings = table.warnings()
     frame = np.asarray(table.columns["frame"], dtype=np.int64)
     box = np.column_stack([table.columns[name] for name in _BOX])
@@ -79,6 +81,14 @@ def read_detections_csv(
             score=score[rows],
             track=np.asarray(track[rows], dtype=np.int64),
             camera=camera,
+            class_probability=_share(table.floats("class_probability")[rows]),
+            group_probability=_share(table.floats("group_probability")[rows]),
         ),
         warnings=tuple(warnings),
     )
+
+
+def _share(values: FloatArray) -> FloatArray:
+    """Probabilities [n]; NaN what is none."""
+    with np.errstate(invalid="ignore"):
+        return np.where((values >= 0.0) & (values <= 1.0), values, np.nan)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from automap.io.tables import read_table, write_columns
-from automap.records import Detections
+from automap.records import TRACK_PROBABILITIES, Detections
 
 COLUMNS = (
     "camera",
@@ -25,7 +25,8 @@ COLUMNS = (
 
 
 VIEW_CLASS = "view_class"
-"""What the single view looks like; a table of an earlier version has no such column."""
+"""What the single view looks like; a table of an earlier version has no such column, and none of
+the tracks' probabilities."""
 
 
 def write_detections(path: Path, cameras: Sequence[Detections]) -> None:
@@ -56,6 +57,10 @@ def write_detections(path: Path, cameras: Sequence[Detections]) -> None:
             "score": joined([d.score for d in cameras], np.float64),
             "track": joined([d.track for d in cameras], np.int64),
             VIEW_CLASS: pa.array(views, pa.string()),
+            **{
+                name: joined([d.told(name) for d in cameras], np.float64)
+                for name in TRACK_PROBABILITIES
+            },
         },
     )
 
@@ -71,6 +76,11 @@ def read_detections(path: Path) -> dict[str, Detections]:
     views = None
     if VIEW_CLASS in table.column_names:
         views = table.column(VIEW_CLASS).to_numpy().astype(object)
+    told = {
+        name: table.column(name).to_numpy().astype(np.float64)
+        for name in TRACK_PROBABILITIES
+        if name in table.column_names
+    }
     found = {}
     for name in dict.fromkeys(camera.tolist()):
         rows = camera == name
@@ -83,5 +93,6 @@ def read_detections(path: Path) -> dict[str, Detections]:
             track=columns["track"][rows].astype(np.int64),
             camera=str(name),
             view_class=None if views is None else views[rows],
+            **{key: values[rows] for key, values in told.items()},
         )
     return found

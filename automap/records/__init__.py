@@ -11,6 +11,7 @@ from automap.records.clocks import ClockModel, DriveClocks
 from automap.records.motion import DrivePath, Trajectory
 from automap.records.pictures import (
     LEVER_ARM_SD_M,
+    TRACK_PROBABILITIES,
     Camera,
     Crop,
     Detections,
@@ -43,6 +44,7 @@ from automap.records.signs import (
 __all__ = [
     "LEVER_ARM_SD_M",
     "NO_TIME",
+    "TRACK_PROBABILITIES",
     "Bearings",
     "BoolArray",
     "Camera",

@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 from automap.records.arrays import FloatArray, Image, IntArray
 
+TRACK_PROBABILITIES = ("class_probability", "group_probability")
+"""Columns of detections that tell how sure a track's class is, and its shape and colour."""
 LEVER_ARM_SD_M = 0.3
 """Of a camera's place on the vehicle of which nobody says how well it is known: by eye."""
 
@@ -83,7 +85,8 @@ class Detections:
     [n] str; ``box`` [n, 4] x_min, y_min, x_max, y_max in pixels; ``score`` [n] in 0..1;
     ``track`` [n] (-1 untracked); ``camera`` the name of the video section. ``view_class`` [n] is
     what the single view looks like where ``class_name`` is that of the whole track, None where
-    there is no such difference.
+    there is no such difference. ``class_probability`` and ``group_probability`` [n]: that the track
+    is what ``class_name`` says, and of its shape and colour; None where the detector tells neither.
     """
 
     frame: IntArray
@@ -94,9 +97,16 @@ class Detections:
     track: IntArray
     camera: str = "front"
     view_class: npt.NDArray[np.object_] | None = None
+    class_probability: FloatArray | None = None
+    group_probability: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.frame)
+
+    def told(self, name: str) -> FloatArray:
+        """One of ``TRACK_PROBABILITIES`` [n], NaN where the detector tells none."""
+        values: FloatArray | None = getattr(self, name)
+        return np.full(len(self), np.nan) if values is None else np.asarray(values, np.float64)
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,9 @@ class Sign:
     what a reviewer wrote, ``reviewer`` who decided about it last and ``reviewed`` when (UTC, ISO
     8601; "" for nobody); ``geoid_m`` the geoid's height above the ellipsoid there, where that is
     known without the fixes of a drive (NaN else); ``existence`` the probability that a thing of
-    that size stands there (NaN unknown).
+    that size stands there (NaN unknown), ``class_probability`` that it is what ``class_name`` says,
+    if it is a sign, and ``group_probability`` that it is of that shape and colour (NaN where the
+    detector does not tell them).
     """
 
     id: str
@@ -49,6 +51,8 @@ class Sign:
     facing_sd_rad: float = float("nan")
     geoid_m: float = float("nan")
     existence: float = float("nan")
+    class_probability: float = float("nan")
+    group_probability: float = float("nan")
     note: str = ""
     reviewer: str = ""
     reviewed: str = ""

@@ -43,6 +43,13 @@ class Detector(Protocol):
 
 
 @runtime_checkable
+class CalibratedDetector(Detector, Protocol):
+    """A detector by whose alternatives the pooling of views was fitted."""
+
+    calibrated: bool
+
+
+@runtime_checkable
 class RegionDetector(Detector, Protocol):
     """A detector that looks at a part of a picture as it would at the whole of it."""
 

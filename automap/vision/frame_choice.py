@@ -44,10 +44,16 @@ class FramePlan:
         return len(self.frame)
 
 
-def every_frame(times: FrameTimes) -> FramePlan:
-    """All frames of a video."""
+def every_frame(times: FrameTimes, whole_s: float = 0.0) -> FramePlan:
+    """All frames of a video; coarse are those from which ``whole_s`` pass at most to the next."""
     n = len(times)
-    return FramePlan(times.frame, np.ones(n, np.bool_), np.zeros(n, np.bool_))
+    coarse = np.ones(n, np.bool_)
+    if whole_s > 0.0:
+        since = int(times.t_ns[0]) if n else 0
+        for row in range(1, n - 1):
+            coarse[row] = int(times.t_ns[row + 1]) - since > whole_s * 1e9
+            since = int(times.t_ns[row]) if coarse[row] else since
+    return FramePlan(times.frame, coarse, np.zeros(n, np.bool_))
 
 
 def plan_frames(times: FrameTimes, path: CameraPath | None, rules: ChoiceRules) -> FramePlan:

@@ -61,15 +61,19 @@ signs are taken to be as often none of the classes."""
 # the class of a track
 
 CLEAR_PX = 32.0
-"""From this height a face shows all that a classifier can read."""
+"""From this height a face shows all that a classifier can read; a smaller one counts by its area,
+the most likely among the powers 0.5, 1 and 2."""
 FAINTEST, OTHERS = 0.02, 50.0
 """What a view does not list has that probability together, at least, and is so many classes: none
 is forbidden by one view."""
-NAMED, DOUBTED = 0.55, 0.35
-"""A class is named that has this probability by all views, and this share of what they say one by
-one. Chosen: somewhat more likely than not, and not with two thirds of the views against it."""
-INDEPENDENT = 4.0
-"""Views of one sign share light, dirt and angle: together they count as so many at most."""
+VIEW_CORRELATION, CLASS_POWER, GROUP_POWER = 0.25, 0.48, 0.57
+"""Of the views of a pass, which count as four at most, and powers of the odds of class and group:
+the most likely on the half to fit of held tracks and drawn passes, the correlation of 0.1, 0.25,
+0.5 and 1 (``tests/benchmarks/sign_probability.py --fit``)."""
+SUREST = 1e-7
+"""Nothing pooled is taken for surer than this: it is what the numbers of a view are rounded to."""
+NAMED = 2.0 / 3.0
+"""A class is named that is so probable: a wrong name costs as much as two that are missing."""
 SCORE_LIMITS = (0.05, 0.95)
 """A detector that gives a name alone has its score for a probability, within these."""
 
@@ -128,6 +132,10 @@ CUT_PX = 1.5
 AROUND_PX, MOVED_SHARE = 48.0, 0.04
 """What a network wants to see around a sign, px, and how far one moves to the next frame, part of
 the picture's width: the window about it that is searched."""
+WHOLE_S = 0.105
+"""Where every frame is searched, at most so long from one that is searched whole to the next, s: a
+tenth, and what stamps are off; those between are searched around what these two show. At 70 km/h
+that is the 2 m from which the views of an approach are taken."""
 HINT = 0.5
 """A box of this part of the least score is no detection, but a reason to look closer."""
 BETTER_VIEW, CUT_WORTH = 1.1, 0.3

@@ -59,6 +59,7 @@ class NetworkDetector:
     """
 
     name = "network"
+    calibrated = True
 
     def __init__(
         self,

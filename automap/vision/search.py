@@ -15,11 +15,11 @@ from automap.vision import limits
 from automap.vision.camera_motion import ImageMotion, Motion, motion_on_path
 from automap.vision.camera_path import CameraPath
 from automap.vision.crops import BestCrops
-from automap.vision.detector import Detector, FoundSigns, RegionDetector
+from automap.vision.detector import CalibratedDetector, Detector, FoundSigns, RegionDetector
 from automap.vision.frame_choice import ChoiceRules, FramePlan, every_frame, plan_frames
 from automap.vision.parallel import Beside, Candidate, detections, prefetched, worker_count
 from automap.vision.tracking import Tracker, TrackingRules
-from automap.vision.voting import View, view_of, vote
+from automap.vision.voting import Verdict, View, view_of, vote
 
 Progress = Callable[[float, str], None]
 
@@ -86,28 +86,32 @@ class _Rows:
             self.track.append(int(track[i]))
             self.views.append(view_of(found, i))
 
-    def class_of_tracks(self) -> dict[int, str]:
+    def verdicts(self) -> dict[int, Verdict]:
+        """What each track is."""
         views: dict[int, list[View]] = {}
         for track, view in zip(self.track, self.views, strict=True):
             views.setdefault(track, []).append(view)
-        return {track: vote(seen)[0] for track, seen in views.items()}
+        return {track: vote(seen) for track, seen in views.items()}
 
-    def detections(self, class_of: dict[int, str], camera: str) -> Detections:
+    def detections(self, verdicts: dict[int, Verdict], camera: str, calibrated: bool) -> Detections:
+        told = [verdicts[track] for track in self.track]
         return Detections(
             frame=np.array(self.frame, np.int64),
             t_ns=np.array(self.t_ns, np.int64),
-            class_name=np.array([class_of[track] for track in self.track], object),
+            class_name=np.array([verdict.name for verdict in told], object),
             box=np.array(self.box, np.float64).reshape(-1, 4),
             score=np.array(self.score, np.float64),
             track=np.array(self.track, np.int64),
             camera=camera,
             view_class=np.array(self.view_class, object),
+            class_probability=np.array([v.probability for v in told]) if calibrated else None,
+            group_probability=np.array([v.group_probability for v in told]) if calibrated else None,
         )
 
 
 def nothing_found(name: str) -> SearchResult:
     """The result for the camera ``name`` where no frame can be searched."""
-    return SearchResult(_Rows().detections({}, name))
+    return SearchResult(_Rows().detections({}, name, calibrated=False))
 
 
 def search_frames(
@@ -128,7 +132,10 @@ def search_frames(
     with the length of the video, but for its list of frames and the boxes found.
     """
     rows, best = _Rows(), BestCrops(name, float(camera.matrix[0, 0]))
-    plan = every_frame(times) if rules.every else plan_frames(times, path, rules.choice)
+    if rules.every:
+        plan = every_frame(times, limits.WHOLE_S if rules.windows else 0.0)
+    else:
+        plan = plan_frames(times, path, rules.choice)
     tracker = Tracker(camera, rules.tracking)
     motions = _Motions(camera, path)
     report = _Report(progress, len(plan))
@@ -152,9 +159,13 @@ def search_frames(
             )  # fmt: skip
         searched += 1
         report(mark.number, searched)
-    class_of = rows.class_of_tracks()
+    verdicts = rows.verdicts()
+    calibrated = isinstance(detector, CalibratedDetector)
     return SearchResult(
-        rows.detections(class_of, name), tuple(best.crops(class_of)), len(times), searched
+        rows.detections(verdicts, name, calibrated),
+        tuple(best.crops({track: verdict.name for track, verdict in verdicts.items()})),
+        len(times),
+        searched,
     )
 
 

@@ -1,4 +1,13 @@
-"""The class of a sign from all its views."""
+"""What a sign is by all its views, and how sure that is.
+
+The views of a pass share the face, its dirt and light, the optics and what the classifier confuses:
+a hundred of them say hardly more than four. Their evidence is the mean of their log probabilities
+(a logarithmic pool: Genest and Zidek, Statistical Science 1, 1986), which counts as so many
+independent views as the mean of n equally correlated values does: n / (1 + rho n), at most 1 / rho.
+What is left of overconfidence, of faces that are drawn as none that was trained on, is taken out by
+a power of the odds (Platt's scaling without a shift). All was fitted on passes of signs that the
+classifier was not trained on (``docs/detector.md``).
+"""
 
 from __future__ import annotations
 
@@ -8,6 +17,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from automap.records import FloatArray
 from automap.signs.classes import load_classes
 from automap.signs.vocabulary import load_vocabulary
 from automap.vision import limits
@@ -22,6 +32,28 @@ class View:
     height: float
 
 
+@dataclass(frozen=True)
+class Verdict:
+    """What a sign is called, a class or an unknown face of a group, and the ``probability`` that
+    this is right; ``group_probability`` that its shape and colour are."""
+
+    name: str
+    probability: float
+    group_probability: float
+
+
+@dataclass(frozen=True)
+class PoolingRules:
+    """``correlation`` of the views of a pass; ``class_power`` and ``group_power`` of the odds that
+    the class, and the group, are as they come out; ``named`` the probability from which a class
+    is named."""
+
+    correlation: float = limits.VIEW_CORRELATION
+    class_power: float = limits.CLASS_POWER
+    group_power: float = limits.GROUP_POWER
+    named: float = limits.NAMED
+
+
 def view_of(found: FoundSigns, index: int) -> View:
     """The view that box ``index`` is; a bare name counts as much as its score."""
     box = found.box[index]
@@ -32,34 +64,50 @@ def view_of(found: FoundSigns, index: int) -> View:
     return View(((found.class_name[index], score),), height)
 
 
-def vote(views: Sequence[View]) -> tuple[str, float]:
-    """The class and its probability.
+def vote(views: Sequence[View], rules: PoolingRules | None = None) -> Verdict:
+    """What a sign is by its views (at least one).
 
-    The product of the views' probabilities, each to the power of how clear it is: a face of 16
-    px is a guess, and ten guesses do not outweigh one view from near. What a view does not list
-    keeps a small probability. A class that most of the views doubt is no name for a sign: it is
-    called after the shape and colour on which they agree.
+    The most probable class, where that is probable enough; else an unknown face of the most
+    probable group, to which its classes count, since what is not read is still of a shape and a
+    colour.
     """
+    rules = rules or PoolingRules()
+    names, shares = pooled(views, rules.correlation)
+    own = [group_of(name) or name for name in names]
+    sure: dict[str, float] = {}
+    for group, share in zip(own, shares.tolist(), strict=True):
+        sure[group] = sure.get(group, 0.0) + share
+    sure = {group: tempered(share, rules.group_power) for group, share in sure.items()}
+    classes = [k for k, name in enumerate(names) if name != own[k]]
+    if classes:
+        best = max(classes, key=lambda k: shares[k])
+        likely = tempered(float(shares[best]), rules.class_power)
+        if likely >= rules.named:
+            group_too = sure[own[best]]
+            return Verdict(names[best], min(likely, group_too), group_too)
+    group = max(sorted(sure), key=sure.__getitem__)
+    return Verdict(group, sure[group], sure[group])
+
+
+def tempered(share: float, power: float) -> float:
+    """A probability whose odds are those of ``share`` to a power."""
+    share = min(max(share, limits.SUREST), 1.0 - limits.SUREST)
+    odds = float((share / (1.0 - share)) ** power)
+    return odds / (1.0 + odds)
+
+
+def pooled(views: Sequence[View], correlation: float) -> tuple[list[str], FloatArray]:
+    """Names that the views list, and the share [k] of each in what they say together."""
     names = sorted({name for view in views for name, _ in view.alternatives})
-    weight = np.array([min(max(v.height, 1.0) / limits.CLEAR_PX, 1.0) ** 2 for v in views])
+    clear = np.array([min(max(v.height, 1.0) / limits.CLEAR_PX, 1.0) for v in views])
+    weight = clear**2
     listed = np.array([[dict(v.alternatives).get(name, 0.0) for name in names] for v in views])
     rest = np.maximum(1.0 - listed.sum(axis=1), limits.FAINTEST) / limits.OTHERS
     # rounded probabilities of exactly zero must not forbid a class
     total = weight @ np.log(np.maximum(listed, rest[:, None]))
-    total *= min(1.0, limits.INDEPENDENT / weight.sum())
-    posterior = np.exp(total - total.max())
-    posterior /= posterior.sum()
-    best = int(np.argmax(posterior))
-    mean = weight @ listed
-    mean /= mean.sum()
-    if posterior[best] >= limits.NAMED and mean[best] >= limits.DOUBTED:
-        return names[best], float(posterior[best])
-    groups: dict[str, float] = {}
-    for name, part in zip(names, mean.tolist(), strict=True):
-        group = group_of(name) or name
-        groups[group] = groups.get(group, 0.0) + part
-    group = max(sorted(groups), key=lambda g: groups[g])
-    return group, groups[group]
+    total /= 1.0 + correlation * weight.sum()
+    shares = np.exp(total - total.max())
+    return names, np.asarray(shares / shares.sum(), np.float64)
 
 
 @lru_cache(maxsize=4096)

@@ -55,8 +55,9 @@ def detect_to_csv(
 ) -> Outcome:
     """Search ``source`` and write what is found.
 
-    A drive or a video gives ``frame, class, x_min, y_min, x_max, y_max, score, track,
-    view_class`` (``class`` by all views of the track, ``view_class`` by this one alone), which
+    A drive or a video gives ``frame, class, x_min, y_min, x_max, y_max, score, track, view_class,
+    class_probability, group_probability`` (``class`` by all views of the track, ``view_class`` by
+    this one alone, the probabilities those of ``class`` and of its shape and colour), which
     ``front_detections.csv`` may hold as it is; a drive with several cameras gives one file each,
     named ``OUT_CAMERA.csv``. A folder of images gives ``image`` with the file name instead of
     ``frame``, and no tracks. Beside it ``OUT_signs.jpg`` shows every sign, and with ``annotate``
@@ -212,20 +213,33 @@ def _annotated_of(table: Path) -> Path:
 
 
 def _rows(found: Detections) -> Iterator[Row]:
+    from automap.records import TRACK_PROBABILITIES
+
     views = found.class_name if found.view_class is None else found.view_class
+    told = [found.told(name).tolist() for name in TRACK_PROBABILITIES]
     for i in range(len(found)):
         box = (f"{v:.2f}" for v in found.box[i].tolist())
         score, track = f"{found.score[i]:.3f}", int(found.track[i])
-        yield int(found.frame[i]), str(found.class_name[i]), *box, score, track, str(views[i])
+        likely = (f"{p[i]:.4f}" if p[i] == p[i] else "" for p in told)
+        yield (
+            int(found.frame[i]),
+            str(found.class_name[i]),
+            *box,
+            score,
+            track,
+            str(views[i]),
+            *likely,
+        )
 
 
 def _write(out: Path, key: str, rows: Iterable[Row]) -> None:
     from automap.io.atomic import atomic_path
+    from automap.records import TRACK_PROBABILITIES
 
     with (
         atomic_path(Path(out)) as temporary,
         temporary.open("w", encoding="utf-8", newline="") as stream,
     ):
         table = csv.writer(stream, lineterminator="\n")
-        table.writerow((key, "class", *_BOX, "score", "track", "view_class"))
+        table.writerow((key, "class", *_BOX, "score", "track", "view_class", *TRACK_PROBABILITIES))
         table.writerows(rows)

@@ -56,8 +56,10 @@ def search_images(
     A picture that cannot be read is left out with a warning; InputError when none can be.
     """
     from automap.vision.crops import BestCrops
+    from automap.vision.detector import CalibratedDetector
     from automap.vision.parallel import detections, prefetched, worker_count
     from automap.vision.search import above
+    from automap.vision.voting import view_of, vote
 
     result, best = ImageResult(), BestCrops("")
     found_in = detections(
@@ -71,9 +73,14 @@ def search_images(
         result.read += 1
         for i in range(len(found)):
             number = len(result.rows)
-            name, score = found.class_name[i], float(found.score[i])
+            name, score, likely = found.class_name[i], float(found.score[i]), ("", "")
+            view = name
+            if isinstance(detector, CalibratedDetector):
+                verdict = vote([view_of(found, i)])
+                name = verdict.name
+                likely = f"{verdict.probability:.4f}", f"{verdict.group_probability:.4f}"
             box = (f"{v:.2f}" for v in found.box[i].tolist())
-            result.rows.append((path.name, name, *box, f"{score:.3f}", -1, name))
+            result.rows.append((path.name, name, *box, f"{score:.3f}", -1, view, *likely))
             best.offer(picture.image, picture.frame, 0, number, name, found.box[i], score)
         if annotated is not None and len(found):
             _draw(annotated / f"{path.stem}.jpg", picture.image, found, hide)

@@ -80,16 +80,26 @@ def make_scenes(streets: list[Street], draw: Chooser, seed: int, each: int = 3) 
 def australian_faces(faces: list[Face]) -> Chooser:
     """Faces that were not trained on: the simulator's drawings, and drawings that were held."""
     by_name = {face.name: face for face in faces}
+    simulated = {name: face for face, name in drawn_by_simulator()}
     choices: list[tuple[Image, str]] = []
     for name, entry in load_classes().items():
-        if "AU" not in entry.codes and name not in load_vocabulary().classes:
+        if "AU" not in entry.codes and name not in simulated:
             continue
         art = [by_name[a] for a in entry.art if a in by_name]
         if any(not face.held for face in art):
             choices += [(face.image, name) for face in art if face.held]
-        if name in load_vocabulary().classes:
-            choices.append((_cropped(draw_vocabulary_face(name)), name))
+        if name in simulated:
+            choices.append((simulated[name], name))
     return lambda rng: choices[int(rng.integers(len(choices)))]
+
+
+def drawn_by_simulator() -> list[tuple[Image, str]]:
+    """The simulator's own drawings, BGRA, and their classes."""
+    return [
+        (_cropped(draw_vocabulary_face(name)), name)
+        for name in load_classes()
+        if name in load_vocabulary().classes
+    ]
 
 
 def _cropped(face: Image) -> Image:

@@ -94,6 +94,29 @@ def test_what_is_said_about_a_sign(world) -> None:
         assert np.linalg.eigvalsh(sign.cov_enu)[0] > 0.0
 
 
+def test_what_the_detector_told_of_the_class_comes_through(world) -> None:
+    path, _, found, _ = world
+    n = len(found)
+    # a third of each sign's boxes are called after another class of the same shape and colour
+    other = "regulatory--maximum-speed-limit-20--g1"
+    named = np.where(np.arange(n) % 3 == 0, other, "regulatory--maximum-speed-limit-60--g1")
+    told = replace(
+        found,
+        class_name=named.astype(object),
+        score=np.full(n, 0.8),
+        class_probability=np.full(n, 0.9),
+        group_probability=np.full(n, 0.95),
+    )
+    for sign in locate_signs(path, [told], {"front": camera()}).signs:
+        share = np.mean(named[sign.detection_rows] == sign.class_name)
+        assert 0.5 < share < 1.0
+        assert sign.class_probability == pytest.approx(0.9 * share)
+        assert sign.group_probability == pytest.approx(0.95)
+        assert sign.confidence == pytest.approx(sign.existence * sign.class_probability)
+    for sign in locate_signs(path, [found], {"front": camera()}).signs:
+        assert np.isnan([sign.class_probability, sign.group_probability]).all()
+
+
 def test_every_detection_is_accounted_for(world) -> None:
     path, _, found, owner = world
     result = locate_signs(path, [found], {"front": camera()})

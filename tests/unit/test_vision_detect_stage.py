@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,11 +13,13 @@ import pytest
 from automap.errors import InputError
 from automap.io import names
 from automap.io.crops_table import read_crops
+from automap.io.detections_csv import read_detections_csv
 from automap.io.detections_table import read_detections, write_detections
 from automap.io.drive import load_drive
-from automap.records import Detections, Image
+from automap.records import TRACK_PROBABILITIES, Detections, FrameTimes, Image
 from automap.signs.faces import draw_face
 from automap.vision.detector import FoundSigns
+from automap.vision.voting import View, vote
 from pipeline.detect.command import detect_to_csv
 from pipeline.run.stage import StageContext
 from pipeline.run.stages.detect import STAGE
@@ -225,8 +228,40 @@ def test_a_video_and_a_drive_give_the_same_boxes(tmp_path: Path) -> None:
     detect_to_csv(folder / "front.mp4", tmp_path / "video.csv", settings=every)
     text = (tmp_path / "drive.csv").read_text()
     assert text == (tmp_path / "video.csv").read_text()
-    assert text.startswith("frame,class,x_min,y_min,x_max,y_max,score,track,view_class\n")
+    assert text.startswith("frame,class,x_min,y_min,x_max,y_max,score,track,view_class,"
+                           "class_probability,group_probability\n")  # fmt: skip
     assert len(text.splitlines()) == 4
+    # nobody fitted how sure a detector of the user's own is
+    assert all(line.endswith(f",{STOP},,") for line in text.splitlines()[1:])
+
+
+def test_what_is_told_of_a_track_comes_back_from_its_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = "regulatory--no-entry--g1"
+
+    class Fitted(RedFinder):
+        calibrated = True
+
+        def detect(self, image: Image) -> FoundSigns:
+            found = super().detect(image)
+            return replace(found, alternatives=(((STOP, 0.9), (other, 0.1)),) * len(found))
+
+    monkeypatch.setattr("pipeline.detect.command.open_detector", lambda *_: Fitted())
+    video(tmp_path / "front.mp4", frames=3)
+    detect_to_csv(
+        tmp_path / "front.mp4", tmp_path / "out.csv", settings=DetectSettings(every_frame=True)
+    )
+    told = vote([View(((STOP, 0.9), (other, 0.1)), 48.0)] * 3)
+    frames = np.arange(3, dtype=np.int64)
+    found = read_detections_csv(tmp_path / "out.csv", FrameTimes(frames, frames * 100)).data
+    assert set(found.class_name) == {STOP}
+    assert found.told("class_probability") == pytest.approx(told.probability, abs=1e-3)
+    assert found.told("group_probability") == pytest.approx(told.group_probability, abs=1e-3)
+    write_detections(tmp_path / "out.parquet", [found])
+    again = read_detections(tmp_path / "out.parquet")["front"]
+    for name in TRACK_PROBABILITIES:
+        assert np.array_equal(again.told(name), found.told(name))
 
 
 def test_the_annotated_video_shows_every_frame(tmp_path: Path) -> None:

@@ -64,6 +64,18 @@ def test_a_standstill_is_looked_at_now_and_then() -> None:
     assert plan.coarse.all()
 
 
+def test_whole_searches_are_never_further_apart_than_told() -> None:
+    for rate, share in ((30.0, 1 / 3), (15.0, 1.0), (60.0, 1 / 6)):
+        frames = times(2.0, rate)
+        plan = every_frame(frames, 0.105)
+        assert len(plan) == len(frames)
+        whole = frames.t_ns[plan.coarse]
+        assert plan.coarse[0]
+        assert plan.coarse[-1]
+        assert np.diff(whole).max() <= 0.105e9
+        assert plan.coarse.mean() == pytest.approx(share, abs=0.03)
+
+
 @pytest.mark.parametrize("rate", [10.0, 29.97, 60.0])
 def test_without_a_path_time_decides(rate: float) -> None:
     frames = times(20.0, rate, 0.1)

@@ -15,7 +15,7 @@ from automap.vision.annotate import draw, label_for
 from automap.vision.contact_sheet import contact_sheet, short_name
 from automap.vision.crops import BestCrops, cut_out
 from automap.vision.detector import FoundSigns
-from automap.vision.voting import View, group_of, view_of, vote
+from automap.vision.voting import PoolingRules, View, group_of, tempered, view_of, vote
 
 
 @given(x=st.floats(-20, 310), y=st.floats(-20, 230), w=st.floats(0.5, 250), h=st.floats(0.5, 200))
@@ -94,39 +94,68 @@ def test_labels_keep_clear_of_the_signs() -> None:
     assert (image != 90).any(axis=2).sum() > 500
 
 
+TWENTY, SIXTY = "regulatory--maximum-speed-limit-20--g1", "regulatory--maximum-speed-limit-60--g1"
+
+
 def test_near_views_outvote_far_ones() -> None:
-    far = View((("sixty", 0.5), ("eighty", 0.4)), 14.0)
-    near = View((("eighty", 0.97), ("sixty", 0.02)), 60.0)
-    assert vote([far] * 8 + [near])[0] == "eighty"
-    name, probability = vote([near, near, near])
-    assert name == "eighty"
-    assert probability > 0.99
+    far = View(((TWENTY, 0.5), (SIXTY, 0.4)), 14.0)
+    near = View(((SIXTY, 0.97), (TWENTY, 0.02)), 60.0)
+    assert vote([far] * 8 + [near]).name == SIXTY
+    told = vote([near, near, near])
+    assert told.name == SIXTY
+    assert told.probability > 0.95
 
 
-def test_many_unsure_views_make_a_sure_one() -> None:
-    unsure = View((("a", 0.6), ("b", 0.4)), 40.0)
-    assert vote([unsure])[1] == pytest.approx(0.6, abs=0.02)
-    # they are not independent, so that certainty grows slowly and ends
-    sure = vote([unsure] * 50)[1]
-    assert 0.7 < sure < 0.9
-    assert vote([unsure] * 4)[1] == pytest.approx(sure)
+def test_the_evidence_of_many_views_ends() -> None:
+    unsure = View(((TWENTY, 0.7), (SIXTY, 0.3)), 40.0)
+    plain = PoolingRules(correlation=0.25, class_power=1.0, group_power=1.0, named=0.0)
+    # as many views as one over their correlation, each with odds of seven to three
+    most = 1.0 / (1.0 + (3 / 7) ** 4)
+    few, many, more = (vote([unsure] * n, plain).probability for n in (4, 400, 4000))
+    assert few < many < more < most
+    assert more == pytest.approx(most, abs=1e-3)
+    # one alone says no more than it says
+    assert vote([unsure], plain).probability < 0.7
+
+
+def test_a_power_of_the_odds_keeps_the_order_and_even_odds() -> None:
+    shares = np.linspace(0.0, 1.0, 41)
+    found = np.array([tempered(float(s), 0.5) for s in shares])
+    assert (np.diff(found) > 0).all()
+    assert tempered(0.5, 0.3) == pytest.approx(0.5)
+    assert tempered(0.9, 0.5) == pytest.approx(0.75)  # nine to one becomes three to one
 
 
 def test_faces_that_nobody_knows_get_no_wrong_name() -> None:
-    a, b = "regulatory--maximum-speed-limit-20--g1", "regulatory--maximum-speed-limit-60--g1"
-    group = group_of(a)
+    group = group_of(TWENTY)
     assert group == "regulatory--unknown-red-circle"
     doubtful = [
-        View(((group, 0.4), (a, 0.3), (b, 0.2)), 60.0), View(((group, 0.45), (a, 0.25)), 50.0)
-    ]  # fmt: skip
-    assert vote(doubtful * 6)[0] == group
-    torn = [View(((a, 0.9),), 60.0), View(((b, 0.9),), 60.0)]
-    assert vote(torn)[0] == group
-    assert vote([*torn, torn[0], torn[0]])[0] == a
+        View(((group, 0.4), (TWENTY, 0.3), (SIXTY, 0.2)), 60.0),
+        View(((group, 0.45), (TWENTY, 0.25)), 50.0),
+    ]
+    assert vote(doubtful * 6).name == group
+    torn = [View(((TWENTY, 0.9),), 60.0), View(((SIXTY, 0.9),), 60.0)]
+    told = vote(torn)
+    assert told.name == group
+    # what it is remains open, its shape and colour do not
+    assert told.probability == told.group_probability > 0.95
+    assert vote([*torn, torn[0], torn[0]]).name == TWENTY
+
+
+def test_a_class_is_never_surer_than_its_group() -> None:
+    rng = np.random.default_rng(1)
+    names = [TWENTY, SIXTY, "regulatory--unknown-red-circle", "warning--children--g2"]
+    for _ in range(200):
+        views = [
+            View(tuple(zip(names, rng.dirichlet([0.3] * 4).tolist(), strict=True)), 40.0)
+            for _ in range(int(rng.integers(1, 6)))
+        ]
+        told = vote(views)
+        assert 0.0 < told.probability <= told.group_probability < 1.0
 
 
 def test_a_bare_name_is_a_view_too() -> None:
     found = FoundSigns(("a", "b"), np.array([[0, 0, 9, 9], [0, 0, 30, 40.0]]), np.array([0.4, 1.0]))
     assert view_of(found, 0) == View((("a", 0.4),), 9.0)
     assert view_of(found, 1).alternatives[0][1] < 1.0
-    assert vote([view_of(found, 0), view_of(found, 1)])[0] == "b"
+    assert vote([view_of(found, 0), view_of(found, 1)]).name == "b"
