@@ -62,14 +62,15 @@ def merge_runs(
     signs = with_supports(signs, own_variance(merged.sightings, merged.association.sign))
     countries = {run.country.upper() for run in runs if run.country}
     outcome = MergeOutcome(
-        out,
-        [s for s in signs if s.id],
-        merged,
-        comparison,
-        [],
-        warnings,
-        0.0,
-        countries.pop() if len(countries) == 1 else None,
+        name=out.resolve().name,
+        signs=[s for s in signs if s.id],
+        comparison=comparison,
+        warnings=warnings,
+        country=countries.pop() if len(countries) == 1 else None,
+        folder=out,
+        merged=merged,
+        files=[],
+        seconds=0.0,
     )
     folder_of = {run.signs.name: run.folder for run in runs}
     files = write_map(
