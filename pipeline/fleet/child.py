@@ -45,9 +45,8 @@ def kind_of(error: BaseException) -> str:
 def run_one(drive: Path, out: Path, echo: dict[str, Any]) -> dict[str, Any]:
     """Run a drive to ``out`` and say what came of it, as JSON has it."""
     from pipeline.merge.inputs import read_run
-    from pipeline.run.batch import Request
     from pipeline.run.registry import ORDER, load_stages
-    from pipeline.run.runner import run_drive
+    from pipeline.run.runner import Request, run_drive
     from pipeline.settings.load import settings_of_echo
 
     started, processor = time.monotonic(), time.process_time()
@@ -64,6 +63,7 @@ def run_one(drive: Path, out: Path, echo: dict[str, Any]) -> dict[str, Any]:
     return {
         "name": outcome.name,
         "recording": run.signs.key,
+        "country": run.country,
         "signs": len(run.signs),
         "start_gps_s": run.signs.start_gps_s,
         "hours": 0.0 if path is None else (path.gps_s[-1] - path.gps_s[0]) / 3600.0,

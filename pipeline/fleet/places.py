@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import IO, Any, Protocol
 
 from automap.errors import ConfigError
-from automap.io.atomic import is_temporary, make_folder, write_bytes, write_failure
+from automap.io.atomic import atomic_path, is_temporary, make_folder, write_bytes
 
 _CHUNK = 1 << 20
 
@@ -58,31 +57,25 @@ class Folder:
     """A folder of a file system."""
 
     def __init__(self, path: Path) -> None:
-        self.folder: Path = path.absolute()
-        self.url = str(self.folder)
+        self._root = path.absolute()
+        self.folder: Path | None = self._root
+        self.url = str(self._root)
 
     def read(self, name: str) -> bytes | None:
         try:
-            return (self.folder / name).read_bytes()
+            return (self._root / name).read_bytes()
         except (FileNotFoundError, NotADirectoryError):
             return None
 
     def write(self, name: str, data: bytes) -> None:
-        write_bytes(self.folder / name, data)
+        write_bytes(self._root / name, data)
 
     def put(self, source: Path, name: str) -> None:
-        target = self.folder / name
-        make_folder(target.parent)
-        try:
-            with source.open("rb") as stream, target.open("wb") as out:
-                shutil.copyfileobj(stream, out, _CHUNK)
-                out.flush()
-                os.fsync(out.fileno())
-        except OSError as error:
-            raise write_failure(target, error) from error
+        with atomic_path(self._root / name) as temporary:
+            shutil.copyfile(source, temporary)
 
     def get(self, name: str, target: Path) -> None:
-        source = self.folder / name
+        source = self._root / name
         if source.is_dir():
             shutil.copytree(source, target, dirs_exist_ok=True)
         else:
@@ -91,20 +84,20 @@ class Folder:
 
     def names(self, name: str) -> list[str]:
         try:
-            return sorted(p.name for p in (self.folder / name).iterdir() if not is_temporary(p))
+            return sorted(p.name for p in (self._root / name).iterdir() if not is_temporary(p))
         except (FileNotFoundError, NotADirectoryError):
             return []
 
     def files(self, name: str) -> list[tuple[str, int]]:
-        root = self.folder / name
+        root = self._root / name
         found = [p for p in root.rglob("*") if p.is_file()]
         return sorted((p.relative_to(root).as_posix(), p.stat().st_size) for p in found)
 
     def open(self, name: str) -> IO[bytes]:
-        return (self.folder / name).open("rb")
+        return (self._root / name).open("rb")
 
     def remove(self, name: str) -> None:
-        path = self.folder / name
+        path = self._root / name
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
         else:

@@ -12,7 +12,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import uuid
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +21,6 @@ from automap.errors import AutoMapError
 from automap.io import names
 from pipeline.fleet.add import parent_of
 from pipeline.fleet.orders import Order
-from pipeline.fleet.places import Folder
 from pipeline.fleet.store import DONE, DRIVES, Store
 from pipeline.shared.kernel_cache import ensure_kernel_cache
 
@@ -102,7 +100,7 @@ def _failed(digest: str, answer: dict[str, Any], path: str, drive: Path) -> Resu
 def _fetched(path: str, scratch: Path) -> Path:
     """The drive's folder on this machine."""
     place, name = parent_of(path)
-    if isinstance(place, Folder):
+    if place.folder is not None:
         return Path(path)
     place.get(name, scratch / name)
     return scratch / name
@@ -176,7 +174,8 @@ def _publish(
     store: Store, digest: str, out: Path, answer: dict[str, Any], key: str
 ) -> dict[str, Any]:
     """Write the files aside, then the marker."""
-    result = f"{key[:8]}-{uuid.uuid4().hex[:8]}"
+    # the same for every attempt: what one that was killed has left is written over with the same
+    result = key[:12]
     files = {}
     for path in sorted(out.rglob("*")):
         name = path.relative_to(out).as_posix()
@@ -186,10 +185,5 @@ def _publish(
             files[name] = {"sha256": digest_of, "bytes": path.stat().st_size}
             store.place.put(path, f"{DRIVES}/{digest}/{result}/{name}")
     marker = {"key": key, "result": result, **answer, "files": files}
-    there = store.entry(digest).done
-    if there.get("key") == key:
-        # another worker had the same task and was quicker
-        store.place.remove(f"{DRIVES}/{digest}/{result}")
-        return there
     store.mark(digest, DONE, marker)
     return marker

@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -19,22 +19,19 @@ from automap.errors import StageError
 from automap.io import names
 from automap.io.atomic import make_folder, write_json, write_text
 from automap.io.map_tables import COVERAGE, SIGHTINGS, TRACKS
-from automap.records import DrivePath
+from pipeline.merge.coverage import coverage_of
 from pipeline.merge.signs import GPS_CLOCK
 from pipeline.shared.lock import locked
 
 if TYPE_CHECKING:
     from automap.mapping.changes import Change
     from automap.mapping.merge import Merged
-    from automap.mapping.sightings import DriveSigns
-    from automap.records import FloatArray, IntArray, Sign
+    from automap.records import Sign
     from pipeline.merge.outcome import MapOutcome, MergeOutcome
     from pipeline.merge.whole import Contribution
 
 CHANGES = "changes.geojson"
 SCHEMA = "automap.merge/1"
-_CELL_RAD = 8.0 / 6.371e6
-_SECTORS = 16
 
 
 def write_map(
@@ -253,35 +250,6 @@ def contributions(
         mine = range(int(first[number]), int(first[number + 1]))
         named = {drive.ids[int(row[k])]: signs[merged.association.sign[k]].id for k in mine}
         yield Contribution(drive.name, folder, {own: name for own, name in named.items() if name})
-
-
-def coverage_of(drives: Iterable[DriveSigns]) -> DrivePath:
-    """Where cameras looked from and which way, thinned to cells of 8 m and 16 directions."""
-    none = np.zeros(0)
-    parts = [(np.zeros(0, np.int64), none, none, none)]
-    for drive in drives:
-        if drive.path is None:
-            continue
-        filmed = np.isfinite(drive.path.yaw_rad)
-        lat, lon = drive.path.lat_rad[filmed], drive.path.lon_rad[filmed]
-        for camera in drive.cameras:
-            looking = drive.path.yaw_rad[filmed] + camera.yaw_rad
-            cell = _cells(lat, lon, looking)
-            cell, first = np.unique(cell, return_index=True)
-            parts.append((cell, lat[first], lon[first], looking[first]))
-    cell, lat, lon, looking = (np.concatenate([part[k] for part in parts]) for k in range(4))
-    _, first = np.unique(cell, return_index=True)
-    first.sort()
-    zero: FloatArray = np.zeros(len(first))
-    return DrivePath(zero, lat[first], lon[first], looking[first], np.zeros((len(first), 3)))
-
-
-def _cells(lat: FloatArray, lon: FloatArray, looking: FloatArray) -> IntArray:
-    """One number for each place and direction."""
-    row = np.floor(lat / _CELL_RAD).astype(np.int64)
-    column = np.floor(lon * np.cos(row * _CELL_RAD) / _CELL_RAD).astype(np.int64)
-    sector = np.floor((looking % (2 * np.pi)) / (2 * np.pi) * _SECTORS).astype(np.int64)
-    return np.asarray((row * 2**24 + column) * _SECTORS + sector, np.int64)
 
 
 def changes_geojson(changes: Sequence[Change]) -> str:
