@@ -15,7 +15,6 @@ from automap.export.clock import iso_texts, utc_of_gps
 from automap.io import names
 from automap.io.atomic import write_json
 from automap.io.map_tables import COVERAGE, SIGHTINGS, write_coverage
-from automap.mapping.adjustment import ErrorLevels
 from automap.mapping.cells import quadkey
 from automap.mapping.compare import Comparison, Newer, compare
 from automap.mapping.identity import name_signs
@@ -187,11 +186,11 @@ def _drive_rows(
     rows = []
     for k in np.argsort(drives.rank).tolist():
         entry = entries[drives.key[k]]
-        off = _contradiction(entry.done.get("sd_m"), offset[k], sd[k], found.levels)
+        off = _contradiction(entry.done.get("sd_m"), offset[k], sd[k])
         if off > CONTRADICTS:
             warnings.append(
                 f"{drives.name[k]}: its signs lie {np.hypot(*offset[k, :2]):.1f} m off those of "
-                f"the other drives, {off:.0f} times what its path may err by; look at its report."
+                f"the other drives, {off:.0f} sigmas of its path; look at its report."
             )
         rows.append(
             {
@@ -211,13 +210,12 @@ def _drive_rows(
     return rows
 
 
-def _contradiction(
-    stated: list[float | None] | None, offset: FloatArray, sd: FloatArray, levels: ErrorLevels
-) -> float:
-    """By how many sigmas a drive lies off the others in plan, at most along an axis."""
+def _contradiction(stated: list[float | None] | None, offset: FloatArray, sd: FloatArray) -> float:
+    """By how many sigmas a drive lies off the others in plan, at most along an axis; by the sigma
+    that its path states, as the error levels that the drives show have such drives in them."""
     if not stated or None in stated[:2] or not np.isfinite(offset[:2]).all():
         return 0.0
-    sigma = np.hypot(np.array(stated[:2], np.float64) * max(levels.shared, 1.0), sd[:2])
+    sigma = np.hypot(np.array(stated[:2], np.float64), sd[:2])
     return float(np.max(np.abs(offset[:2]) / sigma))
 
 

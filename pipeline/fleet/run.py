@@ -27,6 +27,8 @@ moment it does not do three times in the minutes between."""
 LOST = 10
 """A drive whose worker or process was ended from outside is done again so often: that is not its
 fault, but a drive that ends its machine must not go round for ever."""
+PATIENCE = "20s"
+"""For a scheduler to answer."""
 MORE = 2
 """Times the memory, for a drive that lacked it."""
 
@@ -201,7 +203,7 @@ def _client(scheduler: str | None, workers: int) -> Iterator[Any]:
     with dask.config.set(quiet):
         if scheduler is not None:
             try:
-                client = Client(scheduler, timeout="20s", set_as_default=False)
+                client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
             except (OSError, ValueError) as error:
                 raise ConfigError(
                     f"--scheduler {scheduler}: no scheduler answers there ({error}); start one "

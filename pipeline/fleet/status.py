@@ -21,7 +21,7 @@ FOLDER = "status"
 _SHOWN = 20
 
 
-def drive_line(entry: Entry, key: str) -> dict[str, Any]:
+def drive_line(entry: Entry, key: str | None) -> dict[str, Any]:
     """What is told of one drive."""
     done = entry.done
     verdict = mapping(done.get("verdict"))
@@ -35,7 +35,7 @@ def drive_line(entry: Entry, key: str) -> dict[str, Any]:
         "kind": entry.aside.get("kind"),
         "verdict": verdict.get("state"),
         "verdict_reasons": reasons,
-        "older_settings": bool(done) and done.get("made_with", done.get("key")) != key,
+        "older_settings": bool(done and key) and done.get("made_with", done.get("key")) != key,
         "signs": done.get("signs"),
         "hours": done.get("hours"),
         "km": done.get("km"),
@@ -49,7 +49,7 @@ def drive_line(entry: Entry, key: str) -> dict[str, Any]:
 
 def status(store: Store) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Counts of the whole store, and a line of each drive."""
-    key = str(store.read(SETTINGS).get("key", ""))
+    key = store.read(SETTINGS).get("key")
     drives = [drive_line(entry, key) for entry in store.entries() if not entry.replaced]
     done = [line for line in drives if line["state"] == "done"]
 

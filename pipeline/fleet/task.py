@@ -69,7 +69,7 @@ def run_task(url: str, digest: str, path: str, order: Order) -> Result:
         if "error" in answer:
             return _failed(digest, answer, path, drive)
         try:
-            marker = _publish(store, digest, out, answer, order.key)
+            marker = publish(store, digest, out, answer, order.key)
         except (OSError, AutoMapError) as error:
             cause = error if isinstance(error, OSError) else error.__cause__
             full = isinstance(cause, OSError) and cause.errno in _FULL
@@ -170,7 +170,7 @@ def _killed_for_memory() -> int:
     return 0
 
 
-def _publish(
+def publish(
     store: Store, digest: str, out: Path, answer: dict[str, Any], key: str
 ) -> dict[str, Any]:
     """Write the files aside, then the marker."""
