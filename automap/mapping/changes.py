@@ -41,32 +41,36 @@ class Change:
     visited_before: bool | None = None
 
 
-def match_older(
-    older: OlderMap, signs: Sequence[Sign], keys: Sequence[Sequence[str]]
-) -> dict[int, int]:
-    """Place of the older sign for each sign that is the same one, by place among ``signs``.
-
-    Shared sightings decide first (``keys`` are those of each sign), then nearness within
-    the two covariances, with facing and class agreeing.
-    """
+def shared_sightings(older: OlderMap, keys: Sequence[Sequence[str]]) -> dict[tuple[int, int], int]:
+    """How many sightings a sign, by place among ``keys`` of its sightings, has in common with a
+    sign of the older map."""
     number = {sign.id: k for k, sign in enumerate(older.signs)}
-    votes: dict[tuple[int, int], int] = {}
+    shared: dict[tuple[int, int], int] = {}
     for place, own in enumerate(keys):
         for key in own:
             before = number.get(older.members.get(key, ""))
             if before is not None:
-                votes[place, before] = votes.get((place, before), 0) + 1
+                shared[place, before] = shared.get((place, before), 0) + 1
+    return shared
+
+
+def match_older(
+    older: Sequence[Sign], signs: Sequence[Sign], shared: Mapping[tuple[int, int], int]
+) -> dict[int, int]:
+    """Place of the older sign for each sign that is the same one, by place among ``signs``.
+
+    ``shared`` sightings decide first, then nearness within the two covariances, with facing and
+    class agreeing.
+    """
     result: dict[int, int] = {}
     taken: set[int] = set()
-    for (place, before), _ in sorted(votes.items(), key=lambda item: (-item[1], item[0])):
+    for (place, before), _ in sorted(shared.items(), key=lambda item: (-item[1], item[0])):
         if place not in result and before not in taken:
             result[place] = before
             taken.add(before)
     rest = [k for k in range(len(signs)) if k not in result]
-    before_rest = [k for k in range(len(older.signs)) if k not in taken]
-    for _, i, j in sorted(
-        _costs(signs, rest, older.signs, before_rest, limits.SAME_PLACE_M, False)
-    ):
+    before_rest = [k for k in range(len(older)) if k not in taken]
+    for _, i, j in sorted(_costs(signs, rest, older, before_rest, limits.SAME_PLACE_M, False)):
         if i not in result and j not in taken:
             result[i] = j
             taken.add(j)

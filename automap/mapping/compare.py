@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from automap.mapping import limits
-from automap.mapping.changes import Change, OlderMap, distance_m, match_moved, match_older
-from automap.mapping.existence import still_there
+from automap.mapping.changes import (
+    Change,
+    OlderMap,
+    distance_m,
+    match_moved,
+    match_older,
+    shared_sightings,
+)
+from automap.mapping.existence import DetectionRates, still_there
 from automap.mapping.grid import filled_table
 from automap.mapping.identity import drive_key
 from automap.mapping.merge import Merged
 from automap.mapping.sightings import CameraView
-from automap.mapping.visibility import head_on, in_view, opportunities
-from automap.records import BoolArray, IntArray, Sign
+from automap.mapping.visibility import Passage, head_on, in_view, opportunities
+from automap.records import BoolArray, FloatArray, IntArray, Sign
 
 COVERAGE_VIEW = CameraView(0.0, 0.6)
 """Half a sector and more of the directions that a merged map's coverage tells."""
@@ -34,17 +41,45 @@ class Comparison:
     unconfirmed: int
 
 
+@dataclass(frozen=True)
+class Newer:
+    """A map to be compared: ``signs`` [m], ``existence`` and ``class_share`` [m] of them, sightings
+    ``shared`` with signs of the older map, and of the ``fresh`` drives, which the older map did
+    not have, where they looked and their numbers among ``rates``."""
+
+    signs: Sequence[Sign]
+    existence: FloatArray
+    class_share: FloatArray
+    shared: Mapping[tuple[int, int], int]
+    rates: DetectionRates
+    fresh: Sequence[tuple[int, Passage]]
+
+
 def compare_maps(
     older: OlderMap, merged: Merged, least_existence: float = limits.LEAST_EXISTENCE
 ) -> Comparison:
-    """Match the merged signs to the older map's and say what has changed.
+    """Match the merged signs to the older map's and say what has changed."""
+    fresh = [
+        (k, drive) for k, drive in enumerate(merged.drives) if drive_key(drive) not in older.drives
+    ]
+    shared = shared_sightings(older, merged.keys)
+    newer = Newer(
+        merged.signs, merged.existence, merged.attributes.class_share, shared, merged.rates, fresh
+    )
+    return compare(older, newer, least_existence)
+
+
+def compare(
+    older: OlderMap, merged: Newer, least_existence: float = limits.LEAST_EXISTENCE
+) -> Comparison:
+    """Match the signs of a map to an older one's and say what has changed.
 
     A sign is gone when drives that the older map did not have would have seen it and did not;
     one that nobody passed since is not. A sign that is gone and one of the same class and
     facing that is new near by are one that moved.
     """
     kept = merged.existence >= least_existence
-    matches = match_older(older, merged.signs, merged.keys)
+    matches = match_older(older.signs, merged.signs, merged.shared)
     changes: list[Change] = []
     unchanged = unconfirmed = 0
     gone: dict[int, float] = {}
@@ -52,7 +87,7 @@ def compare_maps(
         now, then = merged.signs[place], older.signs[before]
         belief = float(merged.existence[place])
         if kept[place] and now.class_name != then.class_name:
-            share = float(merged.attributes.class_share[place])
+            share = float(merged.class_share[place])
             changes.append(Change("class", now, then, share, distance_m(now, then)))
         elif kept[place]:
             unchanged += 1
@@ -86,25 +121,24 @@ def compare_maps(
 
 
 def _still_there(
-    older: OlderMap, merged: Merged, missing: IntArray
+    older: OlderMap, merged: Newer, missing: IntArray
 ) -> tuple[BoolArray, list[float]]:
     """Which of the older signs ``missing`` fresh drives had in view, and the belief left."""
-    fresh = [k for k, drive in enumerate(merged.drives) if drive_key(drive) not in older.drives]
     signs = [older.signs[k] for k in missing]
     visited = np.zeros(len(signs), np.bool_)
     start = np.array([s.confidence for s in signs], np.float64)
     hits = np.array([max(len(s.drives), 1) for s in signs], np.float64)
-    if not signs or not fresh:
+    if not signs or not merged.fresh:
         return visited, start.tolist()
     views = opportunities(
-        [merged.drives[k] for k in fresh],
+        [drive for _, drive in merged.fresh],
         np.array([s.lat_rad for s in signs]),
         np.array([s.lon_rad for s in signs]),
         np.array([s.facing_rad for s in signs]),
     )
     views = head_on(views, np.array([s.facing_rad for s in signs]))
     visited[views.sign] = True
-    weight = merged.rates.miss_weight(np.array(fresh, np.int64)[views.drive])
+    weight = merged.rates.miss_weight(np.array([k for k, _ in merged.fresh], np.int64)[views.drive])
     left = still_there(views.sign, weight, merged.rates, start, hits)
     return visited, left.tolist()
 

@@ -29,6 +29,7 @@ _FIXED: list[tuple[str, list[str]]] = [
             "howto/own-detector.md",
             "howto/own-trajectory.md",
             "howto/batch.md",
+            "howto/fleet.md",
             "howto/command-line.md",
         ],
     ),

@@ -32,6 +32,7 @@ _GROUPS: dict[str, dict[str, str]] = {
         "run": "pipeline.cli.run",
         "detect": "pipeline.cli.detect",
         "merge": "pipeline.cli.merge",
+        "fleet": "pipeline.cli.fleet",
     },
     "Look": {
         "check": "pipeline.cli.check",
@@ -51,7 +52,7 @@ _GROUPS: dict[str, dict[str, str]] = {
 
 _COMMANDS = {name: module for group in _GROUPS.values() for name, module in group.items()}
 
-_RESUMED = frozenset({"run", "gap", "regress", "experiment"})
+_RESUMED = frozenset({"run", "gap", "regress", "experiment", "fleet"})
 """They keep the stages that were done."""
 
 _EPILOG = """\b

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -16,7 +16,7 @@ import numpy as np
 from automap.io.atomic import write_json
 from automap.mapping.adjustment import ErrorLevels
 from automap.mapping.backs import backs_of_others
-from automap.mapping.existence import DetectionRates, detection_rates, existence
+from automap.mapping.existence import Chances, DetectionRates, detection_rates, existence
 from automap.mapping.merge import map_signs
 from automap.records import FloatArray, Sign
 from pipeline.merge.cell_steps import (
@@ -39,8 +39,9 @@ that is wrong by a hundredth moves no place by a hundredth of its sigma, and all
 @dataclass(frozen=True)
 class StoreMap:
     """Signs [m] of a store: ``founder`` [m] keys that name them, places as ``Adjusted`` has them,
-    ``existence`` [m], ``columns`` with all others; and how many cells were grouped and placed
-    anew, of how many."""
+    ``existence`` [m], ``columns`` with all others, ``pairs`` of signs and drives, the ``homes``
+    that hold them, in the order of the signs; and how many cells were grouped and placed anew, of
+    how many."""
 
     founder: list[str]
     lat: FloatArray
@@ -49,6 +50,8 @@ class StoreMap:
     cov_enu: FloatArray
     existence: FloatArray
     columns: dict[str, Any]
+    pairs: Chances
+    homes: Sequence[int]
     levels: ErrorLevels
     rates: DetectionRates
     grouped: int
@@ -134,4 +137,5 @@ def _whole(
             columns["founder"].tolist(), columns["founder_id"].tolist(), strict=True
         )
     ]
-    return StoreMap(keys, *place, np.where(backs, 0.0, belief), columns, levels, rates, *done)
+    belief = np.where(backs, 0.0, belief)
+    return StoreMap(keys, *place, belief, columns, pairs, cells, levels, rates, *done)

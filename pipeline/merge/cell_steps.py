@@ -8,7 +8,8 @@ digest is as it was: after new drives only cells change that have something new 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -25,8 +26,9 @@ from automap.mapping.cells import around, cell_of, colour_of, quadkey
 from automap.mapping.error_levels import level_cells, level_tiles, levels_of_tiles
 from automap.mapping.existence import Chances
 from automap.mapping.limits import FARTHEST_M, HALO_M
-from automap.records import IntArray
+from automap.records import FloatArray, IntArray
 from pipeline.merge.cell_store import (
+    COVERED,
     GROUPS,
     PATHS,
     PLACED,
@@ -39,7 +41,7 @@ from pipeline.merge.cell_store import (
     read_near,
 )
 
-_FORMAT = f"{__version__} 2"
+_FORMAT = f"{__version__} 3"
 """What another version of the steps made is made again."""
 VIEW_MARGIN_M = FARTHEST_M + 5.0
 """Round a cell, where a path may have its signs in view, and a little for the Earth's shape."""
@@ -71,14 +73,14 @@ def group(folder: Path, cell: int) -> bool:
     told = {"digest": np.array(digest), "stamp": np.array(stamp)}
     own = cell_of(s.lat, s.lon) == cell
     if not own.any():
-        _write(path, **told, name=taken[:0], sign=taken[:0], home=taken[:0])
+        write_columns(path, **told, name=taken[:0], sign=taken[:0], home=taken[:0])
         return True
     found = group_cell(s, own, free)
     rows = np.flatnonzero(found.sign >= 0)
     sign = renumbered(found.sign[rows])
     lat, lon = rough_places(s.at(rows), sign) if len(rows) else (s.lat[:0], s.lon[:0])
     home = np.unique(cell_of(lat, lon))
-    _write(path, **told, name=near.name[rows], sign=sign, home=home)
+    write_columns(path, **told, name=near.name[rows], sign=sign, home=home)
     return True
 
 
@@ -124,11 +126,13 @@ def place(folder: Path, cell: int, levels: ErrorLevels) -> bool:
     placed = place_cell(near.sightings, sign, near.tracks, cell, levels)
     a, b, s = placed.attributes, placed.adjusted, placed.sightings
     seen = b.drive_count[:, 0] > 0
-    _write(
+    write_columns(
         path, digest=np.array(whole.hexdigest()), stamp=np.array(stamp),
         founder=near.drive[s.drive[placed.founder]] << 32 | s.row[placed.founder],
         founder_id=_texts(s.id[placed.founder]),
         member=near.drive[s.drive] << 32 | s.row, member_sign=placed.sign,
+        member_id=_texts(s.id), member_class=_texts(np.array(s.classes, object)[s.code]),
+        member_place=np.column_stack([s.lat, s.lon, s.height]), member_offset=b.offset,
         lat=b.lat, lon=b.lon, height=b.height, cov_enu=b.cov_enu,
         class_name=_texts(np.array(s.classes, object)[a.code]),
         class_share=a.class_share, class_changed=a.class_changed, n_views=a.n_views,
@@ -168,6 +172,56 @@ def placed_cells(folder: Path, cells: Sequence[int]) -> tuple[dict[str, Any], Ch
             count += len(found["lat"][-1])
     columns = {name: np.concatenate(v) if v else np.zeros(0) for name, v in found.items()}
     return columns, Chances(*(np.concatenate(column) for column in pairs))
+
+
+@dataclass(frozen=True)
+class Members:
+    """Sightings [n] of the signs of a cell: ``drive`` its number and ``row`` there, ``id`` and
+    ``class_name`` as the drive has them, ``place`` [n, 3] rad, rad, m, ``offset`` [n, 3] m east,
+    north, up of the drive there, and the ``sign`` by its place among those of all cells."""
+
+    drive: IntArray
+    row: IntArray
+    id: Sequence[str]
+    class_name: Sequence[str]
+    place: FloatArray
+    offset: FloatArray
+    sign: IntArray
+
+
+def members(folder: Path, cells: Sequence[int]) -> Iterator[Members]:
+    """The sightings of one cell after another, in the order of ``placed_cells``."""
+    count = 0
+    for cell in cells:
+        with np.load(_file(folder, PLACED, cell), allow_pickle=False) as file:
+            name = file["member"]
+            yield Members(
+                name >> 32,
+                name & 0xFFFFFFFF,
+                file["member_id"].tolist(),
+                file["member_class"].tolist(),
+                file["member_place"],
+                file["member_offset"],
+                file["member_sign"] + count,
+            )
+            count += len(file["lat"])
+
+
+def drive_offsets(
+    folder: Path, cells: Sequence[int], number_of_drives: int
+) -> tuple[FloatArray, FloatArray]:
+    """Mean offset [d, 3] of each drive's sightings in some cells and its standard deviation, not
+    less than the truth of it; NaN for a drive without any."""
+    sums, sds, counts = np.zeros((3, number_of_drives, 3))
+    for cell in cells:
+        with np.load(_file(folder, PLACED, cell), allow_pickle=False) as file:
+            drive, count = file["drive"], file["drive_count"]
+            sums[drive] += count * file["drive_offset"]
+            sds[drive] += count * file["drive_sd"]
+            counts[drive] += count
+    seen = counts > 0
+    counts = np.where(seen, counts, np.nan)
+    return sums / counts, sds / counts
 
 
 def _texts(values: Iterable[Any]) -> np.ndarray:
@@ -227,11 +281,27 @@ def _stamp(files: Sequence[Path], before: Sequence[Path]) -> str:
     return hashlib.sha256("\n".join([_FORMAT, *told]).encode()).hexdigest()
 
 
+def covered_file(folder: Path, cell: int) -> Path:
+    """Where the coverage of a cell is kept."""
+    return _file(folder, COVERED, cell)
+
+
+def path_stamp(folder: Path, cell: int) -> str:
+    """Of the paths in a cell."""
+    return _stamp(parts(folder, PATHS, np.array([cell])), [])
+
+
+def is_done(path: Path, stamp: str) -> bool:
+    """Whether a step wrote its file from what has this stamp."""
+    return _text(path, "stamp") == stamp
+
+
 def digest_of_groups(folder: Path) -> str:
     """Of how all cells are grouped."""
     return _stamp([], sorted((folder / GROUPS).glob("*.npz")))
 
 
-def _write(path: Path, **columns: Any) -> None:
+def write_columns(path: Path, **columns: Any) -> None:
+    """Write what a step found."""
     with atomic_path(path) as temporary:
         np.savez(temporary, **columns)

@@ -20,7 +20,8 @@ from automap.mapping.sightings import CameraView, DriveSigns, Sightings, stack_s
 from automap.mapping.visibility import STRIDE
 from automap.records import DrivePath, FloatArray, IntArray
 
-DRIVES, SIGHTINGS, PATHS, GROUPS, PLACED = "drives", "sightings", "paths", "groups", "placed"
+DRIVES, SIGHTINGS, PATHS = "drives", "sightings", "paths"
+GROUPS, PLACED, COVERED = "groups", "placed", "covered"
 _WIDE = {"own": ("own_ee", "own_en", "own_nn"), "shared_sd": ("shared_e", "shared_n", "shared_u")}
 _PLAIN = (
     "row", "time_s", "lat", "lon", "height", "per_lat", "per_lon", "own_u", "facing",
@@ -230,6 +231,22 @@ def read_near(
         passed.append(Track(path, drives.cameras[int(number[k])]))
     name = seen["drive"].astype(np.int64) << 32 | seen["row"].astype(np.int64)
     return Near(sightings, number, passed, name)
+
+
+def tracks_in(folder: Path, drives: Drives, cell: int) -> list[Track]:
+    """Where the drives that the store lists looked from in a cell, drive by drive."""
+    paths = _cut(read_points(parts(folder, PATHS, np.array([cell]))), "lat_rad", "lon_rad", cell,
+                 0.0, drives)  # fmt: skip
+    return [
+        Track(
+            DrivePath(
+                paths["gps_s"][at], paths["lat_rad"][at], paths["lon_rad"][at],
+                paths["yaw_rad"][at], np.zeros((len(paths["gps_s"][at]), 3)),
+            ),
+            drives.cameras[number],
+        )
+        for number, at in (groups(paths["drive"]) if paths else ())
+    ]  # fmt: skip
 
 
 def _cut(

@@ -58,18 +58,19 @@ def merge_runs(
     progress(0.82, "writing")
     signs, named = _named(merged, comparison, older, least_existence)
     if comparison is not None:
-        comparison = replace(comparison, changes=_named_changes(comparison.changes, named, signs))
+        comparison = replace(comparison, changes=named_changes(comparison.changes, named, signs))
     signs = with_supports(signs, own_variance(merged.sightings, merged.association.sign))
     countries = {run.country.upper() for run in runs if run.country}
     outcome = MergeOutcome(
-        out,
-        [s for s in signs if s.id],
-        merged,
-        comparison,
-        [],
-        warnings,
-        0.0,
-        countries.pop() if len(countries) == 1 else None,
+        name=out.resolve().name,
+        signs=[s for s in signs if s.id],
+        comparison=comparison,
+        warnings=warnings,
+        country=countries.pop() if len(countries) == 1 else None,
+        folder=out,
+        merged=merged,
+        files=[],
+        seconds=0.0,
     )
     folder_of = {run.signs.name: run.folder for run in runs}
     files = write_map(
@@ -193,7 +194,7 @@ def _named(
     return signs, {id(merged.signs[k]): ids[k] for k in range(len(ids))}
 
 
-def _named_changes(
+def named_changes(
     changes: Sequence[Change], named: dict[int, str], signs: Sequence[Sign]
 ) -> list[Change]:
     """The changes with the signs' names, in the order of kind and name."""

@@ -12,17 +12,24 @@ if TYPE_CHECKING:
     from automap.records import Sign
 
 
-@dataclass(frozen=True)
-class MergeOutcome:
-    """The map's ``signs``, all that was ``merged``, the ``comparison`` with an older map (None
-    without one), ``files`` written, ``warnings``, and the one ``country`` that the drives name
-    (None where they name none, or several)."""
+@dataclass(frozen=True, kw_only=True)
+class MapOutcome:
+    """The map's ``signs``, the ``comparison`` with an older map (None without one), ``warnings``,
+    the ``name`` of the map, and the one ``country`` that the drives name (None where they name
+    none, or several)."""
+
+    name: str
+    signs: list[Sign]
+    comparison: Comparison | None
+    warnings: list[str]
+    country: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class MergeOutcome(MapOutcome):
+    """With the ``folder``, all that was ``merged``, and the ``files`` written."""
 
     folder: Path
-    signs: list[Sign]
     merged: Merged
-    comparison: Comparison | None
     files: list[Path]
-    warnings: list[str]
     seconds: float
-    country: str | None = None

@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -19,20 +19,19 @@ from automap.errors import StageError
 from automap.io import names
 from automap.io.atomic import make_folder, write_json, write_text
 from automap.io.map_tables import COVERAGE, SIGHTINGS, TRACKS
-from automap.records import DrivePath
+from pipeline.merge.coverage import coverage_of
 from pipeline.merge.signs import GPS_CLOCK
 from pipeline.shared.lock import locked
 
 if TYPE_CHECKING:
     from automap.mapping.changes import Change
     from automap.mapping.merge import Merged
-    from automap.records import FloatArray, IntArray, Sign
-    from pipeline.merge.outcome import MergeOutcome
+    from automap.records import Sign
+    from pipeline.merge.outcome import MapOutcome, MergeOutcome
+    from pipeline.merge.whole import Contribution
 
 CHANGES = "changes.geojson"
 SCHEMA = "automap.merge/1"
-_CELL_RAD = 8.0 / 6.371e6
-_SECTORS = 16
 
 
 def write_map(
@@ -77,25 +76,38 @@ def _write_files(
     previous: Path | None,
     progress: Callable[[float], None],
 ) -> list[Path]:
-    from automap.io.clock_json import write_clock
     from automap.io.map_tables import write_coverage
+    from pipeline.merge.whole import complete, gather, write_whole
+
+    whole = gather(
+        contributions(outcome.merged, signs, folders), len(outcome.signs), outcome.warnings
+    )
+    outcome = replace(outcome, signs=complete(outcome.signs, whole))
+    write_whole(out, whole)
+    _write_sightings(out / SIGHTINGS, outcome.merged, signs)
+    write_coverage(out / COVERAGE, coverage_of(outcome.merged.drives))
+    progress(0.25)
+    write_json(out / names.RUN, _run_record(outcome, folders))
+    return write_files(out, outcome, merge_summary(outcome, signs, folders, previous), progress)
+
+
+def write_files(
+    out: Path,
+    outcome: MapOutcome,
+    summary: dict[str, Any],
+    progress: Callable[[float], None],
+) -> list[Path]:
+    """Write what a map consists of, once ``run.json``, sightings and coverage are there; returns
+    the files for people. ``summary`` becomes merge.json."""
+    from automap.io.clock_json import write_clock
     from automap.io.signs_table import write_signs
     from pipeline.export.content import map_content
     from pipeline.export.formats import FORMATS, STANDARD_FORMATS, write_dictionary
     from pipeline.merge.report import merge_report
-    from pipeline.merge.whole import complete, gather, write_whole
 
-    whole = gather(outcome.merged, signs, folders, outcome.warnings)
-    outcome = replace(outcome, signs=complete(outcome.signs, whole))
     write_signs(out / names.SIGNS_RAW, outcome.signs)
-    write_whole(out, whole)
     write_clock(out / names.SYNC, GPS_CLOCK)
-    progress(0.1)
-    _write_sightings(out / SIGHTINGS, outcome.merged, signs)
-    write_coverage(out / COVERAGE, coverage_of(outcome.merged))
-    progress(0.25)
-    write_json(out / names.RUN, _run_record(outcome, folders))
-    content = map_content(out, outcome.folder.resolve().name)
+    content = map_content(out, outcome.name)
     files = []
     for number, fmt in enumerate(STANDARD_FORMATS):
         name, write = FORMATS[fmt]
@@ -107,7 +119,6 @@ def _write_files(
     if changes is not None:
         write_text(out / CHANGES, changes_geojson(changes))
         files.append(out / CHANGES)
-    summary = merge_summary(outcome, signs, folders, previous)
     write_text(out / names.REPORT, merge_report(outcome, summary, content))
     write_json(out / names.MERGE, summary)
     return [*files, out / names.REPORT, out / names.MERGE]
@@ -227,33 +238,18 @@ def _write_sightings(path: Path, merged: Merged, signs: Sequence[Sign]) -> None:
     )
 
 
-def coverage_of(merged: Merged) -> DrivePath:
-    """Where cameras looked from and which way, thinned to cells of 8 m and 16 directions."""
-    none = np.zeros(0)
-    parts = [(np.zeros(0, np.int64), none, none, none)]
-    for drive in merged.drives:
-        if drive.path is None:
-            continue
-        filmed = np.isfinite(drive.path.yaw_rad)
-        lat, lon = drive.path.lat_rad[filmed], drive.path.lon_rad[filmed]
-        for camera in drive.cameras:
-            looking = drive.path.yaw_rad[filmed] + camera.yaw_rad
-            cell = _cells(lat, lon, looking)
-            cell, first = np.unique(cell, return_index=True)
-            parts.append((cell, lat[first], lon[first], looking[first]))
-    cell, lat, lon, looking = (np.concatenate([part[k] for part in parts]) for k in range(4))
-    _, first = np.unique(cell, return_index=True)
-    first.sort()
-    zero: FloatArray = np.zeros(len(first))
-    return DrivePath(zero, lat[first], lon[first], looking[first], np.zeros((len(first), 3)))
+def contributions(
+    merged: Merged, signs: Sequence[Sign], folders: Sequence[Path]
+) -> Iterator[Contribution]:
+    """What the drives of a merge, in ``folders`` in their order, saw of the map's signs; ``signs``
+    are all merged ones, those off the map without a name."""
+    from pipeline.merge.whole import Contribution
 
-
-def _cells(lat: FloatArray, lon: FloatArray, looking: FloatArray) -> IntArray:
-    """One number for each place and direction."""
-    row = np.floor(lat / _CELL_RAD).astype(np.int64)
-    column = np.floor(lon * np.cos(row * _CELL_RAD) / _CELL_RAD).astype(np.int64)
-    sector = np.floor((looking % (2 * np.pi)) / (2 * np.pi) * _SECTORS).astype(np.int64)
-    return np.asarray((row * 2**24 + column) * _SECTORS + sector, np.int64)
+    first, row = merged.sightings.first, merged.sightings.row
+    for number, (drive, folder) in enumerate(zip(merged.drives, folders, strict=True)):
+        mine = range(int(first[number]), int(first[number + 1]))
+        named = {drive.ids[int(row[k])]: signs[merged.association.sign[k]].id for k in mine}
+        yield Contribution(drive.name, folder, {own: name for own, name in named.items() if name})
 
 
 def changes_geojson(changes: Sequence[Change]) -> str:

@@ -14,13 +14,13 @@ from pipeline.pages.section import Figure, Section
 
 if TYPE_CHECKING:
     from pipeline.export.content import MapContent
-    from pipeline.merge.outcome import MergeOutcome
+    from pipeline.merge.outcome import MapOutcome
 
 _ROWS = 500
 _KINDS = {"new": "new", "gone": "gone", "class": "another class", "moved": "moved"}
 
 
-def merge_report(outcome: MergeOutcome, summary: dict[str, Any], content: MapContent) -> str:
+def merge_report(outcome: MapOutcome, summary: dict[str, Any], content: MapContent) -> str:
     """The page; ``summary`` is the content of merge.json, ``content`` that of the map's files."""
     from pipeline.report.map_data import map_data
     from pipeline.report.render import sign_list
@@ -34,21 +34,20 @@ def merge_report(outcome: MergeOutcome, summary: dict[str, Any], content: MapCon
         ("Classes", _class_section(outcome)),
     ]
     facts = [("version", __version__), ("previous map", summary.get("previous", "none"))]
-    name = outcome.folder.resolve().name
     figures = _figures(outcome, summary)
     return sections_page(
-        "Merged map", name, figures, parts, outcome.warnings, facts,
+        "Merged map", outcome.name, figures, parts, outcome.warnings, facts,
         map=map_data(content.products, content.signs, content.pictures),
         sign_table=sign_list(content.signs),
     )  # fmt: skip
 
 
-def _radius(outcome: MergeOutcome) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _radius(outcome: MapOutcome) -> np.ndarray[Any, np.dtype[np.float64]]:
     cov = np.array([s.cov_enu for s in outcome.signs], np.float64).reshape(-1, 3, 3)
     return ce95(cov[:, 0, 0], cov[:, 0, 1], cov[:, 1, 1])
 
 
-def _figures(outcome: MergeOutcome, summary: dict[str, Any]) -> list[Figure]:
+def _figures(outcome: MapOutcome, summary: dict[str, Any]) -> list[Figure]:
     radius = _radius(outcome)
     figures = [
         Figure(str(summary["signs"]), "signs", f"from {summary['sightings']} sightings"),
@@ -66,7 +65,7 @@ def _figures(outcome: MergeOutcome, summary: dict[str, Any]) -> list[Figure]:
     return figures
 
 
-def _seen_section(outcome: MergeOutcome) -> Section:
+def _seen_section(outcome: MapOutcome) -> Section:
     section = Section(header=("drives that saw a sign", "signs", "95 % radius, median, m"))
     if not outcome.signs:
         section.absent = "The drives saw no signs."
@@ -80,7 +79,7 @@ def _seen_section(outcome: MergeOutcome) -> Section:
     return section
 
 
-def changes_section(outcome: MergeOutcome, summary: dict[str, Any]) -> Section:
+def changes_section(outcome: MapOutcome, summary: dict[str, Any]) -> Section:
     """The list of changes, the same as changes.geojson."""
     found = outcome.comparison
     assert found is not None
@@ -148,7 +147,7 @@ def _with_sd(value: float, sd: float) -> str:
     return f"{value:+.2f} ± {sd:.2f}" if np.isfinite(value) and np.isfinite(sd) else ""
 
 
-def _error_section(outcome: MergeOutcome, summary: dict[str, Any]) -> Section:
+def _error_section(outcome: MapOutcome, summary: dict[str, Any]) -> Section:
     levels = summary["error_levels"]
     section = Section()
     section.sentences.append(
@@ -165,7 +164,7 @@ def _error_section(outcome: MergeOutcome, summary: dict[str, Any]) -> Section:
     return section
 
 
-def _class_section(outcome: MergeOutcome) -> Section:
+def _class_section(outcome: MapOutcome) -> Section:
     counts = Counter(sign.class_name for sign in outcome.signs)
     return Section(
         header=("class", "signs"),

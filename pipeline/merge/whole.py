@@ -3,7 +3,7 @@ views, tracks, observations, heights of the geoid, and what reviewers wrote."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +19,6 @@ from pipeline.shared.products import RunProducts, geoid_separation, load_product
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from automap.mapping.merge import Merged
 
 TRACK_STEP_M, TRACK_STEP_S = 4.0, 1.0
 """A track has a row every so many metres, and at least every so many seconds, which is often enough
@@ -49,17 +48,21 @@ class Whole:
     too_many: bool = False
 
 
-def gather(
-    merged: Merged, signs: Sequence[Sign], folders: Sequence[Path], warnings: list[str]
-) -> Whole:
-    """What the drives of a merge, in ``folders`` in their order, have of the map's signs.
+@dataclass(frozen=True)
+class Contribution:
+    """A drive of a merge: its name in the map, the folder of its run, and which of its own signs,
+    by their ids there, are which of the map's."""
 
-    ``signs`` are all merged ones, those off the map without a name; what a drive cannot give is
-    added to ``warnings``.
-    """
+    drive: str
+    folder: Path
+    named: Mapping[str, str]
+
+
+def gather(drives: Iterable[Contribution], number_of_signs: int, warnings: list[str]) -> Whole:
+    """What the drives of a merge have of the map's signs; what a drive cannot give is added to
+    ``warnings``."""
     whole = Whole()
-    first, row = merged.sightings.first, merged.sightings.row
-    number_of_signs = sum(bool(s.id) for s in signs)
+    drives = list(drives)
     each = PICTURES_EACH if number_of_signs <= MANY_SIGNS else 1
     if number_of_signs > MOST_PICTURED:
         each = 0
@@ -67,13 +70,11 @@ def gather(
             f"The map has more than {MOST_PICTURED} signs: their pictures stay in the drives' "
             "folders."
         )
-    step_m = TRACK_STEP_M * max(1.0, len(folders) / MANY_DRIVES)
-    for number, (drive, folder) in enumerate(zip(merged.drives, folders, strict=True)):
+    step_m = TRACK_STEP_M * max(1.0, len(drives) / MANY_DRIVES)
+    for each_drive in drives:
+        name, folder, named = each_drive.drive, each_drive.folder, each_drive.named
         products = load_products(folder)
-        mine = range(int(first[number]), int(first[number + 1]))
-        named = {drive.ids[int(row[k])]: signs[merged.association.sign[k]].id for k in mine}
-        named = {own: name for own, name in named.items() if name}
-        _take_notes(whole, products, drive.name, named)
+        _take_notes(whole, products, name, named)
         if products.clock is None:
             if products.trajectory is not None:
                 warnings.append(
@@ -81,9 +82,9 @@ def gather(
                     "are not in the map."
                 )
             continue
-        _take_drive(whole, products, products.clock, drive.name, named, step_m)
+        _take_drive(whole, products, products.clock, name, named, step_m)
         if each:
-            _take_pictures(whole, products, products.clock, drive.name, named, each)
+            _take_pictures(whole, products, products.clock, name, named, each)
         if sum(map(len, whole.observations)) > MOST_OBSERVATIONS:
             whole.observations, whole.too_many = [], True
     if whole.too_many:
@@ -132,7 +133,7 @@ def write_whole(out: Path, whole: Whole) -> None:
         write_pictures(out, pictures)
 
 
-def _take_notes(whole: Whole, products: RunProducts, drive: str, named: dict[str, str]) -> None:
+def _take_notes(whole: Whole, products: RunProducts, drive: str, named: Mapping[str, str]) -> None:
     for sign in products.signs or []:
         if sign.reviewed and sign.id in named:
             review = (sign.reviewed, sign.reviewer)
@@ -151,7 +152,7 @@ def _take_drive(
     products: RunProducts,
     clock: ClockModel,
     drive: str,
-    named: dict[str, str],
+    named: Mapping[str, str],
     step_m: float,
 ) -> None:
     if products.trajectory is not None:
@@ -168,7 +169,7 @@ def _take_drive(
 
 
 def _observations(
-    table: pa.Table, clock: ClockModel, drive: str, named: dict[str, str]
+    table: pa.Table, clock: ClockModel, drive: str, named: Mapping[str, str]
 ) -> pa.Table:
     """The detections of the map's signs, under their names there and in its time."""
     import pyarrow as pa
@@ -187,7 +188,7 @@ def _take_pictures(
     products: RunProducts,
     clock: ClockModel,
     drive: str,
-    named: dict[str, str],
+    named: Mapping[str, str],
     each: int,
 ) -> None:
     """Pictures of the largest boxes, which show most of a sign."""

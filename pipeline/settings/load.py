@@ -68,6 +68,13 @@ def load_settings(path: Path | None = None, assignments: Sequence[str] = ()) -> 
     return _build(_overlay(merged, _stated(merged, own)), "configs/default.toml")
 
 
+def settings_of_echo(echo: Mapping[str, Any], source: str) -> Settings:
+    """The settings that ``Settings.echo`` gave; ConfigError where they are those of another
+    version."""
+    _check_keys(echo, source)
+    return _build(echo, source)
+
+
 def _stated(merged: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     """What the user set himself in the fusion's section: no preset may replace it."""
     from automap.io.receiver_file import FIGURES

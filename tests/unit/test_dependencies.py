@@ -56,7 +56,9 @@ RUNTIME = required(PROJECT["dependencies"])
 DEV = required(PROJECT["optional-dependencies"]["dev"])
 # what trains the networks is never imported by what uses them
 TRAINING = required(PROJECT["optional-dependencies"]["training"])
-TRAINING_FOLDER = Path("pipeline/train")
+# nor is what runs very many drives
+FLEET = required(PROJECT["optional-dependencies"]["fleet"])
+EXTRAS = {Path("pipeline/train"): TRAINING, Path("pipeline/fleet"): FLEET | {"dask"}}
 
 
 @pytest.mark.parametrize(
@@ -71,7 +73,7 @@ def test_every_import_is_declared(folder: str, allowed: set[str]) -> None:
         if LOADED_BY.get(path.as_posix()) == module:
             continue
         owners = {normal(name) for name in distributions.get(module, [module.replace("_", "-")])}
-        extra = TRAINING if TRAINING_FOLDER in path.parents else set()
+        extra: set[str] = set().union(*(EXTRAS.get(folder, set()) for folder in path.parents))
         if not owners & (allowed | extra):
             missing.append(f"{path}: {module}")
     assert missing == []

@@ -40,7 +40,7 @@ APPLICATION = (
     *("check", "detect", "export", "report", "evaluate", "calibrate", "simulate", "importers"),
     *("init", "record", "merge", "compare", "view", "train"),
     # what runs drives, and commands that have them run
-    *("run", "experiments", "gap", "regress"),
+    *("run", "experiments", "gap", "regress", "fleet"),
     # what starts them
     *("cli", "pytest_plugin"),
 )

@@ -1,0 +1,131 @@
+"""The drives that are done as sightings by cells: what a merge works on, and no more than a copy
+of what the drives' results say, which may be made anew at any time."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from automap.errors import InputError
+from automap.io import names
+from automap.io.atomic import write_json
+from automap.mapping.sightings import DriveSigns
+from pipeline.fleet.store import DONE, Entry, Store
+from pipeline.merge.cell_store import DRIVES, PATHS, SIGHTINGS, add_drives, read_drives
+from pipeline.merge.inputs import read_run
+from pipeline.shared.values import json_object, mapping
+
+CONTENTS = "contents.json"
+BATCH = 100
+"""Drives that are read before they are put into cells: a hundred with a thousand signs each are
+100 MB, and each batch is a file in every cell that it touches."""
+_READ = (
+    names.RUN, names.SYNC, names.SIGNS_RAW, names.SIGNS_GEOJSON, names.TRAJECTORY_ADJUSTED,
+    names.TRAJECTORY, names.OBSERVATIONS,
+)  # fmt: skip
+
+
+def wanted(entries: Sequence[Entry], warnings: list[str]) -> dict[str, Entry]:
+    """Drives that are done by the names of their recordings; one recording counts once."""
+    found: dict[str, Entry] = {}
+    for entry in entries:
+        if entry.state() == "done":
+            key = recording(entry)
+            if key in found:
+                warnings.append(
+                    f"left out: {entry.path} is another copy of {found[key].path}; one recording "
+                    "counts once."
+                )
+            else:
+                found[key] = entry
+    return found
+
+
+def recording(entry: Entry) -> str:
+    """What names a recording, however often it is run."""
+    return str(entry.done.get("recording") or entry.digest)
+
+
+def version(entry: Entry) -> str:
+    """What names a result: the drive's files and the settings."""
+    return f"{entry.digest}-{entry.done.get('made_with', entry.done['key'])}"
+
+
+def update_contents(
+    store: Store,
+    cells: Path,
+    drives: dict[str, Entry],
+    warnings: list[str],
+    progress: Callable[[float], None],
+) -> dict[str, Any]:
+    """Bring the cells in ``cells`` up to date with ``drives``; what is there of each by recording.
+
+    May be ended at any time and called again. A result that cannot be read is forgotten, and its
+    drive waits again.
+    """
+    known = mapping(json_object(cells / CONTENTS).get("drives"))
+    there = list(read_drives(cells).key)
+    stale = [
+        k for k in there if k not in drives or known.get(k, {}).get("version") != version(drives[k])
+    ]
+    if stale:
+        # numbers are given anew; cells whose sightings come out as they were stay
+        for kind in (DRIVES, SIGHTINGS, PATHS):
+            shutil.rmtree(cells / kind, ignore_errors=True)
+    order = [k for k in there if k in drives] if stale else []
+    there = [] if stale else there
+    fresh = sorted(set(drives) - set(there) - set(order), key=lambda k: drives[k].digest)
+    order += fresh
+    told = _named(known, drives)
+    write_json(cells / CONTENTS, {"drives": told})
+    for start in range(0, len(order), BATCH):
+        batch = []
+        for key in order[start : start + BATCH]:
+            try:
+                batch.append(_read(store, drives[key], key, told[key]["name"]))
+            except InputError as error:
+                warnings.append(f"left out until it is run again: {error}")
+                store.unmark(drives[key].digest, DONE)
+                del told[key]
+        if batch:
+            add_drives(cells, batch)
+        progress(min(1.0, (start + BATCH) / len(order)))
+    return told
+
+
+def _named(known: dict[str, Any], drives: dict[str, Entry]) -> dict[str, Any]:
+    """Recordings with version and a name that no other has; those known keep theirs."""
+    told: dict[str, Any] = {}
+    used = {known[k]["name"] for k in drives if k in known}
+    for key in sorted(drives, key=lambda k: drives[k].digest):
+        entry = drives[key]
+        name = known[key]["name"] if key in known else entry.name
+        if key not in known and name in used:
+            name = f"{name}-{entry.digest[:6]}"
+        used.add(name)
+        told[key] = {"version": version(entry), "name": name, "digest": entry.digest}
+    return told
+
+
+def _read(store: Store, entry: Entry, key: str, name: str) -> DriveSigns:
+    with result_folder(store, entry, _READ) as folder:
+        return replace(read_run(folder).signs, key=key, name=name)
+
+
+@contextmanager
+def result_folder(store: Store, entry: Entry, files: Sequence[str]) -> Iterator[Path]:
+    """The folder of a drive's result on this machine, with the files that are named."""
+    result = store.result(entry)
+    if store.place.folder is not None:
+        yield store.place.folder / result
+        return
+    with tempfile.TemporaryDirectory(prefix="automap-fleet-result.") as folder:
+        for name in files:
+            if name in entry.done.get("files", {}):
+                store.place.get(f"{result}/{name}", Path(folder) / name)
+        yield Path(folder)

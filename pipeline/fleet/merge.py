@@ -1,0 +1,129 @@
+"""The drives of a store that are done made one map, which takes the older one's place."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from automap import __version__
+from automap.errors import InputError, StageError
+from automap.io import names
+from automap.io.atomic import make_folder
+from automap.io.json_text import parse_json
+from pipeline.fleet.contents import update_contents, version, wanted
+from pipeline.fleet.places import Place
+from pipeline.fleet.store import Store
+from pipeline.fleet.versions import current, current_map, new_map
+from pipeline.shared.lock import locked
+from pipeline.shared.progress import Progress
+
+if TYPE_CHECKING:
+    from automap.mapping.compare import Comparison
+
+CELLS, CHANGES, HISTORY = "cells", "changes", "history.json"
+
+
+@dataclass(frozen=True)
+class FleetMap:
+    """A merge: the ``version`` published, whether it is a ``new`` one, how many ``drives``,
+    ``sightings`` and ``signs`` it has, cells of them that were merged anew, changes, warnings."""
+
+    version: str
+    new: bool
+    drives: int
+    sightings: int
+    signs: int
+    cells: tuple[int, int, int]
+    comparison: Comparison | None
+    warnings: list[str]
+    seconds: float
+
+
+def cells_folder(place: Place, scratch: Path | None = None) -> Path:
+    """Where sightings by cells lie: in the store, of an object store on this machine."""
+    if place.folder is not None:
+        return place.folder / CELLS
+    base = scratch or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "automap-fleet" / hashlib.sha256(place.url.encode()).hexdigest()[:16]
+
+
+def merge(
+    store: Store,
+    workers: int = 1,
+    least_existence: float = 0.5,
+    scratch: Path | None = None,
+    progress: Progress = lambda fraction, text: None,
+) -> FleetMap:
+    """Make the map of all drives that are done and publish it; nothing where it is that already.
+
+    Raises InputError where no drive is done, ConfigError while another merge is at work.
+    """
+    from pipeline.fleet.older import Before
+    from pipeline.fleet.publish import write_fleet_map
+    from pipeline.merge.cell_map import merge_store
+
+    started = time.monotonic()
+    cells = make_folder(cells_folder(store.place, scratch))
+    warnings: list[str] = []
+    with locked(cells):
+        drives = wanted(store.entries(), warnings)
+        if not drives:
+            raise InputError(f"{store.place.url}: no drive is done; automap fleet run does them.")
+        told = [f"{key} {version(drives[key])}" for key in sorted(drives)]
+        made_of = hashlib.sha256(
+            "\n".join([__version__, repr(least_existence), *told]).encode()
+        ).hexdigest()
+        with current_map(store) as folder:
+            summary = _summary(folder)
+            if summary.get("made_of") == made_of:
+                return FleetMap(
+                    current(store), False, len(summary["drives"]), summary["sightings"],
+                    summary["signs"], (0, 0, summary["cells"]), None,
+                    [*warnings, *summary["warnings"]], time.monotonic() - started,
+                )  # fmt: skip
+            named = update_contents(
+                store, cells, drives, warnings, lambda done: progress(0.2 * done, "reading drives")
+            )
+            drives = {key: drives[key] for key in named}
+            if not drives:
+                raise InputError(f"{store.place.url}: {warnings[0]}")
+            found = merge_store(cells, workers, lambda done, text: progress(0.2 + 0.6 * done, text))
+            before = None if folder is None else Before(folder, current(store), summary)
+            with new_map(store) as (out, number):
+                comparison = write_fleet_map(
+                    out, store, cells, drives, found, before, least_existence, made_of, warnings,
+                    lambda done: progress(0.8 + 0.2 * done, "writing"),
+                )  # fmt: skip
+                _keep_changes(store, out, number)
+                summary = _summary(out)
+    return FleetMap(
+        number, True, len(drives), summary["sightings"], summary["signs"],
+        (found.grouped, found.placed, found.cells), comparison, summary["warnings"],
+        time.monotonic() - started,
+    )  # fmt: skip
+
+
+def _summary(folder: Path | None) -> dict[str, Any]:
+    if folder is None:
+        return {}
+    try:
+        summary = parse_json((folder / names.MERGE).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise StageError(
+            f"{folder / names.MERGE} cannot be read ({error}); remove the link 'map' and merge "
+            "again."
+        ) from None
+    assert isinstance(summary, dict)
+    return summary
+
+
+def _keep_changes(store: Store, out: Path, number: str) -> None:
+    """The list of changes outlasts the map that it led to."""
+    from pipeline.merge.output import CHANGES as FILE
+
+    if (out / FILE).is_file():
+        store.place.put(out / FILE, f"{CHANGES}/{number}.geojson")

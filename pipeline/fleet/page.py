@@ -1,0 +1,112 @@
+"""The page of a store: what a manager asks of a fleet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pipeline.pages.render import sections_page
+from pipeline.pages.section import Figure, Section
+
+_ROWS = 500
+
+
+def status_page(told: dict[str, Any], drives: Sequence[dict[str, Any]]) -> str:
+    """The page of what ``status`` tells."""
+    made = told["map"]
+    figures = [
+        Figure(str(told["done"]), "drives done", f"{told['hours']:.1f} h, {told['km']:.0f} km"),
+        Figure(str(told["waiting"]), "waiting", ""),
+        Figure(str(told["aside"]), "put aside", ""),
+        Figure(str(told["doubtful"]), "doubtful", "or unusable"),
+    ]
+    if made is not None:
+        figures.append(Figure(str(made["signs"]), "signs", f"map {made['version']}"))
+    parts = [
+        ("Put aside", _aside(drives)),
+        ("Doubtful paths", _doubtful(drives)),
+        ("Map", _map(made)),
+        ("Cost", _cost(told)),
+        ("Drives", _drives(drives)),
+    ]
+    warnings = made["warnings"] if made is not None else []
+    return sections_page("Fleet", told["store"], figures, parts, warnings)
+
+
+def _aside(drives: Sequence[dict[str, Any]]) -> Section:
+    rows: list[tuple[str, ...]] = [
+        (d["name"], d["kind"] or "", d["reason"] or "") for d in drives if d["reason"]
+    ]
+    return Section(
+        header=("drive", "kind", "reason"),
+        rows=rows[:_ROWS],
+        absent="" if rows else "No drive was put aside.",
+    )
+
+
+def _doubtful(drives: Sequence[dict[str, Any]]) -> Section:
+    rows: list[tuple[str, ...]] = [
+        (d["name"], d["verdict"], "; ".join(d["verdict_reasons"]))
+        for d in drives
+        if d["verdict"] not in (None, "", "good")
+    ]
+    return Section(
+        header=("drive", "verdict", "reasons"),
+        rows=rows[:_ROWS],
+        absent="" if rows else "The path of every drive that is done may be relied on.",
+    )
+
+
+def _map(made: dict[str, Any] | None) -> Section:
+    if made is None:
+        return Section(absent="There is no map yet.")
+    section = Section(header=("map", "drives", "signs", "new", "gone", "another class", "moved"))
+    section.sentences.append(
+        f"{made['path']}: {made['signs']} signs from {made['sightings']} sightings of "
+        f"{made['drives']} drives, in {made['cells']} cells, the one that was not passed for "
+        f"longest last on {str(made['oldest_cell'])[:10]}."
+    )
+    for step in reversed(made["history"]):
+        changes = step.get("changes") or {}
+        section.rows.append(
+            (
+                step["map"], str(step["drives"]), str(step["signs"]),
+                *(str(changes.get(kind, "")) for kind in ("new", "gone", "class", "moved")),
+            )
+        )  # fmt: skip
+    return section
+
+
+def _cost(told: dict[str, Any]) -> Section:
+    if not told["machine_hours"]:
+        return Section(absent="No drive is done yet.")
+    return Section(
+        sentences=[
+            f"The drives that are done took {told['machine_hours']:.1f} hours of a process, "
+            f"{told['hours_per_machine_hour']:.1f} hours and {told['km_per_machine_hour']:.0f} km "
+            f"of road in each; {told['largest_peak_bytes'] / 1e9:.2f} GB of memory at most, and "
+            f"{told['stored_bytes'] / 1e9:.2f} GB in the store."
+        ]
+    )
+
+
+def _drives(drives: Sequence[dict[str, Any]]) -> Section:
+    section = Section(
+        header=("drive", "state", "verdict", "signs", "km", "minutes of a process", "memory, GB"),
+        folded="All drives" if len(drives) > 40 else "",
+    )
+    for d in drives[:_ROWS]:
+        section.rows.append(
+            (
+                d["name"], d["state"], d["verdict"] or "", _number(d["signs"], 1.0, 0),
+                _number(d["km"], 1.0, 1), _number(d["seconds"], 60.0, 1),
+                _number(d["peak_bytes"], 1e9, 2),
+            )
+        )  # fmt: skip
+    if len(drives) > _ROWS:
+        section.sentences.append("The rest is in drives.jsonl.")
+    return section
+
+
+def _number(value: float | None, unit: float, digits: int) -> str:
+    return "" if value is None else f"{value / unit:.{digits}f}"

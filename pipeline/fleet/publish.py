@@ -1,0 +1,308 @@
+"""The files of a store's map: those of a merged map, written cell by cell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automap import __version__
+from automap.earth import metres_per_radian
+from automap.export.clock import iso_texts, utc_of_gps
+from automap.io import names
+from automap.io.atomic import write_json
+from automap.io.map_tables import COVERAGE, SIGHTINGS, write_coverage
+from automap.mapping.cells import quadkey
+from automap.mapping.compare import Comparison, Newer, compare
+from automap.mapping.identity import name_signs
+from automap.mapping.posts import with_supports
+from automap.records import DrivePath, FloatArray, IntArray, Sign
+from pipeline.fleet.older import Before, fresh_drives, read_older, shared_with
+from pipeline.fleet.store import Entry, Store
+from pipeline.merge.cell_map import StoreMap
+from pipeline.merge.cell_steps import drive_offsets, members
+from pipeline.merge.cell_store import Drives, occupied, read_drives
+from pipeline.merge.command import named_changes
+from pipeline.merge.coverage import cover
+from pipeline.merge.outcome import MapOutcome
+from pipeline.merge.output import SCHEMA, write_files
+from pipeline.merge.whole import MANY_DRIVES, Contribution, complete, gather, write_whole
+
+HISTORY = "history"
+CONTRADICTS = 4.9
+"""Sigmas: of ten thousand drives with two axes each one in fifty merges has a drive beyond that by
+chance."""
+
+
+def write_fleet_map(
+    out: Path,
+    store: Store,
+    cells: Path,
+    entries: Mapping[str, Entry],
+    found: StoreMap,
+    before: Before | None,
+    least_existence: float,
+    made_of: str,
+    warnings: list[str],
+    progress: Callable[[float], None],
+) -> Comparison | None:
+    """Write the map of the drives ``entries``, by recording, into ``out``."""
+    drives = read_drives(cells)
+    merged = found.signs(drives)
+    older = None if before is None else read_older(before, drives)
+    comparison, kept, taken = None, {}, set()
+    if older is not None:
+        newer = Newer(
+            merged, found.existence, found.columns["class_share"],
+            shared_with(older, cells, found), found.rates,
+            list(fresh_drives(store, entries, older, drives)),
+        )  # fmt: skip
+        comparison = compare(older.map, newer, least_existence)
+        kept, taken = comparison.names, {sign.id for sign in older.map.signs}
+    ids = name_signs(found.founder, kept, taken)
+    likely = found.existence >= least_existence
+    signs = [replace(s, id=ids[k] if likely[k] else "") for k, s in enumerate(merged)]
+    if comparison is not None:
+        named = {id(sign): name for sign, name in zip(merged, ids, strict=True)}
+        changes = named_changes(comparison.changes, named, signs)
+        comparison = replace(comparison, changes=changes)
+    signs = with_supports(signs, found.columns["own_variance"])
+    progress(0.2)
+    counts = _write_sightings(out / SIGHTINGS, cells, found, drives, signs)
+    last_pass = _write_coverage(out / COVERAGE, cells, drives)
+    progress(0.4)
+    countries = {str(e.done["country"]).upper() for e in entries.values() if e.done.get("country")}
+    name = Path(store.place.url).name
+    outcome = MapOutcome(
+        name=name, signs=[s for s in signs if s.id], comparison=comparison, warnings=warnings,
+        country=countries.pop() if len(countries) == 1 else None,
+    )  # fmt: skip
+    rows = _drive_rows(store, cells, entries, found, drives, counts, warnings)
+    outcome = _with_whole(out, outcome, store, cells, entries, found, drives, signs)
+    write_json(out / names.RUN, _run_record(store, outcome, rows))
+    summary = _summary(outcome, found, rows, counts, before, made_of)
+    summary["cells"] = found.cells
+    summary["history"] = [
+        *([] if before is None else before.summary.get("history", [])),
+        {
+            "map": f"{int(before.version if before else 0) + 1:06d}",
+            "drives": len(drives),
+            "signs": len(outcome.signs),
+            "changes": summary.get("changes"),
+        },
+    ]
+    summary["last_pass"] = last_pass
+    write_files(out, outcome, summary, lambda done: progress(0.4 + 0.6 * done))
+    return comparison
+
+
+def _write_sightings(
+    path: Path, cells: Path, found: StoreMap, drives: Drives, signs: list[Sign]
+) -> IntArray:
+    """Write the sightings cell by cell; of each drive [d, 2] how many there are, and how many are
+    of signs in the map."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    counts = np.zeros((len(drives), 2), np.int64)
+    in_map = np.array([bool(sign.id) for sign in signs], np.bool_)
+    writer = None
+    try:
+        for cell in members(cells, found.homes):
+            counts[:, 0] += np.bincount(cell.drive, minlength=len(drives))
+            counts[:, 1] += np.bincount(cell.drive[in_map[cell.sign]], minlength=len(drives))
+            who = cell.drive.tolist()
+            keys = [drives.key[k] for k in who]
+            north, east = metres_per_radian(cell.place[:, 0], np.nan_to_num(cell.place[:, 2]))
+            turn = (cell.place[:, 1] - found.lon[cell.sign] + np.pi) % (2 * np.pi) - np.pi
+            residual = np.column_stack([
+                turn * east, (cell.place[:, 0] - found.lat[cell.sign]) * north,
+                cell.place[:, 2] - found.height[cell.sign],
+            ]) - cell.offset  # fmt: skip
+            table = pa.table(
+                {
+                    "key": [f"{key}|{own}" for key, own in zip(keys, cell.id, strict=True)],
+                    "drive": [drives.name[k] for k in who],
+                    "drive_key": keys,
+                    "drive_row": cell.row,
+                    "drive_sign": cell.id,
+                    "class": cell.class_name,
+                    "sign_id": pa.array([signs[k].id or None for k in cell.sign], pa.string()),
+                    "lat_deg": np.degrees(cell.place[:, 0]),
+                    "lon_deg": np.degrees(cell.place[:, 1]),
+                    "height_m": cell.place[:, 2],
+                    "existence": found.existence[cell.sign],
+                }
+                | {f"offset_{axis}_m": cell.offset[:, k] for k, axis in enumerate("enu")}
+                | {f"residual_{axis}_m": residual[:, k] for k, axis in enumerate("enu")}
+            )
+            if writer is None:
+                writer = pq.ParquetWriter(path, table.schema, compression="zstd")
+            writer.write_table(table)
+    finally:
+        if writer is not None:
+            writer.close()
+    return counts
+
+
+def _write_coverage(path: Path, cells: Path, drives: Drives) -> dict[str, float]:
+    """Write where the cameras looked; when each cell was passed last, in GPS seconds."""
+    parts, last = [], {}
+    for cell in occupied(cells).tolist():
+        looked, passed = cover(cells, drives, cell)
+        parts.append(looked)
+        if np.isfinite(passed):
+            last[quadkey(cell)] = passed
+
+    def column(name: str) -> FloatArray:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    rows = np.zeros(sum(map(len, parts)))
+    turn = np.zeros((len(rows), 3))
+    write_coverage(
+        path, DrivePath(rows, column("lat_rad"), column("lon_rad"), column("yaw_rad"), turn)
+    )
+    return last
+
+
+def _drive_rows(
+    store: Store,
+    cells: Path,
+    entries: Mapping[str, Entry],
+    found: StoreMap,
+    drives: Drives,
+    counts: IntArray,
+    warnings: list[str],
+) -> list[dict[str, Any]]:
+    """What merge.json says of each drive, in the order of their starts."""
+    offset, sd = drive_offsets(cells, found.homes, len(drives))
+    starts = iso_texts(utc_of_gps(drives.start_gps_s))
+    likely = found.existence[found.pairs.sign] >= 0.5
+    in_view = np.bincount(found.pairs.drive[likely], minlength=len(drives))
+    seen = np.bincount(found.pairs.drive[likely & found.pairs.seen], minlength=len(drives))
+    rows = []
+    for k in np.argsort(drives.rank).tolist():
+        entry = entries[drives.key[k]]
+        off = _contradiction(entry.done.get("sd_m"), offset[k], sd[k])
+        if off > CONTRADICTS:
+            warnings.append(
+                f"{drives.name[k]}: its signs lie {np.hypot(*offset[k, :2]):.1f} m off those of "
+                f"the other drives, {off:.0f} sigmas of its path; look at its report."
+            )
+        rows.append(
+            {
+                "name": drives.name[k],
+                "key": drives.key[k],
+                "folder": f"{store.place.url}/{store.result(entry)}",
+                "start": starts[k],
+                "signs": int(counts[k, 0]),
+                "signs_in_map": int(counts[k, 1]),
+                "offset_m": dict(zip("enu", offset[k].tolist(), strict=True)),
+                "offset_sd_m": dict(zip("enu", sd[k].tolist(), strict=True)),
+                "in_view": int(in_view[k]),
+                "seen_of_in_view": int(seen[k]),
+                "detection_rate": float(found.rates.drive[k]),
+            }
+        )
+    return rows
+
+
+def _contradiction(stated: list[float | None] | None, offset: FloatArray, sd: FloatArray) -> float:
+    """By how many sigmas a drive lies off the others in plan, at most along an axis; by the sigma
+    that its path states, as the error levels that the drives show have such drives in them."""
+    if not stated or None in stated[:2] or not np.isfinite(offset[:2]).all():
+        return 0.0
+    sigma = np.hypot(np.array(stated[:2], np.float64), sd[:2])
+    return float(np.max(np.abs(offset[:2]) / sigma))
+
+
+def _with_whole(
+    out: Path,
+    outcome: MapOutcome,
+    store: Store,
+    cells: Path,
+    entries: Mapping[str, Entry],
+    found: StoreMap,
+    drives: Drives,
+    signs: list[Sign],
+) -> MapOutcome:
+    """Pictures, tracks and observations, of a map of not too many drives."""
+    if len(drives) > MANY_DRIVES or store.place.folder is None:
+        outcome.warnings.append(
+            "Pictures, tracks and observations stay in the drives' folders: a map has them of up "
+            f"to {MANY_DRIVES} drives, in a store that is a folder."
+        )
+        return outcome
+    named: list[dict[str, str]] = [{} for _ in drives.key]
+    for cell in members(cells, found.homes):
+        for who, own, sign in zip(cell.drive.tolist(), cell.id, cell.sign.tolist(), strict=True):
+            if signs[sign].id:
+                named[who][own] = signs[sign].id
+    folder = store.place.folder
+    whole = gather(
+        (
+            Contribution(drives.name[k], folder / store.result(entries[drives.key[k]]), named[k])
+            for k in np.argsort(drives.rank).tolist()
+        ),
+        len(outcome.signs),
+        outcome.warnings,
+    )
+    write_whole(out, whole)
+    return replace(outcome, signs=complete(outcome.signs, whole))
+
+
+def _run_record(store: Store, outcome: MapOutcome, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    return {
+        "schema": "automap.run/1",
+        "automap": __version__,
+        "drive": {"name": outcome.name, "path": f"{store.place.url}/map"},
+        "status": "done",
+        "merged": [row["folder"] for row in rows],
+        "warnings": outcome.warnings,
+        "country": outcome.country,
+        "drives": [row["name"] for row in rows],
+        "stages": {},
+        "metrics": {"signs": len(outcome.signs), "drives": len(rows)},
+    }
+
+
+def _summary(
+    outcome: MapOutcome,
+    found: StoreMap,
+    rows: list[dict[str, Any]],
+    counts: IntArray,
+    before: Before | None,
+    made_of: str,
+) -> dict[str, Any]:
+    summary: dict[str, Any] = {
+        "schema": SCHEMA,
+        "automap": __version__,
+        "made_of": made_of,
+        "signs": len(outcome.signs),
+        "unlikely_signs": len(found.existence) - len(outcome.signs),
+        "sightings": int(counts[:, 0].sum()),
+        "sightings_in_map": int(counts[:, 1].sum()),
+        "detection_rate": found.rates.overall,
+        "error_levels": {
+            "shared": found.levels.shared,
+            "own": found.levels.own,
+            "time_constant_s": found.levels.tau_s,
+        },
+        "drives": rows,
+        "warnings": outcome.warnings,
+    }
+    if outcome.comparison is not None and before is not None:
+        told = outcome.comparison
+        kinds = [change.kind for change in told.changes]
+        summary["previous"] = before.version
+        summary["changes"] = {
+            kind: kinds.count(kind) for kind in ("new", "gone", "class", "moved")
+        } | {
+            "unchanged": told.unchanged,
+            "unvisited": told.unvisited,
+            "unconfirmed": told.unconfirmed,
+        }
+    return summary

@@ -1,0 +1,189 @@
+"""What a worker does with one drive: have a process run it, then publish what came of it."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from automap.errors import AutoMapError
+from automap.io import names
+from pipeline.fleet.add import parent_of
+from pipeline.fleet.orders import Order
+from pipeline.fleet.store import DONE, DRIVES, Store
+from pipeline.shared.kernel_cache import ensure_kernel_cache
+
+_EVERY_S = 0.2
+"""How often the memory of a drive's process is looked at."""
+_LEFT_OUT = frozenset({names.IMU, names.TRAJECTORY_FILTER, names.INNOVATIONS, ".digests.json"})
+"""What only a further run in the same folder reads: two thirds of the bytes."""
+_THREADS = ("OPENBLAS", "OMP", "MKL", "NUMEXPR", "NUMBA", "ARROW_IO", "OPENCV_FOR")
+_SCRATCH = "automap-fleet."
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of a drive: ``kind`` "done"; "memory", "io", "lost" (its process was ended from
+    outside) or "data" with the ``error`` in a sentence; "store" where nothing can be written to
+    the store, which is no drive's fault."""
+
+    digest: str
+    kind: str
+    error: str = ""
+    verdict: str = ""
+
+
+def run_task(url: str, digest: str, path: str, order: Order) -> Result:
+    """Run a drive and put the result into the store; nothing where it is there already.
+
+    Whatever happens at any time, the store has the drive done or not: ``done.json`` comes last.
+    """
+    store = Store.at(url)
+    entry = store.entry(digest)
+    if entry.done and entry.done.get("key") == order.key:
+        return _done(digest, entry.done)
+    order.settings()
+    _remove_abandoned()
+    with tempfile.TemporaryDirectory(prefix=f"{_SCRATCH}{os.getpid()}.") as scratch:
+        out = Path(scratch) / "out"
+        try:
+            drive = _fetched(path, Path(scratch) / "drive")
+            answer = _supervised(drive, out, Path(scratch), order)
+        except OSError as error:
+            return Result(digest, "io", f"{path}: {error.strerror or error}")
+        except AutoMapError as error:
+            # the disk for what is worked on is full, say
+            return Result(digest, "io", str(error))
+        if "error" in answer:
+            return _failed(digest, answer, path, drive)
+        try:
+            marker = publish(store, digest, out, answer, order.key)
+        except (OSError, AutoMapError) as error:
+            cause = error if isinstance(error, OSError) else error.__cause__
+            full = isinstance(cause, OSError) and cause.errno in _FULL
+            return Result(digest, "store" if full else "io", str(error))
+    return _done(digest, marker)
+
+
+def _remove_abandoned() -> None:
+    """Remove what workers on this machine that were killed have left."""
+    for path in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*.*"):
+        pid = path.name.removeprefix(_SCRATCH).partition(".")[0]
+        if pid.isdigit() and not Path(f"/proc/{pid}").exists():
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _done(digest: str, marker: dict[str, Any]) -> Result:
+    return Result(digest, "done", verdict=str((marker.get("verdict") or {}).get("state", "")))
+
+
+def _failed(digest: str, answer: dict[str, Any], path: str, drive: Path) -> Result:
+    kind, text = str(answer["kind"]), str(answer["error"]).replace(str(drive), path)
+    if kind == "data" and not drive.is_dir():
+        # a share that is not there on this machine
+        kind = "io"
+    return Result(digest, kind, text)
+
+
+def _fetched(path: str, scratch: Path) -> Path:
+    """The drive's folder on this machine."""
+    place, name = parent_of(path)
+    if place.folder is not None:
+        return Path(path)
+    place.get(name, scratch / name)
+    return scratch / name
+
+
+def _supervised(drive: Path, out: Path, scratch: Path, order: Order) -> dict[str, Any]:
+    """The answer of the drive's process, which may take no more memory than stated."""
+    request, answer = scratch / "request.json", scratch / "answer.json"
+    told = {
+        "drive": str(drive),
+        "out": str(out),
+        "answer": str(answer),
+        "settings": order.echo,
+        "outside": order.outside,
+    }
+    request.write_text(json.dumps(told), encoding="utf-8")
+    ensure_kernel_cache()
+    one = {f"{name}_NUM_THREADS": "1" for name in _THREADS}
+    killed_before = _killed_for_memory()
+    over = False
+    with (scratch / "log").open("wb") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "pipeline.fleet.child", str(request)],
+            stdin=subprocess.PIPE, stdout=log, stderr=log, env={**os.environ, **one},
+        )  # fmt: skip
+        try:
+            while process.poll() is None:
+                if _memory(process.pid) > order.memory:
+                    over = True
+                    process.kill()
+                time.sleep(_EVERY_S)
+        finally:
+            process.kill()
+            process.wait()
+            assert process.stdin is not None
+            process.stdin.close()
+    if answer.is_file() and not over:
+        found: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))
+        return found
+    code = process.returncode
+    if over:
+        said = f"it took more than the {order.memory / 1e9:.1f} GB of memory that it may take"
+        return {"kind": "memory", "error": f"{drive}: {said}."}
+    if code in (-signal.SIGKILL, -signal.SIGTERM):
+        if _killed_for_memory() > killed_before:
+            return {"kind": "memory", "error": f"{drive}: its machine ran out of memory."}
+        return {"kind": "lost", "error": f"{drive}: its process was ended by signal {-code}."}
+    last = (scratch / "log").read_text(errors="replace").strip().rpartition("\n")[2]
+    return {"kind": "io", "error": f"{drive}: its process ended with code {code} ({last})."}
+
+
+def _memory(pid: int) -> int:
+    """Bytes that a process holds."""
+    with suppress(OSError, ValueError, IndexError):
+        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE")
+    return 0
+
+
+def _killed_for_memory() -> int:
+    """How many processes the kernel has ended for lack of memory."""
+    with suppress(OSError, ValueError):
+        for line in Path("/proc/vmstat").read_text().splitlines():
+            name, _, value = line.partition(" ")
+            if name == "oom_kill":
+                return int(value)
+    return 0
+
+
+def publish(
+    store: Store, digest: str, out: Path, answer: dict[str, Any], key: str
+) -> dict[str, Any]:
+    """Write the files aside, then the marker."""
+    # the same for every attempt: what one that was killed has left is written over with the same
+    result = key[:12]
+    files = {}
+    for path in sorted(out.rglob("*")):
+        name = path.relative_to(out).as_posix()
+        if path.is_file() and name not in _LEFT_OUT:
+            with path.open("rb") as stream:
+                digest_of = hashlib.file_digest(stream, "sha256").hexdigest()
+            files[name] = {"sha256": digest_of, "bytes": path.stat().st_size}
+            store.place.put(path, f"{DRIVES}/{digest}/{result}/{name}")
+    marker = {"key": key, "result": result, **answer, "files": files}
+    store.mark(digest, DONE, marker)
+    return marker
