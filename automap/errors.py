@@ -38,7 +38,8 @@ def of_system(error: BaseException) -> AutoMapError | None:
     """The sentence for what the system refused: a file, a name, memory; None for other failures."""
     if isinstance(error, PermissionError):
         return closed(error)
-    if isinstance(error, MemoryError):
+    no_room = isinstance(error, ImportError) and "failed to map segment" in str(error)
+    if isinstance(error, MemoryError) or no_room:
         return StageError("the memory is used up; close other programs or take shorter drives.")
     if isinstance(error, UnicodeEncodeError):
         # names that are no text are text with halves of characters in Python

@@ -98,8 +98,8 @@ def lever_arm(out: Path, point: str) -> FloatArray:
         raise ConfigError(f"--point {point}: write three numbers, as 0.4,0.1,-1.2 (metres).")
     if np.abs(arm).max() > limits.FARTHEST_M:
         raise ConfigError(
-            f"--point {point} is no point of a vehicle: it lies farther than {limits.FARTHEST_M:g} m "
-            "from the IMU; the numbers are metres forward, right, down."
+            f"--point {point} is no point of a vehicle: it lies farther than "
+            f"{limits.FARTHEST_M:g} m from the IMU; the numbers are metres forward, right, down."
         )
     return arm
 

@@ -96,7 +96,12 @@ def _export(form: str, name: str) -> Scene:
 
 SCENES: dict[str, Scene] = {
     "run": Scene(_drive, ("run", "IN/trip", "-o", "OUT")),
-    "merge": Scene(_merged, ("merge", "IN/d0", "IN/d1", "-o", "OUT")),
+    "merge": Scene(
+        _merged,
+        ("merge", "IN/d0", "IN/d1", "-o", "OUT"),
+        # they say what is new since the map that was there
+        told=TOLD | {"changes.geojson", "merge.json"},
+    ),
     "export gpkg": _export("gpkg", "map.gpkg"),
     "export kmz": _export("kmz", "map.kmz"),
     "export xlsx": _export("xlsx", "map.xlsx"),

@@ -48,7 +48,7 @@ def wrong_files(
     """
     for path in sorted(out.rglob("*")) if out.is_dir() else ():
         name = str(path.relative_to(out))
-        if ".tmp" in name or path.name.startswith(".tmp"):
+        if ".tmp" in name or name.startswith((".merge.", ".tmp")):
             if not dead:
                 return f"{name} is left behind"
         elif not path.is_file():

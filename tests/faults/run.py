@@ -112,8 +112,10 @@ def fault(case: Undisturbed, kind: str, draw: random.Random) -> tuple[str, str]:
     for each in first:
         if said := wrong_end(each, killed):
             return "wrong", said
-    if said := wrong_files(case.out, case.old, case.new, case.scene.told, dead):
-        return "wrong", said
+    said = wrong_files(case.out, case.old, case.new, case.scene.told, dead)
+    # a results file that cannot be read is told of and left out of the map
+    if said and not (ended.code == 0 and "is left out" in ended.err):
+        return "wrong", f"{said}; {ended.err.strip()[-200:]}"
     if not case.scene.keeps and case.out.exists():
         if contents(case.out, case.scene.told) != case.new:
             return "wrong", "a folder that is new is there in part"

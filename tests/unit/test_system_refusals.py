@@ -93,6 +93,7 @@ def test_a_message_is_no_book(capsys: pytest.CaptureFixture[str]) -> None:
         (OSError(errno.ESTALE, "Stale file handle"), StageError),
         (PermissionError(errno.EACCES, "Permission denied", "/d"), InputError),
         (MemoryError(), StageError),
+        (ImportError("a.so: failed to map segment from shared object"), StageError),
         (RuntimeError("Symlink loop from '/d'"), ConfigError),
         (OSError(errno.ELOOP, "Too many levels", "/d"), ConfigError),
     ],
@@ -206,16 +207,43 @@ def test_the_viewer_answers_whatever_the_disk_does(
         return read(path)
 
     monkeypatch.setattr(Path, "read_bytes", broken)
-    with serving(out) as server:
-        with socket.create_connection(("127.0.0.1", server.server_port), timeout=20) as connection:
-            head = f"GET /{server.token}/{place} HTTP/1.1\r\nHost: 127.0.0.1:{server.server_port}"
-            connection.sendall(f"{head}\r\nConnection: close\r\n\r\n".encode())
-            answer = b""
-            while part := connection.recv(65536):
-                answer += part
+    with (
+        serving(out) as server,
+        socket.create_connection(("127.0.0.1", server.server_port), timeout=20) as connection,
+    ):
+        head = f"GET /{server.token}/{place} HTTP/1.1\r\nHost: 127.0.0.1:{server.server_port}"
+        connection.sendall(f"{head}\r\nConnection: close\r\n\r\n".encode())
+        answer = b""
+        while part := connection.recv(65536):
+            answer += part
     assert answer.split()[1] in (b"404", b"500")
     assert server.token.encode() not in answer
     assert str(tmp_path).encode() not in answer
+
+
+def test_a_full_disk_under_a_sheet_is_told_as_such(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from xlsxwriter.exceptions import FileCreateError
+    from xlsxwriter.workbook import Workbook
+
+    def close(book: Workbook) -> None:
+        raise FileCreateError(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+
+    monkeypatch.setattr(Workbook, "close", close)
+    out = write_run(tmp_path / "out", signs=2, seconds=20.0)
+    code, text = told(["export", str(out), "--format", "xlsx"], capsys)
+    assert code == 4
+    assert "the disk is full; free some space" in text
+
+
+def test_what_a_killed_merge_left_is_removed(tmp_path: Path) -> None:
+    out = write_run(tmp_path / "out", signs=2, seconds=20.0)
+    left = tmp_path / "map" / ".merge.x"
+    left.mkdir(parents=True)
+    (left / "signs.geojson").touch()
+    assert run_command(["merge", str(out), "-o", str(tmp_path / "map"), "--quiet"]) == 0
+    assert not left.exists()
 
 
 def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
