@@ -237,6 +237,23 @@ def test_a_full_disk_under_a_sheet_is_told_as_such(
     assert "the disk is full; free some space" in text
 
 
+def test_a_record_that_the_disk_does_not_give_is_no_missing_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = write_run(tmp_path / "out", signs=2, seconds=20.0)
+    read = Path.read_text
+
+    def broken(path: Path, *args: object, **more: object) -> str:
+        if path.name == "run.json":
+            raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
+        return read(path, *args, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Path, "read_text", broken)
+    code, text = told(["export", str(out), "--format", "gpx"], capsys)
+    assert code == 4
+    assert "run.json: Input/output error" in text
+
+
 def test_what_a_killed_merge_left_is_removed(tmp_path: Path) -> None:
     out = write_run(tmp_path / "out", signs=2, seconds=20.0)
     left = tmp_path / "map" / ".merge.x"
