@@ -42,6 +42,7 @@ def write_xlsx(
     Raises StageError for more signs than a sheet holds.
     """
     import xlsxwriter
+    import xlsxwriter.exceptions
 
     if len(columns) > LAST_ROW:
         raise StageError(
@@ -65,7 +66,11 @@ def write_xlsx(
             sheet.write_string(row, 0, str(key))
             sheet.write_string(row, 1, clean_text(value)[:32_000])
         sheet.set_column(0, 1, 30)
-        book.close()
+        try:
+            book.close()
+        except xlsxwriter.exceptions.FileCreateError as error:
+            # its own wrapping of what the disk said
+            raise error.args[0] if isinstance(error.args[0], OSError) else error from None
 
 
 def _write_signs(

@@ -10,6 +10,7 @@ import numpy as np
 from automap.effects import Signals
 from automap.effects.inertial_signals import asks_for_the_drive
 from automap.effects.signals import signals_of_readings
+from automap.errors import StageError
 from automap.fusion import limits
 from automap.fusion.adapt import COARSE, adapt_noise, refine_noise, scale_nodes, scale_problem
 from automap.fusion.alignment import Alignment, align
@@ -91,7 +92,7 @@ def lateral_acceleration(
         return np.zeros(0)
     step = max(float(np.median(np.diff(t_imu))), 1e-4)
     rate = np.linalg.norm(imu.gyro - np.median(imu.gyro, axis=0), axis=1)
-    width = max(round(limits.TURN_WINDOW_S / step), 1)
+    width = min(max(round(limits.TURN_WINDOW_S / step), 1), len(rate))
     smooth = np.convolve(rate, np.full(width, 1.0 / width), mode="same")
     return np.asarray(speed * np.interp(speed_t, t_imu, smooth))
 
@@ -262,7 +263,12 @@ def next_shift(model: StateModel, smooth: SmoothRun, shift: Shift, retime: bool)
 
 def converged(model: StateModel, smooth: SmoothRun, a: Shift, b: Shift) -> bool:
     """Whether the delays moved by no more than what does not matter."""
-    noted = np.flatnonzero(np.isfinite(smooth.param_var).all(axis=1))[-1]
+    finite = np.flatnonzero(np.isfinite(smooth.param_var).all(axis=1))
+    if len(finite) == 0:
+        raise StageError(
+            "the estimate of the path did not stay finite; check lever arms, units and settings"
+        )
+    noted = finite[-1]
     sd = np.sqrt(np.maximum(smooth.param_var[noted], 0.0))
     for (name, now), (_, was) in zip(contained(a), contained(b), strict=True):
         if name in model.names:

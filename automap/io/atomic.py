@@ -26,6 +26,9 @@ _ADVICE = {
     errno.ENAMETOOLONG: "the name is too long; choose a shorter output folder",
 }
 
+_TEMPORARY = re.compile(r"\..+\.(\d+)\.tmp(\.[^.]*?)?(-journal)?")
+_tidied: set[Path] = set()
+
 
 def write_failure(path: Path, error: OSError) -> StageError:
     """The sentence for a failed write: the file, what happened, what to do."""
@@ -59,6 +62,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     if not os.access(path.parent, os.W_OK):
         # told here, as libraries that write a file themselves each say it in their own way
         raise write_failure(path, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
+    _remove_abandoned(path.parent)
     try:
         yield temporary
         with temporary.open("rb") as stream:
@@ -90,12 +94,37 @@ def put_in_place(source: Path, target: Path) -> None:
 
 def is_temporary(path: Path) -> bool:
     """Whether a file is one that ``atomic_path`` made and a killed process left behind."""
-    return re.fullmatch(r"\..+\.\d+\.tmp(\.[^.]*)?", path.name) is not None
+    return _TEMPORARY.fullmatch(path.name) is not None
 
 
 def _discard(path: Path) -> None:
+    """Remove a temporary file, and the journal that a database keeps beside it."""
+    for name in (path, Path(f"{path}-journal")):
+        with suppress(OSError):
+            name.unlink()
+
+
+def _remove_abandoned(folder: Path) -> None:
+    """Remove what processes of this machine that were killed left in a folder, once a process."""
+    if folder in _tidied:
+        return
+    _tidied.add(folder)
     with suppress(OSError):
-        path.unlink()
+        for name in os.listdir(folder):
+            found = _TEMPORARY.fullmatch(name)
+            if found is not None and not _is_alive(int(found[1])):
+                _discard(folder / name)
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        # somebody else's
+        return True
+    return True
 
 
 def write_text(path: Path, text: str) -> None:

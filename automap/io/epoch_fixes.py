@@ -48,6 +48,9 @@ def build_fixes(joined: Joined, ubx: dict[str, Table], nmea: dict[str, NmeaTable
     valid = fix != FixType.NONE
     velocity, sd_vel = velocities(sources, valid, lat, lon)
     _covariances(sources, valid, sd_pos, sd_vel)
+    for sd in (sd_pos, sd_vel):
+        # a garbled figure with a sign, or a zero of a receiver that does not know
+        sd[~(sd > 0.0)] = np.nan
     n_sats = _first_known(sources, n, _SATELLITES)
     # NaN compares false; no sky holds a thousand
     n_sats[~((n_sats >= 0.0) & (n_sats < 1000.0))] = -1.0

@@ -12,5 +12,16 @@ line ends."""
 SHOWN = 60
 """Characters of a file's own text that a message repeats; a line of a terminal has eighty."""
 
+MAX_NUMBER = 1e12
+"""Size of a number that a manifest or a setting may have. In metres, seconds, degrees and per cent
+no quantity of a drive comes near it, and its square is far from the largest a computer has."""
+
+FARTHEST_M = 100.0
+"""Of a point of the vehicle from the IMU; the longest road trains have some sixty metres."""
+
+MAX_MESSAGE = 2000
+"""Characters of a sentence that is told; what is longer repeats a file, and its middle is left
+out."""
+
 MAX_UNPACKED_BYTES = 1 << 30
 """Bytes of one table in an archive. Ten hours of a phone's sensor at 500 Hz are as many."""

@@ -17,6 +17,7 @@ from pydantic import (
 )
 
 from automap.errors import ConfigError, InputError
+from automap.io import limits
 from automap.io.axes import axes_matrix, triad_matrix
 from automap.io.table_form import (
     Separator,
@@ -41,9 +42,19 @@ NotNegative = Annotated[FiniteFloat, Field(ge=0)]
 
 
 class Section(BaseModel):
-    """A table of the manifest; unknown keys are refused."""
+    """A table of the manifest; unknown keys are refused, and points that no vehicle has."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _size_is_possible(cls, value: Any, info: ValidationInfo) -> Any:
+        arm = info.field_name == "lever_arm_m"
+        most = limits.FARTHEST_M if arm else limits.MAX_NUMBER
+        for number in value if isinstance(value, tuple) else (value,):
+            if isinstance(number, float) and abs(number) > most:
+                raise ValueError(f"{number:g} is more than {most:g}; correct it or its unit")
+        return value
 
 
 class TableSection(Section):

@@ -59,8 +59,10 @@ def weigh_axes(
 
 
 def _usable(imu: ImuData) -> ImuData:
-    """The readings without wild and frozen ones."""
+    """The readings without wild and frozen ones; all of them where hardly any other is there."""
     keep = bridge_unusable(imu).stretch_s == 0.0
+    if np.count_nonzero(keep) < 2:
+        return imu
     temp = None if imu.temp_c is None else imu.temp_c[keep]
     return replace(
         imu, t_ns=imu.t_ns[keep], gyro=imu.gyro[keep], accel=imu.accel[keep], temp_c=temp

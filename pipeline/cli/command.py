@@ -47,7 +47,11 @@ def show_failure(error: BaseException, debug: bool) -> None:
     """One sentence on stderr, with the traceback before it on ``debug``."""
     if debug:
         click.echo("".join(traceback.format_exception(error)), err=True)
+    from automap.io.limits import MAX_MESSAGE
+
     text = " ".join(str(error).split())
+    if len(text) > MAX_MESSAGE:
+        text = f"{text[: MAX_MESSAGE // 2]} ... {text[-MAX_MESSAGE // 2 :]}"
     click.echo(click.style("error: ", fg="red") + text, err=True)
 
 

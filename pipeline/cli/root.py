@@ -9,12 +9,13 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NoReturn
 
 import click
 
 from automap import __version__
-from automap.errors import AutoMapError, InputError, closed
+from automap.errors import AutoMapError, ConfigError, of_system
 from pipeline.cli.command import show_failure
 from pipeline.cli.streams import outlast_readers
 
@@ -159,11 +160,24 @@ def _end_interrupted(words: list[str]) -> int:
     return 130
 
 
+def _check_words(words: list[str]) -> None:
+    """ConfigError for a name that is not UTF-8: maps, pages and records are, and hold names."""
+    here = ""
+    with suppress(FileNotFoundError):
+        here = os.getcwd()
+    for word in (*words, here):
+        try:
+            word.encode()
+        except UnicodeEncodeError as error:
+            raise of_system(error) or ConfigError(str(error)) from error
+
+
 def run_command(words: list[str]) -> int:
     """Run the command line and return the exit code; every failure is told on stderr."""
     # wanted wherever it stands, also when the failure comes before the parsing
     debug = "--debug" in words
     try:
+        _check_words(words)
         result: Any = cli.main(words, prog_name="automap", standalone_mode=False, obj=debug)
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
@@ -175,14 +189,16 @@ def run_command(words: list[str]) -> int:
     except AutoMapError as error:
         show_failure(error, debug)
         return error.exit_code
-    except PermissionError as error:
-        # of a file that is merely looked for; what is read or written has sentences of its own
-        show_failure(closed(error), debug)
-        return InputError.exit_code
     except Exception as error:
         if _interrupted.is_set():
             # a compiled module makes an error of its own of an interrupt while it is loaded
             return _end_interrupted(words)
+        # of a file that is merely looked for; what is read or written has sentences of its own
+        failure = of_system(error)
+        if failure is not None:
+            failure.__cause__ = error
+            show_failure(failure, debug)
+            return failure.exit_code
         if debug:
             show_failure(error, debug)
         else:

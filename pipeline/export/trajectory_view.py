@@ -10,11 +10,9 @@ import numpy as np
 
 from automap.errors import AutoMapError, ConfigError, InputError
 from automap.export.trajectory_point import at_instants, moved_to
-from automap.io import names
+from automap.io import limits, names
 from automap.records import FloatArray, IntArray, Trajectory
 from pipeline.shared.run_record import drive_of
-
-_FARTHEST_M = 100.0
 
 
 @dataclass(frozen=True)
@@ -98,10 +96,10 @@ def lever_arm(out: Path, point: str) -> FloatArray:
         arm = np.full(3, np.nan)
     if arm.shape != (3,) or not np.isfinite(arm).all():
         raise ConfigError(f"--point {point}: write three numbers, as 0.4,0.1,-1.2 (metres).")
-    if np.abs(arm).max() > _FARTHEST_M:
+    if np.abs(arm).max() > limits.FARTHEST_M:
         raise ConfigError(
-            f"--point {point} is no point of a vehicle: it lies farther than {_FARTHEST_M:g} m "
-            "from the IMU; the numbers are metres forward, right, down."
+            f"--point {point} is no point of a vehicle: it lies farther than "
+            f"{limits.FARTHEST_M:g} m from the IMU; the numbers are metres forward, right, down."
         )
     return arm
 

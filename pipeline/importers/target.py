@@ -16,7 +16,7 @@ from typing import Any
 from automap import __version__
 from automap.errors import ConfigError, InputError, StageError
 from automap.io import names
-from automap.io.atomic import make_folder, write_failure, write_json, write_text
+from automap.io.atomic import make_folder, put_in_place, write_failure, write_json, write_text
 from automap.io.json_text import parse_json
 from automap.io.toml_file import toml_value
 from automap.io.trust import refuse_links_out
@@ -148,7 +148,7 @@ def _digest(path: Path) -> str:
 def _move(folder: Path, out: Path) -> None:
     """Put the finished folder in its place; an earlier import's files give way, results stay."""
     if not out.exists():
-        os.replace(folder, out)
+        put_in_place(folder, out)
         return
     for name in _written_before(out):
         old = out / name
@@ -161,7 +161,7 @@ def _move(folder: Path, out: Path) -> None:
         if item.is_file():
             target = out / item.relative_to(folder)
             make_folder(target.parent)
-            os.replace(item, target)
+            put_in_place(item, target)
 
 
 def _written_before(out: Path) -> list[str]:

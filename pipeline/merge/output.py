@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -17,7 +16,7 @@ import numpy as np
 from automap import __version__
 from automap.errors import StageError
 from automap.io import names
-from automap.io.atomic import make_folder, write_json, write_text
+from automap.io.atomic import make_folder, put_in_place, write_json, write_text
 from automap.io.map_tables import COVERAGE, SIGHTINGS, TRACKS
 from pipeline.merge.coverage import coverage_of
 from pipeline.merge.signs import GPS_CLOCK
@@ -48,6 +47,10 @@ def write_map(
     writes there.
     """
     out = make_folder(outcome.folder)
+    with locked(out):
+        # of a merge that was killed; nobody else writes here now
+        for left in out.glob(".merge.*"):
+            shutil.rmtree(left, ignore_errors=True)
     with locked(out), tempfile.TemporaryDirectory(dir=out, prefix=".merge.") as temporary:
         new = Path(temporary)
         with suppress(FileNotFoundError):
@@ -64,7 +67,7 @@ def write_map(
         shutil.rmtree(out / names.PICTURES, ignore_errors=True)
         # merge.json last: it says that the map is complete
         for path in sorted(new.iterdir(), key=lambda path: path.name == names.MERGE):
-            os.replace(path, out / path.name)
+            put_in_place(path, out / path.name)
     return [out / path.name for path in written]
 
 

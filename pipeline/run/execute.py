@@ -8,7 +8,7 @@ import shutil
 from contextlib import suppress
 from pathlib import Path
 
-from automap.errors import AutoMapError, StageError
+from automap.errors import AutoMapError, StageError, of_system
 from automap.io.atomic import is_temporary, make_folder, put_in_place, write_failure
 from pipeline.run.stage import Stage, StageContext
 
@@ -103,7 +103,7 @@ def _call(stage: Stage, context: StageContext) -> None:
         ) from error
     except Exception as error:
         log.exception("stage %s", stage.name)
-        raise StageError(
+        raise of_system(error) or StageError(
             f"stage {stage.name} failed unexpectedly ({type(error).__name__}: {error}); run "
             f"with --debug for the traceback, which also stands in {context.out / 'automap.log'}"
         ) from error

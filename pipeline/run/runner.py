@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from automap.errors import AutoMapError, ConfigError, InputError, StageError
+from automap.errors import AutoMapError, ConfigError, InputError, StageError, of_system
 from automap.io import names
 from automap.io.atomic import make_folder, write_json
 from pipeline.run.cache import Ingredients, gather, why_run
@@ -89,7 +89,7 @@ def run_drive(path: Path, out: Path, request: Request, reporter: Reporter | None
     except AutoMapError as failure:
         error = failure
     except Exception as failure:
-        error = StageError(
+        error = of_system(failure) or StageError(
             f"{path}: the run failed unexpectedly ({type(failure).__name__}: {failure}); run "
             "with --debug for the traceback"
         )

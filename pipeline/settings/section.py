@@ -6,11 +6,13 @@ import ast
 import inspect
 import itertools
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields
 from typing import Any, TypeVar, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic import BaseModel, ConfigDict, Field, create_model, field_validator
+
+from automap.io import limits
 
 S = TypeVar("S", bound="Section")
 
@@ -28,6 +30,22 @@ class Section(BaseModel):
         validate_default=True,
         use_attribute_docstrings=True,
     )
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _size_is_possible(cls, value: Any) -> Any:
+        if _largest(value) > limits.MAX_NUMBER:
+            raise ValueError(f"no such quantity is larger than {limits.MAX_NUMBER:g}")
+        return value
+
+
+def _largest(value: Any) -> float:
+    """The largest size of a decimal in a value, however deep it stands."""
+    if isinstance(value, Mapping):
+        value = list(value.values())
+    if isinstance(value, list | tuple):
+        return max(map(_largest, value), default=0.0)
+    return abs(value) if isinstance(value, float) else 0.0
 
 
 def of_options(options: type, but: tuple[str, ...] = ()) -> Callable[[type[S]], type[S]]:

@@ -13,7 +13,7 @@ def json_object(path: Path) -> dict[str, Any]:
     """The object in a JSON file; empty when the file is missing, damaged or holds none."""
     try:
         return mapping(parse_json(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError):
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, ValueError):
         return {}
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
+from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
@@ -84,6 +85,15 @@ class _Handler(BaseHTTPRequestHandler):
             text = f"{error}\n".encode("utf-8", "replace")
             status = 400 if isinstance(error, ValueError) else 500
             self._send(status, "text/plain; charset=utf-8", text)
+        except ConnectionError:
+            # the browser has hung up
+            raise
+        except Exception as error:
+            log.exception("a request failed")
+            name = Path(getattr(error, "filename", None) or "").name
+            what = f"{name}: {getattr(error, 'strerror', None) or type(error).__name__}"
+            told = f"this cannot be shown ({what.removeprefix(': ')})\n"
+            self._send(500, "text/plain; charset=utf-8", told.encode("utf-8", "replace"))
 
     def _get(self, path: str) -> None:
         shown = self.server.shown

