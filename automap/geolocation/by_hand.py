@@ -65,7 +65,8 @@ def locate_chosen(
     seen = [_sighting(views, rows, size, covariances, bool(bare.any())) for rows in passes]
     path = make_path(trajectory, views.origin)
     facings, _ = find_facings(views, [seen], path)
-    return assemble_sign(views, seen, combine(seen), path, facings[0], 1, rules.assembly)
+    # a person says that it is there
+    return assemble_sign(views, seen, combine(seen), path, facings[0], 1, rules.assembly, 1.0)
 
 
 def _passes(views: Views) -> list[IntArray]:
