@@ -13,6 +13,7 @@ from automap.gap.camera_search import CameraGap
 from automap.gap.candidates import library
 from automap.gap.confirm import Confirmed
 from automap.gap.cost import costs
+from automap.gap.course_distance import course_distance_finding
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import fit_drive
 from automap.gap.fitted import Log, open_fits
@@ -118,6 +119,10 @@ def _result(
         else:
             formulas.append(replace(one, gap_before=before, gap_after=after))
     fits = found.fitted.fits
+    lagging = None
+    if "gnss_course_distance" not in exclude:
+        lagging = course_distance_finding(found, values, held_out, final, stated.factors, rest)
+    findings += [lagging] if lagging is not None else []
     noise = stochastic_findings(fits, stated.factors, rest, frozenset(exclude))
     findings += noise
     claims = noise_claims(fits, stated.factors)

@@ -27,6 +27,8 @@ ROOT = Path(__file__).parents[2]
 WRITES_PICTURES = {
     "automap/export/icons.py": "faces that are drawn",
     "automap/export/pictures.py": "signs, and streets that are hidden",
+    "automap/io/web_tiles.py": "tiles of a map that the user gives",
+    "pipeline/report/background.py": "a part of a map that the user gives",
     "automap/vision/contact_sheet.py": "pictures of crops.py",
     "automap/vision/crops.py": "hides the street",
     "pipeline/detect/annotated_video.py": "hides the street",

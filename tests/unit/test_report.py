@@ -25,6 +25,7 @@ from pipeline.report.outages import outages
 from pipeline.report.render import report_html
 from pipeline.run.stage import StageContext
 from pipeline.run.stages.report import STAGE
+from pipeline.settings.report import ReportSettings
 from pipeline.shared.products import RunProducts, load_products
 
 
@@ -41,8 +42,9 @@ def out(finished: Path, tmp_path: Path) -> Path:
 def run_stage(out: Path, name: str = "demo") -> tuple[str, StageContext]:
     work = out / "report.tmp"
     work.mkdir()
-    drive: Any = SimpleNamespace(name=name)
-    settings: Any = None
+    manifest = SimpleNamespace(site=SimpleNamespace(background=""))
+    drive: Any = SimpleNamespace(name=name, manifest=manifest)
+    settings: Any = SimpleNamespace(report=ReportSettings())
     context = StageContext(drive=drive, out=out, work=work, settings=settings)
     STAGE.run(context)
     assert [p.name for p in work.iterdir()] == [names.REPORT]

@@ -55,7 +55,8 @@ def with_views(out: Path, signs: int, rng: np.random.Generator) -> None:
     products = load_products(out)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "pipeline.shared.pictures._from_video", lambda video, views, done: drawn(views, rng)
+            "pipeline.shared.pictures._from_video",
+            lambda video, views, wanted, done: drawn(views, rng),
         )
         video = type("Video", (), {"chapters": ("front.mp4",)})()
         write_pictures(out, take_pictures(products, {"front": video}))
