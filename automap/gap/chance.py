@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +13,10 @@ from automap.records import FloatArray
 
 SINGULAR = 1e-6
 """Share of its variance by which a score is drawn too large, so that a matrix has a root."""
+COLUMNS = 256
+"""Candidates that are drawn together; bounds the memory."""
+TIE = 1e-9
+"""Draws that differ by less than rounding are one."""
 
 
 def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int = 1) -> FloatArray:
@@ -57,3 +62,85 @@ def p_value(nats: float, maxima: FloatArray) -> float:
     threshold = float(maxima[n - top])
     mean_excess = max(float(np.mean(maxima[n - top :] - threshold)), 1e-3)
     return float(top / n * np.exp(-(nats - threshold) / mean_excess))
+
+
+@dataclass(frozen=True)
+class Strongest:
+    """Of many parts the one that explains most, stretch by stretch: its number among them, its
+    nats, and the chance that the strongest of all reaches as much where none acts."""
+
+    number: int
+    nats: float
+    p_value: float
+
+
+def strongest_by_chance(known: Conditional, parts: Sequence[Part], draws: int) -> Strongest | None:
+    """The strongest of ``parts``, judged by the drives' own scatter; None without any.
+
+    Where nothing is missing, what a stretch says of a candidate might as well have had the other
+    sign: whatever noise makes of the stretches, and however long it lasts within one. So all
+    stretches of half a minute are given signs at random (the wild bootstrap of scores by clusters:
+    Kline and Santos, Journal of Econometric Methods 1 (2012), 23-41). Of few stretches there are
+    few such draws, and no chance is told below the share of the drawn one itself.
+    """
+    if not parts:
+        return None
+    scores = _by_stretch(known)
+    rng = np.random.default_rng(1)
+    signs = rng.choice([-1.0, 1.0], size=(draws, len(scores)))
+    signs[0] = 1.0
+    best, nats_seen = np.full(draws, -np.inf), np.empty(len(parts))
+    single = np.array([i for i, part in enumerate(parts) if len(part) == 1], np.int64)
+    for start in range(0, len(single), COLUMNS):
+        some = single[start : start + COLUMNS]
+        columns = np.array([parts[i][0] for i in some])
+        own = scores[:, columns]
+        info = known.diagonal[columns]
+        size = np.maximum((own**2).sum(axis=0), info)
+        square = (signs @ own) ** 2 / size
+        nats = np.full(square.shape, -np.inf)
+        for scale in limits.PRIOR_SCALES:
+            room = info * (scale * known.linear.prior_sd[columns]) ** 2
+            nats = np.maximum(nats, 0.5 * square * room / (1.0 + room) - 0.5 * np.log1p(room))
+        nats_seen[some] = nats[0]
+        best = np.maximum(best, nats.max(axis=1))
+    for i in (i for i, part in enumerate(parts) if len(part) > 1):
+        at = list(parts[i])
+        own, info = scores[:, at], known.info(parts[i])
+        root = np.linalg.cholesky(info)
+        white = np.linalg.solve(root, own.T).T
+        size = max(float((white**2).sum()) / len(at), 1.0)
+        nats = np.full(draws, -np.inf)
+        for scale in limits.PRIOR_SCALES:
+            sd = scale * known.linear.prior_sd[at]
+            low = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(at)))
+            y = np.linalg.solve(low, (signs @ own * sd).T)
+            each = 0.5 * (y**2).sum(axis=0) / size - np.log(np.diag(low)).sum()
+            nats = np.maximum(nats, each)
+        nats_seen[i] = nats[0]
+        best = np.maximum(best, nats)
+    number = int(np.argmax(nats_seen))
+    reached = int(np.sum(best >= best[0] - TIE))
+    return Strongest(
+        number, float(nats_seen[number] - np.log(len(limits.PRIOR_SCALES))), reached / draws
+    )
+
+
+def _by_stretch(known: Conditional) -> FloatArray:
+    """Scores [b, v] of all columns from stretches of the drives, what is given taken out."""
+    linear, given = known.linear, list(known.given.columns)
+    out = []
+    for rows in linear.rows:
+        w = rows.w
+        if given:
+            w = w - linear.columns(rows, given) @ known.value
+        number = ((rows.t - rows.t.min(initial=np.inf)) / limits.BLOCKS_S[-1]).astype(np.int64)
+        order = np.argsort(number, kind="stable")
+        edges = np.flatnonzero(np.diff(number[order], prepend=-1))
+        for start, stop in zip(edges, [*edges[1:], len(order)], strict=True):
+            at = order[start:stop]
+            out.append(rows.phi[at].astype(np.float64).T @ w[at])
+    scores = np.array(out).reshape(len(out), -1)
+    if linear.mixing is not None:
+        scores = scores @ linear.mixing
+    return np.asarray(scores - scores[:, given] @ known.weights)

@@ -44,11 +44,6 @@ class Evidence:
     predicted: float
     predicted_without_best: float
 
-    @property
-    def shown(self) -> float:
-        """Nats that hold up stretch by stretch: no more than the others predict for each."""
-        return min(self.nats, self.predicted)
-
     def corrected(self, ratio: float) -> float:
         """Nats where the score scatters by ``ratio`` more than it should."""
         return self.uncorrected - self.fixed * (1.0 - 1.0 / max(ratio, 1.0))

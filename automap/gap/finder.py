@@ -126,7 +126,7 @@ def _result(
     noise = stochastic_findings(fits, stated.factors, rest, frozenset(exclude))
     findings += noise
     claims = noise_claims(fits, stated.factors)
-    refused = strongest_refused(found, maxima)
+    refused = strongest_refused(found)
     left = (*misfits(fits), *suspected(refused))
     noisy = [*(f.effect for f in noise), *(c.level for c in claims)]
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)

@@ -66,6 +66,9 @@ STEADY = 0.1
 a drive, it has swallowed. A tenth follows nothing; what is proposed is judged with all of it."""
 NULL_DRAWS = 4000
 """A p-value of 1e-3 is then known to half of itself."""
+SUSPECTED = 0.01
+"""Chance below which something is told to be missing though nothing is named: one search in a
+hundred says so of nothing. Eight stretches of half a minute can say it, seven cannot."""
 
 # held-out data
 

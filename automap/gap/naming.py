@@ -10,7 +10,7 @@ from automap.effects import CATALOGUE
 from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.advice import advice
-from automap.gap.chance import null_maxima, p_value
+from automap.gap.chance import null_maxima, p_value, strongest_by_chance
 from automap.gap.dictionary import coefficient_names
 from automap.gap.evidence import shown_by
 from automap.gap.misfit import LIKE, Misfit
@@ -90,15 +90,25 @@ def chance(found: Found) -> FloatArray:
     return null_maxima(known, parts, limits.NULL_DRAWS)
 
 
-def strongest_refused(found: Found, maxima: FloatArray) -> tuple[Refused, ...]:
-    """The strongest candidate that is not named; ``maxima`` [draws] what chance reaches."""
-    move = found.selection.strongest(found.chosen)
-    if move is None:
+def strongest_refused(found: Found) -> tuple[Refused, ...]:
+    """The strongest candidate that is not named, and how likely chance makes one as strong."""
+    selection, chosen = found.selection, found.chosen
+    known, has = selection.given(chosen), {part for _, part, _ in chosen.parts}
+    barred = twins_of(chosen.names)
+    # the likeliest of many is not drawn anew: its chance would be told too small
+    left = [
+        (c.name, part)
+        for c in selection.candidates.values()
+        if c.choices == 1.0 and c.name not in barred
+        for part in c.parts
+        if part not in has and known.shows(part)
+    ]
+    best = strongest_by_chance(known, [part for _, part in left], limits.NULL_DRAWS)
+    if best is None:
         return ()
-    nats = move.evidence.shown
-    paid = nats - np.log(found.selection.candidates[move.name].choices)
-    channel, size = shown_by(found.selection.given(found.chosen), move.part)
-    return (Refused(move.name, nats, p_value(paid, maxima), channel, size),)
+    name, part = left[best.number]
+    channel, size = shown_by(known, part)
+    return (Refused(name, best.nats, best.p_value, channel, size),)
 
 
 def suspected(refused: Sequence[Refused]) -> tuple[Misfit, ...]:
@@ -106,7 +116,7 @@ def suspected(refused: Sequence[Refused]) -> tuple[Misfit, ...]:
     return tuple(
         Misfit(CHANNELS[one.channel], LIKE, one.effect, one.size, one.p_value)
         for one in refused
-        if one.p_value <= np.exp(-limits.LEAST_ODDS)
+        if one.p_value <= limits.SUSPECTED
     )
 
 

@@ -126,11 +126,6 @@ class Selection:
         """All parts of a choice by their parameters' names."""
         return frozenset(self.key(name, part) for name, part, _ in chosen.parts)
 
-    def strongest(self, chosen: Chosen) -> Move | None:
-        """The strongest part of those that stay out, whether it is likely or not."""
-        moves = self.best(chosen, least=-np.inf)
-        return max(moves, key=lambda m: m.evidence.shown, default=None)
-
     def best(
         self, chosen: Chosen, names: Sequence[str] | None = None, least: float = 0.0
     ) -> list[Move]:

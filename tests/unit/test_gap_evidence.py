@@ -10,7 +10,7 @@ import pytest
 
 from automap.fusion.layout import CH_NHC, CH_POS, MAX_SCALARS
 from automap.gap import limits
-from automap.gap.chance import null_maxima, p_value
+from automap.gap.chance import null_maxima, p_value, strongest_by_chance
 from automap.gap.columns import Direct
 from automap.gap.evidence import (
     Given,
@@ -165,6 +165,58 @@ def test_p_values_of_the_largest_evidence_are_uniform() -> None:
         assert float(np.mean(told < share)) == pytest.approx(
             share, abs=4.0 * np.sqrt(share * (1.0 - share) / len(told))
         )
+
+
+PARTS = [(1,), (2, 3, 4), *((i,) for i in range(5, 20))]
+"""Of twenty columns the first is given."""
+
+
+def uneven(seed: int, theta: float = 0.0) -> Linear:
+    """Rows whose noise lasts for seconds and is three times as large in some stretches; the second
+    column acts by ``theta``."""
+    rng = np.random.default_rng(seed)
+    linear = drive(np.zeros(20), seed)
+    (rows,) = linear.rows
+    # columns that last as long are what noise that lasts is taken for
+    kernel = np.ones(12) / np.sqrt(12.0)
+    phi, noise = (
+        np.stack([np.convolve(column, kernel, mode="same") for column in each.T], axis=1)
+        for each in (rows.phi, rng.standard_normal((ROWS, 1)))
+    )
+    loud = np.repeat(rng.choice([1.0, 3.0], ROWS // 30), 30)
+    return linear_of(phi, loud * noise[:, 0] + theta * phi[:, 1], linear.layout)
+
+
+def test_chances_by_the_drives_own_scatter_hold_where_noise_is_not_as_modelled() -> None:
+    told, modelled = [], []
+    for seed in range(200):
+        linear = uneven(seed)
+        known = conditional(linear, Given().joined((0,), linear, 1.0))
+        found = strongest_by_chance(known, PARTS, 500)
+        assert found is not None
+        told.append(found.p_value)
+        maxima = null_maxima(known, PARTS, 200)
+        modelled.append(p_value(max(plain_nats(known, part)[0] for part in PARTS), maxima))
+    for share in (0.05, 0.2):
+        room = 4.0 * np.sqrt(share * (1.0 - share) / len(told))
+        assert float(np.mean(np.array(told) <= share)) < share + room
+    # the model's own noise lets nothing pass for chance here
+    assert float(np.mean(np.array(modelled) < 0.05)) > 0.9
+
+
+def test_what_every_stretch_says_alike_is_no_chance() -> None:
+    linear = uneven(1, theta=15.0)
+    known = conditional(linear, Given().joined((0,), linear, 1.0))
+    found = strongest_by_chance(known, PARTS, limits.NULL_DRAWS)
+    assert found is not None
+    assert PARTS[found.number] == (1,)
+    assert found.p_value <= limits.SUSPECTED
+    # no chance is told below that of the draw in which no sign is turned
+    assert found.p_value >= 1.0 / limits.NULL_DRAWS
+
+
+def test_nothing_is_the_strongest_of_none() -> None:
+    assert strongest_by_chance(conditional(drive(np.zeros(2)), Given()), [], 10) is None
 
 
 def test_p_values_fall_on_beyond_the_largest_draw() -> None:

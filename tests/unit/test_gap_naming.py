@@ -142,7 +142,7 @@ def test_a_formula_says_which_name_it_resembles() -> None:
 
 def test_the_strongest_that_is_not_named_is_told_with_its_chance() -> None:
     known = found_with({2: 0.3})
-    (one,) = strongest_refused(known, chance(known))
+    (one,) = strongest_refused(known)
     assert one.effect not in ("gyro_scale",)
     assert one.p_value > 0.01
     assert one.evidence_nats < limits.LEAST_ODDS
