@@ -7,7 +7,7 @@ the table ``layer_styles``, from which QGIS takes a layer's default look.
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -66,6 +66,25 @@ def complete_geopackage(path: Path, layers: Sequence[str], styles: Sequence[Qgis
         for table, column in _DATED:
             if table in present:
                 file.execute(f"UPDATE {table} SET {column} = ?", (_DATE,))
+
+
+def lost_of(path: Path, counts: Mapping[str, int]) -> str:
+    """What a GeoPackage lacks of layers with so many features, in words; "" where it has all.
+
+    GDAL does not tell of every write that failed.
+    """
+    try:
+        with closing(sqlite3.connect(path)) as file:
+            (state,) = file.execute("PRAGMA quick_check(1)").fetchone()
+            if state != "ok":
+                return f"it is damaged ({state})"
+            for layer, count in counts.items():
+                (found,) = file.execute(f'SELECT COUNT(*) FROM "{layer}"').fetchone()
+                if found != count:
+                    return f"the layer {layer} has {found} of {count} features"
+    except sqlite3.DatabaseError as error:
+        return f"it is damaged ({error})"
+    return ""
 
 
 def _describe(file: sqlite3.Connection, layers: Sequence[str]) -> None:

@@ -19,7 +19,7 @@ from automap.errors import StageError
 from automap.export.csv_text import csv_cell
 from automap.export.fields import SIGN_FIELDS, STAMP_FIELDS
 from automap.export.geojson import longitude_range
-from automap.export.geopackage import complete_geopackage
+from automap.export.geopackage import complete_geopackage, lost_of
 from automap.export.layers import Layer, point_wkb, times_of_texts
 from automap.export.qgis_style import QgisStyle
 from automap.export.sign_columns import SignColumns
@@ -70,6 +70,12 @@ def write_layers(
             target.replace(temporary)
         if driver == "GPKG":
             complete_geopackage(temporary, [layer.name for layer in layers], styles)
+            lost = lost_of(temporary, {layer.name: len(layer.wkb) for layer in layers})
+            if lost:
+                raise StageError(
+                    f"{path} could not be written whole: {lost}; make sure that the disk is sound "
+                    "and has room, and write it again"
+                )
 
 
 def write_layer(path: Path, layer: Layer, driver: str, crs: str, **more: Any) -> None:

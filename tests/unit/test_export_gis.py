@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import json
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,6 +19,7 @@ from export_inputs import CLOCK, HOSTILE, sign, trajectory
 from automap.errors import StageError
 from automap.export import gis, layers
 from automap.export.fields import SIGN_FIELDS
+from automap.export.geopackage import lost_of
 from automap.export.path import simplified_path
 from automap.export.sign_columns import sign_columns
 
@@ -159,3 +162,30 @@ def test_a_full_disk_is_told_as_such(tmp_path: Path, monkeypatch: pytest.MonkeyP
         # a failure of GDAL's of whatever kind
         gis.write_layers(tmp_path / "a.gpkg", [layers.sign_layer(columns())], driver="NoSuchDriver")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_geopackage_that_lost_features_is_not_whole(tmp_path: Path) -> None:
+    path = tmp_path / "a.gpkg"
+    gis.write_layers(path, [layers.sign_layer(columns())])
+    count = len(layers.sign_layer(columns()))
+    assert count > 0
+    assert lost_of(path, {"signs": count}) == ""
+    lost = f"the layer signs has {count} of {count + 1} features"
+    assert lost_of(path, {"signs": count + 1}) == lost
+    assert "no such table" in lost_of(path, {"ellipses": 1})
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    assert "damaged" in lost_of(path, {"signs": count})
+
+
+def test_a_geopackage_that_gdal_has_not_written_whole_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def forgets(path: Path, names: list[str], styles: object) -> None:
+        with closing(sqlite3.connect(path)) as file, file:
+            file.execute("DELETE FROM signs WHERE fid = 1")
+
+    monkeypatch.setattr(gis, "complete_geopackage", forgets)
+    with pytest.raises(StageError, match="could not be written whole: the layer signs has"):
+        gis.write_layers(tmp_path / "a.gpkg", [layers.sign_layer(columns())])
+    assert not list(tmp_path.iterdir())
