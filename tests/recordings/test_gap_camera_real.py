@@ -30,7 +30,7 @@ def found_with(model: str, shared_data: Path, folder: Path) -> CameraGap:
 def test_a_camera_that_is_not_where_the_manifest_says(
     shared_data: Path, tmp_path: Path, model: str
 ) -> None:
-    """The lever arm is named, and not another focal length, which explains the signs nearly as well."""
+    """The lever arm is named, not another focal length, which explains the signs nearly as well."""
     gap = found_with(model, shared_data, tmp_path)
     ahead = next(f for f in gap.findings if f.effect == "camera_lever_arm").parameters["x"]
     assert abs(ahead.value - AHEAD_M) < 3.0 * ahead.sd < 1.0
