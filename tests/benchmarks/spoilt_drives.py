@@ -5,7 +5,8 @@
 
 Each drive is searched as it is, which is the baseline, and with one change at a time: the
 stated lever arm 0.5 m off, fixes tagged 50 ms late, the IMU turned by 1.5 deg, the receiver's
-velocity through a low-pass of 0.15 s, one gyro axis reading 1 % of another. A change is
+velocity through a low-pass of 0.15 s, one gyro axis reading 1 % of another or its own 1.5 % too
+large, one axis of the accelerometer 0.015 of another, the IMU's stamps 0.12 s late. A change is
 recovered where spoilt less baseline is within 3 sigma of it. Two searches may tell one thing by
 different names, or leave it below what is named (an antenna 0.13 m off; a turned IMU that a turned
 gyro triad can say as well). So beside the findings of the unspoilt drive stands what it says of the
@@ -48,6 +49,7 @@ DRIVES = {
 WIDE = 5.0
 """Factor on the usual sizes of the effects that both drives are fitted with."""
 ARM_M, DELAY_S, TURN, LAG_S, CROSS = 0.5, 0.05, np.deg2rad(1.5), 0.15, 0.01
+SCALE, SKEWED, IMU_LATE_S = 0.015, 0.015, 0.12
 
 Terms = Sequence[tuple[str, str, float]]
 """Effect, parameter and sign of what adds up to the quantity that was changed."""
@@ -60,6 +62,12 @@ CHANGES: Mapping[str, tuple[float, Terms]] = {
         [("gnss_velocity_lag", "tau", 1.0), ("gnss_velocity_latency", "s", 1.0)],
     ),
     "cross-coupling": (CROSS, [("gyro_misalignment", "xz", 1.0)]),
+    "gyro scale": (SCALE, [("gyro_scale", "z", 1.0)]),
+    "accel misalignment": (SKEWED, [("accel_misalignment", "yx", 1.0)]),
+    "IMU delay": (
+        IMU_LATE_S,
+        [("imu_time_offset", "s", 1.0), ("gnss_latency", "s", -1.0)],
+    ),
 }
 
 
@@ -99,6 +107,17 @@ def spoilt(drive: GapDrive, change: str, path: tuple[FloatArray, FloatArray]) ->
         gyro = imu.gyro.copy()
         gyro[:, 0] += CROSS * gyro[:, 2]
         return replace(drive, imu=replace(imu, gyro=gyro))
+    if change == "gyro scale":
+        gyro = imu.gyro.copy()
+        gyro[:, 2] *= 1.0 + SCALE
+        return replace(drive, imu=replace(imu, gyro=gyro))
+    if change == "accel misalignment":
+        accel = imu.accel.copy()
+        accel[:, 1] += SKEWED * accel[:, 0]
+        return replace(drive, imu=replace(imu, accel=accel))
+    if change == "IMU delay":
+        late = imu.t_ns + round(IMU_LATE_S * 1e9)
+        return replace(drive, imu=replace(imu, t_ns=late))
     return drive
 
 
