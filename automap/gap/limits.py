@@ -26,6 +26,9 @@ effect is off by what is not linear, rarely by more than a tenth. By as much a f
 of a name to be told in its place, or more clearly so than one time in a thousand by chance."""
 PRIOR_SCALES = (1.0, 5.0)
 """An effect may be five times its usual size, at odds of one to two for either."""
+FORMULA_SIZES = {"gyro": 5e-4, "accel": 0.05, "position": 0.5, "height": 0.5, "velocity": 0.05}
+"""Usual root mean square of what a formula adds, rad/s, m/s^2, m, m, m/s: ten times what a usual
+sensor of each kind drifts or errs by in a minute, so that it could matter."""
 LEAST_OWN = 0.01
 """Share of its information that a parameter must have beside those in the model: linear models of
 effects that are hardly told apart are off by a percent or so themselves."""

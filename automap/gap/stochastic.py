@@ -99,6 +99,15 @@ def noise_claims(
     return tuple(sorted(out, key=lambda c: -c.evidence_nats))
 
 
+def noise_levels(name: str) -> tuple[str, ...]:
+    """The noise levels that a finding on the noise is about; none for wild fixes, which the filter
+    refuses under either model."""
+    if name in FIGURES or name in ALL_LEVELS:
+        return FIGURES.get(name, (name,))
+    effect = CATALOGUE.get(name)
+    return GNSS_LEVELS if effect is not None and effect.setting == "fuse.adapt" else ()
+
+
 def _at_best(
     fits: Sequence[Fit], factors: Mapping[str, float], held: Collection[str]
 ) -> dict[str, float]:

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from automap.effects.formula_text import parse_formula
+from automap.effects.user import INERTIAL as CHANNELS
 from automap.gap import limits
-from automap.gap.columns import Column
-from automap.gap.dictionary import CHANNELS, equation, size_of
+from automap.gap.candidates import is_course, size_of
 from automap.gap.evidence import Given, conditional, plain_nats
-from automap.gap.linear import Linear, Rows
+from automap.gap.linear import Column, Linear, Rows
+from automap.gap.result import equation
 from automap.gap.slow import (
     PERIODS_A_BOX,
     PLATEAUS,
     _time_signals,
     box_s,
-    is_course,
     plateaus,
     shapes,
     variants,

@@ -14,12 +14,11 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.gap import limits
-from automap.gap.advice import advice
-from automap.gap.camera_fit import CameraFit, box_noise, estimate_noise, fit_camera
-from automap.gap.camera_linear import selection_of
-from automap.gap.camera_views import Boxes, keys
+from automap.gap.camera.fit import CameraFit, box_noise, estimate_noise, fit_camera
+from automap.gap.camera.linear import selection_of
+from automap.gap.camera.views import Boxes, keys
 from automap.gap.chance import null_maxima, p_value
-from automap.gap.result import Finding, ParameterValue
+from automap.gap.result import Finding, ParameterValue, advice
 from automap.gap.selection import Chosen, Key, select
 from automap.records import FloatArray
 
