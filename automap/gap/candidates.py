@@ -28,14 +28,13 @@ from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALA
 from automap.fusion.problem import node_signals
 from automap.gap import limits
 from automap.gap.fit import Fit
+from automap.gap.limits import REFERENCE_TAU_S
 from automap.gap.linear import Column, Direct, Inertial, NodeMotion
 from automap.gap.model import SKEW, prior_sd
 from automap.gap.motion import Motion, at_times, lagged
 from automap.gap.result import equation
 from automap.records import FloatArray
 
-REFERENCE_TAU_S = 0.1
-"""Delays and lags are told apart by what so long a one does beyond first order."""
 ORIGIN = "origin"
 FIX_AGE, VELOCITY_AGE = "gnss_latency", "gnss_velocity_latency"
 COURSE = re.compile(

@@ -35,6 +35,7 @@ from automap.gap.candidates import (
     size_of,
 )
 from automap.gap.fit import Fit
+from automap.gap.limits import SAME_SIGNAL
 from automap.gap.linear import Column, Direct, Linear, NodeMotion
 from automap.gap.motion import Motion
 from automap.gap.result import coefficient_names, equation
@@ -83,9 +84,6 @@ QUANTITIES = (
 ON_FIXES = ("speed", "speed^2", "acceleration", "lateral_acceleration", "abs(rate_z)")
 PREFIX = "formula_"
 """Names of effects that were made of a formula begin with it."""
-ALIKE = 0.999
-"""A quantity that correlates so with a sum of catalogue effects' is those effects: a one-sided
-rate is a scale and an asymmetry."""
 LEAST_OWN = 1e-6
 """Share of a signal's variance below which the others make it up."""
 
@@ -120,7 +118,10 @@ def formula_columns(
             continue
         unit = (signal - signal.mean()) / size
         for channel in INERTIAL:
-            if channel in known and np.sum(np.mean(known[channel] * unit, axis=1) ** 2) > ALIKE**2:
+            if (
+                channel in known
+                and np.sum(np.mean(known[channel] * unit, axis=1) ** 2) > SAME_SIGNAL**2
+            ):
                 continue
             out.append(formula_column((channel, text), signal))
     out += _fix_columns(signals.at(at.t + fit.opened.drive.begin_s))

@@ -18,9 +18,9 @@ from automap.frames import quat_to_matrix
 from automap.fusion.steady_rate import steady_rate
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.kernels import propagate_columns
-from automap.gap.limits import LEAST_OWN
+from automap.gap.limits import HUBER, LEAST_OWN
 from automap.gap.motion import Motion, at_times, motion_of
-from automap.gap.whitening import HUBER, LOOSE, MIN_SPREAD, fit_whitener, white_rows
+from automap.gap.whitening import LOOSE, MIN_SPREAD, fit_whitener, white_rows
 from automap.gates import sd_by_median
 from automap.records import FloatArray, IntArray
 

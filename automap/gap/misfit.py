@@ -17,23 +17,24 @@ import numpy.typing as npt
 from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.fit import Fit, whitened_innovations
+from automap.gap.limits import (
+    ACCELERATION,
+    BANDS,
+    CLIP,
+    MIN_ROWS,
+    MISFIT_ROWS,
+    PLACE_ROWS,
+    STANDING_SPEED,
+    TURN_RATE,
+    WORTH,
+)
 from automap.gap.motion import at_times, motion_of
-from automap.gap.scoring import CLIP, MEASURED, SHOWN
+from automap.gap.scoring import MEASURED, SHOWN
 from automap.gates import exceeds
 from automap.records import BoolArray, FloatArray
 
 MANOEUVRES = ("standing", "turning", "accelerating", "braking", "cruising")
-STANDING_SPEED = 0.5
-TURN_RATE = 0.08
-ACCELERATION = 0.6
-LEAST = 15
-BANDS = 6
-"""Bands of an octave and more between the slowest and the quickest that a channel shows."""
-LEAST_ROWS = 60
 LIKE = "like"
-WORTH = 1.5
-"""Factor on the variance below which a misfit is not told: sigmas are then off by less than a
-quarter."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def _bands(fits: Sequence[Fit], channel: int) -> list[Misfit]:
     power, frequency = [], []
     for fit in fits:
         w, t = _rows(fit, channel)
-        if len(w) < LEAST_ROWS:
+        if len(w) < MISFIT_ROWS:
             continue
         step = float(np.median(np.diff(t)))
         if step <= 0.0:
@@ -131,7 +132,7 @@ def _conditions(fits: Sequence[Fit], channel: int) -> list[Misfit]:
         ws.append(w)
         kinds.append(np.stack([t + fit.opened.drive.begin_s, speed, rate, along], axis=1))
     w, conditions = np.concatenate(ws), np.concatenate(kinds)
-    if len(w) < LEAST_ROWS:
+    if len(w) < MISFIT_ROWS:
         return []
     names = (
         ("time", "s after the start", 8),
@@ -150,7 +151,7 @@ def _conditions(fits: Sequence[Fit], channel: int) -> list[Misfit]:
 
 
 def _sized(w: FloatArray, channel: str, kind: str, words: str) -> list[Misfit]:
-    if len(w) < LEAST_ROWS // 2:
+    if len(w) < MIN_ROWS:
         return []
     size = float(np.mean(w**2))
     return [Misfit(channel, kind, words, size, exceeds(size * len(w), len(w)))]
@@ -196,7 +197,7 @@ def places(before: Sequence[Fit], after: Sequence[Fit]) -> list[Place]:
             for c in range(SHOWN):
                 for name in MANOEUVRES:
                     w = np.clip(whitened[(channel == c) & (what == name)], -10.0, 10.0)
-                    if len(w) >= LEAST:
+                    if len(w) >= PLACE_ROWS:
                         entry = sums.setdefault((c, name), [np.zeros(2), np.zeros(2)])
                         entry[side] += np.array([len(w), float(np.sum(w**2))])
     out = [

@@ -14,6 +14,7 @@ from automap.gap.candidates import ORIGIN, named_columns
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
 from automap.gap.evidence import shown_by
 from automap.gap.fit import Fit
+from automap.gap.limits import ALIKE, SHOWS
 from automap.gap.linear import linearised
 from automap.gap.misfit import LIKE, Misfit
 from automap.gap.model import Values
@@ -29,13 +30,6 @@ from automap.gap.result import (
 from automap.gap.screening import Found
 from automap.gap.selection import Chosen, Move, Rival, twins_of
 from automap.records import FloatArray, IntArray
-
-SHOWS = 3.0
-"""A parameter of its usual size shows where it stands out by so many sigmas."""
-ALIKE = 0.8
-"""So much of what a parameter shows may be another effect's, and what is left stays below
-``SHOWS``: then the two cannot be told apart."""
-PRIOR_ROOM = 5.0
 
 
 def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding | Unexplained]:
@@ -253,7 +247,7 @@ def _information(
 def _share(info: FloatArray, rows: IntArray, other: IntArray, priors: FloatArray) -> float:
     """The largest share of what one of ``rows`` shows that the ``other`` columns show too; zero
     where they can be told apart."""
-    inner = info[np.ix_(other, other)] + np.diag((PRIOR_ROOM * priors[other]) ** -2.0)
+    inner = info[np.ix_(other, other)] + np.diag((max(limits.PRIOR_SCALES) * priors[other]) ** -2.0)
     cross = info[np.ix_(rows, other)]
     explained = np.einsum("ij,ij->i", cross, np.linalg.solve(inner, cross.T).T)
     own = np.maximum(np.diag(info)[rows], 1e-300)

@@ -24,19 +24,13 @@ from automap.fusion.passes import Pass
 from automap.fusion.problem import Problem
 from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit, fit_drive
+from automap.gap.limits import LEAST_RESTS, LEVEL_RANGE, MAX_NODES, REST_S
 from automap.gap.model import GapModel, parameter_names, prior_sd
 from automap.records import FloatArray
 
 Log = Callable[[str], None]
 INERTIAL_LEVELS = ("accel", "gyro")
-LIMIT = 256.0
-REST_S = 1.0
-"""Long enough for the noise that a filter sums up between fixes, too short for drift."""
-LEAST_RESTS = 10
-"""Differences of means; the deviation of fewer is not known to a third of itself."""
 TAU_STEPS = (2.0, 2.0**0.5)
-MAX_NODES = 4000
-"""Noise is fitted on so many nodes at most, spread over the drives."""
 
 _LIMITS = {
     "wander_tau": (0.02, 16.0),
@@ -242,7 +236,7 @@ def noise_slopes(fits: Sequence[Fit], factors: Mapping[str, float]) -> LevelLike
 
 
 def _limits(level: str) -> tuple[float, float]:
-    return _LIMITS.get(level, (1.0 / LIMIT, LIMIT))
+    return _LIMITS.get(level, (1.0 / LEVEL_RANGE, LEVEL_RANGE))
 
 
 def _relative(fits: Sequence[Fit], factors: Mapping[str, float]) -> dict[str, float]:

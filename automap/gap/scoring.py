@@ -21,17 +21,16 @@ from automap.fusion.layout import CH_VEL, CHANNELS, HAS_POS_H
 from automap.gap import limits
 from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit, fit_drive, whitened_innovations
+from automap.gap.limits import AR_ORDER, CLIP, HUBER, MIN_ROWS
 from automap.gap.model import GapModel
 from automap.gap.result import ChannelGap
-from automap.gap.whitening import AR_ORDER, HUBER, Whitener, autoregression, filtered, fit_whitener
+from automap.gap.whitening import Whitener, autoregression, filtered, fit_whitener
 from automap.records import FloatArray
 
 MEASURED = CH_VEL + 3
 """Channels of the receiver. The vehicle constraint is no measurement: what it says counts where
 models are compared, but a vehicle that sways on its springs is no gap of the sensors."""
 SHOWN = MEASURED + 2
-CLIP = 4.0
-"""One wild fix in a thousand is a finding of its own, not the size of all others."""
 
 
 def whitener_of(fit: Fit) -> Whitener:
@@ -124,7 +123,7 @@ def _distance(w: FloatArray, channel: int) -> float:
     The vehicle constraint is meant to be loose: small innovations are no gap there.
     """
     n = len(w)
-    if n < 30:
+    if n < MIN_ROWS:
         return 0.0
     w = np.clip(w, -CLIP, CLIP)
     variance = float(np.mean(w**2))
@@ -148,7 +147,7 @@ def channel_gaps(
     out = []
     for c in range(SHOWN):
         w0, w1 = _joined(before, c), _joined(after, c)
-        if len(w0) < 30 or len(w1) < 30:
+        if min(len(w0), len(w1)) < MIN_ROWS:
             continue
         out.append(
             ChannelGap(

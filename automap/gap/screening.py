@@ -180,7 +180,7 @@ class Screening:
         for opened in drives:
             if opened.drive.mounting_sd.any():
                 included |= {"imu_mounting"}
-            if opened.drive.delay.sd > 0.02:
+            if opened.drive.delay.sd > limits.FREE_DELAY_S:
                 # a free offset between the clocks is the same thing
                 included |= {"gnss_latency"}
         has_wheels = any(d.session.odometer is not None for d in drives)

@@ -18,6 +18,7 @@ from automap.effects.user import INERTIAL
 from automap.gap import limits
 from automap.gap.candidates import formula_column, is_course, motion_signals, size_of
 from automap.gap.fit import Fit
+from automap.gap.limits import LEAST_BOXES, PLATEAUS
 from automap.gap.linear import Column, Inertial, Linear
 from automap.gap.motion import Motion
 from automap.gap.result import coefficient_names, equation
@@ -25,16 +26,10 @@ from automap.records import FloatArray
 
 BOX = "box"
 PLATEAU = "(step(time - {:.5g}) - step(time - {:.5g}))"
-PERIODS_A_BOX = 3.0
-"""A period of fewer boxes than this is not seen as one."""
 OVERSAMPLED = 2.0
 """Frequencies stand closer than the inverse length of the drive by this factor: in between a
 period loses no more than a fifth of its evidence, sinc^2(1 / 4)."""
 DECAYS = 12
-LEAST_BOXES = 3
-"""A plateau of fewer boxes is not seen as one either."""
-PLATEAUS = 3
-"""So many of the likeliest, of each axis, are carried on."""
 FINER = 21
 """Steps of a refinement: a tenth of the distance of those first tried."""
 NUMBER = re.compile(r"(?<=[-/] )[\d.e+-]+(?=\))")
@@ -78,7 +73,7 @@ def shapes(begin_s: float, end_s: float) -> list[Shape]:
     """Periods, decays and steps that a drive between two instants may show."""
     length = end_s - begin_s
     width = box_s(length)
-    count = int(OVERSAMPLED * length / (PERIODS_A_BOX * width))
+    count = int(OVERSAMPLED * length / (LEAST_BOXES * width))
     out = []
     for i in range(2, count + 1):
         period = OVERSAMPLED * length / i
