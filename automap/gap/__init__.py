@@ -9,9 +9,9 @@ candidates would show), ``dictionary``, ``slow`` and ``candidates`` (what may be
 """
 
 from automap.gap.drive import GapDrive
-from automap.gap.finder import find_gaps
+from automap.gap.finder import GapResult, find_gaps
 from automap.gap.model import GapModel, base_model
-from automap.gap.result import Finding, GapResult, ParameterValue, Unexplained
+from automap.gap.result import Finding, ParameterValue, Unexplained
 
 __all__ = [
     "Finding",

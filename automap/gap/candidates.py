@@ -8,18 +8,38 @@ models: the evidence of a set of candidates together with its prior probability.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+import re
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from automap.effects import CATALOGUE
-from automap.effects.catalogue import alike_to_first_order, pairs_of_sign
-from automap.gap import limits
-from automap.gap.columns import Column, NodeMotion, effect_columns
-from automap.gap.fit import Fit
-from automap.gap.model import SKEW, prior_sd
-from automap.gap.motion import Motion
+import numpy as np
 
+from automap.earth import RATE
+from automap.effects import CATALOGUE, Signals
+from automap.effects.catalogue import alike_to_first_order, pairs_of_sign
+from automap.effects.imu import ACCEL, BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, imu_terms
+from automap.effects.inertial_signals import asks_for_the_drive
+from automap.effects.measured import MEASURED, measured_terms
+from automap.effects.measured_kernels import rows_along
+from automap.effects.signals import signals_of
+from automap.effects.terms import POSITION, VEHICLE, VELOCITY, Kind
+from automap.effects.user import is_users, user_signal
+from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS, N_NAV
+from automap.fusion.problem import node_signals
+from automap.gap import limits
+from automap.gap.fit import Fit
+from automap.gap.limits import REFERENCE_TAU_S
+from automap.gap.linear import Column, Direct, Inertial, NodeMotion
+from automap.gap.model import SKEW, prior_sd
+from automap.gap.motion import Motion, at_times, lagged
+from automap.gap.result import equation
+from automap.records import FloatArray
+
+ORIGIN = "origin"
 FIX_AGE, VELOCITY_AGE = "gnss_latency", "gnss_velocity_latency"
+COURSE = re.compile(
+    r"\(?(step\(time - |exp\(-time / |sin\(2 \* pi \* time / |cos\(2 \* pi \* time / )"
+)
 FAMILIES = ("imu", "vehicle", "clock", "gnss", "earth")
 
 
@@ -61,16 +81,6 @@ def library(included: frozenset[str], has_wheels: bool, earth_on: bool) -> list[
     return out
 
 
-def named_columns(effects: Sequence[str], fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-    """Columns of named effects along one drive; an effect that the drive cannot show has none."""
-    columns: list[Column] = []
-    options = fit.model.options
-    for effect in effects:
-        sds = {p.name: prior_sd(options, effect, p.name) for p in CATALOGUE[effect].parameters}
-        columns += effect_columns(effect, fit, motion, at, sds or {"on": 1.0})
-    return columns
-
-
 def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Candidate]:
     """The candidates whose columns are in a layout, those of named ``effects`` first."""
     groups: dict[str, list[int]] = {}
@@ -109,3 +119,171 @@ def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Ca
         prior = outside - math.log(kinds * (plain if choices == 1.0 else many))
         out.append(Candidate(name, (tuple(rows),), prior, terms=terms, choices=choices))
     return out
+
+
+def named_columns(effects: Sequence[str], fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
+    """Columns of named effects along one drive; an effect that the drive cannot show has none."""
+    columns: list[Column] = []
+    options = fit.model.options
+    for effect in effects:
+        sds = {p.name: prior_sd(options, effect, p.name) for p in CATALOGUE[effect].parameters}
+        columns += effect_columns(effect, fit, motion, at, sds or {"on": 1.0})
+    return columns
+
+
+def motion_signals(fit: Fit, motion: Motion) -> Signals:
+    """Quantities [n] at the epochs of the motion."""
+    drive = fit.opened.drive
+    heading = np.unwrap(np.arctan2(motion.dcm[:, 1, 0], motion.dcm[:, 0, 0]))
+    along = np.einsum("ni,ni->n", motion.dcm[:, :, 0], motion.acc)
+    time = motion.t + drive.begin_s
+    temp = drive.imu.temp_c
+    return signals_of(time, motion.vel, heading, along, motion.rate, motion.force, temp)
+
+
+def effect_columns(
+    effect: str, fit: Fit, motion: Motion, at: NodeMotion, prior_sds: Mapping[str, float]
+) -> list[Column]:
+    """The columns of a catalogue effect, none where the drive lacks what it needs."""
+    known = CATALOGUE[effect]
+    if known.family == "imu":
+        return _imu_columns(effect, fit, motion, prior_sds)
+    if known.family == "earth":
+        return [_earth_column(effect, fit, motion)]
+    if not known.acts_on(*MEASURED):
+        return []
+    direct = _direct(effect, fit, motion, at)
+    if known.unknown_epoch:
+        # with the instant at which nothing was off, which nobody says
+        length = float(motion.t[-1] - motion.t[0])
+        prior_sds = {**prior_sds, ORIGIN: next(iter(prior_sds.values())) * length}
+        direct[ORIGIN] = next(iter(_direct(known.unknown_epoch, fit, motion, at).values()))
+    return [
+        Column(effect, parameter, prior_sds[parameter], direct=Direct(values))
+        for parameter, values in direct.items()
+    ]
+
+
+def _imu_columns(
+    effect: str, fit: Fit, motion: Motion, prior_sds: Mapping[str, float]
+) -> list[Column]:
+    from automap.effects import extra_basis
+
+    imu = fit.opened.drive.imu
+    terms = imu_terms([effect])
+    speed = np.linalg.norm(motion.vel, axis=1)
+    of_drive = any(asks_for_the_drive(t.extra or "") for t in terms)
+    signals = motion_signals(fit, motion) if of_drive else None
+    extra = extra_basis(
+        *(terms, motion.rate, motion.force, imu.temp_c, speed),
+        signals=signals,
+        as_read=(imu.gyro, imu.accel),
+    )
+    out = []
+    for term in terms:
+        if term.basis == BASIS_ONE:
+            signal = np.ones(len(motion.t))
+        elif term.basis < BASIS_FORCE:
+            signal = motion.rate[:, term.basis - 1]
+        elif term.basis < BASIS_EXTRA:
+            signal = motion.force[:, term.basis - BASIS_FORCE]
+        else:
+            signal = extra[:, term.basis - BASIS_EXTRA]
+        if not signal.any():
+            continue
+        sensor = 1 if term.sensor == ACCEL else 0
+        acts = (Inertial(sensor, term.axis, signal),)
+        sd = prior_sds[term.parameter.name]
+        out.append(Column(effect, term.parameter.name, sd, acts))
+    return out
+
+
+def _earth_column(effect: str, fit: Fit, motion: Motion) -> Column:
+    """What the gyro and the accelerometer would read more were the Earth turning."""
+    lat = float(motion.pos[0, 0])
+    turn = RATE * np.array([np.cos(lat), 0.0, -np.sin(lat)])
+    gyro = np.einsum("nij,i->nj", motion.dcm, turn)
+    coriolis = 2.0 * np.cross(turn, motion.vel)
+    accel = np.einsum("nij,ni->nj", motion.dcm, coriolis)
+    acts = tuple(Inertial(0, a, gyro[:, a]) for a in range(3))
+    acts += tuple(Inertial(1, a, accel[:, a]) for a in range(3))
+    return Column(effect, "on", 1.0, acts)
+
+
+_CHANNELS = {
+    POSITION: (CH_POS, CH_POS + 1, CH_POS + 2),
+    VELOCITY: (CH_VEL, CH_VEL + 1, CH_VEL + 2),
+    VEHICLE: (CH_ODOMETER, CH_NHC, CH_NHC + 1),
+}
+
+
+def _direct(effect: str, fit: Fit, motion: Motion, at: NodeMotion) -> dict[str, FloatArray]:
+    """What a unit of each parameter adds to the nodes' channels [k, 15], beside the parameters
+    that the fit has already."""
+    model, states = fit.last.problem.model, CATALOGUE[effect].states
+    places = {e: first - N_NAV for e, first in model.places.items()}
+    params = fit.last.smooth.params[-1]
+    first = places.setdefault(effect, len(params))
+    if first == len(params):
+        params = np.concatenate([params, np.zeros(len(states))])
+    terms, names = measured_terms(places)
+    of_model = node_signals(fit.last.problem, fit.last.nodes).T
+    known = dict(zip(model.signals, of_model, strict=True))
+    signals = motion_signals(fit, motion).at(at.t + fit.opened.drive.begin_s)
+    columns = [user_signal(name, signals) if is_users(name) else known[name] for name in names]
+    rows = np.zeros((len(at.t), len(MEASURED), 3, len(params)))
+    rows_along(
+        at.vel,
+        np.ascontiguousarray(at.dcm),
+        at.rate,
+        at.acc,
+        at.t,
+        np.stack(columns, axis=1) if columns else np.zeros((len(at.t), 0)),
+        params,
+        terms,
+        rows,
+    )
+    out = {}
+    for i, state in enumerate(states):
+        by_channel = np.zeros((len(at.t), MAX_SCALARS))
+        for number, measured in enumerate(MEASURED):
+            by_channel[:, _CHANNELS[measured]] = rows[:, number, :, first + i]
+        out[state] = by_channel
+    for term in CATALOGUE[effect].terms:
+        of_velocity = term.on == VELOCITY and not CATALOGUE[effect].acts_on(POSITION)
+        if term.kind in (Kind.TIME, Kind.LAG) and of_velocity:
+            out[term.parameter][:, _CHANNELS[VELOCITY]] = _beyond_first_order(
+                term.kind, term.weight, motion, at.t
+            )
+    return out
+
+
+def _beyond_first_order(kind: Kind, weight: float, motion: Motion, t: FloatArray) -> FloatArray:
+    """What a delay or a lag of ``REFERENCE_TAU_S`` makes of velocities [k, 3], per second of it."""
+    tau = REFERENCE_TAU_S
+    if kind == Kind.LAG:
+        seen = at_times(motion, lagged(motion, motion.vel, tau), t)
+    else:
+        seen = at_times(motion, motion.vel, t + weight * tau)
+    return (seen - at_times(motion, motion.vel, t)) / tau
+
+
+def size_of(channel: str) -> float:
+    """Prior sd of the rms size of a formula on a channel, in its unit."""
+    return limits.FORMULA_SIZES[channel.partition("_")[0]]
+
+
+def formula_column(
+    term: tuple[str, str], signal: FloatArray, name: str = "", parameter: str = "k"
+) -> Column:
+    """A term of a formula on one axis of a sensor as a column; ``signal`` [n] what its text gives
+    along the drive, ``name`` of the formula, where that has more terms."""
+    channel, _ = term
+    sd = size_of(channel) / max(float(np.std(signal)), 1e-12)
+    acts = (Inertial.on(channel, signal),)
+    return Column(name or equation([term]), parameter, sd, acts, term=term)
+
+
+def is_course(terms: Sequence[tuple[str, str]]) -> bool:
+    """Whether a formula is a course of time with an instant, a time constant or a period."""
+    return bool(terms) and all(COURSE.match(text) for _, text in terms)

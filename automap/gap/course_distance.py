@@ -15,15 +15,13 @@ from automap.fusion.delay_states import COURSE_DISTANCE_STATE
 from automap.fusion.filtered import full_covariance
 from automap.fusion.layout import N_NAV
 from automap.gap import limits
-from automap.gap.advice import advice
 from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit
-from automap.gap.fitted import fitted_about, with_noise
-from automap.gap.heldout import epochs, fit_held_out, total_score
 from automap.gap.model import Values, without_course_distance
-from automap.gap.result import Finding, ParameterValue
-from automap.gap.scoring import likelier, whitener_of
-from automap.gap.search import Found
+from automap.gap.noise import fitted_about, with_noise
+from automap.gap.result import Finding, ParameterValue, advice
+from automap.gap.scoring import epochs, fit_held_out, likelier, total_score, whitener_of
+from automap.gap.screening import Found
 from automap.gates import exceeds
 
 NAME, ARM = "gnss_course_distance", "gnss_lever_arm"

@@ -1,4 +1,7 @@
-"""The dictionary of formulas: physical quantities on every axis of the sensors and on the fixes."""
+"""The dictionary of formulas: physical quantities on every axis of the sensors and on the fixes.
+
+What a search takes from it becomes an effect, so that the filter can estimate it.
+"""
 
 from __future__ import annotations
 
@@ -11,16 +14,33 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.imu import BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, ImuTerm
 from automap.effects.inertial_signals import formula_of
 from automap.effects.terms import VELOCITY, WARM_UP
-from automap.effects.user import INERTIAL, OF_FIXES, is_users, towards, turned
+from automap.effects.user import (
+    INERTIAL,
+    OF_FIXES,
+    UserTerm,
+    add_user_effect,
+    is_users,
+    set_user_effects,
+    towards,
+    turned,
+    user_effect,
+    user_effects,
+)
 from automap.fusion.layout import CH_POS, CH_VEL, MAX_SCALARS
-from automap.gap.columns import Column, Direct, Inertial, NodeMotion, effect_columns
-from automap.gap.fit import Fit, Motion
-from automap.gap.motion_signals import motion_signals
+from automap.gap.candidates import (
+    Candidate,
+    effect_columns,
+    formula_column,
+    motion_signals,
+    size_of,
+)
+from automap.gap.fit import Fit
+from automap.gap.limits import SAME_SIGNAL
+from automap.gap.linear import Column, Direct, Linear, NodeMotion
+from automap.gap.motion import Motion
+from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray
 
-CHANNELS = INERTIAL
-SIZES = {"gyro": 5e-4, "accel": 0.05, "position": 0.5, "height": 0.5, "velocity": 0.05}
-"""Prior sd of a formula's rms size: rad/s, m/s^2, m, m, m/s."""
 QUANTITIES = (
     "speed",
     "speed^3",
@@ -64,22 +84,8 @@ QUANTITIES = (
 ON_FIXES = ("speed", "speed^2", "acceleration", "lateral_acceleration", "abs(rate_z)")
 PREFIX = "formula_"
 """Names of effects that were made of a formula begin with it."""
-ALIKE = 0.999
-"""A quantity that correlates so with a sum of catalogue effects' is those effects: a one-sided
-rate is a scale and an asymmetry."""
 LEAST_OWN = 1e-6
 """Share of a signal's variance below which the others make it up."""
-
-
-def equation(terms: Sequence[tuple[str, str]]) -> str:
-    """What terms of channel and text add, as a person writes it."""
-    names = coefficient_names(len(terms))
-    return "; ".join(f"{on} += {k} * {text}" for k, (on, text) in zip(names, terms, strict=True))
-
-
-def coefficient_names(count: int) -> tuple[str, ...]:
-    """k, k2, k3 and so on."""
-    return ("k", *(f"k{i}" for i in range(2, count + 1)))
 
 
 def warm(fit: Fit) -> bool:
@@ -97,28 +103,6 @@ def formula_texts(signals: Signals, has_temperature: bool) -> list[str]:
     return out
 
 
-def axis_of(channel: str) -> tuple[int, int]:
-    """Sensor (0 gyro, 1 accelerometer) and axis of an inertial channel."""
-    return divmod(CHANNELS.index(channel), 3)
-
-
-def size_of(channel: str) -> float:
-    """Prior sd of the rms size of a formula on a channel, in its unit."""
-    return SIZES[channel.partition("_")[0]]
-
-
-def inertial_columns(fit: Fit, motion: Motion, channel: str, texts: Sequence[str]) -> list[Column]:
-    """Formulas on one axis of a sensor as columns."""
-    signals = motion_signals(fit, motion)
-    return [_inertial(channel, text, parse_formula(text)(signals)) for text in texts]
-
-
-def _inertial(channel: str, text: str, signal: FloatArray) -> Column:
-    sd = size_of(channel) / max(float(np.std(signal)), 1e-12)
-    acts = (Inertial(*axis_of(channel), signal),)
-    return Column(equation([(channel, text)]), "k", sd, acts, term=(channel, text))
-
-
 def formula_columns(
     fit: Fit, motion: Motion, at: NodeMotion, texts: Sequence[str], exclude: Collection[str]
 ) -> list[Column]:
@@ -133,10 +117,13 @@ def formula_columns(
         if size < 1e-12:
             continue
         unit = (signal - signal.mean()) / size
-        for channel in CHANNELS:
-            if channel in known and np.sum(np.mean(known[channel] * unit, axis=1) ** 2) > ALIKE**2:
+        for channel in INERTIAL:
+            if (
+                channel in known
+                and np.sum(np.mean(known[channel] * unit, axis=1) ** 2) > SAME_SIGNAL**2
+            ):
                 continue
-            out.append(_inertial(channel, text, signal))
+            out.append(formula_column((channel, text), signal))
     out += _fix_columns(signals.at(at.t + fit.opened.drive.begin_s))
     for effect in exclude:
         if effect in CATALOGUE and CATALOGUE[effect].family in ("imu", "gnss", "vehicle", "clock"):
@@ -166,7 +153,7 @@ def _as_formula(column: Column) -> Column:
         name = equation([(on, text)])
         return Column(name, text, column.prior_sd, direct=column.direct, term=(on, text))
     part = column.inertial[0]
-    channel = CHANNELS[3 * part.sensor + part.axis]
+    channel = INERTIAL[3 * part.sensor + part.axis]
     term: ImuTerm = next(
         t for t in imu_terms([column.effect]) if t.parameter.name == column.parameter
     )
@@ -212,7 +199,7 @@ def _catalogue_signals(
         raw = both[:, term.basis - 1] if term.basis < BASIS_EXTRA else extra[:, term.basis - 7]
         size = float(raw.std())
         if size > 1e-12:
-            channel = CHANNELS[(0 if term.sensor == 0 else 3) + term.axis]
+            channel = INERTIAL[(0 if term.sensor == 0 else 3) + term.axis]
             out.setdefault(channel, []).append((raw - raw.mean()) / size)
     return {channel: _at_right_angles(rows) for channel, rows in out.items()}
 
@@ -251,3 +238,39 @@ def _fix_columns(signals: Signals) -> list[Column]:
             acts = Direct(by_channel)
             out.append(Column(equation([(on, text)]), "k", sd, direct=acts, term=(on, text)))
     return out
+
+
+def effect_for(candidate: Candidate, linear: Linear) -> str:
+    """The name of the effect that stands for a candidate in the filter.
+
+    A named effect stands for itself, and so does one of the catalogue that the library was to do
+    without; a formula becomes an effect, once for the same terms.
+    """
+    if not candidate.terms:
+        return candidate.name
+    hidden = left_out_effect(candidate.terms[0][0])
+    if hidden is not None:
+        return hidden
+    for known in user_effects():
+        # what the user defined stays the user's
+        same = [(t.on, t.formula) for t in known.formulas] == list(candidate.terms)
+        if known.name.startswith(PREFIX) and same:
+            return known.name
+    channel = candidate.terms[0][0]
+    name, number = PREFIX + channel, 1
+    while name in CATALOGUE:
+        number += 1
+        name = f"{PREFIX}{channel}_{number}"
+    sds = linear.prior_sd[list(candidate.parts[0])]
+    names = coefficient_names(len(candidate.terms))
+    terms = [
+        UserTerm(parameter, on, parse_formula(text), float(sd), formula=text)
+        for parameter, (on, text), sd in zip(names, candidate.terms, sds, strict=True)
+    ]
+    add_user_effect(user_effect(name, "a formula that the data show", *terms))
+    return name
+
+
+def forget_formulas(keep: Collection[str]) -> None:
+    """Take formulas out of the catalogue that a search has tried, but for those to ``keep``."""
+    set_user_effects([e for e in user_effects() if not e.name.startswith(PREFIX) or e.name in keep])

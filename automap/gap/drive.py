@@ -17,12 +17,10 @@ from automap.fusion.passes import Session
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed
 from automap.fusion.wheels import prepare_wheels
+from automap.gap.limits import EDGE_S, MIN_FIXES, MIN_SAMPLES
 from automap.records import BoolArray, ClockModel, Fixes, FloatArray, ImuData, WheelSpeed
 
 KNOWN = Prior(0.0, 0.0)
-MIN_FIXES = 10
-EDGE_S = 0.35
-"""Fixes so close to the ends of the IMU recording are left out."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +108,7 @@ def open_drive(drive: GapDrive, options: FusionOptions) -> OpenDrive:
     Raises:
         InputError: too few samples or fixes to compare anything.
     """
-    if len(drive.imu) < 100:
+    if len(drive.imu) < MIN_SAMPLES:
         raise InputError(
             f"{drive.name}: only {len(drive.imu)} usable IMU samples; record a longer drive"
         )

@@ -2,32 +2,87 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from automap.errors import InputError
 from automap.fusion.delay_states import COURSE_DISTANCE_STATE
 from automap.fusion.options import FusionOptions
 from automap.gap import limits
-from automap.gap.camera_search import CameraGap
+from automap.gap.camera.search import CameraGap
 from automap.gap.candidates import library
-from automap.gap.confirm import Confirmed
-from automap.gap.cost import costs
+from automap.gap.confirm import Confirmed, costs
 from automap.gap.course_distance import course_distance_finding
+from automap.gap.dictionary import forget_formulas
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
-from automap.gap.fit import fit_drive
-from automap.gap.fitted import Log, open_fits
-from automap.gap.formulas import forget_formulas
-from automap.gap.heldout import channel_gaps, epochs, fit_held_out, remaining_gap, total_score
-from automap.gap.identifiability import Identifiability, identifiability
-from automap.gap.locate import places, worst_by_channel
-from automap.gap.misfit import misfits
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
 from automap.gap.model import GapModel, base_model, without_course_distance
-from automap.gap.naming import chance, describe, strongest_refused, suspected, verdict
-from automap.gap.result import Finding, GapResult, KeptOut
-from automap.gap.scoring import whitener_of
-from automap.gap.search import Found, Search
-from automap.gap.stochastic import noise_claims, stochastic_findings
+from automap.gap.naming import (
+    Identifiability,
+    chance,
+    describe,
+    identifiability,
+    strongest_refused,
+    suspected,
+    verdict,
+)
+from automap.gap.noise import Log, open_fits
+from automap.gap.result import (
+    ChannelGap,
+    Cost,
+    Finding,
+    HeldPositions,
+    KeptOut,
+    NoiseClaim,
+    Refused,
+    Unexplained,
+)
+from automap.gap.scoring import (
+    channel_gaps,
+    epochs,
+    fit_held_out,
+    remaining_gap,
+    total_score,
+    whitener_of,
+)
+from automap.gap.screening import Found
+from automap.gap.search import Search
+from automap.gap.stochastic import noise_claims, noise_levels, stochastic_findings
+
+
+@dataclass(frozen=True)
+class GapResult:
+    """Everything that a search found.
+
+    ``formulas`` what no effect of the library explains, ``model`` the new one, ``places`` where the
+    gap was, ``held_out`` the fits of the held-out data before and after, ``unclear`` what the
+    fitted drives cannot tell, ``misfits`` what no candidate explains, ``noise_claims`` noise that
+    is not as stated, ``refused`` the strongest candidate that is not named, ``costs`` what each
+    effect by name, or level of noise, costs on held-out data, ``kept_out`` what these spoke
+    against, ``positions`` how well they are predicted.
+    """
+
+    gap_before: float
+    gap_after: float
+    channels: tuple[ChannelGap, ...]
+    findings: tuple[Finding, ...]
+    noise: Mapping[str, float]
+    formulas: tuple[Unexplained, ...]
+    verdict: str
+    model: GapModel
+    base: GapModel
+    sync: Mapping[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    places: tuple[Place, ...] = ()
+    held_out: tuple[tuple[Fit, ...], tuple[Fit, ...]] = ((), ())
+    unclear: Identifiability = field(default_factory=Identifiability)
+    misfits: tuple[Misfit, ...] = ()
+    noise_claims: tuple[NoiseClaim, ...] = ()
+    refused: tuple[Refused, ...] = ()
+    costs: Mapping[str, Cost] = field(default_factory=dict)
+    kept_out: tuple[KeptOut, ...] = ()
+    positions: HeldPositions | None = None
 
 
 def find_gaps(
@@ -128,7 +183,7 @@ def _result(
     claims = noise_claims(fits, stated.factors)
     refused = strongest_refused(found)
     left = (*misfits(fits), *suspected(refused))
-    noisy = [*(f.effect for f in noise), *(c.level for c in claims)]
+    noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
     shown = places(first, final)
     carried = replace(model, values={**model.values, **values})

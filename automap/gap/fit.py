@@ -7,15 +7,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from automap.effects import CATALOGUE
+from automap.effects.entries.installation import EARTH
+from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE
 from automap.fusion.filtered import full_covariance
 from automap.fusion.kernel_runs import Start
 from automap.fusion.layout import N_NAV
 from automap.fusion.passes import Pass, Session, run_passes
 from automap.fusion.relinearise import relinearise
-from automap.gap.delays import Delays, delays_of, has_delays, linear_in_delays
 from automap.gap.drive import OpenDrive
-from automap.gap.model import GapModel, parameter_names, session_with
-from automap.gap.motion import Motion, at_times, lagged, motion_of
+from automap.gap.model import SKEW, GapModel, parameter_names, prior_sd
+from automap.gap.motion import Delays, delays_of, has_delays, linear_in_delays, motion_of
 from automap.records import FloatArray, IntArray
 
 DELAY_ROUNDS = 8
@@ -108,6 +110,71 @@ def fit_drive(
     )
 
 
+def session_with(
+    opened: OpenDrive, model: GapModel, estimate: Mapping[str, float]
+) -> tuple[Session, dict[str, dict[str, tuple[str, float]]]]:
+    """The drive's session under a model, with the effects ``estimate`` as states.
+
+    ``estimate`` maps effect to a factor on its prior sd. Returned with it: effect -> parameter
+    -> (name of its state, sign).
+    """
+    drive, session = opened.drive, opened.session
+    options = model.options
+    effects = [e for e in options.effects if e not in model.values]
+    means, sds = dict(session.means), dict(session.sds)
+    stated = np.zeros(3) if drive.lever_arm is None else np.asarray(drive.lever_arm)
+    if drive.delay.sd > 0.0 or drive.delay.mean != 0.0:
+        effects.append("imu_time_offset")
+        means[DELAY_STATE], sds[DELAY_STATE] = drive.delay.mean, drive.delay.sd
+    if drive.mounting_sd.any() and "imu_mounting" not in effects:
+        effects.append("imu_mounting")
+        for a, sd in zip(("roll", "pitch", "yaw"), drive.mounting_sd, strict=True):
+            sds[f"imu_mounting_{a}"] = float(sd)
+    where: dict[str, dict[str, tuple[str, float]]] = {}
+    earth = options.earth_rotation or EARTH in model.values or EARTH in estimate
+    for effect in dict.fromkeys([*model.values, *estimate]):
+        if effect == EARTH:
+            where[effect] = {}
+            continue
+        state, sign = CATALOGUE[effect].first_order or (effect, 1.0)
+        if state not in effects:
+            effects.append(state)
+        place = {}
+        state_parameters = parameter_names(state)
+        for i, parameter in enumerate(parameter_names(effect)):
+            name = f"{state}_{state_parameters[i]}"
+            place[parameter] = (name, sign)
+            means[name] = means.get(name, 0.0) + sign * float(
+                model.values.get(effect, {}).get(parameter, 0.0)
+            )
+            sd = estimate.get(effect, 0.0) * prior_sd(options, effect, parameter)
+            sds[name] = float(np.hypot(sds.get(name, 0.0), sd))
+        where[effect] = place
+    if SKEW in where:
+        # nobody says at which instant the two clocks agreed
+        if "gnss_latency" not in effects:
+            effects.append("gnss_latency")
+        value = abs(model.values.get(SKEW, {}).get("skew", 0.0))
+        value += estimate.get(SKEW, 0.0) * prior_sd(options, SKEW, "skew")
+        means.setdefault(LATENCY_STATE, 0.0)
+        sds[LATENCY_STATE] = float(np.hypot(sds.get(LATENCY_STATE, 0.0), value * session.span[1]))
+    if stated.any() or "gnss_lever_arm" in effects:
+        if "gnss_lever_arm" not in effects:
+            effects.append("gnss_lever_arm")
+        for a, value in zip("xyz", stated, strict=True):
+            name = f"gnss_lever_arm_{a}"
+            means[name] = means.get(name, 0.0) + float(value)
+            if "gnss_lever_arm" not in where and "gnss_lever_arm" not in options.effects:
+                sds[name] = 0.0
+    scaled = replace(
+        options,
+        effects=tuple(effects),
+        factors=dict(model.factors),
+        earth_rotation=earth,
+    )
+    return replace(session, options=scaled, means=means, sds=sds), where
+
+
 def whitened_innovations(fit: Fit) -> tuple[FloatArray, FloatArray, IntArray]:
     """Innovations over sd [s], their times [s] in s and channels [s]."""
     store = fit.last.forward.store
@@ -131,6 +198,3 @@ def _stated(opened: OpenDrive, names: list[tuple[str, str]]) -> FloatArray:
     arm = opened.drive.lever_arm
     known = {} if arm is None else dict(zip("xyz", np.asarray(arm), strict=True))
     return np.array([known.get(p, 0.0) if e == "gnss_lever_arm" else 0.0 for e, p in names])
-
-
-__all__ = ["Fit", "Motion", "at_times", "fit_drive", "lagged", "motion_of", "whitened_innovations"]

@@ -19,16 +19,13 @@ from automap.calibration.rest_search import pose_means
 from automap.calibration.static import StaticCalibration, calibrate_static
 from automap.effects import CATALOGUE, distort_imu
 from automap.effects.terms import ACCEL
+from automap.gap.limits import DESK_CLOSE, DESK_FOLDS, DESK_HUBER, DESK_NATS, DESK_P
 from automap.gap.result import Finding, ParameterValue
 from automap.gates import OUTSIDE_95, sd_by_median, sigmas
 from automap.records import FloatArray, IntArray, RawImu
 
 ACCEL_LIBRARY = ("accel_misalignment", "accel_quadratic", "accel_scale_asymmetry")
 """Chosen: what a dozen poses at rest can show beside bias and scale, which they are fitted with."""
-FOLDS = 4
-MIN_NATS = 7.0
-MAX_P = 1e-3
-HUBER_SD = 2.5
 
 
 @dataclass(frozen=True)
@@ -140,9 +137,9 @@ def _accelerometer(
         nats, effect, trial = trials[0]
         p = min(1.0, len(ACCEL_LIBRARY) * _f_test(fit, trial))
         ahead = _held_out(scaled, gravity, (*accepted, effect))
-        if nats < MIN_NATS or p > MAX_P or not _rms(ahead) < _rms(held):
+        if nats < DESK_NATS or p > DESK_P or not _rms(ahead) < _rms(held):
             break
-        confusable = tuple(e for n, e, _ in trials[1:] if nats - n < 3.0)
+        confusable = tuple(e for n, e, _ in trials[1:] if nats - n < DESK_CLOSE)
         findings.append(
             Finding(
                 effect,
@@ -196,11 +193,11 @@ def _fit_poses(scaled: FloatArray, gravity: float, effects: tuple[str, ...]) -> 
     plain = least_squares(residuals, x0, x_scale=x_scale)
     spread = max(sd_by_median(plain.fun), 1e-6)
     robust = least_squares(
-        residuals, plain.x, x_scale=x_scale, loss="huber", f_scale=HUBER_SD * spread
+        residuals, plain.x, x_scale=x_scale, loss="huber", f_scale=DESK_HUBER * spread
     )
     r = residuals(robust.x)
     dof = max(len(r) - len(robust.x), 1)
-    variance = float(np.sum(np.clip(r, -HUBER_SD * spread, HUBER_SD * spread) ** 2)) / dof
+    variance = float(np.sum(np.clip(r, -DESK_HUBER * spread, DESK_HUBER * spread) ** 2)) / dof
     jac = np.asarray(robust.jac)
     cov = variance * np.linalg.pinv(jac.T @ jac)
     return PoseFit(effects, np.asarray(robust.x), cov, r, float(np.sqrt(variance)))
@@ -209,7 +206,7 @@ def _fit_poses(scaled: FloatArray, gravity: float, effects: tuple[str, ...]) -> 
 def _held_out(scaled: FloatArray, gravity: float, effects: tuple[str, ...]) -> FloatArray:
     """Left-over norms [k] of each pose under the fit to the other folds."""
     k = len(scaled)
-    fold = np.arange(k) % min(FOLDS, k)
+    fold = np.arange(k) % min(DESK_FOLDS, k)
     out = np.empty(k)
     for number in range(int(fold.max()) + 1):
         test = fold == number
@@ -259,9 +256,9 @@ def _gyro(
     forces = [accel.apply(log.accel) for log in logs]
     spread = (variances * accel.scale**2 + accel.floor**2) / gravity**2
     turns = turns_between(logs, forces, rests, directions_of(accel, means), spread, gravity)
-    fold: IntArray = np.arange(len(turns)) % FOLDS
+    fold: IntArray = np.arange(len(turns)) % DESK_FOLDS
     errors = np.zeros((2, len(turns)))
-    for number in range(FOLDS):
+    for number in range(DESK_FOLDS):
         train = [t for t, f in zip(turns, fold, strict=True) if f != number]
         for row, flag in enumerate((False, True)):
             fit = fit_gyro(logs, forces, rests, train, accel, gravity, flag)
@@ -276,7 +273,7 @@ def _gyro(
     dof = max(n - 21, 1)
     ratio = max(rss0 - rss1, 0.0) / 9.0 / max(rss1 / dof, 1e-300)
     p = float(f_distribution.sf(ratio, 9, dof))
-    if nats < MIN_NATS or p > MAX_P or not _robust(after) < _robust(before):
+    if nats < DESK_NATS or p > DESK_P or not _robust(after) < _robust(before):
         return None, before, before
     names = [q.name for q in CATALOGUE["gyro_g_sensitivity"].parameters]
     # the half widths are those of 95 % intervals

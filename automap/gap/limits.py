@@ -33,6 +33,23 @@ APART = 1.645
 """Sigmas of the difference of two models' scores, stretch by stretch, from which on they are told
 apart (Vuong 1989): the better is then the worse one time in twenty."""
 
+SHOWS, ALIKE = 3.0, 0.8
+"""An effect of its usual size shows on a drive where it stands out by three sigmas. Two cannot be
+told apart where four fifths of what one shows are the other's, and the rest shows no more."""
+
+# candidates
+
+FORMULA_SIZES = {"gyro": 5e-4, "accel": 0.05, "position": 0.5, "height": 0.5, "velocity": 0.05}
+"""Usual root mean square of what a formula adds, rad/s, m/s^2, m, m, m/s. Chosen as large as what
+consumer sensors err by and a drive notices: 5 mg, 1.7 degrees a minute, the noise of fixes."""
+SAME_SIGNAL = 0.999
+"""A quantity that correlates so with a sum of catalogue effects' is those effects: a one-sided
+rate is a scale and an asymmetry."""
+REFERENCE_TAU_S = 0.1
+"""Delays and lags are told apart by what so long a one does beyond first order."""
+FREE_DELAY_S = 0.02
+"""A clock offset that is estimated with a larger sd is free: it is the same as late fixes."""
+
 # stretches
 
 BLOCKS_S = (8.0, 32.0)
@@ -70,6 +87,45 @@ SUSPECTED = 0.01
 """Chance below which something is told to be missing though nothing is named: one search in a
 hundred says so of nothing. Eight stretches of half a minute can say it, seven cannot."""
 
+# rows
+
+AR_ORDER, MAX_COEFFICIENT_SUM = 3, 0.9
+"""What noise remembers of the rows before it, and how much of it at most: what lasts for longer is
+a state's to say, and beyond nine tenths a channel would be told by its differences alone."""
+HUBER = 2.0
+"""Sigmas beyond which rows count less: of normal noise that takes a hundredth of what they say
+(Huber 1981)."""
+CLIP = 4.0
+"""Sigmas at which a wild value is cut off: one fix in a thousand is not the size of all others."""
+MIN_ROWS = 30
+"""Of fewer no size is told: it would be off by an eighth and more (1 / sqrt(2 n))."""
+MIN_SAMPLES, MIN_FIXES = 100, 10
+"""A drive with fewer readings or fixes is refused. Chosen: it can say nothing of a dozen states."""
+EDGE_S = 0.35
+"""Fixes so close to the ends of the IMU recording are left out: delays of as much stay inside."""
+
+# noise
+
+LEVEL_RANGE = 256.0
+"""Levels of noise are sought within such a factor of what is stated. Chosen: no data sheet is off
+by more."""
+REST_S, LEAST_RESTS = 1.0, 10
+"""Means at rest are long enough for the noise that a filter sums up between fixes, too short for
+drift; of fewer differences the deviation is not known to a third of itself."""
+MAX_NODES = 4000
+"""Noise is fitted on so many nodes at most, spread over the drives; bounds the time."""
+WALK_FACTOR, SCALE_FACTOR = 2.5, 1.4
+"""Factors from which on a bias' drift and a level of noise are told as not as stated. Chosen: twice
+the variance for a level; drift is stated less surely."""
+NOISE_NATS, OCCAM_NATS = 10.0, 3.0
+"""Nats that a level must be worth beside what its freedom costs: twenty to one for being anything
+between half and twice what data sheets say. Chosen."""
+OUTLIER_NIS = 30.0
+"""Squared sigmas from which on a fix is wild: of three normal coordinates one in a million."""
+USUAL_SHARE, WILD_SHARE, WILD_P = 0.002, 0.005, 1e-4
+"""Share of fixes that heavy tails alone throw so far, the share from which on more is told, and
+the chance below which it is more. Chosen."""
+
 # held-out data
 
 FIT_SHARE = 2.0 / 3.0
@@ -88,6 +144,21 @@ standard error of an rms of some thousand fixes."""
 ONE_IN_A_THOUSAND = 3.09
 """Sigmas beyond which they must be worse stretch by stretch, too."""
 
+# what is left
+
+BANDS = 6
+"""Bands of an octave and more between the slowest and the quickest that a channel shows."""
+MISFIT_ROWS = 60
+"""Of a channel, so that its halves still have a size."""
+PLACE_ROWS = 15
+"""Of a channel in a manoeuvre, below which no size of it is shown. Chosen."""
+WORTH = 1.5
+"""Factor on the variance below which a misfit is not told: sigmas are then off by less than a
+quarter."""
+STANDING_SPEED, TURN_RATE, ACCELERATION = 0.5, 0.08, 0.6
+"""What is called standing, m/s, a turn, rad/s, and accelerating or braking, m/s^2. Chosen: they
+sort what is shown."""
+
 # time
 
 BOX_S = 2.0
@@ -95,3 +166,33 @@ BOX_S = 2.0
 its springs and bends sways itself."""
 MOST_BOXES = 150
 """Of longer drives boxes are longer; bounds the time."""
+LEAST_BOXES = 3
+"""A period or a plateau of fewer boxes is not seen as one."""
+PLATEAUS = 3
+"""So many of the likeliest, of each axis, are carried on; bounds the time."""
+
+# cameras
+
+MIN_SIGNS = 6
+"""As many as have errors to tell beside their own places."""
+MIN_VIEWS, MAX_VIEWS = 4, 24
+"""Of a sign; boxes of many neighbouring frames say the same again."""
+MARGIN_SD_PX = 1.5
+"""Boxes taller than their signs. Chosen."""
+WINDOW_S = 60.0
+"""Signs seen within such a time share an attitude error of the path. Chosen as receivers' errors
+last."""
+SHUTTER_SLACK_S, LONGEST_SHUTTER_S = 0.005, 0.12
+"""Rows are read from the top, within a frame's time. On a straight road a shutter beyond that is a
+lever arm in disguise."""
+
+# desks
+
+DESK_FOLDS = 4
+"""Poses are held out a quarter at a time: of a dozen nine remain for six parameters."""
+DESK_NATS, DESK_P = 7.0, 1e-3
+"""A thousand to one, and as seldom by chance."""
+DESK_CLOSE = 3.0
+"""Nats below which two effects are not told apart: twenty to one."""
+DESK_HUBER = 2.5
+"""Sigmas beyond which a pose counts less."""

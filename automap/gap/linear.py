@@ -1,6 +1,8 @@
 """A fitted model made linear: how every candidate would show in its innovations.
 
-About a fit the innovations w are linear in the parameters of all candidates: w = phi theta + noise.
+A candidate's columns say how it acts, on the readings of an axis or on measurements themselves;
+the filter's own gains turn that into what its innovations would show of a unit of each. About a
+fit the innovations w are linear in the parameters of all candidates: w = phi theta + noise.
 Effects that the fit has already count from zero again: what their values explain is given back.
 """
 
@@ -11,11 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.gap.columns import Column, NodeMotion, node_motion, sensitivities
-from automap.gap.fit import Fit, motion_of, whitened_innovations
-from automap.gap.limits import LEAST_OWN
-from automap.gap.motion import Motion
-from automap.gap.whitening import HUBER, LOOSE, MIN_SPREAD, fit_whitener, white_rows
+from automap.effects.user import INERTIAL
+from automap.frames import quat_to_matrix
+from automap.fusion.steady_rate import steady_rate
+from automap.gap.fit import Fit, whitened_innovations
+from automap.gap.kernels import propagate_columns
+from automap.gap.limits import HUBER, LEAST_OWN
+from automap.gap.motion import Motion, at_times, motion_of
+from automap.gap.whitening import LOOSE, MIN_SPREAD, fit_whitener, white_rows
 from automap.gates import sd_by_median
 from automap.records import FloatArray, IntArray
 
@@ -25,6 +30,62 @@ PASSES = 3
 """Of weights that the residuals decide: they have settled then."""
 STRETCH = 2048
 """Rows that are multiplied together in double precision; bounds the memory."""
+
+
+@dataclass(frozen=True)
+class Inertial:
+    """Adds ``signal`` [n] times the parameter to an axis of a sensor (0 gyro, 1 accelerometer)."""
+
+    sensor: int
+    axis: int
+    signal: FloatArray
+
+    @classmethod
+    def on(cls, channel: str, signal: FloatArray) -> Inertial:
+        """On a channel by its name."""
+        return cls(*divmod(INERTIAL.index(channel), 3), signal)
+
+
+@dataclass(frozen=True)
+class Direct:
+    """Adds ``by_channel`` [k, 15] times the parameter to the nodes' measurements."""
+
+    by_channel: FloatArray
+
+
+@dataclass(frozen=True)
+class Column:
+    """One parameter of a candidate: how it acts, and its prior sd; channel and text of a formula's
+    ``term``, and out of how many ``choices`` it was the likeliest."""
+
+    effect: str
+    parameter: str
+    prior_sd: float
+    inertial: tuple[Inertial, ...] = ()
+    direct: Direct | None = None
+    term: tuple[str, str] = ("", "")
+    choices: float = 1.0
+
+
+@dataclass(frozen=True)
+class NodeMotion:
+    """The motion at the nodes: velocity, acceleration NED, ``dcm`` body to NED, rate in body axes
+    without the noise of single readings."""
+
+    t: FloatArray
+    vel: FloatArray
+    acc: FloatArray
+    dcm: FloatArray
+    rate: FloatArray
+
+
+def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
+    """The smoothed motion at the nodes of a fit."""
+    nominal = fit.last.smooth.nominal
+    t = fit.last.nodes.t
+    rate = at_times(motion, steady_rate(motion.t, motion.rate), t)
+    acc = at_times(motion, motion.acc, t)
+    return NodeMotion(t, nominal[:, 3:6].copy(), acc, quat_to_matrix(nominal[:, 6:10]), rate)
 
 
 @dataclass(frozen=True)
@@ -118,6 +179,57 @@ def _raw(
         part = slice(start, start + BATCH)
         phi[:, at[part]] = sensitivities(fit, motion, columns[part])
     return Rows(whitened + _times(phi, known), phi, t, channel)
+
+
+def sensitivities(fit: Fit, motion: Motion, columns: Sequence[Column]) -> FloatArray:
+    """Whitened sensitivity [s, c] of the fit's scalars to the columns' parameters."""
+    inertial = [i for i, c in enumerate(columns) if c.direct is None]
+    direct = [i for i, c in enumerate(columns) if c.direct is not None]
+    order = inertial + direct
+    signals: list[FloatArray] = []
+    index: dict[int, int] = {}
+    terms: list[tuple[int, int, int, int]] = []
+    for place, i in enumerate(order):
+        for part in columns[i].inertial:
+            key = id(part.signal)
+            if key not in index:
+                index[key] = len(signals)
+                signals.append(part.signal)
+            terms.append((place, part.sensor, part.axis, index[key]))
+    last = fit.last
+    store = last.forward.store
+    total = len(store.nu)
+    node, channel = store.info[:, 0], store.info[:, 1]
+    acting = np.zeros((total, len(direct)))
+    for place, i in enumerate(direct):
+        acts = columns[i].direct
+        assert acts is not None
+        acting[:, place] = acts.by_channel[node, channel]
+    n = len(motion.t)
+    table: IntArray = np.array(terms, dtype=np.int64).reshape(-1, 4)
+    out = np.zeros((total, len(order)))
+    propagate_columns(
+        motion.t,
+        motion.force,
+        np.ascontiguousarray(motion.dcm),
+        np.ascontiguousarray(np.stack(signals, axis=1)) if signals else np.zeros((n, 1)),
+        table,
+        np.ones(len(terms)),
+        last.nodes.t,
+        store.trans,
+        last.problem.model.tau,
+        last.nodes.wander_keep,
+        last.problem.model.kept,
+        store.scalars,
+        store.h,
+        store.gain,
+        store.var,
+        acting,
+        out,
+    )
+    back = np.empty(len(order), dtype=np.int64)
+    back[order] = np.arange(len(order))
+    return np.asarray(out[:, back])
 
 
 def _times(phi: FloatArray, values: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What a model still does not explain, though no candidate does either: where, when, how large.
+"""What innovations still show: where a gap is, and what no candidate explains.
 
 The innovations of a right model are white and of size one. Whatever the search has named, they are
 looked at once more, by channel: by frequency, along the drive, and by what the vehicle does.
@@ -12,23 +12,29 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
-from automap.fusion.layout import CH_VEL, CHANNELS
+from automap.fusion.layout import CHANNELS
 from automap.gap import limits
-from automap.gap.fit import Fit, at_times, motion_of, whitened_innovations
+from automap.gap.fit import Fit, whitened_innovations
+from automap.gap.limits import (
+    ACCELERATION,
+    BANDS,
+    CLIP,
+    MIN_ROWS,
+    MISFIT_ROWS,
+    PLACE_ROWS,
+    STANDING_SPEED,
+    TURN_RATE,
+    WORTH,
+)
+from automap.gap.motion import at_times, motion_of
+from automap.gap.scoring import MEASURED, SHOWN
 from automap.gates import exceeds
 from automap.records import BoolArray, FloatArray
 
-MEASURED = CH_VEL + 3
-BANDS = 6
-"""Bands of an octave and more between the slowest and the quickest that a channel shows."""
-CLIP = 4.0
-"""One wild fix in a thousand is a finding of its own, not the size of all others."""
-LEAST_ROWS = 60
+MANOEUVRES = ("standing", "turning", "accelerating", "braking", "cruising")
 LIKE = "like"
-WORTH = 1.5
-"""Factor on the variance below which a misfit is not told: sigmas are then off by less than a
-quarter."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +93,7 @@ def _bands(fits: Sequence[Fit], channel: int) -> list[Misfit]:
     power, frequency = [], []
     for fit in fits:
         w, t = _rows(fit, channel)
-        if len(w) < LEAST_ROWS:
+        if len(w) < MISFIT_ROWS:
             continue
         step = float(np.median(np.diff(t)))
         if step <= 0.0:
@@ -126,7 +132,7 @@ def _conditions(fits: Sequence[Fit], channel: int) -> list[Misfit]:
         ws.append(w)
         kinds.append(np.stack([t + fit.opened.drive.begin_s, speed, rate, along], axis=1))
     w, conditions = np.concatenate(ws), np.concatenate(kinds)
-    if len(w) < LEAST_ROWS:
+    if len(w) < MISFIT_ROWS:
         return []
     names = (
         ("time", "s after the start", 8),
@@ -145,7 +151,72 @@ def _conditions(fits: Sequence[Fit], channel: int) -> list[Misfit]:
 
 
 def _sized(w: FloatArray, channel: str, kind: str, words: str) -> list[Misfit]:
-    if len(w) < LEAST_ROWS // 2:
+    if len(w) < MIN_ROWS:
         return []
     size = float(np.mean(w**2))
     return [Misfit(channel, kind, words, size, exceeds(size * len(w), len(w)))]
+
+
+@dataclass(frozen=True)
+class Place:
+    """A channel during a manoeuvre: how many measurements, and the mean squared normalised
+    innovation before and after (1 is right)."""
+
+    channel: str
+    manoeuvre: str
+    count: int
+    before: float
+    after: float
+
+
+def manoeuvres(fit: Fit) -> npt.NDArray[np.object_]:
+    """What the vehicle does at each node [k]."""
+    motion = motion_of(fit.last)
+    t = fit.last.nodes.t
+    speed = np.linalg.norm(at_times(motion, motion.vel, t), axis=1)
+    rate = np.abs(at_times(motion, motion.rate, t)[:, 2])
+    forward = np.einsum("ni,ni->n", motion.dcm[:, :, 0], motion.acc)
+    along = np.interp(t, motion.t, forward)
+    out = np.full(len(t), "cruising", dtype=object)
+    out[along > ACCELERATION] = "accelerating"
+    out[along < -ACCELERATION] = "braking"
+    out[rate > TURN_RATE] = "turning"
+    out[speed < STANDING_SPEED] = "standing"
+    return out
+
+
+def places(before: Sequence[Fit], after: Sequence[Fit]) -> list[Place]:
+    """Channels by manoeuvre, those whose innovations were largest first."""
+    sums: dict[tuple[int, str], list[FloatArray]] = {}
+    for old, new in zip(before, after, strict=True):
+        doing = manoeuvres(new)
+        for side, fit in enumerate((old, new)):
+            whitened, _, channel = whitened_innovations(fit)
+            node = fit.last.forward.store.info[:, 0]
+            what = doing[np.minimum(node, len(doing) - 1)]
+            for c in range(SHOWN):
+                for name in MANOEUVRES:
+                    w = np.clip(whitened[(channel == c) & (what == name)], -10.0, 10.0)
+                    if len(w) >= PLACE_ROWS:
+                        entry = sums.setdefault((c, name), [np.zeros(2), np.zeros(2)])
+                        entry[side] += np.array([len(w), float(np.sum(w**2))])
+    out = [
+        Place(
+            CHANNELS[c],
+            name,
+            int(a[0]),
+            float(a[1] / a[0]),
+            float(b[1] / max(b[0], 1.0)),
+        )
+        for (c, name), (a, b) in sums.items()
+        if a[0] > 0
+    ]
+    return sorted(out, key=lambda p: -p.before)
+
+
+def worst_by_channel(found: Sequence[Place]) -> dict[int, str]:
+    """The manoeuvre with the largest innovations of each channel."""
+    out: dict[int, str] = {}
+    for place in found:
+        out.setdefault(CHANNELS.index(place.channel), place.manoeuvre)
+    return out

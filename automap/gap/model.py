@@ -5,15 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from automap.effects import CATALOGUE
-from automap.effects.entries.installation import EARTH
-from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.options import FusionOptions
-from automap.fusion.passes import Session
-from automap.gap.drive import OpenDrive
 
 Values = Mapping[str, Mapping[str, float]]
 
@@ -92,68 +86,3 @@ def prior_sd(options: FusionOptions, effect: str, parameter: str) -> float:
 def parameter_names(effect: str) -> list[str]:
     """Parameter names of an effect in the catalogue's order."""
     return [p.name for p in CATALOGUE[effect].parameters]
-
-
-def session_with(
-    opened: OpenDrive, model: GapModel, estimate: Mapping[str, float]
-) -> tuple[Session, dict[str, dict[str, tuple[str, float]]]]:
-    """The drive's session under a model, with the effects ``estimate`` as states.
-
-    ``estimate`` maps effect to a factor on its prior sd. Returned with it: effect -> parameter
-    -> (name of its state, sign).
-    """
-    drive, session = opened.drive, opened.session
-    options = model.options
-    effects = [e for e in options.effects if e not in model.values]
-    means, sds = dict(session.means), dict(session.sds)
-    stated = np.zeros(3) if drive.lever_arm is None else np.asarray(drive.lever_arm)
-    if drive.delay.sd > 0.0 or drive.delay.mean != 0.0:
-        effects.append("imu_time_offset")
-        means[DELAY_STATE], sds[DELAY_STATE] = drive.delay.mean, drive.delay.sd
-    if drive.mounting_sd.any() and "imu_mounting" not in effects:
-        effects.append("imu_mounting")
-        for a, sd in zip(("roll", "pitch", "yaw"), drive.mounting_sd, strict=True):
-            sds[f"imu_mounting_{a}"] = float(sd)
-    where: dict[str, dict[str, tuple[str, float]]] = {}
-    earth = options.earth_rotation or EARTH in model.values or EARTH in estimate
-    for effect in dict.fromkeys([*model.values, *estimate]):
-        if effect == EARTH:
-            where[effect] = {}
-            continue
-        state, sign = CATALOGUE[effect].first_order or (effect, 1.0)
-        if state not in effects:
-            effects.append(state)
-        place = {}
-        state_parameters = parameter_names(state)
-        for i, parameter in enumerate(parameter_names(effect)):
-            name = f"{state}_{state_parameters[i]}"
-            place[parameter] = (name, sign)
-            means[name] = means.get(name, 0.0) + sign * float(
-                model.values.get(effect, {}).get(parameter, 0.0)
-            )
-            sd = estimate.get(effect, 0.0) * prior_sd(options, effect, parameter)
-            sds[name] = float(np.hypot(sds.get(name, 0.0), sd))
-        where[effect] = place
-    if SKEW in where:
-        # nobody says at which instant the two clocks agreed
-        if "gnss_latency" not in effects:
-            effects.append("gnss_latency")
-        value = abs(model.values.get(SKEW, {}).get("skew", 0.0))
-        value += estimate.get(SKEW, 0.0) * prior_sd(options, SKEW, "skew")
-        means.setdefault(LATENCY_STATE, 0.0)
-        sds[LATENCY_STATE] = float(np.hypot(sds.get(LATENCY_STATE, 0.0), value * session.span[1]))
-    if stated.any() or "gnss_lever_arm" in effects:
-        if "gnss_lever_arm" not in effects:
-            effects.append("gnss_lever_arm")
-        for a, value in zip("xyz", stated, strict=True):
-            name = f"gnss_lever_arm_{a}"
-            means[name] = means.get(name, 0.0) + float(value)
-            if "gnss_lever_arm" not in where and "gnss_lever_arm" not in options.effects:
-                sds[name] = 0.0
-    scaled = replace(
-        options,
-        effects=tuple(effects),
-        factors=dict(model.factors),
-        earth_rotation=earth,
-    )
-    return replace(session, options=scaled, means=means, sds=sds), where

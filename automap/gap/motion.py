@@ -1,17 +1,41 @@
-"""The smoothed motion of a fitted drive, as signals over time."""
+"""The smoothed motion of a drive, and what delays and lags of the fixes do along it.
+
+A filter that takes delays as states sees a position as late by delay times velocity, a velocity
+by delay times acceleration. What is more to it is taken from the smoothed motion and out of the
+fixes, so models with other delays are compared at the same nodes.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.earth import gravity
+from automap.earth import gravity, metres_per_radian
 from automap.effects.gnss import low_pass
+from automap.effects.limits import COURSE_SPEED
+from automap.effects.measured_kernels import course_changes
 from automap.frames import quat_to_matrix
+from automap.fusion.delay_states import (
+    COURSE_DISTANCE_STATE,
+    COURSE_STATE,
+    LATENCY_STATE,
+    SKEW_STATE,
+    VEL_LAG_STATE,
+    VEL_LATENCY_STATE,
+)
 from automap.fusion.kernel_runs import run_dense
+from automap.fusion.nodes import FixModel
 from automap.fusion.passes import Pass
+from automap.fusion.steady_rate import steady_rate
 from automap.records import FloatArray
+
+LEAST_S = 5e-4
+STREET_SPEED = 10.0
+"""At which a distance is so many seconds, m/s."""
+CHANGE = 5e-4
+"""Ages that moved by less, in s or as a share, change nothing of the remainder."""
 
 
 @dataclass(frozen=True)
@@ -67,3 +91,142 @@ def lagged(motion: Motion, signal: FloatArray, tau_s: float) -> FloatArray:
     even = np.stack([np.interp(grid, motion.t, v) for v in signal.T], axis=1)
     passed = low_pass(even, step, tau_s)
     return np.stack([np.interp(motion.t, grid, v) for v in passed.T], axis=1)
+
+
+@dataclass(frozen=True)
+class Delays:
+    """By how much fixes are older than their tags in s: ``all_s`` of them at the start of the
+    drive, growing by ``skew`` s/s; velocities by ``velocity_s`` more, and by a low-pass of time
+    constant ``lag_s``, their courses by ``course_s`` and by the time for ``course_m`` more than
+    their sizes."""
+
+    all_s: float = 0.0
+    skew: float = 0.0
+    velocity_s: float = 0.0
+    lag_s: float = 0.0
+    course_s: float = 0.0
+    course_m: float = 0.0
+
+    def close_to(self, other: Delays, length_s: float) -> bool:
+        """Whether two differ by no more than matters over a drive of ``length_s``."""
+        mine, others = self._in_s(length_s), other._in_s(length_s)
+        return all(
+            abs(a - b) <= max(LEAST_S, CHANGE * abs(a)) for a, b in zip(mine, others, strict=True)
+        )
+
+    def _in_s(self, length_s: float) -> tuple[float, ...]:
+        ages = self.all_s, self.skew * length_s, self.velocity_s, self.lag_s, self.course_s
+        return *ages, self.course_m / STREET_SPEED
+
+
+def has_delays(effects: Collection[str]) -> bool:
+    """Whether a model that estimates these effects has ages of the fixes at all."""
+    ages = (LATENCY_STATE, SKEW_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE, COURSE_STATE)
+    return any(age.rpartition("_")[0] in effects for age in (*ages, COURSE_DISTANCE_STATE))
+
+
+def delays_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) -> Delays:
+    """The ages that the states of a pass have found; ``where`` the effects' states."""
+    found = last.totals()
+    lag = found.get(VEL_LAG_STATE, 0.0)
+    age = found.get(VEL_LATENCY_STATE, 0.0)
+    if "gnss_velocity_lag" not in where or "gnss_velocity_latency" in where:
+        # the state stands for a latency
+        lag, age = 0.0, age + lag
+    course = found.get(COURSE_STATE, 0.0)
+    late, skew = found.get(LATENCY_STATE, 0.0), -found.get(SKEW_STATE, 0.0)
+    # negative ones are none, but what a first order takes up for something else
+    behind = max(found.get(COURSE_DISTANCE_STATE, 0.0), 0.0)
+    return Delays(late, skew, age, max(lag, 0.0), course, behind)
+
+
+def linear_in_delays(
+    fixes: FixModel, last: Pass, motion: Motion, delays: Delays
+) -> tuple[FixModel, FloatArray | None]:
+    """Fixes less what their ages do to them beyond the first order about ``delays``, and what
+    velocities change by as they grow later, less the acceleration at their tag [n, 3] m/s^2.
+
+    A velocity that is late by a time constant or more changes by what happened then: the
+    acceleration at its tag may have the other sign, and would lead away from the right delay.
+    """
+    found = last.totals()
+    arm = np.array([found.get(f"gnss_lever_arm_{a}", 0.0) for a in "xyz"])
+    # not the noise of single readings: on rough roads an arm would turn it into velocities
+    rate = steady_rate(motion.t, motion.rate)
+    turning = np.cross(rate, arm)
+    swing = np.einsum("nij,nj->ni", motion.dcm, turning)
+    inward = np.einsum("nij,nj->ni", motion.dcm, np.cross(rate, turning))
+    antenna = replace(motion, vel=motion.vel + swing)
+    t = last.shift.position_times(fixes.t)
+    late = delays.all_s + delays.skew * t
+    values = fixes.values.copy()
+    path, vel = _path(antenna), at_times(motion, antenna.vel, t)
+    moved = at_times(motion, path, t - late) - at_times(motion, path, t) + late[:, None] * vel
+    north, east = metres_per_radian(values[:, 0], values[:, 2])
+    values[:, 0] -= moved[:, 0] / north
+    values[:, 1] -= moved[:, 1] / east
+    values[:, 2] += moved[:, 2]
+    passed = lagged(motion, antenna.vel, delays.lag_s) if delays.lag_s > 0.0 else antenna.vel
+    told = t - late - delays.velocity_s
+    seen = at_times(motion, passed, told)
+    # metres a second of a clock that runs fast
+    seen *= 1.0 - delays.skew
+    old = (late + delays.velocity_s + delays.lag_s)[:, None]
+    changing = _steady(last, motion) + inward
+    acc = at_times(motion, changing, t)
+    first_order = vel - old * acc
+    change = _late_change(motion, changing, delays)
+    if change is not None:
+        constant = delays.all_s + delays.velocity_s + delays.lag_s
+        first_order -= constant * at_times(motion, change, t)
+    if delays.course_s != 0.0 or delays.course_m != 0.0:
+        speed = np.maximum(np.hypot(seen[:, 0], seen[:, 1]), COURSE_SPEED)
+        behind = delays.course_s + delays.course_m / speed
+        seen = _turned(seen, at_times(motion, passed, told - behind))
+        turns = np.zeros_like(vel)
+        course_changes(vel, acc, turns)
+        place = np.cross(rate, np.array([delays.course_m, 0.0, 0.0]))
+        first_order -= delays.course_s * turns
+        first_order -= at_times(motion, np.einsum("nij,nj->ni", motion.dcm, place), t)
+    values[:, 3:6] -= seen - first_order
+    return replace(fixes, values=values), change
+
+
+def _late_change(motion: Motion, acc: FloatArray, delays: Delays) -> FloatArray | None:
+    """By how much the change of late velocities differs from the acceleration ``acc`` [n, 3]; None
+    where they are not late. A low-pass changes with its time constant by the acceleration passed
+    through it twice: y = v / (1 + s tau), dy / dtau = -s v / (1 + s tau)^2."""
+    late = delays.all_s + delays.velocity_s
+    if abs(late) < LEAST_S and delays.lag_s < LEAST_S:
+        return None
+    then = acc
+    for _ in range(2 if delays.lag_s > 0.0 else 0):
+        then = lagged(motion, then, delays.lag_s)
+    skewed = delays.skew * motion.t
+    return np.asarray(at_times(motion, then, motion.t - late - skewed) - acc)
+
+
+def _turned(vel: FloatArray, course_of: FloatArray) -> FloatArray:
+    """Velocities [k, 3] with the courses of others, at a crawl hardly: a course is anything."""
+    size = np.hypot(vel[:, 0], vel[:, 1])
+    other = np.hypot(course_of[:, 0], course_of[:, 1])
+    told = np.minimum((size / COURSE_SPEED) ** 2, 1.0)
+    moving = other > 0.0
+    out = vel.copy()
+    for a in range(2):
+        turned = np.where(moving, course_of[:, a] / np.where(moving, other, 1.0) * size, vel[:, a])
+        out[:, a] += told * (turned - vel[:, a])
+    return out
+
+
+def _path(motion: Motion) -> FloatArray:
+    """The way [n, 3] NED in m since the first epoch."""
+    steps = 0.5 * (motion.vel[1:] + motion.vel[:-1]) * np.diff(motion.t)[:, None]
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+
+
+def _steady(last: Pass, motion: Motion) -> FloatArray:
+    """The acceleration [n, 3] NED over ground that the filter multiplies delays with."""
+    acc = np.einsum("nij,nj->ni", motion.dcm, last.problem.samples.force)
+    acc[:, 2] += float(gravity(float(motion.pos[0, 0]), float(motion.pos[0, 2])))
+    return np.asarray(acc)

@@ -1,15 +1,15 @@
-"""The noise block of a model by maximum likelihood, before anything is named.
+"""A set of effects fitted to drives as states of the filter, with the noise that suits it.
 
 A wrong variance hides effects, or shows some that are not there; so all levels are fitted
-together to the innovations of a smoothed drive, and again after every effect that is named.
+together by maximum likelihood, before anything is named and again with every set.
 The search climbs along the likelihood's exact slopes (``fusion.level_climb``).
 """
 
 from __future__ import annotations
 
 import operator
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -22,17 +22,15 @@ from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.nodes import Nodes
 from automap.fusion.passes import Pass
 from automap.fusion.problem import Problem
-from automap.gap.fit import Fit
+from automap.gap.drive import OpenDrive
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.limits import LEAST_RESTS, LEVEL_RANGE, MAX_NODES, REST_S
+from automap.gap.model import GapModel, parameter_names, prior_sd
 from automap.records import FloatArray
 
-LIMIT = 256.0
-REST_S = 1.0
-"""Long enough for the noise that a filter sums up between fixes, too short for drift."""
-LEAST_RESTS = 10
-"""Differences of means; the deviation of fewer is not known to a third of itself."""
+Log = Callable[[str], None]
+INERTIAL_LEVELS = ("accel", "gyro")
 TAU_STEPS = (2.0, 2.0**0.5)
-MAX_NODES = 4000
-"""Noise is fitted on so many nodes at most, spread over the drives."""
 
 _LIMITS = {
     "wander_tau": (0.02, 16.0),
@@ -43,6 +41,105 @@ _LIMITS = {
     "nhc_z": (1.0, 64.0),
 }
 _BY_SLOPE = tuple(level for level in ALL_LEVELS if level != "wander_tau")
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Estimated parameters of all drives together: ``values`` [p], ``cov`` [p, p], the log Bayes
+    factor in nats against the model without them."""
+
+    names: tuple[tuple[str, str], ...]
+    values: FloatArray
+    cov: FloatArray
+    nats: float
+
+    def of(self, effect: str) -> dict[str, tuple[float, float]]:
+        """Parameter -> value and sd of one effect."""
+        sd = np.sqrt(np.maximum(np.diag(self.cov), 0.0))
+        rows = zip(self.names, self.values, sd, strict=True)
+        return {p: (float(v), float(s)) for (e, p), v, s in rows if e == effect}
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A set of effects fitted: ``estimate`` effect -> factor on its prior sds, ``fits`` of all
+    drives with these as states, under ``model`` with the noise that suits them."""
+
+    model: GapModel
+    estimate: Mapping[str, float]
+    fits: tuple[Fit, ...]
+
+    def joint(self) -> Joint:
+        """The drives' estimates as one."""
+        sds = [
+            scale * prior_sd(self.model.options, effect, parameter)
+            for effect, scale in self.estimate.items()
+            for parameter in parameter_names(effect)
+        ]
+        return combine(self.fits, [0.0] * len(self.fits), np.array(sds))
+
+    def values(self) -> dict[str, dict[str, float]]:
+        """Effect -> parameter -> estimated value."""
+        joint = self.joint()
+        return {e: {p: v for p, (v, _) in joint.of(e).items()} for e in self.estimate}
+
+
+def open_fits(drives: Sequence[OpenDrive], model: GapModel, log: Log) -> Fitted:
+    """The base model fitted, its noise first."""
+    log("fitting the base model")
+    fits = tuple(fit_drive(d, model) for d in drives)
+    log("fitting the noise")
+    return with_noise(Fitted(model, {}, fits), model.factors)
+
+
+def with_noise(fitted: Fitted, stated: Mapping[str, float]) -> Fitted:
+    """The set with the noise levels that make the drives likeliest.
+
+    The likelihood has a top where the sensors are noisy and one where the receiver is; so it is
+    climbed from the levels that the set has, from those stated, and with either moved first.
+    """
+    fits = fitted.fits
+    others = tuple(k for k in ALL_LEVELS if k not in INERTIAL_LEVELS)
+    starts = [dict(fitted.model.factors), dict(stated)]
+    if not fitted.estimate:
+        starts = [fit_noise(fits, levels, initial=stated) for levels in (INERTIAL_LEVELS, others)]
+    tops = [fit_noise(fits, initial=start) for start in starts]
+    factors = max(tops, key=lambda f: noise_score(fits, f))
+    model = replace(fitted.model, factors=factors)
+    return fitted_about(model, fitted.estimate, fits)
+
+
+def fitted_about(model: GapModel, estimate: Mapping[str, float], about: Sequence[Fit]) -> Fitted:
+    """The set ``estimate`` as states under a model, beginning about other fits of the drives."""
+    fits = tuple(fit_drive(f.opened, model, estimate, linearised_at=f) for f in about)
+    return Fitted(model, dict(estimate), fits)
+
+
+def combine(fits: Sequence[Fit], gains: Sequence[float], prior_sd: FloatArray) -> Joint:
+    """Estimates of several drives as one, as if they had been filtered in a row.
+
+    ``gains``: each drive's log Bayes factor under its own prior ``prior_sd`` [p].
+    """
+    names = fits[0].names
+    p = len(names)
+    if p == 0:
+        return Joint((), np.zeros(0), np.zeros((0, 0)), float(sum(gains)))
+    info: FloatArray = np.eye(p)
+    eta: FloatArray = np.zeros(p)
+    nats = 0.0
+    for fit, gain in zip(fits, gains, strict=True):
+        each = fit.cov / np.outer(prior_sd, prior_sd)
+        own = np.linalg.inv(0.5 * (each + each.T) + 1e-12 * np.eye(p))
+        value = fit.values / prior_sd
+        info += own - np.eye(p)
+        eta += own @ value
+        nats += gain - 0.5 * float(value @ own @ value) + 0.5 * np.linalg.slogdet(own)[1]
+    info = np.asarray(0.5 * (info + info.T))
+    cov: FloatArray = np.asarray(np.linalg.inv(info), np.float64)
+    value = cov @ eta
+    nats += 0.5 * float(value @ eta) - 0.5 * np.linalg.slogdet(info)[1]
+    scale = np.outer(prior_sd, prior_sd)
+    return Joint(names, value * prior_sd, cov * scale, float(nats))
 
 
 def fit_noise(
@@ -139,7 +236,7 @@ def noise_slopes(fits: Sequence[Fit], factors: Mapping[str, float]) -> LevelLike
 
 
 def _limits(level: str) -> tuple[float, float]:
-    return _LIMITS.get(level, (1.0 / LIMIT, LIMIT))
+    return _LIMITS.get(level, (1.0 / LEVEL_RANGE, LEVEL_RANGE))
 
 
 def _relative(fits: Sequence[Fit], factors: Mapping[str, float]) -> dict[str, float]:

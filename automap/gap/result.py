@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 
-from automap.gap.dictionary import coefficient_names
-from automap.gap.fit import Fit
-from automap.gap.identifiability import Identifiability
-from automap.gap.locate import Place
-from automap.gap.misfit import Misfit
-from automap.gap.model import GapModel
+from automap.effects import CATALOGUE
 
 LEAST_SHOWN_P = 1e-12
 
@@ -53,6 +48,17 @@ class Term:
     text: str
     coefficient: float
     sd: float
+
+
+def equation(terms: Sequence[tuple[str, str]]) -> str:
+    """What terms of channel and text add, as a person writes it."""
+    names = coefficient_names(len(terms))
+    return "; ".join(f"{on} += {k} * {text}" for k, (on, text) in zip(names, terms, strict=True))
+
+
+def coefficient_names(count: int) -> tuple[str, ...]:
+    """k, k2, k3 and so on."""
+    return ("k", *(f"k{i}" for i in range(2, count + 1)))
 
 
 @dataclass(frozen=True)
@@ -172,41 +178,31 @@ class ChannelGap:
     worst_manoeuvre: str = ""
 
 
-@dataclass(frozen=True)
-class GapResult:
-    """Everything that a search found.
-
-    ``formulas`` what no effect of the library explains, ``model`` the new one, ``places`` where the
-    gap was, ``held_out`` the fits of the held-out data before and after, ``unclear`` what the
-    fitted drives cannot tell, ``misfits`` what no candidate explains, ``noise_claims`` noise that
-    is not as stated, ``refused`` the strongest candidate that is not named, ``costs`` what each
-    effect by name, or level of noise, costs on held-out data, ``kept_out`` what these spoke
-    against, ``positions`` how well they are predicted.
-    """
-
-    gap_before: float
-    gap_after: float
-    channels: tuple[ChannelGap, ...]
-    findings: tuple[Finding, ...]
-    noise: Mapping[str, float]
-    formulas: tuple[Unexplained, ...]
-    verdict: str
-    model: GapModel
-    base: GapModel
-    sync: Mapping[str, float] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
-    places: tuple[Place, ...] = ()
-    held_out: tuple[tuple[Fit, ...], tuple[Fit, ...]] = ((), ())
-    unclear: Identifiability = field(default_factory=Identifiability)
-    misfits: tuple[Misfit, ...] = ()
-    noise_claims: tuple[NoiseClaim, ...] = ()
-    refused: tuple[Refused, ...] = ()
-    costs: Mapping[str, Cost] = field(default_factory=dict)
-    kept_out: tuple[KeptOut, ...] = ()
-    positions: HeldPositions | None = None
-
-
 def p_text(p: float) -> str:
     """A p-value as a person reads it: far out the tail is extrapolated, and its exponent says
     nothing."""
     return f"{p:.0e}" if p >= LEAST_SHOWN_P else f"below {LEAST_SHOWN_P:.0e}"
+
+
+GENERAL = (
+    "drive figures of eight at two speeds, brake and accelerate hard on a straight, and stand "
+    "still for half a minute in between"
+)
+GENERAL_FILM = "film more signs, near and far, in bends and at several speeds"
+
+
+def advice(effect: str, confusable: Collection[str]) -> str:
+    """The manoeuvre that tells an effect from those it is confusable with, nothing without any."""
+    if not confusable:
+        return ""
+    known = [text for other in confusable if (text := _manoeuvre(effect, other))]
+    general = GENERAL_FILM if CATALOGUE[effect].family == "camera" else GENERAL
+    return "; ".join(dict.fromkeys(known)) or general
+
+
+def _manoeuvre(one: str, other: str) -> str:
+    """What tells two apart; nothing where none is known, or one is a formula."""
+    for first, second in ((one, other), (other, one)):
+        if first in CATALOGUE and second in (known := dict(CATALOGUE[first].told_apart)):
+            return known[second]
+    return ""

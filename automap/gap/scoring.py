@@ -1,37 +1,36 @@
-"""How well a fitted model predicts its measurements, robustly, in nats.
+"""How well a fitted model predicts measurements, in nats: those of its own drives and of others.
 
 Models are compared scalar by scalar on the same measurements, whitened by the same spread and
 autoregression, so that coloured noise and a few wild values decide nothing.
+
+The gap is what a model does not predict of data that it was not fitted to, in nats an epoch of
+fixes: how much likelier the held-out measurements would be under a model that leaves white
+innovations of the stated size. Against the best model that was found this is a difference of
+log-likelihoods; what that model itself still lacks is what a scale and an autoregression of its
+own innovations could still gain (a Kullback-Leibler distance).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from automap.fusion.layout import CH_VEL, CHANNELS, HAS_POS_H
 from automap.gap import limits
-from automap.gap.fit import Fit, whitened_innovations
-from automap.gap.whitening import HUBER, Whitener, filtered, fit_whitener
+from automap.gap.drive import OpenDrive
+from automap.gap.fit import Fit, fit_drive, whitened_innovations
+from automap.gap.limits import AR_ORDER, CLIP, HUBER, MIN_ROWS
+from automap.gap.model import GapModel
+from automap.gap.result import ChannelGap
+from automap.gap.whitening import Whitener, autoregression, filtered, fit_whitener
 from automap.records import FloatArray
 
-
-@dataclass(frozen=True)
-class Joint:
-    """Estimated parameters of all drives together: ``values`` [p], ``cov`` [p, p], the log Bayes
-    factor in nats against the model without them."""
-
-    names: tuple[tuple[str, str], ...]
-    values: FloatArray
-    cov: FloatArray
-    nats: float
-
-    def of(self, effect: str) -> dict[str, tuple[float, float]]:
-        """Parameter -> value and sd of one effect."""
-        sd = np.sqrt(np.maximum(np.diag(self.cov), 0.0))
-        rows = zip(self.names, self.values, sd, strict=True)
-        return {p: (float(v), float(s)) for (e, p), v, s in rows if e == effect}
+MEASURED = CH_VEL + 3
+"""Channels of the receiver. The vehicle constraint is no measurement: what it says counts where
+models are compared, but a vehicle that sways on its springs is no gap of the sensors."""
+SHOWN = MEASURED + 2
 
 
 def whitener_of(fit: Fit) -> Whitener:
@@ -82,28 +81,96 @@ def _rho(u: FloatArray) -> FloatArray:
     return np.asarray(np.where(size < HUBER, 0.5 * u**2, HUBER * size - 0.5 * HUBER**2))
 
 
-def combine(fits: Sequence[Fit], gains: Sequence[float], prior_sd: FloatArray) -> Joint:
-    """Estimates of several drives as one, as if they had been filtered in a row.
+def epochs(fits: Sequence[Fit]) -> int:
+    """Number of fixes."""
+    return max(sum(int(((f.last.nodes.flags & HAS_POS_H) > 0).sum()) for f in fits), 1)
 
-    ``gains``: each drive's log Bayes factor under its own prior ``prior_sd`` [p].
+
+def fit_held_out(
+    opened: Sequence[OpenDrive],
+    model: GapModel,
+    values: Mapping[str, Mapping[str, float]],
+    linearised_at: Sequence[Fit] = (),
+) -> list[Fit]:
+    """The model on held-out drives, effects at the given values, nuisances found anew.
+
+    ``linearised_at`` fits of the same drives under another model, where there are any.
     """
-    names = fits[0].names
-    p = len(names)
-    if p == 0:
-        return Joint((), np.zeros(0), np.zeros((0, 0)), float(sum(gains)))
-    info: FloatArray = np.eye(p)
-    eta: FloatArray = np.zeros(p)
-    nats = 0.0
-    for fit, gain in zip(fits, gains, strict=True):
-        each = fit.cov / np.outer(prior_sd, prior_sd)
-        own = np.linalg.inv(0.5 * (each + each.T) + 1e-12 * np.eye(p))
-        value = fit.values / prior_sd
-        info += own - np.eye(p)
-        eta += own @ value
-        nats += gain - 0.5 * float(value @ own @ value) + 0.5 * np.linalg.slogdet(own)[1]
-    info = np.asarray(0.5 * (info + info.T))
-    cov: FloatArray = np.asarray(np.linalg.inv(info), np.float64)
-    value = cov @ eta
-    nats += 0.5 * float(value @ eta) - 0.5 * np.linalg.slogdet(info)[1]
-    scale = np.outer(prior_sd, prior_sd)
-    return Joint(names, value * prior_sd, cov * scale, float(nats))
+    carried = replace(model, values={**model.values, **values})
+    points: Sequence[Fit | None] = linearised_at or [None] * len(opened)
+    return [fit_drive(o, carried, linearised_at=p) for o, p in zip(opened, points, strict=True)]
+
+
+def total_score(fits: Sequence[Fit], whitener: Whitener) -> float:
+    """Robust log-likelihood of all drives in nats."""
+    return sum(robust_score(f, whitener) for f in fits)
+
+
+def remaining_gap(fits: Sequence[Fit]) -> float:
+    """What second-order statistics of the innovations could still gain, nats an epoch."""
+    total = 0.0
+    for fit in fits:
+        whitened, _, channel = whitened_innovations(fit)
+        for c in range(MEASURED):
+            w = whitened[channel == c]
+            total += len(w) * _distance(w, c)
+    return total / epochs(fits)
+
+
+def _distance(w: FloatArray, channel: int) -> float:
+    """Nats a measurement between a channel's innovations and white noise of size one.
+
+    The vehicle constraint is meant to be loose: small innovations are no gap there.
+    """
+    n = len(w)
+    if n < MIN_ROWS:
+        return 0.0
+    w = np.clip(w, -CLIP, CLIP)
+    variance = float(np.mean(w**2))
+    size = 0.5 * (variance - 1.0 - np.log(max(variance, 1e-6)))
+    if channel > CH_VEL + 2 and variance < 1.0:
+        size = 0.0
+    a = autoregression(w)
+    rest = w.copy()
+    for k, value in enumerate(a, start=1):
+        rest[k:] -= value * w[:-k]
+    share = float(np.mean(rest**2)) / max(variance, 1e-12)
+    colour = -0.5 * np.log(min(share, 1.0))
+    # what mere chance gives
+    return float(max(size - 0.5 / n, 0.0) + max(colour - 0.5 * AR_ORDER / n, 0.0))
+
+
+def channel_gaps(
+    before: Sequence[Fit], after: Sequence[Fit], worst: Mapping[int, str]
+) -> tuple[ChannelGap, ...]:
+    """The channels one by one."""
+    out = []
+    for c in range(SHOWN):
+        w0, w1 = _joined(before, c), _joined(after, c)
+        if min(len(w0), len(w1)) < MIN_ROWS:
+            continue
+        out.append(
+            ChannelGap(
+                CHANNELS[c],
+                _distance(w0, c),
+                _distance(w1, c),
+                float(np.sqrt(np.mean(w0**2))),
+                float(np.sqrt(np.mean(w1**2))),
+                _lag1(w0),
+                _lag1(w1),
+                worst.get(c, ""),
+            )
+        )
+    return tuple(out)
+
+
+def _joined(fits: Sequence[Fit], channel: int) -> FloatArray:
+    parts = []
+    for fit in fits:
+        whitened, _, channels = whitened_innovations(fit)
+        parts.append(whitened[channels == channel])
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def _lag1(w: FloatArray) -> float:
+    return float(np.mean(w[1:] * w[:-1]) / max(float(np.mean(w**2)), 1e-12))

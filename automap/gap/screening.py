@@ -6,24 +6,47 @@ dictionary, courses of time that were refined, and which effect stands for which
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
-from automap.gap.candidates import candidates_of, library, named_columns
-from automap.gap.columns import Column, NodeMotion
-from automap.gap.dictionary import equation, formula_columns, formula_texts, warm
-from automap.gap.evidence import Given, conditional, plain_nats
-from automap.gap.fit import Fit, fit_drive, motion_of
-from automap.gap.fitted import Fitted, Log
-from automap.gap.formulas import effect_for
-from automap.gap.linear import linearised
-from automap.gap.motion import Motion
-from automap.gap.motion_signals import motion_signals
+import numpy as np
+
+from automap.effects import CATALOGUE
+from automap.gap import limits
+from automap.gap.candidates import candidates_of, library, motion_signals, named_columns
+from automap.gap.confirm import Confirmed
+from automap.gap.dictionary import effect_for, formula_columns, formula_texts, warm
+from automap.gap.evidence import Given, conditional, estimate_nats, plain_nats
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.linear import Column, NodeMotion, linearised
+from automap.gap.motion import Motion, motion_of
+from automap.gap.noise import Fitted, Joint, Log, fitted_about
+from automap.gap.result import equation
 from automap.gap.selection import Chosen, Selection
-from automap.gap.slow import box_columns, is_course, term_columns, variants, with_shapes
+from automap.gap.slow import box_columns, term_columns, variants, with_shapes
 
 Terms = tuple[tuple[str, str], ...]
 ON = {"on": 1.0}
+HELD = 1e-6
+"""Share of its prior sd that is left to a parameter that is not to act."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where a search ended: the set as fitted, the base model's fit, the joint estimate with all
+    parameters of each effect free, the last selection with what it chose, which effect stands for
+    each candidate, which names the drives cannot tell from each, what of it held-out data let
+    stand, and nats of those that the filter alone bears out."""
+
+    base: Fitted
+    fitted: Fitted
+    full: Joint
+    selection: Selection
+    chosen: Chosen
+    effects: Mapping[str, str]
+    not_told_apart: Mapping[str, tuple[str, ...]]
+    stands: Confirmed
+    borne_out: Mapping[str, float] = field(default_factory=dict)
 
 
 class Screening:
@@ -64,7 +87,7 @@ class Screening:
         length = float(here.fits[0].last.problem.t[-1])
         for name in chosen.names:
             candidate = selection.candidates[name]
-            finer = variants(candidate.terms, length) if is_course(candidate.terms) else []
+            finer = variants(candidate.terms, length)
             if not finer or name in self.courses:
                 continue
             self.log(f"refining {name}")
@@ -90,13 +113,74 @@ class Screening:
             out[self.effects[name]] = chosen.scale_of(name)
         return out
 
+    def states(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
+        """The chosen set as states under the noise as it is; parameters of its effects that do not
+        act are held at nothing."""
+        estimate = self.estimate(selection, chosen)
+        held: dict[str, dict[str, float]] = {}
+        for name in chosen.names:
+            effect = self.effects[name]
+            acting = {
+                selection.linear.layout[i].parameter
+                for n, part, _ in chosen.parts
+                for i in part
+                if n == name
+            }
+            own = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
+            if not selection.candidates[name].terms:
+                held[effect] = {p: HELD * sd for p, sd in own.items() if p not in acting}
+        options = self.options
+        options = replace(options, prior_sd=_joined(options.prior_sd, held))
+        return fitted_about(replace(here.model, options=options), estimate, here.fits)
+
+    def not_borne_out(self, here: Fitted, selection: Selection, chosen: Chosen) -> list[str]:
+        """Candidates whose values as the filter finds them are worth less than a name, or larger
+        than any such effect is: the screening looks at what changes quickly too, and there the
+        vehicle sways."""
+        joint = here.joint()
+        out = []
+        for name in chosen.names:
+            candidate = selection.candidates[name]
+            rows, columns = self._rows(joint, selection, chosen, name)
+            if not rows:
+                continue
+            most = limits.ONE_IN_A_THOUSAND * max(limits.PRIOR_SCALES)
+            usual = selection.linear.prior_sd[columns]
+            if not candidate.terms and (np.abs(joint.values[rows]) > most * usual).any():
+                # a delay of ten seconds is none: what the filter has found is something else
+                out.append(name)
+                continue
+            nats = self.nats(joint, selection, chosen, name)
+            prior = candidate.log_prior + len(rows) * candidate.log_choice
+            if nats + prior < limits.LEAST_ODDS:
+                out.append(name)
+        return out
+
+    def _rows(
+        self, joint: Joint, selection: Selection, chosen: Chosen, name: str
+    ) -> tuple[list[int], list[int]]:
+        """Rows in a joint estimate of the parameters of a candidate that act, and their columns."""
+        columns = [i for n, part, _ in chosen.parts if n == name for i in part]
+        acting = [selection.linear.layout[i].parameter for i in columns]
+        own = self.effects[name]
+        rows = [i for i, (e, p) in enumerate(joint.names) if e == own and p in acting]
+        return rows, columns[: len(rows)]
+
+    def nats(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> float:
+        """What a candidate's values as the filter finds them are worth against nothing."""
+        rows, columns = self._rows(joint, selection, chosen, name)
+        if not rows:
+            return 0.0
+        sds = chosen.scale_of(name) * selection.linear.prior_sd[columns]
+        return estimate_nats(joint.values[rows], joint.cov[np.ix_(rows, rows)], sds)
+
     def _library(self) -> list[str]:
         included = set(self.base.model.included) | self.exclude
         drives = [fit.opened for fit in self.base.fits]
         for opened in drives:
             if opened.drive.mounting_sd.any():
                 included |= {"imu_mounting"}
-            if opened.drive.delay.sd > 0.02:
+            if opened.drive.delay.sd > limits.FREE_DELAY_S:
                 # a free offset between the clocks is the same thing
                 included |= {"gnss_latency"}
         has_wheels = any(d.session.odometer is not None for d in drives)
@@ -128,6 +212,12 @@ class Screening:
         for terms in self.courses.values():
             out += term_columns(fit, motion, terms)
         return out
+
+
+def _joined(
+    known: Mapping[str, Mapping[str, float]], more: Mapping[str, Mapping[str, float]]
+) -> dict[str, dict[str, float]]:
+    return {e: {**known.get(e, {}), **more.get(e, {})} for e in {**known, **more}}
 
 
 def in_layout(chosen: Chosen, old: Selection, new: Selection) -> Chosen:

@@ -9,45 +9,21 @@ also proposed under the noise that the model was asked with, and judged with the
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-
-import numpy as np
+from dataclasses import replace
 
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks, pairs_of_sign
 from automap.gap import limits
 from automap.gap.confirm import Confirmed, confirmed
 from automap.gap.drive import OpenDrive
-from automap.gap.evidence import estimate_nats
 from automap.gap.fit import Fit
-from automap.gap.fitted import Fitted, Log, fitted_about, with_noise
-from automap.gap.heldout import fit_held_out
-from automap.gap.scoring import Joint, likelier
-from automap.gap.screening import Screening, in_layout
+from automap.gap.noise import Fitted, Log, fitted_about, with_noise
+from automap.gap.scoring import fit_held_out, likelier
+from automap.gap.screening import Found, Screening, in_layout
 from automap.gap.selection import Chosen, Key, Selection, pruned, select
 
 WALKS = tuple(bias_walks())
 WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
-HELD = 1e-6
-"""Share of its prior sd that is left to a parameter that is not to act."""
-
-
-@dataclass(frozen=True)
-class Found:
-    """Where a search ended: the set as fitted, the base model's fit, the joint estimate with all
-    parameters of each effect free, the last selection with what it chose, which effect stands for
-    each candidate, which names the drives cannot tell from each, what of it held-out data let
-    stand, and nats of those that the filter alone bears out."""
-
-    base: Fitted
-    fitted: Fitted
-    full: Joint
-    selection: Selection
-    chosen: Chosen
-    effects: Mapping[str, str]
-    not_told_apart: Mapping[str, tuple[str, ...]]
-    stands: Confirmed
-    borne_out: Mapping[str, float] = field(default_factory=dict)
 
 
 class Search:
@@ -99,7 +75,7 @@ class Search:
                 found = self.screening.refined(here, selection, found)
                 here = self._fit(here, selection, found)
                 here, found = self._better_twins(here, selection, found)
-                idle = self._not_borne_out(here, selection, found)
+                idle = self.screening.not_borne_out(here, selection, found)
                 for name in idle:
                     # these parameters do not act; others of the same effect may
                     self._bar(selection.key(n, part) for n, part, _ in found.parts if n == name)
@@ -229,27 +205,7 @@ class Search:
     def _fit(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
         """The chosen set as states, with the noise that suits it."""
         self.log(f"fitting {', '.join(chosen.names) or 'the base model'} with its noise")
-        return with_noise(self._states(here, selection, chosen), self.stated)
-
-    def _states(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
-        """The chosen set as states under the noise as it is; parameters of its effects that do not
-        act are held at nothing."""
-        estimate = self.screening.estimate(selection, chosen)
-        held: dict[str, dict[str, float]] = {}
-        for name in chosen.names:
-            effect = self.screening.effects[name]
-            acting = {
-                selection.linear.layout[i].parameter
-                for n, part, _ in chosen.parts
-                for i in part
-                if n == name
-            }
-            own = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
-            if not selection.candidates[name].terms:
-                held[effect] = {p: HELD * sd for p, sd in own.items() if p not in acting}
-        options = self.screening.options
-        options = replace(options, prior_sd=_joined(options.prior_sd, held))
-        return fitted_about(replace(here.model, options=options), estimate, here.fits)
+        return with_noise(self.screening.states(here, selection, chosen), self.stated)
 
     def _better_twins(
         self, here: Fitted, selection: Selection, chosen: Chosen
@@ -290,14 +246,14 @@ class Search:
         for name in chosen.names:
             formula = bool(selection.candidates[name].terms)
             best, instead = 0.0, None
-            nats = self._nats(joint, selection, chosen, name)
+            nats = self.screening.nats(joint, selection, chosen, name)
             for rival in selection.close_rivals(chosen, name):
                 if frozenset(rival.chosen.names) == frozenset(chosen.names):
                     continue
                 other = rival.name
                 self.log(f"checking whether {name} is {other}")
-                fitted = self._states(here, selection, rival.chosen)
-                if other in self._not_borne_out(fitted, selection, rival.chosen):
+                fitted = self.screening.states(here, selection, rival.chosen)
+                if other in self.screening.not_borne_out(fitted, selection, rival.chosen):
                     continue
                 ahead, sigmas = self._ahead(fitted, here)
                 ahead += self._prior(selection, other) - self._prior(selection, name)
@@ -345,47 +301,6 @@ class Search:
         part = name in CATALOGUE and CATALOGUE[name].resembles == "a delay" and usual
         return candidate.log_prior - (limits.CLOSE_NATS if part else 0.0)
 
-    def _not_borne_out(self, here: Fitted, selection: Selection, chosen: Chosen) -> list[str]:
-        """Candidates whose values as the filter finds them are worth less than a name, or larger
-        than any such effect is: the screening looks at what changes quickly too, and there the
-        vehicle sways."""
-        joint = here.joint()
-        out = []
-        for name in chosen.names:
-            candidate = selection.candidates[name]
-            rows, columns = self._rows(joint, selection, chosen, name)
-            if not rows:
-                continue
-            most = limits.ONE_IN_A_THOUSAND * max(limits.PRIOR_SCALES)
-            usual = selection.linear.prior_sd[columns]
-            if not candidate.terms and (np.abs(joint.values[rows]) > most * usual).any():
-                # a delay of ten seconds is none: what the filter has found is something else
-                out.append(name)
-                continue
-            nats = self._nats(joint, selection, chosen, name)
-            prior = candidate.log_prior + len(rows) * candidate.log_choice
-            if nats + prior < limits.LEAST_ODDS:
-                out.append(name)
-        return out
-
-    def _rows(
-        self, joint: Joint, selection: Selection, chosen: Chosen, name: str
-    ) -> tuple[list[int], list[int]]:
-        """Rows in a joint estimate of the parameters of a candidate that act, and their columns."""
-        columns = [i for n, part, _ in chosen.parts if n == name for i in part]
-        acting = [selection.linear.layout[i].parameter for i in columns]
-        own = self.screening.effects[name]
-        rows = [i for i, (e, p) in enumerate(joint.names) if e == own and p in acting]
-        return rows, columns[: len(rows)]
-
-    def _nats(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> float:
-        """What a candidate's values as the filter finds them are worth against nothing."""
-        rows, columns = self._rows(joint, selection, chosen, name)
-        if not rows:
-            return 0.0
-        sds = chosen.scale_of(name) * selection.linear.prior_sd[columns]
-        return estimate_nats(joint.values[rows], joint.cov[np.ix_(rows, rows)], sds)
-
     def _proposed(
         self,
         here: Fitted,
@@ -402,9 +317,3 @@ class Search:
         new = Chosen(tuple(p for p in more.parts if p[0] not in found.names))
         new = in_layout(new, loud, selection)
         return Chosen((*found.parts, *new.parts))
-
-
-def _joined(
-    known: Mapping[str, Mapping[str, float]], more: Mapping[str, Mapping[str, float]]
-) -> dict[str, dict[str, float]]:
-    return {e: {**known.get(e, {}), **more.get(e, {})} for e in {**known, **more}}

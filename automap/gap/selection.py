@@ -13,7 +13,7 @@ import numpy as np
 
 from automap.effects.catalogue import alike_to_first_order
 from automap.gap import limits
-from automap.gap.candidates import Candidate
+from automap.gap.candidates import Candidate, is_course
 from automap.gap.evidence import (
     Conditional,
     Evidence,
@@ -26,7 +26,6 @@ from automap.gap.evidence import (
     singles,
 )
 from automap.gap.linear import Linear
-from automap.gap.slow import is_course
 from automap.gates import exceeds
 
 Key = tuple[str, tuple[str, ...]]

@@ -14,38 +14,24 @@ import numpy as np
 
 from automap.effects.formula_text import parse_formula
 from automap.effects.signals import FIELDS, Signals
+from automap.effects.user import INERTIAL
 from automap.gap import limits
-from automap.gap.columns import Column, Inertial
-from automap.gap.dictionary import (
-    CHANNELS,
-    axis_of,
-    coefficient_names,
-    equation,
-    inertial_columns,
-    size_of,
-)
+from automap.gap.candidates import formula_column, is_course, motion_signals, size_of
 from automap.gap.fit import Fit
-from automap.gap.linear import Linear
+from automap.gap.limits import LEAST_BOXES, PLATEAUS
+from automap.gap.linear import Column, Inertial, Linear
 from automap.gap.motion import Motion
+from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray
 
 BOX = "box"
 PLATEAU = "(step(time - {:.5g}) - step(time - {:.5g}))"
-PERIODS_A_BOX = 3.0
-"""A period of fewer boxes than this is not seen as one."""
 OVERSAMPLED = 2.0
 """Frequencies stand closer than the inverse length of the drive by this factor: in between a
 period loses no more than a fifth of its evidence, sinc^2(1 / 4)."""
 DECAYS = 12
-LEAST_BOXES = 3
-"""A plateau of fewer boxes is not seen as one either."""
-PLATEAUS = 3
-"""So many of the likeliest, of each axis, are carried on."""
 FINER = 21
 """Steps of a refinement: a tenth of the distance of those first tried."""
-COURSE = re.compile(
-    r"\(?(step\(time - |exp\(-time / |sin\(2 \* pi \* time / |cos\(2 \* pi \* time / )"
-)
 NUMBER = re.compile(r"(?<=[-/] )[\d.e+-]+(?=\))")
 """The instants, the time constant or the period of a course of time in its text."""
 
@@ -67,8 +53,8 @@ def box_columns(fit: Fit, motion: Motion) -> list[Column]:
             continue
         signal = inside.astype(np.float64)
         middle = float(time[inside].mean())
-        for channel in CHANNELS:
-            acts = (Inertial(*axis_of(channel), signal),)
+        for channel in INERTIAL:
+            acts = (Inertial.on(channel, signal),)
             name = f"{BOX} {fit.opened.drive.name}"
             key = f"{channel} {middle:.3f}"
             out.append(Column(name, key, size_of(channel), acts, term=(channel, f"{middle:.3f}")))
@@ -87,7 +73,7 @@ def shapes(begin_s: float, end_s: float) -> list[Shape]:
     """Periods, decays and steps that a drive between two instants may show."""
     length = end_s - begin_s
     width = box_s(length)
-    count = int(OVERSAMPLED * length / (PERIODS_A_BOX * width))
+    count = int(OVERSAMPLED * length / (LEAST_BOXES * width))
     out = []
     for i in range(2, count + 1):
         period = OVERSAMPLED * length / i
@@ -145,9 +131,9 @@ def with_shapes(linear: Linear) -> Linear:
     mix: list[FloatArray] = []
     left = linear.score - linear.info @ linear.values
     signals = _time_signals(times)
-    axes: tuple[str, ...] = CHANNELS
+    axes: tuple[str, ...] = INERTIAL
     every = [(shape, axes) for shape in shapes(float(times.min()), float(times.max()))]
-    for channel in CHANNELS:
+    for channel in INERTIAL:
         at = np.array([i for i, c in zip(boxes, channels, strict=True) if c == channel])
         own = np.array([t for t, c in zip(times, channels, strict=True) if c == channel])
         inner = linear.info[np.ix_(at, at)]
@@ -188,12 +174,10 @@ def _time_signals(time: FloatArray) -> Signals:
 
 def term_columns(fit: Fit, motion: Motion, terms: Sequence[tuple[str, str]]) -> list[Column]:
     """The columns of one formula of inertial channels along one drive."""
-    names = coefficient_names(len(terms))
+    signals = motion_signals(fit, motion)
     return [
-        replace(
-            inertial_columns(fit, motion, on, [text])[0], effect=equation(terms), parameter=name
-        )
-        for name, (on, text) in zip(names, terms, strict=True)
+        formula_column(term, parse_formula(term[1])(signals), equation(terms), name)
+        for name, term in zip(coefficient_names(len(terms)), terms, strict=True)
     ]
 
 
@@ -220,8 +204,3 @@ def variants(
     else:
         moved = 1.0 / (1.0 / value + np.linspace(-1.0, 1.0, FINER) / (OVERSAMPLED * length_s))
     return [tuple((on, NUMBER.sub(f"{v:.5g}", t)) for on, t in terms) for v in moved if v > 0.0]
-
-
-def is_course(terms: Sequence[tuple[str, str]]) -> bool:
-    """Whether a formula is a course of time with an instant, a time constant or a period."""
-    return bool(terms) and all(COURSE.match(text) for _, text in terms)

@@ -19,21 +19,22 @@ from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
 from automap.gap.drive import count_outliers
 from automap.gap.fit import Fit
+from automap.gap.limits import (
+    NOISE_NATS,
+    OCCAM_NATS,
+    OUTLIER_NIS,
+    SCALE_FACTOR,
+    USUAL_SHARE,
+    WALK_FACTOR,
+    WILD_P,
+    WILD_SHARE,
+)
 from automap.gap.noise import fit_noise, noise_score
 from automap.gap.result import Finding, NoiseClaim, ParameterValue
 from automap.gates import exceeds
 from automap.records import FloatArray
 
 WALKS = tuple(bias_walks())
-WALK_FACTOR = 2.5
-SCALE_FACTOR = 1.4
-MIN_NATS = 10.0
-OCCAM_NATS = 3.0
-OUTLIER_NIS = 30.0
-USUAL_SHARE = 0.002
-"""Share of fixes that heavy tails alone throw so far."""
-MIN_SHARE = 0.005
-MAX_P = 1e-4
 SENSOR_LEVELS = ("accel", "gyro")
 FIGURES: dict[str, tuple[str, ...]] = {
     "position_h": ("position_h", "wander", "multipath"),
@@ -59,7 +60,7 @@ def stochastic_findings(
             continue
         nats = score(fitted) - score(_at_best(fits, fitted | {name: stated_factors[name]}, (name,)))
         nats -= OCCAM_NATS
-        if nats < MIN_NATS:
+        if nats < NOISE_NATS:
             continue
         value = float(getattr(fits[0].model.options, name)) * fitted[name]
         spread = value * _log_sd(score, fitted, name)
@@ -94,9 +95,18 @@ def noise_claims(
         as_stated = {part: fitted[part] / ratio for part in parts}
         held = _at_best(fits, fitted | as_stated, parts)
         nats = score(fitted) - score(held) - OCCAM_NATS
-        if nats >= MIN_NATS:
+        if nats >= NOISE_NATS:
             out.append(NoiseClaim(level, ratio, nats, _p(nats)))
     return tuple(sorted(out, key=lambda c: -c.evidence_nats))
+
+
+def noise_levels(name: str) -> tuple[str, ...]:
+    """The noise levels that a finding on the noise is about; none for wild fixes, which the filter
+    refuses under either model."""
+    if name in FIGURES or name in ALL_LEVELS:
+        return FIGURES.get(name, (name,))
+    effect = CATALOGUE.get(name)
+    return GNSS_LEVELS if effect is not None and effect.setting == "fuse.adapt" else ()
 
 
 def _at_best(
@@ -153,7 +163,7 @@ def _noise_scale(
         return None
     null = {**fitted, **{k: stated_factors[k] for k in GNSS_LEVELS}}
     nats = score(fitted) - score(_at_best(fits, null, GNSS_LEVELS)) - OCCAM_NATS
-    if nats < MIN_NATS:
+    if nats < NOISE_NATS:
         return None
     spread = factor * max(float(np.std(logs)) / 2.0, 0.02)
     parameters = {"factor": ParameterValue(factor, spread, "")}
@@ -220,10 +230,10 @@ def _outliers(fits: Sequence[Fit], gap: float) -> Finding | None:
             screened = min(screened, count_outliers(drive, model.options, model.factors))
         wild += min(int(beyond.sum()) + screened, int(measured.sum()))
     share = wild / max(count, 1)
-    if share < MIN_SHARE or wild < 3:
+    if share < WILD_SHARE or wild < 3:
         return None
     p = float(binom.sf(wild - 1, count, USUAL_SHARE))
-    if p > MAX_P:
+    if p > WILD_P:
         return None
     usual = USUAL_SHARE
     nats = wild * np.log(share / usual) + (count - wild) * np.log1p(-share)

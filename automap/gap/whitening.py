@@ -20,17 +20,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS
-from automap.gap.limits import BLOCKS_S
+from automap.gap.limits import AR_ORDER, BLOCKS_S, HUBER, MAX_COEFFICIENT_SUM, MIN_ROWS
 from automap.gates import sd_by_median
 from automap.records import FloatArray, IntArray
 
-AR_ORDER = 3
-HUBER = 2.0
 CLIPPED_SIZE = 0.9205
 """Mean square of a standard normal value clipped at ``HUBER``: 1 - 2 (a phi(a) - (a^2 - 1) Q(a)).
 Channels that are quieter, as a loose vehicle constraint is, are not scaled up to it."""
-MIN_ROWS = 30
-MAX_COEFFICIENT_SUM = 0.9
 MIN_SPREAD = (0.7,) * CH_NHC + (1.0,) * (CH_ODOMETER - CH_NHC) + (0.7,)
 """No channel counts for much more than its noise model says; pseudo-measurements for no more at
 all."""

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from automap.errors import AutoMapError, ConfigError
-from automap.gap.camera_search import CameraGap, find_camera_gap
-from automap.gap.camera_views import Boxes, boxes_of, joined, keys
+from automap.gap.camera.search import CameraGap, find_camera_gap
+from automap.gap.camera.views import Boxes, boxes_of, joined, keys
 from automap.io import names
 from pipeline.gap.inputs import run_folder
 from pipeline.settings.load import Settings, load_settings

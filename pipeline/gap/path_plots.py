@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.earth import metres_per_radian
 from automap.fusion.layout import HAS_POS_H
-from automap.gap.cost import HeldPath, Moved, held_path, moved
+from automap.gap.confirm import HeldPath, Moved, held_path, moved
 from automap.records import FloatArray
 from pipeline.pages.plan_plot import draw_plan
 from pipeline.pages.section import Plot, draw_over_time

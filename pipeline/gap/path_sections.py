@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automap.gap.cost import cost_between, held_path
+from automap.gap.confirm import cost_between, held_path
 from pipeline.gap.path_plots import path_plots
 from pipeline.gap.sizes import about
 from pipeline.gap.words import LEAST_M

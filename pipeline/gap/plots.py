@@ -15,7 +15,7 @@ from pipeline.pages.section import Plot, draw, draw_over_time
 from pipeline.pages.svg_plot import Series
 
 if TYPE_CHECKING:
-    from automap.gap.camera_fit import CameraFit
+    from automap.gap.camera.fit import CameraFit
     from automap.gap.fit import Fit
 
 WINDOW_S = 5.0

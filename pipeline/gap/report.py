@@ -15,7 +15,7 @@ from pipeline.pages.section import Figure, Plot, Section
 
 if TYPE_CHECKING:
     from automap.gap import GapResult
-    from automap.gap.camera_search import CameraGap
+    from automap.gap.camera.search import CameraGap
     from automap.gap.fit import Fit
     from automap.gap.result import Finding
 

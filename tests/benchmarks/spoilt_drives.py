@@ -125,7 +125,8 @@ def motion_of_drive(drive: GapDrive) -> tuple[FloatArray, FloatArray]:
     """GPS times [n] of the IMU's samples and the velocity [n, 3] that an ordinary fit gives."""
     from automap.gap import base_model
     from automap.gap.drive import open_drive
-    from automap.gap.fit import fit_drive, motion_of
+    from automap.gap.fit import fit_drive
+    from automap.gap.motion import motion_of
 
     model = base_model()
     motion = motion_of(fit_drive(open_drive(drive, model.options), model).last)

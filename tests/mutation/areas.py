@@ -27,7 +27,7 @@ AREAS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "geolocation": (("automap/geolocation",), ("test_geolocation_*",)),
     "mapping": (("automap/mapping",), ("test_merge_*", "test_inventory", "test_roads")),
     "gap": (
-        *(("automap/gap/evidence.py", "automap/gap/noise.py", "automap/gap/heldout.py"),),
+        *(("automap/gap/evidence.py", "automap/gap/noise.py", "automap/gap/scoring.py"),),
         *(("test_gap_evidence", "test_gap_noise", "test_gap_confirm", "test_gap_heldout"),),
     ),
     "cache": (

@@ -125,7 +125,7 @@ KNOWN = (
     ),
     Known(
         "held-out colour not divided by its variance",
-        "automap/gap/heldout.py",
+        "automap/gap/scoring.py",
         "float(np.mean(rest**2)) / max(variance, 1e-12)",
         "float(np.mean(rest**2))",
         ("test_gap_heldout.py",),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from automap.gap.camera_search import CameraGap
+from automap.gap.camera.search import CameraGap
 from pipeline.gap.camera import camera_gaps
 
 AHEAD_M = 1.08

@@ -10,7 +10,7 @@ import pytest
 from automap.fusion.options import FusionOptions
 from automap.gap.drive import in_vehicle_axes, open_drive
 from automap.gap.fit import fit_drive
-from automap.gap.fitted import Fitted, with_noise
+from automap.gap.noise import Fitted, with_noise
 from pipeline.gap.inputs import gap_drives, gap_model
 
 LAG = "gnss_velocity_lag"

@@ -8,9 +8,8 @@ import numpy as np
 
 from automap.fusion.layout import CH_ZUPT
 from automap.gap.candidates import candidates_of, named_columns
-from automap.gap.columns import Column
 from automap.gap.fit import Fit, whitened_innovations
-from automap.gap.linear import Linear, Rows, linearised
+from automap.gap.linear import Column, Linear, Rows, linearised
 from automap.gap.selection import Selection
 from automap.records import BoolArray, FloatArray
 

@@ -9,8 +9,7 @@ from automap.earth import metres_per_radian
 from automap.fusion.relinearise import relinearise
 from automap.gap import base_model
 from automap.gap.drive import open_drive
-from automap.gap.fit import Fit, fit_drive
-from automap.gap.model import session_with
+from automap.gap.fit import Fit, fit_drive, session_with
 from tests.unit.test_gap import simulated
 
 WRONG = {"imu_mounting": {"yaw": 0.03, "pitch": 0.02}, "gnss_lever_arm": {"x": 0.8, "z": -0.5}}

@@ -12,12 +12,13 @@ import pytest
 from automap.effects import CATALOGUE
 from automap.errors import InputError
 from automap.gap import GapDrive, base_model, find_gaps
-from automap.gap.advice import advice
-from automap.gap.candidates import library
-from automap.gap.columns import effect_columns, node_motion, sensitivities
+from automap.gap.candidates import effect_columns, library
 from automap.gap.drive import open_drive
-from automap.gap.fit import Fit, fit_drive, motion_of
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.linear import node_motion, sensitivities
 from automap.gap.model import without_course_distance
+from automap.gap.motion import motion_of
+from automap.gap.result import advice
 from automap.gap.selection import Chosen
 from automap.gap.whitening import fit_whitener, white_rows
 from automap.simulation.scenario import Gnss, Imu, Leg, Route, Scenario, Start, Stop, Vehicle

@@ -17,9 +17,9 @@ from automap.effects.user import set_user_effects
 from automap.effects.user_tables import effects_of_formulas
 from automap.errors import ConfigError
 from automap.frames import rpy_to_matrix
-from automap.gap.camera_fit import box_noise, fit_camera
-from automap.gap.camera_search import find_camera_gap
-from automap.gap.camera_views import Boxes, boxes_of, joined
+from automap.gap.camera.fit import box_noise, fit_camera
+from automap.gap.camera.search import find_camera_gap
+from automap.gap.camera.views import Boxes, boxes_of, joined
 from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 from automap.simulation.boxes import face_box

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from automap.effects import CATALOGUE
-from automap.gap.camera_fit import CameraFit, box_noise, fit_camera
-from automap.gap.camera_linear import selection_of
-from automap.gap.camera_views import keys
+from automap.gap.camera.fit import CameraFit, box_noise, fit_camera
+from automap.gap.camera.linear import selection_of
+from automap.gap.camera.views import keys
 from automap.gap.evidence import plain_nats
 from automap.gap.selection import Chosen, Selection
 from automap.records import FloatArray

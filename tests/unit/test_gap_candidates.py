@@ -11,7 +11,7 @@ from automap.effects import CATALOGUE
 from automap.effects.catalogue import alike_to_first_order
 from automap.gap import limits
 from automap.gap.candidates import Candidate, candidates_of, library
-from automap.gap.columns import Column
+from automap.gap.linear import Column
 from tests.unit.gap_linear import columns_named
 
 NAMED = columns_named(

@@ -12,9 +12,10 @@ import pytest
 
 from automap.earth import metres_per_radian
 from automap.frames import matrix_to_quat, rpy_to_matrix
-from automap.gap import base_model, confirm, cost
-from automap.gap.cost import HeldPath, cost_between, costs, moved, noise_levels
+from automap.gap import base_model, confirm
+from automap.gap.confirm import HeldPath, cost_between, costs, moved
 from automap.gap.model import GapModel
+from automap.gap.stochastic import noise_levels
 from pipeline.gap.cost_json import held_out_json
 from pipeline.pages.plan_plot import _axes, draw_plan
 from pipeline.pages.svg_plot import Series
@@ -101,9 +102,8 @@ def fitted(monkeypatch: pytest.MonkeyPatch) -> list[GapModel]:
         asked.append(carried)
         return [FakeFit(carried) for _ in held_out]
 
-    for module in (cost, confirm):
-        monkeypatch.setattr(module, "fit_held_out", fit_held_out)
-        monkeypatch.setattr(module, "held_path", lambda fit: fit.held)
+    monkeypatch.setattr(confirm, "fit_held_out", fit_held_out)
+    monkeypatch.setattr(confirm, "held_path", lambda fit: fit.held)
     return asked
 
 
@@ -114,7 +114,7 @@ def test_an_effect_costs_what_the_path_moves_without_it(fitted: list[GapModel]) 
     model = replace(base_model(), values=VALUES)
     final: Any = [FakeFit(model)]
     drives: Any = ["drive"]
-    found = costs(drives, final, VALUES, (), model.factors, {})
+    found = costs(drives, final, VALUES, {}, model.factors, {})
     assert found["a"].level.rms == pytest.approx(0.25, rel=1e-3)
     assert found["b"].level.rms == pytest.approx(1.0, rel=1e-3)
     assert [set(m.values) for m in fitted] == [{"b"}, {"a"}]
@@ -124,7 +124,7 @@ def test_paths_that_are_known_are_not_fitted_again(fitted: list[GapModel]) -> No
     model = replace(base_model(), values=VALUES)
     final: Any = [FakeFit(model)]
     drives: Any = ["drive"]
-    found = costs(drives, final, VALUES, (), model.factors, {"a": [path(north=1.0)]})
+    found = costs(drives, final, VALUES, {}, model.factors, {"a": [path(north=1.0)]})
     assert found["a"].level.rms == pytest.approx(0.25, rel=1e-3)
     assert [set(m.values) for m in fitted] == [{"a"}]
 
@@ -134,8 +134,8 @@ def test_noise_is_compared_with_noise_as_stated(fitted: list[GapModel]) -> None:
     noisy = replace(model, factors={**model.factors, "gyro_bias_walk": 4.0})
     final: Any = [FakeFit(noisy)]
     drives: Any = ["drive"]
-    names = ("gyro_bias_walk", "gnss_outliers")
-    found = costs(drives, final, {}, names, model.factors, {})
+    noise = {n: noise_levels(n) for n in ("gyro_bias_walk", "gnss_outliers")}
+    found = costs(drives, final, {}, noise, model.factors, {})
     assert list(found) == ["gyro_bias_walk"]
     assert found["gyro_bias_walk"].level.rms == pytest.approx(3.0, rel=1e-3)
     assert fitted[0].factors["gyro_bias_walk"] == 1.0

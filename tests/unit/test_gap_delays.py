@@ -10,10 +10,18 @@ import pytest
 from automap.earth import metres_per_radian
 from automap.fusion.steady_rate import steady_rate
 from automap.gap import base_model
-from automap.gap.delays import Delays, _steady, _turned, linear_in_delays
 from automap.gap.drive import open_drive
-from automap.gap.fit import Fit, at_times, fit_drive, motion_of
-from automap.gap.motion import Motion, lagged
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.motion import (
+    Delays,
+    Motion,
+    _steady,
+    _turned,
+    at_times,
+    lagged,
+    linear_in_delays,
+    motion_of,
+)
 from automap.records import FloatArray
 from tests.unit.test_gap import simulated
 

@@ -10,8 +10,8 @@ import pytest
 
 from automap.fusion.layout import CH_NHC, CH_POS, MAX_SCALARS
 from automap.gap import limits
+from automap.gap.candidates import Direct
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
-from automap.gap.columns import Direct
 from automap.gap.evidence import (
     Given,
     conditional,

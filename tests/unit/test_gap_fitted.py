@@ -10,9 +10,7 @@ import pytest
 from automap.gap import GapDrive, base_model
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive
-from automap.gap.fitted import Fitted, fitted_about, open_fits, with_noise
-from automap.gap.noise import noise_score
-from automap.gap.scoring import combine
+from automap.gap.noise import Fitted, combine, fitted_about, noise_score, open_fits, with_noise
 from tests.unit.test_gap import simulated
 
 WANDER, LASTS_S = 0.08, 2.5

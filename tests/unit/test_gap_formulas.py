@@ -14,12 +14,20 @@ from automap.effects.user import set_user_effects, user_effects
 from automap.effects.user_tables import effects_of_formulas
 from automap.gap import GapDrive, base_model, limits
 from automap.gap.candidates import Candidate
-from automap.gap.columns import node_motion
-from automap.gap.dictionary import PREFIX, equation, formula_columns, left_out, left_out_effect
+from automap.gap.dictionary import (
+    PREFIX,
+    effect_for,
+    forget_formulas,
+    formula_columns,
+    left_out,
+    left_out_effect,
+)
 from automap.gap.drive import open_drive
-from automap.gap.fit import Fit, fit_drive, motion_of
-from automap.gap.fitted import Fitted
-from automap.gap.formulas import effect_for, forget_formulas
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.linear import node_motion
+from automap.gap.motion import motion_of
+from automap.gap.noise import Fitted
+from automap.gap.result import equation
 from automap.gap.screening import Screening, in_layout
 from automap.gap.selection import Chosen, Selection, select
 from tests.unit.gap_linear import columns_named, linear_of

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from automap.fusion.layout import CH_NHC, CH_POS
-from automap.gap.heldout import _distance, _lag1
+from automap.gap.scoring import _distance, _lag1
 
 
 def process(size: float, keep: float, n: int = 60_000) -> np.ndarray:

@@ -8,7 +8,7 @@ from automap.gap import base_model
 from automap.gap.candidates import library
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.identifiability import identifiability
+from automap.gap.naming import identifiability
 from tests.unit.test_gap import simulated
 
 

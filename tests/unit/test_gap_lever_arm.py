@@ -9,7 +9,7 @@ import numpy as np
 from automap.gap import base_model
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive
-from automap.gap.fitted import fitted_about, with_noise
+from automap.gap.noise import fitted_about, with_noise
 from tests.unit.test_gap import ARM, simulated
 
 NOISE = 0.015

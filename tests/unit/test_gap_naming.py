@@ -11,16 +11,15 @@ import pytest
 from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import candidates_of
-from automap.gap.columns import Column
 from automap.gap.confirm import Confirmed
 from automap.gap.evidence import Given, conditional, shown_by
-from automap.gap.fitted import Fitted
+from automap.gap.linear import Column
 from automap.gap.misfit import Misfit
 from automap.gap.model import Values, base_model
 from automap.gap.naming import chance, describe, strongest_refused, suspected, verdict
+from automap.gap.noise import Fitted, Joint
 from automap.gap.result import Finding, Refused, Term, Unexplained
-from automap.gap.scoring import Joint
-from automap.gap.search import Found
+from automap.gap.screening import Found
 from automap.gap.selection import Chosen, Selection, select
 from automap.records import FloatArray
 from tests.unit.gap_linear import STEP_S, columns_named, linear_of

@@ -12,7 +12,8 @@ from automap.fusion.levels import ALL_LEVELS
 from automap.gap import base_model, noise
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.noise import LEAST_RESTS, fit_noise, noise_score, noise_slopes, rest_factors
+from automap.gap.limits import LEAST_RESTS
+from automap.gap.noise import fit_noise, noise_score, noise_slopes, rest_factors
 from automap.records import FloatArray
 from tests.unit.test_gap import simulated
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from automap.gap import base_model
-from automap.gap.cost import cost_between, held_path
+from automap.gap.confirm import cost_between, held_path
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.fitted import Fitted, with_noise
+from automap.gap.noise import Fitted, with_noise
 from automap.gap.result import p_text
 from pipeline.gap.path_plots import path_plots
 from pipeline.gap.plots import _spectrum, error_bars, overlay, running, spectrum

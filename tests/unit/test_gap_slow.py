@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from automap.effects.formula_text import parse_formula
+from automap.effects.user import INERTIAL as CHANNELS
 from automap.gap import limits
-from automap.gap.columns import Column
-from automap.gap.dictionary import CHANNELS, equation, size_of
+from automap.gap.candidates import is_course, size_of
 from automap.gap.evidence import Given, conditional, plain_nats
-from automap.gap.linear import Linear, Rows
+from automap.gap.limits import PLATEAUS
+from automap.gap.linear import Column, Linear, Rows
+from automap.gap.result import equation
 from automap.gap.slow import (
-    PERIODS_A_BOX,
-    PLATEAUS,
+    LEAST_BOXES,
     _time_signals,
     box_s,
-    is_course,
     plateaus,
     shapes,
     variants,
@@ -101,7 +101,7 @@ def test_every_course_of_a_drive_is_near_one_that_is_tried() -> None:
     def nearest(values: FloatArray, word: str) -> float:
         return max(explained(values, s.texts, t) for s in every if word in s.texts[0])
 
-    for period in np.geomspace(1.1 * PERIODS_A_BOX * box_s(LENGTH_S), 0.7 * LENGTH_S, 25):
+    for period in np.geomspace(1.1 * LEAST_BOXES * box_s(LENGTH_S), 0.7 * LENGTH_S, 25):
         phase = rng.uniform(0.0, 2.0 * np.pi)
         # halfway between two frequencies sinc(1 / 3)^2 of the power is left
         assert nearest(np.sin(2.0 * np.pi * t / period + phase), "sin") > 0.64

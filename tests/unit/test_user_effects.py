@@ -16,9 +16,11 @@ from automap.effects.user import set_user_effects, signal_of, towards, turned
 from automap.effects.user_tables import as_table, effects_of_formulas
 from automap.errors import ConfigError
 from automap.gap import base_model
-from automap.gap.columns import effect_columns, node_motion, sensitivities
+from automap.gap.candidates import effect_columns
 from automap.gap.drive import open_drive
-from automap.gap.fit import fit_drive, motion_of
+from automap.gap.fit import fit_drive
+from automap.gap.linear import node_motion, sensitivities
+from automap.gap.motion import motion_of
 from pipeline.settings.load import load_settings
 from pipeline.settings.user_effects import activate, effects_of_python
 from pipeline.simulate.command import simulate

@@ -14,20 +14,15 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.gap import limits
-from automap.gap.advice import advice
-from automap.gap.camera_fit import CameraFit, box_noise, estimate_noise, fit_camera
-from automap.gap.camera_linear import selection_of
-from automap.gap.camera_views import Boxes, keys
+from automap.gap.camera.fit import CameraFit, box_noise, estimate_noise, fit_camera
+from automap.gap.camera.linear import selection_of
+from automap.gap.camera.views import Boxes, keys
 from automap.gap.chance import null_maxima, p_value
-from automap.gap.result import Finding, ParameterValue
+from automap.gap.limits import LONGEST_SHUTTER_S, MIN_SIGNS, SHUTTER_SLACK_S
+from automap.gap.result import Finding, ParameterValue, advice
 from automap.gap.selection import Chosen, Key, select
 from automap.records import FloatArray
 
-MIN_SIGNS = 6
-"""As many as have errors to tell beside their own places."""
-SHUTTER_SLACK_S, LONGEST_SHUTTER_S = 0.005, 0.12
-"""Rows are read from the top, within a frame's time. On a straight road a shutter beyond that is a
-lever arm in disguise."""
 FIRST_PX, FIRST_SHARE = 1.5, 0.03
 """Noise of boxes before it is known."""
 
@@ -308,6 +303,6 @@ def _remaining(fit: CameraFit) -> float:
     """Nats a box between the residuals' size and one."""
     total = 0.0
     for column in fit.residual.T:
-        v = float(np.mean(np.clip(column, -4.0, 4.0) ** 2))
+        v = float(np.mean(np.clip(column, -limits.CLIP, limits.CLIP) ** 2))
         total += 0.5 * (v - 1.0 - np.log(max(v, 1e-6)))
     return total

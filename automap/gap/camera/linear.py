@@ -12,12 +12,11 @@ from collections.abc import Collection
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.gap.camera_fit import CameraFit
-from automap.gap.camera_views import keys
+from automap.gap.camera.fit import CameraFit
+from automap.gap.camera.views import keys
 from automap.gap.candidates import candidates_of
-from automap.gap.columns import Column
 from automap.gap.evidence import Given
-from automap.gap.linear import Linear, Rows
+from automap.gap.linear import Column, Linear, Rows
 from automap.gap.selection import Selection
 from automap.records import FloatArray
 

@@ -15,17 +15,11 @@ from automap.effects.camera_user import user_columns
 from automap.effects.lens import focal_length, normalise, touches_edge
 from automap.effects.measured import Values
 from automap.effects.path_signals import PathSignals
+from automap.gap.limits import MARGIN_SD_PX, MAX_VIEWS, MIN_VIEWS, WINDOW_S
 from automap.geolocation.views import MeasurementNoise, Views, build_views
 from automap.interpolation import poses_at
 from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory
 
-MARGIN_SD_PX = 1.5
-"""Boxes taller than their signs."""
-WINDOW_S = 60.0
-"""Signs seen within such a time share an attitude error of the path."""
-MIN_VIEWS = 4
-MAX_VIEWS = 24
-"""Of a sign; boxes of many neighbouring frames say the same again."""
 LEAST_HEIGHT = 1e-4
 LATEST_NS = 400_000_000
 """Boxes stay on the path with any time offset that a camera may have."""

@@ -16,7 +16,7 @@ from automap.effects.camera import by_parameters
 from automap.effects.camera_kernels import N_COLUMNS, TURN
 from automap.effects.lens import focal_length
 from automap.effects.measured import Values
-from automap.gap.camera_views import Boxes, keys
+from automap.gap.camera.views import Boxes, keys
 from automap.geolocation.landmark import (
     SizePrior,
     columns_of,
