@@ -239,6 +239,8 @@ def open_video(path: Path) -> Any:
 def video_stream(container: Any, path: Path) -> Any:
     """The first stream of moving pictures; a cover image is not one. InputError without any."""
     for stream in container.streams.video:
-        if not int(getattr(stream, "disposition", 0) or 0) & 0x400:
+        cover = int(getattr(stream, "disposition", 0) or 0) & 0x400
+        # a stream of pictures in no known form has no decoder
+        if not cover and stream.codec_context is not None:
             return stream
     raise InputError(f"{path} holds no video stream; check that it is the camera's file.")
