@@ -97,13 +97,27 @@ def read_table(
 
 
 def floats(table: pa.Table, name: str) -> FloatArray:
-    """One column as float64 [n], a copy that may be written to; nulls become NaN."""
-    return np.array(column_to_numpy(table.column(name)), dtype=np.float64)
+    """One column as float64 [n], a copy that may be written to; nulls become NaN.
+
+    InputError where it holds something else.
+    """
+    try:
+        return np.array(column_to_numpy(table.column(name)), dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise _no_numbers(name) from error
 
 
 def ints(table: pa.Table, name: str) -> IntArray:
-    """One column as int64 [n]."""
-    return np.array(column_to_numpy(table.column(name)), dtype=np.int64)
+    """One column as int64 [n]; InputError where it holds something else."""
+    try:
+        with np.errstate(invalid="raise"):
+            return np.array(column_to_numpy(table.column(name)), dtype=np.int64)
+    except (ValueError, TypeError, FloatingPointError) as error:
+        raise _no_numbers(name) from error
+
+
+def _no_numbers(name: str) -> InputError:
+    return InputError(f"the column {name} of a table holds no numbers; run again with --force.")
 
 
 def _vector(table: pa.Table, names: tuple[str, ...]) -> FloatArray:

@@ -229,9 +229,11 @@ def open_video(path: Path) -> Any:
         raise InputError(f"{path} is missing.") from None
     except (PermissionError, IsADirectoryError) as error:
         raise InputError(f"{path} cannot be read ({error.strerror}); check the file.") from None
-    except (av.FFmpegError, OSError) as error:
+    except (av.FFmpegError, OSError, UnicodeDecodeError) as error:
+        # names in a garbled header are no text
+        why = getattr(error, "strerror", None) or error
         raise InputError(
-            f"{path} is no readable video ({error.strerror or error}); if the recording was "
+            f"{path} is no readable video ({why}); if the recording was "
             "interrupted, its index was never written: repair it or record again."
         ) from error
 
