@@ -108,6 +108,8 @@ def fault(case: Undisturbed, kind: str, draw: random.Random) -> tuple[str, str]:
     first = _disturbed(case, kind, draw)
     ended, others = first[0], first[1:]
     dead = ended.code == -signal.SIGKILL or any(e.code == -signal.SIGKILL for e in others)
+    # nor can a folder be tidied that is not there any more
+    dead |= kind == "share gone"
     killed = kind.startswith("killed")
     for each in first:
         if said := wrong_end(each, killed):

@@ -18,8 +18,8 @@ from automap.errors import AutoMapError
 from tests.fuzz.more_readers import SUFFIXES, more_reader
 from tests.unit.broken_readers import reader_of
 
-SLOW_S = 10.0
-"""A reader's time for 64 KB: a hundred times what the slowest takes, with other work beside it."""
+SLOW_S, HUNG_S = 10.0, 60.0
+"""A reader's processor time for 64 KB, some ten times what the slowest takes, and time in all."""
 
 MOST_MB = 400.0
 """By which a reader of 64 KB may raise the most memory that the process had; pictures of the
@@ -51,7 +51,7 @@ def attempt(name: str, data: bytes) -> Outcome:
         work.mkdir()
         path = Path(folder) / f"{name}{_suffix(name)}"
         path.write_bytes(data)
-        started, before = time.monotonic(), _peak_mb()
+        started, worked, before = time.monotonic(), time.process_time(), _peak_mb()
         said_aside = Path(folder) / "stderr"
         try:
             with _stderr_to(said_aside):
@@ -73,7 +73,8 @@ def attempt(name: str, data: bytes) -> Outcome:
             outcome = Outcome("stderr", aside[:200])
     if outcome.good and _peak_mb() - before > MOST_MB:
         return Outcome("memory", f"{_peak_mb() - before:.0f} MB")
-    return outcome if time.monotonic() - started < SLOW_S else Outcome("slow", name)
+    hung = time.monotonic() - started > HUNG_S
+    return Outcome("slow", name) if hung or time.process_time() - worked > SLOW_S else outcome
 
 
 def _suffix(name: str) -> str:
