@@ -8,7 +8,7 @@ INSTALL := $(PIP) install --quiet --no-deps --requirement
 PYTEST_ARGS ?=
 MUTANTS ?=
 
-.PHONY: demo test slow mutants fuzz check docs man clean
+.PHONY: demo test slow mutants fuzz faults check docs man lock sbom audit release clean
 
 demo: $(VENV)/.runtime
 	@$(VENV)/bin/automap run data/sample-drive
@@ -27,6 +27,10 @@ mutants: $(VENV)/.dev
 fuzz: $(VENV)/.dev
 	@$(VENV)/bin/python -m tests.fuzz.run $(FUZZ_ARGS)
 
+# some 40 minutes of two cores
+faults: $(VENV)/.dev
+	@$(VENV)/bin/python -m tests.faults.run $(FAULTS_ARGS)
+
 check: $(VENV)/.dev
 	@$(VENV)/bin/ruff check .
 	@$(VENV)/bin/ruff format --check .
@@ -39,8 +43,28 @@ docs: $(VENV)/.dev man
 man: $(VENV)/.runtime
 	@$(VENV)/bin/python docs/site/manual.py build/man
 
+# the hashes of all files of the pinned versions, after a pin was changed
+lock: $(VENV)/.created
+	@$(PIP) install --quiet uv
+	@for name in requirements requirements-build requirements-dev; do \
+	  { grep '^#' $$name.lock; $(VENV)/bin/uv pip compile --quiet --no-deps --generate-hashes --no-annotate \
+	    --no-header --python-version 3.11 $$name.lock; } > build.lock.tmp && mv build.lock.tmp $$name.lock || exit 1; done
+
+sbom: $(VENV)/.runtime
+	@$(VENV)/bin/python -m release.sbom
+
+# known vulnerabilities of the pins; its data are in the net, and it says so where they cannot be had
+audit: $(VENV)/.created
+	@test -x $(VENV)-audit/bin/pip-audit || { $(PYTHON) -m venv $(VENV)-audit && \
+	  $(VENV)-audit/bin/python -m pip --disable-pip-version-check install --quiet pip-audit; } || true
+	@$(VENV)/bin/python -m release.audit $(VENV)-audit/bin/pip-audit
+
+# wheel and sdist, the same bytes from the same commit
+release: $(VENV)/.runtime sbom
+	@SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(VENV)/bin/python -m hatchling build -d dist
+
 clean:
-	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(VENV)-audit build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 $(VENV)/.created:
 	@bash .ci/create-venv "$(PYTHON)" $(VENV)

@@ -5,15 +5,23 @@ from __future__ import annotations
 import errno
 
 _SHOWN = 120  # characters of a name in a sentence
+_LONGEST = 1000  # characters of a sentence: ten lines of a terminal
 
 
 class AutoMapError(Exception):
     """Base of all expected failures. The text is one clear sentence for the user.
 
-    It names the file (and line or byte), what is wrong, and what to do about it.
+    It names the file (and line or byte), what is wrong, and what to do about it. What a file or
+    a library puts into it is taken into one line, and the middle of a long one is left out.
     """
 
     exit_code = 4
+
+    def __init__(self, text: object = "") -> None:
+        line = " ".join(str(text).split("\n")).strip() if "\n" in str(text) else str(text)
+        if len(line) > _LONGEST:
+            line = f"{line[: _LONGEST // 2]} ... {line[-_LONGEST // 2 + 5 :]}"
+        super().__init__(line)
 
 
 class ConfigError(AutoMapError):

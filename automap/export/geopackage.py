@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 
+from automap.errors import StageError
 from automap.export.dictionary import LAYERS
 from automap.export.qgis_style import QgisStyle
 
@@ -57,15 +58,21 @@ _DATED = (
 
 def complete_geopackage(path: Path, layers: Sequence[str], styles: Sequence[QgisStyle]) -> None:
     """Add the columns' meanings and the styles to a GeoPackage that GDAL has written, and take out
-    when that was."""
-    with closing(sqlite3.connect(path)) as file, file:
-        _describe(file, layers)
-        if styles:
-            _add_styles(file, styles)
-        present = {row[0] for row in file.execute("SELECT name FROM sqlite_master")}
-        for table, column in _DATED:
-            if table in present:
-                file.execute(f"UPDATE {table} SET {column} = ?", (_DATE,))
+    when that was. StageError where SQLite cannot."""
+    try:
+        with closing(sqlite3.connect(path)) as file, file:
+            _describe(file, layers)
+            if styles:
+                _add_styles(file, styles)
+            present = {row[0] for row in file.execute("SELECT name FROM sqlite_master")}
+            for table, column in _DATED:
+                if table in present:
+                    file.execute(f"UPDATE {table} SET {column} = ?", (_DATE,))
+    except sqlite3.Error as error:
+        raise StageError(
+            f"cannot write {path} ({error}); check the disk or the network share and run the same "
+            "command again."
+        ) from error
 
 
 def lost_of(path: Path, counts: Mapping[str, int]) -> str:

@@ -82,8 +82,33 @@ def _put_digits(out: Bytes, at: int, value: int, decimals: int) -> int:
 
 
 @kernel
+def _rounded_product(value: float, scale: float) -> int:
+    """The integer next to the exact product of two positive numbers, the even one of two.
+
+    A product is rounded to 53 bits, which can take it to a half or beyond. Where it lies so near to
+    one, what the rounding left out decides (T. J. Dekker, Numerische Mathematik 18, 1971).
+    """
+    product = value * scale
+    nearest = np.rint(product)
+    # what the rounding left out is half a unit in the last place, at most
+    if abs(abs(product - nearest) - 0.5) > product * 2.0**-52:
+        return int(nearest)
+    split = 134217729.0  # 2^27 + 1
+    high, other = split * value, split * scale
+    high, other = high - (high - value), other - (other - scale)
+    low, rest = value - high, scale - other
+    left = ((high * other - product) + high * rest + low * other) + low * rest
+    whole = np.floor(product)
+    part = (product - whole) - 0.5
+    beyond = part + left
+    if beyond > 0.0 or (beyond == 0.0 and whole % 2.0 == 1.0):
+        return int(whole) + 1
+    return int(whole)
+
+
+@kernel
 def _put_fixed(out: Bytes, at: int, value: float, scale: float, decimals: int) -> int:
-    scaled = np.int64(np.rint(abs(value) * scale))
+    scaled = _rounded_product(abs(value), scale)
     if value < 0.0 and scaled > 0:
         out[at] = _MINUS
         at += 1

@@ -13,6 +13,10 @@ from automap.io.json_text import parse_json
 from automap.records import ClockModel, DriveClocks
 
 _T = TypeVar("_T")
+_MOST_GPS_S = 9.0e9
+"""More seconds do not fit into the nanoseconds of 64 bits."""
+_MOST_DRIFT = 0.1
+"""Far more than any clock; from 1 on times would turn round."""
 
 
 def write_clock(path: Path, clock: ClockModel, diagnostics: dict[str, Any] | None = None) -> None:
@@ -55,10 +59,13 @@ def _read(path: Path, parse: Callable[[dict[str, Any]], _T]) -> _T:
 
 def _clock(content: dict[str, Any]) -> ClockModel:
     sd_offset, delay = content["sd_offset_s"], content["output_delay_s"]
+    ref_gps_s, drift = float(content["ref_gps_s"]), float(content["drift"])
+    if not (abs(ref_gps_s) < _MOST_GPS_S and abs(drift) < _MOST_DRIFT):
+        raise ValueError(f"a clock at {ref_gps_s:g} s that drifts by {drift:g}")
     return ClockModel(
         ref_ns=int(content["ref_ns"]),
-        ref_gps_s=float(content["ref_gps_s"]),
-        drift=float(content["drift"]),
+        ref_gps_s=ref_gps_s,
+        drift=drift,
         sd_offset_s=float("inf") if sd_offset is None else float(sd_offset),
         sd_drift=float(content["sd_drift"]),
         method=str(content["method"]),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,8 @@ from automap.records import FloatArray, IntArray
 
 _LOG = "processed_log"
 _POSE = "global_pose"
+_MOST_S = 9.0e9
+"""More seconds do not fit into the nanoseconds of 64 bits."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +113,9 @@ def read_segment(source: Path) -> Segment:
     live = _live(log / "GNSS" / "live_gnss_ublox", warnings)
     speed_t_ns, speed = _speed(log / "CAN" / "speed", warnings)
     frame_times = _optional(path / _POSE / "frame_times")
-    frames = None if frame_times is None else _nanoseconds(frame_times)
+    frames = (
+        None if frame_times is None else _nanoseconds(frame_times, path / _POSE / "frame_times")
+    )
     video = path / "video.hevc"
     return Segment(
         path=path,
@@ -137,7 +142,7 @@ def _array(path: Path, columns: int | None = None) -> FloatArray:
     try:
         values: Any = np.load(candidate, allow_pickle=False)
         values = np.asarray(values, np.float64)
-    except (ValueError, OSError, EOFError) as error:
+    except (ValueError, OSError, EOFError, SyntaxError, MemoryError, TokenError) as error:
         raise InputError(f"{candidate} is not a NumPy array ({error}); copy it again.") from error
     wanted = (len(values),) if columns is None and values.ndim else (len(values), columns)
     if values.ndim == 2 and values.shape[1] == 1 and columns is None:
@@ -159,11 +164,13 @@ def _channel(folder: Path, columns: int | None) -> tuple[FloatArray, FloatArray]
     t, value = _array(folder / "t"), _array(folder / "value", columns)
     if len(t) != len(value):
         raise InputError(f"{folder}: t has {len(t)} rows and value {len(value)}; copy them again.")
-    good = np.isfinite(t) & np.isfinite(value.reshape(len(t), -1)).all(axis=1)
+    good = (np.abs(t) < _MOST_S) & np.isfinite(value.reshape(len(t), -1)).all(axis=1)
     return t[good], value[good]
 
 
-def _nanoseconds(seconds: FloatArray) -> IntArray:
+def _nanoseconds(seconds: FloatArray, path: Path) -> IntArray:
+    if not (np.abs(seconds) < _MOST_S).all():
+        raise InputError(f"{path} holds a time that is no number of seconds; copy it again.")
     return np.asarray(np.rint(seconds * 1e9), np.int64)
 
 
@@ -182,18 +189,20 @@ def _imu(folder: Path, warnings: list[str]) -> tuple[IntArray, FloatArray, Float
         )
     if len(t) == 0:
         raise InputError(f"{folder}: accelerometer and gyro share no time; copy them again.")
-    return _nanoseconds(t), gyro, accel
+    return _nanoseconds(t, folder), gyro, accel
 
 
 def _live(folder: Path, warnings: list[str]) -> LiveFixes:
     t, value = _channel(folder, 6)
+    if len(t) and np.abs(value[:, 3]).max() > 1e3 * _MOST_S:
+        raise InputError(f"{folder / 'value'}: its times are no Unix milliseconds; copy it again.")
     if len(t) == 0:
         raise InputError(f"{folder} holds no position; the segment cannot be used.")
     lost = len(_array(folder / "t")) - len(t)
     if lost:
         warnings.append(f"{folder}: {lost} rows with a value that is no number were left out")
     return LiveFixes(
-        arrival_ns=_nanoseconds(t),
+        arrival_ns=_nanoseconds(t, folder),
         unix_ms=np.asarray(np.rint(value[:, 3]), np.int64),
         lat_deg=value[:, 0],
         lon_deg=value[:, 1],
@@ -208,7 +217,7 @@ def _speed(folder: Path, warnings: list[str]) -> tuple[IntArray | None, FloatArr
         warnings.append(f"{folder} is missing; the car's own speed is not imported")
         return None, None
     t, value = _channel(folder, None)
-    return _nanoseconds(t), value
+    return _nanoseconds(t, folder), value
 
 
 def _reference(folder: Path, warnings: list[str]) -> Reference | None:
@@ -234,7 +243,7 @@ def _reference(folder: Path, warnings: list[str]) -> Reference | None:
     c_e_b = Rotation.from_quat(quaternion[:, [1, 2, 3, 0]]).as_matrix()
     yaw_pitch_roll = Rotation.from_matrix(c_n_e @ c_e_b).as_euler("ZYX", degrees=True)
     return Reference(
-        t_ns=_nanoseconds(t),
+        t_ns=_nanoseconds(t, folder),
         lat_deg=np.asarray(lat, np.float64),
         lon_deg=np.asarray(lon, np.float64),
         height_m=np.asarray(height, np.float64),

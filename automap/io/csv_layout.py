@@ -65,7 +65,9 @@ def read_layout(path: Path, form: TableForm | None = None, wanted: Sequence[str]
     if len(lines) == 1:
         end = data.find(b"\n")
         lines = [data[: end if end >= 0 else len(data)].decode("utf-8", "replace")]
-    first = next(i for i, line in enumerate(lines) if line.strip())
+    first = next((i for i, line in enumerate(lines) if line.strip()), None)
+    if first is None:
+        raise InputError(f"{path} begins with {len(lines)} empty lines; remove them.")
     known = {name.lower() for name in wanted}
     separator = form.separator or _separator(lines[first:], known)
     rows = [_cells(line, separator) for line in lines]

@@ -24,6 +24,9 @@ COLUMNS = (
 )
 
 
+WHOLE = ("frame", "t_ns", "track")
+"""Of these, whole numbers."""
+
 VIEW_CLASS = "view_class"
 """What the single view looks like; a table of an earlier version has no such column, and none of
 the tracks' probabilities."""
@@ -70,7 +73,7 @@ def read_detections(path: Path) -> dict[str, Detections]:
 
     Raises InputError when the file is missing, damaged or lacks a column.
     """
-    table = read_table(path, COLUMNS)
+    table = read_table(path, COLUMNS, (*COLUMNS[4:9], *TRACK_PROBABILITIES), WHOLE)
     columns = {name: table.column(name).to_numpy() for name in COLUMNS}
     camera = columns["camera"].astype(object)
     views = None

@@ -6,6 +6,7 @@ from a world file. Of a picture that is too large the finest reduced copy in the
 
 from __future__ import annotations
 
+import os
 import struct
 import warnings
 from collections.abc import Iterator
@@ -52,10 +53,19 @@ def open_geotiff(path: Path) -> Warped:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without the library's own words on damaged tags."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield
+    """Without the libraries' own words: Pillow's on damaged tags, libtiff's on damaged pixels,
+    which it writes to the stream itself."""
+    kept = os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    os.close(nowhere)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
 
 
 def _seek_bearable(picture: Any, path: Path) -> None:

@@ -65,7 +65,7 @@ def write_tracks(path: Path, tracks: Mapping[str, Trajectory]) -> None:
 
 def read_tracks(path: Path) -> dict[str, Trajectory]:
     """Read what ``write_tracks`` wrote."""
-    table = read_table(path, ("drive", *COLUMNS))
+    table = read_table(path, ("drive", *COLUMNS), COLUMNS, ("t_ns",))
     drive = np.array(table["drive"].to_pylist(), object)
     whole = from_columns(lambda name: floats(table, name), ints(table, "t_ns"))
     return {
@@ -88,8 +88,7 @@ def write_coverage(path: Path, coverage: DrivePath) -> None:
 
 def read_coverage(path: Path) -> DrivePath:
     """Read what ``write_coverage`` wrote."""
-    table = read_table(path, ("lat_deg", "lon_deg", "looking_deg"))
-    lat, lon, looking = (
-        np.radians(floats(table, name)) for name in ("lat_deg", "lon_deg", "looking_deg")
-    )
+    columns = ("lat_deg", "lon_deg", "looking_deg")
+    table = read_table(path, columns, columns)
+    lat, lon, looking = (np.radians(floats(table, name)) for name in columns)
     return DrivePath(np.zeros(len(lat)), lat, lon, looking, np.zeros((len(lat), 3)))

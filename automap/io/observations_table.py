@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.io.atomic import atomic_path
-from automap.io.detections_table import COLUMNS, read_detections
+from automap.io.detections_table import COLUMNS, WHOLE, read_detections
 from automap.io.tables import read_table
 from automap.records import Detections, IntArray
 
@@ -24,7 +24,7 @@ def read_detection_rows(path: Path) -> tuple[pa.Table, list[tuple[Detections, In
     For every camera, in the order of first appearance, the record and the rows [n] of the
     table that it came from. Raises InputError when the file is missing or damaged.
     """
-    table = read_table(path, COLUMNS)
+    table = read_table(path, COLUMNS, whole=WHOLE)
     camera = np.asarray(table["camera"].to_pylist(), np.object_)
     return table, [
         (record, np.flatnonzero(camera == name).astype(np.int64))

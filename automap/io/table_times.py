@@ -218,7 +218,7 @@ def stamps(
         return values, np.ones(len(values), bool)
     if form.clock == "host":
         values = _unwrapped(np.asarray(values, np.float64))
-    good = np.isfinite(values) & (np.abs(values) * UNITS["time"][form.unit or "s"] < 9e18)
+    good = np.abs(values) < 9e18 / UNITS["time"][form.unit or "s"]
     return _counted(np.where(good, values, 0.0), form.unit or "s"), good
 
 

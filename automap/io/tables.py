@@ -6,7 +6,7 @@ bit for bit (radians and SI units, which the column names state).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,8 +60,14 @@ def write_columns(
         )
 
 
-def read_table(path: Path, required: tuple[str, ...] = ()) -> pa.Table:
-    """Read a Parquet file; InputError when it is missing, damaged or lacks a column."""
+def read_table(
+    path: Path,
+    required: tuple[str, ...] = (),
+    numbers: Collection[str] = (),
+    whole: Collection[str] = (),
+) -> pa.Table:
+    """Read a Parquet file; InputError when it is missing, damaged or lacks a column, or where those
+    that are ``numbers``, or ``whole`` ones, hold something else."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -79,17 +85,39 @@ def read_table(path: Path, required: tuple[str, ...] = ()) -> pa.Table:
     missing = [name for name in required if name not in table.column_names]
     if missing:
         raise InputError(f"{path} lacks the column {missing[0]}; run again with --force.")
+    for name in table.column_names:
+        kind = table.schema.field(name).type
+        integer = pa.types.is_integer(kind)
+        real = integer or pa.types.is_floating(kind) or pa.types.is_boolean(kind)
+        if (name in whole and not integer) or (name in numbers and not real):
+            raise InputError(
+                f"{path}: the column {name} is of {kind}, not of numbers; run again with --force."
+            )
     return table
 
 
 def floats(table: pa.Table, name: str) -> FloatArray:
-    """One column as float64 [n], a copy that may be written to; nulls become NaN."""
-    return np.array(column_to_numpy(table.column(name)), dtype=np.float64)
+    """One column as float64 [n], a copy that may be written to; nulls become NaN.
+
+    InputError where it holds something else.
+    """
+    try:
+        return np.array(column_to_numpy(table.column(name)), dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise _no_numbers(name) from error
 
 
 def ints(table: pa.Table, name: str) -> IntArray:
-    """One column as int64 [n]."""
-    return np.array(column_to_numpy(table.column(name)), dtype=np.int64)
+    """One column as int64 [n]; InputError where it holds something else."""
+    try:
+        with np.errstate(invalid="raise"):
+            return np.array(column_to_numpy(table.column(name)), dtype=np.int64)
+    except (ValueError, TypeError, FloatingPointError) as error:
+        raise _no_numbers(name) from error
+
+
+def _no_numbers(name: str) -> InputError:
+    return InputError(f"the column {name} of a table holds no numbers; run again with --force.")
 
 
 def _vector(table: pa.Table, names: tuple[str, ...]) -> FloatArray:
@@ -109,7 +137,8 @@ def write_imu(path: Path, imu: ImuData) -> None:
 
 def read_imu(path: Path) -> ImuData:
     """Read what ``write_imu`` wrote."""
-    table = read_table(path, ("t_ns", *_IMU_GYRO, *_IMU_ACCEL))
+    sensors = (*_IMU_GYRO, *_IMU_ACCEL)
+    table = read_table(path, ("t_ns", *sensors), (*sensors, "temp_c"), ("t_ns",))
     metadata = table.schema.metadata or {}
     return ImuData(
         t_ns=ints(table, "t_ns"),
@@ -136,14 +165,15 @@ def write_odometer(path: Path, wheels: WheelSpeed) -> None:
 
 def read_odometer(path: Path) -> WheelSpeed:
     """Read what ``write_odometer`` wrote; InputError when it is missing or damaged."""
-    table = read_table(path, ("t_ns", "speed_m_s"))
+    table = read_table(path, ("t_ns", "speed_m_s"), ("speed_m_s",), ("t_ns",))
     return WheelSpeed(ints(table, "t_ns"), floats(table, "speed_m_s"))
 
 
 def read_fixes(path: Path) -> Fixes:
     """Read what ``write_fixes`` wrote."""
     vector_names = tuple(name for names in _VECTORS.values() for name in names)
-    table = read_table(path, (*_FLOATS, *_INTS, *vector_names))
+    real = (*_FLOATS, *vector_names)
+    table = read_table(path, (*real, *_INTS), real, _INTS)
     values: dict[str, Any] = {name: floats(table, name) for name in _FLOATS}
     values |= {field: _vector(table, names) for field, names in _VECTORS.items()}
     values |= {name: ints(table, name) for name in _INTS}

@@ -35,7 +35,8 @@ def read_trajectory_pos(path: Path) -> FinishedTrajectory:
     fixes, notes, cut, _ = decode_pos(content, str(path))
     warnings = [f"{path}: {note}" for note in [*notes, *([] if cut is None else [cut])]]
     place = np.column_stack([fixes.lat_rad, fixes.lon_rad, fixes.height_m, fixes.gps_s])
-    rows = np.flatnonzero(np.isfinite(place).all(axis=1))
+    # more seconds do not fit into nanoseconds of 64 bits
+    rows = np.flatnonzero(np.isfinite(place).all(axis=1) & (np.abs(fixes.gps_s) < 9.0e9))
     t_ns = np.rint(fixes.gps_s[rows] * 1e9).astype(np.int64)
     keep = kept_in_time(path, t_ns, len(fixes), "write the solution", warnings)
     rows, t_ns = rows[keep], t_ns[keep]

@@ -87,7 +87,7 @@ def write_trajectory(path: Path, trajectory: Trajectory) -> None:
 
 def read_trajectory(path: Path) -> Trajectory:
     """Read what ``write_trajectory`` wrote; InputError when it is missing or damaged."""
-    table = read_table(path, COLUMNS)
+    table = read_table(path, COLUMNS, COLUMNS, ("t_ns",))
     trajectory = from_columns(lambda name: floats(table, name), ints(table, "t_ns"))
     if len(trajectory) and not _is_plausible(trajectory):
         raise InputError(f"{path} holds no positions on Earth; run the drive again with --force.")

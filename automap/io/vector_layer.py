@@ -8,6 +8,7 @@ from __future__ import annotations
 import glob
 import json
 import re
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,14 +79,17 @@ def _gdal(path: Path, layer: str | None) -> VectorLayer:
     from pyogrio.raw import read
 
     try:
-        listed = pyogrio.list_layers(path)
-        if layer is not None and layer not in listed[:, 0]:
-            have = ", ".join(map(str, listed[:, 0]))
-            raise InputError(f"{path} has no layer {layer}; it has {have}.")
-        spatial = [str(name) for name, kind in listed if kind is not None]
-        chosen = layer or next(iter(spatial), None)
-        meta, _, wkb, values = read(path, layer=chosen)
-        geometry = None if wkb is None else np.asarray(shapely.from_wkb(wkb), object)
+        with warnings.catch_warnings():
+            # GDAL's own words on what it passes over
+            warnings.simplefilter("ignore")
+            listed = pyogrio.list_layers(path)
+            if layer is not None and layer not in listed[:, 0]:
+                have = ", ".join(map(str, listed[:, 0]))
+                raise InputError(f"{path} has no layer {layer}; it has {have}.")
+            spatial = [str(name) for name, kind in listed if kind is not None]
+            chosen = layer or next(iter(spatial), None)
+            meta, _, wkb, values = read(path, layer=chosen)
+            geometry = None if wkb is None else np.asarray(shapely.from_wkb(wkb), object)
     except (DataSourceError, DataLayerError, shapely.errors.GEOSException, ValueError) as error:
         raise InputError(
             f"{path}: cannot be read ({str(error).splitlines()[0]}); give a file of {_KNOWN}."

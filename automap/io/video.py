@@ -229,9 +229,11 @@ def open_video(path: Path) -> Any:
         raise InputError(f"{path} is missing.") from None
     except (PermissionError, IsADirectoryError) as error:
         raise InputError(f"{path} cannot be read ({error.strerror}); check the file.") from None
-    except (av.FFmpegError, OSError) as error:
+    except (av.FFmpegError, OSError, UnicodeDecodeError) as error:
+        # names in a garbled header are no text
+        why = getattr(error, "strerror", None) or error
         raise InputError(
-            f"{path} is no readable video ({error.strerror or error}); if the recording was "
+            f"{path} is no readable video ({why}); if the recording was "
             "interrupted, its index was never written: repair it or record again."
         ) from error
 
@@ -239,6 +241,8 @@ def open_video(path: Path) -> Any:
 def video_stream(container: Any, path: Path) -> Any:
     """The first stream of moving pictures; a cover image is not one. InputError without any."""
     for stream in container.streams.video:
-        if not int(getattr(stream, "disposition", 0) or 0) & 0x400:
+        cover = int(getattr(stream, "disposition", 0) or 0) & 0x400
+        # a stream of pictures in no known form has no decoder
+        if not cover and stream.codec_context is not None:
             return stream
     raise InputError(f"{path} holds no video stream; check that it is the camera's file.")

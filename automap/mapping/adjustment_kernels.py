@@ -13,9 +13,6 @@ import numpy as np
 from automap.jit import kernel_with
 from automap.records import FloatArray, IntArray
 
-_SUMS = {"reassoc", "contract", "nsz", "arcp"}
-"""Sums may be taken in any order, so that they run in vector registers."""
-
 
 @kernel_with(nogil=True)
 def covariance_of_drive(
@@ -48,42 +45,46 @@ def covariance_of_drive(
     return total
 
 
-@kernel_with(nogil=True, fastmath=_SUMS)
+@kernel_with(nogil=True)
 def invert(matrix: FloatArray) -> float:
     """Replace a positive definite matrix [n, n] by its inverse; returns log det of it.
 
-    Cholesky factor, its inverse, and the product of that with itself.
+    Cholesky factor, its inverse, and the product of that with itself; every inner loop adds one row
+    to another, so that it runs in vector registers with each sum in its own order. NaN where
+    the matrix is not positive definite.
     """
     n = len(matrix)
     log_det = 0.0
+    # the factor's columns lie in the rows of the upper triangle
     for j in range(n):
-        value = matrix[j, j]
-        for k in range(j):
-            value -= matrix[j, k] * matrix[j, k]
-        pivot = np.sqrt(value)
+        pivot = np.sqrt(matrix[j, j])
         log_det += 2.0 * np.log(pivot)
         matrix[j, j] = pivot
         for i in range(j + 1, n):
-            value = matrix[i, j]
-            for k in range(j):
-                value -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = value / pivot
-    # the inverse of the lower factor, transposed into the upper triangle and kept by rows
+            matrix[j, i] /= pivot
+        for k in range(j + 1, n):
+            value = matrix[j, k]
+            for i in range(k, n):
+                matrix[k, i] -= value * matrix[j, i]
     inverse = np.zeros((n, n))
-    for j in range(n):
-        inverse[j, j] = 1.0 / matrix[j, j]
-        for i in range(j + 1, n):
-            value = 0.0
-            for k in range(j, i):
-                value -= matrix[i, k] * inverse[j, k]
-            inverse[j, i] = value / matrix[i, i]
     for i in range(n):
+        inverse[i, i] = 1.0
+        for k in range(i):
+            value = matrix[k, i]
+            for j in range(k + 1):
+                inverse[i, j] -= value * inverse[k, j]
+        pivot = matrix[i, i]
         for j in range(i + 1):
-            value = 0.0
-            for k in range(i, n):
-                value += inverse[i, k] * inverse[j, k]
-            matrix[i, j] = value
-            matrix[j, i] = value
+            inverse[i, j] /= pivot
+    matrix[:] = 0.0
+    for k in range(n):
+        for i in range(k + 1):
+            value = inverse[k, i]
+            for j in range(i + 1):
+                matrix[i, j] += value * inverse[k, j]
+    for i in range(n):
+        for j in range(i):
+            matrix[j, i] = matrix[i, j]
     return log_det
 
 

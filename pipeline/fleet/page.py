@@ -7,6 +7,7 @@ from typing import Any
 
 from pipeline.pages.render import sections_page
 from pipeline.pages.section import Figure, Section
+from pipeline.shared.values import mapping
 
 _ROWS = 500
 
@@ -67,10 +68,10 @@ def _map(made: dict[str, Any] | None) -> Section:
         f"longest last on {str(made['oldest_cell'])[:10]}."
     )
     for step in reversed(made["history"]):
-        changes = step.get("changes") or {}
+        changes = mapping(step.get("changes"))
         section.rows.append(
             (
-                step["map"], str(step["drives"]), str(step["signs"]),
+                *(str(step.get(name, "")) for name in ("map", "drives", "signs")),
                 *(str(changes.get(kind, "")) for kind in ("new", "gone", "class", "moved")),
             )
         )  # fmt: skip

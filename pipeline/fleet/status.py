@@ -14,37 +14,39 @@ from automap.io import names
 from automap.io.atomic import plain
 from pipeline.fleet.store import SCHEMA, SETTINGS, Entry, Store
 from pipeline.fleet.versions import MAP, current
-from pipeline.shared.values import mapping
+from pipeline.shared.values import listing, mapping, number
 
 PAGE, LINES, METRICS = "status.html", "drives.jsonl", "automap_fleet.prom"
 FOLDER = "status"
 _SHOWN = 20
+_CHANGES = ("new", "gone", "class", "moved")
+_NUMBERS = ("signs", "hours", "km", "seconds", "processor_s", "peak_bytes")
 
 
 def drive_line(entry: Entry, key: str | None) -> dict[str, Any]:
     """What is told of one drive."""
     done = entry.done
     verdict = mapping(done.get("verdict"))
-    reasons = [str(mapping(r).get("text", "")) for r in verdict.get("reasons") or []]
+    reasons = [str(mapping(r).get("text", "")) for r in listing(verdict.get("reasons"))]
+    stored = [number(mapping(f).get("bytes")) or 0 for f in mapping(done.get("files")).values()]
     return {
         "digest": entry.digest,
         "name": entry.name,
         "path": entry.path,
         "state": entry.state(key),
-        "reason": entry.aside.get("error"),
-        "kind": entry.aside.get("kind"),
-        "verdict": verdict.get("state"),
+        "reason": _text(entry.aside.get("error")),
+        "kind": _text(entry.aside.get("kind")),
+        "verdict": _text(verdict.get("state")),
         "verdict_reasons": reasons,
         "older_settings": bool(done and key) and done.get("made_with", done.get("key")) != key,
-        "signs": done.get("signs"),
-        "hours": done.get("hours"),
-        "km": done.get("km"),
-        "seconds": done.get("seconds"),
-        "processor_s": done.get("processor_s"),
-        "peak_bytes": done.get("peak_bytes"),
-        "stored_bytes": sum(int(f["bytes"]) for f in done.get("files", {}).values()) or None,
-        "automap": done.get("automap"),
+        **{name: number(done.get(name)) for name in _NUMBERS},
+        "stored_bytes": int(sum(stored)) or None,
+        "automap": _text(done.get("automap")),
     }
+
+
+def _text(value: Any) -> str | None:
+    return None if value is None else str(value)
 
 
 def status(store: Store) -> tuple[dict[str, Any], list[dict[str, Any]]]:
@@ -82,24 +84,32 @@ def status(store: Store) -> tuple[dict[str, Any], list[dict[str, Any]]]:
 def _map(store: Store, done: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
     version = current(store)
     summary = store.read(f"maps/{version}/{names.MERGE}") if version else {}
-    if not summary:
+    counts = {name: number(summary.get(name)) for name in ("signs", "sightings", "cells")}
+    if not version.isdecimal() or None in counts.values():
+        # there is none, or what it says of itself is damaged
         return None
-    last = np.array(list(summary["last_pass"].values()), np.float64)
+    passes = [number(value) for value in mapping(summary.get("last_pass")).values()]
+    last = np.array([value for value in passes if value is not None], np.float64)
     folder = store.place.folder
+    drives = len(listing(summary.get("drives")))
     return {
         "version": version,
         "path": f"{store.place.url}/maps/{version}" if folder is None else str(folder / MAP),
-        "drives": len(summary["drives"]),
-        "not_in_it": len(done) - len(summary["drives"]),
-        "signs": summary["signs"],
-        "sightings": summary["sightings"],
-        "changes": summary.get("changes"),
-        "cells": summary["cells"],
+        "drives": drives,
+        "not_in_it": len(done) - drives,
+        **counts,
+        "changes": _counts(summary.get("changes")),
         "oldest_cell": iso_texts(utc_of_gps(last[[last.argmin()]]))[0] if len(last) else None,
         "newest_cell": iso_texts(utc_of_gps(last[[last.argmax()]]))[0] if len(last) else None,
-        "warnings": summary["warnings"],
-        "history": summary.get("history", []),
+        "warnings": [str(text) for text in listing(summary.get("warnings"))],
+        "history": [mapping(step) for step in listing(summary.get("history"))],
     }
+
+
+def _counts(changes: Any) -> dict[str, int] | None:
+    """Signs by what became of them; None where nothing was compared."""
+    told = {kind: number(mapping(changes).get(kind)) for kind in _CHANGES}
+    return {kind: int(count or 0) for kind, count in told.items()} if changes else None
 
 
 def summary_lines(told: dict[str, Any], drives: Sequence[dict[str, Any]]) -> list[str]:
@@ -130,7 +140,7 @@ def summary_lines(told: dict[str, Any], drives: Sequence[dict[str, Any]]) -> lis
         f"{made['drives']} drives{behind}"
     )
     if made["changes"]:
-        counts = ", ".join(f"{made['changes'][k]} {k}" for k in ("new", "gone", "class", "moved"))
+        counts = ", ".join(f"{made['changes'][k]} {k}" for k in _CHANGES)
         lines.append(f"  changes     {counts}")
     lines.append(
         f"  cells       {made['cells']}, passed last {str(made['oldest_cell'])[:10]} to "

@@ -17,7 +17,7 @@ from automap.errors import ConfigError
 from automap.io.atomic import plain
 from automap.io.json_text import parse_json
 from pipeline.fleet.places import Place, place_at
-from pipeline.shared.values import mapping
+from pipeline.shared.values import mapping, number
 
 SCHEMA = "automap.fleet/1"
 DRIVES, STORE, SETTINGS = "drives", "fleet.json", "settings.json"
@@ -98,10 +98,10 @@ class Store:
             return self.read(f"{DRIVES}/{digest}/{name}") if name in there else {}
 
         drive, done = told(DRIVE), told(DONE)
-        if done and str(done.get("result")) not in there:
-            # its files were removed
+        if not isinstance(done.get("key"), str) or str(done.get("result")) not in there:
+            # its files were removed, or it is damaged
             done = {}
-        path, size = str(drive.get("path", "")), int(drive.get("bytes", 0))
+        path, size = str(drive.get("path", "")), int(number(drive.get("bytes")) or 0)
         return Entry(digest, path, size, done, told(ASIDE), REPLACED in there)
 
     def entries(self, digests: Iterable[str] | None = None) -> list[Entry]:

@@ -114,7 +114,7 @@ def _trajectory(folder: Path, warnings: list[str]) -> pa.Table | None:
             continue
         try:
             with pq.ParquetFile(path) as file:
-                table = file.read(columns=list(_PATH_COLUMNS))
+                table = _as_numbers(file.read(columns=list(_PATH_COLUMNS)))
         except (pa.ArrowException, OSError) as error:
             warnings.append(f"{path} is left out: {str(error).splitlines()[0]}")
             continue
@@ -124,6 +124,14 @@ def _trajectory(folder: Path, warnings: list[str]) -> pa.Table | None:
         elif len(table) > 1:
             return _thinned(table)
     return None
+
+
+def _as_numbers(table: pa.Table) -> pa.Table:
+    """Every column as real numbers, stamps as whole ones; ArrowException where one is not."""
+    import pyarrow as pa
+
+    kinds = [(n, pa.int64() if n == "t_ns" else pa.float64()) for n in table.column_names]
+    return table.cast(pa.schema([pa.field(name, kind, kind != pa.int64()) for name, kind in kinds]))
 
 
 def _thinned(table: pa.Table) -> pa.Table:
@@ -189,7 +197,7 @@ def _detection_stamps(folder: Path) -> IntArray | None:
     try:
         with pq.ParquetFile(folder / names.OBSERVATIONS) as file:
             column = file.read(columns=["t_ns"])["t_ns"].drop_null()
-            return np.asarray(column.to_numpy(), np.int64)
+            return np.asarray(column.cast(pa.int64()).to_numpy(), np.int64)
     except (pa.ArrowException, OSError, KeyError):
         return None
 

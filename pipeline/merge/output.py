@@ -51,23 +51,23 @@ def write_map(
         # of a merge that was killed; nobody else writes here now
         for left in out.glob(".merge.*"):
             shutil.rmtree(left, ignore_errors=True)
-    with locked(out), tempfile.TemporaryDirectory(dir=out, prefix=".merge.") as temporary:
-        new = Path(temporary)
-        with suppress(FileNotFoundError):
-            # what a reviewer decided about the older map
-            shutil.copyfile(out / names.REVIEW, new / names.REVIEW)
-        try:
-            written = _write_files(new, outcome, signs, folders, previous, progress)
-        except StageError as error:
-            raise StageError(str(error).replace(str(new), str(out))) from error
-        (new / names.REVIEW).unlink(missing_ok=True)
-        for name in (CHANGES, TRACKS, names.OBSERVATIONS):
-            if not (new / name).exists():
-                (out / name).unlink(missing_ok=True)
-        shutil.rmtree(out / names.PICTURES, ignore_errors=True)
-        # merge.json last: it says that the map is complete
-        for path in sorted(new.iterdir(), key=lambda path: path.name == names.MERGE):
-            put_in_place(path, out / path.name)
+        with tempfile.TemporaryDirectory(dir=out, prefix=".merge.") as temporary:
+            new = Path(temporary)
+            with suppress(FileNotFoundError):
+                # what a reviewer decided about the older map
+                shutil.copyfile(out / names.REVIEW, new / names.REVIEW)
+            try:
+                written = _write_files(new, outcome, signs, folders, previous, progress)
+            except StageError as error:
+                raise StageError(str(error).replace(str(new), str(out))) from error
+            (new / names.REVIEW).unlink(missing_ok=True)
+            for name in (CHANGES, TRACKS, names.OBSERVATIONS):
+                if not (new / name).exists():
+                    (out / name).unlink(missing_ok=True)
+            shutil.rmtree(out / names.PICTURES, ignore_errors=True)
+            # merge.json last: it says that the map is complete
+            for path in sorted(new.iterdir(), key=lambda path: path.name == names.MERGE):
+                put_in_place(path, out / path.name)
     return [out / path.name for path in written]
 
 

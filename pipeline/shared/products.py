@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from automap.errors import AutoMapError
+from automap.errors import AutoMapError, StageError
 from automap.io import names
 from automap.io.json_text import parse_json
 from automap.mapping.review import Renamed, apply_review
@@ -41,6 +41,8 @@ class RunProducts:
     tracks: dict[str, Trajectory] = field(default_factory=dict)
     """Trajectories of the drives of a merged map, by name, thinned."""
     problems: list[str] = field(default_factory=list)
+    refused: list[str] = field(default_factory=list)
+    """Of these, the files that the system did not let be read: they may be sound."""
 
     @property
     def trajectories(self) -> dict[str, Trajectory]:
@@ -75,12 +77,33 @@ class RunProducts:
         try:
             return read(path)
         except (AutoMapError, OSError, ValueError, TypeError, KeyError) as error:
+            if trouble := _of_the_system(error):
+                self.refused.append(f"{path} cannot be read ({trouble.strerror})")
             self._note(f"{name} is left out: {error}")
             return None
+
+    def readable(self) -> RunProducts:
+        """These; StageError where the system refused a file. A map without what is in it would
+        count as current when the disk or the share is well again."""
+        if self.refused:
+            raise StageError(
+                f"{self.refused[0]}; check the disk or the network share and run the same command "
+                "again."
+            )
+        return self
 
     def _note(self, problem: str) -> None:
         if problem not in self.problems:
             self.problems.append(problem)
+
+
+def _of_the_system(error: BaseException | None) -> OSError | None:
+    """The refusal behind an error; a damaged file is none, and has no number of the system's."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno is not None:
+            return error
+        error = error.__cause__
+    return None
 
 
 def load_products(out: Path) -> RunProducts:

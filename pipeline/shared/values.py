@@ -22,6 +22,17 @@ def mapping(value: Any) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
+def number(value: Any) -> int | float | None:
+    """A finite number as it is, None in place of anything else."""
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    return value if plain and abs(value) < float("inf") else None
+
+
+def listing(value: Any) -> list[Any]:
+    """A list as it is, an empty one in place of anything else."""
+    return value if isinstance(value, list) else []
+
+
 def flatten(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested tables as one table with dotted keys."""
     flat: dict[str, Any] = {}

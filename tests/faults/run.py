@@ -1,6 +1,6 @@
 """Faults in whole commands: what came of each, in a table by command and kind.
 
-    python -m tests.faults.run [--count N] [--seed S] [--only GLOB] [--kind GLOB] [--list]
+    python -m tests.faults.run [--count N] [--seconds S] [--seed N] [--only GLOB] [--kind GLOB]
 
 Calls of the C library fail (``shim.c``), processes are killed and told to end, memory is short,
 two commands write one folder, pipes close. After each fault the exit code must be one of the
@@ -108,6 +108,8 @@ def fault(case: Undisturbed, kind: str, draw: random.Random) -> tuple[str, str]:
     first = _disturbed(case, kind, draw)
     ended, others = first[0], first[1:]
     dead = ended.code == -signal.SIGKILL or any(e.code == -signal.SIGKILL for e in others)
+    # nor can a folder be tidied that is not there any more
+    dead |= kind == "share gone"
     killed = kind.startswith("killed")
     for each in first:
         if said := wrong_end(each, killed):
@@ -196,13 +198,16 @@ def drawn(names: list[str], kinds: list[str], count: int, seed: int) -> list[tup
 
 
 def inject(
-    cases: list[tuple[str, str]], seed: int, work: Path
+    cases: list[tuple[str, str]], seed: int, work: Path, seconds: float = float("inf")
 ) -> tuple[Counter[tuple[str, str, str]], list[str]]:
     """Outcomes by command, kind and word; and what went wrong, a line each."""
     table: Counter[tuple[str, str, str]] = Counter()
     wrong: list[str] = []
     made: dict[str, Undisturbed] = {}
+    end = time.monotonic() + seconds
     for number, (name, kind) in enumerate(cases):
+        if time.monotonic() > end:
+            break
         draw = random.Random(f"{seed} {number} {name} {kind}")
         if name in scenes_live.LIVE:
             word, said = scenes_live.LIVE[name](kind, draw, fresh(work / name))
@@ -244,6 +249,7 @@ def as_markdown(table: Counter[tuple[str, str, str]]) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--seconds", type=float, default=float("inf"))
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="*")
     parser.add_argument("--kind", default="*")
@@ -254,7 +260,7 @@ def main() -> int:
     warm(tuple(name for name in ("run", "calibrate") if name in names))
     with tempfile.TemporaryDirectory(prefix="faults") as folder:
         cases = drawn(names, kinds, args.count, args.seed)
-        table, wrong = inject(cases, args.seed, Path(folder).resolve())
+        table, wrong = inject(cases, args.seed, Path(folder).resolve(), args.seconds)
     print(as_markdown(table))
     print("\n".join(wrong))
     return 1 if wrong else 0

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import logging
+import os
+import resource
 import tempfile
 import time
 import traceback
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from automap.errors import AutoMapError
+from tests.fuzz.more_readers import SUFFIXES, more_reader
 from tests.unit.broken_readers import reader_of
 
-SLOW_S = 10.0
-"""A reader's time for 64 KB: a hundred times what the slowest takes, with other work beside it."""
+SLOW_S, HUNG_S = 10.0, 60.0
+"""A reader's processor time for 64 KB, some ten times what the slowest takes, and time in all."""
+
+MOST_MB = 400.0
+"""By which a reader of 64 KB may raise the most memory that the process had; pictures of the
+largest size that is read take a half of it."""
 
 MOST_CHARACTERS = 1000
 """Of an error's sentence; a garbled file must not be told back whole."""
@@ -34,28 +43,71 @@ class Outcome:
 
 def attempt(name: str, data: bytes) -> Outcome:
     """Read ``data`` as a file of the harness ``name``."""
+    read = more_reader(name) or reader_of(name)
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("error")
         logging.disable(logging.CRITICAL)
         work = Path(folder) / "work"
         work.mkdir()
-        path = Path(folder) / (f"{name}.zip" if name == "phone_zip" else f"{name}.dat")
-        if name.endswith("_parquet"):
-            path = path.with_suffix(".parquet")
+        path = Path(folder) / f"{name}{_suffix(name)}"
         path.write_bytes(data)
-        started = time.monotonic()
+        started, worked, before = time.monotonic(), time.process_time(), _peak_mb()
+        said_aside = Path(folder) / "stderr"
         try:
-            reader_of(name)(path, work)
+            with _stderr_to(said_aside):
+                read(path, work)
             outcome = Outcome("read", "")
         except AutoMapError as error:
             said = str(error).replace(folder, "")
             whole = "\n" not in said and len(said) <= MOST_CHARACTERS
             outcome = Outcome("refused" if whole else "long sentence", said)
         except Exception as error:
-            place = traceback.extract_tb(error.__traceback__)[-1]
+            place = _ours(error)
             where = f"{type(error).__name__} {Path(place.filename).name}:{place.lineno}"
             kind = "warning" if isinstance(error, Warning) else "crash"
             outcome = Outcome(kind, f"{where} {str(error)[:200]}")
         finally:
             logging.disable(logging.NOTSET)
-    return outcome if time.monotonic() - started < SLOW_S else Outcome("slow", name)
+        aside = said_aside.read_text(encoding="utf-8", errors="replace")
+        if outcome.good and aside:
+            outcome = Outcome("stderr", aside[:200])
+    if outcome.good and _peak_mb() - before > MOST_MB:
+        return Outcome("memory", f"{_peak_mb() - before:.0f} MB")
+    hung = time.monotonic() - started > HUNG_S
+    return Outcome("slow", name) if hung or time.process_time() - worked > SLOW_S else outcome
+
+
+def _suffix(name: str) -> str:
+    """The ending of a harness's files."""
+    if name in SUFFIXES:
+        return SUFFIXES[name]
+    if name == "phone_zip":
+        return ".zip"
+    return ".parquet" if name.endswith("_parquet") else ".dat"
+
+
+def _ours(error: Exception) -> traceback.FrameSummary:
+    """The last line of AutoMap's that an error went through."""
+    frames = traceback.extract_tb(error.__traceback__)
+    ours = [
+        f for f in frames if f"{os.sep}automap{os.sep}" in f.filename or "pipeline" in f.filename
+    ]
+    return (ours or frames)[-1]
+
+
+def _peak_mb() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+@contextmanager
+def _stderr_to(path: Path) -> Iterator[None]:
+    """Let libraries that write to the stream itself write to a file."""
+    kept = os.dup(2)
+    file = os.open(path, os.O_WRONLY | os.O_CREAT)
+    os.dup2(file, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(file)
+        os.close(kept)

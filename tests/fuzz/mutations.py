@@ -103,5 +103,5 @@ def damaged(data: bytes, draw: random.Random) -> bytes:
         if not out:
             break
         draw.choice(_KINDS)(out, draw)
-        del out[_MOST:]
+        del out[max(_MOST, len(data)) :]
     return mended(bytes(out)) if draw.random() < 0.5 else bytes(out)

@@ -2,7 +2,8 @@
 
     python -m tests.fuzz.run [--count N] [--seconds S] [--seed N] [--only GLOB] [-o FOLDER]
 
-A file whose sentence is new is kept and damaged further. What no reader may do - an exception that
+Begins with a whole file for each harness and with what once went wrong (``found``); a file whose
+sentence is new is kept and damaged further. What no reader may do - an exception that
 is not ours, a warning of a library, a sentence of a page, ten seconds - is written to FOLDER.
 Prints a table by kind; the exit code is 1 where something was found.
 """
@@ -19,8 +20,27 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from tests.fuzz.attempt import attempt
+from tests.fuzz.more_seeds import more_seeds
 from tests.fuzz.mutations import damaged
-from tests.fuzz.seeds import seeds
+from tests.fuzz.seeds import seeds as plain_seeds
+
+
+def seeds() -> dict[str, bytes]:
+    """A whole file for each harness."""
+    return plain_seeds() | more_seeds()
+
+
+FOUND = Path(__file__).with_name("found")
+
+
+def found_files() -> list[tuple[str, Path]]:
+    """Files that once went wrong, each with its harness, by the beginning of its name."""
+    names = sorted(seeds(), key=len, reverse=True)
+    return [
+        (next(name for name in names if path.name.startswith(f"{name}_")), path)
+        for path in sorted(FOUND.glob("*.bin"))
+    ]
+
 
 _KEPT = 200  # files of one harness to go on from; the oldest make room
 
@@ -31,6 +51,9 @@ def fuzz(
     """Outcomes by harness and kind, and the files that went wrong by harness and place."""
     draw, start = random.Random(seed), time.monotonic()
     pools = {name: [data] for name, data in seeds().items() if name in names}
+    for name, path in found_files():
+        if name in names:
+            pools[name].append(path.read_bytes())
     known: set[tuple[str, str]] = set()
     table: Counter[tuple[str, str]] = Counter()
     wrong: dict[tuple[str, str], bytes] = {}
@@ -38,7 +61,9 @@ def fuzz(
         if time.monotonic() - start > seconds:
             break
         name = names[number % len(names)]
-        data = damaged(draw.choice(pools[name]), draw)
+        # half of all from the whole file: of one that is refused most is refused in the same way
+        pool = pools[name][: 1 if draw.random() < 0.5 else None]
+        data = damaged(draw.choice(pool), draw)
         outcome = attempt(name, data)
         table[name, outcome.kind] += 1
         # the same sentence about another line is nothing new

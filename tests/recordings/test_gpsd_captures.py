@@ -31,7 +31,25 @@ LOGS = [
     "drives/kitti-20110926-0014/gnss.ubx",
     "drives/kitti-20110930-0034/gnss.nmea",
     "reference/white-noise-drive/gnss.ubx",
+    *(
+        pytest.param(log, marks=pytest.mark.slow)
+        for log in (
+            "gnss_logs/walk-m8-rawx/gnss_1730.ubx",
+            "drives/balzer-car/gnss.nmea",
+            "drives/gsdc-mtv1/gnss.nmea",
+            "drives/gsdc-mtv1-xl/gnss.nmea",
+            "drives/iphone-austin/gnss.nmea",
+            "drives/kitti-20110926-0032/gnss.ubx",
+            "drives/kitti-20110926-0059/gnss.ubx",
+            "drives/kitti-20110926-0101/gnss.ubx",
+            "drives/kitti-20110926-0104/gnss.ubx",
+            "drives/kitti-20110930-0020/gnss.ubx",
+            "drives/kitti-20110930-0033/gnss.ubx",
+            "drives/kitti-20111003-0034/gnss.nmea",
+        )
+    ),
 ]
+"""All logs of receivers among the recordings; those that are long with ``-m slow``."""
 
 
 def parsed(data: bytes) -> dict[str, list[Any]]:
@@ -45,6 +63,18 @@ def parsed(data: bytes) -> dict[str, list[Any]]:
             name = "PUBX00" if message.identity == "PUBX00" else message.msgID
             groups[name].append(message)
     return groups
+
+
+def test_no_log_of_a_receiver_is_left_out(shared_data: Path) -> None:
+    named = {log if isinstance(log, str) else log.values[0] for log in LOGS}
+    folders = ("gnss_logs", "drives", "reference")
+    there = {
+        str(path.relative_to(shared_data))
+        for folder in folders
+        for path in (shared_data / folder).rglob("*")
+        if path.suffix in (".ubx", ".nmea", ".log")
+    }
+    assert there == named
 
 
 @pytest.mark.parametrize("log", LOGS)

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from release.pins import read_pins
+
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 # modules of the tests are also imported from beside the test that uses them
@@ -19,7 +21,8 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 NEVER_IMPORTED = {"allantools": {"numpydoc"}}
 # pytest itself loads its plugin
 LOADED_BY = {"pipeline/pytest_plugin.py": "pytest"}
-OWN = {"automap", "pipeline", "tests"} | {path.stem for path in (ROOT / "tests").rglob("*.py")}
+OWN = {"automap", "pipeline", "release", "tests"}
+OWN |= {path.stem for path in (ROOT / "tests").rglob("*.py")}
 
 
 def imported(folder: str) -> Iterator[tuple[Path, str]]:
@@ -47,9 +50,7 @@ def required(requirements: list[str]) -> set[str]:
 
 def locked(name: str) -> dict[str, str]:
     """Names and versions in a lock file."""
-    lines = (ROOT / name).read_text(encoding="utf-8").splitlines()
-    pairs = [line.split("==") for line in lines if line and not line.startswith("#")]
-    return {normal(package): version for package, version in pairs}
+    return {pin.name: pin.version for pin in read_pins(ROOT / name)}
 
 
 RUNTIME = required(PROJECT["dependencies"])

@@ -19,7 +19,7 @@ from export_inputs import CLOCK, HOSTILE, sign, trajectory
 from automap.errors import StageError
 from automap.export import gis, layers
 from automap.export.fields import SIGN_FIELDS
-from automap.export.geopackage import lost_of
+from automap.export.geopackage import complete_geopackage, lost_of
 from automap.export.path import simplified_path
 from automap.export.sign_columns import sign_columns
 
@@ -189,3 +189,9 @@ def test_a_geopackage_that_gdal_has_not_written_whole_is_told(
     with pytest.raises(StageError, match="could not be written whole: the layer signs has"):
         gis.write_layers(tmp_path / "a.gpkg", [layers.sign_layer(columns())])
     assert not list(tmp_path.iterdir())
+
+
+def test_a_geopackage_that_sqlite_cannot_finish_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "map.gpkg").mkdir()
+    with pytest.raises(StageError, match=r"cannot write .*map\.gpkg \(unable to open"):
+        complete_geopackage(tmp_path / "map.gpkg", [], [])

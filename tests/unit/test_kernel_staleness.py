@@ -150,3 +150,11 @@ def test_an_edit_of_a_helper_is_run(tmp_path: Path, elsewhere: bool) -> None:
     edit("depth.py", "100.0", "200.0")
     assert run() == ["223.0", "0"]
     assert run() == ["223.0", "1"]
+
+
+def test_no_kernel_lets_the_compiler_reorder_sums_or_leave_out_checks() -> None:
+    # fastmath takes a check for NaN out, and orders sums anew with each compilation
+    sources = [path for name in ("automap", "pipeline") for path in (ROOT / name).rglob("*.py")]
+    told = [path.name for path in sources if "fastmath" in path.read_text(encoding="utf-8")]
+    assert len(sources) > 100
+    assert told == []

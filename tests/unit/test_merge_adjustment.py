@@ -185,3 +185,12 @@ def test_the_inverse_and_determinant_of_a_drives_covariance() -> None:
     log_det = invert(inverse)
     assert inverse @ matrix == pytest.approx(np.eye(2 * n), abs=1e-9)
     assert log_det == pytest.approx(np.linalg.slogdet(matrix)[1])
+
+
+@pytest.mark.parametrize("value", [np.nan, -5.0, 0.0])
+def test_what_is_no_covariance_gives_no_number(value: float) -> None:
+    matrix = 2.0 * np.eye(5)
+    matrix[3, 3] = value
+    log_det = invert(matrix)
+    assert not np.isfinite(log_det)
+    assert not np.isfinite(matrix).all()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -155,6 +157,25 @@ def test_two_merges_into_one_folder(folders: list[Path], tmp_path: Path) -> None
     (tmp_path / "map").mkdir()
     with locked(tmp_path / "map"), pytest.raises(ConfigError, match="writing there"):
         outcome_of(folders, tmp_path / "map")
+
+
+def test_a_second_merge_never_meets_the_first(
+    folders: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From the clearing of leftovers to the last file the folder is one merge's."""
+    (tmp_path / "map" / ".merge.left").mkdir(parents=True)
+    held = []
+
+    @contextmanager
+    def once(folder: Path) -> Iterator[None]:
+        held.append((folder / ".merge.left").exists())
+        with locked(folder):
+            yield
+
+    monkeypatch.setattr("pipeline.merge.output.locked", once)
+    outcome_of(folders[:2], tmp_path / "map")
+    assert held == [True]
+    assert not (tmp_path / "map" / ".merge.left").exists()
 
 
 def test_the_order_of_the_folders_changes_nothing(folders: list[Path], tmp_path: Path) -> None:

@@ -32,6 +32,7 @@ def run(context: StageContext) -> None:
 
     settings = context.settings.export
     content = map_content(context.out, context.drive.name, settings.min_confidence)
+    content.products.readable()
     content.pictures = []
     if settings.pictures:
         content.pictures = take_pictures(

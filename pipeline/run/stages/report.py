@@ -22,7 +22,7 @@ def run(context: StageContext) -> None:
     from pipeline.report.render import report_html
     from pipeline.shared.products import load_products
 
-    products = load_products(context.out)
+    products = load_products(context.out).readable()
     record = products.json(names.RUN)
     context.progress(0.2, "drawing")
     background = None
