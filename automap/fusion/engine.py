@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from automap.fusion.output import (
     innovations,
     node_trajectory,
     parameter_history,
+    whole_trajectory,
 )
 from automap.fusion.passes import Pass, Session, run_passes
 from automap.fusion.problem import Problem
@@ -89,7 +91,7 @@ class FusionResult:
     """
 
     trajectory: Trajectory
-    filter_run: Callable[[], Trajectory]
+    filter_run: Callable[[], Iterator[Trajectory]]
     parameters: ParameterHistory
     filtered_parameters: ParameterHistory
     innovations: Innovations
@@ -106,8 +108,9 @@ class FusionResult:
 
     @property
     def filtered(self) -> Trajectory:
-        """The forward filter's trajectory; made anew at each call, for it is as large again."""
-        return self.filter_run()
+        """The forward filter's trajectory; made anew at each call, for it is as large again, or
+        stretch by stretch by ``filter_run``."""
+        return whole_trajectory(self.filter_run(), len(self.trajectory))
 
 
 def fuse_imu_gnss(
@@ -333,8 +336,11 @@ class _Outcome:
 
 def _collect(last: Pass, base_ns: int, outliers: IntArray) -> _Outcome:
     smooth = last.smooth
+    # what only the filter takes of the samples is as large as the readings
+    none = np.zeros((0, 3))
+    samples = last.problem.samples._replace(force=none, calm=none, shocks=none)
     return _Outcome(
-        last.problem,
+        replace(last.problem, samples=samples),
         last.nodes,
         NodeStates(smooth.nominal, smooth.params, smooth.cov),
         NodeStates(*filtered_states(last.problem, last.forward)),
@@ -373,24 +379,15 @@ def _assemble(
     if unknown_arm:
         unseen = np.hypot(unseen, limits.UNKNOWN_ARM_SD_M)
 
-    def trajectory(states: NodeStates, blend: bool) -> Trajectory:
-        return node_trajectory(
-            outcome.problem,
-            outcome.nodes,
-            states,
-            session.imu.t_ns,
-            clock,
-            delay.mean + final.get(SKEW_STATE, 0.0) * outcome.problem.t,
-            delay_is_clock,
-            turn,
-            unseen,
-            age_sd,
-            blend,
-        )
-
+    make = partial(
+        node_trajectory, outcome.problem, outcome.nodes,
+        t_ns=session.imu.t_ns, clock=clock, delay=delay.mean + final.get(SKEW_STATE, 0.0)
+        * outcome.problem.t, delay_is_clock=delay_is_clock, turn=turn, unseen_sd=unseen,
+        age_sd=age_sd,
+    )  # fmt: skip
     return FusionResult(
-        trajectory(outcome.smoothed, True),
-        lambda: trajectory(outcome.filtered, False),
+        whole_trajectory(make(states=outcome.smoothed, blend=True), len(session.imu)),
+        partial(make, states=outcome.filtered, blend=False),
         history,
         outcome.filtered_parameters,
         outcome.innovations,

@@ -43,7 +43,7 @@ def filtered_variances(problem: Problem, forward: ForwardRun) -> FloatArray:
 def reported_cov(problem: Problem, forward: ForwardRun) -> FloatArray:
     """The filter's covariance [k, r, r] of the reported rows after each update."""
     if forward.cov is not None:
-        return forward.cov
+        return np.asarray(forward.cov, np.float64)
     rows = reported_rows(problem.model)
     n = problem.model.size
     low = np.minimum(rows[:, None], rows[None, :])

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from automap.fusion import kernels
 from automap.fusion.delay_states import contained
@@ -39,7 +41,7 @@ class ForwardRun:
     nodes: Nodes
     store: ForwardStore
     score: float
-    cov: FloatArray | None = None
+    cov: npt.NDArray[np.floating[Any]] | None = None
     param_var: FloatArray | None = None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,14 +16,18 @@ from automap.frames import (
     rpy_sd_from_tilt,
 )
 from automap.fusion.delay_states import contained
+from automap.fusion.dense_pieces import dense_pieces
 from automap.fusion.filtered import filtered_variances
-from automap.fusion.kernel_runs import PARAMETER_STEP_S, ForwardRun, SmoothRun, run_dense
+from automap.fusion.kernel_runs import PARAMETER_STEP_S, ForwardRun, PathStates, SmoothRun
 from automap.fusion.layout import CH_VEL, CHANNELS, N_NAV, PHI_ID
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import Problem
 from automap.fusion.resample import shift_states
 from automap.fusion.stamp_error import covariance_at_stamps, rates_of_change
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory
+
+MARGIN_S = 1.0
+"""Round a stretch; the rates of change at a node are taken over a few hundredths of a second."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +73,8 @@ def node_trajectory(
     unseen_sd: FloatArray,
     age_sd: float,
     blend: bool,
-) -> Trajectory:
-    """Trajectory at the IMU epochs ``t_ns`` of nodes' states.
+) -> Iterator[Trajectory]:
+    """Trajectory at the IMU epochs ``t_ns`` of nodes' states, stretch by stretch.
 
     ``turn`` [3, 3] takes sensor axes (as filtered) to the vehicle's.
     ``unseen_sd`` [k, 3] m NED at the nodes is what no measurement tells of the position's error,
@@ -77,34 +82,52 @@ def node_trajectory(
     ``delay`` [n] is how much later than the fixes' clock the stamps run, in s: an error of the
     clock, or of the samples, which then belong to ``delay`` earlier than their stamp.
     """
-    nominal, cov = states.nominal, states.cov
-    dense, _ = run_dense(problem, nodes, nominal, states.params, blend)
-    good = np.asarray(np.isfinite(dense).all(axis=1))
-    dense = _hold_ends(dense, good)
-    cov = covariance_at_stamps(
-        problem.model, cov, nodes.t, rates_of_change(problem.t, dense, nodes.t), age_sd
+    margin = MARGIN_S + float(np.abs(delay).max(initial=0.0))
+    back = matrix_to_quat(turn.T)
+    path = PathStates(states.nominal, states.params)
+    for piece in dense_pieces(problem, nodes, path, blend, margin):
+        t, at = problem.t[piece.around], nodes.t[piece.nodes]
+        nominal, dense = states.nominal[piece.nodes], piece.dense
+        cov = covariance_at_stamps(
+            problem.model, states.cov[piece.nodes], at, rates_of_change(t, dense, at), age_sd
+        )
+        cov[:, range(3), range(3)] += unseen_sd[piece.nodes] ** 2
+        if not delay_is_clock:
+            dense = shift_states(t, dense, delay[piece.around])
+        own = slice(piece.rows.start - piece.around.start, piece.rows.stop - piece.around.start)
+        t, dense, stamps = t[own], dense[own], t_ns[piece.rows]
+        late = delay[piece.rows] if delay_is_clock else 0.0
+        node_rpy = quat_to_rpy(quat_multiply(nominal[:, 6:10], back))
+        node_sd = rpy_sd_from_tilt(node_rpy, vehicle_tilt(nominal, cov, turn))
+        variances = [np.maximum(cov[:, i, i], 0.0) for i in range(6)]
+        variance = np.stack([_between(t, at, v, blend) for v in variances], axis=1)
+        yield Trajectory(
+            t_ns=stamps,
+            gps_s=clock.gps_s(stamps) - late,
+            lat_rad=dense[:, 0],
+            lon_rad=(dense[:, 1] + np.pi) % (2 * np.pi) - np.pi,
+            height_m=dense[:, 2],
+            vel_ned=dense[:, 3:6],
+            rpy=quat_to_rpy(quat_multiply(dense[:, 6:10], back)),
+            sd_pos_ned=np.sqrt(variance[:, :3]),
+            sd_vel_ned=np.sqrt(variance[:, 3:6]),
+            sd_rpy=np.stack([_between(t, at, node_sd[:, i], blend) for i in range(3)], axis=1),
+        )
+
+
+def whole_trajectory(pieces: Iterable[Trajectory], n: int) -> Trajectory:
+    """The stretches of a trajectory of ``n`` rows as one."""
+    out = Trajectory(
+        np.empty(n, np.int64),
+        *(np.empty(n) for _ in range(4)),
+        *(np.empty((n, 3)) for _ in range(5)),
     )
-    cov[:, range(3), range(3)] += unseen_sd**2
-    if not delay_is_clock:
-        dense = shift_states(problem.t, dense, delay)
-    vehicle = quat_multiply(dense[:, 6:10], matrix_to_quat(turn.T))
-    t = problem.t
-    variances = [np.maximum(cov[:, i, i], 0.0) for i in range(6)]
-    variance = np.stack([_between(t, nodes.t, v, blend) for v in variances], axis=1)
-    node_rpy = quat_to_rpy(quat_multiply(nominal[:, 6:10], matrix_to_quat(turn.T)))
-    node_sd = rpy_sd_from_tilt(node_rpy, vehicle_tilt(nominal, cov, turn))
-    return Trajectory(
-        t_ns=t_ns,
-        gps_s=clock.gps_s(t_ns) - (delay if delay_is_clock else 0.0),
-        lat_rad=dense[:, 0],
-        lon_rad=(dense[:, 1] + np.pi) % (2 * np.pi) - np.pi,
-        height_m=dense[:, 2],
-        vel_ned=dense[:, 3:6],
-        rpy=quat_to_rpy(vehicle),
-        sd_pos_ned=np.sqrt(variance[:, :3]),
-        sd_vel_ned=np.sqrt(variance[:, 3:6]),
-        sd_rpy=np.stack([_between(t, nodes.t, node_sd[:, i], blend) for i in range(3)], axis=1),
-    )
+    done = 0
+    for piece in pieces:
+        for name, values in vars(piece).items():
+            getattr(out, name)[done : done + len(piece)] = values
+        done += len(piece)
+    return out
 
 
 def _between(t: FloatArray, node_t: FloatArray, values: FloatArray, blend: bool) -> FloatArray:
@@ -131,15 +154,6 @@ def vehicle_tilt(nominal: FloatArray, cov: FloatArray, turn: FloatArray) -> Floa
         tilt += c @ cov[:, mount, mount] @ np.swapaxes(c, 1, 2)
         tilt -= cross + np.swapaxes(cross, 1, 2)
     return tilt
-
-
-def _hold_ends(dense: FloatArray, good: npt.NDArray[np.bool_]) -> FloatArray:
-    """Fill rows that rounding left outside the nodes with the nearest good row."""
-    if good.all() or not good.any():
-        return dense
-    index = np.flatnonzero(good)
-    nearest = index[np.clip(np.searchsorted(index, np.arange(len(dense))), 0, len(index) - 1)]
-    return np.where(good[:, None], dense, dense[nearest])
 
 
 def parameter_history(

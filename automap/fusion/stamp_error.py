@@ -48,6 +48,7 @@ def covariance_at_stamps(
     the position it is a part of the accuracy that receivers state, and is not counted again.
     """
     own = mounting_rows(model).stop
+    cov = cov.astype(np.float64)
     out = cov[:, :own, :own].copy()
     moved = change[:, V_ID:N_NAV]
     out[:, V_ID:N_NAV, V_ID:N_NAV] += age_sd**2 * moved[:, :, None] * moved[:, None, :]

@@ -35,7 +35,7 @@ def bridge_unusable(imu: ImuData) -> Bridged:
     bad = wild | frozen
     stretch = np.zeros(len(t))
     if not bad.any() or bad.all():
-        return Bridged(imu, stretch, t[:0], [])
+        return Bridged(imu, stretch, np.zeros(0), [])
     good = ~bad
     filled = np.stack([np.interp(t, t[good], column[good]) for column in readings.T], axis=1)
     for first, stop in _runs(bad):

@@ -22,6 +22,8 @@ from automap.robust import cauchy_weight
 
 _ROUNDS = 4
 """Of the weights."""
+_ROWS = 1 << 18
+"""Of a long trajectory that are moved at once; a turn of axes for each is 72 bytes."""
 _FLAT = 1e-9
 """Information on a place that nothing tells, 1/m^2."""
 
@@ -181,20 +183,22 @@ def shift_trajectory(
     trajectory: Trajectory, adjustment: Adjustment, origin: tuple[float, float, float]
 ) -> Trajectory:
     """The adjusted trajectory: positions, velocities and sigmas of the positions."""
-    time = np.asarray(trajectory.t_ns * 1e-9, np.float64)
-    error, sd = adjustment.at(time)
     slope = np.gradient(adjustment.error, adjustment.time_s, axis=0)
-    drift = np.column_stack([np.interp(time, adjustment.time_s, slope[:, k]) for k in range(3)])
-    C_here_origin = np.swapaxes(
-        tangent_rotation(trajectory.lat_rad, trajectory.lon_rad, origin), 1, 2
-    )
-    error, drift = (np.einsum("nij,nj->ni", C_here_origin, v) for v in (error, drift))
-    per_lat, per_lon = metres_per_radian(trajectory.lat_rad, np.nan_to_num(trajectory.height_m))
-    return replace(
-        trajectory,
-        lat_rad=trajectory.lat_rad - error[:, 0] / per_lat,
-        lon_rad=(trajectory.lon_rad - error[:, 1] / per_lon + np.pi) % (2.0 * np.pi) - np.pi,
-        height_m=trajectory.height_m + error[:, 2],
-        vel_ned=trajectory.vel_ned - drift,
-        sd_pos_ned=np.minimum(sd, trajectory.sd_pos_ned),
-    )
+    moved = ("lat_rad", "lon_rad", "height_m", "vel_ned", "sd_pos_ned")
+    out = replace(trajectory, **{name: getattr(trajectory, name).copy() for name in moved})
+    for a in range(0, len(out), _ROWS):
+        part = slice(a, a + _ROWS)
+        time = np.asarray(out.t_ns[part] * 1e-9, np.float64)
+        error, sd = adjustment.at(time)
+        drift = np.column_stack([np.interp(time, adjustment.time_s, slope[:, k]) for k in range(3)])
+        lat, height = out.lat_rad[part].copy(), out.height_m[part]
+        C_here_origin = np.swapaxes(tangent_rotation(lat, out.lon_rad[part], origin), 1, 2)
+        error, drift = (np.einsum("nij,nj->ni", C_here_origin, v) for v in (error, drift))
+        per_lat, per_lon = metres_per_radian(lat, np.nan_to_num(height))
+        out.lat_rad[part] -= error[:, 0] / per_lat
+        lon = out.lon_rad[part] - error[:, 1] / per_lon
+        out.lon_rad[part] = (lon + np.pi) % (2.0 * np.pi) - np.pi
+        out.height_m[part] += error[:, 2]
+        out.vel_ned[part] -= drift
+        out.sd_pos_ned[part] = np.minimum(sd, out.sd_pos_ned[part])
+    return out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -66,11 +67,14 @@ def write_tracks(path: Path, tracks: Mapping[str, Trajectory]) -> None:
 def read_tracks(path: Path) -> dict[str, Trajectory]:
     """Read what ``write_tracks`` wrote."""
     table = read_table(path, ("drive", *COLUMNS), COLUMNS, ("t_ns",))
-    drive = np.array(table["drive"].to_pylist(), object)
     whole = from_columns(lambda name: floats(table, name), ints(table, "t_ns"))
+    named = table["drive"].combine_chunks().dictionary_encode()
+    number = np.asarray(named.indices)
+    rows = np.argsort(number, kind="stable")
+    edges = np.searchsorted(number[rows], np.arange(len(named.dictionary) + 1))
     return {
-        str(name): Trajectory(*(getattr(whole, f.name)[drive == name] for f in fields(Trajectory)))
-        for name in dict.fromkeys(drive.tolist())
+        name: Trajectory(*(getattr(whole, f.name)[rows[lo:hi]] for f in fields(Trajectory)))
+        for name, (lo, hi) in zip(named.dictionary.to_pylist(), pairwise(edges), strict=True)
     }
 
 

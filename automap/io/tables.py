@@ -6,7 +6,8 @@ bit for bit (radians and SI units, which the column names state).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,10 @@ from automap.records import Fixes, FloatArray, ImuData, IntArray, WheelSpeed
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
+ROWS = 1 << 18
+"""Rows of a long table that are written at once, 45 minutes at 100 Hz."""
 _IMU_GYRO = ("gx_rad_s", "gy_rad_s", "gz_rad_s")
 _IMU_ACCEL = ("ax_m_s2", "ay_m_s2", "az_m_s2")
 _VECTORS = {
@@ -43,21 +47,42 @@ def write_columns(
     The float columns named in ``split`` are stored with their like bytes together, which
     packs noisy signals in half the time; readers older than Parquet 2.8 do not know it.
     """
+    n = max((len(values) for values in columns.values()), default=0)
+    starts = range(0, max(n, 1), ROWS)
+    pieces = ({k: v[a : a + ROWS] for k, v in columns.items()} for a in starts)
+    write_pieces(path, pieces, metadata, split=split)
+
+
+def write_pieces(
+    path: Path,
+    pieces: Iterable[Mapping[str, np.ndarray]],
+    metadata: Mapping[str, str] | None = None,
+    *,
+    split: tuple[str, ...] = (),
+) -> None:
+    """Write columns that come in pieces of some rows each, one at least, as ``write_columns``."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    table = pa.table({name: numpy_to_array(values) for name, values in columns.items()})
-    if metadata:
-        table = table.replace_schema_metadata(dict(metadata))
+    writer: pq.ParquetWriter | None = None
     with atomic_path(path) as temporary:
-        # dictionary encoding of noise costs time and gains nothing
-        pq.write_table(
-            table,
-            temporary,
-            compression="zstd",
-            use_dictionary=False,
-            use_byte_stream_split=list(split),
-        )
+        try:
+            for piece in pieces:
+                table = pa.table({name: numpy_to_array(values) for name, values in piece.items()})
+                table = table.replace_schema_metadata(dict(metadata) if metadata else None)
+                if writer is None:
+                    # dictionary encoding of noise costs time and gains nothing
+                    writer = pq.ParquetWriter(
+                        temporary,
+                        table.schema,
+                        compression="zstd",
+                        use_dictionary=False,
+                        use_byte_stream_split=list(split),
+                    )
+                writer.write_table(table)
+        finally:
+            if writer is not None:
+                writer.close()
 
 
 def read_table(
@@ -68,13 +93,41 @@ def read_table(
 ) -> pa.Table:
     """Read a Parquet file; InputError when it is missing, damaged or lacks a column, or where those
     that are ``numbers``, or ``whole`` ones, hold something else."""
+    with _opened(path, required, numbers, whole) as file:
+        return file.read()
+
+
+@contextmanager
+def column_by_column(
+    path: Path,
+    required: tuple[str, ...],
+    numbers: Collection[str] = (),
+    whole: Collection[str] = (),
+) -> Iterator[tuple[pa.Schema, Callable[[str], pa.Table]]]:
+    """The schema of a Parquet file and what reads one column of it: a long table need not be in
+    memory beside what is made of it. Raises as ``read_table``."""
+    with _opened(path, required, numbers, whole) as file:
+        yield file.schema_arrow, lambda name: file.read(columns=[name])
+
+
+@contextmanager
+def _opened(
+    path: Path,
+    required: tuple[str, ...],
+    numbers: Collection[str] = (),
+    whole: Collection[str] = (),
+) -> Iterator[pq.ParquetFile]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
         # pq.read_table would import the whole dataset machinery for one file
         with pq.ParquetFile(path) as file:
-            table = file.read()
+            missing = [name for name in required if name not in file.schema_arrow.names]
+            if missing:
+                raise InputError(f"{path} lacks the column {missing[0]}; run again with --force.")
+            _check_kinds(path, file.schema_arrow, numbers, whole)
+            yield file
     except FileNotFoundError:
         raise InputError(f"{path} is missing; run the stage that writes it.") from None
     except (pa.ArrowException, OSError, ValueError) as error:
@@ -82,18 +135,21 @@ def read_table(
             f"{path} is not a readable Parquet file ({str(error).splitlines()[0]}); "
             "run again with --force to make it anew."
         ) from error
-    missing = [name for name in required if name not in table.column_names]
-    if missing:
-        raise InputError(f"{path} lacks the column {missing[0]}; run again with --force.")
-    for name in table.column_names:
-        kind = table.schema.field(name).type
-        integer = pa.types.is_integer(kind)
-        real = integer or pa.types.is_floating(kind) or pa.types.is_boolean(kind)
-        if (name in whole and not integer) or (name in numbers and not real):
+
+
+def _check_kinds(
+    path: Path, schema: pa.Schema, numbers: Collection[str], whole: Collection[str]
+) -> None:
+    import pyarrow as pa
+
+    for column in schema:
+        integer = pa.types.is_integer(column.type)
+        real = integer or pa.types.is_floating(column.type) or pa.types.is_boolean(column.type)
+        if (column.name in whole and not integer) or (column.name in numbers and not real):
             raise InputError(
-                f"{path}: the column {name} is of {kind}, not of numbers; run again with --force."
+                f"{path}: the column {column.name} is of {column.type}, not of numbers; "
+                "run again with --force."
             )
-    return table
 
 
 def floats(table: pa.Table, name: str) -> FloatArray:
@@ -120,8 +176,18 @@ def _no_numbers(name: str) -> InputError:
     return InputError(f"the column {name} of a table holds no numbers; run again with --force.")
 
 
+def vector(column: Callable[[str], FloatArray], names: tuple[str, ...]) -> FloatArray:
+    """Columns as one array [n, k], each read by ``column`` and let go."""
+    first = column(names[0])
+    out = np.empty((len(first), len(names)))
+    out[:, 0] = first
+    for i, name in enumerate(names[1:], 1):
+        out[:, i] = column(name)
+    return out
+
+
 def _vector(table: pa.Table, names: tuple[str, ...]) -> FloatArray:
-    return np.column_stack([floats(table, name) for name in names])
+    return vector(lambda name: floats(table, name), names)
 
 
 def write_imu(path: Path, imu: ImuData) -> None:
@@ -138,15 +204,19 @@ def write_imu(path: Path, imu: ImuData) -> None:
 def read_imu(path: Path) -> ImuData:
     """Read what ``write_imu`` wrote."""
     sensors = (*_IMU_GYRO, *_IMU_ACCEL)
-    table = read_table(path, ("t_ns", *sensors), (*sensors, "temp_c"), ("t_ns",))
-    metadata = table.schema.metadata or {}
-    return ImuData(
-        t_ns=ints(table, "t_ns"),
-        gyro=_vector(table, _IMU_GYRO),
-        accel=_vector(table, _IMU_ACCEL),
-        temp_c=floats(table, "temp_c") if "temp_c" in table.column_names else None,
-        axes_known=metadata.get(b"axes_known", b"true") == b"true",
-    )
+    kinds = ((*sensors, "temp_c"), ("t_ns",))
+    with column_by_column(path, ("t_ns", *sensors), *kinds) as (schema, read):
+
+        def column(name: str) -> FloatArray:
+            return floats(read(name), name)
+
+        return ImuData(
+            t_ns=ints(read("t_ns"), "t_ns"),
+            gyro=vector(column, _IMU_GYRO),
+            accel=vector(column, _IMU_ACCEL),
+            temp_c=column("temp_c") if "temp_c" in schema.names else None,
+            axes_known=(schema.metadata or {}).get(b"axes_known", b"true") == b"true",
+        )
 
 
 def write_fixes(path: Path, fixes: Fixes) -> None:

@@ -5,13 +5,13 @@ Degrees and metres in the file, radians and metres in the record.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 
 from automap.errors import InputError
-from automap.io.tables import floats, ints, read_table, write_columns
+from automap.io.tables import ROWS, column_by_column, floats, ints, vector, write_pieces
 from automap.records import FloatArray, Trajectory
 
 _HIGHEST_M = 1e6
@@ -64,7 +64,7 @@ def from_columns(column: Callable[[str], FloatArray], t_ns: np.ndarray) -> Traje
     """A record from ``column(name) -> [n]`` in file units and int64 stamps [n]."""
 
     def triple(*names: str) -> FloatArray:
-        return np.column_stack([column(name) for name in names])
+        return vector(column, names)
 
     return Trajectory(
         t_ns=np.ascontiguousarray(t_ns, np.int64),
@@ -80,15 +80,21 @@ def from_columns(column: Callable[[str], FloatArray], t_ns: np.ndarray) -> Traje
     )
 
 
-def write_trajectory(path: Path, trajectory: Trajectory) -> None:
-    """Write a trajectory atomically with the columns of the contract."""
-    write_columns(path, to_columns(trajectory))
+def write_trajectory(path: Path, trajectory: Trajectory | Iterable[Trajectory]) -> None:
+    """Write a trajectory, or its stretches, atomically with the columns of the contract."""
+    pieces = _cut(trajectory) if isinstance(trajectory, Trajectory) else trajectory
+    write_pieces(path, (to_columns(piece) for piece in pieces))
+
+
+def _cut(whole: Trajectory) -> Iterator[Trajectory]:
+    for a in range(0, max(len(whole), 1), ROWS):
+        yield Trajectory(**{name: values[a : a + ROWS] for name, values in vars(whole).items()})
 
 
 def read_trajectory(path: Path) -> Trajectory:
     """Read what ``write_trajectory`` wrote; InputError when it is missing or damaged."""
-    table = read_table(path, COLUMNS, COLUMNS, ("t_ns",))
-    trajectory = from_columns(lambda name: floats(table, name), ints(table, "t_ns"))
+    with column_by_column(path, COLUMNS, COLUMNS, ("t_ns",)) as (_, read):
+        trajectory = from_columns(lambda name: floats(read(name), name), ints(read("t_ns"), "t_ns"))
     if len(trajectory) and not _is_plausible(trajectory):
         raise InputError(f"{path} holds no positions on Earth; run the drive again with --force.")
     return trajectory

@@ -85,20 +85,21 @@ class _Sums:
     """Running integrals of specific force and rate, wild readings cut off."""
 
     def __init__(self, imu: ImuData) -> None:
-        readings = np.hstack([imu.accel, imu.gyro])
-        readings = np.clip(readings, *np.quantile(readings, limits.WILD_QUANTILES, axis=0))
         self.t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)
         dt = np.diff(self.t)
         gap = dt > max(limits.IMU_GAP_S, limits.IMU_GAP_STEPS * float(np.median(dt)))
-        steps = 0.5 * (readings[1:] + readings[:-1]) * dt[:, None]
-        total = np.column_stack([steps, np.where(gap, dt, 0.0)])
-        self.total = np.concatenate([np.zeros((1, 7)), np.cumsum(total, axis=0)])
+        # an axis after the other: of a long drive each is large
+        self.total = np.zeros((7, len(self.t)))
+        for total, readings in zip(self.total, (*imu.accel.T, *imu.gyro.T), strict=False):
+            kept = np.clip(readings, *np.quantile(readings, limits.WILD_QUANTILES))
+            np.cumsum(0.5 * (kept[1:] + kept[:-1]) * dt, out=total[1:])
+        np.cumsum(np.where(gap, dt, 0.0), out=self.total[6, 1:])
         self.rate_bias = np.median(imu.gyro, axis=0)
 
     def between(self, start: FloatArray, end: FloatArray) -> FloatArray:
         """Increments [m, 6] over intervals [m]; NaN outside the recording and across gaps."""
         steps = np.column_stack(
-            [np.interp(end, self.t, c) - np.interp(start, self.t, c) for c in self.total.T]
+            [np.interp(end, self.t, c) - np.interp(start, self.t, c) for c in self.total]
         )
         steps[(start < self.t[0]) | (end > self.t[-1]) | (steps[:, 6] > 1e-9)] = np.nan
         return np.asarray(steps[:, :6])

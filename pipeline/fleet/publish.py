@@ -22,6 +22,7 @@ from automap.mapping.posts import with_supports
 from automap.records import DrivePath, FloatArray, IntArray, Sign
 from pipeline.fleet.older import Before, fresh_drives, read_older, shared_with
 from pipeline.fleet.store import Entry, Store
+from pipeline.fleet.tracks import gather_tracks, left_out
 from pipeline.merge.cell_map import StoreMap
 from pipeline.merge.cell_steps import drive_offsets, members
 from pipeline.merge.cell_store import Drives, occupied, read_drives
@@ -229,27 +230,29 @@ def _with_whole(
     drives: Drives,
     signs: list[Sign],
 ) -> MapOutcome:
-    """Pictures, tracks and observations, of a map of not too many drives."""
-    if len(drives) > MANY_DRIVES or store.place.folder is None:
-        outcome.warnings.append(
-            "Pictures, tracks and observations stay in the drives' folders: a map has them of up "
-            f"to {MANY_DRIVES} drives, in a store that is a folder."
-        )
-        return outcome
+    """Tracks and heights above the sea; of a map of not too many drives pictures and observations
+    too."""
     named: list[dict[str, str]] = [{} for _ in drives.key]
     for cell in members(cells, found.homes):
         for who, own, sign in zip(cell.drive.tolist(), cell.id, cell.sign.tolist(), strict=True):
             if signs[sign].id:
                 named[who][own] = signs[sign].id
+    order = np.argsort(drives.rank).tolist()
     folder = store.place.folder
-    whole = gather(
-        (
-            Contribution(drives.name[k], folder / store.result(entries[drives.key[k]]), named[k])
-            for k in np.argsort(drives.rank).tolist()
-        ),
-        len(outcome.signs),
-        outcome.warnings,
-    )
+    if len(drives) > MANY_DRIVES or folder is None:
+        outcome.warnings.append(left_out(folder is None))
+        whole = gather_tracks(store, cells, entries, drives, order, named)
+    else:
+        whole = gather(
+            [
+                Contribution(
+                    drives.name[k], folder / store.result(entries[drives.key[k]]), named[k]
+                )
+                for k in order
+            ],
+            len(outcome.signs),
+            outcome.warnings,
+        )
     write_whole(out, whole)
     return replace(outcome, signs=complete(outcome.signs, whole))
 

@@ -168,6 +168,24 @@ def _take_drive(
         whole.observations.append(_observations(table, clock, drive, named))
 
 
+def drive_essentials(folder: Path) -> tuple[Trajectory | None, dict[str, float]]:
+    """A run's trajectory in GPS time, None without one that is tied to it, and the height of the
+    geoid at its signs, by their ids."""
+    products = load_products(folder)
+    clock = products.clock
+    if clock is None:
+        return None, {}
+    track = products.trajectory
+    if track is not None:
+        track = thinned(track)
+        track = replace(track, t_ns=_gps_ns(clock, track.t_ns))
+    signs = products.signs or []
+    stamps = np.array([(s.first_seen_ns + s.last_seen_ns) // 2 for s in signs], np.int64)
+    geoid = geoid_separation(products, stamps)
+    told = () if geoid is None else geoid.tolist()
+    return track, dict(zip([sign.id for sign in signs], told, strict=False))
+
+
 def _observations(
     table: pa.Table, clock: ClockModel, drive: str, named: Mapping[str, str]
 ) -> pa.Table:

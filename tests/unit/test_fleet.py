@@ -9,16 +9,21 @@ import shutil
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 from fleet_scene import ORDER, make_drives, make_store, map_bytes, publish_made, scene
 
 from automap.errors import ConfigError, InputError, StageError
+from automap.io.map_tables import TRACKS, read_tracks
 from automap.io.signs_table import read_signs
 from automap.mapping.merge import merge_drives
+from automap.records import Trajectory
 from pipeline.cli.root import cli
 from pipeline.fleet import merge as merging
+from pipeline.fleet import publish as publishing
+from pipeline.fleet import tracks
 from pipeline.fleet.add import add
 from pipeline.fleet.child import kind_of
 from pipeline.fleet.merge import merge
@@ -27,6 +32,7 @@ from pipeline.fleet.retry import retry
 from pipeline.fleet.status import metrics, status, summary_lines, write_status
 from pipeline.fleet.store import ASIDE, DONE, Store
 from pipeline.fleet.versions import current
+from pipeline.merge.whole import drive_essentials
 from pipeline.run.registry import load_stages
 
 
@@ -387,3 +393,42 @@ def test_the_commands(tmp_path: Path) -> None:
         "automap_fleet.prom", "drives.jsonl", "status.html",
     ]  # fmt: skip
     assert "0 drives wait again" in told("retry", url)
+
+
+def test_a_map_of_very_many_drives_has_tracks_and_heights_above_the_sea(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = make_store(tmp_path)
+    run_all(store)
+    few = merge(store)
+    one = read_tracks(tmp_path / "store" / "map" / TRACKS)
+    assert len(one) == few.drives == 5
+    for module in (publishing, tracks):
+        monkeypatch.setattr(module, "MANY_DRIVES", 3)
+    (tmp_path / "store" / "map").unlink()
+    merge(store)
+    same = read_tracks(tmp_path / "store" / "map" / TRACKS)
+    assert list(same) == list(one)
+    for name, track in one.items():
+        assert all(np.array_equal(v, vars(same[name])[k]) for k, v in vars(track).items())
+    summary = json.loads((tmp_path / "store" / "map" / "merge.json").read_text())
+    assert any("of more than 3 drives they are gigabytes" in text for text in summary["warnings"])
+    # what is kept is not read again, unless the drive has another result
+    read: list[Path] = []
+
+    def essentials(folder: Path) -> tuple[Trajectory | None, dict[str, float]]:
+        read.append(folder)
+        track, _ = drive_essentials(folder)
+        return track, {sign.id: 20.0 for sign in read_signs(folder / "signs_raw.parquet")}
+
+    monkeypatch.setattr(tracks, "drive_essentials", essentials)
+    monkeypatch.setattr(tracks, "MOST_ROWS", sum(map(len, one.values())) // 3)
+    kept = store.place.folder / "cells" / tracks.KEPT  # type: ignore[operator]
+    sorted(kept.glob("*.npz"))[0].unlink()
+    (tmp_path / "store" / "map").unlink()
+    merge(store)
+    assert len(read) == 1
+    coarse = read_tracks(tmp_path / "store" / "map" / TRACKS)
+    assert sum(map(len, coarse.values())) <= sum(map(len, one.values())) // 3 + 2 * len(one)
+    told = [s.geoid_m for s in read_signs(tmp_path / "store" / "map" / "signs_raw.parquet")]
+    assert 20.0 in told

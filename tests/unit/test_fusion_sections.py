@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automap.fusion.kernel_runs import PathStates, run_forward, run_smoother
+from automap.fusion import dense_pieces as pieces
+from automap.fusion.kernel_runs import PathStates, run_dense, run_forward, run_smoother
 from automap.fusion.nodes import Shift
 from automap.fusion.sections import filter_and_smooth
 from tests.unit.test_fusion_smoother import _problem
@@ -37,3 +38,29 @@ def test_sections_change_nothing(section: int, relinearise: bool) -> None:
     scale = sd[:, :, None] * sd[:, None, :]
     assert np.abs((smooth.cov - whole.cov)[:, :9, :9] / scale).max() < 1e-5
     assert smooth.params == pytest.approx(whole.params, rel=1e-5, abs=1e-8)
+
+
+@pytest.mark.parametrize("blend", [False, True])
+def test_states_at_the_samples_are_the_same_stretch_by_stretch(
+    blend: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, forward, _ = _problem(60.0, gate=1e-3)
+    smooth = run_smoother(problem, forward)
+    nodes, path = smooth.nodes, PathStates(smooth.nominal, smooth.params)
+    whole, _ = run_dense(problem, nodes, path.nominal, path.params, blend)
+    known = np.asarray(np.isfinite(whole).all(axis=1))
+    monkeypatch.setattr(pieces, "PIECE_ROWS", 97)
+    done = 0
+    for piece in pieces.dense_pieces(problem, nodes, path, blend, 0.5):
+        assert piece.rows.start == done
+        done = piece.rows.stop
+        own = piece.dense[piece.rows.start - piece.around.start :][: done - piece.rows.start]
+        rows = np.arange(piece.rows.start, done)
+        told = known[rows]
+        assert np.array_equal(own[told], whole[rows[told]])
+        assert np.isfinite(own).all()
+        # round about, what is between the samples is known as well
+        t = problem.t[piece.around]
+        assert t[0] <= max(problem.t[0], problem.t[rows[0]] - 0.5)
+        assert t[-1] >= min(problem.t[-1], problem.t[rows[-1]] + 0.5)
+    assert done == len(problem.t)

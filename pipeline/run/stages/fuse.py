@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -101,6 +102,7 @@ def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None
 
 def _fuse(context: StageContext) -> None:
     from automap.fusion.verdict import weigh
+    from automap.io.trajectory_table import write_trajectory
     from pipeline.run.fusion_inputs import read_inputs
     from pipeline.settings.presets import fusion_options
     from pipeline.settings.user_effects import activate
@@ -112,6 +114,10 @@ def _fuse(context: StageContext) -> None:
     result = inputs.fuse(options, progress=context.progress)
     for text in result.warnings:
         context.warn(text)
+    # of a long drive these are a gigabyte: written before the path is weighed, and let go
+    write_trajectory(context.work / names.TRAJECTORY_FILTER, result.filter_run())
+    _write_innovations(context, result)
+    result = replace(result, filter_run=_let_go)
     is_clock = inputs.delay_is_clock
     weighed = weigh(
         result,
@@ -126,9 +132,7 @@ def _fuse(context: StageContext) -> None:
     )
     context.verdict = weighed.verdict.as_dict()
     _write_trajectory(context, weighed.trajectory, names.TRAJECTORY)
-    _write_trajectory(context, result.filtered, names.TRAJECTORY_FILTER)
     _write_parameters(context, result)
-    _write_innovations(context, result)
     _report(context, result, weighed, is_clock, _note_presets(context, presets))
     if options.tune:
         _write_tuned(context, result, presets)
@@ -140,6 +144,10 @@ def _fuse(context: StageContext) -> None:
     )
     if result.wheels is not None:
         context.result += f", {_wheels_text(result.wheels)}"
+
+
+def _let_go() -> Iterator[Trajectory]:
+    raise StageError("the filter's trajectory was written and let go")
 
 
 def _delay_text(delay_s: float, is_clock: bool) -> str:

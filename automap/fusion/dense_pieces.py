@@ -1,0 +1,67 @@
+"""States at every sample of a long drive, one stretch after another, in bounded memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from automap.fusion.arrays import Samples
+from automap.fusion.kernel_runs import PathStates, run_dense
+from automap.fusion.nodes import Nodes
+from automap.fusion.problem import Problem
+from automap.records import BoolArray, FloatArray
+
+PIECE_ROWS = 1 << 18
+"""Samples of a stretch: 45 minutes at 100 Hz, 20 MB of states."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """The samples ``rows`` of a stretch, the ``nodes`` that they lie between, and what a margin
+    round them has: states ``dense`` [m, 10] at the samples ``around``."""
+
+    rows: slice
+    nodes: slice
+    around: slice
+    dense: FloatArray
+
+
+def dense_pieces(
+    problem: Problem, nodes: Nodes, states: PathStates, blend: bool, margin_s: float
+) -> Iterator[Piece]:
+    """The stretches of a drive, each with what lies within ``margin_s`` of its samples and nodes.
+
+    The states are those of ``run_dense`` over the whole drive: integration begins anew at every
+    node. Samples before the first and after the last node have the nearest state.
+    """
+    t, at = problem.t, nodes.t
+    for lo in range(0, len(t), PIECE_ROWS):
+        hi = min(lo + PIECE_ROWS, len(t))
+        own = _span(at, t[lo] - margin_s, t[hi - 1] + margin_s)
+        wide = _span(at, at[own.start] - margin_s, at[own.stop - 1] + margin_s)
+        # one sample before the first node and two after the last, as between any two nodes
+        first = max(min(lo, int(np.searchsorted(t, at[wide.start], "right")) - 2), 0)
+        stop = max(hi, int(np.searchsorted(t, at[wide.stop - 1], "left")) + 3)
+        around = slice(first, min(stop, len(t)))
+        part = replace(problem, samples=Samples(*(v[around] for v in problem.samples)))
+        between = nodes.between(wide.start, wide.stop)
+        dense, _ = run_dense(part, between, states.nominal[wide], states.params[wide], blend)
+        good = np.asarray(np.isfinite(dense).all(axis=1))
+        yield Piece(slice(lo, hi), own, around, _hold_ends(dense, good))
+
+
+def _span(at: FloatArray, begin: float, end: float) -> slice:
+    """The nodes from the last before ``begin`` to the first after ``end``."""
+    first = int(np.searchsorted(at, begin, "left")) - 1
+    return slice(max(first, 0), min(int(np.searchsorted(at, end, "right")) + 1, len(at)))
+
+
+def _hold_ends(dense: FloatArray, good: BoolArray) -> FloatArray:
+    """Fill rows that rounding left outside the nodes with the nearest good row."""
+    if good.all() or not good.any():
+        return dense
+    index = np.flatnonzero(good)
+    nearest = index[np.clip(np.searchsorted(index, np.arange(len(dense))), 0, len(index) - 1)]
+    return np.where(good[:, None], dense, dense[nearest])

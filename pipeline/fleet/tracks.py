@@ -1,0 +1,109 @@
+"""Tracks of very many drives and the heights of the sea at their signs, for one map.
+
+To read a drive's whole result takes a second, and a map is made again every night. So what a map of
+any size takes over is kept beside the cells, a small file a drive, read from its result once.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from automap.io import names
+from automap.io.atomic import atomic_path
+from automap.io.json_text import parse_json
+from automap.records import Trajectory
+from pipeline.fleet.contents import result_folder, version
+from pipeline.fleet.store import Entry, Store
+from pipeline.merge.cell_store import Drives
+from pipeline.merge.whole import MANY_DRIVES, Whole, drive_essentials
+
+KEPT = "tracks"
+MOST_ROWS = 2_000_000
+"""Rows of all tracks: as many are some 400 MB while they are written."""
+_READ = (
+    names.RUN, names.SYNC, names.SIGNS_RAW, names.TRAJECTORY_ADJUSTED, names.TRAJECTORY,
+    names.FIXES, names.REVIEW,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A drive's ``track`` in GPS time, None without one, and the height of the geoid, m, at its
+    signs by their ids."""
+
+    track: Trajectory | None
+    geoid_m: dict[str, float]
+
+
+def gather_tracks(
+    store: Store,
+    cells: Path,
+    entries: Mapping[str, Entry],
+    drives: Drives,
+    order: Sequence[int],
+    named: Sequence[Mapping[str, str]],
+) -> Whole:
+    """Tracks, of ``MOST_ROWS`` rows in all, and heights of the geoid at the map's signs.
+
+    ``named`` of each drive has its signs' ids in the map by their own. Drives in ``order``.
+    """
+    whole = Whole()
+
+    def kept(k: int) -> Kept:
+        return _kept(store, cells, drives.key[k], entries[drives.key[k]])
+
+    rows = sum(0 if (track := kept(k).track) is None else len(track) for k in order)
+    every = -(-rows // MOST_ROWS)
+    for k in order:
+        each = kept(k)
+        if each.track is not None:
+            whole.tracks[drives.name[k]] = _every(each.track, every)
+        for own, height in each.geoid_m.items():
+            if own in named[k]:
+                whole.geoid_m.setdefault(named[k][own], []).append(height)
+    return whole
+
+
+def _every(track: Trajectory, step: int) -> Trajectory:
+    if step <= 1:
+        return track
+    rows = np.union1d(np.arange(0, len(track), step), [len(track) - 1])
+    return Trajectory(**{name: values[rows] for name, values in vars(track).items()})
+
+
+def _kept(store: Store, cells: Path, key: str, entry: Entry) -> Kept:
+    path = cells / KEPT / f"{key}.npz"
+    wanted = version(entry)
+    if path.is_file():
+        with np.load(path, allow_pickle=False) as file:
+            if str(file["version"]) == wanted:
+                has = "t_ns" in file
+                return Kept(
+                    Trajectory(*(file[f.name] for f in fields(Trajectory))) if has else None,
+                    parse_json(str(file["geoid_m"])),
+                )
+    with result_folder(store, entry, _READ) as folder:
+        track, geoid_m = drive_essentials(folder)
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        np.savez(
+            stream,
+            version=np.array(wanted),
+            geoid_m=np.array(json.dumps(geoid_m)),
+            **({} if track is None else vars(track)),
+        )
+    return Kept(track, geoid_m)
+
+
+def left_out(remote: bool) -> str:
+    """What a map of an object store, or of more than ``MANY_DRIVES``, has not, and why."""
+    why = (
+        "an object store would have to send them all for every map"
+        if remote
+        else f"of more than {MANY_DRIVES} drives they are gigabytes, read again for every map"
+    )
+    return f"Pictures and observations stay in the drives' folders: {why}."
