@@ -7,10 +7,9 @@ from pathlib import Path
 
 from automap.export import geojson, kml, trajectory_formats
 from automap.export.datum import is_moving
-from automap.export.fields import SIGN_FIELDS, Field
+from automap.export.fields import Field
 from automap.export.icons import class_icon
 from automap.export.kml import KmlOptions
-from automap.export.roads import road_layer
 from automap.export.sign_columns import sign_columns
 from automap.io import names
 from automap.io.atomic import write_bytes, write_chunks, write_json, write_text
@@ -85,8 +84,6 @@ def write_gpkg(content: MapContent, path: Path) -> None:
         styles.append(qgis_style.track_style(sigma_limits(sigma), sigma_classes(sigma)[1]))
     built.append(layers.ellipse_layer(content.signs))
     styles.append(qgis_style.ellipse_style())
-    if content.roads:
-        built.append(road_layer(content.signs, content.roads))
     crs = content.crs or gis.WGS84_3D
     gis.write_layers(path, built, lineage=content.lineage, crs=crs, styles=styles)
 
@@ -116,7 +113,7 @@ def write_csv(content: MapContent, path: Path) -> None:
     from automap.export.dictionary import POSITION_FIELDS
 
     write_text(path, gis.signs_csv(content.signs))
-    _describe_csv(content, path, (*POSITION_FIELDS, *SIGN_FIELDS))
+    _describe_csv(content, path, (*POSITION_FIELDS, *content.signs.fields))
 
 
 def _describe_csv(content: MapContent, path: Path, fields: Sequence[Field]) -> None:

@@ -93,7 +93,7 @@ def test_signs_get_their_place_on_a_road(out: Path) -> None:
     rows = list(csv.DictReader((work / names.SIGN_ROADS).open(encoding="utf-8", newline="")))
     assert rows, context.warnings
     assert {row["road_id"] for row in rows} == {"B 7"}
-    assert pyogrio.read_info(work / names.GPKG, layer="sign_roads")["features"] == len(rows)
+    assert "road_id" in pyogrio.read_info(work / names.GPKG, layer="signs")["fields"]
 
 
 def test_roads_that_cannot_be_read_are_a_warning(out: Path) -> None:
