@@ -118,7 +118,7 @@ def dictionary_csv() -> str:
         (f"{names.TRAJECTORY}, trajectory.csv", TRAJECTORY_COLUMNS),
         (names.OBSERVATIONS, [f for f in OBSERVATION_FIELDS if f.name != "utc"]),
         (names.PICTURE_INDEX, PICTURE_FIELDS),
-        (f"{in_files}, with a layer of roads", ROAD_FIELDS),
+        ("with a layer of roads: all tables of signs", ROAD_FIELDS),
         (names.SIGN_ROADS, SIGN_ROAD_FIELDS),
     ]
     for table, fields in tables:
