@@ -6,6 +6,7 @@ import csv
 import io
 from collections.abc import Sequence
 
+from automap.export.assemblies import ASSEMBLY_FIELDS
 from automap.export.fields import ROAD_FIELDS, SIGN_FIELDS, STAMP_FIELDS, Field
 from automap.io import names
 
@@ -60,6 +61,7 @@ LAYERS: tuple[tuple[str, str, Sequence[Field]], ...] = (
     ("signs", "points where the signs stand", (*SIGN_FIELDS, *ROAD_FIELDS, *STAMP_FIELDS)),
     ("ellipses", "outlines that hold a sign's horizontal position with 95 % probability",
      (*SIGN_FIELDS, *ROAD_FIELDS, *STAMP_FIELDS)),
+    ("assemblies", "posts and gantries with what hangs on them", ASSEMBLY_FIELDS),
     ("trajectory", "the driven path in short lines", TRACK_FIELDS),
     ("observations", "every detection, at the vehicle's place", OBSERVATION_FIELDS),
 )  # fmt: skip

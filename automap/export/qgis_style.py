@@ -122,6 +122,15 @@ def ellipse_style() -> QgisStyle:
     return QgisStyle("ellipses", _text(root), "95 % of the horizontal position")
 
 
+def assembly_style() -> QgisStyle:
+    """Posts and gantries: dots below the faces."""
+    root, renderer = _document("singleSymbol", {})
+    _symbol(
+        Xml.SubElement(renderer, "symbols"), 0, "marker", "SimpleMarker", _dot("#444444", "1.2")
+    )
+    return QgisStyle("assemblies", _text(root), "posts and gantries")
+
+
 def observation_style() -> QgisStyle:
     """The places from which signs were seen: small grey dots, in a street only."""
     root, renderer = _document("singleSymbol", {})

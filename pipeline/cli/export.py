@@ -31,8 +31,8 @@ Examples:
     required=True,
     metavar="F",
     help="Signs: geojson, kml, kmz, gpkg, parquet, flatgeobuf, csv, xlsx (with pictures), "
-    "shapefile, pmtiles, osm (a file for review in JOSM), postgis (with --to). Trajectory: "
-    "trajectory-csv, pos, tum, kitti, gpx.",
+    "shapefile, pmtiles, assemblies (posts as GeoJSON), osm (a file for review in JOSM), "
+    "postgis (with --to). Trajectory: trajectory-csv, pos, tum, kitti, gpx.",
 )
 @click.option(
     "-o",

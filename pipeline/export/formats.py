@@ -65,6 +65,7 @@ def write_kmz(content: MapContent, path: Path) -> None:
 def write_gpkg(content: MapContent, path: Path) -> None:
     """Write the layers signs, observations, trajectory and ellipses as GeoPackage."""
     from automap.export import gis, layers, qgis_style
+    from automap.export.assemblies import assembly_layer
     from automap.export.uncertainty import sigma_classes, sigma_limits
 
     products = content.products
@@ -82,6 +83,8 @@ def write_gpkg(content: MapContent, path: Path) -> None:
         built.append(layers.path_layer(content.path))
         sigma = content.path.sd_h_m
         styles.append(qgis_style.track_style(sigma_limits(sigma), sigma_classes(sigma)[1]))
+    built.append(assembly_layer(content.signs))
+    styles.append(qgis_style.assembly_style())
     built.append(layers.ellipse_layer(content.signs))
     styles.append(qgis_style.ellipse_style())
     crs = content.crs or gis.WGS84_3D
@@ -143,6 +146,13 @@ def write_pmtiles(content: MapContent, path: Path) -> None:
     from automap.export import tiles
 
     tiles.write_pmtiles(path, content.signs, content.path)
+
+
+def write_assemblies(content: MapContent, path: Path) -> None:
+    """Write posts and gantries with what hangs on them as GeoJSON."""
+    from automap.export.assemblies import assemblies_geojson
+
+    write_text(path, assemblies_geojson(content.signs))
 
 
 def write_osm(content: MapContent, path: Path) -> None:
@@ -218,6 +228,7 @@ FORMATS: dict[str, tuple[str, Writer]] = {
     "shapefile": ("signs.shp.zip", write_shapefile),
     "pmtiles": ("signs.pmtiles", write_pmtiles),
     "osm": ("signs.osm", write_osm),
+    "assemblies": ("assemblies.geojson", write_assemblies),
     "trajectory-csv": ("trajectory.csv", write_trajectory_csv),
     "pos": ("trajectory.pos", write_pos),
     "tum": ("trajectory.tum", write_tum),
