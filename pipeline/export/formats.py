@@ -51,6 +51,11 @@ def write_kmz(content: MapContent, path: Path) -> None:
             href = f"files/{picture.view.file}"
             files[href] = picture.jpeg
             pictures.setdefault(row, []).append(href)
+        for picture in by_sign.get(sign_id, ())[:1]:
+            if picture.context is not None:
+                href = f"files/{picture.view.context_file}"
+                files[href] = picture.context
+                pictures[row].append(href)
     options = KmlOptions(
         *geoid_heights(content),
         lineage=content.lineage,
