@@ -128,7 +128,8 @@ def test_empty_folder_gives_an_empty_map_and_says_so(tmp_path: Path) -> None:
 def test_every_format_of_the_command(out: Path, tmp_path: Path, fmt: str) -> None:
     path, warnings = export_run(out, fmt)
     assert path.parent == out
-    assert path.stat().st_size > 500
+    # its signs hang on no post
+    assert path.stat().st_size > (40 if fmt == "assemblies" else 500)
     assert warnings == []
     target = tmp_path / "elsewhere" / path.name
     assert export_run(out, fmt, target)[0] == target

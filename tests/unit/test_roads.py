@@ -232,7 +232,8 @@ def test_the_table_is_read_as_it_was_written(tmp_path: Path) -> None:
             assert float(again[name]) == float(cell)
         else:
             assert again[name] == cell
-    path.write_text(roads_csv(rows).replace(rows[0]["chainage_m"], "x"), encoding="utf-8", newline="")
+    spoilt = roads_csv(rows).replace(rows[0]["chainage_m"], "x")
+    path.write_text(spoilt, encoding="utf-8", newline="")
     with pytest.raises(InputError, match="no table of signs on roads"):
         read_roads_csv(path)
 
