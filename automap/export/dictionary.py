@@ -6,7 +6,8 @@ import csv
 import io
 from collections.abc import Sequence
 
-from automap.export.fields import SIGN_FIELDS, STAMP_FIELDS, Field
+from automap.export.assemblies import ASSEMBLY_FIELDS
+from automap.export.fields import ROAD_FIELDS, SIGN_FIELDS, STAMP_FIELDS, Field
 from automap.io import names
 
 POSITION_FIELDS: tuple[Field, ...] = (
@@ -49,24 +50,20 @@ OBSERVATION_FIELDS: tuple[Field, ...] = (
     Field("note", "text", "", "why it was not used"),
 )
 
-ROAD_FIELDS: tuple[Field, ...] = (
+SIGN_ROAD_FIELDS: tuple[Field, ...] = (
     Field("sign_id", "text", "", "sign that stands on the road"),
-    Field("road_id", "text", "", "road of the layer"),
-    Field("road_name", "text", "", "its name"),
-    Field("chainage_m", "real", "m", "along the road, from where the layer counts", 2),
-    Field("offset_m", "real", "m", "from the road's line, right of its direction is positive", 2),
-    Field("road_side", "text", "", "side of the road in its digitised direction: left or right"),
-    Field("road_direction", "text", "", "traffic that the face looks at, by the digitised "
-          "direction: forward or backward"),
-)  # fmt: skip
+    *(f for f in ROAD_FIELDS if f.name != "road_check"),
+    Field("lon_deg", "real", "deg", "where the sign stood when it was put there", 7),
+    Field("lat_deg", "real", "deg", "where the sign stood when it was put there", 7),
+)
 
 LAYERS: tuple[tuple[str, str, Sequence[Field]], ...] = (
-    ("signs", "points where the signs stand", (*SIGN_FIELDS, *STAMP_FIELDS)),
+    ("signs", "points where the signs stand", (*SIGN_FIELDS, *ROAD_FIELDS, *STAMP_FIELDS)),
     ("ellipses", "outlines that hold a sign's horizontal position with 95 % probability",
-     (*SIGN_FIELDS, *STAMP_FIELDS)),
+     (*SIGN_FIELDS, *ROAD_FIELDS, *STAMP_FIELDS)),
+    ("assemblies", "posts and gantries with what hangs on them", ASSEMBLY_FIELDS),
     ("trajectory", "the driven path in short lines", TRACK_FIELDS),
     ("observations", "every detection, at the vehicle's place", OBSERVATION_FIELDS),
-    ("sign_roads", "where signs stand on the roads of a layer", ROAD_FIELDS),
 )  # fmt: skip
 """Layer of the GeoPackage, what its features are, its columns."""
 
@@ -123,7 +120,8 @@ def dictionary_csv() -> str:
         (f"{names.TRAJECTORY}, trajectory.csv", TRAJECTORY_COLUMNS),
         (names.OBSERVATIONS, [f for f in OBSERVATION_FIELDS if f.name != "utc"]),
         (names.PICTURE_INDEX, PICTURE_FIELDS),
-        (names.SIGN_ROADS, ROAD_FIELDS),
+        ("with a layer of roads: all tables of signs", ROAD_FIELDS),
+        (names.SIGN_ROADS, SIGN_ROAD_FIELDS),
     ]
     for table, fields in tables:
         for field in fields:

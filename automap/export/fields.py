@@ -65,6 +65,23 @@ SIGN_FIELDS: tuple[Field, ...] = (
     Field("reviewed", "text", "UTC", "when that was"),
 )
 
+ROAD_FIELDS: tuple[Field, ...] = (
+    Field("road_id", "text", "", "road of the layer"),
+    Field("road_name", "text", "", "its name"),
+    Field("road_kind", "text", "", "its kind, as the layer has it"),
+    Field("chainage_m", "real", "m", "along the road, from where the layer counts", 2),
+    Field("offset_m", "real", "m", "from the road's line, right of its direction is positive", 2),
+    Field("road_side", "text", "", "side of the road in its digitised direction: left or right"),
+    Field(
+        "road_direction",
+        "text",
+        "",
+        "traffic that the face looks at, by the digitised direction: forward or backward",
+    ),
+    Field("road_check", "text", "", "why such a sign cannot be on such a road, to be looked at"),
+)
+"""Columns beside those of ``SIGN_FIELDS`` in maps for which a layer of roads was given."""
+
 STAMP_FIELDS: tuple[Field, ...] = (
     Field("first_seen_t_ns", "integer", "ns", "host clock at the first sighting"),
     Field("last_seen_t_ns", "integer", "ns", "host clock at the last sighting"),

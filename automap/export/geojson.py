@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from automap.errors import InputError
-from automap.export.fields import SIGN_FIELDS, Field
+from automap.export.fields import Field
 from automap.export.sign_columns import SignColumns
 from automap.export.text_columns import (
     TextColumn,
@@ -46,10 +46,12 @@ def signs_geojson(columns: SignColumns, lineage: Mapping[str, Any] | None = None
 
 def geojson_bytes(columns: SignColumns, lineage: Mapping[str, Any] | None = None) -> bytes:
     """The same as UTF-8."""
-    tokens = {field.name: json_column(field, columns.values[field.name]) for field in SIGN_FIELDS}
+    tokens = {
+        field.name: json_column(field, columns.values[field.name]) for field in columns.fields
+    }
     feature: list[str | TextColumn] = ['{"type": "Feature", "id": ', tokens["id"], ', "geometry": ']
     feature += [*_geometry(columns), ', "properties": {']
-    for number, field in enumerate(SIGN_FIELDS):
+    for number, field in enumerate(columns.fields):
         feature += [f"{', ' if number else ''}{_encode(field.name)}: ", tokens[field.name]]
     head = '{"type": "FeatureCollection",\n'
     if lineage:

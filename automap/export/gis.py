@@ -17,7 +17,7 @@ import numpy as np
 
 from automap.errors import StageError
 from automap.export.csv_text import csv_cell
-from automap.export.fields import SIGN_FIELDS, STAMP_FIELDS
+from automap.export.fields import STAMP_FIELDS
 from automap.export.geojson import longitude_range
 from automap.export.geopackage import complete_geopackage, lost_of
 from automap.export.layers import Layer, point_wkb, times_of_texts
@@ -129,7 +129,7 @@ def write_geoparquet(
     fields: list[Any] = []
     kinds = {"text": pa.string(), "integer": pa.int64(), "real": pa.float64()}
     kinds |= {"time": pa.timestamp("ms", tz="UTC"), "list": pa.list_(pa.string())}
-    for field in (*SIGN_FIELDS, *STAMP_FIELDS):
+    for field in (*columns.fields, *STAMP_FIELDS):
         values = columns.values[field.name]
         if field.kind == "time":
             values = times_of_texts(values if columns.utc_known else [None] * len(columns))
@@ -213,7 +213,7 @@ def signs_csv(columns: SignColumns) -> str:
         _number_texts(columns.lat_deg, 9),
         _number_texts(columns.height_m, 3),
     ]
-    for field in SIGN_FIELDS:
+    for field in columns.fields:
         values = columns.values[field.name]
         if field.kind == "real":
             tokens = json_tokens(field, values)
@@ -226,7 +226,7 @@ def signs_csv(columns: SignColumns) -> str:
             texts.append(["" if value is None else str(value) for value in values])
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\r\n")
-    writer.writerow(["lon_deg", "lat_deg", "height_m", *(field.name for field in SIGN_FIELDS)])
+    writer.writerow(["lon_deg", "lat_deg", "height_m", *(field.name for field in columns.fields)])
     writer.writerows(zip(*texts, strict=True))
     return stream.getvalue().encode("utf-8", "replace").decode("utf-8")
 

@@ -122,7 +122,7 @@ def _document(
     for number, colour in enumerate(SIGMA_COLOURS):
         yield _line_style(f"sigma-{number}", colour, 6)
     yield lineage_data(options.lineage)
-    yield sign_schema()
+    yield sign_schema(columns.fields)
     yield TRACK_SCHEMA
     yield "<Folder><name>Signs</name><open>0</open>"
     yield from _signs(columns, style_of, options)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 from xml.sax.saxutils import escape
 
 import numpy as np
 
-from automap.export.fields import SIGN_FIELDS, Field
+from automap.export.fields import ROAD_FIELDS, SIGN_FIELDS, Field
 from automap.export.geojson import json_column
 from automap.export.sign_columns import SignColumns
 from automap.export.text_columns import (
@@ -39,6 +39,13 @@ BALLOON_FIELDS = (
     "facing_sd_deg",
     "size_m",
     "side",
+    "road_name",
+    "road_id",
+    "chainage_m",
+    "offset_m",
+    "road_side",
+    "road_direction",
+    "road_check",
     "n_views",
     "first_seen",
     "last_seen",
@@ -70,14 +77,14 @@ def html_text(text: str) -> str:
     return html.escape(_ILLEGAL.sub("\ufffd", text)).replace("$", "&#36;")
 
 
-def sign_schema() -> str:
+def sign_schema(fields: Sequence[Field] = SIGN_FIELDS) -> str:
     """The Schema element that gives the fields their types and meanings."""
-    fields = "".join(
+    parts = "".join(
         f'<SimpleField name="{field.name}" type="{_KML_TYPES.get(field.kind, "string")}">'
         f"<displayName>{xml_text(_label(field))}</displayName></SimpleField>"
-        for field in SIGN_FIELDS
+        for field in fields
     )
-    return f'<Schema name="sign" id="sign">{fields}</Schema>'
+    return f'<Schema name="sign" id="sign">{parts}</Schema>'
 
 
 def _label(field: Field) -> str:
@@ -104,7 +111,7 @@ class Cells:
 
 def field_cells(columns: SignColumns) -> dict[str, Cells]:
     """Every field of the signs as text."""
-    return {field.name: _cells(field, columns.values[field.name]) for field in SIGN_FIELDS}
+    return {field.name: _cells(field, columns.values[field.name]) for field in columns.fields}
 
 
 def _cells(field: Field, values: Any) -> Cells:
@@ -137,9 +144,9 @@ def data_cells(cells: Mapping[str, Cells]) -> Pieces:
 
 def balloon_cells(cells: Mapping[str, Cells]) -> Pieces:
     """Rows of the balloon's table as HTML within a CDATA section."""
-    by_name = {field.name: field for field in SIGN_FIELDS}
+    by_name = {field.name: field for field in (*SIGN_FIELDS, *ROAD_FIELDS)}
     pieces: Pieces = []
-    for name in BALLOON_FIELDS:
+    for name in (name for name in BALLOON_FIELDS if name in cells):
         field = by_name[name]
         # the ends of rows and cells may be left out in HTML
         head = f"<tr><td>{html_text(_short_label(field))}<td>"

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.export.clock import utc_of_stamps
-from automap.export.fields import SIGN_FIELDS, STAMP_FIELDS
+from automap.export.fields import STAMP_FIELDS
 from automap.export.path import Path
 from automap.export.sign_columns import SignColumns, ellipse_rings, wrap_degrees
 from automap.records import ClockModel, IntArray, Trajectory
@@ -64,7 +64,7 @@ def ellipse_layer(columns: SignColumns) -> Layer:
 def _of_signs(name: str, geometry_type: str, wkb: WkbArray, columns: SignColumns) -> Layer:
     arrays: dict[str, npt.NDArray[Any]] = {}
     missing: dict[str, npt.NDArray[np.bool_]] = {}
-    for field in (*SIGN_FIELDS, *STAMP_FIELDS):
+    for field in (*columns.fields, *STAMP_FIELDS):
         values = columns.values[field.name]
         if field.kind == "real":
             arrays[field.name] = np.asarray(values, np.float64)

@@ -67,6 +67,11 @@ def _review(columns: SignColumns, row: int) -> str:
         parts.append(f"confidence {confidence:.2f}")
     if np.isfinite(radius):
         parts.append(f"95 % within {radius:.1f} m")
+    on_road = values.get("road_id")
+    if on_road is not None and on_road[row]:
+        parts.append(f"{values['road_direction'][row]} on {on_road[row]}")
+        if values["road_check"][row]:
+            parts.append(values["road_check"][row])
     if values["status"][row] not in ("ok", ""):
         parts.append(f"status {values['status'][row]}")
     parts.append(f"AutoMap sign {values['id'][row]}")

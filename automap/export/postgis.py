@@ -16,11 +16,13 @@ from urllib.parse import parse_qs, unquote, urlsplit
 import numpy as np
 
 from automap.errors import ConfigError, InputError
-from automap.export.fields import SIGN_FIELDS, Field
+from automap.export.fields import ROAD_FIELDS, SIGN_FIELDS, Field
 from automap.export.kml_cells import clean_text
 from automap.export.sign_columns import SignColumns
 
 TABLE, MAPS = "automap_signs", "automap_maps"
+_FIELDS = (*SIGN_FIELDS, *ROAD_FIELDS)
+"""One table holds maps with and without roads."""
 _TYPES = {"text": "text", "integer": "bigint", "real": "double precision"}
 _TYPES |= {"time": "timestamptz", "list": "text[]"}
 _BATCH = 2000
@@ -115,13 +117,13 @@ def _make_tables(connection: Any, schema: str) -> None:
     if not connection.run("SELECT 1 FROM pg_extension WHERE extname = 'postgis'"):
         connection.run("CREATE EXTENSION postgis")
     connection.run(f'CREATE SCHEMA IF NOT EXISTS "{schema}"')
-    own = ", ".join(f'"{f.name}" {_TYPES[f.kind]}' for f in SIGN_FIELDS)
+    own = ", ".join(f'"{f.name}" {_TYPES[f.kind]}' for f in _FIELDS)
     connection.run(
         f"CREATE TABLE IF NOT EXISTS {table} (map text NOT NULL, {own}, "
         "height_m double precision, geom geometry(Point, 4326), PRIMARY KEY (map, id))"
     )
     # tables of an earlier version lack what has been added since
-    for field in SIGN_FIELDS:
+    for field in _FIELDS:
         connection.run(
             f'ALTER TABLE {table} ADD COLUMN IF NOT EXISTS "{field.name}" {_TYPES[field.kind]}'
         )
@@ -147,17 +149,15 @@ def _mirror(
         "ON CONFLICT (map) DO UPDATE SET lineage = excluded.lineage, written = now()",
         map=name, lineage=json.dumps(dict(lineage), default=str),
     )  # fmt: skip
-    fields = [f.name for f in SIGN_FIELDS]
+    fields = [f.name for f in _FIELDS]
     names = ", ".join(f'"{f}"' for f in fields)
     # lists travel as one text a sign, which no array of arrays could
     chosen = ", ".join(
         f"string_to_array(\"{f.name}\", E'\\x1f')" if f.kind == "list" else f'"{f.name}"'
-        for f in SIGN_FIELDS
+        for f in _FIELDS
     )
     updates = ", ".join(f'"{f}" = excluded."{f}"' for f in (*fields[1:], "height_m", "geom"))
-    arrays = ", ".join(
-        f"CAST(:{f.name} AS {_TYPES[f.kind].removesuffix('[]')}[])" for f in SIGN_FIELDS
-    )
+    arrays = ", ".join(f"CAST(:{f.name} AS {_TYPES[f.kind].removesuffix('[]')}[])" for f in _FIELDS)
     statement = (
         f"INSERT INTO {table} (map, {names}, height_m, geom) SELECT :map, {chosen}, height_m, "
         "ST_SetSRID(ST_MakePoint(lon_deg, lat_deg), 4326) "
@@ -178,7 +178,7 @@ def _mirror(
 
 def _values(columns: SignColumns) -> dict[str, list[Any]]:
     """Lists [n] of what a statement takes, None where unknown."""
-    values = {f.name: _column(f, columns) for f in SIGN_FIELDS}
+    values = {f.name: _column(f, columns) for f in _FIELDS}
     places = (columns.lon_deg, columns.lat_deg, columns.height_m)
     for name, numbers in zip(("lon_deg", "lat_deg", "height_m"), places, strict=True):
         values[name] = _numbers(np.where(columns.located, numbers, np.nan))
@@ -186,7 +186,9 @@ def _values(columns: SignColumns) -> dict[str, list[Any]]:
 
 
 def _column(field: Field, columns: SignColumns) -> list[Any]:
-    values = columns.values[field.name]
+    values = columns.values.get(field.name)
+    if values is None:
+        return [None] * len(columns)
     if field.kind == "real":
         return _numbers(values)
     if field.kind == "integer":

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree as Xml
 
-from automap.export.fields import SIGN_FIELDS, Field
+from automap.export.fields import ROAD_FIELDS, SIGN_FIELDS, Field
 from automap.export.icons import sign_words
 from automap.export.kml_cells import clean_text
 from automap.export.kml_track import SIGMA_COLOURS, UNKNOWN_COLOUR
@@ -76,7 +76,7 @@ def sign_style(icons: Mapping[str, bytes], colours: Mapping[str, str]) -> QgisSt
     _range_or_category(categories, "category", len(colours), "other", value="")
     _symbol(symbols, len(colours), "marker", "SimpleMarker", _dot(UNKNOWN_COLOUR, "3"))
     _labels(root, "name", scale=2500)
-    _columns(root, SIGN_FIELDS)
+    _columns(root, (*SIGN_FIELDS, *ROAD_FIELDS))
     Xml.SubElement(root, "previewExpression").text = 'concat("name", \' \', "id")'
     Xml.SubElement(root, "mapTip").text = _TIP
     return QgisStyle("signs", _text(root), "faces by class")
@@ -120,6 +120,15 @@ def ellipse_style() -> QgisStyle:
          "outline_width": "0.26", "outline_width_unit": "MM", "outline_style": "solid"},
     )  # fmt: skip
     return QgisStyle("ellipses", _text(root), "95 % of the horizontal position")
+
+
+def assembly_style() -> QgisStyle:
+    """Posts and gantries: dots below the faces."""
+    root, renderer = _document("singleSymbol", {})
+    _symbol(
+        Xml.SubElement(renderer, "symbols"), 0, "marker", "SimpleMarker", _dot("#444444", "1.2")
+    )
+    return QgisStyle("assemblies", _text(root), "posts and gantries")
 
 
 def observation_style() -> QgisStyle:

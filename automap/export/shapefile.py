@@ -9,11 +9,12 @@ import csv
 import io
 import tempfile
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from automap.export.fields import SIGN_FIELDS
+from automap.export.fields import SIGN_FIELDS, Field
 from automap.export.layers import Layer, sign_layer
 from automap.export.sign_columns import SignColumns
 from automap.io.atomic import atomic_path
@@ -28,6 +29,7 @@ SHORT = {
     "height_msl_m": "h_msl_m",
     "facing_deg": "facing",
     "facing_sd_deg": "facing_sd",
+    "road_direction": "road_dir",
     "cov_ee_m2": "cov_ee",
     "cov_en_m2": "cov_en",
     "cov_nn_m2": "cov_nn",
@@ -54,15 +56,15 @@ def write_shapefile(path: Path, columns: SignColumns, crs: str) -> None:
         with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
             for file in sorted(Path(folder).iterdir()):
                 _add(archive, file.name, file.read_bytes())
-            _add(archive, LEGEND, legend_csv().encode())
+            _add(archive, LEGEND, legend_csv(columns.fields).encode())
 
 
-def legend_csv() -> str:
+def legend_csv(fields: Sequence[Field] = SIGN_FIELDS) -> str:
     """The short names, what they are called elsewhere, units and meanings."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\r\n")
     writer.writerow(["column", "name", "unit", "meaning"])
-    for field in SIGN_FIELDS:
+    for field in fields:
         writer.writerow([short_name(field.name), field.name, field.unit, field.meaning])
     return stream.getvalue()
 
@@ -70,7 +72,7 @@ def legend_csv() -> str:
 def _plain(layer: Layer, columns: SignColumns) -> Layer:
     """The layer in what such a table can hold."""
     arrays = {}
-    for field in SIGN_FIELDS:
+    for field in columns.fields:
         values = layer.columns[field.name]
         if field.kind == "time":
             texts = columns.values[field.name] if columns.utc_known else [None] * len(columns)

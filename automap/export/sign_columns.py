@@ -10,6 +10,7 @@ import numpy as np
 
 from automap.export.assembly import on_post
 from automap.export.clock import iso_texts, utc_of_stamps
+from automap.export.fields import ROAD_FIELDS, SIGN_FIELDS, Field
 from automap.export.icons import sign_words
 from automap.export.uncertainty import ce95, ellipse_outlines
 from automap.records import NO_TIME, ClockModel, FloatArray, IntArray, Sign
@@ -22,9 +23,9 @@ class SignColumns:
 
     ``lon_deg`` in [-180, 180], ``lat_deg``, ``height_m`` (ellipsoidal, NaN unknown).
     ``values`` holds one array or list [n] for every name of ``fields.SIGN_FIELDS`` and
-    ``fields.STAMP_FIELDS``; an unknown number is NaN, an unknown text or time None. When the
-    clock is unknown ``first_seen`` and ``last_seen`` hold host stamps (int) and
-    ``utc_known`` is False.
+    ``fields.STAMP_FIELDS``, with a layer of roads of ``fields.ROAD_FIELDS`` too; an
+    unknown number is NaN, an unknown text or time None. When the clock is unknown ``first_seen``
+    and ``last_seen`` hold host stamps (int) and ``utc_known`` is False.
     """
 
     lon_deg: FloatArray
@@ -35,6 +36,11 @@ class SignColumns:
 
     def __len__(self) -> int:
         return len(self.lon_deg)
+
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """What every format writes of these signs: without a layer of roads nothing of roads."""
+        return (*SIGN_FIELDS, *(f for f in ROAD_FIELDS if f.name in self.values))
 
     @property
     def located(self) -> np.ndarray:

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from automap.errors import InputError
-from automap.export.fields import SIGN_FIELDS
 from automap.export.gis import write_layer
 from automap.export.layers import Layer, path_layer, sign_layer
 from automap.export.path import Path as MapPath
@@ -31,7 +30,7 @@ def write_pmtiles(path: Path, columns: SignColumns, track: MapPath | None) -> No
 
     Raises InputError where neither has.
     """
-    layers = [_flat(sign_layer(columns), [f.name for f in SIGN_FIELDS])]
+    layers = [_flat(sign_layer(columns), [f.name for f in columns.fields])]
     if track is not None and len(track) > 1:
         layers.append(_flat(path_layer(track), ["speed_m_s", "sd_h_m", "drive"]))
     layers = [layer for layer in layers if len(layer)]

@@ -15,7 +15,6 @@ import numpy as np
 
 from automap.errors import StageError
 from automap.export.dictionary import POSITION_FIELDS
-from automap.export.fields import SIGN_FIELDS
 from automap.export.kml_cells import clean_text
 from automap.export.sign_columns import SignColumns
 from automap.io.atomic import atomic_path
@@ -57,7 +56,7 @@ def write_xlsx(
         _write_signs(book, book.add_worksheet("signs"), columns, pictures or {}, bold)
         sheet = book.add_worksheet("columns")
         sheet.write_row(0, 0, ["column", "unit", "meaning"], bold)
-        for row, field in enumerate((*POSITION_FIELDS, *SIGN_FIELDS), start=1):
+        for row, field in enumerate((*POSITION_FIELDS, *columns.fields), start=1):
             sheet.write_row(row, 0, [field.name, field.unit, field.meaning])
         sheet.set_column(0, 0, 22)
         sheet.set_column(2, 2, 80)
@@ -76,7 +75,7 @@ def write_xlsx(
 def _write_signs(
     book: Any, sheet: Worksheet, columns: SignColumns, pictures: Mapping[str, bytes], bold: Any
 ) -> None:
-    fields = (*POSITION_FIELDS, *SIGN_FIELDS)
+    fields = (*POSITION_FIELDS, *columns.fields)
     places = {"lon_deg": columns.lon_deg, "lat_deg": columns.lat_deg, "height_m": columns.height_m}
     when = book.add_format({"num_format": "yyyy-mm-dd hh:mm:ss"})
     formats = {

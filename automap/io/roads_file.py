@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,13 @@ from automap.records import Roads
 _IDS = ("roadid", "id", "osmid", "wayid", "strid", "linkid", "segmentid", "ref", "nr", "fid", "gid")
 _NAMES = ("name", "roadname", "strname", "streetname", "strassenname", "bezeichnung", "ref")
 _STARTS = ("chainagestart", "startm", "fromm", "frommeasure", "vonstation", "startchainage")
+_KINDS = ("highway", "fclass", "roadclass", "roadtype", "functionalclass", "roadkind")
+_ONE_WAYS = ("oneway", "onewaydir", "einbahn")
+_ALONG = frozenset({"yes", "true", "1", "f", "ft"})
+_AGAINST = frozenset({"-1", "reverse", "t", "tf"})
+"""Of one-way roads: OpenStreetMap's words, and those of Geofabrik's and navigation layers."""
+_TAG = re.compile(r'"((?:[^"\\]|\\.)*)"=>"((?:[^"\\]|\\.)*)"')
+"""A tag in GDAL's column other_tags."""
 _NOT_DRIVEN = frozenset(
     {
         *("footway", "path", "steps", "cycleway", "pedestrian", "bridleway", "corridor"),
@@ -48,7 +57,11 @@ def read_roads(path: Path, box: tuple[float, float, float, float]) -> Roads:
         kind = np.array(texts(table.columns["highway"]), object)
         drivable &= ~np.isin(kind, list(_NOT_DRIVEN))
         drivable &= (kind != "") | (not osm)
-    ids, titles, starts = _columns(table)
+    other = table.columns.get("other_tags")
+    tags = [dict(_TAG.findall(text)) for text in ([] if other is None else texts(other))]
+    tags = tags or [{}] * len(table)
+    ids, titles, starts = _columns(table, tags)
+    kinds, oneway = _kinds(table, tags)
     lines: list[np.ndarray] = []
     rows: list[int] = []
     begun: list[float] = []
@@ -79,17 +92,38 @@ def read_roads(path: Path, box: tuple[float, float, float, float]) -> Roads:
         [ids[rows[k]] for k in keep],
         [titles[rows[k]] for k in keep],
         np.array([begun[k] for k in keep], np.float64),
+        [kinds[rows[k]] for k in keep],
+        np.array([oneway[rows[k]] for k in keep], np.int64),
     )
 
 
-def _columns(table: VectorLayer) -> tuple[list[str], list[str], list[float]]:
+def _columns(
+    table: VectorLayer, tags: Sequence[Mapping[str, str]]
+) -> tuple[list[str], list[str], list[float]]:
     own = column_named(table.columns, _IDS)
     title = column_named(table.columns, _NAMES)
     start = column_named(table.columns, _STARTS)
     ids = [str(k + 1) for k in range(len(table))] if own is None else texts(table.columns[own])
     titles = [""] * len(table) if title is None else texts(table.columns[title])
     first = np.zeros(len(table)) if start is None else numbers(table.columns[start])
+    # motorways have a number and seldom a name
+    titles = [name or tag.get("ref", "") for name, tag in zip(titles, tags, strict=True)]
     return ids, titles, np.nan_to_num(first).tolist()
+
+
+def _kinds(table: VectorLayer, tags: Sequence[Mapping[str, str]]) -> tuple[list[str], list[int]]:
+    """Kind of each road ("" unknown), and whether it is driven one way."""
+    kind = column_named(table.columns, _KINDS)
+    kinds = [""] * len(table) if kind is None else texts(table.columns[kind])
+    told = column_named(table.columns, _ONE_WAYS)
+    ways = [tag.get("oneway", "") for tag in tags] if told is None else texts(table.columns[told])
+    oneway = []
+    for way, name, tag in zip(ways, kinds, tags, strict=True):
+        word = way.lower()
+        # a motorway and a roundabout need not say it
+        implied = word == "" and (name == "motorway" or tag.get("junction") == "roundabout")
+        oneway.append(1 if word in _ALONG or implied else -1 if word in _AGAINST else 0)
+    return kinds, oneway
 
 
 def _length_m(lon: np.ndarray, lat: np.ndarray) -> float:

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from automap.jit import kernel
 from automap.mapping.limits import ALTERNATIVES, CHANGED, CLASS_RIGHT, FACING_SD, LEAST_CONFIDENCE
 from automap.mapping.sightings import Sightings
-from automap.records import FloatArray, IntArray
+from automap.mapping.sureness import class_probabilities, group_probabilities
+from automap.records import BoolArray, FloatArray, IntArray
 
 _FALSE_SHARE = (1.0 - CLASS_RIGHT) / ALTERNATIVES
 
@@ -19,7 +20,9 @@ _FALSE_SHARE = (1.0 - CLASS_RIGHT) / ALTERNATIVES
 class Attributes:
     """Columns [m] of map signs; ``class_share`` the part of the sightings' belief that is for
     the class, ``class_changed`` [m] whether the drives saw it change on the way, ``drives``
-    the numbers of those that saw it, ``seen`` the belief that any sighting is right."""
+    the numbers of those that saw it, ``seen`` the belief that any sighting is right;
+    ``class_probability`` and ``group_probability`` by all drives that tell them, since a change
+    only those after it (NaN: none does)."""
 
     code: IntArray
     class_share: FloatArray
@@ -36,6 +39,8 @@ class Attributes:
     status: list[str]
     drives: list[tuple[int, ...]]
     seen: FloatArray
+    class_probability: FloatArray
+    group_probability: FloatArray
 
 
 def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
@@ -47,7 +52,10 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
     views = sightings.n_views
     weight = np.maximum(views, 1).astype(np.float64)
     doubt = 1.0 - np.clip(sightings.confidence, 0.0, 0.999)
-    code, share, changed = _classes(sightings, sign, order, edges)
+    code, share, changed, before = _classes(sightings, sign, order, edges)
+    # what was read before a sign became another one tells nothing of what it is
+    holds = np.where(before, -1, sign)
+    told = sightings.code, sightings.classes
     first, last = sightings.first_gps_s, sightings.last_gps_s
     facing = sightings.facing
     known = np.isfinite(facing)
@@ -78,6 +86,8 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
         status=[_status(states[order[a:b]], seen_by[a:b]) for a, b in _spans(edges)],
         drives=[tuple(sorted(set(seen_by[a:b].tolist()))) for a, b in _spans(edges)],
         seen=1.0 - np.exp(np.bincount(sign, np.log(doubt), m)),
+        class_probability=class_probabilities(*told, sightings.class_probability, holds, code),
+        group_probability=group_probabilities(*told, sightings.group_probability, holds, code),
     )
 
 
@@ -123,17 +133,18 @@ def _status(states: npt.NDArray[np.generic], drives: IntArray) -> str:
 
 def _classes(
     sightings: Sightings, sign: IntArray, order: IntArray, edges: IntArray
-) -> tuple[IntArray, FloatArray, npt.NDArray[np.bool_]]:
-    """Class of each sign, its share of the belief, and whether it changed between drives."""
+) -> tuple[IntArray, FloatArray, BoolArray, BoolArray]:
+    """Class of each sign, its share of the belief, whether it changed between drives, and which
+    sightings [n] are from before that."""
     m = len(edges) - 1
     code, share = np.zeros(m, np.int64), np.ones(m)
-    changed = np.zeros(m, np.bool_)
+    changed, before = np.zeros(m, np.bool_), np.zeros(len(sign), np.bool_)
     codes, weights = (
         sightings.code[order],
         np.maximum(sightings.confidence[order], LEAST_CONFIDENCE),
     )
     if m == 0:
-        return code, share, changed
+        return code, share, changed, before
     lowest = np.minimum.reduceat(codes, edges[:-1])
     plain = lowest == np.maximum.reduceat(codes, edges[:-1])
     code[plain] = lowest[plain]
@@ -142,11 +153,12 @@ def _classes(
         own, small = np.unique(codes[a:b], return_inverse=True)
         start = _change_point(small, len(own))
         changed[k] = start > 0
+        before[order[a : a + start]] = True
         now, belief = codes[a + start : b], weights[a + start : b]
         total = np.bincount(now, belief)
         code[k] = int(np.argmax(total))
         share[k] = float(total[code[k]] / total.sum())
-    return code, share, changed
+    return code, share, changed, before
 
 
 @kernel

@@ -107,7 +107,11 @@ def map_signs(
     """Signs [m] without names, from ``columns`` [m] of places, classes and attributes, the
     ``belief`` [m] that each stands, and the names of the ``drives`` [m] that saw it."""
     first, last = _stamps(columns["first_gps_s"]), _stamps(columns["last_gps_s"])
-    confidence = belief * columns["seen"] * columns["class_share"]
+    sure = np.asarray(columns["class_probability"])
+    # where no detector tells how sure the class is, what the boxes' scores say
+    confidence = belief * np.where(
+        np.isfinite(sure), sure, columns["seen"] * columns["class_share"]
+    )
     return [
         Sign(
             id="",
@@ -121,6 +125,8 @@ def map_signs(
             first_seen_ns=first[k],
             last_seen_ns=last[k],
             existence=float(belief[k]),
+            class_probability=float(sure[k]),
+            group_probability=float(columns["group_probability"][k]),
             side=str(columns["side"][k]),
             status=str(columns["status"][k]),
             drives=drives[k],

@@ -48,13 +48,15 @@ FARTHEST_M = 60.0
 
 @dataclass(frozen=True)
 class Network:
-    """Segments [s] of roads in metres: ``begin``, ``end`` [s, 2], ``size``, the ``road`` each is of
-    and its ``chainage_m``; ``ends`` [s, 2] nodes, and the graph of these by rows ``first``."""
+    """Segments [s] of roads in metres: ``begin``, ``end`` [s, 2], ``size``, the ``road`` each is
+    of, whether that is driven ``oneway`` (1 along, -1 against, 0 both ways), its ``chainage_m``;
+    ``ends`` [s, 2] nodes, and the graph of these by rows ``first``."""
 
     begin: FloatArray
     end: FloatArray
     size: FloatArray
     road: IntArray
+    oneway: IntArray
     chainage_m: FloatArray
     ends: IntArray
     first: IntArray
@@ -92,6 +94,7 @@ def road_positions(
     network = build_network(
         [np.column_stack(plane.transform(line[:, 0], line[:, 1])) for line in roads.lines],
         roads.start_m,
+        roads.oneway,
     )
     xy = np.column_stack(plane.transform(np.degrees(path.lon_rad), np.degrees(path.lat_rad)))
     matched = match_path(xy, path.yaw_rad, np.hypot(path.sd_enu[:, 0], path.sd_enu[:, 1]), network)
@@ -105,7 +108,9 @@ def road_positions(
     return result, matched
 
 
-def build_network(lines: Sequence[FloatArray], start_m: FloatArray) -> Network:
+def build_network(
+    lines: Sequence[FloatArray], start_m: FloatArray, oneway: IntArray | None = None
+) -> Network:
     """Segments and graph of lines [k, 2] in metres; vertices nearer than SNAP_M are one node."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -127,11 +132,13 @@ def build_network(lines: Sequence[FloatArray], start_m: FloatArray) -> Network:
     s = len(first_end)
     ends = np.column_stack([node[:s], node[s:]]).astype(np.int64)
     size = np.linalg.norm(last_end - first_end, axis=1)
+    road_of = np.concatenate(road)
+    ways = np.zeros(s, np.int64) if oneway is None or not len(oneway) else oneway[road_of]
     source = np.concatenate([ends[:, 0], ends[:, 1]])
     order = np.argsort(source, kind="stable")
     first = np.concatenate([[0], np.cumsum(np.bincount(source, minlength=n_nodes))])
     return Network(
-        first_end, last_end, size, np.concatenate(road), np.concatenate(at), ends,
+        first_end, last_end, size, road_of, ways, np.concatenate(at), ends,
         first.astype(np.int64), np.concatenate([ends[:, 1], ends[:, 0]])[order],
         np.concatenate([size, size])[order],
     )  # fmt: skip
@@ -185,7 +192,11 @@ def _candidates(
     )
     foot, distance = _project(points[who], network, which)
     course = np.arctan2(*(network.end - network.begin).T)
-    turn = np.abs((heading[who] - course[which] + np.pi / 2) % np.pi - np.pi / 2)
+    way = network.oneway[which]
+    # either way along a road that is driven both ways
+    period = np.where(way == 0, np.pi, 2.0 * np.pi)
+    turn = heading[who] - course[which] - np.where(way < 0, np.pi, 0.0)
+    turn = np.abs((turn + period / 2) % period - period / 2)
     told = -0.5 * (distance / sigma[who]) ** 2
     told = told - np.minimum(0.5 * (turn / HEADING_SD) ** 2, AGAINST)
     order = np.lexsort((distance, who))

@@ -19,7 +19,7 @@ _STACKED = (
 )  # fmt: skip
 _TOLD = (
     "n_views", "first_gps_s", "last_gps_s", "height_above_road_m", "sd_above_road_m",
-    "facing_sd_rad", "size_m", "side", "status",
+    "facing_sd_rad", "size_m", "side", "status", "class_probability", "group_probability",
 )  # fmt: skip
 
 
@@ -39,7 +39,9 @@ class DriveSigns:
     ``name`` is what the map calls the drive; ``start_gps_s`` orders the drives (NaN unknown);
     ``key`` names the recording however often it is run anew ("" unknown).
     ``cov_enu`` [n, 3, 3] total covariances in m^2, trajectory included. ``first_gps_s``,
-    ``last_gps_s`` [n] when the sign was in view. Unknown numbers are NaN.
+    ``last_gps_s`` [n] when the sign was in view; ``class_probability``, ``group_probability`` [n]
+    what the detector tells of the class, and of its colour and shape (None: of none). Unknown
+    numbers are NaN.
     """
 
     name: str
@@ -64,6 +66,8 @@ class DriveSigns:
     path: DrivePath | None = None
     cameras: tuple[CameraView, ...] = ()
     key: str = ""
+    class_probability: FloatArray | None = None
+    group_probability: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -106,6 +110,8 @@ class Sightings:
     size_m: FloatArray
     side: npt.NDArray[np.object_]
     status: npt.NDArray[np.object_]
+    class_probability: FloatArray
+    group_probability: FloatArray
     classes: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -141,7 +147,8 @@ def stack_sightings(drives: Sequence[DriveSigns]) -> Sightings:
         three, text = np.zeros((0, 3)), np.zeros(0, np.object_)
         return Sightings(
             none, none, np.zeros(1, np.int64), zero, zero, zero, zero, zero, zero, three, zero,
-            three, zero, none, zero, text, none, zero, zero, zero, zero, zero, zero, text, text, (),
+            three, zero, none, zero, text, none, zero, zero, zero, zero, zero, zero, text, text,
+            zero, zero, (),
         )  # fmt: skip
     names = sorted({str(name) for drive in drives for name in set(drive.class_name)})
     number = {name: k for k, name in enumerate(names)}
@@ -173,7 +180,12 @@ def stack_sightings(drives: Sequence[DriveSigns]) -> Sightings:
                 codes,
                 np.nan_to_num(drive.confidence[rows], nan=0.5),
                 np.array([drive.ids[k] for k in rows.tolist()], np.object_),
-                *(getattr(drive, name)[rows] for name in _TOLD),
+                *(
+                    np.full(len(rows), np.nan)
+                    if (told := getattr(drive, name)) is None
+                    else told[rows]
+                    for name in _TOLD
+                ),
             ]
         )
         first.append(first[-1] + len(rows))

@@ -167,12 +167,20 @@ class ReviewAction:
 class Roads:
     """Roads [n]: ``lines``, points [k, 2] longitude and latitude in degrees in the digitised
     direction; ``ids``, ``names`` ("" unknown); ``start_m`` [n] chainage of the first
-    point."""
+    point; ``kinds``, as "motorway" ("" unknown); ``oneway`` [n] 1 for roads that are driven in the
+    digitised direction alone, -1 against it alone, 0 in both. Empty where the layer tells neither.
+    """
 
     lines: list[FloatArray]
     ids: list[str]
     names: list[str]
     start_m: FloatArray
+    kinds: list[str] = field(default_factory=list)
+    oneway: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def kind(self, road: int) -> str:
+        """The kind of a road, "" unknown."""
+        return self.kinds[road] if self.kinds else ""
 
     def __len__(self) -> int:
         return len(self.lines)

@@ -17,6 +17,7 @@ Examples:
   automap export maps --format tum --point antenna
   automap export maps --format trajectory-csv --at frames.csv --point front \\
       -o frames_poses.csv
+  automap export maps --format csv --roads extract.osm.pbf
   automap export maps --format postgis --to postgresql://gis@localhost/roads
   automap export maps --format pos --filtered -o forward.pos
 """
@@ -30,8 +31,8 @@ Examples:
     required=True,
     metavar="F",
     help="Signs: geojson, kml, kmz, gpkg, parquet, flatgeobuf, csv, xlsx (with pictures), "
-    "shapefile, pmtiles, osm (a file for review in JOSM), postgis (with --to). Trajectory: "
-    "trajectory-csv, pos, tum, kitti, gpx.",
+    "shapefile, pmtiles, assemblies (posts as GeoJSON), osm (a file for review in JOSM), "
+    "postgis (with --to). Trajectory: trajectory-csv, pos, tum, kitti, gpx.",
 )
 @click.option(
     "-o",
@@ -75,6 +76,12 @@ Examples:
     help="Datum of the positions in gpkg, parquet, flatgeobuf and csv, as GDA2020@2026.5: its "
     "name or EPSG code, and the year of the coordinates. Default: WGS-84; the drive's year.",
 )
+@click.option(
+    "--roads",
+    type=ANY_PATH,
+    metavar="FILE",
+    help="Lines of roads, as of automap run: signs get road, chainage and side.",
+)
 @click.option("--filtered", is_flag=True, help="The forward filter's trajectory, not smoothed.")
 def command(
     out: Path,
@@ -85,6 +92,7 @@ def command(
     point: str,
     min_confidence: float,
     datum: str,
+    roads: Path | None,
     filtered: bool,
 ) -> None:
     """Write the map in OUT, or its trajectory, in one more format.
@@ -97,13 +105,13 @@ def command(
     if form == "postgis" or to:
         from pipeline.export.postgis import export_postgis
 
-        told, warnings = export_postgis(out, form, to, min_confidence)
+        told, warnings = export_postgis(out, form, to, min_confidence, roads)
         for text in warnings:
             click.echo(f"warning: {text}", err=True)
         click.echo(told)
         return
     path, warnings = export_run(
-        out, form, target, TrajectoryView(at, point, filtered), min_confidence, datum
+        out, form, target, TrajectoryView(at, point, filtered), min_confidence, datum, roads
     )
     for text in warnings:
         click.echo(f"warning: {text}", err=True)

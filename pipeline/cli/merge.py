@@ -14,6 +14,7 @@ Examples:
   automap merge maps/* -o city
   automap merge monday/_automap tuesday/_automap -o city
   automap merge maps/* -o city-may --previous city-april
+  automap merge maps/* -o city --roads roads.gpkg
 """
 
 
@@ -44,6 +45,12 @@ Examples:
     metavar="P",
     help="Signs less likely than this to be there are left out.",
 )
+@click.option(
+    "--roads",
+    type=ANY_PATH,
+    metavar="FILE",
+    help="Lines of roads, as of automap run: signs get road, chainage and side.",
+)
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print merge.json.")
 def command(
@@ -51,6 +58,7 @@ def command(
     out: Path,
     previous: Path | None,
     min_existence: float,
+    roads: Path | None,
     quiet: bool,
     as_json: bool,
 ) -> None:
@@ -65,7 +73,7 @@ def command(
     from pipeline.shared.terminal import progress_bar
 
     with progress_bar("merge") as progress:
-        outcome = merge_runs(folders, out, previous, min_existence, progress)
+        outcome = merge_runs(folders, out, previous, min_existence, progress, roads)
     for text in outcome.warnings:
         click.echo(click.style("warning: ", fg="yellow") + text, err=True)
     if as_json:

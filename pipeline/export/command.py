@@ -9,6 +9,7 @@ from automap.io import names
 from pipeline.export.content import map_content, trajectory_of
 from pipeline.export.datum import check_format, in_datum
 from pipeline.export.formats import FORMATS, TRAJECTORY_FORMATS, write_dictionary
+from pipeline.export.roads import put_on_roads
 from pipeline.export.trajectory_view import TrajectoryView, viewed
 from pipeline.shared.run_record import drive_of
 from pipeline.shared.targets import spare_recordings, spare_results
@@ -21,14 +22,16 @@ def export_run(
     view: TrajectoryView | None = None,
     min_confidence: float = 0.0,
     datum: str = "",
+    roads: Path | None = None,
 ) -> tuple[Path, list[str]]:
     """Write the map of a finished run in one format, and the data dictionary beside it.
 
     ``target`` is the file to write, by default the format's own name in OUT; ``view`` which
     trajectory, for the formats of one; ``min_confidence`` leaves out signs less sure;
-    ``datum`` such as GDA2020@2026.5 moves the positions of GIS formats into it. Returns the
-    file and the warnings. Raises ConfigError for an unknown format or a view of signs,
-    InputError when OUT holds no run.
+    ``datum`` such as GDA2020@2026.5 moves the positions of GIS formats into it; ``roads`` is a
+    layer on which the signs get a place, in place of the map's own. Returns the file and the
+    warnings. Raises ConfigError for an unknown format or a view of signs, InputError when OUT
+    holds no run.
     """
     view = TrajectoryView() if view is None else view
     if fmt not in FORMATS:
@@ -46,10 +49,12 @@ def export_run(
     spare_recordings(path, *([] if view.at is None else [view.at]))
     if path.name == names.DICTIONARY:
         raise ConfigError(f"{path} is where the meaning of the columns goes; name another file.")
-    content = map_content(out, drive_of(out)[0], min_confidence)
+    content = map_content(out, drive_of(out)[0], min_confidence, roads is None)
     if not view.is_plain:
         content.products.trajectory = viewed(out, trajectory_of(content), view)
         content.every_row = view.at is not None
+    if roads is not None:
+        put_on_roads(content, roads)
     if datum:
         content = in_datum(content, datum)
     write(content, path)

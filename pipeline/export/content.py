@@ -11,7 +11,7 @@ import numpy as np
 from automap.errors import InputError
 from automap.export.path import Path as MapPath
 from automap.export.path import joined_paths, simplified_path
-from automap.export.roads import RoadRow, read_roads_csv
+from automap.export.roads import read_roads_csv, set_roads
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
 from automap.records import NO_TIME, FloatArray, Trajectory
@@ -36,16 +36,17 @@ class MapContent:
     """Run, versions and inputs, for the metadata of every file."""
     country: str | None = None
     pictures: list[Picture] = field(default_factory=list)
-    roads: list[RoadRow] = field(default_factory=list)
-    """Where signs stand on the roads of a layer, if there was one."""
     crs: str | None = None
     """Coordinate system of the positions where it is not WGS-84."""
 
 
-def map_content(out: Path, name: str, min_confidence: float = 0.0) -> MapContent:
+def map_content(
+    out: Path, name: str, min_confidence: float = 0.0, on_roads: bool = True
+) -> MapContent:
     """Read OUT and prepare its signs and path, with a warning for all that is missing.
 
-    Signs of less confidence than ``min_confidence`` are left out, and counted in a warning.
+    Signs of less confidence than ``min_confidence`` are left out, and counted in a warning;
+    ``on_roads`` whether they are where an earlier export put them on roads.
     """
     products = load_products(out)
     left_out = _drop_unsure(products, min_confidence)
@@ -64,8 +65,14 @@ def map_content(out: Path, name: str, min_confidence: float = 0.0) -> MapContent
         lineage=lineage(record, name, products.trajectory),
         country=country,
         pictures=pictures,
-        roads=products.attempt(names.SIGN_ROADS, read_roads_csv) or [],
     )
+    rows = (products.attempt(names.SIGN_ROADS, read_roads_csv) or []) if on_roads else []
+    moved = set_roads(signs, rows, country)
+    if moved:
+        content.warnings.append(
+            f"{moved} signs were moved since they were put on roads, so they have none; run the "
+            "export again, or give --roads."
+        )
     signs.values["height_msl_m"] = sea_level_heights(signs, geoid_heights(content)[0])
     if min_confidence > 0.0:
         content.lineage["min_confidence"] = min_confidence

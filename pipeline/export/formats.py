@@ -7,10 +7,9 @@ from pathlib import Path
 
 from automap.export import geojson, kml, trajectory_formats
 from automap.export.datum import is_moving
-from automap.export.fields import SIGN_FIELDS, Field
+from automap.export.fields import Field
 from automap.export.icons import class_icon
 from automap.export.kml import KmlOptions
-from automap.export.roads import road_layer
 from automap.export.sign_columns import sign_columns
 from automap.io import names
 from automap.io.atomic import write_bytes, write_chunks, write_json, write_text
@@ -52,6 +51,11 @@ def write_kmz(content: MapContent, path: Path) -> None:
             href = f"files/{picture.view.file}"
             files[href] = picture.jpeg
             pictures.setdefault(row, []).append(href)
+        for picture in by_sign.get(sign_id, ())[:1]:
+            if picture.context is not None:
+                href = f"files/{picture.view.context_file}"
+                files[href] = picture.context
+                pictures[row].append(href)
     options = KmlOptions(
         *geoid_heights(content),
         lineage=content.lineage,
@@ -66,6 +70,7 @@ def write_kmz(content: MapContent, path: Path) -> None:
 def write_gpkg(content: MapContent, path: Path) -> None:
     """Write the layers signs, observations, trajectory and ellipses as GeoPackage."""
     from automap.export import gis, layers, qgis_style
+    from automap.export.assemblies import assembly_layer
     from automap.export.uncertainty import sigma_classes, sigma_limits
 
     products = content.products
@@ -83,10 +88,10 @@ def write_gpkg(content: MapContent, path: Path) -> None:
         built.append(layers.path_layer(content.path))
         sigma = content.path.sd_h_m
         styles.append(qgis_style.track_style(sigma_limits(sigma), sigma_classes(sigma)[1]))
+    built.append(assembly_layer(content.signs))
+    styles.append(qgis_style.assembly_style())
     built.append(layers.ellipse_layer(content.signs))
     styles.append(qgis_style.ellipse_style())
-    if content.roads:
-        built.append(road_layer(content.signs, content.roads))
     crs = content.crs or gis.WGS84_3D
     gis.write_layers(path, built, lineage=content.lineage, crs=crs, styles=styles)
 
@@ -116,7 +121,7 @@ def write_csv(content: MapContent, path: Path) -> None:
     from automap.export.dictionary import POSITION_FIELDS
 
     write_text(path, gis.signs_csv(content.signs))
-    _describe_csv(content, path, (*POSITION_FIELDS, *SIGN_FIELDS))
+    _describe_csv(content, path, (*POSITION_FIELDS, *content.signs.fields))
 
 
 def _describe_csv(content: MapContent, path: Path, fields: Sequence[Field]) -> None:
@@ -146,6 +151,13 @@ def write_pmtiles(content: MapContent, path: Path) -> None:
     from automap.export import tiles
 
     tiles.write_pmtiles(path, content.signs, content.path)
+
+
+def write_assemblies(content: MapContent, path: Path) -> None:
+    """Write posts and gantries with what hangs on them as GeoJSON."""
+    from automap.export.assemblies import assemblies_geojson
+
+    write_text(path, assemblies_geojson(content.signs))
 
 
 def write_osm(content: MapContent, path: Path) -> None:
@@ -221,6 +233,7 @@ FORMATS: dict[str, tuple[str, Writer]] = {
     "shapefile": ("signs.shp.zip", write_shapefile),
     "pmtiles": ("signs.pmtiles", write_pmtiles),
     "osm": ("signs.osm", write_osm),
+    "assemblies": ("assemblies.geojson", write_assemblies),
     "trajectory-csv": ("trajectory.csv", write_trajectory_csv),
     "pos": ("trajectory.pos", write_pos),
     "tum": ("trajectory.tum", write_tum),

@@ -26,7 +26,8 @@ _WIDE = {"own": ("own_ee", "own_en", "own_nn"), "shared_sd": ("shared_e", "share
 _PLAIN = (
     "row", "time_s", "lat", "lon", "height", "per_lat", "per_lon", "own_u", "facing",
     "confidence", "id", "n_views", "first_gps_s", "last_gps_s", "height_above_road_m",
-    "sd_above_road_m", "facing_sd_rad", "size_m", "side", "status",
+    "sd_above_road_m", "facing_sd_rad", "size_m", "side", "status", "class_probability",
+    "group_probability",
 )  # fmt: skip
 
 

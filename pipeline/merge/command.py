@@ -29,11 +29,13 @@ def merge_runs(
     previous: Path | None = None,
     least_existence: float = 0.5,
     progress: Progress = lambda fraction, text: None,
+    roads: Path | None = None,
 ) -> MergeOutcome:
     """Merge the runs in ``folders`` into one map in ``out``.
 
     ``previous`` is an older map whose names are kept and against which changes are listed; by
-    default the map that stands in ``out``. A folder that cannot be read is left out with a
+    default the map that stands in ``out``. ``roads`` is a layer on which the signs get a place. A
+    folder that cannot be read is left out with a
     warning as long as another can. Raises InputError when none can, ConfigError for an ``out``
     that is one of them.
     """
@@ -67,6 +69,7 @@ def merge_runs(
         comparison=comparison,
         warnings=warnings,
         country=countries.pop() if len(countries) == 1 else None,
+        roads=roads,
         folder=out,
         merged=merged,
         files=[],

@@ -15,14 +15,15 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, kw_only=True)
 class MapOutcome:
     """The map's ``signs``, the ``comparison`` with an older map (None without one), ``warnings``,
-    the ``name`` of the map, and the one ``country`` that the drives name (None where they name
-    none, or several)."""
+    the ``name`` of the map, the one ``country`` that the drives name (None where they name
+    none, or several), and a layer of ``roads`` (None without one)."""
 
     name: str
     signs: list[Sign]
     comparison: Comparison | None
     warnings: list[str]
     country: str | None = None
+    roads: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -61,7 +61,7 @@ def write_map(
             except StageError as error:
                 raise StageError(str(error).replace(str(new), str(out))) from error
             (new / names.REVIEW).unlink(missing_ok=True)
-            for name in (CHANGES, TRACKS, names.OBSERVATIONS):
+            for name in (CHANGES, TRACKS, names.OBSERVATIONS, names.SIGN_ROADS):
                 if not (new / name).exists():
                     (out / name).unlink(missing_ok=True)
             shutil.rmtree(out / names.PICTURES, ignore_errors=True)
@@ -91,7 +91,10 @@ def _write_files(
     write_coverage(out / COVERAGE, coverage_of(outcome.merged.drives))
     progress(0.25)
     write_json(out / names.RUN, _run_record(outcome, folders))
-    return write_files(out, outcome, merge_summary(outcome, signs, folders, previous), progress)
+    written = write_files(out, outcome, merge_summary(outcome, signs, folders, previous), progress)
+    # with the warnings of what was written
+    write_json(out / names.RUN, _run_record(outcome, folders))
+    return written
 
 
 def write_files(
@@ -102,15 +105,22 @@ def write_files(
 ) -> list[Path]:
     """Write what a map consists of, once ``run.json``, sightings and coverage are there; returns
     the files for people. ``summary`` becomes merge.json."""
+    from automap.export.roads import roads_csv
     from automap.io.clock_json import write_clock
     from automap.io.signs_table import write_signs
     from pipeline.export.content import map_content
     from pipeline.export.formats import FORMATS, STANDARD_FORMATS, write_dictionary
+    from pipeline.export.roads import tried_on_roads
     from pipeline.merge.report import merge_report
 
     write_signs(out / names.SIGNS_RAW, outcome.signs)
     write_clock(out / names.SYNC, GPS_CLOCK)
-    content = map_content(out, outcome.name)
+    content = map_content(out, outcome.name, on_roads=False)
+    told = len(content.warnings)
+    rows = tried_on_roads(content, outcome.roads)
+    if rows:
+        write_text(out / names.SIGN_ROADS, roads_csv(rows))
+    outcome.warnings.extend(content.warnings[told:])
     files = []
     for number, fmt in enumerate(STANDARD_FORMATS):
         name, write = FORMATS[fmt]

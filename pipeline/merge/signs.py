@@ -70,7 +70,9 @@ def _table_columns(path: Path, clock: ClockModel | None) -> dict[str, Any]:
         "status": texts("status"),
     } | {
         name: floats(table, name) if name in table.column_names else unknown
-        for name in ("sd_above_road_m", "facing_sd_rad")
+        for name in (
+            "sd_above_road_m", "facing_sd_rad", "class_probability", "group_probability",
+        )
     } | {
         name: floats(table, name)
         for name in (
@@ -92,7 +94,7 @@ def _columns(signs: Sequence[Sign], clock: ClockModel | None) -> dict[str, Any]:
 
     numbers = (
         "lat_rad", "lon_rad", "height_m", "confidence", "height_above_road_m", "sd_above_road_m",
-        "facing_rad", "facing_sd_rad", "size_m",
+        "facing_rad", "facing_sd_rad", "size_m", "class_probability", "group_probability",
     )  # fmt: skip
     return {
         "ids": tuple(sign.id for sign in signs),

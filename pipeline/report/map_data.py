@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from automap.export.fields import SIGN_FIELDS
 from automap.export.icons import class_icon
 from automap.export.kml import class_colours
 from automap.export.path import simplified_path
@@ -49,7 +48,7 @@ def map_data(
         "origin": [round(origin[1], 9), round(origin[0], 9)],
         "fields": [
             {"name": f.name, "unit": f.unit, "meaning": f.meaning, "kind": f.kind}
-            for f in SIGN_FIELDS
+            for f in signs.fields
         ],
         "path": _path(products, origin),
         "tracks": _tracks(products, origin),
@@ -180,7 +179,10 @@ def _signs(
         ],
         "colours": colours,
         "rows": [
-            [_value(field.kind, values[field.name][row], field.decimals) for field in SIGN_FIELDS]
+            [
+                _value(field.kind, values[field.name][row], field.decimals)
+                for field in columns.fields
+            ]
             for row in rows.tolist()
         ],
         "cards": sign_cards(products, pictures, rows.tolist()) if products.signs else [],

@@ -6,7 +6,7 @@ from typing import Any
 
 from automap import __version__
 from automap.export.clock import iso_texts, utc_of_gps
-from automap.export.fields import SIGN_FIELDS
+from automap.export.roads import read_roads_csv, set_roads
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
 from automap.io.web_tiles import Background
@@ -39,7 +39,9 @@ def report_html(
 ) -> str:
     """The page for a run named ``name``; ``record`` is run.json as it stands, ``background`` what
     lies below its map."""
-    signs = sign_columns(products.signs or [], products.clock, country_of(record))
+    country = country_of(record)
+    signs = sign_columns(products.signs or [], products.clock, country)
+    set_roads(signs, products.attempt(names.SIGN_ROADS, read_roads_csv) or [], country)
     sections = {
         "fusion": fusion_section(products),
         "evaluation": evaluation_section(products),
@@ -165,8 +167,8 @@ def _facts(products: RunProducts, record: dict[str, Any]) -> list[tuple[str, str
 def sign_list(signs: SignColumns) -> dict[str, Any]:
     """The table of the signs: heads, rows, and how many are left out."""
     shown = {"id", "class", "confidence", "n_views", "ce95_m", "side", "height_above_road_m",
-             "size_m", "facing_deg", "status"}  # fmt: skip
-    fields = [field for field in SIGN_FIELDS if field.name in shown]
+             "size_m", "facing_deg", "road_name", "chainage_m", "road_check", "status"}  # fmt: skip
+    fields = [field for field in signs.fields if field.name in shown]
     rows = []
     for row in range(min(len(signs), TABLE_LIMIT)):
         cells = []
@@ -174,7 +176,7 @@ def sign_list(signs: SignColumns) -> dict[str, Any]:
             value = signs.values[field.name][row]
             if field.kind == "real":
                 value = "" if value != value else f"{value:.{field.decimals}f}"
-            cells.append(str(value))
+            cells.append("" if value is None else str(value))
         rows.append(cells)
     heads = [
         (field.name.removesuffix("_m").removesuffix("_deg").replace("_", " "), field)

@@ -31,7 +31,9 @@ def sign_cards(products: RunProducts, pictures: list[Picture], rows: list[int]) 
     source and the standard deviation in m that it has on the map, per axis.
     """
     signs = products.signs or []
-    chosen = _within_budget(pictures_by_sign(pictures), [signs[row].id for row in rows])
+    ids = [signs[row].id for row in rows]
+    chosen, left = _within_budget(pictures_by_sign(pictures), ids)
+    streets = _streets(chosen, ids, left)
     views = _views(products.observations, [signs[row] for row in rows])
     cards = []
     for row in rows:
@@ -39,7 +41,8 @@ def sign_cards(products: RunProducts, pictures: list[Picture], rows: list[int]) 
         own = views.get(sign.id, [])
         cards.append(
             {
-                "pictures": [_shown(picture) for picture in chosen.get(sign.id, [])],
+                "pictures": [_shown(picture) for picture in chosen.get(sign.id, [])]
+                + streets.get(sign.id, []),
                 "views": own,
                 "budget": error_budget(sign, products.trajectory, own),
             }
@@ -50,14 +53,33 @@ def sign_cards(products: RunProducts, pictures: list[Picture], rows: list[int]) 
 def _shown(picture: Picture) -> dict[str, str]:
     view = picture.view
     distance = f", {view.range_m:.0f} m" if np.isfinite(view.range_m) else ""
-    return {
-        "src": "data:image/jpeg;base64," + base64.b64encode(picture.jpeg).decode(),
-        "text": f"{view.camera}, frame {view.frame}{distance}",
-    }
+    return {"src": _uri(picture.jpeg), "text": f"{view.camera}, frame {view.frame}{distance}"}
 
 
-def _within_budget(by_sign: dict[str, list[Picture]], ids: list[str]) -> dict[str, list[Picture]]:
-    """First the nearest view of every sign, then the second ones, while there is room."""
+def _uri(jpeg: bytes) -> str:
+    return "data:image/jpeg;base64," + base64.b64encode(jpeg).decode()
+
+
+def _streets(
+    chosen: dict[str, list[Picture]], ids: list[str], left: int
+) -> dict[str, list[dict[str, str]]]:
+    """The street around the nearest view of every sign, while ``left`` bytes last."""
+    streets = {}
+    for sign_id in ids:
+        for picture in chosen.get(sign_id, [])[:1]:
+            if picture.context is None or len(picture.context) > left:
+                continue
+            left -= len(picture.context)
+            text = f"the street, frame {picture.view.frame}"
+            streets[sign_id] = [{"src": _uri(picture.context), "text": text, "wide": "1"}]
+    return streets
+
+
+def _within_budget(
+    by_sign: dict[str, list[Picture]], ids: list[str]
+) -> tuple[dict[str, list[Picture]], int]:
+    """First the nearest view of every sign, then the second ones, while there is room; and how
+    many bytes are left."""
     chosen: dict[str, list[Picture]] = {}
     size = 0
     most = max((len(own) for own in by_sign.values()), default=0)
@@ -66,11 +88,11 @@ def _within_budget(by_sign: dict[str, list[Picture]], ids: list[str]) -> dict[st
             own = by_sign.get(sign_id, [])
             if rank >= len(own):
                 continue
+            if size + len(own[rank].jpeg) > PICTURE_BUDGET:
+                return chosen, 0
             size += len(own[rank].jpeg)
-            if size > PICTURE_BUDGET:
-                return chosen
             chosen.setdefault(sign_id, []).append(own[rank])
-    return chosen
+    return chosen, PICTURE_BUDGET - size
 
 
 def _views(observations: pa.Table | None, signs: list[Sign]) -> dict[str, list[list[float | None]]]:

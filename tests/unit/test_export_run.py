@@ -93,7 +93,7 @@ def test_signs_get_their_place_on_a_road(out: Path) -> None:
     rows = list(csv.DictReader((work / names.SIGN_ROADS).open(encoding="utf-8", newline="")))
     assert rows, context.warnings
     assert {row["road_id"] for row in rows} == {"B 7"}
-    assert pyogrio.read_info(work / names.GPKG, layer="sign_roads")["features"] == len(rows)
+    assert "road_id" in pyogrio.read_info(work / names.GPKG, layer="signs")["fields"]
 
 
 def test_roads_that_cannot_be_read_are_a_warning(out: Path) -> None:
@@ -128,7 +128,8 @@ def test_empty_folder_gives_an_empty_map_and_says_so(tmp_path: Path) -> None:
 def test_every_format_of_the_command(out: Path, tmp_path: Path, fmt: str) -> None:
     path, warnings = export_run(out, fmt)
     assert path.parent == out
-    assert path.stat().st_size > 500
+    # its signs hang on no post
+    assert path.stat().st_size > (40 if fmt == "assemblies" else 500)
     assert warnings == []
     target = tmp_path / "elsewhere" / path.name
     assert export_run(out, fmt, target)[0] == target

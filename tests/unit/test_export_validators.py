@@ -233,7 +233,8 @@ def test_geopackage_is_whole_and_styled(out: Path) -> None:
             )
         )
         columns = {row[1] for row in file.execute("PRAGMA table_info(signs)")}
-    assert set(styles) == layers == {"signs", "observations", "trajectory", "ellipses"}
+    known = {"signs", "observations", "trajectory", "assemblies", "ellipses"}
+    assert set(styles) == layers == known
     assert columns - {"fid", "geom"} == set(meanings)
     assert meanings["ce95_m"].endswith("(m)")
     classes = [e.get("value") for e in etree.fromstring(styles["signs"]).iter("category")]

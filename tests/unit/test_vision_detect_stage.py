@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import hashlib
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +14,7 @@ import pytest
 
 from automap.errors import InputError
 from automap.io import names
-from automap.io.crops_table import read_crops
+from automap.io.crops_table import read_crops, write_crops
 from automap.io.detections_csv import read_detections_csv
 from automap.io.detections_table import read_detections, write_detections
 from automap.io.drive import load_drive
@@ -21,6 +23,7 @@ from automap.signs.faces import draw_face
 from automap.vision.detector import FoundSigns
 from automap.vision.voting import View, vote
 from pipeline.detect.command import detect_to_csv
+from pipeline.run.runner import Request, run_drive
 from pipeline.run.stage import StageContext
 from pipeline.run.stages.detect import STAGE
 from pipeline.settings.detect import DetectSettings
@@ -308,3 +311,26 @@ def test_nothing_to_search_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"bad\.mp4"):
         detect_to_csv(tmp_path / "bad.mp4", tmp_path / "out.csv")
     assert not (tmp_path / "out.csv").exists()
+
+
+def test_crops_of_a_run_from_before_streets_were_hidden_are_taken_anew(tmp_path: Path) -> None:
+    """Versions 1 and 2 of the stage kept the street around a box as sharp as the video has it."""
+    folder = drive(tmp_path / "d", '[video.front]\nfiles = ["video/front.mp4"]\nstart_ns = 500\n')
+    video(folder / "video" / "front.mp4")
+    settings = Settings.model_validate({"detect": {"every_frame": True}})
+    request = Request([STAGE], ("detect",), settings, force=False, dry_run=False, command=[])
+    out = tmp_path / "out"
+    assert run_drive(folder, out, request).exit_code == 0
+    (hidden,) = read_crops(out / names.CROPS)
+    # what such a run left: its record and its sharp crops
+    write_crops(out / names.CROPS, [replace(hidden, jpeg=b"\xff\xd8 sharp")])
+    digest = hashlib.sha256((out / names.CROPS).read_bytes()).hexdigest()
+    record = json.loads((out / names.RUN).read_text())
+    stage = record["stages"]["detect"]
+    stage["version"] = 2
+    stage["outputs"][names.CROPS]["sha256"] = digest
+    (out / names.RUN).write_text(json.dumps(record))
+    assert run_drive(folder, out, request).exit_code == 0
+    assert read_crops(out / names.CROPS)[0].jpeg == hidden.jpeg
+    record = json.loads((out / names.RUN).read_text())
+    assert record["stages"]["detect"]["reason"] == f"version 2 -> {STAGE.version}"

@@ -154,7 +154,8 @@
         const frame = element("figure", undefined, strip);
         const picture = element("img", undefined, frame);
         picture.src = crop.src;
-        picture.alt = "view of the sign";
+        picture.alt = crop.wide ? "the street around the sign" : "view of the sign";
+        if (crop.wide) frame.className = "street";
         element("figcaption", crop.text, frame);
       }
     }

@@ -139,7 +139,8 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="detect",
-    version=2,
+    # 3: the street around a box is hidden in the crops that are kept
+    version=3,
     run=run,
     inputs=_inputs,
     # where the camera was when says which frames are worth a search

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 def run(context: StageContext) -> None:
     """Write the map in every standard format with its pictures; whatever is missing is said."""
-    from automap.errors import InputError
     from automap.export.roads import roads_csv
     from automap.io.atomic import write_text
     from pipeline.export.content import map_content
@@ -27,11 +26,11 @@ def run(context: StageContext) -> None:
         write_dictionary,
         write_rejected,
     )
-    from pipeline.export.roads import signs_on_roads
+    from pipeline.export.roads import tried_on_roads
     from pipeline.shared.pictures import Wanted, take_pictures, write_pictures
 
     settings = context.settings.export
-    content = map_content(context.out, context.drive.name, settings.min_confidence)
+    content = map_content(context.out, context.drive.name, settings.min_confidence, False)
     content.products.readable()
     content.pictures = []
     if settings.pictures:
@@ -45,16 +44,9 @@ def run(context: StageContext) -> None:
         if content.pictures:
             write_pictures(context.work, content.pictures)
     roads = _roads_file(context.drive, settings.roads)
-    content.roads = []
-    if roads is not None:
-        try:
-            content.roads, told = signs_on_roads(content.products, roads)
-        except InputError as error:
-            context.warn(f"Signs have no place on roads: {error}")
-        else:
-            write_text(context.work / names.SIGN_ROADS, roads_csv(content.roads))
-            if told:
-                context.warn(told)
+    rows = tried_on_roads(content, roads)
+    if rows:
+        write_text(context.work / names.SIGN_ROADS, roads_csv(rows))
     elsewhere = in_datum(content, settings.datum) if settings.datum else content
     for text in elsewhere.warnings:
         context.warn(text)
@@ -90,7 +82,7 @@ def _roads_file(drive: Drive, stated: str) -> Path | None:
 
 STAGE = Stage(
     name="export",
-    version=3,
+    version=4,
     run=run,
     inputs=_inputs,
     needs=(

@@ -45,7 +45,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="report",
-    version=5,
+    version=6,
     run=run,
     inputs=_inputs,
     needs=(
@@ -64,6 +64,7 @@ STAGE = Stage(
         names.EVALUATION,
         names.REVIEW,
         names.PICTURE_INDEX,
+        names.SIGN_ROADS,
     ),
     outputs=(names.REPORT,),
     settings=("report",),
