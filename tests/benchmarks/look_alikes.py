@@ -78,7 +78,7 @@ def search(data: Path) -> list[Told]:
     """All boxes of the 600 images that had a score over ``LEAST`` without doubt."""
     looked, detector, told = verdicts(), default_detector("DE"), []
     for part in ("train", "tune", "test"):
-        for street in load_streets(data / "gtsdb", part):  # type: ignore[arg-type]
+        for street in load_streets(data / "gtsdb", part):
             found = detector.detect(street.image)
             assert found.alternatives is not None
             known = [
@@ -178,16 +178,13 @@ def main() -> None:
         told = search(options.data)
         if kept is not None:
             kept.write_bytes(pickle.dumps(told))
+    told = [t for t in told if t.plain > LEAST]
     halves = {"to fit": False, "to check": True}
     for name, check in halves.items():
         report(f"half {name}", [t for t in told if t.check == check])
     if options.fit:
         for name, check in halves.items():
-            use = [
-                t
-                for t in told
-                if t.check == check and t.shows in ("labelled", "sign", "none") and t.plain > LEAST
-            ]
+            use = [t for t in told if t.check == check and t.shows in ("labelled", "sign", "none")]
             losses = [loss(use, float(d)) for d in DOUBTS]
             best = int(np.argmin(losses))
             print(f"half {name}: a doubt of {DOUBTS[best]:.2f} is the most likely, loss "
