@@ -265,6 +265,18 @@ GANTRY_REACH_M = 12.0
 """Neighbours over the road share a gantry up to that distance, three lanes. Chosen: gantries stand
 further apart along the road."""
 
+# carriers
+
+CARRIER_PROBABILITY = 1e-9
+"""Chance, by the gate, of boxes that fit a thing that moves along so much better than one that
+stands. Where only the size tells the two apart, it is one eleven times as large as signs usually
+are. Chosen: what is left out of the map must be sure, and gantries are four times as large."""
+CARRIER_CLOSING = (-0.3, -0.2, -0.1, -0.05, 0.0, 0.05, 0.1, 0.2, 0.3)
+"""Parts of its own way by which a camera comes nearer to a carrier. With more it is overtaken
+within some 100 m, and looks like a sign that is half as large again."""
+CARRIER_VIEWS = 4
+"""Fewer boxes, twelve measurements of five unknowns, tell no motion."""
+
 # finished sightings
 
 LEAST_CROSSING = math.radians(3.0)

@@ -12,6 +12,7 @@ from automap.geolocation.assembly import assemble_sign
 from automap.geolocation.boresight import prior_covariance
 from automap.geolocation.box_noise import measured_noise
 from automap.geolocation.camera_estimate import estimate_cameras, first_corrections, refit
+from automap.geolocation.carriers import carried_views
 from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
 from automap.geolocation.contradiction import disagreement
 from automap.geolocation.control import ControlSigns
@@ -115,12 +116,15 @@ def locate_signs(
     observations.note[views.row[misfits]] = "misfit"
 
     exists = existence_probabilities(views, landmarks, trajectory, detections, found)
+    carried = carried_views(views, rules.size)
     kept, stands = [], []
     for mark, likely in zip(landmarks, exists, strict=True):
         if not mark.ok:
             continue
         if likely < rules.min_existence:
             observations.note[views.row[mark.rows]] = "unconfirmed"
+        elif carried[mark.rows].mean() > 0.5:
+            observations.note[views.row[mark.rows]] = "moving"
         elif not _acceptable(mark, rules):
             observations.note[views.row[mark.rows]] = "too_far"
         else:

@@ -22,7 +22,7 @@ class Observations:
     ``track`` [n] number of the pass in which its sign was tracked (-1 none), ``sign_id`` [n]
     ("" none), ``residual_px`` [n, 2] right and down (NaN without a sign), ``range_m`` [n]
     distance to the sign, ``used`` [n], ``note`` [n] why not ("no_pose", "no_direction",
-    "misfit", "no_place", "too_far", "unconfirmed", "back"; "" when used).
+    "misfit", "no_place", "too_far", "unconfirmed", "moving", "back"; "" when used).
     """
 
     track: IntArray
@@ -103,6 +103,7 @@ def warnings_of(
         "misfit": "fit no sign's other views",
         "no_place": "belong to no place in front of the camera",
         "unconfirmed": "show things that were not seen again when they should have been",
+        "moving": "show things that move along with the traffic, such as a sign on a lorry",
         "back": "show the backs of signs",
         "too_far": "were seen once only and too far away to be placed",
     }

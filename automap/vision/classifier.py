@@ -38,12 +38,14 @@ BOARDS = ("square", "other")
 @dataclass(frozen=True)
 class Named:
     """What a face is: ``name``, ``alternatives``, the probability that it is a ``sign``, and if it
-    is that it is no more than a board: rectangular, and none of the classes."""
+    is that it is no more than a board (rectangular, and none of the classes), and that it is the
+    most probable of the classes (``known``)."""
 
     name: str
     alternatives: Alternatives
     sign: float
     board: float
+    known: float
 
 
 @dataclass(frozen=True)
@@ -139,12 +141,18 @@ class SignClassifier:
         order = np.argsort(-p, kind="stable")[:_LISTED]
         listed = tuple((outcomes.names[i], float(p[i])) for i in order if p[i] >= _FAINT)
         board = float(p[outcomes.boards].sum())
-        best = int(order[0])
+        best, known = int(order[0]), float(p[: outcomes.n_classes].max())
         if best < outcomes.n_classes and p[best] >= 0.5:
-            return Named(outcomes.names[best], listed, sign, board)
+            return Named(outcomes.names[best], listed, sign, board, known)
         together = np.bincount(outcomes.group_of, weights=p)
         name = outcomes.unknown[int(together.argmax())]
-        return Named(name, listed, sign, board)
+        return Named(name, listed, sign, board, known)
+
+    @property
+    def unknown_odds(self) -> float:
+        """How many signs that are one of the classes are expected for one that is none."""
+        at_home = len(country_set(self._country)) < len(load_classes())
+        return limits.ODDS_AT_HOME if at_home else limits.ODDS_ELSEWHERE
 
     def _outcomes(self) -> _Outcomes:
         """What the outputs but the last are called."""
@@ -172,9 +180,8 @@ class SignClassifier:
         """Prior weights of all outputs but the last."""
         if self._prior is None:
             known, allowed = load_classes(), country_set(self._country)
-            odds = limits.ODDS_ELSEWHERE if len(allowed) == len(known) else limits.ODDS_AT_HOME
             weights = [
-                limits.TRAINED_ODDS / odds
+                limits.TRAINED_ODDS / self.unknown_odds
                 if label not in known
                 else 1.0
                 if label in allowed

@@ -40,6 +40,11 @@ SURE = 1e-4
 JOINT_WEIGHTS = (0.0, 1.0, 0.5)
 """Bias and weights of the log-odds of detector and classifier of a model that states none; those of
 the one that comes along were fitted. Chosen: the detector decides."""
+UNKNOWN_DOUBT = 0.8
+"""What is over even odds in the log-odds of a box counts for so much less where the face is none of
+the classes: of such boxes with 0.98 two in three are signs, of those with 0.5 one in two, while
+faces that are named keep what they have. Fitted on half of the street images, of which every such
+box was looked at (``tests/benchmarks/look_alikes.py --fit``)."""
 MIDDLE_SHARE = 0.19
 """Of a box's sides, how far from its middle cells tell its edges. So far they were trained to:
 where a bell of a sigma of 0.13 sides is above 0.35."""

@@ -156,10 +156,15 @@ class NetworkDetector:
         # of a house, a window or a shop's board
         large = np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0.0) * self.zoom_of(image)
         read = large >= limits.LEAST_REDUCED_PX * limits.REDUCED_BY[0]
+        odds = self.classifier.unknown_odds
         final = np.array(
             [
-                joint_score(
-                    float(score), face.sign * (1.0 - face.board if legible else 1.0), weights
+                doubted(
+                    joint_score(
+                        float(score), face.sign * (1.0 - face.board if legible else 1.0), weights
+                    ),
+                    face.known,
+                    odds,
                 )
                 for score, face, legible in zip(scores, named, read, strict=True)
             ],
@@ -188,6 +193,22 @@ def joint_score(found: float, sign: float, weights: Sequence[float]) -> float:
     ]
     total = weights[0] + weights[1] * odds[0] + weights[2] * odds[1]
     return 1.0 / (1.0 + math.exp(-total))
+
+
+def doubted(score: float, known: float, odds: float) -> float:
+    """The probability of a sign whose face is one of the classes with ``known`` only.
+
+    Wheels, lamps and shop boards look like signs to both networks, but seldom like one sign.
+    ``odds`` of the country are how many signs of the classes there are for one of none: the
+    fewer, the more such faces are signs. Never more than ``score``, and not less than even odds.
+    """
+    score = min(max(score, limits.SURE), 1.0 - limits.SURE)
+    over = math.log(score / (1.0 - score))
+    if over <= 0.0:
+        return score
+    unknown = 1.0 - known
+    less = limits.UNKNOWN_DOUBT * over - math.log(limits.ODDS_AT_HOME / odds)
+    return 1.0 / (1.0 + math.exp(-over + unknown * max(less, 0.0)))
 
 
 def _resized(copy: Image, part: Image, zoom: float) -> Image:

@@ -46,6 +46,7 @@ COUNTS = {"AU": 330, "": 500}
 """Passes of each kind of drawn faces."""
 CORRELATIONS = (0.1, 0.25, 0.5, 1.0)
 SURE, BINS = 0.9, 10
+CHANCES = 200
 
 
 @dataclass(frozen=True)
@@ -117,6 +118,13 @@ def mixed(parts: dict[str, Claims], shares: dict[str, float]) -> Claims:
 def calibration_error(probability: FloatArray, right: FloatArray, weight: FloatArray) -> float:
     """Expected calibration error by bins of equal weight."""
     return float(sum(w * abs(p - y) for p, y, w in bins(probability, right, weight)))
+
+
+def by_chance(probability: FloatArray, weight: FloatArray) -> float:
+    """The median calibration error of passes whose probabilities are exactly right."""
+    rng = np.random.default_rng(7)
+    drawn = [(rng.random(len(probability)) < probability).astype(float) for _ in range(CHANCES)]
+    return float(np.median([calibration_error(probability, right, weight) for right in drawn]))
 
 
 def bins(
@@ -220,8 +228,10 @@ def main() -> None:
     for name, c in {**found, "all three": pooled_mixes(parts)}.items():
         wrong_and_sure = c.named * (1.0 - c.right) * (c.probability > SURE)
         print(f"{name}: expected calibration error of the class "
-              f"{calibration_error(c.probability, c.right, c.weight):.3f}, of the group "
-              f"{calibration_error(c.group_probability, c.group_right, c.weight):.3f}; wrong and "
+              f"{calibration_error(c.probability, c.right, c.weight):.3f} (by chance "
+              f"{by_chance(c.probability, c.weight):.3f}), of the group "
+              f"{calibration_error(c.group_probability, c.group_right, c.weight):.3f} (by chance "
+              f"{by_chance(c.group_probability, c.weight):.3f}); wrong and "
               f"sure {c.weight @ wrong_and_sure / c.weight.sum():.4f}")  # fmt: skip
     if options.picture is not None:
         picture(options.picture, {**found, "all three": pooled_mixes(parts)})

@@ -25,6 +25,7 @@ from automap.vision.network import (
     decode_maps,
     default_detector,
     distinct,
+    doubted,
 )
 
 Image = npt.NDArray[np.uint8]
@@ -354,3 +355,18 @@ def test_the_vocabulary_is_whole() -> None:
     assert usual_size("warning--unknown-yellow-diamond") == pytest.approx(0.75)
     assert usual_size("nonsense") is None
     assert vocabulary.group_of("nonsense") is None
+
+
+def test_faces_of_no_class_are_doubted_and_named_ones_are_not() -> None:
+    assert doubted(0.98, 1.0, 6.7) == pytest.approx(0.98)
+    assert 0.6 < doubted(0.98, 0.0, 6.7) < 0.75
+    # where other faces are as frequent as the classes they are as often signs
+    assert doubted(0.98, 0.0, 6.7) < doubted(0.98, 0.0, 1.0) <= 0.98
+    assert doubted(0.4, 0.0, 6.7) == pytest.approx(0.4)
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_doubt_keeps_the_order_of_like_faces_and_never_adds(a: float, b: float, k: float) -> None:
+    low, high = sorted((doubted(a, k, 6.7), doubted(b, k, 6.7)))
+    assert low == pytest.approx(doubted(min(a, b), k, 6.7))
+    assert high <= max(a, b, 1.01e-4) + 1e-12

@@ -1,0 +1,77 @@
+"""Signs on lorries: what moves along with the camera is no sign of the road."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from geolocation_scene import ORIGIN, boxes, camera, drive_path, roadside
+
+from automap.earth import local_ned
+from automap.effects.lens import project
+from automap.frames import rpy_to_matrix
+from automap.geolocation.locate import locate_signs
+from automap.records import Camera, Detections, FloatArray, Trajectory
+
+SPEED = 12.0
+
+
+def carried(
+    path: Trajectory, view: Camera, ahead_m: float, speed: float, seconds: float
+) -> Detections:
+    """Boxes of a sign, 0.75 m high, that goes along the path from ``ahead_m`` on."""
+    rng = np.random.default_rng(4)
+    here = local_ned(path.lat_rad, path.lon_rad, path.height_m, ORIGIN)
+    way = np.arange(len(path)) * 0.01 * SPEED
+    rows, box = [], []
+    for row in range(1500, 1500 + int(seconds * 100), 20):
+        along = way[1500] + ahead_m + speed * (row - 1500) * 0.01
+        place: FloatArray = np.array([np.interp(along, way, here[:, k]) for k in range(3)])
+        C = rpy_to_matrix(path.rpy[row])
+        centre = here[row] + C @ view.lever_arm_m
+        q = (C @ rpy_to_matrix(view.mount_rpy)).T @ (place - [0.0, 0.0, 1.5] - centre)
+        if not 5.0 < q[0] < 60.0:
+            continue
+        x, y = project(view, q[None])[0] + rng.normal(0.0, 1.0, 2)
+        half = 0.5 * view.matrix[0, 0] * 0.75 / q[0] * (1.0 + rng.normal(0.0, 0.02))
+        rows.append(row)
+        box.append([x - half, y - half, x + half, y + half])
+    return Detections(
+        frame=np.array(rows, np.int64) // 20,
+        t_ns=path.t_ns[rows],
+        class_name=np.full(len(rows), "carried", np.object_),
+        box=np.array(box),
+        score=np.full(len(rows), 0.9),
+        track=np.full(len(rows), 999, np.int64),
+    )
+
+
+def together(one: Detections, other: Detections) -> Detections:
+    names = ("frame", "t_ns", "class_name", "box", "score", "track")
+    whole = {n: np.concatenate([getattr(one, n), getattr(other, n)]) for n in names}
+    order = np.argsort(whole["frame"], kind="stable")
+    return Detections(**{n: values[order] for n, values in whole.items()})
+
+
+@pytest.mark.parametrize("turn_rate", [0.0, 0.05])
+@pytest.mark.parametrize("speed", [0.0, SPEED, SPEED + 1.0])
+def test_a_sign_on_a_lorry_ahead_is_left_out_and_all_that_stand_are_kept(
+    turn_rate: float, speed: float
+) -> None:
+    path = drive_path(40.0, SPEED, turn_rate)
+    found, owner = boxes(path, roadside(path), camera(), np.random.default_rng(2))
+    found = Detections(
+        found.frame, found.t_ns, found.class_name, found.box, found.score, owner.astype(np.int64)
+    )
+    own = carried(path, camera(), 20.0 if speed else 44.0, speed, 15.0)
+    both = together(found, own)
+    result = locate_signs(path, [both], {"front": camera()})
+    assert len([s for s in result.signs if s.class_name != "carried"]) == len(np.unique(owner))
+    mine = [s for s in result.signs if s.class_name == "carried"]
+    notes = result.observations.note[both.class_name == "carried"]
+    if speed:
+        assert not mine
+        assert (notes == "moving").mean() > 0.8
+        assert any("lorry" in text for text in result.warnings)
+    else:
+        assert len(mine) == 1
+        assert not (result.observations.note == "moving").any()
