@@ -186,7 +186,7 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--area", action="append", choices=list(AREAS))
-    parser.add_argument("--seconds", type=float, default=15.0, help="of tests for a mistake")
+    parser.add_argument("--seconds", type=float, default=25.0, help="of tests for a mistake")
     parser.add_argument("--folder", type=Path, help="for the copy; a temporary one by default")
     parser.add_argument("-o", "--out", type=Path, default=PROJECT / "build" / "mutants.jsonl")
     options = parser.parse_args()
