@@ -36,7 +36,7 @@ AREAS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 """Of each area its sources, folders or files, and the names of its own unit tests."""
 
-EVERY = ("test_figures",)
+EVERY = ("test_closed_forms", "test_figures")
 """Tests of all areas."""
 
 _IDLE = ("__init__.py",)

@@ -173,7 +173,9 @@ def table(counts: Counter[tuple[str, str]]) -> str:
     """Mistakes made and noticed by area, as the documentation has them."""
     rows = ["| area | mistakes | noticed |", "|---|---|---|"]
     for area in [*AREAS, "all"]:
-        states = [state for (of, state), n in counts.items() for _ in range(n) if area in (of, "all")]
+        states = [
+            state for (of, state), n in counts.items() for _ in range(n) if area in (of, "all")
+        ]
         if states:
             rows.append(f"| {area} | {len(states)} | {states.count('killed')} |")
     return "\n".join(rows)

@@ -94,7 +94,9 @@ def main() -> None:
     FOLDER.mkdir(exist_ok=True)
     scenarios: dict[str, Callable[[], Any]] = SCENARIOS
     for name in sys.argv[1:] or scenarios:
-        lines = (f"{json.dumps(k)}: {json.dumps(v)}" for k, v in figures_of(scenarios[name]()).items())
+        lines = (
+            f"{json.dumps(k)}: {json.dumps(v)}" for k, v in figures_of(scenarios[name]()).items()
+        )
         (FOLDER / f"{name}.json").write_text("{\n" + ",\n".join(lines) + "\n}\n")
 
 

@@ -409,7 +409,9 @@ def geolocation_bearings() -> Any:
     return {
         "with": locate_from_bearings(with_depth),
         "without": locate_from_bearings(without, BearingRules(single=True)),
-        "scale": fit_depth_scale(measured, 2.0 + 1.3 * measured * rough, np.full(50, 0.2), 3.0, 0.5),
+        "scale": fit_depth_scale(
+            measured, 2.0 + 1.3 * measured * rough, np.full(50, 0.2), 3.0, 0.5
+        ),
     }
 
 

@@ -1,0 +1,182 @@
+"""Kernels against the same thing computed another way: dense matrices, integrals, enumeration."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import beta
+
+from automap.mapping.adjustment_kernels import add_drives, drive_offsets
+from automap.mapping.existence import (
+    CHANGE_PER_YEAR,
+    FALSE_BETA,
+    LEAST_CHANGE,
+    STRAY,
+    Chances,
+    DetectionRates,
+    existence,
+    still_there,
+)
+from automap.records import FloatArray
+from automap.sync import limits
+from automap.sync.coarse import _correlation
+from automap.sync.receiver_path import Windows, plausible_sd, receiver_path, velocity_sd
+from tests.unit.receiver_scene import Receiver, simulated_fixes
+
+
+def counted(rates: tuple[float, float], hits: float, misses: float) -> float:
+    """How likely a series of hits and misses is by a rate of this beta distribution."""
+    return float(quad(lambda r: r**hits * (1.0 - r) ** misses * beta.pdf(r, *rates), 0.0, 1.0)[0])
+
+
+@pytest.mark.parametrize("series", ["11", "10", "01", "1101", "0011", "1100", "010010"])
+@pytest.mark.parametrize("years", [0.0, 0.02, 1.5])
+def test_existence_is_the_sum_over_all_histories(series: str, years: float) -> None:
+    """False, there throughout, taken down after each drive but the last, put up before each but
+    the first; rates integrated, not by their closed form."""
+    n = len(series)
+    seen = np.array([c == "1" for c in series])
+    by_drive = np.linspace(0.5, 0.9, n)
+    rates = DetectionRates(0.8, by_drive, 0.7, 6.0)
+    weight = np.where(seen, 0.0, np.minimum(np.log(1.0 - by_drive) / np.log(0.2), 1.0))
+    step_s = years * 365.25 * 86400.0
+    times = 1.4e9 + step_s * np.arange(n)
+    change = max(LEAST_CHANGE, 1.0 - np.exp(-CHANGE_PER_YEAR * years))
+    own = (6.0 * 0.8, 6.0 * 0.2)
+
+    def strayed(rows: slice) -> float:
+        return float(STRAY ** seen[rows].sum() * (1.0 - STRAY) ** weight[rows].sum())
+
+    def real(rows: slice) -> float:
+        return counted(own, float(seen[rows].sum()), float(weight[rows].sum()))
+
+    there = real(slice(None))
+    gone = 0.0
+    for k in range(1, n):
+        gone += change * real(slice(None, k)) * strayed(slice(k, None))
+        there += change * strayed(slice(None, k)) * real(slice(k, None))
+    false = counted(FALSE_BETA, float(seen.sum()), float(weight.sum()))
+    expected = 0.7 * there / (0.7 * (there + gone) + 0.3 * false)
+    # a second sign behind it, seen once
+    pairs = Chances(
+        np.append(np.zeros(n, np.int64), 1), np.append(np.arange(n), 0), np.append(seen, True)
+    )
+    found = existence(pairs, rates, 3, times)
+    assert found[0] == pytest.approx(expected, rel=1e-5)
+    assert found[1:] == pytest.approx([0.7, 0.7])
+
+
+def test_a_sign_that_further_drives_miss_is_there_by_bayes() -> None:
+    rates = DetectionRates(0.8, np.array([0.8]), 0.7, 6.0)
+    belief, hits = np.array([0.9, 0.3, 0.8]), np.array([3.0, 1.0, 2.0])
+    sign, weight = np.array([0, 0, 1]), np.array([1.0, 0.4, 0.7])
+    found = still_there(sign, weight, rates, belief, hits)
+    for k, misses in enumerate([1.4, 0.7, 0.0]):
+        start = max(belief[k], 0.5)
+        # a rate of which the hits have told already
+        kept = counted((4.8 + hits[k], 1.2), 0.0, misses)
+        assert found[k] == pytest.approx(start * kept / (start * kept + 1.0 - start), rel=1e-6)
+
+
+@pytest.mark.parametrize("axes", [1, 2])
+def test_offsets_of_drives_are_the_conditional_mean_of_all_unknowns_at_once(axes: int) -> None:
+    """Places and the drives' errors as unknowns of one dense problem, with what each sighting errs
+    by itself correlated between east and north."""
+    rng = np.random.default_rng(axes)
+    first, sign = np.array([0, 4, 7, 9]), np.array([0, 1, 2, 0, 1, 2, 2, 0, 1])
+    n, m = len(sign), 3
+    time_s = np.array([0.0, 5.0, 21.0, 60.0, 3.0, 9.0, 50.0, 1.0, 2.5])
+    own = np.column_stack([rng.uniform(0.1, 0.4, n), rng.uniform(-0.1, 0.1, n), np.full(n, 0.3)])
+    shared = rng.uniform(0.3, 0.9, (n, 2))
+    measured = rng.normal(0.0, 2.0, (n, 2))
+    tau = 20.0
+    normal, right = np.zeros((axes * m, axes * m)), np.zeros(axes * m)
+    weights = np.zeros(axes * axes * int((np.diff(first) ** 2).sum()))
+    told = add_drives(first, sign, axes, time_s, measured, own, shared, tau, normal, right, weights)
+    covariance = np.linalg.inv(normal)
+    place = np.zeros((m, 2))
+    place[:, :axes] = (covariance @ right).reshape(m, axes)
+    offset, mean, mean_var = np.zeros((n, 2)), np.zeros((3, 2)), np.zeros((3, 2))
+    drive_offsets(
+        first, sign, axes, time_s, measured, shared, tau, weights, place, covariance, offset,
+        mean, mean_var,
+    )  # fmt: skip
+
+    drive = np.repeat(np.arange(3), np.diff(first))
+    keep = np.exp(-np.abs(time_s[:, None] - time_s) / tau) * (drive[:, None] == drive)
+    prior, noise = np.zeros((axes * n, axes * n)), np.zeros((axes * n, axes * n))
+    design = np.zeros((axes * n, axes * m))
+    for i in range(n):
+        full = np.array([[own[i, 0], own[i, 1]], [own[i, 1], own[i, 2]]])
+        rows = slice(axes * i, axes * i + axes)
+        noise[rows, rows] = full[:axes, :axes]
+        design[rows, axes * sign[i] : axes * sign[i] + axes] = np.eye(axes)
+        for j in range(n):
+            for a in range(axes):
+                prior[axes * i + a, axes * j + a] = keep[i, j] * shared[i, a] * shared[j, a]
+    z = measured[:, :axes].ravel()
+    # unknowns: places without a prior, errors with one
+    both = np.hstack([design, np.eye(axes * n)])
+    information = both.T @ np.linalg.solve(noise, both)
+    information[axes * m :, axes * m :] += np.linalg.inv(prior)
+    joint = np.linalg.inv(information)
+    solved = joint @ both.T @ np.linalg.solve(noise, z)
+    np.testing.assert_allclose(place[:, :axes].ravel(), solved[: axes * m], atol=1e-9)
+    np.testing.assert_allclose(covariance, joint[: axes * m, : axes * m], atol=1e-9)
+    np.testing.assert_allclose(offset[:, :axes].ravel(), solved[axes * m :], atol=1e-9)
+    errors = joint[axes * m :, axes * m :]
+    for d in range(3):
+        for a in range(axes):
+            pick = np.zeros(axes * n)
+            pick[axes * np.flatnonzero(drive == d) + a] = 1.0 / (drive == d).sum()
+            assert mean[d, a] == pytest.approx(pick @ solved[axes * m :])
+            assert mean_var[d, a] == pytest.approx(pick @ errors @ pick)
+    whole = prior + noise
+    assert told == pytest.approx(np.linalg.slogdet(whole)[1] + z @ np.linalg.solve(whole, z))
+
+
+def test_correlation_of_series_with_holes_is_that_of_the_pairs_they_have() -> None:
+    rng = np.random.default_rng(3)
+    b = rng.normal(0.4, 1.0, 90)
+    a = 0.7 * np.concatenate([rng.normal(size=20), b, rng.normal(size=20)]) + 2.0
+    a += 0.5 * rng.normal(size=len(a))
+    a[15:22], b[40:47] = np.nan, np.nan
+    size = 256
+    r, count = _correlation(a, b, size)
+    for shift in (*range(-65, 106, 5), 20):
+        pairs = [
+            (a[k + shift], b[k])
+            for k in range(len(b))
+            if 0 <= k + shift < len(a) and np.isfinite(a[k + shift] + b[k])
+        ]
+        assert count[shift % size] == len(pairs)
+        if len(pairs) >= 25:
+            assert r[shift % size] == pytest.approx(np.corrcoef(np.array(pairs).T)[0, 1], abs=1e-9)
+        else:
+            assert r[shift % size] == 0.0
+    assert int(np.argmax(r)) == 20
+
+
+def test_what_two_paths_may_part_by_is_the_integral_of_its_errors() -> None:
+    """An error of velocities that lasts for seconds, integrated twice over its autocovariance; the
+    change of velocity times a delay; noise and wander of the positions at both ends."""
+    fixes = simulated_fixes(2, Receiver(rate_hz=2.0), 60.0)
+    path = receiver_path(fixes)
+    over = Windows(np.array([0, 10, 40]), np.array([1, 30, 100]))
+    tau, sd = limits.VELOCITY_ERROR_TAU_S, limits.VELOCITY_ERROR_SD
+    expected = []
+    for first, last in zip(over.first, over.last, strict=True):
+        t = path.t[last] - path.t[first]
+        x = (np.arange(2000) + 0.5) * t / 2000
+        lasting = sd**2 * np.exp(-np.abs(x[:, None] - x) / tau).mean() * t**2
+        change = path.velocity[last] - path.velocity[first]
+        expected.append(lasting + (limits.DELAY_SD_S * abs(change)) ** 2)
+    np.testing.assert_allclose(velocity_sd(path, over) ** 2, expected, rtol=1e-4)
+    t = path.t[over.last] - path.t[over.first]
+    wander: FloatArray = np.maximum(
+        limits.WANDER_SD_M, np.maximum(path.sd[over.first], path.sd[over.last])
+    )
+    # of both ends, less what the wander has in common
+    ends = 2.0 * (limits.POSITION_NOISE_M**2 + wander**2 * (1.0 - np.exp(-t / limits.WANDER_TAU_S)))
+    np.testing.assert_allclose(plausible_sd(path, over) ** 2, ends + expected, rtol=1e-4)
