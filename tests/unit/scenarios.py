@@ -589,7 +589,7 @@ def fusion_drive() -> Any:
     from automap.fusion.options import FusionOptions
     from tests.unit.fusion_drive import CLOCK
 
-    imu, fixes = _fused_drive(11.0, 10.0)
+    imu, fixes = _fused_drive(7.0, 6.0)
     arm = np.array([0.3, -0.2, -1.0])
     effects = ("accel_bias", "gyro_bias", "gnss_correlated_noise")
     options = FusionOptions(effects=effects, passes=2, shocks=True)
@@ -614,3 +614,85 @@ def fusion_doubts() -> Any:
         "spans": spans_of(t, (t > 80.0) & (t < 130.0) | (t > 190.0)),
         "receiver": [receiver_doubts(velocity_consistency(each), GPS_START) for each in shapes],
     }
+
+
+@scenario
+def fusion_free() -> Any:
+    """Readings integrated by themselves beside a receiver that steps, and turns that it sees."""
+    from automap.fusion.doubts.turns import slope_of, turn_doubts
+    from automap.fusion.doubts.velocity_step import compare, led_away, step_doubts, velocity_steps
+    from automap.fusion.free_inertial import free_inertial
+    from tests.unit.fusion_drive import BASE_NS, Sensor, record
+    from tests.unit.fusion_motion import city_drive
+    from tests.unit.fusion_receiver import Receiver as Other
+    from tests.unit.fusion_receiver import receive
+    from tests.unit.test_fusion_velocity_step import led, path_of
+
+    motion = city_drive(60.0, 3)
+    imu = record(motion, Sensor(), 3, rate=20.0)
+    t = (imu.t_ns - BASE_NS) * 1e-9
+    free = free_inertial(t, imu.gyro, imu.accel, np.where((t > 48.0) & (t < 48.3), 0.3, 0.0))
+    fixes = led(receive(motion, Other(), 3), lambda x: 50.0 * np.clip((x - 30.3) / 8.0, 0.0, 1.0))
+    path = path_of(motion, imu, (0.02, -0.02, 0.03))
+    seen = compare(free, fixes, path, {}, np.array([0.4, -0.2, -1.0]))
+    steps = velocity_steps(seen, 0.2)
+    true = motion.at(t)
+    speed = np.hypot(true.vel[:, 0], true.vel[:, 1])
+    return {
+        "free": free,
+        "point": free.of_point(np.linspace(1.0, 50.0, 40), np.array([0.8, -0.3, -1.2])),
+        "lost": free.lost_between(np.array([-1.0, 5.0, 40.0]), np.array([2.0, 9.0, 55.0])),
+        "seen": seen,
+        "steps": steps,
+        "led": led_away(steps, 60.0),
+        "reasons": step_doubts(steps, path),
+        "slope": slope_of(t, imu.gyro[:, 2], t[::20], 1.1 * true.vel[::20, 0], speed[::20] > 2.0),
+        "turns": list(turn_doubts(imu, np.diag([-1.0, -1.0, 1.0]), t[::10], true.vel[::10])),
+    }
+
+
+@scenario
+def fusion_climb() -> Any:
+    """Levels that climb two hills at once, from flat ground and from steep."""
+    from automap.fusion.level_climb import climb
+    from automap.fusion.level_likelihood import LevelLikelihood
+    from automap.fusion.levels import ALL_LEVELS, LEVELS
+
+    def hills(factors: Any) -> LevelLikelihood:
+        score = 0.0
+        slope, info = np.zeros(len(ALL_LEVELS)), np.zeros(len(ALL_LEVELS))
+        for name, top, flat in (("accel", 1.0, 0.5), ("gyro", 2.5, 0.1)):
+            row = ALL_LEVELS.index(name)
+            variance = factors[name] ** 2 + flat
+            part = (top**2 + flat) / variance
+            share = 2.0 * factors[name] ** 2 / variance
+            slope[row], info[row] = 50.0 * (part - 1.0) * share, 50.0 * share**2
+            score -= 50.0 * (np.log(variance) + part)
+        return LevelLikelihood(float(score), slope, info)
+
+    return [
+        climb(hills, dict.fromkeys(LEVELS, start), ("accel", "gyro"), lambda level: (0.05, most))
+        for start in (0.1, 0.7, 8.0)
+        for most in (2.0, 100.0)
+    ]
+
+
+@scenario
+def gap_heldout() -> Any:
+    """The gap that rows of each colour leave, and the colour itself."""
+    from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL
+    from automap.gap.heldout import _distance, _lag1
+
+    rng = np.random.default_rng(3)
+    found = {}
+    for keep in (-0.5, 0.0, 0.6, 0.9):
+        rows = rng.normal(size=400)
+        for k in range(1, 400):
+            rows[k] += keep * rows[k - 1]
+        rows[50:55] *= 9.0
+        found[str(keep)] = [
+            [_distance(size * rows, channel), _lag1(size * rows)]
+            for size in (0.4, 1.3)
+            for channel in (CH_POS, CH_VEL, CH_NHC)
+        ]
+    return found
