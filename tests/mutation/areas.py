@@ -24,7 +24,10 @@ AREAS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "calibration": (("automap/calibration",), ("test_calibration_*",)),
     "geolocation": (("automap/geolocation",), ("test_geolocation_*",)),
-    "mapping": (("automap/mapping",), ("test_merge_*", "test_inventory", "test_roads", "test_view_review")),
+    "mapping": (
+        ("automap/mapping",),
+        ("test_merge_*", "test_inventory", "test_roads", "test_view_review"),
+    ),
     "gap": (
         *(("automap/gap/evidence.py", "automap/gap/noise.py", "automap/gap/heldout.py"),),
         *(("test_gap_evidence", "test_gap_noise", "test_gap_confirm", "test_gap_heldout"),),

@@ -670,11 +670,15 @@ def fusion_climb() -> Any:
             score -= 50.0 * (np.log(variance) + part)
         return LevelLikelihood(float(score), slope, info)
 
-    return [
-        climb(hills, dict.fromkeys(LEVELS, start), ("accel", "gyro"), lambda level: (0.05, most))
-        for start in (0.1, 0.7, 8.0)
-        for most in (2.0, 100.0)
-    ]
+    found = {}
+    for most in (2.0, 100.0):
+        bounds = (0.05, most)
+        for start in (0.1, 0.7, 8.0):
+            begin = dict.fromkeys(LEVELS, start)
+            found[f"{start} to {most}"] = climb(
+                hills, begin, ("accel", "gyro"), lambda level, held=bounds: held
+            )
+    return found
 
 
 @scenario
