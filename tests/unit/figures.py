@@ -31,6 +31,8 @@ def _walk(place: str, value: Any) -> Iterator[tuple[str, Figure]]:
     if is_dataclass(value) and not isinstance(value, type):
         for item in fields(value):
             yield from _walk(f"{place}.{item.name}", getattr(value, item.name))
+    elif callable(value):
+        return  # what is computed only when it is asked for
     elif isinstance(value, dict):
         for key, each in value.items():
             yield from _walk(f"{place}.{key}", each)
