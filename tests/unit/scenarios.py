@@ -101,6 +101,7 @@ def sync_arrival() -> Any:
     """The clock from arrival times of several shapes, with bends, steps and lost tags."""
     from automap.sync.arrival import fit_arrival_clock
     from automap.sync.clock import check_overlap, gps_clock, rough_clock, stated_clock
+    from automap.sync.envelope import lower_envelope
     from automap.sync.finished import trajectory_clock
     from automap.sync.logger_clock import on_logger_clock
     from automap.sync.steps import find_step
@@ -125,6 +126,7 @@ def sync_arrival() -> Any:
         found[name] = _or_error(fit_arrival_clock, arrival, epochs, 0.05, 5e-5)
         found[name + " step"] = find_step(host, waiting + 1e-5 * host)
     few = np.rint((77.0 + epochs[:5] - GPS_START + waiting[:5]) * 1e9).astype(np.int64)
+    found["edge"] = lower_envelope(np.arange(400.0), shapes["soft"], 5e-5)
     found["few"] = fit_arrival_clock(few, epochs[:5])
     found["ppm"] = _or_error(
         fit_arrival_clock, np.rint(1.02 * (epochs - GPS_START) * 1e9).astype(np.int64), epochs
@@ -700,3 +702,54 @@ def gap_heldout() -> Any:
             for channel in (CH_POS, CH_VEL, CH_NHC)
         ]
     return found
+
+
+@scenario
+def effects_signals() -> Any:
+    """What effects may depend on, from a known motion and from readings."""
+    from automap.effects.signals import signals_of, signals_of_readings
+    from tests.unit.fusion_drive import BASE_NS
+    from tests.unit.fusion_receiver import GPS0
+
+    imu, fixes = _fused_drive(20.0, 25.0)
+    t = (imu.t_ns - BASE_NS) * 1e-9
+    warm = 20.0 + 3.0 * np.sin(0.3 * t)
+    velocity = np.column_stack([np.sin(t), np.cos(0.7 * t), 0.1 * t])
+    told = signals_of_readings(t, imu.gyro, imu.accel, warm, fixes.gps_s - GPS0, fixes.vel_ned)
+    known = signals_of(t, velocity, 0.3 * t, np.cos(t), imu.gyro, imu.accel, None)
+    return {
+        "known": known,
+        "told": told,
+        "later": told.at(t[::7] + 0.013),
+        "still": signals_of_readings(t, imu.gyro, imu.accel, None, t[:1], velocity[:1]),
+    }
+
+
+@scenario
+def geolocation_tracks() -> Any:
+    """Tracks with boxes of other signs in them, cleaned; what they leave, linked anew."""
+    from automap.geolocation.landmark import SizePrior
+    from automap.geolocation.splitting import clean_tracks, join_pieces
+    from automap.geolocation.tracking import TrackingRules, link_views
+    from automap.geolocation.views import MeasurementNoise, build_views
+    from tests.unit import geolocation_scene as world
+
+    path = world.drive_path(14.0)
+    scene = world.roadside(path, every_s=2.0)
+    found, owner = world.boxes(path, scene, world.camera(), np.random.default_rng(2))
+    views = build_views(path, [found], {"front": world.camera()}, MeasurementNoise())
+    prior, rules = SizePrior(), TrackingRules()
+    of = [np.flatnonzero(owner == k) for k in np.unique(owner)]
+    long = [rows for rows in of if len(rows) >= 6][:3]
+    mixed = [
+        np.sort(np.concatenate([long[0], long[1][:2]])),
+        np.sort(np.concatenate([long[2], long[0][:1], long[1][2:3]])),
+    ]
+    marks, misfits = clean_tracks(views, mixed, prior, rules)
+    pieces, _ = clean_tracks(views, [long[1][:4], long[1][4:], long[2]], prior, rules)
+    return {
+        "linked": link_views(views, prior, rules),
+        "cleaned": marks,
+        "misfits": misfits,
+        "joined": join_pieces(views, pieces, prior, rules),
+    }
