@@ -593,7 +593,7 @@ def fusion_drive() -> Any:
 
     imu, fixes = _fused_drive(7.0, 6.0)
     arm = np.array([0.3, -0.2, -1.0])
-    effects = ("accel_bias", "gyro_bias", "gnss_correlated_noise")
+    effects = ("accel_bias", "gyro_bias", "gnss_correlated_noise", "accel_quadratic")
     options = FusionOptions(effects=effects, passes=2, shocks=True)
     return fuse_imu_gnss(imu, fixes, CLOCK, options, Prior(0.0, 0.1), lever_arm=arm)
 

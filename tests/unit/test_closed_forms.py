@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.stats import beta
 
+from automap.calibration.plausible import _refuse
+from automap.earth import from_local_ned
+from automap.errors import InputError
+from automap.geolocation import limits as geolocation_limits
+from automap.geolocation.bearing_rays import in_plane
+from automap.geolocation.bearings import BearingRules
+from automap.geolocation.sightings import Sighting
+from automap.geolocation.trajectory_adjustment import _FLAT, _eliminated
 from automap.mapping.adjustment_kernels import add_drives, drive_offsets
 from automap.mapping.existence import (
     CHANGE_PER_YEAR,
@@ -18,7 +29,7 @@ from automap.mapping.existence import (
     existence,
     still_there,
 )
-from automap.records import FloatArray
+from automap.records import Bearings, FloatArray
 from automap.sync import limits
 from automap.sync.coarse import _correlation
 from automap.sync.receiver_path import Windows, plausible_sd, receiver_path, velocity_sd
@@ -180,3 +191,72 @@ def test_what_two_paths_may_part_by_is_the_integral_of_its_errors() -> None:
     # of both ends, less what the wander has in common
     ends = 2.0 * (limits.POSITION_NOISE_M**2 + wander**2 * (1.0 - np.exp(-t / limits.WANDER_TAU_S)))
     np.testing.assert_allclose(plausible_sd(path, over) ** 2, ends + expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("surveyed", [False, True])
+def test_a_sign_that_is_left_out_leaves_what_its_sightings_say_of_the_path(surveyed: bool) -> None:
+    """Of two sightings of a sign z = place + A e + noise: the generalised least squares of e with
+    the place among the noise."""
+    rng = np.random.default_rng(4)
+
+    def spd(size: float) -> FloatArray:
+        root = rng.normal(size=(3, 3))
+        return np.asarray(size * (root @ root.T + np.eye(3)))
+
+    own = [spd(0.05), spd(0.1)]
+    path_sd = [rng.uniform(0.5, 1.0, 3) for _ in own]
+    places = [np.array([100.0, -40.0, 3.0]) + rng.normal(0.0, 1.0, 3) for _ in own]
+    members = [
+        cast(Sighting, SimpleNamespace(position=p, covariance=c + np.diag(s**2), path_sd=s))
+        for p, c, s in zip(places, own, path_sd, strict=True)
+    ]
+    A = rng.normal(size=(6, 9))
+    weight = np.array([1.0, 0.4])
+    control = (places[0] + 0.5, spd(0.02)) if surveyed else None
+    information, pull = _eliminated(members, A, control, weight)
+
+    noise = np.zeros((6, 6))
+    for k, c in enumerate(own):
+        face = geolocation_limits.FACE_SD_M**2 * np.eye(3)
+        noise[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = (c + face) / weight[k]
+    mean, prior = (np.zeros(3), np.eye(3) / _FLAT)
+    if control is not None:
+        mean, prior = control[0] - places[0], control[1]
+    J = np.tile(np.eye(3), (2, 1))
+    z = np.concatenate([p - places[0] for p in places]) - J @ mean
+    whole = np.linalg.inv(noise + J @ prior @ J.T)
+    np.testing.assert_allclose(information, A.T @ whole @ A, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(pull, A.T @ whole @ z, rtol=1e-4, atol=1e-5)
+
+
+def test_sightings_a_few_millimetres_apart_are_of_one_camera() -> None:
+    origin = (0.6, 2.5, 0.0)
+    north = np.array([10.001, 10.003, 10.3, 25.0])
+    lat, _, _ = from_local_ned(np.column_stack([north, np.zeros((4, 2))]), origin)
+    n = len(lat)
+    told = Bearings(
+        lat, np.full(n, 2.5), np.zeros(n), np.array([5.0, np.nan, -1.0, 7.0]),
+        np.full(n, "lamp", np.object_), np.array([0.01, np.nan, 0.02, 0.03]),
+    )  # fmt: skip
+    rays = in_plane(told, BearingRules(bearing_sd_rad=0.5), origin)
+    assert rays.camera[0] == rays.camera[1]
+    assert len(np.unique(rays.camera)) == 3
+    assert rays.sd == pytest.approx([0.01, 0.5, 0.02, 0.03])
+    assert rays.log_depth == pytest.approx([np.log(5.0), np.nan, np.nan, np.log(7.0)], nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("unit", "ratio", "advice"),
+    [
+        ("rad/s", np.pi / 180.0, "it fits deg/s, so say --gyro-unit deg/s"),
+        ("deg/s", 180.0 / np.pi, "it fits rad/s"),
+        ("deg/s", 0.2, "correct --gyro-unit"),
+    ],
+)
+def test_readings_in_another_unit_are_refused_with_the_one_that_fits(
+    unit: str, ratio: float, advice: str
+) -> None:
+    others = (("deg/s", np.pi / 180.0), ("rad/s", 180.0 / np.pi))
+    with pytest.raises(InputError, match=advice):
+        _refuse("log", "gyro", "--gyro-unit", unit, ratio * np.array([0.1, 1.0, 10.0]), others)
+    _refuse("log", "gyro", "--gyro-unit", unit, np.array([0.01, 1.01, 50.0]), others)
