@@ -13,6 +13,9 @@ from scipy.stats import beta
 from automap.calibration.plausible import _refuse
 from automap.earth import from_local_ned
 from automap.errors import InputError
+from automap.fusion import limits as fusion_limits
+from automap.fusion.steady_rate import steady_rate
+from automap.fusion.wheel_match import between
 from automap.geolocation import limits as geolocation_limits
 from automap.geolocation.bearing_rays import in_plane
 from automap.geolocation.bearings import BearingRules
@@ -260,3 +263,37 @@ def test_readings_in_another_unit_are_refused_with_the_one_that_fits(
     with pytest.raises(InputError, match=advice):
         _refuse("log", "gyro", "--gyro-unit", unit, ratio * np.array([0.1, 1.0, 10.0]), others)
     _refuse("log", "gyro", "--gyro-unit", unit, np.array([0.01, 1.01, 50.0]), others)
+
+
+def test_a_speed_between_two_readings_is_that_of_the_line_and_a_brownian_bridge() -> None:
+    rng = np.random.default_rng(2)
+    t, speed = np.cumsum(rng.uniform(0.05, 0.4, 30)), rng.uniform(0.0, 20.0, 30)
+    t[20:] += 2.0 * fusion_limits.WHEELS_GAP_S
+    at = np.concatenate([rng.uniform(t[0], t[-1], 60), t[:3], [t[0] - 0.1, t[-1] + 0.1]])
+    found, var, near = between(t, speed, at)
+    inside = (at >= t[0]) & (at <= t[-1])
+    np.testing.assert_allclose(found, np.interp(at, t, speed))
+    right = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
+    before, after = at - t[right - 1], t[right] - at
+    q = fusion_limits.ROAD_ACCELERATION_PSD[0]
+    # of a path that is fixed at both ends
+    expected = np.where(inside, q * before * after / (before + after), 0.0)
+    np.testing.assert_allclose(var, expected, atol=1e-12)
+    np.testing.assert_array_equal(near, inside & ~((at > t[19]) & (at < t[20])))
+
+
+def test_a_rate_is_calmed_but_where_its_window_has_a_gap() -> None:
+    rng = np.random.default_rng(5)
+    t = np.arange(0.0, 60.0, 0.01)
+    rate = 0.3 * np.sin(0.5 * t)[:, None] + rng.normal(0.0, 0.01, (len(t), 3))
+    t[2500:] += 5.0
+    out = steady_rate(t, rate)
+    changed = np.flatnonzero((out != rate).any(axis=1))
+    half = int(changed[0])
+    assert half > 50
+    rows = np.arange(len(t))
+    # whole windows alone, at the ends and on both sides of the gap
+    expected = (
+        (rows >= half) & (rows < len(t) - half) & ~((rows >= 2500 - half) & (rows < 2500 + half))
+    )
+    np.testing.assert_array_equal(changed, np.flatnonzero(expected))
