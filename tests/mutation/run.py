@@ -32,6 +32,7 @@ from tests.mutation.areas import AREAS, PROJECT, own_tests, sources_of
 from tests.mutation.asked import Calls, functions_of
 from tests.mutation.known import KNOWN
 from tests.mutation.mutants import Mutant, mutants_of, parses
+from tests.mutation.worker import write
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,27 @@ class Copy:
                 yield mistake, *self._ask(mistake, worker.stdin, worker.stdout)
             worker.stdin.close()
 
+    def compiled(self, mistake: Mistake) -> tuple[str, str]:
+        """The same of one mistake by whole test files with compiled kernels, which takes minutes."""
+        path = self.root / mistake.source
+        right = path.read_text()
+        variables = os.environ | self.variables | {"NUMBA_DISABLE_JIT": "0"}
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
+        try:
+            write(path, mistake.text)
+            done = subprocess.run(
+                [*command, *mistake.only],
+                cwd=self.root,
+                env=variables,
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+        finally:
+            write(path, right)
+        told = [s for s in done.stdout.splitlines() if s.startswith(("FAILED", "ERROR"))]
+        return ("survived", "") if done.returncode == 0 else ("killed", (told or [""])[0])
+
     def _ask(self, mistake: Mistake, to: IO[str], answers: IO[str]) -> tuple[str, str]:
         names = functions_of(mistake.source, mistake.line)
         tests = self.calls.tests_of(names, self.seconds, mistake.only)
@@ -125,6 +147,8 @@ def _known(copy: Copy) -> int:
         text = right.replace(known.old, known.new)
         mistakes.append(Mistake("known", Path(known.source), line, known.name, text, only))
     for mistake, state, by in copy.ask(mistakes):
+        if state == "survived":
+            state, by = copy.compiled(mistake)
         print(f"{state:9} {mistake.what}: {by[:120]}", flush=True)
         if state != "killed":
             passed.append(f"{mistake.what}: passes {', '.join(mistake.only)}")

@@ -38,13 +38,14 @@ def _ask(root: Path, job: dict[str, Any]) -> tuple[str, str]:
     path = root / job["source"]
     right = path.read_text()
     try:
-        _write(path, job["text"])
+        write(path, job["text"])
         return _forked(root, job["tests"], job["limit_s"])
     finally:
-        _write(path, right)
+        write(path, right)
 
 
-def _write(path: Path, text: str) -> None:
+def write(path: Path, text: str) -> None:
+    """Have a source say something else from now on."""
     path.write_text(text)
     # python's own compiled files go by size and time to the second
     for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
