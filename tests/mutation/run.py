@@ -95,7 +95,7 @@ class Copy:
             worker.stdin.close()
 
     def compiled(self, mistake: Mistake) -> tuple[str, str]:
-        """The same of one mistake by whole test files with compiled kernels, which takes minutes."""
+        """The same of one mistake by whole test files with compiled kernels: minutes."""
         path = self.root / mistake.source
         right = path.read_text()
         variables = os.environ | self.variables | {"NUMBA_DISABLE_JIT": "0"}
