@@ -198,7 +198,7 @@ def test_what_two_paths_may_part_by_is_the_integral_of_its_errors() -> None:
 
 @pytest.mark.parametrize("surveyed", [False, True])
 def test_a_sign_that_is_left_out_leaves_what_its_sightings_say_of_the_path(surveyed: bool) -> None:
-    """Of two sightings of a sign z = place + A e + noise: the generalised least squares of e with
+    """Of three sightings of a sign z = place + A e + noise: the generalised least squares of e with
     the place among the noise."""
     rng = np.random.default_rng(4)
 
@@ -206,26 +206,26 @@ def test_a_sign_that_is_left_out_leaves_what_its_sightings_say_of_the_path(surve
         root = rng.normal(size=(3, 3))
         return np.asarray(size * (root @ root.T + np.eye(3)))
 
-    own = [spd(0.05), spd(0.1)]
+    own = [spd(0.05), spd(0.1), spd(0.08)]
     path_sd = [rng.uniform(0.5, 1.0, 3) for _ in own]
     places = [np.array([100.0, -40.0, 3.0]) + rng.normal(0.0, 1.0, 3) for _ in own]
     members = [
         cast(Sighting, SimpleNamespace(position=p, covariance=c + np.diag(s**2), path_sd=s))
         for p, c, s in zip(places, own, path_sd, strict=True)
     ]
-    A = rng.normal(size=(6, 9))
-    weight = np.array([1.0, 0.4])
+    A = rng.normal(size=(9, 9))
+    weight = np.array([1.0, 0.4, 0.7])
     control = (places[0] + 0.5, spd(0.02)) if surveyed else None
     information, pull = _eliminated(members, A, control, weight)
 
-    noise = np.zeros((6, 6))
+    noise = np.zeros((9, 9))
     for k, c in enumerate(own):
         face = geolocation_limits.FACE_SD_M**2 * np.eye(3)
         noise[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = (c + face) / weight[k]
     mean, prior = (np.zeros(3), np.eye(3) / _FLAT)
     if control is not None:
         mean, prior = control[0] - places[0], control[1]
-    J = np.tile(np.eye(3), (2, 1))
+    J = np.tile(np.eye(3), (3, 1))
     z = np.concatenate([p - places[0] for p in places]) - J @ mean
     whole = np.linalg.inv(noise + J @ prior @ J.T)
     np.testing.assert_allclose(information, A.T @ whole @ A, rtol=1e-4, atol=1e-5)
