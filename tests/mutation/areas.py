@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -25,7 +24,10 @@ AREAS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "calibration": (("automap/calibration",), ("test_calibration_*",)),
     "geolocation": (("automap/geolocation",), ("test_geolocation_*",)),
-    "mapping": (("automap/mapping",), ("test_merge_*", "test_inventory", "test_roads")),
+    "mapping": (
+        ("automap/mapping",),
+        ("test_merge_*", "test_inventory", "test_roads", "test_view_review"),
+    ),
     "gap": (
         *(("automap/gap/evidence.py", "automap/gap/noise.py", "automap/gap/scoring.py"),),
         *(("test_gap_evidence", "test_gap_noise", "test_gap_confirm", "test_gap_heldout"),),
@@ -36,6 +38,9 @@ AREAS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
 }
 """Of each area its sources, folders or files, and the names of its own unit tests."""
+
+EVERY = ("test_closed_forms", "test_figures")
+"""Tests of all areas."""
 
 _IDLE = ("__init__.py",)
 
@@ -49,26 +54,10 @@ def sources_of(area: str, root: Path = PROJECT) -> list[Path]:
     return [path.relative_to(root) for path in found if path.name not in _IDLE]
 
 
-def tests_of(area: str, source: Path, root: Path) -> list[str]:
-    """The unit tests that may notice a mistake: those that import the module itself, then the
-    area's own."""
-    module = ".".join(source.with_suffix("").parts)
-    parent, _, name = module.rpartition(".")
-    imports = re.compile(
-        rf"^\s*(?:from {re.escape(module)} import|import {re.escape(module)}\b"
-        rf"|from {re.escape(parent)} import .*\b{name}\b)",
-        re.MULTILINE,
-    )
-    unit = sorted((root / "tests" / "unit").glob("test_*.py"))
-    direct = [str(p.relative_to(root)) for p in unit if imports.search(p.read_text())]
-    own = own_tests(area, root)
-    return list(dict.fromkeys([*(test for test in own if test in direct), *direct, *own]))
-
-
 def own_tests(area: str, root: Path = PROJECT) -> list[str]:
     """The unit tests of an area."""
     unit = root / "tests" / "unit"
-    found = [p for pattern in AREAS[area][1] for p in sorted(unit.glob(_whole(pattern)))]
+    found = [p for pattern in (*AREAS[area][1], *EVERY) for p in sorted(unit.glob(_whole(pattern)))]
     return [str(path.relative_to(root)) for path in dict.fromkeys(found)]
 
 

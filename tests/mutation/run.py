@@ -5,14 +5,16 @@
 
 ``--known`` makes the mistakes of ``tests/mutation/known.py`` and fails where one passes its tests;
 ``--count`` draws as many of all that ``tests/mutation/mutants.py`` finds, every one as likely, and
-says what share the tests of the area kill. A mistake that hangs, or does not even import, is
-noticed. The copy has its own folder of compiled code, which is put back before each mistake, so
-that only what the mistake touches is compiled again.
+says what share is noticed. Asked are the unit tests of the areas that call what the mistake is in,
+the quickest first, up to the first that fails and for ``--seconds`` at most; so the share is rather
+too small. A mistake that hangs, or does not even import, is noticed. Which test calls what is
+recorded before and kept in ``build/mutation``.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import random
@@ -20,27 +22,36 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
-from numba.core.caching import _CacheLocator
-
-from tests.mutation.areas import AREAS, PROJECT, own_tests, sources_of, tests_of
+from tests.mutation.areas import AREAS, PROJECT, own_tests, sources_of
+from tests.mutation.asked import Calls, functions_of
 from tests.mutation.known import KNOWN
-from tests.mutation.mutants import Mutant, mutants_of
+from tests.mutation.mutants import Mutant, mutants_of, parses
+from tests.mutation.worker import write
 
-_LIMIT_S = 300.0
-"""A mistake that lets tests run longer counts as noticed: they take a minute or two."""
+
+@dataclass(frozen=True)
+class Mistake:
+    """A source with another text; ``only`` these test files are asked, or all."""
+
+    area: str
+    source: Path
+    line: int
+    what: str
+    text: str
+    only: tuple[str, ...] = ()
 
 
 class Copy:
-    """A copy of the project in which mistakes are made, one at a time."""
+    """A copy of the project in which mistakes are made, and what its tests call."""
 
-    def __init__(self, folder: Path) -> None:
-        self.root, self.cache, self.kept = folder / "code", folder / "compiled", folder / "kept"
+    def __init__(self, folder: Path, kept: Path, seconds: float) -> None:
+        self.root, self.seconds = folder / "code", seconds
         listed = subprocess.run(
             ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
             cwd=PROJECT,
@@ -52,96 +63,95 @@ class Copy:
             if (PROJECT / name).is_file():
                 (self.root / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(PROJECT / name, self.root / name)
-
-    def warm(self, tests: Sequence[str]) -> None:
-        """Run tests as the code is, and keep what they compile; they have to pass."""
-        self._restore()
-        done = self.test(tests, limit_s=10 * _LIMIT_S)
-        if done[0] != "survived":
-            raise SystemExit(f"the tests fail without any mistake:\n{done[1]}")
-        if self.cache.exists():
-            shutil.rmtree(self.kept, ignore_errors=True)
-            shutil.copytree(self.cache, self.kept, copy_function=os.link)
-
-    def _restore(self) -> None:
-        """Have compiled what is kept, and nothing else."""
-        shutil.rmtree(self.cache, ignore_errors=True)
-        if self.kept.exists():
-            # numba writes beside and renames, so that a link is never written into
-            shutil.copytree(self.kept, self.cache, copy_function=os.link)
-
-    def adopt(self, compiled: Path) -> None:
-        """Begin with what is compiled of this checkout in a folder of numba's.
-
-        Numba names the folders below it after the sources' places.
-        """
-        for folder in {path.parent for path in (PROJECT / "automap").rglob("*.py")}:
-            of = _CacheLocator.get_suitable_cache_subpath
-            place = self.root / folder.relative_to(PROJECT)
-            have = compiled / of(str(folder / "x.py"))
-            if have.is_dir():
-                shutil.copytree(have, self.kept / of(str(place / "x.py")))
-
-    def with_mistake(self, source: Path, text: str, tests: Sequence[str]) -> tuple[str, str]:
-        """Whether tests notice that a source has another text: a state, and what noticed it."""
-        self._restore()
-        path = self.root / source
-        right = path.read_text()
-        try:
-            self._write(path, text)
-            return self.test(tests)
-        finally:
-            self._write(path, right)
-
-    def _write(self, path: Path, text: str) -> None:
-        path.write_text(text)
-        # python's own compiled files go by size and time to the second
-        for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
-            compiled.unlink()
-
-    def test(self, tests: Sequence[str], limit_s: float = _LIMIT_S) -> tuple[str, str]:
-        """Run tests up to the first that fails."""
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "--tb=line"]
-        variables = os.environ | {
+        kept.mkdir(parents=True, exist_ok=True)
+        self.calls = Calls(kept / "calls.json")
+        self.variables = {
             "PYTHONPATH": str(self.root),
-            "NUMBA_CACHE_DIR": str(self.cache),
+            "NUMBA_DISABLE_JIT": "1",
             "OMP_NUM_THREADS": "1",
+            # no recordings
+            "AUTOMAP_SHARED_DATA": str(folder / "none"),
         }
-        variables.pop("AUTOMAP_SHARED_DATA", None)
+
+    def record(self, files: Sequence[str]) -> None:
+        """Have the calls of all of some test files."""
+        self.calls.record(files, self.root, self.variables)
+
+    def ask(self, mistakes: Sequence[Mistake]) -> Iterable[tuple[Mistake, str, str]]:
+        """Of each mistake the state, killed or survived, and what noticed it."""
+        command = [sys.executable, "-m", "tests.mutation.worker", str(self.root)]
+        with subprocess.Popen(
+            command,
+            cwd=self.root,
+            env=os.environ | self.variables,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        ) as worker:
+            assert worker.stdin is not None
+            assert worker.stdout is not None
+            for mistake in mistakes:
+                yield mistake, *self._ask(mistake, worker.stdin, worker.stdout)
+            worker.stdin.close()
+
+    def compiled(self, mistake: Mistake) -> tuple[str, str]:
+        """The same of one mistake by whole test files with compiled kernels: minutes."""
+        path = self.root / mistake.source
+        right = path.read_text()
+        variables = os.environ | self.variables | {"NUMBA_DISABLE_JIT": "0"}
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
         try:
+            write(path, mistake.text)
             done = subprocess.run(
-                [*command, "-p", "no:cacheprovider", *tests],
+                [*command, *mistake.only],
                 cwd=self.root,
                 env=variables,
                 capture_output=True,
                 text=True,
-                timeout=limit_s,
                 check=False,
             )
-        except subprocess.TimeoutExpired:
-            return "killed", f"took more than {limit_s:.0f} s"
-        if done.returncode == 0:
-            return "survived", ""
-        if done.returncode > 2:
-            raise SystemExit(f"no tests ran: {' '.join(command)} {' '.join(tests)}\n{done.stdout}")
+        finally:
+            write(path, right)
         told = [s for s in done.stdout.splitlines() if s.startswith(("FAILED", "ERROR"))]
-        return "killed", told[0] if told else (done.stdout + done.stderr)[-300:]
+        return ("survived", "") if done.returncode == 0 else ("killed", (told or [""])[0])
+
+    def _ask(self, mistake: Mistake, to: IO[str], answers: IO[str]) -> tuple[str, str]:
+        names = functions_of(mistake.source, mistake.line)
+        tests = self.calls.tests_of(names, self.seconds, mistake.only)
+        if not tests:
+            return "survived", "no test calls it"
+        job = {
+            "source": str(mistake.source),
+            "text": mistake.text,
+            "tests": [t.test for t in tests],
+            # what takes so much longer does not end
+            "limit_s": round(30.0 + 5.0 * sum(t.seconds for t in tests)),
+        }
+        to.write(json.dumps(job) + "\n")
+        to.flush()
+        state, by = json.loads(answers.readline())
+        return state, by or f"{len(tests)} tests"
 
 
 def _known(copy: Copy) -> int:
-    passed = []
-    copy.warm(sorted({f"tests/unit/{name}" for mistake in KNOWN for name in mistake.tests}))
-    for mistake in KNOWN:
-        right = (copy.root / mistake.source).read_text()
-        if mistake.old not in right:
-            passed.append(f"{mistake.name}: {mistake.source} has no {mistake.old!r}")
+    files = sorted({f"tests/unit/{name}" for known in KNOWN for name in known.tests})
+    copy.record(files)
+    mistakes, passed = [], []
+    for known in KNOWN:
+        right = (PROJECT / known.source).read_text()
+        if known.old not in right:
+            passed.append(f"{known.name}: {known.source} has no {known.old!r}")
             continue
-        tests = [f"tests/unit/{name}" for name in mistake.tests]
-        wrong = right.replace(mistake.old, mistake.new)
-        state, by = copy.with_mistake(Path(mistake.source), wrong, tests)
-        print(f"{state:9} {mistake.name}: {by[:120]}", flush=True)
+        line = right[: right.index(known.old.strip())].count("\n") + 1
+        only = tuple(f"tests/unit/{name}" for name in known.tests)
+        text = right.replace(known.old, known.new)
+        mistakes.append(Mistake("known", Path(known.source), line, known.name, text, only))
+    for mistake, state, by in copy.ask(mistakes):
+        if state == "survived":
+            state, by = copy.compiled(mistake)
+        print(f"{state:9} {mistake.what}: {by[:120]}", flush=True)
         if state != "killed":
-            passed.append(f"{mistake.name}: passes {', '.join(mistake.tests)}")
+            passed.append(f"{mistake.what}: passes {', '.join(mistake.only)}")
     for text in passed:
         print(f"not noticed: {text}")
     return 1 if passed else 0
@@ -157,50 +167,28 @@ def drawn(
         for source in sources_of(area, root)
         for mutant in mutants_of((root / source).read_text())
     ]
-    return random.Random(seed).sample(every, min(count, len(every)))
+    random.Random(seed).shuffle(every)
+    texts = {source: (root / source).read_text() for _, source, _ in every}
+    parsed = (each for each in every if parses(each[2].applied(texts[each[1]])))
+    return list(itertools.islice(parsed, count))
 
 
-@dataclass(frozen=True)
-class Sample:
-    """How many mistakes of which areas, by which seed; every ``of``-th of them from ``part`` on."""
-
-    areas: Sequence[str]
-    count: int
-    seed: int
-    part: int
-    of: int
-    hours: float
-
-
-def _sampled(copy: Copy, sample: Sample, out: Path) -> int:
-    chosen = drawn(copy.root, sample.areas, sample.count, sample.seed)[sample.part :: sample.of]
-    ends = time.monotonic() + 3600.0 * sample.hours
+def _sampled(copy: Copy, areas: Sequence[str], count: int, seed: int, out: Path) -> int:
+    copy.record(sorted({t for area in areas for t in own_tests(area)}))
+    mistakes = [
+        Mistake(area, source, m.line, m.what, m.applied((PROJECT / source).read_text()))
+        for area, source, m in drawn(PROJECT, areas, count, seed)
+    ]
     counts: Counter[tuple[str, str]] = Counter()
-    warmed: set[str] = set()
     out.parent.mkdir(parents=True, exist_ok=True)
     with out.open("w", encoding="utf-8") as stream:
-        for area, source, mutant in chosen:
-            if time.monotonic() > ends:
-                break
-            tests = tests_of(area, source, copy.root)
-            if area not in warmed:
-                warmed.add(area)
-                copy.warm(own_tests(area, copy.root))
-            begun = time.monotonic()
-            text = mutant.applied((copy.root / source).read_text())
-            state, by = copy.with_mistake(source, text, tests)
-            counts[area, state] += 1
-            row = {
-                "area": area,
-                "place": f"{source}:{mutant.line}",
-                "what": mutant.what,
-                "state": state,
-                "by": by,
-                "seconds": round(time.monotonic() - begun, 1),
-            }
-            stream.write(json.dumps(row) + "\n")
+        for mistake, state, by in copy.ask(mistakes):
+            counts[mistake.area, state] += 1
+            place = f"{mistake.source}:{mistake.line}"
+            row = {"area": mistake.area, "place": place, "what": mistake.what}
+            stream.write(json.dumps(row | {"state": state, "by": by}) + "\n")
             stream.flush()
-            print(f"{state:9} {row['place']} {mutant.what}", flush=True)
+            print(f"{state:9} {place} {mistake.what}", flush=True)
     print(table(counts))
     return 0
 
@@ -208,11 +196,12 @@ def _sampled(copy: Copy, sample: Sample, out: Path) -> int:
 def table(counts: Counter[tuple[str, str]]) -> str:
     """Mistakes made and noticed by area, as the documentation has them."""
     rows = ["| area | mistakes | noticed |", "|---|---|---|"]
-    total = Counter(state for (_, state), n in counts.items() for _ in range(n))
-    for area in dict.fromkeys(area for area, _ in counts):
-        killed, survived = counts[area, "killed"], counts[area, "survived"]
-        rows.append(f"| {area} | {killed + survived} | {killed} |")
-    rows.append(f"| all | {sum(total.values())} | {total['killed']} |")
+    for area in [*AREAS, "all"]:
+        states = [
+            state for (of, state), n in counts.items() for _ in range(n) if area in (of, "all")
+        ]
+        if states:
+            rows.append(f"| {area} | {len(states)} | {states.count('killed')} |")
     return "\n".join(rows)
 
 
@@ -223,23 +212,17 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--area", action="append", choices=list(AREAS))
-    parser.add_argument("--part", default="0/1", help="I/N: every N-th of them, from I on")
-    parser.add_argument(
-        "--compiled", type=Path, help="NUMBA_CACHE_DIR of this checkout's, to begin"
-    )
-    parser.add_argument("--hours", type=float, default=8.0, help="draw no more after so long")
+    parser.add_argument("--seconds", type=float, default=25.0, help="of tests for a mistake")
+    parser.add_argument("--folder", type=Path, help="for the copy; a temporary one by default")
     parser.add_argument("-o", "--out", type=Path, default=PROJECT / "build" / "mutants.jsonl")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Copy(Path(folder))
-        if options.compiled is not None:
-            copy.adopt(options.compiled)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = (options.folder or Path(temporary)).resolve()
+        copy = Copy(folder, PROJECT / "build" / "mutation", options.seconds)
         if options.known:
             return _known(copy)
-        part, of = map(int, options.part.split("/"))
         areas = options.area or list(AREAS)
-        sample = Sample(areas, options.count, options.seed, part, of, options.hours)
-        return _sampled(copy, sample, options.out)
+        return _sampled(copy, areas, options.count, options.seed, options.out)
 
 
 if __name__ == "__main__":

@@ -45,6 +45,7 @@ def measured(
     t: float = 0.0,
     signals: np.ndarray | None = None,
     reading: np.ndarray | None = None,
+    more_flags: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rows [r, n] and residuals [r] of a measurement; ``fix`` [6] position and velocity,
     ``signals`` [e] those that the model's terms ask for."""
@@ -55,7 +56,7 @@ def measured(
     values[0, WHEEL_SPEED] = speed
     nodes = NodeArrays(
         np.array([t]),
-        np.array([_ALL]),
+        np.array([_ALL | more_flags]),
         values,
         np.ones((1, MAX_SCALARS)),
         columns[None].astype(float),

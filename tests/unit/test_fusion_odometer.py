@@ -10,7 +10,7 @@ import pytest
 from automap.errors import InputError
 from automap.frames import matrix_to_quat, rpy_to_matrix
 from automap.fusion import kernels
-from automap.fusion.layout import N_NAV
+from automap.fusion.layout import N_NAV, UNSIGNED
 from automap.fusion.mechanisation import quat_to_dcm
 from automap.fusion.model import build_state_model
 from automap.fusion.options import FusionOptions
@@ -53,6 +53,23 @@ def test_straight_ahead_the_speed_is_the_reading() -> None:
     vel, c = np.array([0.0, 10.0, 0.0]), rpy_to_matrix(np.array([0.0, 0.0, np.pi / 2]))
     _, z = measured(WHEELS, model, np.array([0.6, 1.0, 50.0]), vel, c, xi, speed=10.2)
     assert z[0] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("told", "forward", "taken"),
+    [(3.0, -3.2, -3.0), (3.0, 2.8, 3.0), (0.5, -0.4, 0.0), (0.5, 0.4, 0.0), (9.0, -9.0, 9.0)],
+)
+def test_a_speed_without_a_sign_is_of_the_way_the_vehicle_goes(
+    told: float, forward: float, taken: float
+) -> None:
+    """Slow ones may be either way; nobody reverses fast. With a sign it is what is told."""
+    model = build_state_model(FusionOptions(effects=EFFECTS))
+    xi = np.zeros(model.size - N_NAV)
+    vel, c = np.array([0.0, forward, 0.0]), rpy_to_matrix(np.array([0.0, 0.0, np.pi / 2]))
+    for flag, speed in ((UNSIGNED, taken), (0, told)):
+        place = np.array([0.6, 1.0, 50.0])
+        _, z = measured(WHEELS, model, place, vel, c, xi, speed=told, more_flags=flag)
+        assert z[0] == pytest.approx(speed - forward, abs=1e-9)
 
 
 def test_file_is_sorted_and_cleaned(tmp_path: Path) -> None:

@@ -1,0 +1,299 @@
+"""Kernels against the same thing computed another way: dense matrices, integrals, enumeration."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import beta
+
+from automap.calibration.plausible import _refuse
+from automap.earth import from_local_ned
+from automap.errors import InputError
+from automap.fusion import limits as fusion_limits
+from automap.fusion.steady_rate import steady_rate
+from automap.fusion.wheel_match import between
+from automap.geolocation import limits as geolocation_limits
+from automap.geolocation.bearing_rays import in_plane
+from automap.geolocation.bearings import BearingRules
+from automap.geolocation.sightings import Sighting
+from automap.geolocation.trajectory_adjustment import _FLAT, _eliminated
+from automap.mapping.adjustment_kernels import add_drives, drive_offsets
+from automap.mapping.existence import (
+    CHANGE_PER_YEAR,
+    FALSE_BETA,
+    LEAST_CHANGE,
+    STRAY,
+    Chances,
+    DetectionRates,
+    existence,
+    still_there,
+)
+from automap.records import Bearings, FloatArray
+from automap.sync import limits
+from automap.sync.coarse import _correlation
+from automap.sync.receiver_path import Windows, plausible_sd, receiver_path, velocity_sd
+from tests.unit.receiver_scene import Receiver, simulated_fixes
+
+
+def counted(rates: tuple[float, float], hits: float, misses: float) -> float:
+    """How likely a series of hits and misses is by a rate of this beta distribution."""
+    return float(quad(lambda r: r**hits * (1.0 - r) ** misses * beta.pdf(r, *rates), 0.0, 1.0)[0])
+
+
+@pytest.mark.parametrize("series", ["11", "10", "01", "1101", "0011", "1100", "010010"])
+@pytest.mark.parametrize("years", [0.0, 0.02, 1.5])
+def test_existence_is_the_sum_over_all_histories(series: str, years: float) -> None:
+    """False, there throughout, taken down after each drive but the last, put up before each but
+    the first; rates integrated, not by their closed form."""
+    n = len(series)
+    seen = np.array([c == "1" for c in series])
+    by_drive = np.linspace(0.5, 0.9, n)
+    rates = DetectionRates(0.8, by_drive, 0.7, 6.0)
+    weight = np.where(seen, 0.0, np.minimum(np.log(1.0 - by_drive) / np.log(0.2), 1.0))
+    step_s = years * 365.25 * 86400.0
+    times = 1.4e9 + step_s * np.arange(n)
+    change = max(LEAST_CHANGE, 1.0 - np.exp(-CHANGE_PER_YEAR * years))
+    own = (6.0 * 0.8, 6.0 * 0.2)
+
+    def strayed(rows: slice) -> float:
+        return float(STRAY ** seen[rows].sum() * (1.0 - STRAY) ** weight[rows].sum())
+
+    def real(rows: slice) -> float:
+        return counted(own, float(seen[rows].sum()), float(weight[rows].sum()))
+
+    there = real(slice(None))
+    gone = 0.0
+    for k in range(1, n):
+        gone += change * real(slice(None, k)) * strayed(slice(k, None))
+        there += change * strayed(slice(None, k)) * real(slice(k, None))
+    false = counted(FALSE_BETA, float(seen.sum()), float(weight.sum()))
+    expected = 0.7 * there / (0.7 * (there + gone) + 0.3 * false)
+    # a second sign behind it, seen once
+    pairs = Chances(
+        np.append(np.zeros(n, np.int64), 1), np.append(np.arange(n), 0), np.append(seen, True)
+    )
+    found = existence(pairs, rates, 3, times)
+    assert found[0] == pytest.approx(expected, rel=1e-5)
+    assert found[1:] == pytest.approx([0.7, 0.7])
+
+
+def test_a_sign_that_further_drives_miss_is_there_by_bayes() -> None:
+    rates = DetectionRates(0.8, np.array([0.8]), 0.7, 6.0)
+    belief, hits = np.array([0.9, 0.3, 0.8]), np.array([3.0, 1.0, 2.0])
+    sign, weight = np.array([0, 0, 1]), np.array([1.0, 0.4, 0.7])
+    found = still_there(sign, weight, rates, belief, hits)
+    for k, misses in enumerate([1.4, 0.7, 0.0]):
+        start = max(belief[k], 0.5)
+        # a rate of which the hits have told already
+        kept = counted((4.8 + hits[k], 1.2), 0.0, misses)
+        assert found[k] == pytest.approx(start * kept / (start * kept + 1.0 - start), rel=1e-6)
+
+
+@pytest.mark.parametrize("axes", [1, 2])
+def test_offsets_of_drives_are_the_conditional_mean_of_all_unknowns_at_once(axes: int) -> None:
+    """Places and the drives' errors as unknowns of one dense problem, with what each sighting errs
+    by itself correlated between east and north."""
+    rng = np.random.default_rng(axes)
+    first, sign = np.array([0, 4, 7, 9]), np.array([0, 1, 2, 0, 1, 2, 2, 0, 1])
+    n, m = len(sign), 3
+    time_s = np.array([0.0, 5.0, 21.0, 60.0, 3.0, 9.0, 50.0, 1.0, 2.5])
+    own = np.column_stack([rng.uniform(0.1, 0.4, n), rng.uniform(-0.1, 0.1, n), np.full(n, 0.3)])
+    shared = rng.uniform(0.3, 0.9, (n, 2))
+    measured = rng.normal(0.0, 2.0, (n, 2))
+    tau = 20.0
+    normal, right = np.zeros((axes * m, axes * m)), np.zeros(axes * m)
+    weights = np.zeros(axes * axes * int((np.diff(first) ** 2).sum()))
+    told = add_drives(first, sign, axes, time_s, measured, own, shared, tau, normal, right, weights)
+    covariance = np.linalg.inv(normal)
+    place = np.zeros((m, 2))
+    place[:, :axes] = (covariance @ right).reshape(m, axes)
+    offset, mean, mean_var = np.zeros((n, 2)), np.zeros((3, 2)), np.zeros((3, 2))
+    drive_offsets(
+        first, sign, axes, time_s, measured, shared, tau, weights, place, covariance, offset,
+        mean, mean_var,
+    )  # fmt: skip
+
+    drive = np.repeat(np.arange(3), np.diff(first))
+    keep = np.exp(-np.abs(time_s[:, None] - time_s) / tau) * (drive[:, None] == drive)
+    prior, noise = np.zeros((axes * n, axes * n)), np.zeros((axes * n, axes * n))
+    design = np.zeros((axes * n, axes * m))
+    for i in range(n):
+        full = np.array([[own[i, 0], own[i, 1]], [own[i, 1], own[i, 2]]])
+        rows = slice(axes * i, axes * i + axes)
+        noise[rows, rows] = full[:axes, :axes]
+        design[rows, axes * sign[i] : axes * sign[i] + axes] = np.eye(axes)
+        for j in range(n):
+            for a in range(axes):
+                prior[axes * i + a, axes * j + a] = keep[i, j] * shared[i, a] * shared[j, a]
+    z = measured[:, :axes].ravel()
+    # unknowns: places without a prior, errors with one
+    both = np.hstack([design, np.eye(axes * n)])
+    information = both.T @ np.linalg.solve(noise, both)
+    information[axes * m :, axes * m :] += np.linalg.inv(prior)
+    joint = np.linalg.inv(information)
+    solved = joint @ both.T @ np.linalg.solve(noise, z)
+    np.testing.assert_allclose(place[:, :axes].ravel(), solved[: axes * m], atol=1e-9)
+    np.testing.assert_allclose(covariance, joint[: axes * m, : axes * m], atol=1e-9)
+    np.testing.assert_allclose(offset[:, :axes].ravel(), solved[axes * m :], atol=1e-9)
+    errors = joint[axes * m :, axes * m :]
+    for d in range(3):
+        for a in range(axes):
+            pick = np.zeros(axes * n)
+            pick[axes * np.flatnonzero(drive == d) + a] = 1.0 / (drive == d).sum()
+            assert mean[d, a] == pytest.approx(pick @ solved[axes * m :])
+            assert mean_var[d, a] == pytest.approx(pick @ errors @ pick)
+    whole = prior + noise
+    assert told == pytest.approx(np.linalg.slogdet(whole)[1] + z @ np.linalg.solve(whole, z))
+
+
+def test_correlation_of_series_with_holes_is_that_of_the_pairs_they_have() -> None:
+    rng = np.random.default_rng(3)
+    b = rng.normal(0.4, 1.0, 90)
+    a = 0.7 * np.concatenate([rng.normal(size=20), b, rng.normal(size=20)]) + 2.0
+    a += 0.5 * rng.normal(size=len(a))
+    a[15:22], b[40:47] = np.nan, np.nan
+    size = 256
+    r, count = _correlation(a, b, size)
+    for shift in (*range(-65, 106, 5), 20):
+        pairs = [
+            (a[k + shift], b[k])
+            for k in range(len(b))
+            if 0 <= k + shift < len(a) and np.isfinite(a[k + shift] + b[k])
+        ]
+        assert count[shift % size] == len(pairs)
+        if len(pairs) >= 25:
+            assert r[shift % size] == pytest.approx(np.corrcoef(np.array(pairs).T)[0, 1], abs=1e-9)
+        else:
+            assert r[shift % size] == 0.0
+    assert int(np.argmax(r)) == 20
+
+
+def test_what_two_paths_may_part_by_is_the_integral_of_its_errors() -> None:
+    """An error of velocities that lasts for seconds, integrated twice over its autocovariance; the
+    change of velocity times a delay; noise and wander of the positions at both ends."""
+    fixes = simulated_fixes(2, Receiver(rate_hz=2.0), 60.0)
+    path = receiver_path(fixes)
+    over = Windows(np.array([0, 10, 40]), np.array([1, 30, 100]))
+    tau, sd = limits.VELOCITY_ERROR_TAU_S, limits.VELOCITY_ERROR_SD
+    expected = []
+    for first, last in zip(over.first, over.last, strict=True):
+        t = path.t[last] - path.t[first]
+        x = (np.arange(2000) + 0.5) * t / 2000
+        lasting = sd**2 * np.exp(-np.abs(x[:, None] - x) / tau).mean() * t**2
+        change = path.velocity[last] - path.velocity[first]
+        expected.append(lasting + (limits.DELAY_SD_S * abs(change)) ** 2)
+    np.testing.assert_allclose(velocity_sd(path, over) ** 2, expected, rtol=1e-4)
+    t = path.t[over.last] - path.t[over.first]
+    wander: FloatArray = np.maximum(
+        limits.WANDER_SD_M, np.maximum(path.sd[over.first], path.sd[over.last])
+    )
+    # of both ends, less what the wander has in common
+    ends = 2.0 * (limits.POSITION_NOISE_M**2 + wander**2 * (1.0 - np.exp(-t / limits.WANDER_TAU_S)))
+    np.testing.assert_allclose(plausible_sd(path, over) ** 2, ends + expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("surveyed", [False, True])
+def test_a_sign_that_is_left_out_leaves_what_its_sightings_say_of_the_path(surveyed: bool) -> None:
+    """Of three sightings of a sign z = place + A e + noise: the generalised least squares of e with
+    the place among the noise."""
+    rng = np.random.default_rng(4)
+
+    def spd(size: float) -> FloatArray:
+        root = rng.normal(size=(3, 3))
+        return np.asarray(size * (root @ root.T + np.eye(3)))
+
+    own = [spd(0.05), spd(0.1), spd(0.08)]
+    path_sd = [rng.uniform(0.5, 1.0, 3) for _ in own]
+    places = [np.array([100.0, -40.0, 3.0]) + rng.normal(0.0, 1.0, 3) for _ in own]
+    members = [
+        cast(Sighting, SimpleNamespace(position=p, covariance=c + np.diag(s**2), path_sd=s))
+        for p, c, s in zip(places, own, path_sd, strict=True)
+    ]
+    A = rng.normal(size=(9, 9))
+    weight = np.array([1.0, 0.4, 0.7])
+    control = (places[0] + 0.5, spd(0.02)) if surveyed else None
+    information, pull = _eliminated(members, A, control, weight)
+
+    noise = np.zeros((9, 9))
+    for k, c in enumerate(own):
+        face = geolocation_limits.FACE_SD_M**2 * np.eye(3)
+        noise[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = (c + face) / weight[k]
+    mean, prior = (np.zeros(3), np.eye(3) / _FLAT)
+    if control is not None:
+        mean, prior = control[0] - places[0], control[1]
+    J = np.tile(np.eye(3), (3, 1))
+    z = np.concatenate([p - places[0] for p in places]) - J @ mean
+    whole = np.linalg.inv(noise + J @ prior @ J.T)
+    np.testing.assert_allclose(information, A.T @ whole @ A, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(pull, A.T @ whole @ z, rtol=1e-4, atol=1e-5)
+
+
+def test_sightings_a_few_millimetres_apart_are_of_one_camera() -> None:
+    origin = (0.6, 2.5, 0.0)
+    north = np.array([10.001, 10.003, 10.3, 25.0])
+    lat, _, _ = from_local_ned(np.column_stack([north, np.zeros((4, 2))]), origin)
+    n = len(lat)
+    told = Bearings(
+        lat, np.full(n, 2.5), np.zeros(n), np.array([5.0, np.nan, -1.0, 7.0]),
+        np.full(n, "lamp", np.object_), np.array([0.01, np.nan, 0.02, 0.03]),
+    )  # fmt: skip
+    rays = in_plane(told, BearingRules(bearing_sd_rad=0.5), origin)
+    assert rays.camera[0] == rays.camera[1]
+    assert len(np.unique(rays.camera)) == 3
+    assert rays.sd == pytest.approx([0.01, 0.5, 0.02, 0.03])
+    assert rays.log_depth == pytest.approx([np.log(5.0), np.nan, np.nan, np.log(7.0)], nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("unit", "ratio", "advice"),
+    [
+        ("rad/s", np.pi / 180.0, "it fits deg/s, so say --gyro-unit deg/s"),
+        ("deg/s", 180.0 / np.pi, "it fits rad/s"),
+        ("deg/s", 0.2, "correct --gyro-unit"),
+    ],
+)
+def test_readings_in_another_unit_are_refused_with_the_one_that_fits(
+    unit: str, ratio: float, advice: str
+) -> None:
+    others = (("deg/s", np.pi / 180.0), ("rad/s", 180.0 / np.pi))
+    with pytest.raises(InputError, match=advice):
+        _refuse("log", "gyro", "--gyro-unit", unit, ratio * np.array([0.1, 1.0, 10.0]), others)
+    _refuse("log", "gyro", "--gyro-unit", unit, np.array([0.01, 1.01, 50.0]), others)
+
+
+def test_a_speed_between_two_readings_is_that_of_the_line_and_a_brownian_bridge() -> None:
+    rng = np.random.default_rng(2)
+    t, speed = np.cumsum(rng.uniform(0.05, 0.4, 30)), rng.uniform(0.0, 20.0, 30)
+    t[20:] += 2.0 * fusion_limits.WHEELS_GAP_S
+    at = np.concatenate([rng.uniform(t[0], t[-1], 60), t[:3], [t[0] - 0.1, t[-1] + 0.1]])
+    found, var, near = between(t, speed, at)
+    inside = (at >= t[0]) & (at <= t[-1])
+    np.testing.assert_allclose(found, np.interp(at, t, speed))
+    right = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
+    before, after = at - t[right - 1], t[right] - at
+    q = fusion_limits.ROAD_ACCELERATION_PSD[0]
+    # of a path that is fixed at both ends
+    expected = np.where(inside, q * before * after / (before + after), 0.0)
+    np.testing.assert_allclose(var, expected, atol=1e-12)
+    np.testing.assert_array_equal(near, inside & ~((at > t[19]) & (at < t[20])))
+
+
+def test_a_rate_is_calmed_but_where_its_window_has_a_gap() -> None:
+    rng = np.random.default_rng(5)
+    t = np.arange(0.0, 60.0, 0.01)
+    rate = 0.3 * np.sin(0.5 * t)[:, None] + rng.normal(0.0, 0.01, (len(t), 3))
+    t[2500:] += 5.0
+    out = steady_rate(t, rate)
+    changed = np.flatnonzero((out != rate).any(axis=1))
+    half = int(changed[0])
+    assert half > 50
+    rows = np.arange(len(t))
+    # whole windows alone, at the ends and on both sides of the gap
+    expected = (
+        (rows >= half) & (rows < len(t) - half) & ~((rows >= 2500 - half) & (rows < 2500 + half))
+    )
+    np.testing.assert_array_equal(changed, np.flatnonzero(expected))
