@@ -160,7 +160,7 @@ def test_a_very_long_line_is_drawn_as_all_its_rows_would_be() -> None:
     n = 3 * LINE_ROWS + 17
     y = rng.standard_normal(n)
     y[[0, 123_456, n - 1]] = np.nan, 40.0, -30.0
-    whole = Series("", np.arange(n) * 0.01, y)
+    whole = Series("", np.asarray(np.arange(n) * 0.01, np.float64), y)
     thin = thin_line(whole)
     assert len(thin.x) < 1.1 * LINE_ROWS
     assert (np.diff(thin.x) > 0.0).all()
