@@ -33,7 +33,7 @@ from automap.fusion.problem import Problem
 
 SECTION_NODES = 8_000
 """Longest stretch whose details are kept at once: half an hour of fixes five times a second, and
-150 MB. A drive of ten hours needs 1.2 GB for the rest."""
+150 MB."""
 
 
 def filter_and_smooth(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from pipeline.pages.svg_plot import Series, plot, time_unit
+from pipeline.pages.svg_plot import Series, plot, thin_line, time_unit
 
 AXES = ("x", "y", "z")
 
@@ -77,5 +77,6 @@ def draw_over_time(
     """The same over time: ``series`` have seconds for x and are shown in the unit that suits
     ``seconds``, the span."""
     scale, unit = time_unit(seconds)
-    scaled = [replace(s, x=s.x / scale) for s in series]
+    thinned = map(thin_line, series)
+    scaled = [replace(s, x=s.x / scale) for s in thinned]
     return draw(title, scaled, y_label, f"time, {unit}", include, log)

@@ -15,12 +15,14 @@ from pipeline.pages.svg_plot import (
     BOTTOM,
     HEIGHT,
     LEFT,
+    LINE_ROWS,
     RIGHT,
     TOP,
     WIDTH,
     Series,
     plot,
     thin_dots,
+    thin_line,
     tick_label,
     ticks,
     time_unit,
@@ -151,3 +153,21 @@ def test_limits_of_chance_are_those_of_chi_square() -> None:
     low, high = mean_square_limits(count)
     np.testing.assert_allclose(low, chi2.ppf(0.025, count) / count, rtol=1e-9)
     np.testing.assert_allclose(high, chi2.ppf(0.975, count) / count, rtol=1e-9)
+
+
+def test_a_very_long_line_is_drawn_as_all_its_rows_would_be() -> None:
+    rng = np.random.default_rng(4)
+    n = 3 * LINE_ROWS + 17
+    y = rng.standard_normal(n)
+    y[[0, 123_456, n - 1]] = np.nan, 40.0, -30.0
+    whole = Series("", np.asarray(np.arange(n) * 0.01, np.float64), y)
+    thin = thin_line(whole)
+    assert len(thin.x) < 1.1 * LINE_ROWS
+    assert (np.diff(thin.x) > 0.0).all()
+    assert (np.nanmin(thin.y), np.nanmax(thin.y)) == (-30.0, 40.0)
+    ours, theirs = (points(plot([s], "t", "y", "x"), "l ") for s in (thin, whole))
+    # a few rows at the edge of a pixel column count with its neighbour
+    assert ours.shape == theirs.shape
+    assert np.abs(ours - theirs).max() < 10.0
+    assert np.mean(np.abs(ours - theirs)) < 0.2
+    assert thin_line(thin) is thin
