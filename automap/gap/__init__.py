@@ -1,11 +1,13 @@
 """Gap finding: where simulation and measurement disagree, and the named effect that is missing.
 
-``find_gaps`` is the entry. Reading order: ``drive`` and ``model`` (what goes in), ``fit`` (a model
-on a drive), ``noise`` and ``fitted`` (a set with its noise), ``columns`` and ``kernels`` (how
-candidates would show), ``dictionary``, ``slow`` and ``candidates`` (what may be missing),
-``whitening`` and ``linear``, ``evidence``, ``selection`` (which set), ``search``, ``confirm`` and
-``heldout`` (other data), ``misfit`` and ``stochastic`` (what is left), ``cost``, ``chance``,
-``naming``, ``result``; all that decides is in ``limits``.
+``find_gaps`` is the entry, ``search.Search.run`` the search that ``docs/gap.md`` draws. Reading
+order: ``drive`` and ``model`` (what goes in), ``motion``, ``fit`` (a model on a drive), ``noise``
+(a set of effects with its noise), ``candidates``, ``dictionary`` and ``slow`` (what may be
+missing), ``kernels``, ``whitening`` and ``linear`` (how it would show), ``evidence``,
+``selection`` (which set), ``screening`` and ``search``, ``scoring`` and ``confirm`` (other data),
+``misfit``, ``stochastic`` and ``course_distance`` (what is left), ``chance``, ``naming``,
+``result``, ``finder``; all that decides is in ``limits``. ``camera`` and ``laboratory`` search
+other recordings.
 """
 
 from automap.gap.drive import GapDrive

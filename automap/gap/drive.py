@@ -17,10 +17,13 @@ from automap.fusion.passes import Session
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed
 from automap.fusion.wheels import prepare_wheels
-from automap.gap.limits import EDGE_S, MIN_FIXES, MIN_SAMPLES
 from automap.records import BoolArray, ClockModel, Fixes, FloatArray, ImuData, WheelSpeed
 
 KNOWN = Prior(0.0, 0.0)
+MIN_SAMPLES, MIN_FIXES = 100, 10
+"""A drive with fewer readings or fixes is refused. Chosen: it can say nothing of a dozen states."""
+EDGE_S = 0.35
+"""Fixes so close to the ends of the IMU recording are left out: delays of as much stay inside."""
 
 
 @dataclass(frozen=True)

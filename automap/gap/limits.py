@@ -99,10 +99,6 @@ CLIP = 4.0
 """Sigmas at which a wild value is cut off: one fix in a thousand is not the size of all others."""
 MIN_ROWS = 30
 """Of fewer no size is told: it would be off by an eighth and more (1 / sqrt(2 n))."""
-MIN_SAMPLES, MIN_FIXES = 100, 10
-"""A drive with fewer readings or fixes is refused. Chosen: it can say nothing of a dozen states."""
-EDGE_S = 0.35
-"""Fixes so close to the ends of the IMU recording are left out: delays of as much stay inside."""
 
 # noise
 

@@ -126,6 +126,6 @@ def test_chances_of_single_looks_are_uniform(
 
 def test_too_few_rows_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     rows = 3.0 * white(5)
-    few = misfit.LEAST_ROWS - 1
+    few = misfit.MISFIT_ROWS - 1
     monkeypatch.setattr(f"{__name__}.T", T[:few])
     assert found(rows[:few], monkeypatch) == ()
