@@ -13,6 +13,7 @@ _EPILOG = """\b
 Examples:
   automap export data/sample-drive/_automap --format csv
   automap export maps --format gpkg --datum GDA2020 -o signs-gda2020.gpkg
+  automap export maps --format shapefile --crs EPSG:7856 -o signs-mga56.shp.zip
   automap export maps --format osm --min-confidence 0.8 -o review.osm
   automap export maps --format tum --point antenna
   automap export maps --format trajectory-csv --at frames.csv --point front \\
@@ -75,6 +76,20 @@ Examples:
     help="Datum of the positions in gpkg, parquet, flatgeobuf and csv, as GDA2020@2026.5: its "
     "name or EPSG code, and the year of the coordinates. Default: WGS-84; the drive's year.",
 )
+@click.option(
+    "--crs",
+    default="",
+    metavar="EPSG:N",
+    help="Projected coordinates in gpkg, shapefile, flatgeobuf, parquet and csv (there beside the "
+    "degrees), as EPSG:25832; the datum is that of the system.",
+)
+@click.option(
+    "--heights",
+    default="",
+    metavar="EPSG:N",
+    help="With --crs: heights of this system, as EPSG:7837, by PROJ's grid of its geoid. Default: "
+    "above the ellipsoid.",
+)
 @click.option("--filtered", is_flag=True, help="The forward filter's trajectory, not smoothed.")
 def command(
     out: Path,
@@ -85,6 +100,8 @@ def command(
     point: str,
     min_confidence: float,
     datum: str,
+    crs: str,
+    heights: str,
     filtered: bool,
 ) -> None:
     """Write the map in OUT, or its trajectory, in one more format.
@@ -96,14 +113,16 @@ def command(
 
     if form == "postgis" or to:
         from pipeline.export.postgis import export_postgis
+        from pipeline.export.projected import check_projected
 
+        check_projected(crs, heights, datum, "postgis")
         told, warnings = export_postgis(out, form, to, min_confidence)
         for text in warnings:
             click.echo(f"warning: {text}", err=True)
         click.echo(told)
         return
     path, warnings = export_run(
-        out, form, target, TrajectoryView(at, point, filtered), min_confidence, datum
+        out, form, target, TrajectoryView(at, point, filtered), min_confidence, datum, crs, heights
     )
     for text in warnings:
         click.echo(f"warning: {text}", err=True)

@@ -9,6 +9,7 @@ from automap.io import names
 from pipeline.export.content import map_content, trajectory_of
 from pipeline.export.datum import check_format, in_datum
 from pipeline.export.formats import FORMATS, TRAJECTORY_FORMATS, write_dictionary
+from pipeline.export.projected import check_projected, in_projection
 from pipeline.export.trajectory_view import TrajectoryView, viewed
 from pipeline.shared.run_record import drive_of
 from pipeline.shared.targets import spare_recordings, spare_results
@@ -21,12 +22,15 @@ def export_run(
     view: TrajectoryView | None = None,
     min_confidence: float = 0.0,
     datum: str = "",
+    crs: str = "",
+    heights: str = "",
 ) -> tuple[Path, list[str]]:
     """Write the map of a finished run in one format, and the data dictionary beside it.
 
     ``target`` is the file to write, by default the format's own name in OUT; ``view`` which
     trajectory, for the formats of one; ``min_confidence`` leaves out signs less sure;
-    ``datum`` such as GDA2020@2026.5 moves the positions of GIS formats into it. Returns the
+    ``datum`` such as GDA2020@2026.5 moves the positions of GIS formats into it, ``crs`` such as
+    EPSG:25832 projects them, with ``heights`` such as EPSG:7837. Returns the
     file and the warnings. Raises ConfigError for an unknown format or a view of signs,
     InputError when OUT holds no run.
     """
@@ -39,6 +43,7 @@ def export_run(
             f"take one of {', '.join(TRAJECTORY_FORMATS)}."
         )
     check_format(datum, fmt)
+    check_projected(crs, heights, datum, fmt)
     check_run(out)
     file_name, write = FORMATS[fmt]
     path = target if target is not None else out / file_name
@@ -50,7 +55,9 @@ def export_run(
     if not view.is_plain:
         content.products.trajectory = viewed(out, trajectory_of(content), view)
         content.every_row = view.at is not None
-    if datum:
+    if crs:
+        content = in_projection(content, crs, heights, datum)
+    elif datum:
         content = in_datum(content, datum)
     write(content, path)
     write_dictionary(path.with_name(names.DICTIONARY))

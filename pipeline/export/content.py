@@ -11,6 +11,7 @@ import numpy as np
 from automap.errors import InputError
 from automap.export.path import Path as MapPath
 from automap.export.path import joined_paths, simplified_path
+from automap.export.projected import Plane
 from automap.export.roads import RoadRow, read_roads_csv
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
@@ -40,6 +41,8 @@ class MapContent:
     """Where signs stand on the roads of a layer, if there was one."""
     crs: str | None = None
     """Coordinate system of the positions where it is not WGS-84."""
+    plane: Plane | None = None
+    """How the formats that can hold projected coordinates get them, where those are asked for."""
 
 
 def map_content(out: Path, name: str, min_confidence: float = 0.0) -> MapContent:

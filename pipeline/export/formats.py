@@ -10,6 +10,8 @@ from automap.export.datum import is_moving
 from automap.export.fields import SIGN_FIELDS, Field
 from automap.export.icons import class_icon
 from automap.export.kml import KmlOptions
+from automap.export.layers import Layer
+from automap.export.projected import projected_layer
 from automap.export.roads import road_layer
 from automap.export.sign_columns import sign_columns
 from automap.io import names
@@ -87,8 +89,14 @@ def write_gpkg(content: MapContent, path: Path) -> None:
     styles.append(qgis_style.ellipse_style())
     if content.roads:
         built.append(road_layer(content.signs, content.roads))
+    built = [_placed(content, layer) for layer in built]
     crs = content.crs or gis.WGS84_3D
     gis.write_layers(path, built, lineage=content.lineage, crs=crs, styles=styles)
+
+
+def _placed(content: MapContent, layer: Layer) -> Layer:
+    """The layer in the coordinates that were asked for."""
+    return layer if content.plane is None else projected_layer(layer, content.plane)
 
 
 def write_geoparquet(content: MapContent, path: Path) -> None:
@@ -98,14 +106,16 @@ def write_geoparquet(content: MapContent, path: Path) -> None:
     # a national datum moves with its plate: its coordinates hold at all times
     moves = content.crs is None or is_moving(content.crs)
     epoch = content.lineage.get("coordinate_epoch") if moves else None
-    gis.write_geoparquet(path, content.signs, content.lineage, crs=content.crs, epoch=epoch)
+    gis.write_geoparquet(
+        path, content.signs, content.lineage, crs=content.crs, epoch=epoch, plane=content.plane
+    )
 
 
 def write_flatgeobuf(content: MapContent, path: Path) -> None:
     """Write the signs as FlatGeobuf."""
     from automap.export import gis, layers
 
-    layer = layers.sign_layer(content.signs)
+    layer = _placed(content, layers.sign_layer(content.signs))
     crs = content.crs or gis.WGS84_3D
     gis.write_layers(path, [layer], driver="FlatGeobuf", lineage=content.lineage, crs=crs)
 
@@ -113,10 +123,12 @@ def write_flatgeobuf(content: MapContent, path: Path) -> None:
 def write_csv(content: MapContent, path: Path) -> None:
     """Write the signs as CSV, and beside it what its columns mean (CSV on the Web)."""
     from automap.export import gis
-    from automap.export.dictionary import POSITION_FIELDS
+    from automap.export.dictionary import POSITION_FIELDS, plane_fields
 
-    write_text(path, gis.signs_csv(content.signs))
-    _describe_csv(content, path, (*POSITION_FIELDS, *SIGN_FIELDS))
+    plane = content.plane
+    write_text(path, gis.signs_csv(content.signs, plane))
+    own = () if plane is None else plane_fields(plane.projection.crs)
+    _describe_csv(content, path, (*POSITION_FIELDS, *own, *SIGN_FIELDS))
 
 
 def _describe_csv(content: MapContent, path: Path, fields: Sequence[Field]) -> None:
@@ -138,7 +150,7 @@ def write_shapefile(content: MapContent, path: Path) -> None:
     """Write the signs as a zipped Shapefile."""
     from automap.export import gis, shapefile
 
-    shapefile.write_shapefile(path, content.signs, content.crs or gis.WGS84_3D)
+    shapefile.write_shapefile(path, content.signs, content.crs or gis.WGS84_3D, content.plane)
 
 
 def write_pmtiles(content: MapContent, path: Path) -> None:
