@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
 WGS84 = "WGS84"
+WGS84_3D = "EPSG:4979"
 
 LEAST_ACCURACY_M = 0.25
 """Operations that are not at least this good are no transformation of a sign's position."""
@@ -68,7 +69,7 @@ class Datum:
     @property
     def is_native(self) -> bool:
         """Whether it is the receiver's own, so that nothing changes."""
-        return self.code == "EPSG:4979"
+        return self.code == WGS84_3D
 
 
 @dataclass(frozen=True)

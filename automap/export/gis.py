@@ -17,6 +17,7 @@ import numpy as np
 
 from automap.errors import StageError
 from automap.export.csv_text import csv_cell
+from automap.export.datum import WGS84_3D
 from automap.export.dictionary import plane_fields
 from automap.export.fields import SIGN_FIELDS, STAMP_FIELDS
 from automap.export.geojson import longitude_range
@@ -28,7 +29,6 @@ from automap.export.sign_columns import SignColumns
 from automap.io.atomic import atomic_path, write_failure
 from automap.records import FloatArray
 
-WGS84_3D = "EPSG:4979"
 ROW_GROUP = 65_536
 """Signs a row group of GeoParquet: readers skip whole groups by their bounding box."""
 _FULL_BYTES = 1 << 17
@@ -42,12 +42,14 @@ def write_layers(
     lineage: Mapping[str, Any] | None = None,
     crs: str = WGS84_3D,
     styles: Sequence[QgisStyle] = (),
+    epoch: float | None = None,
 ) -> None:
     """Write layers into one file with GDAL (a FlatGeobuf file holds one layer only).
 
     ``lineage`` goes into the file's own metadata. A GeoPackage also gets the meaning of its
     columns and the ``styles`` that QGIS takes when it opens a layer. ``crs`` is that of the
-    layers' geometries. Raises StageError when GDAL cannot write the file.
+    layers' geometries, ``epoch`` the year in which they hold, with decimals.
+    Raises StageError when GDAL cannot write the file.
     """
     from pyogrio.errors import DataLayerError, DataSourceError
 
@@ -62,8 +64,13 @@ def write_layers(
                 # an index cannot hold features without a position
                 if any(wkb is None for wkb in layer.wkb):
                     options["SPATIAL_INDEX"] = "NO"
+            form: dict[str, Any] = {}
+            if driver == "GPKG":
+                # QGIS and GDAL of some years ago know 1.3, and take times with milliseconds only
+                options = {"DATETIME_PRECISION": "MILLISECOND"}
+                form = {"dataset_options": {"VERSION": "1.3"}} if number == 0 else {}
             metadata = {"AUTOMAP": text} if lineage and driver == "GPKG" else None
-            more = {"append": number > 0, "dataset_metadata": metadata}
+            more = {"append": number > 0, "dataset_metadata": metadata} | form
             try:
                 write_layer(target, layer, driver, crs, layer_options=options or None, **more)
             except (DataSourceError, DataLayerError) as error:
@@ -72,7 +79,7 @@ def write_layers(
         if target != temporary:
             target.replace(temporary)
         if driver == "GPKG":
-            complete_geopackage(temporary, [layer.name for layer in layers], styles)
+            complete_geopackage(temporary, [layer.name for layer in layers], styles, epoch)
             lost = lost_of(temporary, {layer.name: len(layer.wkb) for layer in layers})
             if lost:
                 raise StageError(

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from automap.export import geojson, kml, trajectory_formats
-from automap.export.datum import is_moving
+from automap.export.datum import WGS84_3D, is_moving
 from automap.export.fields import SIGN_FIELDS, Field
 from automap.export.icons import class_icon
 from automap.export.kml import KmlOptions
@@ -60,6 +62,7 @@ def write_kmz(content: MapContent, path: Path) -> None:
         icons=icons,
         pictures=pictures,
         clamp_signs=True,
+        typed=False,
     )
     document = kml.kml_chunks(content.name, content.signs, content.path, options)
     kmz.write_kmz(path, document, files)
@@ -90,8 +93,19 @@ def write_gpkg(content: MapContent, path: Path) -> None:
     if content.roads:
         built.append(road_layer(content.signs, content.roads))
     built = [_placed(content, layer) for layer in built]
-    crs = content.crs or gis.WGS84_3D
-    gis.write_layers(path, built, lineage=content.lineage, crs=crs, styles=styles)
+    crs = content.crs or WGS84_3D
+    gis.write_layers(
+        path, built, lineage=content.lineage, crs=crs, styles=styles, epoch=_epoch(content)
+    )
+
+
+def _epoch(content: MapContent) -> float | None:
+    """The year at which the coordinates hold; None in a national datum, which moves with its plate,
+    so that they hold at all times."""
+    code = content.crs if content.plane is None else content.plane.projection.datum.code
+    moves = code in (None, WGS84_3D) or is_moving(code)
+    epoch = content.lineage.get("coordinate_epoch") if moves else None
+    return float(epoch) if epoch is not None and np.isfinite(epoch) else None
 
 
 def _placed(content: MapContent, layer: Layer) -> Layer:
@@ -103,11 +117,13 @@ def write_geoparquet(content: MapContent, path: Path) -> None:
     """Write the signs as GeoParquet."""
     from automap.export import gis
 
-    # a national datum moves with its plate: its coordinates hold at all times
-    moves = content.crs is None or is_moving(content.crs)
-    epoch = content.lineage.get("coordinate_epoch") if moves else None
     gis.write_geoparquet(
-        path, content.signs, content.lineage, crs=content.crs, epoch=epoch, plane=content.plane
+        path,
+        content.signs,
+        content.lineage,
+        crs=content.crs,
+        epoch=_epoch(content),
+        plane=content.plane,
     )
 
 
@@ -116,7 +132,7 @@ def write_flatgeobuf(content: MapContent, path: Path) -> None:
     from automap.export import gis, layers
 
     layer = _placed(content, layers.sign_layer(content.signs))
-    crs = content.crs or gis.WGS84_3D
+    crs = content.crs or WGS84_3D
     gis.write_layers(path, [layer], driver="FlatGeobuf", lineage=content.lineage, crs=crs)
 
 
@@ -148,9 +164,9 @@ def write_xlsx(content: MapContent, path: Path) -> None:
 
 def write_shapefile(content: MapContent, path: Path) -> None:
     """Write the signs as a zipped Shapefile."""
-    from automap.export import gis, shapefile
+    from automap.export import shapefile
 
-    shapefile.write_shapefile(path, content.signs, content.crs or gis.WGS84_3D, content.plane)
+    shapefile.write_shapefile(path, content.signs, content.crs or WGS84_3D, content.plane)
 
 
 def write_pmtiles(content: MapContent, path: Path) -> None:

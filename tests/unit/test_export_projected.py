@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +12,11 @@ import pyarrow.parquet as pq
 import pyogrio.raw
 import pytest
 import shapely
-from click.testing import CliRunner
 from export_inputs import write_run
 
 from automap.errors import ConfigError, InputError
 from automap.export.projected import parse_projection
-from pipeline.cli import main
+from pipeline.cli.root import run_command
 from pipeline.export.command import export_run
 from pipeline.export.projected import PROJECTED_FORMATS
 
@@ -92,7 +92,27 @@ def test_all_layers_of_a_geopackage_move(out: Path) -> None:
         meta, _, wkb, _ = pyogrio.raw.read(path, layer=layer)
         low = shapely.get_coordinates(shapely.from_wkb(wkb)).min(axis=0)
         assert meta["crs"] == UTM
-        assert 400_000 < low[0] < 500_000 and 5_400_000 < low[1] < 5_500_000
+        assert 400_000 < low[0] < 500_000
+        assert 5_400_000 < low[1] < 5_500_000
+
+
+@pytest.mark.parametrize(("crs", "epoch"), [("", 2026.197), ("EPSG:32632", 2026.197), (UTM, None)])
+def test_systems_that_move_have_an_epoch(crs: str, epoch: float | None, out: Path) -> None:
+    path, _ = export_run(out, "gpkg", out.parent / f"epoch{crs[5:]}.gpkg", crs=crs)
+    with sqlite3.connect(path) as file:
+        columns = {row[1] for row in file.execute("PRAGMA table_info(gpkg_spatial_ref_sys)")}
+        # only what the layers are in has one
+        told = file.execute(
+            "SELECT DISTINCT epoch, definition_12_063 FROM gpkg_spatial_ref_sys JOIN "
+            "gpkg_geometry_columns USING (srs_id)"
+        ).fetchall() if "epoch" in columns else [(None, "")]  # fmt: skip
+        extensions = file.execute(
+            "SELECT COUNT(*) FROM gpkg_extensions WHERE extension_name = 'gpkg_crs_wkt_1_1'"
+        ).fetchone()[0]
+    assert [row[0] for row in told] == [epoch]
+    if epoch is not None:
+        assert "WGS 84" in told[0][1]
+        assert extensions == 2
 
 
 def test_lineage_states_operation_and_accuracy(out: Path) -> None:
@@ -129,25 +149,24 @@ def test_formats_of_longitude_and_latitude_refuse(fmt: str, out: Path) -> None:
         (["--crs", UTM, "--heights", "EPSG:5783"], 3, "PROJ has none"),
     ],
 )
-def test_refusals(options: list[str], code: int, sentence: str, out: Path) -> None:
+def test_refusals(
+    options: list[str], code: int, sentence: str, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     target = out.parent / "refused.gpkg"
-    done = CliRunner().invoke(
-        main, ["export", str(out), "--format", "gpkg", *options, "-o", str(target)]
-    )
-    assert done.exit_code == code, done.output
-    assert sentence in done.output
+    words = ["export", str(out), "--format", "gpkg", *options, "-o", str(target)]
+    assert run_command(words) == code
+    assert sentence in " ".join(capsys.readouterr().err.split())
     assert not target.exists()
 
 
 def test_without_the_grid_heights_are_refused(out: Path) -> None:
-    with pytest.raises(InputError, match="needs the grid de_bkg_gcg2016.tif, which PROJ does not"):
+    with pytest.raises(
+        InputError, match=r"needs the grid de_bkg_gcg2016\.tif, which PROJ does not"
+    ):
         export_run(out, "gpkg", out.parent / "heights.gpkg", crs=UTM, heights="EPSG:7837")
 
 
-def test_postgis_says_how(out: Path) -> None:
-    done = CliRunner().invoke(
-        main, ["export", str(out), "--format", "postgis", "--to", "postgresql://a@b/c",
-               "--crs", UTM],
-    )  # fmt: skip
-    assert done.exit_code == 2
-    assert "ST_Transform" in done.output
+def test_postgis_says_how(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    where = ["--format", "postgis", "--to", "postgresql://a@b/c"]
+    assert run_command(["export", str(out), *where, "--crs", UTM]) == 2
+    assert "ST_Transform" in capsys.readouterr().err
