@@ -153,7 +153,7 @@ def write_geoparquet(
         note = {"unit": field.unit, "description": field.meaning}
         fields.append(pa.field(field.name, kinds[field.kind], metadata=note))
     points = point_wkb(columns)
-    places = columns.lon_deg, columns.lat_deg, columns.height_m
+    places: tuple[FloatArray, ...] = columns.lon_deg, columns.lat_deg, columns.height_m
     if plane is not None:
         points, places = projected_wkb(points, plane), plane.points(*places)
     box = _box_column(columns, places)

@@ -13,7 +13,7 @@ _EPILOG = """\b
 Examples:
   automap export data/sample-drive/_automap --format csv
   automap export maps --format gpkg --datum GDA2020 -o signs-gda2020.gpkg
-  automap export maps --format shapefile --crs EPSG:7856 -o signs-mga56.shp.zip
+  automap export maps --format shapefile --crs EPSG:7856 -o mga56.zip
   automap export maps --format osm --min-confidence 0.8 -o review.osm
   automap export maps --format tum --point antenna
   automap export maps --format trajectory-csv --at frames.csv --point front \\
