@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
 WGS84 = "WGS84"
+WGS84_3D = "EPSG:4979"
 
 LEAST_ACCURACY_M = 0.25
 """Operations that are not at least this good are no transformation of a sign's position."""
@@ -68,7 +69,7 @@ class Datum:
     @property
     def is_native(self) -> bool:
         """Whether it is the receiver's own, so that nothing changes."""
-        return self.code == "EPSG:4979"
+        return self.code == WGS84_3D
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ def parse_datum(text: str) -> Datum:
         hint = next((k for k in _KNOWN if near and _plain(k) == near[0]), "")
         advice = f"did you mean {hint}?" if hint else f"known are {', '.join(_KNOWN)}, or EPSG:n."
         raise ConfigError(f"--datum {text}: there is no datum {name!r}; {advice}")
-    crs = _crs(name.strip().upper())
+    crs = find_crs(name.strip().upper())
     if not crs.is_geographic:
         raise ConfigError(
             f"--datum {text} is {crs.name}, which has no longitude and latitude; name a datum, "
@@ -140,7 +141,7 @@ def parse_datum(text: str) -> Datum:
 def is_moving(code: str) -> bool:
     """Whether coordinates in a system change with time, as in an ITRF, so that they need an
     epoch."""
-    datum = _crs(code).datum
+    datum = find_crs(code).datum
     return datum is not None and "Dynamic" in datum.type_name
 
 
@@ -148,14 +149,17 @@ def _plain(name: str) -> str:
     return re.sub(r"[^A-Z0-9]", "", name.upper())
 
 
-def _crs(code: str) -> CRS:
+def find_crs(code: str, option: str = "--datum") -> CRS:
+    """The system of a code; ConfigError, in the name of ``option``, where there is none."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
     try:
         return CRS.from_user_input(code)
     except CRSError:
-        raise ConfigError(f"--datum {code}: PROJ knows no such code; look it up in EPSG.") from None
+        raise ConfigError(
+            f"{option} {code}: PROJ knows no such code; look it up in EPSG."
+        ) from None
 
 
 def to_datum(
@@ -202,7 +206,9 @@ def to_datum(
         float(v) for v in (lon[good].min(), lat[good].min(), lon[good].max(), lat[good].max())
     )
     _check_area(datum, lon[good], lat[good])
-    transformer, accuracy = _operation(source, datum.code, datum.name, (west, south, east, north))
+    transformer, accuracy = operation(
+        source, datum.code, f"--datum {datum.name}", (west, south, east, north)
+    )
     high = np.where(np.isfinite(height[good]), height[good], 0.0)
     moved = transformer.transform(lon[good], lat[good], high, np.full(int(good.sum()), epoch))
     out_lon[good], out_lat[good] = moved[0], moved[1]
@@ -225,20 +231,27 @@ def to_datum(
 
 
 def _check_area(datum: Datum, lon: FloatArray, lat: FloatArray) -> None:
-    area = _crs(datum.code).area_of_use
+    missed = area_missed(datum.code, lon, lat)
+    if missed:
+        raise InputError(
+            f"--datum {datum.name} is made for {missed}, and the map lies elsewhere; "
+            "name the datum of its country."
+        )
+
+
+def area_missed(code: str, lon: FloatArray, lat: FloatArray) -> str:
+    """The area that a system is made for, in words, where positions [n] in degrees lie outside of
+    it by more than half a degree; "" where all lie inside."""
+    area = find_crs(code).area_of_use
     if area is None:
-        return
+        return ""
     slack = 0.5
     if area.west <= area.east:
         inside = (lon >= area.west - slack) & (lon <= area.east + slack)
     else:
         inside = (lon >= area.west - slack) | (lon <= area.east + slack)
     inside &= (lat >= area.south - slack) & (lat <= area.north + slack)
-    if not inside.all():
-        raise InputError(
-            f"--datum {datum.name} is made for {_short(area.name)}, and the map lies elsewhere; "
-            "name the datum of its country."
-        )
+    return "" if inside.all() else _short(area.name)
 
 
 def _short(name: str) -> str:
@@ -246,10 +259,14 @@ def _short(name: str) -> str:
 
 
 @lru_cache(maxsize=8)
-def _operation(
-    source: str, target: str, name: str, bounds: tuple[float, float, float, float]
+def operation(
+    source: str, target: str, option: str, bounds: tuple[float, float, float, float]
 ) -> tuple[Any, float]:
-    """The best operation between two systems that is a real one, and its accuracy in m."""
+    """The best operation between two systems that is a real one, and its accuracy in m.
+
+    ``bounds`` are west, south, east, north in degrees. Raises InputError, in the name of
+    ``option``, where PROJ has none that is good enough, or lacks its grid.
+    """
     from pyproj.aoi import AreaOfInterest
     from pyproj.transformer import TransformerGroup
 
@@ -267,7 +284,7 @@ def _operation(
     except IndexError:
         # pyproj stumbles over an empty list of operations
         raise InputError(
-            f"--datum {name}: no transformation from satellite coordinates is good to "
+            f"{option}: no transformation from satellite coordinates is good to "
             f"{LEAST_ACCURACY_M:g} m; PROJ has none."
         ) from None
     refused = ""
@@ -287,12 +304,12 @@ def _operation(
     )  # fmt: skip
     if grids:
         raise InputError(
-            f"--datum {name}: the transformation needs the grid {grids[0]}, which PROJ does not "
+            f"{option}: the transformation needs the grid {grids[0]}, which PROJ does not "
             f"have here; fetch it with: projsync --file {grids[0]}"
         )
     why = refused or "PROJ has none"
     raise InputError(
-        f"--datum {name}: no transformation from satellite coordinates is good to "
+        f"{option}: no transformation from satellite coordinates is good to "
         f"{LEAST_ACCURACY_M:g} m; {why}."
     )
 

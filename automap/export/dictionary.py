@@ -16,6 +16,17 @@ POSITION_FIELDS: tuple[Field, ...] = (
     Field("height_m", "real", "m", "height above the ellipsoid", 3),
 )
 
+
+def plane_fields(crs: str) -> tuple[Field, ...]:
+    """The columns of projected coordinates, in the system ``crs`` and its own units."""
+    return (
+        Field("easting", "real", "", f"easting in {crs}, in its unit", 3),
+        Field("northing", "real", "", f"northing in {crs}, in its unit", 3),
+        Field("crs_height", "real", "", f"height in {crs}; above the ellipsoid if it has none", 3),
+        Field("crs", "text", "", "code of the system of easting, northing and crs_height"),
+    )
+
+
 TRACK_FIELDS: tuple[Field, ...] = (
     Field("t_ns", "integer", "ns", "host clock at the start of the line"),
     Field("utc", "time", "UTC", "time at the start of the line"),

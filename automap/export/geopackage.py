@@ -56,12 +56,16 @@ _DATED = (
 )
 
 
-def complete_geopackage(path: Path, layers: Sequence[str], styles: Sequence[QgisStyle]) -> None:
-    """Add the columns' meanings and the styles to a GeoPackage that GDAL has written, and take out
-    when that was. StageError where SQLite cannot."""
+def complete_geopackage(
+    path: Path, layers: Sequence[str], styles: Sequence[QgisStyle], epoch: float | None = None
+) -> None:
+    """Add the columns' meanings, the styles and the coordinates' ``epoch`` in years to a GeoPackage
+    that GDAL has written, and take out when that was. StageError where SQLite cannot."""
     try:
         with closing(sqlite3.connect(path)) as file, file:
             _describe(file, layers)
+            if epoch is not None:
+                _set_epoch(file, layers, epoch)
             if styles:
                 _add_styles(file, styles)
             present = {row[0] for row in file.execute("SELECT name FROM sqlite_master")}
@@ -121,6 +125,47 @@ def _describe(file: sqlite3.Connection, layers: Sequence[str]) -> None:
         )
 
 
+def _set_epoch(file: sqlite3.Connection, layers: Sequence[str], epoch: float) -> None:
+    """Column ``epoch`` of the layers' systems: OGC GeoPackage, annex F.10, CRS WKT 1.1."""
+    present = {row[1] for row in file.execute("PRAGMA table_info(gpkg_spatial_ref_sys)")}
+    if "definition_12_063" not in present:
+        file.execute(
+            "ALTER TABLE gpkg_spatial_ref_sys ADD COLUMN definition_12_063 TEXT NOT NULL "
+            "DEFAULT 'undefined'"
+        )
+        for srs, text in _wkt2(file):
+            file.execute(
+                "UPDATE gpkg_spatial_ref_sys SET definition_12_063 = ? WHERE srs_id = ?",
+                (text, srs),
+            )
+    if "epoch" not in present:
+        file.execute("ALTER TABLE gpkg_spatial_ref_sys ADD COLUMN epoch DOUBLE")
+    for layer in layers:
+        file.execute(
+            "UPDATE gpkg_spatial_ref_sys SET epoch = ? WHERE srs_id = "
+            "(SELECT srs_id FROM gpkg_geometry_columns WHERE table_name = ?)",
+            (round(epoch, 3), layer),
+        )
+    file.execute("DELETE FROM gpkg_extensions WHERE extension_name LIKE 'gpkg_crs_wkt%'")
+    for column in ("definition_12_063", "epoch"):
+        file.execute(
+            "INSERT INTO gpkg_extensions VALUES ('gpkg_spatial_ref_sys', ?, 'gpkg_crs_wkt_1_1', "
+            "'http://www.geopackage.org/spec/#extension_crs_wkt', 'read-write')",
+            (column,),
+        )
+
+
+def _wkt2(file: sqlite3.Connection) -> list[tuple[int, str]]:
+    """The systems' numbers, and their texts by OGC 18-010."""
+    from pyproj import CRS
+
+    rows = file.execute(
+        "SELECT srs_id, organization, organization_coordsys_id FROM gpkg_spatial_ref_sys "
+        "WHERE organization = 'EPSG'"
+    ).fetchall()
+    return [(srs, CRS.from_authority("EPSG", code).to_wkt()) for srs, _, code in rows]
+
+
 def _add_styles(file: sqlite3.Connection, styles: Sequence[QgisStyle]) -> None:
     file.execute(_STYLES_TABLE)
     file.execute(
@@ -134,6 +179,13 @@ def _add_styles(file: sqlite3.Connection, styles: Sequence[QgisStyle]) -> None:
         file.execute(
             "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, "
             "f_geometry_column, styleName, styleQML, styleSLD, useAsDefault, description, owner) "
-            "VALUES ('', '', ?, ?, ?, ?, '', 1, ?, '')",
-            (style.layer, geometry[style.layer], style.layer, style.qml, style.description),
+            "VALUES ('', '', ?, ?, ?, ?, ?, 1, ?, '')",
+            (
+                style.layer,
+                geometry[style.layer],
+                style.layer,
+                style.qml,
+                style.sld,
+                style.description,
+            ),
         )

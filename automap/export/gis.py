@@ -17,15 +17,18 @@ import numpy as np
 
 from automap.errors import StageError
 from automap.export.csv_text import csv_cell
+from automap.export.datum import WGS84_3D
+from automap.export.dictionary import plane_fields
 from automap.export.fields import STAMP_FIELDS
 from automap.export.geojson import longitude_range
 from automap.export.geopackage import complete_geopackage, lost_of
 from automap.export.layers import Layer, point_wkb, times_of_texts
+from automap.export.projected import Plane, projected_wkb
 from automap.export.qgis_style import QgisStyle
 from automap.export.sign_columns import SignColumns
 from automap.io.atomic import atomic_path, write_failure
+from automap.records import FloatArray
 
-WGS84_3D = "EPSG:4979"
 ROW_GROUP = 65_536
 """Signs a row group of GeoParquet: readers skip whole groups by their bounding box."""
 _FULL_BYTES = 1 << 17
@@ -39,12 +42,14 @@ def write_layers(
     lineage: Mapping[str, Any] | None = None,
     crs: str = WGS84_3D,
     styles: Sequence[QgisStyle] = (),
+    epoch: float | None = None,
 ) -> None:
     """Write layers into one file with GDAL (a FlatGeobuf file holds one layer only).
 
     ``lineage`` goes into the file's own metadata. A GeoPackage also gets the meaning of its
     columns and the ``styles`` that QGIS takes when it opens a layer. ``crs`` is that of the
-    layers' geometries. Raises StageError when GDAL cannot write the file.
+    layers' geometries, ``epoch`` the year in which they hold, with decimals.
+    Raises StageError when GDAL cannot write the file.
     """
     from pyogrio.errors import DataLayerError, DataSourceError
 
@@ -59,8 +64,13 @@ def write_layers(
                 # an index cannot hold features without a position
                 if any(wkb is None for wkb in layer.wkb):
                     options["SPATIAL_INDEX"] = "NO"
+            form: dict[str, Any] = {}
+            if driver == "GPKG":
+                # QGIS and GDAL of some years ago know 1.3, and take times with milliseconds only
+                options = {"DATETIME_PRECISION": "MILLISECOND"}
+                form = {"dataset_options": {"VERSION": "1.3"}} if number == 0 else {}
             metadata = {"AUTOMAP": text} if lineage and driver == "GPKG" else None
-            more = {"append": number > 0, "dataset_metadata": metadata}
+            more = {"append": number > 0, "dataset_metadata": metadata} | form
             try:
                 write_layer(target, layer, driver, crs, layer_options=options or None, **more)
             except (DataSourceError, DataLayerError) as error:
@@ -69,7 +79,7 @@ def write_layers(
         if target != temporary:
             target.replace(temporary)
         if driver == "GPKG":
-            complete_geopackage(temporary, [layer.name for layer in layers], styles)
+            complete_geopackage(temporary, [layer.name for layer in layers], styles, epoch)
             lost = lost_of(temporary, {layer.name: len(layer.wkb) for layer in layers})
             if lost:
                 raise StageError(
@@ -115,11 +125,13 @@ def write_geoparquet(
     lineage: Mapping[str, Any] | None = None,
     crs: str | None = None,
     epoch: float | None = None,
+    plane: Plane | None = None,
 ) -> None:
     """Write signs as GeoParquet 1.1: WKB points, a bbox column as covering, field meanings.
 
     The coordinate system is OGC:CRS84h, WGS-84 longitude, latitude and ellipsoidal height, or
-    ``crs``, in which the columns' coordinates then are. ``epoch`` is the year, with decimals, at
+    ``crs``, in which the columns' coordinates then are, or to which ``plane`` projects them.
+    ``epoch`` is the year, with decimals, at
     which the coordinates hold. ``lineage`` stands under the key ``automap``.
     """
     import pyarrow as pa
@@ -140,10 +152,14 @@ def write_geoparquet(
         arrays.append(pa.array(values, kinds[field.kind], from_pandas=True))
         note = {"unit": field.unit, "description": field.meaning}
         fields.append(pa.field(field.name, kinds[field.kind], metadata=note))
-    box = _box_column(columns)
-    arrays += [box, pa.array(point_wkb(columns), pa.binary())]
+    points = point_wkb(columns)
+    places: tuple[FloatArray, ...] = columns.lon_deg, columns.lat_deg, columns.height_m
+    if plane is not None:
+        points, places = projected_wkb(points, plane), plane.points(*places)
+    box = _box_column(columns, places)
+    arrays += [box, pa.array(points, pa.binary())]
     fields += [pa.field("bbox", box.type), pa.field("geometry", pa.binary())]
-    metadata = {"geo": json.dumps(_geo_metadata(columns, crs or "OGC:CRS84h", epoch))}
+    metadata = {"geo": json.dumps(_geo_metadata(columns, places, crs or "OGC:CRS84h", epoch))}
     if lineage:
         metadata["automap"] = json.dumps(lineage, default=str)
     schema = pa.schema(fields, metadata=metadata)
@@ -160,18 +176,20 @@ def _utf8(text: str | None) -> str | None:
     return None if text is None else text.encode("utf-8", "replace").decode("utf-8")
 
 
-def _box_column(columns: SignColumns) -> Any:
+def _box_column(columns: SignColumns, places: Sequence[FloatArray]) -> Any:
     import pyarrow as pa
 
     hidden = ~columns.located
-    lon = pa.array(columns.lon_deg, mask=hidden)
-    lat = pa.array(columns.lat_deg, mask=hidden)
-    return pa.StructArray.from_arrays([lon, lat, lon, lat], ["xmin", "ymin", "xmax", "ymax"])
+    x, y = (pa.array(values, mask=hidden) for values in places[:2])
+    return pa.StructArray.from_arrays([x, y, x, y], ["xmin", "ymin", "xmax", "ymax"])
 
 
-def _geo_metadata(columns: SignColumns, crs: str, epoch: float | None) -> dict[str, Any]:
+def _geo_metadata(
+    columns: SignColumns, places: Sequence[FloatArray], crs: str, epoch: float | None
+) -> dict[str, Any]:
     from pyproj import CRS
 
+    system = CRS.from_user_input(crs)
     located = columns.located
     high = located & np.isfinite(columns.height_m)
     types = [
@@ -180,7 +198,7 @@ def _geo_metadata(columns: SignColumns, crs: str, epoch: float | None) -> dict[s
     geometry: dict[str, Any] = {
         "encoding": "WKB",
         "geometry_types": types,
-        "crs": CRS.from_user_input(crs).to_json_dict(),
+        "crs": system.to_json_dict(),
         "covering": {
             "bbox": {name: ["bbox", name] for name in ("xmin", "ymin", "xmax", "ymax")},
         },
@@ -188,9 +206,11 @@ def _geo_metadata(columns: SignColumns, crs: str, epoch: float | None) -> dict[s
     if epoch is not None:
         geometry["epoch"] = round(epoch, 3)
     if located.any():
-        west, east = longitude_range(columns.lon_deg[located])
-        lat, height = columns.lat_deg[located], columns.height_m[located]
-        low, top = [west, float(lat.min())], [east, float(lat.max())]
+        x, y, height = (values[located] for values in places)
+        west, east = float(x.min()), float(x.max())
+        if system.is_geographic:
+            west, east = longitude_range(x)
+        low, top = [west, float(y.min())], [east, float(y.max())]
         if high.sum() == located.sum():
             low.append(float(height.min()))
             top.append(float(height.max()))
@@ -198,8 +218,9 @@ def _geo_metadata(columns: SignColumns, crs: str, epoch: float | None) -> dict[s
     return {"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": geometry}}
 
 
-def signs_csv(columns: SignColumns) -> str:
-    """Signs as CSV (RFC 4180): position first, then every field; unknown values are empty.
+def signs_csv(columns: SignColumns, plane: Plane | None = None) -> str:
+    """Signs as CSV (RFC 4180): position first, with that in the ``plane`` if there is one, then
+    every field; unknown values are empty.
 
     A text that a spreadsheet would compute gets an apostrophe in front.
     """
@@ -213,6 +234,13 @@ def signs_csv(columns: SignColumns) -> str:
         _number_texts(columns.lat_deg, 9),
         _number_texts(columns.height_m, 3),
     ]
+    heads = ["lon_deg", "lat_deg", "height_m"]
+    if plane is not None:
+        crs = plane.projection.crs
+        places = plane.points(columns.lon_deg, columns.lat_deg, columns.height_m)
+        texts += [_number_texts(values, 3) for values in places]
+        texts.append([crs] * len(columns))
+        heads += [field.name for field in plane_fields(crs)]
     for field in columns.fields:
         values = columns.values[field.name]
         if field.kind == "real":
@@ -226,7 +254,7 @@ def signs_csv(columns: SignColumns) -> str:
             texts.append(["" if value is None else str(value) for value in values])
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\r\n")
-    writer.writerow(["lon_deg", "lat_deg", "height_m", *(field.name for field in columns.fields)])
+    writer.writerow([*heads, *(field.name for field in columns.fields)])
     writer.writerows(zip(*texts, strict=True))
     return stream.getvalue().encode("utf-8", "replace").decode("utf-8")
 

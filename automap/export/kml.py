@@ -65,7 +65,8 @@ class KmlOptions:
     ``sign_geoid_m`` and ``path_geoid_m`` are the heights of the geoid above the ellipsoid at
     the signs and at the points of the path; None or NaN where unknown. ``icons`` are pictures
     of classes and ``pictures`` those of signs (by number), as paths within the KMZ archive.
-    ``clamp_signs`` puts the signs on the ground even where their altitude is known.
+    ``clamp_signs`` puts the signs on the ground even where their altitude is known; ``typed`` gives
+    their fields the types of a schema.
     """
 
     sign_geoid_m: FloatArray | None = None
@@ -74,6 +75,7 @@ class KmlOptions:
     icons: Mapping[str, str] = field(default_factory=dict)
     pictures: Mapping[int, Sequence[str]] = field(default_factory=dict)
     clamp_signs: bool = False
+    typed: bool = True
 
 
 def map_kml(
@@ -122,7 +124,8 @@ def _document(
     for number, colour in enumerate(SIGMA_COLOURS):
         yield _line_style(f"sigma-{number}", colour, 6)
     yield lineage_data(options.lineage)
-    yield sign_schema(columns.fields)
+    if options.typed:
+        yield sign_schema(columns.fields)
     yield TRACK_SCHEMA
     yield "<Folder><name>Signs</name><open>0</open>"
     yield from _signs(columns, style_of, options)
@@ -205,9 +208,9 @@ def _signs(
         *balloon_cells(cells),
         "</table>]]></description><styleUrl>#",
         text_column(classes, lambda cls: style_of[cls]),
-        '</styleUrl><ExtendedData><SchemaData schemaUrl="#sign">',
-        *data_cells(cells),
-        "</SchemaData></ExtendedData>",
+        "</styleUrl><ExtendedData>",
+        *data_cells(cells, options.typed),
+        "</ExtendedData>",
         *_points(columns, _altitude(options.sign_geoid_m, columns.height_m), options.clamp_signs),
         "</Placemark>\n",
     ]

@@ -134,12 +134,16 @@ def _cells(field: Field, values: Any) -> Cells:
     return Cells(texts, text_column(values, html_text), texts.length > 0)
 
 
-def data_cells(cells: Mapping[str, Cells]) -> Pieces:
-    """The SimpleData elements of every field, left out where the value is unknown."""
-    pieces: Pieces = []
+def data_cells(cells: Mapping[str, Cells], typed: bool) -> Pieces:
+    """The values of every field, left out where unknown: by the schema's types, or as plain Data,
+    which GDAL reads from an archive too, where it does not find the schema."""
+    pieces: Pieces = ['<SchemaData schemaUrl="#sign">'] if typed else []
     for name, own in cells.items():
-        pieces += _framed(f'<SimpleData name="{name}">', own.xml, "</SimpleData>", own.known)
-    return pieces
+        head, end = f'<SimpleData name="{name}">', "</SimpleData>"
+        if not typed:
+            head, end = f'<Data name="{name}"><value>', "</value></Data>"
+        pieces += _framed(head, own.xml, end, own.known)
+    return [*pieces, "</SchemaData>"] if typed else pieces
 
 
 def balloon_cells(cells: Mapping[str, Cells]) -> Pieces:

@@ -17,10 +17,11 @@ from automap.export.fields import ROAD_FIELDS, SIGN_FIELDS, Field
 from automap.export.icons import sign_words
 from automap.export.kml_cells import clean_text
 from automap.export.kml_track import SIGMA_COLOURS, UNKNOWN_COLOUR
+from automap.export.sld import ellipse_sld, sign_sld, track_sld
 
 _HEAD = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
 _VERSION = "3.22.0"
-_CATEGORIES = "Symbology|Labeling|Fields|MapTips|Rendering"
+_CATEGORIES = "Symbology|Labeling|Fields|MapTips|Rendering|Forms"
 _BEYOND = 1e6
 _SEEN_SCALE = 1000
 """Hundreds of dots would be all that a map of a town shows."""
@@ -28,11 +29,13 @@ _SEEN_SCALE = 1000
 
 @dataclass(frozen=True)
 class QgisStyle:
-    """The default look of one layer; ``qml`` is the document."""
+    """The default look of one layer; ``qml`` is the document, ``sld`` the same for
+    other programs, as far as that goes."""
 
     layer: str
     qml: str
     description: str
+    sld: str = ""
 
 
 _SIZE_MM = "CASE WHEN @map_scale < 5000 THEN 7 WHEN @map_scale < 30000 THEN 4 ELSE 2 END"
@@ -49,6 +52,20 @@ faces [% coalesce(round("facing_deg"), '?') %] deg, sd
 [% coalesce(round("facing_sd_deg"), '?') %] deg
 [% coalesce('<br>' || "note", '') %]"""
 """The picture lies in the folder ``pictures`` beside the map."""
+_FORM_PICTURE = (
+    """<img id="face" height="240"><script>document.getElementById("face").src = """
+    """expression.evaluate("'file:///' || regexp_replace(decode_uri(@layer, 'path'), """
+    r"""'[^/]*$', '') || 'pictures/' || \"id\" || '-1.jpg'");</script>"""
+)
+"""On one line, as QGIS wants an expression in a script."""
+_FORM_TABS = {
+    "Sign": ("name", "code", "value", "value_unit", "status", "confidence", "note", "reviewer"),
+    "Place": ("height_above_road_m", "sd_above_road_m", "height_msl_m", "facing_deg",
+              "facing_sd_deg", "side", "size_m", "support", "ce95_m", "sd_u_m"),
+    "Sightings": ("n_views", "first_seen", "last_seen", "drives", "existence",
+                  "class_probability"),
+}  # fmt: skip
+"""Columns of the form, tab by tab; the picture is on the first."""
 
 
 def sign_style(icons: Mapping[str, bytes], colours: Mapping[str, str]) -> QgisStyle:
@@ -79,7 +96,8 @@ def sign_style(icons: Mapping[str, bytes], colours: Mapping[str, str]) -> QgisSt
     _columns(root, (*SIGN_FIELDS, *ROAD_FIELDS))
     Xml.SubElement(root, "previewExpression").text = 'concat("name", \' \', "id")'
     Xml.SubElement(root, "mapTip").text = _TIP
-    return QgisStyle("signs", _text(root), "faces by class")
+    _form(root, SIGN_FIELDS)
+    return QgisStyle("signs", _text(root), "faces by class", sign_sld(colours, names))
 
 
 def track_style(limits: Sequence[float], labels: Sequence[str]) -> QgisStyle:
@@ -104,7 +122,7 @@ def track_style(limits: Sequence[float], labels: Sequence[str]) -> QgisStyle:
             {"line_color": _rgba(colour), "line_width": "1", "line_width_unit": "MM",
              "capstyle": "round", "joinstyle": "round"},
         )  # fmt: skip
-    return QgisStyle("trajectory", _text(root), "horizontal sigma")
+    return QgisStyle("trajectory", _text(root), "horizontal sigma", track_sld(limits, labels))
 
 
 def ellipse_style() -> QgisStyle:
@@ -119,7 +137,7 @@ def ellipse_style() -> QgisStyle:
         {"color": _rgba("#888888", 64), "outline_color": _rgba("#444444"), "style": "solid",
          "outline_width": "0.26", "outline_width_unit": "MM", "outline_style": "solid"},
     )  # fmt: skip
-    return QgisStyle("ellipses", _text(root), "95 % of the horizontal position")
+    return QgisStyle("ellipses", _text(root), "95 % of the horizontal position", ellipse_sld())
 
 
 def assembly_style() -> QgisStyle:
@@ -173,6 +191,26 @@ def _columns(root: Xml.Element, fields: Sequence[Field]) -> None:
         words = re.sub(r"_(m|deg|m2)$", "", field.name).replace("_", " ")
         unit = f" ({field.unit})" if field.unit else ""
         Xml.SubElement(aliases, "alias", field=field.name, index=str(number), name=words + unit)
+
+
+def _form(root: Xml.Element, fields: Sequence[Field]) -> None:
+    """The form of a sign in tabs, with its picture."""
+    Xml.SubElement(root, "editorlayout").text = "tablayout"
+    form = Xml.SubElement(root, "attributeEditorForm")
+    number = {field.name: str(index) for index, field in enumerate(fields)}
+    for tab, names in _FORM_TABS.items():
+        box = Xml.SubElement(
+            form, "attributeEditorContainer", name=tab, groupBox="0", columnCount="1", showLabel="1"
+        )
+        if tab == "Sign":
+            picture = Xml.SubElement(
+                box, "attributeEditorHtmlElement", name="Picture", showLabel="0"
+            )
+            picture.text = _FORM_PICTURE
+        for name in names:
+            Xml.SubElement(
+                box, "attributeEditorField", name=name, index=number[name], showLabel="1"
+            )
 
 
 def _by_expression(layer: Xml.Element, **properties: str) -> None:

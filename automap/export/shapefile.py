@@ -16,6 +16,7 @@ import numpy as np
 
 from automap.export.fields import SIGN_FIELDS, Field
 from automap.export.layers import Layer, sign_layer
+from automap.export.projected import Plane, projected_layer
 from automap.export.sign_columns import SignColumns
 from automap.io.atomic import atomic_path
 
@@ -45,11 +46,14 @@ def short_name(name: str) -> str:
     return SHORT.get(name, name)
 
 
-def write_shapefile(path: Path, columns: SignColumns, crs: str) -> None:
-    """Write ``path``, a .zip with ``signs.shp`` and its kin, and the legend; in ``crs``."""
+def write_shapefile(path: Path, columns: SignColumns, crs: str, plane: Plane | None = None) -> None:
+    """Write ``path``, a .zip with ``signs.shp`` and its kin, and the legend; in ``crs``, to which
+    ``plane`` projects."""
     from automap.export.gis import write_layer
 
     layer = _plain(sign_layer(columns), columns)
+    if plane is not None:
+        layer = projected_layer(layer, plane)
     with tempfile.TemporaryDirectory() as folder:
         shape = Path(folder) / "signs.shp"
         write_layer(shape, layer, "ESRI Shapefile", crs, layer_options={"ENCODING": "UTF-8"})

@@ -13,6 +13,7 @@ _EPILOG = """\b
 Examples:
   automap export data/sample-drive/_automap --format csv
   automap export maps --format gpkg --datum GDA2020 -o signs-gda2020.gpkg
+  automap export maps --format shapefile --crs EPSG:7856 -o mga56.zip
   automap export maps --format osm --min-confidence 0.6 -o review.osm
   automap export maps --format tum --point antenna
   automap export maps --format trajectory-csv --at frames.csv --point front \\
@@ -82,6 +83,20 @@ Examples:
     metavar="FILE",
     help="Lines of roads, as of automap run: signs get road, chainage and side.",
 )
+@click.option(
+    "--crs",
+    default="",
+    metavar="EPSG:N",
+    help="Projected coordinates in gpkg, shapefile, flatgeobuf, parquet and csv (there beside the "
+    "degrees), as EPSG:25832; the datum is that of the system.",
+)
+@click.option(
+    "--heights",
+    default="",
+    metavar="EPSG:N",
+    help="With --crs: heights of this system, as EPSG:7837, by PROJ's grid of its geoid. Default: "
+    "above the ellipsoid.",
+)
 @click.option("--filtered", is_flag=True, help="The forward filter's trajectory, not smoothed.")
 def command(
     out: Path,
@@ -93,6 +108,8 @@ def command(
     min_confidence: float,
     datum: str,
     roads: Path | None,
+    crs: str,
+    heights: str,
     filtered: bool,
 ) -> None:
     """Write the map in OUT, or its trajectory, in one more format.
@@ -104,14 +121,24 @@ def command(
 
     if form == "postgis" or to:
         from pipeline.export.postgis import export_postgis
+        from pipeline.export.projected import check_projected
 
+        check_projected(crs, heights, datum, "postgis")
         told, warnings = export_postgis(out, form, to, min_confidence, roads)
         for text in warnings:
             click.echo(f"warning: {text}", err=True)
         click.echo(told)
         return
     path, warnings = export_run(
-        out, form, target, TrajectoryView(at, point, filtered), min_confidence, datum, roads
+        out,
+        form,
+        target,
+        TrajectoryView(at, point, filtered),
+        min_confidence,
+        datum,
+        roads,
+        crs,
+        heights,
     )
     for text in warnings:
         click.echo(f"warning: {text}", err=True)

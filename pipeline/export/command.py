@@ -9,6 +9,7 @@ from automap.io import names
 from pipeline.export.content import map_content, trajectory_of
 from pipeline.export.datum import check_format, in_datum
 from pipeline.export.formats import FORMATS, TRAJECTORY_FORMATS, write_dictionary
+from pipeline.export.projected import check_projected, in_projection
 from pipeline.export.roads import put_on_roads
 from pipeline.export.trajectory_view import TrajectoryView, viewed
 from pipeline.shared.run_record import drive_of
@@ -23,15 +24,17 @@ def export_run(
     min_confidence: float = 0.0,
     datum: str = "",
     roads: Path | None = None,
+    crs: str = "",
+    heights: str = "",
 ) -> tuple[Path, list[str]]:
     """Write the map of a finished run in one format, and the data dictionary beside it.
 
     ``target`` is the file to write, by default the format's own name in OUT; ``view`` which
     trajectory, for the formats of one; ``min_confidence`` leaves out signs less sure;
     ``datum`` such as GDA2020@2026.5 moves the positions of GIS formats into it; ``roads`` is a
-    layer on which the signs get a place, in place of the map's own. Returns the file and the
-    warnings. Raises ConfigError for an unknown format or a view of signs, InputError when OUT
-    holds no run.
+    layer on which the signs get a place, in place of the map's own; ``crs`` such as EPSG:25832
+    projects positions, with ``heights`` such as EPSG:7837. Returns the file and the warnings.
+    Raises ConfigError for an unknown format or a view of signs, InputError when OUT holds no run.
     """
     view = TrajectoryView() if view is None else view
     if fmt not in FORMATS:
@@ -42,6 +45,7 @@ def export_run(
             f"take one of {', '.join(TRAJECTORY_FORMATS)}."
         )
     check_format(datum, fmt)
+    check_projected(crs, heights, datum, fmt)
     check_run(out)
     file_name, write = FORMATS[fmt]
     path = target if target is not None else out / file_name
@@ -55,7 +59,9 @@ def export_run(
         content.every_row = view.at is not None
     if roads is not None:
         put_on_roads(content, roads)
-    if datum:
+    if crs:
+        content = in_projection(content, crs, heights, datum)
+    elif datum:
         content = in_datum(content, datum)
     write(content, path)
     write_dictionary(path.with_name(names.DICTIONARY))

@@ -11,6 +11,7 @@ import numpy as np
 from automap.errors import InputError
 from automap.export.path import Path as MapPath
 from automap.export.path import joined_paths, simplified_path
+from automap.export.projected import Plane
 from automap.export.roads import read_roads_csv, set_roads
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
@@ -38,6 +39,8 @@ class MapContent:
     pictures: list[Picture] = field(default_factory=list)
     crs: str | None = None
     """Coordinate system of the positions where it is not WGS-84."""
+    plane: Plane | None = None
+    """How the formats that can hold projected coordinates get them, where those are asked for."""
 
 
 def map_content(

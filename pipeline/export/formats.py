@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from automap.export import geojson, kml, trajectory_formats
-from automap.export.datum import is_moving
+from automap.export.datum import WGS84_3D, is_moving
 from automap.export.fields import Field
 from automap.export.icons import class_icon
 from automap.export.kml import KmlOptions
+from automap.export.layers import Layer
+from automap.export.projected import projected_layer
 from automap.export.sign_columns import sign_columns
 from automap.io import names
 from automap.io.atomic import write_bytes, write_chunks, write_json, write_text
@@ -62,6 +66,7 @@ def write_kmz(content: MapContent, path: Path) -> None:
         icons=icons,
         pictures=pictures,
         clamp_signs=True,
+        typed=False,
     )
     document = kml.kml_chunks(content.name, content.signs, content.path, options)
     kmz.write_kmz(path, document, files)
@@ -92,36 +97,59 @@ def write_gpkg(content: MapContent, path: Path) -> None:
     styles.append(qgis_style.assembly_style())
     built.append(layers.ellipse_layer(content.signs))
     styles.append(qgis_style.ellipse_style())
-    crs = content.crs or gis.WGS84_3D
-    gis.write_layers(path, built, lineage=content.lineage, crs=crs, styles=styles)
+    built = [_placed(content, layer) for layer in built]
+    crs = content.crs or WGS84_3D
+    gis.write_layers(
+        path, built, lineage=content.lineage, crs=crs, styles=styles, epoch=_epoch(content)
+    )
+
+
+def _epoch(content: MapContent) -> float | None:
+    """The year at which the coordinates hold; None in a national datum, which moves with its plate,
+    so that they hold at all times."""
+    code = content.crs if content.plane is None else content.plane.projection.datum.code
+    moves = code in (None, WGS84_3D) or is_moving(code)
+    epoch = content.lineage.get("coordinate_epoch") if moves else None
+    return float(epoch) if epoch is not None and np.isfinite(epoch) else None
+
+
+def _placed(content: MapContent, layer: Layer) -> Layer:
+    """The layer in the coordinates that were asked for."""
+    return layer if content.plane is None else projected_layer(layer, content.plane)
 
 
 def write_geoparquet(content: MapContent, path: Path) -> None:
     """Write the signs as GeoParquet."""
     from automap.export import gis
 
-    # a national datum moves with its plate: its coordinates hold at all times
-    moves = content.crs is None or is_moving(content.crs)
-    epoch = content.lineage.get("coordinate_epoch") if moves else None
-    gis.write_geoparquet(path, content.signs, content.lineage, crs=content.crs, epoch=epoch)
+    gis.write_geoparquet(
+        path,
+        content.signs,
+        content.lineage,
+        crs=content.crs,
+        epoch=_epoch(content),
+        plane=content.plane,
+    )
 
 
 def write_flatgeobuf(content: MapContent, path: Path) -> None:
     """Write the signs as FlatGeobuf."""
     from automap.export import gis, layers
 
-    layer = layers.sign_layer(content.signs)
-    crs = content.crs or gis.WGS84_3D
+    layer = _placed(content, layers.sign_layer(content.signs))
+    crs = content.crs or WGS84_3D
     gis.write_layers(path, [layer], driver="FlatGeobuf", lineage=content.lineage, crs=crs)
 
 
 def write_csv(content: MapContent, path: Path) -> None:
     """Write the signs as CSV, and beside it what its columns mean (CSV on the Web)."""
     from automap.export import gis
-    from automap.export.dictionary import POSITION_FIELDS
+    from automap.export.dictionary import POSITION_FIELDS, plane_fields
 
-    write_text(path, gis.signs_csv(content.signs))
-    _describe_csv(content, path, (*POSITION_FIELDS, *content.signs.fields))
+    plane = content.plane
+    write_text(path, gis.signs_csv(content.signs, plane))
+    own = () if plane is None else plane_fields(plane.projection.crs)
+    _describe_csv(content, path, (*POSITION_FIELDS, *own, *content.signs.fields))
 
 
 def _describe_csv(content: MapContent, path: Path, fields: Sequence[Field]) -> None:
@@ -141,9 +169,9 @@ def write_xlsx(content: MapContent, path: Path) -> None:
 
 def write_shapefile(content: MapContent, path: Path) -> None:
     """Write the signs as a zipped Shapefile."""
-    from automap.export import gis, shapefile
+    from automap.export import shapefile
 
-    shapefile.write_shapefile(path, content.signs, content.crs or gis.WGS84_3D)
+    shapefile.write_shapefile(path, content.signs, content.crs or WGS84_3D, content.plane)
 
 
 def write_pmtiles(content: MapContent, path: Path) -> None:

@@ -19,7 +19,7 @@ from automap.io import names
 from pipeline.export.command import export_run
 
 LOAD = """
-import json, sys
+import json, sqlite3, sys
 from qgis.core import QgsApplication, QgsRenderContext, QgsVectorLayer
 QgsApplication.setPrefixPath("/usr", True)
 application = QgsApplication([], False)
@@ -33,6 +33,8 @@ for name in ("signs", "observations", "trajectory", "ellipses"):
         "count": layer.featureCount(),
         "crs": layer.crs().authid(),
         "renderer": renderer.type() if renderer else None,
+        "epoch": layer.crs().coordinateEpoch(),
+        "tabs": [tab.name() for tab in layer.editFormConfig().tabs()],
         "tip": layer.mapTipTemplate(),
         "shown_as": layer.displayExpression(),
         "aliases": {f.name(): f.alias() for f in layer.fields()},
@@ -48,6 +50,12 @@ for name in ("signs", "observations", "trajectory", "ellipses"):
             for symbol in renderer.symbols(QgsRenderContext())
         ],
     }
+    row = sqlite3.connect(sys.argv[1]).execute(
+        "SELECT styleSLD FROM layer_styles WHERE f_table_name = ?", (name,)).fetchone()
+    if row[0]:
+        open(sys.argv[1] + ".sld", "w").write(row[0])
+        found[name]["sld"] = layer.loadSldStyle(sys.argv[1] + ".sld")[1]
+        found[name]["by_sld"] = [item.label() for item in layer.renderer().legendSymbolItems()]
 print("FOUND" + json.dumps(found))
 application.exitQgis()
 """
@@ -85,6 +93,10 @@ def test_qgis_opens_the_map_with_its_styles(tmp_path: Path) -> None:
     assert path.name == names.GPKG
     assert all(layer["valid"] for layer in found.values())
     assert {layer["crs"] for layer in found.values()} == {"EPSG:4979"}
+    assert all(abs(layer["epoch"] - 2026.197) < 1e-3 for layer in found.values())
+    assert found["signs"]["tabs"] == ["Sign", "Place", "Sightings"]
+    assert all(found[name]["sld"] for name in ("signs", "trajectory", "ellipses"))
+    assert found["signs"]["by_sld"][:3] == found["signs"]["legend"][:3]
     assert found["signs"]["count"] == found["ellipses"]["count"] == 12
     assert found["signs"]["renderer"] == "categorizedSymbol"
     assert found["signs"]["symbols"] == [["RasterMarker", "SimpleMarker"]] * 3 + [["SimpleMarker"]]

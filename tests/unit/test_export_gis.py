@@ -181,7 +181,7 @@ def test_a_geopackage_that_lost_features_is_not_whole(tmp_path: Path) -> None:
 def test_a_geopackage_that_gdal_has_not_written_whole_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def forgets(path: Path, names: list[str], styles: object) -> None:
+    def forgets(path: Path, *_: object) -> None:
         with closing(sqlite3.connect(path)) as file, file:
             file.execute("DELETE FROM signs WHERE fid = 1")
 
