@@ -68,11 +68,13 @@ _FORM_TABS = {
 """Columns of the form, tab by tab; the picture is on the first."""
 
 
-def sign_style(icons: Mapping[str, bytes], colours: Mapping[str, str]) -> QgisStyle:
+def sign_style(
+    icons: Mapping[str, bytes], colours: Mapping[str, str], fields: Sequence[Field] = SIGN_FIELDS
+) -> QgisStyle:
     """Signs as the faces of their classes (PNG), with an arrow the way they face, names when
     zoomed in, readable columns and a tip with the picture.
 
-    A class without a picture is a dot in its colour (#rrggbb).
+    A class without a picture is a dot in its colour (#rrggbb). The form has the columns ``fields``.
     """
     root, renderer = _document("categorizedSymbol", {"attr": "class"})
     names = _legend_names(colours)
@@ -96,7 +98,7 @@ def sign_style(icons: Mapping[str, bytes], colours: Mapping[str, str]) -> QgisSt
     _columns(root, (*SIGN_FIELDS, *ROAD_FIELDS))
     Xml.SubElement(root, "previewExpression").text = 'concat("name", \' \', "id")'
     Xml.SubElement(root, "mapTip").text = _TIP
-    _form(root, SIGN_FIELDS)
+    _form(root, fields)
     return QgisStyle("signs", _text(root), "faces by class", sign_sld(colours, names))
 
 
@@ -198,7 +200,8 @@ def _form(root: Xml.Element, fields: Sequence[Field]) -> None:
     Xml.SubElement(root, "editorlayout").text = "tablayout"
     form = Xml.SubElement(root, "attributeEditorForm")
     number = {field.name: str(index) for index, field in enumerate(fields)}
-    for tab, names in _FORM_TABS.items():
+    roads = tuple(field.name for field in ROAD_FIELDS if field in fields)
+    for tab, names in (*_FORM_TABS.items(), *([("Road", roads)] if roads else [])):
         box = Xml.SubElement(
             form, "attributeEditorContainer", name=tab, groupBox="0", columnCount="1", showLabel="1"
         )

@@ -83,7 +83,7 @@ def write_gpkg(content: MapContent, path: Path) -> None:
     colours = kml.class_colours(classes)
     icons = {name: class_icon(name) for name in colours}
     built = [layers.sign_layer(content.signs)]
-    styles = [qgis_style.sign_style(icons, colours)]
+    styles = [qgis_style.sign_style(icons, colours, content.signs.fields)]
     if products.observations is not None:
         built.append(
             layers.observation_layer(products.observations, products.trajectories, products.clock)
