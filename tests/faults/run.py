@@ -27,7 +27,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from tests.faults import scenes_live
-from tests.faults.child import Ended, Running, start
+from tests.faults.child import MOST_S, Ended, Running, start
 from tests.faults.commands import SCENES, Scene, contents, fresh
 from tests.faults.judge import unsynced, wrong_end, wrong_files
 from tests.faults.shim import FAULTS, Op, arm, log_to, seen, with_library
@@ -40,6 +40,8 @@ TIMED = {
 }
 OTHER = ("closed pipe", "two at once", "short of memory")
 KINDS = (*FAULTS, *TIMED, *OTHER)
+_COMPILED_S = 900.0
+"""Of a command that nothing disturbs and that may have to compile its kernels first."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,11 @@ class Undisturbed:
     def words(self) -> list[str]:
         return self.scene.command(self.folder / "in", self.out)
 
+    @property
+    def patience_s(self) -> float:
+        """After which a command hangs: ten times what it takes on this machine now."""
+        return max(MOST_S, 10.0 * self.seconds)
+
     def restore(self) -> None:
         """The output folder as the run before left it."""
         shutil.rmtree(self.out, ignore_errors=True)
@@ -79,7 +86,7 @@ def undisturbed(name: str, folder: Path) -> Undisturbed:
         if version == 0 and not scene.keeps:
             continue
         made.restore() if version else fresh(made.out)
-        ended = _logged(made, log).wait()
+        ended = _logged(made, log).wait(_COMPILED_S)
         if ended.code:
             raise RuntimeError(f"{name} fails by itself: {ended.err}")
         if version == 0:
@@ -122,7 +129,7 @@ def fault(case: Undisturbed, kind: str, draw: random.Random) -> tuple[str, str]:
         if contents(case.out, case.scene.told) != case.new:
             return "wrong", "a folder that is new is there in part"
         return _word(ended), ""
-    again = start(case.words()).wait()
+    again = start(case.words()).wait(case.patience_s)
     if said := wrong_end(again, False) or (f"code {again.code}" if again.code else ""):
         return "wrong", f"once more: {said} {again.err.strip()[:200]}"
     now = contents(case.out, case.scene.told)
@@ -145,13 +152,13 @@ def _disturbed(case: Undisturbed, kind: str, draw: random.Random) -> list[Ended]
         running = start(words)
         time.sleep(wait)
         running.signal(TIMED[kind])
-        return [running.wait()]
+        return [running.wait(case.patience_s)]
     if kind == "two at once":
         running = start(words)
         time.sleep(draw.uniform(0.0, 0.5 * case.seconds))
         other = start(words)
-        return [running.wait(), other.wait()]
-    return [start(words, before).wait()]
+        return [running.wait(case.patience_s), other.wait(case.patience_s)]
+    return [start(words, before).wait(case.patience_s)]
 
 
 def _before(case: Undisturbed, kind: str, draw: random.Random) -> Callable[[], None]:
