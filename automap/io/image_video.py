@@ -87,7 +87,8 @@ def as_jpeg(data: bytes, name: str) -> bytes:
         return data
     import cv2
 
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
+    with silent_libraries():
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
     if image is None:
         raise InputError(f"{name} is no image that can be read; leave it out or copy it again.")
     return encode_jpeg(image, name)
