@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from automap.errors import InputError
+from automap.io.silence import silent_libraries
 
 _QUALITY = 95
 _TICK = Fraction(1, 1000)
