@@ -53,7 +53,7 @@ def _read(path: Path, parse: Callable[[dict[str, Any]], _T]) -> _T:
         raise InputError(f"{path} is missing; run the sync stage.") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}); check the file.") from None
-    except (ValueError, KeyError, TypeError, OverflowError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise InputError(f"{path} is damaged ({error}); run again with --force.") from error
 
 

@@ -6,17 +6,14 @@ from a world file. Of a picture that is too large the finest reduced copy in the
 
 from __future__ import annotations
 
-import os
 import struct
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from automap.errors import InputError
+from automap.io.silence import silent_libraries
 from automap.io.warped import Warped, pyramid
 from automap.io.web_tiles import MOST_PIXELS, Image
 from automap.records import FloatArray
@@ -35,7 +32,7 @@ def open_geotiff(path: Path) -> Warped:
     from PIL import Image as Pictures
 
     try:
-        with _quiet(), Pictures.open(path, formats=["TIFF"]) as picture:
+        with silent_libraries(), Pictures.open(path, formats=["TIFF"]) as picture:
             tags: Any = dict(picture.tag_v2)  # type: ignore[attr-defined]
             crs, to_crs = _system(tags, path), _place(tags, path)
             full = picture.size
@@ -49,23 +46,6 @@ def open_geotiff(path: Path) -> Warped:
             f"{path}: cannot be read as a GeoTIFF ({told.splitlines()[0]})."
         ) from error
     return Warped(path, crs, pyramid(image, to_crs @ scale))
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Without the libraries' own words: Pillow's on damaged tags, libtiff's on damaged pixels,
-    which it writes to the stream itself."""
-    kept = os.dup(2)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
-    os.close(nowhere)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
 
 
 def _seek_bearable(picture: Any, path: Path) -> None:

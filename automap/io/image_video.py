@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from automap.errors import InputError
+from automap.io.silence import silent_libraries
 
 _QUALITY = 95
 _TICK = Fraction(1, 1000)
@@ -87,7 +88,8 @@ def as_jpeg(data: bytes, name: str) -> bytes:
         return data
     import cv2
 
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
+    with silent_libraries():
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
     if image is None:
         raise InputError(f"{name} is no image that can be read; leave it out or copy it again.")
     return encode_jpeg(image, name)

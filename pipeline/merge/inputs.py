@@ -115,7 +115,7 @@ def _trajectory(folder: Path, warnings: list[str]) -> pa.Table | None:
         try:
             with pq.ParquetFile(path) as file:
                 table = _as_numbers(file.read(columns=list(_PATH_COLUMNS)))
-        except (pa.ArrowException, OSError) as error:
+        except (pa.ArrowException, OSError, ValueError) as error:
             warnings.append(f"{path} is left out: {str(error).splitlines()[0]}")
             continue
         missing = [c for c in _PATH_COLUMNS if c not in table.column_names]
@@ -137,7 +137,7 @@ def _as_numbers(table: pa.Table) -> pa.Table:
 def _thinned(table: pa.Table) -> pa.Table:
     lat = np.radians(np.asarray(table["lat_deg"].to_numpy(), np.float64))
     lon = np.radians(np.asarray(table["lon_deg"].to_numpy(), np.float64))
-    good = np.flatnonzero(np.isfinite(lat) & np.isfinite(lon))
+    good = np.flatnonzero((np.abs(lat) <= np.pi) & (np.abs(lon) <= 3.0 * np.pi))
     if len(good) < 2:
         return table.slice(0, 0)
     east = np.diff(np.unwrap(lon[good])) * np.cos(lat[good][1:])
@@ -198,7 +198,7 @@ def _detection_stamps(folder: Path) -> IntArray | None:
         with pq.ParquetFile(folder / names.OBSERVATIONS) as file:
             column = file.read(columns=["t_ns"])["t_ns"].drop_null()
             return np.asarray(column.cast(pa.int64()).to_numpy(), np.int64)
-    except (pa.ArrowException, OSError, KeyError):
+    except (pa.ArrowException, OSError, KeyError, ValueError):
         return None
 
 

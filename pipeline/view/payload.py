@@ -52,7 +52,19 @@ def sign_payload(signs: SignTable) -> bytes:
         "statuses": [_writable(text) for text in signs.statuses],
         "drives": [_writable(text) for text in signs.drives],
     }
-    small = np.float32
+    with np.errstate(over="ignore"):
+        # what no sign has is infinite in half of the digits
+        small = {
+            name: values.astype(np.float32)
+            for name, values in (
+                ("confidence", signs.confidence),
+                ("existence", signs.existence),
+                ("facing", signs.facing_deg),
+                ("major", scale * major),
+                ("minor", scale * minor),
+                ("azimuth", azimuth),
+            )
+        }
     return packed(
         header,
         {
@@ -60,12 +72,7 @@ def sign_payload(signs: SignTable) -> bytes:
             "y": y,
             "class": signs.class_index.astype(np.uint32),
             "status": signs.status_index.astype(np.uint32),
-            "confidence": signs.confidence.astype(small),
-            "existence": signs.existence.astype(small),
-            "facing": signs.facing_deg.astype(small),
-            "major": (scale * major).astype(small),
-            "minor": (scale * minor).astype(small),
-            "azimuth": azimuth.astype(small),
+            **small,
             "drive_starts": signs.drive_starts.astype(np.uint32),
             "drive_members": signs.drive_members.astype(np.uint32),
         },

@@ -85,8 +85,9 @@ def read_sign_table(out: Path) -> SignTable | None:
         path = out / name
         if path.is_file():
             try:
-                return _from_table(read_table(path, ("id", "class")))
-            except (KeyError, ValueError, TypeError) as error:
+                with np.errstate(over="ignore", invalid="raise"):
+                    return _from_table(read_table(path, ("id", "class")))
+            except (KeyError, ValueError, TypeError, FloatingPointError) as error:
                 raise InputError(
                     f"{path}: the table of signs cannot be used ({error}); make the map again."
                 ) from error
@@ -162,7 +163,7 @@ def _from_table(table: pa.Table) -> SignTable:
 
 
 def _texts(table: pa.Table, name: str) -> list[str]:
-    return [value if value is not None else "" for value in table.column(name).to_pylist()]
+    return ["" if value is None else str(value) for value in table.column(name).to_pylist()]
 
 
 def _indexed(values: Sequence[Any]) -> tuple[list[str], IntArray]:
