@@ -687,7 +687,7 @@ def fusion_climb() -> Any:
 def gap_heldout() -> Any:
     """The gap that rows of each colour leave, and the colour itself."""
     from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL
-    from automap.gap.heldout import _distance, _lag1
+    from automap.gap.scoring import _distance, _lag1
 
     rng = np.random.default_rng(3)
     found = {}

@@ -118,7 +118,12 @@ def told(out: Path, form: str) -> list[dict[str, Any]]:
     content = zipfile.ZipFile(path).read("doc.kml") if form == "kmz" else path.read_bytes()
     place = "{http://www.opengis.net/kml/2.2}"
     marks = ElementTree.fromstring(content).iter(f"{place}Placemark")
-    found = [{d.get("name"): d.text for d in m.iter(f"{place}SimpleData")} for m in marks]
+    # a KMZ has plain fields, which GDAL reads
+    found = [
+        {d.get("name"): d.text for d in m.iter(f"{place}SimpleData")}
+        | {d.get("name"): d.findtext(f"{place}value") for d in m.iter(f"{place}Data")}
+        for m in marks
+    ]
     return [row for row in found if "class" in row]
 
 
