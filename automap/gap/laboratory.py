@@ -19,7 +19,7 @@ from automap.calibration.rest_search import pose_means
 from automap.calibration.static import StaticCalibration, calibrate_static
 from automap.effects import CATALOGUE, distort_imu
 from automap.effects.terms import ACCEL
-from automap.gap.limits import DESK_CLOSE, DESK_FOLDS, DESK_HUBER, DESK_NATS, DESK_P
+from automap.gap.limits import CLOSE_NATS, DESK_FOLDS, DESK_HUBER, DESK_P, LEAST_ODDS
 from automap.gap.result import Finding, ParameterValue
 from automap.gates import OUTSIDE_95, sd_by_median, sigmas
 from automap.records import FloatArray, IntArray, RawImu
@@ -137,9 +137,9 @@ def _accelerometer(
         nats, effect, trial = trials[0]
         p = min(1.0, len(ACCEL_LIBRARY) * _f_test(fit, trial))
         ahead = _held_out(scaled, gravity, (*accepted, effect))
-        if nats < DESK_NATS or p > DESK_P or not _rms(ahead) < _rms(held):
+        if nats < LEAST_ODDS or p > DESK_P or not _rms(ahead) < _rms(held):
             break
-        confusable = tuple(e for n, e, _ in trials[1:] if nats - n < DESK_CLOSE)
+        confusable = tuple(e for n, e, _ in trials[1:] if nats - n < CLOSE_NATS)
         findings.append(
             Finding(
                 effect,
@@ -273,7 +273,7 @@ def _gyro(
     dof = max(n - 21, 1)
     ratio = max(rss0 - rss1, 0.0) / 9.0 / max(rss1 / dof, 1e-300)
     p = float(f_distribution.sf(ratio, 9, dof))
-    if nats < DESK_NATS or p > DESK_P or not _robust(after) < _robust(before):
+    if nats < LEAST_ODDS or p > DESK_P or not _robust(after) < _robust(before):
         return None, before, before
     names = [q.name for q in CATALOGUE["gyro_g_sensitivity"].parameters]
     # the half widths are those of 95 % intervals

@@ -186,9 +186,7 @@ lever arm in disguise."""
 
 DESK_FOLDS = 4
 """Poses are held out a quarter at a time: of a dozen nine remain for six parameters."""
-DESK_NATS, DESK_P = 7.0, 1e-3
-"""A thousand to one, and as seldom by chance."""
-DESK_CLOSE = 3.0
-"""Nats below which two effects are not told apart: twenty to one."""
+DESK_P = 1e-3
+"""What is named, a thousand to one speaking for it, is as seldom by chance."""
 DESK_HUBER = 2.5
 """Sigmas beyond which a pose counts less."""
