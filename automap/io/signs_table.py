@@ -81,7 +81,9 @@ def read_signs(path: Path) -> list[Sign]:
     import pyarrow.parquet as pq
 
     try:
-        rows = pq.read_table(path).to_pylist()
+        # where memory is short Arrow waits for threads that never began
+        with pq.ParquetFile(path) as file:
+            rows = file.read(use_threads=False).to_pylist()
     except (OSError, pa.ArrowException) as error:
         raise InputError(
             f"{path}: the table of signs cannot be read ({error}); run the geolocate stage again."

@@ -94,7 +94,8 @@ def read_table(
     """Read a Parquet file; InputError when it is missing, damaged or lacks a column, or where those
     that are ``numbers``, or ``whole`` ones, hold something else."""
     with _opened(path, required, numbers, whole) as file:
-        return file.read()
+        # where memory is short Arrow waits for threads that never began
+        return file.read(use_threads=False)
 
 
 @contextmanager
@@ -107,7 +108,7 @@ def column_by_column(
     """The schema of a Parquet file and what reads one column of it: a long table need not be in
     memory beside what is made of it. Raises as ``read_table``."""
     with _opened(path, required, numbers, whole) as file:
-        yield file.schema_arrow, lambda name: file.read(columns=[name])
+        yield file.schema_arrow, lambda name: file.read(columns=[name], use_threads=False)
 
 
 @contextmanager

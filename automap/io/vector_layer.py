@@ -108,7 +108,9 @@ def _parquet(path: Path) -> VectorLayer:
     import shapely
 
     try:
-        table = pq.read_table(path)
+        # where memory is short Arrow waits for threads that never began
+        with pq.ParquetFile(path) as file:
+            table = file.read(use_threads=False)
     except pa.ArrowException as error:
         raise InputError(f"{path}: is no Parquet file ({str(error).splitlines()[0]}).") from error
     columns = {

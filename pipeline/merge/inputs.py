@@ -114,7 +114,7 @@ def _trajectory(folder: Path, warnings: list[str]) -> pa.Table | None:
             continue
         try:
             with pq.ParquetFile(path) as file:
-                table = _as_numbers(file.read(columns=list(_PATH_COLUMNS)))
+                table = _as_numbers(file.read(list(_PATH_COLUMNS), use_threads=False))
         except (pa.ArrowException, OSError, ValueError) as error:
             warnings.append(f"{path} is left out: {str(error).splitlines()[0]}")
             continue
@@ -196,7 +196,7 @@ def _detection_stamps(folder: Path) -> IntArray | None:
 
     try:
         with pq.ParquetFile(folder / names.OBSERVATIONS) as file:
-            column = file.read(columns=["t_ns"])["t_ns"].drop_null()
+            column = file.read(["t_ns"], use_threads=False)["t_ns"].drop_null()
             return np.asarray(column.cast(pa.int64()).to_numpy(), np.int64)
     except (pa.ArrowException, OSError, KeyError, ValueError):
         return None
