@@ -182,6 +182,7 @@ def _result(
     findings += noise
     claims = noise_claims(fits, stated.factors)
     refused = strongest_refused(found)
+    kept_out = _by_formula(found, stands.kept_out)
     left = (*misfits(fits), *suspected(refused))
     noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
@@ -194,7 +195,7 @@ def _result(
         tuple(findings),
         dict(model.factors),
         tuple(formulas),
-        verdict(findings, formulas, left, gaps[0], rest),
+        verdict(findings, formulas, left, gaps[0], rest, kept_out),
         carried,
         base,
         warnings=stands.warnings,
@@ -205,7 +206,7 @@ def _result(
         noise_claims=claims,
         refused=refused,
         costs=paid,
-        kept_out=_by_formula(found, stands.kept_out),
+        kept_out=kept_out,
         positions=stands.positions,
     )
 

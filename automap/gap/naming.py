@@ -20,6 +20,7 @@ from automap.gap.misfit import LIKE, Misfit
 from automap.gap.model import Values
 from automap.gap.result import (
     Finding,
+    KeptOut,
     ParameterValue,
     Refused,
     Term,
@@ -168,8 +169,9 @@ def verdict(
     left: Sequence[Misfit],
     before: float,
     after: float,
+    kept_out: Sequence[KeptOut] = (),
 ) -> str:
-    """What is missing, in a sentence."""
+    """What is missing, in a sentence; what only the fitted data show is no silence."""
     parts = []
     if findings:
         parts.append(f"missing from the model: {', '.join(f.effect for f in findings)}")
@@ -189,6 +191,13 @@ def verdict(
         also = " also" if parts else ""
         more = f", and {len(left) - 1} more" if len(left) > 1 else ""
         parts.append(f"something is{also} missing that no candidate explains: {worst}{more}")
+    against = [one.effect for one in kept_out if not one.each_drive]
+    if against:
+        parts = parts or ["nothing that held-out data bear out is missing from the model"]
+        parts.append(
+            "not taken, since the fitted data speak for it and the held-out data against: "
+            f"{', '.join(against)}"
+        )
     return "; ".join(parts) or "nothing is missing from the model as far as these drives can show"
 
 

@@ -233,6 +233,8 @@ def _overview(result: GapResult) -> Paragraph:
         lead = f"{number} thing{' is' if found == 1 else 's are'} missing from the model."
     elif left or result.noise_claims:
         lead = "No known effect is missing that these data can show, but not all is as modelled."
+    elif any(not one.each_drive for one in result.kept_out):
+        lead = "Nothing that held-out data bear out is missing from the model."
     else:
         lead = "Nothing is missing from the model as far as these data can show."
     parts = [position_words(result.positions, found > 0)]

@@ -18,7 +18,7 @@ from automap.gap.misfit import Misfit
 from automap.gap.model import Values, base_model
 from automap.gap.naming import chance, describe, strongest_refused, suspected, verdict
 from automap.gap.noise import Fitted, Joint
-from automap.gap.result import Finding, Refused, Term, Unexplained
+from automap.gap.result import Finding, KeptOut, Refused, Term, Unexplained
 from automap.gap.screening import Found
 from automap.gap.selection import Chosen, Selection, select
 from automap.records import FloatArray
@@ -162,6 +162,15 @@ def test_the_verdict_says_all_that_is_missing() -> None:
     assert "resembles" not in text
     named = Unexplained(*("accel_x", "f", 0.2, 0.01, 40.0, 1e-8), resembles="accel_scale")
     assert "which resembles accel_scale" in verdict([], [named], [], 1.0, 0.2)
+
+
+def test_what_only_fitted_data_show_is_no_silence() -> None:
+    text = verdict([], [], [], 0.1, 0.1, (KeptOut("gyro_dead_zone", False, 97.0),))
+    assert text.startswith("nothing that held-out data bear out")
+    assert "fitted data speak for it and the held-out data against: gyro_dead_zone" in text
+    # a receiver's delay that each drive has its own of is told as such
+    own = (KeptOut("gnss_latency", False, 9.0, each_drive=True),)
+    assert verdict([], [], [], 0.1, 0.1, own) == verdict([], [], [], 0.1, 0.1)
 
 
 def test_a_misfit_is_no_silence() -> None:
