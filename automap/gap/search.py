@@ -73,8 +73,8 @@ class Search:
                 self.tried[key] = self.tried.get(key, 0) + 1
             if keys != fitted:
                 found = self.screening.refined(here, selection, found)
-                here = self._fit(here, selection, found)
-                here, found = self._better_twins(here, selection, found)
+                about, here = here, self._fit(here, selection, found)
+                here, found = self._better_twins(about, here, selection, found)
                 idle = self.screening.not_borne_out(here, selection, found)
                 for name in idle:
                     # these parameters do not act; others of the same effect may
@@ -208,10 +208,11 @@ class Search:
         return with_noise(self.screening.states(here, selection, chosen), self.stated)
 
     def _better_twins(
-        self, here: Fitted, selection: Selection, chosen: Chosen
+        self, about: Fitted, here: Fitted, selection: Selection, chosen: Chosen
     ) -> tuple[Fitted, Chosen]:
         """The fit and the choice with what acts as a chosen effect does to first order in its
-        place, where the filter, which knows more than that, finds the drives likelier."""
+        place, where the filter, which knows more than that, finds the drives likelier; both begin
+        ``about`` the same fit, for beside a wrong twin other delays go where they do not belong."""
         for one, other in pairs_of_sign(1.0):
             for name, twin in ((one, other), (other, one)):
                 if name not in chosen.names or twin not in selection.candidates:
@@ -224,7 +225,7 @@ class Search:
                 )
                 instead = Chosen(parts)
                 # each with the noise that suits it: what follows badly is taken for noise
-                fitted = self._fit(here, selection, instead)
+                fitted = self._fit(about, selection, instead)
                 _, sigmas = likelier(fitted.fits, here.fits)
                 # a long low-pass has the row of a short one, and draws itself out
                 least = -limits.APART if CATALOGUE[twin].first_order else limits.APART
