@@ -33,6 +33,17 @@ LEAST_REDUCED_PX = 36.0
 """The longest side of a sign in a reduced copy: what is smaller has less than 144 px in the first
 search, well within its range. With less (20, 28) one more false box came up in the 50 images to
 tune on."""
+SUPPORT_OVERLAP = 0.5
+"""IoU from which boxes of two copies are looks at one sign: what counts as found in the figures."""
+SUPPORT, ALONE, LEAST_SUPPORT_PX = 0.5, 0.25, 20.0
+"""The log-odds that a second copy tells over those of the probability ``ALONE`` count for half:
+both copies come of the same picture. From 20 px the network finds drawn signs at a score of 0.9.
+Of 80 drawn stop signs of 64 to 700 px in the images to tune on, 64 are found without it, 69 with
+it; where all of it counts 70, and one more box that shows no sign has over 0.9 on 600 images."""
+PART = 0.2
+"""A box of less than this part of the area of a larger one around it does not take its place: two
+or four signs in one frame, and a sign with its plate, are larger parts. It is a letter taken for a
+sign, or another sign in front."""
 LEAST_COPY_PX = 64.0
 """The longest side of a copy: less shows no sign and what is around it."""
 SURE = 1e-4

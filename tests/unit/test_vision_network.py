@@ -16,17 +16,12 @@ from automap.errors import InputError
 from automap.signs.classes import country_set, load_classes, national_code
 from automap.signs.faces import draw_face, usual_size
 from automap.signs.vocabulary import SHAPES, load_vocabulary
-from automap.vision.classifier import CROP_PX, SignClassifier, crop_faces
+from automap.vision import limits
+from automap.vision.boxes import decode_maps, distinct
+from automap.vision.classifier import CROP_PX, Named, SignClassifier, crop_faces
 from automap.vision.limits import FACE_MARGIN
-from automap.vision.network import (
-    NetworkDetector,
-    NetworkRules,
-    blocks_of,
-    decode_maps,
-    default_detector,
-    distinct,
-    doubted,
-)
+from automap.vision.network import NetworkDetector, NetworkRules, blocks_of, default_detector
+from automap.vision.scoring import doubted, sign_score, supported
 
 Image = npt.NDArray[np.uint8]
 NOTHING = np.zeros((6, 40, 60), np.float32) - 9.0
@@ -68,6 +63,45 @@ def test_distinct_boxes_do_not_overlap(places: list[tuple[float, float, float]])
             common = float(np.prod(np.maximum(sides, 0.0)))
             areas = [float(np.prod(boxes[n, 2:] - boxes[n, :2])) for n in (i, j)]
             assert common <= 0.4 * (sum(areas) - common) + 1e-9
+
+
+def test_a_small_better_box_takes_no_large_sign_away() -> None:
+    # a letter, or another sign in front, within a large sign; a plate and its sign
+    boxes = np.array([[100.0, 100.0, 400.0, 400.0], [110.0, 300.0, 160.0, 350.0]])
+    assert distinct(boxes, np.array([0.7, 0.9]), 0.4, 0.8, 0.2).tolist() == [1, 0]
+    assert distinct(boxes, np.array([0.9, 0.7]), 0.4, 0.8, 0.2).tolist() == [0]
+    framed = np.array([[100.0, 100.0, 200.0, 300.0], [105.0, 105.0, 195.0, 195.0]])
+    assert distinct(framed, np.array([0.7, 0.9]), 0.4, 0.8, 0.2).tolist() == [1]
+
+
+def test_what_two_copies_show_is_surer_than_what_one_does() -> None:
+    boxes = np.array(
+        [[10.0, 10, 210, 210], [14, 12, 208, 214], [10, 10, 210, 210], [500, 0, 550, 50]]
+    )
+    scores = np.array([0.6, 0.5, 0.55, 0.6])
+    copies = np.array([[1.0, 70], [2, 35], [1, 70], [1, 70]])
+    sure = supported(boxes, scores, copies)
+    assert (sure >= scores - 1e-12).all()
+    # two boxes of one copy are one look, what is small in a copy is none, and the first copy
+    # is judged by itself
+    assert (sure[:3] > scores[:3]).all()
+    assert sure[3] == pytest.approx(scores[3])
+    alone = supported(boxes[[0, 2]], scores[[0, 2]], copies[[0, 2]])
+    np.testing.assert_allclose(alone, scores[[0, 2]])
+    faint = supported(boxes[:2], scores[:2], np.array([[1.0, 70], [2, 12]]))
+    assert faint[0] == pytest.approx(scores[0])
+    first = supported(boxes[:2], scores[:2], np.array([[0.0, 280], [1, 70]]))
+    assert first[0] == pytest.approx(scores[0])
+    assert first[1] > scores[1]
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_a_little_of_a_board_costs_a_little(found: float, sign: float, board: float) -> None:
+    face, weights = Named("x", (), sign, board, 1.0), (-2.7, 2.7, 0.45)
+    plain = sign_score(found, face, False, 6.7, weights)
+    assert sign_score(found, face, True, 6.7, weights) == pytest.approx(
+        plain * (1.0 - board), abs=limits.SURE
+    )
 
 
 class FixedModel:
