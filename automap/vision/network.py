@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from automap.records import FloatArray, Image
+from automap.records import FloatArray, Image, IntArray
 from automap.vision import limits
-from automap.vision.boxes import decode_maps, distinct
+from automap.vision.boxes import Floats, decode_maps, distinct
 from automap.vision.classifier import SignClassifier
 from automap.vision.dark import brightened
 from automap.vision.detector import FoundSigns, Region
+from automap.vision.fine import Window, fine_windows, whole
 from automap.vision.onnx_model import OnnxModel
-from automap.vision.scoring import joint_score, sign_score, supported
+from automap.vision.scoring import least_found, sign_score, supported
 
 _MULTIPLE = 32
 """What the sides of a picture must be a multiple of."""
 _PAIR = np.dtype("V6")
+_MOST_PEAKS = 128
+"""Peaks of a heat map at most that become boxes: four times what is reported of a picture."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,20 @@ class NetworkRules:
     overlap: float = 0.4
     inside: float = 0.8
     most: int = 32
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What was found in a copy or a part of a picture: ``boxes`` [n, 4] px of the picture,
+    ``scores`` [n], and longest sides ``sizes`` [n] in px of what was searched."""
+
+    boxes: FloatArray
+    scores: FloatArray
+    sizes: FloatArray
+
+    def some(self, rows: IntArray) -> _Look:
+        """Those in these rows."""
+        return _Look(self.boxes[rows], self.scores[rows], self.sizes[rows])
 
 
 def default_detector(country: str | None = None, threads: int = 1) -> NetworkDetector:
@@ -79,18 +97,28 @@ class NetworkDetector:
         if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
             raise ValueError("the detector takes pictures with three channels of 8 bits")
         image = brightened(image)
-        boxes, scores = self._propose(image, region, zoom)
-        return self._named(image, boxes, scores)
+        weights = self._model.notes.get("score", limits.JOINT_WEIGHTS)
+        # what no face could bring to the least score need neither be read nor named
+        least = least_found(self.rules.min_score, weights)
+        boxes, scores = self._propose(image, region, zoom, max(least, self.rules.min_score))
+        return self._named(image, boxes, scores, weights)
 
     def detect_in(self, image: Image, region: Region) -> FoundSigns:
         """Signs within a region, as ``detect`` finds them there in the whole picture."""
         return self.detect(image, region)
 
     def zoom_of(self, image: Image) -> float:
-        """How much a picture is enlarged: the smaller it is, the fewer pixels a far sign has."""
-        return float(min(max(self.rules.width / max(image.shape[:2]), 1.0), limits.MOST_ZOOM))
+        """How much a picture is enlarged: the smaller it is, the fewer pixels a far sign has.
 
-    def zooms_of(self, image: Image, window: tuple[int, int, int, int]) -> list[float]:
+        Less than one for such that are much larger than the rules' width: the whole of these is
+        searched in a copy, and pixel by pixel only where that may find more.
+        """
+        zoom = self.rules.width / float(max(image.shape[:2]))
+        if zoom * limits.FINE_FROM <= 1.0:
+            return zoom
+        return float(min(max(zoom, 1.0), limits.MOST_ZOOM))
+
+    def zooms_of(self, image: Image, window: Window) -> list[float]:
         """By how much a window of a picture is enlarged to be searched, the most first.
 
         The network finds what is some 10 to 180 px large. Reduced copies, which cost a twelfth of
@@ -106,46 +134,54 @@ class NetworkDetector:
     ) -> tuple[FloatArray, FloatArray]:
         """Boxes [n, 4] px and scores [n] of what may be signs, the best of each copy of the picture
         first, not yet named."""
-        return self._propose(brightened(image), region, zoom)
+        return self._propose(brightened(image), region, zoom, self.rules.min_score)
 
     def _propose(
-        self, image: Image, region: Region | None, zoom: float | None
+        self, image: Image, region: Region | None, zoom: float | None, least: float
     ) -> tuple[FloatArray, FloatArray]:
         height, width = image.shape[:2]
         x0, y0, x1, y1 = window = _window(region, width, height)
         part = image[y0:y1, x0:x1]
-        boxes, scores, copies = [np.zeros((0, 4))], [np.zeros(0)], [np.zeros((0, 2))]
-        if min(part.shape[:2]) >= 8:
-            copy = part
-            for step, z in enumerate([zoom] if zoom is not None else self.zooms_of(image, window)):
-                # each reduced copy is made of the one before
-                copy = _resized(copy if len(copy) < len(part) else part, part, z)
-                own, score = self._in_copy(copy)
-                size = np.max(own[:, 2:] - own[:, :2], axis=1, initial=0.0)
-                scale = np.array([copy.shape[1] / part.shape[1], copy.shape[0] / part.shape[0]])
-                # outlines run between pixels, whose centres are integers
-                boxes.append((own + 0.5) / np.tile(scale, 2) - 0.5 + np.array([x0, y0, x0, y0]))
-                scores.append(score)
-                copies.append(np.column_stack([np.full(len(size), step), size]))
-        shown = np.concatenate(copies)
-        box = np.concatenate(boxes)
-        score = supported(box, np.concatenate(scores), shown)
+        if min(part.shape[:2]) < 8:
+            return np.zeros((0, 4)), np.zeros(0)
+        found: list[_Look] = []
+        copy = part
+        for step, z in enumerate([zoom] if zoom is not None else self.zooms_of(image, window)):
+            # each reduced copy is made of the one before
+            copy = _resized(copy if len(copy) < len(part) else part, part, z)
+            maps = self._model.run(blocks_of(copy))[0]
+            scale = np.array([copy.shape[1] / part.shape[1], copy.shape[0] / part.shape[0]])
+            look = self._best(_read(maps, least, scale, (x0, y0)))
+            if step == 0 and zoom is None and z < 1.0:
+                hints = _read(maps, limits.FINE_HINT, scale, (x0, y0)).boxes
+                look = self._best(_joined([look, *self._fine(image, window, hints, least)]))
+            found.append(look)
+        steps = np.repeat(np.arange(len(found)), [len(look.scores) for look in found])
+        all_ = _joined(found)
+        score = supported(all_.boxes, all_.scores, np.column_stack([steps, all_.sizes]))
         # what a reduced copy shows in few pixels, the one before shows in more
-        kept = (shown[:, 0] == 0) | (shown[:, 1] >= limits.LEAST_REDUCED_PX)
-        return box[kept], score[kept]
+        kept = (steps == 0) | (all_.sizes >= limits.LEAST_REDUCED_PX)
+        return all_.boxes[kept], score[kept]
 
-    def _in_copy(self, copy: Image) -> tuple[FloatArray, FloatArray]:
-        """Boxes [n, 4] and scores [n] in pixels of what is searched."""
-        maps = self._model.run(blocks_of(copy))[0]
-        boxes, scores = decode_maps(maps, self.rules.min_score, 4 * self.rules.most)
-        kept = distinct(boxes, scores, self.rules.overlap, self.rules.inside)[: self.rules.most]
-        return boxes[kept], scores[kept]
+    def _best(self, look: _Look) -> _Look:
+        """The best box of each place, as many as a picture may have."""
+        kept = distinct(look.boxes, look.scores, self.rules.overlap, self.rules.inside)
+        return look.some(kept[: self.rules.most])
 
-    def _named(self, image: Image, boxes: FloatArray, scores: FloatArray) -> FoundSigns:
-        weights = self._model.notes.get("score", limits.JOINT_WEIGHTS)
-        # what no face could bring to the least score need not be named
-        able = [joint_score(float(s), 1.0, weights) >= self.rules.min_score for s in scores]
-        boxes, scores = boxes[able], scores[able]
+    def _fine(
+        self, image: Image, window: Window, hints: FloatArray, least: float
+    ) -> Iterator[_Look]:
+        """What is small, from a large picture's own pixels where ``hints`` are and where far signs
+        stand."""
+        for piece in fine_windows(len(image), window, hints):
+            left, top, right, bottom = piece
+            maps = self._model.run(blocks_of(image[top:bottom, left:right]))[0]
+            look = _read(maps, least, np.ones(2), (left, top))
+            yield look.some(np.flatnonzero(whole(look.boxes, piece, window)))
+
+    def _named(
+        self, image: Image, boxes: FloatArray, scores: FloatArray, weights: Sequence[float]
+    ) -> FoundSigns:
         named = self.classifier.name(image, boxes)
         # a large face can be read
         large = np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0.0) * self.zoom_of(image)
@@ -180,7 +216,25 @@ def _resized(copy: Image, part: Image, zoom: float) -> Image:
     return np.asarray(cv2.resize(copy, (wide, high), interpolation=how), np.uint8)
 
 
-def _window(region: Region | None, width: int, height: int) -> tuple[int, int, int, int]:
+def _read(maps: Floats, least: float, scale: FloatArray, start: tuple[int, int]) -> _Look:
+    """What the maps tell of a copy, of which ``scale`` [2] makes the part of the picture that
+    begins at ``start``."""
+    boxes, scores = decode_maps(maps, least, _MOST_PEAKS)
+    sizes = np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0.0)
+    # outlines run between pixels, whose centres are integers
+    boxes = (boxes + 0.5) / np.tile(scale, 2) - 0.5 + np.tile(np.array(start), 2)
+    return _Look(boxes, scores, sizes)
+
+
+def _joined(looks: Sequence[_Look]) -> _Look:
+    return _Look(
+        np.concatenate([np.zeros((0, 4)), *(look.boxes for look in looks)]),
+        np.concatenate([np.zeros(0), *(look.scores for look in looks)]),
+        np.concatenate([np.zeros(0), *(look.sizes for look in looks)]),
+    )
+
+
+def _window(region: Region | None, width: int, height: int) -> Window:
     """Whole pixels of the region within the picture."""
     if region is None:
         return 0, 0, width, height

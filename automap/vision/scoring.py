@@ -67,6 +67,13 @@ def joint_score(found: float, sign: float, weights: Sequence[float]) -> float:
     return 1.0 / (1.0 + math.exp(-total))
 
 
+def least_found(score: float, weights: Sequence[float]) -> float:
+    """What the detector must say of a place so that some face brings it to ``score``."""
+    wanted, surest = _log_odds(np.array([score, 1.0])).tolist()
+    log_odds = (wanted - weights[0] - weights[2] * surest) / weights[1]
+    return 1.0 / (1.0 + math.exp(-log_odds))
+
+
 def doubted(score: float, known: float, odds: float) -> float:
     """The probability of a sign whose face is one of the classes with ``known`` only.
 
