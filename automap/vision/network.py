@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from automap.records import FloatArray, Image, IntArray
 from automap.vision import limits
+from automap.vision.boxes import Floats, decode_maps, distinct
 from automap.vision.classifier import SignClassifier
 from automap.vision.dark import brightened
 from automap.vision.detector import FoundSigns, Region
+from automap.vision.fine import Window, fine_windows, whole
 from automap.vision.onnx_model import OnnxModel
+from automap.vision.scoring import least_found, sign_score, supported
 
-Floats = npt.NDArray[np.float32]
-
-_STRIDE, _MULTIPLE = 4, 32
-"""Of the heat map's cells, px, and what the sides of a picture must be a multiple of."""
+_MULTIPLE = 32
+"""What the sides of a picture must be a multiple of."""
 _PAIR = np.dtype("V6")
-_KINDS = 2
-"""Heat maps: of the kinds that are labelled everywhere, and of all others."""
-_LARGEST_STEP = 5.6
-"""Of the logarithm of a distance in strides, as in the training: 1080 px."""
+_MOST_PEAKS = 128
+"""Peaks of a heat map at most that become boxes: four times what is reported of a picture."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +37,20 @@ class NetworkRules:
     overlap: float = 0.4
     inside: float = 0.8
     most: int = 32
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What was found in a copy or a part of a picture: ``boxes`` [n, 4] px of the picture,
+    ``scores`` [n], and longest sides ``sizes`` [n] in px of what was searched."""
+
+    boxes: FloatArray
+    scores: FloatArray
+    sizes: FloatArray
+
+    def some(self, rows: IntArray) -> _Look:
+        """Those in these rows."""
+        return _Look(self.boxes[rows], self.scores[rows], self.sizes[rows])
 
 
 def default_detector(country: str | None = None, threads: int = 1) -> NetworkDetector:
@@ -87,18 +97,28 @@ class NetworkDetector:
         if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
             raise ValueError("the detector takes pictures with three channels of 8 bits")
         image = brightened(image)
-        boxes, scores = self._propose(image, region, zoom)
-        return self._named(image, boxes, scores)
+        weights = self._model.notes.get("score", limits.JOINT_WEIGHTS)
+        # what no face could bring to the least score need neither be read nor named
+        least = least_found(self.rules.min_score, weights)
+        boxes, scores = self._propose(image, region, zoom, max(least, self.rules.min_score))
+        return self._named(image, boxes, scores, weights)
 
     def detect_in(self, image: Image, region: Region) -> FoundSigns:
         """Signs within a region, as ``detect`` finds them there in the whole picture."""
         return self.detect(image, region)
 
     def zoom_of(self, image: Image) -> float:
-        """How much a picture is enlarged: the smaller it is, the fewer pixels a far sign has."""
-        return float(min(max(self.rules.width / max(image.shape[:2]), 1.0), limits.MOST_ZOOM))
+        """How much a picture is enlarged: the smaller it is, the fewer pixels a far sign has.
 
-    def zooms_of(self, image: Image, window: tuple[int, int, int, int]) -> list[float]:
+        Less than one for such that are much larger than the rules' width: the whole of these is
+        searched in a copy, and pixel by pixel only where that may find more.
+        """
+        zoom = self.rules.width / float(max(image.shape[:2]))
+        if zoom * limits.FINE_FROM <= 1.0:
+            return zoom
+        return float(min(max(zoom, 1.0), limits.MOST_ZOOM))
+
+    def zooms_of(self, image: Image, window: Window) -> list[float]:
         """By how much a window of a picture is enlarged to be searched, the most first.
 
         The network finds what is some 10 to 180 px large. Reduced copies, which cost a twelfth of
@@ -114,64 +134,70 @@ class NetworkDetector:
     ) -> tuple[FloatArray, FloatArray]:
         """Boxes [n, 4] px and scores [n] of what may be signs, the best of each copy of the picture
         first, not yet named."""
-        return self._propose(brightened(image), region, zoom)
+        return self._propose(brightened(image), region, zoom, self.rules.min_score)
 
     def _propose(
-        self, image: Image, region: Region | None, zoom: float | None
+        self, image: Image, region: Region | None, zoom: float | None, least: float
     ) -> tuple[FloatArray, FloatArray]:
         height, width = image.shape[:2]
         x0, y0, x1, y1 = window = _window(region, width, height)
         part = image[y0:y1, x0:x1]
-        boxes, scores = [np.zeros((0, 4))], [np.zeros(0)]
-        if min(part.shape[:2]) >= 8:
-            copy = part
-            for step, z in enumerate([zoom] if zoom is not None else self.zooms_of(image, window)):
-                # each reduced copy is made of the one before
-                copy = _resized(copy if len(copy) < len(part) else part, part, z)
-                own, score = self._in_copy(copy)
-                # what a reduced copy shows in few pixels, the one before shows in more
-                size = np.max(own[:, 2:] - own[:, :2], axis=1, initial=0.0)
-                kept = size >= (limits.LEAST_REDUCED_PX if step else 0.0)
-                scale = np.array([copy.shape[1] / part.shape[1], copy.shape[0] / part.shape[0]])
-                # outlines run between pixels, whose centres are integers
-                own = (own[kept] + 0.5) / np.tile(scale, 2) - 0.5 + np.array([x0, y0, x0, y0])
-                boxes.append(own)
-                scores.append(score[kept])
-        return np.concatenate(boxes), np.concatenate(scores)
+        if min(part.shape[:2]) < 8:
+            return np.zeros((0, 4)), np.zeros(0)
+        found: list[_Look] = []
+        copy = part
+        for step, z in enumerate([zoom] if zoom is not None else self.zooms_of(image, window)):
+            # each reduced copy is made of the one before
+            copy = _resized(copy if len(copy) < len(part) else part, part, z)
+            maps = self._model.run(blocks_of(copy))[0]
+            scale = np.array([copy.shape[1] / part.shape[1], copy.shape[0] / part.shape[0]])
+            look = self._best(_read(maps, least, scale, (x0, y0)))
+            if step == 0 and zoom is None and z < 1.0:
+                hints = _read(maps, limits.FINE_HINT, scale, (x0, y0)).boxes
+                look = self._best(_joined([look, *self._fine(image, window, hints, least)]))
+            found.append(look)
+        steps = np.repeat(np.arange(len(found)), [len(look.scores) for look in found])
+        all_ = _joined(found)
+        score = supported(all_.boxes, all_.scores, np.column_stack([steps, all_.sizes]))
+        # what a reduced copy shows in few pixels, the one before shows in more
+        kept = (steps == 0) | (all_.sizes >= limits.LEAST_REDUCED_PX)
+        return all_.boxes[kept], score[kept]
 
-    def _in_copy(self, copy: Image) -> tuple[FloatArray, FloatArray]:
-        """Boxes [n, 4] and scores [n] in pixels of what is searched."""
-        maps = self._model.run(blocks_of(copy))[0]
-        boxes, scores = decode_maps(maps, self.rules.min_score, 4 * self.rules.most)
-        kept = distinct(boxes, scores, self.rules.overlap, self.rules.inside)[: self.rules.most]
-        return boxes[kept], scores[kept]
+    def _best(self, look: _Look) -> _Look:
+        """The best box of each place, as many as a picture may have."""
+        kept = distinct(look.boxes, look.scores, self.rules.overlap, self.rules.inside)
+        return look.some(kept[: self.rules.most])
 
-    def _named(self, image: Image, boxes: FloatArray, scores: FloatArray) -> FoundSigns:
-        weights = self._model.notes.get("score", limits.JOINT_WEIGHTS)
-        # what no face could bring to the least score need not be named
-        able = [joint_score(float(s), 1.0, weights) >= self.rules.min_score for s in scores]
-        boxes, scores = boxes[able], scores[able]
+    def _fine(
+        self, image: Image, window: Window, hints: FloatArray, least: float
+    ) -> Iterator[_Look]:
+        """What is small, from a large picture's own pixels where ``hints`` are and where far signs
+        stand."""
+        for piece in fine_windows(len(image), window, hints):
+            left, top, right, bottom = piece
+            maps = self._model.run(blocks_of(image[top:bottom, left:right]))[0]
+            look = _read(maps, least, np.ones(2), (left, top))
+            yield look.some(np.flatnonzero(whole(look.boxes, piece, window)))
+
+    def _named(
+        self, image: Image, boxes: FloatArray, scores: FloatArray, weights: Sequence[float]
+    ) -> FoundSigns:
         named = self.classifier.name(image, boxes)
-        # a large face can be read: a rectangle that is then none of the classes is mostly the front
-        # of a house, a window or a shop's board
+        # a large face can be read
         large = np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0.0) * self.zoom_of(image)
-        read = large >= limits.LEAST_REDUCED_PX * limits.REDUCED_BY[0]
+        legible = large >= limits.LEAST_REDUCED_PX * limits.REDUCED_BY[0]
         odds = self.classifier.unknown_odds
         final = np.array(
             [
-                doubted(
-                    joint_score(
-                        float(score), face.sign * (1.0 - face.board if legible else 1.0), weights
-                    ),
-                    face.known,
-                    odds,
-                )
-                for score, face, legible in zip(scores, named, read, strict=True)
+                sign_score(float(score), face, bool(clear), odds, weights)
+                for score, face, clear in zip(scores, named, legible, strict=True)
             ],
             np.float64,
         )
         # copies of the picture show the same sign, and parts of a large one
-        order = distinct(boxes, final, self.rules.overlap, self.rules.inside)[: self.rules.most]
+        order = distinct(boxes, final, self.rules.overlap, self.rules.inside, limits.PART)[
+            : self.rules.most
+        ]
         order = order[final[order] >= self.rules.min_score]
         return FoundSigns(
             class_name=tuple(named[i].name for i in order),
@@ -179,36 +205,6 @@ class NetworkDetector:
             score=final[order],
             alternatives=tuple(named[i].alternatives for i in order),
         )
-
-
-def joint_score(found: float, sign: float, weights: Sequence[float]) -> float:
-    """One probability of a sign from what the detector and the classifier say.
-
-    Their log-odds are added with ``weights`` after a bias, which were fitted to street images
-    that neither was trained on.
-    """
-    odds = [
-        math.log(p / (1.0 - p))
-        for p in (min(max(v, limits.SURE), 1 - limits.SURE) for v in (found, sign))
-    ]
-    total = weights[0] + weights[1] * odds[0] + weights[2] * odds[1]
-    return 1.0 / (1.0 + math.exp(-total))
-
-
-def doubted(score: float, known: float, odds: float) -> float:
-    """The probability of a sign whose face is one of the classes with ``known`` only.
-
-    Wheels, lamps and shop boards look like signs to both networks, but seldom like one sign.
-    ``odds`` of the country are how many signs of the classes there are for one of none: the
-    fewer, the more such faces are signs. Never more than ``score``, and not less than even odds.
-    """
-    score = min(max(score, limits.SURE), 1.0 - limits.SURE)
-    over = math.log(score / (1.0 - score))
-    if over <= 0.0:
-        return score
-    unknown = 1.0 - known
-    less = limits.UNKNOWN_DOUBT * over - math.log(limits.ODDS_AT_HOME / odds)
-    return 1.0 / (1.0 + math.exp(-over + unknown * max(less, 0.0)))
 
 
 def _resized(copy: Image, part: Image, zoom: float) -> Image:
@@ -220,7 +216,25 @@ def _resized(copy: Image, part: Image, zoom: float) -> Image:
     return np.asarray(cv2.resize(copy, (wide, high), interpolation=how), np.uint8)
 
 
-def _window(region: Region | None, width: int, height: int) -> tuple[int, int, int, int]:
+def _read(maps: Floats, least: float, scale: FloatArray, start: tuple[int, int]) -> _Look:
+    """What the maps tell of a copy, of which ``scale`` [2] makes the part of the picture that
+    begins at ``start``."""
+    boxes, scores = decode_maps(maps, least, _MOST_PEAKS)
+    sizes = np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0.0)
+    # outlines run between pixels, whose centres are integers
+    boxes = (boxes + 0.5) / np.tile(scale, 2) - 0.5 + np.tile(np.array(start), 2)
+    return _Look(boxes, scores, sizes)
+
+
+def _joined(looks: Sequence[_Look]) -> _Look:
+    return _Look(
+        np.concatenate([np.zeros((0, 4)), *(look.boxes for look in looks)]),
+        np.concatenate([np.zeros(0), *(look.scores for look in looks)]),
+        np.concatenate([np.zeros(0), *(look.sizes for look in looks)]),
+    )
+
+
+def _window(region: Region | None, width: int, height: int) -> Window:
     """Whole pixels of the region within the picture."""
     if region is None:
         return 0, 0, width, height
@@ -246,79 +260,3 @@ def blocks_of(image: Image) -> Image:
     blocks = np.empty((rows, columns, 2), _PAIR)
     blocks[:, :, 0], blocks[:, :, 1] = pairs[:, 0], pairs[:, 1]
     return blocks.view(np.uint8).reshape(1, rows, columns, 12)
-
-
-def decode_maps(maps: Floats, min_score: float, most: int) -> tuple[FloatArray, FloatArray]:
-    """Boxes [n, 4] px and scores [n], best first, from the network's maps [6, h, w].
-
-    A box for every cell that is the highest of its neighbours on its heat map.
-    """
-    logits = maps[:_KINDS].max(axis=0)
-    least = np.log(min_score / (1.0 - min_score))
-    highest = cv2.dilate(logits, np.ones((3, 3), np.uint8))
-    rows, columns = np.nonzero((logits >= least) & (logits >= highest))
-    values = logits[rows, columns]
-    order = np.argsort(-values, kind="stable")[:most]
-    rows, columns, values = rows[order], columns[order], values[order].astype(np.float64)
-    return _mean_boxes(maps, logits, rows, columns), 1.0 / (1.0 + np.exp(-values))
-
-
-def _mean_boxes(maps: Floats, logits: Floats, rows: IntArray, columns: IntArray) -> FloatArray:
-    """Boxes [n, 4] px of the peaks [n]: means over the peak's cell and those around it.
-
-    A cell counts by its heat and only within the middle of the peak's own box, where the
-    network has learnt to tell the edges.
-    """
-    height, width = logits.shape
-    own = _cell_boxes(maps, rows, columns)
-    middle = (_STRIDE - 1) / 2.0
-    peak = 1.0 / (1.0 + np.exp(-logits[rows, columns].astype(np.float64)))
-    reach = np.maximum(limits.MIDDLE_SHARE * (own[:, 2:] - own[:, :2]), 1.0)
-    total, weights = np.zeros((len(rows), 4)), np.zeros(len(rows))
-    for down, right in product((-1, 0, 1), repeat=2):
-        row, column = rows + down, columns + right
-        inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-        row, column = np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
-        place = np.stack([column, row], axis=1) * float(_STRIDE) + middle
-        away = np.abs(place - (own[:, :2] + own[:, 2:]) / 2.0)
-        heat = 1.0 / (1.0 + np.exp(-logits[row, column].astype(np.float64)))
-        near = inside & (away <= reach).all(axis=1) & (heat > limits.LEAST_HEAT * peak)
-        share = np.where(near | ((down, right) == (0, 0)), heat, 0.0)
-        total += share[:, None] * _cell_boxes(maps, row, column)
-        weights += share
-    return np.asarray(total / weights[:, None])
-
-
-def _cell_boxes(maps: Floats, rows: IntArray, columns: IntArray) -> FloatArray:
-    """The boxes [n, 4] px that cells tell."""
-    x = columns * float(_STRIDE) + (_STRIDE - 1) / 2.0
-    y = rows * float(_STRIDE) + (_STRIDE - 1) / 2.0
-    steps = np.minimum(maps[_KINDS:, rows, columns].astype(np.float64), _LARGEST_STEP)
-    left, up, right, down = np.exp(steps) * _STRIDE
-    return np.stack([x - left, y - up, x + right, y + down], axis=1)
-
-
-def distinct(
-    boxes: FloatArray, scores: FloatArray, overlap: float, inside: float = 1.0
-) -> IntArray:
-    """Indices of the best boxes of every place, best first.
-
-    A box goes that overlaps a better one by more than ``overlap`` (IoU), or of which the share
-    ``inside`` of the smaller one lies in the larger.
-    """
-    order = np.argsort(-scores, kind="stable")
-    ranked = boxes[order]
-    area = np.prod(np.maximum(ranked[:, 2:] - ranked[:, :2], 1e-9), axis=1)
-    low = np.maximum(ranked[:, None, :2], ranked[None, :, :2])
-    high = np.minimum(ranked[:, None, 2:], ranked[None, :, 2:])
-    common = np.prod(np.maximum(high - low, 0.0), axis=2)
-    union = area[:, None] + area - common
-    smaller = np.minimum(area[:, None], area)
-    same = (common > overlap * union) | (common > inside * smaller)
-    open_ = np.ones(len(order), dtype=bool)
-    kept: list[int] = []
-    for i in range(len(order)):
-        if open_[i]:
-            kept.append(i)
-            open_ &= ~same[i]
-    return np.asarray(order[np.array(kept, np.int64)], np.int64)

@@ -22,7 +22,8 @@ import numpy as np
 
 from automap.records import FloatArray, Image
 from automap.vision import limits
-from automap.vision.network import default_detector, doubted
+from automap.vision.network import default_detector
+from automap.vision.scoring import doubted
 from pipeline.train.metrics import overlaps
 from pipeline.train.splits import rank
 from pipeline.train.street_data import load_streets

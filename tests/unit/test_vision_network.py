@@ -16,17 +16,13 @@ from automap.errors import InputError
 from automap.signs.classes import country_set, load_classes, national_code
 from automap.signs.faces import draw_face, usual_size
 from automap.signs.vocabulary import SHAPES, load_vocabulary
-from automap.vision.classifier import CROP_PX, SignClassifier, crop_faces
+from automap.vision import limits
+from automap.vision.boxes import decode_maps, distinct
+from automap.vision.classifier import CROP_PX, Named, SignClassifier, crop_faces
+from automap.vision.fine import fine_windows
 from automap.vision.limits import FACE_MARGIN
-from automap.vision.network import (
-    NetworkDetector,
-    NetworkRules,
-    blocks_of,
-    decode_maps,
-    default_detector,
-    distinct,
-    doubted,
-)
+from automap.vision.network import NetworkDetector, NetworkRules, blocks_of, default_detector
+from automap.vision.scoring import doubted, joint_score, least_found, sign_score, supported
 
 Image = npt.NDArray[np.uint8]
 NOTHING = np.zeros((6, 40, 60), np.float32) - 9.0
@@ -68,6 +64,53 @@ def test_distinct_boxes_do_not_overlap(places: list[tuple[float, float, float]])
             common = float(np.prod(np.maximum(sides, 0.0)))
             areas = [float(np.prod(boxes[n, 2:] - boxes[n, :2])) for n in (i, j)]
             assert common <= 0.4 * (sum(areas) - common) + 1e-9
+
+
+def test_a_small_better_box_takes_no_large_sign_away() -> None:
+    # a letter, or another sign in front, within a large sign; a plate and its sign
+    boxes = np.array([[100.0, 100.0, 400.0, 400.0], [110.0, 300.0, 160.0, 350.0]])
+    assert distinct(boxes, np.array([0.7, 0.9]), 0.4, 0.8, 0.2).tolist() == [1, 0]
+    assert distinct(boxes, np.array([0.9, 0.7]), 0.4, 0.8, 0.2).tolist() == [0]
+    framed = np.array([[100.0, 100.0, 200.0, 300.0], [105.0, 105.0, 195.0, 195.0]])
+    assert distinct(framed, np.array([0.7, 0.9]), 0.4, 0.8, 0.2).tolist() == [1]
+
+
+def test_what_two_copies_show_is_surer_than_what_one_does() -> None:
+    boxes = np.array(
+        [[10.0, 10, 210, 210], [14, 12, 208, 214], [10, 10, 210, 210], [500, 0, 550, 50]]
+    )
+    scores = np.array([0.6, 0.5, 0.55, 0.6])
+    copies = np.array([[1.0, 70], [2, 35], [1, 70], [1, 70]])
+    sure = supported(boxes, scores, copies)
+    assert (sure >= scores - 1e-12).all()
+    # two boxes of one copy are one look, what is small in a copy is none, and the first copy
+    # is judged by itself
+    assert (sure[:3] > scores[:3]).all()
+    assert sure[3] == pytest.approx(scores[3])
+    alone = supported(boxes[[0, 2]], scores[[0, 2]], copies[[0, 2]])
+    np.testing.assert_allclose(alone, scores[[0, 2]])
+    faint = supported(boxes[:2], scores[:2], np.array([[1.0, 70], [2, 12]]))
+    assert faint[0] == pytest.approx(scores[0])
+    first = supported(boxes[:2], scores[:2], np.array([[0.0, 280], [1, 70]]))
+    assert first[0] == pytest.approx(scores[0])
+    assert first[1] > scores[1]
+
+
+@given(st.floats(0.01, 0.99))
+def test_what_is_not_read_could_not_be_reported(score: float) -> None:
+    weights = (-2.7, 2.7, 0.45)
+    least = least_found(score, weights)
+    assert joint_score(least, 1.0, weights) == pytest.approx(score, rel=1e-6)
+    assert joint_score(0.99 * least, 1.0, weights) < score
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_a_little_of_a_board_costs_a_little(found: float, sign: float, board: float) -> None:
+    face, weights = Named("x", (), sign, board, 1.0), (-2.7, 2.7, 0.45)
+    plain = sign_score(found, face, False, 6.7, weights)
+    assert sign_score(found, face, True, 6.7, weights) == pytest.approx(
+        plain * (1.0 - board), abs=limits.SURE
+    )
 
 
 class FixedModel:
@@ -267,8 +310,51 @@ def test_blocks_hold_every_pixel_and_the_edge_is_repeated() -> None:
 def test_small_pictures_are_enlarged_within_limits() -> None:
     detector = NetworkDetector(rules=NetworkRules(width=1920))
     for size, zoom in (((720, 1280), 1.5), ((360, 640), 2.0), ((1080, 1920), 1.0),
-                       ((2160, 3840), 1.0), ((1280, 720), 1.5)):  # fmt: skip
+                       ((1440, 2560), 1.0), ((2160, 3840), 0.5), ((1280, 720), 1.5)):  # fmt: skip
         assert detector.zoom_of(np.empty((*size, 3), np.uint8)) == zoom
+
+
+def test_a_picture_of_4k_is_searched_in_a_copy_and_where_far_signs_stand(
+    detector: NetworkDetector,
+) -> None:
+    image = cv2.resize(street([], 0)[0], (3840, 2560))
+    places = {"regulatory--stop--g1": (1000, 300, 300), SIXTY: (2000, 1200, 18),
+              "regulatory--yield--g1": (3000, 1500, 60)}  # fmt: skip
+    for name, (x, y, size) in places.items():
+        face = cv2.resize(draw_face(name), (size, size), interpolation=cv2.INTER_AREA)
+        cover = face[:, :, 3:] / 255.0
+        part = image[y : y + size, x : x + size]
+        part[:] = (0.85 * face[:, :, :3] * cover + part * (1 - cover)).astype(np.uint8)
+    searched: list[int] = []
+    model = detector._model
+    run = model.run
+    model.run = lambda blocks: (searched.append(blocks.size), run(blocks))[1]  # type: ignore
+    try:
+        found = detector.detect(np.asarray(image, np.uint8))
+    finally:
+        del model.run  # type: ignore[method-assign]
+    for name, (x, y, size) in places.items():
+        middle = (found.box[:, :2] + found.box[:, 2:]) / 2
+        here = np.abs(middle - [x + size / 2, y + size / 2]).max(axis=1) < 0.3 * size
+        here &= found.score > 0.3
+        assert here.sum() == 1, name
+    assert sum(searched) < 0.75 * image.size
+
+
+def test_windows_of_a_large_picture_hold_the_band_and_what_is_asked_for() -> None:
+    hints = np.array([[500.0, 100, 520, 120], [510, 110, 530, 130], [3000, 1500, 3040, 1540],
+                      [100, 1800, 400, 2100], [3830, 2150, 3840, 2160]])  # fmt: skip
+    windows = fine_windows(2160, (0, 0, 3840, 2160), hints)
+    for k in (0, 1, 4):
+        x, y = hints[k, :2] + 5.0
+        assert sum(a <= x < c and b <= y < d for a, b, c, d in windows) == 1
+    inside = [(a, b, c, d) for a, b, c, d in windows if b <= 1080 < d]
+    assert inside == [(0, 768, 3840, 1408)]
+    # what is large is seen in the copy
+    assert sum((c - a) * (d - b) for a, b, c, d in windows) < 0.35 * 3840 * 2160
+    assert all(c <= 3840 and d <= 2160 for _, _, c, d in windows)
+    # a part of the picture below the band
+    assert fine_windows(2160, (0, 1600, 3840, 2160), np.zeros((0, 4))) == []
 
 
 def test_what_is_reported_does_not_depend_on_what_is_named(detector: NetworkDetector) -> None:
