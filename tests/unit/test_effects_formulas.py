@@ -94,8 +94,8 @@ def test_a_receiver_freezes_for_the_share_of_the_time_that_follows() -> None:
 
 
 def test_a_lag_solves_its_equation() -> None:
-    """tau y' = x - y for a signal of straight pieces: on one of slope s the output falls back by tau s
-    in the end, and what is between dies away."""
+    """tau y' = x - y for a signal of straight pieces: on one of slope s the output is behind by
+    tau s in the end, and what is between dies away."""
     rng = np.random.default_rng(5)
     step_s, x = 0.2, rng.normal(size=(12, 2))
     for tau in (0.05, 0.7):
