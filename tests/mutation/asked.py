@@ -99,10 +99,9 @@ class Calls:
         there: dict[str, float] = {}
         for each in sorted(found, key=lambda a: a.order):
             more = there | dict(each.shared)
-            if sum(more.values()) + sum(c.seconds for c in [*chosen, each]) > seconds:
-                break
-            there = more
-            chosen.append(each)
+            if sum(more.values()) + sum(c.seconds for c in [*chosen, each]) <= seconds:
+                there = more
+                chosen.append(each)
         return chosen
 
 
