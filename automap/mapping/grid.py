@@ -81,7 +81,8 @@ def neighbours(
         around = cells_around(row, cell_m)
         column = cell_column(lon, around)
         for step in range(-1, 2):
-            if step != 0 and around < 3:
+            # of two columns the other lies on both sides
+            if (step < 0 and around < 3) or (step > 0 and around < 2):
                 continue
             beside = (column + step) % around
             number = head[bucket(row, beside, len(head) - 1)]

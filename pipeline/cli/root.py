@@ -117,7 +117,9 @@ class LazyGroup(click.Group):
 def cli(debug: bool) -> None:
     """Turn recorded drives (IMU, u-blox log, video) into a map of road signs."""
     from pipeline.shared.kernel_cache import ensure_kernel_cache
+    from pipeline.shared.room import ensure_room
 
+    ensure_room()
     ensure_kernel_cache()
 
 

@@ -144,6 +144,7 @@ class PortReader(threading.Thread):
     def _read_by_pump(self, port: SerialPort, fd: int) -> None:
         """Let a process read and stamp; take over what it sends."""
         command = [sys.executable, "-I", "-S", pump.__file__, str(fd)]
+        command += [] if self._ready.is_set() else ["fresh"]
         with subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
@@ -170,11 +171,11 @@ class PortReader(threading.Thread):
                 if not data:
                     break
                 held += data
-                self._unpack(held, port)
+                self._unpack(held)
         if not told:
             raise PortLostError("the device was unplugged")
 
-    def _unpack(self, held: bytearray, port: SerialPort) -> None:
+    def _unpack(self, held: bytearray) -> None:
         """Take whole frames off the front of what the pump sent."""
         at = 0
         while len(held) - at >= pump.FRAME.size:
@@ -184,9 +185,7 @@ class PortReader(threading.Thread):
                 break
             if size:
                 self._put(self._clock.at(t_ns), bytes(held[end - size : end]))
-            elif not self._ready.is_set():
-                # what came while everything was being set up is older than its stamp would say
-                port.discard()
+            else:
                 self._ready.set()
             at = end
         del held[:at]

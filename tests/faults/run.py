@@ -171,7 +171,7 @@ def _before(case: Undisturbed, kind: str, draw: random.Random) -> Callable[[], N
     if kind == "closed pipe":
         return _closed_pipe
     if kind == "short of memory":
-        spare = draw.choice((4, 16, 48, 128)) << 20
+        spare = draw.choice((64, 192, 288, 400, 600)) << 20
         return lambda: _limit_memory(spare)
     return lambda: None
 

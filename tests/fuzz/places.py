@@ -13,7 +13,7 @@ import socket
 import sys
 import tempfile
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import cache
 from pathlib import Path
 
@@ -262,7 +262,8 @@ def ask_viewer(path: Path, work: Path) -> object:
     with socket.create_connection(("127.0.0.1", server.server_port), timeout=8) as connection:
         try:
             connection.sendall(request)
-            connection.shutdown(socket.SHUT_WR)
+            with suppress(OSError):  # who refused it may have gone already
+                connection.shutdown(socket.SHUT_WR)
             while part := connection.recv(1 << 20):
                 answer += part
         except ConnectionError:

@@ -1,7 +1,8 @@
 """Which tests are asked of a mistake: those that call what it is in, the quickest first.
 
 Kernels are interpreted: nothing is compiled for a mistake, and every call is seen. Tests that take
-too long so, of whole drives, are not asked; what share is noticed is rather too small for it.
+too long so, of whole drives, are not asked; what share is noticed is rather too small for it. Only
+tests of what holds no kernel (``COMPILED``) run a whole drive, with kernels compiled once.
 """
 
 from __future__ import annotations
@@ -24,6 +25,12 @@ from tests.mutation.areas import PROJECT
 LIMIT_S = 10.0
 """Tests that take longer, interpreted, are not asked."""
 
+COMPILED = ("tests/unit/test_cache_inputs.py",)
+"""Test files that take a whole drive, which needs compiled kernels."""
+
+_COMPILED_LIMIT_S = 300.0
+"""The same of these: the first compiles every kernel."""
+
 
 @dataclass(frozen=True)
 class Asked:
@@ -31,6 +38,17 @@ class Asked:
 
     test: str
     seconds: float
+    shared: tuple[tuple[str, float], ...] = ()
+    """the fixtures that it shares with others, and their seconds"""
+
+    @property
+    def order(self) -> tuple[float, str, float]:
+        """The quickest first; those that share a dear fixture beside each other."""
+        dear = sum(seconds for _, seconds in self.shared if seconds > _DEAR_S)
+        return dear, self.test.split("::")[0] if dear else "", self.seconds
+
+
+_DEAR_S = 0.1
 
 
 class Calls:
@@ -48,6 +66,8 @@ class Calls:
         for name in new:
             told = self.path.with_suffix(".told")
             more = {"AUTOMAP_CALLS": str(told), "AUTOMAP_CALLS_LIMIT": str(LIMIT_S)}
+            if name in COMPILED:
+                more |= {"AUTOMAP_CALLS_LIMIT": str(_COMPILED_LIMIT_S), "NUMBA_DISABLE_JIT": "0"}
             command = [sys.executable, "-m", "pytest", "-q", "-p", "tests.mutation.calls"]
             command += ["-p", "no:cacheprovider", "-p", "no:xdist", name]
             told.unlink(missing_ok=True)
@@ -64,21 +84,24 @@ class Calls:
             self.of[name] = {"digest": digests[name], "tests": tests}
             self.path.write_text(json.dumps(self.of))
 
-    def tests_of(self, names: set[str], seconds: float, only: Sequence[str] = ()) -> list[Asked]:
+    def tests_of(
+        self, names: set[str], seconds: float, only: Sequence[str] = (), compiled: bool = False
+    ) -> list[Asked]:
         """The tests that call one of some functions, as many as ``seconds`` allow."""
         found = [
-            Asked(test, told["seconds"])
+            Asked(test, told["seconds"], tuple(sorted(told["shared"].items())))
             for file, of in self.of.items()
-            if not only or file in only
+            if (not only or file in only) and (compiled or file not in COMPILED)
             for test, told in of["tests"].items()
             if not names.isdisjoint(told["calls"])
         ]
-        chosen, sum_s = [], 0.0
-        for each in sorted(found, key=lambda a: a.seconds):
-            sum_s += each.seconds
-            if sum_s > seconds:
-                break
-            chosen.append(each)
+        chosen: list[Asked] = []
+        there: dict[str, float] = {}
+        for each in sorted(found, key=lambda a: a.order):
+            more = there | dict(each.shared)
+            if sum(more.values()) + sum(c.seconds for c in [*chosen, each]) <= seconds:
+                there = more
+                chosen.append(each)
         return chosen
 
 

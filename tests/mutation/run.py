@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import IO
 
 from tests.mutation.areas import AREAS, PROJECT, own_tests, sources_of
-from tests.mutation.asked import Calls, functions_of
+from tests.mutation.asked import COMPILED, Calls, functions_of
 from tests.mutation.known import KNOWN
 from tests.mutation.mutants import Mutant, mutants_of, parses
 from tests.mutation.worker import write
@@ -65,6 +65,7 @@ class Copy:
                 shutil.copy2(PROJECT / name, self.root / name)
         kept.mkdir(parents=True, exist_ok=True)
         self.calls = Calls(kept / "calls.json")
+        self._sound: dict[tuple[str, ...], bool] = {}
         self.variables = {
             "PYTHONPATH": str(self.root),
             "NUMBA_DISABLE_JIT": "1",
@@ -96,36 +97,53 @@ class Copy:
 
     def compiled(self, mistake: Mistake) -> tuple[str, str]:
         """The same of one mistake by whole test files with compiled kernels: minutes."""
+        if not self._pass(mistake.only):
+            return "unclear", "the tests fail without the mistake too"
         path = self.root / mistake.source
         right = path.read_text()
-        variables = os.environ | self.variables | {"NUMBA_DISABLE_JIT": "0"}
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
         try:
             write(path, mistake.text)
-            done = subprocess.run(
-                [*command, *mistake.only],
-                cwd=self.root,
-                env=variables,
-                capture_output=True,
-                text=True,
-                check=False,
-            )
+            code, told = self._tested(mistake.only)
         finally:
             write(path, right)
+        return ("survived", "") if code == 0 else ("killed", told)
+
+    def _pass(self, files: tuple[str, ...]) -> bool:
+        """Whether test files pass without a mistake; after it all their kernels are compiled."""
+        if files not in self._sound:
+            self._sound[files] = self._tested(files)[0] == 0
+        return self._sound[files]
+
+    def _tested(self, files: tuple[str, ...]) -> tuple[int, str]:
+        done = subprocess.run(
+            [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *files],
+            cwd=self.root,
+            env=os.environ | self.variables | {"NUMBA_DISABLE_JIT": "0"},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         told = [s for s in done.stdout.splitlines() if s.startswith(("FAILED", "ERROR"))]
-        return ("survived", "") if done.returncode == 0 else ("killed", (told or [""])[0])
+        return done.returncode, (told or [""])[0]
 
     def _ask(self, mistake: Mistake, to: IO[str], answers: IO[str]) -> tuple[str, str]:
         names = functions_of(mistake.source, mistake.line)
-        tests = self.calls.tests_of(names, self.seconds, mistake.only)
+        # where kernels import what is changed every one would be compiled anew
+        no_kernel = mistake.source.parts[0] == "pipeline"
+        tests = self.calls.tests_of(names, self.seconds, mistake.only, no_kernel)
         if not tests:
             return "survived", "no test calls it"
+        dear = tuple(sorted({t.test.split("::")[0] for t in tests} & set(COMPILED)))
+        if dear and not self._pass(dear):
+            return "unclear", f"{', '.join(dear)} fails without the mistake too"
+        shared = sum({name: s for t in tests for name, s in t.shared}.values())
         job = {
             "source": str(mistake.source),
             "text": mistake.text,
             "tests": [t.test for t in tests],
+            "compiled": bool(dear),
             # what takes so much longer does not end
-            "limit_s": round(30.0 + 5.0 * sum(t.seconds for t in tests)),
+            "limit_s": round(30.0 + 5.0 * sum(t.seconds for t in tests) + 5.0 * shared),
         }
         to.write(json.dumps(job) + "\n")
         to.flush()
@@ -147,7 +165,7 @@ def _known(copy: Copy) -> int:
         text = right.replace(known.old, known.new)
         mistakes.append(Mistake("known", Path(known.source), line, known.name, text, only))
     for mistake, state, by in copy.ask(mistakes):
-        if state == "survived":
+        if state != "killed":
             state, by = copy.compiled(mistake)
         print(f"{state:9} {mistake.what}: {by[:120]}", flush=True)
         if state != "killed":

@@ -34,21 +34,36 @@ class Case:
     true: FloatArray
 
 
+_LONG = "kitti-20111003-0034"
+"""As long as seven of the others together; left to the slow tests."""
+
+
 @pytest.fixture(scope="module")
 def cases(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Case]:
-    """All kitti drives, their paths fused from their own recordings."""
+    """The kitti drives but the long one, their paths fused from their own recordings."""
     folders = sorted((shared_data / "drives").glob("kitti-*"))
     if not folders:
         pytest.skip(f"no kitti-* drives in {shared_data / 'drives'}")
+    root = tmp_path_factory.mktemp("kitti")
+    return [ran(folder, root) for folder in folders if folder.name != _LONG]
+
+
+@pytest.fixture(scope="module")
+def long_case(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Case:
+    """The long one."""
+    folder = shared_data / "drives" / _LONG
+    if not folder.is_dir():
+        pytest.skip(f"there is no {folder}")
+    return ran(folder, tmp_path_factory.mktemp("kitti"))
+
+
+def ran(folder: Path, root: Path) -> Case:
+    """A drive's run and truth."""
     stages = ("ingest", "sync", "fuse", "detect", "geolocate")
     request = Request(load_stages(stages), stages, load_settings())
-    root = tmp_path_factory.mktemp("kitti")
-    result = []
-    for folder in folders:
-        out = root / folder.name
-        assert run_drive(folder, out, request).exit_code == 0
-        result.append(case_of(folder, out))
-    return result
+    out = root / folder.name
+    assert run_drive(folder, out, request).exit_code == 0
+    return case_of(folder, out)
 
 
 def case_of(folder: Path, out: Path) -> Case:
@@ -166,10 +181,26 @@ def score(case: Case, lines: list[FloatArray], base: int, file: Path) -> np.ndar
     return np.array(result, bool).reshape(-1, 2)
 
 
-@pytest.mark.parametrize("layer", ["true", "shifted", "parallel"])
+LAYERS = ("true", "shifted", "parallel")
+
+
+@pytest.mark.parametrize("layer", LAYERS)
 def test_chainage_and_side_on_layers_made_from_the_true_path(
     cases: list[Case], layer: str, tmp_path: Path
 ) -> None:
+    check(cases, layer, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("layer", LAYERS)
+def test_chainage_and_side_on_layers_of_all_drives(
+    cases: list[Case], long_case: Case, layer: str, tmp_path: Path
+) -> None:
+    check([*cases, long_case], layer, tmp_path)
+
+
+def check(cases: list[Case], layer: str, tmp_path: Path) -> None:
+    """Nineteen of twenty signs are on the right road at the right place, and on the right side."""
     rng = np.random.default_rng(8)
     rows = []
     for case in cases:

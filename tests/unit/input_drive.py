@@ -83,21 +83,23 @@ def write_gnss(folder: Path, move: Motion) -> None:
 def _epoch(stamp: datetime, move: Motion, row: int) -> str:
     lat = -35.0 + np.degrees(move.north[row] / _RADIUS)
     lon = 149.0 + np.degrees(move.east[row] / (_RADIUS * np.cos(np.radians(35.0))))
-    place = f"{_angle(-lat, 2)},S,{_angle(lon, 3)},E"
+    place = f"{angle(-lat, 2)},S,{angle(lon, 3)},E"
     knots = move.speed[row] / 0.514444
     course = np.degrees(move.yaw[row]) % 360.0
     time = stamp.strftime("%H%M%S.00")
     rmc = f"GNRMC,{time},A,{place},{knots:.3f},{course:.2f},{stamp:%d%m%y},,,A"
     gga = f"GNGGA,{time},{place},1,12,0.8,580.0,M,20.0,M,,"
-    return _sentence(rmc) + _sentence(gga)
+    return sentence(rmc) + sentence(gga)
 
 
-def _angle(degrees: float, digits: int) -> str:
+def angle(degrees: float, digits: int) -> str:
+    """An angle that is not negative as NMEA has it, degrees and minutes."""
     whole = int(degrees)
     return f"{whole:0{digits}d}{60.0 * (degrees - whole):010.7f}"
 
 
-def _sentence(body: str) -> str:
+def sentence(body: str) -> str:
+    """An NMEA sentence with its checksum."""
     checksum = 0
     for character in body.encode():
         checksum ^= character

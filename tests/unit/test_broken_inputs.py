@@ -43,6 +43,11 @@ def test_a_damaged_drive_gives_a_result_or_one_sentence(
 ) -> None:
     drive = tmp_path / name
     shutil.copytree(shared_data / "broken" / name, drive, copy_function=shutil.copyfile)
+    readings = drive / "imu.csv"
+    if readings.is_file():
+        # what is damaged comes early; half a minute is enough to go on with
+        rows = readings.read_bytes().splitlines(keepends=True)
+        readings.write_bytes(b"".join(rows[:3000]))
     code = run_command([command, str(drive), *(["--to", "fuse"] if command == "run" else [])])
     told = capfd.readouterr()
     assert code in (0, 2, 3)

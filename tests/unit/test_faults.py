@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import shutil
+import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from tests.faults.child import Ended
+from tests.faults.commands import undated
 from tests.faults.judge import unsynced, wrong_end, wrong_files
 from tests.faults.shim import environment
 
@@ -65,6 +68,26 @@ def test_the_judge_of_files(tmp_path: Path) -> None:
     (tmp_path / ".map.1.tmp").touch()
     assert "left behind" in wrong_files(*judged, dead=False)
     assert wrong_files(*judged, dead=True) == ""
+
+
+def test_the_judge_of_a_geopackage_goes_by_its_rows(tmp_path: Path) -> None:
+    path = tmp_path / "map.gpkg"
+    with closing(sqlite3.connect(path)) as db:
+        db.execute("CREATE TABLE signs (name TEXT)")
+        db.executemany("INSERT INTO signs VALUES (?)", [("a",), ("b",)])
+        db.commit()
+        whole, raw = undated(path), path.read_bytes()
+        # other pages with the same rows
+        db.execute("CREATE TABLE gone (x)")
+        db.execute("DROP TABLE gone")
+        db.commit()
+        assert path.read_bytes() != raw
+        assert undated(path) == whole
+        db.execute("DELETE FROM signs WHERE name = 'b'")
+        db.commit()
+    assert undated(path) != whole
+    path.write_bytes(raw[:-100])
+    assert undated(path) == raw[:-100]
 
 
 @pytest.mark.parametrize(

@@ -29,8 +29,8 @@ def test_what_once_went_wrong_is_read_or_refused(name: str, path: Path) -> None:
 
 @pytest.mark.parametrize("name", list(seeds()))
 def test_damaged_files_give_a_result_or_one_sentence(name: str) -> None:
-    # a second each, and the long run does the rest
-    table, wrong = fuzz([name], 100, 1.0, seed=len(name))
+    # half a minute for all, and the long run does the rest
+    table, wrong = fuzz([name], 100, 0.35, seed=len(name))
     assert not wrong
     assert sum(table.values()) >= 1
 

@@ -22,7 +22,7 @@ from pipeline.record import ublox_keys as keys
 from pipeline.record.clock import HostClock
 from pipeline.record.imu_format import known_formats, load_format
 from pipeline.record.manifest_text import read_rig
-from pipeline.record.ports import PortInfo, PortSpec, parse_port
+from pipeline.record.ports import PortInfo, PortSpec, SerialPort, parse_port
 from pipeline.record.probe import probe_port
 from pipeline.record.reader import PortReader
 from pipeline.record.recorder import Plan, Recorder
@@ -324,3 +324,43 @@ def test_a_folder_with_a_drive_is_left_alone(drive: Path, tmp_path: Path) -> Non
     result = subprocess.run(command, capture_output=True, text=True)
     assert result.returncode == 2
     assert "holds a drive already" in result.stderr
+
+
+def test_bytes_that_come_while_a_port_opens_leave_no_hole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is kept is one piece of what was sent, however long the recorder takes to set up."""
+    discard = SerialPort.discard
+
+    def often(port: SerialPort) -> None:
+        for _ in range(300):
+            discard(port)
+            time.sleep(0.001)
+
+    monkeypatch.setattr(SerialPort, "discard", often)
+    terminal, halt = Terminal(tmp_path / "imu"), threading.Event()
+    sent = bytearray()
+
+    def send() -> None:
+        number = 0
+        while not halt.is_set():
+            line = b"%08d\n" % number
+            sent.extend(line[: terminal.write(line)])
+            number += 1
+            time.sleep(0.0002)
+
+    reader = PortReader(
+        "imu", PortSpec(str(tmp_path / "imu"), BAUD), HostClock(), lambda *told: None
+    )
+    reader.open()
+    sender = threading.Thread(target=send, daemon=True)
+    sender.start()
+    reader.start()
+    assert wait_until(lambda: reader.total_bytes > 20_000)
+    reader.stop()
+    reader.join()
+    halt.set()
+    sender.join()
+    terminal.close()
+    kept = b"".join(data or b"" for _, data in reader.take())
+    assert kept in sent

@@ -6,6 +6,8 @@ import errno
 import os
 import shutil
 import socket
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -26,6 +28,7 @@ from pipeline.view.command import serving
 from tests.unit.broken_drive import rows, write_short_drive
 
 LONG = "n" * 300
+PROJECT = Path(__file__).resolve().parents[2]
 
 
 def told(words: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
@@ -298,3 +301,31 @@ def test_a_folder_that_was_removed_under_the_shell(
     monkeypatch.chdir(here)
     shutil.rmtree(here)
     assert told(["--version"], capsys)[0] == 0
+
+
+WITH_LITTLE_ROOM = """
+import os, resource, sys
+from pathlib import Path
+from pipeline.cli import main
+
+used = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+room = used + (int(sys.argv[1]) << 20)
+resource.setrlimit(resource.RLIMIT_AS, (room, room))
+# of the processor: who asks for memory for ever does nothing else
+resource.setrlimit(resource.RLIMIT_CPU, (30, 30))
+main(["check", sys.argv[2]])
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="it needs Linux's /proc")
+@pytest.mark.parametrize("room_mb", [48, 130, 200, 240])
+def test_where_memory_is_short_a_command_ends_with_a_sentence(room_mb: int, tmp_path: Path) -> None:
+    """Less than the libraries of linear algebra need, and about as much."""
+    drive = write_short_drive(tmp_path / "drive")
+    done = subprocess.run(
+        [sys.executable, "-c", WITH_LITTLE_ROOM, str(room_mb), str(drive)],
+        cwd=PROJECT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 4, done.stderr
+    assert done.stderr.startswith("error: the memory is used up; ")
+    assert len(done.stderr.splitlines()) == 1

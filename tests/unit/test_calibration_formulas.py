@@ -1,0 +1,197 @@
+"""Formulas of the calibration against Monte Carlo, numeric derivatives and plain recursion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from automap.calibration.allan import (
+    _basis,
+    _simulated,
+    averaging_factors,
+    degrees_of_freedom,
+    overlapping_deviation,
+)
+from automap.calibration.fold import corrected, folded_covariance
+from automap.calibration.hand_motion import coloured_noise_history, final_response
+from automap.calibration.limits import LEAST_RUN
+from automap.calibration.plausible import refuse_saturation
+from automap.calibration.poses import pose_name
+from automap.calibration.rest import quantisation_step
+from automap.errors import InputError
+from automap.records import FloatArray, ImuCalibration, RawImu, TriadCalibration
+
+
+def test_degrees_of_freedom_are_those_of_repeated_records() -> None:
+    """A mean of squares of f degrees of freedom scatters by its value times sqrt(2 / f)."""
+    rng = np.random.default_rng(1)
+    n, factors = 120, np.array([1, 3, 8])
+    squares = np.array(
+        [overlapping_deviation(rng.standard_normal(n), 1.0, factors) ** 2 for _ in range(1500)]
+    )
+    found = 2.0 * squares.mean(axis=0) ** 2 / squares.var(axis=0)
+    # a variance of 1500 is known to 4 %, and the formula is itself good to some percent
+    assert degrees_of_freedom(n, factors) == pytest.approx(found, rel=0.15)
+    assert degrees_of_freedom(20, np.array([19])) == pytest.approx([1.0])
+
+
+@pytest.mark.parametrize("terms", [(0.02, 0.0, 0.0), (0.0, 0.0, 0.003), (0.0, 0.01, 0.0)])
+def test_simulated_noise_has_the_deviation_of_its_terms(terms: tuple[float, ...]) -> None:
+    """White noise falls by the root of tau, a walk rises by it, flicker stays: each in its size."""
+    rng = np.random.default_rng(2)
+    rate_hz, factors = 4.0, np.array([4, 12, 40])
+    found = np.mean(
+        [
+            overlapping_deviation(_simulated(rng, np.array(terms), 4000, rate_hz), rate_hz, factors)
+            ** 2
+            for _ in range(30)
+        ],
+        axis=0,
+    )
+    wanted = _basis(factors / rate_hz) @ np.square(terms)
+    # flicker ends at the record's own length and at the rate; a walk's mean square moves by tau^2
+    assert found == pytest.approx(wanted, rel=0.12)
+
+
+@pytest.mark.parametrize("n", [3, 60, 1000, 54_321])
+def test_averaging_times_rise_from_one_sample_to_a_fifth_of_the_record(n: int) -> None:
+    factors = averaging_factors(n)
+    assert factors[0] == 1
+    assert factors[-1] == max(n // 5, 1)
+    assert np.all(np.diff(factors) > 0)
+    assert np.all(factors[1:] <= 1.5 * factors[:-1] + 1.0)
+
+
+def test_what_each_measurement_moved_is_what_the_filter_moves_step_by_step() -> None:
+    """The filter's own recursion, run with each measurement alone, from no errors at all."""
+    rng = np.random.default_rng(3)
+    m, states = 5, 21
+    response = 0.5 * rng.normal(size=(m, states, states + 6))
+    response[:, :, :states] += 0.6 * np.eye(states)
+    measured = rng.normal(size=(m, 6))
+    error = np.zeros(states)
+    for k in range(m):
+        error = response[k, :, :states] @ error + response[k, :, states:] @ measured[k]
+    weights = final_response(response)
+    assert weights.shape == (m, 12, 6)
+    found = np.einsum("kij,kj->i", weights, measured)
+    assert any(np.allclose(found, error[first : first + 12]) for first in range(10))
+    # of the last measurement nothing is carried on
+    alone = response[-1, :, states:]
+    assert any(np.allclose(weights[-1], alone[first : first + 12]) for first in range(10))
+
+
+def test_sigmas_over_time_end_at_the_last_and_gain_information_in_proportion() -> None:
+    prior, final = np.array([2.0, 0.5]), np.array([0.4, 0.3])
+    sd = np.array([[2.0, 0.5], [1.0, 0.4], [0.5, 0.2]])
+    found = coloured_noise_history(sd, prior, final)
+    assert found[0] == pytest.approx(prior)
+    assert found[-1] == pytest.approx(final)
+
+    def share(values: FloatArray) -> FloatArray:
+        information = 1.0 / values**2 - 1.0 / prior**2
+        return np.asarray(information[1] / information[-1])
+
+    assert share(found) == pytest.approx(share(sd))
+
+
+def test_the_covariance_that_is_folded_in_is_that_of_the_folding() -> None:
+    """Against numeric derivatives of the folding by the dynamic errors."""
+    rng = np.random.default_rng(4)
+    matrix = np.eye(3)
+    triads = [
+        TriadCalibration(1.0 + 0.1 * rng.normal(size=3), rng.normal(size=3), matrix) for _ in "ag"
+    ]
+    before = ImuCalibration(triads[0], triads[1], g_sensitivity=0.01 * rng.normal(size=(3, 3)))
+    root = rng.normal(size=(12, 12))
+    errors = root @ root.T
+    for name, at in (("accel", (0, 6)), ("gyro", (3, 9))):
+
+        def folded(x: FloatArray, name: str = name) -> FloatArray:
+            triad = getattr(corrected(before, x), name)
+            return np.concatenate([triad.scale, triad.bias])
+
+        h = 1e-6
+        J = np.column_stack([(folded(h * e) - folded(-h * e)) / (2 * h) for e in np.eye(12)])
+        found = folded_covariance(getattr(before, name), errors, at, 9)
+        np.testing.assert_allclose(found[:6, :6], J @ errors @ J.T, rtol=1e-6, atol=1e-8)
+        assert not found[6:].any()
+        assert not found[:, 6:].any()
+
+
+def test_a_folded_calibration_corrects_readings_as_both_in_turn() -> None:
+    rng = np.random.default_rng(5)
+    upper = np.eye(3) + np.triu(0.02 * rng.normal(size=(3, 3)), 1)
+    triad = TriadCalibration(1.0 + 0.1 * rng.normal(size=3), rng.normal(size=3), upper)
+    before = ImuCalibration(triad, triad, g_sensitivity=0.01 * rng.normal(size=(3, 3)))
+    errors = 0.01 * rng.normal(size=12)
+    after = corrected(before, errors)
+    reading = rng.normal(size=3)
+    for name, bias, scale in (
+        ("accel", errors[:3], errors[6:9]),
+        ("gyro", errors[3:6], errors[9:]),
+    ):
+        one, two = getattr(before, name), getattr(after, name)
+        first = one.matrix @ (one.scale * reading + one.bias)
+        second = two.matrix @ (two.scale * reading + two.bias)
+        assert second == pytest.approx((1.0 + scale) * first + bias)
+    assert after.g_sensitivity == pytest.approx((1.0 + errors[9:])[:, None] * before.g_sensitivity)
+
+
+def test_the_step_of_readings_is_their_resolution() -> None:
+    rng = np.random.default_rng(6)
+    steps = np.array([0.5, 1e-3, 0.02])
+    values = np.rint(rng.normal(0.0, 4.0, (400, 3))) * steps
+    assert quantisation_step(values) == pytest.approx(steps)
+    values[:, 1] = 7.0
+    assert quantisation_step(values)[1] == 0.0
+
+
+def log_of(gyro: FloatArray) -> RawImu:
+    """A log of a gyro's x axis, the others noise."""
+    n = len(gyro)
+    noise = np.random.default_rng(7).normal(0.0, 1e-3, (n, 6))
+    noise[:, 3] += gyro
+    return RawImu(
+        name="desk.csv", t_ns=np.arange(n) * 10_000_000, accel=noise[:, :3], gyro=noise[:, 3:],
+        accel_unit="m/s^2", gyro_unit="rad/s", accel_scale=1.0, gyro_scale=1.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("samples", [LEAST_RUN - 1, LEAST_RUN, 40])
+def test_an_axis_that_stays_at_its_extreme_in_the_midst_of_motion_is_saturated(
+    sign: float, samples: int
+) -> None:
+    """A swing of the hand, at 2.5 s, whose top is cut off for some samples."""
+    t = np.arange(4000) * 0.01
+    log = log_of(sign * 2.4 * np.exp(-(((t - 2.5) / 0.4) ** 2)))
+    first = 250 - samples // 2
+    log.gyro[first : first + samples, 0] = sign * 2.5
+    if samples < LEAST_RUN:
+        refuse_saturation(log)
+        return
+    place = (
+        rf"gyro's x axis .* from {first * 0.01:.2f} s on .* {2.5 * sign:g} for {samples} samples"
+    )
+    with pytest.raises(InputError, match=place):
+        refuse_saturation(log)
+
+
+def test_a_sensor_that_rests_at_its_extreme_is_not_saturated() -> None:
+    """What goes to its extreme by little and stays there is held there, not cut off."""
+    t = np.arange(4000) * 0.01
+    x = np.where(t < 10.0, np.sin(t), 0.97)
+    log = log_of(x)
+    log.gyro[2000:2100, 0] = 1.03
+    refuse_saturation(log)
+    # the same run in the midst of the swing is
+    log.gyro[300:400, 0] = 1.03
+    with pytest.raises(InputError, match=r"from 3.00 s on"):
+        refuse_saturation(log)
+
+
+def test_poses_are_named_by_the_axes_that_point_up() -> None:
+    assert pose_name(np.array([0.0, 0.0, -1.0])) == "-z up"
+    assert pose_name(np.array([1.0, 0.0, 0.0])) == "+x up"
+    assert pose_name(np.array([0.7, -0.7, 0.0])) == "half way between +x and -y up"

@@ -1,0 +1,148 @@
+"""Kernels of the fusion against the same computed another way: dense matrices, cubics, SciPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from automap.fusion.kernels.axis import smooth_axis
+from automap.fusion.kernels.resample import interpolate_states
+from automap.fusion.mechanisation import radii, rotate_left, rotate_right
+from automap.records import FloatArray
+
+TAU = (9.0, 3.0)
+PSD = 0.7
+
+
+def transition(dt: float) -> tuple[FloatArray, FloatArray]:
+    """Transition and covariance of the noise over ``dt`` s: a white acceleration, and errors of a
+    sigma of one that are forgotten."""
+    F = np.diag([1.0, 1.0, np.exp(-dt / TAU[0]), np.exp(-dt / TAU[1])])
+    F[0, 1] = dt
+    Q = np.diag([PSD * dt**3 / 3.0, PSD * dt, 1.0 - F[2, 2] ** 2, 1.0 - F[3, 3] ** 2])
+    Q[0, 1] = Q[1, 0] = 0.5 * PSD * dt**2
+    return F, Q
+
+
+def test_the_smoother_of_an_axis_is_the_conditional_mean_of_all_states_at_once() -> None:
+    rng = np.random.default_rng(5)
+    n = 12
+    t = np.cumsum(rng.uniform(0.2, 3.0, n))
+    z = rng.normal(0.0, [30.0, 4.0], (n, 2))
+    used = rng.random((n, 2)) < 0.7
+    used[0], used[4], used[-1] = (True, False), False, (False, True)
+    var, lasting = rng.uniform(0.5, 6.0, (n, 2)), rng.uniform(0.3, 3.0, (n, 2))
+    out = np.zeros((n, 4))
+    smooth_axis(t, z, used, var, lasting, PSD, TAU, 1e12, out)
+
+    # all states in one vector: their covariance before any fix, then one Gaussian conditioning
+    prior = np.zeros((4 * n, 4 * n))
+    mean = np.zeros(4 * n)
+    mean[0] = z[0, 0]
+    prior[:4, :4] = np.diag([100.0**2, 30.0**2, 1.0, 1.0])
+    for k in range(1, n):
+        F, Q = transition(t[k] - t[k - 1])
+        a, b = slice(4 * k - 4, 4 * k), slice(4 * k, 4 * k + 4)
+        mean[b] = F @ mean[a]
+        prior[b, : 4 * k] = F @ prior[a, : 4 * k]
+        prior[: 4 * k, b] = prior[b, : 4 * k].T
+        prior[b, b] = F @ prior[a, a] @ F.T + Q
+    rows = [(k, m) for k in range(n) for m in range(2) if used[k, m]]
+    H = np.zeros((len(rows), 4 * n))
+    for row, (k, m) in enumerate(rows):
+        H[row, 4 * k + m], H[row, 4 * k + 2 + m] = 1.0, lasting[k, m]
+    R = np.diag([var[k, m] for k, m in rows])
+    gain = prior @ H.T @ np.linalg.inv(H @ prior @ H.T + R)
+    mean = mean + gain @ (np.array([z[k, m] for k, m in rows]) - H @ mean)
+    cov = prior - gain @ H @ prior
+    sd = np.sqrt(np.diag(cov)).reshape(n, 4)
+    np.testing.assert_allclose(out[:, :2], mean.reshape(n, 4)[:, :2], rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(out[:, 2:], sd[:, :2], rtol=1e-6)
+
+
+@pytest.mark.parametrize("wild", [10.0, 4000.0])
+def test_a_fix_beyond_the_limit_counts_as_one_at_the_limit(wild: float) -> None:
+    """One velocity alone: prior 30 m/s, noise 2 m/s, lasting error 3 m/s."""
+    limit = 9.0
+    out = np.zeros((1, 4))
+    used, z = np.array([[False, True]]), np.array([[0.0, wild]])
+    smooth_axis(
+        np.zeros(1), z, used, np.full((1, 2), 4.0), np.full((1, 2), 3.0), PSD, TAU, limit, out
+    )
+    variance = max(30.0**2 + 9.0 + 4.0, wild**2 / limit)
+    assert out[0, 1] == pytest.approx(30.0**2 * wild / variance)
+    assert out[0, 3] == pytest.approx(np.sqrt(30.0**2 - 30.0**4 / variance))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 5e-3, 0.0101, 0.4, 3.0])
+def test_turns_of_quaternions_are_scipys(angle: float) -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        vector = rng.normal(size=3)
+        vector *= angle / np.linalg.norm(vector)
+        first = Rotation.random(random_state=rng)
+        turn = Rotation.from_rotvec(vector)
+        for function, wanted in ((rotate_left, turn * first), (rotate_right, first * turn)):
+            q = first.as_quat(scalar_first=True)
+            function(q, *vector)
+            found = Rotation.from_quat(q, scalar_first=True)
+            assert (found * wanted.inv()).magnitude() < 1e-12
+            assert np.linalg.norm(q) == pytest.approx(1.0, abs=1e-12)
+
+
+def states_of(t: FloatArray, lon_0: float) -> FloatArray:
+    """States [n, 10] of a motion that is a cubic of time in every axis, with a turning body."""
+    lat, speed = 0.8, np.array([[8.0, 0.5, -0.04], [-12.0, 0.7, 0.05], [0.5, -0.1, 0.02]])
+    way = speed @ np.array([t, t**2 / 2.0, t**3 / 3.0])
+    velocity = speed @ np.array([np.ones_like(t), t, t**2])
+    rm, rn = radii(lat)
+    out = np.zeros((len(t), 10))
+    out[:, 0] = lat + way[0] / rm
+    out[:, 1] = lon_0 + way[1] / (rn * np.cos(lat))
+    out[:, 1] = (out[:, 1] + np.pi) % (2.0 * np.pi) - np.pi
+    out[:, 2] = -way[2]
+    out[:, 3:6] = velocity.T
+    turned = Rotation.from_rotvec(np.outer(t, [0.02, -0.03, 0.3]))
+    out[:, 6:] = turned.as_quat(scalar_first=True)
+    # a quaternion and its negative are one attitude
+    out[1::2, 6:] *= -1.0
+    return out
+
+
+@pytest.mark.parametrize("lon_0", [0.3, np.pi - 3e-6, -np.pi + 2e-6])
+def test_states_between_nodes_are_those_of_the_cubic_through_them(lon_0: float) -> None:
+    """Also over the date line. Within the cubic only velocity (bent) and attitude (by the chord)
+    are approximate, by as much as the step allows."""
+    t = np.array([0.0, 0.5, 1.3, 2.0, 3.1])
+    want = np.array([0.0, 0.2, 0.5, 0.77, 1.3, 2.6, 3.0, 3.1])
+    out = np.zeros((len(want), 10))
+    interpolate_states(t, states_of(t, lon_0), want, out)
+    true = states_of(want, lon_0)
+    rm, rn = radii(0.8)
+    apart = out[:, 1] - true[:, 1]
+    apart = (apart + np.pi) % (2.0 * np.pi) - np.pi
+    assert np.abs((out[:, 0] - true[:, 0]) * rm).max() < 1e-3
+    assert np.abs(apart * rn * np.cos(0.8)).max() < 1e-3
+    assert np.abs(out[:, 2] - true[:, 2]).max() < 1e-6
+    # a parabola's sagitta over 1.1 s: second derivative times step squared over eight
+    assert np.abs(out[:, 3:6] - true[:, 3:6]).max() < 0.1 * 1.1**2 / 8.0 + 1e-9
+    q = Rotation.from_quat(out[:, 6:], scalar_first=True)
+    wanted = Rotation.from_quat(true[:, 6:], scalar_first=True)
+    assert (q * wanted.inv()).magnitude().max() < 2e-3
+    at_nodes = np.isin(want, t)
+    np.testing.assert_allclose(out[at_nodes, 2:6], true[at_nodes, 2:6], atol=1e-9)
+
+
+@pytest.mark.parametrize(("want", "end"), [(-2.0, 0), (5.1, -1)])
+def test_beyond_the_ends_the_last_velocity_goes_on(want: float, end: int) -> None:
+    t = np.array([0.0, 0.5, 1.3, 2.0, 3.1])
+    states, out = states_of(t, 0.3), np.zeros((1, 10))
+    interpolate_states(t, states, np.array([want]), out)
+    beyond = want - t[end]
+    rm, rn = radii(states[end, 0])
+    metres = np.array([rm + states[end, 2], (rn + states[end, 2]) * np.cos(states[end, 0]), -1.0])
+    wanted = states[end, :3] + states[end, 3:6] * beyond / metres
+    # a latitude some metres on has another cosine, by millionths of the way
+    assert np.abs((out[0, :3] - wanted) * metres).max() < 1e-3
+    np.testing.assert_allclose(out[0, 3:6], states[end, 3:6], atol=1e-12)

@@ -1,0 +1,250 @@
+"""Formulas of the geolocation against geometry, numeric derivatives and SciPy's minimum."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from geolocation_scene import ORIGIN, drive_path
+from scipy.optimize import minimize
+
+from automap.earth import local_ned
+from automap.gates import gate, sigmas
+from automap.geolocation import limits
+from automap.geolocation.bearing_rays import (
+    BearingRules,
+    Rays,
+    costs,
+    fit_point,
+    in_plane,
+    normal_equations,
+)
+from automap.geolocation.existence import _aspect, _base_rate, _probability
+from automap.geolocation.merging import class_agreement
+from automap.geolocation.path_relation import course_at, make_path, relate, side_of_path
+from automap.geolocation.time_minima import Minimum, alike, apart, starts
+from automap.records import Bearings, FloatArray, Trajectory
+
+
+def rays_to(point: FloatArray, rng: np.random.Generator, n: int = 8) -> tuple[Rays, FloatArray]:
+    """Cameras round a point that see it with errors, some with a depth; the errors in sigmas."""
+    turn = rng.uniform(0.0, 2.0 * np.pi, n)
+    distance = rng.uniform(6.0, 25.0, n)
+    centre = point - distance[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    sd = rng.uniform(0.01, 0.05, n)
+    error = rng.normal(size=(n, 2))
+    log_depth = np.log(distance) + 0.3 * error[:, 1]
+    log_depth[::3] = np.nan
+    bearing = (turn + sd * error[:, 0]) % (2.0 * np.pi)
+    return Rays(centre, bearing, sd, log_depth, np.arange(n)), error
+
+
+RULES = BearingRules(position_sd_m=0.0)
+"""With cameras whose places are known the weights do not change with the point."""
+
+
+def test_a_sightings_cost_is_its_squared_errors_in_sigmas() -> None:
+    rng = np.random.default_rng(1)
+    point = np.array([30.0, -12.0])
+    rays, error = rays_to(point, rng)
+    found = costs(rays, np.arange(8), point[None], RULES)[:, 0]
+    square = error**2
+    square[::3, 1] = 0.0
+    assert found == pytest.approx(square.sum(axis=1))
+    far = point + np.array([RULES.max_range_m + 30.0, 0.0])
+    assert np.isinf(costs(rays, np.arange(8), far[None], RULES)).all()
+    # what lies behind a camera it does not see
+    behind = 2.0 * rays.centre[:1] - point
+    assert np.isinf(costs(rays, np.arange(1), behind, RULES)).all()
+    # a camera that is a metre off: one more radian-metre over the distance, for either part
+    unsure = BearingRules(position_sd_m=1.0)
+    near = np.linalg.norm(point - rays.centre, axis=1) ** -2.0
+    wanted = square[:, 0] * rays.sd**2 / (rays.sd**2 + near)
+    wanted += square[:, 1] * 0.3**2 / (0.3**2 + near)
+    assert costs(rays, np.arange(8), point[None], unsure)[:, 0] == pytest.approx(wanted)
+
+
+def test_normal_equations_are_the_derivatives_of_the_cost() -> None:
+    rng = np.random.default_rng(2)
+    point = np.array([30.0, -12.0])
+    rays, _ = rays_to(point, rng)
+    rows, h = np.arange(8), 1e-4
+
+    def half_cost(x: FloatArray, of: Rays) -> float:
+        return 0.5 * float(costs(of, rows, x[None], RULES).sum())
+
+    away = point + np.array([0.7, -0.4])
+    _, g = normal_equations(rays, rows, away, RULES)
+    slope = [
+        (half_cost(away + e, rays) - half_cost(away - e, rays)) / (2 * h) for e in h * np.eye(2)
+    ]
+    assert -g == pytest.approx(np.array(slope), rel=1e-5)
+    # without errors Gauss and Newton have the same second derivatives
+    offset = point - rays.centre
+    exact = Rays(
+        rays.centre,
+        np.arctan2(offset[:, 1], offset[:, 0]),
+        rays.sd,
+        np.where(np.isfinite(rays.log_depth), np.log(np.linalg.norm(offset, axis=1)), np.nan),
+        rays.camera,
+    )
+    N, _ = normal_equations(exact, rows, point, RULES)
+    a, b = h * np.eye(2)
+    second = np.array(
+        [
+            [
+                half_cost(point + p + q, exact)
+                - half_cost(point + p - q, exact)
+                - half_cost(point - p + q, exact)
+                + half_cost(point - p - q, exact)
+                for q in (a, b)
+            ]
+            for p in (a, b)
+        ]
+    ) / (4.0 * h**2)
+    np.testing.assert_allclose(N - 1e-6 * np.eye(2), second, rtol=1e-4, atol=1e-4)
+
+
+def test_the_fitted_point_is_the_least_of_the_cost() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        point = rng.normal(0.0, 20.0, 2)
+        rays, _ = rays_to(point, rng)
+        rows = np.arange(8)
+        found = fit_point(rays, rows, point + rng.normal(0.0, 2.0, 2), RULES)
+        best = minimize(
+            lambda x, rays=rays, rows=rows: float(costs(rays, rows, x[None], RULES).sum()),
+            point, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-10},
+        )  # fmt: skip
+        assert found == pytest.approx(best.x, abs=2e-3)
+
+
+def test_sightings_of_one_place_are_of_one_camera_and_unknown_errors_are_the_rules() -> None:
+    lat = np.array([0.6, 0.6, 0.6 + 1e-5])
+    bearings = Bearings(
+        lat, np.full(3, 0.2), np.array([0.1, 0.2, 0.3]), np.array([5.0, 0.0, np.nan]),
+        np.array(["", "", ""], object), np.array([0.01, np.nan, 0.03]),
+    )  # fmt: skip
+    rays = in_plane(bearings, BearingRules(bearing_sd_rad=0.07), (0.6, 0.2, 0.0))
+    assert rays.camera[0] == rays.camera[1] != rays.camera[2]
+    assert rays.sd.tolist() == [0.01, 0.07, 0.03]
+    assert np.exp(rays.log_depth[0]) == pytest.approx(5.0)
+    assert np.isnan(rays.log_depth[1:]).all()
+    assert rays.centre[2] == pytest.approx([1e-5 * 6.37e6, 0.0], rel=1e-2, abs=1e-6)
+
+
+@pytest.mark.parametrize("turn_rate", [0.08, -0.08])
+@pytest.mark.parametrize("right_m", [6.0, -6.0])
+def test_a_signs_offset_from_a_bend_is_the_difference_of_two_radii(
+    turn_rate: float, right_m: float
+) -> None:
+    """A circle of 150 m, twice round: what counts is the pass in which the sign was seen."""
+    trajectory = drive_path(160.0, 12.0, turn_rate)
+    path = make_path(trajectory, ORIGIN)
+    at = 4000  # row, after 40 s
+    course = 0.7 + turn_rate * 40.0
+    side = np.array([-np.sin(course), np.cos(course), 0.0])
+    here = local_ned(*(v[at : at + 1] for v in (trajectory.lat_rad, trajectory.lon_rad)),
+                     trajectory.height_m[at : at + 1], ORIGIN)[0]  # fmt: skip
+    sign = here + right_m * side - np.array([0.0, 0.0, 2.5])
+    t = trajectory.t_ns[at]
+    first, last = int(t - 4e9), int(t - 1e9)
+    lateral, height = relate(path, sign, first, last)
+    assert lateral == pytest.approx(right_m, abs=0.05)
+    assert height == pytest.approx(2.5, abs=0.01)
+    passed, seen = course_at(path, sign, first, last)
+    for found, wanted in ((passed, course), (seen, course - turn_rate * 1.0)):
+        assert np.cos(found - wanted) > np.cos(0.01)
+    # seen from half a round later on, the path beside it is another
+    elsewhere, _ = relate(path, sign, int(t + 30e9), int(t + 32e9))
+    assert abs(elsewhere) > 30.0
+
+
+def test_the_course_of_what_stands_is_where_it_points() -> None:
+    moving = drive_path(4.0, 12.0, 0.0)
+    standing = Trajectory(
+        **vars(moving) | {"vel_ned": np.full((len(moving), 3), 0.2), "rpy": moving.rpy + 0.4}
+    )
+    assert make_path(moving, ORIGIN).course == pytest.approx(0.7)
+    assert make_path(standing, ORIGIN).course == pytest.approx(1.1)
+    path = make_path(moving, ORIGIN)
+    # 20 rows a second of 100
+    assert np.diff(path.t_ns) == pytest.approx(5e7)
+    assert np.diff(path.position[:, :2], axis=0) == pytest.approx(
+        np.tile(0.6 * np.array([np.cos(0.7), np.sin(0.7)]), (len(path.t_ns) - 1, 1)), abs=1e-3
+    )
+    # an unknown height is the origin's
+    flat = Trajectory(**vars(moving) | {"height_m": np.full(len(moving), np.nan)})
+    assert make_path(flat, ORIGIN).position[:, 2] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_sides_of_the_path() -> None:
+    low, high = limits.OVERHEAD_HEIGHT_M - 0.1, limits.OVERHEAD_HEIGHT_M + 0.1
+    near, wide = limits.OVERHEAD_LATERAL_M - 0.1, limits.OVERHEAD_LATERAL_M + 0.1
+    assert [side_of_path(x, low) for x in (near, -near)] == ["right", "left"]
+    assert [side_of_path(x, high) for x in (near, -near)] == ["overhead", "overhead"]
+    assert [side_of_path(x, high) for x in (wide, -wide)] == ["right", "left"]
+
+
+def test_odds_and_probabilities_are_each_others_inverse() -> None:
+    p = np.array([0.001, 0.3, 0.5, 0.97])
+    assert _probability(np.log(p / (1.0 - p))) == pytest.approx(p)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_the_share_of_signs_among_single_boxes_is_that_which_made_them(share: float) -> None:
+    """Things of which that share are signs, each with evidence that is as told: a normal one of
+    mean +- d^2 / 2 and sd d, in nats."""
+    rng = np.random.default_rng(4)
+    is_sign = rng.random(4000) < share
+    d = 2.5
+    evidence = np.where(is_sign, 0.5, -0.5) * d**2 + d * rng.normal(size=4000)
+    found = _probability(np.array([_base_rate(evidence)]))[0]
+    assert found == pytest.approx(share, abs=0.03)
+    # nothing told leaves one half, and a few things move it little
+    assert _base_rate(np.zeros(0)) == pytest.approx(0.0)
+    assert _base_rate(np.array([-30.0])) > _base_rate(np.full(50, -30.0))
+
+
+def test_a_face_is_looked_at_as_before_within_the_angle_it_was_seen_under() -> None:
+    sign = np.array([0.0, 0.0, -2.0])
+    seen = np.array([[-20.0, -4.0, 0.0], [-20.0, 4.0, 0.0]])
+    widest = np.arctan2(4.0, 20.0) + limits.LIKE_ASPECT_RAD
+    angle = np.array([0.0, widest - 0.01, -widest + 0.01, widest + 0.01, -widest - 0.01, np.pi])
+    centre = -12.0 * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(6)])
+    assert _aspect(sign, seen, centre).tolist() == [True, True, True, False, False, False]
+
+
+def test_classes_agree_by_the_share_of_the_scores_that_both_have() -> None:
+    def sighting(name: str, **score: float) -> Any:
+        return SimpleNamespace(class_name=name, class_score=score)
+
+    stop, yield_ = sighting("stop", stop=3.0), sighting("give_way", give_way=1.0)
+    torn = sighting("stop", stop=3.0, give_way=1.0)
+    assert class_agreement(stop, torn) == 1.0
+    assert class_agreement(stop, yield_) == 0.0
+    assert class_agreement(torn, yield_) == class_agreement(yield_, torn) == pytest.approx(0.25)
+
+
+def test_offsets_to_start_from_lie_on_either_side_within_the_reach() -> None:
+    below, above = starts(0.02)
+    assert below == pytest.approx(-above)
+    assert above[0] == pytest.approx(limits.REACH_SIGMAS * 0.02)
+    assert np.diff(above) == pytest.approx(-above[-1])
+
+
+def test_offsets_are_apart_by_their_own_sigmas_and_alike_by_their_costs() -> None:
+    def minimum(time_s: float, cost: float, sd: float = 0.01) -> Minimum:
+        covariance = np.diag([1.0, 1.0, 1.0, sd**2])
+        return Minimum(SimpleNamespace(time_s=time_s, covariance=covariance), cost)  # type: ignore[arg-type]
+
+    far, chance = 1.01 * sigmas(limits.ALIKE_PROBABILITY), gate(limits.ALIKE_PROBABILITY, 1)
+    one = minimum(0.0, 10.0)
+    for factor, sd, wanted in ((1.0, 0.01, True), (0.98, 0.01, False), (-2.0, 0.02, True)):
+        offset = 0.01 * far * factor
+        assert apart(one.correction, minimum(offset, 0.0, sd).correction) == wanted
+    second, third = minimum(0.05, 10.0 + 0.99 * chance), minimum(-0.05, 10.0 + 1.01 * chance)
+    assert alike([second, one, third]) == (1, (0.0, 0.05))
+    assert alike([third, one]) == (1, ())

@@ -1,0 +1,99 @@
+"""Small formulas of the merging against SciPy and against what a probability has to be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal, norm
+
+from automap.mapping.candidates import (
+    A_EE,
+    A_EN,
+    A_NN,
+    A_U,
+    B_E,
+    B_N,
+    B_U,
+    STATE,
+    facing_evidence,
+    match_gain,
+    mean_of,
+)
+from automap.mapping.grid import delta, filled_table, neighbours
+from automap.mapping.limits import FACING_LIMIT, NEW_PER_M, NEW_PER_M2
+
+
+def test_the_mean_place_of_a_sign_is_that_of_the_normal_equations() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(10):
+        root, place, up = rng.normal(size=(2, 2)), rng.normal(0.0, 3.0, 2), rng.normal()
+        information = root @ root.T + 0.1 * np.eye(2)
+        pull = information @ place
+        state = np.zeros(STATE)
+        state[[A_EE, A_EN, A_NN]] = information[0, 0], information[0, 1], information[1, 1]
+        state[[B_E, B_N]] = pull
+        assert np.isnan(mean_of(state)[2])
+        state[A_U], state[B_U] = 4.0, 4.0 * up
+        assert mean_of(state) == pytest.approx((*place, up))
+
+
+def test_evidence_of_an_angle_is_a_density_against_any_direction() -> None:
+    angles = np.linspace(-np.pi, np.pi, 20_001)
+    told = np.array([facing_evidence(a) for a in angles])
+    density = np.exp(told) / (2.0 * np.pi)
+    # all of it lies within the limit
+    assert np.trapezoid(density, angles) == pytest.approx(1.0, abs=1e-3)
+    assert np.all(np.isneginf(told[np.abs(angles) > FACING_LIMIT + 1e-9]))
+    assert np.all(np.isfinite(told[np.abs(angles) < FACING_LIMIT - 1e-9]))
+    for turn in (2.0 * np.pi, -4.0 * np.pi):
+        assert [facing_evidence(a + turn) for a in (-0.2, 0.1)] == pytest.approx(
+            [facing_evidence(0.2), facing_evidence(-0.1)]
+        )
+
+
+def test_agreement_of_place_is_a_normal_density_against_new_signs() -> None:
+    covariance = np.array([[2.0, 0.7], [0.7, 0.5]])
+    plan = multivariate_normal(np.zeros(2), covariance).logpdf(np.zeros(2)) - np.log(NEW_PER_M2)
+    given = covariance[0, 0], covariance[0, 1], covariance[1, 1]
+    assert match_gain(*given, np.nan) == pytest.approx(plan)
+    up = norm(0.0, np.sqrt(0.3)).logpdf(0.0) - np.log(NEW_PER_M)
+    assert match_gain(*given, 0.3) == pytest.approx(plan + up)
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon"), [(0.0, 0.4), (-35.2, 149.1), (69.9, 180.0), (89.9995, 10.0)]
+)
+def test_all_neighbours_are_found_wherever_they_are(lat: float, lon: float) -> None:
+    """Also over the date line and beside a pole; distances by the chord through the globe."""
+    rng = np.random.default_rng(3)
+    radius, cell_m, n = 6371000.0, 16.0, 300
+    lat_rad = np.radians(lat) + rng.uniform(-60.0, 60.0, n) / radius
+    lat_rad = np.minimum(lat_rad, np.pi / 2.0 - 1e-9)
+    lon_rad = np.radians(lon) + rng.uniform(-60.0, 60.0, n) / (radius * np.cos(np.radians(lat)))
+    lon_rad = (lon_rad + np.pi) % (2.0 * np.pi) - np.pi
+    table = filled_table(lat_rad, lon_rad, cell_m)
+    place = radius * np.column_stack(
+        [np.cos(lat_rad) * np.cos(lon_rad), np.cos(lat_rad) * np.sin(lon_rad), np.sin(lat_rad)]
+    )
+    found = np.empty(n, np.int64)
+    for k in range(0, n, 7):
+        count = neighbours(*table, cell_m, lat_rad[k], lon_rad[k], found)
+        near = np.flatnonzero(np.linalg.norm(place - place[k], axis=1) < cell_m)
+        assert set(near) <= set(found[:count].tolist())
+        assert len(set(found[:count].tolist())) == count
+        # no more than nine cells, of which a pole's may be wide
+        assert lat > 89.0 or count < n // 2
+    assert neighbours(*table, cell_m, lat_rad[0], lon_rad[0], found[:1]) == 1
+
+
+@pytest.mark.parametrize(("a", "b"), [(0.2, 0.1), (np.pi - 1e-6, -np.pi + 1e-6)])
+def test_a_difference_of_places_is_the_short_way_round(a: float, b: float) -> None:
+    """The second pair lies on both sides of the date line, two millionths of a radian apart."""
+    per_lat, per_lon = 6.4e6, 4.2e6
+    apart = a - b if abs(a - b) < 1.0 else -2e-6
+    assert delta(0.7, a, 0.6, b, per_lat, per_lon) == pytest.approx(
+        (apart * per_lon, 0.1 * per_lat)
+    )
+    assert delta(0.6, b, 0.7, a, per_lat, per_lon) == pytest.approx(
+        (-apart * per_lon, -0.1 * per_lat)
+    )

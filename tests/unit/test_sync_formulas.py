@@ -1,0 +1,87 @@
+"""Small formulas of the clock's estimate against brute force and against what they must not see."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from automap.sync import limits
+from automap.sync.envelope import bin_quantiles, lower_envelope, quantile_line
+from automap.sync.held_values import repeated
+
+
+def test_runs_of_repeats_are_those_that_a_walk_along_the_rows_finds() -> None:
+    rng = np.random.default_rng(0)
+    for share in (0.0, 0.3, 0.8, 1.0):
+        same = rng.random(60) < share
+        wanted = []
+        for value, group in itertools.groupby(enumerate(same), key=lambda pair: bool(pair[1])):
+            rows = [row for row, _ in group]
+            if value:
+                # row k of ``same`` compares rows k and k + 1
+                wanted.append((rows[0], rows[-1] + 1))
+        assert repeated(same) == wanted
+
+
+@pytest.mark.parametrize("n", [7, 40, 900])
+def test_bins_have_the_quantiles_of_their_points(n: int) -> None:
+    rng = np.random.default_rng(n)
+    x, y = rng.random(n), rng.normal(size=n)
+    bin_x, bin_y = bin_quantiles(x, y, 0.3, most=12)
+    parts = np.array_split(np.argsort(x), max(1, min(12, n // 5)))
+    assert bin_x == pytest.approx([x[part].mean() for part in parts])
+    assert bin_y == pytest.approx([np.quantile(y[part], 0.3) for part in parts])
+    # points of one x are one bin
+    assert len(bin_quantiles(np.ones(n), y, 0.3)[0]) == 1
+
+
+def test_a_quantile_line_is_the_best_of_all_through_two_bins() -> None:
+    rng = np.random.default_rng(4)
+    x = rng.uniform(0.0, 100.0, 200)
+    y = 3.0 - 0.02 * x + rng.exponential(1.0, 200)
+    start, slope = quantile_line(x, y, 0.2)
+    bins = np.column_stack(bin_quantiles(x, y, 0.2))
+
+    def cost(start: float, slope: float) -> float:
+        over = bins[:, 1] - start - slope * bins[:, 0]
+        return float(
+            limits.RAISED_WEIGHT * over[over > 0.0].sum()
+            - (1.0 - limits.RAISED_WEIGHT) * over[over < 0.0].sum()
+        )
+
+    lines = []
+    for (x1, y1), (x2, y2) in itertools.combinations(bins.tolist(), 2):
+        rise = (y2 - y1) / (x2 - x1)
+        lines.append((y1 - rise * x1, rise))
+    best = min(lines, key=lambda line: cost(*line))
+    assert (start, slope) == pytest.approx(best)
+    # moved and stretched points have a line moved and stretched
+    assert quantile_line(x, 5.0 + 2.0 * y, 0.2) == pytest.approx((5.0 + 2.0 * start, 2.0 * slope))
+    assert quantile_line(np.ones(9), y[:9], 0.2) == (pytest.approx(np.quantile(y[:9], 0.2)), 0.0)
+
+
+def test_the_edge_of_delays_is_found_to_its_sigma() -> None:
+    """Over a dozen logs of exponential waiting: errors of intercept and slope are about as large as
+    their sigmas, and the edge moves with the points."""
+    rng = np.random.default_rng(8)
+    errors = []
+    for number in range(12):
+        x = np.sort(rng.uniform(0.0, 300.0, 150))
+        edge = 0.05 + 2e-5 * (x - x.mean())
+        y = edge + rng.exponential(0.004, len(x))
+        found = lower_envelope(x, y, 1e-4)
+        miss = np.array([found.intercept - 0.05, found.slope - 2e-5])
+        errors.append(miss / np.sqrt(np.diag(found.covariance)))
+        assert found.at(np.array([found.x_ref + 10.0])) == pytest.approx(
+            [found.intercept + 10.0 * found.slope]
+        )
+        if number == 0:
+            shifted = lower_envelope(x + 1000.0, y + 7.0, 1e-4)
+            assert shifted.intercept == pytest.approx(found.intercept + 7.0, abs=1e-9)
+            assert shifted.x_ref == pytest.approx(found.x_ref + 1000.0)
+    # a root mean square of twelve is known to a fifth: four fifths on either side of one
+    spread = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert np.all(spread > 0.2)
+    assert np.all(spread < 1.8)
