@@ -44,55 +44,54 @@ def poses_at(trajectory: Trajectory, t_ns: IntArray, max_gap_s: float = 3.0) -> 
     them, the rest is linear. Times before the first row, after the last or inside a gap
     longer than ``max_gap_s`` are not covered.
     """
-    seconds, query = _relative_seconds(trajectory.t_ns, np.asarray(t_ns, np.int64))
-    return _interpolate(trajectory, seconds, query, max_gap_s)
+    return _interpolate(trajectory, trajectory.t_ns, np.asarray(t_ns, np.int64), 1e-9, max_gap_s)
 
 
 def poses_at_gps(trajectory: Trajectory, gps_s: FloatArray, max_gap_s: float = 3.0) -> Poses:
     """The same as ``poses_at`` at GPS times ``gps_s`` [n]."""
-    base = trajectory.gps_s[0] if len(trajectory) else 0.0
-    return _interpolate(
-        trajectory, trajectory.gps_s - base, np.asarray(gps_s, np.float64) - base, max_gap_s
-    )
-
-
-def _relative_seconds(t_ns: IntArray, query_ns: IntArray) -> tuple[FloatArray, FloatArray]:
-    base = t_ns[0] if len(t_ns) else np.int64(0)
-    return (t_ns - base) * 1e-9, (query_ns - base) * 1e-9
+    gps_s = np.asarray(gps_s, np.float64)
+    return _interpolate(trajectory, trajectory.gps_s, gps_s, 1.0, max_gap_s)
 
 
 def _interpolate(
-    trajectory: Trajectory, times: FloatArray, query: FloatArray, max_gap_s: float
+    trajectory: Trajectory,
+    stamps: FloatArray | IntArray,
+    asked: FloatArray | IntArray,
+    unit_s: float,
+    max_gap_s: float,
 ) -> Poses:
-    n_rows, n = len(times), len(query)
+    """Poses where the rows' ``stamps`` and those ``asked`` for count units of ``unit_s``.
+
+    Takes no longer for a long trajectory: only the rows beside what is asked for are looked at.
+    """
+    n_rows, n = len(stamps), len(asked)
     if n_rows < 2:
         one, three = np.full(n, np.nan), np.full((n, 3), np.nan)
         none = np.zeros(n, np.bool_)
         return Poses(one, one, one, three, three, three, three, three, covered=none, gap_s=one)
     tolerance = 1e-6  # GPS seconds near 1.4e9 resolve a quarter of a microsecond
-    left = np.clip(np.searchsorted(times, query, side="right") - 1, 0, n_rows - 2)
+    left = np.clip(np.searchsorted(stamps, asked, side="right") - 1, 0, n_rows - 2)
     right = left + 1
-    gap = times[right] - times[left]
+    query, before, after = ((s - stamps[0]) * unit_s for s in (asked, stamps[left], stamps[right]))
+    end_s = (stamps[-1] - stamps[0]) * unit_s
+    gap = after - before
     with np.errstate(divide="ignore", invalid="ignore"):
-        fraction = np.where(gap > 0.0, (query - times[left]) / gap, 0.0)
-    covered = (
-        (query >= times[0] - tolerance) & (query <= times[-1] + tolerance) & np.isfinite(query)
-    )
+        fraction = np.where(gap > 0.0, (query - before) / gap, 0.0)
+    covered = (query >= -tolerance) & (query <= end_s + tolerance) & np.isfinite(query)
     # A time that falls on a row needs no neighbour, however long the gap beside it.
-    on_row = (np.abs(query - times[left]) <= tolerance) | (
-        np.abs(query - times[right]) <= tolerance
-    )
+    on_row = (np.abs(query - before) <= tolerance) | (np.abs(query - after) <= tolerance)
     covered &= (gap <= max_gap_s) | on_row
     fraction = np.clip(np.nan_to_num(fraction), 0.0, 1.0)
 
-    lon = np.unwrap(trajectory.lon_rad)
+    # the shorter way round, also across 180 degrees
+    lon = np.unwrap(np.column_stack([trajectory.lon_rad[left], trajectory.lon_rad[right]]), axis=1)
     per_lat, per_lon = metres_per_radian(
         trajectory.lat_rad[left], np.nan_to_num(trajectory.height_m[left])
     )
     rate = np.column_stack([1.0 / per_lat, 1.0 / per_lon, -np.ones(n)])
     start, end = (
-        np.column_stack([trajectory.lat_rad[k], lon[k], trajectory.height_m[k]])
-        for k in (left, right)
+        np.column_stack([trajectory.lat_rad[k], lon[:, side], trajectory.height_m[k]])
+        for side, k in enumerate((left, right))
     )
     position = _hermite(
         start,

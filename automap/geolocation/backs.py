@@ -27,17 +27,22 @@ def find_backs(
     One whose class is that of backs always is; one without a readable face is where a sign with
     one stands, faces the other way, and is in none of its frames (a camera sees one side).
     """
+    from scipy.spatial import cKDTree
+
     maybe = [all(may_be_back(sightings[k].class_name) for k in group) for group in groups]
     result = [all(is_back(sightings[k].class_name) for k in group) for group in groups]
-    fronts = [k for k, back in enumerate(maybe) if not back]
-    for number in np.flatnonzero(maybe).tolist():
-        if not result[number]:
-            result[number] = any(
-                _is_other_side(views, sightings[a], sightings[b])
-                for front in fronts
-                for a in groups[number]
-                for b in groups[front]
-            )
+    fronts = [b for group, back in zip(groups, maybe, strict=True) if not back for b in group]
+    unsure = [k for k in np.flatnonzero(maybe).tolist() if not result[k]]
+    if not fronts or not unsure:
+        return result
+    tree = cKDTree(np.array([sightings[b].position for b in fronts]))
+    for number in unsure:
+        result[number] = any(
+            _is_other_side(views, sightings[a], sightings[fronts[b]])
+            for a in groups[number]
+            # a little more than the reach, which the pair itself is held to
+            for b in tree.query_ball_point(sightings[a].position, 1.01 * limits.BACK_REACH_M)
+        )
     return result
 
 

@@ -32,8 +32,9 @@ def carried_views(views: Views, prior: SizePrior) -> BoolArray:
     numbered = np.flatnonzero(views.track >= 0)
     key = np.column_stack([views.camera[numbered], views.track[numbered]])
     _, member = np.unique(key, axis=0, return_inverse=True)
-    for track in range(int(member.max(initial=-1)) + 1):
-        rows = numbered[member.ravel() == track]
+    member = member.ravel()
+    order = np.argsort(member, kind="stable")
+    for rows in np.split(numbered[order], np.flatnonzero(np.diff(member[order])) + 1):
         carried[rows] = len(rows) >= limits.CARRIER_VIEWS and moves_along(views, rows, prior)
     return carried
 

@@ -41,7 +41,8 @@ class FrameGrid:
         near = step[step <= 4 * step.min()] if len(step) else np.ones(1)
         self.step = max(int(np.median(near)), 1)
         self._frame = frame.astype(np.float64)
-        self._t_ns = t_ns
+        self._base = t_ns[0] if len(t_ns) else np.int64(0)
+        self._since = (t_ns - self._base) * 1.0
         seconds = np.diff(t_ns) / np.maximum(step, 1) if len(step) else np.array([1e9])
         self.interval_ns = float(np.median(seconds)) * self.step
 
@@ -53,12 +54,11 @@ class FrameGrid:
         """Stamps of ``count`` frames before and after the one at ``t_ns``, without it."""
         if len(self._frame) < 2:
             return np.zeros(0, np.int64)
-        base = self._t_ns[0]
-        here = float(np.interp(float(t_ns - base), (self._t_ns - base) * 1.0, self._frame))
+        here = float(np.interp(float(t_ns - self._base), self._since, self._frame))
         numbers = here + self.step * np.concatenate([np.arange(-count, 0), np.arange(1, count + 1)])
         numbers = numbers[(numbers >= self._frame[0]) & (numbers <= self._frame[-1])]
-        seconds = np.interp(numbers, self._frame, (self._t_ns - base) * 1.0)
-        return np.asarray(base + np.rint(seconds).astype(np.int64))
+        since = np.interp(numbers, self._frame, self._since)
+        return np.asarray(self._base + np.rint(since).astype(np.int64))
 
 
 def _apparent_heights(

@@ -192,9 +192,8 @@ THICKNESS_M = 0.2
 
 # the trajectory, adjusted
 
-NODE_S, MOST_NODES = 5.0, 400
-"""Distance of the nodes of the error, s, a twelfth of its time constant; and how many there are at
-most, which bounds the matrices (1200 unknowns) on drives beyond half an hour."""
+NODE_S = 5.0
+"""Distance of the nodes of the error, s, a twelfth of its time constant."""
 HALF_WEIGHT_SIGMAS = 3.0
 """At which a sighting counts half. Chosen further off than ``robust.CAUCHY``: it has three
 coordinates, which together are 1.7 sigmas long (root mean square)."""

@@ -30,7 +30,16 @@ def clean_tracks(
             loose.extend(bad.tolist())
             landmark = fit_landmark(views, np.setdiff1d(rows, bad), prior)
         landmarks.append(landmark)
-    remaining = [row for row in sorted(loose) if not _adopt(views, row, landmarks, prior, rules)]
+    # what is adopted widens a landmark's time; one that is far in time is never the best
+    span = np.array([views.t_ns[m.rows[[0, -1]]] for m in landmarks]).reshape(-1, 2)
+    remaining = []
+    for row in sorted(loose):
+        index = _adopt(views, row, landmarks, span, prior, rules)
+        if index < 0:
+            remaining.append(row)
+        else:
+            rows = views.t_ns[landmarks[index].rows]
+            span[index] = rows.min(), rows.max()
     misfits: list[int] = []
     for rows in link_views(views, prior, rules, np.array(remaining, np.int64)):
         if len(rows) == 1:
@@ -41,13 +50,23 @@ def clean_tracks(
 
 
 def _adopt(
-    views: Views, row: int, landmarks: list[Landmark], prior: SizePrior, rules: TrackingRules
-) -> bool:
-    """Give a loose box to the landmark that expects it best and has none in its frame."""
-    distances = distances_to(views, landmarks, np.array([row]), rules.slack_rad)[0]
+    views: Views,
+    row: int,
+    landmarks: list[Landmark],
+    span: IntArray,
+    prior: SizePrior,
+    rules: TrackingRules,
+) -> int:
+    """Give a loose box to the landmark that expects it best and has none in its frame; the
+    landmark's index, -1 without one. ``span`` [m, 2] their first and last times."""
+    reach, now = np.int64(rules.max_silence_s * 1e9), views.t_ns[row]
+    near = np.flatnonzero((span[:, 0] - reach <= now) & (now <= span[:, 1] + reach))
+    some = [landmarks[index] for index in near]
+    distances = distances_to(views, some, np.array([row]), rules.slack_rad)[0]
     best, best_distance = -1, rules.gate
-    for index in np.flatnonzero(distances < rules.gate):
-        landmark, distance = landmarks[index], float(distances[index])
+    for k in np.flatnonzero(distances < rules.gate):
+        index, distance = int(near[k]), float(distances[k])
+        landmark = landmarks[index]
         if (views.frame[landmark.rows] == views.frame[row]).any():
             continue
         silence = np.abs(views.t_ns[landmark.rows] - views.t_ns[row]).min() * 1e-9
@@ -56,14 +75,14 @@ def _adopt(
         if not (views.class_name[landmark.rows] == views.class_name[row]).any():
             distance += rules.other_class
         if distance < best_distance:
-            best, best_distance = int(index), distance
+            best, best_distance = index, distance
     if best < 0:
-        return False
+        return -1
     grown = fit_landmark(views, np.append(landmarks[best].rows, row), prior)
     if grown.weight[-1] < limits.MISFIT_WEIGHT:
-        return False
+        return -1
     landmarks[best] = grown
-    return True
+    return best
 
 
 def join_pieces(

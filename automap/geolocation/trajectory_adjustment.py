@@ -4,7 +4,8 @@ A sign seen in two passes says how the trajectory's errors of the two differ, a 
 what they are. The error of the position is a Gauss-Markov process with the sigma that the
 trajectory reports and the time constant of satellite errors, one value a node of a few
 seconds; the signs' places are eliminated (Schur complement: Triggs et al., 2000). What no
-sign tells keeps its prior, so that parts of a drive without such signs stay as they were.
+sign tells keeps its prior, so that parts of a drive without such signs stay as they were. A node
+is tied to its neighbours and to those of the other passes of its signs: the equations are sparse.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ import numpy as np
 from automap.earth import metres_per_radian, tangent_rotation
 from automap.geolocation import limits
 from automap.geolocation.sightings import Sighting
-from automap.records import FloatArray, Trajectory
+from automap.records import FloatArray, IntArray, Trajectory
 from automap.robust import cauchy_weight
+from automap.sparse_normal import Factor, factorise, least_fill
 
 _ROUNDS = 4
 """Of the weights."""
@@ -61,27 +63,36 @@ def adjust_trajectory(
     telling = [k for k, group in enumerate(groups) if len(group) > 1 or k in control]
     if not telling or len(trajectory) < 2:
         return None
+    from scipy.linalg import block_diag
+
     nodes, sd = _nodes(trajectory)
-    prior = _prior_information(nodes)
-    u = np.zeros(3 * len(nodes))
-    covariance: FloatArray = np.eye(len(u))
+    members = {k: [sightings[m] for m in groups[k]] for k in telling}
+    ties = {k: [_design(nodes, sd, m.time_s) for m in members[k]] for k in telling}
+    unknowns = {k: np.concatenate([own for own, _ in ties[k]]) for k in telling}
+    row, column, prior = _prior_information(nodes)
+    rows, columns = [row], [column]
+    for own in unknowns.values():
+        rows.append(np.repeat(own, len(own)))
+        columns.append(np.tile(own, len(own)))
+    row, column = np.concatenate(rows), np.concatenate(columns)
+    # axes of a node go together
+    order = least_fill(row[row % 3 == 0] // 3, column[row % 3 == 0] // 3, len(nodes))
+    order = (3 * order[:, None] + np.arange(3)).ravel()
     weights = {k: np.ones(len(groups[k])) for k in telling}
+    factor: Factor
     for _ in range(_ROUNDS):
-        information, right = prior.copy(), np.zeros(len(u))
+        values, right = [prior], np.zeros(len(order))
         for k in telling:
-            members = [sightings[m] for m in groups[k]]
-            A = np.vstack([_design(nodes, sd, m.time_s) for m in members])
-            N, r = _eliminated(members, A, control.get(k), weights[k])
-            information += N
-            right += r
-        covariance = np.asarray(np.linalg.inv(information), np.float64)
-        u = covariance @ right
+            A = block_diag(*(part for _, part in ties[k]))
+            N, r = _eliminated(members[k], A, control.get(k), weights[k])
+            values.append(N.ravel())
+            np.add.at(right, unknowns[k], r)
+        factor = factorise(row, column, np.concatenate(values), order)
+        u = factor.solve(right)
         for k in telling:
-            members = [sightings[m] for m in groups[k]]
-            weights[k] = _weights(
-                members, [_design(nodes, sd, m.time_s) @ u for m in members], control.get(k)
-            )
-    posterior = np.sqrt(np.diag(covariance)).reshape(-1, 3)
+            error = [part @ u[own] for own, part in ties[k]]
+            weights[k] = _weights(members[k], error, control.get(k))
+    posterior = np.sqrt(factor.variances()).reshape(-1, 3)
     if posterior.min() > 1.0 - limits.LEAST_ADJUSTMENT:
         return None
     return Adjustment(nodes, u.reshape(-1, 3) * sd, posterior * sd)
@@ -90,35 +101,38 @@ def adjust_trajectory(
 def _nodes(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
     """Times [k] of the nodes and the trajectory's sigma there [k, 3]."""
     time = trajectory.t_ns * 1e-9
-    count = int(np.clip(np.ceil((time[-1] - time[0]) / limits.NODE_S) + 1, 2, limits.MOST_NODES))
+    count = max(int(np.ceil((time[-1] - time[0]) / limits.NODE_S)) + 1, 2)
     nodes = np.linspace(time[0], time[-1], count)
     known = np.maximum(np.nan_to_num(trajectory.sd_pos_ned), 1e-6)
     return nodes, np.column_stack([np.interp(nodes, time, known[:, k]) for k in range(3)])
 
 
-def _prior_information(nodes: FloatArray) -> FloatArray:
-    """Information [3k, 3k] of a unit Gauss-Markov process at the nodes, three axes alike."""
+def _prior_information(nodes: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+    """Information of a unit Gauss-Markov process at the nodes, three axes alike: rows, columns
+    and values of its entries."""
     n = len(nodes)
     alike = np.exp(-np.diff(nodes) / limits.PATH_CORRELATION_S)
     fresh = 1.0 / (1.0 - alike**2)
-    one = np.zeros((n, n))
-    one[0, 0] = 1.0
-    rows = np.arange(1, n)
-    one[rows, rows] += fresh
-    one[rows - 1, rows - 1] += alike**2 * fresh
-    one[rows, rows - 1] -= alike * fresh
-    one[rows - 1, rows] -= alike * fresh
-    return np.asarray(np.kron(one, np.eye(3)))
+    own = np.zeros(n)
+    own[0] = 1.0
+    own[1:] += fresh
+    own[:-1] += alike**2 * fresh
+    at = np.arange(n)
+    row = np.concatenate([at, at[1:], at[:-1]])
+    column = np.concatenate([at, at[:-1], at[1:]])
+    value = np.concatenate([own, -alike * fresh, -alike * fresh])
+    axes = np.arange(3)
+    row, column = ((3 * v[:, None] + axes).ravel() for v in (row, column))
+    return row, column, np.repeat(value, 3)
 
 
-def _design(nodes: FloatArray, sd: FloatArray, time_s: float) -> FloatArray:
-    """Derivative [3, 3k] of the trajectory's error at a time by the values at the nodes."""
+def _design(nodes: FloatArray, sd: FloatArray, time_s: float) -> tuple[IntArray, FloatArray]:
+    """The six unknowns of the two nodes about a time, and the derivative [3, 6] of the
+    trajectory's error there by them."""
     right = int(np.clip(np.searchsorted(nodes, time_s), 1, len(nodes) - 1))
     share = float(np.clip((time_s - nodes[right - 1]) / (nodes[right] - nodes[right - 1]), 0, 1))
-    A = np.zeros((3, 3 * len(nodes)))
-    A[:, 3 * right - 3 : 3 * right] = np.diag((1.0 - share) * sd[right - 1])
-    A[:, 3 * right : 3 * right + 3] = np.diag(share * sd[right])
-    return A
+    parts = [np.diag((1.0 - share) * sd[right - 1]), np.diag(share * sd[right])]
+    return np.arange(3 * right - 3, 3 * right + 3), np.hstack(parts)
 
 
 def _own_information(sighting: Sighting) -> FloatArray:
@@ -132,7 +146,8 @@ def _eliminated(
     control: tuple[FloatArray, FloatArray] | None,
     weight: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Information and right-hand side of a sign's sightings for the nodes, without its place."""
+    """Information and right-hand side of a sign's sightings for the unknowns of the derivative
+    ``A`` [3m, 6m], without its place."""
     start = members[0].position
     W = [w * _own_information(m) for w, m in zip(weight, members, strict=True)]
     z = [m.position - start for m in members]

@@ -99,16 +99,31 @@ def around(cell: int, margin_m: float, occupied: IntArray) -> IntArray:
     among them."""
     y, x = np.divmod(occupied, _SIDE)
     own_y, own_x = divmod(cell, _SIDE)
-    # the tiles are as high as they are wide, and smallest on the side of the pole
-    edge = max(abs(1.0 - 2.0 * own_y / _SIDE), abs(1.0 - 2.0 * (own_y + 1) / _SIDE)) * np.pi
-    wide = 2.0 * np.pi * RADIUS_M / _SIDE / np.cosh(edge)
-    reach = int(np.ceil(margin_m / wide)) + 1
+    reach = _reach(own_y, margin_m)
     beside = np.abs(x - own_x)
     near = (np.abs(y - own_y) <= reach) & (np.minimum(beside, _SIDE - beside) <= reach)
     for pole in (0, _SIDE - 1):
         caps = (x == 0) & (y == pole) | (own_x == 0 and own_y == pole)
         near |= caps & (np.abs(y - pole) <= reach) & (abs(own_y - pole) <= reach)
     return np.asarray(occupied[near], np.int64)
+
+
+def beside(cell: int, margin_m: float) -> list[int] | None:
+    """All cells, ascending, that ``around`` may find; None near a pole, where they are many."""
+    own_y, own_x = divmod(cell, _SIDE)
+    reach = _reach(own_y, margin_m)
+    if not reach < own_y < _SIDE - 1 - reach:
+        return None
+    columns = sorted({(own_x + k) % _SIDE for k in range(-reach, reach + 1)})
+    return [y * _SIDE + x for y in range(own_y - reach, own_y + reach + 1) for x in columns]
+
+
+def _reach(row: int, margin_m: float) -> int:
+    """How many tiles beyond one of a row may lie within a margin of it."""
+    # the tiles are as high as they are wide, and smallest on the side of the pole
+    edge = max(abs(1.0 - 2.0 * row / _SIDE), abs(1.0 - 2.0 * (row + 1) / _SIDE)) * np.pi
+    wide = 2.0 * np.pi * RADIUS_M / _SIDE / np.cosh(edge)
+    return int(np.ceil(margin_m / wide)) + 1
 
 
 def groups(cell: IntArray) -> Iterator[tuple[int, slice]]:

@@ -12,7 +12,7 @@ import numpy as np
 from automap.io import names
 from automap.io.map_tables import COVERAGE, SIGHTINGS, read_coverage
 from automap.io.signs_table import read_signs
-from automap.io.tables import read_table
+from automap.io.tables import column_by_column
 from automap.mapping.changes import OlderMap
 from automap.mapping.visibility import Passage
 from automap.records import IntArray
@@ -51,12 +51,15 @@ class Older:
 def read_older(before: Before, drives: Drives) -> Older:
     """The older map; its drives' numbers may have been others."""
     signs = read_signs(before.folder / names.SIGNS_RAW)
-    table = read_table(before.folder / SIGHTINGS, ("drive_key", "drive_row", "sign_id"))
     number = {key: k for k, key in enumerate(drives.key)}
     place = {sign.id: k for k, sign in enumerate(signs)}
-    drive = _coded(table["drive_key"], number)
-    sign = _coded(table["sign_id"], place)
-    name = drive << 32 | np.asarray(table["drive_row"].to_numpy(), np.int64)
+    columns = ("drive_key", "drive_row", "sign_id")
+    # of ten million sightings no two columns of texts at once
+    with column_by_column(before.folder / SIGHTINGS, columns) as (_, column):
+        drive = _coded(column("drive_key")["drive_key"], number)
+        sign = _coded(column("sign_id")["sign_id"], place)
+        row = np.asarray(column("drive_row")["drive_row"].to_numpy(), np.int64)
+    name = drive << 32 | row
     rows = np.flatnonzero((drive >= 0) & (sign >= 0))
     rows = rows[np.argsort(name[rows], kind="stable")]
     known = frozenset(str(drive["key"]) for drive in before.summary["drives"])

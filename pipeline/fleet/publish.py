@@ -21,6 +21,7 @@ from automap.mapping.identity import name_signs
 from automap.mapping.posts import with_supports
 from automap.records import DrivePath, FloatArray, IntArray, Sign
 from pipeline.fleet.older import Before, fresh_drives, read_older, shared_with
+from pipeline.fleet.own_names import OwnNames
 from pipeline.fleet.store import Entry, Store
 from pipeline.fleet.tracks import gather_tracks, left_out
 from pipeline.merge.cell_map import StoreMap
@@ -232,11 +233,7 @@ def _with_whole(
 ) -> MapOutcome:
     """Tracks and heights above the sea; of a map of not too many drives pictures and observations
     too."""
-    named: list[dict[str, str]] = [{} for _ in drives.key]
-    for cell in members(cells, found.homes):
-        for who, own, sign in zip(cell.drive.tolist(), cell.id, cell.sign.tolist(), strict=True):
-            if signs[sign].id:
-                named[who][own] = signs[sign].id
+    named = OwnNames(members(cells, found.homes), signs)
     order = np.argsort(drives.rank).tolist()
     folder = store.place.folder
     if len(drives) > MANY_DRIVES or folder is None:
@@ -246,7 +243,7 @@ def _with_whole(
         whole = gather(
             [
                 Contribution(
-                    drives.name[k], folder / store.result(entries[drives.key[k]]), named[k]
+                    drives.name[k], folder / store.result(entries[drives.key[k]]), named.of(k)
                 )
                 for k in order
             ],

@@ -18,6 +18,7 @@ from automap.io.atomic import atomic_path
 from automap.io.json_text import parse_json
 from automap.records import Trajectory
 from pipeline.fleet.contents import result_folder, version
+from pipeline.fleet.own_names import OwnNames
 from pipeline.fleet.store import Entry, Store
 from pipeline.merge.cell_store import Drives
 from pipeline.merge.whole import MANY_DRIVES, Whole, drive_essentials
@@ -46,11 +47,11 @@ def gather_tracks(
     entries: Mapping[str, Entry],
     drives: Drives,
     order: Sequence[int],
-    named: Sequence[Mapping[str, str]],
+    named: OwnNames,
 ) -> Whole:
     """Tracks, of ``MOST_ROWS`` rows in all, and heights of the geoid at the map's signs.
 
-    ``named`` of each drive has its signs' ids in the map by their own. Drives in ``order``.
+    Drives in ``order``.
     """
     whole = Whole()
 
@@ -63,9 +64,10 @@ def gather_tracks(
         each = kept(k)
         if each.track is not None:
             whole.tracks[drives.name[k]] = _every(each.track, every)
+        in_map = named.of(k)
         for own, height in each.geoid_m.items():
-            if own in named[k]:
-                whole.geoid_m.setdefault(named[k][own], []).append(height)
+            if own in in_map:
+                whole.geoid_m.setdefault(in_map[own], []).append(height)
     return whole
 
 

@@ -22,7 +22,7 @@ from automap.mapping.adjustment import ErrorLevels, rough_places
 from automap.mapping.association import renumbered
 from automap.mapping.by_cells import group_cell
 from automap.mapping.cell_merge import PLACE_MARGIN_M, place_cell
-from automap.mapping.cells import around, cell_of, colour_of, quadkey
+from automap.mapping.cells import cell_of, colour_of, quadkey
 from automap.mapping.error_levels import level_cells, level_tiles, levels_of_tiles
 from automap.mapping.existence import Chances
 from automap.mapping.limits import FARTHEST_M, HALO_M
@@ -35,6 +35,7 @@ from pipeline.merge.cell_store import (
     SIGHTINGS,
     Drives,
     Near,
+    near_cells,
     occupied,
     parts,
     read_drives,
@@ -57,7 +58,7 @@ def turns(folder: Path) -> list[list[int]]:
 
 def group(folder: Path, cell: int) -> bool:
     """Group the sightings of one cell; False where nothing had changed."""
-    cells = around(cell, HALO_M, occupied(folder))
+    cells = near_cells(folder, cell, HALO_M)
     before = [k for k in cells.tolist() if colour_of(k) < colour_of(cell)]
     path = _file(folder, GROUPS, cell)
     stamp = _stamp(parts(folder, SIGHTINGS, cells), [_file(folder, GROUPS, k) for k in before])
@@ -111,7 +112,7 @@ def standing(folder: Path) -> list[int]:
 
 def place(folder: Path, cell: int, levels: ErrorLevels) -> bool:
     """Place the signs of one cell; False where nothing had changed."""
-    cells = around(cell, HALO_M, occupied(folder))
+    cells = near_cells(folder, cell, HALO_M)
     files = parts(folder, SIGHTINGS, cells) + parts(folder, PATHS, cells)
     grouped = [_file(folder, GROUPS, k) for k in cells.tolist()]
     stamp = _stamp(files, grouped) + repr(levels)
@@ -235,7 +236,7 @@ def _grouped(
 ) -> tuple[Near, IntArray]:
     """What the places of a cell's signs are told from, and whose each sighting is (-1)."""
     near = read_near(folder, drives, cell, PLACE_MARGIN_M, path_margin_m)
-    names, signs = _members(folder, around(cell, HALO_M, occupied(folder)).tolist())
+    names, signs = _members(folder, near_cells(folder, cell, HALO_M).tolist())
     order = np.argsort(names)
     at = np.minimum(np.searchsorted(names[order], near.name), max(len(names) - 1, 0))
     if not len(names):

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from automap.io.atomic import atomic_path
 from automap.io.cell_tables import read_points, write_points
 from automap.io.tables import read_table
-from automap.mapping.cells import around, cell_named, cell_of, groups, quadkey, touches
+from automap.mapping.cells import around, beside, cell_named, cell_of, groups, quadkey, touches
 from automap.mapping.identity import drive_key
 from automap.mapping.sightings import CameraView, DriveSigns, Sightings, stack_sightings
 from automap.mapping.visibility import STRIDE
@@ -154,11 +155,19 @@ def _write_drives(path: Path, drives: Sequence[DriveSigns]) -> None:
 
 def read_drives(folder: Path) -> Drives:
     """All drives of the store."""
+    files = sorted((folder / DRIVES).glob("*.parquet"))
+    state = [file.stat() for file in files]
+    return _drives(tuple((f, s.st_size, s.st_mtime_ns) for f, s in zip(files, state, strict=True)))
+
+
+@lru_cache(maxsize=1)
+def _drives(files: tuple[tuple[Path, int, int], ...]) -> Drives:
+    """The drives of files as they were at a time: every step of every cell asks for them."""
     key: list[str] = []
     name: list[str] = []
     start: list[float] = []
     cameras: list[tuple[CameraView, ...]] = []
-    for path in sorted((folder / DRIVES).glob("*.parquet")):
+    for path, _, _ in files:
         table = read_table(path, ("key", "name", "start_gps_s", "cameras"))
         key += table["key"].to_pylist()
         name += table["name"].to_pylist()
@@ -182,6 +191,20 @@ def occupied(folder: Path) -> IntArray:
     return np.array(sorted(cell_named(name.partition("=")[2]) for name in names), np.int64)
 
 
+def near_cells(folder: Path, cell: int, margin_m: float) -> IntArray:
+    """Cells that hold something and may reach within a margin of one, itself among them; those of
+    all the world are not listed for it."""
+    candidates = beside(cell, margin_m)
+    if candidates is None:
+        return around(cell, margin_m, occupied(folder))
+    there = [
+        k
+        for k in candidates
+        if any((folder / kind / f"cell={quadkey(k)}").is_dir() for kind in (SIGHTINGS, PATHS))
+    ]
+    return np.array(there, np.int64)
+
+
 def parts(folder: Path, kind: str, cells: IntArray) -> list[Path]:
     """The files of some cells."""
     found: list[Path] = []
@@ -194,7 +217,7 @@ def read_near(
     folder: Path, drives: Drives, cell: int, margin_m: float, path_margin_m: float | None = None
 ) -> Near:
     """What lies within ``margin_m`` of a cell; with ``path_margin_m`` the paths within that too."""
-    cells = around(cell, margin_m, occupied(folder))
+    cells = near_cells(folder, cell, margin_m)
     seen = _cut(read_points(parts(folder, SIGHTINGS, cells)), "lat", "lon", cell, margin_m, drives)
     tracks: dict[str, Any] = {}
     if path_margin_m is not None:

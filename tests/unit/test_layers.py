@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 LAYERS = (
     # what everybody speaks of: plain data, pure functions
     *("errors", "records", "earth", "frames", "timebase", "interpolation"),
-    *("jit", "gates", "assignment", "robust"),
+    *("jit", "gates", "assignment", "robust", "sparse_normal"),
     # what signs look like, what sensors do wrong
     *("signs", "effects"),
     # formats: bytes to records and back

@@ -15,6 +15,8 @@ from automap.mapping.association import associate
 from automap.mapping.by_cells import associate_by_cells
 from automap.mapping.cells import (
     LEVEL,
+    around,
+    beside,
     cell_named,
     cell_of,
     colour_of,
@@ -177,3 +179,21 @@ def test_every_sighting_is_in_one_sign_where_signs_stand_on_the_edge() -> None:
     assert (spread > 1).sum() > 10
     whole = join_duplicates(sightings, associate(sightings))
     assert same_groups(whole.sign, found.sign)
+
+
+@pytest.mark.parametrize("latitude", [0.0, 45.0, 84.0, 85.04, -85.05, 89.0])
+@pytest.mark.parametrize("margin_m", [100.0, 400.0, 3000.0])
+def test_the_cells_beside_one_are_all_that_may_be_around_it(
+    latitude: float, margin_m: float
+) -> None:
+    """Also across 180 degrees, and up to where all of a pole is one cell."""
+    north, east = np.meshgrid(np.linspace(-0.4, 0.4, 81), np.linspace(179.4, 180.6, 81))
+    lat = np.radians(np.clip(latitude + north.ravel(), -90.0, 90.0))
+    occupied = np.unique(cell_of(lat, np.radians(east.ravel())))
+    middle = int(cell_of(np.radians([latitude]), np.array([np.pi]))[0])
+    found = beside(middle, margin_m)
+    if found is None:
+        assert abs(latitude) > 85.0
+    else:
+        wanted = around(middle, margin_m, occupied).tolist()
+        assert [k for k in found if k in occupied] == wanted
