@@ -156,8 +156,8 @@ def operation(
         )
     raise InputError(
         f"{option}: no transformation from satellite coordinates is good to "
-        f"{LEAST_ACCURACY_M:g} m; {refused or 'PROJ has none'}. Take --crs {_zone(bounds)} (WGS 84) "
-        "and transform it with the country's own service."
+        f"{LEAST_ACCURACY_M:g} m; {refused or 'PROJ has none'}. Take --crs {_zone(bounds)} "
+        "(WGS 84) and transform it with the country's own service."
     )
 
 

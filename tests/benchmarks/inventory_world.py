@@ -4,22 +4,31 @@ The street is that of ``geolocation_world.py``: boxes with errors, missed by fra
 that wanders, located by the estimator itself. Hidden are signs behind what stands between them and
 the camera in plan: low crowns that stand there in every drive, vans parked anew for each, and a
 lorry that drives ahead for part of the time. Some faces every drive misreads alike, some one alone.
+
+    python tests/benchmarks/inventory_world.py [--seeds N] [--first SEED] [--drives 1 3]
+
+Printed are, per kind, how many are due, told and sure with precision and recall of either; of what
+is called missing also the precision where signs count that stand and that no drive can have seen,
+since something hid them in every frame; and how often statements of a probability were right.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
-from inventory_case import Faulty, calibrated
+from inventory_case import KINDS, Faulty, calibrated, correct, due
 
 from automap.earth import from_local_ned, local_ned
 from automap.frames import rpy_to_matrix
 from automap.geolocation.locate import locate_signs
+from automap.mapping.inventory import compare_inventory
 from automap.mapping.inventory_findings import Inventory
 from automap.mapping.limits import LEAST_EXISTENCE
 from automap.mapping.merge import merge_drives
@@ -40,13 +49,14 @@ LORRY_SHARE, LORRY_M, LORRY_RADIUS_M = 0.15, 22.0, 1.25
 
 @dataclass(frozen=True)
 class Case:
-    """A map, the true sign of each of its signs (-1 none), its drives, and the list."""
+    """A map, the true sign of each of its signs (-1 none), its drives, and the list; ``hidden`` [n]
+    true signs that something hid in every frame of every drive."""
 
     signs: list[Sign]
     truth: IntArray
     drives: list[DriveSigns]
     faulty: Faulty
-    standing: BoolArray
+    hidden: BoolArray
 
 
 def case(seed: int, drives: int) -> Case:
@@ -59,12 +69,14 @@ def case(seed: int, drives: int) -> Case:
     other = rng.choice(len(ROUND), n)
     crowns = _beside(rng, worlds[0], "crown")
     seen = [_seen(rng, seed, k, w, standing, crowns, alike, other) for k, w in enumerate(worlds)]
-    parts = [part for part, _, _ in seen]
+    parts = [part for part, _, _, _ in seen]
+    due_to, left = (sum(np.array([one[3][k] for one in seen])) for k in range(2))
+    hidden = standing & (due_to > 0) & (left == 0)
     inventory = _list(rng, worlds[0], standing)
     if drives == 1:
-        return Case(seen[0][2], seen[0][1], parts, inventory, standing)
+        return Case(seen[0][2], seen[0][1], parts, inventory, hidden)
     merged = merge_drives(parts)
-    known = {part.name: truth for part, truth, _ in seen}
+    known = {part.name: truth for part, truth, _, _ in seen}
     own = np.array(
         [
             int(known[merged.drives[d].name][row])
@@ -74,7 +86,7 @@ def case(seed: int, drives: int) -> Case:
     kept = np.flatnonzero(merged.existence >= LEAST_EXISTENCE).tolist()
     truth = np.array([_most(own[merged.association.sign == k]) for k in kept], np.int64)
     signs = [merged.signs[k] for k in kept]
-    return Case(signs, truth, merged.drives, inventory, standing)
+    return Case(signs, truth, merged.drives, inventory, hidden)
 
 
 def _most(values: IntArray) -> int:
@@ -114,8 +126,9 @@ def _hidden(camera: FloatArray, sign: FloatArray, discs: FloatArray, radius: flo
 def _seen(
     rng: np.random.Generator, seed: int, number: int, world: World, standing: BoolArray,
     crowns: FloatArray, alike: BoolArray, other: IntArray,
-) -> tuple[DriveSigns, IntArray, list[Sign]]:  # fmt: skip
-    """What one drive makes of the street: its signs, the true one of each, and the map."""
+) -> tuple[DriveSigns, IntArray, list[Sign], IntArray]:  # fmt: skip
+    """What one drive makes of the street: its signs, the true one of each, the map, and of each
+    true sign how many boxes there would be and are [2, n]."""
     found, owner = world.detections, world.owner
     t = found.t_ns + round(world.true_camera.time_offset_s * 1e9)
     row = np.searchsorted(world.true.t_ns, t).clip(0, len(world.true) - 1)
@@ -134,6 +147,9 @@ def _seen(
         hidden[k] |= _hidden(camera[[k]], sign[[k]], lorry[[k]], LORRY_RADIUS_M)[0]
     gone = (owner >= 0) & ~standing[np.maximum(owner, 0)]
     keep = np.flatnonzero(~gone & ~((owner >= 0) & hidden))
+    boxes = np.array(
+        [np.bincount(own[own >= 0], minlength=len(standing)) for own in (owner, owner[keep])]
+    )
     names = found.class_name.copy()
     wrong = alike | (rng.random(len(alike)) < MISREAD)
     alone = np.where(alike, other, rng.choice(len(ROUND), len(alike)))
@@ -154,7 +170,7 @@ def _seen(
         replace(s, class_probability=float(p), confidence=s.existence * float(p))
         for s, p in zip(signs, told, strict=True)
     ]
-    return _columns(f"drive-{number}", number, world, signs), truth, signs
+    return _columns(f"drive-{number}", number, world, signs), truth, signs, boxes
 
 
 def _columns(name: str, number: int, world: World, signs: list[Sign]) -> DriveSigns:
@@ -166,7 +182,9 @@ def _columns(name: str, number: int, world: World, signs: list[Sign]) -> DriveSi
 
     def seen(field: str) -> FloatArray:
         at = np.array([getattr(s, field) for s in signs], np.int64)
-        return np.asarray(np.interp(at - trajectory.t_ns[0], trajectory.t_ns - trajectory.t_ns[0], gps))
+        return np.asarray(
+            np.interp(at - trajectory.t_ns[0], trajectory.t_ns - trajectory.t_ns[0], gps)
+        )
 
     way = np.cumsum(np.hypot(*trajectory.vel_ned[:, :2].T)) * 0.02
     rows = np.concatenate([[0], np.flatnonzero(np.diff(np.floor(way / 4.0)) > 0)])
@@ -224,3 +242,50 @@ def _list(rng: np.random.Generator, world: World, standing: BoolArray, sd: float
     )  # fmt: skip
     origin = np.where(standing[kept], kept, -1)
     return Faulty(inventory, origin, kind[kept], set(deleted.tolist()))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--drives", type=int, nargs="+", default=[1, 3])
+    arguments = parser.parse_args()
+    for drives in arguments.drives:
+        rows: dict[str, list[tuple[float, bool]]] = {kind: [] for kind in KINDS}
+        wanted = dict.fromkeys(KINDS, 0)
+        unseen: list[tuple[float, bool]] = []
+        for seed in range(arguments.first, arguments.first + arguments.seeds):
+            one = case(seed, drives)
+            result = compare_inventory(one.signs, one.faulty.inventory, one.drives)
+            for kind in KINDS:
+                wanted[kind] += due(result, one.faulty, one.truth, kind)
+            for finding in result.findings:
+                if finding.kind in KINDS:
+                    right = correct(finding, one.faulty, one.truth)
+                    rows[finding.kind].append((finding.probability, right))
+                    if finding.kind == "missing":
+                        name = int(one.faulty.inventory.ids[finding.listed][1:])
+                        unseen.append((finding.probability, right or bool(one.hidden[name])))
+        print(f"{drives} drives, {arguments.seeds} seeds\n  kind       due  told  prec  rec   sure")
+        for kind in KINDS:
+            print(f"  {kind:8} {wanted[kind]:5}{_scores(rows[kind], wanted[kind])}")
+        print(f"  missing or hidden{'':2}{_scores(unseen, wanted['missing'])}")
+        every = np.array([row for kind in KINDS if kind != "matched" for row in rows[kind]])
+        for low, high in pairwise((0.0, 0.5, 0.8, 0.9, 0.97, 1.001)):
+            part = every[(every[:, 0] >= low) & (every[:, 0] < high)]
+            if len(part):
+                stated, true = part.mean(axis=0)
+                print(f"  stated {stated:.3f}: right {true:.3f} of {len(part)}", flush=True)
+
+
+def _scores(rows: list[tuple[float, bool]], wanted: int) -> str:
+    text = ""
+    for least in (0.0, 0.9):
+        told = [right for p, right in rows if p >= least]
+        good = sum(told)
+        text += f"  {len(told):5} {good / max(len(told), 1):.2f} {good / max(wanted, 1):.2f}"
+    return text
+
+
+if __name__ == "__main__":
+    main()
