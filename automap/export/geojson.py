@@ -75,7 +75,8 @@ def json_column(field: Field, values: Any) -> TextColumn:
     if field.kind == "integer" and isinstance(values, np.ndarray):
         return integer_column(values)
     if field.kind == "list":
-        return text_column(values, _safe_text, [tuple(value) for value in values])
+        # one text as in the other formats: what has no lists (FlatGeobuf) is made from it as it is
+        values = [", ".join(value) for value in values]
     return text_column(values, _safe_text, special=_SPECIAL, quote='"')
 
 
@@ -205,7 +206,7 @@ def _sign(feature: dict[str, Any], number: int, to_ns: Callable[[Any], int]) -> 
         note=str(properties.get("note") or ""),
         reviewer=str(properties.get("reviewer") or ""),
         reviewed=str(properties.get("reviewed") or ""),
-        drives=(drives,) if isinstance(drives, str) else tuple(str(name) for name in drives),
+        drives=tuple(drives.split(", ") if isinstance(drives, str) else map(str, drives)),
     )
 
 
