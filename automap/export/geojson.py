@@ -201,6 +201,7 @@ def _sign(feature: dict[str, Any], number: int, to_ns: Callable[[Any], int]) -> 
         facing_sd_rad=float(np.radians(real("facing_sd_deg"))),
         size_m=real("size_m"),
         side=str(properties.get("side") or ""),
+        path_offset_m=real("path_offset_m"),
         support=str(properties.get("support") or ""),
         status=str(properties.get("status") or "ok"),
         note=str(properties.get("note") or ""),

@@ -259,6 +259,7 @@ class ViewedMap:
             "facing_sd_deg": _number(signs.facing_sd_deg[row], 1),
             "size_m": _number(signs.size_m[row], 2),
             "side": signs.sides[row],
+            "path_offset_m": _number(signs.path_offset_m[row], 2),
             "cov_ee_m2": _number(signs.cov_ee_m2[row], 4),
             "cov_en_m2": _number(signs.cov_en_m2[row], 4),
             "cov_nn_m2": _number(signs.cov_nn_m2[row], 4),

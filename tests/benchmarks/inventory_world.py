@@ -269,7 +269,11 @@ def main() -> None:
         print(f"{drives} drives, {arguments.seeds} seeds\n  kind       due  told  prec  rec   sure")
         for kind in KINDS:
             print(f"  {kind:8} {wanted[kind]:5}{_scores(rows[kind], wanted[kind])}")
-        print(f"  missing or hidden{'':2}{_scores(unseen, wanted['missing'])}")
+        # those that nobody can have seen are due besides
+        more = sum(right for _, right in unseen) - sum(right for _, right in rows["missing"])
+        print(
+            f"  or hidden {wanted['missing'] + more:4}{_scores(unseen, wanted['missing'] + more)}"
+        )
         every = np.array([row for kind in KINDS if kind != "matched" for row in rows[kind]])
         for low, high in pairwise((0.0, 0.5, 0.8, 0.9, 0.97, 1.001)):
             part = every[(every[:, 0] >= low) & (every[:, 0] < high)]
