@@ -9,25 +9,17 @@ operations; what is refused here is its habit of taking "no shift at all, good t
 from __future__ import annotations
 
 import re
-import warnings
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from automap.errors import ConfigError, InputError
+from automap.export.operations import area_missed, find_crs, route
 from automap.records import FloatArray
 from automap.timebase import gps_to_unix
 
-if TYPE_CHECKING:
-    from pyproj import CRS
-
 WGS84 = "WGS84"
 WGS84_3D = "EPSG:4979"
-
-LEAST_ACCURACY_M = 0.25
-"""Operations that are not at least this good are no transformation of a sign's position."""
 
 EPOCH_SLACK_YEARS = 0.5
 YEARS = (1980.0, 2100.0)
@@ -149,19 +141,6 @@ def _plain(name: str) -> str:
     return re.sub(r"[^A-Z0-9]", "", name.upper())
 
 
-def find_crs(code: str, option: str = "--datum") -> CRS:
-    """The system of a code; ConfigError, in the name of ``option``, where there is none."""
-    from pyproj import CRS
-    from pyproj.exceptions import CRSError
-
-    try:
-        return CRS.from_user_input(code)
-    except CRSError:
-        raise ConfigError(
-            f"{option} {code}: PROJ knows no such code; look it up in EPSG."
-        ) from None
-
-
 def to_datum(
     lon_deg: FloatArray,
     lat_deg: FloatArray,
@@ -206,11 +185,9 @@ def to_datum(
         float(v) for v in (lon[good].min(), lat[good].min(), lon[good].max(), lat[good].max())
     )
     _check_area(datum, lon[good], lat[good])
-    transformer, accuracy = operation(
-        source, datum.code, f"--datum {datum.name}", (west, south, east, north)
-    )
+    way = route(source, datum.code, f"--datum {datum.name}", (west, south, east, north))
     high = np.where(np.isfinite(height[good]), height[good], 0.0)
-    moved = transformer.transform(lon[good], lat[good], high, np.full(int(good.sum()), epoch))
+    moved = way.transform(lon[good], lat[good], high, epoch)
     out_lon[good], out_lat[good] = moved[0], moved[1]
     if not (np.isfinite(out_lon[good]).all() and np.isfinite(out_lat[good]).all()):
         raise InputError(
@@ -225,7 +202,7 @@ def to_datum(
         out_lon,
         out_lat,
         out_height,
-        epoch, str(transformer.description), accuracy,
+        epoch, way.description, way.accuracy_m,
         float(np.nanmax(shift)), tuple(sentences),
     )  # fmt: skip
 
@@ -237,81 +214,6 @@ def _check_area(datum: Datum, lon: FloatArray, lat: FloatArray) -> None:
             f"--datum {datum.name} is made for {missed}, and the map lies elsewhere; "
             "name the datum of its country."
         )
-
-
-def area_missed(code: str, lon: FloatArray, lat: FloatArray) -> str:
-    """The area that a system is made for, in words, where positions [n] in degrees lie outside of
-    it by more than half a degree; "" where all lie inside."""
-    area = find_crs(code).area_of_use
-    if area is None:
-        return ""
-    slack = 0.5
-    if area.west <= area.east:
-        inside = (lon >= area.west - slack) & (lon <= area.east + slack)
-    else:
-        inside = (lon >= area.west - slack) | (lon <= area.east + slack)
-    inside &= (lat >= area.south - slack) & (lat <= area.north + slack)
-    return "" if inside.all() else _short(area.name)
-
-
-def _short(name: str) -> str:
-    return name if len(name) <= 80 else name[:77] + "..."
-
-
-@lru_cache(maxsize=8)
-def operation(
-    source: str, target: str, option: str, bounds: tuple[float, float, float, float]
-) -> tuple[Any, float]:
-    """The best operation between two systems that is a real one, and its accuracy in m.
-
-    ``bounds`` are west, south, east, north in degrees. Raises InputError, in the name of
-    ``option``, where PROJ has none that is good enough, or lacks its grid.
-    """
-    from pyproj.aoi import AreaOfInterest
-    from pyproj.transformer import TransformerGroup
-
-    try:
-        with warnings.catch_warnings():
-            # missing grids are told below, in a sentence of our own
-            warnings.simplefilter("ignore", UserWarning)
-            group = TransformerGroup(
-                source,
-                target,
-                always_xy=True,
-                allow_ballpark=False,
-                area_of_interest=AreaOfInterest(*bounds),  # type: ignore[arg-type]
-            )
-    except IndexError:
-        # pyproj stumbles over an empty list of operations
-        raise InputError(
-            f"{option}: no transformation from satellite coordinates is good to "
-            f"{LEAST_ACCURACY_M:g} m; PROJ has none."
-        ) from None
-    refused = ""
-    for transformer in group.transformers:
-        # PROJ says 0 for operations that define a frame and -1 where nothing is known
-        accuracy = float(transformer.accuracy)
-        null = transformer.definition.startswith("proj=noop")
-        if null or not 0.0 <= accuracy <= LEAST_ACCURACY_M:
-            how = "takes both for the same" if null else "is a rough one"
-            good = f"good to {accuracy:.2g} m" if accuracy >= 0 else "of unknown accuracy"
-            refused = refused or f"the one there is {how} ({good})"
-            continue
-        return transformer, accuracy
-    grids = sorted(
-        {grid.short_name for o in group.unavailable_operations for grid in o.grids
-         if not grid.available and grid.short_name}
-    )  # fmt: skip
-    if grids:
-        raise InputError(
-            f"{option}: the transformation needs the grid {grids[0]}, which PROJ does not "
-            f"have here; fetch it with: projsync --file {grids[0]}"
-        )
-    why = refused or "PROJ has none"
-    raise InputError(
-        f"{option}: no transformation from satellite coordinates is good to "
-        f"{LEAST_ACCURACY_M:g} m; {why}."
-    )
 
 
 def decimal_year(gps_s: float) -> float:

@@ -43,6 +43,13 @@ SIGN_FIELDS: tuple[Field, ...] = (
     Field("facing_sd_deg", "real", "deg", "standard deviation of facing_deg", 1),
     Field("size_m", "real", "m", "height of the face", 2),
     Field("side", "text", "", "side of the road in the direction of travel"),
+    Field(
+        "path_offset_m",
+        "real",
+        "m",
+        "from the path of the drive, right of it is positive; none of several drives",
+        2,
+    ),
     Field("support", "text", "", "post or gantry, the same for all signs on it"),
     Field(
         "face_order",

@@ -75,7 +75,8 @@ def json_column(field: Field, values: Any) -> TextColumn:
     if field.kind == "integer" and isinstance(values, np.ndarray):
         return integer_column(values)
     if field.kind == "list":
-        return text_column(values, _safe_text, [tuple(value) for value in values])
+        # one text as in the other formats: what has no lists (FlatGeobuf) is made from it as it is
+        values = [", ".join(value) for value in values]
     return text_column(values, _safe_text, special=_SPECIAL, quote='"')
 
 
@@ -200,12 +201,13 @@ def _sign(feature: dict[str, Any], number: int, to_ns: Callable[[Any], int]) -> 
         facing_sd_rad=float(np.radians(real("facing_sd_deg"))),
         size_m=real("size_m"),
         side=str(properties.get("side") or ""),
+        path_offset_m=real("path_offset_m"),
         support=str(properties.get("support") or ""),
         status=str(properties.get("status") or "ok"),
         note=str(properties.get("note") or ""),
         reviewer=str(properties.get("reviewer") or ""),
         reviewed=str(properties.get("reviewed") or ""),
-        drives=(drives,) if isinstance(drives, str) else tuple(str(name) for name in drives),
+        drives=tuple(drives.split(", ") if isinstance(drives, str) else map(str, drives)),
     )
 
 

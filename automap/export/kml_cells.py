@@ -39,6 +39,7 @@ BALLOON_FIELDS = (
     "facing_sd_deg",
     "size_m",
     "side",
+    "path_offset_m",
     "road_name",
     "road_id",
     "chainage_m",

@@ -19,6 +19,7 @@ from automap.errors import ConfigError, InputError
 from automap.export.fields import ROAD_FIELDS, SIGN_FIELDS, Field
 from automap.export.kml_cells import clean_text
 from automap.export.sign_columns import SignColumns
+from automap.records import FloatArray
 
 TABLE, MAPS = "automap_signs", "automap_maps"
 _FIELDS = (*SIGN_FIELDS, *ROAD_FIELDS)
@@ -39,6 +40,17 @@ class Database:
     user: str
     password: str | None
     schema: str
+
+
+@dataclass(frozen=True)
+class Projected:
+    """Positions [n] in the plane ``srid``: easting and northing in its unit, height in its height
+    system or above the ellipsoid."""
+
+    srid: int
+    easting: FloatArray
+    northing: FloatArray
+    height: FloatArray
 
 
 @dataclass(frozen=True)
@@ -72,9 +84,15 @@ def parse_url(url: str, environment: Mapping[str, str]) -> Database:
 
 
 def write_postgis(
-    database: Database, map_name: str, columns: SignColumns, lineage: Mapping[str, Any]
+    database: Database,
+    map_name: str,
+    columns: SignColumns,
+    lineage: Mapping[str, Any],
+    plane: Projected | None = None,
 ) -> Written:
     """Make the tables where they are missing, and the map's rows what the map is now.
+
+    ``geom`` is WGS 84 always, as ``columns`` are; a ``plane`` has a geometry column of its own.
 
     Raises InputError where the server cannot be reached, has no PostGIS, or refuses.
     """
@@ -95,6 +113,8 @@ def write_postgis(
         connection.run("BEGIN")
         _make_tables(connection, database.schema)
         written = _mirror(connection, database.schema, map_name, columns, lineage)
+        if plane is not None:
+            _add_plane(connection, database.schema, map_name, columns, plane)
         connection.run("COMMIT")
     except (InterfaceError, DatabaseError, OSError) as error:
         raise InputError(
@@ -174,6 +194,30 @@ def _mirror(
         map=name, ids=values["id"],
     )  # fmt: skip
     return Written(len(columns), int(connection.row_count))
+
+
+def _add_plane(
+    connection: Any, schema: str, map_name: str, columns: SignColumns, plane: Projected
+) -> None:
+    """The columns ``geom_SRID`` and ``height_SRID`` of the map's rows."""
+    table, geom, high = f'"{schema}".{TABLE}', f"geom_{plane.srid}", f"height_{plane.srid}"
+    connection.run(
+        f"ALTER TABLE {table} ADD COLUMN IF NOT EXISTS {geom} geometry(Point, {plane.srid}), "
+        f"ADD COLUMN IF NOT EXISTS {high} double precision"
+    )
+    connection.run(
+        f"COMMENT ON COLUMN {table}.{geom} IS 'place in EPSG:{plane.srid}, by the operation that "
+        f"the lineage of the map in {MAPS} names'"
+    )
+    connection.run(f"CREATE INDEX IF NOT EXISTS {TABLE}_{geom} ON {table} USING gist ({geom})")
+    connection.run(
+        f"UPDATE {table} AS t SET {geom} = ST_SetSRID(ST_MakePoint(x, y), {plane.srid}), "
+        f"{high} = z FROM unnest(CAST(:ids AS text[]), CAST(:x AS double precision[]), "
+        "CAST(:y AS double precision[]), CAST(:z AS double precision[])) AS one (id, x, y, z) "
+        "WHERE t.map = :map AND t.id = one.id",
+        map=clean_text(map_name), ids=[_plain(v) for v in columns.values["id"]],
+        x=_numbers(plane.easting), y=_numbers(plane.northing), z=_numbers(plane.height),
+    )  # fmt: skip
 
 
 def _values(columns: SignColumns) -> dict[str, list[Any]]:

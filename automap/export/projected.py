@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from automap.errors import ConfigError, InputError
-from automap.export.datum import Datum, area_missed, find_crs, operation, parse_datum
+from automap.export.datum import Datum, parse_datum
 from automap.export.layers import Layer, WkbArray
+from automap.export.operations import area_missed, find_crs, operation
 from automap.records import FloatArray
 
 if TYPE_CHECKING:

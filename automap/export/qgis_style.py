@@ -61,7 +61,7 @@ _FORM_PICTURE = (
 _FORM_TABS = {
     "Sign": ("name", "code", "value", "value_unit", "status", "confidence", "note", "reviewer"),
     "Place": ("height_above_road_m", "sd_above_road_m", "height_msl_m", "facing_deg",
-              "facing_sd_deg", "side", "size_m", "support", "ce95_m", "sd_u_m"),
+              "facing_sd_deg", "side", "path_offset_m", "size_m", "support", "ce95_m", "sd_u_m"),
     "Sightings": ("n_views", "first_seen", "last_seen", "drives", "existence",
                   "class_probability"),
 }  # fmt: skip

@@ -30,6 +30,7 @@ SHORT = {
     "height_msl_m": "h_msl_m",
     "facing_deg": "facing",
     "facing_sd_deg": "facing_sd",
+    "path_offset_m": "path_off",
     "road_direction": "road_dir",
     "cov_ee_m2": "cov_ee",
     "cov_en_m2": "cov_en",

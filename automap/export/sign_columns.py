@@ -89,6 +89,7 @@ def sign_columns(
         "facing_sd_deg": np.degrees(real("facing_sd_rad")),
         "size_m": real("size_m"),
         "side": [sign.side for sign in signs],
+        "path_offset_m": real("path_offset_m"),
         "support": [sign.support or None for sign in signs],
         "face_order": hung.order,
         "main_sign": hung.main,

@@ -6,7 +6,7 @@ Texts are written as texts, so that nothing of a recording is computed.
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,13 +14,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from automap.errors import StageError
-from automap.export.dictionary import POSITION_FIELDS
+from automap.export.dictionary import POSITION_FIELDS, plane_fields
+from automap.export.fields import Field
 from automap.export.kml_cells import clean_text
 from automap.export.sign_columns import SignColumns
 from automap.io.atomic import atomic_path
 
 if TYPE_CHECKING:
     from xlsxwriter.worksheet import Worksheet
+
+    from automap.export.projected import Plane
 
 LAST_ROW = 1_048_575
 """Excel's last row of a sheet that has a head."""
@@ -35,8 +38,9 @@ def write_xlsx(
     columns: SignColumns,
     pictures: Mapping[str, bytes] | None = None,
     lineage: Mapping[str, Any] | None = None,
+    plane: Plane | None = None,
 ) -> None:
-    """Write the workbook; ``pictures`` JPEGs by sign.
+    """Write the workbook; ``pictures`` JPEGs by sign, positions in the ``plane`` besides.
 
     Raises StageError for more signs than a sheet holds.
     """
@@ -53,10 +57,17 @@ def write_xlsx(
         )
         book.set_properties({"created": _DATE})
         bold = book.add_format({"bold": True, "bottom": 1})
-        _write_signs(book, book.add_worksheet("signs"), columns, pictures or {}, bold)
+        places = _places(columns, plane)
+        fields = (*places, *columns.fields)
+        values = {field.name: own for field, own in places.items()} | dict(columns.values)
+        sheet = book.add_worksheet("signs")
+        _write_signs(book, sheet, fields, values, columns.utc_known, bold)
+        for row, name in enumerate(columns.values["id"], start=1):
+            if pictures and name in pictures:
+                _insert(sheet, row, pictures[name])
         sheet = book.add_worksheet("columns")
         sheet.write_row(0, 0, ["column", "unit", "meaning"], bold)
-        for row, field in enumerate((*POSITION_FIELDS, *columns.fields), start=1):
+        for row, field in enumerate(fields, start=1):
             sheet.write_row(row, 0, [field.name, field.unit, field.meaning])
         sheet.set_column(0, 0, 22)
         sheet.set_column(2, 2, 80)
@@ -72,11 +83,25 @@ def write_xlsx(
             raise error.args[0] if isinstance(error.args[0], OSError) else error from None
 
 
+def _places(columns: SignColumns, plane: Plane | None) -> dict[Field, Any]:
+    """The columns of positions [n], with those in the plane if there is one."""
+    degrees = (columns.lon_deg, columns.lat_deg, columns.height_m)
+    places: dict[Field, Any] = dict(zip(POSITION_FIELDS, degrees, strict=True))
+    if plane is not None:
+        crs = plane.projection.crs
+        own = (*plane.points(*degrees), [crs] * len(columns))
+        places |= dict(zip(plane_fields(crs), own, strict=True))
+    return places
+
+
 def _write_signs(
-    book: Any, sheet: Worksheet, columns: SignColumns, pictures: Mapping[str, bytes], bold: Any
+    book: Any,
+    sheet: Worksheet,
+    fields: Sequence[Field],
+    columns: Mapping[str, Any],
+    utc_known: bool,
+    bold: Any,
 ) -> None:
-    fields = (*POSITION_FIELDS, *columns.fields)
-    places = {"lon_deg": columns.lon_deg, "lat_deg": columns.lat_deg, "height_m": columns.height_m}
     when = book.add_format({"num_format": "yyyy-mm-dd hh:mm:ss"})
     formats = {
         f.decimals: book.add_format({"num_format": "0." + "0" * f.decimals if f.decimals else "0"})
@@ -84,13 +109,14 @@ def _write_signs(
         if f.decimals is not None
     }
     degrees = book.add_format({"num_format": "0.0000000"})
+    n = len(columns["id"])
     sheet.write_row(0, 0, ["picture", *(field.name for field in fields)], bold)
     sheet.freeze_panes(1, 2)
-    sheet.autofilter(0, 0, max(len(columns), 1), len(fields))
+    sheet.autofilter(0, 0, max(n, 1), len(fields))
     sheet.set_column(0, 0, 10)
     sheet.set_column(1, len(fields), 12)
     for number, field in enumerate(fields, start=1):
-        values = places.get(field.name, columns.values.get(field.name))
+        values = columns.get(field.name)
         cell_format = (
             degrees
             if field.name in ("lon_deg", "lat_deg")
@@ -99,16 +125,13 @@ def _write_signs(
         for row, value in enumerate(values if values is not None else (), start=1):
             if value is None or (isinstance(value, float) and not np.isfinite(value)):
                 continue
-            if field.kind == "time" and columns.utc_known:
+            if field.kind == "time" and utc_known:
                 sheet.write_datetime(row, number, datetime.fromisoformat(value[:-1]), when)
             elif field.kind in ("real", "integer", "time"):
                 sheet.write_number(row, number, float(value), cell_format)
             else:
                 text = ", ".join(value) if field.kind == "list" else str(value)
                 sheet.write_string(row, number, clean_text(text)[:32_000])
-    for row, name in enumerate(columns.values["id"], start=1):
-        if name in pictures:
-            _insert(sheet, row, pictures[name])
 
 
 def _insert(sheet: Worksheet, row: int, jpeg: bytes) -> None:

@@ -102,6 +102,7 @@ def assemble_sign(
         facing_sd_rad=facing.sd_rad,
         size_m=size,
         side=side_of_path(lateral, above_road),
+        path_offset_m=lateral,
         status=status,
         drives=(rules.drive,) if rules.drive else (),
         detection_rows=np.sort(views.row[rows]),

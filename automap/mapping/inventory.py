@@ -21,6 +21,7 @@ from automap.mapping.candidates import facing_evidence
 from automap.mapping.inventory_findings import (
     Finding,
     Inventory,
+    class_belief,
     judge_classes,
     new_signs,
     not_found,
@@ -132,13 +133,16 @@ def _candidates(signs: Sequence[Sign], inventory: Inventory) -> _Pairs:
     i, j, apart = _near(signs, inventory)
     names = [face_of(s.class_name) for s in signs]
     share = {name: (names.count(name) + 1.0) / (len(names) + 2.0) for name in set(names)}
+    believed = [class_belief(sign) for sign in signs]
     told = np.zeros(len(i))
     for k, (a, b) in enumerate(zip(i.tolist(), j.tolist(), strict=True)):
         same = same_face(signs[a].class_name, inventory.class_name[b])
         # by chance two signs have one class as often as the class is on the map
         chance = share[names[a]]
         if same is not None:
-            told[k] = math.log((1.0 - STALE) / chance) if same else math.log(STALE)
+            # one sign under two classes: the list is wrong, or the map
+            right = (1.0 - STALE) * believed[a]
+            told[k] = math.log(right / chance + 1.0 - right if same else 1.0 - right)
         turn = signs[a].facing_rad - inventory.facing_rad[b]
         if np.isfinite(turn):
             told[k] += facing_evidence(turn)

@@ -13,6 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.mapping.inventory_limits import (
+    DETECTION_PRIOR,
+    GLIMPSE_PRIOR,
+    HALF_APPROACH_ROWS,
     MOST_SURE,
     NEW_SHARE,
     ROUNDS,
@@ -78,14 +81,19 @@ def not_found(
     """Listed signs without a ``partner`` [m] (-1) on the map, and how often a drive finds one.
 
     Signs of unknown facing may look away from every drive: those to the left and to the right of
-    the path are found at rates of their own.
+    the path are found at rates of their own, as are those that were in view for less than half an
+    approach.
     """
     facing = np.asarray(inventory.facing_rad, np.float64)
     views = opportunities(drives, inventory.lat_rad, inventory.lon_rad, facing)
     views = head_on(views, facing)
-    side = np.zeros(len(inventory), np.int64)
+    # of several drives the best look counts
+    rows = np.zeros(len(inventory), np.int64)
+    np.maximum.at(rows, views.sign, views.rows)
+    group = np.zeros(len(inventory), np.int64)
     unknown = np.isnan(facing)
-    side[views.sign] = np.where(unknown[views.sign], np.where(views.offset > 0.0, 2, 1), 0)
+    group[views.sign] = np.where(unknown[views.sign], np.where(views.offset > 0.0, 2, 1), 0)
+    group[rows < HALF_APPROACH_ROWS] = 3
     number = {drive.name: k for k, drive in enumerate(drives)}
     all_of_them = frozenset(number.values())
     seen_by: list[frozenset[int] | None] = []
@@ -94,7 +102,7 @@ def not_found(
         # a map of one drive names it or not; where views of many are one, all saw it
         seen_by.append(all_of_them if named is not None and not named else named)
     tries, hits = counts(views, len(inventory), seen_by)
-    known = standing(tries, hits, side)
+    known = standing(tries, hits, group, (*[DETECTION_PRIOR] * 3, GLIMPSE_PRIOR))
     result = []
     for j in np.flatnonzero(partner < 0).tolist():
         gone = float(known.gone[j])
@@ -106,12 +114,15 @@ def not_found(
     return result, known.rate
 
 
-def _class_belief(sign: Sign) -> float:
+def class_belief(sign: Sign) -> float:
     """How surely a sign that is there is of its class.
 
-    ``confidence`` joins that with ``existence``. In a merged map it is the share of the drives'
-    belief, and two drives of three that agree are surer than two thirds.
+    Where the detector tells no probability, ``confidence`` joins that with ``existence``. In a
+    merged map it is the share of the drives' belief, and two drives of three that agree are surer
+    than two thirds.
     """
+    if math.isfinite(sign.class_probability):
+        return _probability(sign.class_probability)
     belief = _probability(sign.confidence)
     if math.isfinite(sign.existence) and sign.existence > 0.0:
         belief = min(belief / sign.existence, MOST_SURE)
@@ -127,9 +138,10 @@ def _exists(sign: Sign, merged: bool) -> float:
     """How surely there is a sign at all.
 
     A merge's existence counts the drives that saw it and those that did not; where one alone saw
-    it, what that one believed is in its confidence.
+    it, what that one believed is in its confidence, unless that is of the class alone.
     """
-    if (merged and len(sign.drives) < 2) or not math.isfinite(sign.existence):
+    single = merged and len(sign.drives) < 2 and not math.isfinite(sign.class_probability)
+    if single or not math.isfinite(sign.existence):
         return _probability(sign.confidence)
     return _probability(sign.existence)
 
@@ -158,7 +170,7 @@ def judge_classes(findings: list[Finding], signs: Sequence[Sign]) -> list[Findin
     """Findings of another class with the probability that the list is wrong and not the map; how
     often the list is, comes from the data."""
     told = [k for k, f in enumerate(findings) if f.kind == "class"]
-    right = np.array([_class_belief(signs[findings[k].sign]) for k in told], np.float64)
+    right = np.array([class_belief(signs[findings[k].sign]) for k in told], np.float64)
     wrong, share = right, STALE
     for _ in range(ROUNDS):
         wrong = right * share / (right * share + (1.0 - right) * (1.0 - share))

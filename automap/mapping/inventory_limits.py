@@ -17,6 +17,12 @@ HIGHEST_RATE = 0.99
 """Of finding a sign in view: no drive is without any risk of a lorry in between."""
 MOST_SURE = 0.999
 """A map's belief in a sign and its class is taken for no more, as by a merge."""
+HALF_APPROACH_ROWS = 4
+"""Places on the path, some 8 m apart, from which a sign must have been in view to count among those
+that a drive looked at. On a straight road it is so from 6 or 7 of them (60 to 7 m): half an
+approach, where the last frames, the largest, are missing, or a bend cut it short."""
+GLIMPSE_PRIOR = (1.0, 1.0)
+"""Likewise of signs in view from fewer places: nothing is known, every rate is as likely."""
 DETECTION_PRIOR = (8.0, 1.5)
 """Beta parameters of how often a drive sees a sign in view, before the data: as in a merge."""
 USUAL_SD_M, USUAL_PAIRS = 2.0, 0.5

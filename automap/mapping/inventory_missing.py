@@ -10,7 +10,7 @@ told apart, and priors decide; with several, one that each of them missed is nea
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +24,7 @@ from automap.mapping.inventory_limits import (
 )
 from automap.mapping.limits import SPREAD, SPREAD_LOG_SD, SPREADS
 from automap.mapping.visibility import Opportunities
-from automap.records import FloatArray, IntArray
+from automap.records import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -36,36 +36,61 @@ class Standing:
     rate: float
 
 
-def standing(tries: IntArray, hits: IntArray, group: IntArray) -> Standing:
+def standing(
+    tries: IntArray, hits: IntArray, group: IntArray, priors: Sequence[tuple[float, float]] = ()
+) -> Standing:
     """Listed signs [m] that ``tries`` drives had in view and ``hits`` of them saw.
 
-    Each ``group`` [m] has a rate of its own: signs of unknown facing may look away from every
-    drive.
+    Each ``group`` [m] has a rate of its own, with its beta parameters of ``priors`` (default: the
+    usual ones): signs of unknown facing may look away from every drive. How alike the signs of a
+    group are is not decided but averaged over, by how likely the counts are with it.
     """
     n = int(group.max(initial=0)) + 1
+    prior = np.array([*priors, *[DETECTION_PRIOR] * (n - len(priors))], np.float64)
     seen = tries > 0
-    misses = np.maximum(tries - hits, 0)
-    rate = np.full(n, DETECTION_PRIOR[0] / sum(DETECTION_PRIOR))
-    share, spread = STALE, SPREAD
-    for turn in range(ROUNDS):
-        told = _log_counts(hits, misses, rate[group], spread)
-        gone = np.where((hits == 0) & seen, share, 0.0)
-        with np.errstate(divide="ignore"):
-            gone = gone / (gone + (1.0 - share) * np.exp(told))
-        stands = np.where(seen, 1.0 - gone, 0.0)
-        for k in range(n):
-            own = stands * (group == k)
-            right = float((own * hits).sum()) + DETECTION_PRIOR[0]
-            rate[k] = right / (float((own * tries).sum()) + sum(DETECTION_PRIOR))
-        rate = np.minimum(rate, HIGHEST_RATE)
-        total = float(seen.sum())
-        share = float(gone[seen].sum() + STALE * STALE_WEIGHT) / (total + STALE_WEIGHT)
-        # of signs that one drive had in view the spread tells nothing
-        if turn % 10 == 9 and (tries > 1).any():
-            spread = _spread(hits, misses, rate[group], stands)
-    overall = float((stands * hits).sum()) + DETECTION_PRIOR[0]
-    overall /= float((stands * tries).sum()) + sum(DETECTION_PRIOR)
+    # of signs that one drive had in view the spread tells nothing
+    spreads = SPREADS if (tries > 1).any() else (SPREAD,)
+    fits = [_fitted(hits, np.maximum(tries - hits, 0), group, seen, prior, s) for s in spreads]
+    likely = np.array([fit.log_likely for fit in fits])
+    weight = np.exp(likely - likely.max())
+    weight /= weight.sum()
+    gone = sum((w * fit.gone for w, fit in zip(weight, fits, strict=True)), np.zeros(len(tries)))
+    overall = float(sum(w * fit.overall for w, fit in zip(weight, fits, strict=True)))
     return Standing(np.where(seen, gone, np.nan), overall)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """With one spread: ``gone`` [m], the ``overall`` rate, and how likely the counts are."""
+
+    gone: FloatArray
+    overall: float
+    log_likely: float
+
+
+def _fitted(
+    hits: IntArray, misses: IntArray, group: IntArray, seen: BoolArray, prior: FloatArray,
+    spread: float,
+) -> _Fit:  # fmt: skip
+    """Share of gone signs and the groups' rates, ``prior`` [g, 2], by expectation maximisation."""
+    rate = prior[:, 0] / prior.sum(axis=1)
+    share = STALE
+    total = float(seen.sum())
+    none = (hits == 0) & seen
+    for _ in range(ROUNDS):
+        told = _log_counts(hits, misses, rate[group], spread)
+        gone = np.where(none, share / (share + (1.0 - share) * np.exp(told)), 0.0)
+        stands = np.where(seen, 1.0 - gone, 0.0)
+        right = np.bincount(group, stands * hits, len(rate)) + prior[:, 0]
+        tried = np.bincount(group, stands * (hits + misses), len(rate)) + prior.sum(axis=1)
+        rate = np.minimum(right / tried, HIGHEST_RATE)
+        share = float(gone.sum() + STALE * STALE_WEIGHT) / (total + STALE_WEIGHT)
+    mixed = np.logaddexp(np.where(none, np.log(share), -np.inf), np.log1p(-share) + told)
+    log_likely = float(mixed[seen].sum()) - 0.5 * (np.log(spread / SPREAD) / SPREAD_LOG_SD) ** 2
+    usual = sum(DETECTION_PRIOR)
+    overall = float((stands * hits).sum()) + DETECTION_PRIOR[0]
+    overall /= float((stands * (hits + misses)).sum()) + usual
+    return _Fit(gone, overall, log_likely)
 
 
 def _log_counts(hits: IntArray, misses: IntArray, rate: FloatArray, spread: float) -> FloatArray:
@@ -74,16 +99,6 @@ def _log_counts(hits: IntArray, misses: IntArray, rate: FloatArray, spread: floa
 
     a, b = spread * rate, spread * (1.0 - rate)
     return np.asarray(betaln(a + hits, b + misses) - betaln(a, b), np.float64)
-
-
-def _spread(hits: IntArray, misses: IntArray, rate: FloatArray, stands: FloatArray) -> float:
-    """The spread that makes the counts of signs that stand most likely, with a log-normal prior."""
-
-    def score(spread: float) -> float:
-        told = float((stands * _log_counts(hits, misses, rate, spread)).sum())
-        return told - 0.5 * (math.log(spread / SPREAD) / SPREAD_LOG_SD) ** 2
-
-    return max(SPREADS, key=score)
 
 
 def counts(

@@ -185,6 +185,7 @@ def _changed(sign: Sign, verdict: Verdict) -> Sign:
             "lon_rad": float(np.radians(verdict.lon_deg)),
             "lat_rad": float(np.radians(verdict.lat_deg)),
             "cov_enu": covariance,
+            "path_offset_m": float("nan"),
         }
     if verdict.facing_deg is not None:
         changes |= {
@@ -211,6 +212,7 @@ def _placed(sign: Sign, place: PlacedSign) -> Sign:
         "lat_rad": float(np.radians(place.lat_deg)),
         "cov_enu": np.array([[ee, en, 0.0], [en, nn, 0.0], [0.0, 0.0, uu]]),
         "side": place.side or sign.side,
+        "path_offset_m": float("nan"),
     }
     if place.n_views:
         changes |= {"n_views": place.n_views, "first_seen_ns": place.first_seen_ns}

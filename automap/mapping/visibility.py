@@ -47,13 +47,14 @@ class Opportunities:
     """Pairs [p] of a sign and a drive that had it in view, ordered by drive, then sign.
 
     ``sign``, ``drive``; where the drive was nearest: its ``heading`` in rad and ``offset``, how
-    far to the right of its axis the sign was, m.
+    far to the right of its axis the sign was, m; ``rows`` of the path from which it was in view.
     """
 
     sign: IntArray
     drive: IntArray
     heading: FloatArray
     offset: FloatArray
+    rows: IntArray
 
     def __len__(self) -> int:
         return len(self.sign)
@@ -61,7 +62,11 @@ class Opportunities:
     def at(self, rows: IntArray | BoolArray) -> Opportunities:
         """Some of the pairs."""
         return Opportunities(
-            self.sign[rows], self.drive[rows], self.heading[rows], self.offset[rows]
+            self.sign[rows],
+            self.drive[rows],
+            self.heading[rows],
+            self.offset[rows],
+            self.rows[rows],
         )
 
 
@@ -79,13 +84,15 @@ def opportunities(
     """
     table = filled_table(lat, lon, FARTHEST_M)
     none, zero = np.zeros(0, np.int64), np.zeros(0)
-    parts = [(none, none, zero, zero)]
+    parts = [(none, none, zero, zero, none)]
     for number, drive in enumerate(drives):
         if drive.path is None or len(drive.path) == 0 or not drive.cameras or not len(lat):
             continue
-        seen, heading, offset = in_view(drive.path, drive.cameras, table, lat, lon, facing, stride)
-        parts.append((seen, np.full(len(seen), number, np.int64), heading, offset))
-    return Opportunities(*(np.concatenate([part[k] for part in parts]) for k in range(4)))
+        seen, heading, offset, rows = in_view(
+            drive.path, drive.cameras, table, lat, lon, facing, stride
+        )
+        parts.append((seen, np.full(len(seen), number, np.int64), heading, offset, rows))
+    return Opportunities(*(np.concatenate([part[k] for part in parts]) for k in range(5)))
 
 
 def in_view(
@@ -96,8 +103,8 @@ def in_view(
     lon: FloatArray,
     facing: FloatArray,
     stride: int = STRIDE,
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Signs in view from a path, ascending, with heading and offset as ``Opportunities`` has
+) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
+    """Signs in view from a path, ascending, with heading, offset and rows as ``Opportunities`` has
     them; ``table`` holds the signs in cells of FARTHEST_M."""
     from automap.earth import metres_per_radian
 
@@ -112,7 +119,7 @@ def in_view(
     )  # fmt: skip
     seen = np.sort(touched[:n])
     seen = seen[count[seen] >= LEAST_ROWS]
-    return seen, nearest[seen, 1], nearest[seen, 2]
+    return seen, nearest[seen, 1], nearest[seen, 2], count[seen]
 
 
 @kernel

@@ -26,7 +26,8 @@ class Sign:
     known without the fixes of a drive (NaN else); ``existence`` the probability that a thing of
     that size stands there (NaN unknown), ``class_probability`` that it is what ``class_name`` says,
     if it is a sign, and ``group_probability`` that it is of that shape and colour (NaN where the
-    detector does not tell them).
+    detector does not tell them); ``path_offset_m`` how far to the right of the drive's path it
+    stands (NaN where it is on a map of several, or was placed by hand).
     """
 
     id: str
@@ -53,6 +54,7 @@ class Sign:
     existence: float = float("nan")
     class_probability: float = float("nan")
     group_probability: float = float("nan")
+    path_offset_m: float = float("nan")
     note: str = ""
     reviewer: str = ""
     reviewed: str = ""

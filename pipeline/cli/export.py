@@ -87,8 +87,8 @@ Examples:
     "--crs",
     default="",
     metavar="EPSG:N",
-    help="Projected coordinates in gpkg, shapefile, flatgeobuf, parquet and csv (there beside the "
-    "degrees), as EPSG:25832; the datum is that of the system.",
+    help="Projected coordinates in gpkg, shapefile, flatgeobuf and parquet, beside the degrees in "
+    "csv, xlsx and postgis, as EPSG:25832; the datum is that of the system.",
 )
 @click.option(
     "--heights",
@@ -120,11 +120,11 @@ def command(
     from pipeline.export.trajectory_view import TrajectoryView
 
     if form == "postgis" or to:
+        from pipeline.export.datum import check_format
         from pipeline.export.postgis import export_postgis
-        from pipeline.export.projected import check_projected
 
-        check_projected(crs, heights, datum, "postgis")
-        told, warnings = export_postgis(out, form, to, min_confidence, roads)
+        check_format(datum, "postgis")
+        told, warnings = export_postgis(out, form, to, min_confidence, roads, crs, heights)
         for text in warnings:
             click.echo(f"warning: {text}", err=True)
         click.echo(told)

@@ -155,9 +155,18 @@ def run_command(
     "--scratch", type=click.Path(path_type=Path, file_okay=False), metavar="DIR",
     help="Of an object store: folder of this machine that keeps what a merge needs again.",
 )  # fmt: skip
+@click.option(
+    "--roads", type=ANY_PATH, metavar="FILE",
+    help="Lines of roads, as of automap run: signs get road, chainage and side.",
+)  # fmt: skip
 @_QUIET
 def merge_command(
-    url: str, workers: int, min_existence: float, scratch: Path | None, quiet: bool
+    url: str,
+    workers: int,
+    min_existence: float,
+    scratch: Path | None,
+    roads: Path | None,
+    quiet: bool,
 ) -> None:
     """Make one map of the drives of STORE that are done, and publish it as STORE/map.
 
@@ -171,7 +180,7 @@ def merge_command(
 
     store = Store.at(url)
     with progress_bar("merge") as progress:
-        made = merge(store, workers, min_existence, scratch, progress)
+        made = merge(store, workers, min_existence, scratch, progress, roads)
     write_status(store)
     _warn(made.warnings)
     if quiet:

@@ -6,7 +6,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from automap.mapping.inventory import InventoryComparison
     from automap.mapping.inventory_findings import Inventory
     from automap.mapping.sightings import DriveSigns
-    from automap.records import Sign
+    from automap.records import DrivePath, Sign, Trajectory
 
 GPKG, CSV, REPORT = "comparison.gpkg", "comparison.csv", "report.html"
 OSM, TASKS, SUMMARY = "comparison.osc", "maproulette.geojson", "comparison.json"
@@ -152,6 +152,7 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
     from automap.io.map_tables import COVERAGE, TRACKS, read_coverage, read_tracks
     from automap.mapping.compare import COVERAGE_VIEW
     from automap.mapping.sightings import DriveSigns
+    from automap.mapping.visibility import STRIDE
     from automap.records import DrivePath
     from pipeline.merge.inputs import read_run
 
@@ -160,12 +161,14 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
     paths: dict[str, DrivePath] = {}
     if (folder / TRACKS).is_file():
         for name, track in read_tracks(folder / TRACKS).items():
-            yaw = np.asarray(track.rpy[:, 2], np.float64)
-            none = np.zeros(len(track))
-            error = np.zeros((len(track), 3))
-            paths[name] = DrivePath(none, track.lat_rad, track.lon_rad, yaw, error)
+            if len(track):
+                paths[name] = _even_path(track)
     elif (folder / COVERAGE).is_file():
-        paths[""] = read_coverage(folder / COVERAGE)
+        looked = read_coverage(folder / COVERAGE)
+        # a row is a cell by itself, and of paths every second row is looked at
+        paths[""] = DrivePath(
+            *(np.repeat(getattr(looked, f.name), STRIDE, axis=0) for f in fields(DrivePath))
+        )
     else:
         warnings.append(
             f"{folder} has neither {TRACKS} nor {COVERAGE}: what was in view is not known, so "
@@ -179,6 +182,24 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
         )
         for name, path in paths.items()
     ]  # fmt: skip
+
+
+def _even_path(track: Trajectory) -> DrivePath:
+    """A track's rows as those of a run's path are: some metres apart, however slow the drive was,
+    or however coarse the track is."""
+    from automap.earth import metres_per_radian
+    from automap.records import DrivePath
+    from pipeline.merge.inputs import STEP_M
+
+    north, east = metres_per_radian(track.lat_rad, 0.0)
+    lon = np.unwrap(track.lon_rad)
+    step = np.hypot(np.diff(track.lat_rad) * north[1:], np.diff(lon) * east[1:])
+    gone = np.concatenate([[0.0], np.cumsum(step)])
+    at = np.arange(0.0, gone[-1] + STEP_M, STEP_M)
+    lat, lon, yaw = (
+        np.interp(at, gone, v) for v in (track.lat_rad, lon, np.unwrap(track.rpy[:, 2]))
+    )
+    return DrivePath(np.zeros(len(at)), lat, lon, yaw, np.zeros((len(at), 3)))
 
 
 def _doubts(result: InventoryComparison, path: Path) -> list[str]:

@@ -164,7 +164,7 @@ def write_xlsx(content: MapContent, path: Path) -> None:
     from automap.export import xlsx
 
     best = {name: own[0].jpeg for name, own in pictures_by_sign(content.pictures).items()}
-    xlsx.write_xlsx(path, content.signs, best, content.lineage)
+    xlsx.write_xlsx(path, content.signs, best, content.lineage, content.plane)
 
 
 def write_shapefile(content: MapContent, path: Path) -> None:

@@ -10,7 +10,7 @@ from automap.export.projected import parse_projection, plane_of
 from pipeline.export.content import MapContent
 from pipeline.export.datum import in_datum
 
-PROJECTED_FORMATS = ("gpkg", "shapefile", "flatgeobuf", "parquet", "csv")
+PROJECTED_FORMATS = ("gpkg", "shapefile", "flatgeobuf", "parquet", "csv", "xlsx", "postgis")
 """Formats that can hold projected coordinates; the others are longitude and latitude."""
 
 
@@ -21,9 +21,8 @@ def check_projected(crs: str, heights: str, datum: str, fmt: str) -> None:
     if not crs:
         return
     if fmt not in PROJECTED_FORMATS:
-        more = " (the database projects by ST_Transform)" if fmt == "postgis" else ""
         raise ConfigError(
-            f"--crs {crs}: {fmt} has longitude and latitude only{more}; take one of "
+            f"--crs {crs}: {fmt} has longitude and latitude only; take one of "
             f"{', '.join(PROJECTED_FORMATS)}."
         )
     projection = parse_projection(crs, heights)
@@ -43,7 +42,9 @@ def in_projection(content: MapContent, crs: str, heights: str, datum: str) -> Ma
     try:
         content = in_datum(content, datum or projection.datum.code)
     except InputError as error:
-        raise InputError(f"--crs {crs} ({projection.name}): {error}") from None
+        # the datum's name stands in the system's
+        why = str(error).removeprefix(f"--datum {projection.datum.name}").removeprefix(":").strip()
+        raise InputError(f"--crs {crs} ({projection.name}): {why}") from None
     plane = plane_of(projection, content.signs.lon_deg, content.signs.lat_deg)
     lineage = content.lineage | {"projection": f"{projection.name} ({projection.code})"}
     if projection.heights:

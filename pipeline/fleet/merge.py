@@ -57,10 +57,12 @@ def merge(
     least_existence: float = 0.5,
     scratch: Path | None = None,
     progress: Progress = lambda fraction, text: None,
+    roads: Path | None = None,
 ) -> FleetMap:
     """Make the map of all drives that are done and publish it; nothing where it is that already.
 
-    Raises InputError where no drive is done, ConfigError while another merge is at work.
+    ``roads`` is a layer on which the signs get a place. Raises InputError where no drive is done
+    or the layer is not there, ConfigError while another merge is at work.
     """
     from pipeline.fleet.older import Before
     from pipeline.fleet.publish import write_fleet_map
@@ -75,7 +77,7 @@ def merge(
             raise InputError(f"{store.place.url}: no drive is done; automap fleet run does them.")
         told = [f"{key} {version(drives[key])}" for key in sorted(drives)]
         made_of = hashlib.sha256(
-            "\n".join([__version__, repr(least_existence), *told]).encode()
+            "\n".join([__version__, repr(least_existence), _digest(roads), *told]).encode()
         ).hexdigest()
         with current_map(store) as folder:
             summary = _summary(folder)
@@ -96,7 +98,7 @@ def merge(
             with new_map(store) as (out, number):
                 comparison = write_fleet_map(
                     out, store, cells, drives, found, before, least_existence, made_of, warnings,
-                    lambda done: progress(0.8 + 0.2 * done, "writing"),
+                    lambda done: progress(0.8 + 0.2 * done, "writing"), roads,
                 )  # fmt: skip
                 _keep_changes(store, out, number)
                 summary = _summary(out)
@@ -105,6 +107,19 @@ def merge(
         (found.grouped, found.placed, found.cells), comparison, summary["warnings"],
         time.monotonic() - started,
     )  # fmt: skip
+
+
+def _digest(roads: Path | None) -> str:
+    """Of a layer of roads; "" without one."""
+    if roads is None:
+        return ""
+    try:
+        with roads.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(
+            f"--roads {roads} cannot be read ({error.strerror}); give a file of lines."
+        ) from None
 
 
 def _summary(folder: Path | None) -> dict[str, Any]:

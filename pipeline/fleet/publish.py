@@ -50,8 +50,10 @@ def write_fleet_map(
     made_of: str,
     warnings: list[str],
     progress: Callable[[float], None],
+    roads: Path | None = None,
 ) -> Comparison | None:
-    """Write the map of the drives ``entries``, by recording, into ``out``."""
+    """Write the map of the drives ``entries``, by recording, into ``out``; ``roads`` is a layer on
+    which its signs get a place."""
     drives = read_drives(cells)
     merged = found.signs(drives)
     older = None if before is None else read_older(before, drives)
@@ -80,7 +82,7 @@ def write_fleet_map(
     name = Path(store.place.url).name
     outcome = MapOutcome(
         name=name, signs=[s for s in signs if s.id], comparison=comparison, warnings=warnings,
-        country=countries.pop() if len(countries) == 1 else None,
+        country=countries.pop() if len(countries) == 1 else None, roads=roads,
     )  # fmt: skip
     rows = _drive_rows(store, cells, entries, found, drives, counts, warnings)
     outcome = _with_whole(out, outcome, store, cells, entries, found, drives, signs)

@@ -54,6 +54,7 @@ class SignTable:
     sd_above_road_m: FloatArray
     size_m: FloatArray
     height_above_road_m: FloatArray
+    path_offset_m: FloatArray
     n_views: IntArray
     first_seen_ns: IntArray
     last_seen_ns: IntArray
@@ -156,6 +157,7 @@ def _from_table(table: pa.Table) -> SignTable:
         sd_above_road_m=real("sd_above_road_m"),
         size_m=real("size_m"),
         height_above_road_m=real("height_above_road_m"),
+        path_offset_m=real("path_offset_m"),
         n_views=whole("n_views", 0),
         first_seen_ns=whole(first_of("first_seen_ns", "first_seen_t_ns"), NO_TIME),
         last_seen_ns=whole(first_of("last_seen_ns", "last_seen_t_ns"), NO_TIME),
@@ -235,6 +237,7 @@ def table_of(signs: Sequence[Sign]) -> SignTable:
         "sd_above_road_m",
         "size_m",
         "height_above_road_m",
+        "path_offset_m",
     ):
         columns[name] = pa.array([getattr(s, name) for s in signs], real)
     return _from_table(pa.table(columns))

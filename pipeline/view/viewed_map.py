@@ -11,7 +11,7 @@ import numpy as np
 
 from automap.errors import AutoMapError
 from automap.export.clock import iso_texts, utc_of_stamps
-from automap.export.fields import SIGN_FIELDS
+from automap.export.fields import ROAD_FIELDS, SIGN_FIELDS
 from automap.export.uncertainty import ce95
 from automap.io import names
 from automap.records import ClockModel, IntArray, PlacedSign
@@ -21,6 +21,7 @@ from pipeline.view.signs import SignTable, table_of
 from pipeline.view.snapshot import Snapshot
 
 if TYPE_CHECKING:
+    from automap.export.roads import RoadRow
     from automap.io.web_tiles import Background
 
 
@@ -75,7 +76,10 @@ class ViewedMap:
             "merged": self.merged,
             "signs": len(self.table),
             "drives": [drive.name for drive in self.drives],
-            "fields": [{"name": f.name, "unit": f.unit, "meaning": f.meaning} for f in SIGN_FIELDS],
+            "fields": [
+                {"name": f.name, "unit": f.unit, "meaning": f.meaning}
+                for f in (*SIGN_FIELDS, *(ROAD_FIELDS if self._on_roads else ()))
+            ],
             "known": [{"name": name, "codes": codes.get(name, "")} for name in known],
             "report": (self.out / names.REPORT).is_file(),
             "reviewer": self.reviewer,
@@ -103,7 +107,7 @@ class ViewedMap:
             "lon_deg": _number(signs.lon_deg[k], 7),
             "lat_deg": _number(signs.lat_deg[k], 7),
             "height_m": _number(signs.height_m[k], 2),
-            "values": self._values(signs, k),
+            "values": self._values(signs, k) | self._road_of(signs.ids[k], row, now),
             "views": views + self._clicks(row, now),
         }
 
@@ -255,6 +259,7 @@ class ViewedMap:
             "facing_sd_deg": _number(signs.facing_sd_deg[row], 1),
             "size_m": _number(signs.size_m[row], 2),
             "side": signs.sides[row],
+            "path_offset_m": _number(signs.path_offset_m[row], 2),
             "cov_ee_m2": _number(signs.cov_ee_m2[row], 4),
             "cov_en_m2": _number(signs.cov_en_m2[row], 4),
             "cov_nn_m2": _number(signs.cov_nn_m2[row], 4),
@@ -264,6 +269,43 @@ class ViewedMap:
             "status": signs.statuses[int(signs.status_index[row])],
         }
         return {name: value for name, value in values.items() if value not in (None, "", [])}
+
+    @cached_property
+    def _on_roads(self) -> dict[str, RoadRow]:
+        """Rows of the signs that stand on a road of the layer that the map was made with."""
+        from automap.export.roads import read_roads_csv
+
+        path = self.out / names.SIGN_ROADS
+        try:
+            return {row["sign_id"]: row for row in read_roads_csv(path)} if path.is_file() else {}
+        except (AutoMapError, OSError) as error:
+            self.problems.append(f"{path.name}: {error}")
+            return {}
+
+    def _road_of(self, own: str, number: int, now: Snapshot) -> dict[str, Any]:
+        """The columns of a sign's road; none of a sign that a review moved since."""
+        from automap.signs.on_roads import road_check
+        from pipeline.shared.run_record import country_of
+
+        row = self._on_roads.get(own)
+        verdict = next((now.state[n] for n, at in now.rows.items() if at == number), None)
+        moved = verdict is not None and (verdict.lon_deg is not None or verdict.place is not None)
+        if row is None or moved:
+            return {}
+        values: dict[str, Any] = {
+            f.name: _number(float(row[f.name] or "nan"), 2) if f.kind == "real" else row[f.name]
+            for f in ROAD_FIELDS
+            if f.name != "road_check"
+        }
+        name = self.class_of(number, now)
+        values["road_check"] = road_check(name, row["road_kind"], country_of(self._record))
+        return {key: value for key, value in values.items() if value not in (None, "")}
+
+    @cached_property
+    def _record(self) -> dict[str, Any]:
+        from pipeline.shared.values import json_object
+
+        return json_object(self.out / names.RUN)
 
     def _time(self, stamps: IntArray) -> str | None:
         return iso_texts(utc_of_stamps(stamps, self._clock))[0]

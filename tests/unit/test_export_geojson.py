@@ -61,7 +61,7 @@ def test_properties_are_those_of_the_contract() -> None:
     assert height == 159.0
     assert feature["properties"]["first_seen"] == "2026-03-14T01:20:07.000Z"
     assert feature["properties"]["facing_deg"] == pytest.approx(360 - np.degrees(0.5), abs=0.06)
-    assert feature["properties"]["drives"] == ["demo"]
+    assert feature["properties"]["drives"] == "demo"
     west, south, low, east, north, high = content["bbox"]
     assert west <= lon <= east
     assert south <= lat <= north
@@ -100,7 +100,7 @@ def test_hostile_text_comes_back_unchanged(tmp_path: Path) -> None:
     hostile = sign(1, class_name=HOSTILE, id=HOSTILE, side=HOSTILE, drives=(HOSTILE, "b"))
     feature = parsed([hostile])["features"][0]
     assert feature["properties"]["class"] == HOSTILE
-    assert feature["properties"]["drives"] == [HOSTILE, "b"]
+    assert feature["properties"]["drives"] == f"{HOSTILE}, b"
     surrogate = sign(1, drives=("caf\udce9",))
     signs_geojson(sign_columns([surrogate])).encode("utf-8")
 

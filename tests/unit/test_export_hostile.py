@@ -72,7 +72,7 @@ def test_nothing_is_written_outside(out: Path) -> None:
 def test_json_has_the_texts(out: Path) -> None:
     features = json.loads((out / names.SIGNS_GEOJSON).read_text())["features"]
     assert [f["properties"]["class"] for f in features] == classes()
-    assert features[0]["properties"]["drives"] == [TEXTS[0]] * 2
+    assert features[0]["properties"]["drives"] == ", ".join([TEXTS[0]] * 2)
 
 
 def test_geopackage_flatgeobuf_and_parquet_have_the_texts(out: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import pwd
 import shutil
@@ -20,6 +21,7 @@ from automap.export.postgis import Database, parse_url
 from automap.io import names
 from automap.io.signs_table import read_signs, write_signs
 from pipeline.cli.root import run_command
+from pipeline.export.command import export_run
 
 SIGNS = 12
 
@@ -137,6 +139,29 @@ def test_places_have_an_index_and_columns_their_meaning(url: str, tmp_path: Path
         "(SELECT geom FROM survey.automap_signs WHERE id = 's0001')::geography, 1)",
     )
     assert near == [[1]]
+
+
+def test_a_plane_stands_beside_the_degrees(url: str, tmp_path: Path) -> None:
+    out = write_run(tmp_path / "plane", name="plane")
+    words = ["export", str(out), "--format", "postgis", "--to", url, "--crs", "EPSG:25832"]
+    assert run_command(words) == run_command(words) == 0
+    (told,) = ask(
+        url,
+        "SELECT count(geom_25832), min(ST_SRID(geom_25832)), min(ST_SRID(geom)), "
+        "max(ST_Distance(geom_25832, ST_Transform(geom, 25832))), "
+        "max(abs(height_25832 - height_m)) FROM automap_signs WHERE map = 'plane'",
+    )
+    assert told[:3] == [SIGNS, 25832, 4326]
+    # the server takes WGS 84 for ETRS89, which moved 0.9 m away since 1989
+    assert 0.6 < float(str(told[3])) < 1.1
+    assert float(str(told[4])) < 0.2
+    path, _ = export_run(out, "csv", tmp_path / "plane.csv", crs="EPSG:25832")
+    rows = {row["id"]: row for row in csv.DictReader(path.open(newline=""))}
+    for name, x, y in ask(
+        url, "SELECT id, ST_X(geom_25832), ST_Y(geom_25832) FROM automap_signs WHERE map = 'plane'"
+    ):
+        assert float(str(x)) == pytest.approx(float(rows[str(name)]["easting"]), abs=1e-3)
+        assert float(str(y)) == pytest.approx(float(rows[str(name)]["northing"]), abs=1e-3)
 
 
 def test_what_a_server_refuses_is_one_sentence_and_changes_nothing(

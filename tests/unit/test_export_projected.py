@@ -8,6 +8,7 @@ import sqlite3
 from pathlib import Path
 
 import numpy as np
+import openpyxl
 import pyarrow.parquet as pq
 import pyogrio.raw
 import pytest
@@ -15,7 +16,8 @@ import shapely
 from export_inputs import write_run
 
 from automap.errors import ConfigError, InputError
-from automap.export.projected import parse_projection
+from automap.export.datum import parse_datum, to_datum
+from automap.export.projected import parse_projection, plane_of
 from pipeline.cli.root import run_command
 from pipeline.export.command import export_run
 from pipeline.export.projected import PROJECTED_FORMATS
@@ -60,7 +62,7 @@ def expected(out: Path) -> np.ndarray:
     return np.array([utm32(float(r["lon_deg"]), float(r["lat_deg"])) for r in rows])
 
 
-@pytest.mark.parametrize("fmt", PROJECTED_FORMATS)
+@pytest.mark.parametrize("fmt", [f for f in PROJECTED_FORMATS if f != "postgis"])
 def test_every_format_has_the_plane(fmt: str, out: Path, expected: np.ndarray) -> None:
     ends = {"shapefile": "shp.zip", "flatgeobuf": "fgb"}
     target = out.parent / f"plane.{ends.get(fmt, fmt)}"
@@ -70,6 +72,11 @@ def test_every_format_has_the_plane(fmt: str, out: Path, expected: np.ndarray) -
         got = np.array([[float(r["easting"]), float(r["northing"])] for r in rows])
         assert {r["crs"] for r in rows} == {UTM}
         assert [float(r["crs_height"]) for r in rows] == [float(r["height_m"]) for r in rows]
+    elif fmt == "xlsx":
+        head, *cells = openpyxl.load_workbook(path)["signs"].iter_rows(values_only=True)
+        table = [dict(zip(head, row, strict=True)) for row in cells]
+        got = np.array([[row["easting"], row["northing"]] for row in table], np.float64)
+        assert {row["crs"] for row in table} == {UTM}
     elif fmt == "parquet":
         table = pq.read_table(path)
         got = shapely.get_coordinates(shapely.from_wkb(table["geometry"].to_numpy()))
@@ -129,7 +136,7 @@ def test_one_code_for_plane_and_heights() -> None:
     assert parse_projection(UTM, "EPSG:7837").crs == "EPSG:25832+7837"
 
 
-@pytest.mark.parametrize("fmt", ["geojson", "kml", "kmz", "osm", "pmtiles", "gpx", "xlsx"])
+@pytest.mark.parametrize("fmt", ["geojson", "kml", "kmz", "osm", "pmtiles", "gpx"])
 def test_formats_of_longitude_and_latitude_refuse(fmt: str, out: Path) -> None:
     with pytest.raises(ConfigError, match="longitude and latitude only; take one of gpkg"):
         export_run(out, fmt, crs=UTM)
@@ -145,7 +152,7 @@ def test_formats_of_longitude_and_latitude_refuse(fmt: str, out: Path) -> None:
         (["--heights", "EPSG:7837"], 2, "belongs to --crs"),
         (["--crs", UTM, "--datum", "GDA2020"], 2, "belongs to the datum ETRS89"),
         (["--crs", "EPSG:7855"], 3, "the map lies elsewhere"),
-        (["--crs", "EPSG:31467"], 3, "DHDN"),
+        (["--crs", "EPSG:31467"], 3, "DHDN / 3-degree Gauss-Kruger zone 3): the transformation"),
         (["--crs", UTM, "--heights", "EPSG:5783"], 3, "PROJ has none"),
     ],
 )
@@ -166,7 +173,54 @@ def test_without_the_grid_heights_are_refused(out: Path) -> None:
         export_run(out, "gpkg", out.parent / "heights.gpkg", crs=UTM, heights="EPSG:7837")
 
 
-def test_postgis_says_how(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    where = ["--format", "postgis", "--to", "postgresql://a@b/c"]
-    assert run_command(["export", str(out), *where, "--crs", UTM]) == 2
-    assert "ST_Transform" in capsys.readouterr().err
+PLACES = {
+    # system, longitude, latitude; the shift's accuracy in m, or the grid that is missing
+    "Germany": ("EPSG:25832", 8.5, 50.1, 0.1),
+    "France": ("EPSG:2154", 2.35, 48.85, 0.2),
+    "Switzerland": ("EPSG:2056", 8.0, 46.9, 0.2),
+    "Ireland": ("EPSG:2157", -7.0, 53.3, 0.1),
+    "Poland": ("EPSG:2180", 19.0, 52.0, 0.1),
+    "Italy": ("EPSG:6707", 11.5, 42.0, 0.1),
+    "Spain": ("EPSG:25830", -3.7, 40.4, 0.1),
+    "Australia": ("EPSG:7856", 151.0, -33.8, 0.031),
+    "United States": ("EPSG:6339", -120.0, 38.0, 0.0),
+    "Great Britain": ("EPSG:27700", -1.5, 52.5, "uk_os_OSTN15_NTv2_OSGBtoETRS.tif"),
+    "Netherlands": ("EPSG:28992", 5.1, 52.1, "nl_nsgi_rdtrans2018.tif"),
+    "Austria": ("EPSG:31287", 14.5, 47.5, "at_bev_AT_GIS_GRID_2021_09_28.tif"),
+    "Belgium": ("EPSG:31370", 4.5, 50.6, "be_ign_bd72lb72_etrs89lb08.tif"),
+    "Sweden": ("EPSG:3006", 15.0, 59.0, "eur_nkg_nkgrf17vel.tif"),
+    "New Zealand": ("EPSG:2193", 174.8, -41.2, "nz_linz_nzgd2000-20180701.json"),
+    "Japan": ("EPSG:6677", 139.7, 35.7, "EPSG:32654 (WGS 84)"),
+    "Brazil": ("EPSG:31983", -46.6, -23.5, "EPSG:32723 (WGS 84)"),
+}
+
+
+@pytest.mark.parametrize("country", PLACES)
+def test_national_systems_work_or_say_what_is_missing(country: str) -> None:
+    code, lon, lat, expected = PLACES[country]
+    projection = parse_projection(code)
+    place = np.array([lon]), np.array([lat]), np.array([100.0])
+    if isinstance(expected, str):
+        with pytest.raises(InputError) as told:
+            to_datum(*place, projection.datum, 2026.2)
+        assert expected in str(told.value)
+        return
+    moved = to_datum(*place, projection.datum, 2026.2)
+    assert moved.accuracy_m == pytest.approx(expected)
+    east, north, _ = plane_of(projection, moved.lon_deg, moved.lat_deg).points(
+        moved.lon_deg, moved.lat_deg, moved.height_m
+    )
+    assert np.isfinite([east, north]).all()
+
+
+def test_two_steps_are_the_published_projection_of_etrs89() -> None:
+    """Lambert-93 at a point of its definition: on the meridian of 3 deg, at the latitude of origin,
+    where EPSG's guidance note 7-2 gives false easting and northing. RGF93 is ETRS89 realised."""
+    etrs89 = to_datum(*(np.array([v]) for v in (3.0, 46.5, 0.0)), parse_datum("ETRS89"), 2026.2)
+    moved = to_datum(*(np.array([v]) for v in (3.0, 46.5, 0.0)), parse_datum("EPSG:4965"), 2026.2)
+    assert moved.lon_deg == pytest.approx(etrs89.lon_deg, abs=1e-10)
+    assert moved.lat_deg == pytest.approx(etrs89.lat_deg, abs=1e-10)
+    assert 0.7 < moved.largest_shift_m < 1.0
+    plane = plane_of(parse_projection("EPSG:2154"), np.array([3.0]), np.array([46.5]))
+    x, y, _ = plane.points(np.array([3.0]), np.array([46.5]), np.array([0.0]))
+    assert (x[0], y[0]) == pytest.approx((700_000.0, 6_600_000.0), abs=1e-3)

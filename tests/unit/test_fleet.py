@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import errno
 import json
 import os
@@ -14,6 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 from fleet_scene import ORDER, make_drives, make_store, map_bytes, publish_made, scene
+from merge_scene import to_geodetic
 
 from automap.errors import ConfigError, InputError, StageError
 from automap.io.map_tables import TRACKS, read_tracks
@@ -413,6 +415,22 @@ def test_a_map_of_very_many_drives_has_tracks_and_heights_above_the_sea(
         assert all(np.array_equal(v, vars(same[name])[k]) for k, v in vars(track).items())
     summary = json.loads((tmp_path / "store" / "map" / "merge.json").read_text())
     assert any("of more than 3 drives they are gigabytes" in text for text in summary["warnings"])
+    # signs get their roads by tracks alone
+    lat, lon, _ = to_geodetic(np.array([[0.0, -100.0, 0.0], [0.0, 700.0, 0.0]]))
+    line = np.degrees(np.column_stack([lon, lat])).tolist()
+    street = {"type": "Feature", "properties": {"road_id": "R1", "name": "High Street"},
+              "geometry": {"type": "LineString", "coordinates": line}}  # fmt: skip
+    layer = tmp_path / "roads.geojson"
+    layer.write_text(json.dumps({"type": "FeatureCollection", "features": [street]}))
+    told = CliRunner().invoke(
+        cli, ["fleet", "merge", str(tmp_path / "store"), "--roads", str(layer)]
+    )
+    assert told.exit_code == 0, told.output
+    rows = list(csv.DictReader((tmp_path / "store" / "map" / "sign_roads.csv").open(newline="")))
+    assert len(rows) > 15
+    assert {row["road_name"] for row in rows} == {"High Street"}
+    with pytest.raises(InputError, match=r"--roads .*none\.gpkg cannot be read"):
+        merge(store, roads=tmp_path / "none.gpkg")
     # what is kept is not read again, unless the drive has another result
     read: list[Path] = []
 

@@ -78,10 +78,14 @@ def test_what_is_said_about_a_sign(world) -> None:
     path, scene, found, _ = world
     result = locate_signs(path, [found], {"front": camera()})
     place = positions(result)
+    way = local_ned(path.lat_rad, path.lon_rad, path.height_m, ORIGIN)[:, :2]
     for sign, p in zip(result.signs, place, strict=True):
         k = int(np.linalg.norm(scene.position - p, axis=1).argmin())
         assert sign.class_name == scene.class_name[k]
         assert sign.side == ("right" if k % 2 == 0 else "left")
+        assert (sign.path_offset_m > 0.0) == (sign.side == "right")
+        away = np.hypot(*(way - p[:2]).T).min()
+        assert abs(sign.path_offset_m) == pytest.approx(away, abs=0.05)
         assert sign.status == "ok"
         assert sign.size_m == pytest.approx(0.75, abs=0.08)
         assert sign.height_above_road_m == pytest.approx(3.2, abs=0.4)

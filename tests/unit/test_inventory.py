@@ -22,12 +22,13 @@ from pyproj import Transformer
 
 from automap.export.inventory import ComparedSign, maproulette_tasks, osm_change
 from automap.mapping.inventory import compare_inventory
-from automap.mapping.inventory_findings import Inventory, _class_belief, new_signs
+from automap.mapping.inventory_findings import Inventory, class_belief, new_signs
 from automap.mapping.inventory_missing import counts, standing
 from automap.mapping.visibility import Opportunities
-from automap.records import Sign
+from automap.records import Sign, Trajectory
 from automap.signs.codes import classes_of
 from pipeline.cli.root import run_command
+from pipeline.compare.command import _even_path
 
 
 def test_faults_put_into_an_inventory_are_found() -> None:
@@ -83,11 +84,11 @@ def sign_at(number: int, exists: float) -> Sign:
 
 def test_two_drives_of_three_that_agree_are_surer_than_two_thirds() -> None:
     alone = replace(sign_at(0, 0.99), confidence=0.66)
-    assert _class_belief(alone) == pytest.approx(0.66 / 0.99)
+    assert class_belief(alone) == pytest.approx(0.66 / 0.99)
     three = replace(alone, drives=("a", "b", "c"))
-    assert 0.9 < _class_belief(three) < 0.999
+    assert 0.9 < class_belief(three) < 0.999
     against = replace(three, confidence=0.33)
-    assert _class_belief(against) < 0.1
+    assert class_belief(against) < 0.1
 
 
 def test_the_inventorys_shift_and_accuracy_come_from_the_data() -> None:
@@ -316,6 +317,31 @@ def test_what_was_not_found_is_weighed_by_how_often_its_kind_was_found() -> None
         assert gone[part].mean() == pytest.approx(p[part].mean(), abs=0.07)
 
 
+def test_a_glimpse_is_no_look() -> None:
+    """Of signs in view from a few metres alone nothing is known, so that a miss says little."""
+    tries, hits = np.full(60, 3), np.full(60, 3)
+    hits[[0, 59]] = 0
+    group = np.zeros(60, np.int64)
+    group[-3:] = 1
+    gone = standing(tries, hits, group, [(8.0, 1.5), (1.0, 1.0)]).gone
+    assert gone[0] > 0.9
+    assert gone[59] < 0.7
+
+
+def test_a_slow_drive_has_a_sign_in_view_no_longer_than_a_fast_one() -> None:
+    way = np.concatenate(
+        [np.arange(0.0, 50.0, 0.5), np.full(200, 50.0), np.arange(50.0, 101.0, 25)]
+    )
+    lat, lon, height = to_geodetic(np.column_stack([0.0 * way, way, 0.0 * way]))
+    three = np.zeros((len(way), 3))
+    stamps = np.arange(len(way), dtype=np.int64)
+    path = _even_path(
+        Trajectory(stamps, stamps * 1.0, lat, lon, height, three, three, three, three, three)
+    )
+    assert len(path) == 26
+    assert np.diff(path.lat_rad)[:-1] * 6.36e6 == pytest.approx(4.0, abs=0.05)
+
+
 def test_signs_of_unknown_facing_have_rates_of_their_own() -> None:
     tries = np.full(90, 2)
     hits = np.full(90, 2)
@@ -333,7 +359,7 @@ def test_drives_that_had_a_sign_in_view_are_counted() -> None:
     sign, drive = np.array([0, 0, 1, 1, 2]), np.array([0, 1, 0, 1, 0])
     none = np.zeros(5)
     seen_by = [frozenset({1}), None, frozenset({5}), frozenset({0})]
-    tries, hits = counts(Opportunities(sign, drive, none, none), 4, seen_by)
+    tries, hits = counts(Opportunities(sign, drive, none, none, sign), 4, seen_by)
     assert tries.tolist() == [2, 2, 1, 0]
     # a sign that was found was seen, whoever of those in view it was
     assert hits.tolist() == [1, 0, 1, 0]

@@ -124,10 +124,12 @@ def test_what_a_drive_has_in_view(east: float, north: float, facing_deg: float, 
     lat, lon, _ = to_geodetic(np.array([[east, north, 2.0]]))
     facing = np.radians([facing_deg])
     table = filled_table(lat, lon, FARTHEST_M)
-    found, _, offset = in_view(straight(), (CameraView(0.0, 0.6),), table, lat, lon, facing)
+    found, _, offset, rows = in_view(straight(), (CameraView(0.0, 0.6),), table, lat, lon, facing)
     assert (len(found) == 1) is seen
     if seen:
         assert offset[0] == pytest.approx(east, abs=0.1)
+        # from 60 m on to where it leaves 0.9 of the picture's half, every 8 m
+        assert 4 <= rows[0] <= 7
 
 
 def test_a_camera_to_the_side_sees_the_side() -> None:
@@ -143,8 +145,9 @@ def test_a_camera_to_the_side_sees_the_side() -> None:
 def test_only_drives_that_came_the_same_way_should_have_seen_it() -> None:
     zero = np.zeros(4, np.int64)
     views = Opportunities(
-        zero, np.arange(4), np.array([0.0, 0.1, 1.6, 0.0]), np.array([-5.0, -4.0, -5.0, 20.0])
-    )
+        zero, np.arange(4), np.array([0.0, 0.1, 1.6, 0.0]), np.array([-5.0, -4.0, -5.0, 20.0]),
+        zero + 5,
+    )  # fmt: skip
     seen = np.array([True, False, False, False])
     assert alike(views, seen).tolist() == [True, True, False, False]
     pairs = chances(np.zeros(1, np.int64), np.zeros(1, np.int64), views)

@@ -7,10 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import shapely
 from merge_scene import to_geodetic
 from pyogrio.raw import write
+from pyproj import CRS, Transformer
 
 from automap.errors import InputError
 from automap.export.roads import read_roads_csv, road_rows, roads_csv
@@ -275,3 +278,34 @@ def test_kinds_and_one_way_roads_are_read(tmp_path: Path) -> None:
     roads = read_roads(other, EVERYWHERE)
     assert roads.kinds == ["trunk"] * 3
     assert roads.oneway.tolist() == [1, -1, 0]
+
+
+@pytest.mark.parametrize("crs", ["OGC:CRS84", "EPSG:7855", None])
+def test_roads_are_read_from_geoparquet(crs: str | None, tmp_path: Path) -> None:
+    """As GeoPandas and QGIS write it: WKB lines, the system as PROJJSON, or none where it is
+    longitude and latitude."""
+    lines = [degrees(np.array([(0.0, 0.0), (0.0, 100.0), (0.0, 300.0)])),
+             degrees(np.array([(10.0, 0.0), (400.0, 0.0)]))]  # fmt: skip
+    written = [line.copy() for line in lines]
+    if crs == "EPSG:7855":
+        flat = Transformer.from_crs("OGC:CRS84", crs, always_xy=True)
+        written = [np.column_stack(flat.transform(*line.T)) for line in lines]
+    about: dict[str, object] = {"encoding": "WKB", "geometry_types": ["LineString"]}
+    if crs is not None:
+        about["crs"] = CRS.from_user_input(crs).to_json_dict()
+    geo = {"version": "1.1.0", "primary_column": "geom", "columns": {"geom": about}}
+    table = pa.table(
+        {
+            "gid": [17, 18],
+            "name": ["North St", "East St"],
+            "highway": ["residential", "footway"],
+            "start_m": [250.0, 0.0],
+            "geom": pa.array(shapely.to_wkb([shapely.LineString(line) for line in written])),
+        }
+    )
+    path = tmp_path / "roads.parquet"
+    pq.write_table(table.replace_schema_metadata({"geo": json.dumps(geo)}), path)
+    roads = read_roads(path, EVERYWHERE)
+    assert (roads.ids, roads.names, roads.kinds) == (["17"], ["North St"], ["residential"])
+    assert roads.start_m.tolist() == [250.0]
+    assert roads.lines[0] == pytest.approx(lines[0], abs=2e-8)

@@ -27,6 +27,8 @@ from automap.io.trajectory_table import read_trajectory
 from automap.records import ReviewAction
 from automap.signs.on_roads import road_check
 from pipeline.cli.root import run_command
+from pipeline.view.command import serving
+from pipeline.view.snapshot import snapshot
 
 LIMIT = "regulatory--maximum-speed-limit-30--g1"
 NAMES = {field.name for field in ROAD_FIELDS}
@@ -252,3 +254,28 @@ def test_what_cannot_be_on_a_road(
     class_name: str, kind: str, country: str | None, odd: bool
 ) -> None:
     assert bool(road_check(class_name, kind, country)) == odd
+
+
+def test_the_viewer_tells_a_signs_road(maps: dict[str, Path]) -> None:
+    with serving(maps["map"]) as server:
+        page = server.shown
+        fields = {f["name"] for f in page.overview()["fields"]}
+        assert fields >= NAMES
+        shown = rows_of(maps["map"] / names.SIGNS_GEOJSON)
+        now = snapshot(page.table, [])
+        told = [page.sign(row, now) for row in range(len(page.table))]
+    seen = 0
+    for one in told:
+        assert one is not None
+        expected = {k: v for k, v in shown[one["id"]].items() if k in NAMES and v is not None}
+        assert {k: v for k, v in one["values"].items() if k in NAMES} == expected
+        seen += "chainage_m" in expected
+    assert seen > 2
+    first = told[0]
+    assert first is not None
+    at = first["class"], first["lon_deg"], first["lat_deg"]
+    action = ReviewAction("1", "2026-01-01T00:00:00Z", first["id"], "correct", *at)
+    action = replace(action, lon_deg=at[1] + 1e-4, lat_deg=at[2], sd_m=1.0)
+    after = page.sign(0, snapshot(page.table, [action]))
+    assert after is not None
+    assert not NAMES & set(after["values"])

@@ -68,7 +68,7 @@ def test_undo_and_its_undoing() -> None:
 
 
 def test_decisions_change_their_signs_and_no_other() -> None:
-    signs = [sign(i) for i in range(1, 6)]
+    signs = [sign(i, path_offset_m=3.0) for i in range(1, 6)]
     done = apply_review(
         signs,
         [
@@ -85,6 +85,8 @@ def test_decisions_change_their_signs_and_no_other() -> None:
     assert np.degrees([corrected.lon_rad, corrected.lat_rad]) == pytest.approx([8.5, 48.9])
     assert corrected.cov_enu[0, 0] == corrected.cov_enu[1, 1] == 0.25
     assert corrected.cov_enu[2, 2] == signs[2].cov_enu[2, 2]
+    # how far it is from the path was of its older place
+    assert np.isnan(corrected.path_offset_m)
     assert rest == signs[3:]
     assert done.problems == []
 
