@@ -12,6 +12,7 @@ from automap.fusion.doubts.estimates import contradicted_arm, impossible_ages, u
 from automap.fusion.doubts.heights import height_doubts
 from automap.fusion.doubts.outcome import leaning
 from automap.fusion.doubts.reason import Reason
+from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
 from automap.fusion.doubts.triads import lateness, triad_doubts
 from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
 from automap.fusion.options import FusionOptions
@@ -31,7 +32,7 @@ LEVER = (0.3, 0.2, -1.1)
 def hilly(seconds: int = 600, climb: float = 0.04, lean: float = 0.0) -> Trajectory:
     """A drive over hills at 15 m/s, 10 rows a second; ``climb`` the steepest slope."""
     n = seconds * 10
-    t = 0.1 * np.arange(n)
+    t: FloatArray = np.asarray(0.1 * np.arange(n))
     pitch = climb * np.sin(2.0 * np.pi * t / 80.0)
     height = 500.0 + np.cumsum(15.0 * np.tan(pitch)) * 0.1
     zero, three = np.zeros(n), np.zeros((n, 3))
@@ -39,7 +40,16 @@ def hilly(seconds: int = 600, climb: float = 0.04, lean: float = 0.0) -> Traject
     rpy = np.stack([lean + zero, pitch, zero], axis=1)
     stamps = np.rint(t * 1e9).astype(np.int64)
     sds = three + 1.0, three + 0.1, three + 0.01
-    return Trajectory(stamps, 1.4e9 + t, 15.0 * t / 6.37e6, zero, height, velocity, rpy, *sds)
+    return Trajectory(
+        stamps,
+        np.asarray(1.4e9 + t),
+        np.asarray(15.0 * t / 6.37e6),
+        zero,
+        height,
+        velocity,
+        rpy,
+        *sds,
+    )
 
 
 def fixes_of(path: Trajectory, factor: float, wander: float, seed: int) -> Fixes:
@@ -197,3 +207,41 @@ def test_an_arm_with_the_wrong_sign_is_told_on_a_drive() -> None:
     # not the 4.4 m that it is: a course that comes late takes part of them
     assert reason.error_m > 1.0
     assert np.median(wrong.trajectory.sd_pos_ned[:, :2] / right.trajectory.sd_pos_ned[:, :2]) > 1.2
+
+
+# what a log says throughout
+
+
+def town_fixes() -> Fixes:
+    return receive(city_drive(240.0, 4), Receiver(rate=1.0), 5)
+
+
+def test_heights_that_never_change_are_left_out_and_told() -> None:
+    fixes = town_fixes()
+    assert not velocity_consistency(fixes).height_stuck
+    level = replace(fixes, height_m=np.full_like(fixes.height_m, 47.0))
+    for silent in (level, replace(level, vel_ned=np.full_like(level.vel_ned, np.nan))):
+        found = velocity_consistency(silent)
+        assert found.height_stuck
+        assert np.isnan(usable_fixes(silent, found).height_m).all()
+        assert "height_stuck" in [reason.code for reason in receiver_doubts(found, 0.0)]
+    assert np.array_equal(
+        usable_fixes(fixes, velocity_consistency(fixes)).height_m, fixes.height_m, equal_nan=True
+    )
+    # a minute may have one height
+    minute = replace(level, fix_type=np.where(np.arange(len(level)) < 60, 3, 0))
+    assert not velocity_consistency(minute).height_stuck
+
+
+@pytest.mark.parametrize(
+    ("factor", "text"),
+    [(0.6, "as minutes (48.13 deg as 48 13')"), (1.0 / 0.6, "as hundredths of degrees"), (3.6, "")],
+)
+def test_minutes_of_arc_that_are_none_are_named_beside_units_of_speed(
+    factor: float, text: str
+) -> None:
+    fixes = town_fixes()
+    found = velocity_consistency(replace(fixes, vel_ned=factor * fixes.vel_ned))
+    (reason,) = (r for r in found.reasons if r.code == "velocity_unit")
+    assert text in reason.text
+    assert ("positions are wrong" in reason.text) == bool(text)
