@@ -120,7 +120,7 @@ def fuse_imu_gnss(
     options: FusionOptions,
     delay: Prior,
     lever_arm: FloatArray | None = None,
-    lever_arm_sd: float = 0.05,
+    lever_arm_sd: float = limits.STATED_ARM_SD_M,
     delay_is_clock: bool = False,
     odometer: WheelSpeed | None = None,
     progress: Callable[[float, str], None] = lambda fraction, text: None,

@@ -404,3 +404,35 @@ LAG_SIGMAS = 3.0
 """A lag counts where chance does not make it: once in four hundred drives."""
 GAP_STEPS = 2.5
 """Across so many steps of the fixes no velocity is taken for the one between: two are missing."""
+CLIMB_WAY_M = 200.0
+"""Heights are compared with the climb over so much road: a hill's length, some ten seconds."""
+LEAST_HEIGHT_SD_M = 0.1
+"""Heights are told to a decimetre (GGA)."""
+KNOWN_CLIMB_SD = 0.3
+"""A slope less sure than this tells no unit from another: feet are 3.28 metres."""
+HEIGHT_UNITS = (
+    (1.0 / 0.3048, ", as feet where metres belong"),
+    (0.3048, ", as if they were in feet"),
+)
+"""How many times metres are told, and what that is."""
+BEND_S, BEND_STEP_S = 0.5, 0.05
+"""Bends are felt for a second and longer; a delay is told to such a step."""
+ROAD_FORCE_S = 1.0
+"""What slopes of a road across and its waves push is another after so long."""
+TRIADS_APART_S = 0.15
+"""Gyro and accelerometer of one case are read within milliseconds, but the slip of tyres, the lean
+of a body and an IMU ahead of the axle set what they feel of bends apart: by up to so much in
+recorded cars."""
+LEAN_S = 60.0
+"""A road leans or climbs all the same for no longer than this where it does so most."""
+MOST_LEAN, MOST_CLIMB = 0.2, 0.35
+"""Roads fall to the side by 12 % at most in a bend (AASHTO, A Policy on Geometric Design of
+Highways and Streets), the steepest climb by 35 %; a body leans by some degrees besides, rad."""
+STATED_ARM_SD_M = 0.05
+"""An arm to the antenna that was measured with a tape, m."""
+ARM_OFF_M, ARM_PER_LAG = 0.5, 3.0
+"""Chosen: an arm that is off by less moves the path by less than most receivers err. Velocities
+that come late look like an arm in bends that are driven slowly, as they are late by differing
+times: a recorded phone's, 0.53 s late, like one of 1.4 m. So many m/s of the lag say nothing."""
+MOST_ARM_GAIN = 10.0
+"""What a drive that took little from a statement says of an arm by itself is no figure."""

@@ -19,17 +19,20 @@ from automap.fusion.consistency import channel_consistency, innovation_doubts
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
 from automap.fusion.doubts.estimates import (
     Estimates,
+    contradicted_arm,
     final_estimates,
     impossible_ages,
     impossible_errors,
     levels_at_bound,
     unexpected_delay,
 )
-from automap.fusion.doubts.outcome import refused, unsure_path, weak_heading
+from automap.fusion.doubts.heights import height_doubts
+from automap.fusion.doubts.outcome import leaning, refused, unsure_path, weak_heading
 from automap.fusion.doubts.path import Misses, contradicted, fix_misses, local_error, spans_of
 from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
 from automap.fusion.doubts.receiver import dated_velocities, receiver_doubts
+from automap.fusion.doubts.triads import triad_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.doubts.velocity_step import compare, step_doubts, velocity_steps
 from automap.fusion.engine import FusionResult, Prior
@@ -64,12 +67,13 @@ def weigh(
     delay: Prior,
     delay_is_clock: bool,
     receiver: VelocityConsistency,
+    lever_arm: FloatArray | None = None,
 ) -> Weighed:
     """Judge a fused path by what it was made of.
 
     ``as_read`` the readings ``imu`` in the sensor's own axes, ``fixes`` as they were fused,
     ``delay`` and ``delay_is_clock`` as in ``fuse_imu_gnss``; ``receiver`` what the fixes as
-    recorded say of each other.
+    recorded say of each other; ``lever_arm`` [3] m to the antenna as it was stated.
     """
     found = final_estimates(result)
     bridged = result.bridged or bridge_unusable(imu)
@@ -80,11 +84,15 @@ def weigh(
     of_imu = [
         *reading_doubts(as_read, bridged, np.interp(imu.t_ns, path.t_ns, speed)),
         *turn_doubts(bridged.imu, result.mounting.matrix, fix_s, fixes.vel_ned[told]),
-        *impossible_ages(found, delay_is_clock),
+        *impossible_ages(found, dated_by_arrival=delay_is_clock and clock.method == "arrival"),
         *impossible_errors(found),
+        *leaning(path),
     ]
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]))
-    # an IMU that errs by itself is no witness
+    # an IMU that errs by itself is no witness, and what errs in one way seems to in others
+    if not any(reason.inertial for reason in of_imu):
+        at_readings = np.interp(imu.t_ns, path.t_ns, speed)
+        of_imu += triad_doubts(bridged.imu, result.mounting.matrix, at_readings)
     believed = not any(reason.inertial for reason in of_imu)
     steps = _steps(result, bridged, found, fixes, options, delay_is_clock) if believed else []
     reasons = [
@@ -92,6 +100,8 @@ def weigh(
         *steps,
         *of_imu,
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed))),
+        *(contradicted_arm(found, lever_arm, limits.STATED_ARM_SD_M) if believed else ()),
+        *height_doubts(path, fixes),
         *weak_heading(result.align_margin),
         *levels_at_bound(result.noise_factors, options.tune),
         *refused(result.innovations),
@@ -207,7 +217,7 @@ def widen(
         error = np.interp(t, misses.t, local_error(misses))
     if alone is not None:
         error = np.maximum(error, np.interp(t, alone.gps_s - path.gps_s[0], _apart(path, alone)))
-    factor, floor = np.ones(len(t)), np.zeros(len(t))
+    factor, floor, high = np.ones(len(t)), np.zeros(len(t)), np.zeros(len(t))
     for reason in reasons:
         if reason.handled:
             continue
@@ -218,9 +228,11 @@ def widen(
             there[:] = True
         factor[there] = np.maximum(factor[there], reason.factor)
         floor[there] = np.maximum(floor[there], np.maximum(error[there], reason.error_m))
+        high[there] = np.maximum(high[there], reason.height_m)
     sd = path.sd_pos_ned * factor[:, None]
     # per axis: an error of this length may have any direction
     sd[:, :2] = np.sqrt(sd[:, :2] ** 2 + 0.5 * floor[:, None] ** 2)
+    sd[:, 2] = np.hypot(sd[:, 2], high)
     return replace(
         path,
         sd_pos_ned=sd,

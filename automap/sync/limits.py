@@ -241,3 +241,6 @@ MISTAKE = 0.01
 ten times as many change a verdict by two nats."""
 AS_GOOD = 0.01
 """A hypothesis with a hundredth of the best one's odds is told beside it."""
+LEVEL_S, LEVEL_M = 120.0, 500.0
+"""Heights are told to a decimetre and err by decimetres from one fix to the next: not two minutes
+of them are one number, on whatever road."""

@@ -65,6 +65,9 @@ ON_THE_ROAD = {"m/s": 1.0, "km/h": 1.0 / 3.6, "knots": 1852.0 / 3600.0, "mph": 0
 """Units of a vehicle's speed, in m/s."""
 OF_PROGRAMS = {"ft/s": 0.3048, "cm/s": 0.01, "mm/s": 0.001}
 """Units, in m/s, that only programs write, and where m/s belong."""
+HUNDREDTHS = 0.6
+"""Speeds are so many times those of positions where hundredths of a degree stand for minutes
+(48.13 deg as 48 deg 13'); the other way round they are 1 / 0.6 times."""
 MISTAKES = tuple(
     UnitMistake(logged, expected, (ON_THE_ROAD | OF_PROGRAMS)[expected] / in_m_s)
     for logged, in_m_s in (ON_THE_ROAD | OF_PROGRAMS).items()
@@ -86,6 +89,7 @@ class VelocityConsistency:
     positions and velocities contradict each other otherwise (``parted``), whichever is wrong.
     ``worse`` is how many times what is plausible they usually part by, one at least. ``means``:
     the velocities are right, and the ways between positions; None where they tell more than that.
+    ``height_stuck``: the height is one number throughout: no receiver measures that.
     """
 
     compared_s: float
@@ -100,6 +104,7 @@ class VelocityConsistency:
     vertical: Vertical | None
     worse: float
     means: EpochMeans | None = None
+    height_stuck: bool = False
 
     @property
     def can_tell(self) -> bool:
@@ -156,7 +161,8 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
     if np.count_nonzero(told) < 2:
         none: tuple[Interval, ...] = ()
         return VelocityConsistency(
-            0.0, Match(), False, None, False, none, none, none, none, None, 1.0
+            *(0.0, Match(), False, None, False, none, none, none, none, None, 1.0),
+            height_stuck=_height_stuck(path),
         )
     fresh = ~in_long_repeats(path)
     match = match_paths(path, told & fresh, fresh)
@@ -188,7 +194,17 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
         vertical=match_climbs(path, use & position, worse),
         worse=worse,
         means=epoch_means(path, use & position),
+        height_stuck=_height_stuck(path),
     )
+
+
+def _height_stuck(path: ReceiverPath) -> bool:
+    """Whether the heights are one number over minutes and half a kilometre or more."""
+    told = np.isfinite(path.height)
+    if np.count_nonzero(told) < 2 or np.ptp(path.height[told]) > 0.0:
+        return False
+    far = np.abs(path.place[told] - path.place[told][0]).max()
+    return bool(np.ptp(path.t[told]) >= limits.LEVEL_S and far >= limits.LEVEL_M)
 
 
 def _repeating(path: ReceiverPath, stretches: list[Stretch]) -> BoolArray:
@@ -229,6 +245,22 @@ def _unit(scale: Estimate | None) -> tuple[UnitMistake | None, bool]:
     return (best if wrong and by_unit > any_other else None), wrong
 
 
+def _by_minutes(scale: Estimate) -> str:
+    """What else than a unit of speed a scale may be: minutes of arc that are no minutes."""
+    for factor, text in (
+        (HUNDREDTHS, ", or as degrees whose hundredths were read as minutes (48.13 deg as 48 13')"),
+        (
+            1.0 / HUNDREDTHS,
+            ", or as minutes that were read as hundredths of degrees (48 13' as 48.13 deg)",
+        ),
+    ):
+        if abs(scale.value / factor - 1.0) < 2.0 * math.hypot(
+            scale.sd / factor, limits.SOUND_SCALE_SD
+        ):
+            return f"{text}: then the positions are wrong"
+    return ""
+
+
 TURNS = {
     (False, 1): "courses are told 90 deg too small",
     (False, 2): "courses are turned by 180 deg",
@@ -246,9 +278,10 @@ def _reasons(found: VelocityConsistency) -> Iterator[Reason]:
     if found.scale_wrong and scale is not None:
         text = f"velocities are {scale.value:.3g} times those of the positions (sd {scale.sd:.2g})"
         if found.unit is not None:
+            minutes = _by_minutes(scale)
             yield Reason(
                 "velocity_unit",
-                f"{text}, as {found.unit.logged} where {found.unit.expected} belong",
+                f"{text}, as {found.unit.logged} where {found.unit.expected} belong{minutes}",
             )
         else:
             yield Reason("velocity_scale", f"{text}, which no mistake of a unit explains")
@@ -271,7 +304,9 @@ def _reasons(found: VelocityConsistency) -> Iterator[Reason]:
         odds = _odds(vertical.turned_nats)
         yield Reason("vertical_turned", f"up is told as down: that is {odds} likelier than not")
     if vertical is not None and vertical.stuck:
-        yield Reason("vertical_stuck", "the vertical velocity is one number throughout")
+        yield Reason("vertical_stuck", "vertical velocity is one number throughout")
+    if found.height_stuck:
+        yield Reason("height_stuck", "height is one number throughout")
 
 
 def told_intervals(intervals: Sequence[Interval]) -> str:

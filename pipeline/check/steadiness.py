@@ -24,9 +24,10 @@ def usable_receiver(drive: Drive, recording: Recording) -> tuple[Fixes | None, C
     if imu is None or fixes is None or not len(fixes):
         return fixes, None
     found = velocity_consistency(fixes)
-    # velocities that are wrong themselves say nothing of the IMU, nor does a mirrored path
+    # velocities that are wrong themselves say nothing of the IMU, nor does a mirrored path, as one
+    # of swapped coordinates is, nor one of which velocities and positions tell two
     fixes = usable_fixes(fixes, found)
-    if any(reason.code == "sign_turned" for reason in found.reasons):
+    if found.match.mirrored or found.unrelated:
         return fixes, None
     gnss = drive.gnss
     base = imu_time(drive, recording)
@@ -88,4 +89,5 @@ def _rate(change: ClockChange) -> tuple[str, str]:
     return text, (
         "crystals are off by a hundredth of that: look how t_ns was made, as of a nominal sampling "
         "rate or wrong ticks, and stamp with the clock"
+        + ("; or IMU and receiver are not of one vehicle from there on" if since else "")
     )

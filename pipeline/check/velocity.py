@@ -29,6 +29,8 @@ ADVICE: dict[str, str] = {
     "position_frozen": "take the rows out whose position is not new",
     "rows_frozen": "take the rows out that repeat the one before",
     "vertical_turned": "the third velocity is downwards: change its sign, or take it out",
+    "height_stuck": "leave the column empty where nothing was measured; heights of path and signs "
+    "are unknown then",
     "vertical_stuck": "leave the column empty where nothing was measured",
 }
 """What to do about each reason."""

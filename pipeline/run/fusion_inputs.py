@@ -20,6 +20,9 @@ from pipeline.shared.progress import Progress
 
 SEPARATE_CLOCK_SD_S = 0.1
 """IMU stamps already in GPS time carry the recorder's own delay, s."""
+VELOCITIES_LATE_SD_S = 0.5
+"""A clock found by the motions is late by as much as the receiver's velocities: the RMS of those of
+recorded phones and receivers (speeds late by 0.13, 0.23, 0.69 s, courses by 0.42, 0.5, 0.65 s)."""
 OUTPUT_DELAY = (0.1, 0.1)
 """Least output delay of a receiver that nobody measured: mean and one sigma, s."""
 
@@ -115,4 +118,4 @@ def _delay_prior(clock: ClockModel, shared_sd: float) -> tuple[Prior, bool]:
     if clock.method == "arrival":
         # the clock's own error dates the fixes, and is taken from the clock
         return Prior(0.0, shared_sd), False
-    return Prior(0.0, max(SEPARATE_CLOCK_SD_S, sd_offset)), True
+    return Prior(0.0, max(VELOCITIES_LATE_SD_S, sd_offset)), True

@@ -17,6 +17,7 @@ from automap.fusion.delay_states import (
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.engine import FusionResult
 from automap.gates import sigmas
+from automap.records import FloatArray
 
 Estimates = Mapping[str, tuple[float, float]]
 """Value and sd by the parameter's name, at the end of the drive."""
@@ -39,17 +40,19 @@ def final_estimates(result: FusionResult) -> dict[str, tuple[float, float]]:
     return {name: (float(value), float(sd)) for name, value, sd in rows}
 
 
-def impossible_ages(found: Estimates, delay_is_clock: bool) -> list[Reason]:
+def impossible_ages(found: Estimates, dated_by_arrival: bool) -> list[Reason]:
     """Fixes and velocities from the future, delays and skews that ran to their bounds.
 
-    ``delay_is_clock``: the delay of the IMU's stamps is minus the age of the fixes on arrival.
+    ``dated_by_arrival``: the delay of the IMU's stamps is minus the age of the fixes on arrival. A
+    clock that was found by the motions has the age of the receiver's velocities in it, and says
+    nothing of what came first.
     """
     reasons = []
     beyond = sigmas(limits.DOUBT_PROBABILITY)
     ages: list[tuple[str, tuple[str, ...], float]] = [
         ("velocities", (VEL_LATENCY_STATE, VEL_LAG_STATE), 1.0)
     ]
-    if delay_is_clock:
+    if dated_by_arrival:
         ages.append(("positions", (DELAY_STATE,), -1.0))
     for what, names, sign in ages:
         known = [found[name] for name in names if name in found]
@@ -140,3 +143,34 @@ def levels_at_bound(factors: Mapping[str, float], tuned: bool) -> list[Reason]:
                 )
             )
     return reasons
+
+
+def contradicted_arm(found: Estimates, stated: FloatArray | None, stated_sd: float) -> list[Reason]:
+    """An arm of the antenna, ``stated`` [3] m with a sigma of each, that the drive moves away from.
+
+    A right statement and what the drive makes of it differ by no more than the sigma that the drive
+    took from it. The drive by itself has it as much further as the statement held it back.
+    """
+    if stated is None:
+        return []
+    own = []
+    for axis, value in zip("xyz", stated, strict=True):
+        estimate, sd = found.get(f"gnss_lever_arm_{axis}", (float(value), stated_sd))
+        taken = max(stated_sd**2 - sd**2, 1e-9)
+        sure = abs(estimate - value) > sigmas(limits.DOUBT_PROBABILITY) * math.sqrt(taken)
+        far = (estimate - value) * min(stated_sd**2 / taken, limits.MOST_ARM_GAIN)
+        own.append(far if sure else 0.0)
+    off = math.hypot(*own)
+    lag = abs(sum(found.get(n, (0.0, 0.0))[0] for n in (VEL_LATENCY_STATE, VEL_LAG_STATE)))
+    if off <= limits.ARM_OFF_M + limits.ARM_PER_LAG * lag:
+        return []
+    arm = ", ".join(f"{value + far:.1f}" for value, far in zip(stated, own, strict=True))
+    return [
+        Reason(
+            "lever_arm",
+            f"the drive puts the antenna {off:.1f} m from where lever_arm_m of [gnss] says, near "
+            f"[{arm}]: measure again from the IMU forward, right and down (an antenna on the roof "
+            "has a negative third number), or take the line out",
+            error_m=off,
+        )
+    ]

@@ -31,6 +31,37 @@ def weak_heading(margin: float) -> list[Reason]:
     ]
 
 
+def leaning(path: Trajectory) -> list[Reason]:
+    """Minutes of driving through which the vehicle would lean or climb as no road does."""
+    t = path.gps_s - path.gps_s[0]
+    moving = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]) > limits.DRIVING_SPEED
+    block = np.floor(t[moving] / limits.LEAN_S).astype(np.int64)
+    tilt = np.abs(path.rpy[moving, :2])
+    worst, spans = 0.0, []
+    starts = np.flatnonzero(np.diff(block, prepend=-1))
+    for first, rows in zip(starts, np.split(tilt, starts[1:]), strict=True):
+        k = block[first]
+        # a block that was mostly stood through says little of a road
+        if len(rows) < limits.FILLED_STRETCH * np.count_nonzero(np.floor(t / limits.LEAN_S) == k):
+            continue
+        roll, pitch = np.median(rows, axis=0)
+        if roll > limits.MOST_LEAN or pitch > limits.MOST_CLIMB:
+            worst = max(worst, float(roll), float(pitch))
+            spans.append((k * limits.LEAN_S, (k + 1) * limits.LEAN_S))
+    if not spans:
+        return []
+    return [
+        Reason(
+            "path_leans",
+            f"the vehicle would lean or climb by {np.degrees(worst):.0f} deg for minutes, which no "
+            "road does: the IMU was turned in the vehicle while it drove, or its axes are not as "
+            "stated; fasten it, and leave out what was recorded after it had moved",
+            tuple(spans),
+            inertial=True,
+        )
+    ]
+
+
 def refused(table: Innovations) -> list[Reason]:
     """Kinds of measurements of which many were refused."""
     kinds = np.array([str(name).partition("_")[0] for name in table.channel], dtype=object)

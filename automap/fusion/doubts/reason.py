@@ -20,7 +20,8 @@ class Reason:
     what to do.
 
     ``spans`` the stretches it is about, none for the whole drive; ``error_m`` the error of
-    position that shows there, horizontally; ``factor`` by how much the sigmas are too small.
+    position that shows there, horizontally, ``height_m`` that of the height; ``factor`` by how
+    much the sigmas are too small.
     ``state`` what it alone makes of the path; ``inertial`` that it speaks against the IMU,
     ``handled`` that what is wrong was left out and the sigmas hold without it.
     """
@@ -30,6 +31,7 @@ class Reason:
     spans: tuple[Span, ...] = ()
     error_m: float = 0.0
     factor: float = 1.0
+    height_m: float = 0.0
     state: State = "doubtful"
     inertial: bool = False
     handled: bool = False

@@ -22,9 +22,11 @@ def usable_fixes(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     velocity, position = fixes.vel_ned.copy(), found.unusable_position(fixes)
     velocity[found.unusable_velocity(fixes), :2] = np.nan
     velocity[found.unusable_vertical_velocity(fixes), 2] = np.nan
+    height = np.full_like(fixes.height_m, np.nan) if found.height_stuck else fixes.height_m
     return replace(
         fixes,
         vel_ned=velocity,
+        height_m=height,
         lat_rad=np.where(position, np.nan, fixes.lat_rad),
         lon_rad=np.where(position, np.nan, fixes.lon_rad),
     )

@@ -129,6 +129,7 @@ def _fuse(context: StageContext) -> None:
         inputs.delay,
         is_clock,
         inputs.receiver,
+        inputs.lever_arm,
     )
     context.verdict = weighed.verdict.as_dict()
     _write_trajectory(context, weighed.trajectory, names.TRAJECTORY)
@@ -322,7 +323,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="fuse",
-    version=4,
+    version=5,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.ODOMETER, names.SYNC, names.INGEST),

@@ -1,0 +1,94 @@
+"""Gyro and accelerometer against each other: do both feel a bend at once?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from automap.fusion import limits
+from automap.fusion.doubts.reason import Reason
+from automap.gates import sigmas
+from automap.records import FloatArray, ImuData
+from automap.robust import cauchy_weight
+
+
+def triad_doubts(imu: ImuData, turn: FloatArray, speed: FloatArray) -> Iterator[Reason]:
+    """Whether the accelerometer of ``imu``, ``turn`` [3, 3] to vehicle axes, feels bends when the
+    gyro does; ``speed`` [n] m/s of the vehicle at each reading."""
+    found = lateness(imu, turn, speed)
+    if found is None:
+        return
+    late, sd = found
+    if abs(late) <= limits.TRIADS_APART_S + sigmas(limits.DOUBT_PROBABILITY) * sd:
+        return
+    first, other = ("gyro", "accelerometer") if late > 0.0 else ("accelerometer", "gyro")
+    yield Reason(
+        "triads_apart",
+        f"the IMU's {other} feels bends {abs(late):.2f} s after its {first} (sigma {sd:.2f} s), so "
+        f"headings and tilts in bends are wrong: stamp both when they are read, or take the delay "
+        f"out of the columns of the {other}",
+        inertial=True,
+    )
+
+
+def lateness(imu: ImuData, turn: FloatArray, speed: FloatArray) -> tuple[float, float] | None:
+    """How much later, s, the accelerometer feels bends than the gyro, and its sigma; None without
+    bends.
+
+    The sideways force is speed times rate, of the instant or, were it late, of before. An IMU ahead
+    of the axle that does not slide feels besides by how much the rate changes, and one in a body
+    that leans more of both.
+    """
+    stamps = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)
+    t = np.arange(0.0, stamps[-1], limits.BEND_STEP_S)
+    between = np.diff(stamps)
+    if len(t) < limits.LEAST_JUDGED or not (between > 0.0).all():
+        return None
+    spacing = float(np.median(between))
+    force, rate, v = (
+        np.interp(t, stamps, uniform_filter1d(v, max(round(2.0 * limits.BEND_STEP_S / spacing), 1)))
+        for v in (imu.accel @ turn[1], imu.gyro @ turn[2], speed)
+    )
+    # a rate's change is small beside its noise, and what is lost of it would look like a delay
+    calm = uniform_filter1d(rate, max(round(limits.BEND_S / limits.BEND_STEP_S), 1))
+    driving = v > limits.DRIVING_SPEED
+    # no reading within a gap tells when
+    apart = np.abs(stamps[np.clip(np.searchsorted(stamps, t), 0, len(stamps) - 1)] - t)
+    driving &= apart < limits.BEND_STEP_S
+    if np.count_nonzero(driving) < limits.LEAST_JUDGED:
+        return None
+    spread = float(np.std(force[driving]))
+    best: tuple[float, float, float, float] | None = None
+    for lag in np.arange(-limits.MAX_DELAY_S, limits.MAX_DELAY_S + 1e-9, limits.BEND_STEP_S):
+        bend = np.interp(t - lag, t, v * rate)
+        change = np.gradient(np.interp(t - lag, t, calm), limits.BEND_STEP_S)
+        rest, late_power = _left(force[driving], bend[driving], change[driving])
+        scale = 1.4826 * float(np.median(np.abs(rest))) + 1e-9
+        cost = float(np.log1p((rest / scale) ** 2).sum()) + len(rest) * np.log(scale)
+        if best is None or cost < best[0]:
+            # neighbouring rests resemble each other for as long as the road does
+            many = max(limits.ROAD_FORCE_S / limits.BEND_STEP_S, 1.0)
+            sd = float(scale * np.sqrt(many / max(late_power, 1e-12)))
+            best = cost, float(lag), sd, 1.0 - (float(np.std(rest)) / max(spread, 1e-9)) ** 2
+    assert best is not None
+    if best[3] < limits.SLOPE_CORRELATION**2:
+        return None
+    # anywhere within a step
+    return best[1], float(np.hypot(best[2], limits.BEND_STEP_S / np.sqrt(12.0)))
+
+
+def _left(force: FloatArray, bend: FloatArray, change: FloatArray) -> tuple[FloatArray, float]:
+    """What no bias, bend or change of rate explains of ``force`` [n], and the sum of squares that a
+    delay of a second would bring, beside what these explain of it."""
+    design = np.column_stack([np.ones_like(bend), bend, change])
+    weight = np.ones(len(force))
+    rest = force
+    for _ in range(limits.SLOPE_ROUNDS):
+        normal = (design * weight[:, None]).T @ design
+        rest = force - design @ np.linalg.lstsq(normal, (design * weight[:, None]).T @ force)[0]
+        weight = cauchy_weight((rest / (1.4826 * float(np.median(np.abs(rest))) + 1e-9)) ** 2)
+    slope = np.gradient(bend, limits.BEND_STEP_S)
+    left = slope - design @ np.linalg.lstsq(design, slope)[0]
+    return rest, float(weight @ left**2)

@@ -1,0 +1,247 @@
+"""Inputs that a good-looking path would hide are told, and right ones beside them are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from automap.fusion import limits
+from automap.fusion.doubts.estimates import contradicted_arm, impossible_ages, unexpected_delay
+from automap.fusion.doubts.heights import height_doubts
+from automap.fusion.doubts.outcome import leaning
+from automap.fusion.doubts.reason import Reason
+from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
+from automap.fusion.doubts.triads import lateness, triad_doubts
+from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
+from automap.fusion.options import FusionOptions
+from automap.fusion.verdict import Weighed, weigh, widen
+from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
+from automap.sync.velocity_consistency import velocity_consistency
+from pipeline.run.fusion_inputs import _delay_prior
+from tests.unit.fusion_drive import CLOCK, Sensor, record
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import Receiver, receive
+from tests.unit.test_fusion_verdict import misses_of
+
+BY_MOTION = replace(CLOCK, method="correlation", sd_offset_s=0.02)
+LEVER = (0.3, 0.2, -1.1)
+
+
+def hilly(seconds: int = 600, climb: float = 0.04, lean: float = 0.0) -> Trajectory:
+    """A drive over hills at 15 m/s, 10 rows a second; ``climb`` the steepest slope."""
+    n = seconds * 10
+    t: FloatArray = np.asarray(0.1 * np.arange(n))
+    pitch = climb * np.sin(2.0 * np.pi * t / 80.0)
+    height = 500.0 + np.cumsum(15.0 * np.tan(pitch)) * 0.1
+    zero, three = np.zeros(n), np.zeros((n, 3))
+    velocity = np.stack([15.0 + zero, zero, -15.0 * np.tan(pitch)], axis=1)
+    rpy = np.stack([lean + zero, pitch, zero], axis=1)
+    stamps = np.rint(t * 1e9).astype(np.int64)
+    sds = three + 1.0, three + 0.1, three + 0.01
+    return Trajectory(
+        stamps,
+        np.asarray(1.4e9 + t),
+        np.asarray(15.0 * t / 6.37e6),
+        zero,
+        height,
+        velocity,
+        rpy,
+        *sds,
+    )
+
+
+def fixes_of(path: Trajectory, factor: float, wander: float, seed: int) -> Fixes:
+    """Fixes a second apart whose heights are ``factor`` times the path's and wander by as much."""
+    rng = np.random.default_rng(seed)
+    rows = np.arange(0, len(path), 10)
+    n, nothing, whole = len(rows), np.full(len(rows), np.nan), np.full(len(rows), -1)
+    error = np.zeros(n)
+    for i in range(1, n):
+        error[i] = 0.983 * error[i - 1] + wander * np.sqrt(1.0 - 0.983**2) * rng.standard_normal()
+    return Fixes(
+        *(path.gps_s[rows], path.lat_rad[rows], path.lon_rad[rows]),
+        factor * (path.height_m[rows] + error),
+        *(path.vel_ned[rows], np.full((n, 3), np.nan), np.full((n, 3), np.nan)),
+        *(np.full(n, 3), whole, nothing, nothing, whole, whole),
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_heights_in_metres_are_heights(seed: int) -> None:
+    path = hilly()
+    assert list(height_doubts(path, fixes_of(path, 1.0, 2.0, seed))) == []
+    # what a flat road or too poor a receiver tells of a unit is nothing
+    flat = hilly(climb=0.001)
+    assert list(height_doubts(flat, fixes_of(flat, 3.28, 2.0, seed))) == []
+
+
+@pytest.mark.parametrize(
+    ("factor", "text"), [(1.0 / 0.3048, "as feet where metres"), (0.3048, "as if they were")]
+)
+def test_heights_in_feet_are_told_and_widen_the_heights(factor: float, text: str) -> None:
+    path = hilly()
+    (reason,) = height_doubts(path, fixes_of(path, factor, 1.0, 3))
+    assert reason.code == "height_scale"
+    assert text in reason.text
+    wide = widen(path, [reason], misses_of(np.zeros((0, 3))), None)
+    assert (wide.sd_pos_ned[:, 2] > 0.9 * 500.0 * abs(factor - 1.0)).all()
+    assert np.array_equal(wide.sd_pos_ned[:, :2], path.sd_pos_ned[:, :2])
+
+
+def test_a_car_does_not_lean_for_minutes() -> None:
+    for lean in (0.0, 0.1, -0.15):
+        assert leaning(hilly(lean=lean)) == []
+    fallen = hilly(lean=0.0)
+    fallen.rpy[3000:, 0] -= 0.4
+    (reason,) = leaning(fallen)
+    assert "by 23 deg" in reason.text
+    assert reason.spans[0][0] == pytest.approx(300.0)
+    assert reason.spans[-1][1] == pytest.approx(600.0)
+
+
+# gyro and accelerometer
+
+
+def readings(late_s: float, arm_m: float = 1.5, seconds: float = 400.0, seed: int = 1) -> ImuData:
+    """Bends at 8 to 12 m/s, ``arm_m`` ahead of the axle, the accelerometer ``late_s`` s late."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, seconds, 0.01)
+    rate = 0.3 * np.sin(2.0 * np.pi * t / 37.0) ** 5 + 0.1 * np.sin(2.0 * np.pi * t / 9.0) ** 3
+    bend = (10.0 + 2.0 * np.sin(t / 20.0)) * rate + arm_m * np.gradient(rate, 0.01)
+    accel = np.stack([0.0 * t, np.interp(t - late_s, t, bend), -9.8 + 0.0 * t], axis=1)
+    gyro = np.stack([0.0 * t, 0.0 * t, rate], axis=1)
+    return ImuData(
+        np.rint(t * 1e9).astype(np.int64),
+        gyro + 0.01 * rng.standard_normal(gyro.shape),
+        accel + 0.3 * rng.standard_normal(accel.shape),
+    )
+
+
+def speed(imu: ImuData) -> FloatArray:
+    return np.asarray(10.0 + 2.0 * np.sin(imu.t_ns * 1e-9 / 20.0))
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.2, -0.5, 0.6])
+def test_how_late_the_accelerometer_feels_bends_is_found(late_s: float) -> None:
+    imu = readings(late_s)
+    found = lateness(imu, np.eye(3), speed(imu))
+    assert found is not None
+    # an IMU ahead of the axle looks like a part of a delay
+    assert found[0] == pytest.approx(late_s, abs=limits.TRIADS_APART_S)
+    assert found[1] < 0.05
+    told = list(triad_doubts(imu, np.eye(3), speed(imu)))
+    assert [reason.code for reason in told] == ["triads_apart"] * (abs(late_s) > 0.4)
+    if told:
+        assert f"{abs(found[0]):.2f} s after its" in told[0].text
+        assert ("gyro feels" in told[0].text) == (late_s < 0.0)
+
+
+def test_without_bends_or_motion_nothing_is_said_of_triads() -> None:
+    imu = readings(0.6)
+    assert lateness(imu, np.eye(3), np.zeros(len(imu))) is None
+    noise = 0.3 * np.random.default_rng(2).standard_normal(imu.accel.shape)
+    straight = replace(imu, gyro=0.03 * noise, accel=noise[::-1])
+    assert lateness(straight, np.eye(3), speed(imu)) is None
+
+
+# the arm to the antenna
+
+
+def test_an_arm_that_the_drive_moves_away_from_is_told() -> None:
+    stated = np.array([1.8, -0.5, 1.2])
+
+    def after(moved: float, sd: float) -> list[Reason]:
+        found = {f"gnss_lever_arm_{a}": (float(v), sd) for a, v in zip("xyz", stated, strict=True)}
+        found["gnss_lever_arm_x"] = (1.8 - moved, sd)
+        return contradicted_arm(found, stated, limits.STATED_ARM_SD_M)
+
+    (reason,) = after(0.9, 0.04)
+    # the drive by itself: 0.9 m over the share that it has in the estimate
+    assert reason.error_m == pytest.approx(0.9 / (1.0 - 0.64), rel=1e-6)
+    assert "near [-0.7, -0.5, 1.2]" in reason.text
+    # what chance does to a right statement, and what receivers add to it
+    assert after(0.1, 0.04) == after(0.17, 0.03) == after(0.0, 0.05) == []
+    assert contradicted_arm({}, None, 0.05) == []
+    # late velocities make an arm of their own
+    found = {"gnss_lever_arm_x": (-0.79, 0.031), "gnss_velocity_latency_s": (0.53, 0.01)}
+    assert contradicted_arm(found, np.zeros(3), limits.STATED_ARM_SD_M) == []
+
+
+# whole drives
+
+
+def fused(
+    receiver: Receiver, clock: ClockModel, lever: tuple[float, float, float] = LEVER
+) -> tuple[FusionResult, Weighed]:
+    """A drive of three minutes, and what is said of its path."""
+    motion = city_drive(180.0, 4)
+    imu, fixes = record(motion, Sensor(), 4), receive(motion, receiver, 5)
+    delay, is_clock = _delay_prior(clock, 0.05)
+    arm, options = np.array(lever), FusionOptions()
+    result = fuse_imu_gnss(imu, fixes, clock, options, delay, arm, delay_is_clock=is_clock)
+    seen = velocity_consistency(fixes)
+    return result, weigh(result, imu, imu, fixes, clock, options, delay, is_clock, seen, arm)
+
+
+def test_late_velocities_beside_prompt_positions_are_no_contradiction() -> None:
+    """A clock that was found by late velocities is as late: positions then seem to come early."""
+    late = replace(BY_MOTION, ref_gps_s=BY_MOTION.ref_gps_s + 0.7)
+    result, weighed = fused(Receiver(lever=LEVER, vel_latency=0.7), late)
+    assert result.delay.mean == pytest.approx(0.7, abs=0.05)
+    assert weighed.verdict.state == "good", weighed.verdict
+    # of arrival times it is one: nothing arrives before it was
+    found = {"imu_time_offset_s": (result.delay.mean, 0.01)}
+    assert [r.code for r in impossible_ages(found, dated_by_arrival=True)] == ["negative_delay"]
+    assert impossible_ages(found, dated_by_arrival=False) == []
+    prior = Prior(-0.1, 0.1)
+    assert unexpected_delay(found, prior.mean, prior.sd, 10.0)[0].code == "delay_unexpected"
+
+
+def test_an_arm_with_the_wrong_sign_is_told_on_a_drive() -> None:
+    _, right = fused(Receiver(lever=(-1.8, 0.5, -1.2)), CLOCK, (-1.8, 0.5, -1.2))
+    assert right.verdict.state == "good", right.verdict
+    _, wrong = fused(Receiver(lever=(-1.8, 0.5, -1.2)), CLOCK, (1.8, -0.5, 1.2))
+    (reason,) = (r for r in wrong.verdict.reasons if r.code == "lever_arm")
+    # not the 4.4 m that it is: a course that comes late takes part of them
+    assert reason.error_m > 1.0
+    assert np.median(wrong.trajectory.sd_pos_ned[:, :2] / right.trajectory.sd_pos_ned[:, :2]) > 1.2
+
+
+# what a log says throughout
+
+
+def town_fixes() -> Fixes:
+    return receive(city_drive(240.0, 4), Receiver(rate=1.0), 5)
+
+
+def test_heights_that_never_change_are_left_out_and_told() -> None:
+    fixes = town_fixes()
+    assert not velocity_consistency(fixes).height_stuck
+    level = replace(fixes, height_m=np.full_like(fixes.height_m, 47.0))
+    for silent in (level, replace(level, vel_ned=np.full_like(level.vel_ned, np.nan))):
+        found = velocity_consistency(silent)
+        assert found.height_stuck
+        assert np.isnan(usable_fixes(silent, found).height_m).all()
+        assert "height_stuck" in [reason.code for reason in receiver_doubts(found, 0.0)]
+    assert np.array_equal(
+        usable_fixes(fixes, velocity_consistency(fixes)).height_m, fixes.height_m, equal_nan=True
+    )
+    # a minute may have one height
+    minute = replace(level, fix_type=np.where(np.arange(len(level)) < 60, 3, 0))
+    assert not velocity_consistency(minute).height_stuck
+
+
+@pytest.mark.parametrize(
+    ("factor", "text"),
+    [(0.6, "as minutes (48.13 deg as 48 13')"), (1.0 / 0.6, "as hundredths of degrees"), (3.6, "")],
+)
+def test_minutes_of_arc_that_are_none_are_named_beside_units_of_speed(
+    factor: float, text: str
+) -> None:
+    fixes = town_fixes()
+    found = velocity_consistency(replace(fixes, vel_ned=factor * fixes.vel_ned))
+    (reason,) = (r for r in found.reasons if r.code == "velocity_unit")
+    assert text in reason.text
+    assert ("positions are wrong" in reason.text) == bool(text)
