@@ -26,8 +26,8 @@ RECEIVERS_OWN = (
     "gnss_noise_scale",
     "gnss_outliers",
 )
-"""A real receiver has these of its own, nobody knows how large: none is hidden on top. A delay of the
-IMU's is one of all fixes: that of a phone's positions by -0.12 s undid one of -0.14 s."""
+"""A real receiver has these of its own, nobody knows how large: none is hidden on top. A delay of
+the IMU's is one of all fixes: that of a phone's positions by -0.12 s undid one of -0.14 s."""
 
 Hidden = tuple[dict[str, DrawnEffect], Formula | Outside | None, float]
 
