@@ -79,6 +79,14 @@ def complete_geopackage(
         ) from error
 
 
+def _triggers_of(file: sqlite3.Connection, layer: str) -> set[str]:
+    """Names of a layer's triggers, a * for its own."""
+    rows = file.execute(
+        "SELECT name FROM sqlite_master WHERE type = 'trigger' AND tbl_name = ?", (layer,)
+    )
+    return {name.replace(layer, "*") for (name,) in rows}
+
+
 def lost_of(path: Path, counts: Mapping[str, int]) -> str:
     """What a GeoPackage lacks of layers with so many features, in words; "" where it has all.
 
@@ -93,6 +101,16 @@ def lost_of(path: Path, counts: Mapping[str, int]) -> str:
                 (found,) = file.execute(f'SELECT COUNT(*) FROM "{layer}"').fetchone()
                 if found != count:
                     return f"the layer {layer} has {found} of {count} features"
+                told = file.execute(
+                    "SELECT feature_count FROM gpkg_ogr_contents WHERE table_name = ?", (layer,)
+                ).fetchone()
+                if told != (count,):
+                    return f"the layer {layer} does not say that it has {count} features"
+            # what keeps numbers and indices right when a layer is edited is the same for all
+            triggers = {layer: _triggers_of(file, layer) for layer in counts}
+            for layer, own in triggers.items():
+                if lacking := set().union(*triggers.values()) - own:
+                    return f"the layer {layer} lacks {', '.join(sorted(lacking))}"
     except sqlite3.DatabaseError as error:
         return f"it is damaged ({error})"
     return ""

@@ -7,6 +7,7 @@ import io
 import json
 import sqlite3
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -173,9 +174,26 @@ def test_a_geopackage_that_lost_features_is_not_whole(tmp_path: Path) -> None:
     lost = f"the layer signs has {count} of {count + 1} features"
     assert lost_of(path, {"signs": count + 1}) == lost
     assert "no such table" in lost_of(path, {"ellipses": 1})
+    with closing(sqlite3.connect(path)) as file, file:
+        file.execute("UPDATE gpkg_ogr_contents SET feature_count = 0")
+    assert lost_of(path, {"signs": count}) == (
+        f"the layer signs does not say that it has {count} features"
+    )
     content = path.read_bytes()
     path.write_bytes(content[: len(content) // 2])
     assert "damaged" in lost_of(path, {"signs": count})
+
+
+def test_a_geopackage_whose_layer_lacks_what_others_have_is_not_whole(tmp_path: Path) -> None:
+    """SQLite gets over one call that fails, and GDAL does not tell of it."""
+    path, layer = tmp_path / "a.gpkg", layers.sign_layer(columns())
+    gis.write_layers(path, [layer, replace(layer, name="more")])
+    counts = {"signs": len(layer.wkb), "more": len(layer.wkb)}
+    assert lost_of(path, counts) == ""
+    with closing(sqlite3.connect(path)) as file, file:
+        file.execute("DROP TRIGGER trigger_insert_feature_count_more")
+    lacking = "the layer more lacks trigger_insert_feature_count_*"
+    assert lost_of(path, counts) == lacking
 
 
 def test_a_geopackage_that_gdal_has_not_written_whole_is_told(
