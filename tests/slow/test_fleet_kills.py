@@ -57,6 +57,8 @@ lat_deg = -35.28
 lon_deg = 149.13
 height_m = 580.0
 heading_deg = 62.0
+[gnss]
+lever_arm_m = [0.4, 0.1, -1.2]
 [camera]
 box_sd_px = 1.0
 [route]
