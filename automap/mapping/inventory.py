@@ -133,7 +133,8 @@ def _candidates(signs: Sequence[Sign], inventory: Inventory) -> _Pairs:
     i, j, apart = _near(signs, inventory)
     names = [face_of(s.class_name) for s in signs]
     share = {name: (names.count(name) + 1.0) / (len(names) + 2.0) for name in set(names)}
-    believed = [class_belief(sign) for sign in signs]
+    # what no detector tells is taken for sure, so that a list's error is the likelier one
+    believed = [class_belief(s) if math.isfinite(s.class_probability) else 1.0 for s in signs]
     told = np.zeros(len(i))
     for k, (a, b) in enumerate(zip(i.tolist(), j.tolist(), strict=True)):
         same = same_face(signs[a].class_name, inventory.class_name[b])

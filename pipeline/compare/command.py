@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from automap.mapping.inventory import InventoryComparison
     from automap.mapping.inventory_findings import Inventory
     from automap.mapping.sightings import DriveSigns
-    from automap.records import DrivePath, Sign, Trajectory
+    from automap.records import Sign
 
 GPKG, CSV, REPORT = "comparison.gpkg", "comparison.csv", "report.html"
 OSM, TASKS, SUMMARY = "comparison.osc", "maproulette.geojson", "comparison.json"
@@ -154,7 +154,7 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
     from automap.mapping.sightings import DriveSigns
     from automap.mapping.visibility import STRIDE
     from automap.records import DrivePath
-    from pipeline.merge.inputs import read_run
+    from pipeline.merge.inputs import even_path, read_run
 
     if not (folder / names.MERGE).is_file():
         return [read_run(folder).signs]
@@ -162,7 +162,7 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
     if (folder / TRACKS).is_file():
         for name, track in read_tracks(folder / TRACKS).items():
             if len(track):
-                paths[name] = _even_path(track)
+                paths[name] = even_path(track)
     elif (folder / COVERAGE).is_file():
         looked = read_coverage(folder / COVERAGE)
         # a row is a cell by itself, and of paths every second row is looked at
@@ -182,24 +182,6 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
         )
         for name, path in paths.items()
     ]  # fmt: skip
-
-
-def _even_path(track: Trajectory) -> DrivePath:
-    """A track's rows as those of a run's path are: some metres apart, however slow the drive was,
-    or however coarse the track is."""
-    from automap.earth import metres_per_radian
-    from automap.records import DrivePath
-    from pipeline.merge.inputs import STEP_M
-
-    north, east = metres_per_radian(track.lat_rad, 0.0)
-    lon = np.unwrap(track.lon_rad)
-    step = np.hypot(np.diff(track.lat_rad) * north[1:], np.diff(lon) * east[1:])
-    gone = np.concatenate([[0.0], np.cumsum(step)])
-    at = np.arange(0.0, gone[-1] + STEP_M, STEP_M)
-    lat, lon, yaw = (
-        np.interp(at, gone, v) for v in (track.lat_rad, lon, np.unwrap(track.rpy[:, 2]))
-    )
-    return DrivePath(np.zeros(len(at)), lat, lon, yaw, np.zeros((len(at), 3)))
 
 
 def _doubts(result: InventoryComparison, path: Path) -> list[str]:

@@ -14,7 +14,7 @@ from automap.errors import AutoMapError, InputError
 from automap.export.clock import clock_from_trajectory
 from automap.io import names
 from automap.mapping.sightings import DriveSigns
-from automap.records import ClockModel, DrivePath, FloatArray, IntArray
+from automap.records import ClockModel, DrivePath, FloatArray, IntArray, Trajectory
 from pipeline.merge.cameras import cameras_of_run
 from pipeline.merge.signs import sign_columns
 from pipeline.shared.run_record import country_of, drive_of
@@ -148,8 +148,6 @@ def _thinned(table: pa.Table) -> pa.Table:
 
 
 def _clock_of(table: pa.Table) -> ClockModel | None:
-    from automap.records import Trajectory
-
     n = len(table)
     if n < 2:
         return None
@@ -173,6 +171,22 @@ def _path(table: pa.Table) -> DrivePath:
         yaw_rad=np.radians(column("yaw_deg")),
         sd_enu=np.column_stack([column("sd_e_m"), column("sd_n_m"), column("sd_d_m")]),
     )
+
+
+def even_path(track: Trajectory) -> DrivePath:
+    """A track's rows as those of a run's path are: some metres apart, however slow the drive was,
+    or however coarse the track is."""
+    from automap.earth import metres_per_radian
+
+    north, east = metres_per_radian(track.lat_rad, 0.0)
+    lon = np.unwrap(track.lon_rad)
+    step = np.hypot(np.diff(track.lat_rad) * north[1:], np.diff(lon) * east[1:])
+    gone = np.concatenate([[0.0], np.cumsum(step)])
+    at = np.arange(0.0, gone[-1] + STEP_M, STEP_M)
+    lat, lon, yaw = (
+        np.interp(at, gone, v) for v in (track.lat_rad, lon, np.unwrap(track.rpy[:, 2]))
+    )
+    return DrivePath(np.zeros(len(at)), lat, lon, yaw, np.zeros((len(at), 3)))
 
 
 def _while_filmed(folder: Path, path: DrivePath, clock: ClockModel | None) -> DrivePath:

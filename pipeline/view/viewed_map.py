@@ -17,11 +17,11 @@ from automap.io import names
 from automap.records import ClockModel, IntArray, PlacedSign
 from pipeline.view.drives import MapDrive
 from pipeline.view.payload import sign_payload
+from pipeline.view.sign_roads import SignRoads, read_sign_roads
 from pipeline.view.signs import SignTable, table_of
 from pipeline.view.snapshot import Snapshot
 
 if TYPE_CHECKING:
-    from automap.export.roads import RoadRow
     from automap.io.web_tiles import Background
 
 
@@ -78,7 +78,7 @@ class ViewedMap:
             "drives": [drive.name for drive in self.drives],
             "fields": [
                 {"name": f.name, "unit": f.unit, "meaning": f.meaning}
-                for f in (*SIGN_FIELDS, *(ROAD_FIELDS if self._on_roads else ()))
+                for f in (*SIGN_FIELDS, *(ROAD_FIELDS if self._on_roads.rows else ()))
             ],
             "known": [{"name": name, "codes": codes.get(name, "")} for name in known],
             "report": (self.out / names.REPORT).is_file(),
@@ -271,41 +271,15 @@ class ViewedMap:
         return {name: value for name, value in values.items() if value not in (None, "", [])}
 
     @cached_property
-    def _on_roads(self) -> dict[str, RoadRow]:
-        """Rows of the signs that stand on a road of the layer that the map was made with."""
-        from automap.export.roads import read_roads_csv
+    def _on_roads(self) -> SignRoads:
+        return read_sign_roads(self.out, self.problems)
 
-        path = self.out / names.SIGN_ROADS
-        try:
-            return {row["sign_id"]: row for row in read_roads_csv(path)} if path.is_file() else {}
-        except (AutoMapError, OSError) as error:
-            self.problems.append(f"{path.name}: {error}")
-            return {}
-
-    def _road_of(self, own: str, number: int, now: Snapshot) -> dict[str, Any]:
+    def _road_of(self, own: str, row: int, now: Snapshot) -> dict[str, Any]:
         """The columns of a sign's road; none of a sign that a review moved since."""
-        from automap.signs.on_roads import road_check
-        from pipeline.shared.run_record import country_of
-
-        row = self._on_roads.get(own)
-        verdict = next((now.state[n] for n, at in now.rows.items() if at == number), None)
-        moved = verdict is not None and (verdict.lon_deg is not None or verdict.place is not None)
-        if row is None or moved:
+        verdict = next((now.state[n] for n, at in now.rows.items() if at == row), None)
+        if verdict is not None and (verdict.lon_deg is not None or verdict.place is not None):
             return {}
-        values: dict[str, Any] = {
-            f.name: _number(float(row[f.name] or "nan"), 2) if f.kind == "real" else row[f.name]
-            for f in ROAD_FIELDS
-            if f.name != "road_check"
-        }
-        name = self.class_of(number, now)
-        values["road_check"] = road_check(name, row["road_kind"], country_of(self._record))
-        return {key: value for key, value in values.items() if value not in (None, "")}
-
-    @cached_property
-    def _record(self) -> dict[str, Any]:
-        from pipeline.shared.values import json_object
-
-        return json_object(self.out / names.RUN)
+        return self._on_roads.values(own, self.class_of(row, now))
 
     def _time(self, stamps: IntArray) -> str | None:
         return iso_texts(utc_of_stamps(stamps, self._clock))[0]

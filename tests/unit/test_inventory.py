@@ -28,7 +28,7 @@ from automap.mapping.visibility import Opportunities
 from automap.records import Sign, Trajectory
 from automap.signs.codes import classes_of
 from pipeline.cli.root import run_command
-from pipeline.compare.command import _even_path
+from pipeline.merge.inputs import even_path
 
 
 def test_faults_put_into_an_inventory_are_found() -> None:
@@ -335,7 +335,7 @@ def test_a_slow_drive_has_a_sign_in_view_no_longer_than_a_fast_one() -> None:
     lat, lon, height = to_geodetic(np.column_stack([0.0 * way, way, 0.0 * way]))
     three = np.zeros((len(way), 3))
     stamps = np.arange(len(way), dtype=np.int64)
-    path = _even_path(
+    path = even_path(
         Trajectory(stamps, stamps * 1.0, lat, lon, height, three, three, three, three, three)
     )
     assert len(path) == 26

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -186,7 +187,8 @@ def test_without_a_layer_nothing_is_said_of_roads(maps: dict[str, Path], tmp_pat
         path = tmp_path / f"plain.{form}"
         assert run_command(["export", str(maps["run"]), "--format", form, "-o", str(path)]) == 0
         text = path.read_text(encoding="utf-8")
-        assert not [name for name in NAMES if name in text], form
+        # path_offset_m is of no road
+        assert not [name for name in NAMES if re.search(rf"\b{name}\b", text)], form
     path = tmp_path / "plain.gpkg"
     assert run_command(["export", str(maps["run"]), "--format", "gpkg", "-o", str(path)]) == 0
     assert not NAMES & set(pyogrio.read_info(path, layer="signs")["fields"])
