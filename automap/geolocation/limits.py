@@ -299,3 +299,13 @@ WEAK_SD_M = 5.0
 IMU_ABOVE_ROAD_M, IMU_ABOVE_ROAD_SD_M = 1.0, 0.4
 """Of an IMU of which nobody says where it is: from a car's floor, 0.3 m, to its roof, 1.7 m, each
 as likely (the sigma of that is 0.4)."""
+
+
+# boxes and path at odds
+
+USUAL_WEAK, MISFIT_PROBABILITY = 0.05, 1e-6
+"""Part of a right drive's signs that is placed uncertainly: of 87 on ten recorded drives none was,
+which leaves 3.4 % (95 % limit). What chance makes of that so rarely is told."""
+LOST_SHARE, LEAST_LOST = 0.5, 100
+"""Of a hundred boxes or more half are left out where the video is of another place. Chosen: of
+right recordings one in a hundred is."""

@@ -123,6 +123,7 @@ def warnings_of(
             f"{apart} of {len(signs)} signs are at another distance by their bearings than by the "
             "heights of their boxes (status contradictory); their ellipses hold both places."
         )
+    sentences += _misfit(observations, signs)
     most = sigmas(limits.BEYOND_MANIFEST_PROBABILITY)
     for name, correction in corrections.items():
         camera = cameras[name]
@@ -141,3 +142,28 @@ def warnings_of(
                 "mount_rpy_deg and time_offset_s."
             )
     return sentences
+
+
+def _misfit(observations: Observations, signs: Sequence[Sign]) -> list[str]:
+    """A sentence where boxes and path are so much at odds that the video or the camera must be
+    another one than stated."""
+    from scipy.special import bdtrc
+
+    seen = [sign for sign in signs if sign.status != "single_view"]
+    weak = sum(sign.status != "ok" for sign in seen)
+    by_chance = float(bdtrc(weak - 1, len(seen), limits.USUAL_WEAK)) if weak else 1.0
+    placed = ~np.isin(observations.note, ("no_pose", "no_direction", "too_far", "back"))
+    lost = placed & ~observations.used
+    share = float(lost.sum()) / max(int(placed.sum()), 1)
+    if by_chance > limits.MISFIT_PROBABILITY and (
+        share < limits.LOST_SHARE or int(placed.sum()) < limits.LEAST_LOST
+    ):
+        return []
+    return [
+        f"The boxes do not fit the path: {share:.0%} of them were left out, and {weak} of "
+        f"{len(seen)} signs are placed uncertainly, more than chance does. Their places may be "
+        "wrong by more than they say: check that the video is of this drive and its frames' "
+        "stamps are right, that camera_matrix belongs to its width and height, that the picture "
+        "is neither mirrored nor turned, and mount_rpy_deg. (Where most boxes are of signs on "
+        "other vehicles it is these.)"
+    ]

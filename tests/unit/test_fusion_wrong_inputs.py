@@ -136,6 +136,7 @@ def test_how_late_the_accelerometer_feels_bends_is_found(late_s: float) -> None:
     if told:
         assert f"{abs(found[0]):.2f} s after its" in told[0].text
         assert ("gyro feels" in told[0].text) == (late_s < 0.0)
+        assert told[0].error_m == pytest.approx(10.0 * abs(late_s), abs=2.0)
 
 
 def test_without_bends_or_motion_nothing_is_said_of_triads() -> None:

@@ -255,6 +255,17 @@ def test_frames_outside_the_trajectory_are_counted(world) -> None:
     assert any("outside the trajectory" in text for text in result.warnings)
 
 
+def test_a_mirrored_video_is_told_and_the_right_one_is_not(world) -> None:
+    path, _, found, _ = world
+    right = locate_signs(path, [found], {"front": camera()})
+    assert not any("do not fit the path" in text for text in right.warnings)
+    x_min, y_min, x_max, y_max = found.box.T
+    width = camera().width
+    mirrored = replace(found, box=np.stack([width - x_max, y_min, width - x_min, y_max], axis=1))
+    wrong = locate_signs(path, [mirrored], {"front": camera()})
+    assert any("do not fit the path" in text for text in wrong.warnings)
+
+
 @pytest.mark.parametrize("n", [0, 1])
 def test_nothing_in_gives_nothing_out(world, n: int) -> None:
     path, _, found, _ = world

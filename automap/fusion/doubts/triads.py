@@ -23,12 +23,15 @@ def triad_doubts(imu: ImuData, turn: FloatArray, speed: FloatArray) -> Iterator[
     late, sd = found
     if abs(late) <= limits.TRIADS_APART_S + sigmas(limits.DOUBT_PROBABILITY) * sd:
         return
+    usual = float(np.median(speed[speed > limits.DRIVING_SPEED]))
     first, other = ("gyro", "accelerometer") if late > 0.0 else ("accelerometer", "gyro")
     yield Reason(
         "triads_apart",
         f"the IMU's {other} feels bends {abs(late):.2f} s after its {first} (sigma {sd:.2f} s), so "
         f"headings and tilts in bends are wrong: stamp both when they are read, or take the delay "
         f"out of the columns of the {other}",
+        # nothing says which of the two is right
+        error_m=abs(late) * usual,
         inertial=True,
     )
 

@@ -168,7 +168,7 @@ def sensor_input(drive: Drive) -> Path | None:
 
 STAGE = Stage(
     name="ingest",
-    version=6,
+    version=7,
     run=run,
     inputs=_inputs,
     needs=(),
