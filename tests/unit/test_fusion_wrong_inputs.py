@@ -17,9 +17,13 @@ from automap.fusion.doubts.triads import lateness, triad_doubts
 from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
 from automap.fusion.options import FusionOptions
 from automap.fusion.verdict import Weighed, weigh, widen
+from automap.io.drive import load_drive
+from automap.io.recording import read_recording
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import velocity_consistency
+from pipeline.check.steadiness import usable_receiver
 from pipeline.run.fusion_inputs import _delay_prior
+from tests.unit.foreign_tables import SAMPLE
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
@@ -246,3 +250,14 @@ def test_minutes_of_arc_that_are_none_are_named_beside_units_of_speed(
     (reason,) = (r for r in found.reasons if r.code == "velocity_unit")
     assert text in reason.text
     assert ("positions are wrong" in reason.text) == bool(text)
+
+
+def test_a_path_told_twice_is_no_witness_against_the_imu() -> None:
+    """Axes judged by a path of swapped coordinates would be accused."""
+    drive = load_drive(SAMPLE)
+    recording = read_recording(drive)
+    fixes = recording.fixes
+    assert fixes is not None
+    assert usable_receiver(drive, recording)[1] is not None
+    crossed = replace(fixes, vel_ned=fixes.vel_ned[:, [1, 0, 2]])
+    assert usable_receiver(drive, replace(recording, fixes=crossed))[1] is None
