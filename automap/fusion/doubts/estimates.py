@@ -163,10 +163,12 @@ def arm_by_drive(
         estimate, sd = found.get(f"gnss_lever_arm_{axis}", (float(stated[k]), stated_sd))
         taken = max(stated_sd**2 - sd**2, 1e-9)
         off = estimate - float(stated[k])
-        if abs(off) > sigmas(limits.DOUBT_PROBABILITY) * math.sqrt(taken):
+        # beyond what the drive took from the statement, and beyond what the tape may be off
+        if abs(off) > sigmas(limits.DOUBT_PROBABILITY) * max(math.sqrt(taken), stated_sd):
             own[k] += off * min(stated_sd**2 / taken, limits.MOST_ARM_GAIN)
     lag = abs(sum(found.get(n, (0.0, 0.0))[0] for n in (VEL_LATENCY_STATE, VEL_LAG_STATE)))
-    far = float(np.linalg.norm(own - stated))
+    # bends tell the level arm; the upright one moves with whatever a receiver's filter does
+    far = float(np.hypot(*(own - stated)[:2]))
     return own if far > limits.ARM_OFF_M + limits.ARM_PER_LAG * lag else None
 
 
