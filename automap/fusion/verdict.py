@@ -19,6 +19,7 @@ from automap.fusion.consistency import channel_consistency, innovation_doubts
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
 from automap.fusion.doubts.estimates import (
     Estimates,
+    arm_by_drive,
     contradicted_arm,
     final_estimates,
     impossible_ages,
@@ -94,7 +95,10 @@ def weigh(
         at_readings = np.interp(imu.t_ns, path.t_ns, speed)
         of_imu += triad_doubts(bridged.imu, result.mounting.matrix, at_readings)
     believed = not any(reason.inertial for reason in of_imu)
-    steps = _steps(result, bridged, found, fixes, options, delay_is_clock) if believed else []
+    # an arm that is wrong makes jumps of velocity in bends
+    arm = arm_by_drive(found, lever_arm, limits.STATED_ARM_SD_M)
+    arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
+    steps = _steps(result, bridged, found, fixes, options, delay_is_clock, arm) if believed else []
     reasons = [
         *of_receiver,
         *steps,
@@ -154,8 +158,9 @@ def _steps(
     fixes: Fixes,
     options: FusionOptions,
     delay_is_clock: bool,
+    arm: FloatArray,
 ) -> list[Reason]:
-    """The reason that jumps of the receiver's velocity give."""
+    """The reason that jumps of the receiver's velocity give, at ``arm`` [3] m from the IMU."""
     path, turn, imu = result.trajectory, result.mounting.matrix, bridged.imu
     stamps = (imu.t_ns - imu.t_ns[0]) * 1e-9
     # the path's rows are of the stamps' instants; readings may be of earlier ones
@@ -166,7 +171,7 @@ def _steps(
         imu.accel @ turn.T - _of_axes(found, "accel_bias"),
         bridged.stretch_s,
     )
-    seen = compare(free, fixes, path, found, _of_axes(found, "gnss_lever_arm"))
+    seen = compare(free, fixes, path, found, arm)
     # the less a drive seems to show of what comes and goes, the less it is believed
     wander = options.velocity_wander_sd * max(result.noise_factors.get(VELOCITY_WANDER, 1.0), 1.0)
     return step_doubts(velocity_steps(seen, wander), path)

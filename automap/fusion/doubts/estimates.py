@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from automap.fusion import limits
 from automap.fusion.adapt import COARSE, FINE
 from automap.fusion.delay_states import (
@@ -145,32 +147,44 @@ def levels_at_bound(factors: Mapping[str, float], tuned: bool) -> list[Reason]:
     return reasons
 
 
-def contradicted_arm(found: Estimates, stated: FloatArray | None, stated_sd: float) -> list[Reason]:
-    """An arm of the antenna, ``stated`` [3] m with a sigma of each, that the drive moves away from.
+def arm_by_drive(
+    found: Estimates, stated: FloatArray | None, stated_sd: float
+) -> FloatArray | None:
+    """The arm [3] m of the antenna by the drive itself where it contradicts that ``stated`` [3] m
+    with a sigma of each; None where it does not.
 
     A right statement and what the drive makes of it differ by no more than the sigma that the drive
     took from it. The drive by itself has it as much further as the statement held it back.
     """
     if stated is None:
-        return []
-    own = []
-    for axis, value in zip("xyz", stated, strict=True):
-        estimate, sd = found.get(f"gnss_lever_arm_{axis}", (float(value), stated_sd))
+        return None
+    own = np.array(stated, np.float64)
+    for k, axis in enumerate("xyz"):
+        estimate, sd = found.get(f"gnss_lever_arm_{axis}", (float(stated[k]), stated_sd))
         taken = max(stated_sd**2 - sd**2, 1e-9)
-        sure = abs(estimate - value) > sigmas(limits.DOUBT_PROBABILITY) * math.sqrt(taken)
-        far = (estimate - value) * min(stated_sd**2 / taken, limits.MOST_ARM_GAIN)
-        own.append(far if sure else 0.0)
-    off = math.hypot(*own)
+        off = estimate - float(stated[k])
+        # beyond what the drive took from the statement, and beyond what the tape may be off
+        if abs(off) > sigmas(limits.DOUBT_PROBABILITY) * max(math.sqrt(taken), stated_sd):
+            own[k] += off * min(stated_sd**2 / taken, limits.MOST_ARM_GAIN)
     lag = abs(sum(found.get(n, (0.0, 0.0))[0] for n in (VEL_LATENCY_STATE, VEL_LAG_STATE)))
-    if off <= limits.ARM_OFF_M + limits.ARM_PER_LAG * lag:
+    # bends tell the level arm; the upright one moves with whatever a receiver's filter does
+    far = float(np.hypot(*(own - stated)[:2]))
+    return own if far > limits.ARM_OFF_M + limits.ARM_PER_LAG * lag else None
+
+
+def contradicted_arm(found: Estimates, stated: FloatArray | None, stated_sd: float) -> list[Reason]:
+    """An arm of the antenna, as in ``arm_by_drive``, that the drive moves away from."""
+    own = arm_by_drive(found, stated, stated_sd)
+    if own is None or stated is None:
         return []
-    arm = ", ".join(f"{value + far:.1f}" for value, far in zip(stated, own, strict=True))
+    off = float(np.linalg.norm(own - stated))
     return [
         Reason(
             "lever_arm",
             f"the drive puts the antenna {off:.1f} m from where lever_arm_m of [gnss] says, near "
-            f"[{arm}]: measure again from the IMU forward, right and down (an antenna on the roof "
-            "has a negative third number), or take the line out",
+            f"[{', '.join(f'{value:.1f}' for value in own)}]: measure again from the IMU forward, "
+            "right and down (an antenna on the roof has a negative third number), or take the "
+            "line out",
             error_m=off,
         )
     ]
