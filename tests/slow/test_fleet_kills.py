@@ -186,7 +186,8 @@ def test_processes_that_are_killed_all_the_time_change_no_byte(seed: int, tmp_pa
     forget(store)
 
     draw = random.Random(seed)
-    crew, killed = Crew(tmp_path, url), []
+    crew = Crew(tmp_path, url)
+    killed: list[str] = []
     until = time.monotonic() + LONGEST_S
     try:
         while not crew.keep_up():
