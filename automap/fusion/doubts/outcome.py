@@ -35,6 +35,8 @@ def leaning(path: Trajectory) -> list[Reason]:
     """Minutes of driving through which the vehicle would lean or climb as no road does."""
     t = path.gps_s - path.gps_s[0]
     moving = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]) > limits.DRIVING_SPEED
+    if not moving.any():
+        return []
     block = np.floor(t[moving] / limits.LEAN_S).astype(np.int64)
     tilt = np.abs(path.rpy[moving, :2])
     worst, spans = 0.0, []
