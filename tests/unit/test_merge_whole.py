@@ -105,7 +105,7 @@ def test_observations_have_the_maps_names_and_lie_on_their_drives_tracks(merged:
 
 def test_every_drive_has_its_track_in_each_format_that_holds_tracks(merged: Path) -> None:
     tracks = read_tracks(merged / TRACKS)
-    drives = {name for sign in features(merged) for name in sign["drives"]}
+    drives = {name for sign in features(merged) for name in sign["drives"].split(", ")}
     assert set(tracks) == drives
     assert run_command(["export", str(merged), "--format", "gpx"]) == 0
     root = ElementTree.parse(merged / "trajectory.gpx").getroot()
