@@ -20,7 +20,6 @@ from pipeline.run.execute import execute, remove_leftovers, work_folder
 from pipeline.run.log_file import logging_to
 from pipeline.run.stage import Stage, StageContext
 from pipeline.shared.lock import locked
-from pipeline.shared.memory import return_unused_memory
 from pipeline.shared.progress import Outcome, Reporter, StageLine
 from pipeline.shared.run_record import merge_stages, new_record, read_record, utc_now
 
@@ -79,7 +78,6 @@ def run_drive(path: Path, out: Path, request: Request, reporter: Reporter | None
     leaves, after the record has been brought up to date.
     """
     reporter = reporter or Reporter()
-    return_unused_memory()
     reporter.drive_started(path, out)
     run: _Run | None = None
     error: AutoMapError | None = None
