@@ -131,6 +131,9 @@ STRAIGHT_SHARE = 0.5
 """Of a sign's views, what must be straight on. Chosen: half of a pass tells its mean course."""
 BEYOND_MANIFEST_PROBABILITY = 2.7e-3
 """A right manifest is called in doubt so rarely: three of its sigmas."""
+DOUBTED_TURN_RAD, DOUBTED_TIME_S = math.radians(10.0), MOST_REACH_S / REACH_SIGMAS
+"""Sigmas of a camera whose stated ones its boxes contradict: three make half of a usual camera's
+view, beyond which nobody mounts one that looks ahead, and as far as a time offset is looked for."""
 
 # existence
 

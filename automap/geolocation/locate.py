@@ -23,6 +23,7 @@ from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
 from automap.geolocation.merging import combine
 from automap.geolocation.observations import (
     Observations,
+    doubted_cameras,
     nothing_observed,
     record_sign,
     warnings_of,
@@ -70,9 +71,31 @@ def locate_signs(
     ``detections`` one record per camera, whose name must be in ``cameras``. Every detection
     is accounted for in the observations; what could not be used is counted in the warnings.
     ``progress`` is called with the fraction done. ``control`` surveyed signs to adjust the
-    trajectory by.
+    trajectory by. Where boxes contradict what is stated of a camera's turn and time offset,
+    these are taken as unknown if more boxes fit then.
     """
     rules = rules or GeolocationRules()
+    found = _located(trajectory, detections, cameras, rules, progress, control, cameras)
+    doubted = doubted_cameras(found.observations, found.signs, found.corrections, cameras)
+    if doubted:
+        unknown = {**cameras, **doubted}
+        again = _located(trajectory, detections, unknown, rules, lambda f: None, control, cameras)
+        if again.observations.used.sum() > found.observations.used.sum():
+            return again
+    return found
+
+
+def _located(
+    trajectory: Trajectory,
+    detections: Sequence[Detections],
+    cameras: Mapping[str, Camera],
+    rules: GeolocationRules,
+    progress: Callable[[float], None],
+    control: ControlSigns | None,
+    stated: Mapping[str, Camera],
+) -> GeolocationResult:
+    """All signs with cameras that are known as well as ``cameras`` say; sentences are about those
+    ``stated``."""
     corrections: dict[str, CameraCorrection] = {}
     if rules.estimate_camera:
         corrections = first_corrections(trajectory, detections, cameras, rules)
@@ -175,7 +198,7 @@ def locate_signs(
             replace(sign, support=f"p{number + 1:04d}")
             for sign, number in zip(signs, numbers, strict=True)
         ]
-    sentences = warnings_of(observations, signs, corrections, cameras)
+    sentences = warnings_of(observations, signs, corrections, stated)
     unused = 0 if control is None else len(control) - len(passes.controlled)
     if control is not None and unused:
         sentences.append(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -124,7 +124,6 @@ def warnings_of(
             "heights of their boxes (status contradictory); their ellipses hold both places."
         )
     sentences += _misfit(observations, signs)
-    most = sigmas(limits.BEYOND_MANIFEST_PROBABILITY)
     for name, correction in corrections.items():
         camera = cameras[name]
         if correction.time_minima:
@@ -133,8 +132,7 @@ def warnings_of(
                 f"camera {name}: too few signs to tell by how much its frames are off; {times} s "
                 "explain the boxes alike. The manifest's time_offset_s was kept."
             )
-        sd = np.array([camera.mount_sd] * 3 + [camera.time_offset_sd])
-        if (np.abs(correction.values[:4]) > most * np.maximum(sd, 1e-9)).any():
+        if _beyond_manifest(correction, camera):
             turn = ", ".join(f"{v:.2f}" for v in np.degrees(correction.turn))
             sentences.append(
                 f"camera {name} seems turned by ({turn}) deg in roll, pitch, yaw and its frames "
@@ -142,6 +140,34 @@ def warnings_of(
                 "mount_rpy_deg and time_offset_s."
             )
     return sentences
+
+
+def doubted_cameras(
+    observations: Observations,
+    signs: Sequence[Sign],
+    corrections: Mapping[str, CameraCorrection],
+    cameras: Mapping[str, Camera],
+) -> dict[str, Camera]:
+    """The cameras whose stated turn and time offset their boxes contradict, with these as good as
+    unknown; none where boxes and path do not fit, for another video can be fitted to any path."""
+    if _misfit(observations, signs):
+        return {}
+    return {
+        name: replace(
+            cameras[name],
+            mount_sd=max(cameras[name].mount_sd, limits.DOUBTED_TURN_RAD),
+            time_offset_sd=max(cameras[name].time_offset_sd, limits.DOUBTED_TIME_S),
+        )
+        for name, correction in corrections.items()
+        if _beyond_manifest(correction, cameras[name])
+    }
+
+
+def _beyond_manifest(correction: CameraCorrection, camera: Camera) -> bool:
+    """Whether a turn or time offset is more than the manifest's sigmas allow."""
+    sd = np.array([camera.mount_sd] * 3 + [camera.time_offset_sd])
+    most = sigmas(limits.BEYOND_MANIFEST_PROBABILITY)
+    return bool((np.abs(correction.values[:4]) > most * np.maximum(sd, 1e-9)).any())
 
 
 def _misfit(observations: Observations, signs: Sequence[Sign]) -> list[str]:

@@ -75,7 +75,12 @@ def solve_with_pass_errors(views: Views, landmark: Landmark, prior: SizePrior) -
         S, s, g = shared[:N_COMMON, :N_COMMON], shared[:N_COMMON, -1], shared[N_COMMON:, -1]
         AW, M = A * sd, identity + sd[:, None] * S * sd
         whole = np.block([[N, AW], [AW.T, M]])
-        step = np.linalg.solve(whole, np.concatenate([g, sd * s - z]))
+        try:
+            step = np.linalg.solve(whole, np.concatenate([g, sd * s - z]))
+        except np.linalg.LinAlgError:
+            # it went so far that no view tells anything any more
+            parameters, z = landmark.parameters, np.zeros(N_COMMON)
+            break
         limit = min(1.0, 0.5 / max(abs(float(step[2])), 1e-12))
         parameters, z = parameters + limit * step[:4], z + limit * step[4:]
         if np.abs(step[4:]).max() < _SETTLED and abs(float(step[2])) < _SETTLED:

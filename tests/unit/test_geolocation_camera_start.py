@@ -50,6 +50,26 @@ def test_turn_and_offset_before_any_link(winding) -> None:
     assert x[3] == pytest.approx(0.25, abs=0.02)
 
 
+@pytest.mark.parametrize(("yaw_deg", "late_s"), [(10.0, 0.0), (0.0, 0.5)])
+def test_a_statement_that_the_boxes_contradict_is_not_held_to(
+    winding, yaw_deg: float, late_s: float
+) -> None:
+    told = camera(mount_sd=np.radians(0.5), time_offset_sd=0.02)
+    true = replace(
+        told,
+        mount_rpy=told.mount_rpy + np.radians([0.0, 0.0, yaw_deg]),
+        time_offset_s=told.time_offset_s + late_s,
+    )
+    scene = roadside(winding, every_s=2.0)
+    found, _ = boxes(winding, scene, true, np.random.default_rng(1))
+    result = locate_signs(winding, [found], {"front": told})
+    correction = result.corrections["front"]
+    assert np.degrees(correction.turn[2]) == pytest.approx(yaw_deg, abs=1.0)
+    assert correction.time_s == pytest.approx(late_s, abs=0.05)
+    assert any("more than the manifest's sigmas allow" in text for text in result.warnings)
+    assert result.observations.used.mean() > 0.9
+
+
 def test_few_boxes_leave_the_camera_alone(winding) -> None:
     told = camera(mount_sd=np.radians(4.0), time_offset_sd=0.15)
     found, _ = boxes(winding, roadside(winding, every_s=50.0), told, np.random.default_rng(0))
