@@ -26,6 +26,7 @@ from automap.geolocation.observations import (
     doubted_cameras,
     nothing_observed,
     record_sign,
+    unexplained_cameras,
     warnings_of,
 )
 from automap.geolocation.pass_errors import solve_with_pass_errors
@@ -72,7 +73,7 @@ def locate_signs(
     is accounted for in the observations; what could not be used is counted in the warnings.
     ``progress`` is called with the fraction done. ``control`` surveyed signs to adjust the
     trajectory by. Where boxes contradict what is stated of a camera's turn and time offset,
-    these are taken as unknown if more boxes fit then.
+    these are taken as unknown if more boxes fit then, and a sentence says so if none do.
     """
     rules = rules or GeolocationRules()
     found = _located(trajectory, detections, cameras, rules, progress, control, cameras)
@@ -82,6 +83,7 @@ def locate_signs(
         again = _located(trajectory, detections, unknown, rules, lambda f: None, control, cameras)
         if again.observations.used.sum() > found.observations.used.sum():
             return again
+        found.warnings.append(unexplained_cameras(sorted(doubted)))
     return found
 
 

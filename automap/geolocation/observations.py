@@ -163,6 +163,15 @@ def doubted_cameras(
     }
 
 
+def unexplained_cameras(names: Sequence[str]) -> str:
+    """The sentence on cameras that are not as stated, and that no turn and time offset explain."""
+    return (
+        f"What is wrong with camera {', '.join(names)} is no turn and no time offset: with both "
+        "left open boxes fit no better. Places of signs may be wrong by more than they say; check "
+        "that the frames' stamps run as fast as the clock, camera_matrix, and the video."
+    )
+
+
 def _beyond_manifest(correction: CameraCorrection, camera: Camera) -> bool:
     """Whether a turn or time offset is more than the manifest's sigmas allow."""
     sd = np.array([camera.mount_sd] * 3 + [camera.time_offset_sd])

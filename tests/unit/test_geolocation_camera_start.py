@@ -70,6 +70,19 @@ def test_a_statement_that_the_boxes_contradict_is_not_held_to(
     assert result.observations.used.mean() > 0.9
 
 
+def test_stamps_that_run_too_fast_are_no_offset_and_are_told(winding) -> None:
+    view = camera(mount_sd=np.radians(0.5), time_offset_sd=0.02)
+    found, _ = boxes(winding, roadside(winding, every_s=2.0), view, np.random.default_rng(1))
+    since = found.t_ns - found.t_ns[0]
+    fast = replace(found, t_ns=found.t_ns[0] + (since * 1.05).astype(np.int64))
+    told = [locate_signs(winding, [it], {"front": view}).warnings for it in (found, fast)]
+    unlike = ("no turn and no time offset", "do not fit the path")
+    assert [any(any(u in text for u in unlike) for text in texts) for texts in told] == [
+        False,
+        True,
+    ]
+
+
 def test_few_boxes_leave_the_camera_alone(winding) -> None:
     told = camera(mount_sd=np.radians(4.0), time_offset_sd=0.15)
     found, _ = boxes(winding, roadside(winding, every_s=50.0), told, np.random.default_rng(0))
