@@ -4,7 +4,8 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3)
 VENV := .venv
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
-INSTALL := $(PIP) install --quiet --no-deps --requirement
+# modules are compiled when they are first imported: most never are
+INSTALL := $(PIP) install --quiet --no-deps --no-compile --requirement
 PYTEST_ARGS ?=
 MUTANTS ?=
 

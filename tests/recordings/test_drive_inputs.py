@@ -35,15 +35,22 @@ _DRIVES = (
     "reference/white-noise-drive",
 )
 
+_ALIKE = ("0014", "0032", "0059", "0104", "0930-0034", "1003-0034")
+"""Drives of the same car and sensors as others; left to the slow tests."""
+_MANY = [
+    pytest.param(name, marks=pytest.mark.slow) if name.endswith(_ALIKE) else name
+    for name in _DRIVES
+]
 
-@pytest.mark.parametrize("name", _DRIVES)
+
+@pytest.mark.parametrize("name", _MANY)
 def test_a_real_drive_is_usable_and_has_no_false_alarm(shared_data: Path, name: str) -> None:
     report = check_drive(shared_data / name)
     assert report.usable, report.text()
     assert not [f for f in report.findings if f.severity == "error"], report.text()
 
 
-@pytest.mark.parametrize("name", _DRIVES)
+@pytest.mark.parametrize("name", _MANY)
 def test_a_real_drive_is_ingested_whole(shared_data: Path, name: str, tmp_path: Path) -> None:
     drive = load_drive(shared_data / name)
     context = StageContext(drive, tmp_path, tmp_path, Settings())

@@ -45,7 +45,7 @@ def judged(
 
 
 @pytest.mark.parametrize("rates", [CAR, PHONE])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_steady_clock_is_none(rates: tuple[float, float], seed: int) -> None:
     assert judged(rates, lambda t: t, seed=seed) == []
     assert judged(rates, lambda t: t + 0.2, seed=seed) == []
@@ -53,8 +53,11 @@ def test_a_steady_clock_is_none(rates: tuple[float, float], seed: int) -> None:
     assert judged(rates, lambda t: t * (1.0 + 300e-6), seed=seed) == []
 
 
-@pytest.mark.parametrize("rates", [CAR, PHONE])
-@pytest.mark.parametrize("clock", [CLOCK, None])
+@pytest.mark.parametrize(
+    ("rates", "clock"),
+    [(CAR, CLOCK), (PHONE, None)]
+    + [pytest.param(*case, marks=pytest.mark.slow) for case in ((CAR, None), (PHONE, CLOCK))],
+)
 def test_a_clock_of_another_rate(rates: tuple[float, float], clock: ClockModel | None) -> None:
     (finding,) = judged(rates, lambda t: 1.01 * t, clock)
     assert (finding.severity, finding.code) == ("error", "imu_clock_rate")
@@ -70,8 +73,11 @@ def test_a_clock_that_runs_off_from_some_time_on() -> None:
     assert float(first) < MIDDLE < float(last)
 
 
-@pytest.mark.parametrize("rates", [CAR, PHONE])
-@pytest.mark.parametrize("size", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("rates", "size"),
+    [(CAR, 1.0), (PHONE, -1.0)]
+    + [pytest.param(*case, marks=pytest.mark.slow) for case in ((CAR, -1.0), (PHONE, 1.0))],
+)
 def test_a_clock_that_jumps(rates: tuple[float, float], size: float) -> None:
     (finding,) = judged(rates, lambda t: t + size * (t > MIDDLE))
     assert (finding.severity, finding.code) == ("error", "imu_clock_jump")

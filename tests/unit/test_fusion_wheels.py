@@ -97,7 +97,7 @@ def in_outage(result: FusionResult) -> np.ndarray:
     return errors(result.trajectory, town().motion)[(t > OUTAGE[0]) & (t < OUTAGE[1])]
 
 
-@pytest.mark.parametrize("rate", [0.5, 1.0, 20.0, 100.0])
+@pytest.mark.parametrize("rate", [0.5, 1.0, 20.0, pytest.param(100.0, marks=pytest.mark.slow)])
 def test_any_rate_is_used_and_helps_without_fixes(rate: float) -> None:
     result = fused(rate)
     used = result.innovations.channel == "odometer"
@@ -112,7 +112,7 @@ def test_any_rate_is_used_and_helps_without_fixes(rate: float) -> None:
     assert added[1] < 0.95 * added[0]
 
 
-@pytest.mark.parametrize("rate", [1.0, 10.0])
+@pytest.mark.parametrize("rate", [1.0, pytest.param(10.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("late", "scale"), [(0.5, 1.0), (0.0, 1.05), (0.5, 1.05), (-1.3, 0.95)])
 def test_wheels_that_are_late_or_long_cost_nothing(rate: float, late: float, scale: float) -> None:
     result = fused(rate, late, scale)
@@ -143,7 +143,7 @@ def test_speeds_in_whole_kilometres_an_hour_are_as_sure_as_said(rate: float) -> 
     assert speeds[1] < 0.95 * speeds[0]
 
 
-@pytest.mark.parametrize("rate", [1.0, 10.0])
+@pytest.mark.parametrize("rate", [1.0, pytest.param(10.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("value", ["zero", "held"])
 def test_a_counter_that_hangs_does_not_pull_the_path(rate: float, value: str) -> None:
     good = count(town().motion, rate)

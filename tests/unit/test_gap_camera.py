@@ -133,7 +133,14 @@ def boxes_with(values: dict[str, dict[str, float]], seed: int = 1) -> Boxes:
     return boxes
 
 
-@pytest.mark.parametrize("effect", list(VALUES))
+@pytest.mark.parametrize(
+    "effect",
+    ["camera_boresight", "camera_time_offset", "camera_lever_arm"]
+    + [
+        pytest.param(effect, marks=pytest.mark.slow)
+        for effect in ("rolling_shutter", "camera_focal", "camera_distortion")
+    ],
+)
 def test_an_effect_of_the_camera_is_named_and_recovered(effect: str) -> None:
     gap = find_camera_gap("front", boxes_with({effect: VALUES[effect]}), None)
     assert [f.effect for f in gap.findings] == [effect]
@@ -164,7 +171,9 @@ def users() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("users")
-@pytest.mark.parametrize("effect", list(HIDDEN))
+@pytest.mark.parametrize(
+    "effect", ["leans", *(pytest.param(e, marks=pytest.mark.slow) for e in HIDDEN if e != "leans")]
+)
 def test_a_users_effect_of_the_camera_is_named_and_recovered(effect: str) -> None:
     gap = find_camera_gap("front", boxes_with({effect: HIDDEN[effect]}), None)
     assert [f.effect for f in gap.findings] == [effect]
@@ -174,6 +183,7 @@ def test_a_users_effect_of_the_camera_is_named_and_recovered(effect: str) -> Non
         assert value.sd < 0.2 * true
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("users")
 def test_known_effects_that_go_with_the_drive_are_taken_out_of_the_boxes() -> None:
     values = {**HIDDEN, "rolling_shutter": {"s": 0.04}}
@@ -187,10 +197,10 @@ def test_known_effects_that_go_with_the_drive_are_taken_out_of_the_boxes() -> No
     assert gap.gap_before < 0.02
 
 
-def test_a_camera_as_stated_is_silent() -> None:
-    for seed in (1, 2):
-        gap = find_camera_gap("front", boxes_with({}, seed), None)
-        assert gap.findings == ()
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_camera_as_stated_is_silent(seed: int) -> None:
+    gap = find_camera_gap("front", boxes_with({}, seed), None)
+    assert gap.findings == ()
 
 
 def test_signs_at_their_best_places_give_back_their_boxes() -> None:

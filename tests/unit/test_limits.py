@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -41,19 +42,23 @@ def _explained(body: list[ast.stmt], place: int) -> bool:
     )
 
 
+@cache
+def _names_used(top: str) -> set[str]:
+    return {
+        node.attr if isinstance(node, ast.Attribute) else node.id
+        for file in (ROOT / top).rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_bytes()))
+        if isinstance(node, ast.Attribute | ast.Name) and isinstance(node.ctx, ast.Load)
+    }
+
+
 @pytest.mark.parametrize("path", LIMITS, ids=str)
 def test_every_limit_has_its_reason_and_is_used(path: Path) -> None:
     body = ast.parse((ROOT / path).read_text()).body
     limits = [(i, s) for i, s in enumerate(body) if isinstance(s, ast.Assign)]
     assert limits
     assert [_names(s) for i, s in limits if not _explained(body, i)] == []
-    top = ROOT / path.parts[0]
-    used = {
-        node.attr if isinstance(node, ast.Attribute) else node.id
-        for file in [*top.rglob("*.py"), *(ROOT / "pipeline").rglob("*.py")]
-        for node in ast.walk(ast.parse(file.read_bytes()))
-        if isinstance(node, ast.Attribute | ast.Name) and isinstance(node.ctx, ast.Load)
-    }
+    used = _names_used("pipeline") | _names_used(path.parts[0])
     assert {name for _, s in limits for name in _names(s)} - used == set()
 
 

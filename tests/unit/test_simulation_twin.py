@@ -116,7 +116,11 @@ def test_noise_has_the_stated_size(recorded: SimulatedSensors, trajectory: Traje
     assert np.std(high) == pytest.approx(0.5, rel=0.2)
 
 
-@pytest.mark.parametrize("kind", ["wander", "multipath", "bias", "velocity_wander"])
+@pytest.mark.parametrize(
+    "kind",
+    ["wander", "velocity_wander"]
+    + [pytest.param(kind, marks=pytest.mark.slow) for kind in ("multipath", "bias")],
+)
 def test_errors_that_last_do_so_for_as_long_as_they_say(
     recorded: SimulatedSensors, trajectory: Trajectory, kind: str
 ) -> None:
