@@ -128,7 +128,8 @@ class Equations:
             (axes * self.order[:, None] + np.arange(axes)).ravel(),
         )
         pull = np.einsum("nij,nj->ni", W, net.measured)
-        right = np.bincount(self._at, (net.sd * pull).ravel(), size).astype(np.float64)
+        right = np.zeros(size)
+        right += np.bincount(self._at, (net.sd * pull).ravel(), size)
         right += np.bincount(self._of, pull.ravel(), size)
         x = factor.solve(right)
         error, place = np.split(x.reshape(-1, axes), [self.nodes])

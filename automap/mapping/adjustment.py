@@ -205,9 +205,8 @@ def network_of(sightings: Sightings, data: TileData, levels: ErrorLevels, axes: 
         own = own[:, :, None]
         shared = np.where(known, sightings.shared_sd[rows, 2:], 0.0)
         measured = np.where(known, data.measured[:, 2:], 0.0)
-    return Network(
-        alike, np.arange(n), data.sign, levels.shared * shared, measured, np.linalg.inv(own)
-    )
+    information = np.asarray(np.linalg.inv(own), np.float64)
+    return Network(alike, np.arange(n), data.sign, levels.shared * shared, measured, information)
 
 
 @dataclass(frozen=True)
