@@ -7,7 +7,7 @@ What no sign tells keeps its prior, so that parts of a drive without such signs 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -115,26 +115,45 @@ def shift_sighting(sighting: Sighting, adjustment: Adjustment) -> Sighting:
     )
 
 
-def shift_trajectory(
+@dataclass(frozen=True)
+class AdjustedTrajectory:
+    """A ``trajectory`` less its error, made as it is asked for: of a long drive it is as large
+    again."""
+
+    trajectory: Trajectory
+    adjustment: Adjustment
+    origin: tuple[float, float, float]
+
+    def pieces(self) -> Iterator[Trajectory]:
+        """Stretch after stretch."""
+        for a in range(0, len(self.trajectory), _ROWS):
+            part = {name: v[a : a + _ROWS] for name, v in vars(self.trajectory).items()}
+            yield shifted(Trajectory(**part), self.adjustment, self.origin)
+
+    def whole(self) -> Trajectory:
+        """All of it."""
+        parts = [vars(piece) for piece in self.pieces()]
+        return Trajectory(**{name: np.concatenate([p[name] for p in parts]) for name in parts[0]})
+
+
+def shifted(
     trajectory: Trajectory, adjustment: Adjustment, origin: tuple[float, float, float]
 ) -> Trajectory:
     """The adjusted trajectory: positions, velocities and sigmas of the positions."""
     slope = np.gradient(adjustment.error, adjustment.time_s, axis=0)
-    moved = ("lat_rad", "lon_rad", "height_m", "vel_ned", "sd_pos_ned")
-    out = replace(trajectory, **{name: getattr(trajectory, name).copy() for name in moved})
-    for a in range(0, len(out), _ROWS):
-        part = slice(a, a + _ROWS)
-        time = np.asarray(out.t_ns[part] * 1e-9, np.float64)
-        error, sd = adjustment.at(time)
-        drift = np.column_stack([np.interp(time, adjustment.time_s, slope[:, k]) for k in range(3)])
-        lat, height = out.lat_rad[part].copy(), out.height_m[part]
-        C_here_origin = np.swapaxes(tangent_rotation(lat, out.lon_rad[part], origin), 1, 2)
-        error, drift = (np.einsum("nij,nj->ni", C_here_origin, v) for v in (error, drift))
-        per_lat, per_lon = metres_per_radian(lat, np.nan_to_num(height))
-        out.lat_rad[part] -= error[:, 0] / per_lat
-        lon = out.lon_rad[part] - error[:, 1] / per_lon
-        out.lon_rad[part] = (lon + np.pi) % (2.0 * np.pi) - np.pi
-        out.height_m[part] += error[:, 2]
-        out.vel_ned[part] -= drift
-        out.sd_pos_ned[part] = np.minimum(sd, out.sd_pos_ned[part])
-    return out
+    time = np.asarray(trajectory.t_ns * 1e-9, np.float64)
+    error, sd = adjustment.at(time)
+    drift = np.column_stack([np.interp(time, adjustment.time_s, slope[:, k]) for k in range(3)])
+    lat, height = trajectory.lat_rad, trajectory.height_m
+    C_here_origin = np.swapaxes(tangent_rotation(lat, trajectory.lon_rad, origin), 1, 2)
+    error, drift = (np.einsum("nij,nj->ni", C_here_origin, v) for v in (error, drift))
+    per_lat, per_lon = metres_per_radian(lat, np.nan_to_num(height))
+    lon = trajectory.lon_rad - error[:, 1] / per_lon
+    return replace(
+        trajectory,
+        lat_rad=lat - error[:, 0] / per_lat,
+        lon_rad=(lon + np.pi) % (2.0 * np.pi) - np.pi,
+        height_m=height + error[:, 2],
+        vel_ned=trajectory.vel_ned - drift,
+        sd_pos_ned=np.minimum(sd, trajectory.sd_pos_ned),
+    )

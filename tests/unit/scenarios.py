@@ -376,7 +376,7 @@ def geolocation_street() -> Any:
     scene = world.roadside(path, every_s=2.0)
     true = world.camera(time_offset_s=0.02, mount_rpy=np.radians([0.7, -0.8, 2.4]))
     found, _ = world.boxes(path, scene, true, np.random.default_rng(3), interval_s=0.4)
-    return replace(locate_signs(path, [found], {"front": world.camera()}), trajectory=None)
+    return replace(locate_signs(path, [found], {"front": world.camera()}), adjusted=None)
 
 
 @scenario
