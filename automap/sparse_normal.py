@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.jit import kernel
+from automap.jit import kernel_with
 from automap.records import FloatArray, IntArray
 
 
@@ -39,6 +39,21 @@ class Factor:
         out = np.empty(len(self.order))
         out[self.order] = _variances(self.start, self.row, self.value, self.pivot)
         return out
+
+    def variances_of(self, index: IntArray, weight: FloatArray) -> FloatArray:
+        """Variances [...] of weighted sums of unknowns ``index`` [..., s], without the rest of the
+        inverse; ``weight`` fits ``index``, a negative index is none."""
+        place = np.empty(len(self.order) + 1, np.int64)
+        place[self.order] = np.arange(len(self.order))
+        place[-1] = -1
+        wanted = np.ascontiguousarray(place[np.maximum(index, -1)])
+        weight = np.ascontiguousarray(np.broadcast_to(weight, wanted.shape))
+        shape, s = wanted.shape[:-1], wanted.shape[-1]
+        found = _variances_of(
+            self.start, self.row, self.value, self.pivot, wanted.reshape(-1, s),
+            weight.reshape(-1, s),
+        )  # fmt: skip
+        return np.asarray(found.reshape(shape))
 
 
 def factorise(row: IntArray, column: IntArray, value: FloatArray, order: IntArray) -> Factor:
@@ -77,7 +92,7 @@ def least_fill(row: IntArray, column: IntArray, n: int) -> IntArray:
     return np.argsort(found.perm_c).astype(np.int64)
 
 
-@kernel
+@kernel_with(nogil=True)
 def _factorise(  # type: ignore[no-untyped-def]
     start, row, value
 ):
@@ -139,7 +154,7 @@ def _factorise(  # type: ignore[no-untyped-def]
     return first, rows, values, pivot
 
 
-@kernel
+@kernel_with(nogil=True)
 def _solve(
     start: IntArray, row: IntArray, value: FloatArray, pivot: FloatArray, right: FloatArray
 ) -> FloatArray:
@@ -155,7 +170,7 @@ def _solve(
     return x
 
 
-@kernel
+@kernel_with(nogil=True)
 def _variances(start: IntArray, row: IntArray, value: FloatArray, pivot: FloatArray) -> FloatArray:
     """From the last column to the first: what a column needs of the inverse lies in columns after
     it, where the factor has entries."""
@@ -183,3 +198,33 @@ def _variances(start: IntArray, row: IntArray, value: FloatArray, pivot: FloatAr
             below[p] = of[row[p]]
             diagonal[j] -= value[p] * below[p]
     return diagonal
+
+
+@kernel_with(nogil=True)
+def _variances_of(
+    start: IntArray,
+    row: IntArray,
+    value: FloatArray,
+    pivot: FloatArray,
+    wanted: IntArray,
+    weight: FloatArray,
+) -> FloatArray:
+    """The sum of squares of what the factor makes of each right-hand side: it begins at the first
+    of the unknowns wanted, and passes over those that nothing reaches."""
+    n = len(pivot)
+    x = np.zeros(n)
+    result = np.zeros(len(wanted))
+    for k in range(len(wanted)):
+        first = n
+        for c in range(wanted.shape[1]):
+            if wanted[k, c] >= 0:
+                x[wanted[k, c]] += weight[k, c]
+                first = min(first, wanted[k, c])
+        for j in range(first, n):
+            own = x[j]
+            if own != 0.0:
+                for p in range(start[j], start[j + 1]):
+                    x[row[p]] -= value[p] * own
+                result[k] += own * own / pivot[j]
+                x[j] = 0.0
+    return result

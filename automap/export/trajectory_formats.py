@@ -22,14 +22,25 @@ from automap.records import FloatArray, Trajectory
 from automap.timebase import gps_to_iso
 
 GPX_STEP_S = 1.0
+_ROWS = 1 << 15
+"""Written at once: some ten megabytes of text."""
 _NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _FRD_TO_FLU = np.diag([1.0, -1.0, -1.0])
 # columns: right, down, forward in body axes forward, right, down
 _CAMERA_AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
-def trajectory_csv(trajectory: Trajectory) -> str:
-    """All columns of the trajectory table, with their units in the names."""
+def stretches(trajectory: Trajectory) -> Iterator[tuple[Trajectory, Trajectory | None]]:
+    """A long trajectory in parts, each with what was before it: the text of all rows at once is
+    larger than the trajectory."""
+    for a in range(0, max(len(trajectory), 1), _ROWS):
+        part = {name: values[a : a + _ROWS] for name, values in vars(trajectory).items()}
+        yield Trajectory(**part), trajectory if a else None
+
+
+def trajectory_csv(trajectory: Trajectory, before: Trajectory | None = None) -> str:
+    """All columns of the trajectory table, with their units in the names; the names stand above
+    unless rows went ``before``."""
     import pandas as pd
 
     from automap.io.trajectory_table import to_columns
@@ -37,11 +48,12 @@ def trajectory_csv(trajectory: Trajectory) -> str:
     decimals = {"gps_s": 6, "lat_deg": 10, "lon_deg": 10}
     table = pd.DataFrame(to_columns(trajectory))
     table = table.round({name: decimals.get(str(name), 5) for name in table if name != "t_ns"})
-    return str(table.to_csv(index=False, lineterminator="\n"))
+    return str(table.to_csv(index=False, header=before is None, lineterminator="\n"))
 
 
-def rtklib_pos(trajectory: Trajectory) -> str:
-    """RTKLIB solution file in GPS time with ellipsoidal heights, velocities and sigmas."""
+def rtklib_pos(trajectory: Trajectory, before: Trajectory | None = None) -> str:
+    """RTKLIB solution file in GPS time with ellipsoidal heights, velocities and sigmas, without its
+    header where rows went ``before``."""
     header = (
         "% program   : automap\n"
         "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,"
@@ -54,7 +66,7 @@ def rtklib_pos(trajectory: Trajectory) -> str:
     t = trajectory
     stamps = _gpst(t.gps_s)
     text = StringIO()
-    text.write(header)
+    text.write(header if before is None else "")
     lat, lon = np.degrees(t.lat_rad), np.degrees(t.lon_rad)
     for i, stamp in enumerate(stamps):
         sp, sv, v = t.sd_pos_ned[i], t.sd_vel_ned[i], t.vel_ned[i]
@@ -67,20 +79,22 @@ def rtklib_pos(trajectory: Trajectory) -> str:
     return text.getvalue()
 
 
-def tum_poses(trajectory: Trajectory) -> str:
-    """TUM pose file: one ``t x y z qx qy qz qw`` a row."""
-    position, attitude = _local(trajectory)
+def tum_poses(trajectory: Trajectory, before: Trajectory | None = None) -> str:
+    """TUM pose file: one ``t x y z qx qy qz qw`` a row; the first pose is that of the rows that
+    went ``before``, where some did."""
+    position, attitude = _local(trajectory, before)
     world = _NED_TO_ENU @ attitude @ _FRD_TO_FLU
     quat = matrix_to_quat(world)
     table = np.column_stack([trajectory.gps_s, position @ _NED_TO_ENU.T, quat[:, 1:], quat[:, :1]])
     return _rows(table, ["%.6f"] + ["%.5f"] * 3 + ["%.9f"] * 4)
 
 
-def kitti_poses(trajectory: Trajectory) -> str:
-    """KITTI pose file: twelve numbers a row, the 3x4 matrix relative to the first pose."""
-    position, attitude = _local(trajectory)
+def kitti_poses(trajectory: Trajectory, before: Trajectory | None = None) -> str:
+    """KITTI pose file: twelve numbers a row, the 3x4 matrix relative to the first pose, which is
+    that of the rows that went ``before``, where some did."""
+    position, attitude = _local(trajectory, before)
     axes = attitude @ _CAMERA_AXES
-    first = axes[0].T
+    first = (rpy_to_matrix((before or trajectory).rpy[:1]) @ _CAMERA_AXES)[0].T
     rotation = first @ axes
     moved = position @ first.T
     table = np.concatenate([rotation, moved[:, :, None]], axis=2).reshape(len(position), 12)
@@ -173,14 +187,16 @@ def _flat(value: Any) -> str:
     return ", ".join(str(item) for item in value) if isinstance(value, list) else str(value)
 
 
-def _local(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
+def _local(
+    trajectory: Trajectory, before: Trajectory | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Positions [n, 3] NED of the first and attitudes [n, 3, 3] body to that NED frame."""
-    t = trajectory
-    ref = (float(t.lat_rad[0]), float(t.lon_rad[0]), float(t.height_m[0]))
+    t, start = trajectory, before or trajectory
+    ref = (float(start.lat_rad[0]), float(start.lon_rad[0]), float(start.height_m[0]))
     position = local_ned(t.lat_rad, t.lon_rad, t.height_m, ref).reshape(-1, 3)
     # north turns on the way: through the Earth's axes to those of the first pose
-    axes = ecef_axes(t.lat_rad, t.lon_rad)
-    return position, axes[0].T @ axes @ rpy_to_matrix(t.rpy)
+    axes, first = ecef_axes(t.lat_rad, t.lon_rad), ecef_axes(start.lat_rad[:1], start.lon_rad[:1])
+    return position, first[0].T @ axes @ rpy_to_matrix(t.rpy)
 
 
 def _gpst(gps_s: FloatArray) -> list[str]:

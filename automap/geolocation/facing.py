@@ -106,8 +106,16 @@ def find_facings(
 
     Where a sign's boxes tell nothing it faces against the traffic, with the sigma of all.
     """
-    seen = [_observed(views, sightings, path) for sightings in groups]
-    faces = _common([one for one in seen if len(one.measured) >= limits.SCATTER_VIEWS])
+    telling = [
+        sightings
+        for sightings in groups
+        if sum(int(np.isfinite(views.log_aspect[s.landmark.rows]).sum()) for s in sightings)
+        >= limits.SCATTER_VIEWS
+    ]
+    some = telling[:: max(1, -(-len(telling) // limits.SCATTER_SIGNS))]
+    faces = _common([_observed(views, sightings, path) for sightings in some])
+    # what was expected of every box of a long drive would be gigabytes
+    seen = (_observed(views, sightings, path) for sightings in groups)
     return [_summary(one, _believe(one, faces)) for one in seen], faces
 
 
@@ -218,7 +226,6 @@ def _prior(one: _Seen, faces: Faces) -> tuple[FloatArray, FloatArray]:
 
 def _common(seen: Sequence[_Seen]) -> Faces:
     """What the signs of the drive say of all."""
-    seen = seen[:: max(1, -(-len(seen) // limits.SCATTER_SIGNS))]
     faces, own, freedom = Faces(), limits.TURNED_FREEDOM, limits.FACES_FREEDOM
     for _ in range(_ROUNDS):
         believed = [_believe(one, faces) for one in seen]

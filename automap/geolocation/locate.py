@@ -37,7 +37,7 @@ from automap.geolocation.sightings import make_sighting
 from automap.geolocation.splitting import clean_tracks, join_pieces
 from automap.geolocation.supports import support_numbers
 from automap.geolocation.tracking import link_views
-from automap.geolocation.trajectory_adjustment import shift_trajectory
+from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views, build_views
 from automap.records import Camera, Detections, IntArray, Sign, Trajectory
 
@@ -45,18 +45,23 @@ from automap.records import Camera, Detections, IntArray, Sign, Trajectory
 @dataclass(frozen=True)
 class GeolocationResult:
     """Signs in the order of first sight, what became of every detection, what was found out
-    about each camera, and sentences for the user; ``trajectory`` as signs seen again and control
-    signs adjusted it (None: not at all), ``n_control`` control signs that were used, ``noise``
-    of the boxes as it was taken, ``faces`` what was found of all faces."""
+    about each camera, and sentences for the user; ``adjusted`` trajectory, as signs seen again and
+    control signs put it right (None: not at all), ``n_control`` control signs that were used,
+    ``noise`` of the boxes as it was taken, ``faces`` what was found of all faces."""
 
     signs: list[Sign]
     observations: Observations
     corrections: dict[str, CameraCorrection]
     warnings: list[str]
-    trajectory: Trajectory | None
+    adjusted: AdjustedTrajectory | None
     n_control: int
     noise: MeasurementNoise
     faces: Faces
+
+    @property
+    def trajectory(self) -> Trajectory | None:
+        """The adjusted trajectory, made anew at each call."""
+        return None if self.adjusted is None else self.adjusted.whole()
 
 
 def locate_signs(
@@ -165,7 +170,6 @@ def _located(
         make_sighting(views, mark, covariances, disagreement(views, mark, size))
         for mark, size in _settled(views, kept, rules)
     ]
-    path = make_path(trajectory, views.origin)
     focal = np.array([focal_length(cameras[name]) for name in views.camera_names])
     passes = join_passes(views, sightings, trajectory, control, rules.adjust_trajectory)
     sightings, groups = passes.sightings, passes.groups
@@ -173,8 +177,8 @@ def _located(
         observations.note[views.row[sightings[k].landmark.rows]] = "back"
     adjusted = None
     if passes.adjustment is not None:
-        adjusted = shift_trajectory(trajectory, passes.adjustment, views.origin)
-        path = make_path(adjusted, views.origin)
+        adjusted = AdjustedTrajectory(trajectory, passes.adjustment, views.origin)
+    path = make_path(trajectory, views.origin, passes.adjustment)
     joined = [[sightings[k] for k in group] for group in groups]
     facings, faces = find_facings(views, joined, path)
     signs: list[Sign] = []

@@ -8,6 +8,7 @@ import numpy as np
 
 from automap.earth import local_ned
 from automap.geolocation import limits
+from automap.geolocation.trajectory_adjustment import Adjustment, shifted
 from automap.records import FloatArray, IntArray, Trajectory
 
 _STEP_S = 0.05
@@ -27,21 +28,26 @@ class Path:
     course: FloatArray
 
 
-def make_path(trajectory: Trajectory, origin: tuple[float, float, float]) -> Path:
-    """The path of the IMU origin."""
+def make_path(
+    trajectory: Trajectory,
+    origin: tuple[float, float, float],
+    adjustment: Adjustment | None = None,
+) -> Path:
+    """The path of the IMU origin, put right by an ``adjustment``."""
     step = 1
     if len(trajectory) > 2:
         interval = float(np.median(np.diff(trajectory.t_ns))) * 1e-9
         step = max(1, int(_STEP_S / max(interval, 1e-9)))
-    rows = np.arange(0, len(trajectory), step)
-    height = np.where(np.isfinite(trajectory.height_m), trajectory.height_m, origin[2])[rows]
-    velocity = trajectory.vel_ned[rows]
-    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > limits.MOVING_SPEED
-    course = np.arctan2(velocity[:, 1], velocity[:, 0])
+    thin = Trajectory(**{name: values[::step] for name, values in vars(trajectory).items()})
+    if adjustment is not None:
+        thin = shifted(thin, adjustment, origin)
+    height = np.where(np.isfinite(thin.height_m), thin.height_m, origin[2])
+    moving = np.hypot(thin.vel_ned[:, 0], thin.vel_ned[:, 1]) > limits.MOVING_SPEED
+    course = np.arctan2(thin.vel_ned[:, 1], thin.vel_ned[:, 0])
     return Path(
-        t_ns=trajectory.t_ns[rows],
-        position=local_ned(trajectory.lat_rad[rows], trajectory.lon_rad[rows], height, origin),
-        course=np.where(moving, course, trajectory.rpy[rows, 2]),
+        t_ns=thin.t_ns,
+        position=local_ned(thin.lat_rad, thin.lon_rad, height, origin),
+        course=np.where(moving, course, thin.rpy[:, 2]),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from automap.earth import metres_per_radian
 from automap.gates import gate
+from automap.geolocation.path_errors import Equations, Network, Solution, correlations
 from automap.mapping import limits
-from automap.mapping.adjustment_kernels import add_drives, drive_offsets
 from automap.mapping.association import Association
 from automap.mapping.sightings import Sightings
 from automap.mapping.tiles import Tile, cut_tiles
@@ -20,8 +20,8 @@ from automap.records import FloatArray, IntArray
 
 _NO_HEIGHT = 1e12
 """Variance of a height that is not known, m^2."""
-_REWEIGHTINGS, _SETTLED = 3, 0.1
-"""Times that stray sightings are looked for anew, unless no weight changes by more than a tenth."""
+_REWEIGHTINGS = 3
+"""Times that stray sightings are looked for anew."""
 
 
 @dataclass(frozen=True)
@@ -80,10 +80,10 @@ def adjust(
     """Places of all signs by generalised least squares (A. C. Aitken, Proceedings of the Royal
     Society of Edinburgh 55, 1936), tile by tile.
 
-    In a tile every drive's sightings have the full covariance of what they share, so that the
-    covariance of a sign is that of its mean under all errors; sightings outside the tile's
-    margin are left aside, which costs a little precision and no truth. With ``only`` the signs of
-    those cells are placed, the others stay NaN.
+    In a tile the drives' errors are solved with the signs, as those of a drive's passes are, so
+    that the covariance of a sign is that of its mean under all errors; sightings outside the
+    tile's margin are left aside, which costs a little precision and no truth. With ``only`` the
+    signs of those cells are placed, the others stay NaN.
     """
     levels = levels or ErrorLevels()
     m, n = association.n_signs, len(sightings)
@@ -100,17 +100,15 @@ def adjust(
     sums, sds = (np.zeros((sightings.n_drives, 3)) for _ in range(2))
     counts = result.drive_count
 
-    def work(tile: Tile) -> tuple[TileData, list[FloatArray], list[FloatArray]]:
+    def work(tile: Tile) -> tuple[TileData, Placed]:
         data = tile_data(sightings, members, tile, lat, lon)
-        factor = stray_factors(sightings, data, levels)
-        plan, up = (_solve(sightings, data, levels, factor, axes) for axes in (2, 1))
-        return data, plan, up
+        return data, _placed(sightings, data, levels)
 
     # cells are placed by several processes at once
     with ThreadPoolExecutor(max(1, os.cpu_count() or 1) if only is None else 1) as pool:
-        for done, (data, plan, up) in enumerate(pool.map(work, tiles)):
-            _store(result, data, plan, up)
-            _add_offsets(data, plan, up, sightings.drive, sums, sds, counts)
+        for done, (data, placed) in enumerate(pool.map(work, tiles)):
+            _store(result, data, placed)
+            _add_offsets(data, placed, sightings.drive, sums, sds, counts)
             progress((done + 1) / len(tiles))
     seen = counts > 0
     result.drive_offset[seen] = sums[seen] / counts[seen]
@@ -154,33 +152,20 @@ def own_variance(sightings: Sightings, sign: IntArray) -> FloatArray:
     return np.asarray(1.0 / np.bincount(sign, 1.0 / own), np.float64)
 
 
-def stray_factors(sightings: Sightings, data: TileData, levels: ErrorLevels) -> FloatArray:
-    """Factor [n] on the own variance of a tile's sightings that lie too far from their sign.
+def stray_weights(equations: Equations) -> FloatArray:
+    """Weight [n] of a tile's sightings in plan: less for those that lie too far from their sign.
 
     Beyond ``STRAY_PROBABILITY``, with the drive's offset taken off, the variance grows with the
-    square of the distance in sigmas: a stray sighting says little. Reweighted least squares (P. W.
-    Holland, R. E. Welsch, Communications in Statistics A 6, 1977).
+    square of the distance in sigmas: a stray sighting says little.
     """
-    factor = np.ones(len(data.rows))
-    alone = np.bincount(data.sign)[data.sign] < limits.STRAY_MEMBERS
-    for _ in range(_REWEIGHTINGS):
-        far = squares(sightings, data, levels, factor) / gate(limits.STRAY_PROBABILITY, 2)
-        before, factor = factor, np.where(alone, 1.0, np.maximum(1.0, far))
-        if np.max(np.abs(factor / before - 1.0), initial=0.0) < _SETTLED:
-            break
-    return factor
+    sign = equations.network.sign
+    alone = np.bincount(sign)[sign] < limits.STRAY_MEMBERS
+    most = gate(limits.STRAY_PROBABILITY, 2)
 
+    def weigh(square: FloatArray) -> FloatArray:
+        return np.where(alone, 1.0, np.minimum(1.0, most / np.maximum(square, 1e-12)))
 
-def squares(
-    sightings: Sightings, data: TileData, levels: ErrorLevels, factor: FloatArray
-) -> FloatArray:
-    """Squared distances [n] in plan of a tile's sightings from their signs, their drives' offsets
-    taken off, in sigmas of their own errors; weighed with ``factor`` [n] on the own variances."""
-    v = sightings.own[data.rows] * levels.own**2
-    place, _, offset, *_ = _solve(sightings, data, levels, factor, 2)
-    east, north = (data.measured[:, :2] - place[data.sign] - offset).T
-    square = v[:, 2] * east**2 - 2 * v[:, 1] * east * north + v[:, 0] * north**2
-    return np.asarray(square / (v[:, 0] * v[:, 2] - v[:, 1] ** 2))
+    return equations.weights(weigh, _REWEIGHTINGS)
 
 
 def tile_data(
@@ -204,87 +189,84 @@ def tile_data(
     return TileData(tile, rows, first.astype(np.int64), place, measured, origin)
 
 
-def columns_of(
-    sightings: Sightings, data: TileData, levels: ErrorLevels, factor: FloatArray, axes: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """``measured`` [n, 2], ``own`` [n, 3] and ``shared`` [n, 2] of a tile in plan (two axes)
-    or in height (one); ``factor`` [n] on the own variances; an unknown height has no weight."""
-    rows = data.rows
-    scale = levels.own**2 * factor
+def network_of(sightings: Sightings, data: TileData, levels: ErrorLevels, axes: int) -> Network:
+    """A tile's sightings in plan (two axes) or in height (one); an unknown height tells nothing."""
+    rows, n = data.rows, len(data.rows)
+    # each sighting is a node of its drive's path
+    time = sightings.time_s[rows]
+    alike = correlations(time, levels.tau_s)
+    alike[data.first[:-1]] = 0.0
     if axes == 2:
-        own = sightings.own[rows] * scale[:, None]
-        shared = sightings.shared_sd[rows, :2] * levels.shared
-        return data.measured[:, :2].copy(), own, shared
-    height = data.measured[:, 2]
-    known = np.isfinite(height)
-    own = np.zeros((len(rows), 3))
-    own[:, 0] = np.where(known, sightings.own_u[rows] * scale, _NO_HEIGHT)
-    shared = np.zeros((len(rows), 2))
-    shared[:, 0] = np.where(known, sightings.shared_sd[rows, 2] * levels.shared, 0.0)
-    measured = np.zeros((len(rows), 2))
-    measured[:, 0] = np.where(known, height, 0.0)
-    return measured, own, shared
+        own = levels.own**2 * sightings.own[rows][:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+        shared, measured = sightings.shared_sd[rows, :2], data.measured[:, :2]
+    else:
+        known = np.isfinite(data.measured[:, 2:])
+        own = np.where(known, levels.own**2 * sightings.own_u[rows][:, None], _NO_HEIGHT)
+        own = own[:, :, None]
+        shared = np.where(known, sightings.shared_sd[rows, 2:], 0.0)
+        measured = np.where(known, data.measured[:, 2:], 0.0)
+    information = np.asarray(np.linalg.inv(own), np.float64)
+    return Network(alike, np.arange(n), data.sign, levels.shared * shared, measured, information)
 
 
-def _solve(
-    sightings: Sightings, data: TileData, levels: ErrorLevels, factor: FloatArray, axes: int
-) -> list[FloatArray]:
-    """Place [m, 2], covariance [axes m, axes m], offsets [n, 2], drives' means and variances."""
-    measured, own, shared = columns_of(sightings, data, levels, factor, axes)
-    m = len(data.tile.signs)
-    normal, right = np.zeros((axes * m, axes * m)), np.zeros(axes * m)
-    time = sightings.time_s[data.rows]
-    weights = np.empty(weights_size(data, axes))
-    add_drives(
-        data.first, data.sign, axes, time, measured, own, shared, levels.tau_s, normal, right,
-        weights,
-    )  # fmt: skip
-    covariance = np.linalg.inv(normal)
-    covariance = 0.5 * (covariance + covariance.T)
-    place = np.zeros((m, 2))
-    place[:, :axes] = (covariance @ right).reshape(m, axes)
-    offset = np.zeros((len(data.rows), 2))
-    mean, variance = np.zeros((2, len(data.first) - 1, 2))
-    drive_offsets(
-        data.first, data.sign, axes, time, measured, shared, levels.tau_s, weights, place,
-        covariance, offset, mean, variance,
-    )  # fmt: skip
-    return [place, covariance, offset, mean, variance]
+@dataclass(frozen=True)
+class Placed:
+    """A tile's core signs [m]: ``place`` [m, 3] east, north, up and ``cov`` [m, 3, 3]; ``offset``
+    [n, 3] of its sightings; per drive of it the ``mean`` [d, 3] of these and its ``sd`` [d, 3]."""
+
+    place: FloatArray
+    cov: FloatArray
+    offset: FloatArray
+    mean: FloatArray
+    sd: FloatArray
 
 
-def weights_size(data: TileData, axes: int) -> int:
-    """Numbers in the drives' weight matrices, one after another."""
-    return int(np.sum((axes * np.diff(data.first)) ** 2))
+def _placed(sightings: Sightings, data: TileData, levels: ErrorLevels) -> Placed:
+    plan = Equations(network_of(sightings, data, levels, 2))
+    up = Equations(network_of(sightings, data, levels, 1), plan.order)
+    weight = stray_weights(plan)
+    m, n, drives = len(data.tile.core), len(data.rows), len(data.first) - 1
+    result = Placed(
+        np.zeros((m, 3)), np.zeros((m, 3, 3)), np.zeros((n, 3)), *np.zeros((2, drives, 3))
+    )
+    lengths = np.diff(data.first)
+    drive = np.repeat(np.arange(drives), lengths)
+    # the sightings of each drive, as many columns as the longest has
+    columns = np.arange(int(lengths.max()))
+    rows = np.where(columns < lengths[:, None], data.first[:-1, None] + columns, -1)
+    for equations, axes in ((plan, slice(0, 2)), (up, slice(2, 3))):
+        found: Solution = equations.solve(weight)
+        sd = equations.network.sd
+        count = sd.shape[1]
+        result.place[:, axes] = found.place[:m]
+        result.cov[:, axes, axes] = found.place_variances(m)
+        result.offset[:, axes] = sd * found.error
+        for k, axis in enumerate(range(axes.start, axes.stop)):
+            result.mean[:, axis] = np.bincount(drive, result.offset[:, axis]) / lengths
+            index = np.where(rows >= 0, count * rows + k, -1)
+            share = sd[rows, k] / lengths[:, None]
+            result.sd[:, axis] = np.sqrt(found.factor.variances_of(index, share))
+    return result
 
 
-def _store(
-    result: Adjusted, data: TileData, plan: Sequence[FloatArray], up: Sequence[FloatArray]
-) -> None:
+def _store(result: Adjusted, data: TileData, placed: Placed) -> None:
     core = data.tile.core
-    k = np.arange(len(core))
     north, east = (float(v) for v in metres_per_radian(data.origin[0], data.origin[2]))
-    result.lat[core] = data.origin[0] + plan[0][k, 1] / north
-    turn = data.origin[1] + plan[0][k, 0] / east
+    result.lat[core] = data.origin[0] + placed.place[:, 1] / north
+    turn = data.origin[1] + placed.place[:, 0] / east
     result.lon[core] = (turn + np.pi) % (2 * np.pi) - np.pi
-    variance = up[1][k, k]
-    known = variance < 1e-3 * _NO_HEIGHT
-    result.height[core] = np.where(known, data.origin[2] + up[0][k, 0], np.nan)
-    cov = np.zeros((len(core), 3, 3))
-    for a in range(2):
-        for b in range(2):
-            cov[:, a, b] = plan[1][2 * k + a, 2 * k + b]
-    cov[:, 2, 2] = np.where(known, variance, np.nan)
-    cov += limits.COMMON_SD_M**2 * np.eye(3)
-    result.cov_enu[core] = cov
+    cov = placed.cov
+    known = cov[:, 2, 2] < 1e-3 * _NO_HEIGHT
+    result.height[core] = np.where(known, data.origin[2] + placed.place[:, 2], np.nan)
+    cov[:, 2, 2] = np.where(known, cov[:, 2, 2], np.nan)
+    result.cov_enu[core] = cov + limits.COMMON_SD_M**2 * np.eye(3)
     own = data.sign < len(core)
-    result.offset[data.rows[own], :2] = plan[2][own]
-    result.offset[data.rows[own], 2] = up[2][own, 0]
+    result.offset[data.rows[own]] = placed.offset[own]
 
 
 def _add_offsets(
     data: TileData,
-    plan: Sequence[FloatArray],
-    up: Sequence[FloatArray],
+    placed: Placed,
     drive: IntArray,
     sums: FloatArray,
     sds: FloatArray,
@@ -293,8 +275,6 @@ def _add_offsets(
     own = (data.sign < len(data.tile.core)).astype(np.float64)
     n_core = np.add.reduceat(own, data.first[:-1])
     who = drive[data.rows[data.first[:-1]]]
-    mean = np.column_stack([plan[3], up[3][:, 0]])
-    sd = np.sqrt(np.column_stack([plan[4], up[4][:, 0]]))
-    np.add.at(sums, who, n_core[:, None] * mean)
-    np.add.at(sds, who, n_core[:, None] * sd)
+    np.add.at(sums, who, n_core[:, None] * placed.mean)
+    np.add.at(sds, who, n_core[:, None] * placed.sd)
     np.add.at(counts, who, n_core[:, None])

@@ -8,19 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from automap.gates import gate
+from automap.geolocation.path_errors import Equations
 from automap.mapping import limits
 from automap.mapping.adjustment import (
     ErrorLevels,
     Members,
     TileData,
-    columns_of,
+    network_of,
     rough_places,
-    squares,
-    stray_factors,
+    stray_weights,
     tile_data,
-    weights_size,
 )
-from automap.mapping.adjustment_kernels import add_drives
 from automap.mapping.association import Association
 from automap.mapping.cells import cell_of
 from automap.mapping.sightings import Sightings
@@ -49,17 +47,22 @@ def levels_of_tiles(tiles: Sequence[tuple[Sightings, TileData]]) -> ErrorLevels:
     from scipy.optimize import minimize
 
     # what is stray is judged by how far sightings usually are
-    told = [squares(*tile, ErrorLevels(), np.ones(len(tile[0]))) for tile in tiles]
+    first = [Equations(network_of(*tile, ErrorLevels(), 2)) for tile in tiles]
+    told = [equations.solve().square for equations in first]
     usual = float(np.median(np.concatenate(told))) / gate(0.5, 2)
     start_levels = ErrorLevels(own=max(1.0, usual) ** 0.5)
-    factors = [stray_factors(*tile, start_levels) for tile in tiles]
+    weights = [
+        stray_weights(Equations(network_of(*tile, start_levels, 2), equations.order))
+        for tile, equations in zip(tiles, first, strict=True)
+    ]
     sd = np.array([limits.LEVEL_LOG_SD, limits.LEVEL_LOG_SD, limits.TAU_LOG_SD])
 
     def cost(x: FloatArray) -> float:
         levels = _levels(x)
         total = float(np.sum((x / sd) ** 2))
-        for tile, factor in zip(tiles, factors, strict=True):
-            total += deviance(*tile, levels, factor)
+        for tile, weight, equations in zip(tiles, weights, first, strict=True):
+            network = network_of(*tile, levels, 2)
+            total += Equations(network, equations.order).solve(weight).deviance
         return total
 
     start = np.vstack([np.zeros(3), np.diag(0.5 * sd)])
@@ -75,24 +78,6 @@ def levels_of_tiles(tiles: Sequence[tuple[Sightings, TileData]]) -> ErrorLevels:
 
 def _levels(x: FloatArray) -> ErrorLevels:
     return ErrorLevels(float(np.exp(x[0])), float(np.exp(x[1])), float(limits.TAU_S * np.exp(x[2])))
-
-
-def deviance(
-    sightings: Sightings, data: TileData, levels: ErrorLevels, factor: FloatArray
-) -> float:
-    """Minus twice the restricted log likelihood of a tile's places in plan, less a constant
-    (H. D. Patterson, R. Thompson, Biometrika 58, 1971)."""
-    measured, own, shared = columns_of(sightings, data, levels, factor, 2)
-    m = len(data.tile.signs)
-    normal, right = np.zeros((2 * m, 2 * m)), np.zeros(2 * m)
-    time = sightings.time_s[data.rows]
-    weights = np.empty(weights_size(data, 2))
-    total = add_drives(
-        data.first, data.sign, 2, time, measured, own, shared, levels.tau_s, normal, right, weights
-    )
-    lower = np.linalg.cholesky(normal)
-    whitened = np.linalg.solve(lower, right)
-    return float(total + 2.0 * np.sum(np.log(np.diag(lower))) - whitened @ whitened)
 
 
 def level_tiles(

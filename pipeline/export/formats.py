@@ -17,6 +17,7 @@ from automap.export.projected import projected_layer
 from automap.export.sign_columns import sign_columns
 from automap.io import names
 from automap.io.atomic import write_bytes, write_chunks, write_json, write_text
+from automap.records import Trajectory
 from pipeline.export.content import MapContent, geoid_heights, trajectory_of
 from pipeline.shared.pictures import pictures_by_sign
 from pipeline.shared.products import geoid_separation
@@ -206,23 +207,31 @@ def write_trajectory_csv(content: MapContent, path: Path) -> None:
     """Write the trajectory as CSV, and beside it what its columns mean (CSV on the Web)."""
     from automap.export.dictionary import TRAJECTORY_COLUMNS
 
-    write_text(path, trajectory_formats.trajectory_csv(trajectory_of(content)))
+    _write_rows(content, path, trajectory_formats.trajectory_csv)
     _describe_csv(content, path, TRAJECTORY_COLUMNS)
+
+
+def _write_rows(
+    content: MapContent, path: Path, text_of: Callable[[Trajectory, Trajectory | None], str]
+) -> None:
+    """Write the trajectory's rows stretch by stretch."""
+    parts = trajectory_formats.stretches(trajectory_of(content))
+    write_chunks(path, (text_of(part, before).encode() for part, before in parts))
 
 
 def write_pos(content: MapContent, path: Path) -> None:
     """Write the trajectory as an RTKLIB solution."""
-    write_text(path, trajectory_formats.rtklib_pos(trajectory_of(content)))
+    _write_rows(content, path, trajectory_formats.rtklib_pos)
 
 
 def write_tum(content: MapContent, path: Path) -> None:
     """Write the trajectory as TUM poses."""
-    write_text(path, trajectory_formats.tum_poses(trajectory_of(content)))
+    _write_rows(content, path, trajectory_formats.tum_poses)
 
 
 def write_kitti(content: MapContent, path: Path) -> None:
     """Write the trajectory as KITTI poses."""
-    write_text(path, trajectory_formats.kitti_poses(trajectory_of(content)))
+    _write_rows(content, path, trajectory_formats.kitti_poses)
 
 
 def write_gpx(content: MapContent, path: Path) -> None:

@@ -103,7 +103,7 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
             else None,
         },
     )
-    if result.trajectory is not None:
+    if result.adjusted is not None:
         context.metric("control_signs_used", result.n_control)
         context.metric("trajectory_adjusted", True)
     cameras = context.drive.cameras()

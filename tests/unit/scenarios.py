@@ -376,7 +376,8 @@ def geolocation_street() -> Any:
     scene = world.roadside(path, every_s=2.0)
     true = world.camera(time_offset_s=0.02, mount_rpy=np.radians([0.7, -0.8, 2.4]))
     found, _ = world.boxes(path, scene, true, np.random.default_rng(3), interval_s=0.4)
-    return replace(locate_signs(path, [found], {"front": world.camera()}), trajectory=None)
+    located = locate_signs(path, [found], {"front": world.camera()})
+    return vars(replace(located, adjusted=None))
 
 
 @scenario
@@ -392,7 +393,8 @@ def geolocation_control() -> Any:
     found, _ = world.boxes(path, scene, world.camera(), rng, 0.5, interval_s=0.5)
     control = surveyed(scene, list(range(0, len(scene.position), 2)))
     off = moved(path, SHIFT, 3.0)
-    return locate_signs(off, [found], {"front": world.camera()}, control=control)
+    located = locate_signs(off, [found], {"front": world.camera()}, control=control)
+    return {**vars(located), "adjusted": located.trajectory}
 
 
 @scenario

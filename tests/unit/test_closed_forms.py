@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import cast
-
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -16,12 +13,9 @@ from automap.errors import InputError
 from automap.fusion import limits as fusion_limits
 from automap.fusion.steady_rate import steady_rate
 from automap.fusion.wheel_match import between
-from automap.geolocation import limits as geolocation_limits
 from automap.geolocation.bearing_rays import in_plane
 from automap.geolocation.bearings import BearingRules
-from automap.geolocation.sightings import Sighting
-from automap.geolocation.trajectory_adjustment import _FLAT, _eliminated
-from automap.mapping.adjustment_kernels import add_drives, drive_offsets
+from automap.geolocation.path_errors import Equations, Network, correlations
 from automap.mapping.existence import (
     CHANGE_PER_YEAR,
     FALSE_BETA,
@@ -93,61 +87,67 @@ def test_a_sign_that_further_drives_miss_is_there_by_bayes() -> None:
         assert found[k] == pytest.approx(start * kept / (start * kept + 1.0 - start), rel=1e-6)
 
 
-@pytest.mark.parametrize("axes", [1, 2])
-def test_offsets_of_drives_are_the_conditional_mean_of_all_unknowns_at_once(axes: int) -> None:
-    """Places and the drives' errors as unknowns of one dense problem, with what each sighting errs
-    by itself correlated between east and north."""
+@pytest.mark.parametrize("surveyed", [False, True])
+@pytest.mark.parametrize("axes", [1, 2, 3])
+def test_errors_of_paths_are_the_conditional_mean_of_all_unknowns_at_once(
+    axes: int, surveyed: bool
+) -> None:
+    """Places and the paths' errors as unknowns of one dense problem, with what each sighting errs
+    by itself correlated between the axes; a surveyed place is seen from a path without errors."""
     rng = np.random.default_rng(axes)
     first, sign = np.array([0, 4, 7, 9]), np.array([0, 1, 2, 0, 1, 2, 2, 0, 1])
     n, m = len(sign), 3
     time_s = np.array([0.0, 5.0, 21.0, 60.0, 3.0, 9.0, 50.0, 1.0, 2.5])
-    own = np.column_stack([rng.uniform(0.1, 0.4, n), rng.uniform(-0.1, 0.1, n), np.full(n, 0.3)])
-    shared = rng.uniform(0.3, 0.9, (n, 2))
-    measured = rng.normal(0.0, 2.0, (n, 2))
+    root = rng.normal(0.0, 0.4, (n, axes, axes))
+    own = root @ np.swapaxes(root, 1, 2) + 0.1 * np.eye(axes)
+    shared = rng.uniform(0.3, 0.9, (n, axes))
+    measured = rng.normal(0.0, 2.0, (n, axes))
+    if surveyed:
+        shared[-2:] = 0.0
+    weight = rng.uniform(0.3, 1.0, n)
     tau = 20.0
-    normal, right = np.zeros((axes * m, axes * m)), np.zeros(axes * m)
-    weights = np.zeros(axes * axes * int((np.diff(first) ** 2).sum()))
-    told = add_drives(first, sign, axes, time_s, measured, own, shared, tau, normal, right, weights)
-    covariance = np.linalg.inv(normal)
-    place = np.zeros((m, 2))
-    place[:, :axes] = (covariance @ right).reshape(m, axes)
-    offset, mean, mean_var = np.zeros((n, 2)), np.zeros((3, 2)), np.zeros((3, 2))
-    drive_offsets(
-        first, sign, axes, time_s, measured, shared, tau, weights, place, covariance, offset,
-        mean, mean_var,
-    )  # fmt: skip
+    alike = correlations(time_s, tau)
+    np.testing.assert_array_equal(np.flatnonzero(alike == 0.0), first[:-1])
+    network = Network(alike, np.arange(n), sign, shared, measured, np.linalg.inv(own))
+    found = Equations(network).solve(weight)
 
     drive = np.repeat(np.arange(3), np.diff(first))
     keep = np.exp(-np.abs(time_s[:, None] - time_s) / tau) * (drive[:, None] == drive)
-    prior, noise = np.zeros((axes * n, axes * n)), np.zeros((axes * n, axes * n))
-    design = np.zeros((axes * n, axes * m))
+    prior, noise = np.kron(keep, np.eye(axes)), np.zeros((axes * n, axes * n))
+    design, effect = np.zeros((axes * n, axes * m)), np.diag(shared.ravel())
     for i in range(n):
-        full = np.array([[own[i, 0], own[i, 1]], [own[i, 1], own[i, 2]]])
         rows = slice(axes * i, axes * i + axes)
-        noise[rows, rows] = full[:axes, :axes]
+        noise[rows, rows] = own[i] / weight[i]
         design[rows, axes * sign[i] : axes * sign[i] + axes] = np.eye(axes)
-        for j in range(n):
-            for a in range(axes):
-                prior[axes * i + a, axes * j + a] = keep[i, j] * shared[i, a] * shared[j, a]
-    z = measured[:, :axes].ravel()
+    z = measured.ravel()
     # unknowns: places without a prior, errors with one
-    both = np.hstack([design, np.eye(axes * n)])
+    both = np.hstack([design, effect])
     information = both.T @ np.linalg.solve(noise, both)
     information[axes * m :, axes * m :] += np.linalg.inv(prior)
     joint = np.linalg.inv(information)
     solved = joint @ both.T @ np.linalg.solve(noise, z)
-    np.testing.assert_allclose(place[:, :axes].ravel(), solved[: axes * m], atol=1e-9)
-    np.testing.assert_allclose(covariance, joint[: axes * m, : axes * m], atol=1e-9)
-    np.testing.assert_allclose(offset[:, :axes].ravel(), solved[axes * m :], atol=1e-9)
+    np.testing.assert_allclose(found.place.ravel(), solved[: axes * m], atol=1e-9)
+    np.testing.assert_allclose(found.error.ravel(), solved[axes * m :], atol=1e-9)
     errors = joint[axes * m :, axes * m :]
+    np.testing.assert_allclose(found.error_variances().ravel(), np.diag(errors), atol=1e-9)
+    if axes < 3:
+        for k, covariance in enumerate(found.place_variances(m)):
+            at = slice(axes * k, axes * k + axes)
+            np.testing.assert_allclose(covariance, joint[at, at], atol=1e-9)
+    miss = z - both @ np.concatenate([solved[: axes * m], solved[axes * m :]])
+    square = [r @ np.linalg.solve(c, r) for r, c in zip(miss.reshape(n, axes), own, strict=True)]
+    np.testing.assert_allclose(found.square, square, atol=1e-9)
     for d in range(3):
         for a in range(axes):
             pick = np.zeros(axes * n)
             pick[axes * np.flatnonzero(drive == d) + a] = 1.0 / (drive == d).sum()
-            assert mean[d, a] == pytest.approx(pick @ solved[axes * m :])
-            assert mean_var[d, a] == pytest.approx(pick @ errors @ pick)
-    whole = prior + noise
-    assert told == pytest.approx(np.linalg.slogdet(whole)[1] + z @ np.linalg.solve(whole, z))
+            index = np.where(pick > 0, np.arange(axes * n), -1)
+            assert found.factor.variances_of(index, pick) == pytest.approx(pick @ errors @ pick)
+    whole = effect @ prior @ effect + noise
+    normal = design.T @ np.linalg.solve(whole, design)
+    rest = z - design @ solved[: axes * m]
+    told = np.linalg.slogdet(whole)[1] + np.linalg.slogdet(normal)[1]
+    assert found.deviance == pytest.approx(told + rest @ np.linalg.solve(whole, rest))
 
 
 def test_correlation_of_series_with_holes_is_that_of_the_pairs_they_have() -> None:
@@ -194,42 +194,6 @@ def test_what_two_paths_may_part_by_is_the_integral_of_its_errors() -> None:
     # of both ends, less what the wander has in common
     ends = 2.0 * (limits.POSITION_NOISE_M**2 + wander**2 * (1.0 - np.exp(-t / limits.WANDER_TAU_S)))
     np.testing.assert_allclose(plausible_sd(path, over) ** 2, ends + expected, rtol=1e-4)
-
-
-@pytest.mark.parametrize("surveyed", [False, True])
-def test_a_sign_that_is_left_out_leaves_what_its_sightings_say_of_the_path(surveyed: bool) -> None:
-    """Of three sightings of a sign z = place + A e + noise: the generalised least squares of e with
-    the place among the noise."""
-    rng = np.random.default_rng(4)
-
-    def spd(size: float) -> FloatArray:
-        root = rng.normal(size=(3, 3))
-        return np.asarray(size * (root @ root.T + np.eye(3)))
-
-    own = [spd(0.05), spd(0.1), spd(0.08)]
-    path_sd = [rng.uniform(0.5, 1.0, 3) for _ in own]
-    places = [np.array([100.0, -40.0, 3.0]) + rng.normal(0.0, 1.0, 3) for _ in own]
-    members = [
-        cast(Sighting, SimpleNamespace(position=p, covariance=c + np.diag(s**2), path_sd=s))
-        for p, c, s in zip(places, own, path_sd, strict=True)
-    ]
-    A = rng.normal(size=(9, 9))
-    weight = np.array([1.0, 0.4, 0.7])
-    control = (places[0] + 0.5, spd(0.02)) if surveyed else None
-    information, pull = _eliminated(members, A, control, weight)
-
-    noise = np.zeros((9, 9))
-    for k, c in enumerate(own):
-        face = geolocation_limits.FACE_SD_M**2 * np.eye(3)
-        noise[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = (c + face) / weight[k]
-    mean, prior = (np.zeros(3), np.eye(3) / _FLAT)
-    if control is not None:
-        mean, prior = control[0] - places[0], control[1]
-    J = np.tile(np.eye(3), (3, 1))
-    z = np.concatenate([p - places[0] for p in places]) - J @ mean
-    whole = np.linalg.inv(noise + J @ prior @ J.T)
-    np.testing.assert_allclose(information, A.T @ whole @ A, rtol=1e-4, atol=1e-5)
-    np.testing.assert_allclose(pull, A.T @ whole @ z, rtol=1e-4, atol=1e-5)
 
 
 def test_sightings_a_few_millimetres_apart_are_of_one_camera() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from automap.earth import from_local_ned
+from automap.export import trajectory_formats
 from automap.export.sign_columns import sign_columns
 from automap.export.trajectory_formats import (
     gpx_track,
@@ -114,3 +116,14 @@ def test_heights_of_gpx_are_above_the_sea_or_none(circle: Trajectory) -> None:
     # in the order of GPX's schema
     assert [c.tag.split("}")[1] for c in one][:3] == ["ele", "geoidheight", "name"]
     assert [c.tag.split("}")[1] for c in points[0]] == ["ele", "time", "geoidheight"]
+
+
+@pytest.mark.parametrize("text_of", [trajectory_csv, rtklib_pos, tum_poses, kitti_poses])
+def test_stretches_of_a_trajectory_make_the_text_of_the_whole(
+    circle: Trajectory, text_of: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = text_of(circle)
+    monkeypatch.setattr(trajectory_formats, "_ROWS", len(circle) // 4)
+    parts = [text_of(part, before) for part, before in trajectory_formats.stretches(circle)]
+    assert len(parts) > 3
+    assert "".join(parts) == whole

@@ -11,7 +11,6 @@ from automap.mapping.adjustment import (
     ErrorLevels,
     adjust,
 )
-from automap.mapping.adjustment_kernels import covariance_of_drive, invert
 from automap.mapping.association import Association
 from automap.mapping.error_levels import estimate_levels
 from automap.mapping.limits import COMMON_SD_M
@@ -172,25 +171,3 @@ def test_every_sign_is_the_core_of_one_tile() -> None:
     for tile in tiles:
         assert tile.signs[: len(tile.core)].tolist() == tile.core.tolist()
         assert len(np.unique(tile.signs)) == len(tile.signs)
-
-
-def test_the_inverse_and_determinant_of_a_drives_covariance() -> None:
-    rng = np.random.default_rng(1)
-    n = 9
-    own = np.column_stack([rng.uniform(0.1, 1, n), rng.uniform(-0.05, 0.05, n), np.full(n, 0.3)])
-    matrix = covariance_of_drive(
-        0, n, 2, np.sort(rng.uniform(0, 100, n)), own, rng.uniform(0.2, 1, (n, 2)), 60.0
-    )
-    inverse = matrix.copy()
-    log_det = invert(inverse)
-    assert inverse @ matrix == pytest.approx(np.eye(2 * n), abs=1e-9)
-    assert log_det == pytest.approx(np.linalg.slogdet(matrix)[1])
-
-
-@pytest.mark.parametrize("value", [np.nan, -5.0, 0.0])
-def test_what_is_no_covariance_gives_no_number(value: float) -> None:
-    matrix = 2.0 * np.eye(5)
-    matrix[3, 3] = value
-    log_det = invert(matrix)
-    assert not np.isfinite(log_det)
-    assert not np.isfinite(matrix).all()

@@ -221,8 +221,8 @@ def _locate(
             "Measure it and write imu_above_road_m under [vehicle] in "
             f"{context.drive.manifest_file}."
         )
-    if result.trajectory is not None:
-        write_trajectory(context.work / names.TRAJECTORY_ADJUSTED, result.trajectory)
+    if result.adjusted is not None:
+        write_trajectory(context.work / names.TRAJECTORY_ADJUSTED, result.adjusted.pieces())
     write_observations_of(context.work / names.OBSERVATIONS, table, parts, result)
     for text in result.warnings:
         context.warn(text)

@@ -1,0 +1,150 @@
+"""The position errors of paths, from signs that were passed several times.
+
+A path's error is a Gauss-Markov process with the sigma that the path states. Passes of one drive
+and drives of a fleet alike tell how their errors differ where they see the same signs. Unknowns are
+the error at every node of a path, in sigmas, and the places of the signs; a node is tied to the one
+before it and to the sign that was seen there, so the equations are sparse (normal equations of a
+network: Triggs et al., Bundle adjustment, 2000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.records import FloatArray, IntArray
+from automap.sparse_normal import Factor, factorise, least_fill
+
+_SETTLED = 0.1
+"""Strays are looked for anew unless no weight changes by more than a tenth."""
+_LEAST_STEP_S = 1e-5
+"""Between nodes, s: two of one time are one, but the equations want some freedom between them. Of a
+process of a minute's time constant 0.06 % of its sigma."""
+
+
+def correlations(time_s: FloatArray, tau_s: float) -> FloatArray:
+    """Correlation [k] of a path's error at ascending times [k] with that at the time before; 0 at
+    the first, and wherever another path begins, which is where time goes back."""
+    step = np.diff(time_s)
+    alike = np.exp(-np.maximum(step, _LEAST_STEP_S) / tau_s)
+    return np.concatenate([[0.0], np.where(step < 0.0, 0.0, alike)])
+
+
+@dataclass(frozen=True)
+class Network:
+    """Sightings [n] of signs in ``a`` axes, each at a ``node`` of a path.
+
+    ``alike`` [k] correlation of a node's error with that of the node before it, 0 where a path
+    begins. ``sd`` [n, a] of the path's error at the sightings, ``measured`` [n, a] m, and the
+    ``information`` [n, a, a] of what is a sighting's own, 1/m^2. ``sign`` [n] numbers from 0.
+    """
+
+    alike: FloatArray
+    node: IntArray
+    sign: IntArray
+    sd: FloatArray
+    measured: FloatArray
+    information: FloatArray
+
+
+@dataclass(frozen=True)
+class Solution:
+    """``place`` [m, a] of the signs in m and ``error`` [k, a] of the paths in sigmas; ``square``
+    [n] of the sightings' distances from their signs, the path's error taken off, in sigmas of
+    their own; ``deviance`` minus twice the restricted log likelihood, less a constant."""
+
+    place: FloatArray
+    error: FloatArray
+    square: FloatArray
+    deviance: float
+    factor: Factor
+
+    def error_variances(self) -> FloatArray:
+        """Variance [k, a] of ``error``."""
+        return self.factor.variances()[: self.error.size].reshape(self.error.shape)
+
+    def place_variances(self, count: int) -> FloatArray:
+        """Covariance [count, a, a] of the first places (a at most two), m^2."""
+        axes = self.place.shape[1]
+        at = self.error.size + axes * np.arange(count)[:, None] + np.arange(axes)
+        own = self.factor.variances_of(at[:, :, None], np.ones(1))
+        result = own[:, :, None] * np.eye(axes)
+        if axes == 2:
+            both = self.factor.variances_of(at, np.ones(2))
+            result[:, 0, 1] = result[:, 1, 0] = 0.5 * (both - own.sum(axis=1))
+        return result
+
+
+class Equations:
+    """The normal equations of a network, whose pattern stays while weights change.
+
+    ``order`` of nodes and signs as of another network of this pattern (None: it is found).
+    """
+
+    def __init__(self, network: Network, order: IntArray | None = None) -> None:
+        self.network = network
+        nodes, axes = len(network.alike), network.sd.shape[1]
+        self.nodes, self.signs = nodes, int(network.sign.max()) + 1
+        sign = nodes + network.sign
+        tied = np.flatnonzero(network.alike > 0.0)
+        if order is None:
+            a, b = np.concatenate([tied, network.node]), np.concatenate([tied - 1, sign])
+            order = least_fill(
+                np.concatenate([a, b]), np.concatenate([b, a]), nodes + self.signs
+            )  # fmt: skip
+        self.order = order
+        each = np.arange(axes)
+        chain = [np.arange(nodes), tied, tied - 1], [np.arange(nodes), tied - 1, tied]
+        rows, columns = (
+            (axes * np.concatenate(part)[:, None] + each).ravel() for part in chain
+        )  # fmt: skip
+        at, of = axes * network.node[:, None] + each, axes * sign[:, None] + each
+        pairs = [(at, at), (at, of), (of, at), (of, of)]
+        blocks = [np.broadcast_arrays(a[:, :, None], b[:, None, :]) for a, b in pairs]
+        self._row = np.concatenate([rows, *(a.ravel() for a, _ in blocks)])
+        self._column = np.concatenate([columns, *(b.ravel() for _, b in blocks)])
+        self._at, self._of = at.ravel(), of.ravel()
+        fresh = 1.0 / (1.0 - network.alike**2)
+        own = fresh.copy()
+        own[tied - 1] += network.alike[tied] ** 2 * fresh[tied]
+        across = -network.alike[tied] * fresh[tied]
+        self._prior = np.repeat(np.concatenate([own, across, across]), axes)
+        self._log_prior = axes * float(np.log(fresh).sum())
+
+    def solve(self, weight: FloatArray | None = None) -> Solution:
+        """Places and errors; ``weight`` [n] of the sightings."""
+        net = self.network
+        axes, size = net.sd.shape[1], net.sd.shape[1] * (self.nodes + self.signs)
+        W = net.information if weight is None else net.information * weight[:, None, None]
+        left = net.sd[:, :, None] * W
+        both = left * net.sd[:, None, :]
+        parts = (both, left, np.swapaxes(left, 1, 2), W)
+        factor = factorise(
+            self._row,
+            self._column,
+            np.concatenate([self._prior, *(part.ravel() for part in parts)]),
+            (axes * self.order[:, None] + np.arange(axes)).ravel(),
+        )
+        pull = np.einsum("nij,nj->ni", W, net.measured)
+        right = np.zeros(size)
+        right += np.bincount(self._at, (net.sd * pull).ravel(), size)
+        right += np.bincount(self._of, pull.ravel(), size)
+        x = factor.solve(right)
+        error, place = np.split(x.reshape(-1, axes), [self.nodes])
+        miss = net.measured - place[net.sign] - net.sd * error[net.node]
+        deviance = np.log(factor.pivot).sum() - self._log_prior - np.linalg.slogdet(W)[1].sum()
+        deviance += np.sum(pull * net.measured) - right @ x
+        square = np.einsum("ni,nij,nj->n", miss, net.information, miss)
+        return Solution(place, error, square, float(deviance), factor)
+
+    def weights(self, weigh: Callable[[FloatArray], FloatArray], rounds: int) -> FloatArray:
+        """Weights [n] of the sightings, by their squared distances (iteratively reweighted least
+        squares: P. W. Holland, R. E. Welsch, Communications in Statistics A 6, 1977)."""
+        weight = np.ones(len(self.network.sign))
+        for _ in range(rounds):
+            before, weight = weight, weigh(self.solve(weight).square)
+            if np.max(np.abs(before / weight - 1.0), initial=0.0) < _SETTLED:
+                break
+        return weight
