@@ -171,7 +171,7 @@ def test_what_faces_have_in_common_is_what_is_expected_of_each(
     )
     took = sum(b.absorbed for b in believed) / 5.0
     assert found.scale == pytest.approx(scatter([b.residual for b in believed], took))
-    assert found.scale > 1.2
+    assert found.scale > 1.05
     # none tell nothing
     none = _common([])
     assert (none.turned_sd, none.elsewhere) == (limits.TURNED_SD, limits.FACE_ELSEWHERE)
