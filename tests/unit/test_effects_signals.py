@@ -11,7 +11,17 @@ from scipy.spatial.transform import Rotation
 from automap.earth import gravity
 from automap.effects import Signals, UserTerm, user_effect
 from automap.effects.camera import as_stated, direction_by_point, direction_by_turn
-from automap.effects.camera_kernels import TIME, TURN
+from automap.effects.camera_kernels import (
+    FOCAL,
+    LEVER_ARM,
+    SHUTTER,
+    TIME,
+    TURN,
+    all_columns,
+    bend,
+    distort,
+    undistort,
+)
 from automap.effects.camera_user import depends_on_the_drive, drift, user_columns
 from automap.effects.path_signals import PathSignals, path_signals
 from automap.effects.user import set_user_effects
@@ -155,3 +165,77 @@ def test_what_a_camera_sees_of_a_point_changes_with_point_and_turn() -> None:
         turn = Rotation.from_rotvec(e)
         numeric = (seen(turn.inv().apply(q)) - seen(turn.apply(q))) / (2.0 * h)
         np.testing.assert_allclose(direction_by_turn(q)[:, :, axis], numeric, atol=1e-8)
+
+
+def lens_with_everything() -> FloatArray:
+    """All of OpenCV's coefficients at once, and a sensor that is tilted both ways."""
+    tilt = np.eye(3) + 0.02 * np.random.default_rng(4).standard_normal((3, 3))
+    some = [-0.2, 0.05, 2e-3, -3e-3, 0.01, 0.1, -0.04, 0.02, 4e-3, -2e-3, 3e-3, 1e-3]
+    return np.concatenate([some, tilt.ravel()])
+
+
+@pytest.mark.parametrize(("y", "z"), [(0.3, -0.2), (-0.4, 0.25), (0.1, 0.35)])
+def test_a_lenss_derivatives_are_those_of_what_it_bends(y: float, z: float) -> None:
+    lens, h = lens_with_everything(), 1e-6
+    out, up, down = np.zeros((3, 2, 5))
+    bend(lens, y, z, out)
+    ends = []
+    for k, place in ((1, None), (2, None), (3, 0), (4, 1)):
+        for end, sign in ((up, 1.0), (down, -1.0)):
+            other = lens.copy()
+            if place is not None:
+                other[place] += sign * h
+            bend(other, y + sign * h * (k == 1), z + sign * h * (k == 2), end)
+        ends.append((up[:, 0] - down[:, 0]) / (2.0 * h))
+    np.testing.assert_allclose(out[:, 1:], np.array(ends).T, atol=1e-8)
+    # and the way there and back is one
+    there = distort(lens, np.array([[y, z]]))
+    np.testing.assert_allclose(there[0], out[:, 0], atol=1e-15)
+    np.testing.assert_allclose(undistort(lens, there, 1e-9), [[y, z]], atol=1e-9)
+
+
+def test_columns_of_a_camera_are_the_derivatives_of_what_it_sees_through_any_lens() -> None:
+    lens, h = lens_with_everything(), 1e-6
+    rng = np.random.default_rng(5)
+    n = 5
+    q = rng.uniform([8.0, -3.0, -3.0], [20.0, 3.0, 3.0], (n, 3))
+    height, share = rng.uniform(0.02, 0.08, n), rng.uniform(-0.5, 0.5, n)
+    rate, velocity = rng.normal(0.0, 0.2, (n, 3)), rng.normal(0.0, 5.0, (n, 3))
+    C_cam_body = Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix()
+    found = all_columns(q, height, share, rate, velocity, C_cam_body, lens)
+
+    def seen(points: FloatArray) -> FloatArray:
+        return np.column_stack([points[:, 1:] / points[:, :1], -np.log(points[:, 0])])
+
+    def slope(move: FloatArray) -> FloatArray:
+        return np.asarray((seen(q + h * move) - seen(q - h * move)) / (2.0 * h))
+
+    for k, axis in enumerate(np.eye(3)):
+        # a camera that turns or moves sees all turn or move the other way
+        np.testing.assert_allclose(found[:, :, TURN + k], slope(-np.cross(axis, q)), atol=1e-7)
+        np.testing.assert_allclose(
+            found[:, :, LEVER_ARM + k], slope(np.tile(-C_cam_body @ axis, (n, 1))), atol=1e-7
+        )
+    later = slope(-np.cross(rate, q) - velocity)
+    np.testing.assert_allclose(found[:, :, TIME], later, atol=1e-7)
+    np.testing.assert_allclose(found[:, :, SHUTTER], later * share[:, None], atol=1e-7)
+    # a picture by another focal length or lens, read as if it were by the stated one
+    way = seen(q)[:, :2]
+    half = np.column_stack([np.zeros(n), 0.5 * height])
+
+    def read(focal: float, other: FloatArray) -> FloatArray:
+        middle, low, high = (
+            undistort(lens, focal * distort(other, way + part * half), 1e-9)
+            for part in (0.0, 1.0, -1.0)
+        )
+        return np.column_stack([middle, np.log(low[:, 1] - high[:, 1])])
+
+    for k in range(3):
+        ends = []
+        for sign in (h, -h):
+            other = lens.copy()
+            if k:
+                other[k - 1] += sign
+            ends.append(read(1.0 + (sign if k == 0 else 0.0), other))
+        numeric = (ends[0] - ends[1]) / (2.0 * h)
+        np.testing.assert_allclose(found[:, :, FOCAL + k], numeric, atol=1e-6)
