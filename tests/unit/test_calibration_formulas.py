@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
@@ -21,10 +23,10 @@ from automap.calibration.hand_motion import (
     final_response,
     hand_motion,
 )
-from automap.calibration.limits import LEAST_RUN, PEAK_PART
+from automap.calibration.limits import LEAST_RUN, PEAK_PART, SAME_POSE, WINDOW_S
 from automap.calibration.plausible import refuse_saturation
 from automap.calibration.poses import pose_name
-from automap.calibration.rest import quantisation_step
+from automap.calibration.rest import _joined, _same_pose, _summary, quantisation_step
 from automap.errors import InputError
 from automap.records import FloatArray, ImuCalibration, RawImu, TriadCalibration
 
@@ -297,3 +299,46 @@ def test_what_a_hand_does_is_seen_in_the_innovations_of_its_motion() -> None:
     assert few.variance == pytest.approx(rms**2 * [5.0, 10.0])
     still = hand_motion(np.zeros((10, 10)), np.zeros(10, bool), 0.05)
     assert still.variance == pytest.approx([5.0 * 0.05**2, 10.0 * 0.05**2])
+
+
+def drawn_log(rng: np.random.Generator, n: int, rate_hz: float) -> RawImu:
+    t_ns = np.int64(10**9) + np.rint(np.arange(n) / rate_hz * 1e9).astype(np.int64)
+    return RawImu(t_ns, rng.normal(size=(n, 3)), rng.normal(5.0, 1.0, (n, 3)))
+
+
+def test_two_rests_that_are_one_have_the_mean_of_both_and_its_variance() -> None:
+    """Against the variance of a weighted mean of independent parts; lengths of one to three."""
+    log = drawn_log(np.random.default_rng(7), 400, 100.0)
+    first, second = _summary(log, 2, 0, 101), _summary(log, 2, 99, 400)
+    assert (first.middle_s, second.length_s) == pytest.approx((0.5, 3.0))
+    both = _joined(first, second)
+    assert (both.log, both.start, both.stop) == (2, 0, 400)
+    assert both.length_s == pytest.approx(4.0)
+    assert both.middle_s == pytest.approx(0.25 * 0.5 + 0.75 * (0.99 + 1.5))
+    for name in ("accel", "gyro"):
+        values = getattr(log, name)
+        mean = 0.25 * values[:101].mean(axis=0) + 0.75 * values[99:].mean(axis=0)
+        assert getattr(both, name) == pytest.approx(mean)
+        for kind in ("var", "batch_var"):
+            a, b = (getattr(r, f"{name}_{kind}") for r in (first, second))
+            assert getattr(both, f"{name}_{kind}") == pytest.approx(a / 16.0 + 9.0 * b / 16.0)
+        # white noise of one: its mean's variance is one over the number
+        assert getattr(first, f"{name}_var") == pytest.approx(np.full(3, 1.0 / 101.0), rel=0.4)
+    batches = 301.0 * np.concatenate([second.accel_batch_var, second.gyro_batch_var])
+    # six times nine degrees of freedom
+    assert batches.mean() == pytest.approx(1.0, abs=0.5)
+
+
+def test_rests_are_of_one_pose_where_they_are_near_in_time_and_alike() -> None:
+    rng = np.random.default_rng(8)
+    rate_hz = 50.0
+    log = drawn_log(rng, 1000, rate_hz)
+    first = _summary(log, 0, 100, 300)
+    off = np.array([0.0, 0.03, 0.04])
+    # from the last sample of one to the first of the other
+    most = round(2.0 * WINDOW_S * rate_hz)
+    for start, wanted in ((299 + most, True), (300 + most, False)):
+        second = replace(_summary(log, 0, start, 600), accel=first.accel + off)
+        assert _same_pose(log, first, second, 1.01 * 0.05 / SAME_POSE) is wanted
+        assert not _same_pose(log, first, second, 0.99 * 0.05 / SAME_POSE)
+        assert not _same_pose(log, first, replace(second, log=1), 9.0 / SAME_POSE)
