@@ -22,7 +22,7 @@ from typing import Any
 
 from tests.mutation.areas import PROJECT
 
-LIMIT_S = 3.0
+LIMIT_S = 10.0
 """Tests that take longer, interpreted, are not asked."""
 
 COMPILED = ("tests/unit/test_cache_inputs.py",)
