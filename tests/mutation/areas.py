@@ -16,21 +16,27 @@ AREAS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "effects": (
         ("automap/effects",),
-        ("test_effects*", "test_camera.py", "test_user_effects", "test_made_up_effects"),
+        (
+            *("test_effects*", "test_camera.py", "test_user_effects", "test_made_up_effects"),
+            *("test_gap_formulas", "test_gap_camera", "test_simulation_receivers"),
+        ),
     ),
     "sync": (
         ("automap/sync",),
         ("test_sync_*", "test_clock_steadiness", "test_epoch_means", "test_even_stamps"),
     ),
     "calibration": (("automap/calibration",), ("test_calibration_*",)),
-    "geolocation": (("automap/geolocation",), ("test_geolocation_*",)),
+    "geolocation": (("automap/geolocation",), ("test_geolocation*",)),
     "mapping": (
         ("automap/mapping",),
-        ("test_merge_*", "test_inventory", "test_roads", "test_view_review"),
+        ("test_merge_*", "test_inventory", "test_road*", "test_view_review"),
     ),
     "gap": (
         *(("automap/gap/evidence.py", "automap/gap/noise.py", "automap/gap/scoring.py"),),
-        *(("test_gap_evidence", "test_gap_noise", "test_gap_confirm", "test_gap_heldout"),),
+        (
+            *("test_gap_evidence", "test_gap_noise", "test_gap_confirm", "test_gap_heldout"),
+            *("test_gap_fitted", "test_gap_scoring"),
+        ),
     ),
     "cache": (
         *(("pipeline/run/cache.py", "pipeline/run/digests.py", "automap/jit.py"),),

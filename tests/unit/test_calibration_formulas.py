@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
 
 from automap.calibration.allan import (
     _basis,
@@ -12,12 +16,17 @@ from automap.calibration.allan import (
     degrees_of_freedom,
     overlapping_deviation,
 )
-from automap.calibration.fold import corrected, folded_covariance
-from automap.calibration.hand_motion import coloured_noise_history, final_response
-from automap.calibration.limits import LEAST_RUN
+from automap.calibration.fold import angles, corrected, folded_covariance
+from automap.calibration.hand_motion import (
+    coloured_noise_covariance,
+    coloured_noise_history,
+    final_response,
+    hand_motion,
+)
+from automap.calibration.limits import LEAST_RUN, PEAK_PART, SAME_POSE, WINDOW_S
 from automap.calibration.plausible import refuse_saturation
 from automap.calibration.poses import pose_name
-from automap.calibration.rest import quantisation_step
+from automap.calibration.rest import _joined, _same_pose, _summary, quantisation_step
 from automap.errors import InputError
 from automap.records import FloatArray, ImuCalibration, RawImu, TriadCalibration
 
@@ -195,3 +204,141 @@ def test_poses_are_named_by_the_axes_that_point_up() -> None:
     assert pose_name(np.array([0.0, 0.0, -1.0])) == "-z up"
     assert pose_name(np.array([1.0, 0.0, 0.0])) == "+x up"
     assert pose_name(np.array([0.7, -0.7, 0.0])) == "half way between +x and -y up"
+
+
+def test_angles_are_those_of_the_misalignment_matrix() -> None:
+    T = np.array([[1.0, -0.01, 0.02], [0.0, 1.0, -0.03], [0.0, 0.0, 1.0]])
+    assert angles(T).tolist() == [0.01, 0.02, 0.03]
+
+
+@pytest.mark.parametrize("keep", [0.0, 0.9])
+def test_errors_under_a_swaying_hand_have_the_covariance_of_its_sway(keep: float) -> None:
+    """A hand whose sway is forgotten by ``keep`` from one measurement to the next: the weights'
+    quadratic form in the sway's own covariance, where the spectrum is estimated from records."""
+    rng = np.random.default_rng(4)
+    m, step, white = 512, 0.05, np.array([0.4, 0.1])
+    weights = np.zeros((m, 12, 6))
+    bump = np.exp(-0.5 * ((np.arange(m) - 300.0) / 12.0) ** 2)
+    weights[:, 0, 0], weights[:, 1, 1] = bump, 2.0 * bump
+    weights[:, 0, 3], weights[:, 2, 4] = -bump, np.roll(bump, 6)
+    base = 20.0 * np.eye(12)
+    sd = np.array([0.5, 0.2])
+    sway = toeplitz(keep ** np.arange(m)) if keep else np.eye(m)
+    coloured, replaced = np.zeros((12, 12)), np.zeros((12, 12))
+    for k in range(6):
+        W = weights[:, :3, k]
+        coloured[:3, :3] += sd[k % 2] ** 2 * W.T @ sway @ W
+        replaced[:3, :3] += white[k % 2] * W.T @ W
+    found = np.zeros((12, 12))
+    records = 12
+    for _ in range(records):
+        # velocity and place of each axis by themselves
+        x = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal((m + 100, 6)), 0)
+        innovations = np.zeros((m, 10))
+        innovations[:, [1, 7, 2, 8, 3, 9]] = np.tile(sd, 3) * x[100:]
+        one = coloured_noise_covariance(
+            base, weights, np.tile(white, (m, 1)), innovations, np.ones(m, bool), step
+        )
+        np.testing.assert_allclose(one, one.T, atol=1e-12)
+        found += one / records
+    size = np.sqrt(np.diag(coloured)[:3])
+    off = (found - (base - replaced + coloured))[:3, :3] / np.outer(size, size)
+    # bands of a spectrum, twelve times, are known to a sixth or so
+    assert np.abs(off).max() < 0.25
+    np.testing.assert_allclose(found[3:], base[3:], atol=1e-12)
+
+
+def test_at_rest_the_velocity_stays_white() -> None:
+    rng = np.random.default_rng(5)
+    m = 600
+    weights = rng.normal(size=(m, 12, 6))
+    innovations = rng.normal(size=(m, 10))
+    moving = np.arange(m) < 300
+    white = np.full((m, 2), 0.5)
+    base = np.eye(12)
+    found = coloured_noise_covariance(base, weights, white, innovations, moving, 0.05)
+    # weights of a velocity that rests are not looked at
+    weights[300:, :, [0, 2, 4]] *= 7.0
+    np.testing.assert_allclose(
+        coloured_noise_covariance(base, weights, white, innovations, moving, 0.05), found
+    )
+    weights[:, :, 1] *= 2.0
+    other = coloured_noise_covariance(base, weights, white, innovations, moving, 0.05)
+    assert np.abs(other - found).max() > 1.0
+    # too few measurements leave it
+    none = coloured_noise_covariance(base, weights, white, innovations, moving & False, 0.05)
+    assert none is base
+
+
+def test_what_a_hand_does_is_seen_in_the_innovations_of_its_motion() -> None:
+    rng = np.random.default_rng(6)
+    m = 4096
+    innovations = np.zeros((m, 10))
+    innovations[:, 1:4], innovations[:, 7:10] = (
+        0.3 * rng.standard_normal((2, m, 3)) * [[[1.0]], [[0.5]]]
+    )
+    moving = np.arange(m) % 4096 < 3000
+    # what it has not learnt yet is not the hand's
+    innovations[:400] *= 50.0
+    hand = hand_motion(innovations, moving, 0.05)
+    assert hand.velocity == pytest.approx(0.3, rel=0.05)
+    assert hand.place == pytest.approx(0.15, rel=0.05)
+    # white noise is its own spectrum, of which the velocity takes the peak
+    assert 0.09 < hand.variance[0] < 0.09 * 2.0
+    assert hand.variance[1] == pytest.approx(0.0225, rel=0.3)
+    slow = innovations.copy()
+    slow[:, 7:10] = np.cumsum(slow[:, 7:10], axis=0) * 0.02
+    assert hand_motion(slow, moving, 0.05).variance[1] > 4.0 * np.mean(slow[410:, 7:10] ** 2)
+    # a fast sway is not followed: its place has a part of the peak, which the velocity has whole
+    fast = np.tile(np.sin(2.0 * np.pi * 4.0 * 0.05 * np.arange(m))[:, None], (1, 10))
+    peak, part = hand_motion(fast, np.ones(m, bool), 0.05).variance
+    assert part == pytest.approx(PEAK_PART * peak)
+    few = hand_motion(innovations[:45], moving[:45], 0.05)
+    rms = np.sqrt([np.mean(innovations[4:45, 1:4] ** 2), np.mean(innovations[4:45, 7:10] ** 2)])
+    assert (few.velocity, few.place) == pytest.approx(tuple(rms))
+    assert few.variance == pytest.approx(rms**2 * [5.0, 10.0])
+    still = hand_motion(np.zeros((10, 10)), np.zeros(10, bool), 0.05)
+    assert still.variance == pytest.approx([5.0 * 0.05**2, 10.0 * 0.05**2])
+
+
+def drawn_log(rng: np.random.Generator, n: int, rate_hz: float) -> RawImu:
+    t_ns = np.int64(10**9) + np.rint(np.arange(n) / rate_hz * 1e9).astype(np.int64)
+    return RawImu(t_ns, rng.normal(size=(n, 3)), rng.normal(5.0, 1.0, (n, 3)))
+
+
+def test_two_rests_that_are_one_have_the_mean_of_both_and_its_variance() -> None:
+    """Against the variance of a weighted mean of independent parts; lengths of one to three."""
+    log = drawn_log(np.random.default_rng(7), 400, 100.0)
+    first, second = _summary(log, 2, 0, 101), _summary(log, 2, 99, 400)
+    assert (first.middle_s, second.length_s) == pytest.approx((0.5, 3.0))
+    both = _joined(first, second)
+    assert (both.log, both.start, both.stop) == (2, 0, 400)
+    assert both.length_s == pytest.approx(4.0)
+    assert both.middle_s == pytest.approx(0.25 * 0.5 + 0.75 * (0.99 + 1.5))
+    for name in ("accel", "gyro"):
+        values = getattr(log, name)
+        mean = 0.25 * values[:101].mean(axis=0) + 0.75 * values[99:].mean(axis=0)
+        assert getattr(both, name) == pytest.approx(mean)
+        for kind in ("var", "batch_var"):
+            a, b = (getattr(r, f"{name}_{kind}") for r in (first, second))
+            assert getattr(both, f"{name}_{kind}") == pytest.approx(a / 16.0 + 9.0 * b / 16.0)
+        # white noise of one: its mean's variance is one over the number
+        assert getattr(first, f"{name}_var") == pytest.approx(np.full(3, 1.0 / 101.0), rel=0.4)
+    batches = 301.0 * np.concatenate([second.accel_batch_var, second.gyro_batch_var])
+    # six times nine degrees of freedom
+    assert batches.mean() == pytest.approx(1.0, abs=0.5)
+
+
+def test_rests_are_of_one_pose_where_they_are_near_in_time_and_alike() -> None:
+    rng = np.random.default_rng(8)
+    rate_hz = 50.0
+    log = drawn_log(rng, 1000, rate_hz)
+    first = _summary(log, 0, 100, 300)
+    off = np.array([0.0, 0.03, 0.04])
+    # from the last sample of one to the first of the other
+    most = round(2.0 * WINDOW_S * rate_hz)
+    for start, wanted in ((299 + most, True), (300 + most, False)):
+        second = replace(_summary(log, 0, start, 600), accel=first.accel + off)
+        assert _same_pose(log, first, second, 1.01 * 0.05 / SAME_POSE) is wanted
+        assert not _same_pose(log, first, second, 0.99 * 0.05 / SAME_POSE)
+        assert not _same_pose(log, first, replace(second, log=1), 9.0 / SAME_POSE)

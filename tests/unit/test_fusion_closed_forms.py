@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from automap.fusion import limits
+from automap.fusion.engine import _age_sd, _turn
+from automap.fusion.kernel_runs import PathStates
 from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.kernels.resample import interpolate_states
 from automap.fusion.mechanisation import radii, rotate_left, rotate_right
-from automap.records import FloatArray
+from automap.fusion.mounting import Mounting
+from automap.fusion.options import FusionOptions
+from automap.fusion.passes import Session
+from automap.fusion.relinearise import _largest_turn
+from automap.records import ClockModel, FixType, FloatArray, ImuData
 
 TAU = (9.0, 3.0)
 PSD = 0.7
@@ -146,3 +156,71 @@ def test_beyond_the_ends_the_last_velocity_goes_on(want: float, end: int) -> Non
     # a latitude some metres on has another cosine, by millionths of the way
     assert np.abs((out[0, :3] - wanted) * metres).max() < 1e-3
     np.testing.assert_allclose(out[0, 3:6], states[end, 3:6], atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-7, 0.02, 1.0, 3.1])
+def test_the_largest_turn_between_two_paths_is_scipys(angle: float) -> None:
+    rng = np.random.default_rng(8)
+    first = Rotation.random(20, random_state=rng)
+    axis = rng.normal(size=(20, 3))
+    axis *= (angle * rng.uniform(0.0, 0.9, 20) / np.linalg.norm(axis, axis=1))[:, None]
+    axis[13] *= angle / max(float(np.linalg.norm(axis[13])), 1e-30)
+    second = Rotation.from_rotvec(axis) * first
+    a, b = np.zeros((2, 20, 10))
+    a[:, 6:], b[:, 6:] = first.as_quat(scalar_first=True), second.as_quat(scalar_first=True)
+    b[::2, 6:] *= -1.0
+    found = _largest_turn(PathStates(a, np.zeros((20, 0))), SimpleNamespace(nominal=b))  # type: ignore[arg-type]
+    # a cosine has lost the digits below the root of the last
+    assert found == pytest.approx(angle, abs=1e-7)
+
+
+def test_a_session_in_sensor_axes_is_turned_into_the_vehicles() -> None:
+    rng = np.random.default_rng(9)
+    c_v_s = Rotation.from_rotvec([0.4, -0.2, 2.0])
+    gyro, accel, bias = rng.normal(size=(5, 3)), rng.normal(size=(5, 3)), rng.normal(size=3)
+    means = {f"gyro_bias_{a}": float(v) for a, v in zip("xyz", bias, strict=True)} | {"other": 2.0}
+    imu = ImuData(np.arange(5), gyro, accel, axes_known=False)
+    session = Session(imu, None, FusionOptions(), [], means, {}, (0.0, 1.0))  # type: ignore[arg-type]
+    attitude = Rotation.random(random_state=rng)
+    nominal = np.zeros((2, 10))
+    nominal[:, :6], nominal[:, 6:] = np.arange(6.0), attitude.as_quat(scalar_first=True)
+    last = SimpleNamespace(smooth=SimpleNamespace(nominal=nominal))
+    mounting = Mounting(c_v_s.as_matrix(), np.zeros(3), np.zeros(3))
+    turned, start = _turn(session, last, mounting)  # type: ignore[arg-type]
+    assert turned.imu.axes_known
+    np.testing.assert_allclose(turned.imu.gyro, c_v_s.apply(gyro))
+    np.testing.assert_allclose(turned.imu.accel, c_v_s.apply(accel))
+    assert [turned.means[f"gyro_bias_{a}"] for a in "xyz"] == pytest.approx(c_v_s.apply(bias))
+    assert turned.means["other"] == 2.0
+    # what the vehicle's axes are in the world: the sensor's, turned back by the mounting
+    vehicle = Rotation.from_quat(start.nominal[6:], scalar_first=True)
+    assert (vehicle * c_v_s * attitude.inv()).magnitude() < 1e-12
+    np.testing.assert_array_equal(start.nominal[:6], np.arange(6.0))
+    place, speed = limits.TURNED_START_SD_M, limits.TURNED_START_SPEED_SD
+    tilt = limits.START_TILT_SD
+    assert start.sd == pytest.approx(
+        [place] * 3 + [speed] * 3 + [tilt, tilt, limits.TURNED_HEADING_SD]
+    )
+    plain = replace(session, means={"other": 2.0})
+    assert _turn(plain, last, mounting)[0].means == {"other": 2.0}  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("kinds", "age"),
+    [
+        ((FixType.THREE_D,) * 4, limits.FIX_AGE_SD_S),
+        ((FixType.FIXED, FixType.FLOAT, FixType.FIXED, FixType.THREE_D), 0.0),
+        ((FixType.FIXED, FixType.THREE_D, FixType.THREE_D, FixType.NONE), limits.FIX_AGE_SD_S),
+        ((FixType.FIXED, FixType.FLOAT, FixType.NONE, FixType.NONE), 0.0),
+    ],
+)
+def test_fixes_by_carrier_phase_are_of_the_instant_of_their_tag(
+    kinds: tuple[FixType, ...], age: float
+) -> None:
+    fixes = SimpleNamespace(fix_type=np.array(kinds))
+    for clock_sd, kept in ((0.03, 0.03), (50.0, 1.0)):
+        clock = ClockModel(0, 0.0, 0.0, clock_sd, 1e-6, "arrival")
+        found = _age_sd(fixes, clock, FusionOptions())  # type: ignore[arg-type]
+        assert found == pytest.approx(np.hypot(age, kept))
+        known = FusionOptions(fixed={"gnss_latency": {"s": 0.1}})
+        assert _age_sd(fixes, clock, known) == pytest.approx(kept)  # type: ignore[arg-type]

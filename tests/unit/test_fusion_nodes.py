@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pymap3d
 import pytest
 
+from automap.fusion import limits
 from automap.fusion.alignment import start_state
 from automap.fusion.layout import CHANNELS, NHC, ODOMETER, STANDSTILL, UNSIGNED, WHEEL_SPEED
 from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.model import build_state_model
-from automap.fusion.nodes import Nodes, Shift, build_nodes, model_fixes
+from automap.fusion.nodes import Nodes, Shift, _node_times, build_nodes, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.passes import lateral_acceleration
 from automap.fusion.problem import make_problem
@@ -181,3 +183,35 @@ def test_velocities_are_metres_a_second_of_the_clock_that_the_nodes_are_on(
     # a step of the path is the same in metres, and takes a fast clock longer
     assert nodes.values[moving, 3:6] * (1.0 + skew) == pytest.approx(model.values[own, 3:6])
     np.testing.assert_array_equal(nodes.values[moving, :3], model.values[own, :3])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nodes_are_the_instants_of_all_that_was_measured_and_no_further_apart(seed: int) -> None:
+    """Against sets of instants; a fix and a wheel speed of one instant are two nodes."""
+    rng = np.random.default_rng(seed)
+    most = limits.MAX_NODE_SPACING_S
+    fixes = np.round(np.sort(rng.uniform(0.0, 30.0, 15)), 1)
+    fixes[5:] += 4.0
+    wheels = np.round(np.sort(rng.uniform(0.0, 34.0, 20)), 1) + (0.03 if seed % 2 else 0.0)
+    span = (3.0, 32.4)
+    t, row, wheel_row = _node_times(fixes, wheels, span)
+    inside = [np.flatnonzero((v >= 3.0) & (v <= 32.4)) for v in (fixes, wheels)]
+    # each once, at its own instant
+    for found, of, where in zip((row, wheel_row), inside, (fixes, wheels), strict=True):
+        assert sorted(found[found >= 0]) == of.tolist()
+        np.testing.assert_array_equal(t[found >= 0], where[found[found >= 0]])
+    assert not ((row >= 0) & (wheel_row >= 0)).any()
+    told = np.unique(np.concatenate([fixes[inside[0]], wheels[inside[1]], span]))
+    assert (t[0], t[-1]) == span
+    apart = np.diff(t)
+    assert apart.min() >= 0.0
+    assert apart.max() <= most + 1e-9
+    # what stands for nothing lies between instants at equal steps, as few as there can be
+    filler = (row < 0) & (wheel_row < 0) & ~np.isin(t, told)
+    for a, b in pairwise(told):
+        between = t[filler & (t > a) & (t < b)]
+        count = int(np.ceil((b - a) / most - 1e-9))
+        assert between == pytest.approx(np.linspace(a, b, count + 1)[1:-1])
+    # an end of the span at which something was measured is no node of its own
+    alone = np.sum((row < 0) & (wheel_row < 0) & ~filler)
+    assert alone == 2 - np.isin(span, np.concatenate([fixes, wheels])).sum()

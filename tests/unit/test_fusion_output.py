@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from automap.errors import StageError
 from automap.frames import matrix_to_quat, quat_to_matrix
 from automap.fusion import limits
 from automap.fusion.kernel_runs import run_dense
@@ -148,6 +149,68 @@ def test_a_drive_without_a_turn_has_the_mounting_that_gravity_tells() -> None:
     found = estimate_mounting(t, true.vel, true.c_n_b @ c_v_s, true.gyro @ c_v_s, np.zeros(len(t)))
     assert np.abs(_turn(found.matrix, c_v_s)).max() < 0.01
     assert found.sd[0] == pytest.approx(limits.ROAD_ROLL_SD)
+
+
+@pytest.mark.parametrize("wrong", [0.03, -0.04])
+@pytest.mark.parametrize("sides", [(1.0,), (1.0, -1.0)])
+def test_roll_by_turns_and_by_gravity_are_joined_by_their_variances(
+    wrong: float, sides: tuple[float, ...]
+) -> None:
+    """Level turns of known angle on one side or both, attitudes that are wrong by one roll."""
+    dt, rate = 0.1, 0.3
+    turning = np.concatenate([np.full(200, side * rate) for side in sides] + [np.zeros(200)])
+    t = dt * np.arange(len(turning))
+    heading = 0.4 + np.cumsum(turning) * dt
+    level = Rotation.from_rotvec(heading[:, None] * [0.0, 0.0, 1.0]).as_matrix()
+    velocity = 12.0 * level[:, :, 0]
+    body_rate = np.column_stack([np.zeros((len(t), 2)), turning])
+    c_v_s = Rotation.from_rotvec([2.0, -0.4, 0.9]).as_matrix()
+    rolled = Rotation.from_rotvec([wrong, 0.0, 0.0]).as_matrix()
+    found = estimate_mounting(
+        t, velocity, level @ rolled @ c_v_s, body_rate @ c_v_s, np.zeros(len(t))
+    )
+    # of a side 6 rad and a little less: seen along an axis that is off by the roll
+    angle = 200 * dt * rate * np.cos(wrong)
+    each = limits.LEAN_SD**2 + limits.GRADE_SD**2 * 0.5 * np.pi / angle
+    by_turns, by_gravity = each / len(sides), limits.ROAD_ROLL_SD**2
+    share = by_gravity / (by_gravity + by_turns)
+    left = _turn(found.matrix, rolled @ c_v_s)
+    assert left == pytest.approx([-wrong * share, 0.0, 0.0], abs=1e-6)
+    assert found.sd[0] == pytest.approx(np.sqrt(by_turns * by_gravity / (by_turns + by_gravity)))
+    np.testing.assert_allclose(
+        Rotation.from_euler("ZYX", found.rpy[::-1]).as_matrix(), found.matrix
+    )
+
+
+def test_forward_is_where_the_vehicle_goes_but_for_what_is_told_apart() -> None:
+    """Straight on with a sway to both sides; some rows backwards, some braking with its nose down,
+    some slow and sideways."""
+    n, dt, sway = 600, 0.1, 0.02
+    t = dt * np.arange(n)
+    c_v_s = Rotation.from_rotvec([0.3, -0.2, 1.9]).as_matrix()
+    direction = np.column_stack([np.ones(n), sway * (-1.0) ** np.arange(n), np.zeros(n)])
+    velocity = 12.0 * direction / np.linalg.norm(direction, axis=1)[:, None]
+    attitude = np.broadcast_to(c_v_s, (n, 3, 3)).copy()
+    along = np.zeros(n)
+    plain = estimate_mounting(t, velocity, attitude, np.zeros((n, 3)), along)
+    np.testing.assert_allclose(plain.matrix, c_v_s, atol=1e-9)
+    blocks = n * dt / limits.FORWARD_BLOCK_S
+    wanted = np.sin(np.arctan(sway)) / np.sqrt(2.0 * blocks) + limits.LEAST_FORWARD_SD
+    assert plain.sd[1:] == pytest.approx([wanted] * 2, rel=1e-3)
+    velocity[100:160] *= -1.0
+    along[200:260] = -2.0 * limits.STRAIGHT_ACCELERATION
+    attitude[200:260] = Rotation.from_euler("y", -0.1).as_matrix() @ c_v_s
+    velocity[300:360] = [0.0, 0.5 * limits.MOUNTING_SPEED, 0.0]
+    found = estimate_mounting(t, velocity, attitude, np.zeros((n, 3)), along)
+    np.testing.assert_allclose(found.matrix[0], c_v_s[0], atol=1e-3)
+    # where all of it is braking that is better than nothing
+    braked = estimate_mounting(t, velocity, attitude, np.zeros((n, 3)), np.full(n, 9.0))
+    assert np.abs(_turn(braked.matrix, c_v_s)).max() < 0.05
+    few = int(0.9 * limits.MOUNTING_MOVING_S / dt)
+    with pytest.raises(StageError, match="cannot be found"):
+        estimate_mounting(t[:few], velocity[:few], attitude[:few], np.zeros((few, 3)), along[:few])
+    more = int(1.1 * limits.MOUNTING_MOVING_S / dt)
+    estimate_mounting(t[:more], velocity[:more], attitude[:more], np.zeros((more, 3)), along[:more])
 
 
 def _turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:

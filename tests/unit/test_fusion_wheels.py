@@ -287,6 +287,39 @@ def test_a_value_that_ends_in_a_jump_was_stuck_where_no_receiver_sees_it() -> No
     assert not stuck(t, true, nothing).any()
 
 
+def test_a_value_that_stays_is_stuck_where_the_reference_says_otherwise() -> None:
+    """Held while the reference changes its speed, and while it does not; at nothing while it
+    drives, and while it stands. All without a jump, or with one beyond what vehicles do."""
+    t = np.arange(0.0, 200.0, 0.1)
+    at = np.arange(0.0, 200.0, 0.5)
+    knots = [0.0, 20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 140.0, 160.0, 200.0]
+    path = np.interp(at, knots, [10.0, 10.0, 18.0, 10.0, 10.0, 1.0, 1.0, 12.0, 12.0, 10.0])
+    reference = Reference(at, path, np.full(len(at), 0.1))
+    speed = np.interp(t, at, path) + 0.01 * np.sin(7.0 * t)
+    changing, steady = slice(250, 350), slice(620, 700)
+    # at rest for the wheels: slower and slower to nothing, and as slowly off again
+    slow, driving = slice(1060, 1140), slice(1450, 1550)
+    for rows in (changing, steady):
+        speed[rows] = speed[rows.start]
+        after = speed[rows.stop + 20]
+        speed[rows.stop : rows.stop + 20] = np.linspace(speed[rows.start], after, 22)[1:-1]
+    for rows in (slow, driving):
+        speed[rows] = 0.0
+        speed[rows.start - 20 : rows.start] = np.linspace(speed[rows.start - 21], 0.1, 20)
+        speed[rows.stop : rows.stop + 20] = np.linspace(0.1, speed[rows.stop + 20], 20)
+    wanted = np.zeros(len(t), bool)
+    wanted[changing] = wanted[driving] = True
+    np.testing.assert_array_equal(stuck(t, speed, reference), wanted)
+    # a reference that knows less says less
+    unsure = replace(reference, sd=np.full(len(at), 5.0))
+    assert not stuck(t, speed, unsure).any()
+    # nor does one that did not look on for long
+    for rows in (changing, driving):
+        aside = (at < t[rows.start] + 0.6) | (at > t[rows.stop - 1] - 1.2)
+        few = Reference(at[aside], path[aside], np.full(int(aside.sum()), 0.1))
+        assert not stuck(t, speed, few)[rows].any()
+
+
 def test_readings_share_the_error_of_a_value_that_stays() -> None:
     """Ten seconds at one value are one measurement of it, however often it is told."""
     t = np.arange(0.0, 60.0, 1.0)

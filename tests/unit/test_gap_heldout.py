@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scipy.stats import multivariate_normal
 
 from automap.fusion.layout import CH_NHC, CH_POS
-from automap.gap.scoring import _distance, _lag1
+from automap.gap.limits import HUBER, REST_S
+from automap.gap.noise import _squared_steps, combine
+from automap.gap.scoring import _distance, _lag1, _rho
 
 
 def process(size: float, keep: float, n: int = 60_000) -> np.ndarray:
@@ -51,3 +57,59 @@ def test_white_noise_of_the_stated_size_has_no_gap() -> None:
 @pytest.mark.parametrize("size", [0.2, 3.0])
 def test_the_shown_correlation_is_that_of_neighbours(size: float) -> None:
     assert _lag1(process(size, 0.7)) == pytest.approx(0.7, abs=0.02)
+
+
+def test_a_wild_value_costs_no_more_than_its_slope_at_the_limit() -> None:
+    """Huber's loss is the integral of a slope that stays at the limit."""
+    u = np.linspace(-12.0, 12.0, 2401)
+    slope = np.clip(u, -HUBER, HUBER)
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (slope[1:] + slope[:-1]) * np.diff(u))])
+    np.testing.assert_allclose(_rho(u), integral - integral[1200], atol=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1.0, 3.0])
+def test_estimates_of_drives_are_joined_as_one_least_squares_would(scale: float) -> None:
+    """Three drives that measure two parameters with one prior: each posterior, and the evidence of
+    all with the prior once, from the dense normal of all measurements."""
+    rng = np.random.default_rng(5)
+    prior = np.array([0.5, 2.0]) * scale
+    fits: list[Any] = []
+    gains, rows, seen, noise = [], [], [], []
+    for k in range(3):
+        A = rng.normal(size=(3 + k, 2)) / prior
+        R = np.diag(rng.uniform(0.5, 2.0, 3 + k))
+        z = A @ (prior * rng.standard_normal(2)) + np.sqrt(np.diag(R)) * rng.standard_normal(3 + k)
+        cov = np.linalg.inv(A.T @ np.linalg.solve(R, A) + np.diag(prior**-2))
+        fits.append(
+            SimpleNamespace(names=("a.x", "a.y"), cov=cov, values=cov @ A.T @ np.linalg.solve(R, z))
+        )
+        whole = multivariate_normal(np.zeros(3 + k), A @ np.diag(prior**2) @ A.T + R)
+        gains.append(whole.logpdf(z) - multivariate_normal(np.zeros(3 + k), R).logpdf(z))
+        rows.append(A)
+        seen.append(z)
+        noise.append(np.diag(R))
+    A, z, R = np.vstack(rows), np.concatenate(seen), np.diag(np.concatenate(noise))
+    joint = combine(fits, gains, prior)
+    cov = np.linalg.inv(A.T @ np.linalg.solve(R, A) + np.diag(prior**-2))
+    np.testing.assert_allclose(joint.cov, cov, rtol=1e-6)
+    assert joint.values == pytest.approx(cov @ A.T @ np.linalg.solve(R, z), rel=1e-6)
+    n = len(z)
+    alone = multivariate_normal(np.zeros(n), R).logpdf(z)
+    whole = multivariate_normal(np.zeros(n), A @ np.diag(prior**2) @ A.T + R).logpdf(z)
+    assert joint.nats == pytest.approx(whole - alone, rel=1e-6, abs=1e-6)
+    nothing: Any = SimpleNamespace(names=())
+    assert combine([nothing] * 2, [1.0, 2.5], np.zeros(0)).nats == 3.5
+
+
+def test_neighbouring_means_of_a_halt_step_by_their_noise() -> None:
+    t = np.arange(0.0, 30.0, 0.01) + 100.0
+    readings = np.random.default_rng(6).normal(size=(3000, 3))
+    found = _squared_steps(t, readings, (102.995, 124.9))
+    rows = np.flatnonzero((t >= 102.995) & (t < 124.9))
+    size = round(REST_S / 0.01)
+    whole = len(rows) // size
+    means = [readings[rows[k * size : (k + 1) * size]].mean(axis=0) for k in range(whole)]
+    # the last, whole or cut short, is not used
+    means = means if len(rows) % size else means[:-1]
+    np.testing.assert_allclose(found, np.diff(means, axis=0) ** 2, rtol=1e-9)
+    assert _squared_steps(t, readings, (0.0, 50.0)).shape == (0, 3)

@@ -1,0 +1,402 @@
+"""What a drive's signs tell together: faces, sizes, frames that lack a box, errors of the path;
+against dense Gaussian algebra and signs drawn at random."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from geolocation_scene import ORIGIN, drive_path
+from scipy.stats import multivariate_normal, norm
+
+from automap.earth import local_ned
+from automap.geolocation import facing, limits
+from automap.geolocation.box_noise import scatter
+from automap.geolocation.class_sizes import _measured, _predicted
+from automap.geolocation.existence import FrameGrid, _found_rate
+from automap.geolocation.facing import (
+    _GRID,
+    _OCTAVES,
+    Faces,
+    _believe,
+    _common,
+    _prior,
+    _Seen,
+    _summary,
+)
+from automap.geolocation.landmark import SizePrior
+from automap.geolocation.sightings import Sighting
+from automap.geolocation.trajectory_adjustment import (
+    Adjustment,
+    _design,
+    _nodes,
+    _own_information,
+    _prior_information,
+    _weights,
+    shift_sighting,
+    shift_trajectory,
+)
+from automap.records import Detections, FloatArray
+from automap.robust import cauchy_weight
+
+
+def face_of(
+    rng: np.random.Generator, turned: float, n: int = 7, sd: float = 0.03, off: float = 0.0
+) -> _Seen:
+    """A round face ``turned`` rad against a road to the north, passed at some distance: boxes of
+    two octaves of size, their log aspects off by ``off`` and by what an octave has in common."""
+    view = np.linspace(0.1, 0.7, n)
+    octave = np.where(np.arange(n) < n // 2, 2, 4)
+    octaves = np.unique(octave)
+    columns = np.column_stack([np.ones(n)] + [np.where(octave == k, 0.02, 0.0) for k in octaves])
+    own = np.array([sd * (1.0 + 0.5 * (k % 2)) for k in range(n)])
+    common = rng.standard_normal(len(octaves))
+    measured = np.log(np.cos(turned - view)) + off + columns[:, 1:] @ common
+    return _Seen(
+        grid=0.3 + _GRID,
+        centres=np.array([0.0, 0.2]),
+        measured=measured + own * rng.standard_normal(n),
+        expected=np.log(np.maximum(np.cos(0.3 + _GRID - view[:, None]), 0.02)),
+        sd=own,
+        columns=columns,
+        octave=octave,
+        octaves=octaves,
+        sure=True,
+        yaw_sd=0.01,
+    )
+
+
+FACES = Faces(0.25, 0.1, np.linspace(-0.04, 0.04, _OCTAVES), 0.05, 1.3, 1.2)
+
+
+def test_faces_look_against_the_road_or_anywhere_with_the_shares_that_are_stated() -> None:
+    one = face_of(np.random.default_rng(1), 0.1)
+    core, elsewhere = _prior(one, FACES)
+    step = np.radians(1.0)
+    wanted = (1.0 - 0.1) * 0.5 * norm(0.0, 0.25).pdf(one.grid - one.centres[:, None]) * step
+    np.testing.assert_allclose(core, wanted, rtol=1e-9, atol=1e-15)
+    assert elsewhere == pytest.approx(np.full(len(_GRID), 0.1 / len(_GRID)))
+    # round the circle it is one direction
+    turned, _ = _prior(replace(one, centres=one.centres + 2.0 * np.pi), FACES)
+    np.testing.assert_allclose(turned, core, atol=1e-15)
+
+
+@pytest.mark.parametrize("sure", [True, False])
+def test_the_belief_over_normals_is_bayes_rule_with_all_errors_of_the_boxes(sure: bool) -> None:
+    """What the boxes share stands in a dense covariance here; weights in as many rounds."""
+    rng = np.random.default_rng(2)
+    one = replace(face_of(rng, 0.35), sure=sure)
+    one.measured[3] += 0.3
+    found = _believe(one, FACES)
+    n = len(one.sd)
+    core, elsewhere = _prior(one, FACES)
+    aspect = np.hypot(0.05, 0.0 if sure else limits.PLATE_ASPECT_SD)
+    shared = np.diag([aspect, *[FACES.alike] * len(one.octaves)]) ** 2
+    off = one.measured[:, None] - one.expected - FACES.log_aspect[one.octave][:, None]
+    weight = np.ones(n)
+    for _ in range(3):
+        own = np.diag((1.2 * one.sd) ** 2 / weight)
+        S = own + one.columns @ shared @ one.columns.T
+        log = multivariate_normal(np.zeros(n), S).logpdf(off.T)
+        normal = (core.sum(axis=0) + elsewhere) * np.exp(log - log.max())
+        size = normal.sum()
+        normal /= size
+        gain = shared @ one.columns.T @ np.linalg.inv(S)
+        each = gain @ off
+        cov = shared - gain @ one.columns @ shared
+        best = int(np.argmax(normal))
+        residual = (off[:, best] - one.columns @ each[:, best]) / (1.2 * one.sd)
+        weight = cauchy_weight(residual**2)
+    np.testing.assert_allclose(found.normal, normal, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(found.core, core * np.exp(log - log.max()) / size, atol=1e-12)
+    mean = each @ normal
+    assert found.shared == pytest.approx(mean)
+    spread = np.diag(cov) + (each - mean[:, None]) ** 2 @ normal
+    assert found.shared_variance == pytest.approx(spread)
+    assert found.residual == pytest.approx(residual)
+    # a direction, and of each shared error as much as its variance fell by
+    took = 1.0 - np.diag(cov) / np.diag(shared)
+    assert found.absorbed == pytest.approx(1.0 + took.sum())
+    # the mean of directions on a grid, with the trajectory's own error of heading
+    told = _summary(one, found)
+    middle = float(normal @ one.grid)
+    assert np.cos(told.rad - middle) > np.cos(0.01)
+    variance = float(normal @ (one.grid - middle) ** 2)
+    assert told.sd_rad == pytest.approx(np.sqrt(variance + 0.01**2), rel=0.02)
+
+
+def test_what_faces_have_in_common_is_what_is_expected_of_each(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One round: sums over signs, normals and roads, one by one, with the priors as signs besides.
+
+    One face's shape is not known: it says nothing of aspects.
+    """
+    rng = np.random.default_rng(3)
+    turns = np.radians([-12.0, 20.0, 5.0, 60.0, -3.0])
+    seen = [face_of(rng, 0.1 + t, 12, 0.06, 0.08) for t in turns]
+    seen[1] = replace(seen[1], sure=False)
+    one_size = np.column_stack([np.ones(12), np.full(12, 0.02)])
+    seen[2] = replace(seen[2], octaves=np.array([2]), columns=one_size, octave=np.full(12, 2))
+    monkeypatch.setattr(facing, "_ROUNDS", 1)
+    found = _common(seen)
+    start = Faces()
+    believed = [_believe(one, start) for one in seen]
+    square = about = 0.0
+    for one, belief in zip(seen, believed, strict=True):
+        for c, centre in enumerate(one.centres):
+            for g, normal in enumerate(one.grid):
+                square += belief.core[c, g] * (normal - centre) ** 2
+                about += belief.core[c, g]
+    own, freedom = limits.TURNED_FREEDOM, limits.FACES_FREEDOM
+    turned = (own * limits.TURNED_SD**2 + square) / (own + about)
+    assert found.turned_sd == pytest.approx(np.sqrt(turned))
+    share = (freedom * limits.FACE_ELSEWHERE + 5.0 - about) / (freedom + 5.0)
+    assert found.elsewhere == pytest.approx(share)
+    sure = [k for k in range(5) if k != 1]
+    aspects = [believed[k].shared[0] ** 2 + believed[k].shared_variance[0] for k in sure]
+    spread = (freedom * limits.FACE_ASPECT_SD**2 + sum(aspects)) / (freedom + 4.0)
+    assert found.aspect_sd == pytest.approx(np.sqrt(spread))
+    small = sum(believed[k].shared[0] + 0.02 * believed[k].shared[1] for k in sure)
+    large = sum(believed[k].shared[0] + 0.02 * believed[k].shared[2] for k in sure if k != 2)
+    wanted = np.zeros(_OCTAVES)
+    wanted[[2, 4]] = small / (freedom + 4.0), large / (freedom + 3.0)
+    assert found.log_aspect == pytest.approx(wanted)
+    alike = [v for b in believed for v in b.shared[1:] ** 2 + b.shared_variance[1:]]
+    assert found.alike == pytest.approx(
+        max(1.0, np.sqrt((freedom + sum(alike)) / (freedom + len(alike))))
+    )
+    took = sum(b.absorbed for b in believed) / 5.0
+    assert found.scale == pytest.approx(scatter([b.residual for b in believed], took))
+    assert found.scale > 1.05
+    # none tell nothing
+    none = _common([])
+    assert (none.turned_sd, none.elsewhere) == (limits.TURNED_SD, limits.FACE_ELSEWHERE)
+
+
+def mark(log_size: float, variance: float, ok: bool = True) -> Any:
+    covariance = np.zeros((4, 4))
+    covariance[3, 3] = 0.4 * variance
+    return SimpleNamespace(
+        ok=ok,
+        covariance=covariance,
+        pass_covariance=1.5 * covariance,
+        parameters=np.array([0.0, 0.0, 2.0, log_size]),
+    )
+
+
+def test_a_measured_size_is_what_the_prior_was_joined_with() -> None:
+    prior = SizePrior(0.7, 0.4)
+    own, noise = np.array([-0.9, -0.1, 0.4]), np.array([0.03, 0.05, 0.15]) ** 2
+    after = 1.0 / (1.0 / noise + 0.4**-2)
+    joined = after * (own / noise + np.log(0.7) * 0.4**-2)
+    marks = [mark(m, v) for m, v in zip(joined, after, strict=True)]
+    size, variance = _measured([*marks, mark(0.0, 0.1**2, ok=False), mark(0.0, 0.39**2)], prior)
+    assert size[:3] == pytest.approx(own)
+    assert variance[:3] == pytest.approx(noise)
+    assert np.isnan(size[3:]).all()
+    assert np.isnan(variance[3:]).all()
+    edge = (1.0 - limits.LEAST_SIZE_GAIN) * 0.4**2
+    told = _measured([mark(0.0, 0.99 * edge), mark(0.0, 1.01 * edge)], prior)[0]
+    assert np.isfinite(told).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("spread", [0.1, 0.25])
+def test_many_sizes_of_a_class_tell_its_mean_and_spread(spread: float) -> None:
+    rng = np.random.default_rng(4)
+    prior, n = SizePrior(0.7, 0.6), 400
+    variance = rng.uniform(0.02, 0.08, n) ** 2
+    size = np.log(0.9) + rng.normal(0.0, spread, n) + np.sqrt(variance) * rng.standard_normal(n)
+    found = _predicted(size, variance, prior)
+    assert np.log(found.size_m) == pytest.approx(np.log(0.9), abs=0.03)
+    # what is beyond its own error counts, and a small square is not beyond: some more than it is
+    assert spread < found.log_sd < 1.25 * spread
+    # a few that are far off change little
+    size[:20] += 2.0
+    assert np.log(_predicted(size, variance, prior).size_m) == pytest.approx(np.log(0.9), abs=0.04)
+
+
+def test_one_size_of_a_class_is_joined_with_the_prior_by_their_variances() -> None:
+    """A size that is just the prior's: the spread keeps to what is usual but for the one."""
+    prior, noise = SizePrior(0.7, 0.3), 0.02**2
+    found = _predicted(np.array([np.log(0.7)]), np.array([noise]), prior)
+    freedom, usual = limits.CLASS_SPREAD_FREEDOM, limits.CLASS_SPREAD_LOG**2
+    spread = usual
+    for _ in range(5):
+        sure = 0.3**-2 + 1.0 / (spread + noise)
+        spread = freedom * usual / (freedom + 1.0)
+    assert found.size_m == pytest.approx(0.7)
+    assert found.log_sd == pytest.approx(np.sqrt(spread + 1.0 / sure))
+    # a size that tells nothing leaves the prior, also its sigma
+    nothing = _predicted(np.array([0.0]), np.array([1e6]), SizePrior(0.7, 0.1))
+    assert (nothing.size_m, nothing.log_sd) == pytest.approx((0.7, 0.1), rel=1e-4)
+
+
+def frames(number: list[int], t_s: list[float]) -> FrameGrid:
+    n = len(number)
+    return FrameGrid(
+        Detections(
+            np.array(number), np.rint(np.array(t_s) * 1e9).astype(np.int64),
+            np.full(n, "", object), np.zeros((n, 4)), np.ones(n), np.full(n, -1),
+        )
+    )  # fmt: skip
+
+
+def test_frames_without_a_box_are_found_between_those_with_one() -> None:
+    """A detector that looks at every third frame of a camera of 30 Hz, boxes in some of them."""
+    number = [30, 33, 33, 36, 48, 51, 300]
+    grid = frames(number, [10.0 + n / 30.0 for n in number])
+    assert grid.step == 3
+    assert grid.interval_ns == pytest.approx(1e8)
+    at = 10.0 + 1.2
+    around = grid.around(round(at * 1e9), 3) * 1e-9 - at
+    # nothing before the first frame nor at the frame itself
+    assert around == pytest.approx([-0.2, -0.1, 0.1, 0.2, 0.3], abs=1e-8)
+    late = grid.around(round((10.0 + 1.7) * 1e9), 2) * 1e-9 - 11.7
+    assert late == pytest.approx([-0.2, -0.1, 0.1, 0.2], abs=1e-8)
+    assert len(grid.around(round(20.0 * 1e9), 4)) == 4
+    assert grid.count_between(round(11.0 * 1e9), round(13.5 * 1e9)) == pytest.approx(25.0)
+    alone = frames([5], [1.0])
+    assert len(alone.around(10**9, 3)) == 0
+    assert alone.step == 1
+
+
+def test_the_share_of_frames_with_a_sign_is_counted_between_its_first_and_last_box() -> None:
+    grid = frames([0, 1, 2], [0.0, 0.1, 0.2])
+    frame = np.array([0, 2, 3, 4, 5, 5, 10, 20, 21, 22, 24, 25])
+    views: Any = SimpleNamespace(
+        camera_names=("front",), camera=np.zeros(12, np.int64), frame=frame,
+        t_ns=frame * np.int64(10**8),
+    )  # fmt: skip
+
+    def of(*rows: int) -> Any:
+        return SimpleNamespace(rows=np.array(rows), anchor=rows[0])
+
+    # of two, one too short to tell: 4 of 5 steps, then 5 of 10 and 4 of 5 together
+    assert _found_rate(views, [of(0, 1, 2, 3, 4, 5), of(7, 8)], {"front": grid}) == pytest.approx(
+        0.8
+    )
+    both = [of(0, 1, 2, 3, 4, 6), of(7, 8, 9, 10, 11)]
+    assert _found_rate(views, both, {"front": grid}) == pytest.approx(9.0 / 15.0)
+    assert _found_rate(views, [], {"front": grid}) == 0.5
+
+
+def test_the_information_of_the_paths_error_is_the_inverse_of_its_covariance() -> None:
+    nodes = np.array([0.0, 4.0, 9.0, 30.0, 31.0])
+    row, column, value = _prior_information(nodes)
+    dense = np.zeros((15, 15))
+    np.add.at(dense, (row, column), value)
+    apart = np.abs(nodes[:, None] - nodes)
+    covariance = np.kron(np.exp(-apart / limits.PATH_CORRELATION_S), np.eye(3))
+    np.testing.assert_allclose(dense, np.linalg.inv(covariance), atol=1e-9)
+
+
+def test_the_error_between_two_nodes_is_on_the_line_between_theirs() -> None:
+    path = drive_path(23.0)
+    n = len(path)
+    sd = np.column_stack([np.linspace(1.0, 3.0, n), np.full(n, 0.5), np.linspace(2.0, 1.0, n)])
+    sd[-1, 1] = np.nan
+    path = replace(path, sd_pos_ned=sd)
+    nodes, at_nodes = _nodes(path)
+    time = path.t_ns * 1e-9
+    assert (nodes[0], nodes[-1]) == pytest.approx((time[0], time[-1]))
+    assert len(nodes) == 6
+    assert np.diff(nodes) == pytest.approx(np.full(5, (time[-1] - time[0]) / 5))
+    assert at_nodes[:-1, 0] == pytest.approx(np.interp(nodes[:-1], time, sd[:, 0]))
+    # what is unknown is not taken for exact
+    assert at_nodes[-1, 1] == pytest.approx(1e-6)
+    rng = np.random.default_rng(5)
+    unit = rng.normal(size=(6, 3))
+    for t in (nodes[0] - 3.0, nodes[0], nodes[2] + 1.1, nodes[4], nodes[5], nodes[5] + 2.0):
+        own, A = _design(nodes, at_nodes, t)
+        wanted = [np.interp(t, nodes, unit[:, k] * at_nodes[:, k]) for k in range(3)]
+        assert A @ unit.ravel()[own] == pytest.approx(wanted)
+        # the sighting and the trajectory are moved by the same
+        told, sd_there = Adjustment(nodes, unit * at_nodes, at_nodes).at(np.array([t]))
+        assert told[0] == pytest.approx(wanted)
+        assert sd_there[0, 0] == pytest.approx(np.interp(t, nodes, at_nodes[:, 0]))
+
+
+def test_the_adjusted_trajectory_is_the_old_one_less_its_error() -> None:
+    path = drive_path(20.0, sd_m=2.0)
+    time = path.t_ns * 1e-9
+    nodes = np.linspace(time[0], time[-1], 5)
+    slope = np.array([0.4, -0.3, 0.1])
+    error = np.array([3.0, -2.0, 1.0]) + slope * (nodes - nodes[0])[:, None]
+    sd = np.tile([0.5, 3.0, 1.0], (5, 1))
+    after = shift_trajectory(path, Adjustment(nodes, error, sd), ORIGIN)
+    before, moved = (local_ned(t.lat_rad, t.lon_rad, t.height_m, ORIGIN) for t in (path, after))
+    wanted = np.array([3.0, -2.0, 1.0]) + slope * (time - time[0])[:, None]
+    np.testing.assert_allclose(before - moved, wanted, atol=2e-4)
+    np.testing.assert_allclose(
+        path.vel_ned - after.vel_ned, np.tile(slope, (len(path), 1)), atol=1e-4
+    )
+    assert after.sd_pos_ned == pytest.approx(np.tile([0.5, 2.0, 1.0], (len(path), 1)))
+    assert after.lon_rad == pytest.approx(path.lon_rad, abs=1e-5)
+    # also where the date line is crossed
+    turn = np.pi - path.lon_rad[1000]
+    lon = (path.lon_rad + turn + np.pi) % (2.0 * np.pi) - np.pi
+    east = (ORIGIN[0], ORIGIN[1] + turn, ORIGIN[2])
+    over = shift_trajectory(replace(path, lon_rad=lon), Adjustment(nodes, error, sd), east)
+    assert np.abs(over.lon_rad).max() <= np.pi
+    np.testing.assert_allclose(np.sin(over.lon_rad - turn), np.sin(after.lon_rad), atol=1e-12)
+
+
+def sightings(rng: np.random.Generator, n: int) -> list[Any]:
+    own = [0.1 * (r @ r.T + np.eye(3)) for r in rng.normal(size=(n, 3, 3))]
+    path_sd = rng.uniform(0.5, 1.0, (n, 3))
+    return [
+        SimpleNamespace(
+            position=rng.normal(0.0, 1.0, 3), covariance=c + np.diag(s**2), path_sd=s, time_s=1.5
+        )
+        for c, s in zip(own, path_sd, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("surveyed", [False, True])
+def test_sightings_count_less_the_further_they_are_from_their_signs_place(surveyed: bool) -> None:
+    rng = np.random.default_rng(6)
+    members = sightings(rng, 4)
+    error = [rng.normal(0.0, 0.5, 3) for _ in members]
+    root = rng.normal(size=(3, 3))
+    control = (np.array([0.3, -0.2, 0.5]), 0.05 * (root @ root.T + np.eye(3)))
+    # the own error of each, with what a face's middle is known to
+    own: list[FloatArray] = [
+        m.covariance - np.diag(m.path_sd**2) + limits.FACE_SD_M**2 * np.eye(3) for m in members
+    ]
+    for m, c in zip(members, own, strict=True):
+        np.testing.assert_allclose(_own_information(m), np.linalg.inv(c))
+    z = [m.position - e for m, e in zip(members, error, strict=True)]
+    terms = [*zip(z, own, strict=True), *([control] if surveyed else [])]
+    J = np.tile(np.eye(3), (len(terms), 1))
+    R = np.zeros((3 * len(terms), 3 * len(terms)))
+    for k, (_, c) in enumerate(terms):
+        R[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = c
+    W = np.linalg.inv(R)
+    place = np.linalg.solve(J.T @ W @ J, J.T @ W @ np.concatenate([v for v, _ in terms]))
+    square = [(v - place) @ np.linalg.solve(c, v - place) for v, c in zip(z, own, strict=True)]
+    found = _weights(members, error, control if surveyed else None)
+    assert found == pytest.approx(1.0 / (1.0 + np.array(square) / limits.HALF_WEIGHT_SIGMAS**2))
+
+
+@dataclass(frozen=True)
+class Placed:
+    position: FloatArray
+
+
+def test_a_sighting_goes_with_the_trajectory() -> None:
+    adjustment = Adjustment(
+        np.array([0.0, 2.0]), np.array([[1.0, 0.0, -1.0], [3.0, 4.0, 1.0]]), np.full((2, 3), 0.7)
+    )
+    fields = dict.fromkeys(Sighting.__dataclass_fields__, None)
+    given = fields | {
+        "position": np.array([10.0, 20.0, -2.0]), "time_s": 1.5, "landmark": Placed(np.zeros(3)),
+        "path_sd": np.array([0.5, 0.9, 0.7]),
+    }  # fmt: skip
+    after = shift_sighting(Sighting(**given), adjustment)  # type: ignore[arg-type]
+    assert after.position == pytest.approx([10.0 - 2.5, 20.0 - 3.0, -2.0 - 0.5])
+    assert after.landmark.position is after.position
+    assert after.path_sd == pytest.approx([0.5, 0.7, 0.7])
