@@ -26,6 +26,10 @@ satellites, or an assumed height, make errors of position that the figure may le
 ACCURACY_HELD = math.log(1.25)
 """A receiver's figure is held until it has changed by a quarter: less is jitter of the report,
 and every change of it lets some of the wander be forgotten."""
+JITTER_SIGMAS, JITTER_FIXES, MOST_JITTER = 4.0, 9, math.log(2.0)
+"""Reports that scatter from fix to fix are held within so many of their sigmas, one in 16,000 is
+not, about the median of so many, which is good to 0.4 sigma. A figure that halves or doubles is
+another kind of solution, not scatter."""
 LEAST_WHITE_M = 0.02
 """Chosen: from fix to fix no position without carrier phase is steadier than one with it."""
 VELOCITY_DOWN_FACTOR = 1.5
