@@ -293,7 +293,7 @@ ROAD_ROLL_SD = 0.02
 """Mean cross-fall and suspension lean of a drive, rad, one sigma: roads fall by 2.5 % to the side
 for the rain."""
 KNOWN_ROLL_SD = 1e-3
-"""The roll of a mounting that the manifest states, rad."""
+"""The roll of axes that nobody doubts, rad: no body is stiffer on its springs."""
 
 # passes
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,7 +34,8 @@ class FusionInputs:
 
     ``delay_is_clock``: the delay between IMU stamps and fixes is an error of the clock model.
     ``lever_arm`` [3] m, None where the manifest gives none. ``fixes`` without what cannot be
-    right, or tells nothing, by what ``receiver`` says of them; ``right_fixes`` with the latter.
+    right, or tells nothing, by what ``receiver`` says of them; ``right_fixes`` with the latter. ``roll_sd`` rad how exactly the
+    IMU sits as its axes say.
     """
 
     imu: ImuData
@@ -44,6 +46,7 @@ class FusionInputs:
     lever_arm: FloatArray | None
     receiver: VelocityConsistency
     right_fixes: Fixes
+    roll_sd: float
     odometer: WheelSpeed | None = None
 
     def fuse(
@@ -60,6 +63,7 @@ class FusionInputs:
             options,
             self.delay,
             lever_arm=self.lever_arm,
+            roll_sd=self.roll_sd,
             delay_is_clock=self.delay_is_clock,
             odometer=self.odometer,
             progress=progress,
@@ -78,8 +82,9 @@ def read_inputs(drive: Drive, out: Path, shared_clock_sd_s: float) -> FusionInpu
     imu = read_imu(out / names.IMU)
     right, receiver = _right_fixes(out)
     fixes = own_velocities(right, receiver)
+    roll_sd = math.radians(drive.imu.axes_sigma_deg)
     odometer = _read_wheels(drive, out / names.ODOMETER, clocks)
-    return FusionInputs(imu, fixes, clock, delay, is_clock, arm, receiver, right, odometer)
+    return FusionInputs(imu, fixes, clock, delay, is_clock, arm, receiver, right, roll_sd, odometer)
 
 
 def _read_wheels(drive: Drive, path: Path, clocks: DriveClocks) -> WheelSpeed | None:
