@@ -135,8 +135,8 @@ def fuse_imu_gnss(
     otherwise the stamps are instants of a right clock at which late samples were noted, and
     each row of the output is the vehicle's state at its stamp's instant. ``lever_arm`` [3] IMU
     to antenna in body axes, None if unknown (it is then estimated). ``roll_sd`` rad how
-    exactly axes that are known are so about the forward one, which no motion tells. ``odometer`` the speed of
-    the wheels, stamped by the host clock without the IMU's own delay.
+    exactly axes that are known are so about the forward one, which no motion tells. ``odometer``
+    the speed of the wheels, stamped by the host clock without the IMU's own delay.
 
     Raises:
         InputError: fewer than two usable fixes within the IMU's span, or hardly any samples.

@@ -98,8 +98,8 @@ class TableSection(Section):
 
 class ImuSection(TableSection):
     """``[imu]``. Without ``axes`` the sensor is taken to be mounted forward, right, down; a triad
-    has axes of its own where ``accel_axes`` or ``gyro_axes`` say so. ``axes_sigma_deg``: how exactly
-    the case sits as stated, glued in by eye where nobody says; pitch and yaw the drive tells."""
+    has axes of its own where ``accel_axes`` or ``gyro_axes`` say so. ``axes_sigma_deg``: how
+    exactly the case sits as stated, by eye where nobody says; pitch and yaw the drive tells."""
 
     kind: ClassVar[TableKind] = "imu"
     file: str | None = None

@@ -34,8 +34,8 @@ class FusionInputs:
 
     ``delay_is_clock``: the delay between IMU stamps and fixes is an error of the clock model.
     ``lever_arm`` [3] m, None where the manifest gives none. ``fixes`` without what cannot be
-    right, or tells nothing, by what ``receiver`` says of them; ``right_fixes`` with the latter. ``roll_sd`` rad how exactly the
-    IMU sits as its axes say.
+    right, or tells nothing, by what ``receiver`` says of them; ``right_fixes`` with the latter.
+    ``roll_sd`` rad how exactly the IMU sits as its axes say.
     """
 
     imu: ImuData
