@@ -434,6 +434,8 @@ MOST_LEAN, MOST_CLIMB = 0.2, 0.35
 Highways and Streets), the steepest climb by 35 %; a body leans by some degrees besides, rad."""
 STATED_ARM_SD_M = 0.05
 """An arm to the antenna that was measured with a tape, m."""
+MOST_ARM_M = 25.25
+"""The longest road train that Directive 96/53/EC lets drive: a longer arm is in another unit."""
 ARM_OFF_M, ARM_PER_LAG = 0.5, 3.0
 """Chosen: an arm that is off by less moves the path by less than most receivers err. Velocities
 that come late look like an arm in bends that are driven slowly, as they are late by differing

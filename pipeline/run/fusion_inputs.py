@@ -6,9 +6,12 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from automap.errors import InputError
 from automap.fusion.doubts.receiver import own_velocities, usable_fixes
 from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
+from automap.fusion.limits import MOST_ARM_M
 from automap.fusion.options import FusionOptions
 from automap.io import names
 from automap.io.clock_json import read_clocks
@@ -78,13 +81,20 @@ def read_inputs(drive: Drive, out: Path, shared_clock_sd_s: float) -> FusionInpu
     clocks = read_clocks(out / names.SYNC)
     clock = clocks.clock
     delay, is_clock = _delay_prior(clock, shared_clock_sd_s)
-    arm = None if drive.gnss.lever_arm_m is None else drive.lever_arm
+    arm = _stated_arm(drive)
     imu = read_imu(out / names.IMU)
     right, receiver = _right_fixes(out)
     fixes = own_velocities(right, receiver)
     roll_sd = math.radians(drive.imu.axes_sigma_deg)
     odometer = _read_wheels(drive, out / names.ODOMETER, clocks)
     return FusionInputs(imu, fixes, clock, delay, is_clock, arm, receiver, right, roll_sd, odometer)
+
+
+def _stated_arm(drive: Drive) -> FloatArray | None:
+    """The arm [3] m that the manifest states; one that fits on no vehicle is none, as checks say."""
+    if drive.gnss.lever_arm_m is None or np.linalg.norm(drive.lever_arm) > MOST_ARM_M:
+        return None
+    return drive.lever_arm
 
 
 def _read_wheels(drive: Drive, path: Path, clocks: DriveClocks) -> WheelSpeed | None:

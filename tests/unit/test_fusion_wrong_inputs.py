@@ -22,7 +22,7 @@ from automap.io.recording import read_recording
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import velocity_consistency
 from pipeline.check.steadiness import usable_receiver
-from pipeline.run.fusion_inputs import _delay_prior
+from pipeline.run.fusion_inputs import _delay_prior, _stated_arm
 from tests.unit.foreign_tables import SAMPLE
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
@@ -254,3 +254,15 @@ def test_a_path_told_twice_is_no_witness_against_the_imu() -> None:
     assert usable_receiver(drive, recording)[1] is not None
     crossed = replace(fixes, vel_ned=fixes.vel_ned[:, [1, 0, 2]])
     assert usable_receiver(drive, replace(recording, fixes=crossed))[1] is None
+
+
+@pytest.mark.parametrize(
+    ("arm", "believed"), [((-30.0, 10.0, -50.0), False), ((12.0, 0.0, 0.0), True)]
+)
+def test_an_arm_that_fits_on_no_vehicle_is_not_believed(
+    arm: tuple[float, float, float], believed: bool
+) -> None:
+    drive = load_drive(SAMPLE)
+    gnss = drive.gnss.model_copy(update={"lever_arm_m": arm})
+    stated = _stated_arm(replace(drive, manifest=drive.manifest.model_copy(update={"gnss": gnss})))
+    assert (stated is not None) == believed
