@@ -91,7 +91,7 @@ def read_inputs(drive: Drive, out: Path, shared_clock_sd_s: float) -> FusionInpu
 
 
 def _stated_arm(drive: Drive) -> FloatArray | None:
-    """The arm [3] m that the manifest states; one that fits on no vehicle is none, as check says."""
+    """The arm [3] m that the manifest states; one that fits on no vehicle is none."""
     if drive.gnss.lever_arm_m is None or np.linalg.norm(drive.lever_arm) > MOST_ARM_M:
         return None
     return drive.lever_arm
