@@ -81,6 +81,19 @@ def test_heights_in_metres_are_heights(seed: int) -> None:
     assert list(height_doubts(flat, fixes_of(flat, 3.28, 2.0, seed))) == []
 
 
+@pytest.mark.parametrize("off_deg", [-11.0, 6.0])
+def test_courses_against_another_north_are_turned_back_and_told(off_deg: float) -> None:
+    fixes = town_fixes()
+    assert not velocity_consistency(fixes).course_off
+    course = np.exp(1j * np.radians(off_deg)) * (fixes.vel_ned[:, 0] + 1j * fixes.vel_ned[:, 1])
+    off = replace(fixes, vel_ned=np.column_stack([course.real, course.imag, fixes.vel_ned[:, 2]]))
+    found = velocity_consistency(off)
+    assert [r.code for r in receiver_doubts(found, 0.0)] == ["course_off"]
+    back = usable_fixes(off, found).vel_ned
+    assert np.abs(back - fixes.vel_ned).max() < np.radians(1.0) * np.abs(fixes.vel_ned).max()
+    assert np.array_equal(usable_fixes(fixes, velocity_consistency(fixes)).vel_ned, fixes.vel_ned)
+
+
 @pytest.mark.parametrize(
     ("factor", "text"), [(1.0 / 0.3048, "as feet where metres"), (0.3048, "as if they were")]
 )
