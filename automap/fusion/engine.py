@@ -121,6 +121,7 @@ def fuse_imu_gnss(
     delay: Prior,
     lever_arm: FloatArray | None = None,
     lever_arm_sd: float = limits.STATED_ARM_SD_M,
+    roll_sd: float = limits.KNOWN_ROLL_SD,
     delay_is_clock: bool = False,
     odometer: WheelSpeed | None = None,
     progress: Callable[[float, str], None] = lambda fraction, text: None,
@@ -133,8 +134,9 @@ def fuse_imu_gnss(
     ``delay_is_clock`` that delay is an error of the clock model and corrects ``gps_s``;
     otherwise the stamps are instants of a right clock at which late samples were noted, and
     each row of the output is the vehicle's state at its stamp's instant. ``lever_arm`` [3] IMU
-    to antenna in body axes, None if unknown (it is then estimated). ``odometer`` the speed of
-    the wheels, stamped by the host clock without the IMU's own delay.
+    to antenna in body axes, None if unknown (it is then estimated). ``roll_sd`` rad how
+    exactly axes that are known are so about the forward one, which no motion tells. ``odometer``
+    the speed of the wheels, stamped by the host clock without the IMU's own delay.
 
     Raises:
         InputError: fewer than two usable fixes within the IMU's span, or hardly any samples.
@@ -198,7 +200,7 @@ def fuse_imu_gnss(
     shift: Shift | None = None
     margin = np.inf
     # level is what the IMU says it is: the constraint cannot tell the roll of the mounting
-    known_sds = {"imu_mounting_roll": limits.KNOWN_ROLL_SD}
+    known_sds = {"imu_mounting_roll": max(roll_sd, limits.KNOWN_ROLL_SD)}
     known_means: dict[str, float] = {}
     if lever_arm is not None:
         known_means |= {

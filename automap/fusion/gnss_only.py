@@ -7,6 +7,8 @@ course, pitch the slope of the path, roll zero.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from automap.earth import from_local_ned, local_ned
@@ -99,6 +101,22 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
         sd_vel,
         sd_rpy,
     )
+
+
+def unaveraged(path: Trajectory, fixes: Fixes, options: FusionOptions) -> Trajectory:
+    """The ``path`` of ``fixes`` alone with a position nowhere surer than the errors of its fixes
+    that last: how long they do nobody has told, and a motion that no IMU has seen does not tell
+    them from the way that was driven, so that the smoother's averages over minutes promise too
+    much."""
+    model = model_fixes(fixes, fixes.gps_s, options)
+    has = (model.flags & 1) > 0
+    if not has.any():
+        return path
+    lasts = np.hypot(
+        lasting_share(options, {}) * model.stated_sd, unseen_errors(model.stated_sd, options, {})
+    )
+    least = np.stack([np.interp(path.gps_s, model.t[has], lasts[has, a]) for a in range(3)], axis=1)
+    return replace(path, sd_pos_ned=np.maximum(path.sd_pos_ned, least))
 
 
 def _hold(angle: FloatArray, valid: BoolArray) -> FloatArray:

@@ -26,6 +26,10 @@ satellites, or an assumed height, make errors of position that the figure may le
 ACCURACY_HELD = math.log(1.25)
 """A receiver's figure is held until it has changed by a quarter: less is jitter of the report,
 and every change of it lets some of the wander be forgotten."""
+JITTER_SIGMAS, JITTER_FIXES, MOST_JITTER = 4.0, 9, math.log(2.0)
+"""Reports that scatter from fix to fix are held within so many of their sigmas, one in 16,000 is
+not, about the median of so many, which is good to 0.4 sigma. A figure that halves or doubles is
+another kind of solution, not scatter."""
 LEAST_WHITE_M = 0.02
 """Chosen: from fix to fix no position without carrier phase is steadier than one with it."""
 VELOCITY_DOWN_FACTOR = 1.5
@@ -289,7 +293,7 @@ ROAD_ROLL_SD = 0.02
 """Mean cross-fall and suspension lean of a drive, rad, one sigma: roads fall by 2.5 % to the side
 for the rain."""
 KNOWN_ROLL_SD = 1e-3
-"""The roll of a mounting that the manifest states, rad."""
+"""The roll of axes that nobody doubts, rad: no body is stiffer on its springs."""
 
 # passes
 
@@ -430,6 +434,8 @@ MOST_LEAN, MOST_CLIMB = 0.2, 0.35
 Highways and Streets), the steepest climb by 35 %; a body leans by some degrees besides, rad."""
 STATED_ARM_SD_M = 0.05
 """An arm to the antenna that was measured with a tape, m."""
+MOST_ARM_M = 25.25
+"""The longest road train that Directive 96/53/EC lets drive: a longer arm is in another unit."""
 ARM_OFF_M, ARM_PER_LAG = 0.5, 3.0
 """Chosen: an arm that is off by less moves the path by less than most receivers err. Velocities
 that come late look like an arm in bends that are driven slowly, as they are late by differing

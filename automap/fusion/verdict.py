@@ -38,7 +38,7 @@ from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.doubts.velocity_step import compare, step_doubts, velocity_steps
 from automap.fusion.engine import FusionResult, Prior
 from automap.fusion.free_inertial import free_inertial
-from automap.fusion.gnss_only import smooth_fixes
+from automap.fusion.gnss_only import smooth_fixes, unaveraged
 from automap.fusion.levels import VELOCITY_WANDER
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
@@ -129,7 +129,8 @@ def weigh(
         if left < limits.AGREEING_SHARE:
             reasons = [_worse(share), *reasons]
             # what speaks against the IMU's path leaves that of the fixes as it is
-            widened = widen(alone, [*of_receiver, *own], beside, None)
+            path = unaveraged(alone, fixes, options)
+            widened = widen(path, [*of_receiver, *own], beside, None)
             return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
     widened = widen(path, reasons, misses, alone)
     return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened)
@@ -142,7 +143,7 @@ def weigh_alone(
     misses = fix_misses(path, model_fixes(fixes, fixes.gps_s, options))
     off, _ = _off_the_fixes(misses, options.wander_tau_s)
     reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
-    widened = widen(path, reasons, misses, None)
+    widened = widen(unaveraged(path, fixes, options), reasons, misses, None)
     return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
 
 

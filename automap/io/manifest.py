@@ -98,13 +98,15 @@ class TableSection(Section):
 
 class ImuSection(TableSection):
     """``[imu]``. Without ``axes`` the sensor is taken to be mounted forward, right, down; a triad
-    has axes of its own where ``accel_axes`` or ``gyro_axes`` say so."""
+    has axes of its own where ``accel_axes`` or ``gyro_axes`` say so. ``axes_sigma_deg``: how
+    exactly the case sits as stated, by eye where nobody says; pitch and yaw the drive tells."""
 
     kind: ClassVar[TableKind] = "imu"
     file: str | None = None
     axes: str | list[list[FiniteFloat]] = "FRD"
     accel_axes: str | list[list[FiniteFloat]] | None = None
     gyro_axes: str | list[list[FiniteFloat]] | None = None
+    axes_sigma_deg: NotNegative = 1.0
     time: TimeBase = "boot_ns"
     gyro_unit: Literal["rad/s", "deg/s", "mrad/s", "mdeg/s", "rpm", "counts"] = "rad/s"
     accel_unit: Literal["m/s^2", "g", "mg", "cm/s^2", "counts"] = "m/s^2"

@@ -133,6 +133,8 @@ OFFSET_STEP_S, APART_S = 0.2, 5.0
 LEAST_OVERLAP_S, LEAST_OVERLAP = 20.0, 0.3
 """Common time that two recordings must have under an offset, s, and of the shorter one: chance
 finds better agreement the shorter it is."""
+COURSE_OFF_RAD = 0.05
+"""A course off by more is against another north: 3 deg, as the compass is off in most countries."""
 CERTAIN_LEAD_NATS, CERTAIN_NATS = 14.0, 25.0
 """An offset stands out by odds of a million over the next (ln 1e6 = 13.8), and over chance by so
 much that a million offsets may be tried as well."""

@@ -123,6 +123,16 @@ class VelocityConsistency:
         return self.match.mirrored and self.match.quarters % 2 == 0
 
     @property
+    def course_off(self) -> bool:
+        """Whether courses are beyond doubt against another north than that of the positions, but
+        for quarter turns."""
+        turn = self.match.turn_rad
+        if turn is None or self.turned or self.scale_wrong:
+            return False
+        certain = 0.5 * (turn.value / turn.sd) ** 2 > limits.CERTAIN_LEAD_NATS
+        return certain and abs(turn.value) > limits.COURSE_OFF_RAD
+
+    @property
     def reasons(self) -> tuple[Reason, ...]:
         """What is beyond doubt, a sentence each: what is wrong throughout first."""
         return tuple(_reasons(self))
@@ -292,6 +302,13 @@ def _reasons(found: VelocityConsistency) -> Iterator[Reason]:
             yield Reason("sign_turned", f"{turn}, by the velocities or by the positions: {odds}")
         else:
             yield Reason("course_turned", f"{turn}: {odds}")
+    turn_rad = found.match.turn_rad
+    if found.course_off and turn_rad is not None:
+        yield Reason(
+            "course_off",
+            f"courses are told {math.degrees(-turn_rad.value):+.1f} deg off (sd "
+            f"{math.degrees(turn_rad.sd):.1g}), as against the compass or a map's grid",
+        )
     for code, held, what in (
         ("velocity_stuck", found.velocity_stuck, "velocities repeat while the positions move on"),
         ("position_frozen", found.position_frozen, "positions repeat while velocities go on"),

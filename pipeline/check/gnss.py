@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from automap.evaluation.plausibility import Finding
-from automap.fusion.limits import LEAST_FIXES
+from automap.fusion.limits import LEAST_FIXES, MOST_ARM_M
 from automap.io.drive import Drive
 from automap.io.receiver_told import manual_positions
 from automap.io.recording import Recording
@@ -162,10 +162,11 @@ def lever_arm(drive: Drive) -> list[Finding]:
         ]
     length = float(np.linalg.norm(arm))
     if length > limits.LONG_ARM_M:
+        left_out = ", more than any vehicle, and is left out" if length > MOST_ARM_M else ""
         return [
             Finding(
                 "warning",
-                f"lever_arm_m is {length:.1f} m long",
+                f"lever_arm_m is {length:.1f} m long{left_out}",
                 "it is in metres, from IMU to antenna, in the vehicle's forward, right, down",
             )
         ]

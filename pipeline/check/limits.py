@@ -23,8 +23,6 @@ smoothing up to a hundredth."""
 LATE_TOLD_S, LATE_S = 0.1, 1.0
 """Delays of velocities that are told, and that are warned of: braking at 3 m/s^2 the first errs by
 what a receiver's velocity errs by anyway, and recorded receivers' are late by up to 0.7 s."""
-COURSE_OFF_RAD = 0.05
-"""A course off by more is against another north: 3 deg, as the compass is off in most countries."""
 SPARSE_HZ, FEW_READINGS = 1.0, 10
 """With fewer readings a second, or fewer at all, there is nothing to integrate: a car turns a
 corner between two of them, and the fixes come as often."""

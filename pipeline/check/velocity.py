@@ -10,6 +10,7 @@ import numpy as np
 from automap.evaluation.plausibility import Finding, Severity
 from automap.gates import sigmas
 from automap.records import Fixes
+from automap.sync.limits import COURSE_OFF_RAD
 from automap.sync.velocity_consistency import (
     Interval,
     VelocityConsistency,
@@ -23,6 +24,8 @@ ADVICE: dict[str, str] = {
     "velocity_scale": "convert the column, or take the velocities out",
     "course_turned": "courses are clockwise from north, velocities north, east, down: write them "
     "so, or take them out",
+    "course_off": "courses are against true north, not against the compass; they are turned back "
+    "until then",
     "sign_turned": "longitudes are positive east, latitudes north, velocities north, east, down: "
     "give the column its sign",
     "velocity_stuck": "take the velocities of that time out; let the log say where there is none",
@@ -157,7 +160,8 @@ def _compared(found: VelocityConsistency) -> Finding:
     if abs(match.scale.value - 1.0) > sure * np.hypot(match.scale.sd, limits.SCALE_SD):
         return Finding("warning", text, "is it the receiver's speed? Wheels and apps err so much")
     turn = match.turn_rad
-    if turn is not None and abs(turn.value) - sure * turn.sd > limits.COURSE_OFF_RAD:
+    off = turn is not None and abs(turn.value) - sure * turn.sd > COURSE_OFF_RAD
+    if turn is not None and off and not found.course_off:
         return Finding(
             "warning",
             f"{text}, and courses {np.rad2deg(-turn.value):+.1f} deg off",

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from automap.errors import InputError
 from automap.fusion.doubts.receiver import own_velocities, usable_fixes
 from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
+from automap.fusion.limits import MOST_ARM_M
 from automap.fusion.options import FusionOptions
 from automap.io import names
 from automap.io.clock_json import read_clocks
@@ -34,6 +38,7 @@ class FusionInputs:
     ``delay_is_clock``: the delay between IMU stamps and fixes is an error of the clock model.
     ``lever_arm`` [3] m, None where the manifest gives none. ``fixes`` without what cannot be
     right, or tells nothing, by what ``receiver`` says of them; ``right_fixes`` with the latter.
+    ``roll_sd`` rad how exactly the IMU sits as its axes say.
     """
 
     imu: ImuData
@@ -44,6 +49,7 @@ class FusionInputs:
     lever_arm: FloatArray | None
     receiver: VelocityConsistency
     right_fixes: Fixes
+    roll_sd: float
     odometer: WheelSpeed | None = None
 
     def fuse(
@@ -60,6 +66,7 @@ class FusionInputs:
             options,
             self.delay,
             lever_arm=self.lever_arm,
+            roll_sd=self.roll_sd,
             delay_is_clock=self.delay_is_clock,
             odometer=self.odometer,
             progress=progress,
@@ -74,12 +81,20 @@ def read_inputs(drive: Drive, out: Path, shared_clock_sd_s: float) -> FusionInpu
     clocks = read_clocks(out / names.SYNC)
     clock = clocks.clock
     delay, is_clock = _delay_prior(clock, shared_clock_sd_s)
-    arm = None if drive.gnss.lever_arm_m is None else drive.lever_arm
+    arm = _stated_arm(drive)
     imu = read_imu(out / names.IMU)
     right, receiver = _right_fixes(out)
     fixes = own_velocities(right, receiver)
+    roll_sd = math.radians(drive.imu.axes_sigma_deg)
     odometer = _read_wheels(drive, out / names.ODOMETER, clocks)
-    return FusionInputs(imu, fixes, clock, delay, is_clock, arm, receiver, right, odometer)
+    return FusionInputs(imu, fixes, clock, delay, is_clock, arm, receiver, right, roll_sd, odometer)
+
+
+def _stated_arm(drive: Drive) -> FloatArray | None:
+    """The arm [3] m that the manifest states; one that fits on no vehicle is none."""
+    if drive.gnss.lever_arm_m is None or np.linalg.norm(drive.lever_arm) > MOST_ARM_M:
+        return None
+    return drive.lever_arm
 
 
 def _read_wheels(drive: Drive, path: Path, clocks: DriveClocks) -> WheelSpeed | None:

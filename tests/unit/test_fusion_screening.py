@@ -101,6 +101,18 @@ def test_figures_follow_changes_and_not_jitter() -> None:
     assert held[250, 0] / held[100, 0] == pytest.approx(5.0, rel=0.2)
 
 
+@pytest.mark.parametrize("repeats", [1, 2])
+def test_figures_that_scatter_widely_are_held(repeats: int) -> None:
+    rng = np.random.default_rng(2)
+    sd = np.repeat(1.8 * rng.uniform(0.8, 1.2, (800, 3)), repeats, axis=0)
+    half = len(sd) // 2
+    sd[half:] *= 5.0
+    held = hold_reported_sd(sd)
+    changes = np.flatnonzero(np.diff(held[:, 0]))
+    assert changes.tolist() == [half - 1]
+    assert held[[0, -1], 0] == pytest.approx([1.8, 9.0], rel=0.15)
+
+
 def test_a_changed_figure_keeps_only_its_share_of_the_wander() -> None:
     model = _drive(seconds=20.0)
     wander = np.ones((len(model.t), 3))

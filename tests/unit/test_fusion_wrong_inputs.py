@@ -22,7 +22,7 @@ from automap.io.recording import read_recording
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import velocity_consistency
 from pipeline.check.steadiness import usable_receiver
-from pipeline.run.fusion_inputs import _delay_prior
+from pipeline.run.fusion_inputs import _delay_prior, _stated_arm
 from tests.unit.foreign_tables import SAMPLE
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
@@ -79,6 +79,19 @@ def test_heights_in_metres_are_heights(seed: int) -> None:
     # what a flat road or too poor a receiver tells of a unit is nothing
     flat = hilly(climb=0.001)
     assert list(height_doubts(flat, fixes_of(flat, 3.28, 2.0, seed))) == []
+
+
+@pytest.mark.parametrize("off_deg", [-11.0, 6.0])
+def test_courses_against_another_north_are_turned_back_and_told(off_deg: float) -> None:
+    fixes = town_fixes()
+    assert not velocity_consistency(fixes).course_off
+    course = np.exp(1j * np.radians(off_deg)) * (fixes.vel_ned[:, 0] + 1j * fixes.vel_ned[:, 1])
+    off = replace(fixes, vel_ned=np.column_stack([course.real, course.imag, fixes.vel_ned[:, 2]]))
+    found = velocity_consistency(off)
+    assert [r.code for r in receiver_doubts(found, 0.0)] == ["course_off"]
+    back = usable_fixes(off, found).vel_ned
+    assert np.abs(back - fixes.vel_ned).max() < np.radians(1.0) * np.abs(fixes.vel_ned).max()
+    assert np.array_equal(usable_fixes(fixes, velocity_consistency(fixes)).vel_ned, fixes.vel_ned)
 
 
 @pytest.mark.parametrize(
@@ -254,3 +267,15 @@ def test_a_path_told_twice_is_no_witness_against_the_imu() -> None:
     assert usable_receiver(drive, recording)[1] is not None
     crossed = replace(fixes, vel_ned=fixes.vel_ned[:, [1, 0, 2]])
     assert usable_receiver(drive, replace(recording, fixes=crossed))[1] is None
+
+
+@pytest.mark.parametrize(
+    ("arm", "believed"), [((-30.0, 10.0, -50.0), False), ((12.0, 0.0, 0.0), True)]
+)
+def test_an_arm_that_fits_on_no_vehicle_is_not_believed(
+    arm: tuple[float, float, float], believed: bool
+) -> None:
+    drive = load_drive(SAMPLE)
+    gnss = drive.gnss.model_copy(update={"lever_arm_m": arm})
+    stated = _stated_arm(replace(drive, manifest=drive.manifest.model_copy(update={"gnss": gnss})))
+    assert (stated is not None) == believed

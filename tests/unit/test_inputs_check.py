@@ -150,7 +150,12 @@ def test_recordings_of_different_times_are_refused(drive: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arm", "said"), [("[12.0, 0.0, -1.0]", "12.0 m long"), ("[0.0, 0.0, 1.4]", "below the IMU")]
+    ("arm", "said"),
+    [
+        ("[12.0, 0.0, -1.0]", "12.0 m long"),
+        ("[-30.0, 10.0, -50.0]", "59.2 m long, more than any vehicle, and is left out"),
+        ("[0.0, 0.0, 1.4]", "below the IMU"),
+    ],
 )
 def test_a_strange_lever_arm_is_a_warning(drive: Path, arm: str, said: str) -> None:
     _edit(drive, "[0.2, 0.0, -1.0]", arm)

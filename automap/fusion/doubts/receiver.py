@@ -10,7 +10,7 @@ import numpy as np
 
 from automap.fusion import limits
 from automap.fusion.doubts.reason import Reason, Span
-from automap.records import Fixes
+from automap.records import Fixes, FloatArray
 from automap.sync.velocity_consistency import Interval, VelocityConsistency, told_intervals
 
 _HELD = ("velocity_stuck", "position_frozen", "rows_frozen")
@@ -18,10 +18,13 @@ _LEFT_OUT = ": they were left out; check the receiver's log and how it was made"
 
 
 def usable_fixes(fixes: Fixes, found: VelocityConsistency) -> Fixes:
-    """Fixes without the velocities and positions that cannot be right."""
+    """Fixes without the velocities and positions that cannot be right; courses against another
+    north are turned to that of the positions."""
     velocity, position = fixes.vel_ned.copy(), found.unusable_position(fixes)
     velocity[found.unusable_velocity(fixes), :2] = np.nan
     velocity[found.unusable_vertical_velocity(fixes), 2] = np.nan
+    if found.course_off and found.match.turn_rad is not None:
+        velocity[:, :2] = velocity[:, :2] @ _turned_by(found.match.turn_rad.value).T
     height = np.full_like(fixes.height_m, np.nan) if found.height_stuck else fixes.height_m
     return replace(
         fixes,
@@ -30,6 +33,12 @@ def usable_fixes(fixes: Fixes, found: VelocityConsistency) -> Fixes:
         lat_rad=np.where(position, np.nan, fixes.lat_rad),
         lon_rad=np.where(position, np.nan, fixes.lon_rad),
     )
+
+
+def _turned_by(angle: float) -> FloatArray:
+    """Matrix [2, 2] that turns north and east clockwise by ``angle`` rad."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s], [s, c]])
 
 
 def own_velocities(fixes: Fixes, found: VelocityConsistency) -> Fixes:
@@ -89,6 +98,10 @@ def _doubts(found: VelocityConsistency, start: float) -> Iterator[Reason]:
             # either the path is mirrored or its velocities are: nothing was left out
             text = f"{reason.text}: give the column of the log its sign"
             yield Reason(reason.code, text, state="unusable")
+            continue
+        if reason.code == "course_off":
+            text = f"the receiver's {reason.text}: they were turned back; log them from true north"
+            yield Reason(reason.code, text, handled=True)
             continue
         if reason.code in held:
             # a receiver that lost its view repeats a fix now and then
