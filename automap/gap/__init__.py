@@ -12,7 +12,7 @@ other recordings.
 
 from automap.gap.drive import GapDrive
 from automap.gap.finder import GapResult, find_gaps
-from automap.gap.model import GapModel, base_model
+from automap.gap.fit import GapModel, base_model
 from automap.gap.result import Finding, ParameterValue, Unexplained
 
 __all__ = [

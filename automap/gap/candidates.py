@@ -27,10 +27,9 @@ from automap.effects.user import is_users, user_signal
 from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS, N_NAV
 from automap.fusion.problem import node_signals
 from automap.gap import limits
-from automap.gap.fit import Fit
+from automap.gap.fit import SKEW, Fit, prior_sd
 from automap.gap.limits import REFERENCE_TAU_S
 from automap.gap.linear import Column, Direct, Inertial, NodeMotion
-from automap.gap.model import SKEW, prior_sd
 from automap.gap.motion import Motion, at_times, lagged
 from automap.gap.result import equation
 from automap.records import FloatArray

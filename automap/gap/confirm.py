@@ -17,9 +17,8 @@ from automap.fusion.kernel_runs import run_dense
 from automap.fusion.layout import CH_POS
 from automap.gap import limits
 from automap.gap.drive import OpenDrive
-from automap.gap.fit import Fit
+from automap.gap.fit import Fit, GapModel, Values
 from automap.gap.limits import HUBER
-from automap.gap.model import GapModel, Values
 from automap.gap.result import Cost, Extent, HeldPositions, KeptOut
 from automap.gap.scoring import fit_held_out, total_score, whitener_of
 from automap.records import FloatArray

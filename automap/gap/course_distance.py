@@ -16,8 +16,7 @@ from automap.fusion.filtered import full_covariance
 from automap.fusion.layout import N_NAV
 from automap.gap import limits
 from automap.gap.drive import OpenDrive
-from automap.gap.fit import Fit
-from automap.gap.model import Values, without_course_distance
+from automap.gap.fit import Fit, Values, without_course_distance
 from automap.gap.noise import fitted_about, with_noise
 from automap.gap.result import Finding, ParameterValue, advice
 from automap.gap.scoring import epochs, fit_held_out, likelier, total_score, whitener_of

@@ -15,9 +15,8 @@ from automap.gap.confirm import Confirmed, costs
 from automap.gap.course_distance import course_distance_finding
 from automap.gap.dictionary import forget_formulas
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
-from automap.gap.fit import Fit, fit_drive
+from automap.gap.fit import Fit, GapModel, base_model, fit_drive, without_course_distance
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
-from automap.gap.model import GapModel, base_model, without_course_distance
 from automap.gap.naming import (
     Identifiability,
     chance,

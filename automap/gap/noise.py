@@ -23,9 +23,8 @@ from automap.fusion.nodes import Nodes
 from automap.fusion.passes import Pass
 from automap.fusion.problem import Problem
 from automap.gap.drive import OpenDrive
-from automap.gap.fit import Fit, fit_drive
+from automap.gap.fit import Fit, GapModel, fit_drive, parameter_names, prior_sd
 from automap.gap.limits import LEAST_RESTS, LEVEL_RANGE, MAX_NODES, REST_S
-from automap.gap.model import GapModel, parameter_names, prior_sd
 from automap.records import FloatArray
 
 Log = Callable[[str], None]

@@ -20,9 +20,8 @@ import numpy as np
 from automap.fusion.layout import CH_VEL, CHANNELS, HAS_POS_H
 from automap.gap import limits
 from automap.gap.drive import OpenDrive
-from automap.gap.fit import Fit, fit_drive, whitened_innovations
+from automap.gap.fit import Fit, GapModel, fit_drive, whitened_innovations
 from automap.gap.limits import AR_ORDER, CLIP, HUBER, MIN_ROWS
-from automap.gap.model import GapModel
 from automap.gap.result import ChannelGap
 from automap.gap.whitening import Whitener, autoregression, filtered, fit_whitener
 from automap.records import FloatArray

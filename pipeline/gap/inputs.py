@@ -10,7 +10,7 @@ import numpy as np
 from automap.fusion.engine import Prior
 from automap.gap import GapDrive, GapModel, base_model
 from automap.gap.drive import KNOWN
-from automap.gap.model import base_options
+from automap.gap.fit import base_options
 from automap.io.atomic import make_folder
 from automap.io.toml_file import read_toml
 from automap.records import ClockModel

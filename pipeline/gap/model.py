@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from automap.effects.user import user_effects
 from automap.effects.user_tables import as_table
-from automap.gap.model import BASE_NUISANCES
+from automap.gap.fit import BASE_NUISANCES
 from automap.io.toml_file import toml_value
 
 if TYPE_CHECKING:

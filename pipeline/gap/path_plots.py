@@ -1,4 +1,5 @@
-"""The path of the held-out drive under the old and the new model: plan view, and what differs."""
+"""The path of the held-out drive under the old and the new model: plan view, what differs, and what
+each effect costs."""
 
 from __future__ import annotations
 
@@ -9,13 +10,16 @@ import numpy as np
 
 from automap.earth import metres_per_radian
 from automap.fusion.layout import HAS_POS_H
-from automap.gap.confirm import HeldPath, Moved, held_path, moved
+from automap.gap.confirm import HeldPath, Moved, cost_between, held_path, moved
 from automap.records import FloatArray
+from pipeline.gap.sizes import about
+from pipeline.gap.words import LEAST_M
 from pipeline.pages.plan_plot import draw_plan
-from pipeline.pages.section import Plot, draw_over_time
+from pipeline.pages.section import Figure, Plot, Section, draw_over_time
 from pipeline.pages.svg_plot import Series
 
 if TYPE_CHECKING:
+    from automap.gap import GapResult
     from automap.gap.fit import Fit
 
 CLOSE_S = 20.0
@@ -23,7 +27,7 @@ CLOSE_S = 20.0
 a street may be driven twice."""
 CLOSE_UP = 8.0
 """It reaches so many times their distance to all sides, so that both lines can be seen."""
-LEAST_M = 5.0
+LEAST_VIEW_M = 5.0
 EDGE_S = 10.0
 """At its ends a path hangs on few fixes; the close view looks elsewhere where there is a middle."""
 
@@ -59,7 +63,7 @@ def path_plots(before: Fit, after: Fit) -> list[Plot]:
         middle = inner <= max(0.5 * float(np.ptp(apart.t)) - EDGE_S, 0.0)
         level = np.where(middle, apart.level, 0.0) if middle.any() else apart.level
         row = int(np.argmax(level))
-        at, reach = float(apart.t[row]), max(CLOSE_UP * float(level[row]), LEAST_M)
+        at, reach = float(apart.t[row]), max(CLOSE_UP * float(level[row]), LEAST_VIEW_M)
         title = f"where the paths are furthest apart, {at:.0f} s into the held-out data"
         plots += _plan(title, plane, old, new, after, CLOSE_S, at, reach)
     return plots + _differences(apart)
@@ -114,3 +118,49 @@ def _differences(apart: Moved) -> list[Plot]:
         line = [Series("", apart.t, values, "line", 0)]
         plots += draw_over_time(title, line, unit, end, include=(0.0,))
     return plots
+
+
+def path_figure(result: GapResult) -> Figure:
+    """How far the held-out path moves, as a key figure."""
+    before, after = (
+        [held_path(fit) for fit in fits] if result.findings or result.formulas else []
+        for fits in result.held_out
+    )
+    if not before or not after:
+        return Figure("0 m", "the held-out path moves", "no effect is missing")
+    cost = cost_between(after, before)
+    largest = about(cost.level.largest, "m", LEAST_M)
+    rms = about(cost.level.rms, "m", LEAST_M)
+    return Figure(rms, "the held-out path moves", f"level, rms; at most {largest}")
+
+
+def path_section(result: GapResult) -> Section:
+    """The first held-out drive under both models, from above and along time."""
+    before, after = result.held_out
+    if not before or not after:
+        return Section(absent="No held-out data.")
+    sentence = (
+        "The smoothed path of the IMU under the old and the new model at the same stamps, and the "
+        "fixes of the antenna. Neither model was fitted to these data. What differs "
+        "along the road, as with a delay, shows over time only."
+    )
+    return Section([sentence], path_plots(before[0], after[0]))
+
+
+def cost_section(result: GapResult) -> Section:
+    """What each effect costs on held-out data, as a table."""
+    names = ("level", "height", "heading", "tilt")
+    header = ("effect", *(f"{n}, {'m' if n in names[:2] else '°'}" for n in names))
+    section = Section(header=header)
+    if not result.costs:
+        section.absent = "Nothing was found that would cost anything."
+        return section
+    section.sentences.append(
+        "How far the smoothed held-out path is off where one effect is left out of the new model: "
+        "root mean square, and at most. Noise is compared with noise as stated."
+    )
+    for name, cost in result.costs.items():
+        metres = [f"{e.rms:.3f}, {e.largest:.3f}" for e in (cost.level, cost.height)]
+        angles = [np.degrees([e.rms, e.largest]) for e in (cost.heading, cost.tilt)]
+        section.rows.append((name, *metres, *(f"{a:.3f}, {b:.3f}" for a, b in angles)))
+    return section

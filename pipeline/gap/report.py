@@ -7,7 +7,7 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from automap.gap.result import p_text
-from pipeline.gap.path_sections import cost_section, path_figure, path_section
+from pipeline.gap.path_plots import cost_section, path_figure, path_section
 from pipeline.gap.plots import WINDOW_S, camera_plots, error_bars, overlay, running, spectrum
 from pipeline.gap.words import in_words
 from pipeline.pages.render import sections_page

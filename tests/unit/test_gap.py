@@ -14,9 +14,8 @@ from automap.errors import InputError
 from automap.gap import GapDrive, base_model, find_gaps
 from automap.gap.candidates import effect_columns, library
 from automap.gap.drive import open_drive
-from automap.gap.fit import Fit, fit_drive
+from automap.gap.fit import Fit, fit_drive, without_course_distance
 from automap.gap.linear import node_motion, sensitivities
-from automap.gap.model import without_course_distance
 from automap.gap.motion import motion_of
 from automap.gap.result import advice
 from automap.gap.selection import Chosen

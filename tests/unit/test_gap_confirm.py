@@ -12,8 +12,7 @@ from automap.fusion.layout import CH_POS, CH_VEL
 from automap.gap import confirm, limits
 from automap.gap.confirm import confirmed
 from automap.gap.drive import OpenDrive
-from automap.gap.fit import Fit
-from automap.gap.model import Values, base_model
+from automap.gap.fit import Fit, Values, base_model
 from automap.records import FloatArray
 
 LENGTH_S = 400.0

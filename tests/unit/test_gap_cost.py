@@ -14,7 +14,7 @@ from automap.earth import metres_per_radian
 from automap.frames import matrix_to_quat, rpy_to_matrix
 from automap.gap import base_model, confirm
 from automap.gap.confirm import HeldPath, cost_between, costs, moved
-from automap.gap.model import GapModel
+from automap.gap.fit import GapModel
 from automap.gap.stochastic import noise_levels
 from pipeline.gap.cost_json import held_out_json
 from pipeline.pages.plan_plot import _axes, draw_plan

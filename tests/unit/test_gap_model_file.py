@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from automap.fusion.options import FusionOptions
 from automap.gap import base_model
-from automap.gap.model import BASE_NUISANCES, GapModel, base_options
+from automap.gap.fit import BASE_NUISANCES, GapModel, base_options
 from pipeline.gap.model import _nuisances
 
 
