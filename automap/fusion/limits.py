@@ -429,6 +429,8 @@ of a body and an IMU ahead of the axle set what they feel of bends apart: by up 
 recorded cars."""
 LEAN_S = 60.0
 """A road leans or climbs all the same for no longer than this where it does so most."""
+ASKEW_PROBABILITY = 2.7e-3
+"""A drive of a right mounting leans so much in its mean so rarely: three sigmas of roads."""
 MOST_LEAN, MOST_CLIMB = 0.2, 0.35
 """Roads fall to the side by 12 % at most in a bend (AASHTO, A Policy on Geometric Design of
 Highways and Streets), the steepest climb by 35 %; a body leans by some degrees besides, rad."""

@@ -28,7 +28,7 @@ from automap.fusion.doubts.estimates import (
     unexpected_delay,
 )
 from automap.fusion.doubts.heights import height_doubts
-from automap.fusion.doubts.outcome import leaning, refused, unsure_path, weak_heading
+from automap.fusion.doubts.outcome import leaning, mounted_askew, refused, unsure_path, weak_heading
 from automap.fusion.doubts.path import Misses, contradicted, fix_misses, local_error, spans_of
 from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
@@ -90,10 +90,14 @@ def weigh(
         *leaning(path),
     ]
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]))
+    askew, lean = mounted_askew(path)
+    path = replace(path, sd_rpy=np.hypot(path.sd_rpy, [lean, 0.0, 0.0]))
     # an IMU that errs by itself is no witness, and what errs in one way seems to in others
     if not any(reason.inertial for reason in of_imu):
         at_readings = np.interp(imu.t_ns, path.t_ns, speed)
         of_imu += triad_doubts(bridged.imu, result.mounting.matrix, at_readings)
+    if any(reason.code == "path_leans" for reason in of_imu):
+        askew = []  # the same, and worse
     believed = not any(reason.inertial for reason in of_imu)
     # an arm that is wrong makes jumps of velocity in bends
     arm = arm_by_drive(found, lever_arm, limits.STATED_ARM_SD_M)
@@ -106,6 +110,7 @@ def weigh(
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed))),
         *(contradicted_arm(found, lever_arm, limits.STATED_ARM_SD_M) if believed else ()),
         *height_doubts(path, fixes),
+        *askew,
         *weak_heading(result.align_margin),
         *levels_at_bound(result.noise_factors, options.tune),
         *refused(result.innovations),

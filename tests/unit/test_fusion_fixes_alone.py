@@ -8,7 +8,7 @@ import numpy as np
 import pymap3d
 import pytest
 
-from automap.fusion.gnss_only import smooth_fixes
+from automap.fusion.gnss_only import smooth_fixes, unaveraged
 from automap.fusion.limits import (
     COURSE_SLIP_SD,
     ROAD_ACCELERATION_PSD,
@@ -182,3 +182,16 @@ def test_attitude_is_that_of_the_velocity_where_there_is_any() -> None:
         assert scatter < path.sd_rpy[row, 2]
     np.testing.assert_array_equal(path.sd_rpy[:, :2], UNKNOWN_LEAN_SD)
     assert path.sd_rpy[still, 2].max() <= UNKNOWN_HEADING_SD
+
+
+def test_what_lasts_of_fixes_is_nowhere_averaged_away() -> None:
+    fixes = replace(_fixes(3), sd_pos_ned=np.tile(SD_POS, (len(_fixes(3)), 1)))
+    path = smooth_fixes(fixes, CLOCK, OPTIONS)
+    path = replace(path, sd_pos_ned=path.sd_pos_ned.copy())
+    path.sd_pos_ned[0] = 50.0
+    held = unaveraged(path, fixes, OPTIONS).sd_pos_ned
+    left = max(1.0 - WANDER**2 - QUICK**2 - WHITE**2, BIAS**2)
+    lasts = SD_POS * np.sqrt(SHARE**2 + left)
+    assert held[0] == pytest.approx(50.0)
+    assert np.all(held >= lasts * (1.0 - 1e-9))
+    assert held[10] == pytest.approx(np.maximum(lasts, path.sd_pos_ned[10]))

@@ -10,7 +10,7 @@ import pytest
 from automap.fusion import limits
 from automap.fusion.doubts.estimates import contradicted_arm, impossible_ages, unexpected_delay
 from automap.fusion.doubts.heights import height_doubts
-from automap.fusion.doubts.outcome import leaning
+from automap.fusion.doubts.outcome import leaning, mounted_askew
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
 from automap.fusion.doubts.triads import lateness, triad_doubts
@@ -279,3 +279,14 @@ def test_an_arm_that_fits_on_no_vehicle_is_not_believed(
     gnss = drive.gnss.model_copy(update={"lever_arm_m": arm})
     stated = _stated_arm(replace(drive, manifest=drive.manifest.model_copy(update={"gnss": gnss})))
     assert (stated is not None) == believed
+
+
+def test_a_vehicle_that_leans_in_the_mean_has_an_imu_mounted_askew() -> None:
+    level = replace(hilly(), sd_rpy=np.full((6000, 3), 0.0145))
+    assert mounted_askew(level) == ([], 0.0)
+    right = level.rpy + np.array([0.02, 0.0, 0.0])
+    assert mounted_askew(replace(level, rpy=right)) == ([], 0.0)
+    found, lean = mounted_askew(replace(level, rpy=level.rpy - np.array([0.11, 0.0, 0.0])))
+    assert [reason.code for reason in found] == ["mounted_askew"]
+    assert "6 deg to the left" in found[0].text
+    assert lean == pytest.approx(0.11, abs=0.01)

@@ -7,6 +7,7 @@ import numpy as np
 from automap.fusion import limits
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.output import Innovations
+from automap.gates import sigmas
 from automap.records import Trajectory
 
 _KINDS = {
@@ -62,6 +63,29 @@ def leaning(path: Trajectory) -> list[Reason]:
             inertial=True,
         )
     ]
+
+
+def mounted_askew(path: Trajectory) -> tuple[list[Reason], float]:
+    """The reason that a drive gives whose vehicle leans to one side in the mean, more than roads
+    fall and the roll is unsure by; and that mean lean, rad, 0 where it says nothing."""
+    t = path.gps_s
+    moving = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]) > limits.DRIVING_SPEED
+    if len(t) < 2 or np.count_nonzero(moving) * float(np.median(np.diff(t))) < limits.LEAN_S:
+        return [], 0.0
+    lean = float(np.mean(path.rpy[moving, 0]))
+    usual = float(np.hypot(limits.ROAD_ROLL_SD, np.median(path.sd_rpy[moving, 0])))
+    if abs(lean) < sigmas(limits.ASKEW_PROBABILITY) * usual:
+        return [], 0.0
+    side = "right" if lean > 0.0 else "left"
+    return [
+        Reason(
+            "mounted_askew",
+            f"the vehicle would lean by {np.degrees(abs(lean)):.0f} deg to the {side} in the mean "
+            "of the drive: the IMU is not mounted as its axes say, and the roll is unsure by as "
+            'much; write axes = "unknown" in [imu] to have its mounting estimated',
+            handled=True,
+        )
+    ], abs(lean)
 
 
 def refused(table: Innovations) -> list[Reason]:
