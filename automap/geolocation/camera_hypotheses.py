@@ -6,7 +6,7 @@ as they would be if that were so. All are compared by one evidence, before any b
 boxes of one sign and the way between them lie in one plane, and the ray turns away from the way
 as the car comes nearer (epipolar constraint with positive depths: Hartley and Zisserman, Multiple
 View Geometry, 2004, chapters 9 and 21). What turns and bends show decides; on the straight a
-mirrored picture is as good as a right one, and on a level road what hangs high may as well hang low.
+mirrored picture is as good as a right one, and on a level road high may as well be low.
 """
 
 from __future__ import annotations

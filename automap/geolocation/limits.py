@@ -148,9 +148,9 @@ linear mode to its wide one."""
 MOST_TRIED = 2
 """Explanations of a doubted camera with which signs are located. Chosen: each takes as long as the
 run without."""
-MORE_BOXES = 0.05
-"""Of all boxes, what an explanation beyond turn, time offset and focal length must place more.
-Chosen: of two that fit the boxes alike the plainer is kept."""
+MORE_BOXES, CLOSER_BOXES = 0.05, 0.8
+"""Of all boxes, what an explanation beyond turn, time offset and focal length must place more, or
+of their scatter, what it may leave. Chosen: of two that fit alike the plainer is kept."""
 FITS_SHARE = 0.8
 """Of the boxes of a doubted camera, what a camera that explains them must place. Chosen: of clean
 drives 0.9 and more are."""

@@ -123,11 +123,18 @@ def _rows_of(detections: Sequence[Detections], name: str) -> slice:
 
 
 def _unfit(found: GeolocationResult, detections: Sequence[Detections], name: str) -> bool:
-    """Whether the boxes of one camera do not fit the path."""
+    """Whether the boxes of one camera do not fit the path, or scatter as none do."""
+    if min(found.noise.scales[:2]) >= limits.SCATTER_LIMITS[1]:
+        return True
     rows = _rows_of(detections, name)
     seen = set(found.observations.sign_id[rows])
     signs = [sign for sign in found.signs if sign.id in seen]
     return bool(misfit(found.observations.used[rows], found.observations.note[rows], signs))
+
+
+def _scatter(found: GeolocationResult) -> float:
+    """How far directions of boxes are off their signs, over what the settings say."""
+    return float(np.hypot(*found.noise.scales[:2]))
 
 
 def _explained(
@@ -155,7 +162,8 @@ def _explained(
         )
         more = float(again.observations.used[rows].mean() - best.observations.used[rows].mean())
         # what is open is fitted no worse; anything else must be worth its assumption
-        if more > limits.MORE_BOXES or (more >= 0.0 and not one.what):
+        closer = _scatter(again) < limits.CLOSER_BOXES * _scatter(best)
+        if more > limits.MORE_BOXES or (more >= 0.0 and (closer or not one.what)):
             best, what = again, one.what
     if what:
         best.warnings.insert(0, assumed(name, what))
