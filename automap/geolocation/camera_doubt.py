@@ -70,8 +70,8 @@ def doubtful(sign: Sign, range_m: float) -> Sign:
 def assumed(name: str, what: str) -> str:
     """The sentence on what was taken for a camera in place of what is stated."""
     return (
-        f"camera {name}: its boxes fit the path if {what}, and not as stated. That was assumed; "
-        "check the manifest, and run again."
+        f"camera {name}: its boxes do not fit the path as stated, and fit it if {what}. "
+        "That was assumed; check the manifest, and run again."
     )
 
 
