@@ -29,7 +29,7 @@ _TURN_STEP, _TIME_STEP = 1e-4, 1e-3
 
 
 @dataclass(frozen=True)
-class _Pairs:
+class Pairs:
     """Boxes that may show one sign: rows into ``ray`` [k, 3] and ``t_ns`` [k]."""
 
     first: IntArray
@@ -47,6 +47,38 @@ def first_correction(
 
     ``noise_rad`` one-sigma error of a ray. Priors are the camera's own sigmas.
     """
+    geometry = pair_geometry(trajectory, found, camera, origin)
+    if len(geometry) < limits.LEAST_PAIRS:
+        return None
+    prior = np.array([max(camera.mount_sd, 1e-6)] * 3 + [max(camera.time_offset_sd, 1e-6)])
+    reach = min(limits.REACH_SIGMAS * camera.time_offset_sd, limits.MOST_REACH_S)
+    n_starts = 2 * int(np.ceil(reach / limits.START_STEP_S)) + 1
+    some = geometry.thinned(limits.START_PAIRS)
+    best: tuple[float, FloatArray] | None = None
+    for start in np.linspace(-reach, reach, n_starts):
+        x = np.array([0.0, 0.0, 0.0, start])
+        for scale in limits.SCALES_RAD[:-1]:
+            x, cost = descend(x, some, prior, float(np.hypot(scale, noise_rad)))
+        if best is None or cost < best[0]:
+            best = (cost, x)
+    assert best is not None
+    x, cost = best[1], np.inf
+    for scale in limits.SCALES_RAD[-2:]:
+        last = float(np.hypot(scale, noise_rad))
+        x, cost = descend(x, geometry, prior, last)
+    unchanged, plain = descend(np.zeros(4), geometry, prior, last)
+    # a box has many pairs, which repeat its evidence
+    gain = (plain - cost) * geometry.n_boxes / len(geometry)
+    return x if gain > gate(limits.START_PROBABILITY, len(x)) else unchanged
+
+
+def pair_geometry(
+    trajectory: Trajectory,
+    found: Detections,
+    camera: Camera,
+    origin: tuple[float, float, float],
+) -> PairGeometry:
+    """All pairs of boxes that may show one sign, seen from where the camera was."""
     box = np.asarray(found.box, np.float64).reshape(-1, 4)
     middle = normalise(camera, 0.5 * (box[:, :2] + box[:, 2:]))
     height = np.log(np.maximum(box[:, 3] - box[:, 1], 1e-3))
@@ -55,48 +87,26 @@ def first_correction(
     t_ns = np.asarray(found.t_ns, np.int64)[order]
     ray = np.column_stack([np.ones(len(order)), middle[order]])
     ray /= np.linalg.norm(ray, axis=1)[:, None]
-    pairs = _candidate_pairs(
+    pairs = candidate_pairs(
         trajectory,
         t_ns + np.int64(round(camera.time_offset_s * 1e9)),
         found.class_name[order],
         height[order],
         found.track[order],
     )
-    if len(pairs.first) < limits.LEAST_PAIRS:
-        return None
-    prior = np.array([max(camera.mount_sd, 1e-6)] * 3 + [max(camera.time_offset_sd, 1e-6)])
-    reach = min(limits.REACH_SIGMAS * camera.time_offset_sd, limits.MOST_REACH_S)
-    n_starts = 2 * int(np.ceil(reach / limits.START_STEP_S)) + 1
-    geometry = _Geometry(trajectory, camera, origin, ray, t_ns, pairs)
-    some = geometry.thinned(limits.START_PAIRS)
-    best: tuple[float, FloatArray] | None = None
-    for start in np.linspace(-reach, reach, n_starts):
-        x = np.array([0.0, 0.0, 0.0, start])
-        for scale in limits.SCALES_RAD[:-1]:
-            x, cost = _descend(x, some, prior, float(np.hypot(scale, noise_rad)))
-        if best is None or cost < best[0]:
-            best = (cost, x)
-    assert best is not None
-    x, cost = best[1], np.inf
-    for scale in limits.SCALES_RAD[-2:]:
-        last = float(np.hypot(scale, noise_rad))
-        x, cost = _descend(x, geometry, prior, last)
-    unchanged, plain = _descend(np.zeros(4), geometry, prior, last)
-    # a box has many pairs, which repeat its evidence
-    gain = (plain - cost) * len(order) / len(geometry)
-    return x if gain > gate(limits.START_PROBABILITY, len(x)) else unchanged
+    return PairGeometry(trajectory, camera, origin, ray, t_ns, pairs)
 
 
-def _candidate_pairs(
+def candidate_pairs(
     trajectory: Trajectory,
     t_ns: IntArray,
     class_name: np.ndarray,
     log_height: FloatArray,
     track: IntArray,
-) -> _Pairs:
+) -> Pairs:
     """Pairs of frames close in time with one class, growing no faster than driving allows."""
     if len(t_ns) == 0:
-        return _Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64))
+        return Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64))
     last = np.searchsorted(t_ns, t_ns + int(limits.PAIR_APART_S * 1e9), side="right")
     counts = last - np.arange(len(t_ns)) - 1
     first = np.repeat(np.arange(len(t_ns)), counts)
@@ -109,10 +119,10 @@ def _candidate_pairs(
     if len(first) > limits.MOST_PAIRS:
         chosen = np.linspace(0, len(first) - 1, limits.MOST_PAIRS).astype(np.int64)
         first, second = first[chosen], second[chosen]
-    return _Pairs(first.astype(np.int64), second.astype(np.int64))
+    return Pairs(first.astype(np.int64), second.astype(np.int64))
 
 
-class _Geometry:
+class PairGeometry:
     """Residuals of the pairs at a turn and time offset; poses are kept for the last offset."""
 
     def __init__(
@@ -122,7 +132,7 @@ class _Geometry:
         origin: tuple[float, float, float],
         ray: FloatArray,
         t_ns: IntArray,
-        pairs: _Pairs,
+        pairs: Pairs,
     ) -> None:
         self._scene = (trajectory, camera, origin, ray, t_ns)
         self._pairs = pairs
@@ -133,12 +143,23 @@ class _Geometry:
         self._trajectory, self._camera, self._origin, self._ray = trajectory, camera, origin, ray
         self._offset_s = np.nan
 
-    def thinned(self, n: int) -> _Geometry:
+    def paced(self, rate: float) -> PairGeometry:
+        """The same boxes with stamps that run by a part ``rate`` slower from the first one on."""
+        trajectory, camera, origin, ray, t_ns = self._scene
+        since = np.round(rate * (t_ns - t_ns.min())).astype(np.int64)
+        return PairGeometry(trajectory, camera, origin, ray, t_ns + since, self._pairs)
+
+    @property
+    def n_boxes(self) -> int:
+        """Boxes that have a direction."""
+        return len(self._ray)
+
+    def thinned(self, n: int) -> PairGeometry:
         """The same with ``n`` pairs at most."""
         chosen = np.linspace(0, len(self._pairs.first) - 1, min(n, len(self._pairs.first)))
         rows = chosen.astype(np.int64)
-        pairs = _Pairs(self._pairs.first[rows], self._pairs.second[rows])
-        return _Geometry(*self._scene, pairs)
+        pairs = Pairs(self._pairs.first[rows], self._pairs.second[rows])
+        return PairGeometry(*self._scene, pairs)
 
     def __len__(self) -> int:
         return len(self._pairs.first)
@@ -153,13 +174,18 @@ class _Geometry:
         self._C_second = np.swapaxes(C_cam_ref[second], 1, 2)
         self._offset_s = offset_s
 
-    def residuals(self, x: FloatArray) -> FloatArray:
-        """Angle [p] rad of the second ray out of the plane of way and first ray; NaN unknown."""
+    def rays(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The way between the two cameras of each pair, m, and their rays: each [p, 3]."""
         if x[3] != self._offset_s:
             self._place(float(x[3]))
         turned = self._ray @ rpy_to_matrix(x[:3]).T
         one = np.einsum("nij,nj->ni", self._C_first, turned[self._pairs.first])
         other = np.einsum("nij,nj->ni", self._C_second, turned[self._pairs.second])
+        return self._way, one, other
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Angle [p] rad of the second ray out of the plane of way and first ray; NaN unknown."""
+        _, one, other = self.rays(x)
         normal = np.cross(self._way, one)
         length = np.linalg.norm(normal, axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -171,8 +197,8 @@ class _Geometry:
         return np.asarray(angle)
 
 
-def _descend(
-    x: FloatArray, geometry: _Geometry, prior: FloatArray, scale: float
+def descend(
+    x: FloatArray, geometry: PairGeometry, prior: FloatArray, scale: float
 ) -> tuple[FloatArray, float]:
     """A few Gauss-Newton steps with Cauchy's weights of one scale; the point and its cost."""
     residuals = geometry.residuals

@@ -134,6 +134,26 @@ BEYOND_MANIFEST_PROBABILITY = 2.7e-3
 DOUBTED_TURN_RAD, DOUBTED_TIME_S = math.radians(10.0), MOST_REACH_S / REACH_SIGMAS
 """Sigmas of a camera whose stated ones its boxes contradict: three make half of a usual camera's
 view, beyond which nobody mounts one that looks ahead, and as far as a time offset is looked for."""
+HYPOTHESIS_PAIRS = 1200
+"""So many pairs judge each hypothesis of what is wrong with a camera. Chosen: half of what starts
+are tried with, since hundreds of stamps are tried."""
+OTHER_SCALES = (0.5, 2.0 / 3.0, 1.5, 2.0)
+"""Of a calibration: between 720, 1080 and 1440 rows, and half of each."""
+MOST_SHIFT_S, MOST_RATE = 30.0, 0.25
+"""How far stamps are looked for. Chosen: a wrong chapter or leap seconds, and 24 frames a second
+for 30."""
+DOUBTED_FOCAL = 0.15
+"""One sigma of a focal length whose stated one the boxes contradict: three reach from a camera's
+linear mode to its wide one."""
+MOST_TRIED = 2
+"""Explanations of a doubted camera with which signs are located. Chosen: each takes as long as the
+run without."""
+MORE_BOXES, CLOSER_BOXES = 0.05, 0.8
+"""Of all boxes, what an explanation beyond turn, time offset and focal length must place more, or
+of their scatter, what it may leave. Chosen: of two that fit alike the plainer is kept."""
+FITS_SHARE = 0.8
+"""Of the boxes of a doubted camera, what a camera that explains them must place. Chosen: of clean
+drives 0.9 and more are."""
 
 # existence
 

@@ -8,10 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.effects.lens import focal_length
+from automap.geolocation import limits
 from automap.geolocation.assembly import assemble_sign
 from automap.geolocation.boresight import prior_covariance
 from automap.geolocation.box_noise import measured_noise
+from automap.geolocation.camera_doubt import (
+    as_unknown,
+    assumed,
+    beyond_stated,
+    doubtful,
+    misfit,
+    unexplained,
+)
 from automap.geolocation.camera_estimate import estimate_cameras, first_corrections, refit
+from automap.geolocation.camera_hypotheses import Hypothesis, better_explanations
 from automap.geolocation.carriers import carried_views
 from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
 from automap.geolocation.contradiction import disagreement
@@ -23,10 +33,8 @@ from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
 from automap.geolocation.merging import combine
 from automap.geolocation.observations import (
     Observations,
-    doubted_cameras,
     nothing_observed,
     record_sign,
-    unexplained_cameras,
     warnings_of,
 )
 from automap.geolocation.pass_errors import solve_with_pass_errors
@@ -78,18 +86,103 @@ def locate_signs(
     is accounted for in the observations; what could not be used is counted in the warnings.
     ``progress`` is called with the fraction done. ``control`` surveyed signs to adjust the
     trajectory by. Where boxes contradict what is stated of a camera's turn and time offset,
-    these are taken as unknown if more boxes fit then, and a sentence says so if none do.
+    or do not fit the path, these are taken as unknown and other explanations are tried; a sentence
+    says which one was taken, or that none fits: then the signs are ``doubtful``.
     """
     rules = rules or GeolocationRules()
-    found = _located(trajectory, detections, cameras, rules, progress, control, cameras)
-    doubted = doubted_cameras(found.observations, found.signs, found.corrections, cameras)
-    if doubted:
-        unknown = {**cameras, **doubted}
-        again = _located(trajectory, detections, unknown, rules, lambda f: None, control, cameras)
-        if again.observations.used.sum() > found.observations.used.sum():
-            return again
-        found.warnings.append(unexplained_cameras(sorted(doubted)))
+    found = _located(
+        *(trajectory, detections, cameras, rules, progress, control, cameras),
+        rules.camera.focal_sd,
+    )
+    for name in _doubted(found, detections, cameras, rules):
+        found = _explained(name, found, trajectory, detections, cameras, rules, control)
     return found
+
+
+def _doubted(
+    found: GeolocationResult,
+    detections: Sequence[Detections],
+    cameras: Mapping[str, Camera],
+    rules: GeolocationRules,
+) -> list[str]:
+    """The cameras whose boxes contradict what is stated of them, or do not fit the path."""
+    focal_sd = rules.camera.focal_sd
+    return [
+        record.camera
+        for record in detections
+        if record.camera in found.corrections
+        and (
+            beyond_stated(found.corrections[record.camera], cameras[record.camera], focal_sd)
+            or _unfit(found, detections, record.camera)
+        )
+    ]
+
+
+def _rows_of(detections: Sequence[Detections], name: str) -> slice:
+    first = 0
+    for record in detections:
+        if record.camera == name:
+            return slice(first, first + len(record))
+        first += len(record)
+    return slice(0, 0)
+
+
+def _unfit(found: GeolocationResult, detections: Sequence[Detections], name: str) -> bool:
+    """Whether the boxes of one camera do not fit the path, or scatter as none do."""
+    if min(found.noise.scales[:2]) >= limits.SCATTER_LIMITS[1]:
+        return True
+    rows = _rows_of(detections, name)
+    seen = set(found.observations.sign_id[rows])
+    signs = [sign for sign in found.signs if sign.id in seen]
+    return bool(misfit(found.observations.used[rows], found.observations.note[rows], signs))
+
+
+def _scatter(found: GeolocationResult) -> float:
+    """How far directions of boxes are off their signs, over what the settings say."""
+    return float(np.hypot(*found.noise.scales[:2]))
+
+
+def _explained(
+    name: str,
+    found: GeolocationResult,
+    trajectory: Trajectory,
+    detections: Sequence[Detections],
+    cameras: Mapping[str, Camera],
+    rules: GeolocationRules,
+    control: ControlSigns | None,
+) -> GeolocationResult:
+    """The signs as the best explanation of what is wrong with a camera gives them; where none
+    fits, those ``found`` with sigmas of a camera of which nothing is known."""
+    rows = _rows_of(detections, name)
+    record = next(d for d in detections if d.camera == name)
+    loose = replace(rules, camera=replace(rules.camera, focal_sd=limits.DOUBTED_FOCAL))
+    explanations = better_explanations(trajectory, record, cameras[name])[: limits.MOST_TRIED]
+    best, what = found, ""
+    for one in [Hypothesis("", record, as_unknown(cameras[name])), *explanations]:
+        again = _located(
+            trajectory,
+            [one.found if d.camera == name else d for d in detections],
+            {**cameras, name: one.camera},
+            *(loose, lambda f: None, control, cameras, rules.camera.focal_sd),
+        )
+        more = float(again.observations.used[rows].mean() - best.observations.used[rows].mean())
+        # what is open is fitted no worse; anything else must be worth its assumption
+        closer = _scatter(again) < limits.CLOSER_BOXES * _scatter(best)
+        if more > limits.MORE_BOXES or (more >= 0.0 and (closer or not one.what)):
+            best, what = again, one.what
+    if what:
+        best.warnings.insert(0, assumed(name, what))
+    share = float(best.observations.used[rows].mean())
+    if _unfit(best, detections, name) or share < limits.FITS_SHARE:
+        best.warnings.append(unexplained(name))
+        seen = set(best.observations.sign_id[rows])
+        nearest = [np.nanmin(best.observations.range_m[sign.detection_rows]) for sign in best.signs]
+        signs = [
+            doubtful(sign, float(m)) if sign.id in seen else sign
+            for sign, m in zip(best.signs, nearest, strict=True)
+        ]
+        return replace(best, signs=signs)
+    return best
 
 
 def _located(
@@ -100,9 +193,10 @@ def _located(
     progress: Callable[[float], None],
     control: ControlSigns | None,
     stated: Mapping[str, Camera],
+    focal_sd: float,
 ) -> GeolocationResult:
-    """All signs with cameras that are known as well as ``cameras`` say; sentences are about those
-    ``stated``."""
+    """All signs with cameras that are known as well as ``cameras`` and ``rules`` say; sentences are
+    about those ``stated``, whose focal lengths are known to the part ``focal_sd``."""
     corrections: dict[str, CameraCorrection] = {}
     if rules.estimate_camera:
         corrections = first_corrections(trajectory, detections, cameras, rules)
@@ -204,7 +298,7 @@ def _located(
             replace(sign, support=f"p{number + 1:04d}")
             for sign, number in zip(signs, numbers, strict=True)
         ]
-    sentences = warnings_of(observations, signs, corrections, stated)
+    sentences = warnings_of(observations, signs, corrections, stated, focal_sd)
     unused = 0 if control is None else len(control) - len(passes.controlled)
     if control is not None and unused:
         sentences.append(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from automap.gates import sigmas
-from automap.geolocation import limits
+from automap.geolocation.camera_doubt import beyond_stated, misfit
 from automap.geolocation.landmark import Landmark, direction_residuals
 from automap.geolocation.views import CameraCorrection, Views
 from automap.records import Camera, Detections, FloatArray, IntArray, Sign, Trajectory
@@ -96,7 +95,10 @@ def warnings_of(
     signs: Sequence[Sign],
     corrections: Mapping[str, CameraCorrection],
     cameras: Mapping[str, Camera],
+    focal_sd: float,
 ) -> list[str]:
+    """Sentences for the user; the ``cameras`` are as stated, ``focal_sd`` how well, as a part,
+    their focal lengths are known."""
     reasons = {
         "no_pose": "lie outside the trajectory or in a long gap of it",
         "no_direction": "have no direction (no height, or outside the lens model)",
@@ -123,7 +125,7 @@ def warnings_of(
             f"{apart} of {len(signs)} signs are at another distance by their bearings than by the "
             "heights of their boxes (status contradictory); their ellipses hold both places."
         )
-    sentences += _misfit(observations, signs)
+    sentences += misfit(observations.used, observations.note, signs)
     for name, correction in corrections.items():
         camera = cameras[name]
         if correction.time_minima:
@@ -132,73 +134,12 @@ def warnings_of(
                 f"camera {name}: too few signs to tell by how much its frames are off; {times} s "
                 "explain the boxes alike. The manifest's time_offset_s was kept."
             )
-        if _beyond_manifest(correction, camera):
+        if beyond_stated(correction, camera, focal_sd):
             turn = ", ".join(f"{v:.2f}" for v in np.degrees(correction.turn))
             sentences.append(
-                f"camera {name} seems turned by ({turn}) deg in roll, pitch, yaw and its frames "
-                f"{correction.time_s:+.3f} s off, more than the manifest's sigmas allow; check "
-                "mount_rpy_deg and time_offset_s."
+                f"camera {name} seems turned by ({turn}) deg in roll, pitch, yaw, its frames "
+                f"{correction.time_s:+.3f} s off and its focal length {correction.focal_log:+.1%}, "
+                "more than the manifest's sigmas allow; check mount_rpy_deg, time_offset_s and "
+                "camera_matrix."
             )
     return sentences
-
-
-def doubted_cameras(
-    observations: Observations,
-    signs: Sequence[Sign],
-    corrections: Mapping[str, CameraCorrection],
-    cameras: Mapping[str, Camera],
-) -> dict[str, Camera]:
-    """The cameras whose stated turn and time offset their boxes contradict, with these as good as
-    unknown; none where boxes and path do not fit, for another video can be fitted to any path."""
-    if _misfit(observations, signs):
-        return {}
-    return {
-        name: replace(
-            cameras[name],
-            mount_sd=max(cameras[name].mount_sd, limits.DOUBTED_TURN_RAD),
-            time_offset_sd=max(cameras[name].time_offset_sd, limits.DOUBTED_TIME_S),
-        )
-        for name, correction in corrections.items()
-        if _beyond_manifest(correction, cameras[name])
-    }
-
-
-def unexplained_cameras(names: Sequence[str]) -> str:
-    """The sentence on cameras that are not as stated, and that no turn and time offset explain."""
-    return (
-        f"What is wrong with camera {', '.join(names)} is no turn and no time offset: with both "
-        "left open boxes fit no better. Places of signs may be wrong by more than they say; check "
-        "that the frames' stamps run as fast as the clock, camera_matrix, and the video."
-    )
-
-
-def _beyond_manifest(correction: CameraCorrection, camera: Camera) -> bool:
-    """Whether a turn or time offset is more than the manifest's sigmas allow."""
-    sd = np.array([camera.mount_sd] * 3 + [camera.time_offset_sd])
-    most = sigmas(limits.BEYOND_MANIFEST_PROBABILITY)
-    return bool((np.abs(correction.values[:4]) > most * np.maximum(sd, 1e-9)).any())
-
-
-def _misfit(observations: Observations, signs: Sequence[Sign]) -> list[str]:
-    """A sentence where boxes and path are so much at odds that the video or the camera must be
-    another one than stated."""
-    from scipy.special import bdtrc
-
-    seen = [sign for sign in signs if sign.status != "single_view"]
-    weak = sum(sign.status != "ok" for sign in seen)
-    by_chance = float(bdtrc(weak - 1, len(seen), limits.USUAL_WEAK)) if weak else 1.0
-    placed = ~np.isin(observations.note, ("no_pose", "no_direction", "too_far", "back"))
-    lost = placed & ~observations.used
-    share = float(lost.sum()) / max(int(placed.sum()), 1)
-    if by_chance > limits.MISFIT_PROBABILITY and (
-        share < limits.LOST_SHARE or int(placed.sum()) < limits.LEAST_LOST
-    ):
-        return []
-    return [
-        f"The boxes do not fit the path: {share:.0%} of them were left out, and {weak} of "
-        f"{len(seen)} signs are placed uncertainly, more than chance does. Their places may be "
-        "wrong by more than they say: check that the video is of this drive and its frames' "
-        "stamps are right, that camera_matrix belongs to its width and height, that the picture "
-        "is neither mirrored nor turned, and mount_rpy_deg. (Where most boxes are of signs on "
-        "other vehicles it is these.)"
-    ]

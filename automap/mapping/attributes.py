@@ -126,7 +126,7 @@ def _status(states: npt.NDArray[np.generic], drives: IntArray) -> str:
     texts = [str(s) for s in states.tolist()]
     if "ok" in texts:
         return "ok"
-    if len(set(drives.tolist())) > 1 and "implausible" not in texts:
+    if len(set(drives.tolist())) > 1 and not {"implausible", "doubtful"}.intersection(texts):
         return "ok"
     return _most(states, np.ones(len(states))) or "ok"
 

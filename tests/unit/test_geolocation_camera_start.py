@@ -9,6 +9,7 @@ import pytest
 from geolocation_scene import ORIGIN, boxes, camera, drive_path, roadside
 
 from automap.frames import matrix_to_rpy, rpy_to_matrix
+from automap.geolocation.camera_hypotheses import better_explanations
 from automap.geolocation.epipolar import first_correction
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.supports import support_numbers
@@ -50,7 +51,7 @@ def test_turn_and_offset_before_any_link(winding) -> None:
     assert x[3] == pytest.approx(0.25, abs=0.02)
 
 
-@pytest.mark.parametrize(("yaw_deg", "late_s"), [(10.0, 0.0), (0.0, 0.5)])
+@pytest.mark.parametrize(("yaw_deg", "late_s"), [(10.0, 0.0), (0.0, 0.8)])
 def test_a_statement_that_the_boxes_contradict_is_not_held_to(
     winding, yaw_deg: float, late_s: float
 ) -> None:
@@ -64,23 +65,61 @@ def test_a_statement_that_the_boxes_contradict_is_not_held_to(
     found, _ = boxes(winding, scene, true, np.random.default_rng(1))
     result = locate_signs(winding, [found], {"front": told})
     correction = result.corrections["front"]
-    assert np.degrees(correction.turn[2]) == pytest.approx(yaw_deg, abs=1.0)
-    assert correction.time_s == pytest.approx(late_s, abs=0.05)
+    assert np.degrees(correction.turn[2]) == pytest.approx(yaw_deg, abs=0.3)
+    assert correction.time_s == pytest.approx(late_s, abs=0.01)
     assert any("more than the manifest's sigmas allow" in text for text in result.warnings)
     assert result.observations.used.mean() > 0.9
 
 
-def test_stamps_that_run_too_fast_are_no_offset_and_are_told(winding) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize("wrong", ["right", "fast", "mirrored", "backwards"])
+def test_what_is_wrong_with_a_camera_is_found_and_told(winding, wrong: str) -> None:
+    view = camera(mount_sd=np.radians(0.5), time_offset_sd=0.02)
+    scene = roadside(winding, every_s=2.0)
+    found, _ = boxes(winding, scene, view, np.random.default_rng(1))
+    told = view
+    if wrong == "fast":
+        since = found.t_ns - found.t_ns[0]
+        found = replace(found, t_ns=found.t_ns[0] + (since * 1.05).astype(np.int64))
+    elif wrong == "mirrored":
+        left, top, right, bottom = found.box.T
+        wide = view.width - 1
+        found = replace(found, box=np.column_stack([wide - right, top, wide - left, bottom]))
+    elif wrong == "backwards":
+        told = replace(view, mount_rpy=view.mount_rpy + np.array([0.0, 0.0, np.pi]))
+    result = locate_signs(winding, [found], {"front": told})
+    assumed = [text for text in result.warnings if "That was assumed" in text]
+    words = {"fast": "frames take 0.95", "mirrored": "the picture is", "backwards": "the other way"}
+    assert [words[wrong] in text for text in assumed] == ([] if wrong == "right" else [True])
+    assert result.observations.used.mean() > 0.9
+    assert {sign.status for sign in result.signs} == {"ok"}
+
+
+@pytest.mark.slow
+def test_the_best_explanation_of_a_mirrored_picture(winding) -> None:
+    view = camera(mount_sd=np.radians(0.5), time_offset_sd=0.02)
+    found, _ = boxes(winding, roadside(winding, every_s=4.0), view, np.random.default_rng(1))
+    left, top, right, bottom = found.box.T
+    wide = view.width - 1
+    mirrored = replace(found, box=np.column_stack([wide - right, top, wide - left, bottom]))
+    # on this level road what hangs high may as well hang low
+    assert better_explanations(winding, mirrored, view)[0].what in (
+        "the picture is mirrored",
+        "the picture is upside down",
+    )
+    assert better_explanations(winding, found, view) == []
+
+
+@pytest.mark.slow
+def test_boxes_of_another_drive_make_no_sure_signs(winding) -> None:
     view = camera(mount_sd=np.radians(0.5), time_offset_sd=0.02)
     found, _ = boxes(winding, roadside(winding, every_s=2.0), view, np.random.default_rng(1))
-    since = found.t_ns - found.t_ns[0]
-    fast = replace(found, t_ns=found.t_ns[0] + (since * 1.05).astype(np.int64))
-    told = [locate_signs(winding, [it], {"front": view}).warnings for it in (found, fast)]
-    unlike = ("no turn and no time offset", "do not fit the path")
-    assert [any(any(u in text for u in unlike) for text in texts) for texts in told] == [
-        False,
-        True,
-    ]
+    result = locate_signs(drive_path(60.0), [found], {"front": view})
+    assert any("was not found" in text for text in result.warnings)
+    seen = [sign for sign in result.signs if sign.n_views > 1]
+    assert seen
+    assert all(sign.status == "doubtful" for sign in seen)
+    assert min(np.sqrt(np.trace(sign.cov_enu[:2, :2])) for sign in seen) > 3.0
 
 
 def test_few_boxes_leave_the_camera_alone(winding) -> None:

@@ -284,7 +284,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="geolocate",
-    version=13,
+    version=14,
     run=run,
     inputs=_inputs,
     needs=(names.TRAJECTORY, names.DETECTIONS, names.SYNC, names.IMU),

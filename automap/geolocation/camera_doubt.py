@@ -1,0 +1,85 @@
+"""Whether a camera is as stated, by what became of its boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.gates import sigmas
+from automap.geolocation import limits
+from automap.geolocation.views import CameraCorrection
+from automap.records import BoolArray, Camera, FloatArray, Sign
+
+
+def as_unknown(camera: Camera) -> Camera:
+    """The camera with its turn and time offset as good as unknown."""
+    return replace(
+        camera,
+        mount_sd=max(camera.mount_sd, limits.DOUBTED_TURN_RAD),
+        time_offset_sd=max(camera.time_offset_sd, limits.DOUBTED_TIME_S),
+    )
+
+
+def beyond_stated(correction: CameraCorrection, camera: Camera, focal_sd: float) -> bool:
+    """Whether turn, time offset or focal length are off by more than their sigmas allow."""
+    sd = np.array([camera.mount_sd] * 3 + [camera.time_offset_sd, focal_sd])
+    most = sigmas(limits.BEYOND_MANIFEST_PROBABILITY)
+    return bool((np.abs(correction.values[:5]) > most * np.maximum(sd, 1e-9)).any())
+
+
+def misfit(used: BoolArray, note: npt.NDArray[np.object_], signs: Sequence[Sign]) -> list[str]:
+    """A sentence where boxes, ``used`` [n] or left out for what ``note`` [n] says, and path are so
+    much at odds that the video or the camera must be another one than stated."""
+    from scipy.special import bdtrc
+
+    seen = [sign for sign in signs if sign.status != "single_view"]
+    weak = sum(sign.status != "ok" for sign in seen)
+    by_chance = float(bdtrc(weak - 1, len(seen), limits.USUAL_WEAK)) if weak else 1.0
+    placed = ~np.isin(note, ("no_pose", "no_direction", "too_far", "back"))
+    lost = placed & ~used
+    share = float(lost.sum()) / max(int(placed.sum()), 1)
+    if by_chance > limits.MISFIT_PROBABILITY and (
+        share < limits.LOST_SHARE or int(placed.sum()) < limits.LEAST_LOST
+    ):
+        return []
+    return [
+        f"The boxes do not fit the path: {share:.0%} of them were left out, and {weak} of "
+        f"{len(seen)} signs are placed uncertainly, more than chance does. Their places may be "
+        "wrong by more than they say: check that the video is of this drive and its frames' "
+        "stamps are right, that camera_matrix belongs to its width and height, that the picture "
+        "is neither mirrored nor turned, and mount_rpy_deg. (Where most boxes are of signs on "
+        "other vehicles it is these.)"
+    ]
+
+
+def doubtful(sign: Sign, range_m: float) -> Sign:
+    """A sign of a camera that is not as stated, seen from ``range_m`` at the nearest: boxes whose
+    scale, turn and time nobody knows say no more than that something stood near the road."""
+    widened: FloatArray = sign.cov_enu + range_m**2 * np.eye(3)
+    return replace(
+        sign,
+        status="doubtful",
+        cov_enu=widened,
+        confidence=sign.confidence * limits.IMPLAUSIBLE_CONFIDENCE,
+    )
+
+
+def assumed(name: str, what: str) -> str:
+    """The sentence on what was taken for a camera in place of what is stated."""
+    return (
+        f"camera {name}: its boxes do not fit the path as stated, and fit it if {what}. "
+        "That was assumed; check the manifest, and run again."
+    )
+
+
+def unexplained(name: str) -> str:
+    """The sentence on a camera that is not as stated, and that nothing tried explains."""
+    return (
+        f"What is wrong with camera {name} was not found: no turn, time offset, pace of stamps, "
+        "focal length or turned picture makes its boxes fit the path. Its signs are doubtful and "
+        "their ellipses as wide as they were away; check the frames' stamps, camera_matrix and "
+        "that the video is of this drive."
+    )

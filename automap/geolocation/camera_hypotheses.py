@@ -1,0 +1,209 @@
+"""What else may be wrong with a camera than a small turn or a late stamp, and what its boxes say.
+
+A picture that is mirrored or turned, a camera that looks backwards, a calibration of another
+resolution, stamps of another clock, stamps that run too fast: each is a camera or a set of boxes
+as they would be if that were so. All are compared by one evidence, before any box is linked: two
+boxes of one sign and the way between them lie in one plane, and the ray turns away from the way
+as the car comes nearer (epipolar constraint with positive depths: Hartley and Zisserman, Multiple
+View Geometry, 2004, chapters 9 and 21). What turns and bends show decides; on the straight a
+mirrored picture is as good as a right one, and on a level road high may as well be low.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from automap.effects.lens import focal_length
+from automap.frames import matrix_to_rpy, rpy_to_matrix
+from automap.gates import gate
+from automap.geolocation import limits
+from automap.geolocation.camera_doubt import as_unknown
+from automap.geolocation.epipolar import PairGeometry, descend, pair_geometry
+from automap.geolocation.views import map_origin
+from automap.records import Camera, Detections, FloatArray, Trajectory
+
+_FINER = 21
+"""Values about the best of a grid, a tenth of its step apart."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """``what`` is wrong in words, and boxes and camera as they are then."""
+
+    what: str
+    found: Detections
+    camera: Camera
+
+
+@dataclass(frozen=True)
+class _Judge:
+    """Weighs hypotheses about one camera by the loss of its pairs of boxes."""
+
+    trajectory: Trajectory
+    origin: tuple[float, float, float]
+    stated_focal: float
+
+    def geometry(self, one: Hypothesis) -> PairGeometry:
+        whole = pair_geometry(self.trajectory, one.found, one.camera, self.origin)
+        return whole.thinned(limits.HYPOTHESIS_PAIRS)
+
+    def scale(self, one: Hypothesis, rad: float) -> float:
+        """An angle of the stated camera as it is with another focal length: a box is off by as
+        many pixels whatever the lens."""
+        return rad * self.stated_focal / focal_length(one.camera)
+
+    def loss(self, one: Hypothesis) -> float:
+        """Mean loss of a pair after turn and time offset were let go; infinite without pairs."""
+        geometry = self.geometry(one)
+        if len(geometry) < limits.LEAST_PAIRS:
+            return np.inf
+        wide, narrow = (self.scale(one, rad) for rad in limits.SCALES_RAD[::2])
+        starts = np.linspace(-limits.MOST_REACH_S, limits.MOST_REACH_S, 9)
+        tried = [np.array([0.0, 0.0, 0.0, start]) for start in starts]
+        x = min(tried, key=lambda at: mean_loss(geometry, at, wide))
+        prior = np.array([limits.DOUBTED_TURN_RAD] * 3 + [limits.DOUBTED_TIME_S])
+        for rad in limits.SCALES_RAD:
+            x, _ = descend(x, geometry, prior, self.scale(one, rad))
+        return mean_loss(geometry, x, narrow)
+
+
+def mean_loss(geometry: PairGeometry, x: FloatArray, scale: float) -> float:
+    """Cauchy's loss of a pair at a turn and time offset ``x`` [4], mean over all pairs."""
+    way, one, other = geometry.rays(x)
+    far = np.linalg.norm(way, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        along = way / far[:, None]
+        normal = np.cross(along, one)
+        length = np.linalg.norm(normal, axis=1)
+        out = np.einsum("ni,ni->n", normal, other) / length
+        # near the direction of driving the plane is not determined
+        out[length < limits.FORWARD_SINE] = 0.0
+        before, after = (
+            np.arccos(np.clip(np.einsum("ni,ni->n", along, ray), -1.0, 1.0)) for ray in (one, other)
+        )
+        square = out**2 + np.maximum(before - after, 0.0) ** 2
+    # from one place a sign is seen in one direction
+    still = far < limits.PAIR_WAY_M
+    square[still] = np.sum((one[still] - other[still]) ** 2, axis=1)
+    ratio = np.nan_to_num(square / scale**2, nan=1e4)
+    return float(np.log1p(ratio).mean())
+
+
+def better_explanations(
+    trajectory: Trajectory, found: Detections, camera: Camera
+) -> list[Hypothesis]:
+    """The hypotheses that explain the boxes of a camera better than a turn and a time offset do,
+    by more than chance, the best first."""
+    judge = _Judge(trajectory, map_origin(trajectory), focal_length(camera))
+    plain = Hypothesis("", found, as_unknown(camera))
+    start = judge.loss(plain)
+    if not np.isfinite(start):
+        return []
+    geometry = judge.geometry(plain)
+
+    def late(offset_s: float, scale: float) -> float:
+        return mean_loss(geometry, np.array([0.0, 0.0, 0.0, offset_s]), scale)
+
+    def fast(rate: float, scale: float) -> float:
+        return mean_loss(geometry.paced(rate), np.zeros(4), scale)
+
+    tried = [
+        *_pictures(plain), *_mountings(plain), *_calibrations(plain),
+        _shifted(plain, _best_in_time(_offsets(trajectory, found), late)),
+        _paced(plain, _best_in_time(_rates(found), fast)),
+    ]  # fmt: skip
+    # a box has many pairs, which repeat its evidence
+    gains = [(start - judge.loss(one)) * len(found) for one in tried]
+    least = gate(limits.START_PROBABILITY / len(tried), 4)
+    order = sorted(range(len(tried)), key=lambda k: -gains[k])
+    return [tried[k] for k in order if gains[k] > least]
+
+
+def _pictures(plain: Hypothesis) -> Iterator[Hypothesis]:
+    """The boxes as they are if the picture is mirrored or turned."""
+    wide, high = plain.camera.width - 1.0, plain.camera.height - 1.0
+    left, top, right, bottom = np.asarray(plain.found.box, np.float64).reshape(-1, 4).T
+    for what, box in (
+        ("mirrored", (wide - right, top, wide - left, bottom)),
+        ("upside down", (wide - right, high - bottom, wide - left, high - top)),
+        ("turned to the left", (wide - bottom, left, wide - top, right)),
+        ("turned to the right", (top, high - right, bottom, high - left)),
+    ):
+        yield replace(
+            plain,
+            what=f"the picture is {what}",
+            found=replace(plain.found, box=np.column_stack(box)),
+        )
+
+
+def _mountings(plain: Hypothesis) -> Iterator[Hypothesis]:
+    """The camera as it is if it looks elsewhere, or lies on its side."""
+    stated = rpy_to_matrix(plain.camera.mount_rpy)
+    for what, rpy_deg, first in (
+        ("looks the other way", (0.0, 0.0, 180.0), True),
+        ("looks a right angle to the right", (0.0, 0.0, 90.0), True),
+        ("looks a right angle to the left", (0.0, 0.0, -90.0), True),
+        ("is rolled by 90 deg", (90.0, 0.0, 0.0), False),
+        ("is rolled by -90 deg", (-90.0, 0.0, 0.0), False),
+    ):
+        turn = rpy_to_matrix(np.radians(rpy_deg))
+        mount = matrix_to_rpy(turn @ stated if first else stated @ turn)
+        camera = replace(plain.camera, mount_rpy=mount)
+        yield replace(plain, what=f"the camera {what} against mount_rpy_deg", camera=camera)
+
+
+def _calibrations(plain: Hypothesis) -> Iterator[Hypothesis]:
+    """The camera as it is if its calibration is of another resolution or of another zoom."""
+    for factor in limits.OTHER_SCALES:
+        for whole in (True, False):
+            matrix = plain.camera.matrix.copy()
+            matrix[:2, : 3 if whole else 2] *= factor
+            what = "camera_matrix" if whole else "the focal length in camera_matrix"
+            yield replace(
+                plain,
+                what=f"{what} is {factor:.2f} of what is stated",
+                camera=replace(plain.camera, matrix=matrix),
+            )
+
+
+def _shifted(plain: Hypothesis, offset_s: float) -> Hypothesis:
+    t_ns = plain.found.t_ns + np.int64(round(offset_s * 1e9))
+    found = replace(plain.found, t_ns=t_ns)
+    return replace(plain, what=f"the frames are {offset_s:+.1f} s from their stamps", found=found)
+
+
+def _paced(plain: Hypothesis, rate: float) -> Hypothesis:
+    since = plain.found.t_ns - plain.found.t_ns.min()
+    found = replace(plain.found, t_ns=plain.found.t_ns + np.round(rate * since).astype(np.int64))
+    what = f"the frames take {1.0 + rate:.4f} of the time that their stamps say"
+    return replace(plain, what=what, found=found)
+
+
+def _offsets(trajectory: Trajectory, found: Detections) -> tuple[FloatArray, float]:
+    """Offsets to try, s, and their distance."""
+    length = float(trajectory.t_ns[-1] - trajectory.t_ns[0]) * 1e-9
+    reach, step = min(limits.MOST_SHIFT_S, 0.5 * length), 2.0 * limits.START_STEP_S
+    n = int(reach / step)
+    return np.arange(-n, n + 1, dtype=np.float64) * step, step
+
+
+def _rates(found: Detections) -> tuple[FloatArray, float]:
+    """Rates to try and their distance: what moves the last frame by two steps of offsets."""
+    length = max(float(found.t_ns.max() - found.t_ns.min()) * 1e-9, 1.0)
+    step = 4.0 * limits.START_STEP_S / length
+    n = int(limits.MOST_RATE / step)
+    return np.arange(-n, n + 1, dtype=np.float64) * step, step
+
+
+def _best_in_time(grid: tuple[FloatArray, float], loss: Callable[[float, float], float]) -> float:
+    """The best of one family of stamps, by a coarse look at all and a finer one about the best;
+    ``loss`` of a value with a scale in rad."""
+    values, step = grid
+    wide, narrow = limits.SCALES_RAD[:2]
+    best: float = min(values.tolist(), key=lambda value: loss(value, wide))
+    finer = best + step * np.linspace(-1.0, 1.0, _FINER)
+    result: float = min(finer.tolist(), key=lambda value: loss(value, narrow))
+    return result
