@@ -3,36 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from automap.effects.lens import focal_length
-from automap.geolocation import limits
 from automap.geolocation.assembly import assemble_sign
 from automap.geolocation.boresight import prior_covariance
 from automap.geolocation.box_noise import measured_noise
-from automap.geolocation.camera_doubt import (
-    as_unknown,
-    assumed,
-    beyond_stated,
-    doubtful,
-    misfit,
-    unexplained,
-)
 from automap.geolocation.camera_estimate import estimate_cameras, first_corrections, refit
-from automap.geolocation.camera_hypotheses import Hypothesis, better_explanations
+from automap.geolocation.camera_explanation import Trial, explain_doubted
 from automap.geolocation.carriers import carried_views
 from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
 from automap.geolocation.contradiction import disagreement
 from automap.geolocation.control import ControlSigns
 from automap.geolocation.course_yaw import yaw_by_course
 from automap.geolocation.existence import existence_probabilities
-from automap.geolocation.facing import Faces, find_facings
+from automap.geolocation.facing import find_facings
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
 from automap.geolocation.merging import combine
 from automap.geolocation.observations import (
-    Observations,
     nothing_observed,
     record_sign,
     warnings_of,
@@ -40,36 +30,15 @@ from automap.geolocation.observations import (
 from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.passes import join_passes
 from automap.geolocation.path_relation import make_path
+from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.sightings import make_sighting
 from automap.geolocation.splitting import clean_tracks, join_pieces
 from automap.geolocation.supports import support_numbers
 from automap.geolocation.tracking import link_views
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
-from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views, build_views
+from automap.geolocation.views import CameraCorrection, Views, build_views
 from automap.records import Camera, Detections, IntArray, Sign, Trajectory
-
-
-@dataclass(frozen=True)
-class GeolocationResult:
-    """Signs in the order of first sight, what became of every detection, what was found out
-    about each camera, and sentences for the user; ``adjusted`` trajectory, as signs seen again and
-    control signs put it right (None: not at all), ``n_control`` control signs that were used,
-    ``noise`` of the boxes as it was taken, ``faces`` what was found of all faces."""
-
-    signs: list[Sign]
-    observations: Observations
-    corrections: dict[str, CameraCorrection]
-    warnings: list[str]
-    adjusted: AdjustedTrajectory | None
-    n_control: int
-    noise: MeasurementNoise
-    faces: Faces
-
-    @property
-    def trajectory(self) -> Trajectory | None:
-        """The adjusted trajectory, made anew at each call."""
-        return None if self.adjusted is None else self.adjusted.whole()
 
 
 def locate_signs(
@@ -90,99 +59,15 @@ def locate_signs(
     says which one was taken, or that none fits: then the signs are ``doubtful``.
     """
     rules = rules or GeolocationRules()
-    found = _located(
-        *(trajectory, detections, cameras, rules, progress, control, cameras),
-        rules.camera.focal_sd,
-    )
-    for name in _doubted(found, detections, cameras, rules):
-        found = _explained(name, found, trajectory, detections, cameras, rules, control)
-    return found
 
-
-def _doubted(
-    found: GeolocationResult,
-    detections: Sequence[Detections],
-    cameras: Mapping[str, Camera],
-    rules: GeolocationRules,
-) -> list[str]:
-    """The cameras whose boxes contradict what is stated of them, or do not fit the path."""
-    focal_sd = rules.camera.focal_sd
-    return [
-        record.camera
-        for record in detections
-        if record.camera in found.corrections
-        and (
-            beyond_stated(found.corrections[record.camera], cameras[record.camera], focal_sd)
-            or _unfit(found, detections, record.camera)
+    def locate(trial: Trial, progress: Callable[[float], None]) -> GeolocationResult:
+        return _located(
+            *(trajectory, trial.detections, trial.cameras, trial.rules, progress, control),
+            *(cameras, rules.camera.focal_sd),
         )
-    ]
 
-
-def _rows_of(detections: Sequence[Detections], name: str) -> slice:
-    first = 0
-    for record in detections:
-        if record.camera == name:
-            return slice(first, first + len(record))
-        first += len(record)
-    return slice(0, 0)
-
-
-def _unfit(found: GeolocationResult, detections: Sequence[Detections], name: str) -> bool:
-    """Whether the boxes of one camera do not fit the path, or scatter as none do."""
-    if min(found.noise.scales[:2]) >= limits.SCATTER_LIMITS[1]:
-        return True
-    rows = _rows_of(detections, name)
-    seen = set(found.observations.sign_id[rows])
-    signs = [sign for sign in found.signs if sign.id in seen]
-    return bool(misfit(found.observations.used[rows], found.observations.note[rows], signs))
-
-
-def _scatter(found: GeolocationResult) -> float:
-    """How far directions of boxes are off their signs, over what the settings say."""
-    return float(np.hypot(*found.noise.scales[:2]))
-
-
-def _explained(
-    name: str,
-    found: GeolocationResult,
-    trajectory: Trajectory,
-    detections: Sequence[Detections],
-    cameras: Mapping[str, Camera],
-    rules: GeolocationRules,
-    control: ControlSigns | None,
-) -> GeolocationResult:
-    """The signs as the best explanation of what is wrong with a camera gives them; where none
-    fits, those ``found`` with sigmas of a camera of which nothing is known."""
-    rows = _rows_of(detections, name)
-    record = next(d for d in detections if d.camera == name)
-    loose = replace(rules, camera=replace(rules.camera, focal_sd=limits.DOUBTED_FOCAL))
-    explanations = better_explanations(trajectory, record, cameras[name])[: limits.MOST_TRIED]
-    best, what = found, ""
-    for one in [Hypothesis("", record, as_unknown(cameras[name])), *explanations]:
-        again = _located(
-            trajectory,
-            [one.found if d.camera == name else d for d in detections],
-            {**cameras, name: one.camera},
-            *(loose, lambda f: None, control, cameras, rules.camera.focal_sd),
-        )
-        more = float(again.observations.used[rows].mean() - best.observations.used[rows].mean())
-        # what is open is fitted no worse; anything else must be worth its assumption
-        closer = _scatter(again) < limits.CLOSER_BOXES * _scatter(best)
-        if more > limits.MORE_BOXES or (more >= 0.0 and (closer or not one.what)):
-            best, what = again, one.what
-    if what:
-        best.warnings.insert(0, assumed(name, what))
-    share = float(best.observations.used[rows].mean())
-    if _unfit(best, detections, name) or share < limits.FITS_SHARE:
-        best.warnings.append(unexplained(name))
-        seen = set(best.observations.sign_id[rows])
-        nearest = [np.nanmin(best.observations.range_m[sign.detection_rows]) for sign in best.signs]
-        signs = [
-            doubtful(sign, float(m)) if sign.id in seen else sign
-            for sign, m in zip(best.signs, nearest, strict=True)
-        ]
-        return replace(best, signs=signs)
-    return best
+    stated = Trial(detections, cameras, rules)
+    return explain_doubted(trajectory, stated, locate(stated, progress), locate)
 
 
 def _located(

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     import pyarrow as pa
 
-    from automap.geolocation.locate import GeolocationResult
+    from automap.geolocation.result import GeolocationResult
     from automap.records import Detections, IntArray
 
 _LISTED = 3

@@ -23,7 +23,8 @@ from automap.evaluation.sign_matching import match, points_of, summarise_signs
 from automap.frames import matrix_to_rpy, rpy_to_matrix
 from automap.gates import OUTSIDE_95, gate
 from automap.geolocation.landmark import SizePrior
-from automap.geolocation.locate import GeolocationResult, locate_signs
+from automap.geolocation.locate import locate_signs
+from automap.geolocation.result import GeolocationResult
 from automap.geolocation.views import MeasurementNoise, build_views
 from automap.records import BoolArray, FloatArray, SignPoints
 from tests.benchmarks.geolocation_world import (

@@ -19,7 +19,8 @@ from automap.geolocation.landmark import (
     view_sd,
 )
 from automap.geolocation.landmark_kernels import N_COMMON, normal_equations
-from automap.geolocation.locate import GeolocationResult, locate_signs
+from automap.geolocation.locate import locate_signs
+from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.tracking import TrackingRules, link_views
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, build_views

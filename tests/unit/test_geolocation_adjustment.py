@@ -10,7 +10,8 @@ from geolocation_scene import ORIGIN, Scene, boxes, camera, drive_path, roadside
 
 from automap.earth import from_local_ned, local_ned
 from automap.geolocation.control import ControlSigns
-from automap.geolocation.locate import GeolocationResult, locate_signs
+from automap.geolocation.locate import locate_signs
+from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
 from automap.records import Detections, Trajectory
 

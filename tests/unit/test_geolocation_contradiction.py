@@ -11,8 +11,9 @@ from automap.earth import from_local_ned, local_ned
 from automap.gates import OUTSIDE_95, gate
 from automap.geolocation.contradiction import disagreement
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
-from automap.geolocation.locate import GeolocationResult, locate_signs
+from automap.geolocation.locate import locate_signs
 from automap.geolocation.pass_errors import solve_with_pass_errors
+from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import MeasurementNoise, Views, build_views
 from automap.records import Detections, Sign

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 from geolocation_scene import boxes, camera, drive_path, roadside
 
-from automap.geolocation.locate import GeolocationResult, locate_signs
+from automap.geolocation.locate import locate_signs
+from automap.geolocation.result import GeolocationResult
 from automap.geolocation.time_minima import Minimum, alike
 from automap.geolocation.views import CameraCorrection
 from automap.records import FloatArray
