@@ -31,13 +31,9 @@ from automap.geolocation.landmark import SizePrior
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.trajectory_adjustment import (
     Adjustment,
-    _design,
     _nodes,
-    _own_information,
-    _prior_information,
-    _weights,
     shift_sighting,
-    shift_trajectory,
+    shifted,
 )
 from automap.records import Detections, FloatArray
 from automap.robust import cauchy_weight
@@ -284,39 +280,28 @@ def test_the_share_of_frames_with_a_sign_is_counted_between_its_first_and_last_b
     assert _found_rate(views, [], {"front": grid}) == 0.5
 
 
-def test_the_information_of_the_paths_error_is_the_inverse_of_its_covariance() -> None:
-    nodes = np.array([0.0, 4.0, 9.0, 30.0, 31.0])
-    row, column, value = _prior_information(nodes)
-    dense = np.zeros((15, 15))
-    np.add.at(dense, (row, column), value)
-    apart = np.abs(nodes[:, None] - nodes)
-    covariance = np.kron(np.exp(-apart / limits.PATH_CORRELATION_S), np.eye(3))
-    np.testing.assert_allclose(dense, np.linalg.inv(covariance), atol=1e-9)
-
-
-def test_the_error_between_two_nodes_is_on_the_line_between_theirs() -> None:
+def test_nodes_stand_where_signs_were_seen_and_some_seconds_apart() -> None:
     path = drive_path(23.0)
     n = len(path)
     sd = np.column_stack([np.linspace(1.0, 3.0, n), np.full(n, 0.5), np.linspace(2.0, 1.0, n)])
     sd[-1, 1] = np.nan
     path = replace(path, sd_pos_ned=sd)
-    nodes, at_nodes = _nodes(path)
     time = path.t_ns * 1e-9
-    assert (nodes[0], nodes[-1]) == pytest.approx((time[0], time[-1]))
-    assert len(nodes) == 6
-    assert np.diff(nodes) == pytest.approx(np.full(5, (time[-1] - time[0]) / 5))
+    seen = time[0] + np.array([7.3, 2.1, 7.3])
+    nodes, at_nodes, node = _nodes(path, seen)
+    assert nodes[node] == pytest.approx(seen)
+    assert len(nodes) == 8
+    regular = np.setdiff1d(nodes, seen)
+    assert (regular[0], regular[-1]) == pytest.approx((time[0], time[-1]))
+    assert np.diff(regular) == pytest.approx(np.full(5, (time[-1] - time[0]) / 5))
     assert at_nodes[:-1, 0] == pytest.approx(np.interp(nodes[:-1], time, sd[:, 0]))
     # what is unknown is not taken for exact
     assert at_nodes[-1, 1] == pytest.approx(1e-6)
-    rng = np.random.default_rng(5)
-    unit = rng.normal(size=(6, 3))
-    for t in (nodes[0] - 3.0, nodes[0], nodes[2] + 1.1, nodes[4], nodes[5], nodes[5] + 2.0):
-        own, A = _design(nodes, at_nodes, t)
-        wanted = [np.interp(t, nodes, unit[:, k] * at_nodes[:, k]) for k in range(3)]
-        assert A @ unit.ravel()[own] == pytest.approx(wanted)
-        # the sighting and the trajectory are moved by the same
-        told, sd_there = Adjustment(nodes, unit * at_nodes, at_nodes).at(np.array([t]))
-        assert told[0] == pytest.approx(wanted)
+    # between two nodes the error is on the line between theirs
+    error = np.random.default_rng(5).normal(size=(8, 3))
+    for t in (nodes[0] - 3.0, nodes[0], nodes[2] + 1.1, nodes[7], nodes[7] + 2.0):
+        told, sd_there = Adjustment(nodes, error, at_nodes).at(np.array([t]))
+        assert told[0] == pytest.approx([np.interp(t, nodes, error[:, k]) for k in range(3)])
         assert sd_there[0, 0] == pytest.approx(np.interp(t, nodes, at_nodes[:, 0]))
 
 
@@ -327,7 +312,7 @@ def test_the_adjusted_trajectory_is_the_old_one_less_its_error() -> None:
     slope = np.array([0.4, -0.3, 0.1])
     error = np.array([3.0, -2.0, 1.0]) + slope * (nodes - nodes[0])[:, None]
     sd = np.tile([0.5, 3.0, 1.0], (5, 1))
-    after = shift_trajectory(path, Adjustment(nodes, error, sd), ORIGIN)
+    after = shifted(path, Adjustment(nodes, error, sd), ORIGIN)
     before, moved = (local_ned(t.lat_rad, t.lon_rad, t.height_m, ORIGIN) for t in (path, after))
     wanted = np.array([3.0, -2.0, 1.0]) + slope * (time - time[0])[:, None]
     np.testing.assert_allclose(before - moved, wanted, atol=2e-4)
@@ -340,46 +325,9 @@ def test_the_adjusted_trajectory_is_the_old_one_less_its_error() -> None:
     turn = np.pi - path.lon_rad[1000]
     lon = (path.lon_rad + turn + np.pi) % (2.0 * np.pi) - np.pi
     east = (ORIGIN[0], ORIGIN[1] + turn, ORIGIN[2])
-    over = shift_trajectory(replace(path, lon_rad=lon), Adjustment(nodes, error, sd), east)
+    over = shifted(replace(path, lon_rad=lon), Adjustment(nodes, error, sd), east)
     assert np.abs(over.lon_rad).max() <= np.pi
     np.testing.assert_allclose(np.sin(over.lon_rad - turn), np.sin(after.lon_rad), atol=1e-12)
-
-
-def sightings(rng: np.random.Generator, n: int) -> list[Any]:
-    own = [0.1 * (r @ r.T + np.eye(3)) for r in rng.normal(size=(n, 3, 3))]
-    path_sd = rng.uniform(0.5, 1.0, (n, 3))
-    return [
-        SimpleNamespace(
-            position=rng.normal(0.0, 1.0, 3), covariance=c + np.diag(s**2), path_sd=s, time_s=1.5
-        )
-        for c, s in zip(own, path_sd, strict=True)
-    ]
-
-
-@pytest.mark.parametrize("surveyed", [False, True])
-def test_sightings_count_less_the_further_they_are_from_their_signs_place(surveyed: bool) -> None:
-    rng = np.random.default_rng(6)
-    members = sightings(rng, 4)
-    error = [rng.normal(0.0, 0.5, 3) for _ in members]
-    root = rng.normal(size=(3, 3))
-    control = (np.array([0.3, -0.2, 0.5]), 0.05 * (root @ root.T + np.eye(3)))
-    # the own error of each, with what a face's middle is known to
-    own: list[FloatArray] = [
-        m.covariance - np.diag(m.path_sd**2) + limits.FACE_SD_M**2 * np.eye(3) for m in members
-    ]
-    for m, c in zip(members, own, strict=True):
-        np.testing.assert_allclose(_own_information(m), np.linalg.inv(c))
-    z = [m.position - e for m, e in zip(members, error, strict=True)]
-    terms = [*zip(z, own, strict=True), *([control] if surveyed else [])]
-    J = np.tile(np.eye(3), (len(terms), 1))
-    R = np.zeros((3 * len(terms), 3 * len(terms)))
-    for k, (_, c) in enumerate(terms):
-        R[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = c
-    W = np.linalg.inv(R)
-    place = np.linalg.solve(J.T @ W @ J, J.T @ W @ np.concatenate([v for v, _ in terms]))
-    square = [(v - place) @ np.linalg.solve(c, v - place) for v, c in zip(z, own, strict=True)]
-    found = _weights(members, error, control if surveyed else None)
-    assert found == pytest.approx(1.0 / (1.0 + np.array(square) / limits.HALF_WEIGHT_SIGMAS**2))
 
 
 @dataclass(frozen=True)
