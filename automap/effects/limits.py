@@ -5,6 +5,9 @@ from __future__ import annotations
 COURSE_SPEED = 1.0
 """m/s; below it a direction of travel means nothing and is held, and a vehicle slides aside by no
 more than it would at this speed. Velocities that err by a decimetre a second turn it by 6 deg."""
+MOVING_SPEED = 0.5
+"""m/s; a vehicle that stands has no direction of travel: an offset of speeds has half of its size
+at half of this. Chosen: below a walking pace, ten times what phones tell of a car that stands."""
 REFERENCE_C = 25.0
 """A temperature that nobody measured: data sheets state their figures at it."""
 FORCE_S = 0.05

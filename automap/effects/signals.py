@@ -10,7 +10,14 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from automap.effects.limits import BLEND_S, COURSE_SPEED, FORCE_S, LEAST_STEP_S, REFERENCE_C
+from automap.effects.limits import (
+    BLEND_S,
+    COURSE_SPEED,
+    FORCE_S,
+    LEAST_STEP_S,
+    MOVING_SPEED,
+    REFERENCE_C,
+)
 from automap.records import FloatArray
 
 
@@ -54,6 +61,16 @@ class Signals:
     def force(self) -> FloatArray:
         """Size of the specific force in m/s^2."""
         return np.sqrt(self.force_x**2 + self.force_y**2 + self.force_z**2)
+
+    @property
+    def travel_n(self) -> FloatArray:
+        """North part of the direction of travel, nothing at rest."""
+        return np.asarray(np.tanh(self.speed / MOVING_SPEED) * np.cos(self.heading))
+
+    @property
+    def travel_e(self) -> FloatArray:
+        """East part of the direction of travel, nothing at rest."""
+        return np.asarray(np.tanh(self.speed / MOVING_SPEED) * np.sin(self.heading))
 
     def at(self, time: FloatArray) -> Signals:
         """The quantities at other instants, in s since the first sample, linear in between."""

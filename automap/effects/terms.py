@@ -33,6 +33,8 @@ LATERAL_ACCELERATION = "lateral_acceleration"
 """Of the vehicle along its own axes, m/s^2, right positive."""
 POSITION_ACCURACY = ("position_sd_n", "position_sd_e", "position_sd_d")
 """What a fix states of its own error, m."""
+TRAVEL = ("travel_n", "travel_e")
+"""The direction of travel, of length one, of none where the vehicle stands."""
 STATE_SIGNALS = (ONE, ELAPSED, FORWARD_ACCELERATION, LATERAL_ACCELERATION)
 """Signals that follow from the state where it is measured; all others are columns over time."""
 
@@ -67,7 +69,8 @@ class Term:
     ``STATE_SIGNALS``, or for inertial readings a true reading (``rate_x``), a shape of it
     (``abs_rate_x``, ``sq_force_x``), what it reads more where it is late (``late_force_x``; see
     ``automap.effects.inertial_signals``), ``temperature`` above its reference,
-    ``speed_squared``, ``warm_up``, or a user's signal (see ``automap.effects.user``).
+    ``speed_squared``, ``warm_up``, or what follows from the drive: ``TRAVEL``, a user's signal (see
+    ``automap.effects.user``).
     """
 
     parameter: str

@@ -11,7 +11,7 @@ import numpy as np
 from automap.effects.catalogue import CATALOGUE
 from automap.effects.effect import Effect, Parameter
 from automap.effects.signals import Signals
-from automap.effects.terms import POSITION, VEHICLE, VELOCITY, Kind, Term
+from automap.effects.terms import POSITION, TRAVEL, VEHICLE, VELOCITY, Kind, Term
 from automap.errors import ConfigError
 from automap.records import FloatArray
 
@@ -191,16 +191,18 @@ def add_user_effect(effect: UserEffect) -> None:
 
 
 def is_users(signal: str) -> bool:
-    """Whether a term's signal is a user's."""
-    return _SEPARATOR in signal
+    """Whether a term's signal is a user's, or follows from the drive's quantities like one."""
+    return _SEPARATOR in signal or signal in TRAVEL
 
 
 def user_signal(name: str, signals: Signals) -> FloatArray:
-    """A user's signal [n] by its name in a term.
+    """A user's signal [n], or one of ``TRAVEL``, by its name in a term.
 
     Raises:
         ConfigError: its function fails, or gives something else than a number an instant.
     """
+    if name in TRAVEL:
+        return np.asarray(getattr(signals, name))
     effect, parameter, *part = name.split(_SEPARATOR)
     return turned(signal_of(effect, parameter, signals), part[0] if part else "", signals)
 

@@ -24,9 +24,9 @@ from automap.records import FloatArray, IntArray
 
 Values = Mapping[str, Mapping[str, float]]
 
-ALWAYS = ("gnss_course_distance", "vehicle_pitch")
+ALWAYS = ("gnss_course_distance", "gnss_speed_offset", "vehicle_pitch")
 """What every receiver and every vehicle has, whatever else is asked: courses that lag at low speed,
-and springs."""
+speeds that are told too low, and springs."""
 BASE_NUISANCES = (
     "accel_bias",
     "gyro_bias",
@@ -73,8 +73,8 @@ def base_options(options: FusionOptions, stated: Collection[str] = ()) -> Fusion
 
 
 def usual_options(options: FusionOptions) -> FusionOptions:
-    """The options with what every vehicle and every receiver has among the nuisances: springs, and
-    courses that lag at low speed."""
+    """The options with what every vehicle and every receiver has among the nuisances: springs,
+    courses that lag at low speed, speeds that are told too low."""
     more = [e for e in ALWAYS if e not in options.effects and e not in options.fixed]
     return replace(options, effects=(*options.effects, *more))
 

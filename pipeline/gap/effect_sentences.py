@@ -79,6 +79,10 @@ _RECEIVER = {
         "The receiver's speeds are {}.",
         one("relative", "{} too high", "{} too low", 100.0, "%"),
     ),
+    "gnss_speed_offset": Sentence(
+        "The receiver's speeds are {}, however fast the car goes.",
+        one("along", "{} too high", "{} too low", unit="m/s"),
+    ),
     "gnss_correlated_noise": Sentence("The receiver's positions wander {}.", wander("m")),
     "gnss_multipath": Sentence(
         "The receiver's positions are pushed aside, as by reflections, {}.", wander("m")

@@ -20,6 +20,7 @@ from automap.effects.gnss import (
 )
 from automap.effects.measured import MEASURED, Values, distortion
 from automap.effects.terms import POSITION, VELOCITY, Kind
+from automap.effects.user import user_signal
 from automap.effects.vehicle import (
     nose_angles,
     parameters,
@@ -30,6 +31,7 @@ from automap.fusion.layout import N_NAV
 from automap.fusion.model import StateModel, build_state_model
 from automap.fusion.options import FusionOptions
 from automap.simulation.gnss import ideal_epochs
+from automap.simulation.imu import true_signals
 from automap.simulation.odometer import reported_speed
 from automap.simulation.scenario import Gnss, Leg, Route, Scenario, Start, Vehicle
 from automap.simulation.trajectory import DriveMotion, drive_motion
@@ -96,6 +98,8 @@ def _seen(errors: Values, model: StateModel, told: Values | None = None) -> Seen
     for effect, values in (told or {}).items():
         for parameter, value in values.items():
             xi[model.index(f"{effect}_{parameter}") - N_NAV] = value
+    quantities = true_signals(motion)
+    signals = np.stack([user_signal(name, quantities) for name in model.signals], axis=1)
     z_all, h_all = [], []
     for k, t in enumerate(INSTANTS):
         c = np.ascontiguousarray(motion.C_n_b[k] @ C_v_s)
@@ -113,6 +117,7 @@ def _seen(errors: Values, model: StateModel, told: Values | None = None) -> Seen
                 motion.turn_rate[k] @ C_v_s,
                 motion.accel_ned[k],
                 t,
+                signals=signals[k],
             )
             for number in range(measured_node.WHEELS + 1)
         ]
