@@ -98,6 +98,22 @@ def test_what_is_wrong_with_a_camera_is_found_and_told(winding, wrong: str) -> N
 
 
 @pytest.mark.slow
+def test_two_cameras_that_are_not_as_stated_are_both_explained(winding) -> None:
+    view = camera(mount_sd=np.radians(0.5), time_offset_sd=0.02)
+    scene = roadside(winding, every_s=2.0)
+    found, _ = boxes(winding, scene, view, np.random.default_rng(1))
+    other, _ = boxes(winding, scene, view, np.random.default_rng(2))
+    late = replace(other, t_ns=other.t_ns + 20 * 10**9, camera="second")
+    behind = replace(view, mount_rpy=view.mount_rpy + np.array([0.0, 0.0, np.pi]))
+    result = locate_signs(winding, [found, late], {"front": behind, "second": view})
+    assumed = [text for text in result.warnings if "That was assumed" in text]
+    assert ["front" in assumed[0], "second" in assumed[1]] == [True, True]
+    assert ["the other way" in assumed[0], "s from their stamps" in assumed[1]] == [True, True]
+    assert result.observations.used.mean() > 0.9
+    assert {sign.status for sign in result.signs} == {"ok"}
+
+
+@pytest.mark.slow
 def test_the_best_explanation_of_a_mirrored_picture(winding) -> None:
     view = camera(mount_sd=np.radians(0.5), time_offset_sd=0.02)
     found, _ = boxes(winding, roadside(winding, every_s=4.0), view, np.random.default_rng(1))
