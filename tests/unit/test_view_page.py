@@ -546,9 +546,12 @@ def test_the_page_is_accessible(
         page.wait_for_selector(".badge.accepted")
         assert violations(page) == []
         page.keyboard.press("c")
+        until(page, "document.querySelector('#picker').open")
         assert violations(page) == []
         page.keyboard.press("Escape")
         until(page, "!document.querySelector('#picker').open")
+        # keys belong to the search field until it has lost the focus
+        until(page, "document.activeElement.id !== 'picker-search'")
         page.keyboard.press("i")
         page.wait_for_selector("#leave-add")
         assert violations(page) == []
