@@ -8,6 +8,8 @@ PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
 INSTALL := $(PIP) install --quiet --no-deps --no-compile --requirement
 PYTEST_ARGS ?=
 MUTANTS ?=
+# where an image sets this, every process that a test starts compiles all its modules anew
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test slow mutants fuzz faults check docs man lock sbom audit release clean
 
