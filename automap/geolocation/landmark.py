@@ -40,7 +40,7 @@ class SizePrior:
     """Physical height of a sign: log-normal with median ``size_m`` and spread ``log_sd``;
     ``by_class`` what is known of single classes besides."""
 
-    size_m: float = 0.7
+    size_m: float = limits.USUAL_SIZE_M
     log_sd: float = 0.4
     by_class: Mapping[str, SizePrior] = field(default_factory=dict)
 

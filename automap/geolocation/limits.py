@@ -55,11 +55,21 @@ SET_ASIDE = 100.0
 
 # scatter of boxes
 
+USUAL_SIZE_M = 0.7
+"""Height of a sign of which nothing is known: most round and triangular ones of towns are 0.6 to
+0.75 m high."""
 SCATTER_VIEWS = 6
 """Chosen: the unknowns of a sign and of its pass leave fewer views little to scatter by."""
 SCATTER_SIGNS, MARGIN_SIGNS = 300, 60
 """No more signs are asked for the scatter and for the margins. Chosen: 1800 boxes tell the scatter
 to 2 %, 60 signs the margins to 9 %; more take longer."""
+STAMP_SCATTERS_S = tuple(0.0025 * 2.0**k for k in range(8))
+"""Errors of stamps that are tried, before finer ones about the best: from what moves a sign at 10 m
+by less than boxes scatter at 30 m/s, to where one frame a third of a second off shows little."""
+STAMP_SIGNS = 60
+"""No more signs are asked for it. Chosen: a thousand boxes tell it to some hundredths."""
+STAMP_SCATTER_PROBABILITY = 1e-3
+"""Stamps that are right are said to scatter so rarely."""
 SCATTER_FREEDOM, MARGIN_FREEDOM = 20.0, 4.0
 """How many boxes, and how many signs, outweigh what the settings say of scatter and margins.
 Chosen: three signs seen often, and the few signs with margins that a short drive has."""

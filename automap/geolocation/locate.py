@@ -34,11 +34,15 @@ from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.sightings import make_sighting
 from automap.geolocation.splitting import clean_tracks, join_pieces
+from automap.geolocation.stamp_scatter import stamp_scatter, told, tracked_or_linked
 from automap.geolocation.supports import support_numbers
 from automap.geolocation.tracking import link_views
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, Views, build_views
 from automap.records import Camera, Detections, IntArray, Sign, Trajectory
+
+_STAMP_ROUNDS = 4
+"""Of the errors of stamps, and of the links with them."""
 
 
 def locate_signs(
@@ -90,7 +94,15 @@ def _located(
     usual = usual_sizes(views.class_name.tolist())
     rules = replace(rules, size=replace(rules.size, by_class={**usual, **rules.size.by_class}))
     landmarks, misfits = _find_landmarks(views, rules, lambda done: progress(0.1 + 0.4 * done))
+
+    def views_with(stamp_sd: float) -> Views:
+        noise = replace(rules.noise, stamp_sd_s=stamp_sd)
+        return build_views(trajectory, detections, cameras, noise, corrections)
+
     if rules.estimate_noise:
+        stamp_sd, (landmarks, misfits) = _with_stamps(views_with, (landmarks, misfits), rules)
+        rules = replace(rules, noise=replace(rules.noise, stamp_sd_s=stamp_sd))
+        views = views_with(stamp_sd)
         noise = measured_noise(views, landmarks, rules.size, rules.noise)
         rules = replace(rules, noise=noise)
         views = build_views(trajectory, detections, cameras, noise, corrections)
@@ -104,6 +116,14 @@ def _located(
         corrections = estimate_cameras(
             trajectory, detections, cameras, corrections, landmarks, views, rules
         )
+        if rules.noise.stamp_sd_s > 0.0:
+            # a camera that was off may have looked like stamps that are
+            seen = views_with(rules.noise.stamp_sd_s)
+            marks = refit(seen, [views.row[mark.rows] for mark in landmarks], rules)
+            stamp_sd = stamp_scatter(views_with, tracked_or_linked(seen, marks), rules.size)
+            rules = replace(rules, noise=replace(rules.noise, stamp_sd_s=stamp_sd))
+            noise = measured_noise(views_with(stamp_sd), marks, rules.size, rules.noise)
+            rules = replace(rules, noise=noise)
         rows = views.row
         views = build_views(trajectory, detections, cameras, rules.noise, corrections)
         landmarks = refit(views, [rows[mark.rows] for mark in landmarks], rules)
@@ -184,6 +204,7 @@ def _located(
             for sign, number in zip(signs, numbers, strict=True)
         ]
     sentences = warnings_of(observations, signs, corrections, stated, focal_sd)
+    sentences += told(rules.noise.stamp_sd_s, [d.t_ns for d in detections])
     unused = 0 if control is None else len(control) - len(passes.controlled)
     if control is not None and unused:
         sentences.append(
@@ -202,6 +223,24 @@ def _find_landmarks(
     tracks = link_views(views, rules.size, rules.tracking, progress=progress)
     landmarks, misfits = clean_tracks(views, tracks, rules.size, rules.tracking)
     return join_pieces(views, landmarks, rules.size, rules.tracking), misfits
+
+
+def _with_stamps(
+    views_with: Callable[[float], Views],
+    found: tuple[list[Landmark], IntArray],
+    rules: GeolocationRules,
+) -> tuple[float, tuple[list[Landmark], IntArray]]:
+    """What stamps err by, and the landmarks and misfits ``found`` then: the better it is known, the
+    more boxes are linked that show it."""
+    known = 0.0
+    for _ in range(_STAMP_ROUNDS):
+        often = tracked_or_linked(views_with(known), found[0])
+        stamp_sd = stamp_scatter(views_with, often, rules.size)
+        if stamp_sd <= known:
+            break
+        known = stamp_sd
+        found = _find_landmarks(views_with(known), rules, lambda done: None)
+    return known, found
 
 
 def _settled(

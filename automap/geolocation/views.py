@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automap.effects.camera import camera_poses, row_share, true_camera
+from automap.effects.camera import camera_poses, error_columns, row_share, true_camera
+from automap.effects.camera_kernels import TIME
 from automap.effects.lens import box_variances, focal_length, lens_of, normalise
 from automap.frames import matrix_to_rotation_vector, rpy_to_matrix
 from automap.geolocation import limits
@@ -33,14 +34,16 @@ class MeasurementNoise:
     ``pixel_sd`` of a box centre in pixels, ``box_fraction`` the part of the box height that
     its centre and its height are uncertain by, ``attitude_sd`` the vehicle's short-term
     attitude error in rad (what differs from frame to frame), ``margin_sd_px`` what the height of
-    all boxes of one sign is off by in common. ``scales`` multiply the sigmas of right, down and
-    height: what ``box_noise`` measured them to be.
+    all boxes of one sign is off by in common, ``stamp_sd_s`` what stamps err by from frame to
+    frame. ``scales`` multiply the sigmas of right, down and height. The last two are what
+    ``stamp_scatter`` and ``box_noise`` measured them to be.
     """
 
     pixel_sd: float = 1.5
     box_fraction: float = 0.05
     attitude_sd: float = 0.002
     margin_sd_px: float = 2.0
+    stamp_sd_s: float = 0.0
     scales: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
@@ -267,9 +270,16 @@ def _camera_views(
     variance = box_variances(
         *(camera, box, plausible, noise.pixel_sd, noise.box_fraction, noise.attitude_sd)
     )
-    sd = np.sqrt(variance) * noise.scales
-
     ok = has_pose & has_ray
+    if noise.stamp_sd_s > 0.0:
+        # how far a sign is does not matter much here: of a usual one its box tells it
+        q = np.column_stack([np.ones(len(box)), centre_ray]) * (
+            limits.USUAL_SIZE_M / plausible[:, None]
+        )
+        seen = q, plausible, row_share(middle_y, camera.height), rate, velocity
+        columns = error_columns(camera, {}, *(values[ok] for values in seen))
+        variance[ok] += (noise.stamp_sd_s * columns[:, :, TIME]) ** 2
+    sd = np.sqrt(variance) * noise.scales
     part: dict[str, np.ndarray] = {
         "row": np.flatnonzero(ok),
         "t_ns": t_ns[ok],
