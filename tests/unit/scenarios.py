@@ -377,7 +377,15 @@ def geolocation_street() -> Any:
     true = world.camera(time_offset_s=0.02, mount_rpy=np.radians([0.7, -0.8, 2.4]))
     found, _ = world.boxes(path, scene, true, np.random.default_rng(3), interval_s=0.4)
     located = locate_signs(path, [found], {"front": world.camera()})
-    return vars(replace(located, adjusted=None))
+    return vars(replace(located, adjusted=None, corrections=_without_rounding(located)))
+
+
+def _without_rounding(located: Any) -> Any:
+    """Cameras' corrections; a time offset that is no more than what iterations end at is zero."""
+    return {
+        name: replace(found, time_s=round(found.time_s, 6))
+        for name, found in located.corrections.items()
+    }
 
 
 @scenario
@@ -394,7 +402,8 @@ def geolocation_control() -> Any:
     control = surveyed(scene, list(range(0, len(scene.position), 2)))
     off = moved(path, SHIFT, 3.0)
     located = locate_signs(off, [found], {"front": world.camera()}, control=control)
-    return {**vars(located), "adjusted": located.trajectory}
+    corrections = _without_rounding(located)
+    return {**vars(located), "adjusted": located.trajectory, "corrections": corrections}
 
 
 @scenario

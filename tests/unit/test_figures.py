@@ -11,9 +11,9 @@ import pytest
 from tests.unit.figures import FOLDER, differences, figures_of, kept
 from tests.unit.scenarios import SCENARIOS
 
-SAME = 1e-6
-"""Of a figure's size. Other processors and compilers change the eleventh digit, and what iterates
-to a tolerance some more."""
+SAME = 5e-5
+"""Of a figure's size. Other processors and compilers change the eleventh digit; what iterates to a
+tolerance ended 3e-6 of its size away on one."""
 
 
 @pytest.mark.parametrize("name", sorted(SCENARIOS))
