@@ -3,11 +3,12 @@
     python tests/benchmarks/geolocation_facing.py [--drives N] [--first SEED] [--only NAME]
         [--seconds S]
 
-Drives of ten minutes, or as long as is said, as ``geolocation_simulated.py`` makes them, with faces that are turned from
-the direction against the traffic, each distribution of turns with boxes of several kinds of error.
-Boxes are those of round faces, from points on the rim and not from the estimator's formula. Printed
-are the median and the largest error of the direction a face looks, the coverage of its 95 %
-interval, and the rms of error over sigma; at last the same of all turned faces together.
+Drives of ten minutes, or as long as is said, as ``geolocation_simulated.py`` makes them, with faces
+that are turned from the direction against the traffic, each distribution of turns with boxes of
+several kinds of error. Boxes are those of round faces, from points on the rim and not from the
+estimator's formula. Printed are the median and the largest error of the direction a face looks, the
+coverage of its 95 % interval, and the rms of error over sigma; at last the same of all turned faces
+together.
 """
 
 from __future__ import annotations
