@@ -15,7 +15,7 @@ from export_inputs import CLOCK, HOSTILE, fixes, sign, trajectory, write_run
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from browser import launched, watched
+from browser import launched, violations, watched
 
 from automap.io import names
 from automap.io.signs_table import write_signs
@@ -126,6 +126,27 @@ def test_a_click_on_a_sign_opens_its_card(page: Page) -> None:
     width = page.locator("#sign .crops img").first.evaluate("image => image.naturalWidth")
     assert width > 60
     assert page.locator("#sign .residuals circle").count() >= 6
+
+
+def test_everybody_can_read_it_on_a_phone_and_a_screen_by_day_and_by_night(
+    browser: Browser, report: Path
+) -> None:
+    for width in (390, 1280):
+        for scheme in ("light", "dark"):
+            page = browser.new_page(
+                viewport={"width": width, "height": 844}, color_scheme=scheme, bypass_csp=True
+            )
+            page.goto(report.as_uri())
+            page.wait_for_selector("#map canvas")
+            page.locator("#sign-table tbody tr").nth(2).focus()
+            page.keyboard.press("Enter")
+            assert violations(page) == []
+            assert page.evaluate("document.documentElement.scrollWidth") == width
+            # what is wider than the page can be moved by keys
+            tables = page.locator(".scroll")
+            assert tables.count() > 1
+            assert set(tables.evaluate_all("all => all.map((one) => one.tabIndex)")) == {0}
+            page.close()
 
 
 def test_a_row_of_the_table_opens_it_by_keyboard(page: Page) -> None:

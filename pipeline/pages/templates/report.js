@@ -251,7 +251,7 @@
     element("span", text, line);
   };
   if (data.path) {
-    const head = element("h4", "Path by ", legend);
+    const head = element("h3", "Path by ", legend);
     const choice = element("select", undefined, head);
     choice.id = "path-by";
     choice.setAttribute("aria-label", "what the path is coloured by");
@@ -269,7 +269,7 @@
   }
   if (data.fixes.length) entry("dot", css("--soft"), "GPS fix");
   if (signs.rows.length) {
-    element("h4", "Signs (pale: with reservation)", legend);
+    element("h3", "Signs (pale: with reservation)", legend);
     const counts = new Map();
     signs.rows.forEach((row) => counts.set(row[column["class"]], (counts.get(row[column["class"]]) || 0) + 1));
     const names = [...counts.keys()].sort((a, b) => counts.get(b) - counts.get(a));
