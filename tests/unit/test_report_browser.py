@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -147,6 +148,29 @@ def test_everybody_can_read_it_on_a_phone_and_a_screen_by_day_and_by_night(
             assert tables.count() > 1
             assert set(tables.evaluate_all("all => all.map((one) => one.tabIndex)")) == {0}
             page.close()
+
+
+def test_of_drives_on_two_continents_the_map_shows_one(
+    browser: Browser, report: Path, tmp_path: Path
+) -> None:
+    opening = '<script type="application/json" id="map-data">'
+    head, rest = report.read_text(encoding="utf-8").split(opening)
+    text, tail = rest.split("</script>", 1)
+    data = json.loads(text)
+    here = data["path"]["points"]
+    data["tracks"] = [here, [[x + 1.4e7, y] for x, y in here]]
+    far = tmp_path / "far.html"
+    text = json.dumps(data).replace("<", "\\u003c")
+    far.write_text(head + opening + text + "</script>" + tail, encoding="utf-8")
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.goto(far.as_uri())
+    page.wait_for_selector("#map canvas")
+    shown = page.locator("#map").bounding_box()
+    face = page.locator("img.leaflet-marker-icon").first.bounding_box()
+    assert shown is not None
+    assert face is not None
+    assert shown["x"] < face["x"] < shown["x"] + shown["width"]
+    page.close()
 
 
 def test_a_row_of_the_table_opens_it_by_keyboard(page: Page) -> None:

@@ -21,7 +21,13 @@
   data.signs.xy.forEach((p) => bounds.extend(at(p)));
   if (data.path) data.path.points.forEach((p) => bounds.extend(at(p)));
   data.tracks.forEach((run) => run.forEach((p) => bounds.extend(at(p))));
-  const whole = () => map.fitBounds(bounds.isValid() ? bounds.pad(0.04) : [[-50, -50], [50, 50]], { animate: false, maxZoom: 3 });
+  const whole = () => {
+    map.fitBounds(bounds.isValid() ? bounds.pad(0.04) : [[-50, -50], [50, 50]], { animate: false, maxZoom: 3 });
+    // drives on two continents: one of them, rather than the sea between
+    if (bounds.isValid() && !map.getBounds().contains(bounds) && data.tracks.length) {
+      map.fitBounds(L.latLngBounds(data.tracks[0].map(at)).pad(0.04), { animate: false, maxZoom: 3 });
+    }
+  };
   whole();
 
   // path, gaps of the receiver, fixes
