@@ -45,7 +45,8 @@ def merge_report(outcome: MapOutcome, summary: dict[str, Any], content: MapConte
         ("Errors", _error_section(outcome, summary)),
         ("Classes", _class_section(outcome)),
     ]
-    facts = [("version", __version__), ("previous map", summary.get("previous", "none"))]
+    previous = _FOLDERS.sub("", str(summary.get("previous", "none")))
+    facts = [("version", __version__), ("previous map", previous)]
     figures = _figures(outcome, summary)
     return sections_page(
         "Merged map", outcome.name, figures, parts,
