@@ -192,7 +192,7 @@ def new_signs(signs: Sequence[Sign], unknown: IntArray, merged: bool) -> list[Fi
         real, lacks = expit(logit(MOST_SURE) - np.exp(x[0]) * doubt), expit(x[1])
         told = real * (1.0 - lacks)
         likely = np.log(np.maximum(np.where(listed, told, 1.0 - told), 1e-12)).sum()
-        likely += np.log(lacks) + (1.0 / NEW_SHARE - 1.0) * np.log1p(-lacks)
+        likely += NEW_SHARE * np.log(lacks) + (1.0 - NEW_SHARE) * np.log1p(-lacks)
         return float(0.5 * (x[0] / DOUBT_FACTOR_LOG_SD) ** 2 - likely)
 
     factor, lacks = minimize(against, [0.0, float(logit(NEW_SHARE))]).x

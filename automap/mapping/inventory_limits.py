@@ -9,10 +9,12 @@ STALE_WEIGHT = 20.0
 """Listed signs that the share of gone ones, and that of another class, weigh as, before the data.
 Chosen: as many as one of which is stale."""
 NEW_SHARE = 0.1
-"""Of a map's signs those that no inventory has, before that is estimated. Chosen."""
-DOUBT_FACTOR_LOG_SD = 0.5
+"""Of a map's signs those that no inventory has, before that is estimated: counts as one sign, for
+some lists lack nearly all. Chosen."""
+DOUBT_FACTOR_LOG_SD = 0.15
 """Of the logarithm of the factor on a map's doubts that signs are there, before a list tells.
-Chosen: a factor of 1.6; some tens of doubted signs outweigh it."""
+Chosen: a belief of a half, 6.9 below the surest in logarithmic odds, is good to a factor of e in
+its odds; some tens of doubted signs outweigh it, and a list that lacks most signs does not."""
 SURE = 0.9
 """Of the statements of a kind that are for work, the part that is expected to be right. What is
 asked of each kind: nine of ten."""

@@ -124,7 +124,17 @@ def test_a_map_that_believes_too_much_is_found_out_by_the_list() -> None:
     told = [f.probability for f in new_signs(signs, unknown, False)]
     assert min(told[:10]) > 0.9
     # two of twenty are listed, and of twenty real ones nineteen would be
-    assert max(told[10:]) < 0.1
+    assert max(told[10:]) < 0.2
+
+
+@pytest.mark.parametrize(("signs", "listed"), [(18, 2), (400, 20)])
+@pytest.mark.parametrize("belief", [0.9, 0.99])
+def test_a_list_that_lacks_nearly_all_is_no_reason_to_doubt_the_map(
+    signs: int, listed: int, belief: float
+) -> None:
+    there = [sign_at(k, belief) for k in range(signs)]
+    told = new_signs(there, np.arange(listed, signs), False)
+    assert min(f.probability for f in told) > 0.85
 
 
 def sign_at(number: int, exists: float) -> Sign:
