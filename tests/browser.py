@@ -81,3 +81,22 @@ def watched(page: Page) -> list[str]:
     page.on("request", lambda r: None if page.url == "about:blank" else request(r.url))
     page.on("requestfailed", lambda r: troubles.append(f"failed: {r.url} {r.failure}"))
     return troubles
+
+
+def violations(page: Page) -> list[str]:
+    """What axe-core finds, where a copy of it is at hand, and what needs no program to find."""
+    bare = page.evaluate(
+        "[...document.querySelectorAll('button, input, select')].filter((e) => !e.hidden && "
+        "e.checkVisibility() && !(e.ariaLabel || e.labels?.length || e.innerText?.trim()))"
+        ".map((e) => e.outerHTML)"
+    )
+    axe = axe_path()
+    if axe is None:
+        return [str(one) for one in bare]
+    page.add_script_tag(path=axe)
+    found = page.evaluate(
+        "axe.run({runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', "
+        "'best-practice']}).then((r) => r.violations.map((v) => v.id + ': ' + "
+        "v.nodes.map((n) => n.html).join(' ')))"
+    )
+    return [str(one) for one in (*bare, *found)]

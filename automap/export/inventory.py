@@ -29,8 +29,9 @@ class ComparedSign:
     """One row: its kind and what map and inventory say; NaN and "" where either says nothing.
 
     From where it is listed to where it was found ``east_m``, ``north_m``, after the inventory's
-    common shift; ``sd_m`` one sigma per axis of that. ``sure`` is "yes" where the probability is at
-    least 0.9, else "no".
+    common shift; ``sd_m`` one sigma per axis of that. ``sure`` is "yes" for those that are for
+    work, of whose kind nine of ten are expected to be right, else "no"; ``more_drives`` past an
+    unconfirmed sign that would have to miss it until it is surely gone (NaN: nothing is said).
     """
 
     kind: str
@@ -51,6 +52,7 @@ class ComparedSign:
     lat_deg: float
     listed_lon_deg: float
     listed_lat_deg: float
+    more_drives: float = float("nan")
 
     @property
     def is_sure(self) -> bool:

@@ -23,6 +23,7 @@ from automap.mapping.inventory_findings import (
     Inventory,
     class_belief,
     judge_classes,
+    mark_sure,
     new_signs,
     not_found,
 )
@@ -92,10 +93,19 @@ def compare_inventory(
     partner = np.full(len(inventory), -1)
     partner[pairs.listed[chosen]] = pairs.sign[chosen]
     unknown = np.setdiff1d(np.arange(len(signs)), pairs.sign[chosen])
-    findings += new_signs(signs, unknown, len(chosen), len(drives) > 1)
-    lost, detection = not_found(inventory, partner, signs, drives)
+    # one that is neither paired nor surely alone may be the other that is left
+    left = (partner[pairs.listed] < 0) & np.isin(pairs.sign, unknown)
+    odds = np.where(left, np.exp(np.minimum(evidence, 0.0)), 0.0)
+    alone = 1.0 / (1.0 + _sum_of(pairs.sign, odds, len(signs)))
+    findings += [
+        replace(f, probability=f.probability * float(alone[f.sign]))
+        for f in new_signs(signs, unknown, len(drives) > 1)
+    ]
+    alone = 1.0 / (1.0 + _sum_of(pairs.listed, odds, len(inventory)))
+    lost, detection = not_found(inventory, partner, signs, drives, alone)
     order = ("matched", "moved", "class", "new", "missing", "unconfirmed", "not_seen")
-    findings = sorted([*findings, *lost], key=lambda f: (order.index(f.kind), f.listed, f.sign))
+    findings = mark_sure([*findings, *lost])
+    findings.sort(key=lambda f: (order.index(f.kind), f.listed, f.sign))
     return InventoryComparison(findings, shift, sd, square, turned, detection)
 
 

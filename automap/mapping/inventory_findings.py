@@ -1,7 +1,9 @@
 """What becomes of each sign of a map and of a list, and how sure that is.
 
 Every probability takes the share of such faults into account, which the signs themselves tell: a
-sign that is not listed is the likelier a mistake of the map the more complete the list is.
+sign that is not listed is the likelier a mistake of the map the more complete the list is. What is
+called sure are the likeliest of a kind, as many as are expected to be right nine times of ten (the
+Bayesian rate of false discoveries: M. A. Newton and others, Biostatistics 5, 2004).
 """
 
 from __future__ import annotations
@@ -14,8 +16,10 @@ import numpy as np
 
 from automap.mapping.inventory_limits import (
     DETECTION_PRIOR,
+    DOUBT_FACTOR_LOG_SD,
     GLIMPSE_PRIOR,
     HALF_APPROACH_ROWS,
+    LIKELIER_THAN_NOT,
     MOST_SURE,
     NEW_SHARE,
     ROUNDS,
@@ -51,7 +55,9 @@ class Finding:
     """What became of one sign. ``kind`` "matched", "moved", "class", "new", "missing",
     "unconfirmed" (not found, but missed signs are as likely) or "not_seen" (no drive had it in
     view); ``sign`` and ``listed`` its places in map and inventory (-1 none); ``probability`` of
-    the kind; from listed to found ``east_m``, ``north_m``, and ``sd_m`` per axis of that."""
+    the kind; from listed to found ``east_m``, ``north_m``, and ``sd_m`` per axis of that. ``sure``
+    whether it is of those of its kind that are for work; ``more_drives`` that would have to look
+    and see nothing until an unconfirmed one is surely gone (0: it is, or nothing is said)."""
 
     kind: str
     sign: int
@@ -60,11 +66,8 @@ class Finding:
     east_m: float = float("nan")
     north_m: float = float("nan")
     sd_m: float = float("nan")
-
-    @property
-    def sure(self) -> bool:
-        """Whether it is likely enough to be acted on."""
-        return self.probability >= SURE
+    sure: bool = False
+    more_drives: int = 0
 
     @property
     def distance_m(self) -> float:
@@ -72,13 +75,29 @@ class Finding:
         return math.hypot(self.east_m, self.north_m)
 
 
+def mark_sure(findings: Sequence[Finding]) -> list[Finding]:
+    """The findings with ``sure`` set: of each kind the likeliest, as long as the mean of their
+    probabilities is ``SURE`` and none is less likely than not."""
+    marked = list(findings)
+    for kind in {f.kind for f in findings}:
+        own = [k for k, f in enumerate(findings) if f.kind == kind]
+        own.sort(key=lambda k: -findings[k].probability)
+        told = np.array([findings[k].probability for k in own])
+        good = np.cumsum(told) >= SURE * np.arange(1, len(own) + 1)
+        for k in np.array(own)[good & (told > LIKELIER_THAN_NOT)].tolist():
+            marked[k] = replace(findings[k], sure=True)
+    return marked
+
+
 def not_found(
     inventory: Inventory,
     partner: IntArray,
     signs: Sequence[Sign],
     drives: Sequence[DriveSigns],
+    alone: FloatArray,
 ) -> tuple[list[Finding], float]:
-    """Listed signs without a ``partner`` [m] (-1) on the map, and how often a drive finds one.
+    """Listed signs without a ``partner`` [m] (-1) on the map, and how often a drive finds one;
+    ``alone`` [m] the probability that no sign of the map is it.
 
     Signs of unknown facing may look away from every drive: those to the left and to the right of
     the path are found at rates of their own, as are those that were in view for less than half an
@@ -109,8 +128,10 @@ def not_found(
         if math.isnan(gone):
             result.append(Finding("not_seen", -1, j, 1.0))
             continue
-        kind = "missing" if gone > 0.5 else "unconfirmed"
-        result.append(Finding(kind, -1, j, max(gone, 1.0 - gone)))
+        gone *= float(alone[j])
+        kind = "missing" if gone > LIKELIER_THAN_NOT else "unconfirmed"
+        more = int(known.more_drives[j])
+        result.append(Finding(kind, -1, j, max(gone, 1.0 - gone), more_drives=more))
     return result, known.rate
 
 
@@ -150,20 +171,34 @@ def _probability(value: float) -> float:
     return min(max(float(value), 0.0), MOST_SURE)
 
 
-def new_signs(signs: Sequence[Sign], unknown: IntArray, paired: int, merged: bool) -> list[Finding]:
-    """The map's signs that the list does not have: those that are real, as far as can be told.
+def new_signs(signs: Sequence[Sign], unknown: IntArray, merged: bool) -> list[Finding]:
+    """The map's signs ``unknown`` [k] to the list: those that are real, as far as can be told.
 
-    A sign that is none is in no list, so that not to be listed speaks against it; the share of real
-    ones that are not listed comes from the data. ``paired`` signs are listed; ``merged`` says
-    whether the map is of several drives.
+    What is no sign is in no list, so that not to be listed speaks against it; and of what the map
+    believes alike, the more is listed, the more is real. So the share of real signs that the list
+    lacks, and a factor on the map's doubts in logarithmic odds below its surest (after J. Platt, in
+    Advances in Large Margin Classifiers, 1999), are the likeliest for who is listed and who is not.
+    ``merged`` says whether the map is of several drives.
     """
-    exists = np.array([_exists(signs[k], merged) for k in unknown.tolist()], np.float64)
-    share = NEW_SHARE
-    real = exists
-    for _ in range(ROUNDS):
-        real = exists * share / (exists * share + 1.0 - exists)
-        share = (float(real.sum()) + 1.0) / (float(real.sum()) + paired + 1.0 / NEW_SHARE)
-    return [Finding("new", k, -1, p) for k, p in zip(unknown.tolist(), real.tolist(), strict=True)]
+    from scipy.optimize import minimize
+    from scipy.special import expit, logit
+
+    exists = np.clip([_exists(s, merged) for s in signs], 1.0 - MOST_SURE, MOST_SURE)
+    doubt = logit(MOST_SURE) - logit(np.asarray(exists, np.float64).reshape(-1))
+    listed = np.ones(len(signs), np.bool_)
+    listed[unknown] = False
+
+    def against(x: FloatArray) -> float:
+        real, lacks = expit(logit(MOST_SURE) - np.exp(x[0]) * doubt), expit(x[1])
+        told = real * (1.0 - lacks)
+        likely = np.log(np.maximum(np.where(listed, told, 1.0 - told), 1e-12)).sum()
+        likely += NEW_SHARE * np.log(lacks) + (1.0 - NEW_SHARE) * np.log1p(-lacks)
+        return float(0.5 * (x[0] / DOUBT_FACTOR_LOG_SD) ** 2 - likely)
+
+    factor, lacks = minimize(against, [0.0, float(logit(NEW_SHARE))]).x
+    real, lacks = expit(logit(MOST_SURE) - np.exp(factor) * doubt[unknown]), expit(lacks)
+    told = real * lacks / (real * lacks + 1.0 - real)
+    return [Finding("new", k, -1, p) for k, p in zip(unknown.tolist(), told.tolist(), strict=True)]
 
 
 def judge_classes(findings: list[Finding], signs: Sequence[Sign]) -> list[Finding]:

@@ -9,10 +9,19 @@ STALE_WEIGHT = 20.0
 """Listed signs that the share of gone ones, and that of another class, weigh as, before the data.
 Chosen: as many as one of which is stale."""
 NEW_SHARE = 0.1
-"""Of a map's signs those that no inventory has, before that is estimated. Chosen."""
+"""Of a map's signs those that no inventory has, before that is estimated: counts as one sign, for
+some lists lack nearly all. Chosen."""
+DOUBT_FACTOR_LOG_SD = 0.15
+"""Of the logarithm of the factor on a map's doubts that signs are there, before a list tells.
+Chosen: a belief of a half, 6.9 below the surest in logarithmic odds, is good to a factor of e in
+its odds; some tens of doubted signs outweigh it, and a list that lacks most signs does not."""
 SURE = 0.9
-"""Statements of at least this probability are for work, the others for who has time. What is asked
-of each kind: nine of ten right."""
+"""Of the statements of a kind that are for work, the part that is expected to be right. What is
+asked of each kind: nine of ten."""
+LIKELIER_THAN_NOT = 0.5
+"""What is less likely is not for work, however sure the others of its kind are."""
+MOST_DRIVES = 9
+"""Further drives that an unconfirmed sign is said to need, at most: that many say "many"."""
 HIGHEST_RATE = 0.99
 """Of finding a sign in view: no drive is without any risk of a lorry in between."""
 MOST_SURE = 0.999

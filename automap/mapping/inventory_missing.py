@@ -18,9 +18,11 @@ import numpy as np
 from automap.mapping.inventory_limits import (
     DETECTION_PRIOR,
     HIGHEST_RATE,
+    MOST_DRIVES,
     ROUNDS,
     STALE,
     STALE_WEIGHT,
+    SURE,
 )
 from automap.mapping.limits import SPREAD, SPREAD_LOG_SD, SPREADS
 from automap.mapping.visibility import Opportunities
@@ -30,10 +32,12 @@ from automap.records import BoolArray, FloatArray, IntArray
 @dataclass(frozen=True)
 class Standing:
     """``gone`` [m] the probability that a listed sign stands no more (NaN where no drive had it in
-    view); ``rate`` at which a drive finds a sign that stands, over all."""
+    view); ``rate`` at which a drive finds a sign that stands, over all; ``more_drives`` [m] that
+    would have to look there and see nothing until it is surely gone."""
 
     gone: FloatArray
     rate: float
+    more_drives: IntArray
 
 
 def standing(
@@ -54,14 +58,20 @@ def standing(
     likely = np.array([fit.log_likely for fit in fits])
     weight = np.exp(likely - likely.max())
     weight /= weight.sum()
-    gone = sum((w * fit.gone for w, fit in zip(weight, fits, strict=True)), np.zeros(len(tries)))
+    by_more = np.zeros((MOST_DRIVES + 1, len(tries)))
+    for w, fit in zip(weight, fits, strict=True):
+        by_more += w * fit.gone
+    gone = by_more[0]
+    sure = by_more >= SURE
+    more = np.where(sure.any(axis=0), np.argmax(sure, axis=0), MOST_DRIVES)
     overall = float(sum(w * fit.overall for w, fit in zip(weight, fits, strict=True)))
-    return Standing(np.where(seen, gone, np.nan), overall)
+    return Standing(np.where(seen, gone, np.nan), overall, np.where(seen & (hits == 0), more, 0))
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """With one spread: ``gone`` [m], the ``overall`` rate, and how likely the counts are."""
+    """With one spread: ``gone`` [1 + more drives, m], the ``overall`` rate, and how likely the
+    counts are."""
 
     gone: FloatArray
     overall: float
@@ -85,12 +95,15 @@ def _fitted(
         tried = np.bincount(group, stands * (hits + misses), len(rate)) + prior.sum(axis=1)
         rate = np.minimum(right / tried, HIGHEST_RATE)
         share = float(gone.sum() + STALE * STALE_WEIGHT) / (total + STALE_WEIGHT)
+    further = misses + np.arange(MOST_DRIVES + 1)[:, None]
+    told_more = _log_counts(hits, further, rate[group], spread)
+    by_more = np.where(none, share / (share + (1.0 - share) * np.exp(told_more)), 0.0)
     mixed = np.logaddexp(np.where(none, np.log(share), -np.inf), np.log1p(-share) + told)
     log_likely = float(mixed[seen].sum()) - 0.5 * (np.log(spread / SPREAD) / SPREAD_LOG_SD) ** 2
     usual = sum(DETECTION_PRIOR)
     overall = float((stands * hits).sum()) + DETECTION_PRIOR[0]
     overall /= float((stands * (hits + misses)).sum()) + usual
-    return _Fit(gone, overall, log_likely)
+    return _Fit(by_more, overall, log_likely)
 
 
 def _log_counts(hits: IntArray, misses: IntArray, rate: FloatArray, spread: float) -> FloatArray:

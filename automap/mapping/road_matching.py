@@ -241,8 +241,11 @@ def _on_road(
     distance = np.linalg.norm(matched.xy[rows] - place, axis=1)
     if distance.min() > FARTHEST_M:
         return None
-    about = rows[distance < distance.min() + ABOUT_M]
-    nearest = int(rows[distance.argmin()])
+    near = distance < distance.min() + ABOUT_M
+    about = rows[near]
+    # a face is read from in front, also where a drive came back on the near side
+    front = near & (np.cos(matched.yaw[rows] - sign.facing_rad) < 0.0)
+    nearest = int(rows[np.where(front if front.any() else near, distance, np.inf).argmin()])
     segments = np.flatnonzero(np.isin(network.road, network.road[matched.segment[about]]))
     foot, apart = _project(np.broadcast_to(place, (len(segments), 2)), network, segments)
     best = int(np.argmin(apart))

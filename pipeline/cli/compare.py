@@ -56,8 +56,9 @@ def command(
 
     The inventory is a GeoPackage, GeoJSON, Shapefile, Parquet or CSV file of points. Each sign
     of either is matched, moved, of another class, new, missing, unconfirmed or not seen, with a
-    probability, by the errors that the map states and the inventory turns out to have. What is
-    told with less than 0.9 is listed by itself, as unsure.
+    probability, by the errors that the map states and the inventory turns out to have. The
+    likeliest of a kind, of which nine of ten are expected to be right, are for work; the others are
+    listed by themselves, as unsure.
     """
     from automap.export.inventory import WORK
     from pipeline.compare.command import columns_of, compare_with_inventory, summary_text

@@ -51,6 +51,12 @@ Examples:
     metavar="FILE",
     help="Lines of roads, as of automap run: signs get road, chainage and side.",
 )
+@click.option(
+    "--background",
+    type=ANY_PATH,
+    metavar="FILE",
+    help="What lies below the report's map, as of automap run.",
+)
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print merge.json.")
 def command(
@@ -59,6 +65,7 @@ def command(
     previous: Path | None,
     min_existence: float,
     roads: Path | None,
+    background: Path | None,
     quiet: bool,
     as_json: bool,
 ) -> None:
@@ -73,7 +80,7 @@ def command(
     from pipeline.shared.terminal import progress_bar
 
     with progress_bar("merge") as progress:
-        outcome = merge_runs(folders, out, previous, min_existence, progress, roads)
+        outcome = merge_runs(folders, out, previous, min_existence, progress, roads, background)
     for text in outcome.warnings:
         click.echo(click.style("warning: ", fg="yellow") + text, err=True)
     if as_json:

@@ -237,6 +237,7 @@ def _row(
         lat_deg=math.nan if sign is None else math.degrees(sign.lat_rad),
         listed_lon_deg=math.nan if at < 0 else math.degrees(listed.lon_rad[at]),
         listed_lat_deg=math.nan if at < 0 else math.degrees(listed.lat_rad[at]),
+        more_drives=finding.more_drives or math.nan,
     )
 
 

@@ -25,12 +25,13 @@ _TITLES = {
     "moved": ("Moved", "Found elsewhere than the errors of map and inventory allow."),
     "unsure": (
         "Unsure",
-        "Likely one of these, but less than nine times of ten: where there is time, or after "
-        "another drive.",
+        "May be one of these, but with them fewer than nine of ten would be right: where there is "
+        "time, or after another drive.",
     ),
     "unconfirmed": (
         "Unconfirmed",
-        "In view and not found, but a sign that stands is overlooked as often.",
+        "In view and not found, but a sign that stands is overlooked as often. So many more drives "
+        "past it that do not find it either would tell that it is gone.",
     ),
     "not_seen": ("Not seen", "No drive had them in view: nothing is said of them."),
 }
@@ -86,6 +87,7 @@ def _entry(row: ComparedSign, pictures: dict[str, str]) -> dict[str, str]:
     kind = _TITLES[row.kind][0].lower() if _part(row) == "unsure" else ""
     shown = row.class_name or row.listed_class
     icon = base64.b64encode(class_icon(shown)).decode() if shown else ""
+    more = row.kind == "unconfirmed" and row.more_drives > 0
     distance = f"{row.distance_m:.1f} ± {row.sd_m:.1f}" if row.kind in ("moved", "class") else ""
     return {
         "icon": f"data:image/png;base64,{icon}" if icon else "",
@@ -94,7 +96,8 @@ def _entry(row: ComparedSign, pictures: dict[str, str]) -> dict[str, str]:
         "listed_id": row.listed_id,
         "words": sign_words(row.class_name),
         "listed_words": sign_words(row.listed_class) or row.listed_code,
-        "probability": f"{kind} {row.probability:.2f}".strip(),
+        "probability": f"{kind} {row.probability:.2f}".strip()
+        + (f", {row.more_drives:.0f} more drives" if more else ""),
         "distance": distance,
         "place": f"{lat:.6f}, {lon:.6f}",
     }

@@ -30,12 +30,13 @@ def merge_runs(
     least_existence: float = 0.5,
     progress: Progress = lambda fraction, text: None,
     roads: Path | None = None,
+    background: Path | None = None,
 ) -> MergeOutcome:
     """Merge the runs in ``folders`` into one map in ``out``.
 
     ``previous`` is an older map whose names are kept and against which changes are listed; by
-    default the map that stands in ``out``. ``roads`` is a layer on which the signs get a place. A
-    folder that cannot be read is left out with a
+    default the map that stands in ``out``. ``roads`` is a layer on which the signs get a place,
+    ``background`` lies below the report's map. A folder that cannot be read is left out with a
     warning as long as another can. Raises InputError when none can, ConfigError for an ``out``
     that is one of them.
     """
@@ -47,6 +48,8 @@ def merge_runs(
 
     started = time.monotonic()
     _check_folders(folders, out)
+    if background is not None and not background.is_file():
+        raise ConfigError(f"--background {background}: no such file.")
     if previous is None and (out / names.MERGE).is_file():
         previous = out
     older = None if previous is None else _read_older(previous)
@@ -70,6 +73,7 @@ def merge_runs(
         warnings=warnings,
         country=countries.pop() if len(countries) == 1 else None,
         roads=roads,
+        background=background,
         folder=out,
         merged=merged,
         files=[],

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 class MapOutcome:
     """The map's ``signs``, the ``comparison`` with an older map (None without one), ``warnings``,
     the ``name`` of the map, the one ``country`` that the drives name (None where they name
-    none, or several), and a layer of ``roads`` (None without one)."""
+    none, or several), a layer of ``roads`` and a ``background`` of the report (None without)."""
 
     name: str
     signs: list[Sign]
@@ -24,6 +24,7 @@ class MapOutcome:
     warnings: list[str]
     country: str | None = None
     roads: Path | None = None
+    background: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +18,25 @@ if TYPE_CHECKING:
     from pipeline.merge.outcome import MapOutcome
 
 _ROWS = 500
+_PART = r"[^/\\:;,'\"()\s](?:[^/\\:;,'\"()]*[^/\\:;,'\"()\s])?"
+_FOLDERS = re.compile(rf"(?<![\w.:/\\])(?:[A-Za-z]:)?[/\\](?:{_PART}[/\\])+(?!_automap\b)")
+"""Of a path from the root on, all but its name (and the drive's, of a folder of results)."""
 _KINDS = {"new": "new", "gone": "gone", "class": "another class", "moved": "moved"}
 
 
 def merge_report(outcome: MapOutcome, summary: dict[str, Any], content: MapContent) -> str:
     """The page; ``summary`` is the content of merge.json, ``content`` that of the map's files."""
+    from automap.errors import InputError
+    from automap.io.background import open_background
     from pipeline.report.map_data import map_data
     from pipeline.report.render import sign_list
 
+    background = None
+    if outcome.background is not None:
+        try:
+            background = open_background(outcome.background)
+        except InputError as error:
+            outcome.warnings.append(f"The report's map has no background: {error}")
     parts = [("How often signs were seen", _seen_section(outcome))]
     if outcome.comparison is not None:
         parts.append(("Changes", changes_section(outcome, summary)))
@@ -33,11 +45,14 @@ def merge_report(outcome: MapOutcome, summary: dict[str, Any], content: MapConte
         ("Errors", _error_section(outcome, summary)),
         ("Classes", _class_section(outcome)),
     ]
-    facts = [("version", __version__), ("previous map", summary.get("previous", "none"))]
+    previous = _FOLDERS.sub("", str(summary.get("previous", "none")))
+    facts = [("version", __version__), ("previous map", previous)]
     figures = _figures(outcome, summary)
     return sections_page(
-        "Merged map", outcome.name, figures, parts, outcome.warnings, facts,
-        map=map_data(content.products, content.signs, content.pictures),
+        "Merged map", outcome.name, figures, parts,
+        # where files lie is this computer's business
+        [_FOLDERS.sub("", text) for text in outcome.warnings], facts,
+        map=map_data(content.products, content.signs, content.pictures, background),
         sign_table=sign_list(content.signs),
     )  # fmt: skip
 

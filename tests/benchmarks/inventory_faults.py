@@ -2,7 +2,7 @@
 
 ``python tests/benchmarks/inventory_faults.py [SEEDS] [FIRST]`` in the project's folder prints, for
 a map without errors of its own kind, for one drive as it usually is (8 % missed, 3 % false, 3 %
-misread) and for merged maps of three and of five such, per kind: due; all statements told, their
+misread) and for merged maps of two, three and five such, per kind: due; all statements told, their
 precision and recall; the sure ones, likewise. Then how often statements of each probability were
 right.
 """
@@ -29,10 +29,11 @@ def main(seeds: int, first: int) -> None:
     for label, make in (
         ("clean map, one drive", lambda seed: town_and_drive(seed, 6000.0, CLEAN)),
         ("one drive", lambda seed: town_and_drive(seed, 6000.0, Errors())),
+        ("two drives, merged", lambda seed: merged_town(seed, 2, 6000.0, Errors())),
         ("three drives, merged", lambda seed: merged_town(seed, 3, 6000.0, Errors())),
         ("five drives, merged", lambda seed: merged_town(seed, 5, 6000.0, Errors())),
     ):
-        rows: dict[str, list[tuple[float, bool]]] = {kind: [] for kind in KINDS}
+        rows: dict[str, list[tuple[float, bool, bool]]] = {kind: [] for kind in KINDS}
         wanted = dict.fromkeys(KINDS, 0)
         for seed in range(first, first + seeds):
             rng, town, drives, truth, signs = make(seed)
@@ -43,12 +44,12 @@ def main(seeds: int, first: int) -> None:
             for finding in result.findings:
                 if finding.kind in KINDS:
                     right = correct(finding, case, truth)
-                    rows[finding.kind].append((finding.probability, right))
+                    rows[finding.kind].append((finding.probability, right, finding.sure))
         print(f"{label}\n  kind       due  told  prec  rec   sure  prec  rec")
         for kind in KINDS:
             print(f"  {kind:8} {wanted[kind]:5}", end="")
-            for least in (0.0, 0.9):
-                told = [right for p, right in rows[kind] if p >= least]
+            for only_sure in (False, True):
+                told = [right for _, right, sure in rows[kind] if sure or not only_sure]
                 good = sum(told)
                 print(f"  {len(told):5} {good / max(len(told), 1):.2f} ", end="")
                 print(f"{good / max(wanted[kind], 1):.2f}", end="")
@@ -57,7 +58,7 @@ def main(seeds: int, first: int) -> None:
         for low, high in pairwise(EDGES):
             part = every[(every[:, 0] >= low) & (every[:, 0] < high)]
             if len(part):
-                stated, true = part.mean(axis=0)
+                stated, true, _ = part.mean(axis=0)
                 print(f"  stated {stated:.3f}: right {true:.3f} of {len(part)}")
 
 

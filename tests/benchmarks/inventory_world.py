@@ -251,9 +251,9 @@ def main() -> None:
     parser.add_argument("--drives", type=int, nargs="+", default=[1, 3])
     arguments = parser.parse_args()
     for drives in arguments.drives:
-        rows: dict[str, list[tuple[float, bool]]] = {kind: [] for kind in KINDS}
+        rows: dict[str, list[tuple[float, bool, bool]]] = {kind: [] for kind in KINDS}
         wanted = dict.fromkeys(KINDS, 0)
-        unseen: list[tuple[float, bool]] = []
+        unseen: list[tuple[float, bool, bool]] = []
         for seed in range(arguments.first, arguments.first + arguments.seeds):
             one = case(seed, drives)
             result = compare_inventory(one.signs, one.faulty.inventory, one.drives)
@@ -262,15 +262,16 @@ def main() -> None:
             for finding in result.findings:
                 if finding.kind in KINDS:
                     right = correct(finding, one.faulty, one.truth)
-                    rows[finding.kind].append((finding.probability, right))
+                    rows[finding.kind].append((finding.probability, right, finding.sure))
                     if finding.kind == "missing":
                         name = int(one.faulty.inventory.ids[finding.listed][1:])
-                        unseen.append((finding.probability, right or bool(one.hidden[name])))
+                        other = right or bool(one.hidden[name])
+                        unseen.append((finding.probability, other, finding.sure))
         print(f"{drives} drives, {arguments.seeds} seeds\n  kind       due  told  prec  rec   sure")
         for kind in KINDS:
             print(f"  {kind:8} {wanted[kind]:5}{_scores(rows[kind], wanted[kind])}")
         # those that nobody can have seen are due besides
-        more = sum(right for _, right in unseen) - sum(right for _, right in rows["missing"])
+        more = sum(row[1] for row in unseen) - sum(row[1] for row in rows["missing"])
         print(
             f"  or hidden {wanted['missing'] + more:4}{_scores(unseen, wanted['missing'] + more)}"
         )
@@ -278,14 +279,14 @@ def main() -> None:
         for low, high in pairwise((0.0, 0.5, 0.8, 0.9, 0.97, 1.001)):
             part = every[(every[:, 0] >= low) & (every[:, 0] < high)]
             if len(part):
-                stated, true = part.mean(axis=0)
+                stated, true, _ = part.mean(axis=0)
                 print(f"  stated {stated:.3f}: right {true:.3f} of {len(part)}", flush=True)
 
 
-def _scores(rows: list[tuple[float, bool]], wanted: int) -> str:
+def _scores(rows: list[tuple[float, bool, bool]], wanted: int) -> str:
     text = ""
-    for least in (0.0, 0.9):
-        told = [right for p, right in rows if p >= least]
+    for only_sure in (False, True):
+        told = [right for _, right, sure in rows if sure or not only_sure]
         good = sum(told)
         text += f"  {len(told):5} {good / max(len(told), 1):.2f} {good / max(wanted, 1):.2f}"
     return text

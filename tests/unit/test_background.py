@@ -228,6 +228,35 @@ def test_the_report_has_the_part_below_its_map(tmp_path: Path) -> None:
     assert "far.tif shows nothing of the map" in page
 
 
+def test_a_merged_maps_report_has_it_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import json
+
+    from export_inputs import write_run
+
+    from pipeline.cli.root import run_command
+
+    out, city = write_run(tmp_path / "out"), tmp_path / "city"
+    file = made.write_mbtiles(tmp_path / "below.mbtiles")
+    command = ["merge", str(out), "-o", str(city), "--background"]
+    assert run_command([*command, str(file)]) == 0
+    page = (city / "report.html").read_text(encoding="utf-8")
+    data = json.loads(page.split('id="map-data">')[1].split("</script>")[0])
+    assert "below.mbtiles" in data["background"]["text"]
+    assert str(tmp_path) not in page
+    # what cannot be shown takes no map away
+    file.write_bytes(b"no tiles")
+    capsys.readouterr()
+    assert run_command([*command, str(file)]) == 0
+    assert "The report's map has no background" in capsys.readouterr().err
+    page = (city / "report.html").read_text(encoding="utf-8")
+    assert "no background: below.mbtiles: " in page
+    assert str(tmp_path) not in page
+    assert run_command([*command, str(tmp_path / "none.tif")]) == 2
+    assert "no such file" in capsys.readouterr().err
+
+
 def test_lines_below_the_report_leave_the_rest_clear(tmp_path: Path) -> None:
     from export_inputs import write_run
 

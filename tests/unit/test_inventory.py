@@ -22,7 +22,13 @@ from pyproj import Transformer
 
 from automap.export.inventory import ComparedSign, maproulette_tasks, osm_change
 from automap.mapping.inventory import compare_inventory
-from automap.mapping.inventory_findings import Inventory, class_belief, new_signs
+from automap.mapping.inventory_findings import (
+    Finding,
+    Inventory,
+    class_belief,
+    mark_sure,
+    new_signs,
+)
 from automap.mapping.inventory_missing import counts, standing
 from automap.mapping.visibility import Opportunities
 from automap.records import Sign, Trajectory
@@ -49,7 +55,8 @@ def test_faults_put_into_an_inventory_are_found() -> None:
 
 
 def test_one_drive_says_less_but_nothing_false() -> None:
-    right = told = 0
+    """Nor does it hold back what it knows: of new signs and other classes, four of five."""
+    right = told = due = 0
     for seed in range(3):
         rng, town, drives, truth, signs = town_and_drive(seed, 4000.0, USUAL)
         case = faulty(rng, town)
@@ -59,20 +66,75 @@ def test_one_drive_says_less_but_nothing_false() -> None:
         score = judged(result, case, truth, sure=True)
         right += sum(score[kind][0] for kind in KINDS if kind != "matched")
         told += sum(score[kind][1] for kind in KINDS if kind != "matched")
+        due += sum(score[kind][2] for kind in ("new", "class", "moved"))
+        lost = [f for f in result.findings if f.kind == "unconfirmed"]
+        assert {f.more_drives for f in lost} <= {1, 2, 3}
     assert told > 20
     assert right > 0.88 * told
+    assert right > 0.8 * due
+
+
+def test_what_is_for_work_is_right_nine_times_of_ten_and_never_less_likely_than_not() -> None:
+    def sure(*told: float) -> list[bool]:
+        return [f.sure for f in mark_sure([Finding("new", k, -1, p) for k, p in enumerate(told)])]
+
+    assert sure(0.99, 0.82, 0.98) == [True, True, True]  # 2.79 of 3 are expected to be right
+    assert sure(0.7, 0.99, 0.95) == [False, True, True]  # 2.64 would be
+    assert sure(*[0.999] * 9, 0.4) == [True] * 9 + [False]
+    assert sure(0.89) == [False]
+    # one kind does not lend to another
+    both = mark_sure([Finding("new", 0, -1, 0.99), Finding("class", 1, 1, 0.85)])
+    assert [f.sure for f in both] == [True, False]
+
+
+def test_a_sign_that_may_be_a_moved_and_misread_one_is_not_surely_new() -> None:
+    """It stands 8 m from a listed sign that nobody found, and shows something else."""
+    rng, town, drives, truth, signs = town_and_drive(4, 2000.0)
+    case = faulty(rng, town)
+    result = compare_inventory(signs, case.inventory, drives)
+    moved = next(f for f in result.findings if f.kind == "moved")
+    shown = signs[moved.sign].class_name
+    other = next(c for c in (signs[0].class_name, "regulatory--stop--g1") if c != shown)
+    misread = [replace(s, class_name=other) if s is signs[moved.sign] else s for s in signs]
+    result = compare_inventory(misread, case.inventory, drives)
+    by_sign = {f.sign: f for f in result.findings}
+    assert by_sign[moved.sign].kind == "new"
+    deleted = [f for f in result.findings if f.kind == "new" and f.sign != moved.sign]
+    assert all(f.probability > 0.95 for f in deleted)
+    assert by_sign[moved.sign].probability < 0.9
+    assert len(truth) == len(signs)
 
 
 def test_a_sign_that_is_not_listed_is_doubted_the_more_the_fuller_the_list_is() -> None:
     def probability(listed: int) -> float:
         signs = [sign_at(k, 0.97) for k in range(listed + 1)]
-        return new_signs(signs, np.array([listed]), listed, False)[0].probability
+        return new_signs(signs, np.array([listed]), False)[0].probability
 
     full, sparse = probability(2000), probability(2)
     assert full < 0.7 < sparse
     # and one that the map is sure of is believed in any case
-    sure = [sign_at(k, 0.999) for k in range(4)]
-    assert all(f.probability > 0.98 for f in new_signs(sure, np.arange(4), 60, False))
+    sure = [sign_at(k, 0.999) for k in range(64)]
+    assert all(f.probability > 0.98 for f in new_signs(sure, np.arange(4), False))
+
+
+def test_a_map_that_believes_too_much_is_found_out_by_the_list() -> None:
+    """Of its signs believed to 0.6 one in ten is listed, of the others nearly all."""
+    signs = [sign_at(k, 0.998) for k in range(200)] + [sign_at(k, 0.6) for k in range(200, 220)]
+    unknown = np.r_[np.arange(10), np.arange(202, 220)]
+    told = [f.probability for f in new_signs(signs, unknown, False)]
+    assert min(told[:10]) > 0.9
+    # two of twenty are listed, and of twenty real ones nineteen would be
+    assert max(told[10:]) < 0.2
+
+
+@pytest.mark.parametrize(("signs", "listed"), [(18, 2), (400, 20)])
+@pytest.mark.parametrize("belief", [0.9, 0.99])
+def test_a_list_that_lacks_nearly_all_is_no_reason_to_doubt_the_map(
+    signs: int, listed: int, belief: float
+) -> None:
+    there = [sign_at(k, belief) for k in range(signs)]
+    told = new_signs(there, np.arange(listed, signs), False)
+    assert min(f.probability for f in told) > 0.85
 
 
 def sign_at(number: int, exists: float) -> Sign:
@@ -323,9 +385,18 @@ def test_a_glimpse_is_no_look() -> None:
     hits[[0, 59]] = 0
     group = np.zeros(60, np.int64)
     group[-3:] = 1
-    gone = standing(tries, hits, group, [(8.0, 1.5), (1.0, 1.0)]).gone
-    assert gone[0] > 0.9
-    assert gone[59] < 0.7
+    known = standing(tries, hits, group, [(8.0, 1.5), (1.0, 1.0)])
+    assert known.gone[0] > 0.9
+    assert known.gone[59] < 0.7
+    assert known.more_drives[0] == 0 < known.more_drives[59]
+    # so many more that miss it, and not one less, make it surely gone
+    more = int(known.more_drives[59])
+    for number, least in ((more - 1, False), (more, True)):
+        passed = tries.copy()
+        passed[59] += number
+        # further misses tell a little of the others' rate too
+        gone = standing(passed, hits, group, [(8.0, 1.5), (1.0, 1.0)]).gone[59]
+        assert (gone > 0.88) == least or abs(gone - 0.9) < 0.03
 
 
 def test_a_slow_drive_has_a_sign_in_view_no_longer_than_a_fast_one() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +16,7 @@ from export_inputs import CLOCK, HOSTILE, fixes, sign, trajectory, write_run
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from browser import launched, watched
+from browser import launched, violations, watched
 
 from automap.io import names
 from automap.io.signs_table import write_signs
@@ -126,6 +127,50 @@ def test_a_click_on_a_sign_opens_its_card(page: Page) -> None:
     width = page.locator("#sign .crops img").first.evaluate("image => image.naturalWidth")
     assert width > 60
     assert page.locator("#sign .residuals circle").count() >= 6
+
+
+def test_everybody_can_read_it_on_a_phone_and_a_screen_by_day_and_by_night(
+    browser: Browser, report: Path
+) -> None:
+    for width in (390, 1280):
+        for scheme in ("light", "dark"):
+            page = browser.new_page(
+                viewport={"width": width, "height": 844}, color_scheme=scheme, bypass_csp=True
+            )
+            page.goto(report.as_uri())
+            page.wait_for_selector("#map canvas")
+            page.locator("#sign-table tbody tr").nth(2).focus()
+            page.keyboard.press("Enter")
+            assert violations(page) == []
+            assert page.evaluate("document.documentElement.scrollWidth") == width
+            # what is wider than the page can be moved by keys
+            tables = page.locator(".scroll")
+            assert tables.count() > 1
+            assert set(tables.evaluate_all("all => all.map((one) => one.tabIndex)")) == {0}
+            page.close()
+
+
+def test_of_drives_on_two_continents_the_map_shows_one(
+    browser: Browser, report: Path, tmp_path: Path
+) -> None:
+    opening = '<script type="application/json" id="map-data">'
+    head, rest = report.read_text(encoding="utf-8").split(opening)
+    text, tail = rest.split("</script>", 1)
+    data = json.loads(text)
+    here = data["path"]["points"]
+    data["tracks"] = [here, [[x + 1.4e7, y] for x, y in here]]
+    far = tmp_path / "far.html"
+    text = json.dumps(data).replace("<", "\\u003c")
+    far.write_text(head + opening + text + "</script>" + tail, encoding="utf-8")
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.goto(far.as_uri())
+    page.wait_for_selector("#map canvas")
+    shown = page.locator("#map").bounding_box()
+    face = page.locator("img.leaflet-marker-icon").first.bounding_box()
+    assert shown is not None
+    assert face is not None
+    assert shown["x"] < face["x"] < shown["x"] + shown["width"]
+    page.close()
 
 
 def test_a_row_of_the_table_opens_it_by_keyboard(page: Page) -> None:

@@ -107,6 +107,22 @@ def test_a_sign_that_the_drive_passed_twice_stands_on_the_road_it_was_seen_from(
     assert (up.road, down.road) == (0, 2)
 
 
+@pytest.mark.parametrize(("east", "facing", "side"), [
+    (-6.0, np.pi, "left"), (6.0, np.pi, "right"), (-6.0, 0.0, "right"), (6.0, 0.0, "left"),
+])  # fmt: skip
+def test_a_street_driven_both_ways_has_its_signs_on_the_side_they_were_read_from(
+    east: float, facing: float, side: str
+) -> None:
+    """When it was seen is not known, as in maps of very many drives; ``side`` is that of a car that
+    reads it, which may have come back on the sign's side."""
+    path = driven([(3.0, 0.0), (3.0, 400.0), (-3.0, 400.0), (-3.0, 0.0)])
+    roads = layer([(0.0, 0.0), (0.0, 400.0)])
+    (at,), _ = road_positions(path, roads, [sign_at(east, 150.0, facing, side)], [UNKNOWN])
+    assert at is not None
+    assert at.side == ("right" if east > 0.0 else "left")
+    assert at.direction == ("forward" if facing else "backward")
+
+
 def test_no_place_far_from_every_road() -> None:
     roads = layer([(900.0, 0.0), (900.0, 400.0)])
     path = driven([(0.0, 0.0), (0.0, 400.0)])

@@ -24,7 +24,7 @@ from automap.mapping.review import verdicts
 from automap.records import Detections
 from pipeline.cli.root import run_command
 from pipeline.view.command import serving
-from tests.browser import axe_path, launched, watched
+from tests.browser import launched, violations, watched
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -560,25 +560,6 @@ def test_the_page_is_accessible(
         assert violations(page) == []
         context.close()
     assert troubles == []
-
-
-def violations(page: Page) -> list[str]:
-    """What axe-core finds, where a copy of it is at hand, and what needs no program to find."""
-    bare = page.evaluate(
-        "[...document.querySelectorAll('button, input, select')].filter((e) => !e.hidden && "
-        "e.checkVisibility() && !(e.ariaLabel || e.labels?.length || e.innerText?.trim()))"
-        ".map((e) => e.outerHTML)"
-    )
-    axe = axe_path()
-    if axe is None:
-        return [str(one) for one in bare]
-    page.add_script_tag(path=axe)
-    found = page.evaluate(
-        "axe.run({runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', "
-        "'best-practice']}).then((r) => r.violations.map((v) => v.id + ': ' + "
-        "v.nodes.map((n) => n.html).join(' ')))"
-    )
-    return [str(one) for one in (*bare, *found)]
 
 
 def test_a_phone_has_map_decisions_and_time_at_once(browser: Browser, tmp_path: Path) -> None:

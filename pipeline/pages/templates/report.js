@@ -21,7 +21,13 @@
   data.signs.xy.forEach((p) => bounds.extend(at(p)));
   if (data.path) data.path.points.forEach((p) => bounds.extend(at(p)));
   data.tracks.forEach((run) => run.forEach((p) => bounds.extend(at(p))));
-  const whole = () => map.fitBounds(bounds.isValid() ? bounds.pad(0.04) : [[-50, -50], [50, 50]], { animate: false, maxZoom: 3 });
+  const whole = () => {
+    map.fitBounds(bounds.isValid() ? bounds.pad(0.04) : [[-50, -50], [50, 50]], { animate: false, maxZoom: 3 });
+    // drives on two continents: one of them, rather than the sea between
+    if (bounds.isValid() && !map.getBounds().contains(bounds) && data.tracks.length) {
+      map.fitBounds(L.latLngBounds(data.tracks[0].map(at)).pad(0.04), { animate: false, maxZoom: 3 });
+    }
+  };
   whole();
 
   // path, gaps of the receiver, fixes
@@ -251,7 +257,7 @@
     element("span", text, line);
   };
   if (data.path) {
-    const head = element("h4", "Path by ", legend);
+    const head = element("h3", "Path by ", legend);
     const choice = element("select", undefined, head);
     choice.id = "path-by";
     choice.setAttribute("aria-label", "what the path is coloured by");
@@ -269,7 +275,7 @@
   }
   if (data.fixes.length) entry("dot", css("--soft"), "GPS fix");
   if (signs.rows.length) {
-    element("h4", "Signs (pale: with reservation)", legend);
+    element("h3", "Signs (pale: with reservation)", legend);
     const counts = new Map();
     signs.rows.forEach((row) => counts.set(row[column["class"]], (counts.get(row[column["class"]]) || 0) + 1));
     const names = [...counts.keys()].sort((a, b) => counts.get(b) - counts.get(a));
