@@ -235,7 +235,7 @@ def split_covariance(
     ee, en, nn = cov_enu[:, 0, 0].copy(), cov_enu[:, 0, 1].copy(), cov_enu[:, 1, 1].copy()
     uu = cov_enu[:, 2, 2].copy()
     with np.errstate(invalid="ignore", over="ignore"):
-        bad = ~((ee > 0) & (nn > 0) & (ee * nn > en * en) & (np.maximum(ee, nn) < _EARTH_M2))
+        bad = ~((ee > 0) & (ee * nn > en * en) & (np.maximum(ee, nn) < _EARTH_M2))
     plain = limits.UNKNOWN_SD_M**2 + shared**2
     ee[bad], nn[bad], en[bad] = plain[bad, 0], plain[bad, 1], 0.0
     lost = ~((uu > 0) & (uu < _EARTH_M2))
