@@ -88,7 +88,7 @@ def read_signs(path: Path) -> list[Sign]:
             table = file.read(use_threads=False)
         check_texts(table)
         rows = table.to_pylist()
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise InputError(
             f"{path}: the table of signs cannot be read ({error}); run the geolocate stage again."
         ) from error

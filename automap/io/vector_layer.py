@@ -113,7 +113,7 @@ def _parquet(path: Path) -> VectorLayer:
         with pq.ParquetFile(path) as file:
             table = file.read(use_threads=False)
         check_texts(table)
-    except pa.ArrowException as error:
+    except (pa.ArrowException, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is no Parquet file ({str(error).splitlines()[0]}).") from error
     columns = {
         name: np.array(table[name].to_pylist(), object)

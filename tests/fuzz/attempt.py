@@ -6,6 +6,7 @@ import logging
 import os
 import resource
 import shutil
+import signal
 import time
 import traceback
 import warnings
@@ -14,6 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from automap.errors import AutoMapError
 from tests.fuzz.more_readers import SUFFIXES, more_reader
@@ -52,12 +54,15 @@ def attempt(name: str, data: bytes) -> Outcome:
         file.write(data)
     _forget_peak()
     started, worked, before = time.monotonic(), time.process_time(), _peak_mb()
+    ended = _when_slow()
     logging.disable(logging.CRITICAL)
     try:
         with warnings.catch_warnings(), _stderr_to(aside):
             warnings.simplefilter("error")
             read(Path(path), Path(work))
         outcome = Outcome("read", "")
+    except _SlowError:
+        outcome = Outcome("slow", name)
     except AutoMapError as error:
         said = str(error).replace(folder, "")
         whole = "\n" not in said and len(said) <= MOST_CHARACTERS
@@ -68,6 +73,8 @@ def attempt(name: str, data: bytes) -> Outcome:
         kind = "warning" if isinstance(error, Warning) else "crash"
         outcome = Outcome(kind, f"{where} {str(error)[:200]}")
     finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, ended)
         logging.disable(logging.NOTSET)
     if outcome.good and os.path.getsize(aside):
         outcome = Outcome("stderr", Path(aside).read_text(errors="replace")[:200])
@@ -76,6 +83,21 @@ def attempt(name: str, data: bytes) -> Outcome:
         return Outcome("memory", f"{_peak_mb() - before:.0f} MB")
     hung = time.monotonic() - started > HUNG_S
     return Outcome("slow", name) if hung or time.process_time() - worked > SLOW_S else outcome
+
+
+class _SlowError(BaseException):
+    """No reader may catch it."""
+
+
+def _when_slow() -> Any:
+    """Break off what takes too long, where Python has a say; what it replaces."""
+
+    def stop(number: int, frame: object) -> None:
+        raise _SlowError
+
+    ended = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, SLOW_S)
+    return ended
 
 
 @cache
