@@ -14,6 +14,7 @@ every run of one seed.
 from __future__ import annotations
 
 import argparse
+import mmap
 import os
 import random
 import re
@@ -21,6 +22,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from pathlib import Path
@@ -57,7 +59,8 @@ _TURNS = 10  # every tenth batch goes by turns, so that slow readers have files 
 
 @dataclass
 class Harness:
-    """What is known of one: ``pool`` begins with the whole file; ``wrong`` by place."""
+    """What is known of one: ``pool`` begins with the whole file; ``wrong`` by place. ``number`` is
+    that of the next file; ``count`` were read and told of."""
 
     name: str
     pool: list[bytes]
@@ -65,6 +68,7 @@ class Harness:
     said: set[str] = field(default_factory=set)
     wrong: dict[str, tuple[bytes, Outcome]] = field(default_factory=dict)
     count: int = 0
+    number: int = 0
     worked_s: float = 0.0
 
     def add(self, data: bytes, outcome: Outcome) -> None:
@@ -89,14 +93,23 @@ def harnesses(only: str = "*") -> list[Harness]:
     return list(known.values())
 
 
-def fuzz(harness: Harness, count: int, seconds: float, seed: int) -> None:
-    """The next ``count`` files of a harness, fewer where the processor time is up."""
+def fuzz(
+    harness: Harness,
+    count: int,
+    seconds: float,
+    seed: int,
+    begins: Callable[[int], None] = lambda number: None,
+) -> None:
+    """The next ``count`` files of a harness, fewer where the processor time is up; ``begins`` is
+    told the number of each before it is read."""
     start = time.process_time()
     for done in range(count):
         # one at least: making the whole files may take as long
         if done and time.process_time() - start > seconds:
             break
-        draw = random.Random(f"{seed} {harness.name} {harness.count}")
+        begins(harness.number)
+        draw = random.Random(f"{seed} {harness.name} {harness.number}")
+        harness.number += 1
         # half of all from the whole file: of one that is refused most is refused in the same way
         pool = harness.pool[: 1 if draw.random() < 0.5 else None]
         data = damaged(draw.choice(pool), draw)
@@ -105,18 +118,24 @@ def fuzz(harness: Harness, count: int, seconds: float, seed: int) -> None:
 
 
 def _batch(harness: Harness, count: int, seed: int, root: Path) -> Harness:
-    """The harness after its next files, or after the one that ended the process."""
+    """The harness after its next files, or after the one that ended the process; of those before
+    that one in its batch nothing is known."""
+    at = mmap.mmap(-1, 8)  # both processes have it
+
+    def begins(number: int) -> None:
+        at[:] = number.to_bytes(8, "little")
 
     def work() -> Harness:
-        fuzz(harness, count, _BATCH_S, seed)
+        fuzz(harness, count, _BATCH_S, seed, begins)
         return harness
 
     with tempfile.TemporaryDirectory(dir=root) as folder:
-        ended = in_process(work, Path(folder), HUNG_S + 60 * _BATCH_S)
+        ended = in_process(work, Path(folder), 2.0 * HUNG_S)
         if isinstance(ended, Harness):
             return ended
         last = next((p for p in Path(folder).glob(f"*/{harness.name}.*")), None)
         data = last.read_bytes() if last is not None else b""
+        harness.number = int.from_bytes(at[:], "little") + 1
         harness.add(data, Outcome("died", ended))
         harness.worked_s += _BATCH_S
         return harness

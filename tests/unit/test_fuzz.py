@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.fuzz import attempt as attempts
+from tests.fuzz import run
 from tests.fuzz.attempt import attempt
 from tests.fuzz.batches import in_process
 from tests.fuzz.mutations import damaged, mended
@@ -75,3 +76,19 @@ def test_the_nth_file_of_a_harness_is_the_same_in_every_run() -> None:
         fuzz(parts, 4, 10.0, seed=5)
     assert whole.pool == parts.pool
     assert whole.table == parts.table
+
+
+def test_a_run_goes_on_after_the_file_that_ended_its_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fourth = iter([False, False, False, True] + [False] * 9)
+
+    def read(name: str, data: bytes) -> run.Outcome:
+        return run.Outcome("read", "") if not next(fourth) else os._exit(7)
+
+    monkeypatch.setattr(run, "attempt", read)
+    harness = run._batch(Harness("run_json", [b"{}"]), 9, 1, tmp_path)
+    assert (harness.number, harness.table) == (4, {"died": 1})
+    fourth = iter([False] * 9)
+    harness = run._batch(harness, 5, 1, tmp_path)
+    assert (harness.number, harness.table) == (9, {"died": 1, "read": 5})
