@@ -292,9 +292,9 @@ def test_a_file_that_the_system_refuses_is_one_line(
 
     with serving(out) as server:
         monkeypatch.setattr(Path, "read_bytes", refused)
-        status, _, content = get(server, "out/signs.parquet")
+        status, _, content = get(server, "out/run.json")
     assert status == 500
-    assert b"signs.parquet: Too many open files" in content
+    assert b"run.json: Too many open files" in content
     assert "Too many open files" in caplog.text
     assert "Traceback" not in caplog.text
 
