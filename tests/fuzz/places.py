@@ -270,7 +270,8 @@ def ask_viewer(path: Path, work: Path) -> object:
             # it answers what it refuses without reading all of it
             answer = answer or b"HTTP/1.1 400"
     first = re.match(rb"[^\r\n]*", request)
-    if not answer and first is not None and first[0].split():
+    # spaces are those of Latin-1, as HTTP has them; a line of them alone is passed over
+    if not answer and first is not None and first[0].decode("latin-1").split():
         raise UnansweredError("no answer")
     if b"HTTP/1.1 500" in answer:
         raise UnansweredError(answer.partition(b"\r\n\r\n")[2][:100].decode("latin-1"))
