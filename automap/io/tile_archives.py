@@ -90,7 +90,7 @@ class MbTiles:
         with self._lock:
             try:
                 row = self._base.execute(query, (zoom, x, 2**zoom - 1 - y)).fetchone()
-            except sqlite3.Error:
+            except (sqlite3.Error, UnicodeDecodeError):
                 return None
         return bytes(row[0]) if row and isinstance(row[0], bytes) else None
 
