@@ -180,7 +180,7 @@ def ints(table: pa.Table, name: str) -> IntArray:
     try:
         with np.errstate(invalid="raise"):
             return np.array(column_to_numpy(table.column(name)), dtype=np.int64)
-    except (ValueError, TypeError, FloatingPointError) as error:
+    except (ValueError, TypeError, FloatingPointError, OverflowError) as error:
         raise _no_numbers(name) from error
 
 
