@@ -35,11 +35,15 @@ def clock_from_trajectory(trajectory: Trajectory) -> ClockModel | None:
     )
 
 
+_MOST_S = 9e15  # in milliseconds still a 64-bit integer
+
+
 def utc_of_gps(gps_s: FloatArray) -> TimeArray:
-    """GPS seconds [n] as UTC to the millisecond, datetime64[ms]; NaT where not finite."""
+    """GPS seconds [n] as UTC to the millisecond, datetime64[ms]; NaT where not finite or beyond
+    what 64 bits hold."""
     from automap.timebase import gps_to_unix
 
-    known = np.isfinite(gps_s)
+    known = np.abs(gps_s) < _MOST_S
     unix = np.asarray(gps_to_unix(np.where(known, gps_s, 0.0)), np.float64)
     milliseconds = np.rint(unix * 1e3).astype(np.int64).astype("datetime64[ms]")
     return np.where(known, milliseconds, np.datetime64("NaT", "ms"))

@@ -24,13 +24,14 @@ def principal_axes(
 
     Takes three arrays [n] in m^2. Returns ``major`` and ``minor`` [n] in m and the azimuth of
     the major axis [n] in radians, clockwise from north, in [0, pi). Rounding below zero is
-    taken as zero; NaN stays NaN.
+    taken as zero; NaN stays NaN, and what is infinite becomes it.
     """
-    mean = 0.5 * (cov_ee + cov_nn)
-    half = 0.5 * (cov_nn - cov_ee)
-    radius = np.hypot(half, cov_en)
-    major = np.sqrt(np.maximum(mean + radius, 0.0))
-    minor = np.sqrt(np.maximum(mean - radius, 0.0))
+    with np.errstate(invalid="ignore", over="ignore"):
+        mean = 0.5 * (cov_ee + cov_nn)
+        half = 0.5 * (cov_nn - cov_ee)
+        radius = np.hypot(half, cov_en)
+        major = np.sqrt(np.maximum(mean + radius, 0.0))
+        minor = np.sqrt(np.maximum(mean - radius, 0.0))
     azimuth = np.mod(0.5 * np.arctan2(cov_en, half), np.pi)
     return major, minor, azimuth
 

@@ -53,7 +53,7 @@ def _of_database(path: Path) -> Background:
         base = read_only(path)
         tables = {name for (name,) in base.execute("SELECT name FROM sqlite_master")}
         base.close()
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is damaged ({error}).") from error
     if "gpkg_contents" in tables:
         return open_geopackage_tiles(path) or LineTiles(path)

@@ -57,13 +57,19 @@ def _read(path: Path, parse: Callable[[dict[str, Any]], _T]) -> _T:
         raise InputError(f"{path} is damaged ({error}); run again with --force.") from error
 
 
+_MOST_NS = 1 << 62  # a 64-bit integer, and differences of two are one too
+
+
 def _clock(content: dict[str, Any]) -> ClockModel:
     sd_offset, delay = content["sd_offset_s"], content["output_delay_s"]
     ref_gps_s, drift = float(content["ref_gps_s"]), float(content["drift"])
+    ref_ns = int(content["ref_ns"])
+    if abs(ref_ns) > _MOST_NS:
+        raise ValueError(f"a stamp of {ref_ns:.1e} ns")
     if not (abs(ref_gps_s) < _MOST_GPS_S and abs(drift) < _MOST_DRIFT):
         raise ValueError(f"a clock at {ref_gps_s:g} s that drifts by {drift:g}")
     return ClockModel(
-        ref_ns=int(content["ref_ns"]),
+        ref_ns=ref_ns,
         ref_gps_s=ref_gps_s,
         drift=drift,
         sd_offset_s=float("inf") if sd_offset is None else float(sd_offset),

@@ -7,6 +7,7 @@ arXiv:1812.05752, and the data set's own README.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from tokenize import TokenError
@@ -140,7 +141,10 @@ def _array(path: Path, columns: int | None = None) -> FloatArray:
     else:
         raise InputError(f"{path} is missing; the segment is not complete.")
     try:
-        values: Any = np.load(candidate, allow_pickle=False)
+        with warnings.catch_warnings():
+            # headers of Python 2 are told of, and are read
+            warnings.simplefilter("ignore", UserWarning)
+            values: Any = np.load(candidate, allow_pickle=False)
         values = np.asarray(values, np.float64)
     except (ValueError, OSError, EOFError, SyntaxError, MemoryError, TokenError) as error:
         raise InputError(f"{candidate} is not a NumPy array ({error}); copy it again.") from error

@@ -62,7 +62,7 @@ class _Pyramid:
         with self._lock:
             try:
                 found = self._base.execute(self._query, (zoom, column, row)).fetchone()
-            except sqlite3.Error:
+            except (sqlite3.Error, UnicodeDecodeError):
                 return None
         return decoded(found[0]) if found and isinstance(found[0], bytes) else None
 

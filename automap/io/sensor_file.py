@@ -155,6 +155,9 @@ def refuse_unknown(path: Path, table: dict[str, Any], known: frozenset[str], pre
             raise ConfigError(f"{path}: unknown key {prefix}{key}; {advice}")
 
 
+_MOST = 1e30  # of no sensor, and its reciprocal of none either
+
+
 def _triad(path: Path, data: dict[str, Any], name: str, unit: float) -> Triad:
     table = data.get(name)
     if not isinstance(table, dict):
@@ -207,7 +210,8 @@ def _axes(path: Path, table: dict[str, Any], key: str, *, nonzero: bool = True) 
         axes = np.broadcast_to(np.asarray(value, dtype=np.float64), (3,)).copy()
     except (TypeError, ValueError):
         axes = np.full(3, np.nan)
-    if not np.all(np.isfinite(axes)) or (nonzero and np.any(axes == 0)):
+    size = np.abs(axes)
+    if not np.all(size < _MOST) or (nonzero and not np.all(size > 1.0 / _MOST)):
         what = "numbers other than zero" if nonzero else "numbers"
         raise ConfigError(f"{path}: {key} must be one or three {what}.")
     return axes

@@ -10,6 +10,7 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.io.atomic import atomic_path
+from automap.io.tables import check_texts
 from automap.records import Sign
 
 COVARIANCE_COLUMNS = (
@@ -84,8 +85,10 @@ def read_signs(path: Path) -> list[Sign]:
     try:
         # where memory is short Arrow waits for threads that never began
         with pq.ParquetFile(path) as file:
-            rows = file.read(use_threads=False).to_pylist()
-    except (OSError, pa.ArrowException) as error:
+            table = file.read(use_threads=False)
+        check_texts(table)
+        rows = table.to_pylist()
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise InputError(
             f"{path}: the table of signs cannot be read ({error}); run the geolocate stage again."
         ) from error

@@ -95,7 +95,18 @@ def read_table(
     that are ``numbers``, or ``whole`` ones, hold something else."""
     with _opened(path, required, numbers, whole) as file:
         # where memory is short Arrow waits for threads that never began
-        return file.read(use_threads=False)
+        table = file.read(use_threads=False)
+        check_texts(table)
+        return table
+
+
+def check_texts(table: pa.Table) -> None:
+    """Raise ArrowInvalid where a text is no UTF-8; Arrow itself says so only where it is used."""
+    import pyarrow as pa
+
+    for column in table.columns:
+        if not pa.types.is_primitive(column.type):
+            column.validate(full=True)
 
 
 @contextmanager
@@ -169,7 +180,7 @@ def ints(table: pa.Table, name: str) -> IntArray:
     try:
         with np.errstate(invalid="raise"):
             return np.array(column_to_numpy(table.column(name)), dtype=np.int64)
-    except (ValueError, TypeError, FloatingPointError) as error:
+    except (ValueError, TypeError, FloatingPointError, OverflowError) as error:
         raise _no_numbers(name) from error
 
 

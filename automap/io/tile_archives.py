@@ -12,6 +12,8 @@ import numpy as np
 from automap.errors import InputError
 from automap.io.web_tiles import TILE_PX, Bounds, content_type, decoded, from_world
 
+_FINEST = 30  # zoom; a tile is 4 cm wide
+_MOST_STEPS = 3000  # millions a query, a minute or two; some for every tile of an archive
 _WORLD: Bounds = (-180.0, -85.06, 180.0, 85.06)
 _VECTORS = (
     "holds vector tiles, which are not drawn; give tiles of pictures, or the lines themselves as "
@@ -61,7 +63,11 @@ class MbTiles:
         self._base = read_only(path)
         try:
             told = dict(self._base.execute("SELECT name, value FROM metadata"))
-            zooms = self._base.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles")
+            zooms = self._base.execute(
+                "SELECT min(zoom_level), max(zoom_level) FROM tiles "
+                "WHERE zoom_level BETWEEN 0 AND ?",
+                (_FINEST,),
+            )
             least, most = zooms.fetchone()
         except (sqlite3.Error, ValueError) as error:
             raise InputError(f"{path}: is no MBTiles database ({error}).") from error
@@ -84,7 +90,7 @@ class MbTiles:
         with self._lock:
             try:
                 row = self._base.execute(query, (zoom, x, 2**zoom - 1 - y)).fetchone()
-            except sqlite3.Error:
+            except (sqlite3.Error, UnicodeDecodeError):
                 return None
         return bytes(row[0]) if row and isinstance(row[0], bytes) else None
 
@@ -94,21 +100,40 @@ class MbTiles:
             "SELECT min(tile_column), min(tile_row), max(tile_column), max(tile_row) FROM tiles "
             "WHERE zoom_level = ?"
         )
-        west, south, east, north = self._base.execute(query, (self.most_zoom,)).fetchone()
         n = 2.0**self.most_zoom
-        x = np.array([west, east + 1]) / n
-        y = 1.0 - np.array([south, north + 1]) / n
+        try:
+            ends = self._base.execute(query, (self.most_zoom,)).fetchone()
+            west, south, east, north = (min(max(float(end), 0.0), n) for end in ends)
+        except (sqlite3.Error, TypeError, ValueError):
+            return _WORLD
+        x = np.array([west, east + 1.0]) / n
+        y = 1.0 - np.array([south, north + 1.0]) / n
         lon, lat = from_world(x, y)
         return float(lon[0]), float(lat[0]), float(lon[1]), float(lat[1])
 
 
 def read_only(path: Path) -> sqlite3.Connection:
-    """A database that is only read, by any thread that holds its lock."""
+    """A database that is only read, by any thread that holds its lock; a query without an end,
+    as views of a hostile file have, is broken off."""
     try:
-        return sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True,
+        base = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True,
                                check_same_thread=False)  # fmt: skip
     except sqlite3.Error as error:
         raise InputError(f"{path}: cannot be read as a database ({error}).") from error
+    steps = 0
+
+    def begins(statement: str) -> None:
+        nonlocal steps
+        steps = 0
+
+    def goes_on() -> bool:
+        nonlocal steps
+        steps += 1
+        return steps > _MOST_STEPS
+
+    base.set_trace_callback(begins)
+    base.set_progress_handler(goes_on, 1_000_000)
+    return base
 
 
 def _checked(bounds: tuple[float, ...]) -> Bounds:

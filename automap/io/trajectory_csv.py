@@ -21,6 +21,8 @@ from automap.io.finished import (
 from automap.io.trajectory_table import COLUMNS
 from automap.records import FloatArray, IntArray, Trajectory
 
+_MOST_S = 9e9  # in nanoseconds still a 64-bit integer
+
 
 def read_trajectory_csv(path: Path) -> FinishedTrajectory:
     """Read the columns of ``trajectory.parquet`` from CSV.
@@ -67,6 +69,7 @@ def read_trajectory_csv(path: Path) -> FinishedTrajectory:
 
 def _stamps(path: Path, table: CsvColumns) -> tuple[IntArray, FloatArray, str]:
     gps_s = table.floats("gps_s")
+    gps_s = np.where(np.abs(gps_s) < _MOST_S, gps_s, np.nan)
     if "t_ns" in table.columns:
         time = "both" if "gps_s" in table.columns else "t_ns"
         return np.asarray(table.columns["t_ns"], dtype=np.int64), gps_s, time

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.errors import InputError
+from automap.io.tables import check_texts
 
 _TABLES = (".csv", ".tsv", ".txt")
 _PARQUET = (".parquet", ".geoparquet", ".pq")
@@ -111,7 +112,8 @@ def _parquet(path: Path) -> VectorLayer:
         # where memory is short Arrow waits for threads that never began
         with pq.ParquetFile(path) as file:
             table = file.read(use_threads=False)
-    except pa.ArrowException as error:
+        check_texts(table)
+    except (pa.ArrowException, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is no Parquet file ({str(error).splitlines()[0]}).") from error
     columns = {
         name: np.array(table[name].to_pylist(), object)

@@ -159,7 +159,7 @@ def _lay_over(
         evidence, head, following, cells, state, slot_class, slot_weight, active, index, values,
     )  # fmt: skip
     here, here_var = offset[lo:hi], offset_var[lo:hi]
-    chosen = np.full(n, -1, np.int64)
+    chosen = np.empty(n, np.int64)
     vote(time_s[lo:hi], shared_sd[lo:hi], tau_s, index, values, here)
     here_var[:] = 0.0
     for _ in range(_SETTLING):

@@ -220,21 +220,25 @@ def shared_sd(drive: DriveSigns, rows: IntArray) -> FloatArray:
     return sd
 
 
+_EARTH_M2 = 1e14  # of who may be anywhere on Earth
+
+
 def split_covariance(
     cov_enu: FloatArray, shared: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Total covariances [n, 3, 3] into own ones [n, 3] (ee, en, nn), [n] up, and shared sd.
 
     The shared part is that of the trajectory, scaled down where a sign is better than that
-    (seen in several passes): at least a small part of the total remains its own.
+    (seen in several passes): at least a small part of the total remains its own. What is no
+    covariance counts as unknown.
     """
     ee, en, nn = cov_enu[:, 0, 0].copy(), cov_enu[:, 0, 1].copy(), cov_enu[:, 1, 1].copy()
     uu = cov_enu[:, 2, 2].copy()
-    with np.errstate(invalid="ignore"):
-        bad = ~((ee > 0) & (nn > 0) & (ee * nn > en * en))
+    with np.errstate(invalid="ignore", over="ignore"):
+        bad = ~((ee > 0) & (ee * nn > en * en) & (np.maximum(ee, nn) < _EARTH_M2))
     plain = limits.UNKNOWN_SD_M**2 + shared**2
     ee[bad], nn[bad], en[bad] = plain[bad, 0], plain[bad, 1], 0.0
-    lost = ~(uu > 0)
+    lost = ~((uu > 0) & (uu < _EARTH_M2))
     uu[lost] = plain[lost, 2]
     least = limits.LEAST_SD_M**2
     a, c = np.maximum(shared[:, 0], 1e-6), np.maximum(shared[:, 1], 1e-6)

@@ -22,6 +22,7 @@ _UNITS = ("m", "m", "m", "m/s", "m/s", "m/s", "deg", "deg", "deg")
 _SHOWN = np.array([1.0] * 6 + [np.degrees(1.0)] * 3)
 _STEP = np.array([1e-4] * 3 + [1e-4] * 3 + [1e-6] * 3)
 """Resolution of the stored numbers (m, m/s, rad)."""
+_MOST_STEPS = 1e12  # more than round the Earth
 
 
 @dataclass(frozen=True)
@@ -217,13 +218,22 @@ def from_json(stored: dict[str, Any]) -> Epochs:
         return Epochs(
             np.zeros(0, np.int64), nothing, nothing, nothing, three, three, np.zeros((0, 9))
         )
-    t_ns = int(stored["t0_ns"]) + np.array(stored["t_ns"], np.int64)
-    value = np.array(stored["value"], np.float64).T * np.array(stored["step"], np.float64)
+    try:
+        t_ns = np.array([int(stored["t0_ns"]) + t for t in stored["t_ns"]], np.int64)
+    except OverflowError as error:
+        raise ValueError("a time of the trajectory is beyond 64 bits") from error
+    value = np.array(stored["value"], np.float64).T
+    step = np.array(stored["step"], np.float64)
+    if np.any(np.abs(value) > _MOST_STEPS) or not np.all((step > 0.0) & (step < 1.0)):
+        raise ValueError("the trajectory holds numbers that no drive has")
+    value = value * step
     sd = np.array(stored["sd"], np.float64).T
     if value.shape != (len(t_ns), 9) or sd.shape != (len(t_ns), 9):
         raise ValueError("the epochs of the trajectory have columns of different lengths")
     lat0, lon0 = (float(v) for v in stored["origin_rad"])
     north, east = (float(v) for v in stored["m_per_rad"])
+    if not (north > 1.0 and east > 1e-9):
+        raise ValueError("the trajectory does not say where on Earth it is")
     return Epochs(
         t_ns=t_ns,
         lat_rad=lat0 + value[:, 0] / north,

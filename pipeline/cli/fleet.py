@@ -125,7 +125,7 @@ def run_command(
     if keep_done:
         keep(store, order.key)
     try:
-        with progress_bar("fleet") as progress:
+        with progress_bar("fleet", not quiet) as progress:
             ran = run(store, order, scheduler, workers, progress, click.echo)
     finally:
         write_status(store)
@@ -179,7 +179,7 @@ def merge_command(
     from pipeline.shared.terminal import progress_bar
 
     store = Store.at(url)
-    with progress_bar("merge") as progress:
+    with progress_bar("merge", not quiet) as progress:
         made = merge(store, workers, min_existence, scratch, progress, roads)
     write_status(store)
     _warn(made.warnings)

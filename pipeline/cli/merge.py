@@ -79,7 +79,7 @@ def command(
     from pipeline.merge.terminal import summary_lines
     from pipeline.shared.terminal import progress_bar
 
-    with progress_bar("merge") as progress:
+    with progress_bar("merge", not (quiet or as_json)) as progress:
         outcome = merge_runs(folders, out, previous, min_existence, progress, roads, background)
     for text in outcome.warnings:
         click.echo(click.style("warning: ", fg="yellow") + text, err=True)

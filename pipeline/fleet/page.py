@@ -81,6 +81,8 @@ def _map(made: dict[str, Any] | None) -> Section:
 def _cost(told: dict[str, Any]) -> Section:
     if not told["machine_hours"]:
         return Section(absent="No drive is done yet.")
+    if None in (told["hours_per_machine_hour"], told["km_per_machine_hour"]):
+        return Section(absent="The drives that are done do not say how long they took.")
     return Section(
         sentences=[
             f"The drives that are done took {told['machine_hours']:.1f} hours of a process, "

@@ -150,7 +150,8 @@ def summary_lines(told: dict[str, Any], drives: Sequence[dict[str, Any]]) -> lis
 
 
 def _rate(told: dict[str, Any]) -> str:
-    if not told["machine_hours"]:
+    # a time next to nothing makes no rate
+    if None in (told["hours_per_machine_hour"], told["km_per_machine_hour"]):
         return ""
     return (
         f"; {told['hours_per_machine_hour']:.1f} hours and {told['km_per_machine_hour']:.0f} km "

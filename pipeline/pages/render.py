@@ -9,12 +9,16 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
+from functools import cache
 from importlib import resources
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from automap import __version__
 from pipeline.pages.palette import colours_css
 from pipeline.pages.section import Figure, Section
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 
 def render(template: str, *, leaflet: bool = False, **content: Any) -> str:
@@ -22,6 +26,26 @@ def render(template: str, *, leaflet: bool = False, **content: Any) -> str:
 
     Every template extends ``base.html.j2``; with ``leaflet`` the page has what maps need.
     """
+    from markupsafe import Markup
+
+    style = (_leaflet_style() if leaflet else "") + colours_css() + asset("page.css")
+    page = (
+        _environment()
+        .get_template(template)
+        .render(
+            version=__version__,
+            style=Markup(style),
+            leaflet=Markup(_leaflet_script()) if leaflet else "",
+            **content,
+        )
+    )
+    # a folder's name that is no UTF-8 cannot be written as it is
+    return page.encode("utf-8", "replace").decode("utf-8")
+
+
+@cache
+def _environment() -> Environment:
+    """The template engine; one, so that a template is compiled once."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -34,15 +58,7 @@ def render(template: str, *, leaflet: bool = False, **content: Any) -> str:
     )
     environment.filters["embedded"] = lambda value: Markup(embedded_json(value))
     environment.globals["asset"] = lambda name: Markup(asset(name))
-    style = (_leaflet_style() if leaflet else "") + colours_css() + asset("page.css")
-    page = environment.get_template(template).render(
-        version=__version__,
-        style=Markup(style),
-        leaflet=Markup(_leaflet_script()) if leaflet else "",
-        **content,
-    )
-    # a folder's name that is no UTF-8 cannot be written as it is
-    return page.encode("utf-8", "replace").decode("utf-8")
+    return environment
 
 
 def sections_page(

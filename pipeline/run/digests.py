@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 from typing import Any
 
@@ -48,5 +49,6 @@ class DigestCache:
     def save(self) -> None:
         """Write what was learnt, leaving out files that are gone."""
         if self._changed:
-            write_json(self._file, {k: v for k, v in self._known.items() if Path(k).exists()})
+            # of a name that cannot be it says no, where Path fails
+            write_json(self._file, {k: v for k, v in self._known.items() if os.path.exists(k)})
             self._changed = False

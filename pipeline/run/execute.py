@@ -40,8 +40,9 @@ def execute(stage: Stage, context: StageContext) -> list[str]:
     """
     work = context.work
     shutil.rmtree(work, ignore_errors=True)
-    make_folder(work)
     try:
+        # an interrupt may come as soon as it is there
+        make_folder(work)
         _call(stage, context)
         if not work.is_dir():
             raise StageError(

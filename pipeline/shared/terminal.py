@@ -138,8 +138,12 @@ def _duration(seconds: float) -> str:
 
 
 @contextmanager
-def progress_bar(name: str) -> Iterator[Progress]:
-    """The progress of one long piece of work: call what it yields with fraction and text."""
+def progress_bar(name: str, told: bool = True) -> Iterator[Progress]:
+    """The progress of one long piece of work: call what it yields with fraction and text. Nothing
+    is told where nothing or something else belongs on stdout."""
+    if not told:
+        yield lambda fraction, text: None
+        return
     terminal = Terminal()
     terminal.stage_started(name, "")
     try:

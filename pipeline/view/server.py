@@ -89,10 +89,11 @@ class _Handler(BaseHTTPRequestHandler):
             # the browser has hung up
             raise
         except Exception as error:
-            log.exception("a request failed")
             name = Path(getattr(error, "filename", None) or "").name
             what = f"{name}: {getattr(error, 'strerror', None) or type(error).__name__}"
             told = f"this cannot be shown ({what.removeprefix(': ')})\n"
+            # where the system refuses there is nothing to be looked for in the program
+            log.error("%s", told.strip(), exc_info=not isinstance(error, OSError))
             self._send(500, "text/plain; charset=utf-8", told.encode("utf-8", "replace"))
 
     def _get(self, path: str) -> None:

@@ -226,7 +226,8 @@ def inject(
         table[name, kind, word] += 1
         if said:
             wrong.append(f"{name}, {kind} (number {number}): {said}")
-            print(wrong[-1], flush=True)
+        # a run that is cut off still gives its figures
+        print(f"{number}: {name}, {kind}: {word} {said}".rstrip(), flush=True)
     return table, wrong
 
 

@@ -150,7 +150,7 @@ def _backgrounds(folder: Path) -> dict[str, bytes]:
     made = {
         "below_mbtiles": backgrounds.write_mbtiles(folder / "a.mbtiles", range(13, 15)),
         "below_pmtiles": backgrounds.write_pmtiles(folder / "a.pmtiles", range(13, 15)),
-        "below_tiff": backgrounds.write_geotiff(folder / "a.tif"),
+        "below_tiff": backgrounds.write_geotiff(folder / "a.tif", px=100),
         "below_gpkg": backgrounds.write_geopackage(folder / "a.gpkg", zooms=1),
     }
     return {name: path.read_bytes() for name, path in made.items()}

@@ -112,7 +112,7 @@ def picture_of(epsg: int, px: int = 400) -> tuple[np.ndarray[Any, Any], float, f
 
 
 def write_geotiff(path: Path, epsg: int | None = 25832, **changes: Any) -> Path:
-    rgb, west, north, step_x, step_y = picture_of(epsg or 25832)
+    rgb, west, north, step_x, step_y = picture_of(epsg or 25832, changes.get("px", 400))
     west, north = west + changes.get("east", 0.0), north
     info = TiffImagePlugin.ImageFileDirectory_v2()
     if changes.get("placed", True):

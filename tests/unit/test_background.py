@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from automap.errors import InputError
+from automap.io import tile_archives
 from automap.io.background import check_below, cut_out, open_background
 from automap.io.web_tiles import decoded, from_world, to_world, zoom_for
 
@@ -188,6 +189,29 @@ def test_a_damaged_tile_leaves_a_hole_and_no_more(tmp_path: Path) -> None:
     assert 0.3 < solid.mean() < 0.9
     off = image[..., :3].astype(int) - made.colour(lon, lat)
     assert np.median(np.abs(off[solid])) <= 1
+
+
+def test_a_database_cannot_keep_its_reader_for_ever(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither by a zoom of millions nor by a view that has no last row."""
+    far = made.write_mbtiles(tmp_path / "far.mbtiles", range(13, 14))
+    with sqlite3.connect(far) as base:
+        base.execute("INSERT INTO tiles VALUES (4611686018427387904, 0, 0, x'00')")
+        base.execute("INSERT INTO tiles VALUES ('far', 'a', 'b', x'00')")
+    base.close()
+    assert open_background(far).most_zoom == 13
+    endless = made.write_mbtiles(tmp_path / "endless.mbtiles", range(13, 14))
+    with sqlite3.connect(endless) as base:
+        base.execute("ALTER TABLE tiles RENAME TO some")
+        base.execute(
+            "CREATE VIEW tiles AS WITH RECURSIVE n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n) "
+            "SELECT some.* FROM n, some"
+        )
+    base.close()
+    monkeypatch.setattr(tile_archives, "_MOST_STEPS", 3)
+    with pytest.raises(InputError, match="interrupted"):
+        open_background(endless)
 
 
 # --- in the report and on the command line

@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from automap.fusion.doubts.receiver import own_velocities, receiver_doubts
+from automap.fusion.options import FusionOptions
+from automap.sync import epoch_means as module
 from automap.sync import limits
-from automap.sync.epoch_means import AFTER, AROUND, BEFORE
+from automap.sync.epoch_means import AFTER, AROUND, BEFORE, epoch_means
+from automap.sync.receiver_path import ReceiverPath
 from automap.sync.velocity_consistency import velocity_consistency
 from tests.unit.receiver_damage import derived, upside_down
 from tests.unit.receiver_scene import Receiver, any_receiver, simulated_fixes
@@ -75,3 +78,46 @@ def test_velocities_that_are_wrong_are_not_called_ways() -> None:
     wrong = replace(fixes, vel_ned=fixes.vel_ned * 3.6)
     assert velocity_consistency(wrong).means is None
     assert velocity_consistency(upside_down(fixes)).means is not None
+
+
+def test_only_rows_whose_neighbours_are_used_and_near_are_weighed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Against a walk along the rows: who is used at random, and some steps are long."""
+    rng = np.random.default_rng(6)
+    n = 60
+    step = np.where(rng.random(n) < 0.15, 3.0, rng.uniform(0.9, 1.1, n))
+    t = np.cumsum(step)
+    place, velocity = (rng.normal(size=n) + 1j * rng.normal(size=n) for _ in range(2))
+    use = rng.random(n) < 0.8
+    path = ReceiverPath(
+        np.arange(n), t, 0.0, place, velocity, *(np.full(n, np.nan) for _ in range(3))
+    )
+    given: dict[str, list[np.ndarray]] = {}
+    monkeypatch.setattr(
+        module, "_weighed", lambda interval, *values: given.update({interval: list(values)})
+    )
+    assert epoch_means(path, use) is None
+    one, two = np.median(t[1:] - t[:-1]), np.median(t[2:] - t[:-2])
+    wanted: dict[str, list[list[complex]]] = {BEFORE: [], AFTER: [], AROUND: []}
+    for k in range(n - 1):
+        span = t[k + 1] - t[k]
+        if use[k] and use[k + 1] and span < 1.6 * one:
+            way = (place[k + 1] - place[k]) / span
+            ends = (velocity[k] + velocity[k + 1]) / 2 - way
+            wanted[BEFORE].append([span, way, velocity[k + 1] - way, ends])
+            wanted[AFTER].append([span, way, velocity[k] - way, ends])
+    for k in range(1, n - 1):
+        span = t[k + 1] - t[k - 1]
+        if use[k - 1] and use[k] and use[k + 1] and span < 1.6 * two:
+            way = (place[k + 1] - place[k - 1]) / span
+            mean = (velocity[k - 1] + 4 * velocity[k] + velocity[k + 1]) / 6
+            wanted[AROUND].append([span, way, velocity[k] - way, mean - way])
+    assert given.keys() == wanted.keys()
+    for interval, rows in wanted.items():
+        assert len(rows) < n - 10
+        np.testing.assert_allclose(np.array(given[interval]).T, np.array(rows))
+
+
+def test_the_best_receiver_is_the_same_to_sync_and_fusion() -> None:
+    assert FusionOptions().min_velocity_sd == limits.BEST_VELOCITY_SD

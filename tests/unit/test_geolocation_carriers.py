@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from geolocation_scene import ORIGIN, boxes, camera, drive_path, roadside
@@ -9,8 +11,10 @@ from geolocation_scene import ORIGIN, boxes, camera, drive_path, roadside
 from automap.earth import local_ned
 from automap.effects.lens import project
 from automap.frames import rpy_to_matrix
+from automap.geolocation import carriers, limits
+from automap.geolocation.landmark import SizePrior
 from automap.geolocation.locate import locate_signs
-from automap.records import Camera, Detections, FloatArray, Trajectory
+from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 
 SPEED = 12.0
 
@@ -75,3 +79,31 @@ def test_a_sign_on_a_lorry_ahead_is_left_out_and_all_that_stand_are_kept(
     else:
         assert len(mine) == 1
         assert not (result.observations.note == "moving").any()
+
+
+def test_a_track_is_judged_by_its_own_boxes_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tracks of two cameras, mixed at random, against sets of camera and number."""
+    rng = np.random.default_rng(3)
+    camera_of, track = rng.integers(0, 2, 300), rng.integers(-1, 40, 300)
+    asked: list[set[int]] = []
+
+    def moves(_: object, rows: IntArray, prior: SizePrior) -> bool:
+        asked.append(set(rows.tolist()))
+        return camera_of[rows[0]] == 1
+
+    class Many(SimpleNamespace):
+        def __len__(self) -> int:
+            return len(track)
+
+    views = Many(camera=camera_of, track=track)
+    monkeypatch.setattr(carriers, "moves_along", moves)
+    carried_rows = carriers.carried_views(views, SizePrior())  # type: ignore[arg-type]
+    sets: dict[tuple[int, int], set[int]] = {}
+    for row in range(300):
+        if track[row] >= 0:
+            sets.setdefault((int(camera_of[row]), int(track[row])), set()).add(row)
+    long = {key: rows for key, rows in sets.items() if len(rows) >= limits.CARRIER_VIEWS}
+    assert 0 < len(long) < len(sets)
+    assert sorted(map(sorted, asked)) == sorted(map(sorted, long.values()))
+    wanted = {row for (camera, _), rows in long.items() if camera for row in rows}
+    assert set(np.flatnonzero(carried_rows)) == wanted

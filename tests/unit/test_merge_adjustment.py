@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from merge_scene import Errors, Scene, street_scene, to_enu
 
+from automap.mapping import limits
 from automap.mapping.adjustment import (
     Adjusted,
     ErrorLevels,
@@ -148,6 +151,36 @@ def test_heights_that_are_not_known_stay_unknown() -> None:
     assert np.isnan(result.cov_enu[0, 2, 2])
     assert np.isfinite(result.height[1:]).all()
     assert np.isfinite(result.lat).all()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -5.0, 1e200])
+@pytest.mark.parametrize("place", [(0, 0), (0, 1), (1, 1), (2, 2)])
+def test_what_is_no_covariance_counts_as_unknown(value: float, place: tuple[int, int]) -> None:
+    """By hand: a sign of two drives without paths is the mean of both by inverse variance, that of
+    the bad one being of metres; the other signs are as they were."""
+    scene = street_scene(2, 2, length_m=200.0, errors=QUIET)
+    drives = [replace(drive, path=None) for drive in scene.drives]
+    sound = stack_sightings(drives)
+    _, association, _ = known_association(scene)
+    rows = [np.flatnonzero(association.sign == k) for k in range(association.n_signs)]
+    mine = next(k for k, of in enumerate(rows) if sound.drive[of].tolist() == [0, 1])
+    bad, good = rows[mine]
+    cov = drives[0].cov_enu.copy()
+    cov[sound.row[bad], place[0], place[1]] = cov[sound.row[bad], place[1], place[0]] = value
+    sightings = stack_sightings([replace(drives[0], cov_enu=cov), drives[1]])
+    result, before = adjust(sightings, association), adjust(sound, association)
+    axes = slice(2, 3) if place == (2, 2) else slice(0, 2)
+    unknown = (limits.UNKNOWN_SD_M**2 + limits.LEAST_SD_M**2) * np.eye(3)[axes, axes]
+    known = (drives[1].cov_enu[sound.row[good]] + limits.LEAST_SD_M**2 * np.eye(3))[axes, axes]
+    a, b = np.linalg.inv(unknown), np.linalg.inv(known)
+    z = to_enu(sightings.lat, sightings.lon, sightings.height)[[bad, good]][:, axes]
+    found = to_enu(result.lat, result.lon, result.height)[mine, axes]
+    assert found == pytest.approx(np.linalg.solve(a + b, a @ z[0] + b @ z[1]), abs=1e-4)
+    total = np.linalg.inv(a + b) + COMMON_SD_M**2 * np.eye(len(found))
+    assert result.cov_enu[mine, axes, axes] == pytest.approx(total, rel=1e-6)
+    others = np.arange(association.n_signs) != mine
+    assert result.lat[others] == pytest.approx(before.lat[others], abs=1e-12)
+    assert result.cov_enu[others] == pytest.approx(before.cov_enu[others], rel=1e-9)
 
 
 def test_error_levels_follow_what_the_drives_show() -> None:

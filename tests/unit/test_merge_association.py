@@ -12,7 +12,7 @@ from automap.mapping.association import associate
 from automap.mapping.classes import class_evidence
 from automap.mapping.duplicates import join_duplicates
 from automap.mapping.grid import filled_table, neighbours
-from automap.mapping.limits import DIFFERENT, SAME
+from automap.mapping.limits import DIFFERENT, LEAST_SD_M, SAME, UNKNOWN_SD_M
 from automap.mapping.sightings import (
     canonical_order,
     split_covariance,
@@ -170,6 +170,21 @@ def test_the_shared_part_never_exceeds_the_whole_covariance() -> None:
     assert (own_u > 0).all()
     rebuilt = own[:, 0] + shared[:, 0] ** 2
     assert rebuilt == pytest.approx(total[:, 0, 0] + 0.02**2)
+
+
+def test_east_and_north_are_less_than_wholly_correlated_or_unknown() -> None:
+    rng = np.random.default_rng(4)
+    ee, nn = rng.uniform(0.1, 30.0, (2, 40))
+    share = np.tile([-1.01, -0.99, 0.99, 1.01], 10)
+    cov = np.zeros((40, 3, 3))
+    cov[:, 0, 0], cov[:, 1, 1], cov[:, 2, 2] = ee, nn, 1.0
+    cov[:, 0, 1] = cov[:, 1, 0] = share * np.sqrt(ee * nn)
+    own, _, _ = split_covariance(cov, np.zeros((40, 3)))
+    known = np.abs(share) < 1.0
+    assert own[known, 0] == pytest.approx(ee[known] + LEAST_SD_M**2)
+    assert own[known, 1] == pytest.approx(cov[known, 0, 1])
+    assert own[~known, 0] == pytest.approx(UNKNOWN_SD_M**2 + LEAST_SD_M**2)
+    assert not own[~known, 1].any()
 
 
 @pytest.mark.parametrize(("lat", "lon"), [(-35.0, 149.0), (60.0, 179.9999), (0.0, -180.0)])

@@ -21,6 +21,7 @@ from automap.mapping.sightings import DriveSigns
 from pipeline.cli.root import run_command
 from pipeline.merge.command import merge_runs
 from pipeline.merge.outcome import MergeOutcome
+from pipeline.shared import terminal
 from pipeline.shared.lock import locked
 
 DAY_S = 86400.0
@@ -50,6 +51,20 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def features(folder: Path) -> dict[str, dict]:  # type: ignore[type-arg]
     content = json.loads((folder / "signs.geojson").read_text(encoding="utf-8"))
     return {f["id"]: f for f in content["features"]}
+
+
+def test_a_merge_that_takes_long_tells_json_and_nothing_else(
+    folders: list[Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(terminal, "_LINE_EVERY_S", -1.0)
+    words = ["merge", *map(str, folders[:2]), "-o", str(tmp_path / "map")]
+    assert run_command([*words, "--json"]) == 0
+    assert "drives" in json.loads(capsys.readouterr().out)
+    assert run_command([*words, "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
 
 
 def test_the_map_has_the_files_of_a_run(folders: list[Path], tmp_path: Path) -> None:

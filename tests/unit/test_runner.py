@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from automap.errors import ConfigError, InputError, StageError
+from pipeline.run import execute
 from pipeline.run.batch import out_folders, run_drives
 from pipeline.run.runner import Request, run_drive
 from pipeline.run.stage import Stage, StageContext
@@ -285,6 +286,19 @@ def test_an_interrupt_leaves_and_the_next_run_resumes(drive: Path, out: Path) ->
     assert record(out)["status"] == "interrupted"
     again = run_drive(drive, out, request())
     assert reasons(again)["detect"] == "was interrupted"
+
+
+def test_an_interrupt_as_a_stage_begins_leaves_no_folder(
+    drive: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def made(path: Path) -> Path:
+        path.mkdir()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(execute, "make_folder", made)
+    with pytest.raises(KeyboardInterrupt):
+        run_drive(drive, out, request())
+    assert not list(out.glob("*.tmp"))
 
 
 def test_a_killed_run_resumes(drive: Path, out: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -279,6 +280,23 @@ def test_a_decision_is_on_disk_before_it_is_answered(tmp_path: Path) -> None:
         (out / names.REVIEW).write_text("{broken")
         assert post(server, {"row": 0, "kind": "accept"})[0] == 500
         assert (out / names.REVIEW).read_text() == "{broken"
+
+
+def test_a_file_that_the_system_refuses_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    out = write_run(tmp_path / "out", signs=2)
+
+    def refused(path: Path) -> bytes:
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), str(path))
+
+    with serving(out) as server:
+        monkeypatch.setattr(Path, "read_bytes", refused)
+        status, _, content = get(server, "out/run.json")
+    assert status == 500
+    assert b"run.json: Too many open files" in content
+    assert "Too many open files" in caplog.text
+    assert "Traceback" not in caplog.text
 
 
 def test_a_renamed_sign_does_not_inherit_another_ones_review(tmp_path: Path) -> None:
