@@ -32,9 +32,10 @@ not, about the median of so many, which is good to 0.4 sigma. A figure that halv
 another kind of solution, not scatter."""
 LEAST_WHITE_M = 0.02
 """Chosen: from fix to fix no position without carrier phase is steadier than one with it."""
-VELOCITY_DOWN_FACTOR = 1.5
-"""How much worse than level a velocity that states no accuracy is downwards: dilution of
-precision is that much larger (Kaplan and Hegarty, Understanding GPS, section 7.3)."""
+DOWN_FACTOR = 1.5
+"""How much worse than level a velocity that states no accuracy is downwards, and the least error of
+a position: dilution of precision is that much larger (Kaplan and Hegarty, Understanding GPS,
+section 7.3)."""
 VELOCITY_DELAY_SD_S, VELOCITY_DELAY_WINDOW_S = 0.2, 1.0
 """Receivers tell velocities of some instant of the last few tenths of a second, or a mean over
 them; which is not known yet. So a velocity counts as unsure by its change in such a time, taken

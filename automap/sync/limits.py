@@ -133,6 +133,9 @@ OFFSET_STEP_S, APART_S = 0.2, 5.0
 LEAST_OVERLAP_S, LEAST_OVERLAP = 20.0, 0.3
 """Common time that two recordings must have under an offset, s, and of the shorter one: chance
 finds better agreement the shorter it is."""
+PREDICTED_S = 0.15
+"""Receivers predict: velocities of recorded ones are ahead of their positions by no more. What is
+further ahead has positions that are late, for no velocity is measured before it is driven."""
 COURSE_OFF_RAD = 0.05
 """A course off by more is against another north: 3 deg, as the compass is off in most countries."""
 CERTAIN_LEAD_NATS, CERTAIN_NATS = 14.0, 25.0

@@ -133,6 +133,19 @@ class VelocityConsistency:
         return certain and abs(turn.value) > limits.COURSE_OFF_RAD
 
     @property
+    def positions_late_s(self) -> float:
+        """By how much positions are beyond doubt older than the velocities beside them, s, else 0:
+        the least that speed and course tell."""
+        told = (self.match.speed_lag_s, self.match.course_lag_s)
+        lags = [lag for lag in told if lag is not None]
+        if not lags or self.scale_wrong:
+            return 0.0
+        surest, late = min(lags, key=lambda lag: lag.sd), -max(lag.value for lag in lags)
+        beyond = max(-surest.value - limits.PREDICTED_S, 0.0) / surest.sd
+        certain = 0.5 * beyond**2 > limits.CERTAIN_LEAD_NATS
+        return late if certain and late > limits.PREDICTED_S else 0.0
+
+    @property
     def reasons(self) -> tuple[Reason, ...]:
         """What is beyond doubt, a sentence each: what is wrong throughout first."""
         return tuple(_reasons(self))
@@ -308,6 +321,12 @@ def _reasons(found: VelocityConsistency) -> Iterator[Reason]:
             "course_off",
             f"courses are told {math.degrees(-turn_rad.value):+.1f} deg off (sd "
             f"{math.degrees(turn_rad.sd):.1g}), as against the compass or a map's grid",
+        )
+    if found.positions_late_s:
+        yield Reason(
+            "positions_late",
+            f"positions are older than the velocities beside them by {found.positions_late_s:.2f} "
+            "s, as a filter that follows slowly makes them",
         )
     for code, held, what in (
         ("velocity_stuck", found.velocity_stuck, "velocities repeat while the positions move on"),

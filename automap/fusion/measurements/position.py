@@ -10,7 +10,7 @@ import numpy as np
 from automap.effects.measured_kernels import antenna_position
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_POS, HAS_POS_H, HAS_POS_V
-from automap.fusion.limits import LEAST_WHITE_M
+from automap.fusion.limits import DOWN_FACTOR, LEAST_WHITE_M
 from automap.fusion.measurements.state import AtNode
 from automap.fusion.mechanisation import radii
 from automap.fusion.options import FusionOptions
@@ -25,7 +25,8 @@ def position_errors(
 
     The receiver's accuracy figure, times ``factor`` [n], is taken as the size of its slowly
     wandering error; its white part is a share of that. Carrier-phase solutions are short-term as
-    good as they say. Without a figure: HDOP times a consumer receiver's range error, and what
+    good as they say. Without corrections no fix is better than what satellites have in common,
+    whatever it states. Without a figure: HDOP times a consumer receiver's range error, and what
     geometry does not thin out (Kaplan and Hegarty, Understanding GPS, section 7.2).
     """
     hdop = np.where(np.isfinite(fixes.hdop) & (fixes.hdop > 0), fixes.hdop, 1.0)
@@ -37,6 +38,10 @@ def position_errors(
     )
     sd = np.maximum(sd * factor[:, None], options.min_position_sd_m)
     carrier = (fixes.fix_type == FixType.FIXED) | (fixes.fix_type == FixType.FLOAT)
+    # orbits, satellites' clocks and the air: no receiver knows them without corrections
+    common = options.common_horizontal_sd_m * np.array([1.0, 1.0, DOWN_FACTOR])
+    corrected = carrier | (fixes.fix_type == FixType.DGNSS)
+    sd = np.where(corrected[:, None], sd, np.maximum(sd, common))
     white = np.where(carrier[:, None], sd, np.maximum(options.white_share * sd, LEAST_WHITE_M))
     return sd, white
 

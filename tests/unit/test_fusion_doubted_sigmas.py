@@ -1,0 +1,152 @@
+"""What is doubted is as unsure as it shows: velocities, headings, instants, fixes by themselves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from automap.earth import metres_per_radian
+from automap.fusion.doubts.path import Misses
+from automap.fusion.doubts.reason import Reason
+from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
+from automap.fusion.fix_levels import fix_levels
+from automap.fusion.gnss_only import smooth_fixes
+from automap.fusion.options import FusionOptions
+from automap.fusion.verdict import weigh_alone, widen
+from automap.records import Fixes, FloatArray, Trajectory
+from automap.sync.velocity_consistency import velocity_consistency
+from tests.unit.fusion_drive import CLOCK
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import Receiver, receive
+from tests.unit.receiver_scene import any_receiver, simulated_fixes
+
+NONE = Misses(np.zeros(0), *(np.zeros((0, 3)) for _ in range(3)))
+DOUBT = [Reason("a", "")]
+
+
+def winding_path(seconds: int = 200) -> Trajectory:
+    """Ten rows a second at 10 m/s through bends of half a minute."""
+    n = seconds * 10
+    t = 0.1 * np.arange(n)
+    yaw = 1.2 * np.sin(2.0 * np.pi * t / 30.0)
+    velocity = 10.0 * np.column_stack([np.cos(yaw), np.sin(yaw), 0.0 * t])
+    place = np.cumsum(velocity, axis=0) * 0.1
+    lat = place[:, 0] / metres_per_radian(0.0, 0.0)[0]
+    lon = place[:, 1] / metres_per_radian(0.0, 0.0)[1]
+    rpy = np.column_stack([0.0 * t, 0.0 * t, yaw])
+    return Trajectory(
+        *(np.rint(t * 1e9).astype(np.int64), 1.4e9 + t, lat, lon, 0.0 * t, velocity, rpy),
+        *(np.full((n, 3), 0.5), np.full((n, 3), 0.05), np.full((n, 3), 0.005)),
+    )
+
+
+def test_a_doubted_heading_and_velocity_are_as_unsure_as_they_are_off_the_fixes_own() -> None:
+    path = winding_path()
+    alone = replace(
+        path,
+        vel_ned=path.vel_ned + np.array([0.0, 0.8, 0.0]),
+        rpy=path.rpy + np.array([0.0, 0.0, np.radians(4.0)]),
+    )
+    wide = widen(path, DOUBT, NONE, alone)
+    assert np.degrees(wide.sd_rpy[:, 2]) == pytest.approx(4.0, rel=0.01)
+    assert wide.sd_vel_ned[:, 1] == pytest.approx(0.8, rel=0.01)
+    assert wide.sd_vel_ned[:, 0] == pytest.approx(0.05)
+    # where nothing is doubted nothing is widened
+    half = widen(path, [Reason("a", "", ((0.0, 100.0),))], NONE, alone)
+    assert half.sd_rpy[1500, 2] == path.sd_rpy[1500, 2]
+    # at rest a course says nothing of a heading
+    rest = replace(alone, vel_ned=np.zeros_like(path.vel_ned))
+    assert widen(path, DOUBT, NONE, rest).sd_rpy[:, 2] == pytest.approx(0.005)
+
+
+def test_what_may_be_of_another_instant_is_as_unsure_as_it_changes() -> None:
+    path = winding_path()
+    wide = widen(path, [Reason("a", "", late_s=0.8)], NONE, None)
+    inside = slice(20, -20)
+    late, early = (np.roll(path.rpy[:, 2], k) for k in (8, -8))
+    turned = np.maximum(np.abs(late - path.rpy[:, 2]), np.abs(early - path.rpy[:, 2]))
+    assert wide.sd_rpy[inside, 2] == pytest.approx(np.hypot(turned, 0.005)[inside], rel=1e-3)
+    # the way of that time, in any direction
+    assert np.hypot(*wide.sd_pos_ned[inside, :2].T).max() == pytest.approx(8.0, abs=0.2)
+    standing = replace(path, lat_rad=0 * path.lat_rad, lon_rad=0 * path.lon_rad)
+    assert widen(standing, [Reason("a", "", late_s=0.8)], NONE, None).sd_pos_ned.max() == 0.5
+
+
+# positions that are older than the velocities beside them
+
+
+def with_late_positions(fixes: Fixes, late_s: float) -> Fixes:
+    told = [
+        np.interp(fixes.gps_s - late_s, fixes.gps_s, v)
+        for v in (fixes.lat_rad, fixes.lon_rad, fixes.height_m)
+    ]
+    return replace(fixes, lat_rad=told[0], lon_rad=told[1], height_m=told[2])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_receiver_as_they_are_sold_has_late_positions(seed: int) -> None:
+    receiver = any_receiver(np.random.default_rng(seed))
+    assert velocity_consistency(simulated_fixes(seed, receiver, 120.0)).positions_late_s == 0.0
+
+
+def test_late_positions_are_told_dated_back_and_unsure_by_it() -> None:
+    motion = city_drive(240.0, 3)
+    fixes = receive(motion, Receiver(), 4)
+    late = with_late_positions(fixes, 0.9)
+    found = velocity_consistency(late)
+    assert found.positions_late_s == pytest.approx(0.9, abs=0.1)
+    (reason,) = receiver_doubts(found, 0.0)
+    assert (reason.code, reason.late_s) == ("positions_late", found.positions_late_s)
+    back = usable_fixes(late, found)
+    north = metres_per_radian(float(fixes.lat_rad[0]), 0.0)[0]
+    off = np.abs(back.lat_rad - fixes.lat_rad) * north
+    assert np.nanmedian(off) < 0.6
+    assert np.isnan(off).sum() < 8
+    weighed = weigh_alone(back, CLOCK, FusionOptions(), found)
+    assert weighed.verdict.state == "doubtful"
+    error, sd = errors(weighed.trajectory, motion)
+    assert np.mean(np.hypot(*(error / sd)[:, :2].T) < 2.45) > 0.95
+
+
+# fixes by themselves, whose figures promise too much
+
+
+def errors(path: Trajectory, motion: object) -> tuple[FloatArray, FloatArray]:
+    """Errors NED [m, 3] m of a path on ``motion`` and their stated sigmas."""
+    true = motion.at(path.gps_s - 1_400_000_000.0)  # type: ignore[attr-defined]
+    north, east = metres_per_radian(true.lat, true.height)
+    off = np.column_stack(
+        [
+            (path.lat_rad - true.lat) * north,
+            (path.lon_rad - true.lon) * east,
+            true.height - path.height_m,
+        ]
+    )
+    return off, path.sd_pos_ned
+
+
+def test_accuracies_that_the_velocities_contradict_are_not_believed() -> None:
+    options, held = FusionOptions(), []
+    for seed in (1, 2, 3):
+        motion = city_drive(300.0, seed)
+        honest = receive(motion, Receiver(wander=(3.0, 3.0, 4.0), tau=120.0), seed)
+        sure = replace(honest, sd_pos_ned=honest.sd_pos_ned / 8.0)
+        weighed = weigh_alone(sure, CLOCK, options, velocity_consistency(sure))
+        error, sd = errors(weighed.trajectory, motion)
+        held.append(np.mean(np.abs(error / sd) < 1.96))
+        levels = fix_levels(honest, options)
+        assert max(levels["wander"], levels["wander_v"], levels["position_h"]) <= 2.0
+    assert np.mean(held) > 0.9
+
+
+def test_velocities_better_than_stated_make_no_velocity_surer() -> None:
+    motion = city_drive(200.0, 5)
+    fixes = receive(motion, Receiver(velocity=0.03), 5)
+    options = FusionOptions()
+    levels = fix_levels(fixes, options)
+    assert levels["velocity_h"] < 1.0
+    told = smooth_fixes(fixes, CLOCK, options, levels).sd_vel_ned
+    plain = smooth_fixes(fixes, CLOCK, options).sd_vel_ned
+    assert np.all(told >= 0.999 * plain)
