@@ -16,6 +16,7 @@ from automap.errors import InputError
 from automap.fusion import limits
 from automap.fusion.consistency import channel_consistency, innovation_doubts
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
+from automap.fusion.doubts.difference import between, no_difference, within
 from automap.fusion.doubts.estimates import (
     Estimates,
     arm_by_drive,
@@ -28,7 +29,6 @@ from automap.fusion.doubts.estimates import (
 )
 from automap.fusion.doubts.heights import height_doubts
 from automap.fusion.doubts.outcome import leaning, mounted_askew, refused, unsure_path, weak_heading
-from automap.fusion.doubts.difference import between, no_difference, within
 from automap.fusion.doubts.path import Misses, contradicted, fix_misses, local_error, spans_of
 from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, Verdict, verdict_of

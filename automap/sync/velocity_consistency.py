@@ -23,7 +23,7 @@ from automap.sync.held_values import (
     in_long_repeats,
     stuck_velocities,
 )
-from automap.sync.parting import excess, partings
+from automap.sync.parting import asides, excess, partings
 from automap.sync.path_match import Estimate, Match, match_paths
 from automap.sync.receiver_path import ReceiverPath, receiver_path
 from automap.timebase import gps_to_iso
@@ -86,7 +86,8 @@ class VelocityConsistency:
     part by so much as a sound receiver's do not once. Intervals: velocities that do
     not change while positions move (``velocity_stuck``), positions that repeat while velocities
     tell of motion (``position_frozen``), whole rows that do (``rows_frozen``), and those in which
-    positions and velocities contradict each other otherwise (``parted``), whichever is wrong.
+    positions and velocities contradict each other otherwise (``parted``), whichever is wrong, and
+    those before, between and after them in which positions lie aside of most (``aside``).
     ``worse`` is how many times what is plausible they usually part by, one at least. ``means``:
     the velocities are right, and the ways between positions; None where they tell more than that.
     ``height_stuck``: the height is one number throughout: no receiver measures that.
@@ -105,6 +106,7 @@ class VelocityConsistency:
     worse: float
     means: EpochMeans | None = None
     height_stuck: bool = False
+    aside: tuple[Interval, ...] = ()
 
     @property
     def can_tell(self) -> bool:
@@ -218,6 +220,7 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
         worse=worse,
         means=epoch_means(path, use & position),
         height_stuck=_height_stuck(path),
+        aside=_intervals(path, asides(path, right, parted)),
     )
 
 

@@ -20,6 +20,7 @@ from automap.sync.velocity_consistency import velocity_consistency
 from tests.unit.fusion_drive import CLOCK
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
+from tests.unit.receiver_scene import Receiver as SoldReceiver
 from tests.unit.receiver_scene import any_receiver, simulated_fixes
 
 NONE = Misses(np.zeros(0), *(np.zeros((0, 3)) for _ in range(3)))
@@ -150,3 +151,26 @@ def test_velocities_better_than_stated_make_no_velocity_surer() -> None:
     told = smooth_fixes(fixes, CLOCK, options, levels).sd_vel_ned
     plain = smooth_fixes(fixes, CLOCK, options).sd_vel_ned
     assert np.all(told >= 0.999 * plain)
+
+
+# positions that jump
+
+
+@pytest.mark.parametrize(("begin", "end", "aside"), [(100, 150, [1]), (100, 240, [0, 1])])
+def test_positions_between_jumps_are_as_unsure_as_they_jumped(
+    begin: int, end: int, aside: list[int]
+) -> None:
+    """A minute aside of most of a drive is aside; of two halves nobody knows which is."""
+    fixes = simulated_fixes(7, SoldReceiver(wander_m=0.5, jumps_an_hour=0.0), 240.0)
+    assert velocity_consistency(fixes).aside == ()
+    t = fixes.gps_s - fixes.gps_s[0]
+    north = 30.0 / metres_per_radian(float(fixes.lat_rad[0]), 0.0)[0]
+    off = replace(fixes, lat_rad=fixes.lat_rad + north * ((t > begin) & (t < end)))
+    found = velocity_consistency(off)
+    assert len(found.aside) == len(aside)
+    assert [i.metres for i in found.aside] == pytest.approx([30.0] * len(aside), abs=4.0)
+    middle = [0.5 * (i.start_gps_s + i.end_gps_s) - fixes.gps_s[0] for i in found.aside]
+    assert [int(m > begin) for m in middle] == aside
+    told = {reason.code: reason for reason in receiver_doubts(found, float(fixes.gps_s[0]))}
+    assert told["positions_aside"].error_m == pytest.approx(30.0, abs=4.0)
+    assert not told["positions_aside"].handled

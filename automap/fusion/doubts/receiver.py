@@ -164,6 +164,15 @@ def _doubts(found: VelocityConsistency, start: float) -> Iterator[Reason]:
             _spans(found.parted, start),
             error_m=worst,
         )
+    if found.aside:
+        worst = max(interval.metres for interval in found.aside)
+        yield Reason(
+            "positions_aside",
+            f"between such jumps the receiver's positions lie up to {worst:.0f} m aside of where "
+            "they are otherwise: reflections, or another antenna or receiver",
+            _spans(found.aside, start),
+            error_m=worst,
+        )
 
 
 def _spans(intervals: Sequence[Interval], start: float) -> tuple[Span, ...]:

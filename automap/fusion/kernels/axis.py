@@ -32,8 +32,8 @@ def smooth_axis(
     ``t`` [n] s, ``z`` [n, 2] position m and velocity m/s, ``used`` [n, 2] which of them are
     there, ``var`` [n, 2] white variances, ``lasting`` [n, 2] sigmas of the errors that last for
     ``tau`` s, ``psd`` of the white acceleration; a squared innovation beyond ``nis_limit``
-    variances is trusted less. ``out`` [n, 4] receives position, velocity and their sd, or is empty. White
-    acceleration: Bar-Shalom, Li, Kirubarajan, section 6.2.2; backwards modified Bryson-Frazier
+    variances is trusted less. ``out`` [n, 4] receives position, velocity and their sd, or is empty.
+    White acceleration: Bar-Shalom, Li, Kirubarajan, section 6.2.2; backwards modified Bryson-Frazier
     (Bierman 1973).
     """
     n = t.shape[0]
