@@ -339,6 +339,12 @@ LEAST_JUDGED = 20
 DOUBT_PROBABILITY = 1e-6
 """One test doubts a right drive so rarely: with some hundred tests a drive, one drive in ten
 thousand."""
+TOLD_SHARE, ADDED_SHARE = 0.25, 0.2
+"""A part of a drive tells a constant whose variance it brings down to this share, and the rest adds
+to it what takes a sixth away from what is left. Chosen: a sigma of half, and what is no rounding."""
+AGE_SCATTER = 2.0
+"""How much more lags of a sound receiver vary over a drive than by their sigmas: 1.5 to 3 times for
+recorded cars, with geodetic receivers and phones."""
 LEAST_AGE_S = 0.15
 """Fixes of real phones and receivers seem to come from the future by so much: they predict."""
 AT_BOUND = 0.99

@@ -16,6 +16,7 @@ from automap.errors import InputError
 from automap.fusion import limits
 from automap.fusion.consistency import channel_consistency, innovation_doubts
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
+from automap.fusion.doubts.constancy import constancy_doubts
 from automap.fusion.doubts.difference import between, no_difference, within
 from automap.fusion.doubts.estimates import (
     Estimates,
@@ -108,6 +109,7 @@ def weigh(
         *steps,
         *of_imu,
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed))),
+        *(constancy_doubts(result.filtered_parameters) if believed else ()),
         *(contradicted_arm(found, lever_arm, limits.STATED_ARM_SD_M) if believed else ()),
         *height_doubts(path, fixes),
         *askew,
@@ -247,7 +249,7 @@ def widen(
             there |= (t >= a) & (t <= b)
         if not reason.spans:
             there[:] = True
-        doubted |= there
+        doubted |= there & (reason.state != "good")
         factor[there] = np.maximum(factor[there], reason.factor)
         floor[there] = np.maximum(floor[there], reason.error_m)
         high[there] = np.maximum(high[there], reason.height_m)

@@ -204,7 +204,7 @@ STEP_SD_M = 2.0
 metres as satellites come and go."""
 MOST_OF_DRIVE = 2.0 / 3.0
 """Of the places between which positions jump that one is believed where they are for so much of the
-drive. Chosen: twice as long as in all others; a reflection lasts for less than a view of the sky."""
+drive. Chosen: twice as long as in all others, for reflections last less than a view of the sky."""
 JUMP_EVERY_S = 30.0
 """Positions of a receiver that stands jump at most so often. Chosen: as satellites come and go."""
 PARTING_S = (0.0, 4.0, 16.0, 64.0)

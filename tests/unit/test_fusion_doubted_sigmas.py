@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from automap.earth import metres_per_radian
+from automap.fusion.doubts.constancy import constancy_doubts, move_of
 from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
 from automap.fusion.fix_levels import fix_levels
 from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.options import FusionOptions
+from automap.fusion.output import ParameterHistory
 from automap.fusion.verdict import weigh_alone, widen
 from automap.records import Fixes, FloatArray, Trajectory
 from automap.sync.velocity_consistency import velocity_consistency
@@ -174,3 +176,55 @@ def test_positions_between_jumps_are_as_unsure_as_they_jumped(
     told = {reason.code: reason for reason in receiver_doubts(found, float(fixes.gps_s[0]))}
     assert told["positions_aside"].error_m == pytest.approx(30.0, abs=4.0)
     assert not told["positions_aside"].handled
+
+
+# what is one number all through a drive
+
+
+def known_by_and_by(change: float, seed: int, scatter: float = 1.0) -> ParameterHistory:
+    """A filter's estimates of a delay from a measurement a second, which becomes another half-way,
+    beside a prior of 0.05 s; and of a mounting that stays."""
+    rng = np.random.default_rng(seed)
+    n, sd = 200, 0.1
+    true = np.where(np.arange(n) < n // 2, 0.0, change)
+    told = true + sd * scatter * rng.standard_normal(n)
+    weight = 1.0 / 0.05**2 + np.arange(1, n + 1) / sd**2
+    value = np.cumsum(told / sd**2) / weight
+    steady = np.cumsum(rng.standard_normal(n) / sd) / weight
+    names = ("imu_time_offset_s", "imu_mounting_yaw")
+    spread = np.column_stack([weight**-0.5] * 2)
+    t_ns = (np.arange(n) * 1e9).astype(np.int64)
+    return ParameterHistory(t_ns, names, np.column_stack([value, steady]), spread)
+
+
+def test_a_delay_that_stays_is_not_said_to_change() -> None:
+    found = [move_of(known_by_and_by(0.0, seed), "imu_time_offset_s") for seed in range(200)]
+    assert all(move is not None and move.sigmas < 4.9 for move in found)
+    # at any one instant the difference is as large as its sigma says
+    ratio = [
+        (h.values[-1, 0] - h.values[60, 0]) / np.sqrt(h.sd[60, 0] ** 2 - h.sd[-1, 0] ** 2)
+        for h in (known_by_and_by(0.0, seed) for seed in range(400))
+    ]
+    assert np.std(ratio) == pytest.approx(1.0, abs=0.12)
+
+
+def test_a_delay_that_becomes_another_is_told_with_its_size() -> None:
+    (reason,) = constancy_doubts(known_by_and_by(0.25, 3))
+    assert (reason.code, reason.state) == ("age_changes", "doubtful")
+    assert reason.late_s == pytest.approx(0.25, abs=0.06)
+    # what receivers' delays vary by leaves a path good, and as unsure as that
+    (reason,) = constancy_doubts(known_by_and_by(0.1, 3))
+    assert reason.state == "good"
+    path = winding_path()
+    wide = widen(path, [reason], NONE, replace(path, vel_ned=path.vel_ned + 1.0))
+    assert wide.sd_vel_ned.max() < 0.8
+    assert np.hypot(*wide.sd_pos_ned[:, :2].T).max() > 0.9
+    assert list(constancy_doubts(known_by_and_by(0.0, 3))) == []
+
+
+def test_an_imu_that_was_turned_is_told() -> None:
+    found = known_by_and_by(0.35, 3)
+    turned = replace(found, names=("imu_mounting_yaw", "imu_time_offset_s"))
+    (reason,) = constancy_doubts(turned)
+    assert reason.code == "mounting_changes"
+    assert "by 20 deg" in reason.text or "by 2" in reason.text

@@ -33,7 +33,7 @@ def smooth_axis(
     there, ``var`` [n, 2] white variances, ``lasting`` [n, 2] sigmas of the errors that last for
     ``tau`` s, ``psd`` of the white acceleration; a squared innovation beyond ``nis_limit``
     variances is trusted less. ``out`` [n, 4] receives position, velocity and their sd, or is empty.
-    White acceleration: Bar-Shalom, Li, Kirubarajan, section 6.2.2; backwards modified Bryson-Frazier
+    White acceleration: Bar-Shalom, Li, Kirubarajan, 6.2.2; backwards modified Bryson-Frazier
     (Bierman 1973).
     """
     n = t.shape[0]
