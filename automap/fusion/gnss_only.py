@@ -22,7 +22,7 @@ from automap.fusion.limits import (
     UNKNOWN_HEADING_SD,
     UNKNOWN_LEAN_SD,
 )
-from automap.fusion.measurements.position import lasting_share, unseen_errors
+from automap.fusion.measurements.position import common_errors, lasting_share, unseen_errors
 from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
 from automap.records import BoolArray, ClockModel, Fixes, FloatArray, Trajectory
@@ -99,8 +99,22 @@ def unaveraged(
         lasting_share(options, factors) * model.stated_sd,
         unseen_errors(model.stated_sd, options, factors),
     )
-    least = np.stack([np.interp(path.gps_s, model.t[has], lasts[has, a]) for a in range(3)], axis=1)
+    return at_least(path, model.t[has], lasts[has])
+
+
+def at_least(path: Trajectory, gps_s: FloatArray, sd: FloatArray) -> Trajectory:
+    """The ``path`` with a position nowhere surer than ``sd`` [k, 3] m at ``gps_s`` [k] s."""
+    least = np.stack([np.interp(path.gps_s, gps_s, column) for column in sd.T], axis=1)
     return replace(path, sd_pos_ned=np.maximum(path.sd_pos_ned, least))
+
+
+def uncorrected(path: Trajectory, fixes: Fixes, options: FusionOptions) -> Trajectory:
+    """The ``path`` with a position nowhere surer than uncorrected ``fixes`` can be."""
+    rows = np.flatnonzero(np.isfinite(fixes.lat_rad) & np.isfinite(fixes.gps_s))
+    if not len(rows):
+        return path
+    rows = rows[np.argsort(fixes.gps_s[rows], kind="stable")]
+    return at_least(path, fixes.gps_s[rows], common_errors(fixes, options)[rows])
 
 
 def _hold(angle: FloatArray, valid: BoolArray) -> FloatArray:

@@ -341,7 +341,7 @@ DOUBT_PROBABILITY = 1e-6
 thousand."""
 TOLD_SHARE, ADDED_SHARE = 0.25, 0.2
 """A part of a drive tells a constant whose variance it brings down to this share, and the rest adds
-to it what takes a sixth away from what is left. Chosen: a sigma of half, and what is no rounding."""
+to it what takes a sixth away from what is left. Chosen: a sigma of half, and more than rounding."""
 AGE_SCATTER = 2.0
 """How much more lags of a sound receiver vary over a drive than by their sigmas: 1.5 to 3 times for
 recorded cars, with geodetic receivers and phones."""

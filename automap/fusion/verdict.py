@@ -40,7 +40,7 @@ from automap.fusion.doubts.velocity_step import compare, step_doubts, velocity_s
 from automap.fusion.engine import FusionResult, Prior
 from automap.fusion.fix_levels import fix_levels
 from automap.fusion.free_inertial import free_inertial
-from automap.fusion.gnss_only import smooth_fixes, unaveraged
+from automap.fusion.gnss_only import smooth_fixes, unaveraged, uncorrected
 from automap.fusion.levels import VELOCITY_WANDER
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
@@ -79,7 +79,7 @@ def weigh(
     """
     found = final_estimates(result)
     bridged = result.bridged or bridge_unusable(imu)
-    path = result.trajectory
+    path = uncorrected(result.trajectory, fixes, options)
     speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
     told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
     fix_s = np.asarray((clock.t_ns(fixes.gps_s[told]) - int(imu.t_ns[0])) * 1e-9)
@@ -138,7 +138,7 @@ def weigh(
         if left < limits.AGREEING_SHARE:
             reasons = [_worse(share), *reasons]
             # what speaks against the IMU's path leaves that of the fixes as it is
-            path = unaveraged(alone, fixes, options, levels)
+            path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
             widened = widen(path, [*of_receiver, *own], beside, None)
             return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
     widened = widen(path, reasons, misses, alone)
@@ -156,6 +156,7 @@ def weigh_alone(
     dated = dated_velocities(fixes, receiver)
     levels = fix_levels(dated, options)
     path = unaveraged(smooth_fixes(dated, clock, options, levels), fixes, options, levels)
+    path = uncorrected(path, fixes, options)
     model = as_shown(model_fixes(fixes, fixes.gps_s, options), options, levels)
     misses = fix_misses(path, model)
     off, _ = _off_the_fixes(misses, options.wander_tau_s)

@@ -140,7 +140,8 @@ class VelocityConsistency:
         the least that speed and course tell."""
         told = (self.match.speed_lag_s, self.match.course_lag_s)
         lags = [lag for lag in told if lag is not None]
-        if not lags or self.scale_wrong:
+        # the ways between positions may be those to come
+        if not lags or self.scale_wrong or self.means is not None:
             return 0.0
         surest, late = min(lags, key=lambda lag: lag.sd), -max(lag.value for lag in lags)
         beyond = max(-surest.value - limits.PREDICTED_S, 0.0) / surest.sd

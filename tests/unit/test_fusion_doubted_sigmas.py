@@ -13,11 +13,11 @@ from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
 from automap.fusion.fix_levels import fix_levels
-from automap.fusion.gnss_only import smooth_fixes
+from automap.fusion.gnss_only import smooth_fixes, uncorrected
 from automap.fusion.options import FusionOptions
 from automap.fusion.output import ParameterHistory
 from automap.fusion.verdict import weigh_alone, widen
-from automap.records import Fixes, FloatArray, Trajectory
+from automap.records import Fixes, FixType, FloatArray, Trajectory
 from automap.sync.velocity_consistency import velocity_consistency
 from tests.unit.fusion_drive import CLOCK
 from tests.unit.fusion_motion import city_drive
@@ -228,3 +228,27 @@ def test_an_imu_that_was_turned_is_told() -> None:
     (reason,) = constancy_doubts(turned)
     assert reason.code == "mounting_changes"
     assert "by 20 deg" in reason.text or "by 2" in reason.text
+
+
+def test_the_ways_to_the_next_positions_make_no_position_late() -> None:
+    fixes = receive(city_drive(200.0, 6), Receiver(rate=1.0), 6)
+    north, east = metres_per_radian(fixes.lat_rad, fixes.height_m)
+    step = np.diff(fixes.gps_s)
+    velocity = fixes.vel_ned.copy()
+    velocity[:-1, 0] = np.diff(fixes.lat_rad) * north[:-1] / step
+    velocity[:-1, 1] = np.diff(fixes.lon_rad) * east[:-1] / step
+    velocity[:-1, 2] = -np.diff(fixes.height_m) / step
+    found = velocity_consistency(replace(fixes, vel_ned=velocity))
+    assert found.means is not None
+    assert found.positions_late_s == 0.0
+
+
+def test_without_corrections_no_path_is_surer_than_satellites_are() -> None:
+    options = FusionOptions()
+    fixes = receive(city_drive(60.0, 8), Receiver(), 8)
+    path = replace(winding_path(60), gps_s=np.linspace(fixes.gps_s[0], fixes.gps_s[-1], 600))
+    path = replace(path, sd_pos_ned=np.full((600, 3), 0.1))
+    least = options.common_horizontal_sd_m * np.array([1.0, 1.0, 1.5])
+    assert uncorrected(path, fixes, options).sd_pos_ned == pytest.approx(np.tile(least, (600, 1)))
+    fixed = replace(fixes, fix_type=np.full(len(fixes), FixType.FIXED))
+    assert uncorrected(path, fixed, options).sd_pos_ned.max() == 0.1

@@ -25,8 +25,7 @@ def position_errors(
 
     The receiver's accuracy figure, times ``factor`` [n], is taken as the size of its slowly
     wandering error; its white part is a share of that. Carrier-phase solutions are short-term as
-    good as they say. Without corrections no fix is better than what satellites have in common,
-    whatever it states. Without a figure: HDOP times a consumer receiver's range error, and what
+    good as they say. Without a figure: HDOP times a consumer receiver's range error, and what
     geometry does not thin out (Kaplan and Hegarty, Understanding GPS, section 7.2).
     """
     hdop = np.where(np.isfinite(fixes.hdop) & (fixes.hdop > 0), fixes.hdop, 1.0)
@@ -38,10 +37,6 @@ def position_errors(
     )
     sd = np.maximum(sd * factor[:, None], options.min_position_sd_m)
     carrier = (fixes.fix_type == FixType.FIXED) | (fixes.fix_type == FixType.FLOAT)
-    # orbits, satellites' clocks and the air: no receiver knows them without corrections
-    common = options.common_horizontal_sd_m * np.array([1.0, 1.0, DOWN_FACTOR])
-    corrected = carrier | (fixes.fix_type == FixType.DGNSS)
-    sd = np.where(corrected[:, None], sd, np.maximum(sd, common))
     white = np.where(carrier[:, None], sd, np.maximum(options.white_share * sd, LEAST_WHITE_M))
     return sd, white
 
@@ -77,6 +72,15 @@ def unseen_errors(
     left = 1.0 - slow**2 - quick**2 - white**2
     grown = options.bias_share * np.maximum.accumulate(slow) / options.wander_share
     return stated_sd * np.sqrt(np.maximum(left, grown**2))
+
+
+def common_errors(fixes: Fixes, options: FusionOptions) -> FloatArray:
+    """Sigma NED [n, 3] m below which no fix is known that was made without corrections, whatever
+    its receiver states: orbits and clocks of the satellites and the air are the same for minutes,
+    and nothing in the drive shows them. Zero for corrected ones."""
+    corrected = np.isin(fixes.fix_type, (FixType.DGNSS, FixType.FLOAT, FixType.FIXED))
+    common = options.common_horizontal_sd_m * np.array([1.0, 1.0, DOWN_FACTOR])
+    return np.where(corrected[:, None], 0.0, common)
 
 
 def has_position(fixes: Fixes) -> tuple[BoolArray, BoolArray]:
