@@ -345,6 +345,9 @@ to it what takes a sixth away from what is left. Chosen: a sigma of half, and mo
 AGE_SCATTER = 2.0
 """How much more lags of a sound receiver vary over a drive than by their sigmas: 1.5 to 3 times for
 recorded cars, with geodetic receivers and phones."""
+MINUTES_OFF_M = 0.4 * 111_200.0
+"""Minutes of arc that were read as hundredths of a degree, or the other way round, are off by up to
+0.4 deg, of which one is 111.2 km."""
 LEAST_AGE_S = 0.15
 """Fixes of real phones and receivers seem to come from the future by so much: they predict."""
 AT_BOUND = 0.99

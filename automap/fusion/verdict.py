@@ -90,7 +90,9 @@ def weigh(
         *impossible_errors(found),
         *leaning(path),
     ]
-    of_receiver = receiver_doubts(receiver, float(path.gps_s[0]))
+    at_bound = levels_at_bound(result.noise_factors, options.tune)
+    felt = not any(reason.inertial for reason in (*of_imu, *at_bound))
+    of_receiver = receiver_doubts(receiver, float(path.gps_s[0]), felt)
     askew, lean = mounted_askew(path)
     path = replace(path, sd_rpy=np.hypot(path.sd_rpy, [lean, 0.0, 0.0]))
     # an IMU that errs by itself is no witness, and what errs in one way seems to in others
@@ -114,7 +116,7 @@ def weigh(
         *height_doubts(path, fixes),
         *askew,
         *weak_heading(result.align_margin),
-        *levels_at_bound(result.noise_factors, options.tune),
+        *at_bound,
         *refused(result.innovations),
         *innovation_doubts(channel_consistency(result.innovations)),
     ]

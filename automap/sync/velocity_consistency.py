@@ -135,6 +135,13 @@ class VelocityConsistency:
         return certain and abs(turn.value) > limits.COURSE_OFF_RAD
 
     @property
+    def may_be_minutes(self) -> bool:
+        """Whether minutes of arc that are none explain the scale as well: then velocities are
+        right, and positions are off by kilometres."""
+        scale = self.match.scale
+        return self.unit is not None and scale is not None and bool(_by_minutes(scale))
+
+    @property
     def positions_late_s(self) -> float:
         """By how much positions are beyond doubt older than the velocities beside them, s, else 0:
         the least that speed and course tell."""

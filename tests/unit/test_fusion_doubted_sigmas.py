@@ -252,3 +252,17 @@ def test_without_corrections_no_path_is_surer_than_satellites_are() -> None:
     assert uncorrected(path, fixes, options).sd_pos_ned == pytest.approx(np.tile(least, (600, 1)))
     fixed = replace(fixes, fix_type=np.full(len(fixes), FixType.FIXED))
     assert uncorrected(path, fixed, options).sd_pos_ned.max() == 0.1
+
+
+def test_minutes_that_are_none_leave_positions_off_by_kilometres_unless_an_imu_feels_them() -> None:
+    fixes = simulated_fixes(5, SoldReceiver(), 180.0)
+    wrong = velocity_consistency(replace(fixes, vel_ned=fixes.vel_ned / 0.6))
+    (reason,) = (r for r in receiver_doubts(wrong, 0.0) if r.code == "velocity_unit")
+    assert not reason.handled
+    assert reason.error_m > 40e3
+    (reason,) = (r for r in receiver_doubts(wrong, 0.0, felt=True) if r.code == "velocity_unit")
+    assert reason.handled
+    # a unit that no minutes explain is one
+    unit = velocity_consistency(replace(fixes, vel_ned=3.6 * fixes.vel_ned))
+    (reason,) = (r for r in receiver_doubts(unit, 0.0) if r.code == "velocity_unit")
+    assert reason.handled

@@ -106,16 +106,19 @@ def dated_velocities(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     return replace(fixes, vel_ned=velocity)
 
 
-def receiver_doubts(found: VelocityConsistency, start_gps_s: float) -> list[Reason]:
-    """Reasons of a receiver that contradicts itself; ``start_gps_s`` of the path's first row.
+def receiver_doubts(
+    found: VelocityConsistency, start_gps_s: float, felt: bool = False
+) -> list[Reason]:
+    """Reasons of a receiver that contradicts itself; ``start_gps_s`` of the path's first row,
+    ``felt``: an IMU feels the speeds of its positions.
 
     What was left out leaves the path as sure as it says. Where positions and velocities part, and
     nothing says which is wrong, the path may be off by as much.
     """
-    return list(_doubts(found, start_gps_s))
+    return list(_doubts(found, start_gps_s, felt))
 
 
-def _doubts(found: VelocityConsistency, start: float) -> Iterator[Reason]:
+def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Reason]:
     held = dict(
         zip(_HELD, (found.velocity_stuck, found.position_frozen, found.rows_frozen), strict=True)
     )
@@ -125,6 +128,10 @@ def _doubts(found: VelocityConsistency, start: float) -> Iterator[Reason]:
             # either the path is mirrored or its velocities are: nothing was left out
             text = f"{reason.text}: give the column of the log its sign"
             yield Reason(reason.code, text, state="unusable")
+            continue
+        if reason.code == "velocity_unit" and found.may_be_minutes and not felt:
+            text = f"the receiver's {reason.text}: nothing in the drive tells which; check its log"
+            yield Reason(reason.code, text, error_m=limits.MINUTES_OFF_M)
             continue
         if reason.code == "course_off":
             text = f"the receiver's {reason.text}: they were turned back; log them from true north"
