@@ -7,6 +7,7 @@ than the fixes alone, the path is that of the fixes alone.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -17,7 +18,7 @@ from automap.fusion import limits
 from automap.fusion.consistency import channel_consistency, innovation_doubts
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
 from automap.fusion.doubts.constancy import constancy_doubts
-from automap.fusion.doubts.difference import between, no_difference, within
+from automap.fusion.doubts.difference import between, no_difference, off_course, within
 from automap.fusion.doubts.estimates import (
     Estimates,
     arm_by_drive,
@@ -106,6 +107,13 @@ def weigh(
     arm = arm_by_drive(found, lever_arm, limits.STATED_ARM_SD_M)
     arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
     steps = _steps(result, bridged, found, fixes, options, delay_is_clock, arm) if believed else []
+    try:
+        dated = dated_velocities(fixes, receiver)
+        levels = fix_levels(dated, options)
+        alone = smooth_fixes(dated, clock, options, levels)
+    except InputError:
+        alone = None
+    off = math.inf if alone is None else off_course(path, alone)
     reasons = [
         *of_receiver,
         *steps,
@@ -115,7 +123,7 @@ def weigh(
         *(contradicted_arm(found, lever_arm, limits.STATED_ARM_SD_M) if believed else ()),
         *height_doubts(path, fixes),
         *askew,
-        *weak_heading(result.align_margin),
+        *weak_heading(result.align_margin, off),
         *at_bound,
         *refused(result.innovations),
         *innovation_doubts(channel_consistency(result.innovations)),
@@ -123,14 +131,8 @@ def weigh(
     model = as_shown(model_fixes(fixes, fixes.gps_s, options), options, result.noise_factors)
     arm = _of_axes(found, "gnss_lever_arm")
     misses = fix_misses(path, model, arm, found.get(LATENCY_STATE, (0.0, 0.0))[0])
-    off, share = _off_the_fixes(misses, options.wander_tau_s)
-    reasons += off
-    try:
-        dated = dated_velocities(fixes, receiver)
-        levels = fix_levels(dated, options)
-        alone = smooth_fixes(dated, clock, options, levels)
-    except InputError:
-        alone = None
+    far, share = _off_the_fixes(misses, options.wander_tau_s)
+    reasons += far
     blamed = any(reason.inertial for reason in reasons)
     most = limits.BLAMED_SHARE if blamed else limits.WORSE_SHARE
     # where the receiver jumps its fixes are no better

@@ -9,6 +9,8 @@ import pytest
 
 from automap.earth import metres_per_radian
 from automap.fusion.doubts.constancy import constancy_doubts, move_of
+from automap.fusion.doubts.difference import off_course
+from automap.fusion.doubts.outcome import weak_heading
 from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
@@ -266,3 +268,12 @@ def test_minutes_that_are_none_leave_positions_off_by_kilometres_unless_an_imu_f
     unit = velocity_consistency(replace(fixes, vel_ned=3.6 * fixes.vel_ned))
     (reason,) = (r for r in receiver_doubts(unit, 0.0) if r.code == "velocity_unit")
     assert reason.handled
+
+
+def test_a_heading_that_is_the_course_is_not_weak_however_the_start_was_found() -> None:
+    path = winding_path()
+    assert weak_heading(1.0, off_course(path, path)) == []
+    behind = replace(path, rpy=path.rpy + np.array([0.0, 0.0, np.pi]))
+    assert [r.code for r in weak_heading(1.0, off_course(path, behind))] == ["heading_weak"]
+    standing = replace(path, vel_ned=np.zeros_like(path.vel_ned))
+    assert [r.code for r in weak_heading(1.0, off_course(path, standing))] == ["heading_weak"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +51,17 @@ def between(path: Trajectory, other: Trajectory) -> Difference:
     if driving.any():
         heading = _size(t[driving], turned[driving], path.gps_s)
     return Difference(np.interp(path.gps_s, t, np.hypot(*apart.T)), velocity, heading)
+
+
+def off_course(path: Trajectory, other: Trajectory) -> float:
+    """Root mean square of the angle, rad, between the headings of ``path`` and the courses of
+    another path while the vehicle drives; infinite where it never does."""
+    at = poses_at_gps(path, other.gps_s)
+    rows = at.covered & (np.hypot(*other.vel_ned[:, :2].T) > limits.DRIVING_SPEED)
+    if not rows.any():
+        return math.inf
+    turned = np.angle(np.exp(1j * (other.rpy[rows, 2] - at.rpy[rows, 2])))
+    return float(np.sqrt(np.mean(turned**2)))
 
 
 def _size(t: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
