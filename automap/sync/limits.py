@@ -194,6 +194,10 @@ LEAST_PART_M = 0.01
 SOUND_SCALE_SD = 0.02
 """Relative error of a sound receiver's speed over a drive. Chosen: slopes and smoothing take off
 less than a hundredth, and the least mistake of a unit, miles per hour as knots, is 15 %."""
+TOLD_AGAIN_M, TOLD_AGAIN_SHARE = 1.0, 0.5
+"""Five steps of coordinates with four decimals of a minute, 0.19 m, the coarsest that are usual:
+after so much way no position is the same again, with its speed and course. Where most rows are, the
+log is written faster than the receiver measures; a tunnel repeats less."""
 LEAST_REPEATS = 3
 """A value must repeat so often to be looked into: one that is told with few digits repeats once or
 twice by chance."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from automap.sync.held_values import (
     frozen_positions,
     in_long_repeats,
     stuck_velocities,
+    told_again,
 )
 from automap.sync.parting import asides, excess, partings
 from automap.sync.path_match import Estimate, Match, match_paths
@@ -189,7 +190,7 @@ def _within(fixes: Fixes, intervals: Sequence[Interval]) -> BoolArray:
 
 def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
     """Compare the velocities of ``fixes`` with their positions; never raises."""
-    path = receiver_path(fixes)
+    path = receiver_path(replace(fixes, lat_rad=np.where(told_again(fixes), np.nan, fixes.lat_rad)))
     told = np.isfinite(path.velocity)
     if np.count_nonzero(told) < 2:
         none: tuple[Interval, ...] = ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields as dataclass_fields
 from dataclasses import replace
 
 import numpy as np
@@ -277,3 +278,22 @@ def test_a_heading_that_is_the_course_is_not_weak_however_the_start_was_found() 
     assert [r.code for r in weak_heading(1.0, off_course(path, behind))] == ["heading_weak"]
     standing = replace(path, vel_ned=np.zeros_like(path.vel_ned))
     assert [r.code for r in weak_heading(1.0, off_course(path, standing))] == ["heading_weak"]
+
+
+def test_rows_that_say_again_what_was_said_before_tell_nothing() -> None:
+    fixes = receive(city_drive(120.0, 9), Receiver(rate=1.0), 9)
+    rows = np.repeat(np.arange(len(fixes)), 10)
+    again = Fixes(**{f.name: getattr(fixes, f.name)[rows] for f in dataclass_fields(fixes)})
+    again = replace(again, gps_s=fixes.gps_s[0] + 0.1 * np.arange(len(again)))
+    speed = np.hypot(*fixes.vel_ned[:, :2].T)
+    usable = usable_fixes(again, velocity_consistency(again))
+    told = np.isfinite(usable.lat_rad)
+    assert told[::10].all()
+    moved = np.repeat(0.9 * speed > 1.0, 10)
+    assert not told[moved & (np.arange(len(again)) % 10 > 0)].any()
+    # who stands is where he was
+    slow = np.repeat(0.9 * speed < 0.9, 10)
+    assert slow.any()
+    assert told[slow].all()
+    plain = usable_fixes(fixes, velocity_consistency(fixes))
+    assert np.isfinite(plain.lat_rad).all()

@@ -11,6 +11,7 @@ import numpy as np
 from automap.fusion import limits
 from automap.fusion.doubts.reason import Reason, Span
 from automap.records import BoolArray, Fixes, FixType, FloatArray
+from automap.sync.held_values import told_again
 from automap.sync.velocity_consistency import Interval, VelocityConsistency, told_intervals
 
 _HELD = ("velocity_stuck", "position_frozen", "rows_frozen")
@@ -21,7 +22,9 @@ def usable_fixes(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     """Fixes without the velocities and positions that cannot be right; courses against another
     north are turned to that of the positions, positions older than their velocities are dated back.
     """
-    velocity, position = fixes.vel_ned.copy(), found.unusable_position(fixes)
+    again = told_again(fixes)
+    velocity, position = fixes.vel_ned.copy(), found.unusable_position(fixes) | again
+    velocity[again] = np.nan
     velocity[found.unusable_velocity(fixes), :2] = np.nan
     velocity[found.unusable_vertical_velocity(fixes), 2] = np.nan
     if found.course_off and found.match.turn_rad is not None:
