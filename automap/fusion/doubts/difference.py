@@ -70,7 +70,7 @@ def _size(t: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
     total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(values) ** 2)])
     first = np.searchsorted(t, t - half, side="left")
     stop = np.searchsorted(t, t + half, side="right")
-    return np.interp(at, t, np.sqrt((total[stop] - total[first]) / (stop - first)))
+    return np.asarray(np.interp(at, t, np.sqrt((total[stop] - total[first]) / (stop - first))))
 
 
 def within(path: Trajectory, late_s: FloatArray) -> Difference:
