@@ -12,6 +12,7 @@ from automap.fusion import limits
 from automap.fusion.doubts.reason import Reason, Span
 from automap.records import BoolArray, Fixes, FixType, FloatArray
 from automap.sync.held_values import told_again
+from automap.sync.limits import DELAY_SD_S
 from automap.sync.velocity_consistency import Interval, VelocityConsistency, told_intervals
 
 _HELD = ("velocity_stuck", "position_frozen", "rows_frozen")
@@ -145,8 +146,8 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
                 f"the receiver's {reason.text}: they were dated back; turn its smoothing of "
                 "positions off, or log those that belong to the times"
             )
-            # a filter that follows slowly is late by differing times
-            yield Reason(reason.code, text, late_s=found.positions_late_s)
+            # a filter that follows slowly is late by differing times, and velocities have an age
+            yield Reason(reason.code, text, late_s=found.positions_late_s + DELAY_SD_S)
             continue
         if reason.code in held:
             # a receiver that lost its view repeats a fix now and then
