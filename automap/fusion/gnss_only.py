@@ -7,78 +7,56 @@ course, pitch the slope of the path, roll zero.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
-from automap.earth import from_local_ned, local_ned
+from automap.earth import from_local_ned
 from automap.effects.limits import COURSE_SPEED
-from automap.errors import InputError
-from automap.fusion.kernels.axis import smooth_axis
+from automap.fusion.fix_axes import smooth_epochs, usable_epochs
 from automap.fusion.limits import (
     COURSE_SLIP_SD,
     LEAST_COURSE_SPEED,
-    LEAST_FIXES,
-    ROAD_ACCELERATION_PSD,
     UNKNOWN_HEADING_SD,
     UNKNOWN_LEAN_SD,
 )
-from automap.fusion.measurements.position import lasting_share, unseen_errors
+from automap.fusion.measurements.position import common_errors, lasting_share, unseen_errors
 from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
-from automap.fusion.screening import screen_fixes
-from automap.gates import gate
 from automap.records import BoolArray, ClockModel, Fixes, FloatArray, Trajectory
 
 
-def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Trajectory:
-    """Smoothed trajectory at the fixes' epochs, one row per usable fix.
+def smooth_fixes(
+    fixes: Fixes,
+    clock: ClockModel,
+    options: FusionOptions,
+    factors: Mapping[str, float] = MappingProxyType({}),
+) -> Trajectory:
+    """Smoothed trajectory at the fixes' epochs, one row per usable fix; ``factors`` on the sizes of
+    the fixes' errors by level, as ``fix_levels`` finds them.
 
     ``t_ns`` are the epochs on the clock's host time.
 
     Raises:
         InputError: fewer than two usable fixes.
     """
-    t_all = fixes.gps_s - np.nanmin(fixes.gps_s) if len(fixes) else np.zeros(0)
-    model = model_fixes(fixes, np.asarray(t_all), options)
-    model = screen_fixes(model, options.wander_tau_s).fixes
-    has = (model.flags & 1) > 0
-    if int(has.sum()) < LEAST_FIXES:
-        raise InputError(
-            f"only {int(has.sum())} fixes have a position; the receiver had no view of the sky or "
-            "the log is cut: check it with 'automap check'"
-        )
-    keep = np.concatenate([[True], np.diff(model.t) > 0])
-    rows = np.flatnonzero(keep)
-    t, values, flags = model.t[rows], model.values[rows], model.flags[rows]
-    first = int(np.flatnonzero(has[rows])[0])
-    has_height = np.flatnonzero((flags & 2) > 0)
-    height0 = float(values[has_height[0], 2]) if len(has_height) else 0.0
-    ref = (float(values[first, 0]), float(values[first, 1]), height0)
-    height = np.where((flags & 2) > 0, values[:, 2], height0)
-    ned = local_ned(values[:, 0], values[:, 1], height, ref).reshape(-1, 3)
-    position, velocity = np.zeros((len(t), 3)), np.zeros((len(t), 3))
-    sd_pos, sd_vel = np.zeros((len(t), 3)), np.zeros((len(t), 3))
-    # what a receiver's own filter leaves in a velocity is as large as what it says, and lasts
-    lasting = np.maximum(np.sqrt(model.white_var[rows, 3:6]), options.velocity_wander_sd)
-    surprise = gate(options.gate_probability, 1)
-    share = lasting_share(options, {})
+    at = usable_epochs(fixes, options)
+    position, velocity = np.zeros((len(at.t), 3)), np.zeros((len(at.t), 3))
+    sd_pos, sd_vel = np.zeros((len(at.t), 3)), np.zeros((len(at.t), 3))
+    # what a receiver says of its velocities may be too much, but no position shows what they err
+    # by together, as by their age
+    plain = {level: max(value, 1.0) for level, value in factors.items()}
     for axis in range(3):
-        bit = 1 if axis < 2 else 2
-        out = np.zeros((len(t), 4))
-        smooth_axis(
-            t,
-            np.column_stack([ned[:, axis], values[:, 3 + axis]]),
-            np.column_stack([(flags & bit) > 0, (flags & (4 * bit)) > 0]),
-            model.white_var[rows][:, [axis, 3 + axis]],
-            np.column_stack([share[axis] * model.stated_sd[rows, axis], lasting[:, axis]]),
-            ROAD_ACCELERATION_PSD[axis],
-            (options.wander_tau_s, options.velocity_wander_tau_s),
-            surprise,
-            out,
-        )
+        out = np.zeros((len(at.t), 4))
+        smooth_epochs(at, axis, options, plain, out)
+        stated = out[:, 3].copy()
+        smooth_epochs(at, axis, options, factors, out)
         position[:, axis], velocity[:, axis], sd_pos[:, axis], sd_vel[:, axis] = out.T
-    sd_pos = np.hypot(sd_pos, unseen_errors(model.stated_sd[rows], options, {}))
+        sd_vel[:, axis] = np.maximum(sd_vel[:, axis], stated)
+    sd_pos = np.hypot(sd_pos, unseen_errors(at.stated_sd, options, factors))
+    t, ref = at.t, at.ref
     lat, lon, h = from_local_ned(position, ref)
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     rpy = np.zeros((len(t), 3))
@@ -88,7 +66,7 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
     lean = np.full(len(t), UNKNOWN_LEAN_SD)
     sd_heading = np.minimum(sd_course + COURSE_SLIP_SD, UNKNOWN_HEADING_SD)
     sd_rpy = np.stack([lean, lean, sd_heading], axis=1)
-    gps_s = fixes.gps_s[model.row[rows]]
+    gps_s = fixes.gps_s[at.row]
     return Trajectory(
         clock.t_ns(gps_s),
         gps_s,
@@ -103,7 +81,12 @@ def smooth_fixes(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> Tra
     )
 
 
-def unaveraged(path: Trajectory, fixes: Fixes, options: FusionOptions) -> Trajectory:
+def unaveraged(
+    path: Trajectory,
+    fixes: Fixes,
+    options: FusionOptions,
+    factors: Mapping[str, float] = MappingProxyType({}),
+) -> Trajectory:
     """The ``path`` of ``fixes`` alone with a position nowhere surer than the errors of its fixes
     that last: how long they do nobody has told, and a motion that no IMU has seen does not tell
     them from the way that was driven, so that the smoother's averages over minutes promise too
@@ -113,10 +96,25 @@ def unaveraged(path: Trajectory, fixes: Fixes, options: FusionOptions) -> Trajec
     if not has.any():
         return path
     lasts = np.hypot(
-        lasting_share(options, {}) * model.stated_sd, unseen_errors(model.stated_sd, options, {})
+        lasting_share(options, factors) * model.stated_sd,
+        unseen_errors(model.stated_sd, options, factors),
     )
-    least = np.stack([np.interp(path.gps_s, model.t[has], lasts[has, a]) for a in range(3)], axis=1)
+    return at_least(path, model.t[has], lasts[has])
+
+
+def at_least(path: Trajectory, gps_s: FloatArray, sd: FloatArray) -> Trajectory:
+    """The ``path`` with a position nowhere surer than ``sd`` [k, 3] m at ``gps_s`` [k] s."""
+    least = np.stack([np.interp(path.gps_s, gps_s, column) for column in sd.T], axis=1)
     return replace(path, sd_pos_ned=np.maximum(path.sd_pos_ned, least))
+
+
+def uncorrected(path: Trajectory, fixes: Fixes, options: FusionOptions) -> Trajectory:
+    """The ``path`` with a position nowhere surer than uncorrected ``fixes`` can be."""
+    rows = np.flatnonzero(np.isfinite(fixes.lat_rad) & np.isfinite(fixes.gps_s))
+    if not len(rows):
+        return path
+    rows = rows[np.argsort(fixes.gps_s[rows], kind="stable")]
+    return at_least(path, fixes.gps_s[rows], common_errors(fixes, options)[rows])
 
 
 def _hold(angle: FloatArray, valid: BoolArray) -> FloatArray:

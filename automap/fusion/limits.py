@@ -32,9 +32,10 @@ not, about the median of so many, which is good to 0.4 sigma. A figure that halv
 another kind of solution, not scatter."""
 LEAST_WHITE_M = 0.02
 """Chosen: from fix to fix no position without carrier phase is steadier than one with it."""
-VELOCITY_DOWN_FACTOR = 1.5
-"""How much worse than level a velocity that states no accuracy is downwards: dilution of
-precision is that much larger (Kaplan and Hegarty, Understanding GPS, section 7.3)."""
+DOWN_FACTOR = 1.5
+"""How much worse than level a velocity that states no accuracy is downwards, and the least error of
+a position: dilution of precision is that much larger (Kaplan and Hegarty, Understanding GPS,
+section 7.3)."""
 VELOCITY_DELAY_SD_S, VELOCITY_DELAY_WINDOW_S = 0.2, 1.0
 """Receivers tell velocities of some instant of the last few tenths of a second, or a mean over
 them; which is not known yet. So a velocity counts as unsure by its change in such a time, taken
@@ -338,6 +339,15 @@ LEAST_JUDGED = 20
 DOUBT_PROBABILITY = 1e-6
 """One test doubts a right drive so rarely: with some hundred tests a drive, one drive in ten
 thousand."""
+TOLD_SHARE, ADDED_SHARE = 0.25, 0.2
+"""A part of a drive tells a constant whose variance it brings down to this share, and the rest adds
+to it what takes a sixth away from what is left. Chosen: a sigma of half, and more than rounding."""
+AGE_SCATTER = 2.0
+"""How much more lags of a sound receiver vary over a drive than by their sigmas: 1.5 to 3 times for
+recorded cars, with geodetic receivers and phones."""
+MINUTES_OFF_M = 0.4 * 111_200.0
+"""Minutes of arc that were read as hundredths of a degree, or the other way round, are off by up to
+0.4 deg, of which one is 111.2 km."""
 LEAST_AGE_S = 0.15
 """Fixes of real phones and receivers seem to come from the future by so much: they predict."""
 AT_BOUND = 0.99

@@ -69,7 +69,8 @@ class FusionOptions:
     vertical_sd_m: PositiveFloat = 2.0
     """m at HDOP 1, where the receiver gives no accuracy"""
     common_horizontal_sd_m: NonNegativeFloat = 0.7
-    """m per axis that satellites have in common, whatever the HDOP"""
+    """m per axis that satellites have in common, whatever the HDOP; a path of fixes without
+    corrections is nowhere surer, whatever they state"""
     common_vertical_sd_m: NonNegativeFloat = 3.0
     """m of height that satellites and the model of sea level have in common"""
     velocity_sd: PositiveFloat = 0.1

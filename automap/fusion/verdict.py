@@ -7,16 +7,18 @@ than the fixes alone, the path is that of the fixes alone.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.earth import local_ned
 from automap.errors import InputError
 from automap.fusion import limits
 from automap.fusion.consistency import channel_consistency, innovation_doubts
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
+from automap.fusion.doubts.constancy import constancy_doubts
+from automap.fusion.doubts.difference import between, no_difference, off_course, within
 from automap.fusion.doubts.estimates import (
     Estimates,
     arm_by_drive,
@@ -37,13 +39,13 @@ from automap.fusion.doubts.triads import triad_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.doubts.velocity_step import compare, step_doubts, velocity_steps
 from automap.fusion.engine import FusionResult, Prior
+from automap.fusion.fix_levels import fix_levels
 from automap.fusion.free_inertial import free_inertial
-from automap.fusion.gnss_only import smooth_fixes, unaveraged
+from automap.fusion.gnss_only import smooth_fixes, unaveraged, uncorrected
 from automap.fusion.levels import VELOCITY_WANDER
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.unusable_readings import Bridged, bridge_unusable
-from automap.interpolation import poses_at_gps
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import VelocityConsistency
 
@@ -78,7 +80,7 @@ def weigh(
     """
     found = final_estimates(result)
     bridged = result.bridged or bridge_unusable(imu)
-    path = result.trajectory
+    path = uncorrected(result.trajectory, fixes, options)
     speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
     told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
     fix_s = np.asarray((clock.t_ns(fixes.gps_s[told]) - int(imu.t_ns[0])) * 1e-9)
@@ -89,7 +91,9 @@ def weigh(
         *impossible_errors(found),
         *leaning(path),
     ]
-    of_receiver = receiver_doubts(receiver, float(path.gps_s[0]))
+    at_bound = levels_at_bound(result.noise_factors, options.tune)
+    felt = not any(reason.inertial for reason in (*of_imu, *at_bound))
+    of_receiver = receiver_doubts(receiver, float(path.gps_s[0]), felt)
     askew, lean = mounted_askew(path)
     path = replace(path, sd_rpy=np.hypot(path.sd_rpy, [lean, 0.0, 0.0]))
     # an IMU that errs by itself is no witness, and what errs in one way seems to in others
@@ -103,28 +107,32 @@ def weigh(
     arm = arm_by_drive(found, lever_arm, limits.STATED_ARM_SD_M)
     arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
     steps = _steps(result, bridged, found, fixes, options, delay_is_clock, arm) if believed else []
+    try:
+        dated = dated_velocities(fixes, receiver)
+        levels = fix_levels(dated, options)
+        alone = smooth_fixes(dated, clock, options, levels)
+    except InputError:
+        alone = None
+    off = math.inf if alone is None else off_course(path, alone)
     reasons = [
         *of_receiver,
         *steps,
         *of_imu,
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed))),
+        *(constancy_doubts(result.filtered_parameters) if believed else ()),
         *(contradicted_arm(found, lever_arm, limits.STATED_ARM_SD_M) if believed else ()),
         *height_doubts(path, fixes),
         *askew,
-        *weak_heading(result.align_margin),
-        *levels_at_bound(result.noise_factors, options.tune),
+        *weak_heading(result.align_margin, off),
+        *at_bound,
         *refused(result.innovations),
         *innovation_doubts(channel_consistency(result.innovations)),
     ]
     model = as_shown(model_fixes(fixes, fixes.gps_s, options), options, result.noise_factors)
     arm = _of_axes(found, "gnss_lever_arm")
     misses = fix_misses(path, model, arm, found.get(LATENCY_STATE, (0.0, 0.0))[0])
-    off, share = _off_the_fixes(misses, options.wander_tau_s)
-    reasons += off
-    try:
-        alone = smooth_fixes(dated_velocities(fixes, receiver), clock, options)
-    except InputError:
-        alone = None
+    far, share = _off_the_fixes(misses, options.wander_tau_s)
+    reasons += far
     blamed = any(reason.inertial for reason in reasons)
     most = limits.BLAMED_SHARE if blamed else limits.WORSE_SHARE
     # where the receiver jumps its fixes are no better
@@ -134,7 +142,7 @@ def weigh(
         if left < limits.AGREEING_SHARE:
             reasons = [_worse(share), *reasons]
             # what speaks against the IMU's path leaves that of the fixes as it is
-            path = unaveraged(alone, fixes, options)
+            path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
             widened = widen(path, [*of_receiver, *own], beside, None)
             return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
     widened = widen(path, reasons, misses, alone)
@@ -142,13 +150,22 @@ def weigh(
 
 
 def weigh_alone(
-    path: Trajectory, fixes: Fixes, options: FusionOptions, receiver: VelocityConsistency
+    fixes: Fixes, clock: ClockModel, options: FusionOptions, receiver: VelocityConsistency
 ) -> Weighed:
-    """Judge a path that was made of ``fixes`` alone; ``receiver`` as in ``weigh``."""
-    misses = fix_misses(path, model_fixes(fixes, fixes.gps_s, options))
+    """The path of ``fixes`` alone, judged; ``receiver`` as in ``weigh``.
+
+    Raises:
+        InputError: fewer than two usable fixes.
+    """
+    dated = dated_velocities(fixes, receiver)
+    levels = fix_levels(dated, options)
+    path = unaveraged(smooth_fixes(dated, clock, options, levels), fixes, options, levels)
+    path = uncorrected(path, fixes, options)
+    model = as_shown(model_fixes(fixes, fixes.gps_s, options), options, levels)
+    misses = fix_misses(path, model)
     off, _ = _off_the_fixes(misses, options.wander_tau_s)
     reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
-    widened = widen(unaveraged(path, fixes, options), reasons, misses, None)
+    widened = widen(path, reasons, misses, None)
     return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
 
 
@@ -218,44 +235,43 @@ def widen(
     """The path with sigmas as large as what ``reasons`` show, where they show it.
 
     There the horizontal error counts as no smaller than that to the fixes round about, and than
-    the distance to the path ``alone`` of the fixes.
+    the distance to the path ``alone`` of the fixes; those of velocity and heading as no smaller
+    than they differ from that path's. What may be of another instant is as unsure as it changes.
     """
+    reasons = [reason for reason in reasons if not reason.handled]
     if not reasons:
         return path
     t = path.gps_s - path.gps_s[0]
     error = np.zeros(len(t))
     if len(misses):
         error = np.interp(t, misses.t, local_error(misses))
-    if alone is not None:
-        error = np.maximum(error, np.interp(t, alone.gps_s - path.gps_s[0], _apart(path, alone)))
+    apart = no_difference(len(t)) if alone is None else between(path, alone)
     factor, floor, high = np.ones(len(t)), np.zeros(len(t)), np.zeros(len(t))
+    doubted, late = np.zeros(len(t), np.bool_), np.zeros(len(t))
     for reason in reasons:
-        if reason.handled:
-            continue
         there = np.zeros(len(t), np.bool_)
         for a, b in reason.spans:
             there |= (t >= a) & (t <= b)
         if not reason.spans:
             there[:] = True
+        doubted |= there & (reason.state != "good")
         factor[there] = np.maximum(factor[there], reason.factor)
-        floor[there] = np.maximum(floor[there], np.maximum(error[there], reason.error_m))
+        floor[there] = np.maximum(floor[there], reason.error_m)
         high[there] = np.maximum(high[there], reason.height_m)
+        late[there] = np.maximum(late[there], reason.late_s)
+    moved = within(path, late)
+    floor = np.max([floor, moved.position, doubted * np.maximum(error, apart.position)], axis=0)
+    off = np.maximum(moved.velocity, doubted[:, None] * apart.velocity)
+    turned = np.maximum(moved.heading, doubted * apart.heading)
     sd = path.sd_pos_ned * factor[:, None]
     # per axis: an error of this length may have any direction
     sd[:, :2] = np.sqrt(sd[:, :2] ** 2 + 0.5 * floor[:, None] ** 2)
     sd[:, 2] = np.hypot(sd[:, 2], high)
+    rpy = path.sd_rpy * factor[:, None]
+    rpy[:, 2] = np.minimum(np.hypot(rpy[:, 2], turned), limits.UNKNOWN_HEADING_SD)
     return replace(
         path,
         sd_pos_ned=sd,
-        sd_vel_ned=path.sd_vel_ned * factor[:, None],
-        sd_rpy=path.sd_rpy * factor[:, None],
+        sd_vel_ned=np.hypot(path.sd_vel_ned * factor[:, None], off),
+        sd_rpy=rpy,
     )
-
-
-def _apart(path: Trajectory, alone: Trajectory) -> FloatArray:
-    """Horizontal distance [m] m of two paths at the second's rows, 0 where the first is not."""
-    at = poses_at_gps(path, alone.gps_s)
-    ref = (float(alone.lat_rad[0]), float(alone.lon_rad[0]), float(alone.height_m[0]))
-    one = local_ned(alone.lat_rad, alone.lon_rad, alone.height_m, ref).reshape(-1, 3)
-    two = local_ned(at.lat_rad, at.lon_rad, at.height_m, ref).reshape(-1, 3)
-    return np.asarray(np.nan_to_num(np.hypot(*(one - two)[:, :2].T)))

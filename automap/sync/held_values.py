@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.records import BoolArray, FloatArray, IntArray
+from automap.records import BoolArray, Fixes, FloatArray, IntArray
 from automap.sync import limits
 from automap.sync.receiver_path import (
     ComplexArray,
@@ -140,3 +140,22 @@ def _moving_part(rows: IntArray, step: ComplexArray, sd: FloatArray) -> tuple[in
     begin = int(np.argmax(ahead > sd))
     end = len(step) - int(np.argmax(behind > sd))
     return (int(rows[begin]), int(rows[end])) if begin < end else (int(rows[0]), int(rows[-1]))
+
+
+def told_again(fixes: Fixes) -> BoolArray:
+    """Rows [n] that say again, to the digit, what a row before said while the vehicle drove on,
+    where a log is written faster than its receiver measures; else none."""
+    said = np.column_stack([fixes.lat_rad, fixes.lon_rad, fixes.vel_ned[:, :2]])
+    same = np.zeros(len(fixes), np.bool_)
+    same[1:] = np.all(said[1:] == said[:-1], axis=1)
+    if not same.any():
+        return same
+    first = np.maximum.accumulate(np.where(same, 0, np.arange(len(fixes))))
+    way = (fixes.gps_s - fixes.gps_s[first]) * np.hypot(said[:, 2], said[:, 3])
+    # the whole of a run, once its last row has left the place
+    longest = np.zeros(len(fixes))
+    np.maximum.at(longest, first, np.abs(np.nan_to_num(way)))
+    moves = longest[first] > limits.TOLD_AGAIN_M
+    again = same & moves
+    most = np.count_nonzero(again) > limits.TOLD_AGAIN_SHARE * np.count_nonzero(moves | ~same)
+    return np.asarray(again & most)

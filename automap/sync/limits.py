@@ -133,6 +133,9 @@ OFFSET_STEP_S, APART_S = 0.2, 5.0
 LEAST_OVERLAP_S, LEAST_OVERLAP = 20.0, 0.3
 """Common time that two recordings must have under an offset, s, and of the shorter one: chance
 finds better agreement the shorter it is."""
+PREDICTED_S = 0.15
+"""Receivers predict: velocities of recorded ones are ahead of their positions by no more. What is
+further ahead has positions that are late, for no velocity is measured before it is driven."""
 COURSE_OFF_RAD = 0.05
 """A course off by more is against another north: 3 deg, as the compass is off in most countries."""
 CERTAIN_LEAD_NATS, CERTAIN_NATS = 14.0, 25.0
@@ -191,6 +194,10 @@ LEAST_PART_M = 0.01
 SOUND_SCALE_SD = 0.02
 """Relative error of a sound receiver's speed over a drive. Chosen: slopes and smoothing take off
 less than a hundredth, and the least mistake of a unit, miles per hour as knots, is 15 %."""
+TOLD_AGAIN_M, TOLD_AGAIN_SHARE = 1.0, 0.5
+"""Five steps of coordinates with four decimals of a minute, 0.19 m, the coarsest that are usual:
+after so much way no position is the same again, with its speed and course. Where most rows are, the
+log is written faster than the receiver measures; a tunnel repeats less."""
 LEAST_REPEATS = 3
 """A value must repeat so often to be looked into: one that is told with few digits repeats once or
 twice by chance."""
@@ -199,6 +206,9 @@ HARD_BRAKING = 12.0
 STEP_SD_M = 2.0
 """By how much a sound receiver's positions step, m one sigma of a coordinate. Recorded ones step by
 metres as satellites come and go."""
+MOST_OF_DRIVE = 2.0 / 3.0
+"""Of the places between which positions jump that one is believed where they are for so much of the
+drive. Chosen: twice as long as in all others, for reflections last less than a view of the sky."""
 JUMP_EVERY_S = 30.0
 """Positions of a receiver that stands jump at most so often. Chosen: as satellites come and go."""
 PARTING_S = (0.0, 4.0, 16.0, 64.0)

@@ -60,3 +60,29 @@ def partings(
         Stretch(first, last, float(np.abs(whole[first : last + 1] - whole[first]).max()))
         for first, last in repeated(inside)
     ]
+
+
+def asides(path: ReceiverPath, right: ComplexArray, parted: list[Stretch]) -> list[Stretch]:
+    """Stretches before, between and after those in which the two paths part, in which positions lie
+    aside of where they are for most of the drive; with how far, m.
+
+    Where they are nowhere for most of it each stretch counts as aside of the furthest other one.
+    """
+    if not parted:
+        return []
+    whole = path.place - right
+    steps = [whole[s.last] - whole[s.first] for s in parted]
+    level = np.concatenate([[0.0], np.cumsum(steps)])
+    first = np.array([0, *(s.last for s in parted)])
+    last = np.array([*(s.first for s in parted), len(path) - 1])
+    seconds = path.t[last] - path.t[first]
+    apart = np.abs(level[:, None] - level[None, :])
+    usual = int(np.argmin(apart @ seconds))
+    near = apart[usual] < limits.STEP_SD_M
+    sure = seconds[near].sum() >= limits.MOST_OF_DRIVE * seconds.sum()
+    off = apart[usual] if sure else apart.max(axis=1)
+    return [
+        Stretch(a, b, metres)
+        for a, b, metres in zip(first.tolist(), last.tolist(), off.tolist(), strict=True)
+        if metres >= limits.STEP_SD_M and b > a
+    ]

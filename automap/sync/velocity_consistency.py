@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,8 +22,9 @@ from automap.sync.held_values import (
     frozen_positions,
     in_long_repeats,
     stuck_velocities,
+    told_again,
 )
-from automap.sync.parting import excess, partings
+from automap.sync.parting import asides, excess, partings
 from automap.sync.path_match import Estimate, Match, match_paths
 from automap.sync.receiver_path import ReceiverPath, receiver_path
 from automap.timebase import gps_to_iso
@@ -86,7 +87,8 @@ class VelocityConsistency:
     part by so much as a sound receiver's do not once. Intervals: velocities that do
     not change while positions move (``velocity_stuck``), positions that repeat while velocities
     tell of motion (``position_frozen``), whole rows that do (``rows_frozen``), and those in which
-    positions and velocities contradict each other otherwise (``parted``), whichever is wrong.
+    positions and velocities contradict each other otherwise (``parted``), whichever is wrong, and
+    those before, between and after them in which positions lie aside of most (``aside``).
     ``worse`` is how many times what is plausible they usually part by, one at least. ``means``:
     the velocities are right, and the ways between positions; None where they tell more than that.
     ``height_stuck``: the height is one number throughout: no receiver measures that.
@@ -105,6 +107,7 @@ class VelocityConsistency:
     worse: float
     means: EpochMeans | None = None
     height_stuck: bool = False
+    aside: tuple[Interval, ...] = ()
 
     @property
     def can_tell(self) -> bool:
@@ -131,6 +134,27 @@ class VelocityConsistency:
             return False
         certain = 0.5 * (turn.value / turn.sd) ** 2 > limits.CERTAIN_LEAD_NATS
         return certain and abs(turn.value) > limits.COURSE_OFF_RAD
+
+    @property
+    def may_be_minutes(self) -> bool:
+        """Whether minutes of arc that are none explain the scale as well: then velocities are
+        right, and positions are off by kilometres."""
+        scale = self.match.scale
+        return self.unit is not None and scale is not None and bool(_by_minutes(scale))
+
+    @property
+    def positions_late_s(self) -> float:
+        """By how much positions are beyond doubt older than the velocities beside them, s, else 0:
+        the least that speed and course tell."""
+        told = (self.match.speed_lag_s, self.match.course_lag_s)
+        lags = [lag for lag in told if lag is not None]
+        # the ways between positions may be those to come
+        if not lags or self.scale_wrong or self.means is not None:
+            return 0.0
+        surest, late = min(lags, key=lambda lag: lag.sd), -max(lag.value for lag in lags)
+        beyond = max(-surest.value - limits.PREDICTED_S, 0.0) / surest.sd
+        certain = 0.5 * beyond**2 > limits.CERTAIN_LEAD_NATS
+        return late if certain and late > limits.PREDICTED_S else 0.0
 
     @property
     def reasons(self) -> tuple[Reason, ...]:
@@ -166,7 +190,7 @@ def _within(fixes: Fixes, intervals: Sequence[Interval]) -> BoolArray:
 
 def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
     """Compare the velocities of ``fixes`` with their positions; never raises."""
-    path = receiver_path(fixes)
+    path = receiver_path(replace(fixes, lat_rad=np.where(told_again(fixes), np.nan, fixes.lat_rad)))
     told = np.isfinite(path.velocity)
     if np.count_nonzero(told) < 2:
         none: tuple[Interval, ...] = ()
@@ -205,6 +229,7 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
         worse=worse,
         means=epoch_means(path, use & position),
         height_stuck=_height_stuck(path),
+        aside=_intervals(path, asides(path, right, parted)),
     )
 
 
@@ -308,6 +333,12 @@ def _reasons(found: VelocityConsistency) -> Iterator[Reason]:
             "course_off",
             f"courses are told {math.degrees(-turn_rad.value):+.1f} deg off (sd "
             f"{math.degrees(turn_rad.sd):.1g}), as against the compass or a map's grid",
+        )
+    if found.positions_late_s:
+        yield Reason(
+            "positions_late",
+            f"positions are older than the velocities beside them by {found.positions_late_s:.2f} "
+            "s, as a filter that follows slowly makes them",
         )
     for code, held, what in (
         ("velocity_stuck", found.velocity_stuck, "velocities repeat while the positions move on"),

@@ -38,13 +38,16 @@ def geoid_height(lat_deg: float, lon_deg: float) -> float:
 
 
 def check(fixes: Fixes) -> list[Finding]:
-    """An error where the separation that the receiver states is the geoid's, sign turned."""
+    """An error where the separation that the receiver states is the geoid's, sign turned; a warning
+    where it is stated as none and heights may be above either."""
     told = np.isfinite(fixes.geoid_sep_m) & np.isfinite(fixes.lat_rad) & np.isfinite(fixes.lon_rad)
     if not told.any():
         return []
     stated = float(np.median(fixes.geoid_sep_m[told]))
     lat, lon = (np.degrees(np.median(v[told])) for v in (fixes.lat_rad, fixes.lon_rad))
     height = geoid_height(float(lat), float(lon))
+    if not np.any(fixes.geoid_sep_m[told]):
+        return _no_separation(fixes, height)
     if abs(stated - height) < limits.WRONG_GEOID_M or abs(stated + height) > limits.GEOID_OFF_M:
         return []
     text = (
@@ -55,3 +58,21 @@ def check(fixes: Fixes) -> list[Finding]:
         "turn the sign of the separation in what wrote the log: ellipsoid to geoid, up positive"
     )
     return [Finding("error", text, advice, "geoid_sign")]
+
+
+def _no_separation(fixes: Fixes, geoid_m: float) -> list[Finding]:
+    """A warning where nothing tells whether heights are above the ellipsoid or above the sea."""
+    height = float(np.nanmedian(fixes.height_m)) if np.isfinite(fixes.height_m).any() else np.nan
+    # of what is land either way
+    land = min(height, height - geoid_m) > limits.LOWEST_LAND_M
+    if abs(geoid_m) < limits.GEOID_OFF_M or not land:
+        return []
+    return [
+        Finding(
+            "warning",
+            f"the geoid is stated 0 m from the ellipsoid and is {geoid_m:+.0f} m there: heights "
+            "are taken as above the ellipsoid, and are off by as much if they are above the sea",
+            "let the receiver send the separation with GGA, or NAV-PVT, or write it into the table",
+            "height_surface",
+        )
+    ]

@@ -26,6 +26,8 @@ ADVICE: dict[str, str] = {
     "so, or take them out",
     "course_off": "courses are against true north, not against the compass; they are turned back "
     "until then",
+    "positions_late": "turn the receiver's smoothing of positions off, or log those that belong to "
+    "the times; they are dated back until then",
     "sign_turned": "longitudes are positive east, latitudes north, velocities north, east, down: "
     "give the column its sign",
     "velocity_stuck": "take the velocities of that time out; let the log say where there is none",
@@ -82,7 +84,9 @@ def check(fixes: Fixes) -> list[Finding]:
                 "velocity_unrelated",
             )
         )
-    elif not swapped and not any(reason.code in WHOLE for reason in found.reasons):
+    elif not swapped and not any(
+        reason.code in (*WHOLE, "positions_late") for reason in found.reasons
+    ):
         findings += _agreement(found)
     if found.parted:
         total = sum(interval.seconds for interval in found.parted)

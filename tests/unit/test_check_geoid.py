@@ -64,7 +64,6 @@ def test_a_turned_sign_is_an_error(lat: float, lon: float, height: float) -> Non
         (-14.62, 305.02, -3.0),  # too near the ellipsoid to tell
         (-14.62, 305.02, 3.0),
         (-35.28, 149.13, 19.4),
-        (49.0, 8.4, 0.0),  # written by programs that know none
         (49.0, 8.4, 19.4),
         (49.0, 8.4, np.nan),
     ],
@@ -87,3 +86,16 @@ def test_a_drive_stops_for_it_unless_accepted(tmp_path: Path, accept: str, sever
     found = judge(drive, replace(recording, fixes=fixes)).found
     (finding,) = [item.finding for item in found if item.finding.code == "geoid_sign"]
     assert finding.severity == severity
+
+
+def test_heights_of_which_nothing_tells_above_what_they_are_are_told() -> None:
+    """A receiver that states no separation says of heights either the one or the other; where one
+    of them would be below the sea they are the other."""
+    europe = at(50.0, 8.0, 0.0)
+    high = replace(europe, height_m=np.full(len(europe), 120.0))
+    (finding,) = geoid.check(high)
+    assert (finding.severity, finding.code) == ("warning", "height_surface")
+    assert geoid.check(replace(high, geoid_sep_m=np.full(len(high), 48.0))) == []
+    assert geoid.check(replace(high, geoid_sep_m=np.full(len(high), np.nan))) == []
+    coast = at(37.4, -122.1, 0.0)
+    assert geoid.check(replace(coast, height_m=np.full(len(coast), -31.0))) == []

@@ -105,6 +105,7 @@ def unexpected_delay(found: Estimates, mean: float, sd: float, speed: float) -> 
             f"{mean:.2f} s with a sigma of {sd:.2f} s was expected, so the path may be "
             f"{off * speed:.0f} m off along the road: check the clocks of both",
             error_m=off * speed,
+            late_s=off,
         )
     ]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from automap.fusion import limits
@@ -18,9 +20,13 @@ _KINDS = {
 }
 
 
-def weak_heading(margin: float) -> list[Reason]:
-    """The start's heading is not much likelier than another; ``margin`` in nats."""
-    if margin >= limits.SURE_MARGIN_NATS:
+def weak_heading(margin: float, off_course: float = math.inf) -> list[Reason]:
+    """The start's heading is not much likelier than another; ``margin`` in nats, ``off_course`` rad
+    how far headings are off the courses of the fixes by themselves while the vehicle drives.
+
+    What is nearer to the course than to the next heading that was tried is the right one.
+    """
+    if margin >= limits.SURE_MARGIN_NATS or off_course < math.pi / limits.N_HEADINGS:
         return []
     return [
         Reason(

@@ -20,8 +20,8 @@ class Reason:
     what to do.
 
     ``spans`` the stretches it is about, none for the whole drive; ``error_m`` the error of
-    position that shows there, horizontally, ``height_m`` that of the height; ``factor`` by how
-    much the sigmas are too small.
+    position that shows there, horizontally, ``height_m`` that of the height, ``late_s`` by how
+    much the whole state may be of another instant; ``factor`` by how much the sigmas are too small.
     ``state`` what it alone makes of the path; ``inertial`` that it speaks against the IMU,
     ``handled`` that what is wrong was left out and the sigmas hold without it.
     """
@@ -32,6 +32,7 @@ class Reason:
     error_m: float = 0.0
     factor: float = 1.0
     height_m: float = 0.0
+    late_s: float = 0.0
     state: State = "doubtful"
     inertial: bool = False
     handled: bool = False

@@ -10,7 +10,9 @@ import numpy as np
 
 from automap.fusion import limits
 from automap.fusion.doubts.reason import Reason, Span
-from automap.records import Fixes, FloatArray
+from automap.records import BoolArray, Fixes, FixType, FloatArray
+from automap.sync.held_values import told_again
+from automap.sync.limits import DELAY_SD_S
 from automap.sync.velocity_consistency import Interval, VelocityConsistency, told_intervals
 
 _HELD = ("velocity_stuck", "position_frozen", "rows_frozen")
@@ -19,20 +21,49 @@ _LEFT_OUT = ": they were left out; check the receiver's log and how it was made"
 
 def usable_fixes(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     """Fixes without the velocities and positions that cannot be right; courses against another
-    north are turned to that of the positions."""
-    velocity, position = fixes.vel_ned.copy(), found.unusable_position(fixes)
+    north are turned to that of the positions, positions older than their velocities are dated back.
+    """
+    again = told_again(fixes)
+    velocity, position = fixes.vel_ned.copy(), found.unusable_position(fixes) | again
+    velocity[again] = np.nan
     velocity[found.unusable_velocity(fixes), :2] = np.nan
     velocity[found.unusable_vertical_velocity(fixes), 2] = np.nan
     if found.course_off and found.match.turn_rad is not None:
         velocity[:, :2] = velocity[:, :2] @ _turned_by(found.match.turn_rad.value).T
     height = np.full_like(fixes.height_m, np.nan) if found.height_stuck else fixes.height_m
-    return replace(
+    usable = replace(
         fixes,
         vel_ned=velocity,
         height_m=height,
         lat_rad=np.where(position, np.nan, fixes.lat_rad),
         lon_rad=np.where(position, np.nan, fixes.lon_rad),
     )
+    late_s = found.positions_late_s
+    return _dated_positions(usable, late_s) if late_s else usable
+
+
+def _dated_positions(fixes: Fixes, late_s: float) -> Fixes:
+    """Fixes whose positions are those told ``late_s`` s after; unknown where there is none."""
+    told = np.isfinite(fixes.lat_rad) & np.isfinite(fixes.lon_rad) & np.isfinite(fixes.gps_s)
+    told &= fixes.fix_type >= FixType.TWO_D
+    rows = np.flatnonzero(told)
+    rows = rows[np.argsort(fixes.gps_s[rows], kind="stable")]
+    dated = np.full((len(fixes), 3), np.nan)
+    if len(rows) > 1:
+        t = fixes.gps_s[rows]
+        within = ~_far(t, t + late_s)
+        places = fixes.lat_rad[rows], np.unwrap(fixes.lon_rad[rows]), fixes.height_m[rows]
+        dated[rows[within]] = np.column_stack(
+            [np.interp(t[within] + late_s, t, place) for place in places]
+        )
+    return replace(fixes, lat_rad=dated[:, 0], lon_rad=dated[:, 1], height_m=dated[:, 2])
+
+
+def _far(t: FloatArray, at: FloatArray) -> BoolArray:
+    """Which instants ``at`` [k] lie after the last of ``t`` [m] or in a gap of them."""
+    after = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
+    gap = t[after] - t[after - 1] > limits.GAP_STEPS * np.median(np.diff(t))
+    return np.asarray((at > t[-1]) | gap)
 
 
 def _turned_by(angle: float) -> FloatArray:
@@ -59,7 +90,10 @@ def dated_velocities(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     A velocity is unknown where there is none within reach to take it from.
     """
     speed_lag, course_lag = (
-        lag.value if lag is not None and abs(lag.value) > limits.LAG_SIGMAS * lag.sd else 0.0
+        # positions that were late are dated already
+        lag.value + found.positions_late_s
+        if lag is not None and abs(lag.value) > limits.LAG_SIGMAS * lag.sd
+        else 0.0
         for lag in (found.match.speed_lag_s, found.match.course_lag_s)
     )
     told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1) & np.isfinite(fixes.gps_s)
@@ -72,23 +106,23 @@ def dated_velocities(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     speed = np.interp(t + speed_lag, t, np.hypot(north, east))
     course = np.interp(t + course_lag, t, np.unwrap(np.arctan2(east, north)))
     velocity[rows, 0], velocity[rows, 1] = speed * np.cos(course), speed * np.sin(course)
-    latest = t + max(speed_lag, course_lag)
-    after = np.clip(np.searchsorted(t, latest), 1, len(t) - 1)
-    far = (latest > t[-1]) | (t[after] - t[after - 1] > limits.GAP_STEPS * np.median(np.diff(t)))
-    velocity[rows[far], :2] = np.nan
+    velocity[rows[_far(t, t + max(speed_lag, course_lag))], :2] = np.nan
     return replace(fixes, vel_ned=velocity)
 
 
-def receiver_doubts(found: VelocityConsistency, start_gps_s: float) -> list[Reason]:
-    """Reasons of a receiver that contradicts itself; ``start_gps_s`` of the path's first row.
+def receiver_doubts(
+    found: VelocityConsistency, start_gps_s: float, felt: bool = False
+) -> list[Reason]:
+    """Reasons of a receiver that contradicts itself; ``start_gps_s`` of the path's first row,
+    ``felt``: an IMU feels the speeds of its positions.
 
     What was left out leaves the path as sure as it says. Where positions and velocities part, and
     nothing says which is wrong, the path may be off by as much.
     """
-    return list(_doubts(found, start_gps_s))
+    return list(_doubts(found, start_gps_s, felt))
 
 
-def _doubts(found: VelocityConsistency, start: float) -> Iterator[Reason]:
+def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Reason]:
     held = dict(
         zip(_HELD, (found.velocity_stuck, found.position_frozen, found.rows_frozen), strict=True)
     )
@@ -99,9 +133,21 @@ def _doubts(found: VelocityConsistency, start: float) -> Iterator[Reason]:
             text = f"{reason.text}: give the column of the log its sign"
             yield Reason(reason.code, text, state="unusable")
             continue
+        if reason.code == "velocity_unit" and found.may_be_minutes and not felt:
+            text = f"the receiver's {reason.text}: nothing in the drive tells which; check its log"
+            yield Reason(reason.code, text, error_m=limits.MINUTES_OFF_M)
+            continue
         if reason.code == "course_off":
             text = f"the receiver's {reason.text}: they were turned back; log them from true north"
             yield Reason(reason.code, text, handled=True)
+            continue
+        if reason.code == "positions_late":
+            text = (
+                f"the receiver's {reason.text}: they were dated back; turn its smoothing of "
+                "positions off, or log those that belong to the times"
+            )
+            # a filter that follows slowly is late by differing times, and velocities have an age
+            yield Reason(reason.code, text, late_s=found.positions_late_s + DELAY_SD_S)
             continue
         if reason.code in held:
             # a receiver that lost its view repeats a fix now and then
@@ -127,6 +173,15 @@ def _doubts(found: VelocityConsistency, start: float) -> Iterator[Reason]:
             f"{told_intervals(found.parted)}: reflections, or a signal that is not the "
             "satellites'; do not rely on what was mapped there",
             _spans(found.parted, start),
+            error_m=worst,
+        )
+    if found.aside:
+        worst = max(interval.metres for interval in found.aside)
+        yield Reason(
+            "positions_aside",
+            f"between such jumps the receiver's positions lie up to {worst:.0f} m aside of where "
+            "they are otherwise: reflections, or another antenna or receiver",
+            _spans(found.aside, start),
             error_m=worst,
         )
 

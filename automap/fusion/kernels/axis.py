@@ -25,14 +25,15 @@ def smooth_axis(
     tau: tuple[float, float],
     nis_limit: float,
     out: FloatArray,
-) -> None:
-    """Filter and smooth the fixes of one axis.
+) -> float:
+    """Filter and smooth the fixes of one axis; returns the likelihood of the innovations in nats,
+    but for a constant.
 
     ``t`` [n] s, ``z`` [n, 2] position m and velocity m/s, ``used`` [n, 2] which of them are
     there, ``var`` [n, 2] white variances, ``lasting`` [n, 2] sigmas of the errors that last for
     ``tau`` s, ``psd`` of the white acceleration; a squared innovation beyond ``nis_limit``
-    variances is trusted less. ``out`` [n, 4] receives position, velocity and their sd. White
-    acceleration: Bar-Shalom, Li, Kirubarajan, section 6.2.2; backwards modified Bryson-Frazier
+    variances is trusted less. ``out`` [n, 4] receives position, velocity and their sd, or is empty.
+    White acceleration: Bar-Shalom, Li, Kirubarajan, 6.2.2; backwards modified Bryson-Frazier
     (Bierman 1973).
     """
     n = t.shape[0]
@@ -51,6 +52,7 @@ def smooth_axis(
     nus = np.zeros((n, 2))
     variances = np.zeros((n, 2))
     ph = np.zeros(N)
+    score = 0.0
     for k in range(n):
         dt = t[k] - t[k - 1] if k else 0.0
         _step(f, dt, tau)
@@ -70,11 +72,14 @@ def smooth_axis(
                 gains[k, m, i] = ph[i] / s
                 for j in range(N):
                     p[i, j] -= ph[i] * ph[j] / s
+            score -= 0.5 * (math.log(s) + nu * nu / s)
             nus[k, m] = nu
             variances[k, m] = s
         states[k] = x
         covs[k] = p
-    _backward(t, used, lasting, tau, states, covs, gains, nus, variances, out)
+    if len(out):
+        _backward(t, used, lasting, tau, states, covs, gains, nus, variances, out)
+    return score
 
 
 @kernel

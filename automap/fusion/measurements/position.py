@@ -10,7 +10,7 @@ import numpy as np
 from automap.effects.measured_kernels import antenna_position
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_POS, HAS_POS_H, HAS_POS_V
-from automap.fusion.limits import LEAST_WHITE_M
+from automap.fusion.limits import DOWN_FACTOR, LEAST_WHITE_M
 from automap.fusion.measurements.state import AtNode
 from automap.fusion.mechanisation import radii
 from automap.fusion.options import FusionOptions
@@ -72,6 +72,15 @@ def unseen_errors(
     left = 1.0 - slow**2 - quick**2 - white**2
     grown = options.bias_share * np.maximum.accumulate(slow) / options.wander_share
     return stated_sd * np.sqrt(np.maximum(left, grown**2))
+
+
+def common_errors(fixes: Fixes, options: FusionOptions) -> FloatArray:
+    """Sigma NED [n, 3] m below which no fix is known that was made without corrections, whatever
+    its receiver states: orbits and clocks of the satellites and the air are the same for minutes,
+    and nothing in the drive shows them. Zero for corrected ones."""
+    corrected = np.isin(fixes.fix_type, (FixType.DGNSS, FixType.FLOAT, FixType.FIXED))
+    common = options.common_horizontal_sd_m * np.array([1.0, 1.0, DOWN_FACTOR])
+    return np.where(corrected[:, None], 0.0, common)
 
 
 def has_position(fixes: Fixes) -> tuple[BoolArray, BoolArray]:

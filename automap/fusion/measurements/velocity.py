@@ -7,7 +7,7 @@ import numpy as np
 from automap.effects.measured_kernels import antenna_velocity
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_VEL, HAS_VEL_H, HAS_VEL_V
-from automap.fusion.limits import VELOCITY_DOWN_FACTOR
+from automap.fusion.limits import DOWN_FACTOR
 from automap.fusion.measurements.state import AtNode
 from automap.fusion.options import FusionOptions
 from automap.jit import kernel
@@ -19,7 +19,7 @@ def velocity_errors(fixes: Fixes, factor: FloatArray, options: FusionOptions) ->
     sd = np.where(
         np.isfinite(fixes.sd_vel_ned) & (fixes.sd_vel_ned > 0),
         fixes.sd_vel_ned,
-        options.velocity_sd * np.array([1.0, 1.0, VELOCITY_DOWN_FACTOR]),
+        options.velocity_sd * np.array([1.0, 1.0, DOWN_FACTOR]),
     )
     return np.maximum(sd * factor[:, None], options.min_velocity_sd)
 

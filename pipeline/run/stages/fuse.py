@@ -79,8 +79,6 @@ def _take_finished(context: StageContext) -> None:
 
 
 def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None:
-    from automap.fusion.doubts.receiver import dated_velocities
-    from automap.fusion.gnss_only import smooth_fixes
     from automap.fusion.verdict import weigh_alone
     from pipeline.run.fusion_inputs import read_usable_fixes
     from pipeline.settings.presets import fusion_options
@@ -91,13 +89,12 @@ def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None
     )
     fixes, receiver = read_usable_fixes(context.out)
     options, presets = fusion_options(context.drive, context.settings.fuse)
-    trajectory = smooth_fixes(dated_velocities(fixes, receiver), clock, options)
-    weighed = weigh_alone(trajectory, fixes, options, receiver)
+    weighed = weigh_alone(fixes, clock, options, receiver)
     _write_trajectory(context, weighed.trajectory, names.TRAJECTORY)
     context.verdict = weighed.verdict.as_dict()
-    content = {"method": "gnss only", "epochs": len(trajectory), "verdict": context.verdict}
+    content = {"method": "gnss only", "epochs": len(weighed.trajectory), "verdict": context.verdict}
     _write_summary(context, content | {"presets": _note_presets(context, presets)})
-    context.result = f"{len(trajectory)} epochs from GPS alone, smoothed"
+    context.result = f"{len(weighed.trajectory)} epochs from GPS alone, smoothed"
 
 
 def _fuse(context: StageContext) -> None:
