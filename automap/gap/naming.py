@@ -37,14 +37,20 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
     are filled in later. ``maxima`` [draws] what chance reaches."""
     selection, chosen = found.selection, found.chosen
     told: list[tuple[float, Finding | Unexplained]] = []
+    against = {one.effect for one in found.stands.kept_out}
+    names = [c.name for c in selection.candidates.values() if not c.terms and c.name not in against]
     for name in chosen.names:
         effect = found.effects.get(name, name)
         if effect not in values:
             continue
         odds, moves = selection.odds_of(chosen, name)
-        rivals = [r for r in selection.rivals(chosen, name) if r.chosen != chosen]
+        # what was not needed beside other candidates than these may be one of them
+        rivals = selection.rivals(chosen, name, names, refused=frozenset())
+        rivals = [r for r in rivals if r.chosen != chosen]
         room = max(limits.CLOSE_NATS, limits.CLOSE * odds)
-        close = [r.name for r in rivals if r.ahead > -room]
+        close = [
+            r.name for r in rivals if r.ahead > -room or not selection.told_apart(r, chosen, name)
+        ]
         close += found.not_told_apart.get(name, ())
         nats = max(sum(m.evidence.nats for m in moves), found.borne_out.get(name, 0.0))
         p = p_value(nats - np.log(selection.candidates[name].choices), maxima)
@@ -52,8 +58,7 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
             told.append((odds, _formula(found, name, moves, nats, p, rivals)))
             continue
         twins = [t for t in sorted(twins_of((name,))) if t in selection.candidates]
-        named = [n for n in close if not selection.candidates[n].terms]
-        confusable = tuple(dict.fromkeys([*named, *twins]))
+        confusable = tuple(dict.fromkeys([*close, *twins]))
         units = {q.name: q.unit for q in CATALOGUE[effect].parameters}
         parameters = {
             q: ParameterValue(v, _honest_sd(found, name, q, sd), units[q])
@@ -148,7 +153,6 @@ def _formula(
         for k, (on, text) in zip(names, candidate.terms, strict=True)
         for value, sd in (joint.get(k, (0.0, 0.0)),)
     )
-    named = [r.name for r in rivals if not found.selection.candidates[r.name].terms]
     return Unexplained(
         terms[0].channel,
         name,
@@ -156,7 +160,7 @@ def _formula(
         terms[0].sd,
         nats,
         p,
-        named[0] if named else None,
+        rivals[0].name if rivals else None,
         effect,
         terms=terms,
     )

@@ -19,6 +19,7 @@ from automap.gap.evidence import (
     Evidence,
     Given,
     Part,
+    apart,
     conditional,
     evidence,
     inflation,
@@ -126,10 +127,15 @@ class Selection:
         return frozenset(self.key(name, part) for name, part, _ in chosen.parts)
 
     def best(
-        self, chosen: Chosen, names: Sequence[str] | None = None, least: float = 0.0
+        self,
+        chosen: Chosen,
+        names: Sequence[str] | None = None,
+        least: float = 0.0,
+        refused: frozenset[Key] | None = None,
     ) -> list[Move]:
         """The strongest parts beside what is chosen, best first, of the candidates ``names``, whose
-        odds before correction are above ``least``."""
+        odds before correction are above ``least``; ``refused`` in place of the selection's own."""
+        refused = self.refused if refused is None else refused
         known = self.given(chosen)
         barred = twins_of(chosen.names)
         has = {part for _, part, _ in chosen.parts}
@@ -138,7 +144,7 @@ class Selection:
             for c in self.candidates.values()
             if c.name not in barred and (names is None or c.name in names)
             for part in c.parts
-            if part not in has and self.key(c.name, part) not in self.refused and known.shows(part)
+            if part not in has and self.key(c.name, part) not in refused and known.shows(part)
         ]
         prior = np.array(
             [
@@ -203,8 +209,15 @@ class Selection:
             rest = rest.joined(name, part, found.scale)
         return sum(m.odds for m in moves), moves
 
-    def rivals(self, chosen: Chosen, name: str) -> list[Rival]:
-        """What may stand in a candidate's place, best first.
+    def rivals(
+        self,
+        chosen: Chosen,
+        name: str,
+        names: Sequence[str] | None = None,
+        refused: frozenset[Key] | None = None,
+    ) -> list[Rival]:
+        """What may stand in a candidate's place, best first, of the candidates ``names``, but for
+        parts that are ``refused``.
 
         Both explain much the same of the same data under the same noise. So the scatter of both
         scores is taken for the smaller of the two: what one of them has more is its own misfit, and
@@ -214,11 +227,12 @@ class Selection:
         _, own = self.odds_of(chosen, name)
         mine = max((m.evidence.overdispersion for m in own), default=1.0)
         out = []
-        for other in dict.fromkeys(m.name for m in self.best(rest) if m.name != name):
+        found = self.best(rest, names, refused=refused)
+        for other in dict.fromkeys(m.name for m in found if m.name != name):
             candidate, instead = self.candidates[other], rest
             moves: list[Move] = []
             for _ in candidate.parts:
-                more = self.best(instead, (other,))
+                more = self.best(instead, (other,), refused=refused)
                 if not more or (moves and more[0].odds <= 0.0):
                     break
                 moves.append(more[0])
@@ -233,12 +247,31 @@ class Selection:
             out.append(Rival(other, odds[0] - odds[1], sum(m.odds for m in moves), instead))
         return sorted(out, key=lambda r: -r.ahead)
 
+    def told_apart(self, rival: Rival, chosen: Chosen, name: str) -> bool:
+        """Whether a chosen candidate is needed even beside a rival of it, as any name is, or what
+        it explains more than the rival in its place is beyond its scatter from stretch to stretch:
+        two that do nearly the same leave little to each other, and noise that is not as modelled
+        decides between them."""
+        mine = tuple(p for p in chosen.parts if p[0] == name)
+        known = self.given(rival.chosen)
+        if any(known.shows(part) for _, part, _ in mine):
+            both = Chosen((*rival.chosen.parts, *mine))
+            if self.odds_of(both, name)[0] >= limits.LEAST_ODDS:
+                return True
+        rest = self.given(chosen.without(name))
+        own, its = (
+            tuple(i for n, part, _ in c.parts for i in part if n == who)
+            for c, who in ((chosen, name), (rival.chosen, rival.name))
+        )
+        return apart(rest, own, its) > limits.APART
+
     def close_rivals(self, chosen: Chosen, name: str) -> list[Rival]:
         """Rivals that a linear model cannot rule out: those nearly as likely, and beside a formula
-        the likeliest names, however far behind."""
+        the likeliest names, however far behind; also what was not needed beside other candidates
+        than these."""
         own, _ = self.odds_of(chosen, name)
         close = max(limits.CLOSE_NATS, limits.CHALLENGE * own)
-        every = self.rivals(chosen, name)
+        every = self.rivals(chosen, name, refused=frozenset())
         formula = bool(self.candidates[name].terms)
         names = [r for r in every if not self.candidates[r.name].terms]
         near = [r for r in every if r not in names and -r.ahead <= close]
