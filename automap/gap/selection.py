@@ -265,13 +265,15 @@ class Selection:
         )
         return apart(rest, own, its) > limits.APART
 
-    def close_rivals(self, chosen: Chosen, name: str) -> list[Rival]:
+    def close_rivals(
+        self, chosen: Chosen, name: str, barred: frozenset[Key] = frozenset()
+    ) -> list[Rival]:
         """Rivals that a linear model cannot rule out: those nearly as likely, and beside a formula
-        the likeliest names, however far behind; also what was not needed beside other candidates
-        than these."""
+        the likeliest names, however far behind; also what was tried beside others and not needed
+        there, but nothing that is ``barred``."""
         own, _ = self.odds_of(chosen, name)
         close = max(limits.CLOSE_NATS, limits.CHALLENGE * own)
-        every = self.rivals(chosen, name, refused=frozenset())
+        every = self.rivals(chosen, name, refused=barred)
         formula = bool(self.candidates[name].terms)
         names = [r for r in every if not self.candidates[r.name].terms]
         near = [r for r in every if r not in names and -r.ahead <= close]
