@@ -53,9 +53,11 @@ class Chosen:
             out = out.joined(part, linear, scale)
         return out
 
-    def without(self, name: str) -> Chosen:
-        """The same less one candidate."""
-        return Chosen(tuple(p for p in self.parts if p[0] != name))
+    def without(self, name: str, part: Part | None = None) -> Chosen:
+        """The same less one candidate, or less a part of it."""
+        return Chosen(
+            tuple(p for p in self.parts if p[0] != name or (part is not None and p[1] != part))
+        )
 
     def joined(self, name: str, part: Part, scale: float) -> Chosen:
         """The same with one more part."""
@@ -215,16 +217,17 @@ class Selection:
         name: str,
         names: Sequence[str] | None = None,
         refused: frozenset[Key] | None = None,
+        part: Part | None = None,
     ) -> list[Rival]:
-        """What may stand in a candidate's place, best first, of the candidates ``names``, but for
-        parts that are ``refused``.
+        """What may stand in a candidate's place, or in that of a ``part`` of it, best first, of the
+        candidates ``names``, but for parts that are ``refused``.
 
         Both explain much the same of the same data under the same noise. So the scatter of both
         scores is taken for the smaller of the two: what one of them has more is its own misfit, and
         shows in what it explains.
         """
-        rest = chosen.without(name)
-        _, own = self.odds_of(chosen, name)
+        rest = chosen.without(name, part)
+        own = self.odds_of(chosen, name)[1] if part is None else [self._alone(rest, name, part)]
         mine = max((m.evidence.overdispersion for m in own), default=1.0)
         out = []
         found = self.best(rest, names, refused=refused)
@@ -247,23 +250,29 @@ class Selection:
             out.append(Rival(other, odds[0] - odds[1], sum(m.odds for m in moves), instead))
         return sorted(out, key=lambda r: -r.ahead)
 
-    def told_apart(self, rival: Rival, chosen: Chosen, name: str) -> bool:
-        """Whether a chosen candidate is needed even beside a rival of it, as any name is, or what
-        it explains more than the rival in its place is beyond its scatter from stretch to stretch:
-        two that do nearly the same leave little to each other, and noise that is not as modelled
-        decides between them."""
-        mine = tuple(p for p in chosen.parts if p[0] == name)
+    def _alone(self, rest: Chosen, name: str, part: Part) -> Move:
+        """One part of a candidate beside a choice that has others of it."""
+        found = self.evidence(self.given(rest), name, part)
+        return Move(name, part, found, found.nats + self.candidates[name].log_choice)
+
+    def told_apart(self, rival: Rival, chosen: Chosen, name: str, part: Part | None = None) -> bool:
+        """Whether a chosen candidate, or a ``part`` of it, is needed even beside a rival of it, as
+        any name is, or what it explains more than the rival in its place is beyond its scatter from
+        stretch to stretch: two that do nearly the same leave little to each other, and noise that
+        is not as modelled decides between them."""
+        rest = chosen.without(name, part)
+        mine = tuple(p for p in chosen.parts if p not in rest.parts)
         known = self.given(rival.chosen)
-        if any(known.shows(part) for _, part, _ in mine):
-            both = Chosen((*rival.chosen.parts, *mine))
-            if self.odds_of(both, name)[0] >= limits.LEAST_ODDS:
+        if any(known.shows(p) for _, p, _ in mine):
+            if part is not None:
+                odds = self._alone(rival.chosen, name, part).odds
+            else:
+                odds = self.odds_of(Chosen((*rival.chosen.parts, *mine)), name)[0]
+            if odds >= limits.LEAST_ODDS:
                 return True
-        rest = self.given(chosen.without(name))
-        own, its = (
-            tuple(i for n, part, _ in c.parts for i in part if n == who)
-            for c, who in ((chosen, name), (rival.chosen, rival.name))
-        )
-        return apart(rest, own, its) > limits.APART
+        its = tuple(i for p in rival.chosen.parts if p not in rest.parts for i in p[1])
+        own = tuple(i for _, p, _ in mine for i in p)
+        return apart(self.given(rest), own, its) > limits.APART
 
     def close_rivals(
         self, chosen: Chosen, name: str, barred: frozenset[Key] = frozenset()

@@ -229,6 +229,22 @@ def test_rivals_are_told_apart_by_what_stretches_say_and_not_by_the_noise_as_mod
     assert selection.told_apart(rival, chosen, "e0") == apart
 
 
+def test_another_may_stand_in_the_place_of_one_axis_alone() -> None:
+    phi, w = noise(23)
+    phi[:, 2] = phi[:, 1] + 0.1 * phi[:, 2]
+    selection = alone(linear_with(phi, w + 0.3 * phi[:, 0] + 0.2 * phi[:, 1]))
+    selection.candidates["both"] = Candidate("both", ((0,), (1,)), -math.log(COLUMNS))
+    chosen = Chosen((("both", (0,), 1.0), ("both", (1,), 1.0)))
+
+    def apart(part: tuple[int, ...] | None) -> bool:
+        (rival,) = selection.rivals(chosen, "both", ["e2"], part=part)
+        return selection.told_apart(rival, chosen, "both", part)
+
+    # it does what the second axis does, and nothing of the first
+    assert apart(None)
+    assert not apart((1,))
+
+
 def test_what_is_needed_beside_another_is_no_rival_of_it() -> None:
     phi, w = noise(20)
     # both act, and neither stands for the other
