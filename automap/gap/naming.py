@@ -46,11 +46,12 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
         odds, moves = selection.odds_of(chosen, name)
         rivals = _in_place(selection, chosen, name, names, odds)
         close = [r.name for r, apart in rivals if not apart]
-        if len(moves) > 1:
-            # one axis may be another effect's, though not all are
-            for move in moves:
-                places = _in_place(selection, chosen, name, names, move.odds, move.part)
-                close += [r.name for r, apart in places if not apart]
+        # one axis may be another effect's, though not all are, if it is worth a name by itself
+        known = selection.candidates[name]
+        dear = limits.LEAST_ODDS - known.log_prior - known.log_choice
+        for move in (m for m in moves if len(moves) > 1 and m.evidence.nats >= dear):
+            places = _in_place(selection, chosen, name, names, move.odds, move.part)
+            close += [r.name for r, apart in places if not apart]
         close += found.not_told_apart.get(name, ())
         nats = max(sum(m.evidence.nats for m in moves), found.borne_out.get(name, 0.0))
         p = p_value(nats - np.log(selection.candidates[name].choices), maxima)
