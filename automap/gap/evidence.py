@@ -202,6 +202,23 @@ def shown_by(known: Conditional, part: Part) -> tuple[int, float]:
     return int(np.argmax(gain)), float(weight @ rows.w[at] ** 2 / max(float(weight.sum()), 1e-300))
 
 
+def apart(known: Conditional, one: Part, other: Part) -> float:
+    """Sigmas by which ``one`` part explains more than ``other`` in its place, by the scatter of the
+    difference from stretch to stretch (Vuong, Econometrica 57 (1989), 307-333)."""
+    gains = []
+    for part in (one, other):
+        rows, at = _stacked(known, part), list(part)
+        sd = plain_nats(known, part)[1] * known.linear.prior_sd[at]
+        estimate = np.linalg.solve(known.info(part) + np.diag(sd**-2.0), known.score[at])
+        along = rows.phi @ estimate
+        gains.append(along * (rows.w - 0.5 * along))
+    ahead, spreads = gains[0] - gains[1], []
+    for length_s in limits.BLOCKS_S:
+        sums = np.add.reduceat(ahead, _stretches(rows.t, rows.drive, length_s))
+        spreads.append(np.sqrt(len(sums)) * np.std(sums))
+    return float(ahead.sum() / max(*spreads, 1e-300))
+
+
 def _bayes_factor(g: FloatArray, info: FloatArray, sd: FloatArray) -> float:
     """Nats of parameters with score [p], information [p, p] and prior sds [p]."""
     root = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(sd)))

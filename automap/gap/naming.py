@@ -12,7 +12,7 @@ from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import ORIGIN, named_columns
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
-from automap.gap.evidence import shown_by
+from automap.gap.evidence import Part, shown_by
 from automap.gap.fit import Fit, Values
 from automap.gap.limits import ALIKE, SHOWS
 from automap.gap.linear import linearised
@@ -28,7 +28,7 @@ from automap.gap.result import (
     coefficient_names,
 )
 from automap.gap.screening import Found
-from automap.gap.selection import Chosen, Move, Rival, twins_of
+from automap.gap.selection import Chosen, Move, Rival, Selection, twins_of
 from automap.records import FloatArray, IntArray
 
 
@@ -37,23 +37,30 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
     are filled in later. ``maxima`` [draws] what chance reaches."""
     selection, chosen = found.selection, found.chosen
     told: list[tuple[float, Finding | Unexplained]] = []
+    against = {one.effect for one in found.stands.kept_out}
+    names = [c.name for c in selection.candidates.values() if not c.terms and c.name not in against]
     for name in chosen.names:
         effect = found.effects.get(name, name)
         if effect not in values:
             continue
         odds, moves = selection.odds_of(chosen, name)
-        rivals = [r for r in selection.rivals(chosen, name) if r.chosen != chosen]
-        room = max(limits.CLOSE_NATS, limits.CLOSE * odds)
-        close = [r.name for r in rivals if r.ahead > -room]
+        rivals = _in_place(selection, chosen, name, names, odds)
+        close = [r.name for r, apart in rivals if not apart]
+        # one axis may be another effect's, though not all are, if it is worth a name by itself
+        known = selection.candidates[name]
+        dear = limits.LEAST_ODDS - known.log_prior - known.log_choice
+        for move in (m for m in moves if len(moves) > 1 and m.evidence.nats >= dear):
+            places = _in_place(selection, chosen, name, names, move.odds, move.part)
+            close += [r.name for r, apart in places if not apart]
         close += found.not_told_apart.get(name, ())
         nats = max(sum(m.evidence.nats for m in moves), found.borne_out.get(name, 0.0))
         p = p_value(nats - np.log(selection.candidates[name].choices), maxima)
         if selection.candidates[name].terms:
-            told.append((odds, _formula(found, name, moves, nats, p, rivals)))
+            nearest = rivals[0][0].name if rivals else None
+            told.append((odds, _formula(found, name, moves, nats, p, nearest)))
             continue
         twins = [t for t in sorted(twins_of((name,))) if t in selection.candidates]
-        named = [n for n in close if not selection.candidates[n].terms]
-        confusable = tuple(dict.fromkeys([*named, *twins]))
+        confusable = tuple(dict.fromkeys([*close, *twins]))
         units = {q.name: q.unit for q in CATALOGUE[effect].parameters}
         parameters = {
             q: ParameterValue(v, _honest_sd(found, name, q, sd), units[q])
@@ -68,6 +75,26 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
             )
         )
     return [one for _, one in sorted(told, key=lambda item: -item[0])]
+
+
+def _in_place(
+    selection: Selection,
+    chosen: Chosen,
+    name: str,
+    names: Sequence[str],
+    odds: float,
+    part: Part | None = None,
+) -> list[tuple[Rival, bool]]:
+    """Which of ``names`` may stand in the place of a chosen candidate, or of a ``part`` of it, with
+    log odds ``odds``, and whether they are told apart. What was tried beside other candidates than
+    these and was not needed there may be one of them."""
+    room = max(limits.CLOSE_NATS, limits.CLOSE * odds)
+    rivals = selection.rivals(chosen, name, names, frozenset(), part)
+    return [
+        (r, r.ahead < -room and selection.told_apart(r, chosen, name, part))
+        for r in rivals
+        if r.chosen != chosen and r.name not in chosen.names
+    ]
 
 
 def _honest_sd(found: Found, name: str, parameter: str, sd: float) -> float:
@@ -137,7 +164,7 @@ def _formula(
     moves: Sequence[Move],
     nats: float,
     p: float,
-    rivals: Sequence[Rival],
+    nearest: str | None,
 ) -> Unexplained:
     candidate = found.selection.candidates[name]
     effect = found.effects[name]
@@ -148,7 +175,6 @@ def _formula(
         for k, (on, text) in zip(names, candidate.terms, strict=True)
         for value, sd in (joint.get(k, (0.0, 0.0)),)
     )
-    named = [r.name for r in rivals if not found.selection.candidates[r.name].terms]
     return Unexplained(
         terms[0].channel,
         name,
@@ -156,7 +182,7 @@ def _formula(
         terms[0].sd,
         nats,
         p,
-        named[0] if named else None,
+        nearest,
         effect,
         terms=terms,
     )

@@ -243,21 +243,24 @@ class Search:
         not told apart from a name that stays is noted.
         """
         self.close = {}
+        against = {out.effect for one in self.spoken_against for out in one.kept_out}
         joint = here.joint()
         for name in chosen.names:
             formula = bool(selection.candidates[name].terms)
             best, instead = 0.0, None
             nats = self.screening.nats(joint, selection, chosen, name)
             for rival in selection.close_rivals(chosen, name):
-                if frozenset(rival.chosen.names) == frozenset(chosen.names):
-                    continue
                 other = rival.name
+                same = frozenset(rival.chosen.names) == frozenset(chosen.names)
+                if same or self.screening.effects.get(other, other) in against:
+                    continue
                 self.log(f"checking whether {name} is {other}")
                 fitted = self.screening.states(here, selection, rival.chosen)
                 if other in self.screening.not_borne_out(fitted, selection, rival.chosen):
                     continue
                 ahead, sigmas = self._ahead(fitted, here)
-                ahead += self._prior(selection, other) - self._prior(selection, name)
+                ahead += self._log_prior(selection, rival.chosen)
+                ahead -= self._log_prior(selection, chosen)
                 rival_formula = bool(selection.candidates[other].terms)
                 if abs(sigmas) < limits.APART and not rival_formula:
                     self.close[name] = (*self.close.get(name, ()), other)
@@ -294,13 +297,14 @@ class Search:
         return fits
 
     @staticmethod
-    def _prior(selection: Selection, name: str) -> float:
-        """Log prior probability of a candidate; whole fixes are late more often than parts of
-        them."""
-        candidate = selection.candidates[name]
-        usual = 0.0 if candidate.terms or name in WHOLE_DELAYS else 1.0
-        part = name in CATALOGUE and CATALOGUE[name].resembles == "a delay" and usual
-        return candidate.log_prior - (limits.CLOSE_NATS if part else 0.0)
+    def _log_prior(selection: Selection, chosen: Chosen) -> float:
+        """Log prior probability of a set; whole fixes are late more often than parts of them."""
+        parts = [
+            n
+            for n in chosen.names
+            if n in CATALOGUE and CATALOGUE[n].resembles == "a delay" and n not in WHOLE_DELAYS
+        ]
+        return selection.log_prior(chosen) - limits.CLOSE_NATS * len(parts)
 
     def _proposed(
         self,

@@ -19,6 +19,7 @@ from automap.gap.evidence import (
     Evidence,
     Given,
     Part,
+    apart,
     conditional,
     evidence,
     inflation,
@@ -52,9 +53,11 @@ class Chosen:
             out = out.joined(part, linear, scale)
         return out
 
-    def without(self, name: str) -> Chosen:
-        """The same less one candidate."""
-        return Chosen(tuple(p for p in self.parts if p[0] != name))
+    def without(self, name: str, part: Part | None = None) -> Chosen:
+        """The same less one candidate, or less a part of it."""
+        return Chosen(
+            tuple(p for p in self.parts if p[0] != name or (part is not None and p[1] != part))
+        )
 
     def joined(self, name: str, part: Part, scale: float) -> Chosen:
         """The same with one more part."""
@@ -126,10 +129,15 @@ class Selection:
         return frozenset(self.key(name, part) for name, part, _ in chosen.parts)
 
     def best(
-        self, chosen: Chosen, names: Sequence[str] | None = None, least: float = 0.0
+        self,
+        chosen: Chosen,
+        names: Sequence[str] | None = None,
+        least: float = 0.0,
+        refused: frozenset[Key] | None = None,
     ) -> list[Move]:
         """The strongest parts beside what is chosen, best first, of the candidates ``names``, whose
-        odds before correction are above ``least``."""
+        odds before correction are above ``least``; ``refused`` in place of the selection's own."""
+        refused = self.refused if refused is None else refused
         known = self.given(chosen)
         barred = twins_of(chosen.names)
         has = {part for _, part, _ in chosen.parts}
@@ -138,7 +146,7 @@ class Selection:
             for c in self.candidates.values()
             if c.name not in barred and (names is None or c.name in names)
             for part in c.parts
-            if part not in has and self.key(c.name, part) not in self.refused and known.shows(part)
+            if part not in has and self.key(c.name, part) not in refused and known.shows(part)
         ]
         prior = np.array(
             [
@@ -203,22 +211,31 @@ class Selection:
             rest = rest.joined(name, part, found.scale)
         return sum(m.odds for m in moves), moves
 
-    def rivals(self, chosen: Chosen, name: str) -> list[Rival]:
-        """What may stand in a candidate's place, best first.
+    def rivals(
+        self,
+        chosen: Chosen,
+        name: str,
+        names: Sequence[str] | None = None,
+        refused: frozenset[Key] | None = None,
+        part: Part | None = None,
+    ) -> list[Rival]:
+        """What may stand in a candidate's place, or in that of a ``part`` of it, best first, of the
+        candidates ``names``, but for parts that are ``refused``.
 
         Both explain much the same of the same data under the same noise. So the scatter of both
         scores is taken for the smaller of the two: what one of them has more is its own misfit, and
         shows in what it explains.
         """
-        rest = chosen.without(name)
-        _, own = self.odds_of(chosen, name)
+        rest = chosen.without(name, part)
+        own = self.odds_of(chosen, name)[1] if part is None else [self._alone(rest, name, part)]
         mine = max((m.evidence.overdispersion for m in own), default=1.0)
         out = []
-        for other in dict.fromkeys(m.name for m in self.best(rest) if m.name != name):
+        found = self.best(rest, names, refused=refused)
+        for other in dict.fromkeys(m.name for m in found if m.name != name):
             candidate, instead = self.candidates[other], rest
             moves: list[Move] = []
             for _ in candidate.parts:
-                more = self.best(instead, (other,))
+                more = self.best(instead, (other,), refused=refused)
                 if not more or (moves and more[0].odds <= 0.0):
                     break
                 moves.append(more[0])
@@ -233,12 +250,39 @@ class Selection:
             out.append(Rival(other, odds[0] - odds[1], sum(m.odds for m in moves), instead))
         return sorted(out, key=lambda r: -r.ahead)
 
-    def close_rivals(self, chosen: Chosen, name: str) -> list[Rival]:
+    def _alone(self, rest: Chosen, name: str, part: Part) -> Move:
+        """One part of a candidate beside a choice that has others of it."""
+        found = self.evidence(self.given(rest), name, part)
+        return Move(name, part, found, found.nats + self.candidates[name].log_choice)
+
+    def told_apart(self, rival: Rival, chosen: Chosen, name: str, part: Part | None = None) -> bool:
+        """Whether a chosen candidate, or a ``part`` of it, is needed even beside a rival of it, as
+        any name is, or what it explains more than the rival in its place is beyond its scatter from
+        stretch to stretch: two that do nearly the same leave little to each other, and noise that
+        is not as modelled decides between them."""
+        rest = chosen.without(name, part)
+        mine = tuple(p for p in chosen.parts if p not in rest.parts)
+        known = self.given(rival.chosen)
+        if any(known.shows(p) for _, p, _ in mine):
+            if part is not None:
+                odds = self._alone(rival.chosen, name, part).odds
+            else:
+                odds = self.odds_of(Chosen((*rival.chosen.parts, *mine)), name)[0]
+            if odds >= limits.LEAST_ODDS:
+                return True
+        its = tuple(i for p in rival.chosen.parts if p not in rest.parts for i in p[1])
+        own = tuple(i for _, p, _ in mine for i in p)
+        return apart(self.given(rest), own, its) > limits.APART
+
+    def close_rivals(
+        self, chosen: Chosen, name: str, barred: frozenset[Key] = frozenset()
+    ) -> list[Rival]:
         """Rivals that a linear model cannot rule out: those nearly as likely, and beside a formula
-        the likeliest names, however far behind."""
+        the likeliest names, however far behind; also what was tried beside others and not needed
+        there, but nothing that is ``barred``."""
         own, _ = self.odds_of(chosen, name)
         close = max(limits.CLOSE_NATS, limits.CHALLENGE * own)
-        every = self.rivals(chosen, name)
+        every = self.rivals(chosen, name, refused=barred)
         formula = bool(self.candidates[name].terms)
         names = [r for r in every if not self.candidates[r.name].terms]
         near = [r for r in every if r not in names and -r.ahead <= close]

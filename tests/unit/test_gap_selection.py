@@ -13,6 +13,7 @@ from automap.gap import limits
 from automap.gap.candidates import Candidate
 from automap.gap.evidence import Given
 from automap.gap.linear import Linear
+from automap.gap.search import Search
 from automap.gap.selection import Chosen, Selection, select, twins_of
 from automap.records import FloatArray
 from tests.unit.gap_linear import columns_named, linear_of
@@ -213,6 +214,46 @@ def test_rivals_come_with_how_far_they_are_ahead() -> None:
     assert back.odds > rival.odds
 
 
+@pytest.mark.parametrize(("shaken", "apart"), [(1.0, True), (6.0, False)])
+def test_rivals_are_told_apart_by_what_stretches_say_and_not_by_the_noise_as_modelled(
+    shaken: float, apart: bool
+) -> None:
+    phi, w = noise(19)
+    phi[:, 1] = phi[:, 0] + 0.5 * phi[:, 1]
+    # some stretches of 8 s are noisier than the rest
+    loud = (np.arange(ROWS) // 80) % 6 == 2
+    selection = alone(linear_with(phi, np.where(loud, shaken, 1.0) * w + 0.25 * phi[:, 0]))
+    chosen = of(selection, "e0")
+    (rival,) = (r for r in selection.rivals(chosen, "e0", ["e1"]))
+    assert rival.ahead < -limits.CLOSE_NATS
+    assert selection.told_apart(rival, chosen, "e0") == apart
+
+
+def test_another_may_stand_in_the_place_of_one_axis_alone() -> None:
+    phi, w = noise(23)
+    phi[:, 2] = phi[:, 1] + 0.1 * phi[:, 2]
+    selection = alone(linear_with(phi, w + 0.3 * phi[:, 0] + 0.2 * phi[:, 1]))
+    selection.candidates["both"] = Candidate("both", ((0,), (1,)), -math.log(COLUMNS))
+    chosen = Chosen((("both", (0,), 1.0), ("both", (1,), 1.0)))
+
+    def apart(part: tuple[int, ...] | None) -> bool:
+        (rival,) = selection.rivals(chosen, "both", ["e2"], part=part)
+        return selection.told_apart(rival, chosen, "both", part)
+
+    # it does what the second axis does, and nothing of the first
+    assert apart(None)
+    assert not apart((1,))
+
+
+def test_what_is_needed_beside_another_is_no_rival_of_it() -> None:
+    phi, w = noise(20)
+    # both act, and neither stands for the other
+    selection = alone(linear_with(phi, w + 0.2 * phi[:, 0] + 0.2 * phi[:, 1]))
+    chosen = of(selection, "e0")
+    (rival,) = (r for r in selection.rivals(chosen, "e0", ["e1"]))
+    assert selection.told_apart(rival, chosen, "e0")
+
+
 def test_a_wrong_first_choice_is_swapped_once_what_it_stood_for_is_there() -> None:
     phi, w = noise(17)
     # nearly one that acts, and alone the strongest, for it has part of another that acts
@@ -244,6 +285,27 @@ def test_a_formula_is_held_against_names_however_far_behind() -> None:
     selection.candidates["e0"] = Candidate("e0", ((0,),), -math.log(COLUMNS))
     close = {r.name for r in selection.close_rivals(of(selection, "e0"), "e0")}
     assert close == {"e1"}
+
+
+def test_what_was_not_needed_beside_others_may_still_stand_in_a_place() -> None:
+    phi, w = noise(21)
+    phi[:, 1] = phi[:, 0] + 0.1 * phi[:, 1]
+    selection = alone(linear_with(phi, w + 0.3 * phi[:, 0]))
+    chosen = of(selection, "e0")
+    # it was tried, say beside e0 itself
+    selection.refused = frozenset({selection.key("e1", (1,))})
+    assert not [r for r in selection.rivals(chosen, "e0") if r.name == "e1"]
+    assert [r.name for r in selection.close_rivals(chosen, "e0")] == ["e1"]
+
+
+def test_of_two_that_do_the_same_the_one_with_fewer_parameters_is_likelier() -> None:
+    phi, w = noise(22)
+    selection = alone(linear_with(phi, w))
+    for name, count in (("e0", 3), ("e1", 9)):
+        known = selection.candidates[name]
+        selection.candidates[name] = replace(known, log_choice=-math.log(count))
+    priors = [Search._log_prior(selection, of(selection, n)) for n in ("e0", "e1")]
+    assert priors[0] - priors[1] == pytest.approx(math.log(3.0))
 
 
 def test_what_acts_as_a_chosen_effect_does_is_no_candidate_beside_it() -> None:

@@ -163,7 +163,8 @@ class _Search:
         self.close = {}
         for name in self.chosen.names:
             best, instead = 0.0, None
-            for rival in self.selection.close_rivals(self.chosen, name):
+            barred = frozenset(self.barred)
+            for rival in self.selection.close_rivals(self.chosen, name, barred):
                 if rival.name in self.chosen.names:
                     continue
                 self.log(f"checking whether {name} is {rival.name}")
