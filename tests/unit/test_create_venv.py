@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from pathlib import Path
 
@@ -85,3 +86,17 @@ def test_a_missing_python_is_told(tools: Path) -> None:
     done = create(tools)
     assert done.returncode == 1
     assert "there is no" in done.stderr
+
+
+def test_make_lets_python_keep_its_compiled_modules() -> None:
+    """An image that forbids it has each of a thousand processes compile all it imports."""
+    show = 'show: ; @echo "kept: [$$PYTHONDONTWRITEBYTECODE]"'
+    told = subprocess.run(
+        ["make", "--silent", "--eval", show, "show"],
+        cwd=SCRIPT.parents[1],
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert told.stdout == "kept: []\n"
