@@ -220,7 +220,8 @@ def shared_sd(drive: DriveSigns, rows: IntArray) -> FloatArray:
     return sd
 
 
-_EARTH_M2 = 1e14  # of who may be anywhere on Earth
+_EARTH_M2 = 1e14
+"""Variance of what may be anywhere on Earth, m^2: half of its circumference is 2e7 m."""
 
 
 def split_covariance(

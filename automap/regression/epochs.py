@@ -22,7 +22,8 @@ _UNITS = ("m", "m", "m", "m/s", "m/s", "m/s", "deg", "deg", "deg")
 _SHOWN = np.array([1.0] * 6 + [np.degrees(1.0)] * 3)
 _STEP = np.array([1e-4] * 3 + [1e-4] * 3 + [1e-6] * 3)
 """Resolution of the stored numbers (m, m/s, rad)."""
-_MOST_STEPS = 1e12  # more than round the Earth
+_MOST_STEPS = 1e12
+"""Of that resolution: round the Earth it is half of it."""
 
 
 @dataclass(frozen=True)
