@@ -6,6 +6,7 @@ from typing import Any
 
 from automap import __version__
 from automap.export.clock import iso_texts, utc_of_gps
+from automap.export.icons import sign_words
 from automap.export.roads import read_roads_csv, set_roads
 from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
@@ -176,6 +177,8 @@ def sign_list(signs: SignColumns) -> dict[str, Any]:
             value = signs.values[field.name][row]
             if field.kind == "real":
                 value = "" if value != value else f"{value:.{field.decimals}f}"
+            elif field.name == "class":
+                value = sign_words(str(value))
             cells.append("" if value is None else str(value))
         rows.append(cells)
     heads = [
