@@ -15,7 +15,7 @@ from automap.mapping.existence import (
     still_there,
 )
 from automap.mapping.grid import filled_table
-from automap.mapping.limits import FARTHEST_M
+from automap.mapping.limits import FARTHEST_M, LASTING
 from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import CameraView
 from automap.mapping.visibility import (
@@ -44,9 +44,14 @@ def belief(*seen: str, step_s: float = DAY_S) -> list[float]:
     return existence(pairs, RATES, len(seen), times).tolist()
 
 
+def odds(ratio: float) -> float:
+    return ratio / (1.0 + ratio)
+
+
 def test_a_sign_seen_often_is_there_and_one_seen_once_in_many_is_not() -> None:
     often, mostly, once_of_ten, single = belief("11111", "110111", "0000010000", "1")
-    assert often > 0.98
+    # of things that are no signs every drive takes some for one
+    assert often == pytest.approx(odds(9.0 / LASTING), abs=0.002)
     assert mostly > 0.95
     assert once_of_ten < 0.2
     # one drive alone says nothing against its own sign
