@@ -125,10 +125,11 @@ def existence_probabilities(
         log_odds_of[k] = log_odds + float(np.log(unseen).sum())
     single = np.array([len(mark.rows) == 1 for mark in landmarks], np.bool_)
     log_odds_of[single] += _base_rate(log_odds_of[single])
-    return _probability(log_odds_of)
+    return probability(log_odds_of)
 
 
-def _probability(log_odds: FloatArray) -> FloatArray:
+def probability(log_odds: FloatArray) -> FloatArray:
+    """Probabilities [n] that have these log odds."""
     return np.asarray(1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0))))
 
 
@@ -143,7 +144,7 @@ def _base_rate(log_odds: FloatArray) -> float:
     share = 0.5
     for _ in range(_BASE_RATE_ROUNDS):
         shift = np.log(share / (1.0 - share))
-        likely = float(_probability(log_odds + shift).sum())
+        likely = float(probability(log_odds + shift).sum())
         share = (0.5 * limits.IMAGINARY + likely) / (limits.IMAGINARY + len(log_odds))
     return float(np.log(share / (1.0 - share)))
 

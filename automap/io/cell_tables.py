@@ -41,11 +41,20 @@ def write_points(path: Path, columns: Mapping[str, Any], lat: FloatArray, lon: F
         pq.write_table(table, temporary, compression="zstd")
 
 
-def read_points(paths: Sequence[Path]) -> dict[str, Any]:
-    """Columns [n] of all the files, without the points; {} without files."""
+def read_points(paths: Sequence[Path], later: Sequence[str] = ()) -> dict[str, Any]:
+    """Columns [n] of all the files, without the points; {} without files. Numbers that came
+    ``later``, which some files may lack, are NaN there."""
     import pyarrow as pa
 
     if not paths:
         return {}
-    table = pa.concat_tables([read_table(path).drop_columns(["geometry"]) for path in paths])
+    tables = []
+    for path in paths:
+        table = read_table(path).drop_columns(["geometry"])
+        for name in later:
+            if name not in table.column_names:
+                table = table.append_column(name, pa.array(np.full(len(table), np.nan)))
+        tables.append(table)
+    # by name: a column that came later stands last where it was lacking
+    table = pa.concat_tables([part.select(tables[0].column_names) for part in tables])
     return {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}

@@ -79,6 +79,6 @@ def place_cell(
     views = opportunities(passages, adjusted.lat, adjusted.lon, attributes.facing_rad, stride)
     founder = np.unique(place, return_index=True)[1]
     return PlacedCell(
-        own, place, founder, adjusted, attributes, chances(place, own.drive, views),
-        own_variance(own, place),
+        own, place, founder, adjusted, attributes,
+        chances(place, own.drive, views, own.existence), own_variance(own, place),
     )  # fmt: skip

@@ -1,10 +1,17 @@
 """Whether a sign is there: seen, and not seen although it should have been.
 
-Some signs are seen by nearly every drive, some are hidden or faded: the rate at which a real
-sign is seen has a beta distribution, whose mean comes from the data, and the chances of a
-series of drives are beta-binomial (J. G. Skellam, Journal of the Royal Statistical Society B 10,
-1948). What is no sign is seen by hardly any other drive. A real
-sign can also be put up or taken down between two drives, at a small rate.
+A drive that saw something tells how probable it is that it exists (``geolocation/existence.py``):
+posterior odds over those of any sighting are the likelihood ratio of what it saw. Drives err alike
+where they look at the same thing, so the ratios of a sign's sightings are averaged: the mean is
+never too large a ratio, however they depend on one another (V. Vovk, R. Wang, E-values,
+Annals of Statistics 49, 2021).
+
+How many saw it comes on top. Some signs are seen by nearly every drive, some are hidden or faded:
+the rate at which a real sign is seen has a beta distribution, whose mean comes from the data, and
+the chances of a series of drives are beta-binomial (J. G. Skellam, Journal of the Royal Statistical
+Society B 10, 1948). What is no sign is seen by hardly any other drive, or, where a thing that stays
+looks like one (a gable), as a sign is. A real sign can also be put up or taken down between two
+drives, at a small rate.
 """
 
 from __future__ import annotations
@@ -14,12 +21,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.geolocation.existence import probability
 from automap.jit import kernel
 from automap.mapping.limits import (
     CHANGE_PER_YEAR,
     DRIVE_FREEDOM,
     DRIVE_LIMITS,
     FALSE_BETA,
+    LASTING,
     LEAST_CHANGE,
     OLDER_BELIEF,
     OVERALL_LIMITS,
@@ -31,6 +40,7 @@ from automap.mapping.limits import (
     STRAY,
     TELLING_DRIVES,
 )
+from automap.mapping.sureness import SUREST
 from automap.mapping.visibility import Opportunities, alike
 from automap.records import BoolArray, FloatArray, IntArray
 
@@ -42,12 +52,13 @@ _YEAR_S = 365.25 * 86400.0
 
 @dataclass(frozen=True)
 class Chances:
-    """Pairs [p] of a sign and a drive that saw it, or should have; ordered by sign, then
-    drive. ``seen`` [p]."""
+    """Pairs [p] of a sign and a drive that saw it, or should have; ordered by sign, then drive.
+    ``seen`` [p]; ``told`` [p] the existence by that drive alone (NaN, None: not told)."""
 
     sign: IntArray
     drive: IntArray
     seen: BoolArray
+    told: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.sign)
@@ -55,9 +66,9 @@ class Chances:
 
 @dataclass(frozen=True)
 class DetectionRates:
-    """``overall`` rate at which real signs in view are seen, by ``drive`` [d], the share
-    ``real`` of map signs that are real before any drive is counted, and ``spread``, how alike
-    the rates of signs are (infinite: all the same)."""
+    """``overall`` rate at which real signs in view are seen, by ``drive`` [d], the share ``real``
+    of sightings that are of real signs, and ``spread``, how alike their rates are (infinite: all
+    the same)."""
 
     overall: float
     drive: FloatArray
@@ -75,17 +86,24 @@ class DetectionRates:
         return np.minimum(np.log(1.0 - np.minimum(self.drive[drive], 0.99)) / usual, 1.0)
 
 
-def chances(sign: IntArray, drive: IntArray, views: Opportunities) -> Chances:
-    """Put together what was seen, by sightings' ``sign`` and ``drive`` [n], and what should
-    have been: in view, and approached as by a drive that saw it."""
+def chances(
+    sign: IntArray, drive: IntArray, views: Opportunities, told: FloatArray | None = None
+) -> Chances:
+    """Put together what was seen, by sightings' ``sign``, ``drive`` and ``told`` existence [n], and
+    what should have been: in view, and approached as by a drive that saw it."""
     width = int(max(drive.max(initial=-1), views.drive.max(initial=-1))) + 1
     seen_key = np.unique(sign * width + drive)
     views = views.at(alike(views, np.isin(views.sign * width + views.drive, seen_key)))
     keys = np.union1d(seen_key, views.sign * width + views.drive)
+    by_pair = np.full(len(keys), np.nan)
+    if told is not None:
+        # of a drive that saw it twice the surer word
+        np.fmax.at(by_pair, np.searchsorted(keys, sign * width + drive), told)
     return Chances(
         (keys // max(width, 1)).astype(np.int64),
         (keys % max(width, 1)).astype(np.int64),
         np.isin(keys, seen_key, assume_unique=True),
+        by_pair,
     )
 
 
@@ -103,21 +121,46 @@ def detection_rates(pairs: Chances, n_signs: int, n_drives: int) -> DetectionRat
     )
     telling = np.bincount(pairs.sign, minlength=n_signs)[pairs.sign] >= TELLING_DRIVES
     seen = pairs.seen.astype(np.float64)
+    evidence = np.log(_mean_ratio(pairs, _ratios(pairs), n_signs))
     for turn in range(_ROUNDS * _TURNS):
+        belief = _mixture(pairs, rates, evidence)
         if turn % _ROUNDS == _ROUNDS - 1:
-            rates = _with_spread(pairs, rates, n_signs)
-        belief = _mixture(pairs, rates, n_signs)
+            rates = _with_spread(pairs, rates, belief)
         weight = belief[pairs.sign] * telling
         hits = np.bincount(pairs.drive, weight * seen, len(rates.drive))
         tries = np.bincount(pairs.drive, weight, len(rates.drive))
         overall = (hits.sum() + RATE_PRIOR[0]) / (tries.sum() + sum(RATE_PRIOR))
         overall = float(np.clip(overall, *OVERALL_LIMITS))
         by_drive = (hits + DRIVE_FREEDOM * overall) / (tries + DRIVE_FREEDOM)
-        real = (belief.sum() + REAL_PRIOR[0]) / (n_signs + sum(REAL_PRIOR))
+        real = _share(float((belief[pairs.sign] * seen).sum()), float(seen.sum()))
         rates = DetectionRates(
-            overall, np.clip(by_drive, *DRIVE_LIMITS), float(min(real, 0.999)), rates.spread
+            overall, np.clip(by_drive, *DRIVE_LIMITS), min(real, SUREST), rates.spread
         )
     return rates
+
+
+def _share(real: float, sightings: float) -> float:
+    """Share of sightings that are of real signs, ``real`` of them being expected."""
+    return (real + REAL_PRIOR[0]) / (sightings + sum(REAL_PRIOR))
+
+
+def _ratios(pairs: Chances) -> FloatArray:
+    """Likelihood ratio [p] of what a drive saw, NaN where not told: its odds over those of any
+    sighting, of which the mean tells, as calibrated probabilities average to what is right."""
+    if pairs.told is None:
+        return np.full(len(pairs), np.nan)
+    told = np.clip(np.where(pairs.seen, pairs.told, np.nan), 1.0 - SUREST, SUREST)
+    known = np.isfinite(told)
+    before = _share(float(told[known].sum()), float(known.sum()))
+    return np.asarray(told / (1.0 - told) * (1.0 - before) / before)
+
+
+def _mean_ratio(pairs: Chances, ratio: FloatArray, n_signs: int) -> FloatArray:
+    """Mean [m] of the ratios of each sign's sightings; 1 where none is told."""
+    known = np.isfinite(ratio)
+    count = np.bincount(pairs.sign[known], minlength=n_signs)
+    total = np.bincount(pairs.sign[known], ratio[known], n_signs)
+    return np.where(count > 0, total / np.maximum(count, 1), 1.0)
 
 
 def _counts(pairs: Chances, rates: DetectionRates, n_signs: int) -> tuple[FloatArray, FloatArray]:
@@ -128,32 +171,30 @@ def _counts(pairs: Chances, rates: DetectionRates, n_signs: int) -> tuple[FloatA
     return np.asarray(hits, np.float64), np.asarray(misses, np.float64)
 
 
-def _log_chances(hits: FloatArray, misses: FloatArray, beta: tuple[float, float]) -> FloatArray:
-    """Beta-binomial log likelihood [m] of a series; 0 for a single one, which is why the sign
-    is known at all."""
+def _mixture(pairs: Chances, rates: DetectionRates, evidence: FloatArray) -> FloatArray:
+    """Probability [m] that each sign is real, if signs never changed; ``evidence`` [m] nats of
+    what the drives saw. Of its series of drives the first that saw it is why it is known."""
     from scipy.special import betaln
 
-    told = betaln(beta[0] + hits, beta[1] + misses) - betaln(*beta)
-    return np.where(hits + misses <= 1.0, 0.0, told)
+    hits, misses = _counts(pairs, rates, len(evidence))
+    a, b = rates.beta
+    real = betaln(a + hits, b + misses) - betaln(a + 1.0, b)
+    fleeting = betaln(FALSE_BETA[0] + hits - 1.0, FALSE_BETA[1] + misses) - betaln(*FALSE_BETA)
+    false = np.logaddexp(math.log(LASTING) + real, math.log1p(-LASTING) + fleeting)
+    return probability(evidence + math.log(rates.real / (1.0 - rates.real)) + real - false)
 
 
-def _mixture(pairs: Chances, rates: DetectionRates, n_signs: int) -> FloatArray:
-    """Probability [m] that each sign is real, if signs never changed."""
-    hits, misses = _counts(pairs, rates, n_signs)
-    told = _log_chances(hits, misses, rates.beta) - _log_chances(hits, misses, FALSE_BETA)
-    odds = told + math.log(rates.real / (1.0 - rates.real))
-    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(odds, -60.0, 60.0))))
+def _with_spread(pairs: Chances, rates: DetectionRates, belief: FloatArray) -> DetectionRates:
+    """The spread that makes the counts of real signs most likely, with a log-normal prior."""
+    from scipy.special import betaln
 
-
-def _with_spread(pairs: Chances, rates: DetectionRates, n_signs: int) -> DetectionRates:
-    """The spread that makes the counts most likely, with a log-normal prior."""
-    hits, misses = _counts(pairs, rates, n_signs)
-    false = _log_chances(hits, misses, FALSE_BETA) + math.log(1.0 - rates.real)
+    hits, misses = _counts(pairs, rates, len(belief))
+    weight = np.where(hits + misses > TELLING_DRIVES - 1.0, belief, 0.0)
     best, highest = rates, -np.inf
     for spread in SPREADS:
         trial = DetectionRates(rates.overall, rates.drive, rates.real, spread)
-        real = _log_chances(hits, misses, trial.beta) + math.log(rates.real)
-        score = float(np.logaddexp(real, false).sum())
+        a, b = trial.beta
+        score = float((weight * (betaln(a + hits, b + misses) - betaln(a, b))).sum())
         score -= 0.5 * (math.log(spread / SPREAD) / SPREAD_LOG_SD) ** 2
         if score > highest:
             best, highest = trial, score
@@ -170,9 +211,8 @@ def existence(
     """
     a, b = rates.beta
     weight = np.where(pairs.seen, 0.0, rates.miss_weight(pairs.drive))
-    return _histories(
-        pairs.sign, pairs.seen, weight, drive_gps_s[pairs.drive], n_signs, rates.real, a, b
-    )
+    seen = pairs.seen, weight, _ratios(pairs), drive_gps_s[pairs.drive]
+    return _histories(pairs.sign, *seen, n_signs, rates.real, a, b)
 
 
 @kernel
@@ -181,10 +221,22 @@ def _log_beta(a: float, b: float) -> float:
 
 
 @kernel
+def _mean(ratio: FloatArray, start: int, stop: int) -> float:
+    """Mean of the known ratios of some sightings; 1 where none is."""
+    total, count = 0.0, 0
+    for k in range(start, stop):
+        if ratio[k] == ratio[k]:
+            total += ratio[k]
+            count += 1
+    return total / count if count > 0 else 1.0
+
+
+@kernel
 def _histories(
     sign: IntArray,
     seen: BoolArray,
     weight: FloatArray,
+    ratio: FloatArray,
     gps_s: FloatArray,
     n_signs: int,
     real: float,
@@ -200,12 +252,11 @@ def _histories(
             hits += seen[stop]
             misses += weight[stop]
             stop += 1
-        if stop - start == 1:
-            start = stop
-            continue
         base = _log_beta(a, b)
         throughout = _log_beta(a + hits, b + misses) - base
-        false = _log_beta(FALSE_BETA[0] + hits, FALSE_BETA[1] + misses)
+        # against what any sign that was seen once has
+        known = throughout - (_log_beta(a + 1.0, b) - base)
+        false = _log_beta(FALSE_BETA[0] + hits - 1.0, FALSE_BETA[1] + misses)
         false -= _log_beta(FALSE_BETA[0], FALSE_BETA[1])
         there, gone = 1.0, 0.0
         early_hits, early_misses = 0.0, 0.0
@@ -221,9 +272,13 @@ def _histories(
             down += late_hits * math.log(STRAY) + late_misses * math.log(1.0 - STRAY)
             up = _log_beta(a + late_hits, b + late_misses) - base
             up += early_hits * math.log(STRAY) + early_misses * math.log(1.0 - STRAY)
+            # strays look like what is no sign
+            down -= math.log(_mean(ratio, k + 1, stop))
+            up -= math.log(_mean(ratio, start, k + 1))
             gone += change * math.exp(min(down - throughout, 50.0))
             there += change * math.exp(min(up - throughout, 50.0))
-        nothing = (1.0 - real) * math.exp(min(false - throughout, 50.0))
+        nothing = LASTING + (1.0 - LASTING) * math.exp(min(false - known, 50.0))
+        nothing *= (1.0 - real) / _mean(ratio, start, stop)
         result[sign[start]] = real * there / (real * (there + gone) + nothing)
         start = stop
     return result

@@ -99,7 +99,7 @@ def compare_inventory(
     alone = 1.0 / (1.0 + _sum_of(pairs.sign, odds, len(signs)))
     findings += [
         replace(f, probability=f.probability * float(alone[f.sign]))
-        for f in new_signs(signs, unknown, len(drives) > 1)
+        for f in new_signs(signs, unknown)
     ]
     alone = 1.0 / (1.0 + _sum_of(pairs.listed, odds, len(inventory)))
     lost, detection = not_found(inventory, partner, signs, drives, alone)

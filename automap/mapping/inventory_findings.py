@@ -155,35 +155,27 @@ def class_belief(sign: Sign) -> float:
     return min(1.0 / (1.0 + math.exp(-min(odds, 50.0))), MOST_SURE)
 
 
-def _exists(sign: Sign, merged: bool) -> float:
-    """How surely there is a sign at all.
-
-    A merge's existence counts the drives that saw it and those that did not; where one alone saw
-    it, what that one believed is in its confidence, unless that is of the class alone.
-    """
-    single = merged and len(sign.drives) < 2 and not math.isfinite(sign.class_probability)
-    if single or not math.isfinite(sign.existence):
-        return _probability(sign.confidence)
-    return _probability(sign.existence)
+def _exists(sign: Sign) -> float:
+    """How surely there is a sign at all."""
+    return _probability(sign.existence if math.isfinite(sign.existence) else sign.confidence)
 
 
 def _probability(value: float) -> float:
     return min(max(float(value), 0.0), MOST_SURE)
 
 
-def new_signs(signs: Sequence[Sign], unknown: IntArray, merged: bool) -> list[Finding]:
+def new_signs(signs: Sequence[Sign], unknown: IntArray) -> list[Finding]:
     """The map's signs ``unknown`` [k] to the list: those that are real, as far as can be told.
 
     What is no sign is in no list, so that not to be listed speaks against it; and of what the map
     believes alike, the more is listed, the more is real. So the share of real signs that the list
     lacks, and a factor on the map's doubts in logarithmic odds below its surest (after J. Platt, in
     Advances in Large Margin Classifiers, 1999), are the likeliest for who is listed and who is not.
-    ``merged`` says whether the map is of several drives.
     """
     from scipy.optimize import minimize
     from scipy.special import expit, logit
 
-    exists = np.clip([_exists(s, merged) for s in signs], 1.0 - MOST_SURE, MOST_SURE)
+    exists = np.clip([_exists(s) for s in signs], 1.0 - MOST_SURE, MOST_SURE)
     doubt = logit(MOST_SURE) - logit(np.asarray(exists, np.float64).reshape(-1))
     listed = np.ones(len(signs), np.bool_)
     listed[unknown] = False

@@ -73,7 +73,7 @@ def merge_drives(
     progress(0.8, "which signs are there")
     attributes = combine_attributes(sightings, found.sign)
     views = opportunities(ordered, adjusted.lat, adjusted.lon, attributes.facing_rad)
-    pairs = chances(found.sign, sightings.drive, views)
+    pairs = chances(found.sign, sightings.drive, views, sightings.existence)
     m = found.n_signs
     rates = detection_rates(pairs, m, len(ordered))
     times = np.array([drive.start_gps_s for drive in ordered], np.float64)

@@ -20,6 +20,7 @@ _STACKED = (
 _TOLD = (
     "n_views", "first_gps_s", "last_gps_s", "height_above_road_m", "sd_above_road_m",
     "facing_sd_rad", "size_m", "side", "status", "class_probability", "group_probability",
+    "existence",
 )  # fmt: skip
 
 
@@ -40,7 +41,8 @@ class DriveSigns:
     ``key`` names the recording however often it is run anew ("" unknown).
     ``cov_enu`` [n, 3, 3] total covariances in m^2, trajectory included. ``first_gps_s``,
     ``last_gps_s`` [n] when the sign was in view; ``class_probability``, ``group_probability`` [n]
-    what the detector tells of the class, and of its colour and shape (None: of none). Unknown
+    what the detector tells of the class, and of its colour and shape (None: of none);
+    ``existence`` [n] how probable each is by this drive alone (None: it does not tell). Unknown
     numbers are NaN.
     """
 
@@ -68,6 +70,7 @@ class DriveSigns:
     key: str = ""
     class_probability: FloatArray | None = None
     group_probability: FloatArray | None = None
+    existence: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -112,6 +115,7 @@ class Sightings:
     status: npt.NDArray[np.object_]
     class_probability: FloatArray
     group_probability: FloatArray
+    existence: FloatArray
     classes: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -148,7 +152,7 @@ def stack_sightings(drives: Sequence[DriveSigns]) -> Sightings:
         return Sightings(
             none, none, np.zeros(1, np.int64), zero, zero, zero, zero, zero, zero, three, zero,
             three, zero, none, zero, text, none, zero, zero, zero, zero, zero, zero, text, text,
-            zero, zero, (),
+            zero, zero, zero, (),
         )  # fmt: skip
     names = sorted({str(name) for drive in drives for name in set(drive.class_name)})
     number = {name: k for k, name in enumerate(names)}

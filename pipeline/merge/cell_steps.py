@@ -42,7 +42,7 @@ from pipeline.merge.cell_store import (
     read_near,
 )
 
-_FORMAT = f"{__version__} 4"
+_FORMAT = f"{__version__} 5"
 """What another version of the steps made is made again."""
 VIEW_MARGIN_M = FARTHEST_M + 5.0
 """Round a cell, where a path may have its signs in view, and a little for the Earth's shape."""
@@ -145,7 +145,7 @@ def place(folder: Path, cell: int, levels: ErrorLevels) -> bool:
         own_variance=placed.own_variance, n_drives=np.array([len(d) for d in a.drives], np.int64),
         seen_by=near.drive[np.array([k for d in a.drives for k in d], np.int64)],
         pair_sign=placed.pairs.sign, pair_drive=near.drive[placed.pairs.drive],
-        pair_seen=placed.pairs.seen,
+        pair_seen=placed.pairs.seen, pair_told=placed.pairs.told,
         drive=near.drive[seen], drive_offset=b.drive_offset[seen], drive_sd=b.drive_sd[seen],
         drive_count=b.drive_count[seen],
     )  # fmt: skip
@@ -163,14 +163,17 @@ def placed_cells(folder: Path, cells: Sequence[int]) -> tuple[dict[str, Any], Ch
         "n_drives", "seen_by",
     )  # fmt: skip
     found: dict[str, list[Any]] = {name: [] for name in wanted}
-    pairs: list[list[Any]] = [[np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros(0, bool)]]
+    told = ("pair_sign", "pair_drive", "pair_seen", "pair_told")
+    pairs: list[list[Any]] = [
+        [np.zeros(0, kind)] for kind in (np.int64, np.int64, np.bool_, np.float64)
+    ]
     count = 0
     for cell in cells:
         path = _file(folder, PLACED, cell)
         with np.load(path, allow_pickle=False) as file:
             for name in wanted:
                 found[name].append(file[name])
-            for column, name in zip(pairs, ("pair_sign", "pair_drive", "pair_seen"), strict=True):
+            for column, name in zip(pairs, told, strict=True):
                 column.append(file[name] + count if name == "pair_sign" else file[name])
             count += len(found["lat"][-1])
     columns = {name: np.concatenate(v) if v else np.zeros(0) for name, v in found.items()}

@@ -28,8 +28,11 @@ _PLAIN = (
     "row", "time_s", "lat", "lon", "height", "per_lat", "per_lon", "own_u", "facing",
     "confidence", "id", "n_views", "first_gps_s", "last_gps_s", "height_above_road_m",
     "sd_above_road_m", "facing_sd_rad", "size_m", "side", "status", "class_probability",
-    "group_probability",
+    "group_probability", "existence",
 )  # fmt: skip
+
+_LATER = ("existence",)
+"""Columns that stores of earlier versions lack: there no drive tells it."""
 
 
 @dataclass(frozen=True)
@@ -218,7 +221,8 @@ def read_near(
 ) -> Near:
     """What lies within ``margin_m`` of a cell; with ``path_margin_m`` the paths within that too."""
     cells = near_cells(folder, cell, margin_m)
-    seen = _cut(read_points(parts(folder, SIGHTINGS, cells)), "lat", "lon", cell, margin_m, drives)
+    points = read_points(parts(folder, SIGHTINGS, cells), _LATER)
+    seen = _cut(points, "lat", "lon", cell, margin_m, drives)
     tracks: dict[str, Any] = {}
     if path_margin_m is not None:
         paths = read_points(parts(folder, PATHS, cells))

@@ -50,7 +50,7 @@ def _table_columns(path: Path, clock: ClockModel | None) -> dict[str, Any]:
         "status", *(name for name, _, _ in COVARIANCE_COLUMNS),
     )  # fmt: skip
     table = read_table(path, wanted)
-    # runs of earlier versions do not say how well they know it
+    # runs of earlier versions do not say how well they know it, or how surely it exists
     unknown = np.full(len(table), np.nan)
     covariance = np.empty((len(table), 3, 3))
     for name, i, j in COVARIANCE_COLUMNS:
@@ -72,6 +72,7 @@ def _table_columns(path: Path, clock: ClockModel | None) -> dict[str, Any]:
         name: floats(table, name) if name in table.column_names else unknown
         for name in (
             "sd_above_road_m", "facing_sd_rad", "class_probability", "group_probability",
+            "existence",
         )
     } | {
         name: floats(table, name)
@@ -95,6 +96,7 @@ def _columns(signs: Sequence[Sign], clock: ClockModel | None) -> dict[str, Any]:
     numbers = (
         "lat_rad", "lon_rad", "height_m", "confidence", "height_above_road_m", "sd_above_road_m",
         "facing_rad", "facing_sd_rad", "size_m", "class_probability", "group_probability",
+        "existence",
     )  # fmt: skip
     return {
         "ids": tuple(sign.id for sign in signs),

@@ -216,6 +216,7 @@ def _columns(name: str, number: int, world: World, signs: list[Sign]) -> DriveSi
         cameras=(CameraView(0.0, float(np.arctan(0.64))),),
         class_probability=real("class_probability"),
         group_probability=real("class_probability"),
+        existence=real("existence"),
     )
 
 

@@ -164,8 +164,8 @@ def merged_town(
         name, start = f"pass-{number}", 1.4e9 + 86400.0 * number
         path = there_and_back(length_m)
         drive, truth = drive_through(rng, town, path, 12.0, name, start, errors)
-        _, confidence = beliefs(rng, drive, truth, town, errors)
-        parts.append(replace(drive, confidence=confidence))
+        exists, confidence = beliefs(rng, drive, truth, town, errors)
+        parts.append(replace(drive, confidence=confidence, existence=exists))
         known[name] = truth
     merged = merge_drives(parts)
     origin = [

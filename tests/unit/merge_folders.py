@@ -39,6 +39,7 @@ def write_run(folder: Path, drive: DriveSigns, inputs: str = "") -> Path:
                 facing_rad=drive.facing_rad[k],
                 size_m=drive.size_m[k],
                 side=str(drive.side[k]),
+                existence=float("nan") if drive.existence is None else drive.existence[k],
                 drives=(drive.name,),
             )
             for k in range(len(drive))

@@ -19,6 +19,7 @@ from automap.geolocation.path_errors import Equations, Network, correlations
 from automap.mapping.existence import (
     CHANGE_PER_YEAR,
     FALSE_BETA,
+    LASTING,
     LEAST_CHANGE,
     STRAY,
     Chances,
@@ -26,6 +27,7 @@ from automap.mapping.existence import (
     existence,
     still_there,
 )
+from automap.mapping.limits import REAL_PRIOR
 from automap.records import Bearings, FloatArray
 from automap.sync import limits
 from automap.sync.coarse import _correlation
@@ -42,7 +44,8 @@ def counted(rates: tuple[float, float], hits: float, misses: float) -> float:
 @pytest.mark.parametrize("years", [0.0, 0.02, 1.5])
 def test_existence_is_the_sum_over_all_histories(series: str, years: float) -> None:
     """False, there throughout, taken down after each drive but the last, put up before each but
-    the first; rates integrated, not by their closed form."""
+    the first; rates integrated, not by their closed form. The second drive that saw it is surer
+    than the first."""
     n = len(series)
     seen = np.array([c == "1" for c in series])
     by_drive = np.linspace(0.5, 0.9, n)
@@ -53,8 +56,19 @@ def test_existence_is_the_sum_over_all_histories(series: str, years: float) -> N
     change = max(LEAST_CHANGE, 1.0 - np.exp(-CHANGE_PER_YEAR * years))
     own = (6.0 * 0.8, 6.0 * 0.2)
 
+    told = np.full(n, np.nan)
+    told[np.flatnonzero(seen)[:2]] = [0.9, 0.97][: int(seen.sum())]
+    before = (np.nansum(told) + REAL_PRIOR[0]) / (np.isfinite(told).sum() + sum(REAL_PRIOR))
+    ratio = told / (1.0 - told) * (1.0 - before) / before
+
+    def looks(rows: slice) -> float:
+        """How much likelier what drives saw is if it is a sign."""
+        known = ratio[rows][np.isfinite(ratio[rows])]
+        return float(known.mean()) if len(known) else 1.0
+
     def strayed(rows: slice) -> float:
-        return float(STRAY ** seen[rows].sum() * (1.0 - STRAY) ** weight[rows].sum())
+        chance = STRAY ** seen[rows].sum() * (1.0 - STRAY) ** weight[rows].sum()
+        return float(chance) / looks(rows)
 
     def real(rows: slice) -> float:
         return counted(own, float(seen[rows].sum()), float(weight[rows].sum()))
@@ -64,11 +78,17 @@ def test_existence_is_the_sum_over_all_histories(series: str, years: float) -> N
     for k in range(1, n):
         gone += change * real(slice(None, k)) * strayed(slice(k, None))
         there += change * strayed(slice(None, k)) * real(slice(k, None))
-    false = counted(FALSE_BETA, float(seen.sum()), float(weight.sum()))
+    # the first that saw it is why it is known, sign or not
+    once = counted(own, 1.0, 0.0)
+    fleeting = counted(FALSE_BETA, float(seen.sum()) - 1.0, float(weight.sum())) * once
+    false = (LASTING * real(slice(None)) + (1.0 - LASTING) * fleeting) / looks(slice(None))
     expected = 0.7 * there / (0.7 * (there + gone) + 0.3 * false)
-    # a second sign behind it, seen once
+    # a second sign behind it, seen once by a drive that does not tell
     pairs = Chances(
-        np.append(np.zeros(n, np.int64), 1), np.append(np.arange(n), 0), np.append(seen, True)
+        np.append(np.zeros(n, np.int64), 1),
+        np.append(np.arange(n), 0),
+        np.append(seen, True),
+        np.append(told, np.nan),
     )
     found = existence(pairs, rates, 3, times)
     assert found[0] == pytest.approx(expected, rel=1e-5)

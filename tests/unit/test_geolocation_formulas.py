@@ -21,7 +21,7 @@ from automap.geolocation.bearing_rays import (
     in_plane,
     normal_equations,
 )
-from automap.geolocation.existence import _aspect, _base_rate, _probability
+from automap.geolocation.existence import _aspect, _base_rate, probability
 from automap.geolocation.merging import class_agreement
 from automap.geolocation.path_relation import course_at, make_path, relate, side_of_path
 from automap.geolocation.time_minima import Minimum, alike, apart, starts
@@ -190,7 +190,7 @@ def test_sides_of_the_path() -> None:
 
 def test_odds_and_probabilities_are_each_others_inverse() -> None:
     p = np.array([0.001, 0.3, 0.5, 0.97])
-    assert _probability(np.log(p / (1.0 - p))) == pytest.approx(p)
+    assert probability(np.log(p / (1.0 - p))) == pytest.approx(p)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
@@ -201,7 +201,7 @@ def test_the_share_of_signs_among_single_boxes_is_that_which_made_them(share: fl
     is_sign = rng.random(4000) < share
     d = 2.5
     evidence = np.where(is_sign, 0.5, -0.5) * d**2 + d * rng.normal(size=4000)
-    found = _probability(np.array([_base_rate(evidence)]))[0]
+    found = probability(np.array([_base_rate(evidence)]))[0]
     assert found == pytest.approx(share, abs=0.03)
     # nothing told leaves one half, and a few things move it little
     assert _base_rate(np.zeros(0)) == pytest.approx(0.0)

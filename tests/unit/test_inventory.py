@@ -108,20 +108,20 @@ def test_a_sign_that_may_be_a_moved_and_misread_one_is_not_surely_new() -> None:
 def test_a_sign_that_is_not_listed_is_doubted_the_more_the_fuller_the_list_is() -> None:
     def probability(listed: int) -> float:
         signs = [sign_at(k, 0.97) for k in range(listed + 1)]
-        return new_signs(signs, np.array([listed]), False)[0].probability
+        return new_signs(signs, np.array([listed]))[0].probability
 
     full, sparse = probability(2000), probability(2)
     assert full < 0.7 < sparse
     # and one that the map is sure of is believed in any case
     sure = [sign_at(k, 0.999) for k in range(64)]
-    assert all(f.probability > 0.98 for f in new_signs(sure, np.arange(4), False))
+    assert all(f.probability > 0.98 for f in new_signs(sure, np.arange(4)))
 
 
 def test_a_map_that_believes_too_much_is_found_out_by_the_list() -> None:
     """Of its signs believed to 0.6 one in ten is listed, of the others nearly all."""
     signs = [sign_at(k, 0.998) for k in range(200)] + [sign_at(k, 0.6) for k in range(200, 220)]
     unknown = np.r_[np.arange(10), np.arange(202, 220)]
-    told = [f.probability for f in new_signs(signs, unknown, False)]
+    told = [f.probability for f in new_signs(signs, unknown)]
     assert min(told[:10]) > 0.9
     # two of twenty are listed, and of twenty real ones nineteen would be
     assert max(told[10:]) < 0.2
@@ -133,7 +133,7 @@ def test_a_list_that_lacks_nearly_all_is_no_reason_to_doubt_the_map(
     signs: int, listed: int, belief: float
 ) -> None:
     there = [sign_at(k, belief) for k in range(signs)]
-    told = new_signs(there, np.arange(listed, signs), False)
+    told = new_signs(there, np.arange(listed, signs))
     assert min(f.probability for f in told) > 0.85
 
 

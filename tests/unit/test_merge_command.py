@@ -98,6 +98,16 @@ def test_the_map_has_the_files_of_a_run(folders: list[Path], tmp_path: Path) -> 
     assert run_command(["export", str(out), "--format", "gpkg", "--datum", "GDA2020"]) == 0
 
 
+def test_what_a_run_tells_of_existence_is_merged(tmp_path: Path) -> None:
+    drive = passes(1)[0]
+    own = np.full(len(drive), 0.97)
+    own[0] = 0.9996
+    outcome_of([write_run(tmp_path / "run", replace(drive, existence=own))], tmp_path / "map")
+    found = sorted(f["properties"]["existence"] for f in features(tmp_path / "map").values())
+    assert found[-1] >= 0.999
+    assert found[0] == pytest.approx(0.97, abs=0.002)
+
+
 def test_a_merged_sign_faces_where_the_surer_drives_say() -> None:
     first, second = passes(2)
     away = replace(

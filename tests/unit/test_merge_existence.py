@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from merge_scene import Errors, Scene, Town, drive_through, street, to_geodetic
@@ -15,7 +17,7 @@ from automap.mapping.existence import (
     still_there,
 )
 from automap.mapping.grid import filled_table
-from automap.mapping.limits import FARTHEST_M
+from automap.mapping.limits import FARTHEST_M, LASTING
 from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import CameraView
 from automap.mapping.visibility import (
@@ -44,9 +46,14 @@ def belief(*seen: str, step_s: float = DAY_S) -> list[float]:
     return existence(pairs, RATES, len(seen), times).tolist()
 
 
+def odds(ratio: float) -> float:
+    return ratio / (1.0 + ratio)
+
+
 def test_a_sign_seen_often_is_there_and_one_seen_once_in_many_is_not() -> None:
     often, mostly, once_of_ten, single = belief("11111", "110111", "0000010000", "1")
-    assert often > 0.98
+    # of things that are no signs every drive takes some for one
+    assert often == pytest.approx(odds(9.0 / LASTING), abs=0.002)
     assert mostly > 0.95
     assert once_of_ten < 0.2
     # one drive alone says nothing against its own sign
@@ -55,6 +62,70 @@ def test_a_sign_seen_often_is_there_and_one_seen_once_in_many_is_not() -> None:
 
 def test_a_hidden_sign_that_is_seen_now_and_then_is_there() -> None:
     assert belief("0100100101000100")[0] > 0.5
+
+
+def told(drives: list[float], misses: int = 0, others: tuple[float, ...] = ()) -> float:
+    """Existence of a sign that drives saw with that belief, and further ones did not; ``others``
+    are beliefs of signs that one drive saw."""
+    n = len(drives) + misses
+    count = n + len(others)
+    pairs = Chances(
+        np.append(np.zeros(n, np.int64), np.arange(len(others)) + 1),
+        np.append(np.arange(n), np.zeros(len(others), np.int64)),
+        np.arange(count) % count >= 0,
+        np.concatenate([drives, np.full(misses, np.nan), others]),
+    )
+    pairs.seen[len(drives) : n] = False
+    rates = detection_rates(pairs, 1 + len(others), n)
+    return float(existence(pairs, rates, 1 + len(others), 1.4e9 + DAY_S * np.arange(n))[0])
+
+
+def test_what_one_drive_tells_of_its_own_sign_is_what_the_map_tells() -> None:
+    for belief_of_drive in (0.9996, 0.9, 0.6):
+        assert told([belief_of_drive]) == pytest.approx(belief_of_drive, abs=1e-6)
+        # whatever else that drive saw
+        beside = told([belief_of_drive], others=(0.999,) * 40)
+        assert beside == pytest.approx(belief_of_drive, abs=1e-3)
+
+
+def test_another_drive_that_saw_it_takes_no_belief_and_one_that_missed_it_does() -> None:
+    others = (0.98,) * 60
+    alone = told([0.99], others=others)
+    for second in (0.6, 0.9, 0.999):
+        assert told([0.99, second], others=others) > alone
+    assert told([0.99], misses=1, others=others) < alone
+    assert told([0.99], misses=3, others=others) < told([0.99], misses=1, others=others)
+    assert told([0.6], misses=2, others=others) < 0.2
+
+
+def test_mistakes_of_drives_are_not_independent() -> None:
+    """A gable that looks like a sign: however many drives see it, its odds are those of the word
+    of one of them over the share of mistakes that all drives make."""
+    for count in (10, 30):
+        pairs = series("1" * count)
+        pairs = Chances(pairs.sign, pairs.drive, pairs.seen, np.full(count, 0.9))
+        found = existence(pairs, RATES, 1, 1.4e9 + DAY_S * np.arange(count))[0]
+        assert found == pytest.approx(odds(9.0 / LASTING), abs=1e-3)
+
+
+def test_drives_that_do_not_tell_say_nothing_for_or_against() -> None:
+    pairs = series("1", "11")
+    untold = Chances(pairs.sign, pairs.drive, pairs.seen, np.full(3, np.nan))
+    times = 1.4e9 + DAY_S * np.arange(50)
+    found = existence(untold, RATES, 2, times)
+    assert np.array_equal(found, existence(pairs, RATES, 2, times))
+    half = Chances(pairs.sign, pairs.drive, pairs.seen, np.array([np.nan, 0.99, np.nan]))
+    assert existence(half, RATES, 2, times)[0] == pytest.approx(RATES.real)
+    assert existence(half, RATES, 2, times)[1] > found[1]
+
+
+def test_of_two_sightings_of_one_drive_the_surer_counts() -> None:
+    none, zero = np.zeros(0, np.int64), np.zeros(0)
+    views = Opportunities(none, none, zero, zero, none)
+    sign = np.zeros(3, np.int64)
+    pairs = chances(sign, np.array([0, 0, 1]), views, np.array([0.7, 0.9, np.nan]))
+    assert pairs.told is not None
+    assert pairs.told == pytest.approx([0.9, np.nan], nan_ok=True)
 
 
 def test_a_sign_taken_down_is_gone_and_one_put_up_is_there() -> None:
@@ -181,6 +252,16 @@ def test_clutter_of_one_drive_is_unlikely_when_others_passed() -> None:
     assert (merged.existence[real] > 0.5).mean() > 0.97
     assert (~real & passed).any()
     assert (merged.existence[~real & passed] < 0.5).all()
+
+
+def test_a_map_of_one_drive_has_its_existence() -> None:
+    rng = np.random.default_rng(3)
+    path = np.array([[-1.5, -40.0], [-1.5, 340.0]])
+    drive, _ = drive_through(rng, street(rng, 300.0, 30.0), path, 12.0, "a", 1.4e9, Errors())
+    own = rng.uniform(0.6, 0.9996, len(drive))
+    own[:3] = 0.9996
+    merged = merge_drives([replace(drive, existence=own)])
+    assert merged.existence == pytest.approx(own[merged.sightings.row], abs=1e-3)
 
 
 def test_a_town_without_signs() -> None:

@@ -25,7 +25,8 @@ def drives_of(seed: int, count: int) -> list[DriveSigns]:
 
 
 def test_a_store_is_merged_as_all_drives_at_once(tmp_path: Path) -> None:
-    drives = drives_of(1, 7)
+    # what drives say of existence is one of the columns
+    drives = [replace(d, existence=d.confidence**0.1) for d in drives_of(1, 7)]
     add_drives(tmp_path, drives[3:])
     add_drives(tmp_path, drives[:3])
     found = merge_store(tmp_path)
@@ -45,6 +46,18 @@ def test_a_store_is_merged_as_all_drives_at_once(tmp_path: Path) -> None:
         assert signs[k].facing_rad == sign.facing_rad
         assert signs[k].last_seen_ns == sign.last_seen_ns
         assert signs[k].confidence == pytest.approx(sign.confidence, abs=1e-12)
+
+
+def test_drives_of_a_store_of_earlier_times_say_nothing_of_existence(tmp_path: Path) -> None:
+    drives = drives_of(1, 4)
+    add_drives(tmp_path, drives[:2])
+    for path in (tmp_path / "sightings").glob("cell=*/*.parquet"):
+        pq.write_table(pq.read_table(path, partitioning=None).drop_columns(["existence"]), path)
+    told = [replace(d, existence=np.full(len(d), 0.95)) for d in drives[2:]]
+    add_drives(tmp_path, told)
+    found, whole = merge_store(tmp_path), merge_drives([*drives[:2], *told])
+    order = [found.founder.index(key) for key in whole.founders]
+    assert found.existence[order] == pytest.approx(whole.existence, abs=1e-12)
 
 
 def test_drives_that_come_later_give_the_map_of_all_from_nothing(tmp_path: Path) -> None:
