@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -77,7 +78,7 @@ def write_signs(path: Path, signs: Sequence[Sign]) -> None:
 def read_signs(path: Path) -> list[Sign]:
     """Signs of a file that ``write_signs`` wrote, in its order.
 
-    Raises InputError when the file cannot be read or lacks a column.
+    Raises InputError when the file cannot be read, lacks a column or has a sign beyond the Earth.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -93,11 +94,18 @@ def read_signs(path: Path) -> list[Sign]:
             f"{path}: the table of signs cannot be read ({error}); run the geolocate stage again."
         ) from error
     try:
-        return [_sign(row) for row in rows]
+        signs = [_sign(row) for row in rows]
     except KeyError as error:
         raise InputError(
             f"{path}: the table of signs lacks the column {error}; run the geolocate stage again."
         ) from error
+    for sign in signs:
+        if not (abs(sign.lat_rad) <= 0.5 * math.pi and abs(sign.lon_rad) <= 2.0 * math.pi):
+            raise InputError(
+                f"{path}: sign {sign.id} lies nowhere on Earth (latitude {sign.lat_rad:.6g}, "
+                f"longitude {sign.lon_rad:.6g} rad); run the geolocate stage again."
+            )
+    return signs
 
 
 def _sign(row: dict[str, Any]) -> Sign:
