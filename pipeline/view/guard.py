@@ -8,6 +8,7 @@ out of the output folder.
 
 from __future__ import annotations
 
+import errno
 import hmac
 import secrets
 from pathlib import Path
@@ -85,9 +86,15 @@ def inside(folder: Path, relative: str) -> Path:
     if "\0" in relative or "\\" in relative or Path(relative).is_absolute():
         raise RefusedError(403, "the path leads out of the map's folder")
     root = folder.resolve()
-    path = (root / relative).resolve()
+    try:
+        path = (root / relative).resolve()
+        found = path.is_file()
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+        raise RefusedError(404, "there is no such file") from None
     if not path.is_relative_to(root):
         raise RefusedError(403, "the path leads out of the map's folder")
-    if not path.is_file():
+    if not found:
         raise RefusedError(404, "there is no such file")
     return path
