@@ -100,7 +100,8 @@ def read_signs(path: Path) -> list[Sign]:
             f"{path}: the table of signs lacks the column {error}; run the geolocate stage again."
         ) from error
     for sign in signs:
-        if not (abs(sign.lat_rad) <= 0.5 * math.pi and abs(sign.lon_rad) <= 2.0 * math.pi):
+        # a place that is not known is none
+        if abs(sign.lat_rad) > 0.5 * math.pi or abs(sign.lon_rad) > 2.0 * math.pi:
             raise InputError(
                 f"{path}: sign {sign.id} lies nowhere on Earth (latitude {sign.lat_rad:.6g}, "
                 f"longitude {sign.lon_rad:.6g} rad); run the geolocate stage again."
