@@ -68,12 +68,30 @@ def test_an_interrupt_in_the_last_moments_is_not_the_exit_code(number: signal.Si
     program = (
         "import atexit, os, time\n"
         "from pipeline.cli import root\n"
-        f"late = lambda: (os.kill(os.getpid(), {int(number)}), time.sleep(0.2))\n"
-        "atexit.register(late)\n"
+        f"late = lambda: (os.kill(os.getpid(), {int(number)}), time.sleep(0.2), print('late'))\n"
+        "root.run_command = lambda words: atexit.register(late) and 0\n"
         "root.main(['--version'])\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "late\n", "")
+
+
+def test_a_compiled_librarys_thread_cannot_abort_the_end() -> None:
+    # what holds the interpreter's lock while it is taken down is ended where it stands
+    program = (
+        "import os\n"
+        "from pipeline.cli import root\n"
+        "class Held:\n"
+        "    def __del__(self): os.abort()\n"
+        "held = Held()\n"
+        "def printed(words):\n"
+        "    print('done', end='')\n"
+        "    return 3\n"
+        "root.run_command = printed\n"
+        "root.main(['--version'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (3, "done", "")
 
 
 def test_a_second_interrupt_ends_like_the_first() -> None:
