@@ -18,7 +18,7 @@ from automap.io.finished import (
     given_or,
     kept_in_time,
 )
-from automap.io.trajectory_table import COLUMNS
+from automap.io.trajectory_table import COLUMNS, HIGHEST_M
 from automap.records import FloatArray, IntArray, Trajectory
 
 _MOST_S = 9e9  # in nanoseconds still a 64-bit integer
@@ -42,6 +42,8 @@ def read_trajectory_csv(path: Path) -> FinishedTrajectory:
     lat, lon = np.radians(table.floats("lat_deg")), np.radians(table.floats("lon_deg"))
     usable = np.isfinite(lat) & np.isfinite(lon) & (np.abs(lat) <= np.pi / 2)
     usable &= np.abs(lon) <= 2 * np.pi
+    if "height_m" in table.columns:
+        usable &= ~(np.abs(table.floats("height_m")) > HIGHEST_M)
     if time != "t_ns":
         usable &= np.isfinite(gps_s)
     rows = np.flatnonzero(usable)

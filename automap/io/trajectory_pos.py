@@ -17,6 +17,7 @@ from automap.io.finished import (
     kept_in_time,
 )
 from automap.io.rtklib import decode_pos
+from automap.io.trajectory_table import HIGHEST_M
 from automap.records import Trajectory
 
 
@@ -36,7 +37,8 @@ def read_trajectory_pos(path: Path) -> FinishedTrajectory:
     warnings = [f"{path}: {note}" for note in [*notes, *([] if cut is None else [cut])]]
     place = np.column_stack([fixes.lat_rad, fixes.lon_rad, fixes.height_m, fixes.gps_s])
     # more seconds do not fit into nanoseconds of 64 bits
-    rows = np.flatnonzero(np.isfinite(place).all(axis=1) & (np.abs(fixes.gps_s) < 9.0e9))
+    usable = np.isfinite(place).all(axis=1) & (np.abs(fixes.gps_s) < 9.0e9)
+    rows = np.flatnonzero(usable & (np.abs(fixes.height_m) <= HIGHEST_M))
     t_ns = np.rint(fixes.gps_s[rows] * 1e9).astype(np.int64)
     keep = kept_in_time(path, t_ns, len(fixes), "write the solution", warnings)
     rows, t_ns = rows[keep], t_ns[keep]

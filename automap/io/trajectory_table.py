@@ -14,7 +14,8 @@ from automap.errors import InputError
 from automap.io.tables import ROWS, column_by_column, floats, ints, vector, write_pieces
 from automap.records import FloatArray, Trajectory
 
-_HIGHEST_M = 1e6
+HIGHEST_M = 1e6
+"""Of a position, by far more than aircraft reach; what is beyond is none on Earth."""
 _LATEST_GPS_S = 1e10
 COLUMNS = (
     "t_ns",
@@ -104,7 +105,7 @@ def _is_plausible(trajectory: Trajectory) -> bool:
     """Whether a position is known and no row lies beyond what can be; rows may have gaps."""
     beyond = (
         (np.abs(trajectory.lat_rad) > 0.5 * np.pi + 1e-9)
-        | (np.abs(trajectory.height_m) > _HIGHEST_M)
+        | (np.abs(trajectory.height_m) > HIGHEST_M)
         | (np.abs(trajectory.gps_s) > _LATEST_GPS_S)
     )
     return bool(np.isfinite(trajectory.lat_rad).any() and not beyond.any())
