@@ -10,6 +10,7 @@ import json
 import os
 import shutil
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -55,8 +56,8 @@ def write_layers(
 
     text = json.dumps(lineage or {}, default=str)
     with atomic_path(path) as temporary:
-        # by another name GDAL makes a folder of FlatGeobuf files
-        target = temporary.with_suffix(".fgb") if driver == "FlatGeobuf" else temporary
+        # GDAL does not see that a FlatGeobuf file could not be written
+        target = BytesIO() if driver == "FlatGeobuf" else temporary
         for number, layer in enumerate(layers):
             options: dict[str, str] = {}
             if driver == "FlatGeobuf":
@@ -74,10 +75,9 @@ def write_layers(
             try:
                 write_layer(target, layer, driver, crs, layer_options=options or None, **more)
             except (DataSourceError, DataLayerError) as error:
-                target.unlink(missing_ok=True)
-                raise _failure(path, layer, error) from error
-        if target != temporary:
-            target.replace(temporary)
+                raise failure_of(path, layer, error) from error
+        if isinstance(target, BytesIO):
+            temporary.write_bytes(target.getbuffer())
         if driver == "GPKG":
             complete_geopackage(temporary, [layer.name for layer in layers], styles, epoch)
             lost = lost_of(temporary, {layer.name: len(layer.wkb) for layer in layers})
@@ -88,7 +88,7 @@ def write_layers(
                 )
 
 
-def write_layer(path: Path, layer: Layer, driver: str, crs: str, **more: Any) -> None:
+def write_layer(path: Path | BytesIO, layer: Layer, driver: str, crs: str, **more: Any) -> None:
     """Write one layer with GDAL; raises what pyogrio raises."""
     from pyogrio.raw import write
 
@@ -112,8 +112,8 @@ def write_layer(path: Path, layer: Layer, driver: str, crs: str, **more: Any) ->
     )
 
 
-def _failure(path: Path, layer: Layer, error: Exception) -> StageError:
-    """GDAL's failure in our words: of a full disk it says many things."""
+def failure_of(path: Path, layer: Layer, error: Exception) -> StageError:
+    """GDAL's failure to write a layer in our words: of a full disk it says many things."""
     if shutil.disk_usage(path.parent).free < _FULL_BYTES:
         return write_failure(path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
     return StageError(f"cannot write layer {layer.name} of {path}: {error}.")

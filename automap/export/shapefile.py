@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import csv
 import io
+import struct
 import tempfile
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from automap.errors import StageError
 from automap.export.fields import SIGN_FIELDS, Field
 from automap.export.layers import Layer, sign_layer
 from automap.export.projected import Plane, projected_layer
@@ -40,6 +42,8 @@ SHORT = {
 LONGEST_NAME, LONGEST_TEXT = 10, 254
 LEGEND = "signs_columns.csv"
 _DATE = (1980, 1, 1, 0, 0, 0)
+_HEAD = 100
+"""Bytes of the header of .shp and .shx."""
 
 
 def short_name(name: str) -> str:
@@ -49,19 +53,59 @@ def short_name(name: str) -> str:
 
 def write_shapefile(path: Path, columns: SignColumns, crs: str, plane: Plane | None = None) -> None:
     """Write ``path``, a .zip with ``signs.shp`` and its kin, and the legend; in ``crs``, to which
-    ``plane`` projects."""
-    from automap.export.gis import write_layer
+    ``plane`` projects. Raises StageError where it cannot be written whole."""
+    from pyogrio.errors import DataLayerError, DataSourceError
+
+    from automap.export.gis import failure_of, write_layer
 
     layer = _plain(sign_layer(columns), columns)
     if plane is not None:
         layer = projected_layer(layer, plane)
     with tempfile.TemporaryDirectory() as folder:
         shape = Path(folder) / "signs.shp"
-        write_layer(shape, layer, "ESRI Shapefile", crs, layer_options={"ENCODING": "UTF-8"})
-        with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
-            for file in sorted(Path(folder).iterdir()):
-                _add(archive, file.name, file.read_bytes())
-            _add(archive, LEGEND, legend_csv(columns.fields).encode())
+        try:
+            write_layer(shape, layer, "ESRI Shapefile", crs, layer_options={"ENCODING": "UTF-8"})
+        except (DataSourceError, DataLayerError) as error:
+            raise failure_of(path, layer, error) from error
+        parts = {file.name: file.read_bytes() for file in sorted(Path(folder).iterdir())}
+        if not whole(parts, len(layer)):
+            raise StageError(
+                f"{path} could not be written whole; make sure that the disk of temporary files "
+                f"({folder}) is sound and has room, and write it again"
+            )
+    with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        for name, content in parts.items():
+            _add(archive, name, content)
+        _add(archive, LEGEND, legend_csv(columns.fields).encode())
+
+
+def whole(parts: Mapping[str, bytes], count: int) -> bool:
+    """Whether the files of a Shapefile hold all of ``count`` signs: GDAL does not see that one
+    could not be written, or not in the middle (ESRI Shapefile Technical Description, 1998)."""
+    if not {f"signs.{kind}" for kind in ("shp", "shx", "dbf", "prj", "cpg")} <= set(parts):
+        return False
+    shp, shx, dbf = (parts[f"signs.{kind}"] for kind in ("shp", "shx", "dbf"))
+    if len(shx) != _HEAD + 8 * count or len(shp) < _HEAD or len(dbf) < 32:
+        return False
+    # in words of 16 bits, the highest byte first, as are the records' numbers
+    starts = 2 * np.frombuffer(shx, ">i4", offset=_HEAD).reshape(-1, 2)[:, 0].astype(np.int64)
+    if 2 * struct.unpack(">i", shp[24:28])[0] != len(shp) or np.any(starts > len(shp) - 4):
+        return False
+    numbers = [struct.unpack_from(">i", shp, start)[0] for start in starts]
+    # a table's records are text throughout, as wide as its columns together
+    records, head, length = struct.unpack_from("<IHH", dbf, 4)
+    texts = dbf[head : head + count * length]
+    return bool(
+        numbers == list(range(1, count + 1))
+        and records == count
+        and head > 32
+        and 1 + sum(dbf[48 : head - 1 : 32]) == length
+        and all(dbf[32 : head - 1 : 32])
+        and len(texts) == count * length
+        and b"\0" not in texts
+        and parts["signs.prj"]
+        and parts["signs.cpg"]
+    )
 
 
 def legend_csv(fields: Sequence[Field] = SIGN_FIELDS) -> str:

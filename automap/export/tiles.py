@@ -7,15 +7,15 @@ list of layers (Mapbox Vector Tile Specification 2.1, section 4.1).
 from __future__ import annotations
 
 import gzip
-import tempfile
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from automap.errors import InputError
-from automap.export.gis import write_layer
+from automap.export.gis import failure_of, write_layer
 from automap.export.layers import Layer, path_layer, sign_layer
 from automap.export.path import Path as MapPath
 from automap.export.sign_columns import SignColumns
@@ -36,13 +36,9 @@ def write_pmtiles(path: Path, columns: SignColumns, track: MapPath | None) -> No
     layers = [layer for layer in layers if len(layer)]
     if not layers:
         raise InputError(f"{path}: the map has neither a path nor a sign with a place to be drawn.")
-    with tempfile.TemporaryDirectory() as folder:
-        parts = []
-        for layer in layers:
-            parts.append(Path(folder) / f"{layer.name}.pmtiles")
-            _cut(parts[-1], layer)
-        with atomic_path(path) as temporary:
-            _join(parts, temporary)
+    parts = [_cut(path, layer) for layer in layers]
+    with atomic_path(path) as temporary:
+        _join(parts, temporary)
 
 
 def _flat(layer: Layer, names: Sequence[str]) -> Layer:
@@ -65,15 +61,23 @@ def _flat(layer: Layer, names: Sequence[str]) -> Layer:
     return Layer(layer.name, kind, wkb, columns, {})
 
 
-def _cut(path: Path, layer: Layer) -> None:
+def _cut(path: Path, layer: Layer) -> bytes:
+    """The layer's own tiles, made in memory: GDAL does not see that files cannot be written."""
+    from pyogrio.errors import DataLayerError, DataSourceError
+
     # no sign is left out of a full tile
     options = {"MAX_SIZE": "5000000", "MAX_FEATURES": "1000000"}
     options |= {"MINZOOM": str(LEAST_ZOOM), "MAXZOOM": str(MOST_ZOOM)}
-    write_layer(path, layer, "PMTiles", "EPSG:4326", dataset_options=options)
+    tiles = BytesIO()
+    try:
+        write_layer(tiles, layer, "PMTiles", "EPSG:4326", dataset_options=options)
+    except (DataSourceError, DataLayerError) as error:
+        raise failure_of(path, layer, error) from error
+    return tiles.getvalue()
 
 
-def _join(parts: Sequence[Path], target: Path) -> None:
-    from pmtiles.reader import MmapSource, Reader, all_tiles
+def _join(parts: Sequence[bytes], target: Path) -> None:
+    from pmtiles.reader import MemorySource, Reader, all_tiles
     from pmtiles.tile import Compression, zxy_to_tileid
     from pmtiles.writer import Writer
 
@@ -82,19 +86,18 @@ def _join(parts: Sequence[Path], target: Path) -> None:
     bounds: list[tuple[int, int, int, int]] = []
     header: dict[str, Any] = {}
     for part in parts:
-        with part.open("rb") as file:
-            source = MmapSource(file)
-            reader = Reader(source)
-            header = reader.header()
-            layers += reader.metadata().get("vector_layers", [])
-            bounds.append(
-                tuple(header[f"{e}_e7"] for e in ("min_lon", "min_lat", "max_lon", "max_lat"))
-            )
-            packed = header["tile_compression"] == Compression.GZIP
-            for zxy, tile in all_tiles(source):
-                plain = gzip.decompress(tile) if packed else tile
-                number = zxy_to_tileid(*zxy)
-                tiles[number] = tiles.get(number, b"") + plain
+        source = MemorySource(part)
+        reader = Reader(source)
+        header = reader.header()
+        layers += reader.metadata().get("vector_layers", [])
+        bounds.append(
+            tuple(header[f"{e}_e7"] for e in ("min_lon", "min_lat", "max_lon", "max_lat"))
+        )
+        packed = header["tile_compression"] == Compression.GZIP
+        for zxy, tile in all_tiles(source):
+            plain = gzip.decompress(tile) if packed else tile
+            number = zxy_to_tileid(*zxy)
+            tiles[number] = tiles.get(number, b"") + plain
     west, south, east, north = (
         pick(b[k] for b in bounds) for k, pick in enumerate((min, min, max, max))
     )
