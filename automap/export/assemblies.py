@@ -17,7 +17,9 @@ ASSEMBLY_FIELDS: tuple[Field, ...] = (
     Field("id", "text", "", "post or gantry, as the signs' support"),
     Field("kind", "text", "", "gantry where a sign hangs over the road, else post"),
     Field("n_faces", "integer", "", "signs, plates and backs that were seen on it"),
-    Field("faces", "text", "", "their ids from the top, whichever way they look; ID/back: its back"),
+    Field(
+        "faces", "text", "", "their ids from the top, whichever way they look; ID/back: its back"
+    ),
     Field("classes", "text", "", "their classes in the same order, of a back: back"),
     Field("heights_m", "text", "m", "heights above the road of their centres, in the same order"),
     Field("facings_deg", "text", "deg", "directions that they look, in the same order"),
