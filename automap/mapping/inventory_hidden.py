@@ -22,6 +22,12 @@ _HIDDEN = _GRID**2
 """Parts of the signs that are hidden for a part of their approach: closer where they are few."""
 _RATES = np.array([0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.93, 0.96, 0.98, 0.99])
 """Of a detector, in frames in which nothing hides a sign."""
+WHOLLY = (2.0, 4.0)
+"""Beta parameters of the share, of signs that something hides, that it hides for all of their
+approach. What hides a sign over S m of the path, and the sign is in view over D, hides it wholly
+along S - D of the places where it may stand and for a part along twice the lesser. With lengths of
+which each is as likely, in logarithms, from a half to twice an approach that is a share of 0.11,
+from an eighth to eight times 0.45."""
 LEAST_BOXES = 2
 """Fewer boxes make no sign of a map, as a rule."""
 
@@ -76,8 +82,9 @@ def gone_by_gaps(found: Gaps, n_in_view: int, n_unseen: int) -> float:
 
     stale = np.linspace(0.0, 0.5, 101)[1:]
     prior = beta.pdf(stale, STALE * STALE_WEIGHT, (1.0 - STALE) * STALE_WEIGHT)
-    # signs hidden wholly to those hidden for a part, as 0 to 1 is to the rest
+    # signs hidden wholly, to those hidden for a part
     wholly = _GRID / (1.0 - _GRID)
+    ratio = beta.pdf(_GRID, *WHOLLY)
     q = _HIDDEN[:, None]
     partly_lost, open_lost = found.lost[:, 1:], found.lost[:, :1]
     # found ones are those left: as many more are hidden as are lost
@@ -87,5 +94,7 @@ def gone_by_gaps(found: Gaps, n_in_view: int, n_unseen: int) -> float:
     lost = weights[0] * open_lost + weights[1] * partly_lost + weights[2]
     unseen = lost / weights.sum(axis=0)
     chance = stale[:, None, None] + (1.0 - stale[:, None, None]) * unseen
-    likely = binom.pmf(n_unseen, n_in_view, chance) * prior[:, None, None] * found.share[:, None]
+    likely = (
+        binom.pmf(n_unseen, n_in_view, chance) * prior[:, None, None] * found.share[:, None] * ratio
+    )
     return float((likely * stale[:, None, None] / chance).sum() / likely.sum())

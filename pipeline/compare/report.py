@@ -61,9 +61,9 @@ def comparison_report(
     shift = summary["inventory_shift_m"]
     figures = [Figure(str(kinds["matched"]), "matched", f"of {summary['listed']} listed")]
     figures += [Figure(str(kinds[kind]), title.lower(), "") for kind, (title, _) in _TITLES.items()]
-    figures.append(
-        Figure(f"{summary['inventory_sd_m']:.2f} m", "sd of the inventory", "per axis, estimated")
-    )
+    stated = summary["inventory_sd_stated_m"]
+    sd, how = (summary["inventory_sd_m"], "estimated") if stated is None else (stated, "as stated")
+    figures.append(Figure(f"{sd:.2f} m", "sd of the inventory", f"per axis, {how}"))
     facts = [
         ("version", __version__),
         ("inventory", summary["inventory"]),
