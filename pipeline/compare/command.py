@@ -136,8 +136,7 @@ def _listed(
         most = ", ".join(f"{code!r} ({n})" for code, n in unknown.most_common(5))
         warnings.append(
             f"{path}: {_number(unknown.total(), 'sign has a code', 'signs have codes')} not known, "
-            f"such as {most}; their classes are not compared. --country names the "
-            "catalogue."
+            f"such as {most}; classes are not compared there. --country names the catalogue."
         )
     rows = np.flatnonzero(np.isfinite(read.lat_rad) & np.isfinite(read.lon_rad)).tolist()
     if not rows:

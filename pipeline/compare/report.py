@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from automap import __version__
 from automap.export.icons import class_icon, sign_words
 from automap.export.inventory import WORK
+from automap.mapping.inventory_limits import SURE
 from pipeline.pages.render import render
 from pipeline.pages.section import Figure
 from pipeline.shared.pictures import pictures_by_sign, read_pictures
@@ -51,11 +52,17 @@ def comparison_report(
         sign: f"data:image/jpeg;base64,{base64.b64encode(views[0].jpeg).decode()}"
         for sign, views in pictures_by_sign(read_pictures(products)).items()
     }
+    # a name that the map itself doubts is to be looked at, whatever the row is about
+    doubted = {
+        s.id: f"(named with {s.class_probability:.2f})"
+        for s in products.signs or []
+        if s.class_probability < SURE
+    }
     parts = []
     for kind, (title, meaning) in _TITLES.items():
         own = sorted((r for r in rows if _part(r) == kind), key=lambda r: -r.probability)
         if own:
-            shown = [_entry(row, pictures) for row in own[:_MOST]]
+            shown = [_entry(row, pictures, doubted) for row in own[:_MOST]]
             parts.append({"title": title, "meaning": meaning, "n": len(own), "rows": shown})
     kinds = Counter(_part(row) for row in rows)
     shift = summary["inventory_shift_m"]
@@ -82,7 +89,7 @@ def _part(row: ComparedSign) -> str:
     return row.kind if row.is_sure or row.kind not in WORK else "unsure"
 
 
-def _entry(row: ComparedSign, pictures: dict[str, str]) -> dict[str, str]:
+def _entry(row: ComparedSign, pictures: dict[str, str], doubted: dict[str, str]) -> dict[str, str]:
     lon, lat = row.place
     kind = _TITLES[row.kind][0].lower() if _part(row) == "unsure" else ""
     shown = row.class_name or row.listed_class
@@ -94,7 +101,7 @@ def _entry(row: ComparedSign, pictures: dict[str, str]) -> dict[str, str]:
         "picture": pictures.get(row.id, ""),
         "id": row.id,
         "listed_id": row.listed_id,
-        "words": sign_words(row.class_name),
+        "words": " ".join([sign_words(row.class_name), doubted.get(row.id, "")]).strip(),
         "listed_words": sign_words(row.listed_class) or row.listed_code,
         "probability": f"{kind} {row.probability:.2f}".strip()
         + (f", {row.more_drives:.0f} more drives" if more else ""),
