@@ -42,7 +42,7 @@ def conditions(
     frame = np.concatenate([d.frame for d in detections] or [np.zeros(0, np.int64)])
     contrast = np.concatenate([d.told("contrast") for d in detections] or [np.zeros(0)])
     notes = [note for d in detections for note in _notes(d)]
-    found = {d.camera: d for d in detections}
+    searched = {d.camera: _searched(d, cameras[d.camera]) for d in detections}
     usual = _usual_heights(views, [s.landmark for members in signs for s in members])
     result = []
     for members in signs:
@@ -56,7 +56,7 @@ def conditions(
             name = views.camera_names[member.camera]
             shown = frame[views.row[member.landmark.rows]]
             due = _due(
-                *(views, member.landmark, trajectory, found[name], cameras[name]),
+                *(views, member.landmark, trajectory, searched[name], cameras[name]),
                 usual[member.camera],
             )
             looked += len(due)
@@ -100,32 +100,47 @@ def _usual_heights(views: Views, marks: Sequence[Landmark]) -> FloatArray:
     return np.array([np.quantile(sizes, 0.75) if sizes else np.inf for sizes in first])
 
 
+@dataclass(frozen=True)
+class _Searched:
+    """Frames [k] of a camera that were searched, ascending: their numbers, stamps as the path has
+    them, and the part of each that was seen [k, 4]."""
+
+    frame: IntArray
+    t_ns: IntArray
+    region: FloatArray
+
+
+def _searched(found: Detections, camera: Camera) -> _Searched:
+    """None of a camera of which they are not known."""
+    looked = found.looked
+    if looked is None:
+        none = np.zeros(0, np.int64)
+        return _Searched(none, none, np.zeros((0, 4)))
+    frame, t_ns = FrameGrid(found).stamped(looked.frame)
+    region = looked.region[np.isin(looked.frame, frame)]
+    return _Searched(frame, t_ns + np.int64(round(camera.time_offset_s * 1e9)), region)
+
+
 def _due(
     views: Views,
     mark: Landmark,
     trajectory: Trajectory,
-    found: Detections,
+    searched: _Searched,
     camera: Camera,
     usual: float,
 ) -> IntArray:
-    """Numbers of the frames that were looked at and should have shown a sign in its pass: wholly
+    """Numbers of the frames that were searched and should have shown a sign in its pass: wholly
     within the part that was searched, from the side it was seen from, and at least as large as
     signs usually are when they are found."""
-    none = np.zeros(0, np.int64)
-    if found.looked is None or not len(found.looked):
-        return none
-    frame, t_ns = FrameGrid(found).stamped(found.looked.frame)
-    region = found.looked.region[np.isin(found.looked.frame, frame)]
     first, last = int(views.t_ns[mark.rows].min()), int(views.t_ns[mark.rows].max())
-    seen_ns = t_ns + round(camera.time_offset_s * 1e9)
-    near = (seen_ns > first - round(limits.AFTER_S * 1e9)) & (
-        seen_ns < last + round(limits.AFTER_S * 1e9)
-    )
-    frame, t_ns, region = frame[near], t_ns[near], region[near]
+    around = round(limits.AFTER_S * 1e9)
+    near = slice(*np.searchsorted(searched.t_ns, [first - around, last + around]).tolist())
+    frame, region = searched.frame[near], searched.region[near]
     if not len(frame):
-        return none
+        return frame
+    stamps = searched.t_ns[near] - np.int64(round(camera.time_offset_s * 1e9))
     height = apparent_heights(
-        *(mark.position, mark.size_m, views.centre[mark.rows], t_ns, trajectory),
+        *(mark.position, mark.size_m, views.centre[mark.rows], stamps, trajectory),
         *(camera, views.origin, region),
     )
     return np.asarray(frame[height >= usual * focal_length(camera)], np.int64)
