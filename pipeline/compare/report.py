@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from automap import __version__
+from automap.export.beliefs import belief_text
 from automap.export.icons import class_icon, sign_words
 from automap.export.inventory import WORK
 from automap.mapping.inventory_limits import SURE
@@ -103,7 +104,7 @@ def _entry(row: ComparedSign, pictures: dict[str, str], doubted: dict[str, str])
         "listed_id": row.listed_id,
         "words": " ".join([sign_words(row.class_name), doubted.get(row.id, "")]).strip(),
         "listed_words": sign_words(row.listed_class) or row.listed_code,
-        "probability": f"{kind} {row.probability:.2f}".strip()
+        "probability": f"{kind} {belief_text(row.probability)}".strip()
         + (f", {row.more_drives:.0f} more drives" if more else ""),
         "distance": distance,
         "place": f"{lat:.6f}, {lon:.6f}",
