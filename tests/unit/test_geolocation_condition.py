@@ -10,11 +10,15 @@ from geolocation_scene import boxes, camera, drive_path, roadside
 
 from automap.geolocation.condition import face_of_views
 from automap.geolocation.locate import locate_signs
+from automap.geolocation.rules import GeolocationRules
 from automap.records import Detections, Looked, Sign
+
+PATH = drive_path(25.0)
+PLAIN = GeolocationRules(estimate_camera=False, estimate_noise=False)
 
 
 def signs_of(found: Detections) -> list[Sign]:
-    return locate_signs(drive_path(), [found], {"front": camera()}).signs
+    return locate_signs(PATH, [found], {"front": camera()}, PLAIN).signs
 
 
 def looked_at(found: Detections, region: tuple[float, ...] = (0.0, 0.0, 1280.0, 720.0)) -> Looked:
@@ -29,8 +33,7 @@ def some(found: Detections, keep: np.ndarray) -> Detections:
 
 @pytest.fixture(scope="module")
 def scene() -> tuple[Detections, np.ndarray]:
-    path = drive_path()
-    return boxes(path, roadside(path), camera(), np.random.default_rng(0))
+    return boxes(PATH, roadside(PATH), camera(), np.random.default_rng(0))
 
 
 def test_a_sign_in_every_frame_was_seen_whenever_looked_at(
