@@ -16,9 +16,13 @@ from automap.records import IntArray
 ASSEMBLY_FIELDS: tuple[Field, ...] = (
     Field("id", "text", "", "post or gantry, as the signs' support"),
     Field("kind", "text", "", "gantry where a sign hangs over the road, else post"),
-    Field("n_faces", "integer", "", "signs and plates on it"),
-    Field("faces", "text", "", "their ids from the top, those that look another way too"),
-    Field("classes", "text", "", "their classes in the same order"),
+    Field("n_faces", "integer", "", "signs, plates and backs that were seen on it"),
+    Field(
+        "faces", "text", "", "their ids from the top, whichever way they look; ID/back: its back"
+    ),
+    Field("classes", "text", "", "their classes in the same order, of a back: back"),
+    Field("heights_m", "text", "m", "heights above the road of their centres, in the same order"),
+    Field("facings_deg", "text", "deg", "directions that they look, in the same order"),
     Field("plates", "text", "", "plates and the signs they belong to, as plate>sign"),
     Field("ways", "integer", "", "directions that faces on it look, those within 90 deg as one"),
     Field("top_above_road_m", "real", "m", "height above the road of the uppermost face", 2),
@@ -27,6 +31,7 @@ ASSEMBLY_FIELDS: tuple[Field, ...] = (
     Field("first_seen", "time", "UTC", "when any of its signs was seen first"),
     Field("last_seen", "time", "UTC", "when any of its signs was seen last"),
 )
+_BACKS = "n_back_views"
 
 
 def assembly_layer(columns: SignColumns) -> Layer:
@@ -80,23 +85,33 @@ def _row(columns: SignColumns, name: str, at: IntArray) -> dict[str, Any]:
     own = at.tolist()
     sides = [values["side"][k] for k in own]
     above = values["height_above_road_m"][at]
+    # a back is the other side of its sign
+    faces = [(k, back) for k in own for back in (False, True)[: 1 + (values[_BACKS][k] > 0)]]
+    facing = np.array([(values["facing_deg"][k] + 180.0 * back) % 360.0 for k, back in faces])
     main = values["main_sign"]
     first = [values["first_seen"][k] for k in own if columns.utc_known and values["first_seen"][k]]
     last = [values["last_seen"][k] for k in own if columns.utc_known and values["last_seen"][k]]
     return {
         "id": name,
         "kind": "gantry" if "overhead" in sides else "post",
-        "n_faces": len(own),
-        "faces": ", ".join(values["id"][k] for k in own),
-        "classes": ", ".join(values["class"][k] for k in own),
+        "n_faces": len(faces),
+        "faces": ", ".join(values["id"][k] + ("/back" if back else "") for k, back in faces),
+        "classes": ", ".join("back" if back else values["class"][k] for k, back in faces),
+        "heights_m": _numbers([values["height_above_road_m"][k] for k, _ in faces], 2),
+        "facings_deg": _numbers(facing.tolist(), 0),
         "plates": ", ".join(f"{values['id'][k]}>{main[k]}" for k in own if main[k]) or None,
-        "ways": _ways(values["facing_deg"][at]),
+        "ways": _ways(facing),
         "top_above_road_m": float(np.nanmax(above)) if np.isfinite(above).any() else np.nan,
         "side": next((s for s in sides if s), None),
         "sd_h_m": float(np.sqrt(np.nanmin(variance))) if np.isfinite(variance).any() else np.nan,
         "first_seen": min(first, default=None),
         "last_seen": max(last, default=None),
     }
+
+
+def _numbers(values: list[float], decimals: int) -> str:
+    """Numbers as one text; what is not known is a question mark."""
+    return ", ".join(f"{v:.{decimals}f}" if np.isfinite(v) else "?" for v in values)
 
 
 def _ways(facing_deg: npt.NDArray[np.float64]) -> int:

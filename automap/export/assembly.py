@@ -7,9 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from automap.records import Sign
+from automap.signs.vocabulary import load_vocabulary
 
 SUPPLEMENTARY = "complementary--"
 """Family of the classes of plates that say more of the sign above them."""
+PLATE_GAP_M = 0.3
+"""A rectangle that nobody could read is a plate where it hangs no further below its sign. Chosen:
+plates are fixed right below it, and centres and heights of faces err by a decimetre or two."""
 ONE_SIDE_RAD = 0.5 * math.pi
 """Faces turned from one another by less are read by the same traffic."""
 
@@ -27,7 +31,8 @@ class OnPost:
 def on_post(signs: Sequence[Sign]) -> OnPost:
     """Order and relations of the signs that share a ``support``.
 
-    A plate belongs to the nearest sign above it that is no plate itself.
+    A plate belongs to the nearest sign above it that was read and is no plate itself. A rectangle
+    that could not be read is one where it hangs right below such a sign, or below such a plate.
     """
     order: list[int | None] = [None] * len(signs)
     main: list[str | None] = [None] * len(signs)
@@ -40,15 +45,28 @@ def on_post(signs: Sequence[Sign]) -> OnPost:
         for place, k in enumerate(members):
             above = [j for j in members[:place] if _same_side(signs[j], signs[k])]
             order[k] = len(above) + 1
-            if is_plate(signs[k]):
-                heads = [j for j in above if not is_plate(signs[j])]
-                main[k] = signs[heads[-1]].id if heads else None
+            heads = [j for j in above if not (is_plate(signs[j]) or _unread(signs[j]))]
+            if heads and (is_plate(signs[k]) or _right_below(signs[k], signs[above[-1]])):
+                main[k] = signs[heads[-1]].id
     return OnPost(order, main)
 
 
 def is_plate(sign: Sign) -> bool:
     """Whether a sign is a plate that says more of another."""
     return sign.class_name.startswith(SUPPLEMENTARY)
+
+
+def _right_below(sign: Sign, above: Sign) -> bool:
+    """Whether a sign is an unread rectangle whose upper edge is at the lower one of another."""
+    gap = above.height_m - sign.height_m - 0.5 * (above.size_m + sign.size_m)
+    return _unread(sign) and abs(gap) < PLATE_GAP_M
+
+
+def _unread(sign: Sign) -> bool:
+    """Whether a sign is a rectangle of which the detector read no more than the colour."""
+    vocabulary = load_vocabulary()
+    group = str(vocabulary.group_of(sign.class_name))
+    return group.endswith("-square") and sign.class_name == vocabulary.groups.get(group)
 
 
 def _same_side(one: Sign, other: Sign) -> bool:

@@ -52,6 +52,8 @@ OBSERVATION_FIELDS: tuple[Field, ...] = (
     Field("y_max", "real", "px", "lower edge of the box"),
     Field("score", "real", "", "the detector's belief in the box, 0 to 1"),
     Field("detector_track", "integer", "", "number of the track that the detector linked, -1 none"),
+    Field("contrast", "real", "", "contrast of the face in this view, 0 to 1"),
+    Field("contrast_note", "text", "", "why it could not be measured"),
     Field("track", "integer", "", "number of the pass in which the sign was seen, -1 none"),
     Field("sign_id", "text", "", "sign that the detection belongs to"),
     Field("residual_x_px", "real", "px", "measured minus expected direction, right is positive"),

@@ -60,6 +60,25 @@ SIGN_FIELDS: tuple[Field, ...] = (
     Field(
         "main_sign", "text", "", "of a supplementary plate, the sign above it that it belongs to"
     ),
+    Field("n_back_views", "integer", "", "views of its back in passes the other way"),
+    Field("contrast", "real", "", "contrast of the face's middle, light against dark, 0 to 1", 2),
+    Field("contrast_sd", "real", "", "standard deviation of contrast from view to view", 2),
+    Field(
+        "contrast_note",
+        "text",
+        "",
+        "why no contrast could be measured: too small, too dark, too bright, too few views",
+    ),
+    Field(
+        "seen_share",
+        "real",
+        "",
+        "part of n_looked that shows it; the others have something in between, or were misread",
+        2,
+    ),
+    Field("n_looked", "integer", "", "searched frames that the sign should be in, large enough"),
+    Field("picture_file", "text", "", "file of the best picture, in the folder of the map"),
+    Field("street_file", "text", "", "file of the frame around it, likewise"),
     Field("cov_ee_m2", "real", "m^2", "variance of the position east, trajectory included"),
     Field("cov_en_m2", "real", "m^2", "covariance of east and north, trajectory included"),
     Field("cov_nn_m2", "real", "m^2", "variance of the position north, trajectory included"),

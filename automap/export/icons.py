@@ -57,14 +57,26 @@ def class_icon(class_name: str, px: int = ICON_PX) -> bytes:
     import cv2
 
     from automap.signs.faces import draw_face
-    from automap.signs.vocabulary import load_vocabulary
 
-    known = class_name in load_vocabulary().classes
-    image = draw_face(class_name, px) if known else _drawn(class_name, px)
+    # another country's version of a face that is drawn says the same
+    own = _drawn_class(class_name)
+    image = draw_face(own, px) if own else _drawn(class_name, px)
     good, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 9])
     if not good:
         raise RuntimeError(f"the face of {class_name!r} could not be written as PNG")
     return bytes(data.tobytes())
+
+
+def _drawn_class(class_name: str) -> str | None:
+    """The class of the vocabulary that is this one, else one of the same face; None without."""
+    from automap.signs.codes import face_of
+    from automap.signs.vocabulary import load_vocabulary
+
+    classes = load_vocabulary().classes
+    if class_name in classes:
+        return class_name
+    face = face_of(class_name)
+    return next((name for name in classes if face_of(name) == face), None)
 
 
 def icon_text(class_name: str) -> str:

@@ -13,6 +13,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from automap import __version__
+from automap.export.beliefs import belief_text
 from automap.export.csv_text import csv_cell
 from automap.export.icons import sign_words
 from automap.export.kml_cells import clean_text
@@ -70,7 +71,7 @@ class ComparedSign:
         """What to look at, for people."""
         words = sign_words(self.class_name) or "a sign"
         listed = sign_words(self.listed_class) or self.listed_code or "a sign"
-        sure = f"probability {self.probability:.2f}"
+        sure = f"probability {belief_text(self.probability)}"
         if self.kind == "new":
             return f"{words} stands here and is not in the inventory ({sure})."
         if self.kind == "missing":

@@ -12,6 +12,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from automap import __version__
+from automap.export.beliefs import belief_text
 from automap.export.icons import sign_words
 from automap.export.kml_cells import clean_text
 from automap.export.osm_tags import direction_tag, traffic_sign_tags
@@ -64,7 +65,7 @@ def _review(columns: SignColumns, row: int) -> str:
     parts = [f"check: {sign_words(values['class'][row]) or 'sign'}"]
     confidence, radius = float(values["confidence"][row]), float(values["ce95_m"][row])
     if np.isfinite(confidence):
-        parts.append(f"confidence {confidence:.2f}")
+        parts.append(f"confidence {belief_text(confidence)}")
     if np.isfinite(radius):
         parts.append(f"95 % within {radius:.1f} m")
     on_road = values.get("road_id")

@@ -43,7 +43,7 @@ _SIZE_MM = "CASE WHEN @map_scale < 5000 THEN 7 WHEN @map_scale < 30000 THEN 4 EL
 _ARROW_SCALE = 5000
 _TIP = """<b>[% coalesce("name", "class") %]</b> [% coalesce("code", '') %]<br>
 <img height="90" src="[% 'file:///' || regexp_replace(decode_uri(@layer, 'path'), '[^/]*$', '') ||
-'pictures/' || "id" || '-1.jpg' %]"><br>
+"picture_file" %]"><br>
 [% "id" %], [% coalesce("status", '') %], confidence [% coalesce(round("confidence", 2), '?') %]<br>
 95 % within [% coalesce(round("ce95_m", 2), '?') %] m<br>
 [% coalesce(round("height_above_road_m", 2), '?') %] m above the road, sd
@@ -55,7 +55,7 @@ faces [% coalesce(round("facing_deg"), '?') %] deg, sd
 _FORM_PICTURE = (
     """<img id="face" height="240"><script>document.getElementById("face").src = """
     """expression.evaluate("'file:///' || regexp_replace(decode_uri(@layer, 'path'), """
-    r"""'[^/]*$', '') || 'pictures/' || \"id\" || '-1.jpg'");</script>"""
+    r"""'[^/]*$', '') || \"picture_file\"");</script>"""
 )
 """On one line, as QGIS wants an expression in a script."""
 _FORM_TABS = {
@@ -63,7 +63,9 @@ _FORM_TABS = {
     "Place": ("height_above_road_m", "sd_above_road_m", "height_msl_m", "facing_deg",
               "facing_sd_deg", "side", "path_offset_m", "size_m", "support", "ce95_m", "sd_u_m"),
     "Sightings": ("n_views", "first_seen", "last_seen", "drives", "existence",
-                  "class_probability"),
+                  "class_probability", "seen_share", "n_looked"),
+    "Condition": ("contrast", "contrast_sd", "contrast_note", "face_order", "main_sign",
+                  "n_back_views", "picture_file", "street_file"),
 }  # fmt: skip
 """Columns of the form, tab by tab; the picture is on the first."""
 

@@ -21,8 +21,9 @@ from automap.signs.backs import is_back, may_be_back
 
 def find_backs(
     views: Views, sightings: Sequence[Sighting], groups: Sequence[Sequence[int]]
-) -> list[bool]:
-    """Which groups of sightings are backs of signs.
+) -> dict[int, int | None]:
+    """Which groups of sightings are backs of signs, and of which other group (None: of none that
+    was seen from in front).
 
     One whose class is that of backs always is; one without a readable face is where a sign with
     one stands, faces the other way, and is in none of its frames (a camera sees one side).
@@ -30,20 +31,31 @@ def find_backs(
     from scipy.spatial import cKDTree
 
     maybe = [all(may_be_back(sightings[k].class_name) for k in group) for group in groups]
-    result = [all(is_back(sightings[k].class_name) for k in group) for group in groups]
-    fronts = [b for group, back in zip(groups, maybe, strict=True) if not back for b in group]
-    unsure = [k for k in np.flatnonzero(maybe).tolist() if not result[k]]
-    if not fronts or not unsure:
-        return result
-    tree = cKDTree(np.array([sightings[b].position for b in fronts]))
-    for number in unsure:
-        result[number] = any(
-            _is_other_side(views, sightings[a], sightings[fronts[b]])
-            for a in groups[number]
+    backs: dict[int, int | None] = {
+        number: None
+        for number, group in enumerate(groups)
+        if all(is_back(sightings[k].class_name) for k in group)
+    }
+    fronts = [
+        (b, number)
+        for number, (group, back) in enumerate(zip(groups, maybe, strict=True))
+        if not back
+        for b in group
+    ]
+    if not fronts or not any(maybe):
+        return backs
+    tree = cKDTree(np.array([sightings[b].position for b, _ in fronts]))
+    for number in np.flatnonzero(maybe).tolist():
+        for a in groups[number]:
             # a little more than the reach, which the pair itself is held to
-            for b in tree.query_ball_point(sightings[a].position, 1.01 * limits.BACK_REACH_M)
-        )
-    return result
+            near = tree.query_ball_point(sightings[a].position, 1.01 * limits.BACK_REACH_M)
+            own = [k for k in near if _is_other_side(views, sightings[a], sightings[fronts[k][0]])]
+            if own:
+                place = sightings[a].position
+                distance = [np.linalg.norm(sightings[fronts[k][0]].position - place) for k in own]
+                backs[number] = fronts[own[int(np.argmin(distance))]][1]
+                break
+    return backs
 
 
 def _is_other_side(views: Views, back: Sighting, front: Sighting) -> bool:

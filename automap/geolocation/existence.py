@@ -46,6 +46,14 @@ class FrameGrid:
         seconds = np.diff(t_ns) / np.maximum(step, 1) if len(step) else np.array([1e9])
         self.interval_ns = float(np.median(seconds)) * self.step
 
+    def stamped(self, frame: IntArray) -> tuple[IntArray, IntArray]:
+        """Those of some frames that lie between frames with boxes, and their stamps."""
+        if not len(self._frame):
+            return frame[:0], frame[:0]
+        inside = frame[(frame >= self._frame[0]) & (frame <= self._frame[-1])]
+        since = np.interp(inside, self._frame, self._since)
+        return inside, np.asarray(self._base + np.rint(since).astype(np.int64))
+
     def count_between(self, first_ns: int, last_ns: int) -> float:
         """Frames from one stamp to a later one."""
         return (last_ns - first_ns) / max(self.interval_ns, 1.0)
@@ -61,7 +69,7 @@ class FrameGrid:
         return np.asarray(self._base + np.rint(since).astype(np.int64))
 
 
-def _apparent_heights(
+def apparent_heights(
     position: FloatArray,
     size_m: float,
     seen_from: FloatArray,
@@ -69,9 +77,13 @@ def _apparent_heights(
     trajectory: Trajectory,
     camera: Camera,
     origin: tuple[float, float, float],
+    region: FloatArray | None = None,
 ) -> FloatArray:
     """Height in pixels [n] of a sign at the frame stamps; zero where it is not wholly in view, or
-    shows itself from another side than to the cameras at ``seen_from`` [m, 3]."""
+    in the ``region`` [n, 4] that was searched (None: the frame), or shows itself from another side
+    than to the cameras at ``seen_from`` [m, 3]."""
+    if region is None:
+        region = np.array([[0.0, 0.0, camera.width - 1.0, camera.height - 1.0]])
     poses = poses_at(trajectory, t_ns + np.int64(round(camera.time_offset_s * 1e9)))
     centre, C_cam_ref = camera_poses(poses, camera, origin)
     q = np.einsum("nij,nj->ni", C_cam_ref, position - centre)
@@ -79,11 +91,9 @@ def _apparent_heights(
         pixels = project(camera, q)
         height = focal_length(camera) * size_m / q[:, 0]
         margin = limits.WHOLLY_IN_VIEW * height
-        inside = (
-            (q[:, 0] > limits.MIN_FORWARD_M) & (pixels[:, 0] > margin) & (pixels[:, 1] > margin)
-        )
-        inside &= pixels[:, 0] < camera.width - 1 - margin
-        inside &= pixels[:, 1] < camera.height - 1 - margin
+        inside = q[:, 0] > limits.MIN_FORWARD_M
+        inside &= ((pixels - region[:, :2]) > margin[:, None]).all(axis=1)
+        inside &= ((region[:, 2:] - pixels) > margin[:, None]).all(axis=1)
         inside &= _aspect(position, seen_from, centre)
     return np.where(inside, np.nan_to_num(height), 0.0)
 
@@ -192,7 +202,7 @@ def _missed(
     if len(times) == 0:
         return np.zeros(0, np.int64)
     times = times[np.concatenate([[True], np.diff(times) > half])]
-    height = _apparent_heights(
+    height = apparent_heights(
         *(mark.position, mark.size_m, views.centre[mark.rows], times, trajectory),
         *(camera, views.origin),
     )

@@ -334,6 +334,11 @@ IMU_ABOVE_ROAD_M, IMU_ABOVE_ROAD_SD_M = 1.0, 0.4
 as likely (the sigma of that is 0.4)."""
 
 
+# condition
+
+CONTRAST_VIEWS = 3
+"""Fewer views of a face tell no scatter of its contrast: two have one difference."""
+
 # boxes and path at odds
 
 USUAL_WEAK, MISFIT_PROBABILITY = 0.05, 1e-6

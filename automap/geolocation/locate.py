@@ -15,6 +15,7 @@ from automap.geolocation.camera_estimate import estimate_cameras, first_correcti
 from automap.geolocation.camera_explanation import Trial, explain_doubted
 from automap.geolocation.carriers import carried_views
 from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
+from automap.geolocation.condition import conditions
 from automap.geolocation.contradiction import disagreement
 from automap.geolocation.control import ControlSigns
 from automap.geolocation.course_yaw import yaw_by_course
@@ -172,14 +173,18 @@ def _located(
     focal = np.array([focal_length(cameras[name]) for name in views.camera_names])
     passes = join_passes(views, sightings, trajectory, control, rules.adjust_trajectory)
     sightings, groups = passes.sightings, passes.groups
-    for k in passes.backs:
-        observations.note[views.row[sightings[k].landmark.rows]] = "back"
+    behind: dict[int, int] = {}
+    for number, members_behind in passes.backs.items():
+        rows = np.concatenate([views.row[sightings[k].landmark.rows] for k in members_behind])
+        observations.note[rows] = "back"
+        behind[number] = len(rows)
     adjusted = None
     if passes.adjustment is not None:
         adjusted = AdjustedTrajectory(trajectory, passes.adjustment, views.origin)
     path = make_path(trajectory, views.origin, passes.adjustment)
     joined = [[sightings[k] for k in group] for group in groups]
     facings, faces = find_facings(views, joined, path)
+    condition_of = conditions(views, joined, trajectory, detections, found)
     signs: list[Sign] = []
     places, own = [], []
     for number, (group, members) in enumerate(zip(groups, joined, strict=True), start=1):
@@ -189,6 +194,9 @@ def _located(
         exists_at_all = float(1.0 - np.prod([1.0 - stands[k] for k in group]))
         sign = assemble_sign(
             views, members, combined, path, facing, number, rules.assembly, exists_at_all
+        )
+        sign = replace(
+            sign, n_back_views=behind.get(number - 1, 0), **vars(condition_of[number - 1])
         )
         signs.append(sign)
         places.append(combined[0])

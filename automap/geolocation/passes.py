@@ -30,13 +30,14 @@ _ROUNDS = 4
 @dataclass(frozen=True)
 class Passes:
     """Sightings as the adjusted trajectory gives them; ``groups`` of their numbers, one a sign;
-    ``backs`` numbers of the sightings that show the backs of signs; ``controlled`` surveyed
+    ``backs`` numbers of the sightings that show the backs of signs, by the number of the sign's
+    group (-1: of one that nobody saw from in front); ``controlled`` surveyed
     place [3] and covariance [3, 3] by the number of a group; ``adjustment`` None where nothing
     tells the trajectory's error."""
 
     sightings: list[Sighting]
     groups: list[list[int]]
-    backs: list[int]
+    backs: Mapping[int, list[int]]
     controlled: Mapping[int, tuple[FloatArray, FloatArray]]
     adjustment: Adjustment | None
 
@@ -53,9 +54,13 @@ def join_passes(
     before: list[list[int]] | None = None
     for _ in range(_ROUNDS):
         groups = group_sightings(views, seen)
-        is_back = find_backs(views, seen, groups)
-        backs = [k for group, back in zip(groups, is_back, strict=True) if back for k in group]
-        groups = [group for group, back in zip(groups, is_back, strict=True) if not back]
+        behind = find_backs(views, seen, groups)
+        kept = [number for number in range(len(groups)) if number not in behind]
+        backs: dict[int, list[int]] = {}
+        for number, front in behind.items():
+            place = -1 if front is None else kept.index(front)
+            backs.setdefault(place, []).extend(groups[number])
+        groups = [groups[number] for number in kept]
         controlled = match_control(control, seen, groups, views.origin) if control else {}
         if not adjust or groups == before:
             break

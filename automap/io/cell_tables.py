@@ -41,9 +41,11 @@ def write_points(path: Path, columns: Mapping[str, Any], lat: FloatArray, lon: F
         pq.write_table(table, temporary, compression="zstd")
 
 
-def read_points(paths: Sequence[Path], later: Sequence[str] = ()) -> dict[str, Any]:
-    """Columns [n] of all the files, without the points; {} without files. Numbers that came
-    ``later``, which some files may lack, are NaN there."""
+def read_points(
+    paths: Sequence[Path], later: Mapping[str, float | str] | None = None
+) -> dict[str, Any]:
+    """Columns [n] of all the files, without the points; {} without files. Columns that came
+    ``later``, which some files may lack, have one value there."""
     import pyarrow as pa
 
     if not paths:
@@ -51,9 +53,10 @@ def read_points(paths: Sequence[Path], later: Sequence[str] = ()) -> dict[str, A
     tables = []
     for path in paths:
         table = read_table(path).drop_columns(["geometry"])
-        for name in later:
+        for name, value in (later or {}).items():
             if name not in table.column_names:
-                table = table.append_column(name, pa.array(np.full(len(table), np.nan)))
+                kind = pa.string() if isinstance(value, str) else pa.float64()
+                table = table.append_column(name, pa.array([value] * len(table), kind))
         tables.append(table)
     # by name: a column that came later stands last where it was lacking
     table = pa.concat_tables([part.select(tables[0].column_names) for part in tables])

@@ -31,6 +31,9 @@ VIEW_CLASS = "view_class"
 """What the single view looks like; a table of an earlier version has no such column, and none of
 the tracks' probabilities."""
 
+CONTRAST, CONTRAST_NOTE = "contrast", "contrast_note"
+"""Of the face in the single view, and why it could not be told; likewise."""
+
 
 def write_detections(path: Path, cameras: Sequence[Detections]) -> None:
     """Write the boxes of one or more cameras as one table, atomically; none give no rows."""
@@ -62,10 +65,19 @@ def write_detections(path: Path, cameras: Sequence[Detections]) -> None:
             VIEW_CLASS: pa.array(views, pa.string()),
             **{
                 name: joined([d.told(name) for d in cameras], np.float64)
-                for name in TRACK_PROBABILITIES
+                for name in (*TRACK_PROBABILITIES, CONTRAST)
             },
+            CONTRAST_NOTE: pa.array(
+                [note or None for d in cameras for note in _notes(d)], pa.string()
+            ),
         },
     )
+
+
+def _notes(found: Detections) -> list[str]:
+    if found.contrast_note is None:
+        return [""] * len(found)
+    return [str(note) for note in found.contrast_note]
 
 
 def read_detections(path: Path) -> dict[str, Detections]:
@@ -73,7 +85,7 @@ def read_detections(path: Path) -> dict[str, Detections]:
 
     Raises InputError when the file is missing, damaged or lacks a column.
     """
-    table = read_table(path, COLUMNS, (*COLUMNS[4:9], *TRACK_PROBABILITIES), WHOLE)
+    table = read_table(path, COLUMNS, (*COLUMNS[4:9], *TRACK_PROBABILITIES, CONTRAST), WHOLE)
     columns = {name: table.column(name).to_numpy() for name in COLUMNS}
     camera = columns["camera"].astype(object)
     views = None
@@ -81,9 +93,12 @@ def read_detections(path: Path) -> dict[str, Detections]:
         views = table.column(VIEW_CLASS).to_numpy().astype(object)
     told = {
         name: table.column(name).to_numpy().astype(np.float64)
-        for name in TRACK_PROBABILITIES
+        for name in (*TRACK_PROBABILITIES, CONTRAST)
         if name in table.column_names
     }
+    if CONTRAST_NOTE in table.column_names:
+        notes = [note or "" for note in table.column(CONTRAST_NOTE).to_pylist()]
+        told[CONTRAST_NOTE] = np.array([*notes, None], object)[:-1]
     found = {}
     for name in dict.fromkeys(camera.tolist()):
         rows = camera == name

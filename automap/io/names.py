@@ -13,6 +13,7 @@ FUSION = "fusion.json"
 TUNED = "tuned.toml"
 DETECTIONS = "detections.parquet"
 CROPS = "crops.parquet"
+SEARCHED = "searched.parquet"
 SIGNS_RAW = "signs_raw.parquet"
 
 # results, named in the documentation
@@ -42,7 +43,15 @@ MERGE = "merge.json"
 RUN_FILES = frozenset(
     {
         *(IMU, FIXES, ODOMETER, INGEST, SYNC, SYNC_DELAYS, FUSION, TUNED, DETECTIONS, CROPS),
-        *(SIGNS_RAW, TRAJECTORY, TRAJECTORY_FILTER, TRAJECTORY_ADJUSTED, IMU_ERRORS, INNOVATIONS),
+        *(
+            SEARCHED,
+            SIGNS_RAW,
+            TRAJECTORY,
+            TRAJECTORY_FILTER,
+            TRAJECTORY_ADJUSTED,
+            IMU_ERRORS,
+            INNOVATIONS,
+        ),
         *(SIGNS_GEOJSON, SIGNS_TABLE, OBSERVATIONS, CONTACT_SHEET, KML, KMZ, GPKG, DICTIONARY),
         *(REPORT, RUN, REVIEW, REJECTED, EVALUATION, MERGE),
     }

@@ -22,7 +22,7 @@ class Attributes:
     the class, ``class_changed`` [m] whether the drives saw it change on the way, ``drives``
     the numbers of those that saw it, ``seen`` the belief that any sighting is right;
     ``class_probability`` and ``group_probability`` by all drives that tell them, since a change
-    only those after it (NaN: none does)."""
+    only those after it (NaN: none does); the rest as a sign has them."""
 
     code: IntArray
     class_share: FloatArray
@@ -41,6 +41,12 @@ class Attributes:
     seen: FloatArray
     class_probability: FloatArray
     group_probability: FloatArray
+    contrast: FloatArray
+    contrast_sd: FloatArray
+    contrast_note: list[str]
+    seen_share: FloatArray
+    n_looked: IntArray
+    n_back_views: IntArray
 
 
 def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
@@ -65,6 +71,9 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
     east = np.bincount(sign, sure * np.sin(np.nan_to_num(facing)), m)
     direction = np.where(np.hypot(north, east) > 1e-9, np.arctan2(east, north), np.nan)
     sides, states = sightings.side, sightings.status
+    looked, behind = np.nan_to_num(sightings.n_looked), np.nan_to_num(sightings.n_back_views)
+    contrast, contrast_sd = _contrast(sightings, sign, m)
+    notes = sightings.contrast_note[order]
     seen_by = sightings.drive[order]
     return Attributes(
         code=code,
@@ -88,7 +97,25 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
         seen=1.0 - np.exp(np.bincount(sign, np.log(doubt), m)),
         class_probability=class_probabilities(*told, sightings.class_probability, holds, code),
         group_probability=group_probabilities(*told, sightings.group_probability, holds, code),
+        contrast=contrast,
+        contrast_sd=contrast_sd,
+        contrast_note=[
+            "" if np.isfinite(value) else _most(notes[a:b], weight[order[a:b]])
+            for value, (a, b) in zip(contrast.tolist(), _spans(edges), strict=True)
+        ],
+        seen_share=_mean(sign, sightings.seen_share, looked, m),
+        n_looked=np.rint(np.bincount(sign, looked, m)).astype(np.int64),
+        n_back_views=np.rint(np.bincount(sign, behind, m)).astype(np.int64),
     )
+
+
+def _contrast(sightings: Sightings, sign: IntArray, m: int) -> tuple[FloatArray, FloatArray]:
+    """Mean contrast [m] of the drives and its scatter within and between them: each drive has a
+    light of its own, so each counts alike."""
+    one = np.ones(len(sign))
+    value = _mean(sign, sightings.contrast, one, m)
+    square = _mean(sign, sightings.contrast**2 + sightings.contrast_sd**2, one, m)
+    return value, np.sqrt(np.maximum(square - value**2, 0.0))
 
 
 def _spans(edges: IntArray) -> list[tuple[int, int]]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.mapping.inventory_hidden import gaps, gone_by_gaps
 from automap.mapping.inventory_limits import (
     DETECTION_PRIOR,
     DOUBT_FACTOR_LOG_SD,
@@ -122,6 +123,15 @@ def not_found(
         seen_by.append(all_of_them if named is not None and not named else named)
     tries, hits = counts(views, len(inventory), seen_by)
     known = standing(tries, hits, group, (*[DETECTION_PRIOR] * 3, GLIMPSE_PRIOR))
+    looked = np.array([sign.n_looked for sign in signs], np.int64)
+    if looked.any() and tries.max(initial=0) == 1:
+        # counts of drives say nothing then, but frames do
+        share = np.nan_to_num([sign.seen_share for sign in signs])
+        whole = (group == 0) & (tries == 1)
+        unseen = whole & (hits == 0)
+        seen = np.rint(share * looked).astype(np.int64)
+        gone_ones = gone_by_gaps(gaps(seen, looked), int(whole.sum()), int(unseen.sum()))
+        known.gone[unseen] = gone_ones
     result = []
     for j in np.flatnonzero(partner < 0).tolist():
         gone = float(known.gone[j])

@@ -11,7 +11,7 @@ import numpy as np
 from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust
 from automap.mapping.association import Association
 from automap.mapping.attributes import Attributes, combine_attributes
-from automap.mapping.backs import backs_of_others
+from automap.mapping.backs import NO_BACK, backs_of_others, with_backs
 from automap.mapping.by_cells import associate_by_cells
 from automap.mapping.error_levels import estimate_levels
 from automap.mapping.existence import (
@@ -79,10 +79,11 @@ def merge_drives(
     times = np.array([drive.start_gps_s for drive in ordered], np.float64)
     belief = existence(pairs, rates, m, times)
     names = [sightings.classes[code] for code in attributes.code.tolist()]
-    backs = backs_of_others(
+    fronts = backs_of_others(
         names, adjusted.lat, adjusted.lon, attributes.facing_rad, adjusted.cov_enu
     )
-    belief = np.where(backs, 0.0, belief)
+    belief = np.where(fronts == NO_BACK, belief, 0.0)
+    behind = with_backs(attributes.n_back_views, attributes.n_views, fronts)
     progress(0.9, "the signs' records")
     keys: list[list[str]] = [[] for _ in range(m)]
     sign_of = found.sign.tolist()
@@ -93,7 +94,9 @@ def merge_drives(
     return Merged(
         ordered, sightings, found, adjusted, levels, attributes, pairs, rates, belief,
         map_signs(
-            {**vars(attributes), **vars(adjusted), "class_name": names},
+            {
+                **vars(attributes), **vars(adjusted), "class_name": names, "n_back_views": behind,
+            },
             belief,
             [tuple(ordered[d].name for d in seen_by) for seen_by in attributes.drives],
         ),
@@ -135,6 +138,12 @@ def map_signs(
             facing_rad=float(columns["facing_rad"][k]),
             facing_sd_rad=float(columns["facing_sd_rad"][k]),
             size_m=float(columns["size_m"][k]),
+            contrast=float(columns["contrast"][k]),
+            contrast_sd=float(columns["contrast_sd"][k]),
+            contrast_note=str(columns["contrast_note"][k]),
+            seen_share=float(columns["seen_share"][k]),
+            n_looked=int(columns["n_looked"][k]),
+            n_back_views=int(columns["n_back_views"][k]),
         )
         for k in range(len(belief))
     ]

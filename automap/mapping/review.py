@@ -213,6 +213,9 @@ def _placed(sign: Sign, place: PlacedSign) -> Sign:
         "cov_enu": np.array([[ee, en, 0.0], [en, nn, 0.0], [0.0, 0.0, uu]]),
         "side": place.side or sign.side,
         "path_offset_m": float("nan"),
+        # measured of other views
+        **dict.fromkeys(("contrast", "contrast_sd", "seen_share"), float("nan")),
+        **{"contrast_note": "", "n_looked": 0},
     }
     if place.n_views:
         changes |= {"n_views": place.n_views, "first_seen_ns": place.first_seen_ns}

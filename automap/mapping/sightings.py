@@ -20,8 +20,15 @@ _STACKED = (
 _TOLD = (
     "n_views", "first_gps_s", "last_gps_s", "height_above_road_m", "sd_above_road_m",
     "facing_sd_rad", "size_m", "side", "status", "class_probability", "group_probability",
-    "existence",
+    "existence", "contrast", "contrast_sd", "contrast_note", "seen_share", "n_looked",
+    "n_back_views",
 )  # fmt: skip
+UNTOLD: dict[str, float | str] = {
+    "existence": np.nan, "class_probability": np.nan, "group_probability": np.nan,
+    "contrast": np.nan, "contrast_sd": np.nan, "contrast_note": "", "seen_share": np.nan,
+    "n_looked": 0.0, "n_back_views": 0.0,
+}  # fmt: skip
+"""What columns hold of drives that do not tell them."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +49,9 @@ class DriveSigns:
     ``cov_enu`` [n, 3, 3] total covariances in m^2, trajectory included. ``first_gps_s``,
     ``last_gps_s`` [n] when the sign was in view; ``class_probability``, ``group_probability`` [n]
     what the detector tells of the class, and of its colour and shape (None: of none);
-    ``existence`` [n] how probable each is by this drive alone (None: it does not tell). Unknown
-    numbers are NaN.
+    ``existence`` [n] how probable each is by this drive alone (None: it does not tell);
+    ``contrast`` to ``n_back_views`` [n] as a sign has them (None: likewise). Unknown numbers are
+    NaN.
     """
 
     name: str
@@ -71,6 +79,12 @@ class DriveSigns:
     class_probability: FloatArray | None = None
     group_probability: FloatArray | None = None
     existence: FloatArray | None = None
+    contrast: FloatArray | None = None
+    contrast_sd: FloatArray | None = None
+    contrast_note: npt.NDArray[np.object_] | None = None
+    seen_share: FloatArray | None = None
+    n_looked: FloatArray | None = None
+    n_back_views: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -116,6 +130,12 @@ class Sightings:
     class_probability: FloatArray
     group_probability: FloatArray
     existence: FloatArray
+    contrast: FloatArray
+    contrast_sd: FloatArray
+    contrast_note: npt.NDArray[np.object_]
+    seen_share: FloatArray
+    n_looked: FloatArray
+    n_back_views: FloatArray
     classes: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -152,7 +172,7 @@ def stack_sightings(drives: Sequence[DriveSigns]) -> Sightings:
         return Sightings(
             none, none, np.zeros(1, np.int64), zero, zero, zero, zero, zero, zero, three, zero,
             three, zero, none, zero, text, none, zero, zero, zero, zero, zero, zero, text, text,
-            zero, zero, zero, (),
+            zero, zero, zero, zero, zero, text, zero, zero, zero, (),
         )  # fmt: skip
     names = sorted({str(name) for drive in drives for name in set(drive.class_name)})
     number = {name: k for k, name in enumerate(names)}
@@ -185,7 +205,9 @@ def stack_sightings(drives: Sequence[DriveSigns]) -> Sightings:
                 np.nan_to_num(drive.confidence[rows], nan=0.5),
                 np.array([drive.ids[k] for k in rows.tolist()], np.object_),
                 *(
-                    np.full(len(rows), np.nan)
+                    np.full(
+                        len(rows), UNTOLD[name], np.array(UNTOLD[name]).dtype.kind.replace("U", "O")
+                    )
                     if (told := getattr(drive, name)) is None
                     else told[rows]
                     for name in _TOLD

@@ -16,6 +16,7 @@ from automap.records.pictures import (
     Crop,
     Detections,
     FrameTimes,
+    Looked,
     VideoFrame,
     usual_matrix,
 )
@@ -62,6 +63,7 @@ __all__ = [
     "ImuCalibration",
     "ImuData",
     "IntArray",
+    "Looked",
     "PlacedSign",
     "RawImu",
     "ReviewAction",

@@ -78,6 +78,18 @@ class VideoFrame:
 
 
 @dataclass(frozen=True)
+class Looked:
+    """Frames [k] of a camera that a detector searched, also those without a box, ascending;
+    ``region`` [k, 4] x_min, y_min, x_max, y_max of the part that it saw, in pixels."""
+
+    frame: IntArray
+    region: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+
+@dataclass(frozen=True)
 class Detections:
     """Boxes of signs in frames, one row each.
 
@@ -87,6 +99,8 @@ class Detections:
     what the single view looks like where ``class_name`` is that of the whole track, None where
     there is no such difference. ``class_probability`` and ``group_probability`` [n]: that the track
     is what ``class_name`` says, and of its shape and colour; None where the detector tells neither.
+    ``contrast`` [n] of the face in this view, 0 to 1 (NaN: ``contrast_note`` [n] says why), and the
+    frames that were ``looked`` at; None where the boxes come from elsewhere.
     """
 
     frame: IntArray
@@ -99,12 +113,15 @@ class Detections:
     view_class: npt.NDArray[np.object_] | None = None
     class_probability: FloatArray | None = None
     group_probability: FloatArray | None = None
+    contrast: FloatArray | None = None
+    contrast_note: npt.NDArray[np.object_] | None = None
+    looked: Looked | None = None
 
     def __len__(self) -> int:
         return len(self.frame)
 
     def told(self, name: str) -> FloatArray:
-        """One of ``TRACK_PROBABILITIES`` [n], NaN where the detector tells none."""
+        """One of ``TRACK_PROBABILITIES``, or ``contrast`` [n], NaN where nothing tells it."""
         values: FloatArray | None = getattr(self, name)
         return np.full(len(self), np.nan) if values is None else np.asarray(values, np.float64)
 

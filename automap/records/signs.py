@@ -27,7 +27,10 @@ class Sign:
     that size stands there (NaN unknown), ``class_probability`` that it is what ``class_name`` says,
     if it is a sign, and ``group_probability`` that it is of that shape and colour (NaN where the
     detector does not tell them); ``path_offset_m`` how far to the right of the drive's path it
-    stands (NaN where it is on a map of several, or was placed by hand).
+    stands (NaN where it is on a map of several, or was placed by hand). ``contrast`` of the face
+    with the standard deviation ``contrast_sd`` from view to view (NaN: ``contrast_note`` says why,
+    "" where nothing looked); of the ``n_looked`` frames that should have shown it the part
+    ``seen_share`` that did (NaN unknown); ``n_back_views`` views of its back in other passes.
     """
 
     id: str
@@ -55,6 +58,12 @@ class Sign:
     class_probability: float = float("nan")
     group_probability: float = float("nan")
     path_offset_m: float = float("nan")
+    contrast: float = float("nan")
+    contrast_sd: float = float("nan")
+    contrast_note: str = ""
+    seen_share: float = float("nan")
+    n_looked: int = 0
+    n_back_views: int = 0
     note: str = ""
     reviewer: str = ""
     reviewed: str = ""

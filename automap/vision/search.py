@@ -10,14 +10,26 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from automap.records import Camera, Crop, Detections, FrameTimes, IntArray, VideoFrame, usual_matrix
+from automap.records import (
+    Camera,
+    Crop,
+    Detections,
+    FloatArray,
+    FrameTimes,
+    IntArray,
+    Looked,
+    VideoFrame,
+    usual_matrix,
+)
 from automap.vision import limits
 from automap.vision.camera_motion import ImageMotion, Motion, motion_on_path
 from automap.vision.camera_path import CameraPath
 from automap.vision.crops import BestCrops
-from automap.vision.detector import CalibratedDetector, Detector, FoundSigns, RegionDetector
+from automap.vision.detector import CalibratedDetector, Detector, FoundSigns
+from automap.vision.face_contrast import face_contrast
 from automap.vision.frame_choice import ChoiceRules, FramePlan, every_frame, plan_frames
 from automap.vision.parallel import Beside, Candidate, detections, prefetched, worker_count
+from automap.vision.searched_region import find_in, searched_region, some
 from automap.vision.tracking import Tracker, TrackingRules
 from automap.vision.voting import Verdict, View, view_of, vote
 
@@ -75,6 +87,7 @@ class _Rows:
     view_class: list[str] = field(default_factory=list)
     track: list[int] = field(default_factory=list)
     views: list[View] = field(default_factory=list)
+    contrast: list[tuple[float, str]] = field(default_factory=list)
 
     def add(self, picture: VideoFrame, found: FoundSigns, track: IntArray) -> None:
         for i in range(len(found)):
@@ -85,6 +98,7 @@ class _Rows:
             self.view_class.append(found.class_name[i])
             self.track.append(int(track[i]))
             self.views.append(view_of(found, i))
+            self.contrast.append(face_contrast(picture.image, self.box[-1]))
 
     def verdicts(self) -> dict[int, Verdict]:
         """What each track is."""
@@ -106,6 +120,8 @@ class _Rows:
             view_class=np.array(self.view_class, object),
             class_probability=np.array([v.probability for v in told]) if calibrated else None,
             group_probability=np.array([v.group_probability for v in told]) if calibrated else None,
+            contrast=np.array([value for value, _ in self.contrast], np.float64),
+            contrast_note=np.array([note for _, note in self.contrast], object),
         )
 
 
@@ -139,10 +155,18 @@ def search_frames(
     tracker = Tracker(camera, rules.tracking)
     motions = _Motions(camera, path)
     report = _Report(progress, len(plan))
-    searched = 0
+    region: dict[int, FloatArray] = {}
+
+    def search(mark: _Mark, picture: VideoFrame, beside: Beside) -> FoundSigns:
+        region[picture.frame] = searched_region(
+            picture.image, rules.height_share, beside if rules.windows else None, rules.hint
+        )
+        return find_in(detector, picture.image, region[picture.frame])
+
+    frames: list[int] = []
     found_in = detections(
         prefetched(_candidates(pictures(plan.frame), times, plan)),
-        lambda mark, picture, beside: _find(detector, picture, rules, beside),
+        search,
         lambda found: bool((found.score >= rules.hint).any()),
         rules.workers or worker_count(),
     )
@@ -157,47 +181,19 @@ def search_frames(
                 picture.image, picture.frame, picture.t_ns, int(track[i]),
                 found.class_name[i], found.box[i], float(found.score[i]),
             )  # fmt: skip
-        searched += 1
-        report(mark.number, searched)
+        frames.append(picture.frame)
+        report(mark.number, len(frames))
     verdicts = rows.verdicts()
     calibrated = isinstance(detector, CalibratedDetector)
+    looked = Looked(
+        np.array(frames, np.int64), np.array([region[k] for k in frames]).reshape(-1, 4)
+    )
     return SearchResult(
-        rows.detections(verdicts, name, calibrated),
+        replace(rows.detections(verdicts, name, calibrated), looked=looked),
         tuple(best.crops({track: verdict.name for track, verdict in verdicts.items()})),
         len(times),
-        searched,
+        len(frames),
     )
-
-
-def _find(
-    detector: Detector, picture: VideoFrame, rules: SearchRules, beside: Beside
-) -> FoundSigns:
-    """The signs in the upper part of a picture, or in it near those of the frames beside it."""
-    height, width = picture.image.shape[:2]
-    lowest = height
-    if rules.height_share < 1.0:
-        # networks work on multiples of 32 rows
-        lowest = max(int(height * rules.height_share) // 32 * 32, min(32, height))
-    low, high = np.zeros(2, np.int64), np.array([width, lowest])
-    if beside is not None and rules.windows:
-        boxes = np.concatenate([found.box[found.score >= rules.hint] for found in beside])
-        # as far as a sign moves, and what a network wants to see around it
-        margin = limits.AROUND_PX + np.max(boxes[:, 2:] - boxes[:, :2], initial=0.0)
-        margin += limits.MOVED_SHARE * width
-        low = np.maximum(np.floor(boxes[:, :2].min(axis=0) - margin), 0).astype(np.int64)
-        high = np.minimum(np.ceil(boxes[:, 2:].max(axis=0) + margin), high).astype(np.int64)
-        low = np.minimum(low, high - 1)
-    if isinstance(detector, RegionDetector):
-        region = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-        found = detector.detect_in(picture.image, region)
-        box = found.box
-    else:
-        found = detector.detect(picture.image[low[1] : high[1], low[0] : high[0]])
-        box = found.box + np.tile(low, 2)
-    # what is cut off inside the picture has a box that is too small
-    cut = ((box[:, :2] < low + limits.CUT_PX) & (low > 0)).any(axis=1)
-    cut |= ((box[:, 2:] > high - 1 - limits.CUT_PX) & (high < (width, height))).any(axis=1)
-    return _some(replace(found, box=box), np.flatnonzero(~cut))
 
 
 def default_camera(width: int, height: int) -> Camera:
@@ -209,18 +205,7 @@ def default_camera(width: int, height: int) -> Camera:
 
 def above(found: FoundSigns, min_score: float) -> FoundSigns:
     """The signs with at least this score."""
-    return _some(found, np.flatnonzero(found.score >= min_score))
-
-
-def _some(found: FoundSigns, keep: npt.NDArray[np.int64]) -> FoundSigns:
-    if len(keep) == len(found):
-        return found
-    return FoundSigns(
-        tuple(found.class_name[i] for i in keep),
-        found.box[keep],
-        found.score[keep],
-        None if found.alternatives is None else tuple(found.alternatives[i] for i in keep),
-    )
+    return some(found, np.flatnonzero(found.score >= min_score))
 
 
 @dataclass(frozen=True)

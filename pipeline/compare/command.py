@@ -89,7 +89,10 @@ def compare_with_inventory(
     write_text(out / OSM, osm_change(rows, country))
     write_text(out / TASKS, maproulette_tasks(rows))
     name = folder.resolve().name
-    write_text(out / REPORT, comparison_report(name, rows, summary, products, warnings))
+    # pages are given away: where files lie is nobody's business
+    told = [text.replace(str(inventory), inventory.name) for text in warnings]
+    told = [text.replace(str(folder), name) for text in told]
+    write_text(out / REPORT, comparison_report(name, rows, summary, products, told))
     write_json(out / SUMMARY, summary)
     files = [out / file for file in (GPKG, CSV, OSM, TASKS, REPORT, SUMMARY)]
     return CompareOutcome(rows, summary, files, warnings)
@@ -116,6 +119,10 @@ def _signs(products: RunProducts, warnings: list[str]) -> list[Sign]:
     return placed
 
 
+def _number(n: int, one: str, many: str) -> str:
+    return f"{n} {one if n == 1 else many}"
+
+
 def _listed(
     read: InventoryFile, country: str | None, path: Path, warnings: list[str]
 ) -> tuple[Inventory, list[int]]:
@@ -128,8 +135,8 @@ def _listed(
     if unknown:
         most = ", ".join(f"{code!r} ({n})" for code, n in unknown.most_common(5))
         warnings.append(
-            f"{path}: {unknown.total()} entries have {len(unknown)} codes that are not known, such "
-            f"as {most}; their classes are not compared. --country names the catalogue."
+            f"{path}: {_number(unknown.total(), 'sign has a code', 'signs have codes')} not known, "
+            f"such as {most}; classes are not compared there. --country names the catalogue."
         )
     rows = np.flatnonzero(np.isfinite(read.lat_rad) & np.isfinite(read.lon_rad)).tolist()
     if not rows:
@@ -253,6 +260,7 @@ def _summary(
     counts = Counter(row.kind for row in rows)
     sure = Counter(row.kind for row in rows if row.is_sure)
     square = result.normalised_square
+    stated = np.asarray(read.sd_m, np.float64)
     return {
         "schema": "automap.comparison/1",
         "automap": __version__,
@@ -265,6 +273,7 @@ def _summary(
         "sure": {kind: sure.get(kind, 0) for kind in KINDS},
         "inventory_shift_m": {"e": float(result.shift_m[0]), "n": float(result.shift_m[1])},
         "inventory_sd_m": result.sd_m,
+        "inventory_sd_stated_m": float(np.median(stated)) if np.isfinite(stated).all() else None,
         "normalised_square": None if math.isnan(square) else square,
         "detection_rate": result.detection,
         "directions_turned": result.turned,

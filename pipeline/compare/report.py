@@ -8,8 +8,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from automap import __version__
+from automap.export.beliefs import belief_text
 from automap.export.icons import class_icon, sign_words
 from automap.export.inventory import WORK
+from automap.mapping.inventory_limits import SURE
 from pipeline.pages.render import render
 from pipeline.pages.section import Figure
 from pipeline.shared.pictures import pictures_by_sign, read_pictures
@@ -51,19 +53,25 @@ def comparison_report(
         sign: f"data:image/jpeg;base64,{base64.b64encode(views[0].jpeg).decode()}"
         for sign, views in pictures_by_sign(read_pictures(products)).items()
     }
+    # a name that the map itself doubts is to be looked at, whatever the row is about
+    doubted = {
+        s.id: f"(named with {s.class_probability:.2f})"
+        for s in products.signs or []
+        if s.class_probability < SURE
+    }
     parts = []
     for kind, (title, meaning) in _TITLES.items():
         own = sorted((r for r in rows if _part(r) == kind), key=lambda r: -r.probability)
         if own:
-            shown = [_entry(row, pictures) for row in own[:_MOST]]
+            shown = [_entry(row, pictures, doubted) for row in own[:_MOST]]
             parts.append({"title": title, "meaning": meaning, "n": len(own), "rows": shown})
     kinds = Counter(_part(row) for row in rows)
     shift = summary["inventory_shift_m"]
     figures = [Figure(str(kinds["matched"]), "matched", f"of {summary['listed']} listed")]
     figures += [Figure(str(kinds[kind]), title.lower(), "") for kind, (title, _) in _TITLES.items()]
-    figures.append(
-        Figure(f"{summary['inventory_sd_m']:.2f} m", "sd of the inventory", "per axis, estimated")
-    )
+    stated = summary["inventory_sd_stated_m"]
+    sd, how = (summary["inventory_sd_m"], "estimated") if stated is None else (stated, "as stated")
+    figures.append(Figure(f"{sd:.2f} m", "sd of the inventory", f"per axis, {how}"))
     facts = [
         ("version", __version__),
         ("inventory", summary["inventory"]),
@@ -82,7 +90,7 @@ def _part(row: ComparedSign) -> str:
     return row.kind if row.is_sure or row.kind not in WORK else "unsure"
 
 
-def _entry(row: ComparedSign, pictures: dict[str, str]) -> dict[str, str]:
+def _entry(row: ComparedSign, pictures: dict[str, str], doubted: dict[str, str]) -> dict[str, str]:
     lon, lat = row.place
     kind = _TITLES[row.kind][0].lower() if _part(row) == "unsure" else ""
     shown = row.class_name or row.listed_class
@@ -94,9 +102,9 @@ def _entry(row: ComparedSign, pictures: dict[str, str]) -> dict[str, str]:
         "picture": pictures.get(row.id, ""),
         "id": row.id,
         "listed_id": row.listed_id,
-        "words": sign_words(row.class_name),
+        "words": " ".join([sign_words(row.class_name), doubted.get(row.id, "")]).strip(),
         "listed_words": sign_words(row.listed_class) or row.listed_code,
-        "probability": f"{kind} {row.probability:.2f}".strip()
+        "probability": f"{kind} {belief_text(row.probability)}".strip()
         + (f", {row.more_drives:.0f} more drives" if more else ""),
         "distance": distance,
         "place": f"{lat:.6f}, {lon:.6f}",

@@ -17,7 +17,7 @@ from automap.export.sign_columns import SignColumns, sign_columns
 from automap.io import names
 from automap.records import NO_TIME, FloatArray, Trajectory
 from pipeline.export.lineage import lineage
-from pipeline.shared.pictures import Picture, read_pictures
+from pipeline.shared.pictures import Picture, pictures_by_sign, read_pictures
 from pipeline.shared.products import RunProducts, geoid_separation, load_products
 from pipeline.shared.run_record import country_of
 
@@ -58,7 +58,6 @@ def map_content(
     signs = sign_columns(products.signs or [], products.clock, country)
     paths = {name: simplified_path(track) for name, track in products.trajectories.items()}
     path = joined_paths(paths) if products.tracks else paths.get("")
-    pictures = read_pictures(products)
     content = MapContent(
         name,
         signs,
@@ -67,7 +66,6 @@ def map_content(
         list(products.problems),
         lineage=lineage(record, name, products.trajectory),
         country=country,
-        pictures=pictures,
     )
     rows = (products.attempt(names.SIGN_ROADS, read_roads_csv) or []) if on_roads else []
     moved = set_roads(signs, rows, country)
@@ -76,6 +74,7 @@ def map_content(
             f"{moved} signs were moved since they were put on roads, so they have none; run the "
             "export again, or give --roads."
         )
+    set_pictures(content, read_pictures(products))
     signs.values["height_msl_m"] = sea_level_heights(signs, geoid_heights(content)[0])
     if min_confidence > 0.0:
         content.lineage["min_confidence"] = min_confidence
@@ -99,6 +98,18 @@ def map_content(
             "stamps in nanoseconds."
         )
     return content
+
+
+def set_pictures(content: MapContent, pictures: list[Picture]) -> None:
+    """Give the map its pictures, and each sign the names of its best one and of its street's."""
+    content.pictures = pictures
+    folder = names.PICTURES
+    best = {name: own[0] for name, own in pictures_by_sign(pictures).items()}
+    own = [best.get(name) for name in content.signs.values["id"]]
+    content.signs.values["picture_file"] = [p and f"{folder}{p.view.file}" for p in own]
+    content.signs.values["street_file"] = [
+        f"{folder}{p.view.context_file}" if p and p.context is not None else None for p in own
+    ]
 
 
 def _drop_unsure(products: RunProducts, least: float) -> int:

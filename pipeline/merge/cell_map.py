@@ -15,7 +15,7 @@ import numpy as np
 
 from automap.io.atomic import write_json
 from automap.mapping.adjustment import ErrorLevels
-from automap.mapping.backs import backs_of_others
+from automap.mapping.backs import NO_BACK, backs_of_others, with_backs
 from automap.mapping.existence import Chances, DetectionRates, detection_rates, existence
 from automap.mapping.merge import map_signs
 from automap.records import FloatArray, Sign
@@ -128,7 +128,7 @@ def _whole(
     rates = detection_rates(pairs, m, len(drives))
     belief = existence(pairs, rates, m, drives.start_gps_s)
     place = (columns["lat"], columns["lon"], columns["height"], columns["cov_enu"])
-    backs = backs_of_others(
+    fronts = backs_of_others(
         columns["class_name"], place[0], place[1], columns["facing_rad"], place[3]
     )
     keys = [
@@ -137,5 +137,6 @@ def _whole(
             columns["founder"].tolist(), columns["founder_id"].tolist(), strict=True
         )
     ]
-    belief = np.where(backs, 0.0, belief)
+    belief = np.where(fronts == NO_BACK, belief, 0.0)
+    columns["n_back_views"] = with_backs(columns["n_back_views"], columns["n_views"], fronts)
     return StoreMap(keys, *place, belief, columns, pairs, cells, levels, rates, *done)

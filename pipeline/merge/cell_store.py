@@ -17,7 +17,7 @@ from automap.io.cell_tables import read_points, write_points
 from automap.io.tables import read_table
 from automap.mapping.cells import around, beside, cell_named, cell_of, groups, quadkey, touches
 from automap.mapping.identity import drive_key
-from automap.mapping.sightings import CameraView, DriveSigns, Sightings, stack_sightings
+from automap.mapping.sightings import UNTOLD, CameraView, DriveSigns, Sightings, stack_sightings
 from automap.mapping.visibility import STRIDE
 from automap.records import DrivePath, FloatArray, IntArray
 
@@ -28,11 +28,9 @@ _PLAIN = (
     "row", "time_s", "lat", "lon", "height", "per_lat", "per_lon", "own_u", "facing",
     "confidence", "id", "n_views", "first_gps_s", "last_gps_s", "height_above_road_m",
     "sd_above_road_m", "facing_sd_rad", "size_m", "side", "status", "class_probability",
-    "group_probability", "existence",
+    "group_probability", "existence", "contrast", "contrast_sd", "contrast_note", "seen_share",
+    "n_looked", "n_back_views",
 )  # fmt: skip
-
-_LATER = ("existence",)
-"""Columns that stores of earlier versions lack: there no drive tells it."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +70,7 @@ class Near:
         """Of all that a cell's merge takes from here."""
         whole = hashlib.sha256()
         for field, values in vars(self.sightings).items():
-            if field in ("id", "side", "status", "classes"):
+            if field in ("id", "side", "status", "contrast_note", "classes"):
                 whole.update("\0".join(map(str, values)).encode("utf-8", "replace"))
             else:
                 whole.update(np.ascontiguousarray(values).tobytes())
@@ -221,7 +219,8 @@ def read_near(
 ) -> Near:
     """What lies within ``margin_m`` of a cell; with ``path_margin_m`` the paths within that too."""
     cells = near_cells(folder, cell, margin_m)
-    points = read_points(parts(folder, SIGHTINGS, cells), _LATER)
+    # stores of earlier versions lack columns
+    points = read_points(parts(folder, SIGHTINGS, cells), UNTOLD)
     seen = _cut(points, "lat", "lon", cell, margin_m, drives)
     tracks: dict[str, Any] = {}
     if path_margin_m is not None:

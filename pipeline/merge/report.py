@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from automap import __version__
+from automap.export.icons import sign_words
 from automap.export.uncertainty import ce95
 from pipeline.pages.render import sections_page
 from pipeline.pages.section import Figure, Section
@@ -64,16 +65,17 @@ def _radius(outcome: MapOutcome) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 def _figures(outcome: MapOutcome, summary: dict[str, Any]) -> list[Figure]:
     radius = _radius(outcome)
+    one = len(summary["drives"]) == 1
     figures = [
         Figure(str(summary["signs"]), "signs", f"from {summary['sightings']} sightings"),
-        Figure(str(len(summary["drives"])), "drives", ""),
+        Figure(str(len(summary["drives"])), "drive" if one else "drives", ""),
     ]
     if len(radius):
         text = f"{np.median(radius):.2f} m"
         figures.append(Figure(text, "95 % radius, median", "trajectory errors included"))
-    figures.append(
-        Figure(f"{100 * summary['detection_rate']:.0f} %", "seen when in view", "by one drive")
-    )
+    if not one:
+        rate = f"{100 * summary['detection_rate']:.0f} %"
+        figures.append(Figure(rate, "seen when in view", "by one drive"))
     if "changes" in summary:
         count = sum(summary["changes"][kind] for kind in _KINDS)
         figures.append(Figure(str(count), "changes", "against the older map"))
@@ -122,8 +124,9 @@ def change_row(change: Any) -> tuple[str, ...]:
         note = "passed before without it" if change.visited_before else "not passed before"
     before = "" if change.older is None else change.older.class_name
     return (
-        _KINDS[change.kind], change.sign.id, change.sign.class_name,
-        before if before != change.sign.class_name else "", f"{change.belief:.2f}", note,
+        _KINDS[change.kind], change.sign.id, sign_words(change.sign.class_name),
+        sign_words(before) if before != change.sign.class_name else "",
+        f"{change.belief:.2f}", note,
     )  # fmt: skip
 
 
@@ -165,6 +168,12 @@ def _with_sd(value: float, sd: float) -> str:
 def _error_section(outcome: MapOutcome, summary: dict[str, Any]) -> Section:
     levels = summary["error_levels"]
     section = Section()
+    if len(summary["drives"]) == 1:
+        section.sentences.append(
+            "Of one drive nothing tells how often it sees a sign in view, or whether its errors "
+            "are as large as it states."
+        )
+        return section
     section.sentences.append(
         f"Where drives overlap their shared errors are {levels['shared']:.2f} times and the signs' "
         f"own errors {levels['own']:.2f} times what the drives state, with a time constant of "
@@ -183,6 +192,6 @@ def _class_section(outcome: MapOutcome) -> Section:
     counts = Counter(sign.class_name for sign in outcome.signs)
     return Section(
         header=("class", "signs"),
-        rows=[(name, str(n)) for name, n in counts.most_common()],
+        rows=[(sign_words(name), str(n)) for name, n in counts.most_common()],
         folded="All classes" if len(counts) > 20 else "",
     )

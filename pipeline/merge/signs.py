@@ -15,6 +15,7 @@ from automap.records import NO_TIME, ClockModel, FloatArray, IntArray, Sign
 
 GPS_CLOCK = ClockModel(0, 0.0, 0.0, 0.0, 0.0, "gps")
 """Stamps that are GPS time in nanoseconds."""
+CONDITION = ("contrast", "contrast_sd", "seen_share", "n_looked", "n_back_views")
 
 
 def sign_columns(folder: Path, clock: ClockModel | None) -> dict[str, Any]:
@@ -59,8 +60,11 @@ def _table_columns(path: Path, clock: ClockModel | None) -> dict[str, Any]:
     def texts(name: str) -> npt.NDArray[np.object_]:
         return np.array([value or "" for value in table[name].to_pylist()], np.object_)
 
+    told = table.column_names
+    notes = texts("contrast_note") if "contrast_note" in told else np.full(len(table), "", object)
     return {
         "ids": tuple(table["id"].to_pylist()),
+        "contrast_note": notes,
         "class_name": texts("class"),
         "cov_enu": covariance,
         "n_views": ints(table, "n_views"),
@@ -69,10 +73,10 @@ def _table_columns(path: Path, clock: ClockModel | None) -> dict[str, Any]:
         "side": texts("side"),
         "status": texts("status"),
     } | {
-        name: floats(table, name) if name in table.column_names else unknown
+        name: floats(table, name) if name in told else unknown
         for name in (
             "sd_above_road_m", "facing_sd_rad", "class_probability", "group_probability",
-            "existence",
+            "existence", *CONDITION,
         )
     } | {
         name: floats(table, name)
@@ -96,7 +100,7 @@ def _columns(signs: Sequence[Sign], clock: ClockModel | None) -> dict[str, Any]:
     numbers = (
         "lat_rad", "lon_rad", "height_m", "confidence", "height_above_road_m", "sd_above_road_m",
         "facing_rad", "facing_sd_rad", "size_m", "class_probability", "group_probability",
-        "existence",
+        "existence", *CONDITION,
     )  # fmt: skip
     return {
         "ids": tuple(sign.id for sign in signs),
@@ -107,6 +111,7 @@ def _columns(signs: Sequence[Sign], clock: ClockModel | None) -> dict[str, Any]:
         "last_gps_s": stamps("last_seen_ns"),
         "side": texts("side"),
         "status": texts("status"),
+        "contrast_note": texts("contrast_note"),
     } | {name: real(name) for name in numbers}
 
 

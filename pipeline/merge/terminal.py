@@ -20,22 +20,26 @@ def summary_lines(outcome: MergeOutcome) -> list[str]:
     """The lines, without the warnings."""
     merged, signs = outcome.merged, outcome.signs
     unlikely = len(merged.signs) - len(signs)
+    drives = "drive" if len(merged.drives) == 1 else "drives"
     lines = [
-        f"{len(merged.drives)} drives, {len(merged.sightings)} sightings -> {outcome.folder} in "
-        f"{outcome.seconds:.1f} s",
+        f"{len(merged.drives)} {drives}, {len(merged.sightings)} sightings -> {outcome.folder} "
+        f"in {outcome.seconds:.1f} s",
         f"  signs       {len(signs)}, {unlikely} unlikely ones left out",
     ]
     if signs:
         cov = np.array([s.cov_enu for s in signs])
         radius = np.median(ce95(cov[:, 0, 0], cov[:, 0, 1], cov[:, 1, 1]))
         several = sum(len(s.drives) > 1 for s in signs)
+        by_several = f"; {several} signs seen by several drives"
         lines.append(
-            f"  uncertainty 95 % radius {radius:.2f} m (median); {several} signs seen by several "
-            "drives"
+            f"  uncertainty 95 % radius {radius:.2f} m (median)"
+            + (by_several if len(merged.drives) > 1 else "")
         )
-        lines.append(
-            f"  detection   {100 * merged.rates.overall:.0f} % of the signs in view are seen"
-        )
+        # of one drive nothing tells what it did not see
+        if len(merged.drives) > 1:
+            lines.append(
+                f"  detection   {100 * merged.rates.overall:.0f} % of the signs in view are seen"
+            )
     for number, drive in enumerate(merged.drives[:_DRIVES]):
         offset, sd = merged.adjusted.drive_offset[number], merged.adjusted.drive_sd[number]
         if np.isfinite(offset[0]):

@@ -55,7 +55,11 @@ class SignTable:
     size_m: FloatArray
     height_above_road_m: FloatArray
     path_offset_m: FloatArray
+    contrast: FloatArray
+    contrast_sd: FloatArray
+    seen_share: FloatArray
     n_views: IntArray
+    n_looked: IntArray
     first_seen_ns: IntArray
     last_seen_ns: IntArray
 
@@ -158,7 +162,11 @@ def _from_table(table: pa.Table) -> SignTable:
         size_m=real("size_m"),
         height_above_road_m=real("height_above_road_m"),
         path_offset_m=real("path_offset_m"),
+        contrast=real("contrast"),
+        contrast_sd=real("contrast_sd"),
+        seen_share=real("seen_share"),
         n_views=whole("n_views", 0),
+        n_looked=whole("n_looked", 0),
         first_seen_ns=whole(first_of("first_seen_ns", "first_seen_t_ns"), NO_TIME),
         last_seen_ns=whole(first_of("last_seen_ns", "last_seen_t_ns"), NO_TIME),
     )
@@ -223,6 +231,7 @@ def table_of(signs: Sequence[Sign]) -> SignTable:
         "cov_nn_m2": pa.array(covariance[:, 1, 1], real),
         "cov_uu_m2": pa.array(covariance[:, 2, 2], real),
         "n_views": pa.array([s.n_views for s in signs], pa.int64()),
+        "n_looked": pa.array([s.n_looked for s in signs], pa.int64()),
         "first_seen_ns": pa.array([s.first_seen_ns for s in signs], pa.int64()),
         "last_seen_ns": pa.array([s.last_seen_ns for s in signs], pa.int64()),
     }
@@ -238,6 +247,9 @@ def table_of(signs: Sequence[Sign]) -> SignTable:
         "size_m",
         "height_above_road_m",
         "path_offset_m",
+        "contrast",
+        "contrast_sd",
+        "seen_share",
     ):
         columns[name] = pa.array([getattr(s, name) for s in signs], real)
     return _from_table(pa.table(columns))

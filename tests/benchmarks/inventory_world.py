@@ -3,9 +3,10 @@
 The street is that of ``geolocation_world.py``: boxes with errors, missed by frame, on a trajectory
 that wanders, located by the estimator itself. Hidden are signs behind what stands between them and
 the camera in plan: low crowns that stand there in every drive, vans parked anew for each, and a
-lorry that drives ahead for part of the time. Some faces every drive misreads alike, some one alone.
+lorry that drives ahead for part of the time. Some faces every drive misreads alike, some one
+alone.
 
-    python tests/benchmarks/inventory_world.py [--seeds N] [--first SEED] [--drives 1 3]
+    python tests/benchmarks/inventory_world.py [--seeds N] [--first N] [--drives 1 3] [--thinner N]
 
 Printed are, per kind, how many are due, told and sure with precision and recall of either; of what
 is called missing also the precision where signs count that stand and that no drive can have seen,
@@ -33,7 +34,7 @@ from automap.mapping.inventory_findings import Inventory
 from automap.mapping.limits import LEAST_EXISTENCE
 from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import CameraView, DriveSigns
-from automap.records import BoolArray, DrivePath, FloatArray, IntArray, Sign
+from automap.records import BoolArray, DrivePath, FloatArray, IntArray, Looked, Sign
 from tests.benchmarks.geolocation_facing import ROUND
 from tests.benchmarks.geolocation_world import ORIGIN, Difficulty, World, make_world
 
@@ -155,9 +156,12 @@ def _seen(
     alone = np.where(alike, other, rng.choice(len(ROUND), len(alike)))
     for k in np.flatnonzero((owner >= 0) & wrong[np.maximum(owner, 0)]).tolist():
         names[k] = ROUND[alone[owner[k]]]
+    frames = np.arange(int(found.frame.max()) + 1)
+    whole = [0.0, 0.0, float(world.camera.width), float(world.camera.height)]
+    looked = Looked(frames, np.tile(whole, (len(frames), 1)))
     found = replace(
         found, frame=found.frame[keep], t_ns=found.t_ns[keep], class_name=names[keep],
-        box=found.box[keep], score=found.score[keep], track=found.track[keep],
+        box=found.box[keep], score=found.score[keep], track=found.track[keep], looked=looked,
     )  # fmt: skip
     owner = owner[keep]
     signs = locate_signs(world.trajectory, [found], {"front": world.camera}).signs
@@ -217,6 +221,8 @@ def _columns(name: str, number: int, world: World, signs: list[Sign]) -> DriveSi
         class_probability=real("class_probability"),
         group_probability=real("class_probability"),
         existence=real("existence"),
+        seen_share=real("seen_share"),
+        n_looked=real("n_looked"),
     )
 
 
@@ -245,12 +251,22 @@ def _list(rng: np.random.Generator, world: World, standing: BoolArray, sd: float
     return Faulty(inventory, origin, kind[kept], set(deleted.tolist()))
 
 
+def thinned(factor: float) -> None:
+    """Let so many times less stand between signs and cameras."""
+    global LORRY_SHARE
+    LORRY_SHARE /= factor
+    for kind in EVERY_M:
+        EVERY_M[kind] *= factor
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--drives", type=int, nargs="+", default=[1, 3])
+    parser.add_argument("--thinner", type=float, default=1.0, help="times less that hides signs")
     arguments = parser.parse_args()
+    thinned(arguments.thinner)
     for drives in arguments.drives:
         rows: dict[str, list[tuple[float, bool, bool]]] = {kind: [] for kind in KINDS}
         wanted = dict.fromkeys(KINDS, 0)

@@ -94,14 +94,14 @@ def test_qgis_opens_the_map_with_its_styles(tmp_path: Path) -> None:
     assert all(layer["valid"] for layer in found.values())
     assert {layer["crs"] for layer in found.values()} == {"EPSG:4979"}
     assert all(abs(layer["epoch"] - 2026.197) < 1e-3 for layer in found.values())
-    assert found["signs"]["tabs"] == ["Sign", "Place", "Sightings"]
+    assert found["signs"]["tabs"] == ["Sign", "Place", "Sightings", "Condition"]
     assert all(found[name]["sld"] for name in ("signs", "trajectory", "ellipses"))
     assert found["signs"]["by_sld"][:3] == found["signs"]["legend"][:3]
     assert found["signs"]["count"] == found["ellipses"]["count"] == 12
     assert found["signs"]["renderer"] == "categorizedSymbol"
     assert found["signs"]["symbols"] == [["RasterMarker", "SimpleMarker"]] * 3 + [["SimpleMarker"]]
     assert found["signs"]["turned"].count('"facing_deg"') == 3
-    assert "pictures/" in found["signs"]["tip"]
+    assert "picture_file" in found["signs"]["tip"]
     assert "name" in found["signs"]["shown_as"]
     assert found["signs"]["aliases"]["height_above_road_m"] == "height above road (m)"
     assert len(set(found["signs"]["legend"])) == len(found["signs"]["legend"])

@@ -52,6 +52,19 @@ def test_faces_stand_from_the_top_and_plates_with_their_signs() -> None:
     assert set(rows) == {field.name for field in ASSEMBLY_FIELDS}
 
 
+def test_each_face_has_its_height_and_way_and_a_seen_back_is_a_face() -> None:
+    head = replace(sign(1), id="a", support="p1", height_m=163.0, height_above_road_m=3.0)
+    head = replace(head, facing_rad=np.radians(300.0), n_back_views=4)
+    low = replace(head, id="b", height_m=162.0, height_above_road_m=float("nan"), n_back_views=0)
+    layer = assembly_layer(sign_columns([low, head], CLOCK))
+    row = {name: values[0] for name, values in layer.columns.items()}
+    assert row["faces"] == "a, a/back, b"
+    assert row["classes"].split(", ")[1] == "back"
+    assert row["heights_m"] == "3.00, 3.00, ?"
+    assert row["facings_deg"] == "300, 120, 300"
+    assert (row["n_faces"], row["ways"]) == (3, 2)
+
+
 def test_a_post_stands_at_the_mean_of_its_signs_the_better_known_more() -> None:
     near = replace(sign(1), id="a", support="p1", cov_enu=np.eye(3) * 0.25)
     far = replace(near, id="b", cov_enu=np.eye(3), lat_rad=near.lat_rad + 1e-6)

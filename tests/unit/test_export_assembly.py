@@ -37,3 +37,18 @@ def test_a_plate_belongs_to_the_nearest_sign_above_it() -> None:
     columns = sign_columns(signs)
     assert columns.values["main_sign"] == hung.main
     assert columns.values["face_order"] == hung.order == [4, 5, 1, 2, 3, 1]
+
+
+def test_a_rectangle_that_nobody_could_read_is_a_plate_right_below_a_sign() -> None:
+    square = "regulatory--unknown-white-square"
+    head = replace(sign(1), id="a", support="p1", height_m=3.0, facing_rad=1.0, size_m=0.8)
+    plate = replace(head, id="b", height_m=2.45, size_m=0.3, class_name=square)
+    second = replace(plate, id="c", height_m=2.1)
+    assert on_post([head, plate, second]).main == [None, "a", "a"]
+    # apart it is a sign of its own, and so is a round one, or one that was read
+    apart = replace(plate, id="d", height_m=1.6)
+    read = replace(plate, class_name="information--parking--g1")
+    round_one = replace(plate, class_name="regulatory--unknown-white-circle")
+    for other in (apart, read, round_one):
+        assert on_post([head, other]).main == [None, None]
+    assert on_post([plate, second]).main == [None, None]

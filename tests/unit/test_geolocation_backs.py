@@ -60,6 +60,7 @@ def test_a_sign_seen_from_behind_stays_one(back: str) -> None:
     path, found, n = there_and_back((STOP, back))
     result = locate_signs(path, [found], {"front": camera()})
     assert [sign.class_name for sign in result.signs] == [STOP] * n
+    assert min(sign.n_back_views for sign in result.signs) >= 2
     behind = found.class_name == back
     assert set(result.observations.note[behind]) == {"back"}
     assert not result.observations.used[behind].any()

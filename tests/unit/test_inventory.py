@@ -333,6 +333,20 @@ def test_a_broken_inventory_is_told_in_a_sentence(
     assert (tmp_path / "out").exists() == (code == 0)
 
 
+def test_the_page_tells_the_stated_accuracy_and_no_folder(
+    run_and_case: tuple[Path, Faulty], tmp_path: Path
+) -> None:
+    path = tmp_path / "list.csv"
+    path.write_text("id,lat,lon,code,sd\n1,-35.28,149.13,ZZ9,0.3\n", encoding="utf-8")
+    out = tmp_path / "out"
+    assert run_command(["compare", str(run_and_case[0]), str(path), "-o", str(out), "--quiet"]) == 0
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "list.csv: 1 sign has a code not known" in page
+    assert str(tmp_path) not in page
+    assert "0.30 m" in page
+    assert "as stated" in page
+
+
 def test_what_openstreetmap_has_is_left_to_people() -> None:
     # a modified object loses each tag that a change does not state, and a list has but some
     moved = ComparedSign(

@@ -38,6 +38,11 @@ def scene() -> Scene:
             last_gps_s=some(drive.last_gps_s),
             confidence=rng.uniform(0.0, 1.0, n),
             side=rng.choice(np.array(["left", "right", ""], object), n),
+            contrast=some(rng.uniform(0.0, 1.0, n)),
+            contrast_sd=rng.uniform(0.0, 0.1, n),
+            contrast_note=rng.choice(np.array(["too dark", "too small"], object), n),
+            seen_share=some(rng.uniform(0.0, 1.0, n)),
+            n_looked=rng.integers(1, 20, n).astype(np.float64),
             status=rng.choice(np.array(["ok", "weak", "implausible"], object), n),
         )
     return scene
@@ -181,3 +186,38 @@ def test_a_change_of_class_is_where_the_likelihood_has_it() -> None:
         assert found == likeliest_change(codes.tolist(), 3), codes
         changes += found > 0
     assert 50 < changes < 250
+
+
+def test_condition_is_the_drives_together(scene: Scene) -> None:
+    sightings, sign, members = stacked(scene)
+    found = combine_attributes(sightings, sign)
+    for k, own in enumerate(members):
+        rows = [place for place, _ in own]
+        told = [(sightings.contrast[r], sightings.contrast_sd[r]) for r in rows]
+        told = [(value, sd) for value, sd in told if np.isfinite(value)]
+        if told:
+            mean = sum(value for value, _ in told) / len(told)
+            square = sum(value**2 + sd**2 for value, sd in told) / len(told) - mean**2
+            assert found.contrast[k] == pytest.approx(mean)
+            assert found.contrast_sd[k] == pytest.approx(math.sqrt(square))
+            assert found.contrast_note[k] == ""
+        else:
+            assert np.isnan(found.contrast[k])
+            assert found.contrast_note[k] in {sightings.contrast_note[r] for r in rows}
+        assert found.n_looked[k] == sum(sightings.n_looked[r] for r in rows)
+        looked = [
+            (sightings.n_looked[r], sightings.seen_share[r])
+            for r in rows
+            if np.isfinite(sightings.seen_share[r])
+        ]
+        if looked:
+            share = sum(n * p for n, p in looked) / sum(n for n, _ in looked)
+            assert found.seen_share[k] == pytest.approx(share)
+
+
+def test_drives_that_tell_no_condition_leave_it_open() -> None:
+    plain = stack_sightings(street_scene(3, 2, 300.0).drives)
+    found = combine_attributes(plain, np.arange(len(plain)))
+    assert np.isnan(found.contrast).all()
+    assert set(found.contrast_note) == {""}
+    assert not found.n_looked.any()

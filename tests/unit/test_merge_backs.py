@@ -7,13 +7,15 @@ from merge_scene import Errors, Town, drive_through
 
 from automap.mapping.limits import LEAST_EXISTENCE
 from automap.mapping.merge import merge_drives
+from automap.records import Sign
 
 STOP, GREY = "regulatory--stop--g1", "information--unknown-other"
 DAY_S = 86400.0
 
 
-def names_on_the_map(behind: str, faces_twelve: bool = True) -> list[str]:
-    """A straight street driven four times each way; what stands back to back with 12 signs."""
+def on_the_map(behind: str, faces_twelve: bool = True) -> list[Sign]:
+    """The map of a straight street driven four times each way; what stands back to back with 12
+    signs."""
     rng = np.random.default_rng(5)
     along = 40.0 + 60.0 * np.arange(12)
     place = np.column_stack([np.full(12, -5.0), along, np.full(12, 2.4)])
@@ -32,11 +34,18 @@ def names_on_the_map(behind: str, faces_twelve: bool = True) -> list[str]:
         drives.append(drive_through(rng, town, path, 12.0, f"d{k}", 1.4e9 + k * DAY_S, usual)[0])
     merged = merge_drives(drives)
     rows = zip(merged.signs, merged.existence, strict=True)
-    return sorted(sign.class_name for sign, there in rows if there >= LEAST_EXISTENCE)
+    return [sign for sign, there in rows if there >= LEAST_EXISTENCE]
+
+
+def names_on_the_map(behind: str, faces_twelve: bool = True) -> list[str]:
+    return sorted(sign.class_name for sign in on_the_map(behind, faces_twelve))
 
 
 def test_a_grey_face_behind_a_sign_is_its_back() -> None:
-    assert names_on_the_map(GREY) == [STOP] * 12
+    signs = on_the_map(GREY)
+    assert [sign.class_name for sign in signs] == [STOP] * 12
+    # four drives saw each from behind
+    assert min(sign.n_back_views for sign in signs) >= 4
 
 
 def test_a_sign_behind_a_sign_is_a_sign() -> None:

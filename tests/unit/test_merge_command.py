@@ -67,6 +67,18 @@ def test_a_merge_that_takes_long_tells_json_and_nothing_else(
     assert capsys.readouterr().out == ""
 
 
+def test_of_one_drive_nothing_is_said_that_takes_two(
+    folders: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for number, told in ((1, False), (2, True)):
+        out = tmp_path / f"map{number}"
+        assert run_command(["merge", *map(str, folders[:number]), "-o", str(out)]) == 0
+        page = (out / "report.html").read_text(encoding="utf-8")
+        assert ("seen when in view" in page) == told
+        assert ("are seen" in capsys.readouterr().out) == told
+        assert ">regulatory--" not in page
+
+
 def test_the_map_has_the_files_of_a_run(folders: list[Path], tmp_path: Path) -> None:
     assert run_command(["merge", *map(str, folders), "-o", str(tmp_path / "map")]) == 0
     out = tmp_path / "map"

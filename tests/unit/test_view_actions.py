@@ -105,7 +105,8 @@ def test_a_sign_is_added_decided_about_and_taken_back() -> None:
 
 
 def test_a_split_makes_two_and_a_merge_makes_one() -> None:
-    one, two = sign(1), sign(2, drives=("other",))
+    one = replace(sign(1), contrast=0.8, contrast_sd=0.1, seen_share=0.9, n_looked=12)
+    two = sign(2, drives=("other",))
     split = act(
         *(1, "split", one), other="r2", views=[["demo", "front", 7]], place=where(8.471, 48.971),
         other_place=where(8.472, 48.972, n_views=1), other_seen_class="yield",
@@ -119,6 +120,10 @@ def test_a_split_makes_two_and_a_merge_makes_one() -> None:
     ]
     assert np.degrees(done.signs[0].lon_rad) == pytest.approx(8.471)
     assert done.signs[2].confidence == one.confidence
+    # which was measured of the views of both
+    for part in done.signs[::2]:
+        assert np.isnan([part.contrast, part.contrast_sd, part.seen_share]).all()
+        assert part.n_looked == 0
     assert done.renamed.name_of("s0001", "front", 7) == "r2"
     assert done.renamed.name_of("s0001", "front", 8) == "s0001"
     assert done.renamed.name_of("s0001", "front", 7, "tuesday") == "s0001"

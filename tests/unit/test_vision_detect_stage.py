@@ -18,6 +18,7 @@ from automap.io.crops_table import read_crops, write_crops
 from automap.io.detections_csv import read_detections_csv
 from automap.io.detections_table import read_detections, write_detections
 from automap.io.drive import load_drive
+from automap.io.searched_table import read_searched
 from automap.records import TRACK_PROBABILITIES, Detections, FrameTimes, Image
 from automap.signs.faces import draw_face
 from automap.vision.detector import FoundSigns
@@ -108,6 +109,15 @@ def test_the_video_is_searched(tmp_path: Path) -> None:
     assert set(found.view_class) == {STOP}
     np.testing.assert_allclose(np.diff(found.t_ns), 1e8, atol=1)
     assert found.t_ns[0] == 500
+    looked = read_searched(context.work / names.SEARCHED)["front"]
+    assert looked.frame.tolist() == list(range(6))
+    assert looked.region.shape == (6, 4)
+    assert looked.region[0].tolist()[::2] == [0.0, 240.0]
+    # its letters are as white as a picture can be
+    assert found.contrast is not None
+    assert found.contrast_note is not None
+    assert np.isnan(found.contrast).all()
+    assert set(found.contrast_note) == {"too bright"}
     np.testing.assert_allclose(np.diff(found.box[:, 0]), 4.0, atol=1.0)
     assert found.box[-1, 0] - found.box[0, 0] == pytest.approx(20.0, abs=1.0)
     assert (found.track == 0).all()
@@ -127,6 +137,7 @@ def test_fewer_frames_and_higher_scores_are_settings(tmp_path: Path) -> None:
     context = run(folder, tmp_path, frames_per_s=5.0, min_score=0.2)
     assert read_detections(context.work / names.DETECTIONS)["front"].frame.tolist() == [0, 2, 4]
     assert context.metrics["n_frames_searched"] == 3
+    assert len(read_searched(context.work / names.SEARCHED)["front"]) == 3
 
 
 def test_an_external_detector_wins_over_the_video(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 def run(context: StageContext) -> None:
     """Write detections.parquet and what was seen; an external detector's boxes win over video."""
     from automap.io.detections_table import write_detections
+    from automap.io.searched_table import write_searched
 
     found: list[SearchResult] = []
     cameras = len(context.drive.videos)
@@ -47,6 +48,7 @@ def run(context: StageContext) -> None:
         )
     found = _numbered(found)
     write_detections(context.work / names.DETECTIONS, [part.detections for part in found])
+    write_searched(context.work / names.SEARCHED, [part.detections for part in found])
     _write_crops(context, [crop for part in found for crop in part.crops])
     _report(context, found)
 
@@ -140,12 +142,13 @@ def _inputs(drive: Drive) -> list[Path]:
 STAGE = Stage(
     name="detect",
     # 3: the street around a box is hidden in the crops that are kept
-    version=3,
+    # 4: the contrast of each face, and the frames that were searched
+    version=4,
     run=run,
     inputs=_inputs,
     # where the camera was when says which frames are worth a search
     needs=(names.TRAJECTORY, names.SYNC),
-    outputs=(names.DETECTIONS, names.CROPS, names.CONTACT_SHEET),
+    outputs=(names.DETECTIONS, names.SEARCHED, names.CROPS, names.CONTACT_SHEET),
     settings=("detect",),
     setting_files=detector_files,
 )

@@ -18,7 +18,7 @@ def run(context: StageContext) -> None:
     """Write the map in every standard format with its pictures; whatever is missing is said."""
     from automap.export.roads import roads_csv
     from automap.io.atomic import write_text
-    from pipeline.export.content import map_content
+    from pipeline.export.content import map_content, set_pictures
     from pipeline.export.datum import DATUM_FORMATS, in_datum
     from pipeline.export.formats import (
         FORMATS,
@@ -32,17 +32,18 @@ def run(context: StageContext) -> None:
     settings = context.settings.export
     content = map_content(context.out, context.drive.name, settings.min_confidence, False)
     content.products.readable()
-    content.pictures = []
+    set_pictures(content, [])
     if settings.pictures:
-        content.pictures = take_pictures(
+        pictures = take_pictures(
             content.products,
             context.drive.videos,
             Wanted(settings.context, context.settings.privacy.hide_street),
             context.warn,
             lambda done: context.progress(0.7 * done, "sign pictures"),
         )
-        if content.pictures:
-            write_pictures(context.work, content.pictures)
+        set_pictures(content, pictures)
+        if pictures:
+            write_pictures(context.work, pictures)
     roads = _roads_file(context.drive, settings.roads)
     rows = tried_on_roads(content, roads)
     if rows:
@@ -82,7 +83,7 @@ def _roads_file(drive: Drive, stated: str) -> Path | None:
 
 STAGE = Stage(
     name="export",
-    version=4,
+    version=5,
     run=run,
     inputs=_inputs,
     needs=(

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 def run(context: StageContext) -> None:
     """Write signs_raw.parquet and observations.parquet; empty ones where there is nothing."""
     from automap.io.observations_table import read_detection_rows
+    from automap.io.searched_table import read_searched
     from automap.io.signs_table import write_signs
 
     if context.drive.bearings_file is not None:
@@ -41,6 +42,9 @@ def run(context: StageContext) -> None:
         context.result = "no detections"
         return
     table, parts = read_detection_rows(detections_file)
+    searched = context.out / names.SEARCHED
+    looked = read_searched(searched) if searched.is_file() else {}
+    parts = [(replace(record, looked=looked.get(record.camera)), rows) for record, rows in parts]
     parts = _in_trajectory_time(context, parts)
     trajectory = _trajectory(context)
     cameras = context.drive.cameras()
@@ -284,10 +288,11 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="geolocate",
-    version=14,
+    # 15: contrast of the faces, how often they were seen, backs
+    version=15,
     run=run,
     inputs=_inputs,
-    needs=(names.TRAJECTORY, names.DETECTIONS, names.SYNC, names.IMU),
+    needs=(names.TRAJECTORY, names.DETECTIONS, names.SEARCHED, names.SYNC, names.IMU),
     # the adjusted trajectory is written where signs seen again or surveyed ones move the vehicle
     outputs=(names.SIGNS_RAW, names.OBSERVATIONS, names.TRAJECTORY_ADJUSTED),
     settings=("effects", "geolocate"),
