@@ -418,6 +418,12 @@ LAG_SIGMAS = 3.0
 """A lag counts where chance does not make it: once in four hundred drives."""
 GAP_STEPS = 2.5
 """Across so many steps of the fixes no velocity is taken for the one between: two are missing."""
+ALTERNATION_FIXES, ALTERNATION_BESIDE = 20, 4
+"""Positions that alternate are looked for in so many fixes at a time, beside
+the power at so many rates next to half of theirs, down to three tenths."""
+OFFSET_INSTANTS = 16
+"""So many instants are tried for an offset that begins within a drive, spread over it, and as many
+at which positions jump most. Chosen: minutes of a usual drive."""
 CLIMB_WAY_M = 200.0
 """Heights are compared with the climb over so much road: a hill's length, some ten seconds."""
 LEAST_HEIGHT_SD_M = 0.1

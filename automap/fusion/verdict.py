@@ -8,7 +8,7 @@ than the fixes alone, the path is that of the fixes alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +30,7 @@ from automap.fusion.doubts.estimates import (
     unexpected_delay,
 )
 from automap.fusion.doubts.heights import height_doubts
+from automap.fusion.doubts.offsets import offset_doubts
 from automap.fusion.doubts.outcome import leaning, mounted_askew, refused, unsure_path, weak_heading
 from automap.fusion.doubts.path import Misses, contradicted, fix_misses, local_error, spans_of
 from automap.fusion.doubts.readings import reading_doubts
@@ -39,6 +40,7 @@ from automap.fusion.doubts.triads import triad_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.doubts.velocity_step import compare, step_doubts, velocity_steps
 from automap.fusion.engine import FusionResult, Prior
+from automap.fusion.fix_axes import usable_epochs
 from automap.fusion.fix_levels import fix_levels
 from automap.fusion.free_inertial import free_inertial
 from automap.fusion.gnss_only import smooth_fixes, unaveraged, uncorrected
@@ -111,6 +113,7 @@ def weigh(
         dated = dated_velocities(fixes, receiver)
         levels = fix_levels(dated, options)
         alone = smooth_fixes(dated, clock, options, levels)
+        of_receiver += _offsets(path, dated, alone, options, levels)
     except InputError:
         alone = None
     off = math.inf if alone is None else off_course(path, alone)
@@ -159,14 +162,27 @@ def weigh_alone(
     """
     dated = dated_velocities(fixes, receiver)
     levels = fix_levels(dated, options)
-    path = unaveraged(smooth_fixes(dated, clock, options, levels), fixes, options, levels)
-    path = uncorrected(path, fixes, options)
+    alone = smooth_fixes(dated, clock, options, levels)
+    path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
     model = as_shown(model_fixes(fixes, fixes.gps_s, options), options, levels)
     misses = fix_misses(path, model)
     off, _ = _off_the_fixes(misses, options.wander_tau_s)
     reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
+    reasons += _offsets(path, dated, alone, options, levels)
     widened = widen(path, reasons, misses, None)
     return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
+
+
+def _offsets(
+    path: Trajectory,
+    fixes: Fixes,
+    alone: Trajectory,
+    options: FusionOptions,
+    levels: Mapping[str, float],
+) -> list[Reason]:
+    """The reasons that offsets of the positions give; ``alone`` the path of ``fixes``."""
+    sd = float(np.sqrt(np.median((path.sd_pos_ned[:, :2] ** 2).mean(axis=1))))
+    return list(offset_doubts(usable_epochs(fixes, options), alone, options, levels, sd))
 
 
 def _of_axes(found: Estimates, effect: str) -> FloatArray:
