@@ -23,6 +23,19 @@ FIX_TYPE_FACTOR = {
 }
 """How much worse than its own figure a fix of this type is taken. Chosen: no
 satellites, or an assumed height, make errors of position that the figure may leave out."""
+CEP_SIGMAS = math.sqrt(2.0 * math.log(2.0))
+"""Half of what lies in a plane lies within so many sigmas an axis."""
+UNSTATED_SD_M = {
+    **dict.fromkeys((FixType.NONE, FixType.DEAD_RECKONING, FixType.TWO_D), 1.5 / CEP_SIGMAS),
+    FixType.THREE_D: 1.5 / CEP_SIGMAS,
+    FixType.DGNSS: 1.0 / CEP_SIGMAS,
+    FixType.FLOAT: 0.5 / CEP_SIGMAS,
+    FixType.FIXED: 0.05,
+}
+"""What a position that states no accuracy errs by at least, m an axis, whatever its dilution: a
+good receiver's figures (ZED-F9P, UBX-17051259: half of positions within 1.5 m alone and 1.0 m with
+SBAS; carrier phases that are not fixed yet, half of that: chosen). A fixed one's sheet says 0.01 m
+and 1 ppm of the distance to a base: 0.05 m is that at 40 km."""
 ACCURACY_HELD = math.log(1.25)
 """A receiver's figure is held until it has changed by a quarter: less is jitter of the report,
 and every change of it lets some of the wander be forgotten."""

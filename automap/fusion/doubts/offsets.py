@@ -69,7 +69,7 @@ def offset_doubts(
     change, aside = offsets(at, alone, options, levels)
     if change is not None:
         yield reason(
-            "antenna_changes",
+            "positions_shift",
             change.size,
             f"from {change.at_s:.0f} s of the drive on positions lie {_words(change)} of where the "
             "velocities lead from those before: another antenna or receiver, or reflections; cut "
@@ -104,7 +104,7 @@ def offsets(
     ``at`` [k] against their smoothed path ``alone`` [k]; None where chance makes it."""
     velocity, course = alone.vel_ned[:, :2], alone.rpy[:, 2]
     driving = np.hypot(velocity[:, 0], velocity[:, 1]) > limits.DRIVING_SPEED
-    told = at.used[:2].all(axis=(0, 2))
+    told = np.asarray(at.used[:2].all(axis=(0, 2)))
     if np.count_nonzero(told & driving) < limits.LEAST_JUDGED:
         return None, None
 
