@@ -20,6 +20,8 @@ from automap.fusion.output import ParameterHistory
 from automap.gates import sigmas
 
 _AGES = (DELAY_STATE, LATENCY_STATE, VEL_LATENCY_STATE)
+_ARM = ("gnss_lever_arm_x", "gnss_lever_arm_y")
+"""Bends tell the level arm; the upright one moves with whatever a receiver's filter does."""
 _MOUNTING = ("imu_mounting_pitch", "imu_mounting_yaw")
 
 
@@ -72,6 +74,16 @@ def constancy_doubts(filtered: ParameterHistory) -> Iterator[Reason]:
             "receiver's or antenna's from there on; cut the drive there",
             late_s=size,
             state="good" if steady else "doubtful",
+        )
+    arms = [move for name in _ARM if (move := move_of(filtered, name)) is not None]
+    arm = max(arms, key=lambda move: move.sigmas, default=None)
+    if arm is not None and arm.sigmas > limits.AGE_SCATTER * beyond:
+        size = math.hypot(*(move.size for move in arms))
+        yield Reason(
+            "arm_changes",
+            f"the antenna sits otherwise by {size:.1f} m after {arm.at_s:.0f} s of the drive than "
+            "before: fixes are another antenna's from there on; cut the drive there",
+            error_m=size,
         )
     turns = [move for name in _MOUNTING if (move := move_of(filtered, name)) is not None]
     turn = max(turns, key=lambda move: move.sigmas, default=None)

@@ -104,8 +104,9 @@ def offsets(
     ``at`` [k] against their smoothed path ``alone`` [k]; None where chance makes it."""
     velocity, course = alone.vel_ned[:, :2], alone.rpy[:, 2]
     driving = np.hypot(velocity[:, 0], velocity[:, 1]) > limits.DRIVING_SPEED
-    told = np.asarray(at.used[:2].all(axis=(0, 2)))
-    if np.count_nonzero(told & driving) < limits.LEAST_JUDGED:
+    placed = np.asarray(at.used[:2, :, 0].all(axis=0))
+    told = np.asarray(at.used[:2, :, 1].all(axis=0))
+    if np.count_nonzero(placed & driving) < limits.LEAST_JUDGED:
         return None, None
 
     def whiten(errors: FloatArray) -> FloatArray:
@@ -125,11 +126,16 @@ def offsets(
     known = whiten(_receivers_own(at.t, velocity))[:, 1:]
     whole = beginning(-np.inf)
     beside = np.hstack([known, whole[:, 1:]])
-    found = [_fitted(beginning(s), beside, s - at.t[0]) for s in _instants(at, told)]
+    found = [
+        _fitted(beginning(s), beside, s - at.t[0])
+        for s in _instants(at, np.where(told[:, None], at.z[:2, :, 1].T, velocity), placed)
+    ]
     change = max(found, key=lambda offset: offset.square, default=None)
     # one of as many as there are fixes
     if change is not None and change.square <= gate(limits.DOUBT_PROBABILITY / len(at.t), 2):
         change = None
+    if np.count_nonzero(placed & told & driving) < limits.LEAST_JUDGED:
+        return change, None
     aside = _fitted(whole, known, 0.0)
     return change, aside if aside.square > gate(limits.DOUBT_PROBABILITY, 2) else None
 
@@ -143,17 +149,17 @@ def _receivers_own(t: FloatArray, velocity: FloatArray) -> FloatArray:
     return np.stack([np.stack(pair, axis=1) for pair in errors], axis=3)
 
 
-def _instants(at: Epochs, told: BoolArray) -> FloatArray:
+def _instants(at: Epochs, velocity: FloatArray, told: BoolArray) -> FloatArray:
     """Instants from which an offset is tried: spread over the drive, and where positions leave most
-    the way that velocities lead; of the epochs ``told`` [k] that have both."""
+    the way that ``velocity`` [k, 2] leads; of the epochs ``told`` [k] that have one."""
     n, rows = limits.OFFSET_INSTANTS, np.flatnonzero(told)
-    t, z = at.t[rows], at.z[:2, rows]
+    t, z, v = at.t[rows], at.z[:2, rows, 0], velocity[rows].T
     step = np.diff(t)
     half = max(round(limits.STEP_WINDOW_S / float(np.median(step))), 1)
     if len(rows) <= 2 * half:
         return np.zeros(0)
-    way = np.cumsum(0.5 * (z[:, 1:, 1] + z[:, :-1, 1]) * step, axis=1)
-    apart = z[..., 0] - np.pad(way, ((0, 0), (1, 0)))
+    way = np.cumsum(0.5 * (v[:, 1:] + v[:, :-1]) * step, axis=1)
+    apart = z - np.pad(way, ((0, 0), (1, 0)))
     total = np.pad(np.cumsum(apart, axis=1), ((0, 0), (1, 0)))
     k = np.arange(half, len(rows) - half + 1)
     jump = np.hypot(*(total[:, k + half] - 2.0 * total[:, k] + total[:, k - half]))
