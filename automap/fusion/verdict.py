@@ -35,7 +35,7 @@ from automap.fusion.doubts.outcome import leaning, mounted_askew, refused, unsur
 from automap.fusion.doubts.path import Misses, contradicted, fix_misses, local_error, spans_of
 from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
-from automap.fusion.doubts.receiver import dated_velocities, receiver_doubts
+from automap.fusion.doubts.receiver import accuracy_doubts, dated_velocities, receiver_doubts
 from automap.fusion.doubts.triads import triad_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.doubts.velocity_step import compare, step_doubts, velocity_steps
@@ -96,6 +96,7 @@ def weigh(
     at_bound = levels_at_bound(result.noise_factors, options.tune)
     felt = not any(reason.inertial for reason in (*of_imu, *at_bound))
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]), felt)
+    of_receiver += accuracy_doubts(fixes, options)
     askew, lean = mounted_askew(path)
     path = replace(path, sd_rpy=np.hypot(path.sd_rpy, [lean, 0.0, 0.0]))
     # an IMU that errs by itself is no witness, and what errs in one way seems to in others
@@ -168,6 +169,7 @@ def weigh_alone(
     misses = fix_misses(path, model)
     off, _ = _off_the_fixes(misses, options.wander_tau_s)
     reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
+    reasons += accuracy_doubts(fixes, options)
     reasons += _offsets(path, dated, alone, options, levels)
     widened = widen(path, reasons, misses, None)
     return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)

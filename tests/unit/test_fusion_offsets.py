@@ -11,13 +11,15 @@ import pytest
 from automap.earth import metres_per_radian
 from automap.fusion.doubts.alternation import alternation
 from automap.fusion.doubts.offsets import Offset, offsets
+from automap.fusion.doubts.receiver import accuracy_doubts
 from automap.fusion.fix_axes import Epochs, usable_epochs, whitened_epochs
 from automap.fusion.fix_levels import fix_levels
 from automap.fusion.gnss_only import smooth_fixes
+from automap.fusion.measurements.position import common_errors, position_errors
 from automap.fusion.options import FusionOptions
 from automap.fusion.verdict import Weighed, weigh_alone
 from automap.interpolation import poses_at_gps
-from automap.records import BoolArray, Fixes, FloatArray
+from automap.records import BoolArray, Fixes, FixType, FloatArray
 from automap.sync.velocity_consistency import velocity_consistency
 from tests.unit.fusion_drive import CLOCK
 from tests.unit.fusion_motion import city_drive
@@ -134,3 +136,36 @@ def test_without_velocities_or_bends_no_offset_is_told() -> None:
     fixes = throughout(drive(U_BLOX, 27))
     silent = replace(fixes, vel_ned=np.full_like(fixes.vel_ned, np.nan))
     assert seen(silent)[1:] == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("fix_type", "hdop", "stated", "sd"),
+    [
+        (FixType.THREE_D, 0.4, np.nan, 1.27),
+        (FixType.THREE_D, 2.0, np.nan, 2.12),
+        (FixType.THREE_D, 0.4, 0.2, 1.27),
+        (FixType.THREE_D, 0.4, 0.8, 0.8),
+        (FixType.DGNSS, 0.4, np.nan, 0.85),
+        (FixType.DGNSS, 0.4, 0.3, 0.3),
+        (FixType.FIXED, 0.8, np.nan, 0.05),
+        (FixType.FIXED, 0.8, 0.02, 0.02),
+    ],
+)
+def test_no_position_is_surer_than_its_kind(
+    fix_type: FixType, hdop: float, stated: float, sd: float
+) -> None:
+    fixes = drive(PHONE, 28)
+    n = len(fixes)
+    fixes = replace(
+        fixes,
+        hdop=np.full(n, hdop),
+        sd_pos_ned=np.full((n, 3), stated),
+        fix_type=np.full(n, fix_type),
+    )
+    found = position_errors(fixes, np.ones(n), OPTIONS)[0]
+    np.testing.assert_allclose(found[:, :2], sd, atol=0.01)
+    told = accuracy_doubts(fixes, OPTIONS)
+    assert [reason.code for reason in told] == ["accuracy_understated"] * (stated == 0.2)
+    # and no path is where nothing corrects what satellites have in common
+    least = {0.2: 1.27, 0.8: 0.7, 0.3: 0.0, 0.02: 0.0}.get(stated, min(sd, 1.27))
+    np.testing.assert_allclose(common_errors(fixes, OPTIONS)[:, :2], least, atol=0.01)

@@ -17,6 +17,9 @@ from automap.fusion.options import FusionOptions
 from automap.jit import kernel
 from automap.records import BoolArray, Fixes, FixType, FloatArray
 
+CORRECTED = (FixType.DGNSS, FixType.FLOAT, FixType.FIXED)
+"""Fixes whose receiver was told what satellites have in common."""
+
 
 def position_errors(
     fixes: Fixes, factor: FloatArray, options: FusionOptions
@@ -37,15 +40,20 @@ def position_errors(
     horizontal = np.where(carrier, least, np.maximum(horizontal, least))
     vertical = np.where(carrier, DOWN_FACTOR * least, vertical)
     fallback = np.stack([horizontal, horizontal, vertical], axis=1)
-    sd = np.where(_states(fixes), fixes.sd_pos_ned, fallback)
+    sd = np.where(states_accuracy(fixes, options), fixes.sd_pos_ned, fallback)
     sd = np.maximum(sd * factor[:, None], options.min_position_sd_m)
     white = np.where(carrier[:, None], sd, np.maximum(options.white_share * sd, LEAST_WHITE_M))
     return sd, white
 
 
-def _states(fixes: Fixes) -> BoolArray:
-    """Which positions [n, 3] state their accuracy."""
-    return np.asarray(np.isfinite(fixes.sd_pos_ned) & (fixes.sd_pos_ned > 0))
+def states_accuracy(fixes: Fixes, options: FusionOptions) -> BoolArray:
+    """Which positions [n, 3] state an accuracy that they can have: without corrections none is
+    surer than what satellites have in common."""
+    stated = np.asarray(np.isfinite(fixes.sd_pos_ned) & (fixes.sd_pos_ned > 0))
+    level = np.hypot(fixes.sd_pos_ned[:, 0], fixes.sd_pos_ned[:, 1])
+    believed = np.isin(fixes.fix_type, CORRECTED)
+    believed |= ~(level < math.sqrt(2.0) * options.common_horizontal_sd_m)
+    return stated & believed[:, None]
 
 
 def _unstated(fixes: Fixes) -> FloatArray:
@@ -94,9 +102,8 @@ def common_errors(fixes: Fixes, options: FusionOptions) -> FloatArray:
     its receiver states: orbits and clocks of the satellites and the air are the same for minutes,
     and nothing in the drive shows them. Zero for corrected ones that state what they are good to;
     one that does not is no surer than any of its kind."""
-    corrected = np.isin(fixes.fix_type, (FixType.DGNSS, FixType.FLOAT, FixType.FIXED))
-    common = np.where(corrected, 0.0, options.common_horizontal_sd_m)
-    level = _states(fixes)[:, :2].all(axis=1)
+    common = np.where(np.isin(fixes.fix_type, CORRECTED), 0.0, options.common_horizontal_sd_m)
+    level = states_accuracy(fixes, options)[:, :2].all(axis=1)
     common = np.where(level, common, np.maximum(common, _unstated(fixes)))
     return np.asarray(common[:, None] * np.array([1.0, 1.0, DOWN_FACTOR]))
 
