@@ -18,7 +18,7 @@ from automap.fusion.delay_states import (
 )
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.engine import FusionResult
-from automap.gates import sigmas
+from automap.gates import OUTSIDE_95, sigmas
 from automap.records import FloatArray
 
 Estimates = Mapping[str, tuple[float, float]]
@@ -93,21 +93,21 @@ def impossible_ages(found: Estimates, dated_by_arrival: bool) -> list[Reason]:
 
 def unexpected_delay(found: Estimates, mean: float, sd: float, speed: float) -> list[Reason]:
     """A delay between IMU and fixes that is none of those expected, ``mean`` and ``sd`` s; the
-    vehicle's usual ``speed`` m/s makes a distance of it."""
+    vehicle's usual ``speed`` m/s makes a distance of it. One that chance may make still once in
+    twenty drives is no doubt, but as unsure as it is off."""
     value = found.get(DELAY_STATE, (mean, 0.0))[0]
     off = abs(value - mean)
-    if off <= sigmas(limits.DOUBT_PROBABILITY) * sd:
+    if off <= sigmas(OUTSIDE_95) * sd:
         return []
-    return [
-        Reason(
-            "delay_unexpected",
-            f"the IMU's stamps seem to be {value:.2f} s late against the fixes, where "
-            f"{mean:.2f} s with a sigma of {sd:.2f} s was expected, so the path may be "
-            f"{off * speed:.0f} m off along the road: check the clocks of both",
-            error_m=off * speed,
-            late_s=off,
-        )
-    ]
+    # stamps that are late and fixes that are old look alike
+    text = (
+        f"the IMU's stamps seem to be {value:.2f} s late against the fixes, where "
+        f"{mean:.2f} s with a sigma of {sd:.2f} s was expected, so the path may be "
+        f"{off * speed:.0f} m off along the road: check the clocks of both"
+    )
+    if off <= sigmas(limits.DOUBT_PROBABILITY) * sd:
+        return [Reason("delay_unexpected", text, late_s=off, state="good")]
+    return [Reason("delay_unexpected", text, error_m=off * speed, late_s=off)]
 
 
 def impossible_errors(found: Estimates) -> list[Reason]:
