@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.errors import InputError
-from automap.fusion import limits
 from automap.fusion.consistency import channel_consistency, innovation_doubts
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.constancy import constancy_doubts
 from automap.fusion.doubts.difference import between, no_difference, off_course, within
 from automap.fusion.doubts.estimates import (
@@ -39,14 +39,15 @@ from automap.fusion.doubts.receiver import accuracy_doubts, dated_velocities, re
 from automap.fusion.doubts.triads import triad_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.doubts.velocity_step import compare, step_doubts, velocity_steps
-from automap.fusion.engine import FusionResult, Prior
 from automap.fusion.fix_axes import usable_epochs
 from automap.fusion.fix_levels import fix_levels
 from automap.fusion.free_inertial import free_inertial
 from automap.fusion.gnss_only import smooth_fixes, unaveraged, uncorrected
 from automap.fusion.levels import VELOCITY_WANDER
+from automap.fusion.limits import STATED_ARM_SD_M, UNKNOWN_HEADING_SD
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
+from automap.fusion.result import FusionResult, Prior
 from automap.fusion.unusable_readings import Bridged, bridge_unusable
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import VelocityConsistency
@@ -107,7 +108,7 @@ def weigh(
         askew = []  # the same, and worse
     believed = not any(reason.inertial for reason in of_imu)
     # an arm that is wrong makes jumps of velocity in bends
-    arm = arm_by_drive(found, lever_arm, limits.STATED_ARM_SD_M)
+    arm = arm_by_drive(found, lever_arm, STATED_ARM_SD_M)
     arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
     steps = _steps(result, bridged, found, fixes, options, delay_is_clock, arm) if believed else []
     try:
@@ -124,7 +125,7 @@ def weigh(
         *of_imu,
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed))),
         *(constancy_doubts(result.filtered_parameters) if believed else ()),
-        *(contradicted_arm(found, lever_arm, limits.STATED_ARM_SD_M) if believed else ()),
+        *(contradicted_arm(found, lever_arm, STATED_ARM_SD_M) if believed else ()),
         *height_doubts(path, fixes),
         *askew,
         *weak_heading(result.align_margin, off),
@@ -286,7 +287,7 @@ def widen(
     sd[:, :2] = np.sqrt(sd[:, :2] ** 2 + 0.5 * floor[:, None] ** 2)
     sd[:, 2] = np.hypot(sd[:, 2], high)
     rpy = path.sd_rpy * factor[:, None]
-    rpy[:, 2] = np.minimum(np.hypot(rpy[:, 2], turned), limits.UNKNOWN_HEADING_SD)
+    rpy[:, 2] = np.minimum(np.hypot(rpy[:, 2], turned), UNKNOWN_HEADING_SD)
     return replace(
         path,
         sd_pos_ned=sd,

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from automap.fusion import limits
+from automap.fusion.doubts import limits
 from automap.fusion.fix_axes import Epochs, whitened_epochs
+from automap.fusion.limits import DOUBT_PROBABILITY
 from automap.fusion.options import FusionOptions
 from automap.gates import exceeds_ratio, sd_by_median
 from automap.records import BoolArray
@@ -45,7 +46,7 @@ def alternation(at: Epochs, options: FusionOptions, levels: Mapping[str, float])
     ratio = float(np.mean(power) / max(float(np.mean(beside)), 1e-12))
     # a rate beside half has a sine and a cosine
     chance = exceeds_ratio(ratio, many, 2 * limits.ALTERNATION_BESIDE * many)
-    return float(np.sqrt(max(square - noise, 0.0))) if chance < limits.DOUBT_PROBABILITY else 0.0
+    return float(np.sqrt(max(square - noise, 0.0))) if chance < DOUBT_PROBABILITY else 0.0
 
 
 def _of_positions(used: BoolArray) -> BoolArray:

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.fusion import limits
 from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE, VEL_LATENCY_STATE
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
+from automap.fusion.limits import DOUBT_PROBABILITY
 from automap.fusion.output import ParameterHistory
 from automap.gates import sigmas
 
@@ -61,7 +62,7 @@ def constancy_doubts(filtered: ParameterHistory) -> Iterator[Reason]:
     Lags of recorded receivers vary by more than their sigmas. What that explains is no doubt, but
     as unsure as it moved.
     """
-    beyond = sigmas(limits.DOUBT_PROBABILITY)
+    beyond = sigmas(DOUBT_PROBABILITY)
     ages = [move for name in _AGES if (move := move_of(filtered, name)) is not None]
     age = max(ages, key=lambda move: move.sigmas, default=None)
     if age is not None and age.sigmas > beyond:

@@ -17,6 +17,7 @@ import numpy as np
 
 from automap.fusion import limits
 from automap.fusion.doubts.alternation import alternation
+from automap.fusion.doubts.limits import OFFSET_INSTANTS, SLOPE_ROUNDS, STEP_WINDOW_S
 from automap.fusion.doubts.reason import Reason, State
 from automap.fusion.fix_axes import Epochs, whitened_epochs
 from automap.fusion.options import FusionOptions
@@ -152,10 +153,10 @@ def _receivers_own(t: FloatArray, velocity: FloatArray) -> FloatArray:
 def _instants(at: Epochs, velocity: FloatArray, told: BoolArray) -> FloatArray:
     """Instants from which an offset is tried: spread over the drive, and where positions leave most
     the way that ``velocity`` [k, 2] leads; of the epochs ``told`` [k] that have one."""
-    n, rows = limits.OFFSET_INSTANTS, np.flatnonzero(told)
+    n, rows = OFFSET_INSTANTS, np.flatnonzero(told)
     t, z, v = at.t[rows], at.z[:2, rows, 0], velocity[rows].T
     step = np.diff(t)
-    half = max(round(limits.STEP_WINDOW_S / float(np.median(step))), 1)
+    half = max(round(STEP_WINDOW_S / float(np.median(step))), 1)
     if len(rows) <= 2 * half:
         return np.zeros(0)
     way = np.cumsum(0.5 * (v[:, 1:] + v[:, :-1]) * step, axis=1)
@@ -168,7 +169,7 @@ def _instants(at: Epochs, velocity: FloatArray, told: BoolArray) -> FloatArray:
         when = float(t[min(k[i], len(rows) - 1)])
         if len(found) == 2 * n:
             break
-        if all(abs(when - other) > limits.STEP_WINDOW_S for other in found[n:]):
+        if all(abs(when - other) > STEP_WINDOW_S for other in found[n:]):
             found.append(when)
     return np.array(found)
 
@@ -182,7 +183,7 @@ def _fitted(of: FloatArray, beside: FloatArray, at_s: float) -> Offset:
     weight = np.ones(len(y))
     value, rest = np.zeros(design.shape[1]), y
     normal: FloatArray = np.eye(design.shape[1])
-    for _ in range(limits.SLOPE_ROUNDS):
+    for _ in range(SLOPE_ROUNDS):
         weighed = design * weight[:, None]
         normal = np.linalg.pinv(weighed.T @ design)
         value = normal @ (weighed.T @ y)

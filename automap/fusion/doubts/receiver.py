@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from automap.fusion import limits
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason, Span
 from automap.fusion.measurements.position import has_position, states_accuracy
 from automap.fusion.options import FusionOptions
