@@ -143,7 +143,7 @@ def test_without_velocities_or_bends_no_offset_is_told() -> None:
     [
         (FixType.THREE_D, 0.4, np.nan, 1.27),
         (FixType.THREE_D, 2.0, np.nan, 2.12),
-        (FixType.THREE_D, 0.4, 0.2, 1.27),
+        (FixType.THREE_D, 0.4, 0.2, 0.2),
         (FixType.THREE_D, 0.4, 0.8, 0.8),
         (FixType.DGNSS, 0.4, np.nan, 0.85),
         (FixType.DGNSS, 0.4, 0.3, 0.3),

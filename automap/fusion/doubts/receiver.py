@@ -136,8 +136,8 @@ def accuracy_doubts(fixes: Fixes, options: FusionOptions) -> list[Reason]:
         Reason(
             "accuracy_understated",
             f"without corrections the receiver states positions to {level:.2f} m, which orbits, "
-            "clocks and the air do not allow: they count as those of one that states nothing; "
-            "check the unit of its accuracy",
+            "clocks and the air do not allow: the path is no surer than one of fixes that state "
+            "nothing; check the unit of its accuracy, and the log for what kind of fixes they are",
             state="good",
             handled=True,
         )

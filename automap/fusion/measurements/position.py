@@ -40,7 +40,8 @@ def position_errors(
     horizontal = np.where(carrier, least, np.maximum(horizontal, least))
     vertical = np.where(carrier, DOWN_FACTOR * least, vertical)
     fallback = np.stack([horizontal, horizontal, vertical], axis=1)
-    sd = np.where(states_accuracy(fixes, options), fixes.sd_pos_ned, fallback)
+    stated = np.isfinite(fixes.sd_pos_ned) & (fixes.sd_pos_ned > 0)
+    sd = np.where(stated, fixes.sd_pos_ned, fallback)
     sd = np.maximum(sd * factor[:, None], options.min_position_sd_m)
     white = np.where(carrier[:, None], sd, np.maximum(options.white_share * sd, LEAST_WHITE_M))
     return sd, white
