@@ -178,6 +178,8 @@ def _fitted(of: FloatArray, beside: FloatArray, at_s: float) -> Offset:
     """The two columns of ``of`` [m, 1 + 2], beside the columns of ``beside`` [m, c], in the first
     of it; robustly, as fixes have tails."""
     y, design = of[:, 0], np.hstack([of[:, 1:], beside])
+    if not (np.isfinite(y).all() and np.isfinite(design).all()):
+        return Offset(0.0, 0.0, 0.0, at_s)
     scale = np.sqrt((design**2).sum(axis=0)) + 1e-9
     design = design / scale
     weight = np.ones(len(y))
