@@ -10,6 +10,7 @@ from scipy.stats import beta
 from automap.calibration.plausible import _refuse
 from automap.earth import from_local_ned
 from automap.errors import InputError
+from automap.fusion.limits import ROAD_ACCELERATION_PSD
 from automap.fusion.steady_rate import steady_rate
 from automap.fusion.wheel_limits import WHEELS_GAP_S
 from automap.fusion.wheel_match import between
@@ -259,7 +260,7 @@ def test_a_speed_between_two_readings_is_that_of_the_line_and_a_brownian_bridge(
     np.testing.assert_allclose(found, np.interp(at, t, speed))
     right = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
     before, after = at - t[right - 1], t[right] - at
-    q = limits.ROAD_ACCELERATION_PSD[0]
+    q = ROAD_ACCELERATION_PSD[0]
     # of a path that is fixed at both ends
     expected = np.where(inside, q * before * after / (before + after), 0.0)
     np.testing.assert_allclose(var, expected, atol=1e-12)
