@@ -44,6 +44,14 @@ def exceeds(square: float, dof: int) -> float:
     return float(chdtrc(dof, square))
 
 
+def exceeds_ratio(ratio: float, dof: int, other: int) -> float:
+    """Probability with which chance exceeds a quotient of two mean squares, of ``dof`` and
+    ``other`` normal errors of one size (Fisher's distribution)."""
+    from scipy.special import fdtrc
+
+    return float(fdtrc(dof, other, ratio))
+
+
 def mean_square_limits(dof: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Where the mean of ``dof`` [...] squared normal errors lies with 95 % probability, low and
     high."""

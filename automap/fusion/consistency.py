@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from automap.fusion.doubts.limits import SMALL_SIGMAS
 from automap.fusion.doubts.reason import Reason
-from automap.fusion.limits import DOUBT_PROBABILITY, LEAST_JUDGED, SMALL_SIGMAS
+from automap.fusion.limits import DOUBT_PROBABILITY, LEAST_JUDGED
 from automap.gates import sigmas
 
 if TYPE_CHECKING:

@@ -3,44 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
-from functools import partial
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from automap.errors import InputError
 from automap.frames import (
     matrix_to_quat,
-    matrix_to_rpy,
     quat_to_matrix,
-    rpy_to_matrix,
 )
 from automap.fusion import limits
-from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE, SKEW_STATE, WHEELS_STATE
-from automap.fusion.filtered import filtered_states
+from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE, WHEELS_STATE
 from automap.fusion.kernel_runs import Start, run_dense
 from automap.fusion.layout import HAS_POS_H
-from automap.fusion.measurements.position import unseen_errors
 from automap.fusion.mounting import Mounting, estimate_mounting
-from automap.fusion.nodes import FixModel, Nodes, Shift, model_fixes
+from automap.fusion.nodes import FixModel, Shift, model_fixes
 from automap.fusion.options import FusionOptions
-from automap.fusion.output import (
-    Innovations,
-    NodeStates,
-    ParameterHistory,
-    filter_history,
-    innovations,
-    node_trajectory,
-    parameter_history,
-    whole_trajectory,
-)
 from automap.fusion.passes import Pass, Session, run_passes
-from automap.fusion.problem import Problem
+from automap.fusion.result import FusionResult, Prior, WheelResult, assemble, collect
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed, unmoved
-from automap.fusion.tuning import shown_at_least
-from automap.fusion.unusable_readings import Bridged, bridge_unusable
+from automap.fusion.unusable_readings import bridge_unusable
 from automap.fusion.wheels import Wheels, prepare_wheels
 from automap.records import (
     ClockModel,
@@ -48,8 +32,6 @@ from automap.records import (
     FixType,
     FloatArray,
     ImuData,
-    IntArray,
-    Trajectory,
     WheelSpeed,
 )
 
@@ -57,60 +39,6 @@ _NO_NHC = ("imu_mounting", "nhc_lever_arm")
 """What nothing shows before the constraint acts in the vehicle's axes."""
 _OF_WHEELS = ("odometer_scale", "odometer_time_offset")
 """What is estimated where a drive has wheel speed."""
-
-
-@dataclass(frozen=True)
-class Prior:
-    """A number known beforehand with one sigma."""
-
-    mean: float
-    sd: float
-
-
-@dataclass(frozen=True)
-class WheelResult:
-    """What became of wheel speed: ``found`` before the passes; ``scale`` how many of its metres are
-    one, ``late`` how much later than the truth it is stamped, s, None where it was not used."""
-
-    found: Wheels
-    scale: Prior | None = None
-    late: Prior | None = None
-
-
-@dataclass(frozen=True)
-class FusionResult:
-    """A fused drive.
-
-    ``trajectory`` smoothed and ``filtered`` forward only, at every IMU epoch; ``parameters``
-    the estimated sensor errors over time, smoothed, ``filtered_parameters`` as the forward
-    filter saw them; ``innovations`` of the last forward pass;
-    ``delay`` of the IMU stamps against the fixes (imu_time_offset > 0: stamps later than the
-    truth) with sd; ``mounting`` sensor to vehicle; ``standstill`` intervals in s from the
-    first sample; ``align_margin`` in nats; ``noise_factors`` what the
-    drive made of the noise levels; ``wheels`` None where the drive has no wheel speed.
-    """
-
-    trajectory: Trajectory
-    filter_run: Callable[[], Iterator[Trajectory]]
-    parameters: ParameterHistory
-    filtered_parameters: ParameterHistory
-    innovations: Innovations
-    delay: Prior
-    mounting: Mounting
-    standstill: list[tuple[float, float]]
-    align_margin: float
-    n_nodes: int
-    n_fixes_used: int
-    noise_factors: dict[str, float]
-    wheels: WheelResult | None = None
-    bridged: Bridged | None = None
-    warnings: list[str] = field(default_factory=list)
-
-    @property
-    def filtered(self) -> Trajectory:
-        """The forward filter's trajectory; made anew at each call, for it is as large again, or
-        stretch by stretch by ``filter_run``."""
-        return whole_trajectory(self.filter_run(), len(self.trajectory))
 
 
 def fuse_imu_gnss(
@@ -235,9 +163,9 @@ def fuse_imu_gnss(
             "levels of a plain run stay"
         )
     progress(0.8, "writing the trajectory at IMU rate")
-    outcome = _collect(last, int(imu.t_ns[0]), screened.outliers)
+    outcome = collect(last, int(imu.t_ns[0]), screened.outliers)
     del last, found
-    result = _assemble(
+    result = assemble(
         session,
         outcome,
         clock,
@@ -319,86 +247,3 @@ def _turn(session: Session, last: Pass, mounting: Mounting) -> tuple[Session, St
     tilt = limits.START_TILT_SD
     sd = np.concatenate([place, speed, [tilt, tilt, limits.TURNED_HEADING_SD]])
     return replace(session, imu=imu, means=means), Start(nominal, sd)
-
-
-@dataclass(frozen=True)
-class _Outcome:
-    """What the tables need of the last pass; the filter's store is large and goes."""
-
-    problem: Problem
-    nodes: Nodes
-    smoothed: NodeStates
-    filtered: NodeStates
-    parameters: ParameterHistory
-    filtered_parameters: ParameterHistory
-    innovations: Innovations
-    factors: dict[str, float]
-    shown: dict[str, float]
-
-
-def _collect(last: Pass, base_ns: int, outliers: IntArray) -> _Outcome:
-    smooth = last.smooth
-    # what only the filter takes of the samples is as large as the readings
-    none = np.zeros((0, 3))
-    samples = last.problem.samples._replace(force=none, calm=none, shocks=none)
-    return _Outcome(
-        replace(last.problem, samples=samples),
-        last.nodes,
-        NodeStates(smooth.nominal, smooth.params, smooth.cov),
-        NodeStates(*filtered_states(last.problem, last.forward)),
-        parameter_history(last.problem, smooth, base_ns, last.shift),
-        filter_history(last.problem, last.forward, base_ns, last.shift),
-        innovations(last.forward, base_ns, outliers),
-        last.factors,
-        shown_at_least(last.factors, last.untuned),
-    )
-
-
-def _assemble(
-    session: Session,
-    outcome: _Outcome,
-    clock: ClockModel,
-    mounting: Mounting,
-    margin: float,
-    warnings: list[str],
-    axes_known: bool,
-    delay_is_clock: bool,
-    unknown_arm: bool,
-    age_sd: float,
-) -> FusionResult:
-    history = outcome.parameters
-    final = dict(zip(history.names, history.values[-1], strict=True))
-    spread = dict(zip(history.names, history.sd[-1], strict=True))
-    delay = Prior(float(final.get(DELAY_STATE, 0.0)), float(spread.get(DELAY_STATE, 0.0)))
-    angles = [f"imu_mounting_{a}" for a in ("roll", "pitch", "yaw")]
-    turn = rpy_to_matrix(np.array([final.get(name, 0.0) for name in angles]))
-    sd = np.array([spread.get(name, 0.0) for name in angles])
-    if not axes_known:
-        sd[1:] = np.maximum(sd[1:], limits.KNOWN_FORWARD_SD)
-    total = turn @ mounting.matrix
-
-    unseen = unseen_errors(outcome.nodes.stated_sd, session.options, outcome.shown)
-    if unknown_arm:
-        unseen = np.hypot(unseen, limits.UNKNOWN_ARM_SD_M)
-
-    make = partial(
-        node_trajectory, outcome.problem, outcome.nodes,
-        t_ns=session.imu.t_ns, clock=clock, delay=delay.mean + final.get(SKEW_STATE, 0.0)
-        * outcome.problem.t, delay_is_clock=delay_is_clock, turn=turn, unseen_sd=unseen,
-        age_sd=age_sd,
-    )  # fmt: skip
-    return FusionResult(
-        whole_trajectory(make(states=outcome.smoothed, blend=True), len(session.imu)),
-        partial(make, states=outcome.filtered, blend=False),
-        history,
-        outcome.filtered_parameters,
-        outcome.innovations,
-        delay,
-        Mounting(total, matrix_to_rpy(total), sd),
-        session.standstill,
-        margin,
-        len(outcome.nodes.t),
-        len(np.unique(outcome.nodes.fix_row[outcome.nodes.fix_row >= 0])),
-        outcome.factors,
-        warnings=warnings,
-    )

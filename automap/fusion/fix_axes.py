@@ -10,6 +10,7 @@ import numpy as np
 from automap.earth import local_ned
 from automap.errors import InputError
 from automap.fusion.kernels.axis import smooth_axis
+from automap.fusion.kernels.whiten import whiten_axis
 from automap.fusion.limits import LEAST_FIXES, ROAD_ACCELERATION_PSD
 from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
@@ -75,21 +76,40 @@ def smooth_epochs(
     at: Epochs, axis: int, options: FusionOptions, factors: Mapping[str, float], out: FloatArray
 ) -> float:
     """One axis into ``out`` [k, 4]; returns the likelihood of its innovations in nats."""
+    z = np.ascontiguousarray(at.z[axis])
+    return float(smooth_axis(at.t, z, *_noise(at, axis, options, factors), out))
+
+
+def whitened_epochs(
+    at: Epochs,
+    axis: int,
+    options: FusionOptions,
+    factors: Mapping[str, float],
+    errors: FloatArray,
+) -> FloatArray:
+    """What the filter of one axis does not expect of the fixes and of ``errors`` [k, 2, c] of their
+    positions, m, and velocities, m/s: innovations over their sigmas [m, 1 + c], a row for each
+    measurement in the order of time, those of the fixes first."""
+    z = np.concatenate([at.z[axis][..., None], errors], axis=2)
+    out = np.zeros_like(z)
+    whiten_axis(at.t, z, *_noise(at, axis, options, factors), out)
+    return np.asarray(out[at.used[axis]])
+
+
+def _noise(
+    at: Epochs, axis: int, options: FusionOptions, factors: Mapping[str, float]
+) -> tuple[BoolArray, FloatArray, FloatArray, float, tuple[float, float], float]:
+    """What kernels want to know of one axis."""
     position, velocity = (factors.get(level, 1.0) for level in _WHITE_LEVELS[axis])
     white = at.white[axis] * [position, velocity]
     # what a receiver's own filter leaves in a velocity is as large as what it says, and lasts
     lasting = np.maximum(white[:, 1], velocity * options.velocity_wander_sd)
     share = lasting_share(options, factors)[axis]
-    return float(
-        smooth_axis(
-            at.t,
-            np.ascontiguousarray(at.z[axis]),
-            np.ascontiguousarray(at.used[axis]),
-            white**2,
-            np.column_stack([share * at.stated_sd[:, axis], lasting]),
-            ROAD_ACCELERATION_PSD[axis],
-            (options.wander_tau_s, options.velocity_wander_tau_s),
-            gate(options.gate_probability, 1),
-            out,
-        )
+    return (
+        np.ascontiguousarray(at.used[axis]),
+        white**2,
+        np.column_stack([share * at.stated_sd[:, axis], lasting]),
+        ROAD_ACCELERATION_PSD[axis],
+        (options.wander_tau_s, options.velocity_wander_tau_s),
+        gate(options.gate_probability, 1),
     )

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 
-from automap.effects import CATALOGUE
 from automap.records import FixType
 
 # fixes
@@ -23,6 +22,19 @@ FIX_TYPE_FACTOR = {
 }
 """How much worse than its own figure a fix of this type is taken. Chosen: no
 satellites, or an assumed height, make errors of position that the figure may leave out."""
+CEP_SIGMAS = math.sqrt(2.0 * math.log(2.0))
+"""Half of what lies in a plane lies within so many sigmas an axis."""
+UNSTATED_SD_M = {
+    **dict.fromkeys((FixType.NONE, FixType.DEAD_RECKONING, FixType.TWO_D), 1.5 / CEP_SIGMAS),
+    FixType.THREE_D: 1.5 / CEP_SIGMAS,
+    FixType.DGNSS: 1.0 / CEP_SIGMAS,
+    FixType.FLOAT: 0.5 / CEP_SIGMAS,
+    FixType.FIXED: 0.05,
+}
+"""What a position that states no accuracy errs by at least, m an axis, whatever its dilution: a
+good receiver's figures (ZED-F9P, UBX-17051259: half of positions within 1.5 m alone and 1.0 m with
+SBAS; carrier phases that are not fixed yet, half of that: chosen). A fixed one's sheet says 0.01 m
+and 1 ppm of the distance to a base: 0.05 m is that at 40 km."""
 ACCURACY_HELD = math.log(1.25)
 """A receiver's figure is held until it has changed by a quarter: less is jitter of the report,
 and every change of it lets some of the wander be forgotten."""
@@ -81,6 +93,10 @@ receivers (two phones, a u-blox) 0.12 and 0.02 s ahead and 0.07 s behind."""
 BETTER_KNOWN = 0.5
 """Where stamps are known so much better than the age of the fixes, a delay is theirs by a fifth at
 most. Else it may be either's: readings of recorded cars are 0.05 and 0.16 s late, too."""
+STATED_ARM_SD_M = 0.05
+"""An arm to the antenna that was measured with a tape, m."""
+MOST_ARM_M = 25.25
+"""The longest road train that Directive 96/53/EC lets drive: a longer arm is in another unit."""
 
 # nodes
 
@@ -94,75 +110,14 @@ and many times what receivers report at rest."""
 MIN_SPLIT_S = 0.02
 """Velocities get nodes of their own from this distance to their position: at 5 m/s^2 a nearer
 one errs by less than the 0.1 m/s that a velocity is worth."""
-
-# vehicle and wheels
-
-SPRINGS = 2.0
-"""How much larger than the slip of tyres what a body does on its springs is."""
-WHEELS_SPACING_S, WHEELS_MEAN_S = 0.25, 0.1
-"""Wheel speeds that come faster are taken so often, each the mean over the second: their errors
-last longer than that (slip, a wheel out of round, a step of the counter), so that more of them
-tell no more, and a change of acceleration by 10 m/s^3 is 4 mm/s off such a mean."""
-WHEELS_SLIP = 0.005
-"""Share of the speed, over one second, by which wheels slip and tyres change their size. Measured
-on the CAN speed of a recorded car: a seventh of a percent that lasts some eight seconds."""
-WHEELS_JITTER_S = 0.02
-"""Scatter of their stamps: an answer takes up to 50 ms (P2 of SAE J1979) and may wait as long again
-in the phone that asks, which are two uniform waits, 50 ms / sqrt(6)."""
-WHEELS_DEADBAND = 0.2
-"""Slower wheels give no pulse in time and are said to stand, m/s: a toothed wheel of 48 teeth and
-2 m around sends one every 4 cm, and messages come up to a fifth of a second apart."""
-SLOW_WHEELS, FASTEST_REVERSE = 0.7, 5.0
-"""Wheel speeds without a sign: below the first, m/s, they may be either way, so unsure are
-directions while manoeuvring; faster than the second nobody reverses."""
-MAX_WHEELS_S = 3.0
-"""Wheel speeds later than this, s, are stamped by another clock: an ELM327 adapter waits up to
-0.2 s for an answer (data sheet, AT ST), 3 s for fifteen values one after another."""
-
-# wheels against the receiver
-
-LOOK_WHEELS_S = 10.0
-"""Delays of wheel speed are looked for up to this, s, to name them; none is used beyond
-``MAX_WHEELS_S``."""
-WHEELS_APART, WHEELS_UNLIKE = math.sqrt(ROAD_ACCELERATION_PSD[0] * MAX_DELAY_S), 0.5
-"""Wheel speed is not this drive's where it is off by more, m/s and in the spread of its speeds: the
-first is how road traffic changes its speed in the longest delay of a receiver, and speeds that have
-nothing to do with the drive's leave the whole spread of them, of which the second is half."""
-
-STEP_VALUES, LEAST_STEP = 8, 0.005
-"""Different speeds from which a step is told, and the least one, m/s: less is how numbers were
-printed, and an eighth of the wheels' noise."""
-STEP_MISFIT = 0.1
-"""Speeds miss the multiples of their step by no more of it (root mean square): any numbers at all
-would by 0.29, and printed centimetres a second do by 0.01 of 1 km/h."""
-WHEELS_GAP_S = 3.0
-"""Wheel speeds further apart are not joined by a line: between them a speed is unsure by
-sqrt(q T / 4), 0.9 m/s with the acceleration of road traffic."""
-WHEELS_SCALE = math.log(1.2)
-"""A tyre of another size turns by a tenth faster or slower at most, and a speedometer may show a
-tenth too much (UN Regulation 39): beyond a fifth it is another unit."""
-WHEELS_UNIT = 0.1
-"""The logarithm by which a scale may be off that of a unit: the same tenth."""
-MATCH_STEP_S, MATCH_POINTS = 0.1, 5_000
-"""Delays are tried so far apart, s, on so many instants at most: a car's speed is straight over
-some tenths of a second."""
-SURE_WHEELS_S = CATALOGUE["odometer_time_offset"].parameters[0].prior_sd
-"""A delay found by comparison is where to begin if its sigma, s, is less than that of the filter's
-own beginning; a drive at one speed shows none."""
-MATCH_CORRELATED = 2.0
-"""Errors of neighbouring speeds resemble each other: sigmas are those of a quarter of them."""
-STEADY_ACCELERATION = 0.3
-"""Up to this, m/s^2, the noise of wheels is told: a delay of a tenth of a second adds 0.03 m/s."""
-STUCK_S, STUCK_EDGE_S = 2.0, 0.5
-"""A counter hangs that long at least, s; that much at its ends is not compared, for stamps may be
-late by it."""
-STUCK_CHANGE = math.sqrt(ROAD_ACCELERATION_PSD[0] * (STUCK_S - 2.0 * STUCK_EDGE_S))
-"""Beside noise and steps, m/s, by which a speed changes while a counter hangs: what road traffic
-does in the shortest time of that kind that is compared."""
-FASTEST_CHANGE = 12.0
-"""No car brakes or gathers speed by more, m/s^2: tyres hold a little more than gravity."""
-TURN_WINDOW_S = 0.5
-"""Rates are averaged over so much where they tell a bend: vibration is none."""
+LEAST_FIXES, FIX_EDGE_S = 2, 1.0
+"""A path has two ends. Fixes count up to a second, the usual step of receivers, beside the
+readings: clocks are known to some tenths before the fusion."""
+LEAST_JUDGED = 20
+"""Innovations from which a channel is judged: their rms is then good to 16 %."""
+DOUBT_PROBABILITY = 1e-6
+"""One test doubts a right drive so rarely: with some hundred tests a drive, one drive in ten
+thousand."""
 
 # standstill
 
@@ -231,6 +186,14 @@ which is that of potholes and joints, one reading in three million is. It is ano
 FROZEN_S = 0.5
 """Six readings that do not change by a digit for so long were not read: a slow sensor in a quick
 log repeats them for a tenth of a second."""
+JOINED_S = 0.25
+"""Readings further apart are not joined where they are integrated by themselves: braking by 3 m/s^2
+that nobody saw is 0.75 m/s in it, half of the least jump that is told."""
+FROZEN_AXIS_S = 5.0
+"""One coarse axis may rest at a value while others move, for a smooth second."""
+CLIPPED_STEPS = 4
+"""So many readings in a row at the very largest size are the end of the range: a peak of coarse
+readings has two or three. Chosen."""
 
 # start
 
@@ -325,132 +288,3 @@ has, but good ones under an open sky may, and simulated ones do."""
 REST_MEAN_S, REST_PAIRS = 0.5, 20
 """Noise at rest is told by the differences of neighbouring means over so much, the times that count
 between fixes; from so many, whose median square is then good to a third."""
-
-# judging
-
-LEAST_FIXES, FIX_EDGE_S = 2, 1.0
-"""A path has two ends. Fixes count up to a second, the usual step of receivers, beside the
-readings: clocks are known to some tenths before the fusion."""
-LEAST_JUDGED = 20
-"""Innovations from which a channel is judged: their rms is then good to 16 %."""
-
-# verdict
-
-DOUBT_PROBABILITY = 1e-6
-"""One test doubts a right drive so rarely: with some hundred tests a drive, one drive in ten
-thousand."""
-TOLD_SHARE, ADDED_SHARE = 0.25, 0.2
-"""A part of a drive tells a constant whose variance it brings down to this share, and the rest adds
-to it what takes a sixth away from what is left. Chosen: a sigma of half, and more than rounding."""
-AGE_SCATTER = 2.0
-"""How much more lags of a sound receiver vary over a drive than by their sigmas: 1.5 to 3 times for
-recorded cars, with geodetic receivers and phones."""
-MINUTES_OFF_M = 0.4 * 111_200.0
-"""Minutes of arc that were read as hundredths of a degree, or the other way round, are off by up to
-0.4 deg, of which one is 111.2 km."""
-LEAST_AGE_S = 0.15
-"""Fixes of real phones and receivers seem to come from the future by so much: they predict."""
-AT_BOUND = 0.99
-"""An estimate this near its bound has run to it."""
-MOST_SENSOR_ERROR = {
-    "accel_scale": (0.1, "", "the scale error of the accelerometer"),
-    "gyro_scale": (0.1, "", "the scale error of the gyro"),
-    "accel_bias": (1.6, " m/s^2", "the bias of the accelerometer"),
-    "gyro_bias": (0.7, " rad/s", "the bias of the gyro"),
-}
-"""Twice to three times what data sheets of cheap sensors state (MPU-6050: scale 3 %, zero offset
-80 mg and 20 deg/s)."""
-REFUSED_SHARE = 0.2
-"""Chosen: of measurements of one kind, one in five is not chance and no single outlier."""
-USELESS_SD_M = 30.0
-"""Chosen: half the distance of two crossings in a town; beyond it a sign is on some street."""
-SMALL_SIGMAS = 2.0
-"""Sigmas are doubted that are so many times too small: three of them are then one and a half."""
-STRETCHES_S = (20.0, 60.0, 300.0)
-"""Path and fixes are compared over stretches of so long, and the whole drive: a street, what an
-error of a receiver lasts, and what biases make. Chosen: shorter says little, for a slow error of a
-few seconds is a receiver's, and a path is right to pass it by."""
-FILLED_STRETCH = 0.8
-"""A stretch is judged that has fixes over this share of it: not one with a hole at its end."""
-WILD_MISS_SIGMAS = 8.0
-"""A fix counts as no more than this many sigmas off: one wild fix among twenty is then less than
-half of one in the mean, and a stretch of wild ones is still beyond any gate."""
-WORSE_SHARE = 0.5
-"""Chosen: where more than half of the fixes lie far off the path, the path is not theirs."""
-BLAMED_SHARE = 0.1
-"""The same where something else speaks against the inertial sensor, too. Chosen."""
-AGREEING_SHARE = 0.1
-"""Chosen: fixes agree with one another where nine in ten lie on their own smoothed path."""
-HELD_S = 5.0
-"""Chosen: a receiver without a view repeats its last fix for some seconds, and goes on."""
-STEP_WINDOW_S, STEP_FIXES, STEP_BATCH = 3.0, 3, 2000
-"""A velocity jumps against that of so long before and after, of so many fixes at least: receivers
-err for one to three seconds in a row and are right again. So many are looked at at once."""
-SAME_FIX_S = 1e-3
-"""Fixes no further apart are one that stands twice: no receiver tells more than a hundred a
-second."""
-LED_S = 60.0
-"""So long a jump of velocity is followed, the second of ``STRETCHES_S``: a bias of 0.05 m/s^2 makes
-3 m/s in it."""
-JOINED_S = 0.25
-"""Readings further apart are not joined where they are integrated by themselves: braking by 3 m/s^2
-that nobody saw is 0.75 m/s in it, half of the least jump that is told."""
-FROZEN_AXIS_S = 5.0
-"""One coarse axis may rest at a value while others move, for a smooth second."""
-CLIPPED_STEPS = 4
-"""So many readings in a row at the very largest size are the end of the range: a peak of coarse
-readings has two or three. Chosen."""
-CHANGE_S = 2.0
-"""Changes of course and speed are taken over so long: a bend or a stop, and longer than delays."""
-LAG_STEP_S = 0.1
-"""Lags are tried in steps of this, a small part of ``CHANGE_S``."""
-USUAL_CHANGES = (1.0, 99.0)
-"""Percentiles beyond which changes count as these where a lag is looked for. Chosen: bends of a
-drive are more than a hundredth of it."""
-SLOPE_ROUNDS = 3
-"""Chosen: weights settle in two or three rounds."""
-SLOPE_CORRELATION = 0.5
-"""Below it the receiver shows too little of what the IMU feels to say by how much."""
-SLOPE_OFF = 0.25
-"""A slope further from one, beyond its own sigma, is none of an IMU's scale errors. Chosen: the
-receiver's low-pass takes a tenth off quick changes."""
-LAG_SIGMAS = 3.0
-"""A lag counts where chance does not make it: once in four hundred drives."""
-GAP_STEPS = 2.5
-"""Across so many steps of the fixes no velocity is taken for the one between: two are missing."""
-CLIMB_WAY_M = 200.0
-"""Heights are compared with the climb over so much road: a hill's length, some ten seconds."""
-LEAST_HEIGHT_SD_M = 0.1
-"""Heights are told to a decimetre (GGA)."""
-KNOWN_CLIMB_SD = 0.3
-"""A slope less sure than this tells no unit from another: feet are 3.28 metres."""
-HEIGHT_UNITS = (
-    (1.0 / 0.3048, ", as feet where metres belong"),
-    (0.3048, ", as if they were in feet"),
-)
-"""How many times metres are told, and what that is."""
-BEND_S, BEND_STEP_S = 0.5, 0.05
-"""Bends are felt for a second and longer; a delay is told to such a step."""
-ROAD_FORCE_S = 1.0
-"""What slopes of a road across and its waves push is another after so long."""
-TRIADS_APART_S = 0.15
-"""Gyro and accelerometer of one case are read within milliseconds, but the slip of tyres, the lean
-of a body and an IMU ahead of the axle set what they feel of bends apart: by up to so much in
-recorded cars."""
-LEAN_S = 60.0
-"""A road leans or climbs all the same for no longer than this where it does so most."""
-ASKEW_PROBABILITY = 2.7e-3
-"""A drive of a right mounting leans so much in its mean so rarely: three sigmas of roads."""
-MOST_LEAN, MOST_CLIMB = 0.2, 0.35
-"""Roads fall to the side by 12 % at most in a bend (AASHTO, A Policy on Geometric Design of
-Highways and Streets), the steepest climb by 35 %; a body leans by some degrees besides, rad."""
-STATED_ARM_SD_M = 0.05
-"""An arm to the antenna that was measured with a tape, m."""
-MOST_ARM_M = 25.25
-"""The longest road train that Directive 96/53/EC lets drive: a longer arm is in another unit."""
-ARM_OFF_M, ARM_PER_LAG = 0.5, 3.0
-"""Chosen: an arm that is off by less moves the path by less than most receivers err. Velocities
-that come late look like an arm in bends that are driven slowly, as they are late by differing
-times: a recorded phone's, 0.53 s late, like one of 1.4 m. So many m/s of the lag say nothing."""
-MOST_ARM_GAIN = 10.0
-"""What a drive that took little from a statement says of an arm by itself is no figure."""

@@ -34,6 +34,7 @@ from automap.fusion.problem import Problem, make_problem, with_late_change
 from automap.fusion.rest_noise import least_levels
 from automap.fusion.sections import filter_and_smooth
 from automap.fusion.tuning import Tuned, tune_noise
+from automap.fusion.wheel_limits import MAX_WHEELS_S, TURN_WINDOW_S
 from automap.records import FloatArray, ImuData
 
 
@@ -92,7 +93,7 @@ def lateral_acceleration(
         return np.zeros(0)
     step = max(float(np.median(np.diff(t_imu))), 1e-4)
     rate = np.linalg.norm(imu.gyro - np.median(imu.gyro, axis=0), axis=1)
-    width = min(max(round(limits.TURN_WINDOW_S / step), 1), len(rate))
+    width = min(max(round(TURN_WINDOW_S / step), 1), len(rate))
     smooth = np.convolve(rate, np.full(width, 1.0 / width), mode="same")
     return np.asarray(speed * np.interp(speed_t, t_imu, smooth))
 
@@ -244,7 +245,7 @@ def next_shift(model: StateModel, smooth: SmoothRun, shift: Shift, retime: bool)
     """
     left = dict(zip(model.names, smooth.params[-1], strict=True))
     found = {name: value + float(left.get(name, 0.0)) for name, value in contained(shift)}
-    wheels_s = float(np.clip(found[WHEELS_STATE], -limits.MAX_WHEELS_S, limits.MAX_WHEELS_S))
+    wheels_s = float(np.clip(found[WHEELS_STATE], -MAX_WHEELS_S, MAX_WHEELS_S))
     if not retime:
         return Shift(found[DELAY_STATE], wheels_s=wheels_s)
     if abs(found[VEL_LATENCY_STATE] + found[VEL_LAG_STATE]) < limits.MIN_SPLIT_S:

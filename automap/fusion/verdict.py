@@ -8,15 +8,15 @@ than the fixes alone, the path is that of the fixes alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from automap.errors import InputError
-from automap.fusion import limits
 from automap.fusion.consistency import channel_consistency, innovation_doubts
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.constancy import constancy_doubts
 from automap.fusion.doubts.difference import between, no_difference, off_course, within
 from automap.fusion.doubts.estimates import (
@@ -30,21 +30,24 @@ from automap.fusion.doubts.estimates import (
     unexpected_delay,
 )
 from automap.fusion.doubts.heights import height_doubts
+from automap.fusion.doubts.offsets import offset_doubts
 from automap.fusion.doubts.outcome import leaning, mounted_askew, refused, unsure_path, weak_heading
 from automap.fusion.doubts.path import Misses, contradicted, fix_misses, local_error, spans_of
 from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
-from automap.fusion.doubts.receiver import dated_velocities, receiver_doubts
+from automap.fusion.doubts.receiver import accuracy_doubts, dated_velocities, receiver_doubts
 from automap.fusion.doubts.triads import triad_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.doubts.velocity_step import compare, step_doubts, velocity_steps
-from automap.fusion.engine import FusionResult, Prior
+from automap.fusion.fix_axes import usable_epochs
 from automap.fusion.fix_levels import fix_levels
 from automap.fusion.free_inertial import free_inertial
 from automap.fusion.gnss_only import smooth_fixes, unaveraged, uncorrected
 from automap.fusion.levels import VELOCITY_WANDER
+from automap.fusion.limits import STATED_ARM_SD_M, UNKNOWN_HEADING_SD
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
+from automap.fusion.result import FusionResult, Prior
 from automap.fusion.unusable_readings import Bridged, bridge_unusable
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import VelocityConsistency
@@ -94,6 +97,7 @@ def weigh(
     at_bound = levels_at_bound(result.noise_factors, options.tune)
     felt = not any(reason.inertial for reason in (*of_imu, *at_bound))
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]), felt)
+    of_receiver += accuracy_doubts(fixes, options)
     askew, lean = mounted_askew(path)
     path = replace(path, sd_rpy=np.hypot(path.sd_rpy, [lean, 0.0, 0.0]))
     # an IMU that errs by itself is no witness, and what errs in one way seems to in others
@@ -104,13 +108,14 @@ def weigh(
         askew = []  # the same, and worse
     believed = not any(reason.inertial for reason in of_imu)
     # an arm that is wrong makes jumps of velocity in bends
-    arm = arm_by_drive(found, lever_arm, limits.STATED_ARM_SD_M)
+    arm = arm_by_drive(found, lever_arm, STATED_ARM_SD_M)
     arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
     steps = _steps(result, bridged, found, fixes, options, delay_is_clock, arm) if believed else []
     try:
         dated = dated_velocities(fixes, receiver)
         levels = fix_levels(dated, options)
         alone = smooth_fixes(dated, clock, options, levels)
+        of_receiver += _offsets(path, dated, alone, options, levels)
     except InputError:
         alone = None
     off = math.inf if alone is None else off_course(path, alone)
@@ -120,7 +125,7 @@ def weigh(
         *of_imu,
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed))),
         *(constancy_doubts(result.filtered_parameters) if believed else ()),
-        *(contradicted_arm(found, lever_arm, limits.STATED_ARM_SD_M) if believed else ()),
+        *(contradicted_arm(found, lever_arm, STATED_ARM_SD_M) if believed else ()),
         *height_doubts(path, fixes),
         *askew,
         *weak_heading(result.align_margin, off),
@@ -159,14 +164,28 @@ def weigh_alone(
     """
     dated = dated_velocities(fixes, receiver)
     levels = fix_levels(dated, options)
-    path = unaveraged(smooth_fixes(dated, clock, options, levels), fixes, options, levels)
-    path = uncorrected(path, fixes, options)
+    alone = smooth_fixes(dated, clock, options, levels)
+    path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
     model = as_shown(model_fixes(fixes, fixes.gps_s, options), options, levels)
     misses = fix_misses(path, model)
     off, _ = _off_the_fixes(misses, options.wander_tau_s)
     reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
+    reasons += accuracy_doubts(fixes, options)
+    reasons += _offsets(path, dated, alone, options, levels)
     widened = widen(path, reasons, misses, None)
     return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
+
+
+def _offsets(
+    path: Trajectory,
+    fixes: Fixes,
+    alone: Trajectory,
+    options: FusionOptions,
+    levels: Mapping[str, float],
+) -> list[Reason]:
+    """The reasons that offsets of the positions give; ``alone`` the path of ``fixes``."""
+    sd = float(np.sqrt(np.median((path.sd_pos_ned[:, :2] ** 2).mean(axis=1))))
+    return list(offset_doubts(usable_epochs(fixes, options), alone, options, levels, sd))
 
 
 def _of_axes(found: Estimates, effect: str) -> FloatArray:
@@ -268,7 +287,7 @@ def widen(
     sd[:, :2] = np.sqrt(sd[:, :2] ** 2 + 0.5 * floor[:, None] ** 2)
     sd[:, 2] = np.hypot(sd[:, 2], high)
     rpy = path.sd_rpy * factor[:, None]
-    rpy[:, 2] = np.minimum(np.hypot(rpy[:, 2], turned), limits.UNKNOWN_HEADING_SD)
+    rpy[:, 2] = np.minimum(np.hypot(rpy[:, 2], turned), UNKNOWN_HEADING_SD)
     return replace(
         path,
         sd_pos_ned=sd,

@@ -11,7 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.fusion import limits
+from automap.fusion import wheel_limits
+from automap.fusion.limits import (
+    LEAST_JUDGED,
+    MOVING_SPEED,
+    OUTLIER_PROBABILITY,
+    ROAD_ACCELERATION_PSD,
+)
 from automap.gates import sd_by_median, sigmas
 from automap.records import BoolArray, FloatArray, IntArray
 from automap.robust import huber_weight
@@ -60,11 +66,11 @@ class WheelMatch:
     @property
     def unit(self) -> str:
         """The unit that the scale speaks of where it is none of a wheel, "" for m/s."""
-        if abs(np.log(self.scale)) < limits.WHEELS_SCALE:
+        if abs(np.log(self.scale)) < wheel_limits.WHEELS_SCALE:
             return ""
         near = {u: abs(np.log(self.scale / n)) for u, n in UNITS.items()}
         best = min(near, key=lambda u: near[u])
-        return best if near[best] < limits.WHEELS_UNIT else OTHER
+        return best if near[best] < wheel_limits.WHEELS_UNIT else OTHER
 
 
 def step_of(speed: FloatArray) -> float:
@@ -74,11 +80,11 @@ def step_of(speed: FloatArray) -> float:
     """
     values = np.unique(np.round(np.abs(speed), 3))
     values = values[values > 0.0]
-    if len(values) < limits.STEP_VALUES:
+    if len(values) < wheel_limits.STEP_VALUES:
         return 0.0
     gaps = np.diff(values)
     # neighbours a millimetre a second apart are one step that was rounded two ways
-    gaps = gaps[gaps > limits.LEAST_STEP]
+    gaps = gaps[gaps > wheel_limits.LEAST_STEP]
     if len(gaps) == 0:
         return 0.0
     step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
@@ -88,7 +94,7 @@ def step_of(speed: FloatArray) -> float:
         if (count > 0).any():
             step = float(near @ count / (count @ count))
     off = values - step * np.rint(values / step)
-    return step if float(np.sqrt(np.mean(off**2))) < limits.STEP_MISFIT * step else 0.0
+    return step if float(np.sqrt(np.mean(off**2))) < wheel_limits.STEP_MISFIT * step else 0.0
 
 
 def runs(speed: FloatArray) -> tuple[IntArray, IntArray]:
@@ -109,8 +115,8 @@ def between(
     i = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
     gap = t[i] - t[i - 1]
     share = np.clip((at - t[i - 1]) / gap, 0.0, 1.0)
-    var = limits.ROAD_ACCELERATION_PSD[0] * gap * share * (1.0 - share)
-    near = (at >= t[0]) & (at <= t[-1]) & (gap < limits.WHEELS_GAP_S)
+    var = ROAD_ACCELERATION_PSD[0] * gap * share * (1.0 - share)
+    near = (at >= t[0]) & (at <= t[-1]) & (gap < wheel_limits.WHEELS_GAP_S)
     return speed[i - 1] + share * (speed[i] - speed[i - 1]), var, np.asarray(near)
 
 
@@ -123,28 +129,28 @@ def stuck(t: FloatArray, speed: FloatArray, reference: Reference) -> BoolArray:
     """
     out = np.zeros(len(t), dtype=bool)
     step = step_of(speed)
-    wide = sigmas(limits.OUTLIER_PROBABILITY)
+    wide = sigmas(OUTLIER_PROBABILITY)
     first, last = runs(speed)
     with np.errstate(divide="ignore", invalid="ignore"):
-        jump = np.abs(np.diff(speed)) - step > limits.FASTEST_CHANGE * np.diff(t)
+        jump = np.abs(np.diff(speed)) - step > wheel_limits.FASTEST_CHANGE * np.diff(t)
     for a, b in zip(first.tolist(), last.tolist(), strict=True):
-        if t[b] - t[a] < limits.STUCK_S or b - a < 2:
+        if t[b] - t[a] < wheel_limits.STUCK_S or b - a < 2:
             continue
         if (a > 0 and jump[a - 1]) or (b < len(t) - 1 and jump[b]):
             out[a : b + 1] = True
             continue
         # the stamps may be late by some tenths of a second, and the reference's too
-        during = (reference.t > t[a] + limits.STUCK_EDGE_S) & (
-            reference.t < t[b] - limits.STUCK_EDGE_S
+        during = (reference.t > t[a] + wheel_limits.STUCK_EDGE_S) & (
+            reference.t < t[b] - wheel_limits.STUCK_EDGE_S
         )
         if int(during.sum()) < 2:
             continue
         seen, sd = reference.speed[during], float(np.median(reference.sd[during]))
         if speed[a] == 0.0:
-            out[a : b + 1] = np.median(seen) > limits.MOVING_SPEED + wide * sd
+            out[a : b + 1] = np.median(seen) > MOVING_SPEED + wide * sd
         else:
             low, high = np.percentile(seen, [10.0, 90.0])
-            out[a : b + 1] = high - low > wide * sd + 2.0 * step + limits.STUCK_CHANGE
+            out[a : b + 1] = high - low > wide * sd + 2.0 * step + wheel_limits.STUCK_CHANGE
     return out
 
 
@@ -157,11 +163,13 @@ def match_wheels(
     same time.
     """
     speed = np.abs(speed)
-    every = max(len(reference.t) // limits.MATCH_POINTS, 1)
+    every = max(len(reference.t) // wheel_limits.MATCH_POINTS, 1)
     at, v, sd = reference.t[::every], reference.speed[::every], reference.sd[::every]
     slope = np.gradient(v, at) if len(at) > 2 else np.zeros(len(at))
     best: tuple[float, float, float] | None = None
-    coarse = np.arange(-reach_s, reach_s + 0.5 * limits.MATCH_STEP_S, limits.MATCH_STEP_S)
+    coarse = np.arange(
+        -reach_s, reach_s + 0.5 * wheel_limits.MATCH_STEP_S, wheel_limits.MATCH_STEP_S
+    )
     costs = np.full(len(coarse), np.inf)
     for i, late in enumerate(coarse.tolist()):
         found = _fit(t, speed, at, v, sd, late)
@@ -176,19 +184,19 @@ def match_wheels(
     if 0 < i < len(costs) - 1 and np.isfinite(costs[i - 1 : i + 2]).all():
         down, up = costs[i - 1] - costs[i], costs[i + 1] - costs[i]
         if down + up > 0.0:
-            late += 0.5 * limits.MATCH_STEP_S * (down - up) / (down + up)
+            late += 0.5 * wheel_limits.MATCH_STEP_S * (down - up) / (down + up)
     told, line, near = between(t, speed, at + late)
-    use = near & (v > limits.MOVING_SPEED)
+    use = near & (v > MOVING_SPEED)
     scale = best[2]
     rest = (told - scale * v)[use]
     size = max(sd_by_median(rest), 1e-3)
     weight = huber_weight((rest / size) ** 2)
     informed = float(weight @ (scale * slope[use]) ** 2)
-    late_sd = limits.MATCH_CORRELATED * size / np.sqrt(informed) if informed > 0.0 else np.inf
-    scale_sd = limits.MATCH_CORRELATED * size / np.sqrt(float(weight @ v[use] ** 2))
-    steady = np.abs(slope[use]) < limits.STEADY_ACCELERATION
+    late_sd = wheel_limits.MATCH_CORRELATED * size / np.sqrt(informed) if informed > 0.0 else np.inf
+    scale_sd = wheel_limits.MATCH_CORRELATED * size / np.sqrt(float(weight @ v[use] ** 2))
+    steady = np.abs(slope[use]) < wheel_limits.STEADY_ACCELERATION
     noise = 0.0
-    if int(steady.sum()) >= limits.LEAST_JUDGED:
+    if int(steady.sum()) >= LEAST_JUDGED:
         step = step_of(speed)
         own = np.median((scale * sd[use][steady]) ** 2 + line[use][steady]) + step**2 / 12.0
         noise = float(np.sqrt(max(sd_by_median(rest[steady]) ** 2 - own, 0.0))) / scale
@@ -203,8 +211,8 @@ def _fit(
 ) -> tuple[float, float] | None:
     """Scale and mean robust size of what is left at one delay."""
     told, line, near = between(t, speed, at + late)
-    use = near & (v > limits.MOVING_SPEED)
-    if int(use.sum()) < limits.LEAST_JUDGED:
+    use = near & (v > MOVING_SPEED)
+    if int(use.sum()) < LEAST_JUDGED:
         return None
     told, v, sd = told[use], v[use], np.sqrt(sd[use] ** 2 + line[use])
     scale = float(np.median(told / v))

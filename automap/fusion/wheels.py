@@ -7,9 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.earth import local_ned
-from automap.fusion import limits
+from automap.fusion import wheel_limits
 from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.layout import HAS_POS_H, HAS_VEL_H
+from automap.fusion.limits import (
+    LEAST_JUDGED,
+    LEAST_SPACING_S,
+    MOST_SPACING_S,
+    OUTLIER_PROBABILITY,
+    ROAD_ACCELERATION_PSD,
+)
 from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.nodes import FixModel
 from automap.fusion.options import FusionOptions
@@ -75,7 +82,7 @@ def judge_wheels(
     good_t, good = t[~hung], speed[~hung]
     match = None
     if len(good) > 1:
-        match = match_wheels(good_t, good, reference, limits.LOOK_WHEELS_S)
+        match = match_wheels(good_t, good, reference, wheel_limits.LOOK_WHEELS_S)
     wrong = None if match is None else contradiction(match)
     if wrong is not None:
         warnings.append(f"{wrong[0]}; it is left out: {wrong[1]}")
@@ -84,21 +91,24 @@ def judge_wheels(
     late = noise = 0.0
     if match is not None:
         noise = match.noise
-        late = match.late_s if match.late_sd_s < limits.SURE_WHEELS_S else 0.0
+        late = match.late_s if match.late_sd_s < wheel_limits.SURE_WHEELS_S else 0.0
     odometer = readings(good_t, good, step, noise, late, options)
     return Wheels(odometer, rate, count, lost, step, match, tuple(warnings))
 
 
 def contradiction(match: WheelMatch) -> tuple[str, str] | None:
     """What a comparison says against the wheels, and what to do; None for nothing."""
-    if match.rest > max(limits.WHEELS_APART, limits.WHEELS_UNLIKE * match.spread):
+    if match.rest > max(wheel_limits.WHEELS_APART, wheel_limits.WHEELS_UNLIKE * match.spread):
         text = f"wheel speed is {match.rest:.1f} m/s off and does not follow the receiver's"
         return text, "is it of this drive, and t_ns of the clock that stamps the IMU?"
     if match.unit:
         what = "which is no unit that is known" if match.unit == OTHER else f"as in {match.unit}"
         text = f"wheel speed is {match.scale:.3g} times the receiver's speed, {what}"
         return text, "write speed_m_s in metres per second"
-    if match.late_sd_s < limits.SURE_WHEELS_S and abs(match.late_s) > limits.MAX_WHEELS_S:
+    if (
+        match.late_sd_s < wheel_limits.SURE_WHEELS_S
+        and abs(match.late_s) > wheel_limits.MAX_WHEELS_S
+    ):
         side = "later" if match.late_s > 0.0 else "earlier"
         text = f"wheel speed is {abs(match.late_s):.1f} s {side} than the receiver's"
         return text, "stamp t_ns by the clock that stamps the IMU, when the message comes in"
@@ -121,48 +131,50 @@ def readings(
     value share.
     """
     speed, signed = _directed(speed)
-    period = np.diff(t, prepend=t[0] - limits.WHEELS_SPACING_S)
+    period = np.diff(t, prepend=t[0] - wheel_limits.WHEELS_SPACING_S)
     chosen = _spaced(t)
-    half = 0.5 * limits.WHEELS_MEAN_S
+    half = 0.5 * wheel_limits.WHEELS_MEAN_S
     total = np.concatenate([[0.0], np.cumsum(speed)])
     when = np.concatenate([[0.0], np.cumsum(t - t[0])])
     # rounding of stamps shall not decide whether a sample belongs to the mean
-    low = np.searchsorted(t, t[chosen] - half - limits.WHEELS_JITTER_S * half)
-    high = np.searchsorted(t, t[chosen] + half + limits.WHEELS_JITTER_S * half)
+    low = np.searchsorted(t, t[chosen] - half - wheel_limits.WHEELS_JITTER_S * half)
+    high = np.searchsorted(t, t[chosen] + half + wheel_limits.WHEELS_JITTER_S * half)
     many = high - low
     mean, at = (total[high] - total[low]) / many, t[0] + (when[high] - when[low]) / many
     # of samples that came in a burst one mean is enough
     apart = np.diff(at, prepend=-np.inf) > half
     chosen, mean, at = chosen[apart], mean[apart], at[apart]
-    spacing = np.diff(at, prepend=at[0] - max(float(period[0]), limits.WHEELS_SPACING_S))
-    spacing = np.clip(spacing, limits.LEAST_SPACING_S, limits.MOST_SPACING_S)
+    spacing = np.diff(at, prepend=at[0] - max(float(period[0]), wheel_limits.WHEELS_SPACING_S))
+    spacing = np.clip(spacing, LEAST_SPACING_S, MOST_SPACING_S)
     slope = np.gradient(mean, at) if len(at) > 1 else np.zeros(1)
-    var = (options.odometer_sd**2 + noise**2 + (limits.WHEELS_SLIP * mean) ** 2) / spacing
-    var += (limits.WHEELS_JITTER_S * slope) ** 2
+    var = (options.odometer_sd**2 + noise**2 + (wheel_limits.WHEELS_SLIP * mean) ** 2) / spacing
+    var += (wheel_limits.WHEELS_JITTER_S * slope) ** 2
     if step > 0.0:
         first, last = runs(speed)
         run = np.searchsorted(last, chosen)
         shared = np.bincount(run, minlength=len(first))[run]
         var += step**2 / 12.0 * shared
     size = np.abs(mean)
-    slow = size < limits.SLOW_WHEELS
-    var[slow] += np.maximum(limits.WHEELS_DEADBAND, 0.0 if signed else size[slow]) ** 2
+    slow = size < wheel_limits.SLOW_WHEELS
+    var[slow] += np.maximum(wheel_limits.WHEELS_DEADBAND, 0.0 if signed else size[slow]) ** 2
     return Odometer(at, mean, var, late_s, signed)
 
 
 def _directed(speed: FloatArray) -> tuple[FloatArray, bool]:
     """Speeds [n], forward positive, and whether their sign tells the direction: in some logs it
     counts the other way, and what is fast both ways has a sign that means something else."""
-    if int((speed < -limits.FASTEST_REVERSE).sum()) > int((speed > limits.FASTEST_REVERSE).sum()):
+    if int((speed < -wheel_limits.FASTEST_REVERSE).sum()) > int(
+        (speed > wheel_limits.FASTEST_REVERSE).sum()
+    ):
         speed = -speed
-    if (speed < -limits.FASTEST_REVERSE).any():
+    if (speed < -wheel_limits.FASTEST_REVERSE).any():
         return np.abs(speed), False
     return speed, bool((speed < 0.0).any())
 
 
 def _spaced(t: FloatArray) -> IntArray:
     """Places of samples no nearer to each other than readings are."""
-    least = limits.WHEELS_SPACING_S
+    least = wheel_limits.WHEELS_SPACING_S
     cell = np.floor((t - t[0]) / least + 0.5).astype(np.int64)
     off = np.abs(t - t[0] - cell * least)
     order = np.lexsort((off, cell))
@@ -173,12 +185,12 @@ def _spaced(t: FloatArray) -> IntArray:
 def path_speed(fixes: FixModel) -> Reference:
     """The speed that the fixes show: as their velocities tell it, or smoothed out of positions."""
     has = (fixes.flags & HAS_VEL_H) > 0
-    if int(has.sum()) >= limits.LEAST_JUDGED:
+    if int(has.sum()) >= LEAST_JUDGED:
         speed = np.hypot(fixes.values[has, 3], fixes.values[has, 4])
         return Reference(fixes.t[has], speed, np.sqrt(fixes.white_var[has, 3:5].mean(axis=1)))
     use = np.flatnonzero((fixes.flags & HAS_POS_H) > 0)
     use = use[np.concatenate([[True], np.diff(fixes.t[use]) > 0.0])] if len(use) else use
-    if len(use) < limits.LEAST_JUDGED:
+    if len(use) < LEAST_JUDGED:
         return Reference(np.zeros(0), np.zeros(0), np.zeros(0))
     place = fixes.values[use]
     origin = (float(place[0, 0]), float(place[0, 1]), float(place[0, 2]))
@@ -192,9 +204,9 @@ def path_speed(fixes: FixModel) -> Reference:
             np.column_stack([nothing == 0.0, nothing > 0.0]),
             np.column_stack([fixes.white_var[use, axis], nothing + 1.0]),
             np.zeros((len(use), 2)),
-            limits.ROAD_ACCELERATION_PSD[axis],
+            ROAD_ACCELERATION_PSD[axis],
             (1.0, 1.0),
-            gate(limits.OUTLIER_PROBABILITY, 1),
+            gate(OUTLIER_PROBABILITY, 1),
             axes[axis],
         )
     speed, sd = np.hypot(*axes[:, :, 1]), np.sqrt((axes[:, :, 3] ** 2).mean(axis=0))

@@ -8,12 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from automap.errors import InputError
-from automap.fusion.engine import Prior, fuse_imu_gnss
+from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.layout import HAS_POS_H
 from automap.fusion.limits import REST_BIAS_SD
 from automap.fusion.nodes import FixModel, as_shown, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Session
+from automap.fusion.result import Prior
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed
 from automap.fusion.wheels import prepare_wheels

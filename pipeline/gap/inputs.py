@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from automap.fusion.engine import Prior
+from automap.fusion.result import Prior
 from automap.gap import GapDrive, GapModel, base_model
 from automap.gap.drive import KNOWN
 from automap.gap.fit import base_options

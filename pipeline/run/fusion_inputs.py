@@ -10,9 +10,10 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.fusion.doubts.receiver import own_velocities, usable_fixes
-from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
+from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.limits import MOST_ARM_M
 from automap.fusion.options import FusionOptions
+from automap.fusion.result import FusionResult, Prior
 from automap.io import names
 from automap.io.clock_json import read_clocks
 from automap.io.drive import Drive

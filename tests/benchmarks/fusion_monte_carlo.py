@@ -21,8 +21,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.frames import rotation_vector_to_matrix
-from automap.fusion.engine import Prior, fuse_imu_gnss
+from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.options import FusionOptions
+from automap.fusion.result import Prior
 from automap.records import FloatArray
 from tests.benchmarks.optimal_smoother import optimal_errors
 from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, errors, horizontal_rms, record

@@ -19,8 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.frames import rpy_to_matrix
-from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
+from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.options import FusionOptions
+from automap.fusion.result import FusionResult, Prior
 from automap.interpolation import poses_at_gps
 from automap.io.clock_json import read_clock
 from automap.io.tables import read_imu

@@ -20,12 +20,13 @@ from pathlib import Path
 
 import numpy as np
 
-from automap.fusion.engine import Prior, fuse_imu_gnss
+from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.kernel_runs import Start, run_forward, run_smoother
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import Nodes, Shift, build_nodes, model_fixes
 from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
 from automap.fusion.problem import make_problem
+from automap.fusion.result import Prior
 from automap.io.ubx_writer import nav_pvt
 from automap.records import Fixes, ImuData
 from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, record

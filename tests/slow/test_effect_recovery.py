@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from automap.effects import CATALOGUE
-from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
+from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
+from automap.fusion.result import FusionResult, Prior
 from automap.simulation.scenario import (
     Gnss,
     Imu,

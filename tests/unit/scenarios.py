@@ -598,8 +598,9 @@ def mapping_changes() -> Any:
 @scenario
 def fusion_drive() -> Any:
     """A short drive from rest, fused as a whole."""
-    from automap.fusion.engine import Prior, fuse_imu_gnss
+    from automap.fusion.engine import fuse_imu_gnss
     from automap.fusion.options import FusionOptions
+    from automap.fusion.result import Prior
     from tests.unit.fusion_drive import CLOCK
 
     imu, fixes = _fused_drive(7.0, 6.0)

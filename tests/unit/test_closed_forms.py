@@ -10,8 +10,9 @@ from scipy.stats import beta
 from automap.calibration.plausible import _refuse
 from automap.earth import from_local_ned
 from automap.errors import InputError
-from automap.fusion import limits as fusion_limits
+from automap.fusion.limits import ROAD_ACCELERATION_PSD
 from automap.fusion.steady_rate import steady_rate
+from automap.fusion.wheel_limits import WHEELS_GAP_S
 from automap.fusion.wheel_match import between
 from automap.geolocation.bearing_rays import in_plane
 from automap.geolocation.bearings import BearingRules
@@ -252,14 +253,14 @@ def test_readings_in_another_unit_are_refused_with_the_one_that_fits(
 def test_a_speed_between_two_readings_is_that_of_the_line_and_a_brownian_bridge() -> None:
     rng = np.random.default_rng(2)
     t, speed = np.cumsum(rng.uniform(0.05, 0.4, 30)), rng.uniform(0.0, 20.0, 30)
-    t[20:] += 2.0 * fusion_limits.WHEELS_GAP_S
+    t[20:] += 2.0 * WHEELS_GAP_S
     at = np.concatenate([rng.uniform(t[0], t[-1], 60), t[:3], [t[0] - 0.1, t[-1] + 0.1]])
     found, var, near = between(t, speed, at)
     inside = (at >= t[0]) & (at <= t[-1])
     np.testing.assert_allclose(found, np.interp(at, t, speed))
     right = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
     before, after = at - t[right - 1], t[right] - at
-    q = fusion_limits.ROAD_ACCELERATION_PSD[0]
+    q = ROAD_ACCELERATION_PSD[0]
     # of a path that is fixed at both ends
     expected = np.where(inside, q * before * after / (before + after), 0.0)
     np.testing.assert_allclose(var, expected, atol=1e-12)

@@ -10,9 +10,10 @@ import pytest
 from automap.earth import metres_per_radian
 from automap.errors import InputError
 from automap.frames import rpy_to_matrix
-from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
+from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.options import FusionOptions
+from automap.fusion.result import FusionResult, Prior
 from automap.records import Fixes, FixType, FloatArray, ImuData
 from tests.unit.fusion_drive import CLOCK, Sensor, errors, horizontal_rms, record
 from tests.unit.fusion_motion import Motion, city_drive, make_motion

@@ -235,6 +235,15 @@ def test_an_imu_that_was_turned_is_told() -> None:
     assert "by 20 deg" in reason.text or "by 2" in reason.text
 
 
+def test_an_antenna_that_sits_elsewhere_is_told_with_the_way() -> None:
+    moved = replace(known_by_and_by(0.4, 3), names=("gnss_lever_arm_x", "gnss_lever_arm_y"))
+    (reason,) = constancy_doubts(moved)
+    assert (reason.code, reason.state) == ("arm_changes", "doubtful")
+    assert reason.error_m == pytest.approx(0.4, abs=0.1)
+    steady = replace(known_by_and_by(0.0, 3), names=moved.names)
+    assert list(constancy_doubts(steady)) == []
+
+
 def test_the_ways_to_the_next_positions_make_no_position_late() -> None:
     fixes = receive(city_drive(200.0, 6), Receiver(rate=1.0), 6)
     north, east = metres_per_radian(fixes.lat_rad, fixes.height_m)

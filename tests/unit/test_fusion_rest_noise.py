@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from automap.fusion.engine import Prior, fuse_imu_gnss
+from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.levels import VELOCITY_WANDER
 from automap.fusion.limits import ABSENT
 from automap.fusion.options import FusionOptions
 from automap.fusion.rest_noise import least_levels, rest_density
+from automap.fusion.result import Prior
 from automap.records import ImuData
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive

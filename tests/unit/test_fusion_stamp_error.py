@@ -7,10 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from automap.frames import matrix_to_quat, rpy_to_matrix
-from automap.fusion.engine import Prior, fuse_imu_gnss
+from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.layout import N_NAV
 from automap.fusion.model import build_state_model
 from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
+from automap.fusion.result import Prior
 from automap.fusion.stamp_error import (
     covariance_at_stamps,
     mounting_rows,

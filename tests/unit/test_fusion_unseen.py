@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from automap.fusion import limits
-from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
+from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.measurements.position import unseen_errors
 from automap.fusion.options import FusionOptions
+from automap.fusion.result import FusionResult, Prior
 from automap.records import FloatArray
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from automap.frames import matrix_to_rpy
-from automap.fusion import limits
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.velocity_step import (
     Step,
     compare,

@@ -328,7 +328,10 @@ def test_a_delay_far_from_what_was_expected_is_told_as_a_distance() -> None:
     (reason,) = unexpected_delay(found, 0.0, 0.05, 11.0)
     assert reason.error_m == pytest.approx(9.9)
     assert "10 m off along the road" in reason.text
-    assert unexpected_delay({"imu_time_offset_s": (-0.2, 0.01)}, 0.0, 0.05, 11.0) == []
+    # that of one drive in twenty is no doubt, but may be the fixes' age
+    (reason,) = unexpected_delay({"imu_time_offset_s": (-0.2, 0.01)}, 0.0, 0.05, 11.0)
+    assert (reason.state, reason.late_s, reason.error_m) == ("good", 0.2, 0.0)
+    assert unexpected_delay({"imu_time_offset_s": (-0.09, 0.01)}, 0.0, 0.05, 11.0) == []
     assert unexpected_delay({}, 0.0, 0.05, 11.0) == []
 
 

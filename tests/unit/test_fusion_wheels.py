@@ -8,9 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
+from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
+from automap.fusion.result import FusionResult, Prior
 from automap.fusion.wheel_match import Reference, between, match_wheels, step_of, stuck
 from automap.fusion.wheels import contradiction, judge_wheels, path_speed, readings
 from automap.records import Fixes, ImuData, WheelSpeed

@@ -10,12 +10,14 @@ import pytest
 from automap.fusion import limits
 from automap.fusion.doubts.estimates import contradicted_arm, impossible_ages, unexpected_delay
 from automap.fusion.doubts.heights import height_doubts
+from automap.fusion.doubts.limits import TRIADS_APART_S
 from automap.fusion.doubts.outcome import leaning, mounted_askew
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
 from automap.fusion.doubts.triads import lateness, triad_doubts
-from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
+from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.options import FusionOptions
+from automap.fusion.result import FusionResult, Prior
 from automap.fusion.verdict import Weighed, weigh, widen
 from automap.io.drive import load_drive
 from automap.io.recording import read_recording
@@ -146,7 +148,7 @@ def test_how_late_the_accelerometer_feels_bends_is_found(late_s: float) -> None:
     found = lateness(imu, np.eye(3), speed(imu))
     assert found is not None
     # an IMU ahead of the axle looks like a part of a delay
-    assert found[0] == pytest.approx(late_s, abs=limits.TRIADS_APART_S)
+    assert found[0] == pytest.approx(late_s, abs=TRIADS_APART_S)
     assert found[1] < 0.05
     told = list(triad_doubts(imu, np.eye(3), speed(imu)))
     assert [reason.code for reason in told] == ["triads_apart"] * (abs(late_s) > 0.4)

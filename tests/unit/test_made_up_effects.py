@@ -8,8 +8,9 @@ import pytest
 
 from automap.effects.user import set_user_effects
 from automap.effects.user_tables import effects_of_formulas
-from automap.fusion.engine import Prior, fuse_imu_gnss
+from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.options import DEFAULT_EFFECTS, FusionOptions
+from automap.fusion.result import Prior
 from automap.gap import base_model
 from automap.gap.candidates import library
 from automap.gap.drive import open_drive

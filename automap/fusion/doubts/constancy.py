@@ -13,13 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.fusion import limits
 from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE, VEL_LATENCY_STATE
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
+from automap.fusion.limits import DOUBT_PROBABILITY
 from automap.fusion.output import ParameterHistory
 from automap.gates import sigmas
 
 _AGES = (DELAY_STATE, LATENCY_STATE, VEL_LATENCY_STATE)
+_ARM = ("gnss_lever_arm_x", "gnss_lever_arm_y")
+"""Bends tell the level arm; the upright one moves with whatever a receiver's filter does."""
 _MOUNTING = ("imu_mounting_pitch", "imu_mounting_yaw")
 
 
@@ -59,7 +62,7 @@ def constancy_doubts(filtered: ParameterHistory) -> Iterator[Reason]:
     Lags of recorded receivers vary by more than their sigmas. What that explains is no doubt, but
     as unsure as it moved.
     """
-    beyond = sigmas(limits.DOUBT_PROBABILITY)
+    beyond = sigmas(DOUBT_PROBABILITY)
     ages = [move for name in _AGES if (move := move_of(filtered, name)) is not None]
     age = max(ages, key=lambda move: move.sigmas, default=None)
     if age is not None and age.sigmas > beyond:
@@ -72,6 +75,16 @@ def constancy_doubts(filtered: ParameterHistory) -> Iterator[Reason]:
             "receiver's or antenna's from there on; cut the drive there",
             late_s=size,
             state="good" if steady else "doubtful",
+        )
+    arms = [move for name in _ARM if (move := move_of(filtered, name)) is not None]
+    arm = max(arms, key=lambda move: move.sigmas, default=None)
+    if arm is not None and arm.sigmas > limits.AGE_SCATTER * beyond:
+        size = math.hypot(*(move.size for move in arms))
+        yield Reason(
+            "arm_changes",
+            f"the antenna sits otherwise by {size:.1f} m after {arm.at_s:.0f} s of the drive than "
+            "before: fixes are another antenna's from there on; cut the drive there",
+            error_m=size,
         )
     turns = [move for name in _MOUNTING if (move := move_of(filtered, name)) is not None]
     turn = max(turns, key=lambda move: move.sigmas, default=None)

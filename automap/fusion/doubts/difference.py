@@ -9,6 +9,7 @@ import numpy as np
 
 from automap.earth import local_ned
 from automap.fusion import limits
+from automap.fusion.doubts.limits import STRETCHES_S
 from automap.interpolation import poses_at_gps
 from automap.records import FloatArray, Trajectory
 
@@ -66,7 +67,7 @@ def off_course(path: Trajectory, other: Trajectory) -> float:
 
 def _size(t: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
     """Root mean square of ``values`` [k] at ``t`` [k] over a stretch about each, at ``at`` [m]."""
-    half = 0.5 * limits.STRETCHES_S[0]
+    half = 0.5 * STRETCHES_S[0]
     total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(values) ** 2)])
     first = np.searchsorted(t, t - half, side="left")
     stop = np.searchsorted(t, t + half, side="right")

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from automap.fusion import limits
 from automap.fusion.adapt import COARSE, FINE
 from automap.fusion.delay_states import (
     DELAY_STATE,
@@ -16,9 +15,11 @@ from automap.fusion.delay_states import (
     VEL_LAG_STATE,
     VEL_LATENCY_STATE,
 )
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
-from automap.fusion.engine import FusionResult
-from automap.gates import sigmas
+from automap.fusion.limits import DOUBT_PROBABILITY, MAX_DELAY_S, MAX_SKEW
+from automap.fusion.result import FusionResult
+from automap.gates import OUTSIDE_95, sigmas
 from automap.records import FloatArray
 
 Estimates = Mapping[str, tuple[float, float]]
@@ -50,7 +51,7 @@ def impossible_ages(found: Estimates, dated_by_arrival: bool) -> list[Reason]:
     nothing of what came first.
     """
     reasons = []
-    beyond = sigmas(limits.DOUBT_PROBABILITY)
+    beyond = sigmas(DOUBT_PROBABILITY)
     ages: list[tuple[str, tuple[str, ...], float]] = [
         ("velocities", (VEL_LATENCY_STATE, VEL_LAG_STATE), 1.0)
     ]
@@ -70,11 +71,11 @@ def impossible_ages(found: Estimates, dated_by_arrival: bool) -> list[Reason]:
                 )
             )
     bounds = (
-        (DELAY_STATE, limits.MAX_DELAY_S, "the delay between IMU and fixes"),
-        (LATENCY_STATE, limits.MAX_DELAY_S, "the age of the positions"),
-        (VEL_LATENCY_STATE, limits.MAX_DELAY_S, "the age of the velocities"),
-        (VEL_LAG_STATE, limits.MAX_DELAY_S, "the low-pass of the velocities"),
-        (SKEW_STATE, limits.MAX_SKEW, "the skew of the IMU's clock"),
+        (DELAY_STATE, MAX_DELAY_S, "the delay between IMU and fixes"),
+        (LATENCY_STATE, MAX_DELAY_S, "the age of the positions"),
+        (VEL_LATENCY_STATE, MAX_DELAY_S, "the age of the velocities"),
+        (VEL_LAG_STATE, MAX_DELAY_S, "the low-pass of the velocities"),
+        (SKEW_STATE, MAX_SKEW, "the skew of the IMU's clock"),
     )
     for name, bound, what in bounds:
         value = found.get(name, (0.0, 0.0))[0]
@@ -93,21 +94,21 @@ def impossible_ages(found: Estimates, dated_by_arrival: bool) -> list[Reason]:
 
 def unexpected_delay(found: Estimates, mean: float, sd: float, speed: float) -> list[Reason]:
     """A delay between IMU and fixes that is none of those expected, ``mean`` and ``sd`` s; the
-    vehicle's usual ``speed`` m/s makes a distance of it."""
+    vehicle's usual ``speed`` m/s makes a distance of it. One that chance may make still once in
+    twenty drives is no doubt, but as unsure as it is off."""
     value = found.get(DELAY_STATE, (mean, 0.0))[0]
     off = abs(value - mean)
-    if off <= sigmas(limits.DOUBT_PROBABILITY) * sd:
+    if off <= sigmas(OUTSIDE_95) * sd:
         return []
-    return [
-        Reason(
-            "delay_unexpected",
-            f"the IMU's stamps seem to be {value:.2f} s late against the fixes, where "
-            f"{mean:.2f} s with a sigma of {sd:.2f} s was expected, so the path may be "
-            f"{off * speed:.0f} m off along the road: check the clocks of both",
-            error_m=off * speed,
-            late_s=off,
-        )
-    ]
+    # stamps that are late and fixes that are old look alike
+    text = (
+        f"the IMU's stamps seem to be {value:.2f} s late against the fixes, where "
+        f"{mean:.2f} s with a sigma of {sd:.2f} s was expected, so the path may be "
+        f"{off * speed:.0f} m off along the road: check the clocks of both"
+    )
+    if off <= sigmas(DOUBT_PROBABILITY) * sd:
+        return [Reason("delay_unexpected", text, late_s=off, state="good")]
+    return [Reason("delay_unexpected", text, error_m=off * speed, late_s=off)]
 
 
 def impossible_errors(found: Estimates) -> list[Reason]:
@@ -165,7 +166,7 @@ def arm_by_drive(
         taken = max(stated_sd**2 - sd**2, 1e-9)
         off = estimate - float(stated[k])
         # beyond what the drive took from the statement, and beyond what the tape may be off
-        if abs(off) > sigmas(limits.DOUBT_PROBABILITY) * max(math.sqrt(taken), stated_sd):
+        if abs(off) > sigmas(DOUBT_PROBABILITY) * max(math.sqrt(taken), stated_sd):
             own[k] += off * min(stated_sd**2 / taken, limits.MOST_ARM_GAIN)
     lag = abs(sum(found.get(n, (0.0, 0.0))[0] for n in (VEL_LATENCY_STATE, VEL_LAG_STATE)))
     # bends tell the level arm; the upright one moves with whatever a receiver's filter does

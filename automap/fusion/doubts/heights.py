@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from automap.fusion import limits
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
+from automap.fusion.limits import DOUBT_PROBABILITY, LEAST_JUDGED
 from automap.gates import sigmas
 from automap.records import Fixes, FloatArray, Trajectory
 from automap.robust import cauchy_weight
@@ -29,13 +30,13 @@ def height_doubts(path: Trajectory, fixes: Fixes) -> Iterator[Reason]:
     if found is None:
         return
     slope, sd = found
-    if abs(slope - 1.0) <= limits.SLOPE_OFF + sigmas(limits.DOUBT_PROBABILITY) * sd:
+    if abs(slope - 1.0) <= limits.SLOPE_OFF + sigmas(DOUBT_PROBABILITY) * sd:
         return
     unit = next(
         (
             text
             for factor, text in limits.HEIGHT_UNITS
-            if abs(slope / factor - 1.0) < sigmas(limits.DOUBT_PROBABILITY) * sd / factor
+            if abs(slope / factor - 1.0) < sigmas(DOUBT_PROBABILITY) * sd / factor
         ),
         "",
     )
@@ -61,7 +62,7 @@ def _slope(path: Trajectory, t: FloatArray, height: FloatArray) -> tuple[float, 
     edges = np.arange(0.0, way[-1], limits.CLIMB_WAY_M)
     rows = np.searchsorted(far, edges)
     rows = np.unique(rows[(rows > 0) & (rows < len(t))])
-    if len(rows) < limits.LEAST_JUDGED:
+    if len(rows) < LEAST_JUDGED:
         return None
     y, x, length = (
         np.diff(np.interp(t[rows], t, v)) for v in (height, np.interp(t, at, climb), far)

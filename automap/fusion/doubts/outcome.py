@@ -6,8 +6,15 @@ import math
 
 import numpy as np
 
-from automap.fusion import limits
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
+from automap.fusion.limits import (
+    DRIVING_SPEED,
+    LEAST_JUDGED,
+    N_HEADINGS,
+    ROAD_ROLL_SD,
+    SURE_MARGIN_NATS,
+)
 from automap.fusion.output import Innovations
 from automap.gates import sigmas
 from automap.records import Trajectory
@@ -26,13 +33,13 @@ def weak_heading(margin: float, off_course: float = math.inf) -> list[Reason]:
 
     What is nearer to the course than to the next heading that was tried is the right one.
     """
-    if margin >= limits.SURE_MARGIN_NATS or off_course < math.pi / limits.N_HEADINGS:
+    if margin >= SURE_MARGIN_NATS or off_course < math.pi / N_HEADINGS:
         return []
     return [
         Reason(
             "heading_weak",
             f"the heading at the start is weakly determined (likelihood margin {margin:.1f} nats, "
-            f"{limits.SURE_MARGIN_NATS:g} are enough): headings and sideways positions of signs "
+            f"{SURE_MARGIN_NATS:g} are enough): headings and sideways positions of signs "
             "may be off; record with more change of speed and direction",
         )
     ]
@@ -41,7 +48,7 @@ def weak_heading(margin: float, off_course: float = math.inf) -> list[Reason]:
 def leaning(path: Trajectory) -> list[Reason]:
     """Minutes of driving through which the vehicle would lean or climb as no road does."""
     t = path.gps_s - path.gps_s[0]
-    moving = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]) > limits.DRIVING_SPEED
+    moving = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]) > DRIVING_SPEED
     if not moving.any():
         return []
     block = np.floor(t[moving] / limits.LEAN_S).astype(np.int64)
@@ -75,11 +82,11 @@ def mounted_askew(path: Trajectory) -> tuple[list[Reason], float]:
     """The reason that a drive gives whose vehicle leans to one side in the mean, more than roads
     fall and the roll is unsure by; and that mean lean, rad, 0 where it says nothing."""
     t = path.gps_s
-    moving = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]) > limits.DRIVING_SPEED
+    moving = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]) > DRIVING_SPEED
     if len(t) < 2 or np.count_nonzero(moving) * float(np.median(np.diff(t))) < limits.LEAN_S:
         return [], 0.0
     lean = float(np.mean(path.rpy[moving, 0]))
-    usual = float(np.hypot(limits.ROAD_ROLL_SD, np.median(path.sd_rpy[moving, 0])))
+    usual = float(np.hypot(ROAD_ROLL_SD, np.median(path.sd_rpy[moving, 0])))
     if abs(lean) < sigmas(limits.ASKEW_PROBABILITY) * usual:
         return [], 0.0
     side = "right" if lean > 0.0 else "left"
@@ -100,7 +107,7 @@ def refused(table: Innovations) -> list[Reason]:
     reasons = []
     for kind, (what, advice) in _KINDS.items():
         rows = kinds == kind
-        if int(rows.sum()) < limits.LEAST_JUDGED:
+        if int(rows.sum()) < LEAST_JUDGED:
             continue
         share = 1.0 - float(table.accepted[rows].mean())
         if share > limits.REFUSED_SHARE:

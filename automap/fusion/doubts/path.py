@@ -14,9 +14,10 @@ import numpy as np
 
 from automap.earth import local_ned
 from automap.frames import rpy_to_matrix
-from automap.fusion import limits
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Span
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V
+from automap.fusion.limits import DOUBT_PROBABILITY
 from automap.fusion.nodes import FixModel
 from automap.gates import gate
 from automap.interpolation import poses_at_gps
@@ -102,7 +103,7 @@ def _off(
     sums = [_cumulated(part) for part in parts]
     mean, white, slow = ((s[stop] - s[first]) / count for s in sums)
     var = white / count + slow * _left_of_slow(window / tau_s)
-    off = (mean**2 / var).sum(axis=1) > gate(limits.DOUBT_PROBABILITY * share, 2)
+    off = (mean**2 / var).sum(axis=1) > gate(DOUBT_PROBABILITY * share, 2)
     edges = np.zeros(len(t) + 1, np.int64)
     np.add.at(edges, first[off], 1)
     np.add.at(edges, stop[off], -1)

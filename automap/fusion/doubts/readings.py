@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from automap.fusion import limits
+from automap.fusion.doubts.limits import STRETCHES_S
 from automap.fusion.doubts.reason import Reason, Span
 from automap.fusion.stuck_readings import clipped_axes, frozen_axes
 from automap.fusion.unusable_readings import Bridged
@@ -61,7 +62,7 @@ def _wild(bridged: Bridged) -> list[Reason]:
     t = bridged.wild_s
     if not len(t):
         return []
-    near = limits.STRETCHES_S[0]
+    near = STRETCHES_S[0]
     first = t[np.concatenate([[True], np.diff(t) > near])]
     one = len(t) == 1
     return [

@@ -8,8 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from automap.fusion import limits
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason, Span
+from automap.fusion.measurements.position import has_position, states_accuracy
+from automap.fusion.options import FusionOptions
 from automap.records import BoolArray, Fixes, FixType, FloatArray
 from automap.sync.held_values import told_again
 from automap.sync.limits import DELAY_SD_S
@@ -120,6 +122,26 @@ def receiver_doubts(
     nothing says which is wrong, the path may be off by as much.
     """
     return list(_doubts(found, start_gps_s, felt))
+
+
+def accuracy_doubts(fixes: Fixes, options: FusionOptions) -> list[Reason]:
+    """The reason that most positions give which state more than they can know."""
+    placed, _ = has_position(fixes)
+    stated = placed & (fixes.sd_pos_ned[:, :2] > 0.0).all(axis=1)
+    beyond = stated & ~states_accuracy(fixes, options)[:, :2].all(axis=1)
+    if np.count_nonzero(beyond) <= 0.5 * np.count_nonzero(placed):
+        return []
+    level = float(np.median(np.hypot(*fixes.sd_pos_ned[beyond, :2].T)))
+    return [
+        Reason(
+            "accuracy_understated",
+            f"without corrections the receiver states positions to {level:.2f} m, which orbits, "
+            "clocks and the air do not allow: the path is no surer than one of fixes that state "
+            "nothing; check the unit of its accuracy, and the log for what kind of fixes they are",
+            state="good",
+            handled=True,
+        )
+    ]
 
 
 def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Reason]:

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from automap.fusion import limits
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
+from automap.fusion.limits import DOUBT_PROBABILITY, DRIVING_SPEED, LEAST_JUDGED, MAX_DELAY_S
 from automap.gates import sigmas
 from automap.records import FloatArray, ImuData
 from automap.robust import cauchy_weight
@@ -21,9 +22,9 @@ def triad_doubts(imu: ImuData, turn: FloatArray, speed: FloatArray) -> Iterator[
     if found is None:
         return
     late, sd = found
-    if abs(late) <= limits.TRIADS_APART_S + sigmas(limits.DOUBT_PROBABILITY) * sd:
+    if abs(late) <= limits.TRIADS_APART_S + sigmas(DOUBT_PROBABILITY) * sd:
         return
-    usual = float(np.median(speed[speed > limits.DRIVING_SPEED]))
+    usual = float(np.median(speed[speed > DRIVING_SPEED]))
     first, other = ("gyro", "accelerometer") if late > 0.0 else ("accelerometer", "gyro")
     yield Reason(
         "triads_apart",
@@ -47,7 +48,7 @@ def lateness(imu: ImuData, turn: FloatArray, speed: FloatArray) -> tuple[float, 
     stamps = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)
     t = np.arange(0.0, stamps[-1], limits.BEND_STEP_S)
     between = np.diff(stamps)
-    if len(t) < limits.LEAST_JUDGED or not (between > 0.0).all():
+    if len(t) < LEAST_JUDGED or not (between > 0.0).all():
         return None
     spacing = float(np.median(between))
     force, rate, v = (
@@ -56,15 +57,15 @@ def lateness(imu: ImuData, turn: FloatArray, speed: FloatArray) -> tuple[float, 
     )
     # a rate's change is small beside its noise, and what is lost of it would look like a delay
     calm = uniform_filter1d(rate, max(round(limits.BEND_S / limits.BEND_STEP_S), 1))
-    driving = v > limits.DRIVING_SPEED
+    driving = v > DRIVING_SPEED
     # no reading within a gap tells when
     apart = np.abs(stamps[np.clip(np.searchsorted(stamps, t), 0, len(stamps) - 1)] - t)
     driving &= apart < limits.BEND_STEP_S
-    if np.count_nonzero(driving) < limits.LEAST_JUDGED:
+    if np.count_nonzero(driving) < LEAST_JUDGED:
         return None
     spread = float(np.std(force[driving]))
     best: tuple[float, float, float, float] | None = None
-    for lag in np.arange(-limits.MAX_DELAY_S, limits.MAX_DELAY_S + 1e-9, limits.BEND_STEP_S):
+    for lag in np.arange(-MAX_DELAY_S, MAX_DELAY_S + 1e-9, limits.BEND_STEP_S):
         bend = np.interp(t - lag, t, v * rate)
         change = np.gradient(np.interp(t - lag, t, calm), limits.BEND_STEP_S)
         rest, late_power = _left(force[driving], bend[driving], change[driving])

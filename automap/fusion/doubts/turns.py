@@ -11,8 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.fusion import limits
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
+from automap.fusion.limits import (
+    DOUBT_PROBABILITY,
+    DRIVING_SPEED,
+    LEAST_JUDGED,
+    MAX_DELAY_S,
+    MOST_SPACING_S,
+)
 from automap.gates import sigmas
 from automap.records import BoolArray, FloatArray, ImuData
 from automap.robust import cauchy_weight
@@ -33,14 +40,14 @@ def turn_doubts(
 ) -> Iterator[Reason]:
     """Whether gyro and accelerometer, ``turn`` [3, 3] to vehicle axes, feel the motion that the
     receiver's ``velocity`` [m, 3] m/s at ``t`` [m] s from the first sample shows."""
-    if len(t) < limits.LEAST_JUDGED:
+    if len(t) < LEAST_JUDGED:
         return
     stamps = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)
     gyro, accel = imu.gyro @ turn.T, imu.accel @ turn.T
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
-    driving = speed > limits.DRIVING_SPEED
-    beyond = sigmas(limits.DOUBT_PROBABILITY)
+    driving = speed > DRIVING_SPEED
+    beyond = sigmas(DOUBT_PROBABILITY)
     turning = slope_of(stamps, gyro[:, 2], t, course, driving)
     if turning is not None and abs(turning.value - 1.0) > limits.SLOPE_OFF + beyond * turning.sd:
         yield Reason(
@@ -67,17 +74,17 @@ def slope_of(
     [n] at ``stamps``, at the lag where they resemble each other most; None without enough of
     them, or where one shows nothing of the other."""
     step = np.diff(stamps, prepend=stamps[0])
-    total = np.cumsum(felt * np.minimum(step, limits.MOST_SPACING_S))
+    total = np.cumsum(felt * np.minimum(step, MOST_SPACING_S))
     stop = np.searchsorted(t, t + limits.CHANGE_S, side="left")
     first = np.flatnonzero(stop < len(t))
     stop = stop[first]
     span = t[stop] - t[first]
     good = (span < limits.CHANGE_S * 1.5) & use[first] & use[stop]
     first, stop, span = first[good], stop[good], span[good]
-    if len(first) < limits.LEAST_JUDGED:
+    if len(first) < LEAST_JUDGED:
         return None
     y = seen[stop] - seen[first]
-    lags = np.arange(-limits.MAX_DELAY_S, limits.MAX_DELAY_S + 1e-9, limits.LAG_STEP_S)
+    lags = np.arange(-MAX_DELAY_S, MAX_DELAY_S + 1e-9, limits.LAG_STEP_S)
     changes = [
         np.interp(t[stop] - lag, stamps, total) - np.interp(t[first] - lag, stamps, total)
         for lag in lags

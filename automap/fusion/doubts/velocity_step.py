@@ -14,11 +14,12 @@ import numpy as np
 
 from automap.earth import local_ned
 from automap.frames import quat_to_matrix, rpy_to_matrix
-from automap.fusion import limits
 from automap.fusion.delay_states import LATENCY_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.estimates import Estimates
 from automap.fusion.doubts.reason import Reason, Span
 from automap.fusion.free_inertial import FreeInertial
+from automap.fusion.limits import DOUBT_PROBABILITY, LEAST_JUDGED
 from automap.gates import gate, sd_by_median
 from automap.records import Fixes, FloatArray, IntArray, Trajectory
 from automap.timebase import gps_to_iso
@@ -106,7 +107,7 @@ def velocity_steps(seen: Compared, lasting_sd: float) -> list[Step]:
     if half < limits.STEP_FIXES:
         return []
     before = _filled(seen, np.arange(half - 1, len(t) - half), half, spacing)
-    if len(before) < limits.LEAST_JUDGED:
+    if len(before) < LEAST_JUDGED:
         return []
     parts = np.array_split(before, len(before) // limits.STEP_BATCH + 1)
     jump, least = (
@@ -115,7 +116,7 @@ def velocity_steps(seen: Compared, lasting_sd: float) -> list[Step]:
     )
     sd = sd_by_median(jump.ravel())
     # two errors, before and after
-    beyond = np.sqrt(gate(limits.DOUBT_PROBABILITY, 2) * (sd**2 + 2.0 * lasting_sd**2))
+    beyond = np.sqrt(gate(DOUBT_PROBABILITY, 2) * (sd**2 + 2.0 * lasting_sd**2))
     steps: list[Step] = []
     for k in np.argsort(-least):
         if least[k] <= beyond:

@@ -43,7 +43,7 @@ def smooth_axis(
             x[0] = z[k, 0]
             break
     p = np.zeros((N, N))
-    p[0, 0], p[1, 1], p[2, 2], p[3, 3] = 100.0**2, 30.0**2, 1.0, 1.0
+    start(p)
     f = np.zeros((N, N))
     work = np.zeros((N, N))
     states = np.zeros((n, N))
@@ -55,8 +55,11 @@ def smooth_axis(
     score = 0.0
     for k in range(n):
         dt = t[k] - t[k - 1] if k else 0.0
-        _step(f, dt, tau)
-        _predict(x, p, f, dt, psd, work)
+        step(f, dt, tau)
+        x[0] += dt * x[1]
+        x[2] *= f[2, 2]
+        x[3] *= f[3, 3]
+        predict(p, f, dt, psd, work)
         for m in range(2):
             if not used[k, m]:
                 continue
@@ -83,7 +86,13 @@ def smooth_axis(
 
 
 @kernel
-def _step(f: FloatArray, dt: float, tau: tuple[float, float]) -> None:
+def start(p: FloatArray) -> None:
+    """Covariance of a state that nothing is known of but the sizes of lasting errors."""
+    p[0, 0], p[1, 1], p[2, 2], p[3, 3] = 100.0**2, 30.0**2, 1.0, 1.0
+
+
+@kernel
+def step(f: FloatArray, dt: float, tau: tuple[float, float]) -> None:
     """Transition over ``dt`` s."""
     f[:, :] = 0.0
     f[0, 0] = f[1, 1] = 1.0
@@ -93,12 +102,8 @@ def _step(f: FloatArray, dt: float, tau: tuple[float, float]) -> None:
 
 
 @kernel
-def _predict(
-    x: FloatArray, p: FloatArray, f: FloatArray, dt: float, psd: float, work: FloatArray
-) -> None:
-    x[0] += dt * x[1]
-    x[2] *= f[2, 2]
-    x[3] *= f[3, 3]
+def predict(p: FloatArray, f: FloatArray, dt: float, psd: float, work: FloatArray) -> None:
+    """Covariance ``p`` after ``dt`` s by the transition ``f``."""
     for i in range(N):
         for j in range(N):
             work[i, j] = f[i, i] * p[i, j]
@@ -164,7 +169,7 @@ def _backward(
                 for j in range(N):
                     big[i, j] += h[i] * h[j] * inv
         if k > 0:
-            _step(a, t[k] - t[k - 1], tau)
+            step(a, t[k] - t[k - 1], tau)
             _sandwich(a, big, lam, work, held)
 
 

@@ -7,9 +7,9 @@ import numpy as np
 from automap.effects.measured_kernels import vehicle_velocity
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_NHC, NHC
-from automap.fusion.limits import SPRINGS
 from automap.fusion.measurements.state import AtNode
 from automap.fusion.options import FusionOptions
+from automap.fusion.wheel_limits import SPRINGS
 from automap.jit import kernel
 from automap.records import BoolArray, FloatArray, IntArray
 

@@ -10,12 +10,15 @@ import numpy as np
 from automap.effects.measured_kernels import antenna_position
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_POS, HAS_POS_H, HAS_POS_V
-from automap.fusion.limits import DOWN_FACTOR, LEAST_WHITE_M
+from automap.fusion.limits import DOWN_FACTOR, LEAST_WHITE_M, UNSTATED_SD_M
 from automap.fusion.measurements.state import AtNode
 from automap.fusion.mechanisation import radii
 from automap.fusion.options import FusionOptions
 from automap.jit import kernel
 from automap.records import BoolArray, Fixes, FixType, FloatArray
+
+CORRECTED = (FixType.DGNSS, FixType.FLOAT, FixType.FIXED)
+"""Fixes whose receiver was told what satellites have in common."""
 
 
 def position_errors(
@@ -26,19 +29,40 @@ def position_errors(
     The receiver's accuracy figure, times ``factor`` [n], is taken as the size of its slowly
     wandering error; its white part is a share of that. Carrier-phase solutions are short-term as
     good as they say. Without a figure: HDOP times a consumer receiver's range error, and what
-    geometry does not thin out (Kaplan and Hegarty, Understanding GPS, section 7.2).
+    geometry does not thin out (Kaplan and Hegarty, Understanding GPS, section 7.2), but no less
+    than data sheets state; of carrier phases that alone.
     """
     hdop = np.where(np.isfinite(fixes.hdop) & (fixes.hdop > 0), fixes.hdop, 1.0)
+    carrier = (fixes.fix_type == FixType.FIXED) | (fixes.fix_type == FixType.FLOAT)
+    least = _unstated(fixes)
     horizontal = np.hypot(options.horizontal_sd_m * hdop, options.common_horizontal_sd_m)
     vertical = np.hypot(options.vertical_sd_m * hdop, options.common_vertical_sd_m)
+    horizontal = np.where(carrier, least, np.maximum(horizontal, least))
+    vertical = np.where(carrier, DOWN_FACTOR * least, vertical)
     fallback = np.stack([horizontal, horizontal, vertical], axis=1)
-    sd = np.where(
-        np.isfinite(fixes.sd_pos_ned) & (fixes.sd_pos_ned > 0), fixes.sd_pos_ned, fallback
-    )
+    stated = np.isfinite(fixes.sd_pos_ned) & (fixes.sd_pos_ned > 0)
+    sd = np.where(stated, fixes.sd_pos_ned, fallback)
     sd = np.maximum(sd * factor[:, None], options.min_position_sd_m)
-    carrier = (fixes.fix_type == FixType.FIXED) | (fixes.fix_type == FixType.FLOAT)
     white = np.where(carrier[:, None], sd, np.maximum(options.white_share * sd, LEAST_WHITE_M))
     return sd, white
+
+
+def states_accuracy(fixes: Fixes, options: FusionOptions) -> BoolArray:
+    """Which positions [n, 3] state an accuracy that they can have: without corrections none is
+    surer than what satellites have in common."""
+    stated = np.asarray(np.isfinite(fixes.sd_pos_ned) & (fixes.sd_pos_ned > 0))
+    level = np.hypot(fixes.sd_pos_ned[:, 0], fixes.sd_pos_ned[:, 1])
+    believed = np.isin(fixes.fix_type, CORRECTED)
+    believed |= ~(level < math.sqrt(2.0) * options.common_horizontal_sd_m)
+    return stated & believed[:, None]
+
+
+def _unstated(fixes: Fixes) -> FloatArray:
+    """Least sigma [n] m an axis of positions that state none."""
+    least = np.full(len(fixes), UNSTATED_SD_M[FixType.THREE_D])
+    for fix_type, value in UNSTATED_SD_M.items():
+        least[fixes.fix_type == fix_type] = value
+    return least
 
 
 def lasting_share(options: FusionOptions, factors: Mapping[str, float]) -> FloatArray:
@@ -77,10 +101,12 @@ def unseen_errors(
 def common_errors(fixes: Fixes, options: FusionOptions) -> FloatArray:
     """Sigma NED [n, 3] m below which no fix is known that was made without corrections, whatever
     its receiver states: orbits and clocks of the satellites and the air are the same for minutes,
-    and nothing in the drive shows them. Zero for corrected ones."""
-    corrected = np.isin(fixes.fix_type, (FixType.DGNSS, FixType.FLOAT, FixType.FIXED))
-    common = options.common_horizontal_sd_m * np.array([1.0, 1.0, DOWN_FACTOR])
-    return np.where(corrected[:, None], 0.0, common)
+    and nothing in the drive shows them. Zero for corrected ones that state what they are good to;
+    one that does not is no surer than any of its kind."""
+    common = np.where(np.isin(fixes.fix_type, CORRECTED), 0.0, options.common_horizontal_sd_m)
+    level = states_accuracy(fixes, options)[:, :2].all(axis=1)
+    common = np.where(level, common, np.maximum(common, _unstated(fixes)))
+    return np.asarray(common[:, None] * np.array([1.0, 1.0, DOWN_FACTOR]))
 
 
 def has_position(fixes: Fixes) -> tuple[BoolArray, BoolArray]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from automap.effects.measured_kernels import vehicle_velocity
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_ODOMETER, ODOMETER, UNSIGNED, WHEEL_SPEED
-from automap.fusion.limits import FASTEST_REVERSE, SLOW_WHEELS
 from automap.fusion.measurements.state import AtNode
+from automap.fusion.wheel_limits import FASTEST_REVERSE, SLOW_WHEELS
 from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 

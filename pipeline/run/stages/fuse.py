@@ -12,7 +12,7 @@ from automap.io import names
 from pipeline.run.stage import Stage, StageContext
 
 if TYPE_CHECKING:
-    from automap.fusion.engine import FusionResult, WheelResult
+    from automap.fusion.result import FusionResult, WheelResult
     from automap.fusion.verdict import Weighed
     from automap.io.drive import Drive
     from automap.records import ClockModel, Trajectory

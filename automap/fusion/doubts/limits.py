@@ -1,0 +1,114 @@
+"""The numbers that decide when a path is doubted, and why each is what it is; see ``limits`` of
+the fusion."""
+
+from __future__ import annotations
+
+TOLD_SHARE, ADDED_SHARE = 0.25, 0.2
+"""A part of a drive tells a constant whose variance it brings down to this share, and the rest adds
+to it what takes a sixth away from what is left. Chosen: a sigma of half, and more than rounding."""
+AGE_SCATTER = 2.0
+"""How much more lags of a sound receiver vary over a drive than by their sigmas: 1.5 to 3 times for
+recorded cars, with geodetic receivers and phones."""
+MINUTES_OFF_M = 0.4 * 111_200.0
+"""Minutes of arc that were read as hundredths of a degree, or the other way round, are off by up to
+0.4 deg, of which one is 111.2 km."""
+LEAST_AGE_S = 0.15
+"""Fixes of real phones and receivers seem to come from the future by so much: they predict."""
+AT_BOUND = 0.99
+"""An estimate this near its bound has run to it."""
+MOST_SENSOR_ERROR = {
+    "accel_scale": (0.1, "", "the scale error of the accelerometer"),
+    "gyro_scale": (0.1, "", "the scale error of the gyro"),
+    "accel_bias": (1.6, " m/s^2", "the bias of the accelerometer"),
+    "gyro_bias": (0.7, " rad/s", "the bias of the gyro"),
+}
+"""Twice to three times what data sheets of cheap sensors state (MPU-6050: scale 3 %, zero offset
+80 mg and 20 deg/s)."""
+REFUSED_SHARE = 0.2
+"""Chosen: of measurements of one kind, one in five is not chance and no single outlier."""
+USELESS_SD_M = 30.0
+"""Chosen: half the distance of two crossings in a town; beyond it a sign is on some street."""
+SMALL_SIGMAS = 2.0
+"""Sigmas are doubted that are so many times too small: three of them are then one and a half."""
+STRETCHES_S = (20.0, 60.0, 300.0)
+"""Path and fixes are compared over stretches of so long, and the whole drive: a street, what an
+error of a receiver lasts, and what biases make. Chosen: shorter says little, for a slow error of a
+few seconds is a receiver's, and a path is right to pass it by."""
+FILLED_STRETCH = 0.8
+"""A stretch is judged that has fixes over this share of it: not one with a hole at its end."""
+WILD_MISS_SIGMAS = 8.0
+"""A fix counts as no more than this many sigmas off: one wild fix among twenty is then less than
+half of one in the mean, and a stretch of wild ones is still beyond any gate."""
+WORSE_SHARE = 0.5
+"""Chosen: where more than half of the fixes lie far off the path, the path is not theirs."""
+BLAMED_SHARE = 0.1
+"""The same where something else speaks against the inertial sensor, too. Chosen."""
+AGREEING_SHARE = 0.1
+"""Chosen: fixes agree with one another where nine in ten lie on their own smoothed path."""
+HELD_S = 5.0
+"""Chosen: a receiver without a view repeats its last fix for some seconds, and goes on."""
+STEP_WINDOW_S, STEP_FIXES, STEP_BATCH = 3.0, 3, 2000
+"""A velocity jumps against that of so long before and after, of so many fixes at least: receivers
+err for one to three seconds in a row and are right again. So many are looked at at once."""
+SAME_FIX_S = 1e-3
+"""Fixes no further apart are one that stands twice: no receiver tells more than a hundred a
+second."""
+LED_S = 60.0
+"""So long a jump of velocity is followed, the second of ``STRETCHES_S``: a bias of 0.05 m/s^2 makes
+3 m/s in it."""
+CHANGE_S = 2.0
+"""Changes of course and speed are taken over so long: a bend or a stop, and longer than delays."""
+LAG_STEP_S = 0.1
+"""Lags are tried in steps of this, a small part of ``CHANGE_S``."""
+USUAL_CHANGES = (1.0, 99.0)
+"""Percentiles beyond which changes count as these where a lag is looked for. Chosen: bends of a
+drive are more than a hundredth of it."""
+SLOPE_ROUNDS = 3
+"""Chosen: weights settle in two or three rounds."""
+SLOPE_CORRELATION = 0.5
+"""Below it the receiver shows too little of what the IMU feels to say by how much."""
+SLOPE_OFF = 0.25
+"""A slope further from one, beyond its own sigma, is none of an IMU's scale errors. Chosen: the
+receiver's low-pass takes a tenth off quick changes."""
+LAG_SIGMAS = 3.0
+"""A lag counts where chance does not make it: once in four hundred drives."""
+GAP_STEPS = 2.5
+"""Across so many steps of the fixes no velocity is taken for the one between: two are missing."""
+ALTERNATION_FIXES, ALTERNATION_BESIDE = 20, 4
+"""Positions that alternate are looked for in so many fixes at a time, beside
+the power at so many rates next to half of theirs, down to three tenths."""
+OFFSET_INSTANTS = 16
+"""So many instants are tried for an offset that begins within a drive, spread over it, and as many
+at which positions jump most. Chosen: minutes of a usual drive."""
+CLIMB_WAY_M = 200.0
+"""Heights are compared with the climb over so much road: a hill's length, some ten seconds."""
+LEAST_HEIGHT_SD_M = 0.1
+"""Heights are told to a decimetre (GGA)."""
+KNOWN_CLIMB_SD = 0.3
+"""A slope less sure than this tells no unit from another: feet are 3.28 metres."""
+HEIGHT_UNITS = (
+    (1.0 / 0.3048, ", as feet where metres belong"),
+    (0.3048, ", as if they were in feet"),
+)
+"""How many times metres are told, and what that is."""
+BEND_S, BEND_STEP_S = 0.5, 0.05
+"""Bends are felt for a second and longer; a delay is told to such a step."""
+ROAD_FORCE_S = 1.0
+"""What slopes of a road across and its waves push is another after so long."""
+TRIADS_APART_S = 0.15
+"""Gyro and accelerometer of one case are read within milliseconds, but the slip of tyres, the lean
+of a body and an IMU ahead of the axle set what they feel of bends apart: by up to so much in
+recorded cars."""
+LEAN_S = 60.0
+"""A road leans or climbs all the same for no longer than this where it does so most."""
+ASKEW_PROBABILITY = 2.7e-3
+"""A drive of a right mounting leans so much in its mean so rarely: three sigmas of roads."""
+MOST_LEAN, MOST_CLIMB = 0.2, 0.35
+"""Roads fall to the side by 12 % at most in a bend (AASHTO, A Policy on Geometric Design of
+Highways and Streets), the steepest climb by 35 %; a body leans by some degrees besides, rad."""
+ARM_OFF_M, ARM_PER_LAG = 0.5, 3.0
+"""Chosen: an arm that is off by less moves the path by less than most receivers err. Velocities
+that come late look like an arm in bends that are driven slowly, as they are late by differing
+times: a recorded phone's, 0.53 s late, like one of 1.4 m. So many m/s of the lag say nothing."""
+MOST_ARM_GAIN = 10.0
+"""What a drive that took little from a statement says of an arm by itself is no figure."""

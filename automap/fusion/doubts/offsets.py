@@ -1,0 +1,198 @@
+"""Positions that lie aside of where the velocities beside them lead, by a pattern: seen from the
+vehicle throughout, from an instant on, or at every second fix.
+
+Position is its own witness for minutes only: what lies aside for longer counts as wander. But an
+offset that turns with the vehicle moves in every bend, which velocities do not tell; where it
+begins, positions jump; and what comes and goes from fix to fix no wander does. Each is an error
+that is added to the fixes, and its size generalised least squares on the innovations of the
+constant-velocity filter (De Jong, J. American Statistical Association 86, 1991).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.fusion import limits
+from automap.fusion.doubts.alternation import alternation
+from automap.fusion.doubts.limits import OFFSET_INSTANTS, SLOPE_ROUNDS, STEP_WINDOW_S
+from automap.fusion.doubts.reason import Reason, State
+from automap.fusion.fix_axes import Epochs, whitened_epochs
+from automap.fusion.options import FusionOptions
+from automap.gates import gate, sd_by_median
+from automap.records import BoolArray, FloatArray, Trajectory
+from automap.robust import cauchy_weight
+
+_PLANE = (0, 1)
+
+
+@dataclass(frozen=True)
+class Offset:
+    """Metres ``forward`` and to the ``right`` of the vehicle, from ``at_s`` s of the drive on, and
+    the squared distance from none in sigmas."""
+
+    forward: float
+    right: float
+    square: float
+    at_s: float = 0.0
+
+    @property
+    def size(self) -> float:
+        """Its length, m."""
+        return float(np.hypot(self.forward, self.right))
+
+
+def offset_doubts(
+    at: Epochs, alone: Trajectory, options: FusionOptions, levels: Mapping[str, float], sd_m: float
+) -> Iterator[Reason]:
+    """Reasons that the epochs ``at`` [k] give by themselves; ``alone`` [k] their smoothed path,
+    ``levels`` the sizes of their errors, ``sd_m`` what the path is good to, m an axis.
+
+    An offset that is smaller than that is no doubt, but adds to it.
+    """
+
+    def reason(code: str, size: float, text: str) -> Reason:
+        state: State = "doubtful" if size > sd_m else "good"
+        return Reason(code, text, error_m=size, state=state)
+
+    apart = 2.0 * alternation(at, options, levels)
+    if apart:
+        # two receivers tell little of how far their mean is off
+        yield reason(
+            "fixes_alternate",
+            apart,
+            f"every second position lies {apart:.1f} m aside of those between: the log holds two "
+            "receivers or antennas in turn; keep those of one",
+        )
+        return
+    change, aside = offsets(at, alone, options, levels)
+    if change is not None:
+        yield reason(
+            "positions_shift",
+            change.size,
+            f"from {change.at_s:.0f} s of the drive on positions lie {_words(change)} of where the "
+            "velocities lead from those before: another antenna or receiver, or reflections; cut "
+            "the drive there",
+        )
+    elif aside is not None:
+        yield reason(
+            "positions_beside",
+            aside.size,
+            f"positions lie {_words(aside)} of the vehicle that the velocities show in bends: they "
+            "were put on another lane, or are another antenna's than the velocities",
+        )
+
+
+def _words(offset: Offset) -> str:
+    along = "ahead" if offset.forward > 0.0 else "behind"
+    across = "to the right" if offset.right > 0.0 else "to the left"
+    parts = [(abs(offset.forward), along), (abs(offset.right), across)]
+    told = [part for part in parts if part[0] > 0.5 * offset.size]
+    return " and ".join(f"{size:.1f} m {side}" for size, side in told)
+
+
+Whiten = Callable[[FloatArray], FloatArray]
+"""Errors [k, 2, 2, c] of positions and velocities, north and east, as innovations of the two axes
+one after the other [m, 1 + c], those of the fixes first."""
+
+
+def offsets(
+    at: Epochs, alone: Trajectory, options: FusionOptions, levels: Mapping[str, float]
+) -> tuple[Offset | None, Offset | None]:
+    """The likeliest offset that begins within the drive, and one of the whole drive, of the epochs
+    ``at`` [k] against their smoothed path ``alone`` [k]; None where chance makes it."""
+    velocity, course = alone.vel_ned[:, :2], alone.rpy[:, 2]
+    driving = np.hypot(velocity[:, 0], velocity[:, 1]) > limits.DRIVING_SPEED
+    placed = np.asarray(at.used[:2, :, 0].all(axis=0))
+    told = np.asarray(at.used[:2, :, 1].all(axis=0))
+    if np.count_nonzero(placed & driving) < limits.LEAST_JUDGED:
+        return None, None
+
+    def whiten(errors: FloatArray) -> FloatArray:
+        parts = [np.ascontiguousarray(errors[:, :, axis]) for axis in _PLANE]
+        return np.concatenate(
+            [whitened_epochs(at, axis, options, levels, parts[axis]) for axis in _PLANE]
+        )
+
+    forward = np.column_stack([np.cos(course), np.sin(course)])
+    sides = np.stack([forward, np.column_stack([-forward[:, 1], forward[:, 0]])], axis=2)
+
+    def beginning(gps_s: float) -> FloatArray:
+        errors = np.zeros((len(at.t), 2, 2, 2))
+        errors[:, 0] = sides * (at.t >= gps_s)[:, None, None]
+        return whiten(errors)
+
+    known = whiten(_receivers_own(at.t, velocity))[:, 1:]
+    whole = beginning(-np.inf)
+    beside = np.hstack([known, whole[:, 1:]])
+    found = [
+        _fitted(beginning(s), beside, s - at.t[0])
+        for s in _instants(at, np.where(told[:, None], at.z[:2, :, 1].T, velocity), placed)
+    ]
+    change = max(found, key=lambda offset: offset.square, default=None)
+    # one of as many as there are fixes
+    if change is not None and change.square <= gate(limits.DOUBT_PROBABILITY / len(at.t), 2):
+        change = None
+    if np.count_nonzero(placed & told & driving) < limits.LEAST_JUDGED:
+        return change, None
+    aside = _fitted(whole, known, 0.0)
+    return change, aside if aside.square > gate(limits.DOUBT_PROBABILITY, 2) else None
+
+
+def _receivers_own(t: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Errors [k, 2, 2, 5] that a sound receiver's filter makes of ``velocity`` [k, 2] m/s at ``t``
+    [k] s: positions that lag, to the second order, velocities that do, their scale and turn."""
+    change, none = np.gradient(velocity, t, axis=0), np.zeros_like(velocity)
+    across = np.column_stack([-velocity[:, 1], velocity[:, 0]])
+    errors = (-velocity, none), (change, none), (none, change), (none, velocity), (none, across)
+    return np.stack([np.stack(pair, axis=1) for pair in errors], axis=3)
+
+
+def _instants(at: Epochs, velocity: FloatArray, told: BoolArray) -> FloatArray:
+    """Instants from which an offset is tried: spread over the drive, and where positions leave most
+    the way that ``velocity`` [k, 2] leads; of the epochs ``told`` [k] that have one."""
+    n, rows = OFFSET_INSTANTS, np.flatnonzero(told)
+    t, z, v = at.t[rows], at.z[:2, rows, 0], velocity[rows].T
+    step = np.diff(t)
+    half = max(round(STEP_WINDOW_S / float(np.median(step))), 1)
+    if len(rows) <= 2 * half:
+        return np.zeros(0)
+    way = np.cumsum(0.5 * (v[:, 1:] + v[:, :-1]) * step, axis=1)
+    apart = z - np.pad(way, ((0, 0), (1, 0)))
+    total = np.pad(np.cumsum(apart, axis=1), ((0, 0), (1, 0)))
+    k = np.arange(half, len(rows) - half + 1)
+    jump = np.hypot(*(total[:, k + half] - 2.0 * total[:, k] + total[:, k - half]))
+    found = list(np.linspace(t[half], t[len(rows) - half - 1], n))
+    for i in np.argsort(-jump):
+        when = float(t[min(k[i], len(rows) - 1)])
+        if len(found) == 2 * n:
+            break
+        if all(abs(when - other) > STEP_WINDOW_S for other in found[n:]):
+            found.append(when)
+    return np.array(found)
+
+
+def _fitted(of: FloatArray, beside: FloatArray, at_s: float) -> Offset:
+    """The two columns of ``of`` [m, 1 + 2], beside the columns of ``beside`` [m, c], in the first
+    of it; robustly, as fixes have tails."""
+    y, design = of[:, 0], np.hstack([of[:, 1:], beside])
+    if not (np.isfinite(y).all() and np.isfinite(design).all()):
+        return Offset(0.0, 0.0, 0.0, at_s)
+    scale = np.sqrt((design**2).sum(axis=0)) + 1e-9
+    design = design / scale
+    weight = np.ones(len(y))
+    value, rest = np.zeros(design.shape[1]), y
+    normal: FloatArray = np.eye(design.shape[1])
+    for _ in range(SLOPE_ROUNDS):
+        weighed = design * weight[:, None]
+        normal = np.linalg.pinv(weighed.T @ design)
+        value = normal @ (weighed.T @ y)
+        rest = y - design @ value
+        weight = cauchy_weight((rest / max(sd_by_median(rest), 1e-9)) ** 2)
+    # a filter that is less sure than it might be proves nothing
+    spread = max(float((weight * rest**2).sum() / weight.sum()), 1.0)
+    a = value[:2]
+    square = float(a @ np.linalg.pinv(normal[:2, :2]) @ a) / spread
+    return Offset(float(a[0] / scale[0]), float(a[1] / scale[1]), square, at_s)

@@ -1,0 +1,180 @@
+"""What a fusion gives back, and how it is made of the last pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from automap.frames import (
+    matrix_to_rpy,
+    rpy_to_matrix,
+)
+from automap.fusion import limits
+from automap.fusion.delay_states import DELAY_STATE, SKEW_STATE
+from automap.fusion.filtered import filtered_states
+from automap.fusion.measurements.position import unseen_errors
+from automap.fusion.mounting import Mounting
+from automap.fusion.nodes import Nodes
+from automap.fusion.output import (
+    Innovations,
+    NodeStates,
+    ParameterHistory,
+    filter_history,
+    innovations,
+    node_trajectory,
+    parameter_history,
+    whole_trajectory,
+)
+from automap.fusion.passes import Pass, Session
+from automap.fusion.problem import Problem
+from automap.fusion.tuning import shown_at_least
+from automap.fusion.unusable_readings import Bridged
+from automap.fusion.wheels import Wheels
+from automap.records import (
+    ClockModel,
+    IntArray,
+    Trajectory,
+)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A number known beforehand with one sigma."""
+
+    mean: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class WheelResult:
+    """What became of wheel speed: ``found`` before the passes; ``scale`` how many of its metres are
+    one, ``late`` how much later than the truth it is stamped, s, None where it was not used."""
+
+    found: Wheels
+    scale: Prior | None = None
+    late: Prior | None = None
+
+
+@dataclass(frozen=True)
+class FusionResult:
+    """A fused drive.
+
+    ``trajectory`` smoothed and ``filtered`` forward only, at every IMU epoch; ``parameters``
+    the estimated sensor errors over time, smoothed, ``filtered_parameters`` as the forward
+    filter saw them; ``innovations`` of the last forward pass;
+    ``delay`` of the IMU stamps against the fixes (imu_time_offset > 0: stamps later than the
+    truth) with sd; ``mounting`` sensor to vehicle; ``standstill`` intervals in s from the
+    first sample; ``align_margin`` in nats; ``noise_factors`` what the
+    drive made of the noise levels; ``wheels`` None where the drive has no wheel speed.
+    """
+
+    trajectory: Trajectory
+    filter_run: Callable[[], Iterator[Trajectory]]
+    parameters: ParameterHistory
+    filtered_parameters: ParameterHistory
+    innovations: Innovations
+    delay: Prior
+    mounting: Mounting
+    standstill: list[tuple[float, float]]
+    align_margin: float
+    n_nodes: int
+    n_fixes_used: int
+    noise_factors: dict[str, float]
+    wheels: WheelResult | None = None
+    bridged: Bridged | None = None
+    warnings: list[str] = field(default_factory=list)
+
+    @property
+    def filtered(self) -> Trajectory:
+        """The forward filter's trajectory; made anew at each call, for it is as large again, or
+        stretch by stretch by ``filter_run``."""
+        return whole_trajectory(self.filter_run(), len(self.trajectory))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the tables need of the last pass; the filter's store is large and goes."""
+
+    problem: Problem
+    nodes: Nodes
+    smoothed: NodeStates
+    filtered: NodeStates
+    parameters: ParameterHistory
+    filtered_parameters: ParameterHistory
+    innovations: Innovations
+    factors: dict[str, float]
+    shown: dict[str, float]
+
+
+def collect(last: Pass, base_ns: int, outliers: IntArray) -> Outcome:
+    """The tables' part of a pass; ``base_ns`` the first stamp, ``outliers`` wild fixes."""
+    smooth = last.smooth
+    # what only the filter takes of the samples is as large as the readings
+    none = np.zeros((0, 3))
+    samples = last.problem.samples._replace(force=none, calm=none, shocks=none)
+    return Outcome(
+        replace(last.problem, samples=samples),
+        last.nodes,
+        NodeStates(smooth.nominal, smooth.params, smooth.cov),
+        NodeStates(*filtered_states(last.problem, last.forward)),
+        parameter_history(last.problem, smooth, base_ns, last.shift),
+        filter_history(last.problem, last.forward, base_ns, last.shift),
+        innovations(last.forward, base_ns, outliers),
+        last.factors,
+        shown_at_least(last.factors, last.untuned),
+    )
+
+
+def assemble(
+    session: Session,
+    outcome: Outcome,
+    clock: ClockModel,
+    mounting: Mounting,
+    margin: float,
+    warnings: list[str],
+    axes_known: bool,
+    delay_is_clock: bool,
+    unknown_arm: bool,
+    age_sd: float,
+) -> FusionResult:
+    """The result of a drive's last pass; ``unknown_arm`` nobody knows where the antenna sits,
+    ``age_sd`` s what dates all fixes wrong, the rest as in ``fuse_imu_gnss``."""
+    history = outcome.parameters
+    final = dict(zip(history.names, history.values[-1], strict=True))
+    spread = dict(zip(history.names, history.sd[-1], strict=True))
+    delay = Prior(float(final.get(DELAY_STATE, 0.0)), float(spread.get(DELAY_STATE, 0.0)))
+    angles = [f"imu_mounting_{a}" for a in ("roll", "pitch", "yaw")]
+    turn = rpy_to_matrix(np.array([final.get(name, 0.0) for name in angles]))
+    sd = np.array([spread.get(name, 0.0) for name in angles])
+    if not axes_known:
+        sd[1:] = np.maximum(sd[1:], limits.KNOWN_FORWARD_SD)
+    total = turn @ mounting.matrix
+
+    unseen = unseen_errors(outcome.nodes.stated_sd, session.options, outcome.shown)
+    if unknown_arm:
+        unseen = np.hypot(unseen, limits.UNKNOWN_ARM_SD_M)
+
+    make = partial(
+        node_trajectory, outcome.problem, outcome.nodes,
+        t_ns=session.imu.t_ns, clock=clock, delay=delay.mean + final.get(SKEW_STATE, 0.0)
+        * outcome.problem.t, delay_is_clock=delay_is_clock, turn=turn, unseen_sd=unseen,
+        age_sd=age_sd,
+    )  # fmt: skip
+    return FusionResult(
+        whole_trajectory(make(states=outcome.smoothed, blend=True), len(session.imu)),
+        partial(make, states=outcome.filtered, blend=False),
+        history,
+        outcome.filtered_parameters,
+        outcome.innovations,
+        delay,
+        Mounting(total, matrix_to_rpy(total), sd),
+        session.standstill,
+        margin,
+        len(outcome.nodes.t),
+        len(np.unique(outcome.nodes.fix_row[outcome.nodes.fix_row >= 0])),
+        outcome.factors,
+        warnings=warnings,
+    )
