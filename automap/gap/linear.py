@@ -155,12 +155,12 @@ def linearised(
         at = [place[(c.effect, c.parameter)] for c in columns]
         raw.append(_raw(fit, motion, columns, at, known))
     rows = _white(raw, known, sds)
-    score = sum((_product(r.phi, r.w[:, None])[:, 0] for r in rows), np.zeros(len(layout)))
-    info = sum((_product(r.phi, r.phi) for r in rows), np.zeros((len(layout),) * 2))
+    score = sum((product(r.phi, r.w[:, None])[:, 0] for r in rows), np.zeros(len(layout)))
+    info = sum((product(r.phi, r.phi) for r in rows), np.zeros((len(layout),) * 2))
     return Linear(tuple(layout), rows, None, score, info, sds, known)
 
 
-def _product(a: FloatArray, b: FloatArray) -> FloatArray:
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
     """a' b in double precision, a stretch at a time: the rows themselves are in single."""
     out: FloatArray = np.zeros((a.shape[1], b.shape[1]))
     for start in range(0, len(a), STRETCH):

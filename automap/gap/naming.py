@@ -139,13 +139,13 @@ def strongest_refused(found: Found) -> tuple[Refused, ...]:
         for c in selection.candidates.values()
         if c.choices == 1.0 and c.name not in barred
         for part in c.parts
-        if part not in has and known.shows(part)
+        if part not in has
     ]
     best = strongest_by_chance(known, [part for _, part in left], limits.NULL_DRAWS)
     if best is None:
         return ()
     name, part = left[best.number]
-    channel, size = shown_by(known, part)
+    channel, size = shown_by(best.known, part)
     return (Refused(name, best.nats, best.p_value, channel, size),)
 
 

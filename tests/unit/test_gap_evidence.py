@@ -281,6 +281,14 @@ def test_what_acts_on_the_constraint_itself_may_show_there_alone() -> None:
     assert found.nats > 15.0
 
 
+def test_what_the_constraint_alone_says_is_no_sign_of_something_missing() -> None:
+    swaying = strongest_by_chance(conditional(with_constraint(0.0, 4.0), Given()), [(0,)], 2000)
+    missing = strongest_by_chance(conditional(with_constraint(4.0, 4.0), Given()), [(0,)], 2000)
+    assert swaying is not None
+    assert missing is not None
+    assert swaying.p_value > 0.1 > limits.SUSPECTED >= missing.p_value
+
+
 def test_scores_that_are_all_too_large_tell_by_how_much() -> None:
     columns = np.arange(60)
     quiet = inflation(conditional(drive(np.zeros(60)), Given()), columns)
