@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from automap.effects import CATALOGUE, Effect
 from pipeline.gap.effect_words import as_clause, in_a_word, listed, sentence_case, what_is_wrong
 from pipeline.gap.misfit_words import misfit_words
+from pipeline.gap.model import left_to_runs
 from pipeline.gap.remedies import remedy
 from pipeline.gap.sizes import about
 
@@ -46,7 +47,12 @@ LEVELS = {
 def in_words(result: GapResult) -> list[Paragraph]:
     """All that a search found, and what is left."""
     out = [_overview(result)]
-    out += [finding_words(f, result.costs.get(f.effect)) for f in result.findings]
+    left = left_to_runs(result)
+    for f in result.findings:
+        lead, text = finding_words(f, result.costs.get(f.effect))
+        instead = listed([in_a_word(name) for name in left.get(f.effect, ())])
+        more = f" model.toml is without it: a run estimates {instead} on every drive anyhow."
+        out.append((lead, text + more if f.effect in left else text))
     out += [formula_words(f, result.costs.get(f.effect or "")) for f in result.formulas]
     out += [noise_words(c, result.costs.get(c.level)) for c in result.noise_claims]
     out += [kept_out_words(one) for one in result.kept_out]
