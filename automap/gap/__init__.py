@@ -5,7 +5,7 @@ order: ``drive`` and ``model`` (what goes in), ``motion``, ``fit`` (a model on a
 (a set of effects with its noise), ``candidates``, ``dictionary`` and ``slow`` (what may be
 missing), ``kernels``, ``whitening`` and ``linear`` (how it would show), ``evidence``,
 ``selection`` (which set), ``screening`` and ``search``, ``scoring`` and ``confirm`` (other data),
-``misfit``, ``stochastic`` and ``course_distance`` (what is left), ``chance``, ``naming``,
+``misfit`` and ``stochastic`` (what is left), ``chance``, ``naming``,
 ``result``, ``finder``; all that decides is in ``limits``. ``camera`` and ``laboratory`` search
 other recordings.
 """

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.gap import limits
-from automap.gap.evidence import Conditional, Part, conditional
+from automap.gap.evidence import Conditional, Part, conditional, single_nats
 from automap.gap.linear import Linear, Rows, product
 from automap.gap.whitening import LOOSE
 from automap.records import FloatArray, IntArray
@@ -38,19 +38,12 @@ def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int
     sds = known.linear.prior_sd[columns]
     best = np.full(draws, -np.inf)
     single = np.array([place[part[0]] for part in parts if len(part) == 1], np.int64)
-    several = [np.array([place[i] for i in part]) for part in parts if len(part) > 1]
-    for scale in limits.PRIOR_SCALES:
-        if len(single):
-            grown = (scale * sds[single]) ** 2
-            room = 1.0 + np.diag(info)[single] * grown
-            each = 0.5 * g[:, single] ** 2 * (grown / room) - 0.5 * np.log(room)
-            best = np.maximum(best, each.max(axis=1))
-        for at in several:
-            sd = scale * sds[at]
-            low = np.linalg.cholesky(info[np.ix_(at, at)] * np.outer(sd, sd) + np.eye(len(at)))
-            y = np.linalg.solve(low, (g[:, at] * sd).T)
-            best = np.maximum(best, 0.5 * (y**2).sum(axis=0) - np.log(np.diag(low)).sum())
-    return np.sort(best - np.log(len(limits.PRIOR_SCALES)))
+    if len(single):
+        own = np.diag(info)[single]
+        best = single_nats(g[:, single] ** 2 / own, own, sds[single]).max(axis=1)
+    for at in (np.array([place[i] for i in part]) for part in parts if len(part) > 1):
+        best = np.maximum(best, joint_nats(g[:, at], info[np.ix_(at, at)], sds[at]))
+    return np.sort(best)
 
 
 def p_value(nats: float, maxima: FloatArray) -> float:
@@ -113,8 +106,7 @@ def strongest_by_chance(known: Conditional, parts: Sequence[Part], draws: int) -
         return None
     number = int(np.argmax(seen))
     own = next(side for side, mine in sides if number in mine)
-    nats = float(seen[number] - np.log(len(limits.PRIOR_SCALES)))
-    return Strongest(number, own, nats, int(np.sum(best >= best[0] - TIE)) / draws)
+    return Strongest(number, own, float(seen[number]), int(np.sum(best >= best[0] - TIE)) / draws)
 
 
 def _drawn(
@@ -131,24 +123,29 @@ def _drawn(
         some = single[start : start + COLUMNS]
         columns = np.array([parts[i][0] for i in some])
         own, info = scores[:, columns], known.diagonal[columns]
-        square = (signs @ own) ** 2 / np.maximum((own**2).sum(axis=0), info)
-        nats = np.full(square.shape, -np.inf)
-        for scale in limits.PRIOR_SCALES:
-            room = info * (scale * known.linear.prior_sd[columns]) ** 2
-            nats = np.maximum(nats, 0.5 * square * room / (1.0 + room) - 0.5 * np.log1p(room))
-        yield nats, some
+        squares = (signs @ own) ** 2 / np.maximum((own**2).sum(axis=0), info)
+        yield single_nats(squares, info, known.linear.prior_sd[columns]), some
     for i in (i for i in numbers if len(parts[i]) > 1):
         at = list(parts[i])
         own, info = scores[:, at], known.info(parts[i])
-        white = np.linalg.solve(np.linalg.cholesky(info), own.T).T
+        white = np.linalg.solve(np.linalg.cholesky(info), own.T)
         size = max(float((white**2).sum()) / len(at), 1.0)
-        each = np.full(len(signs), -np.inf)
-        for scale in limits.PRIOR_SCALES:
-            sd = scale * known.linear.prior_sd[at]
-            low = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(at)))
-            y = np.linalg.solve(low, (signs @ own * sd).T)
-            each = np.maximum(each, 0.5 * (y**2).sum(axis=0) / size - np.log(np.diag(low)).sum())
-        yield each[:, None], np.array([i])
+        nats = joint_nats(signs @ own, info, known.linear.prior_sd[at], size)
+        yield nats[:, None], np.array([i])
+
+
+def joint_nats(
+    g: FloatArray, info: FloatArray, prior_sd: FloatArray, size: float = 1.0
+) -> FloatArray:
+    """Nats [draws] of parameters that act together, of scores [draws, p], information [p, p] and
+    prior sds [p], where scores scatter by ``size`` more than they should."""
+    best = np.full(len(g), -np.inf)
+    for scale in limits.PRIOR_SCALES:
+        sd = scale * prior_sd
+        low = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(sd)))
+        y = np.linalg.solve(low, (g * sd).T)
+        best = np.maximum(best, 0.5 * (y**2).sum(axis=0) / size - np.log(np.diag(low)).sum())
+    return best - np.log(len(limits.PRIOR_SCALES))
 
 
 def _received(linear: Linear) -> Linear:

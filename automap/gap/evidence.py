@@ -123,12 +123,18 @@ def plain_nats(known: Conditional, part: Part) -> tuple[float, float]:
 
 def singles(known: Conditional, columns: IntArray) -> FloatArray:
     """The same of many columns [k], each a part of its own."""
-    g, info = known.score[columns], known.diagonal[columns]
-    best = np.full(len(columns), -np.inf)
+    info = known.diagonal[columns]
+    squares = known.score[columns] ** 2 / np.maximum(info, 1e-300)
+    return single_nats(squares, info, known.linear.prior_sd[columns])
+
+
+def single_nats(squares: FloatArray, info: FloatArray, prior_sd: FloatArray) -> FloatArray:
+    """Nats [..., k] of single parameters of squared sigmas [..., k], information [k] and prior sds
+    [k]."""
+    best = np.full(squares.shape, -np.inf)
     for scale in limits.PRIOR_SCALES:
-        room = 1.0 + info * (scale * known.linear.prior_sd[columns]) ** 2
-        grown = (scale * known.linear.prior_sd[columns]) ** 2
-        best = np.maximum(best, 0.5 * g**2 * grown / room - 0.5 * np.log(room))
+        room = info * (scale * prior_sd) ** 2
+        best = np.maximum(best, 0.5 * squares * room / (1.0 + room) - 0.5 * np.log1p(room))
     return np.asarray(best - np.log(len(limits.PRIOR_SCALES)))
 
 
@@ -322,12 +328,3 @@ def _predicted(
         others = np.linalg.solve(info.sum(axis=0) - own + precision, g.sum(axis=0) - one)
         out.append(float(others @ one - 0.5 * others @ own @ others))
     return np.array(out)
-
-
-def estimate_nats(values: FloatArray, cov: FloatArray, prior_sd: FloatArray) -> float:
-    """Nats that an estimate [p] of covariance [p, p] is worth against nothing: the density of the
-    prior, of sds [p], at zero over that of the estimate (Savage and Dickey)."""
-    z = values / prior_sd
-    root = np.linalg.cholesky(cov / np.outer(prior_sd, prior_sd) + 1e-12 * np.eye(len(z)))
-    y = np.linalg.solve(root, z)
-    return 0.5 * float(y @ y) + float(np.log(np.diag(root)).sum())

@@ -12,7 +12,6 @@ from automap.gap import limits
 from automap.gap.camera.search import CameraGap
 from automap.gap.candidates import library
 from automap.gap.confirm import Confirmed, costs
-from automap.gap.course_distance import course_distance_finding
 from automap.gap.dictionary import forget_formulas
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit, GapModel, base_model, fit_drive, without_course_distance
@@ -47,7 +46,12 @@ from automap.gap.scoring import (
 )
 from automap.gap.screening import Found
 from automap.gap.search import Search
-from automap.gap.stochastic import noise_claims, noise_levels, stochastic_findings
+from automap.gap.stochastic import (
+    course_distance_finding,
+    noise_claims,
+    noise_levels,
+    stochastic_findings,
+)
 
 
 @dataclass(frozen=True)

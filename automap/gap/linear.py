@@ -134,8 +134,10 @@ def linearised(
     fits: Sequence[Fit],
     columns_of: ColumnsOf,
     values: Mapping[str, Mapping[str, float]],
+    may_act: bool = True,
 ) -> Linear:
-    """The fits, with effects held at ``values``, made linear in all columns."""
+    """The fits, with effects held at ``values``, made linear in all columns, of which more than
+    those ``may_act``."""
     per_drive = []
     layout: list[Column] = []
     place: dict[tuple[str, str], int] = {}
@@ -154,7 +156,7 @@ def linearised(
     for fit, motion, columns in per_drive:
         at = [place[(c.effect, c.parameter)] for c in columns]
         raw.append(_raw(fit, motion, columns, at, known))
-    rows = _white(raw, known, sds)
+    rows = _white(raw, known, sds, may_act)
     score = sum((product(r.phi, r.w[:, None])[:, 0] for r in rows), np.zeros(len(layout)))
     info = sum((product(r.phi, r.phi) for r in rows), np.zeros((len(layout),) * 2))
     return Linear(tuple(layout), rows, None, score, info, sds, known)
@@ -238,18 +240,22 @@ def _times(phi: FloatArray, values: FloatArray) -> FloatArray:
     return np.asarray(phi[:, used].astype(np.float64) @ values[used], np.float64)
 
 
-def _white(raw: Sequence[Rows], known: FloatArray, sds: FloatArray) -> tuple[Rows, ...]:
+def _white(
+    raw: Sequence[Rows], known: FloatArray, sds: FloatArray, may_act: bool = True
+) -> tuple[Rows, ...]:
     """White rows, weighted by what is left of them once all candidates together have been fitted
     (ridge regression by their priors, iteratively reweighted: Huber, Robust Statistics, 1981).
 
     Innovations that only a missing effect makes large would else count for too little, and a
-    formula that saturates as the weights do would explain them best.
+    formula that saturates as the weights do would explain them best. Where no more may act than
+    what is ``known``, rows count by what that leaves: weights that so many candidates have settled
+    favour what they say.
     """
-    values = known
-    for _ in range(PASSES):
+    left = [r.w - _times(r.phi, known) for r in raw]
+    for number in range(PASSES if may_act else 0):
         info: FloatArray = np.diag(sds**-2.0)
         score: FloatArray = np.zeros(len(sds))
-        roots = [_root_weights(r.w - _times(r.phi, values), r.channel) for r in raw]
+        roots = [_root_weights(rest, r.channel) for r, rest in zip(raw, left, strict=True)]
         for r, root in zip(raw, roots, strict=True):
             for start in range(0, len(root), STRETCH):
                 part = slice(start, start + STRETCH)
@@ -257,12 +263,14 @@ def _white(raw: Sequence[Rows], known: FloatArray, sds: FloatArray) -> tuple[Row
                 info += f.T @ f
                 score += f.T.astype(np.float64) @ (r.w[part] * root[part])
         values = np.asarray(np.linalg.solve(info, score))
-    cov = np.asarray(np.linalg.inv(info), np.float64)
+        left = [r.w - _times(r.phi, values) for r in raw]
+        if number == PASSES - 1:
+            cov = np.asarray(np.linalg.inv(info), np.float64)
+            left = [_studentised(*each, cov) for each in zip(left, raw, roots, strict=True)]
     out = []
-    for r, root in zip(raw, roots, strict=True):
-        left = _studentised(r.w - _times(r.phi, values), r, root, cov)
-        whitener = fit_whitener(left, r.channel)
-        white = white_rows(whitener, r.w, r.phi, r.t, r.channel, left)
+    for r, rest in zip(raw, left, strict=True):
+        whitener = fit_whitener(rest, r.channel)
+        white = white_rows(whitener, r.w, r.phi, r.t, r.channel, rest)
         out.append(Rows(white.w, white.phi, white.t, white.channel))
     return tuple(out)
 

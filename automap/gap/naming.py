@@ -27,7 +27,7 @@ from automap.gap.result import (
     advice,
     coefficient_names,
 )
-from automap.gap.screening import Found
+from automap.gap.screening import Found, in_layout
 from automap.gap.selection import Chosen, Move, Rival, Selection, twins_of
 from automap.records import FloatArray, IntArray
 
@@ -130,7 +130,8 @@ def chance(found: Found) -> FloatArray:
 
 def strongest_refused(found: Found) -> tuple[Refused, ...]:
     """The strongest candidate that is not named, and how likely chance makes one as strong."""
-    selection, chosen = found.selection, found.chosen
+    selection = found.nothing_else
+    chosen = in_layout(found.chosen, found.selection, selection)
     known, has = selection.given(chosen), {part for _, part, _ in chosen.parts}
     barred = twins_of(chosen.names)
     # the likeliest of many is not drawn anew: its chance would be told too small

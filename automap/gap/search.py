@@ -112,6 +112,7 @@ class Search:
             self.screening.effects,
             self.close,
             self._told(stands).after(self.spoken_against),
+            self.screening.selection(here, slow=False, may_act=False),
             self.borne_out,
         )
 

@@ -247,7 +247,7 @@ class Selection:
                 sum(m.odds - m.evidence.nats + m.evidence.corrected(common) for m in side)
                 for side in (moves, own)
             ]
-            out.append(Rival(other, odds[0] - odds[1], sum(m.odds for m in moves), instead))
+            out.append(Rival(other, odds[0] - odds[1], instead))
         return sorted(out, key=lambda r: -r.ahead)
 
     def _alone(self, rest: Chosen, name: str, part: Part) -> Move:
@@ -292,12 +292,11 @@ class Selection:
 
 @dataclass(frozen=True)
 class Rival:
-    """A candidate in the place of another: by how much its log odds are ahead of that one's, what
-    they are, and the choice with it."""
+    """A candidate in the place of another: by how much its log odds are ahead of that one's, and
+    the choice with it."""
 
     name: str
     ahead: float
-    odds: float
     chosen: Chosen
 
 

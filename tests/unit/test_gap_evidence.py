@@ -15,13 +15,13 @@ from automap.gap.chance import null_maxima, p_value, strongest_by_chance
 from automap.gap.evidence import (
     Given,
     conditional,
-    estimate_nats,
     evidence,
     inflation,
     plain_nats,
     singles,
 )
 from automap.gap.linear import Linear
+from automap.gap.screening import estimate_nats
 from automap.records import FloatArray
 from tests.unit.gap_linear import PRIOR_SD, columns_named, linear_of
 

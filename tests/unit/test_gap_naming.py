@@ -74,7 +74,7 @@ def found_with(
     effects = {n: n for n in chosen.names} | {"accel_x += k * speed": "formula_accel_x"}
     alike_names = not_told_apart or {}
     stands = Confirmed(dict(VALUES), ())
-    return Found(fitted, fitted, full, selection, chosen, effects, alike_names, stands)
+    return Found(fitted, fitted, full, selection, chosen, effects, alike_names, stands, selection)
 
 
 def told_of(found: Found, values: Values) -> list[Finding | Unexplained]:

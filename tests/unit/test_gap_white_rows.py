@@ -49,6 +49,23 @@ def test_large_innovations_that_a_missing_effect_explains_count_in_full() -> Non
     assert weights(w, np.zeros(ROWS))[few].mean() < 0.3
 
 
+def test_where_nothing_more_acts_rows_count_alike_whatever_a_stretch_says() -> None:
+    rng = np.random.default_rng(5)
+    w, phi = rng.standard_t(3.0, ROWS), rng.standard_normal((ROWS, 200))
+    turned = np.where(np.arange(ROWS) < ROWS // 2, 1.0, -1.0)
+    sizes = {}
+    for may_act in (True, False):
+        one, other = (
+            _white([rows_of(signs * w, phi)], np.zeros(200), np.full(200, 5.0), may_act)[0].phi
+            for signs in (np.ones(ROWS), turned)
+        )
+        sizes[may_act] = np.abs(np.log(np.linalg.norm(one, axis=1) / np.linalg.norm(other, axis=1)))
+    # but for what noise remembers across the turn
+    assert sizes[False].max() < 0.05
+    # columns that may act follow what there is, and settle what counts by it
+    assert sizes[True].max() > 0.2
+
+
 def test_wild_values_count_little_where_an_effect_is_missing_too() -> None:
     noise, bends, few = drive()
     rng = np.random.default_rng(2)
