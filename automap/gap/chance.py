@@ -145,7 +145,7 @@ def joint_nats(
         low = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(sd)))
         y = np.linalg.solve(low, (g * sd).T)
         best = np.maximum(best, 0.5 * (y**2).sum(axis=0) / size - np.log(np.diag(low)).sum())
-    return best - np.log(len(limits.PRIOR_SCALES))
+    return np.asarray(best - np.log(len(limits.PRIOR_SCALES)))
 
 
 def _received(linear: Linear) -> Linear:

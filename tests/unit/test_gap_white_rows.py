@@ -51,12 +51,12 @@ def test_large_innovations_that_a_missing_effect_explains_count_in_full() -> Non
 
 def test_where_nothing_more_acts_rows_count_alike_whatever_a_stretch_says() -> None:
     rng = np.random.default_rng(5)
-    w, phi = rng.standard_t(3.0, ROWS), rng.standard_normal((ROWS, 200))
+    w, phi = rng.standard_t(3.0, ROWS), rng.standard_normal((ROWS, 300))
     turned = np.where(np.arange(ROWS) < ROWS // 2, 1.0, -1.0)
     sizes = {}
     for may_act in (True, False):
         one, other = (
-            _white([rows_of(signs * w, phi)], np.zeros(200), np.full(200, 5.0), may_act)[0].phi
+            _white([rows_of(signs * w, phi)], np.zeros(300), np.full(300, 5.0), may_act)[0].phi
             for signs in (np.ones(ROWS), turned)
         )
         sizes[may_act] = np.abs(np.log(np.linalg.norm(one, axis=1) / np.linalg.norm(other, axis=1)))
