@@ -190,7 +190,7 @@ def _result(
     noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
     shown = places(first, final)
-    carried = replace(model, values={**model.values, **values})
+    carried = replace(model, values={**model.values, **values, **_values_of(lagging)})
     return GapResult(
         gaps[0],
         rest,
@@ -212,6 +212,13 @@ def _result(
         kept_out=kept_out,
         positions=stands.positions,
     )
+
+
+def _values_of(finding: Finding | None) -> dict[str, dict[str, float]]:
+    """What a finding says of an effect that every model estimates, for runs that do not."""
+    if finding is None:
+        return {}
+    return {finding.effect: {p: known.value for p, known in finding.parameters.items()}}
 
 
 def _by_formula(found: Found, kept_out: Sequence[KeptOut]) -> tuple[KeptOut, ...]:

@@ -255,10 +255,12 @@ def course_distance_finding(
     factors of the noise as it was asked with, ``gap`` what is left on held-out data.
     """
     fits = found.fitted.fits
-    if COURSE_DISTANCE_STATE not in fits[0].last.problem.model.names:
+    own = found.fitted.model
+    if BEHIND not in own.options.effects or BEHIND in own.values:
+        # no part of it, or known already
         return None
     value, sd = _distance(fits)
-    model = without_course_distance(found.fitted.model)
+    model = without_course_distance(own)
     bare = with_noise(fitted_about(model, found.fitted.estimate, fits), stated)
     held = fit_held_out(held_out, bare.model, values, final)
     nats, sigmas = likelier((*fits, *final), (*bare.fits, *held))

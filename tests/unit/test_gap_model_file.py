@@ -10,6 +10,7 @@ import pytest
 from automap.effects import CATALOGUE
 from automap.fusion.options import FusionOptions
 from automap.gap import Finding, GapResult, ParameterValue, base_model
+from automap.gap.finder import _values_of
 from automap.gap.fit import BASE_NUISANCES, GapModel, base_options
 from pipeline.gap.command import as_json
 from pipeline.gap.model import _nuisances, left_to_runs, model_toml
@@ -79,3 +80,16 @@ def test_a_run_that_estimates_less_is_no_reason_to_leave_something_out() -> None
     result = named("gyro_g_sensitivity", "accel_scale")
     few = replace(result.model.options, effects=("accel_bias", "gyro_bias"))
     assert left_to_runs(replace(result, model=replace(result.model, options=few))) == {}
+
+
+def test_a_distance_that_every_search_estimates_is_written_where_it_is_a_finding(
+    tmp_path: Path,
+) -> None:
+    result = named("gnss_course_distance", "gnss_lever_arm")
+    (finding,) = result.findings
+    carried = replace(result.model, values=_values_of(finding))
+    text = model_toml(replace(result, model=carried), [], EffectsSettings(), tmp_path)
+    assert "[fuse.fixed.gnss_course_distance]\nm = 0.001\n" in text
+    assert _values_of(None) == {}
+    fixed = replace(FusionOptions(), fixed=carried.values)
+    assert base_model(base_options(fixed)).values == carried.values
