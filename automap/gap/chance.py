@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.gap import limits
-from automap.gap.evidence import Conditional, Part, conditional, single_nats
-from automap.gap.linear import Linear, Rows, product
-from automap.gap.whitening import LOOSE
+from automap.gap.evidence import single_nats
+from automap.gap.linear import Conditional, Linear, Part, conditional
+from automap.gap.whitening import LOOSE, Rows, product
 from automap.records import FloatArray, IntArray
 
 SINGULAR = 1e-6

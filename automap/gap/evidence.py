@@ -18,12 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.gap import limits
-from automap.gap.linear import Linear
+from automap.gap.linear import Conditional, Part
 from automap.gap.whitening import LOOSE
 from automap.records import BoolArray, FloatArray, IntArray
 
-Part = tuple[int, ...]
-"""Columns that act together."""
 MEDIAN_SQUARE = 0.4549
 """Median of the square of a standard normal value."""
 
@@ -47,62 +45,6 @@ class Evidence:
     def corrected(self, ratio: float) -> float:
         """Nats where the score scatters by ``ratio`` more than it should."""
         return self.uncorrected - self.fixed * (1.0 - 1.0 / max(ratio, 1.0))
-
-
-@dataclass(frozen=True)
-class Given:
-    """What is in the model beside a candidate: its columns and their prior sds."""
-
-    columns: tuple[int, ...] = ()
-    prior_sd: tuple[float, ...] = ()
-
-    def joined(self, part: Part, linear: Linear, scale: float) -> Given:
-        """The same with one more part."""
-        sds = tuple(float(scale * linear.prior_sd[i]) for i in part)
-        return Given((*self.columns, *part), (*self.prior_sd, *sds))
-
-
-@dataclass(frozen=True)
-class Conditional:
-    """Scores [v] and information of all columns with those given marginalised; ``weights`` [q, v]
-    of the given ones in each, ``value`` [q] their estimate; ``cross`` [q, v]."""
-
-    given: Given
-    score: FloatArray
-    diagonal: FloatArray
-    weights: FloatArray
-    value: FloatArray
-    linear: Linear
-
-    def shows(self, part: Part) -> bool:
-        """Whether a part has something of its own beside what is given: what is left of nearly the
-        same is what a linear model has wrong of either."""
-        own = np.diag(self.linear.info)[list(part)]
-        return bool((self.diagonal[list(part)] > limits.LEAST_OWN * own).all())
-
-    def info(self, part: Part) -> FloatArray:
-        """Information [p, p] of a part."""
-        rows = list(part)
-        full = self.linear.info[np.ix_(rows, rows)]
-        if not self.given.columns:
-            return np.asarray(full)
-        cross = self.linear.info[np.ix_(list(self.given.columns), rows)]
-        return np.asarray(full - cross.T @ self.weights[:, rows])
-
-
-def conditional(linear: Linear, given: Given) -> Conditional:
-    """Marginalise what is given."""
-    at = list(given.columns)
-    if not at:
-        none = np.zeros((0, len(linear.score)))
-        diagonal = np.diag(linear.info).copy()
-        return Conditional(given, linear.score, diagonal, none, np.zeros(0), linear)
-    inner = linear.info[np.ix_(at, at)] + np.diag(np.array(given.prior_sd) ** -2.0)
-    weights = np.asarray(np.linalg.solve(inner, linear.info[at]), np.float64)
-    value = np.asarray(np.linalg.solve(inner, linear.score[at]), np.float64)
-    score = linear.score - weights.T @ linear.score[at]
-    diagonal = np.diag(linear.info) - np.einsum("qv,qv->v", linear.info[at], weights)
-    return Conditional(given, score, np.maximum(diagonal, 0.0), weights, value, linear)
 
 
 def plain_nats(known: Conditional, part: Part) -> tuple[float, float]:

@@ -12,10 +12,10 @@ from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import ORIGIN, named_columns
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
-from automap.gap.evidence import Part, shown_by
+from automap.gap.evidence import shown_by
 from automap.gap.fit import Fit, Values
 from automap.gap.limits import ALIKE, SHOWS
-from automap.gap.linear import linearised
+from automap.gap.linear import Part, linearised
 from automap.gap.misfit import LIKE, Misfit
 from automap.gap.result import (
     Finding,

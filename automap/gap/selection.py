@@ -14,19 +14,8 @@ import numpy as np
 from automap.effects.catalogue import alike_to_first_order
 from automap.gap import limits
 from automap.gap.candidates import Candidate, is_course
-from automap.gap.evidence import (
-    Conditional,
-    Evidence,
-    Given,
-    Part,
-    apart,
-    conditional,
-    evidence,
-    inflation,
-    plain_nats,
-    singles,
-)
-from automap.gap.linear import Linear
+from automap.gap.evidence import Evidence, apart, evidence, inflation, plain_nats, singles
+from automap.gap.linear import Conditional, Given, Linear, Part, conditional
 from automap.gates import exceeds
 
 Key = tuple[str, tuple[str, ...]]

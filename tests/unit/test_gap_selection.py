@@ -11,8 +11,7 @@ import pytest
 
 from automap.gap import limits
 from automap.gap.candidates import Candidate
-from automap.gap.evidence import Given
-from automap.gap.linear import Linear
+from automap.gap.linear import Given, Linear
 from automap.gap.search import Search
 from automap.gap.selection import Chosen, Selection, select, twins_of
 from automap.records import FloatArray

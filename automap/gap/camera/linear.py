@@ -15,9 +15,9 @@ from automap.effects import CATALOGUE
 from automap.gap.camera.fit import CameraFit
 from automap.gap.camera.views import keys
 from automap.gap.candidates import candidates_of
-from automap.gap.evidence import Given
-from automap.gap.linear import Column, Linear, Rows
+from automap.gap.linear import Column, Given, Linear
 from automap.gap.selection import Selection
+from automap.gap.whitening import Rows
 from automap.records import FloatArray
 
 PATH = "path"
