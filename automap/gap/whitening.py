@@ -21,14 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS
-from automap.gap.limits import (
-    AR_ORDER,
-    BLOCKS_S,
-    HUBER,
-    LEAST_OWN,
-    MAX_COEFFICIENT_SUM,
-    MIN_ROWS,
-)
+from automap.gap.limits import AR_ORDER, BLOCKS_S, HUBER, LEAST_OWN, MAX_COEFFICIENT_SUM, MIN_ROWS
 from automap.gates import sd_by_median
 from automap.records import FloatArray, IntArray
 
