@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from automap.gap import limits
-from automap.gap.evidence import Conditional, Part
-from automap.records import FloatArray
+from automap.gap.evidence import single_nats
+from automap.gap.linear import Conditional, Linear, Part, conditional
+from automap.gap.whitening import LOOSE, Rows, product
+from automap.records import FloatArray, IntArray
 
 SINGULAR = 1e-6
 """Share of its variance by which a score is drawn too large, so that a matrix has a root."""
@@ -36,19 +38,12 @@ def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int
     sds = known.linear.prior_sd[columns]
     best = np.full(draws, -np.inf)
     single = np.array([place[part[0]] for part in parts if len(part) == 1], np.int64)
-    several = [np.array([place[i] for i in part]) for part in parts if len(part) > 1]
-    for scale in limits.PRIOR_SCALES:
-        if len(single):
-            grown = (scale * sds[single]) ** 2
-            room = 1.0 + np.diag(info)[single] * grown
-            each = 0.5 * g[:, single] ** 2 * (grown / room) - 0.5 * np.log(room)
-            best = np.maximum(best, each.max(axis=1))
-        for at in several:
-            sd = scale * sds[at]
-            low = np.linalg.cholesky(info[np.ix_(at, at)] * np.outer(sd, sd) + np.eye(len(at)))
-            y = np.linalg.solve(low, (g[:, at] * sd).T)
-            best = np.maximum(best, 0.5 * (y**2).sum(axis=0) - np.log(np.diag(low)).sum())
-    return np.sort(best - np.log(len(limits.PRIOR_SCALES)))
+    if len(single):
+        own = np.diag(info)[single]
+        best = single_nats(g[:, single] ** 2 / own, own, sds[single]).max(axis=1)
+    for at in (np.array([place[i] for i in part]) for part in parts if len(part) > 1):
+        best = np.maximum(best, joint_nats(g[:, at], info[np.ix_(at, at)], sds[at]))
+    return np.sort(best)
 
 
 def p_value(nats: float, maxima: FloatArray) -> float:
@@ -66,64 +61,104 @@ def p_value(nats: float, maxima: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class Strongest:
-    """Of many parts the one that explains most, stretch by stretch: its number among them, its
-    nats, and the chance that the strongest of all reaches as much where none acts."""
+    """Of many parts the one that explains most, stretch by stretch: its number among them, what
+    has a say of it, its nats, and the chance that the strongest of all reaches as much where none
+    acts."""
 
     number: int
+    known: Conditional
     nats: float
     p_value: float
 
 
 def strongest_by_chance(known: Conditional, parts: Sequence[Part], draws: int) -> Strongest | None:
-    """The strongest of ``parts``, judged by the drives' own scatter; None without any.
+    """The strongest of ``parts``, judged by the drives' own scatter; None without any that shows.
 
     Where nothing is missing, what a stretch says of a candidate might as well have had the other
     sign: whatever noise makes of the stretches, and however long it lasts within one. So all
     stretches of half a minute are given signs at random (the wild bootstrap of scores by clusters:
     Kline and Santos, Journal of Econometric Methods 1 (2012), 23-41). Of few stretches there are
     few such draws, and no chance is told below the share of the drawn one itself.
+
+    What the vehicle constraint says has no such sign: a body that sways against its path turns the
+    gyro with it, so the constraint's errors go along with all that is made of small turn rates. It
+    has a say of what acts on the vehicle itself, and of nothing else.
     """
-    if not parts:
+    received = conditional(_received(known.linear), known.given)
+    sides: list[tuple[Conditional, list[int]]] = [(known, []), (received, [])]
+    for number, part in enumerate(parts):
+        side, mine = sides[0 if known.linear.of_vehicle(part) else 1]
+        if side.shows(part):
+            mine.append(number)
+    signs: FloatArray | None = None
+    best, seen = np.full(draws, -np.inf), np.full(len(parts), -np.inf)
+    for side, mine in sides:
+        if not mine:
+            continue
+        scores = _by_stretch(side)
+        if signs is None:
+            signs = np.random.default_rng(1).choice([-1.0, 1.0], size=(draws, len(scores)))
+            signs[0] = 1.0
+        for nats, numbers in _drawn(side, parts, mine, scores, signs):
+            seen[numbers] = nats[0]
+            best = np.maximum(best, nats.max(axis=1))
+    if signs is None:
         return None
-    scores = _by_stretch(known)
-    rng = np.random.default_rng(1)
-    signs = rng.choice([-1.0, 1.0], size=(draws, len(scores)))
-    signs[0] = 1.0
-    best, nats_seen = np.full(draws, -np.inf), np.empty(len(parts))
-    single = np.array([i for i, part in enumerate(parts) if len(part) == 1], np.int64)
+    number = int(np.argmax(seen))
+    own = next(side for side, mine in sides if number in mine)
+    return Strongest(number, own, float(seen[number]), int(np.sum(best >= best[0] - TIE)) / draws)
+
+
+def _drawn(
+    known: Conditional,
+    parts: Sequence[Part],
+    numbers: Sequence[int],
+    scores: FloatArray,
+    signs: FloatArray,
+) -> Iterator[tuple[FloatArray, IntArray]]:
+    """Nats [draws, k] of some of ``parts`` and their ``numbers`` [k] for ``signs`` [draws, b] of
+    the stretches' ``scores`` [b, v]; the scatter of a part is its own."""
+    single = np.array([i for i in numbers if len(parts[i]) == 1], np.int64)
     for start in range(0, len(single), COLUMNS):
         some = single[start : start + COLUMNS]
         columns = np.array([parts[i][0] for i in some])
-        own = scores[:, columns]
-        info = known.diagonal[columns]
-        size = np.maximum((own**2).sum(axis=0), info)
-        square = (signs @ own) ** 2 / size
-        nats = np.full(square.shape, -np.inf)
-        for scale in limits.PRIOR_SCALES:
-            room = info * (scale * known.linear.prior_sd[columns]) ** 2
-            nats = np.maximum(nats, 0.5 * square * room / (1.0 + room) - 0.5 * np.log1p(room))
-        nats_seen[some] = nats[0]
-        best = np.maximum(best, nats.max(axis=1))
-    for i in (i for i, part in enumerate(parts) if len(part) > 1):
+        own, info = scores[:, columns], known.diagonal[columns]
+        squares = (signs @ own) ** 2 / np.maximum((own**2).sum(axis=0), info)
+        yield single_nats(squares, info, known.linear.prior_sd[columns]), some
+    for i in (i for i in numbers if len(parts[i]) > 1):
         at = list(parts[i])
         own, info = scores[:, at], known.info(parts[i])
-        root = np.linalg.cholesky(info)
-        white = np.linalg.solve(root, own.T).T
+        white = np.linalg.solve(np.linalg.cholesky(info), own.T)
         size = max(float((white**2).sum()) / len(at), 1.0)
-        nats = np.full(draws, -np.inf)
-        for scale in limits.PRIOR_SCALES:
-            sd = scale * known.linear.prior_sd[at]
-            low = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(at)))
-            y = np.linalg.solve(low, (signs @ own * sd).T)
-            each = 0.5 * (y**2).sum(axis=0) / size - np.log(np.diag(low)).sum()
-            nats = np.maximum(nats, each)
-        nats_seen[i] = nats[0]
-        best = np.maximum(best, nats)
-    number = int(np.argmax(nats_seen))
-    reached = int(np.sum(best >= best[0] - TIE))
-    return Strongest(
-        number, float(nats_seen[number] - np.log(len(limits.PRIOR_SCALES))), reached / draws
-    )
+        nats = joint_nats(signs @ own, info, known.linear.prior_sd[at], size)
+        yield nats[:, None], np.array([i])
+
+
+def joint_nats(
+    g: FloatArray, info: FloatArray, prior_sd: FloatArray, size: float = 1.0
+) -> FloatArray:
+    """Nats [draws] of parameters that act together, of scores [draws, p], information [p, p] and
+    prior sds [p], where scores scatter by ``size`` more than they should."""
+    best = np.full(len(g), -np.inf)
+    for scale in limits.PRIOR_SCALES:
+        sd = scale * prior_sd
+        low = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(sd)))
+        y = np.linalg.solve(low, (g * sd).T)
+        best = np.maximum(best, 0.5 * (y**2).sum(axis=0) / size - np.log(np.diag(low)).sum())
+    return np.asarray(best - np.log(len(limits.PRIOR_SCALES)))
+
+
+def _received(linear: Linear) -> Linear:
+    """The same with nothing said by the vehicle constraint; as many rows."""
+    rows = []
+    for r in linear.rows:
+        kept = ~np.isin(r.channel, LOOSE)
+        rows.append(Rows(r.w * kept, r.phi * kept[:, None], r.t, r.channel))
+    score = sum((product(r.phi, r.w[:, None])[:, 0] for r in rows), np.zeros(1))
+    info = sum((product(r.phi, r.phi) for r in rows), np.zeros((1, 1)))
+    if linear.mixing is not None:
+        score, info = linear.mixing.T @ score, linear.mixing.T @ info @ linear.mixing
+    return replace(linear, rows=tuple(rows), score=score, info=info)
 
 
 def _by_stretch(known: Conditional) -> FloatArray:

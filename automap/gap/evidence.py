@@ -18,12 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.gap import limits
-from automap.gap.linear import Linear
+from automap.gap.linear import Conditional, Part
 from automap.gap.whitening import LOOSE
 from automap.records import BoolArray, FloatArray, IntArray
 
-Part = tuple[int, ...]
-"""Columns that act together."""
 MEDIAN_SQUARE = 0.4549
 """Median of the square of a standard normal value."""
 
@@ -49,62 +47,6 @@ class Evidence:
         return self.uncorrected - self.fixed * (1.0 - 1.0 / max(ratio, 1.0))
 
 
-@dataclass(frozen=True)
-class Given:
-    """What is in the model beside a candidate: its columns and their prior sds."""
-
-    columns: tuple[int, ...] = ()
-    prior_sd: tuple[float, ...] = ()
-
-    def joined(self, part: Part, linear: Linear, scale: float) -> Given:
-        """The same with one more part."""
-        sds = tuple(float(scale * linear.prior_sd[i]) for i in part)
-        return Given((*self.columns, *part), (*self.prior_sd, *sds))
-
-
-@dataclass(frozen=True)
-class Conditional:
-    """Scores [v] and information of all columns with those given marginalised; ``weights`` [q, v]
-    of the given ones in each, ``value`` [q] their estimate; ``cross`` [q, v]."""
-
-    given: Given
-    score: FloatArray
-    diagonal: FloatArray
-    weights: FloatArray
-    value: FloatArray
-    linear: Linear
-
-    def shows(self, part: Part) -> bool:
-        """Whether a part has something of its own beside what is given: what is left of nearly the
-        same is what a linear model has wrong of either."""
-        own = np.diag(self.linear.info)[list(part)]
-        return bool((self.diagonal[list(part)] > limits.LEAST_OWN * own).all())
-
-    def info(self, part: Part) -> FloatArray:
-        """Information [p, p] of a part."""
-        rows = list(part)
-        full = self.linear.info[np.ix_(rows, rows)]
-        if not self.given.columns:
-            return np.asarray(full)
-        cross = self.linear.info[np.ix_(list(self.given.columns), rows)]
-        return np.asarray(full - cross.T @ self.weights[:, rows])
-
-
-def conditional(linear: Linear, given: Given) -> Conditional:
-    """Marginalise what is given."""
-    at = list(given.columns)
-    if not at:
-        none = np.zeros((0, len(linear.score)))
-        diagonal = np.diag(linear.info).copy()
-        return Conditional(given, linear.score, diagonal, none, np.zeros(0), linear)
-    inner = linear.info[np.ix_(at, at)] + np.diag(np.array(given.prior_sd) ** -2.0)
-    weights = np.asarray(np.linalg.solve(inner, linear.info[at]), np.float64)
-    value = np.asarray(np.linalg.solve(inner, linear.score[at]), np.float64)
-    score = linear.score - weights.T @ linear.score[at]
-    diagonal = np.diag(linear.info) - np.einsum("qv,qv->v", linear.info[at], weights)
-    return Conditional(given, score, np.maximum(diagonal, 0.0), weights, value, linear)
-
-
 def plain_nats(known: Conditional, part: Part) -> tuple[float, float]:
     """Nats of a part under the noise as modelled, and the factor on its prior."""
     g = known.score[list(part)]
@@ -123,12 +65,18 @@ def plain_nats(known: Conditional, part: Part) -> tuple[float, float]:
 
 def singles(known: Conditional, columns: IntArray) -> FloatArray:
     """The same of many columns [k], each a part of its own."""
-    g, info = known.score[columns], known.diagonal[columns]
-    best = np.full(len(columns), -np.inf)
+    info = known.diagonal[columns]
+    squares = known.score[columns] ** 2 / np.maximum(info, 1e-300)
+    return single_nats(squares, info, known.linear.prior_sd[columns])
+
+
+def single_nats(squares: FloatArray, info: FloatArray, prior_sd: FloatArray) -> FloatArray:
+    """Nats [..., k] of single parameters of squared sigmas [..., k], information [k] and prior sds
+    [k]."""
+    best = np.full(squares.shape, -np.inf)
     for scale in limits.PRIOR_SCALES:
-        room = 1.0 + info * (scale * known.linear.prior_sd[columns]) ** 2
-        grown = (scale * known.linear.prior_sd[columns]) ** 2
-        best = np.maximum(best, 0.5 * g**2 * grown / room - 0.5 * np.log(room))
+        room = info * (scale * prior_sd) ** 2
+        best = np.maximum(best, 0.5 * squares * room / (1.0 + room) - 0.5 * np.log1p(room))
     return np.asarray(best - np.log(len(limits.PRIOR_SCALES)))
 
 
@@ -322,12 +270,3 @@ def _predicted(
         others = np.linalg.solve(info.sum(axis=0) - own + precision, g.sum(axis=0) - one)
         out.append(float(others @ one - 0.5 * others @ own @ others))
     return np.array(out)
-
-
-def estimate_nats(values: FloatArray, cov: FloatArray, prior_sd: FloatArray) -> float:
-    """Nats that an estimate [p] of covariance [p, p] is worth against nothing: the density of the
-    prior, of sds [p], at zero over that of the estimate (Savage and Dickey)."""
-    z = values / prior_sd
-    root = np.linalg.cholesky(cov / np.outer(prior_sd, prior_sd) + 1e-12 * np.eye(len(z)))
-    y = np.linalg.solve(root, z)
-    return 0.5 * float(y @ y) + float(np.log(np.diag(root)).sum())

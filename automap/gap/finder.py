@@ -12,7 +12,6 @@ from automap.gap import limits
 from automap.gap.camera.search import CameraGap
 from automap.gap.candidates import library
 from automap.gap.confirm import Confirmed, costs
-from automap.gap.course_distance import course_distance_finding
 from automap.gap.dictionary import forget_formulas
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit, GapModel, base_model, fit_drive, without_course_distance
@@ -47,7 +46,12 @@ from automap.gap.scoring import (
 )
 from automap.gap.screening import Found
 from automap.gap.search import Search
-from automap.gap.stochastic import noise_claims, noise_levels, stochastic_findings
+from automap.gap.stochastic import (
+    course_distance_finding,
+    noise_claims,
+    noise_levels,
+    stochastic_findings,
+)
 
 
 @dataclass(frozen=True)
@@ -186,7 +190,7 @@ def _result(
     noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
     shown = places(first, final)
-    carried = replace(model, values={**model.values, **values})
+    carried = replace(model, values={**model.values, **values, **_values_of(lagging)})
     return GapResult(
         gaps[0],
         rest,
@@ -208,6 +212,13 @@ def _result(
         kept_out=kept_out,
         positions=stands.positions,
     )
+
+
+def _values_of(finding: Finding | None) -> dict[str, dict[str, float]]:
+    """What a finding says of an effect that every model estimates, for runs that do not."""
+    if finding is None:
+        return {}
+    return {finding.effect: {p: known.value for p, known in finding.parameters.items()}}
 
 
 def _by_formula(found: Found, kept_out: Sequence[KeptOut]) -> tuple[KeptOut, ...]:

@@ -16,20 +16,17 @@ import numpy as np
 from automap.effects.user import INERTIAL
 from automap.frames import quat_to_matrix
 from automap.fusion.steady_rate import steady_rate
+from automap.gap import limits
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.kernels import propagate_columns
-from automap.gap.limits import HUBER, LEAST_OWN
 from automap.gap.motion import Motion, at_times, motion_of
-from automap.gap.whitening import LOOSE, MIN_SPREAD, fit_whitener, white_rows
-from automap.gates import sd_by_median
+from automap.gap.whitening import LOOSE, Rows, product, times, whitened_rows
 from automap.records import FloatArray, IntArray
 
 BATCH = 96
 """Columns carried through the filter together: their rows stay in the processor's cache."""
-PASSES = 3
-"""Of weights that the residuals decide: they have settled then."""
-STRETCH = 2048
-"""Rows that are multiplied together in double precision; bounds the memory."""
+Part = tuple[int, ...]
+"""Columns that act together."""
 
 
 @dataclass(frozen=True)
@@ -89,17 +86,6 @@ def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
 
 
 @dataclass(frozen=True)
-class Rows:
-    """Rows of one drive: ``w`` [s] with all effects left out, ``phi`` [s, c], times ``t``
-    [s] in s, ``channel`` [s]."""
-
-    w: FloatArray
-    phi: FloatArray
-    t: FloatArray
-    channel: IntArray
-
-
-@dataclass(frozen=True)
 class Linear:
     """All drives: ``layout`` the columns, ``mixing`` [c, v] by which candidates' columns are made
     of them, None where each is one; score [v] and information [v, v] of these, prior sds [v], and
@@ -134,8 +120,10 @@ def linearised(
     fits: Sequence[Fit],
     columns_of: ColumnsOf,
     values: Mapping[str, Mapping[str, float]],
+    may_act: bool = True,
 ) -> Linear:
-    """The fits, with effects held at ``values``, made linear in all columns."""
+    """The fits, with effects held at ``values``, made linear in all columns, of which more than
+    those ``may_act``."""
     per_drive = []
     layout: list[Column] = []
     place: dict[tuple[str, str], int] = {}
@@ -154,19 +142,10 @@ def linearised(
     for fit, motion, columns in per_drive:
         at = [place[(c.effect, c.parameter)] for c in columns]
         raw.append(_raw(fit, motion, columns, at, known))
-    rows = _white(raw, known, sds)
-    score = sum((_product(r.phi, r.w[:, None])[:, 0] for r in rows), np.zeros(len(layout)))
-    info = sum((_product(r.phi, r.phi) for r in rows), np.zeros((len(layout),) * 2))
+    rows = whitened_rows(raw, known, sds, may_act)
+    score = sum((product(r.phi, r.w[:, None])[:, 0] for r in rows), np.zeros(len(layout)))
+    info = sum((product(r.phi, r.phi) for r in rows), np.zeros((len(layout),) * 2))
     return Linear(tuple(layout), rows, None, score, info, sds, known)
-
-
-def _product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """a' b in double precision, a stretch at a time: the rows themselves are in single."""
-    out: FloatArray = np.zeros((a.shape[1], b.shape[1]))
-    for start in range(0, len(a), STRETCH):
-        part = slice(start, start + STRETCH)
-        out += a[part].astype(np.float64).T @ b[part].astype(np.float64)
-    return out
 
 
 def _raw(
@@ -178,7 +157,7 @@ def _raw(
     for start in range(0, len(columns), BATCH):
         part = slice(start, start + BATCH)
         phi[:, at[part]] = sensitivities(fit, motion, columns[part])
-    return Rows(whitened + _times(phi, known), phi, t, channel)
+    return Rows(whitened + times(phi, known), phi, t, channel)
 
 
 def sensitivities(fit: Fit, motion: Motion, columns: Sequence[Column]) -> FloatArray:
@@ -232,59 +211,57 @@ def sensitivities(fit: Fit, motion: Motion, columns: Sequence[Column]) -> FloatA
     return np.asarray(out[:, back])
 
 
-def _times(phi: FloatArray, values: FloatArray) -> FloatArray:
-    """phi times values [s] in double precision, of the columns that count."""
-    used = np.flatnonzero(values)
-    return np.asarray(phi[:, used].astype(np.float64) @ values[used], np.float64)
+@dataclass(frozen=True)
+class Given:
+    """What is in the model beside a candidate: its columns and their prior sds."""
+
+    columns: tuple[int, ...] = ()
+    prior_sd: tuple[float, ...] = ()
+
+    def joined(self, part: Part, linear: Linear, scale: float) -> Given:
+        """The same with one more part."""
+        sds = tuple(float(scale * linear.prior_sd[i]) for i in part)
+        return Given((*self.columns, *part), (*self.prior_sd, *sds))
 
 
-def _white(raw: Sequence[Rows], known: FloatArray, sds: FloatArray) -> tuple[Rows, ...]:
-    """White rows, weighted by what is left of them once all candidates together have been fitted
-    (ridge regression by their priors, iteratively reweighted: Huber, Robust Statistics, 1981).
+@dataclass(frozen=True)
+class Conditional:
+    """Scores [v] and information of all columns with those given marginalised; ``weights`` [q, v]
+    of the given ones in each, ``value`` [q] their estimate; ``cross`` [q, v]."""
 
-    Innovations that only a missing effect makes large would else count for too little, and a
-    formula that saturates as the weights do would explain them best.
-    """
-    values = known
-    for _ in range(PASSES):
-        info: FloatArray = np.diag(sds**-2.0)
-        score: FloatArray = np.zeros(len(sds))
-        roots = [_root_weights(r.w - _times(r.phi, values), r.channel) for r in raw]
-        for r, root in zip(raw, roots, strict=True):
-            for start in range(0, len(root), STRETCH):
-                part = slice(start, start + STRETCH)
-                f = r.phi[part] * root[part, None].astype(np.float32)
-                info += f.T @ f
-                score += f.T.astype(np.float64) @ (r.w[part] * root[part])
-        values = np.asarray(np.linalg.solve(info, score))
-    cov = np.asarray(np.linalg.inv(info), np.float64)
-    out = []
-    for r, root in zip(raw, roots, strict=True):
-        left = _studentised(r.w - _times(r.phi, values), r, root, cov)
-        whitener = fit_whitener(left, r.channel)
-        white = white_rows(whitener, r.w, r.phi, r.t, r.channel, left)
-        out.append(Rows(white.w, white.phi, white.t, white.channel))
-    return tuple(out)
+    given: Given
+    score: FloatArray
+    diagonal: FloatArray
+    weights: FloatArray
+    value: FloatArray
+    linear: Linear
 
+    def shows(self, part: Part) -> bool:
+        """Whether a part has something of its own beside what is given: what is left of nearly the
+        same is what a linear model has wrong of either."""
+        own = np.diag(self.linear.info)[list(part)]
+        return bool((self.diagonal[list(part)] > limits.LEAST_OWN * own).all())
 
-def _studentised(left: FloatArray, rows: Rows, root: FloatArray, cov: FloatArray) -> FloatArray:
-    """What is left [s] of rows of weights ``root``^2 after a fit of covariance ``cov`` [c, c], as
-    large as the noise in them is: a fit follows the rows that tell most, and leaves little of them
-    (Cook and Weisberg, Residuals and Influence in Regression, 1982, section 2.2)."""
-    out = np.empty_like(left)
-    for start in range(0, len(left), STRETCH):
-        part = slice(start, start + STRETCH)
-        f = rows.phi[part] * root[part, None]
-        leverage = np.einsum("sc,sc->s", f @ cov, f)
-        out[part] = left[part] / np.sqrt(np.maximum(1.0 - leverage, LEAST_OWN))
-    return out
+    def info(self, part: Part) -> FloatArray:
+        """Information [p, p] of a part."""
+        rows = list(part)
+        full = self.linear.info[np.ix_(rows, rows)]
+        if not self.given.columns:
+            return np.asarray(full)
+        cross = self.linear.info[np.ix_(list(self.given.columns), rows)]
+        return np.asarray(full - cross.T @ self.weights[:, rows])
 
 
-def _root_weights(left: FloatArray, channel: IntArray) -> FloatArray:
-    """Square roots [s] of the weights of rows by what is left of them."""
-    out = np.zeros(len(left))
-    for c in np.unique(channel):
-        at = channel == c
-        spread = max(sd_by_median(left[at]), MIN_SPREAD[c])
-        out[at] = np.sqrt(HUBER / np.maximum(np.abs(left[at]) / spread, HUBER)) / spread
-    return out
+def conditional(linear: Linear, given: Given) -> Conditional:
+    """Marginalise what is given."""
+    at = list(given.columns)
+    if not at:
+        none = np.zeros((0, len(linear.score)))
+        diagonal = np.diag(linear.info).copy()
+        return Conditional(given, linear.score, diagonal, none, np.zeros(0), linear)
+    inner = linear.info[np.ix_(at, at)] + np.diag(np.array(given.prior_sd) ** -2.0)
+    weights = np.asarray(np.linalg.solve(inner, linear.info[at]), np.float64)
+    value = np.asarray(np.linalg.solve(inner, linear.score[at]), np.float64)
+    score = linear.score - weights.T @ linear.score[at]
+    diagonal = np.diag(linear.info) - np.einsum("qv,qv->v", linear.info[at], weights)
+    return Conditional(given, score, np.maximum(diagonal, 0.0), weights, value, linear)

@@ -17,17 +17,6 @@ import numpy.typing as npt
 from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.fit import Fit, whitened_innovations
-from automap.gap.limits import (
-    ACCELERATION,
-    BANDS,
-    CLIP,
-    MIN_ROWS,
-    MISFIT_ROWS,
-    PLACE_ROWS,
-    STANDING_SPEED,
-    TURN_RATE,
-    WORTH,
-)
 from automap.gap.motion import at_times, motion_of
 from automap.gap.scoring import MEASURED, SHOWN
 from automap.gates import exceeds
@@ -76,7 +65,7 @@ def misfits(fits: Sequence[Fit]) -> tuple[Misfit, ...]:
     told = [
         Misfit(m.channel, m.kind, m.where, m.size, min(1.0, tests * m.p_value))
         for m in found
-        if m.size >= WORTH
+        if m.size >= limits.WORTH
     ]
     told = [m for m in told if m.p_value <= np.exp(-limits.LEAST_ODDS)]
     return tuple(sorted(told, key=lambda m: -m.size))
@@ -85,7 +74,7 @@ def misfits(fits: Sequence[Fit]) -> tuple[Misfit, ...]:
 def _rows(fit: Fit, channel: int) -> tuple[FloatArray, FloatArray]:
     whitened, t, channels = whitened_innovations(fit)
     at = channels == channel
-    return np.clip(whitened[at], -CLIP, CLIP), t[at]
+    return np.clip(whitened[at], -limits.CLIP, limits.CLIP), t[at]
 
 
 def _bands(fits: Sequence[Fit], channel: int) -> list[Misfit]:
@@ -93,7 +82,7 @@ def _bands(fits: Sequence[Fit], channel: int) -> list[Misfit]:
     power, frequency = [], []
     for fit in fits:
         w, t = _rows(fit, channel)
-        if len(w) < MISFIT_ROWS:
+        if len(w) < limits.MISFIT_ROWS:
             continue
         step = float(np.median(np.diff(t)))
         if step <= 0.0:
@@ -104,7 +93,7 @@ def _bands(fits: Sequence[Fit], channel: int) -> list[Misfit]:
     if not power:
         return []
     p, f = np.concatenate(power), np.concatenate(frequency)
-    edges = np.geomspace(float(f.min()), float(f.max()) * 1.000001, BANDS + 1)
+    edges = np.geomspace(float(f.min()), float(f.max()) * 1.000001, limits.BANDS + 1)
     out = []
     for low, high in pairwise(edges):
         inside = (f >= low) & (f < high)
@@ -132,7 +121,7 @@ def _conditions(fits: Sequence[Fit], channel: int) -> list[Misfit]:
         ws.append(w)
         kinds.append(np.stack([t + fit.opened.drive.begin_s, speed, rate, along], axis=1))
     w, conditions = np.concatenate(ws), np.concatenate(kinds)
-    if len(w) < MISFIT_ROWS:
+    if len(w) < limits.MISFIT_ROWS:
         return []
     names = (
         ("time", "s after the start", 8),
@@ -151,7 +140,7 @@ def _conditions(fits: Sequence[Fit], channel: int) -> list[Misfit]:
 
 
 def _sized(w: FloatArray, channel: str, kind: str, words: str) -> list[Misfit]:
-    if len(w) < MIN_ROWS:
+    if len(w) < limits.MIN_ROWS:
         return []
     size = float(np.mean(w**2))
     return [Misfit(channel, kind, words, size, exceeds(size * len(w), len(w)))]
@@ -178,10 +167,10 @@ def manoeuvres(fit: Fit) -> npt.NDArray[np.object_]:
     forward = np.einsum("ni,ni->n", motion.dcm[:, :, 0], motion.acc)
     along = np.interp(t, motion.t, forward)
     out = np.full(len(t), "cruising", dtype=object)
-    out[along > ACCELERATION] = "accelerating"
-    out[along < -ACCELERATION] = "braking"
-    out[rate > TURN_RATE] = "turning"
-    out[speed < STANDING_SPEED] = "standing"
+    out[along > limits.ACCELERATION] = "accelerating"
+    out[along < -limits.ACCELERATION] = "braking"
+    out[rate > limits.TURN_RATE] = "turning"
+    out[speed < limits.STANDING_SPEED] = "standing"
     return out
 
 
@@ -197,7 +186,7 @@ def places(before: Sequence[Fit], after: Sequence[Fit]) -> list[Place]:
             for c in range(SHOWN):
                 for name in MANOEUVRES:
                     w = np.clip(whitened[(channel == c) & (what == name)], -10.0, 10.0)
-                    if len(w) >= PLACE_ROWS:
+                    if len(w) >= limits.PLACE_ROWS:
                         entry = sums.setdefault((c, name), [np.zeros(2), np.zeros(2)])
                         entry[side] += np.array([len(w), float(np.sum(w**2))])
     out = [

@@ -12,10 +12,10 @@ from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import ORIGIN, named_columns
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
-from automap.gap.evidence import Part, shown_by
+from automap.gap.evidence import shown_by
 from automap.gap.fit import Fit, Values
 from automap.gap.limits import ALIKE, SHOWS
-from automap.gap.linear import linearised
+from automap.gap.linear import Part, linearised
 from automap.gap.misfit import LIKE, Misfit
 from automap.gap.result import (
     Finding,
@@ -27,7 +27,7 @@ from automap.gap.result import (
     advice,
     coefficient_names,
 )
-from automap.gap.screening import Found
+from automap.gap.screening import Found, in_layout
 from automap.gap.selection import Chosen, Move, Rival, Selection, twins_of
 from automap.records import FloatArray, IntArray
 
@@ -130,7 +130,8 @@ def chance(found: Found) -> FloatArray:
 
 def strongest_refused(found: Found) -> tuple[Refused, ...]:
     """The strongest candidate that is not named, and how likely chance makes one as strong."""
-    selection, chosen = found.selection, found.chosen
+    selection = found.nothing_else
+    chosen = in_layout(found.chosen, found.selection, selection)
     known, has = selection.given(chosen), {part for _, part, _ in chosen.parts}
     barred = twins_of(chosen.names)
     # the likeliest of many is not drawn anew: its chance would be told too small
@@ -139,13 +140,13 @@ def strongest_refused(found: Found) -> tuple[Refused, ...]:
         for c in selection.candidates.values()
         if c.choices == 1.0 and c.name not in barred
         for part in c.parts
-        if part not in has and known.shows(part)
+        if part not in has
     ]
     best = strongest_by_chance(known, [part for _, part in left], limits.NULL_DRAWS)
     if best is None:
         return ()
     name, part = left[best.number]
-    channel, size = shown_by(known, part)
+    channel, size = shown_by(best.known, part)
     return (Refused(name, best.nats, best.p_value, channel, size),)
 
 

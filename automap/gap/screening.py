@@ -16,14 +16,15 @@ from automap.gap import limits
 from automap.gap.candidates import candidates_of, library, motion_signals, named_columns
 from automap.gap.confirm import Confirmed
 from automap.gap.dictionary import effect_for, formula_columns, formula_texts, warm
-from automap.gap.evidence import Given, conditional, estimate_nats, plain_nats
+from automap.gap.evidence import plain_nats
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.linear import Column, NodeMotion, linearised
+from automap.gap.linear import Column, Given, NodeMotion, conditional, linearised
 from automap.gap.motion import Motion, motion_of
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
 from automap.gap.result import equation
 from automap.gap.selection import Chosen, Selection
 from automap.gap.slow import box_columns, term_columns, variants, with_shapes
+from automap.records import FloatArray
 
 Terms = tuple[tuple[str, str], ...]
 ON = {"on": 1.0}
@@ -36,7 +37,8 @@ class Found:
     """Where a search ended: the set as fitted, the base model's fit, the joint estimate with all
     parameters of each effect free, the last selection with what it chose, which effect stands for
     each candidate, which names the drives cannot tell from each, what of it held-out data let
-    stand, and nats of those that the filter alone bears out."""
+    stand, the fit made linear as it is where nothing else acts, and nats of those that the filter
+    alone bears out."""
 
     base: Fitted
     fitted: Fitted
@@ -46,6 +48,7 @@ class Found:
     effects: Mapping[str, str]
     not_told_apart: Mapping[str, tuple[str, ...]]
     stands: Confirmed
+    nothing_else: Selection
     borne_out: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -62,8 +65,9 @@ class Screening:
         fit = base.fits[0]
         self.texts = formula_texts(motion_signals(fit, motion_of(fit.last)), warm(fit))
 
-    def selection(self, here: Fitted, slow: bool) -> Selection:
-        """The fit made linear, and its candidates; ``slow``: courses of time among them."""
+    def selection(self, here: Fitted, slow: bool, may_act: bool = True) -> Selection:
+        """The fit made linear, and its candidates, of which more than those fitted ``may_act``;
+        ``slow``: courses of time among them."""
         values = here.values()
         # what was held may act beside what is found
         options = self.options
@@ -77,7 +81,7 @@ class Screening:
             boxes = box_columns(fit, motion) if slow else []
             return self._columns(fit, motion, at) + boxes
 
-        linear = linearised(fits, columns, known)
+        linear = linearised(fits, columns, known, may_act)
         linear = with_shapes(linear) if slow else linear
         candidates = candidates_of(linear.layout, self.names)
         return Selection(linear, {c.name: c for c in candidates})
@@ -238,3 +242,12 @@ def in_layout(chosen: Chosen, old: Selection, new: Selection) -> Chosen:
         if len(rows) == len(part):
             parts.append((name, rows, scale))
     return Chosen(tuple(parts))
+
+
+def estimate_nats(values: FloatArray, cov: FloatArray, prior_sd: FloatArray) -> float:
+    """Nats that an estimate [p] of covariance [p, p] is worth against nothing: the density of the
+    prior, of sds [p], at zero over that of the estimate (Savage and Dickey)."""
+    z = values / prior_sd
+    root = np.linalg.cholesky(cov / np.outer(prior_sd, prior_sd) + 1e-12 * np.eye(len(z)))
+    y = np.linalg.solve(root, z)
+    return 0.5 * float(y @ y) + float(np.log(np.diag(root)).sum())

@@ -103,16 +103,10 @@ class Search:
         free = replace(here.model, options=self.screening.options)
         full = fitted_about(free, here.estimate, here.fits).joint()
         stands = confirmed(self.held_out, here.model, here.values())
+        nothing_else = self.screening.selection(here, slow=False, may_act=False)
         return Found(
-            self.base,
-            here,
-            full,
-            selection,
-            chosen,
-            self.screening.effects,
-            self.close,
-            self._told(stands).after(self.spoken_against),
-            self.borne_out,
+            *(self.base, here, full, selection, chosen, self.screening.effects, self.close),
+            *(self._told(stands).after(self.spoken_against), nothing_else, self.borne_out),
         )
 
     def _kept(self, here: Fitted, selection: Selection, chosen: Chosen, found: Chosen) -> Chosen:
@@ -218,12 +212,10 @@ class Search:
                 if name not in chosen.names or twin not in selection.candidates:
                     continue
                 self.log(f"checking whether {name} is {twin}")
-                parts = tuple(
-                    (twin, selection.candidates[twin].parts[0], scale) if n == name else part
-                    for part in chosen.parts
-                    for n, _, scale in (part,)
+                acts = selection.candidates[twin].parts[0]
+                instead = Chosen(
+                    tuple((twin, acts, p[2]) if p[0] == name else p for p in chosen.parts)
                 )
-                instead = Chosen(parts)
                 # each with the noise that suits it: what follows badly is taken for noise
                 fitted = self._fit(about, selection, instead)
                 _, sigmas = likelier(fitted.fits, here.fits)
@@ -266,15 +258,11 @@ class Search:
                     self.close[name] = (*self.close.get(name, ()), other)
                 clear = abs(sigmas) > limits.APART and abs(ahead) > limits.CHALLENGE * nats
                 clear |= abs(sigmas) > limits.ONE_IN_A_THOUSAND
-                if formula and not rival_formula:
-                    wins = ahead > 0.0 or not clear
-                    ahead = max(ahead, 1e-9) if wins else ahead
+                wins = ahead > (limits.CLOSE_NATS if formula and rival_formula else 0.0)
+                if formula and not rival_formula and not clear:
+                    wins, ahead = True, max(ahead, 1e-9)
                 elif rival_formula and not formula:
-                    wins = ahead > 0.0 and clear
-                elif formula:
-                    wins = ahead > limits.CLOSE_NATS
-                else:
-                    wins = ahead > 0.0
+                    wins &= clear
                 if wins and (instead is None or ahead > best):
                     best, instead = ahead, rival.chosen
             if instead is not None:
@@ -299,12 +287,9 @@ class Search:
     @staticmethod
     def _log_prior(selection: Selection, chosen: Chosen) -> float:
         """Log prior probability of a set; whole fixes are late more often than parts of them."""
-        parts = [
-            n
-            for n in chosen.names
-            if n in CATALOGUE and CATALOGUE[n].resembles == "a delay" and n not in WHOLE_DELAYS
-        ]
-        return selection.log_prior(chosen) - limits.CLOSE_NATS * len(parts)
+        known = {n: CATALOGUE[n] for n in chosen.names if n in CATALOGUE and n not in WHOLE_DELAYS}
+        parts = sum(effect.resembles == "a delay" for effect in known.values())
+        return selection.log_prior(chosen) - limits.CLOSE_NATS * parts
 
     def _proposed(
         self,

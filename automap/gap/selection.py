@@ -14,19 +14,8 @@ import numpy as np
 from automap.effects.catalogue import alike_to_first_order
 from automap.gap import limits
 from automap.gap.candidates import Candidate, is_course
-from automap.gap.evidence import (
-    Conditional,
-    Evidence,
-    Given,
-    Part,
-    apart,
-    conditional,
-    evidence,
-    inflation,
-    plain_nats,
-    singles,
-)
-from automap.gap.linear import Linear
+from automap.gap.evidence import Evidence, apart, evidence, inflation, plain_nats, singles
+from automap.gap.linear import Conditional, Given, Linear, Part, conditional
 from automap.gates import exceeds
 
 Key = tuple[str, tuple[str, ...]]
@@ -247,7 +236,7 @@ class Selection:
                 sum(m.odds - m.evidence.nats + m.evidence.corrected(common) for m in side)
                 for side in (moves, own)
             ]
-            out.append(Rival(other, odds[0] - odds[1], sum(m.odds for m in moves), instead))
+            out.append(Rival(other, odds[0] - odds[1], instead))
         return sorted(out, key=lambda r: -r.ahead)
 
     def _alone(self, rest: Chosen, name: str, part: Part) -> Move:
@@ -292,12 +281,11 @@ class Selection:
 
 @dataclass(frozen=True)
 class Rival:
-    """A candidate in the place of another: by how much its log odds are ahead of that one's, what
-    they are, and the choice with it."""
+    """A candidate in the place of another: by how much its log odds are ahead of that one's, and
+    the choice with it."""
 
     name: str
     ahead: float
-    odds: float
     chosen: Chosen
 
 

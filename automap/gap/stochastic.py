@@ -1,7 +1,9 @@
-"""Noise that is not as the model was told: named as an effect when it is gross.
+"""What every model has, named as a finding where it is gross: noise, courses that lag by metres.
 
-The noise block is fitted in any case. Here its levels are compared with what the model stated,
-by likelihood ratio: drift of the biases, receivers whose figures are off, wild fixes.
+Both are fitted in any case. Levels of noise are compared with what the model stated, by likelihood
+ratio: drift of the biases, receivers whose figures are off, wild fixes. An antenna so far behind
+where it is said does to velocities what courses that lag do: as a part of every model these let
+nothing else be named in their place, told by nobody they would swallow a wrong arm.
 """
 
 from __future__ import annotations
@@ -13,24 +15,19 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks
-from automap.fusion.layout import CH_VEL
+from automap.fusion.delay_states import COURSE_DISTANCE_STATE
+from automap.fusion.filtered import full_covariance
+from automap.fusion.layout import CH_VEL, N_NAV
 from automap.fusion.levels import ALL_LEVELS, RECEIVER_LEVELS, VELOCITY_WANDER
 from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
-from automap.gap.drive import count_outliers
-from automap.gap.fit import Fit
-from automap.gap.limits import (
-    NOISE_NATS,
-    OCCAM_NATS,
-    OUTLIER_NIS,
-    SCALE_FACTOR,
-    USUAL_SHARE,
-    WALK_FACTOR,
-    WILD_P,
-    WILD_SHARE,
-)
-from automap.gap.noise import fit_noise, noise_score
-from automap.gap.result import Finding, NoiseClaim, ParameterValue
+from automap.gap import limits
+from automap.gap.drive import OpenDrive, count_outliers
+from automap.gap.fit import Fit, Values, without_course_distance
+from automap.gap.noise import fit_noise, fitted_about, noise_score, with_noise
+from automap.gap.result import Finding, NoiseClaim, ParameterValue, advice
+from automap.gap.scoring import epochs, fit_held_out, likelier, total_score, whitener_of
+from automap.gap.screening import Found
 from automap.gates import exceeds
 from automap.records import FloatArray
 
@@ -44,6 +41,7 @@ FIGURES: dict[str, tuple[str, ...]] = {
 }
 """What a receiver states of its errors, and the levels of what these are made of."""
 GNSS_LEVELS = (*RECEIVER_LEVELS, *FIGURES)
+BEHIND, ARM = "gnss_course_distance", "gnss_lever_arm"
 
 
 def stochastic_findings(
@@ -56,11 +54,11 @@ def stochastic_findings(
     score = _memo(lambda f: noise_score(fits, f))
     for name in WALKS:
         ratio = fitted[name] / stated_factors[name]
-        if name in exclude or ratio < WALK_FACTOR:
+        if name in exclude or ratio < limits.WALK_FACTOR:
             continue
         nats = score(fitted) - score(_at_best(fits, fitted | {name: stated_factors[name]}, (name,)))
-        nats -= OCCAM_NATS
-        if nats < NOISE_NATS:
+        nats -= limits.OCCAM_NATS
+        if nats < limits.NOISE_NATS:
             continue
         value = float(getattr(fits[0].model.options, name)) * fitted[name]
         spread = value * _log_sd(score, fitted, name)
@@ -89,13 +87,13 @@ def noise_claims(
     ratios |= dict(zip(FIGURES, _whole(fits, fitted, stated_factors), strict=True))
     out = []
     for level, ratio in ratios.items():
-        if ratio < SCALE_FACTOR:
+        if ratio < limits.SCALE_FACTOR:
             continue
         parts = FIGURES.get(level, (level,))
         as_stated = {part: fitted[part] / ratio for part in parts}
         held = _at_best(fits, fitted | as_stated, parts)
-        nats = score(fitted) - score(held) - OCCAM_NATS
-        if nats >= NOISE_NATS:
+        nats = score(fitted) - score(held) - limits.OCCAM_NATS
+        if nats >= limits.NOISE_NATS:
             out.append(NoiseClaim(level, ratio, nats, _p(nats)))
     return tuple(sorted(out, key=lambda c: -c.evidence_nats))
 
@@ -133,7 +131,7 @@ def _memo(
 
 def _p(nats: float) -> float:
     """Of a likelihood ratio with one degree of freedom at its edge (Self and Liang 1987)."""
-    return 0.5 * exceeds(2.0 * (nats + OCCAM_NATS), 1)
+    return 0.5 * exceeds(2.0 * (nats + limits.OCCAM_NATS), 1)
 
 
 def _log_sd(
@@ -157,13 +155,13 @@ def _noise_scale(
     logs = np.log(_whole(fits, fitted, stated_factors))
     factor = float(np.exp(np.mean(logs)))
     low, high = float(np.exp(logs.min())), float(np.exp(logs.max()))
-    if not (factor > SCALE_FACTOR and low > SCALE_FACTOR**0.5) and not (
-        factor < 1.0 / SCALE_FACTOR**2 and high < SCALE_FACTOR**-0.5
+    if not (factor > limits.SCALE_FACTOR and low > limits.SCALE_FACTOR**0.5) and not (
+        factor < 1.0 / limits.SCALE_FACTOR**2 and high < limits.SCALE_FACTOR**-0.5
     ):
         return None
     null = {**fitted, **{k: stated_factors[k] for k in GNSS_LEVELS}}
-    nats = score(fitted) - score(_at_best(fits, null, GNSS_LEVELS)) - OCCAM_NATS
-    if nats < NOISE_NATS:
+    nats = score(fitted) - score(_at_best(fits, null, GNSS_LEVELS)) - limits.OCCAM_NATS
+    if nats < limits.NOISE_NATS:
         return None
     spread = factor * max(float(np.std(logs)) / 2.0, 0.02)
     parameters = {"factor": ParameterValue(factor, spread, "")}
@@ -222,7 +220,7 @@ def _outliers(fits: Sequence[Fit], gap: float) -> Finding | None:
         nis: FloatArray = store.nis[:, :CH_VEL]
         measured = np.isfinite(nis).any(axis=1)
         count += int(measured.sum())
-        beyond = np.nan_to_num(nis[measured]).max(axis=1) > OUTLIER_NIS
+        beyond = np.nan_to_num(nis[measured]).max(axis=1) > limits.OUTLIER_NIS
         screened = fit.opened.n_outliers
         if screened:
             # that was by the receiver's own figures; by what they turned out to be they may be none
@@ -230,14 +228,68 @@ def _outliers(fits: Sequence[Fit], gap: float) -> Finding | None:
             screened = min(screened, count_outliers(drive, model.options, model.factors))
         wild += min(int(beyond.sum()) + screened, int(measured.sum()))
     share = wild / max(count, 1)
-    if share < WILD_SHARE or wild < 3:
+    if share < limits.WILD_SHARE or wild < 3:
         return None
-    p = float(binom.sf(wild - 1, count, USUAL_SHARE))
-    if p > WILD_P:
+    p = float(binom.sf(wild - 1, count, limits.USUAL_SHARE))
+    if p > limits.WILD_P:
         return None
-    usual = USUAL_SHARE
+    usual = limits.USUAL_SHARE
     nats = wild * np.log(share / usual) + (count - wild) * np.log1p(-share)
     nats -= (count - wild) * np.log1p(-usual)
     sd = float(np.sqrt(share * (1.0 - share) / count))
     parameters = {"fraction": ParameterValue(share, sd, "")}
     return Finding("gnss_outliers", parameters, float(nats), p, gap, gap)
+
+
+def course_distance_finding(
+    found: Found,
+    values: Values,
+    held_out: Sequence[OpenDrive],
+    final: Sequence[Fit],
+    stated: Mapping[str, float],
+    gap: float,
+) -> Finding | None:
+    """The distance, where fitted and held-out drives are likelier with it beyond all doubt.
+
+    ``values`` of what else was found, ``final`` the held-out fits under all of it, ``stated`` the
+    factors of the noise as it was asked with, ``gap`` what is left on held-out data.
+    """
+    fits = found.fitted.fits
+    own = found.fitted.model
+    if BEHIND not in own.options.effects or BEHIND in own.values:
+        # no part of it, or known already
+        return None
+    value, sd = _distance(fits)
+    model = without_course_distance(own)
+    bare = with_noise(fitted_about(model, found.fitted.estimate, fits), stated)
+    held = fit_held_out(held_out, bare.model, values, final)
+    nats, sigmas = likelier((*fits, *final), (*bare.fits, *held))
+    # as dear as any other name
+    prior = float(np.log1p(-limits.OUTSIDE_LIBRARY) - np.log(len(found.selection.candidates)))
+    clear = nats + prior >= limits.LEAST_ODDS and sigmas >= limits.ONE_IN_A_THOUSAND
+    if value <= 0.0 or not clear:
+        return None
+    # nats of an estimate are half the square of its sigmas, and scatter as much as these: half of
+    # the sigmas stretch by stretch are those of the nats
+    sd = max(sd, value / (2.0 * sigmas))
+    whitener, unit = whitener_of(final[0]), CATALOGUE[BEHIND].parameters[0].unit
+    before = (total_score(final, whitener) - total_score(held, whitener)) / epochs(final)
+    close = () if ARM in found.chosen.names else (ARM,)
+    return Finding(
+        *(BEHIND, {"m": ParameterValue(value, sd, unit)}, nats, exceeds(2.0 * nats, 1)),
+        *(gap + before, gap, close, advice(BEHIND, close)),
+    )
+
+
+def _distance(fits: Sequence[Fit]) -> tuple[float, float]:
+    """The distance in m of all drives together, and its sd."""
+    prior = CATALOGUE[BEHIND].parameters[0].prior_sd ** -2.0
+    info, eta = prior, 0.0
+    for fit in fits:
+        model = fit.last.problem.model
+        row = N_NAV + model.names.index(COURSE_DISTANCE_STATE)
+        cov = full_covariance(fit.last.forward.store.cov[-1:], model.size)[0]
+        own = 1.0 / float(cov[row, row])
+        info += own - prior
+        eta += own * fit.last.totals()[COURSE_DISTANCE_STATE]
+    return eta / info, float(info**-0.5)

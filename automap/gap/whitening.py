@@ -15,12 +15,13 @@ houses. Rows of such a stretch count for as little as its own scatter says.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS
-from automap.gap.limits import AR_ORDER, BLOCKS_S, HUBER, MAX_COEFFICIENT_SUM, MIN_ROWS
+from automap.gap.limits import AR_ORDER, BLOCKS_S, HUBER, LEAST_OWN, MAX_COEFFICIENT_SUM, MIN_ROWS
 from automap.gates import sd_by_median
 from automap.records import FloatArray, IntArray
 
@@ -39,6 +40,21 @@ FREEDOM = 2.0 ** np.arange(1, 15)
 """Degrees of freedom from which that of a stretch's scatter is chosen; the last are as normal."""
 SCATTER_ROUNDS = 8
 """What is clipped and what is scatter have settled then."""
+PASSES = 3
+"""Of weights that the residuals decide: they have settled then."""
+STRETCH = 2048
+"""Rows that are multiplied together in double precision; bounds the memory."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of one drive: ``w`` [s] with all effects left out, ``phi`` [s, c], times ``t`` [s] in s,
+    ``channel`` [s]; once white, phi' w is a score and phi' phi its information."""
+
+    w: FloatArray
+    phi: FloatArray
+    t: FloatArray
+    channel: IntArray
 
 
 @dataclass(frozen=True)
@@ -88,17 +104,6 @@ def filtered(rows: FloatArray, a: FloatArray) -> FloatArray:
     return out
 
 
-@dataclass(frozen=True)
-class WhiteRows:
-    """``w`` [s] weighted, ``phi`` [s, c] scaled to match, so that phi' w is a score and phi' phi
-    its information; ``t`` [s] s, ``channel`` [s]."""
-
-    w: FloatArray
-    phi: FloatArray
-    t: FloatArray
-    channel: IntArray
-
-
 def white_rows(
     whitener: Whitener,
     whitened: FloatArray,
@@ -106,7 +111,7 @@ def white_rows(
     t: FloatArray,
     channel: IntArray,
     left: FloatArray,
-) -> WhiteRows:
+) -> Rows:
     """Apply a whitener to innovations [s] and sensitivities [s, c]; ``left`` [s] what is left of
     the innovations decides how much each row counts."""
     rows = np.flatnonzero(np.isin(channel, list(whitener.spread)))
@@ -129,7 +134,7 @@ def white_rows(
         factor = np.sqrt(weight * even) / sizes
         w[at] = factor * filtered(whitened[at, None], whitener.ar[c])[:, 0]
         f[at] = factor[:, None] * filtered(phi[at], whitener.ar[c])
-    return WhiteRows(w[rows], f[rows], t[rows], channel[rows])
+    return Rows(w[rows], f[rows], t[rows], channel[rows])
 
 
 def stretch_scatter(u: FloatArray, t: FloatArray) -> FloatArray:
@@ -161,3 +166,75 @@ def _likeliest_freedom(squares: FloatArray, count: FloatArray) -> float:
     nats = gammaln(0.5 * (nu + count)) - gammaln(0.5 * nu) - 0.5 * count * np.log(nu)
     nats -= 0.5 * (nu + count) * np.log1p(squares / nu)
     return float(FREEDOM[int(np.argmax(nats.sum(axis=1)))])
+
+
+def whitened_rows(
+    raw: Sequence[Rows], known: FloatArray, sds: FloatArray, may_act: bool = True
+) -> tuple[Rows, ...]:
+    """White rows, weighted by what is left of them once all candidates together have been fitted
+    (ridge regression by their priors, iteratively reweighted: Huber, Robust Statistics, 1981).
+
+    Innovations that only a missing effect makes large would else count for too little, and a
+    formula that saturates as the weights do would explain them best. Where no more may act than
+    what is ``known``, rows count by what that leaves: weights that so many candidates have settled
+    favour what they say.
+    """
+    left = [r.w - times(r.phi, known) for r in raw]
+    for number in range(PASSES if may_act else 0):
+        info: FloatArray = np.diag(sds**-2.0)
+        score: FloatArray = np.zeros(len(sds))
+        roots = [_root_weights(rest, r.channel) for r, rest in zip(raw, left, strict=True)]
+        for r, root in zip(raw, roots, strict=True):
+            for start in range(0, len(root), STRETCH):
+                part = slice(start, start + STRETCH)
+                f = r.phi[part] * root[part, None].astype(np.float32)
+                info += f.T @ f
+                score += f.T.astype(np.float64) @ (r.w[part] * root[part])
+        values = np.asarray(np.linalg.solve(info, score))
+        left = [r.w - times(r.phi, values) for r in raw]
+        if number == PASSES - 1:
+            cov = np.asarray(np.linalg.inv(info), np.float64)
+            left = [_studentised(*each, cov) for each in zip(left, raw, roots, strict=True)]
+    out = []
+    for r, rest in zip(raw, left, strict=True):
+        whitener = fit_whitener(rest, r.channel)
+        out.append(white_rows(whitener, r.w, r.phi, r.t, r.channel, rest))
+    return tuple(out)
+
+
+def _studentised(left: FloatArray, rows: Rows, root: FloatArray, cov: FloatArray) -> FloatArray:
+    """What is left [s] of rows of weights ``root``^2 after a fit of covariance ``cov`` [c, c], as
+    large as the noise in them is: a fit follows the rows that tell most, and leaves little of them
+    (Cook and Weisberg, Residuals and Influence in Regression, 1982, section 2.2)."""
+    out = np.empty_like(left)
+    for start in range(0, len(left), STRETCH):
+        part = slice(start, start + STRETCH)
+        f = rows.phi[part] * root[part, None]
+        leverage = np.einsum("sc,sc->s", f @ cov, f)
+        out[part] = left[part] / np.sqrt(np.maximum(1.0 - leverage, LEAST_OWN))
+    return out
+
+
+def _root_weights(left: FloatArray, channel: IntArray) -> FloatArray:
+    """Square roots [s] of the weights of rows by what is left of them."""
+    out = np.zeros(len(left))
+    for c in np.unique(channel):
+        at = channel == c
+        spread = max(sd_by_median(left[at]), MIN_SPREAD[c])
+        out[at] = np.sqrt(HUBER / np.maximum(np.abs(left[at]) / spread, HUBER)) / spread
+    return out
+
+
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """a' b in double precision, a stretch at a time: the rows themselves are in single."""
+    out: FloatArray = np.zeros((a.shape[1], b.shape[1]))
+    for start in range(0, len(a), STRETCH):
+        part = slice(start, start + STRETCH)
+        out += a[part].astype(np.float64).T @ b[part].astype(np.float64)
+    return out
+
+
+def times(phi: FloatArray, values: FloatArray) -> FloatArray:
+    """phi times values [s] in double precision, of the columns that count."""
+    used = np.flatnonzero(values)
+    return np.asarray(phi[:, used].astype(np.float64) @ values[used], np.float64)

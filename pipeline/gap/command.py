@@ -95,6 +95,8 @@ def _check_distinct(drives: Sequence[Path]) -> None:
 
 def as_json(result: GapResult) -> dict[str, Any]:
     """The content of gap.json."""
+    from pipeline.gap.model import left_to_runs
+
     formulas = [_formula_json(f) for f in result.formulas]
     return {
         "schema": "automap.gap/1",
@@ -160,6 +162,7 @@ def as_json(result: GapResult) -> dict[str, Any]:
         "hardly_shown": list(result.unclear.hidden),
         "verdict": result.verdict,
         "warnings": list(result.warnings),
+        "left_to_runs": {k: list(v) for k, v in left_to_runs(result).items()},
     }
 
 
@@ -204,8 +207,10 @@ def _finding_json(f: Finding) -> dict[str, Any]:
 
 def _lines(result: GapResult) -> list[str]:
     from automap.gap.result import p_text
+    from pipeline.gap.model import left_to_runs
 
-    lines = [result.verdict, *(_line(f) for f in result.findings)]
+    left = left_to_runs(result)
+    lines = [result.verdict, *(_line(f, left.get(f.effect, ())) for f in result.findings)]
     for one in result.formulas:
         like = f"; resembles {one.resembles}" if one.resembles else ""
         lines.append(
@@ -223,7 +228,7 @@ def _lines(result: GapResult) -> list[str]:
     return lines
 
 
-def _line(f: Finding) -> str:
+def _line(f: Finding, instead: Sequence[str] = ()) -> str:
     from automap.gap.result import p_text
 
     numbers = ", ".join(
@@ -232,6 +237,8 @@ def _line(f: Finding) -> str:
     line = f"  {f.effect}: {numbers} ({f.evidence_nats:.0f} nats, p {p_text(f.p_value)})"
     if f.confusable_with:
         line += f"; not to be told from {', '.join(f.confusable_with)}"
+    if instead:
+        line += f"; left out of the model, since a run estimates {', '.join(instead)} anyhow"
     return line
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from automap.effects.user import user_effects
 from automap.effects.user_tables import as_table
 from automap.gap.fit import BASE_NUISANCES
+from automap.gap.selection import twins_of
 from automap.io.toml_file import toml_value
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def model_toml(
     effects and a formula that was found are defined there too; the file is written to ``folder``.
     ``cameras`` are the lines about the cameras.
     """
-    model = result.model
+    model, left = result.model, left_to_runs(result)
     effects = list(model.options.effects)
     if any(d.delay.sd > 0.0 for d in drives) and "imu_time_offset" not in model.values:
         effects += [e for e in ("imu_time_offset",) if e not in effects]
@@ -43,6 +44,7 @@ def model_toml(
     lines = [
         f"# {result.verdict}",
         "# Made by automap gap; for automap run --config, and for automap gap --config.",
+        *(f"# {name} is left out: a run estimates {', '.join(n)} anew" for name, n in left.items()),
         *_definitions(result, users, folder),
         "[fuse]",
         *_nuisances(model, effects),
@@ -59,7 +61,7 @@ def model_toml(
     lines += ["", "[fuse.factors]"]
     lines += [f"{name} = {value:.6g}" for name, value in model.factors.items()]
     for effect, values in model.values.items():
-        if not values:
+        if not values or effect in left:
             continue
         total = dict(values)
         if effect == "gnss_lever_arm" and drives[0].lever_arm is not None:
@@ -68,6 +70,23 @@ def model_toml(
         lines += ["", f"[fuse.fixed.{effect}]"]
         lines += [f"{p} = {v:.9g}" for p, v in total.items()]
     return "\n".join([*lines, *cameras]) + "\n"
+
+
+def left_to_runs(result: GapResult) -> dict[str, tuple[str, ...]]:
+    """Findings that the written model is without, and effects that cannot be told from each which
+    a run with it estimates on every drive anyhow: these say there what the finding says here, and
+    one that was taken for known would stay wrong if it is another. What is one of them to first
+    order does the same whatever its name."""
+    model = result.model
+    effects = model.options.effects if _nuisances(model, ()) else FusionOptions().effects
+    estimated = set(effects) - set(model.values)
+    out = {}
+    for finding in result.findings:
+        twins = twins_of((finding.effect,))
+        instead = [n for n in finding.confusable_with if n in estimated and n not in twins]
+        if instead and finding.effect not in effects:
+            out[finding.effect] = tuple(instead)
+    return out
 
 
 def _nuisances(model: GapModel, effects: Sequence[str]) -> list[str]:

@@ -7,12 +7,14 @@ the held-out drive, what to do.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from automap.effects import CATALOGUE, Effect
 from pipeline.gap.effect_words import as_clause, in_a_word, listed, sentence_case, what_is_wrong
 from pipeline.gap.misfit_words import misfit_words
-from pipeline.gap.remedies import remedy
+from pipeline.gap.model import left_to_runs
+from pipeline.gap.remedies import MODEL, TAKE_MODEL, remedy
 from pipeline.gap.sizes import about
 
 if TYPE_CHECKING:
@@ -46,7 +48,10 @@ LEVELS = {
 def in_words(result: GapResult) -> list[Paragraph]:
     """All that a search found, and what is left."""
     out = [_overview(result)]
-    out += [finding_words(f, result.costs.get(f.effect)) for f in result.findings]
+    left = left_to_runs(result)
+    for f in result.findings:
+        to_do = _without(f.effect, left[f.effect]) if f.effect in left else ""
+        out.append(finding_words(f, result.costs.get(f.effect), to_do))
     out += [formula_words(f, result.costs.get(f.effect or "")) for f in result.formulas]
     out += [noise_words(c, result.costs.get(c.level)) for c in result.noise_claims]
     out += [kept_out_words(one) for one in result.kept_out]
@@ -75,6 +80,13 @@ def finding_words(finding: Finding, cost: Cost | None, to_do: str = "") -> Parag
     if finding.advice:
         parts.append(f"To tell which it is: {finding.advice}.")
     return what_is_wrong(finding), " ".join(parts)
+
+
+def _without(effect: str, instead: Sequence[str]) -> str:
+    """What is to be done about a finding that the written model leaves to a run's own effects."""
+    names = listed([in_a_word(name) for name in instead])
+    left = f"model.toml is without it: a run estimates {names} on every drive anyhow."
+    return f"{remedy(effect).replace(MODEL, '').replace(TAKE_MODEL, '').strip()} {left}".strip()
 
 
 def _is_noise(effect: Effect) -> bool:

@@ -9,8 +9,9 @@ import numpy as np
 from automap.fusion.layout import CH_ZUPT
 from automap.gap.candidates import candidates_of, named_columns
 from automap.gap.fit import Fit, whitened_innovations
-from automap.gap.linear import Column, Linear, Rows, linearised
+from automap.gap.linear import Column, Linear, linearised
 from automap.gap.selection import Selection
+from automap.gap.whitening import Rows
 from automap.records import BoolArray, FloatArray
 
 STEP_S = 0.1

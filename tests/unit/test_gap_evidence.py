@@ -12,16 +12,9 @@ from automap.fusion.layout import CH_NHC, CH_POS, MAX_SCALARS
 from automap.gap import limits
 from automap.gap.candidates import Direct
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
-from automap.gap.evidence import (
-    Given,
-    conditional,
-    estimate_nats,
-    evidence,
-    inflation,
-    plain_nats,
-    singles,
-)
-from automap.gap.linear import Linear
+from automap.gap.evidence import evidence, inflation, plain_nats, singles
+from automap.gap.linear import Given, Linear, conditional
+from automap.gap.screening import estimate_nats
 from automap.records import FloatArray
 from tests.unit.gap_linear import PRIOR_SD, columns_named, linear_of
 
@@ -279,6 +272,14 @@ def test_what_acts_on_the_constraint_itself_may_show_there_alone() -> None:
     acting = replace(linear.layout[0], direct=Direct(by_channel))
     found = evidence(conditional(replace(linear, layout=(acting,)), Given()), (0,))
     assert found.nats > 15.0
+
+
+def test_what_the_constraint_alone_says_is_no_sign_of_something_missing() -> None:
+    swaying = strongest_by_chance(conditional(with_constraint(0.0, 4.0), Given()), [(0,)], 2000)
+    missing = strongest_by_chance(conditional(with_constraint(4.0, 4.0), Given()), [(0,)], 2000)
+    assert swaying is not None
+    assert missing is not None
+    assert swaying.p_value > 0.1 > limits.SUSPECTED >= missing.p_value
 
 
 def test_scores_that_are_all_too_large_tell_by_how_much() -> None:

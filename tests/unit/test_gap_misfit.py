@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from automap.fusion.layout import CHANNELS
-from automap.gap import misfit
+from automap.gap import limits, misfit
 from automap.gap.fit import Fit
 from automap.gap.motion import Motion
 from automap.records import FloatArray
@@ -107,7 +107,7 @@ def test_a_wild_fix_is_no_misfit(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_noise_that_is_a_little_large_is_no_misfit(monkeypatch: pytest.MonkeyPatch) -> None:
     # all sigmas are off by a sixth, which so many rows show surely
     told = found(1.17 * white(6), monkeypatch)
-    assert all(m.size >= misfit.WORTH for m in told)
+    assert all(m.size >= limits.WORTH for m in told)
     assert len(told) < 0.2 * len(found(1.5 * white(6), monkeypatch))
 
 
@@ -126,6 +126,6 @@ def test_chances_of_single_looks_are_uniform(
 
 def test_too_few_rows_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     rows = 3.0 * white(5)
-    few = misfit.MISFIT_ROWS - 1
+    few = limits.MISFIT_ROWS - 1
     monkeypatch.setattr(f"{__name__}.T", T[:few])
     assert found(rows[:few], monkeypatch) == ()

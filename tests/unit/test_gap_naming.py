@@ -12,9 +12,9 @@ from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import candidates_of
 from automap.gap.confirm import Confirmed
-from automap.gap.evidence import Given, conditional, shown_by
+from automap.gap.evidence import shown_by
 from automap.gap.fit import Values, base_model
-from automap.gap.linear import Column
+from automap.gap.linear import Column, Given, conditional
 from automap.gap.misfit import Misfit
 from automap.gap.naming import chance, describe, strongest_refused, suspected, verdict
 from automap.gap.noise import Fitted, Joint
@@ -74,7 +74,7 @@ def found_with(
     effects = {n: n for n in chosen.names} | {"accel_x += k * speed": "formula_accel_x"}
     alike_names = not_told_apart or {}
     stands = Confirmed(dict(VALUES), ())
-    return Found(fitted, fitted, full, selection, chosen, effects, alike_names, stands)
+    return Found(fitted, fitted, full, selection, chosen, effects, alike_names, stands, selection)
 
 
 def told_of(found: Found, values: Values) -> list[Finding | Unexplained]:

@@ -14,9 +14,9 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.user import INERTIAL as CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import is_course, size_of
-from automap.gap.evidence import Given, conditional, plain_nats
+from automap.gap.evidence import plain_nats
 from automap.gap.limits import PLATEAUS
-from automap.gap.linear import Column, Linear, Rows
+from automap.gap.linear import Column, Given, Linear, conditional
 from automap.gap.result import equation
 from automap.gap.slow import (
     LEAST_BOXES,
@@ -27,6 +27,7 @@ from automap.gap.slow import (
     variants,
     with_shapes,
 )
+from automap.gap.whitening import Rows
 from automap.records import FloatArray
 
 LENGTH_S = 400.0

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from automap.fusion.layout import CH_NHC, CH_VEL
-from automap.gap.linear import Linear, Rows, _studentised, _white
-from automap.gap.whitening import stretch_scatter
+from automap.gap.linear import Linear
+from automap.gap.whitening import Rows, _studentised, stretch_scatter, whitened_rows
 from automap.records import BoolArray, FloatArray
 from tests.unit.gap_linear import columns_named
 
@@ -35,7 +35,7 @@ def weights(w: FloatArray, columns: FloatArray) -> FloatArray:
     phi = np.column_stack([columns, np.ones(len(w))])
     rows = rows_of(w, phi)
     sds = np.full(phi.shape[1], 50.0)
-    (white,) = _white([rows], np.zeros(phi.shape[1]), sds)
+    (white,) = whitened_rows([rows], np.zeros(phi.shape[1]), sds)
     assert len(white.w) == len(w)
     factor = white.phi[:, -1] ** 2
     return np.asarray(factor / np.median(factor))
@@ -47,6 +47,24 @@ def test_large_innovations_that_a_missing_effect_explains_count_in_full() -> Non
     assert weights(w, bends)[few].mean() > 0.85
     # what no candidate explains is wild
     assert weights(w, np.zeros(ROWS))[few].mean() < 0.3
+
+
+def test_where_nothing_more_acts_rows_count_alike_whatever_a_stretch_says() -> None:
+    rng = np.random.default_rng(5)
+    w, phi = rng.standard_t(3.0, ROWS), rng.standard_normal((ROWS, 300))
+    turned = np.where(np.arange(ROWS) < ROWS // 2, 1.0, -1.0)
+    sizes = {}
+    for may_act in (True, False):
+        counts = []
+        for signs in (np.ones(ROWS), turned):
+            rows = [rows_of(signs * w, phi)]
+            (white,) = whitened_rows(rows, np.zeros(300), np.full(300, 5.0), may_act)
+            counts.append(np.linalg.norm(white.phi, axis=1))
+        sizes[may_act] = np.abs(np.log(counts[0] / counts[1]))
+    # but for what noise remembers across the turn
+    assert sizes[False].max() < 0.05
+    # columns that may act follow what there is, and settle what counts by it
+    assert sizes[True].max() > 0.2
 
 
 def test_wild_values_count_little_where_an_effect_is_missing_too() -> None:
@@ -68,7 +86,7 @@ def test_wild_values_do_not_move_what_is_estimated() -> None:
     w[::50] += 30.0 * np.sign(column[::50])
     phi = column[:, None]
     rows = rows_of(w, phi)
-    (white,) = _white([rows], np.zeros(1), np.ones(1))
+    (white,) = whitened_rows([rows], np.zeros(1), np.ones(1))
     estimate = float(white.phi[:, 0] @ white.w / (white.phi[:, 0] @ white.phi[:, 0]))
     plain = float(column @ w / (column @ column))
     assert plain > 0.7
@@ -88,7 +106,7 @@ def test_many_candidates_do_not_make_noise_look_small() -> None:
     rng = np.random.default_rng(4)
     count, n = 400, 2000
     rows = rows_of(rng.standard_normal(n), rng.standard_normal((n, count)))
-    (white,) = _white([rows], np.zeros(count), np.full(count, 50.0))
+    (white,) = whitened_rows([rows], np.zeros(count), np.full(count, 50.0))
     # a score's scatter is as its information says
     z = (white.phi.T @ white.w) / np.sqrt(np.sum(white.phi**2, axis=0))
     assert float(np.mean(z**2)) == pytest.approx(1.0, abs=0.25)
@@ -138,7 +156,7 @@ def test_receivers_rows_count_less_where_it_errs_more_and_the_vehicles_do_not() 
     channel = np.tile([CH_VEL, CH_NHC], n // 2)
     loud = (t >= 100.0) & (t < 140.0)
     w = rng.standard_normal(n) * np.where(loud, 4.0, 1.0)
-    (white,) = _white([Rows(w, np.ones((n, 1)), t, channel)], np.zeros(1), np.full(1, 1e-6))
+    (white,) = whitened_rows([Rows(w, np.ones((n, 1)), t, channel)], np.zeros(1), np.full(1, 1e-6))
     counts = white.phi[:, 0] ** 2
     for one, least, most in ((CH_VEL, 0.03, 0.12), (CH_NHC, 0.2, 1.0)):
         at = white.channel == one

@@ -15,9 +15,9 @@ from automap.effects import CATALOGUE
 from automap.gap.camera.fit import CameraFit
 from automap.gap.camera.views import keys
 from automap.gap.candidates import candidates_of
-from automap.gap.evidence import Given
-from automap.gap.linear import Column, Linear, Rows
+from automap.gap.linear import Column, Given, Linear
 from automap.gap.selection import Selection
+from automap.gap.whitening import Rows
 from automap.records import FloatArray
 
 PATH = "path"
@@ -71,3 +71,20 @@ def _joined(rows: list[Rows]) -> Rows:
     rows = sorted(rows, key=lambda r: float(r.t[0]) if len(r.t) else 0.0)
     each = ([getattr(r, name) for r in rows] for name in ("w", "phi", "t", "channel"))
     return Rows(*(np.concatenate(parts) for parts in each))
+
+
+def covariance(fit: CameraFit) -> FloatArray:
+    """Covariance [g, g] of what acts in a fit; zero of the rest."""
+    out = np.zeros((len(fit.common),) * 2)
+    at = np.flatnonzero(fit.prior_sd > 0.0)
+    rows = np.ix_(at, at)
+    out[rows] = np.linalg.inv(fit.info.sum(axis=0)[rows] + np.diag(fit.prior_sd[at] ** -2.0))
+    return out
+
+
+def log_evidence(fit: CameraFit) -> float:
+    """Logarithm of a fit's marginal likelihood in nats, up to what all fits share (Laplace)."""
+    at = np.flatnonzero(fit.prior_sd > 0.0)
+    sds = fit.prior_sd[at]
+    info = fit.info.sum(axis=0)[np.ix_(at, at)] * np.outer(sds, sds)
+    return -fit.cost - 0.5 * float(np.linalg.slogdet(info + np.eye(len(at)))[1])

@@ -15,7 +15,7 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.gap import limits
 from automap.gap.camera.fit import CameraFit, box_noise, estimate_noise, fit_camera
-from automap.gap.camera.linear import selection_of
+from automap.gap.camera.linear import covariance, log_evidence, selection_of
 from automap.gap.camera.views import Boxes, keys
 from automap.gap.chance import null_maxima, p_value
 from automap.gap.limits import LONGEST_SHUTTER_S, MIN_SIGNS, SHUTTER_SLACK_S
@@ -188,7 +188,7 @@ class _Search:
         for one, its in ((fit, chosen), (self.now, self.chosen)):
             held = self._held(one, its.names)
             parts.append(-np.concatenate([one.cost_by_sign(), held.cost_by_sign()]))
-            evidence.append(_log_evidence(one) + self.selection.log_prior(its) - held.cost)
+            evidence.append(log_evidence(one) + self.selection.log_prior(its) - held.cost)
         each = parts[0] - parts[1]
         spread = float(np.sqrt(len(each)) * np.std(each))
         sigmas = float(each.sum()) / spread if spread > 0.0 else 0.0
@@ -233,7 +233,7 @@ class _Search:
             {key: chosen.scale_of(key[0]) for key in keys() if key[0] in names},
             self.now,
         )
-        cov = _covariance(full)
+        cov = covariance(full)
         out = []
         for number, name in enumerate(names):
             total, moves = odds[name]
@@ -281,23 +281,6 @@ def _fitted(
     common = start.common.copy()
     common[: len(keys())] *= effect_sd[: len(keys())] > 0.0
     return fit_camera(boxes, sd, effect_sd, common, start.local)
-
-
-def _covariance(fit: CameraFit) -> FloatArray:
-    """Covariance [g, g] of what acts in a fit; zero of the rest."""
-    out = np.zeros((len(fit.common),) * 2)
-    at = np.flatnonzero(fit.prior_sd > 0.0)
-    rows = np.ix_(at, at)
-    out[rows] = np.linalg.inv(fit.info.sum(axis=0)[rows] + np.diag(fit.prior_sd[at] ** -2.0))
-    return out
-
-
-def _log_evidence(fit: CameraFit) -> float:
-    """Logarithm of a fit's marginal likelihood in nats, up to what all fits share (Laplace)."""
-    at = np.flatnonzero(fit.prior_sd > 0.0)
-    sds = fit.prior_sd[at]
-    info = fit.info.sum(axis=0)[np.ix_(at, at)] * np.outer(sds, sds)
-    return -fit.cost - 0.5 * float(np.linalg.slogdet(info + np.eye(len(at)))[1])
 
 
 def _remaining(fit: CameraFit) -> float:
