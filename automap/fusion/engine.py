@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from automap.frames import (
     rpy_to_matrix,
 )
 from automap.fusion import limits
+from automap.fusion.aside import whole_trajectory
 from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE, SKEW_STATE, WHEELS_STATE
 from automap.fusion.filtered import filtered_states
 from automap.fusion.kernel_runs import Start, run_dense
@@ -33,14 +34,13 @@ from automap.fusion.output import (
     innovations,
     node_trajectory,
     parameter_history,
-    whole_trajectory,
 )
-from automap.fusion.passes import Pass, Session, run_passes
+from automap.fusion.passes import Pass, Session, basis_of, run_passes, without_readings
 from automap.fusion.problem import Problem
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed, unmoved
 from automap.fusion.tuning import shown_at_least
-from automap.fusion.unusable_readings import Bridged, bridge_unusable
+from automap.fusion.unusable_readings import bridge_unusable
 from automap.fusion.wheels import Wheels, prepare_wheels
 from automap.records import (
     ClockModel,
@@ -81,7 +81,8 @@ class WheelResult:
 class FusionResult:
     """A fused drive.
 
-    ``trajectory`` smoothed and ``filtered`` forward only, at every IMU epoch; ``parameters``
+    ``trajectory`` smoothed and ``filtered`` forward only, at every IMU epoch, and stretch by
+    stretch, made anew at each call, by ``path_run`` and ``filter_run``; ``parameters``
     the estimated sensor errors over time, smoothed, ``filtered_parameters`` as the forward
     filter saw them; ``innovations`` of the last forward pass;
     ``delay`` of the IMU stamps against the fixes (imu_time_offset > 0: stamps later than the
@@ -90,7 +91,7 @@ class FusionResult:
     drive made of the noise levels; ``wheels`` None where the drive has no wheel speed.
     """
 
-    trajectory: Trajectory
+    path_run: Callable[[], Iterator[Trajectory]]
     filter_run: Callable[[], Iterator[Trajectory]]
     parameters: ParameterHistory
     filtered_parameters: ParameterHistory
@@ -103,14 +104,17 @@ class FusionResult:
     n_fixes_used: int
     noise_factors: dict[str, float]
     wheels: WheelResult | None = None
-    bridged: Bridged | None = None
     warnings: list[str] = field(default_factory=list)
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """The smoothed trajectory."""
+        return whole_trajectory(self.path_run())
 
     @property
     def filtered(self) -> Trajectory:
-        """The forward filter's trajectory; made anew at each call, for it is as large again, or
-        stretch by stretch by ``filter_run``."""
-        return whole_trajectory(self.filter_run(), len(self.trajectory))
+        """The forward filter's trajectory, made anew at each call."""
+        return whole_trajectory(self.filter_run())
 
 
 def fuse_imu_gnss(
@@ -219,6 +223,10 @@ def fuse_imu_gnss(
         # what gravity and turns left open stays open, also in the vehicle's roll
         known_sds["imu_mounting_roll"] = float(mounting.sd[0])
     session = replace(session, means=session.means | known_means, sds=session.sds | known_sds)
+    axes_known = imu.axes_known
+    basis, session = basis_of(session), without_readings(session)
+    # of a long drive the readings are as large again as what is made of them
+    del imu, bridged, t_imu
     progress(0.3, "fusing")
     last, found = run_passes(
         session,
@@ -226,6 +234,7 @@ def fuse_imu_gnss(
         constrained=True,
         progress=lambda text: progress(0.5, text),
         found=shift,
+        basis=basis,
     )
     margin = min(margin, found.margin)
     if last.tuned is not None and not last.tuned.better:
@@ -235,8 +244,8 @@ def fuse_imu_gnss(
             "levels of a plain run stay"
         )
     progress(0.8, "writing the trajectory at IMU rate")
-    outcome = _collect(last, int(imu.t_ns[0]), screened.outliers)
-    del last, found
+    outcome = _collect(last, base_ns, screened.outliers)
+    del last, found, basis
     result = _assemble(
         session,
         outcome,
@@ -244,13 +253,12 @@ def fuse_imu_gnss(
         mounting,
         margin,
         warnings,
-        imu.axes_known,
+        axes_known,
         delay_is_clock,
         lever_arm is None and not tells_arm,
         age_sd,
     )
-    wheels_found = _wheels_of(wheels, result, delay_is_clock)
-    return replace(result, wheels=wheels_found, bridged=bridged)
+    return replace(result, wheels=_wheels_of(wheels, result, delay_is_clock))
 
 
 def _wheels_of(
@@ -388,7 +396,7 @@ def _assemble(
         age_sd=age_sd,
     )  # fmt: skip
     return FusionResult(
-        whole_trajectory(make(states=outcome.smoothed, blend=True), len(session.imu)),
+        partial(make, states=outcome.smoothed, blend=True),
         partial(make, states=outcome.filtered, blend=False),
         history,
         outcome.filtered_parameters,

@@ -14,7 +14,6 @@ from automap.fusion.kernels import ForwardStore, NodeArrays
 from automap.fusion.layout import MAX_SCALARS, N_NAV, ROWS_OF_FLAG
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import Problem, node_signals
-from automap.fusion.resample import states_at
 from automap.fusion.stamp_error import reported_rows
 from automap.records import FloatArray
 
@@ -132,23 +131,6 @@ def filter_into(
         store,
     )
     return float(score)
-
-
-def linearisation_states(
-    problem: Problem, smooth: SmoothRun, nodes: Nodes, before: Shift, now: Shift
-) -> PathStates:
-    """Smoothed states at the instants of other ``nodes``, whose times contain ``now``."""
-    params = np.stack(
-        [np.interp(nodes.t, smooth.nodes.t, column) for column in smooth.params.T], axis=1
-    )
-    for (name, old), (_, new) in zip(contained(before), contained(now), strict=True):
-        if name in problem.model.names:
-            params[:, problem.model.names.index(name)] += old - new
-    if np.array_equal(nodes.t, smooth.nodes.t):
-        return PathStates(smooth.nominal, params)
-    dense, _ = run_dense(problem, smooth.nodes, smooth.nominal, smooth.params, blend=True)
-    good = np.isfinite(dense).all(axis=1)
-    return PathStates(states_at(problem.t[good], dense[good], nodes.t), params)
 
 
 def empty_store(nodes: Nodes, n: int) -> ForwardStore:

@@ -26,13 +26,15 @@ from automap.records import FloatArray, ImuData
 @dataclass(frozen=True)
 class Problem:
     """Readings and model in the form the kernels take; ``arrays`` are the model's, ``users`` the
-    users' signals [n] at the samples that its terms on fixes and vehicle are multiplied with."""
+    users' signals [n] at the samples that its terms on fixes and vehicle are multiplied with,
+    ``turning`` [n] rad/s the vehicle's rate of turn."""
 
     samples: Samples
     model: StateModel
     options: FusionOptions
     arrays: ModelArrays
     users: Mapping[str, FloatArray] = field(default_factory=dict)
+    turning: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def t(self) -> FloatArray:
@@ -55,16 +57,18 @@ def make_problem(
 
     t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)
     step = float(np.median(np.diff(t)))
-    readings = np.concatenate([imu.gyro, imu.accel], axis=1)
-    raw = _for_linear_steps(readings, t, step)
+    raw = _for_linear_steps(imu, t, step)
     terms = list(model.terms)
     extra = extra_basis(terms, imu.gyro, imu.accel, imu.temp_c, speed, signals=signals)
     width = max(2 * round(0.5 * FORCE_WINDOW_S / step) + 1, 1)
     force = uniform_filter1d(imu.accel, width, axis=0, mode="nearest")
-    shocks = shock_noise(readings, step) if options.shocks else np.zeros((len(t), 2))
+    shocks = np.zeros((len(t), 2))
+    if options.shocks:
+        shocks = shock_noise(imu.gyro, imu.accel, step)
     if bridged_s is not None:
         shocks = shocks + bridge_noise(bridged_s, options.gap_force_sd, options.gap_rate_sd)
-    calm = steady_rate(t, imu.gyro) - raw[:, :3]
+    calm = steady_rate(t, imu.gyro)
+    calm -= raw[:, :3]
     samples = Samples(
         t, raw, np.ascontiguousarray(extra), np.ascontiguousarray(force), calm, shocks
     )
@@ -103,17 +107,19 @@ def with_late_change(problem: Problem, change: FloatArray) -> Problem:
     return replace(problem, model=model, arrays=arrays, users=users)
 
 
-def _for_linear_steps(readings: FloatArray, t: FloatArray, step: float) -> FloatArray:
-    """Readings whose linear interpolation integrates like the cubic through the samples.
+def _for_linear_steps(imu: ImuData, t: FloatArray, step: float) -> FloatArray:
+    """Readings [n, 6] whose linear interpolation integrates like the cubic through the samples.
 
     Minus a twelfth of the second difference: then the trapezoid over a step equals the
     integral of the cubic interpolant. Next to gaps the samples stay as they are.
     """
-    out = readings.copy()
+    out = np.concatenate([imu.gyro, imu.accel], axis=1)
     spacing = np.diff(t)
     regular = (spacing[1:] < 1.5 * step) & (spacing[:-1] < 1.5 * step)
-    second = readings[2:] - 2.0 * readings[1:-1] + readings[:-2]
-    out[1:-1] -= np.where(regular[:, None], second / 12.0, 0.0)
+    # one column after another: of a long drive their differences are as large as its readings
+    for k, column in enumerate((*imu.gyro.T, *imu.accel.T)):
+        second = column[2:] - 2.0 * column[1:-1] + column[:-2]
+        out[1:-1, k] -= np.where(regular, second / 12.0, 0.0)
     return out
 
 

@@ -8,17 +8,18 @@ than the fixes alone, the path is that of the fixes alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from automap.errors import InputError
 from automap.fusion import limits
+from automap.fusion.aside import Aside, whole_trajectory
 from automap.fusion.consistency import channel_consistency, innovation_doubts
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
 from automap.fusion.doubts.constancy import constancy_doubts
-from automap.fusion.doubts.difference import between, no_difference, off_course, within
+from automap.fusion.doubts.difference import Difference, between, no_difference, off_course, within
 from automap.fusion.doubts.estimates import (
     Estimates,
     arm_by_drive,
@@ -52,18 +53,27 @@ from automap.sync.velocity_consistency import VelocityConsistency
 
 @dataclass(frozen=True)
 class Weighed:
-    """A path with sigmas as the ``verdict`` wants them; with ``alone`` it is that of the fixes
-    without the IMU."""
+    """A path of ``rows`` rows with sigmas as the ``verdict`` wants them, made anew at each call of
+    ``run``, stretch by stretch; ``horizontal_sd`` m the median of its sigmas. With ``alone`` it is
+    that of the fixes without the IMU."""
 
     verdict: Verdict
-    trajectory: Trajectory
+    run: Callable[[], Iterator[Trajectory]]
+    rows: int
+    horizontal_sd: float
     alone: bool = False
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The whole path."""
+        return whole_trajectory(self.run())
 
 
 def weigh(
     result: FusionResult,
+    fused: Aside,
     imu: ImuData,
-    as_read: ImuData,
+    as_read: Callable[[ImuData], ImuData],
     fixes: Fixes,
     clock: ClockModel,
     options: FusionOptions,
@@ -72,20 +82,20 @@ def weigh(
     receiver: VelocityConsistency,
     lever_arm: FloatArray | None = None,
 ) -> Weighed:
-    """Judge a fused path by what it was made of.
+    """Judge a fused path, put aside, by what it was made of.
 
-    ``as_read`` the readings ``imu`` in the sensor's own axes, ``fixes`` as they were fused,
+    ``as_read`` gives readings in the sensor's own axes, ``fixes`` as they were fused,
     ``delay`` and ``delay_is_clock`` as in ``fuse_imu_gnss``; ``receiver`` what the fixes as
     recorded say of each other; ``lever_arm`` [3] m to the antenna as it was stated.
     """
     found = final_estimates(result)
-    bridged = result.bridged or bridge_unusable(imu)
-    path = uncorrected(result.trajectory, fixes, options)
+    bridged = bridge_unusable(imu)
+    path = fused.motion()
     speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
     told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
     fix_s = np.asarray((clock.t_ns(fixes.gps_s[told]) - int(imu.t_ns[0])) * 1e-9)
     of_imu = [
-        *reading_doubts(as_read, bridged, np.interp(imu.t_ns, path.t_ns, speed)),
+        *reading_doubts(as_read(imu), bridged, np.interp(imu.t_ns, path.t_ns, speed)),
         *turn_doubts(bridged.imu, result.mounting.matrix, fix_s, fixes.vel_ned[told]),
         *impossible_ages(found, dated_by_arrival=delay_is_clock and clock.method == "arrival"),
         *impossible_errors(found),
@@ -94,8 +104,7 @@ def weigh(
     at_bound = levels_at_bound(result.noise_factors, options.tune)
     felt = not any(reason.inertial for reason in (*of_imu, *at_bound))
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]), felt)
-    askew, lean = mounted_askew(path)
-    path = replace(path, sd_rpy=np.hypot(path.sd_rpy, [lean, 0.0, 0.0]))
+    askew, lean = mounted_askew(path, fused.sd_roll())
     # an IMU that errs by itself is no witness, and what errs in one way seems to in others
     if not any(reason.inertial for reason in of_imu):
         at_readings = np.interp(imu.t_ns, path.t_ns, speed)
@@ -106,7 +115,9 @@ def weigh(
     # an arm that is wrong makes jumps of velocity in bends
     arm = arm_by_drive(found, lever_arm, limits.STATED_ARM_SD_M)
     arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
-    steps = _steps(result, bridged, found, fixes, options, delay_is_clock, arm) if believed else []
+    steps: list[Reason] = []
+    if believed:
+        steps = _steps(result, path, bridged, found, fixes, options, delay_is_clock, arm)
     try:
         dated = dated_velocities(fixes, receiver)
         levels = fix_levels(dated, options)
@@ -143,10 +154,28 @@ def weigh(
             reasons = [_worse(share), *reasons]
             # what speaks against the IMU's path leaves that of the fixes as it is
             path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
-            widened = widen(path, [*of_receiver, *own], beside, None)
-            return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
-    widened = widen(path, reasons, misses, alone)
-    return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened)
+            return _alone(widen(path, [*of_receiver, *own], beside, None), reasons)
+    widened = widening(path, reasons, misses, alone)
+
+    def run() -> Iterator[Trajectory]:
+        for rows, stretch in fused.stretches():
+            leaning_too = np.hypot(stretch.sd_rpy, [lean, 0.0, 0.0])
+            known = uncorrected(replace(stretch, sd_rpy=leaning_too), fixes, options)
+            yield widened(known, rows)
+
+    return _weighed(run, reasons, False)
+
+
+def _weighed(
+    run: Callable[[], Iterator[Trajectory]], reasons: Sequence[Reason], alone: bool
+) -> Weighed:
+    level = np.concatenate([np.hypot(*stretch.sd_pos_ned[:, :2].T) for stretch in run()])
+    sd = float(np.median(level))
+    return Weighed(verdict_of([*reasons, *unsure_path(sd)]), run, len(level), sd, alone)
+
+
+def _alone(path: Trajectory, reasons: Sequence[Reason]) -> Weighed:
+    return _weighed(lambda: iter([path]), reasons, True)
 
 
 def weigh_alone(
@@ -165,8 +194,7 @@ def weigh_alone(
     misses = fix_misses(path, model)
     off, _ = _off_the_fixes(misses, options.wander_tau_s)
     reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
-    widened = widen(path, reasons, misses, None)
-    return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
+    return _alone(widen(path, reasons, misses, None), reasons)
 
 
 def _of_axes(found: Estimates, effect: str) -> FloatArray:
@@ -176,6 +204,7 @@ def _of_axes(found: Estimates, effect: str) -> FloatArray:
 
 def _steps(
     result: FusionResult,
+    path: Trajectory,
     bridged: Bridged,
     found: Estimates,
     fixes: Fixes,
@@ -184,7 +213,7 @@ def _steps(
     arm: FloatArray,
 ) -> list[Reason]:
     """The reason that jumps of the receiver's velocity give, at ``arm`` [3] m from the IMU."""
-    path, turn, imu = result.trajectory, result.mounting.matrix, bridged.imu
+    turn, imu = result.mounting.matrix, bridged.imu
     stamps = (imu.t_ns - imu.t_ns[0]) * 1e-9
     # the path's rows are of the stamps' instants; readings may be of earlier ones
     late = 0.0 if delay_is_clock else result.delay.mean + found.get(SKEW_STATE, (0.0,))[0] * stamps
@@ -232,7 +261,15 @@ def _worse(share: float) -> Reason:
 def widen(
     path: Trajectory, reasons: Sequence[Reason], misses: Misses, alone: Trajectory | None
 ) -> Trajectory:
-    """The path with sigmas as large as what ``reasons`` show, where they show it.
+    """The path with sigmas as ``widening`` makes them."""
+    return widening(path, reasons, misses, alone)(path, slice(0, len(path)))
+
+
+def widening(
+    path: Trajectory, reasons: Sequence[Reason], misses: Misses, alone: Trajectory | None
+) -> Callable[[Trajectory, slice], Trajectory]:
+    """What gives a stretch of the path, which has the rows ``rows`` of it, sigmas as large as what
+    ``reasons`` show, where they show it.
 
     There the horizontal error counts as no smaller than that to the fixes round about, and than
     the distance to the path ``alone`` of the fixes; those of velocity and heading as no smaller
@@ -240,12 +277,23 @@ def widen(
     """
     reasons = [reason for reason in reasons if not reason.handled]
     if not reasons:
-        return path
-    t = path.gps_s - path.gps_s[0]
-    error = np.zeros(len(t))
-    if len(misses):
-        error = np.interp(t, misses.t, local_error(misses))
-    apart = no_difference(len(t)) if alone is None else between(path, alone)
+        return lambda stretch, rows: stretch
+    missed = local_error(misses)
+    away = None if alone is None else between(path, alone)
+    return lambda stretch, rows: _widened(stretch, rows, path, reasons, (misses.t, missed), away)
+
+
+def _widened(
+    stretch: Trajectory,
+    rows: slice,
+    path: Trajectory,
+    reasons: Sequence[Reason],
+    missed: tuple[FloatArray, FloatArray],
+    away: Callable[[FloatArray], Difference] | None,
+) -> Trajectory:
+    t = stretch.gps_s - path.gps_s[0]
+    error = np.interp(t, *missed) if len(missed[0]) else np.zeros(len(t))
+    apart = no_difference(len(t)) if away is None else away(stretch.gps_s)
     factor, floor, high = np.ones(len(t)), np.zeros(len(t)), np.zeros(len(t))
     doubted, late = np.zeros(len(t), np.bool_), np.zeros(len(t))
     for reason in reasons:
@@ -259,19 +307,19 @@ def widen(
         floor[there] = np.maximum(floor[there], reason.error_m)
         high[there] = np.maximum(high[there], reason.height_m)
         late[there] = np.maximum(late[there], reason.late_s)
-    moved = within(path, late)
+    moved = within(path, late, rows)
     floor = np.max([floor, moved.position, doubted * np.maximum(error, apart.position)], axis=0)
     off = np.maximum(moved.velocity, doubted[:, None] * apart.velocity)
     turned = np.maximum(moved.heading, doubted * apart.heading)
-    sd = path.sd_pos_ned * factor[:, None]
+    sd = stretch.sd_pos_ned * factor[:, None]
     # per axis: an error of this length may have any direction
     sd[:, :2] = np.sqrt(sd[:, :2] ** 2 + 0.5 * floor[:, None] ** 2)
     sd[:, 2] = np.hypot(sd[:, 2], high)
-    rpy = path.sd_rpy * factor[:, None]
+    rpy = stretch.sd_rpy * factor[:, None]
     rpy[:, 2] = np.minimum(np.hypot(rpy[:, 2], turned), limits.UNKNOWN_HEADING_SD)
     return replace(
-        path,
+        stretch,
         sd_pos_ned=sd,
-        sd_vel_ned=np.hypot(path.sd_vel_ned * factor[:, None], off),
+        sd_vel_ned=np.hypot(stretch.sd_vel_ned * factor[:, None], off),
         sd_rpy=rpy,
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,20 @@ def test_sections_change_nothing(section: int, relinearise: bool) -> None:
     scale = sd[:, :, None] * sd[:, None, :]
     assert np.abs((smooth.cov - whole.cov)[:, :9, :9] / scale).max() < 1e-5
     assert smooth.params == pytest.approx(whole.params, rel=1e-5, abs=1e-8)
+
+
+def test_states_to_linearise_about_are_the_same_stretch_by_stretch(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem, forward, _ = _problem(20.0, gate=1e-3)
+    smooth = run_smoother(problem, forward)
+    # as where a delay was found: between other samples, and beyond the ends
+    nodes = replace(smooth.nodes, t=smooth.nodes.t + 0.013)
+    whole = pieces.linearisation_states(problem, smooth, nodes, Shift(), Shift(0.013))
+    monkeypatch.setattr(pieces, "PIECE_ROWS", 97)
+    parts = pieces.linearisation_states(problem, smooth, nodes, Shift(), Shift(0.013))
+    assert np.array_equal(parts.nominal, whole.nominal)
+    assert np.array_equal(parts.params, whole.params)
 
 
 @pytest.mark.parametrize("blend", [False, True])
