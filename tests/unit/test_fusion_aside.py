@@ -19,10 +19,7 @@ from tests.unit.test_fusion_doubted_sigmas import NONE, winding_path
 def cut(path: Trajectory, *at: int) -> list[Trajectory]:
     names = [field.name for field in fields(Trajectory)]
     edges = (0, *at, len(path))
-    return [
-        Trajectory(*(getattr(path, name)[a:b] for name in names))
-        for a, b in pairwise(edges)
-    ]
+    return [Trajectory(*(getattr(path, name)[a:b] for name in names)) for a, b in pairwise(edges)]
 
 
 def same(one: Trajectory, other: Trajectory) -> bool:
