@@ -1,12 +1,13 @@
-"""A long path put aside in a file, of which columns and stretches are read back.
+"""What of a long drive is as large as its readings, in a file.
 
-At 100 Hz ten hours are 3.6 million rows, half a gigabyte. What judges a path asks for its motion
-alone, and what is written of it goes stretch by stretch.
+At 100 Hz ten hours are 3.6 million rows, of which a path and what the filter takes of the readings
+have half a gigabyte each. The filter goes section by section, what judges a path asks for its
+motion alone, and what is written of it goes stretch by stretch.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import IO
 
@@ -14,65 +15,92 @@ import numpy as np
 
 from automap.records import FloatArray, IntArray, Trajectory
 
-_WIDTHS = {"gps_s": 1, "lat_rad": 1, "lon_rad": 1, "height_m": 1, "vel_ned": 3, "rpy": 3}
-_WIDTHS |= {"sd_pos_ned": 3, "sd_vel_ned": 3, "sd_rpy": 3}
-"""Columns of a row by field, in the file's order."""
-_MOTION = ("gps_s", "lat_rad", "lon_rad", "height_m", "vel_ned", "rpy")
+ROWS = 1 << 18
+"""Of a stretch: 45 minutes at 100 Hz."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns by name in ``file``, one after another: the ``place`` where each begins and how wide
+    its rows are, in numbers of eight bytes; None for a column without a second axis."""
+
+    file: IO[bytes]
+    place: Mapping[str, tuple[int, int | None]]
+
+    def write(self, name: str, start: int, values: FloatArray) -> None:
+        """Put rows of a column, from ``start`` on."""
+        begin, width = self.place[name]
+        self.file.seek(8 * (begin + start * (1 if width is None else width)))
+        self.file.write(np.ascontiguousarray(values, np.float64).reshape(-1).view(np.uint8).data)
+
+    def read(self, name: str, rows: slice) -> FloatArray:
+        """Rows of a column."""
+        begin, width = self.place[name]
+        shape = (rows.stop - rows.start,) if width is None else (rows.stop - rows.start, width)
+        out = np.empty(shape)
+        self.file.seek(8 * (begin + rows.start * (1 if width is None else width)))
+        self.file.readinto(out.reshape(-1).view(np.uint8).data)  # type: ignore[attr-defined]
+        return out
+
+
+def columns_in(file: IO[bytes], n: int, widths: Mapping[str, int | None]) -> Columns:
+    """Room in ``file`` for columns of ``n`` rows as wide as ``widths`` say."""
+    place, begin = {}, 0
+    for name, width in widths.items():
+        place[name] = begin, width
+        begin += n * (1 if width is None else width)
+    return Columns(file, place)
+
+
+_MOTION = {
+    "gps_s": None,
+    "lat_rad": None,
+    "lon_rad": None,
+    "height_m": None,
+    "vel_ned": 3,
+    "rpy": 3,
+}
+_SIGMAS = {"sd_pos_ned": 3, "sd_vel_ned": 3, "sd_rpy": 3}
 
 
 @dataclass(frozen=True)
 class Aside:
-    """A trajectory at ``t_ns`` [n] whose other columns stand in ``file``, in stretches that end
-    before the rows ``ends``."""
+    """A trajectory at ``t_ns`` [n] whose other columns stand in a file."""
 
     t_ns: IntArray
-    file: IO[bytes]
-    ends: tuple[int, ...]
+    columns: Columns
 
     def __len__(self) -> int:
         return len(self.t_ns)
 
     def stretches(self) -> Iterator[tuple[slice, Trajectory]]:
-        """The stretches and which rows they are."""
-        self.file.seek(0)
-        width, start = sum(_WIDTHS.values()), 0
-        for end in self.ends:
-            data = np.frombuffer(self.file.read(8 * width * (end - start)))
-            parts = np.split(data, np.cumsum([w * (end - start) for w in _WIDTHS.values()])[:-1])
-            values = {
-                name: part if columns == 1 else part.reshape(-1, columns)
-                for (name, columns), part in zip(_WIDTHS.items(), parts, strict=True)
-            }
-            yield slice(start, end), Trajectory(self.t_ns[start:end], **values)
-            start = end
+        """The trajectory in stretches, and which rows they are."""
+        for start in range(0, len(self), ROWS):
+            rows = slice(start, min(start + ROWS, len(self)))
+            values = {name: self.columns.read(name, rows) for name in (*_MOTION, *_SIGMAS)}
+            yield rows, Trajectory(self.t_ns[rows], **values)
 
     def motion(self) -> Trajectory:
         """The whole trajectory without its sigmas, which are NaN and take no room."""
-        n = len(self)
-        shapes = {name: n if _WIDTHS[name] == 1 else (n, 3) for name in _MOTION}
-        values: dict[str, FloatArray] = {name: np.empty(shape) for name, shape in shapes.items()}
-        for rows, stretch in self.stretches():
-            for name, column in values.items():
-                column[rows] = getattr(stretch, name)
-        unknown = np.broadcast_to(np.nan, (n, 3))
-        sigmas = dict.fromkeys(("sd_pos_ned", "sd_vel_ned", "sd_rpy"), unknown)
-        return Trajectory(self.t_ns, **values, **sigmas)
+        values = {name: self.columns.read(name, slice(0, len(self))) for name in _MOTION}
+        unknown = np.broadcast_to(np.nan, (len(self), 3))
+        return Trajectory(self.t_ns, **values, **dict.fromkeys(_SIGMAS, unknown))
 
     def sd_roll(self) -> FloatArray:
         """One sigma [n] of the roll, rad."""
         return np.concatenate([stretch.sd_rpy[:, 0] for _, stretch in self.stretches()])
 
 
-def put_aside(stretches: Iterable[Trajectory], file: IO[bytes]) -> Aside:
-    """Put the ``stretches`` of a trajectory into ``file``, which stays open while they are asked
-    for."""
-    t_ns, ends = [], [0]
+def put_aside(stretches: Iterable[Trajectory], t_ns: IntArray, file: IO[bytes]) -> Aside:
+    """Put the ``stretches`` of a trajectory at ``t_ns`` [n] into ``file``, which stays open while
+    they are asked for."""
+    columns = columns_in(file, len(t_ns), _MOTION | _SIGMAS)
+    start = 0
     for stretch in stretches:
-        t_ns.append(stretch.t_ns)
-        ends.append(ends[-1] + len(stretch))
-        for name in _WIDTHS:
-            file.write(np.ascontiguousarray(getattr(stretch, name)).data)
-    return Aside(np.concatenate(t_ns), file, tuple(ends[1:]))
+        for name in columns.place:
+            columns.write(name, start, getattr(stretch, name))
+        start += len(stretch)
+    return Aside(t_ns, columns)
 
 
 def whole_trajectory(stretches: Iterable[Trajectory]) -> Trajectory:

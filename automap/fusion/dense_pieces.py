@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.fusion.arrays import Samples
+from automap.fusion.aside import ROWS
 from automap.fusion.delay_states import contained
 from automap.fusion.kernel_runs import PathStates, SmoothRun, run_dense
 from automap.fusion.nodes import Nodes, Shift
@@ -15,8 +15,8 @@ from automap.fusion.problem import Problem
 from automap.fusion.resample import states_at
 from automap.records import BoolArray, FloatArray
 
-PIECE_ROWS = 1 << 18
-"""Samples of a stretch: 45 minutes at 100 Hz, 20 MB of states."""
+PIECE_ROWS = ROWS
+"""Samples of a stretch, 20 MB of states."""
 MARGIN_S = 1.0
 """Round a stretch; the rates of change at a node are taken over a few hundredths of a second."""
 
@@ -51,7 +51,7 @@ def dense_pieces(
         first = max(min(lo, int(np.searchsorted(t, at[wide.start], "right")) - 2), 0)
         stop = max(hi, int(np.searchsorted(t, at[wide.stop - 1], "left")) + 3)
         around = slice(first, min(stop, len(t)))
-        part = replace(problem, samples=Samples(*(v[around] for v in problem.samples)))
+        part = replace(problem, samples=problem.samples_at(around), stored=None)
         between = nodes.between(wide.start, wide.stop)
         dense, _ = run_dense(part, between, states.nominal[wide], states.params[wide], blend)
         good = np.asarray(np.isfinite(dense).all(axis=1))

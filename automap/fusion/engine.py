@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import IO
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from automap.frames import (
     rpy_to_matrix,
 )
 from automap.fusion import limits
-from automap.fusion.aside import whole_trajectory
+from automap.fusion.aside import ROWS, whole_trajectory
 from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE, SKEW_STATE, WHEELS_STATE
 from automap.fusion.filtered import filtered_states
 from automap.fusion.kernel_runs import Start, run_dense
@@ -36,7 +37,7 @@ from automap.fusion.output import (
     parameter_history,
 )
 from automap.fusion.passes import Pass, Session, basis_of, run_passes, without_readings
-from automap.fusion.problem import Problem
+from automap.fusion.problem import Problem, stored
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed, unmoved
 from automap.fusion.tuning import shown_at_least
@@ -81,8 +82,8 @@ class WheelResult:
 class FusionResult:
     """A fused drive.
 
-    ``trajectory`` smoothed and ``filtered`` forward only, at every IMU epoch, and stretch by
-    stretch, made anew at each call, by ``path_run`` and ``filter_run``; ``parameters``
+    ``trajectory`` smoothed and ``filtered`` forward only, at the IMU's epochs ``t_ns``, and stretch
+    by stretch, made anew at each call, by ``path_run`` and ``filter_run``; ``parameters``
     the estimated sensor errors over time, smoothed, ``filtered_parameters`` as the forward
     filter saw them; ``innovations`` of the last forward pass;
     ``delay`` of the IMU stamps against the fixes (imu_time_offset > 0: stamps later than the
@@ -91,6 +92,7 @@ class FusionResult:
     drive made of the noise levels; ``wheels`` None where the drive has no wheel speed.
     """
 
+    t_ns: IntArray
     path_run: Callable[[], Iterator[Trajectory]]
     filter_run: Callable[[], Iterator[Trajectory]]
     parameters: ParameterHistory
@@ -129,6 +131,7 @@ def fuse_imu_gnss(
     delay_is_clock: bool = False,
     odometer: WheelSpeed | None = None,
     progress: Callable[[float, str], None] = lambda fraction, text: None,
+    scratch: IO[bytes] | None = None,
 ) -> FusionResult:
     """Fuse inertial readings and fixes of one drive.
 
@@ -140,7 +143,9 @@ def fuse_imu_gnss(
     each row of the output is the vehicle's state at its stamp's instant. ``lever_arm`` [3] IMU
     to antenna in body axes, None if unknown (it is then estimated). ``roll_sd`` rad how
     exactly axes that are known are so about the forward one, which no motion tells. ``odometer``
-    the speed of the wheels, stamped by the host clock without the IMU's own delay.
+    the speed of the wheels, stamped by the host clock without the IMU's own delay. Into the file
+    ``scratch`` goes what of a long drive is as large as its readings; it stays open while stretches
+    of the result are asked for.
 
     Raises:
         InputError: fewer than two usable fixes within the IMU's span, or hardly any samples.
@@ -225,6 +230,8 @@ def fuse_imu_gnss(
     session = replace(session, means=session.means | known_means, sds=session.sds | known_sds)
     axes_known = imu.axes_known
     basis, session = basis_of(session), without_readings(session)
+    if scratch is not None and len(basis.problem.t) > ROWS:
+        basis = replace(basis, problem=stored(basis.problem, scratch))
     # of a long drive the readings are as large again as what is made of them
     del imu, bridged, t_imu
     progress(0.3, "fusing")
@@ -346,11 +353,8 @@ class _Outcome:
 
 def _collect(last: Pass, base_ns: int, outliers: IntArray) -> _Outcome:
     smooth = last.smooth
-    # what only the filter takes of the samples is as large as the readings
-    none = np.zeros((0, 3))
-    samples = last.problem.samples._replace(force=none, calm=none, shocks=none)
     return _Outcome(
-        replace(last.problem, samples=samples),
+        last.problem,
         last.nodes,
         NodeStates(smooth.nominal, smooth.params, smooth.cov),
         NodeStates(*filtered_states(last.problem, last.forward)),
@@ -396,6 +400,7 @@ def _assemble(
         age_sd=age_sd,
     )  # fmt: skip
     return FusionResult(
+        session.imu.t_ns,
         partial(make, states=outcome.smoothed, blend=True),
         partial(make, states=outcome.filtered, blend=False),
         history,

@@ -17,6 +17,8 @@ from automap.fusion.problem import Problem, node_signals
 from automap.fusion.stamp_error import reported_rows
 from automap.records import FloatArray
 
+AnyFloats = npt.NDArray[np.floating[Any]]
+
 PARAMETER_STEP_S = 1.0
 """How often the uncertainty of parameters is noted."""
 
@@ -40,7 +42,7 @@ class ForwardRun:
     nodes: Nodes
     store: ForwardStore
     score: float
-    cov: npt.NDArray[np.floating[Any]] | None = None
+    cov: AnyFloats | None = None
     param_var: FloatArray | None = None
 
 
@@ -111,7 +113,7 @@ def filter_into(
 ) -> float:
     """Filter over the nodes from ``state`` at the first of them; returns the score."""
     score = kernels.run_forward(
-        problem.samples,
+        problem.samples_between(nodes.t[0], nodes.t[-1]),
         problem.arrays,
         NodeArrays(
             nodes.t,

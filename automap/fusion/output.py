@@ -18,7 +18,13 @@ from automap.frames import (
 from automap.fusion.delay_states import contained
 from automap.fusion.dense_pieces import MARGIN_S, dense_pieces
 from automap.fusion.filtered import filtered_variances
-from automap.fusion.kernel_runs import PARAMETER_STEP_S, ForwardRun, PathStates, SmoothRun
+from automap.fusion.kernel_runs import (
+    PARAMETER_STEP_S,
+    AnyFloats,
+    ForwardRun,
+    PathStates,
+    SmoothRun,
+)
 from automap.fusion.layout import CH_VEL, CHANNELS, N_NAV, PHI_ID
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import Problem
@@ -43,7 +49,7 @@ class NodeStates:
 
     nominal: FloatArray
     params: FloatArray
-    cov: FloatArray
+    cov: AnyFloats
 
 
 @dataclass(frozen=True)

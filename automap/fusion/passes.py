@@ -225,7 +225,7 @@ def run_passes(
                     untuned, factors = factors, tuned.factors
                 problem, nodes = scale_problem(base, factors), scale_nodes(plain, factors)
             relinearised += 1
-        last = None
+        last, plain = None, nodes
         # only a relinearised pass can be the last
         final = number > 1 or options.iterations == 0
         forward, smooth = filter_and_smooth(

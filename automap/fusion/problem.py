@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import IO
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from automap.effects import Signals, extra_basis
 from automap.effects.term_sums import AXIS, SIGNAL_COLUMN, SIGNAL_ONE, TIME, Terms
 from automap.effects.terms import POSITION_ACCURACY
 from automap.effects.user import is_users, user_signal
+from automap.fusion.aside import Columns, columns_in
 from automap.fusion.kernels import ModelArrays, Samples
 from automap.fusion.limits import FORCE_WINDOW_S, MAX_INFLATION, REFUSED_INFLATION
 from automap.fusion.model import StateModel
@@ -27,7 +29,8 @@ from automap.records import FloatArray, ImuData
 class Problem:
     """Readings and model in the form the kernels take; ``arrays`` are the model's, ``users`` the
     users' signals [n] at the samples that its terms on fixes and vehicle are multiplied with,
-    ``turning`` [n] rad/s the vehicle's rate of turn."""
+    ``turning`` [n] rad/s the vehicle's rate of turn. Where a long drive's samples are ``stored``,
+    ``samples`` has their times alone."""
 
     samples: Samples
     model: StateModel
@@ -35,11 +38,37 @@ class Problem:
     arrays: ModelArrays
     users: Mapping[str, FloatArray] = field(default_factory=dict)
     turning: FloatArray = field(default_factory=lambda: np.zeros(0))
+    stored: Columns | None = None
 
     @property
     def t(self) -> FloatArray:
         """Sample times [n] in s from the first."""
         return self.samples.t
+
+    def samples_at(self, rows: slice) -> Samples:
+        """Some of the samples."""
+        if self.stored is None:
+            return Samples(*(values[rows] for values in self.samples))
+        others = (self.stored.read(name, rows) for name in Samples._fields[1:])
+        return Samples(self.t[rows], *others)
+
+    def samples_between(self, begin: float, end: float) -> Samples:
+        """Those that a kernel takes between nodes at two instants: one before the first, and two
+        after the last."""
+        first = max(int(np.searchsorted(self.t, begin, "right")) - 2, 0)
+        stop = int(np.searchsorted(self.t, end, "left")) + 3
+        return self.samples_at(slice(first, min(stop, len(self.t))))
+
+
+def stored(problem: Problem, file: IO[bytes]) -> Problem:
+    """The problem with its samples in ``file``, which stays open while they are asked for."""
+    names = Samples._fields[1:]
+    widths = {name: getattr(problem.samples, name).shape[1] for name in names}
+    columns = columns_in(file, len(problem.t), widths)
+    for name in names:
+        columns.write(name, 0, getattr(problem.samples, name))
+    samples = Samples(problem.t, *(getattr(problem.samples, name)[:0].copy() for name in names))
+    return replace(problem, samples=samples, stored=columns)
 
 
 def make_problem(

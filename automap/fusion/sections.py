@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -70,7 +71,8 @@ def filter_and_smooth(
         part = run_smoother(problem, run, adjoint, with_cov)
         smoothed.append(replace(part, cov=part.cov.astype(np.float32)))
         run = None
-    return _join_forward(nodes, parts), _join_smooth(nodes, smoothed[::-1])
+    smoothed.reverse()
+    return _join_forward(nodes, parts), _join_smooth(nodes, smoothed)
 
 
 def _bounds(nodes: Nodes, section_nodes: int) -> list[int]:
@@ -134,42 +136,34 @@ def _light(problem: Problem, run: ForwardRun, with_cov: bool) -> ForwardRun:
 def _join_forward(nodes: Nodes, parts: list[ForwardRun]) -> ForwardRun:
     """One run of its sections; a section's first node is the last of the one before."""
     node, scalar = 0, 0
-    scalars, info = [], []
-    for i, part in enumerate(parts):
-        rows = part.store.info.copy()
-        rows[:, 0] += node
-        info.append(rows)
-        scalars.append(part.store.scalars[min(i, 1) :] + scalar)
+    for part in parts:
+        # in place: nobody else has them
+        part.store.info[:, 0] += node
+        part.store.scalars[:] += scalar
         node += len(part.nodes.t) - 1
-        scalar += len(rows)
-
-    def joined(name: str) -> np.ndarray:
-        return np.concatenate([getattr(p.store, name)[min(i, 1) :] for i, p in enumerate(parts)])
-
-    first = parts[0].store
-    store = ForwardStore(
-        nominal=joined("nominal"),
-        params=joined("params"),
-        mean=joined("mean"),
-        trans=first.trans,
-        cov=first.cov,
-        scalars=np.concatenate(scalars),
-        h=first.h,
-        gain=first.gain,
-        nu=np.concatenate([p.store.nu for p in parts]),
-        var=np.concatenate([p.store.var for p in parts]),
-        info=np.concatenate(info),
-        nis=joined("nis"),
-    )
-    covs = [p.cov for p in parts if p.cov is not None]
-    cov = np.concatenate([c[min(i, 1) :] for i, c in enumerate(covs)])
-    variances = [p.param_var for p in parts if p.param_var is not None]
-    variance = np.concatenate([v[min(i, 1) :] for i, v in enumerate(variances)])
-    return ForwardRun(nodes, store, sum(p.score for p in parts), cov, variance)
+        scalar += len(part.store.info)
+    score = sum(part.score for part in parts)
+    columns = [
+        part.store._asdict() | {"of_cov": part.cov, "of_params": part.param_var} for part in parts
+    ]
+    parts.clear()
+    of_nodes = ("nominal", "params", "mean", "scalars", "nis", "of_cov", "of_params")
+    done = {name: _joined(columns, name, shared=True) for name in of_nodes}
+    done |= {name: _joined(columns, name, shared=False) for name in columns[0].copy()}
+    cov, variance = done.pop("of_cov"), done.pop("of_params")
+    return ForwardRun(nodes, ForwardStore(**done), score, cov, variance)
 
 
 def _join_smooth(nodes: Nodes, parts: list[SmoothRun]) -> SmoothRun:
-    def joined(name: str) -> np.ndarray:
-        return np.concatenate([getattr(p, name)[min(i, 1) :] for i, p in enumerate(parts)])
+    names = ("nominal", "params", "cov", "param_var")
+    columns = [{name: getattr(part, name) for name in names} for part in parts]
+    parts.clear()
+    done = {name: _joined(columns, name, shared=True) for name in names}
+    return SmoothRun(nodes=nodes, **done)
 
-    return SmoothRun(joined("nominal"), joined("params"), nodes, joined("cov"), joined("param_var"))
+
+def _joined(columns: list[dict[str, Any]], name: str, shared: bool) -> np.ndarray:
+    """One column of all sections, which are without it then: two of everything would not fit. The
+    first row of a section is ``shared`` with the one before."""
+    parts = [column.pop(name) for column in columns]
+    return np.concatenate([part[min(i, 1) :] if shared else part for i, part in enumerate(parts)])

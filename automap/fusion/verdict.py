@@ -38,7 +38,7 @@ from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
 from automap.fusion.doubts.receiver import dated_velocities, receiver_doubts
 from automap.fusion.doubts.triads import triad_doubts
 from automap.fusion.doubts.turns import turn_doubts
-from automap.fusion.doubts.velocity_step import compare, step_doubts, velocity_steps
+from automap.fusion.doubts.velocity_step import compare, step_doubts, told_times, velocity_steps
 from automap.fusion.engine import FusionResult, Prior
 from automap.fusion.fix_levels import fix_levels
 from automap.fusion.free_inertial import free_inertial
@@ -217,12 +217,12 @@ def _steps(
     stamps = (imu.t_ns - imu.t_ns[0]) * 1e-9
     # the path's rows are of the stamps' instants; readings may be of earlier ones
     late = 0.0 if delay_is_clock else result.delay.mean + found.get(SKEW_STATE, (0.0,))[0] * stamps
-    free = free_inertial(
-        path.gps_s - path.gps_s[0] - late,
-        imu.gyro @ turn.T - _of_axes(found, "gyro_bias"),
-        imu.accel @ turn.T - _of_axes(found, "accel_bias"),
-        bridged.stretch_s,
-    )
+    rate, force = imu.gyro @ turn.T, imu.accel @ turn.T
+    rate -= _of_axes(found, "gyro_bias")
+    force -= _of_axes(found, "accel_bias")
+    t = path.gps_s - path.gps_s[0] - late
+    wanted = told_times(fixes, path, found)
+    free = free_inertial(t, rate, force, bridged.stretch_s, np.concatenate(wanted))
     seen = compare(free, fixes, path, found, arm)
     # the less a drive seems to show of what comes and goes, the less it is believed
     wander = options.velocity_wander_sd * max(result.noise_factors.get(VELOCITY_WANDER, 1.0), 1.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -63,8 +64,9 @@ class FusionInputs:
         options: FusionOptions,
         fixes: Fixes | None = None,
         progress: Progress = lambda fraction, text: None,
+        scratch: IO[bytes] | None = None,
     ) -> FusionResult:
-        """Run the fusion, on other fixes if given."""
+        """Run the fusion, on other fixes if given; ``scratch`` as in ``fuse_imu_gnss``."""
         return fuse_imu_gnss(
             self.imu,
             self.fixes if fixes is None else fixes,
@@ -76,6 +78,7 @@ class FusionInputs:
             delay_is_clock=self.delay_is_clock,
             odometer=self.odometer,
             progress=progress,
+            scratch=scratch,
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from tempfile import TemporaryFile
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from automap.fusion import dense_pieces as pieces
 from automap.fusion.kernel_runs import PathStates, run_dense, run_forward, run_smoother
 from automap.fusion.nodes import Shift
+from automap.fusion.problem import stored
 from automap.fusion.sections import filter_and_smooth
 from tests.unit.test_fusion_smoother import _problem
 
@@ -54,6 +56,21 @@ def test_states_to_linearise_about_are_the_same_stretch_by_stretch(
     parts = pieces.linearisation_states(problem, smooth, nodes, Shift(), Shift(0.013))
     assert np.array_equal(parts.nominal, whole.nominal)
     assert np.array_equal(parts.params, whole.params)
+
+
+def test_samples_in_a_file_change_nothing() -> None:
+    problem, forward, start = _problem(20.0, gate=1e-3)
+    nodes, whole = forward.nodes, run_smoother(problem, forward)
+    with TemporaryFile() as file:
+        far = stored(problem, file)
+        run, smooth = filter_and_smooth(far, nodes, start, Shift(), section_nodes=11)
+        near, _ = filter_and_smooth(problem, nodes, start, Shift(), section_nodes=11)
+        assert run.score == near.score
+        assert np.array_equal(run.store.mean, near.store.mean)
+        ours, theirs = (pieces.dense_pieces(p, nodes, whole, True, 0.5) for p in (far, problem))
+        for one, other in zip(ours, theirs, strict=True):
+            assert np.array_equal(one.dense, other.dense)
+    assert len(smooth.nominal) == len(nodes.t)
 
 
 @pytest.mark.parametrize("blend", [False, True])

@@ -206,7 +206,7 @@ def fused(
     result = fuse_imu_gnss(imu, fixes, clock, options, delay, arm, delay_is_clock=is_clock)
     seen = velocity_consistency(fixes)
     with TemporaryFile() as file:
-        aside = put_aside(result.path_run(), file)
+        aside = put_aside(result.path_run(), result.t_ns, file)
         return result, weigh(
             *(result, aside, imu, lambda read: read, fixes, clock, options),
             *(delay, is_clock, seen, arm),

@@ -111,15 +111,15 @@ def _fuse(context: StageContext) -> None:
     activate(context.settings.effects)
     inputs = read_inputs(context.drive, context.out, settings.imu_delay_sd_s)
     options, presets = fusion_options(context.drive, settings)
-    result = inputs.fuse(options, progress=context.progress)
-    for text in result.warnings:
-        context.warn(text)
-    # of a long drive these are a gigabyte: written before the path is weighed, and let go
-    write_trajectory(context.work / names.TRAJECTORY_FILTER, result.filter_run())
-    _write_innovations(context, result)
     is_clock = inputs.delay_is_clock
+    # of a long drive path, filter and samples are gigabytes: put into files, and let go
     with TemporaryFile(dir=context.work) as file:
-        fused = put_aside(result.path_run(), file)
+        with TemporaryFile(dir=context.work) as scratch:
+            result = inputs.fuse(options, progress=context.progress, scratch=scratch)
+            for text in result.warnings:
+                context.warn(text)
+            write_trajectory(context.work / names.TRAJECTORY_FILTER, result.filter_run())
+            fused = put_aside(result.path_run(), result.t_ns, file)
         result = replace(result, path_run=_let_go, filter_run=_let_go)
         weighed = weigh(
             result,
@@ -136,6 +136,7 @@ def _fuse(context: StageContext) -> None:
         )
         context.verdict = weighed.verdict.as_dict()
         write_trajectory(context.work / names.TRAJECTORY, weighed.run())
+    _write_innovations(context, result)
     _write_parameters(context, result)
     _report(context, result, weighed, is_clock, _note_presets(context, presets))
     if options.tune:
