@@ -25,17 +25,24 @@ MARGIN_S = 1.0
 class Piece:
     """The samples ``rows`` of a stretch, the ``nodes`` that they lie between, and what a margin
     round them has: states ``dense`` [m, 10] at the samples ``around``; those not ``good`` [m],
-    before the first and after the last node, have the nearest."""
+    before the first and after the last node, have the nearest. ``rates`` [m, 6] are the corrected
+    readings, where they are asked for."""
 
     rows: slice
     nodes: slice
     around: slice
     dense: FloatArray
     good: BoolArray
+    rates: FloatArray
 
 
 def dense_pieces(
-    problem: Problem, nodes: Nodes, states: PathStates, blend: bool, margin_s: float
+    problem: Problem,
+    nodes: Nodes,
+    states: PathStates,
+    blend: bool,
+    margin_s: float,
+    with_rates: bool = False,
 ) -> Iterator[Piece]:
     """The stretches of a drive, each with what lies within ``margin_s`` of its samples and nodes.
 
@@ -53,9 +60,10 @@ def dense_pieces(
         around = slice(first, min(stop, len(t)))
         part = replace(problem, samples=problem.samples_at(around), stored=None)
         between = nodes.between(wide.start, wide.stop)
-        dense, _ = run_dense(part, between, states.nominal[wide], states.params[wide], blend)
+        at_nodes = states.nominal[wide], states.params[wide]
+        dense, rates = run_dense(part, between, *at_nodes, blend, with_rates)
         good = np.asarray(np.isfinite(dense).all(axis=1))
-        yield Piece(slice(lo, hi), own, around, _hold_ends(dense, good), good)
+        yield Piece(slice(lo, hi), own, around, _hold_ends(dense, good), good, rates)
 
 
 def linearisation_states(

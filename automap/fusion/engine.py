@@ -20,8 +20,9 @@ from automap.frames import (
 from automap.fusion import limits
 from automap.fusion.aside import ROWS, whole_trajectory
 from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE, SKEW_STATE, WHEELS_STATE
+from automap.fusion.dense_pieces import MARGIN_S, dense_pieces
 from automap.fusion.filtered import filtered_states
-from automap.fusion.kernel_runs import Start, run_dense
+from automap.fusion.kernel_runs import Start
 from automap.fusion.layout import HAS_POS_H
 from automap.fusion.measurements.position import unseen_errors
 from automap.fusion.mounting import Mounting, estimate_mounting
@@ -36,7 +37,7 @@ from automap.fusion.output import (
     node_trajectory,
     parameter_history,
 )
-from automap.fusion.passes import Pass, Session, basis_of, run_passes, without_readings
+from automap.fusion.passes import Basis, Pass, Session, basis_of, run_passes, without_readings
 from automap.fusion.problem import Problem, stored
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed, unmoved
@@ -220,18 +221,18 @@ def fuse_imu_gnss(
         free = replace(options, effects=tuple(e for e in effects if e not in _NO_NHC))
         loose = replace(session, options=free)
         progress(0.05, "fusing in sensor axes to find the mounting")
-        last, found = run_passes(loose, None, constrained=False)
+        basis = _basis_of(loose, scratch)
+        last, found = run_passes(loose, None, constrained=False, basis=basis)
         margin = found.margin
         mounting = _mounting_of(last)
         session, start = _turn(session, last, mounting)
         shift = last.shift
         # what gravity and turns left open stays open, also in the vehicle's roll
         known_sds["imu_mounting_roll"] = float(mounting.sd[0])
+        del loose, last, found, basis
     session = replace(session, means=session.means | known_means, sds=session.sds | known_sds)
     axes_known = imu.axes_known
-    basis, session = basis_of(session), without_readings(session)
-    if scratch is not None and len(basis.problem.t) > ROWS:
-        basis = replace(basis, problem=stored(basis.problem, scratch))
+    basis, session = _basis_of(session, scratch), without_readings(session)
     # of a long drive the readings are as large again as what is made of them
     del imu, bridged, t_imu
     progress(0.3, "fusing")
@@ -303,19 +304,30 @@ def _age_sd(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> float:
     return math.hypot(0.0 if known else limits.FIX_AGE_SD_S, min(clock.sd_offset_s, 1.0))
 
 
+def _basis_of(session: Session, scratch: IO[bytes] | None) -> Basis:
+    """The basis of a session's passes; a long drive's samples in the file ``scratch``."""
+    basis = basis_of(session)
+    if scratch is None or len(basis.problem.t) <= ROWS:
+        return basis
+    return replace(basis, problem=stored(basis.problem, scratch))
+
+
 def _mounting_of(last: Pass) -> Mounting:
     """Mounting from a run in sensor axes."""
     problem = last.problem
-    dense, rates = run_dense(
-        problem, last.nodes, last.smooth.nominal, last.smooth.params, blend=True, with_rates=True
-    )
-    ok = np.isfinite(dense).all(axis=1)
-    t = problem.t[ok]
-    step = max(int(0.1 / max(float(np.median(np.diff(t))), 1e-4)), 1)
-    dense, rates, t = dense[ok][::step], rates[ok][::step], t[::step]
-    speed = np.linalg.norm(dense[:, 3:6], axis=1)
-    along = np.gradient(speed, t)
-    return estimate_mounting(t, dense[:, 3:6], quat_to_matrix(dense[:, 6:10]), rates[:, :3], along)
+    # time, velocity, attitude and rate at the samples between the nodes
+    rows, n = np.empty((len(problem.t), 11)), 0
+    for piece in dense_pieces(problem, last.nodes, last.smooth, True, MARGIN_S, with_rates=True):
+        own = slice(piece.rows.start - piece.around.start, piece.rows.stop - piece.around.start)
+        good = piece.good[own]
+        t, states = problem.t[piece.rows][good], piece.dense[own][good, 3:10]
+        rows[n : n + len(t)] = np.column_stack([t, states, piece.rates[own][good, :3]])
+        n += len(t)
+    rows = rows[:n]
+    step = max(int(0.1 / max(float(np.median(np.diff(rows[:, 0]))), 1e-4)), 1)
+    t, vel, quat, rate = (rows[::step, a:b].copy() for a, b in ((0, 1), (1, 4), (4, 8), (8, 11)))
+    along = np.gradient(np.linalg.norm(vel, axis=1), t[:, 0])
+    return estimate_mounting(t[:, 0], vel, quat_to_matrix(quat), rate, along)
 
 
 def _turn(session: Session, last: Pass, mounting: Mounting) -> tuple[Session, Start]:

@@ -9,10 +9,16 @@ import numpy as np
 import pytest
 
 from automap.fusion import dense_pieces as pieces
+from automap.fusion import engine
+from automap.fusion.engine import Prior, fuse_imu_gnss
 from automap.fusion.kernel_runs import PathStates, run_dense, run_forward, run_smoother
 from automap.fusion.nodes import Shift
+from automap.fusion.options import FusionOptions
 from automap.fusion.problem import stored
 from automap.fusion.sections import filter_and_smooth
+from tests.unit.fusion_drive import CLOCK, Sensor, record
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import Receiver, receive
 from tests.unit.test_fusion_smoother import _problem
 
 
@@ -97,3 +103,20 @@ def test_states_at_the_samples_are_the_same_stretch_by_stretch(
         assert t[0] <= max(problem.t[0], problem.t[rows[0]] - 0.5)
         assert t[-1] >= min(problem.t[-1], problem.t[rows[-1]] + 0.5)
     assert done == len(problem.t)
+
+
+def test_a_long_drive_is_fused_as_a_short_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With samples in a file and in stretches, the sensor's axes unknown."""
+    motion = city_drive(60.0, 4)
+    imu, fixes = record(motion, Sensor(), 4, rate=50.0), receive(motion, Receiver(), 5)
+    imu = replace(imu, axes_known=False)
+    given = imu, fixes, CLOCK, FusionOptions(tune=False, adapt=False), Prior(0.0, 0.05)
+    whole = fuse_imu_gnss(*given)
+    monkeypatch.setattr(pieces, "PIECE_ROWS", 1100)
+    monkeypatch.setattr(engine, "ROWS", 1100)
+    with TemporaryFile() as file:
+        long = fuse_imu_gnss(*given, scratch=file)
+        for one, other in ((long.trajectory, whole.trajectory), (long.filtered, whole.filtered)):
+            for name, values in vars(other).items():
+                assert np.array_equal(vars(one)[name], values), name
+    assert np.array_equal(long.mounting.matrix, whole.mounting.matrix)
