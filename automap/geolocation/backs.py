@@ -1,9 +1,4 @@
-"""Backs of signs: a grey face where a sign stands that faces the other way is no new sign.
-
-A detector that takes the back of a sign for a sign finds no colours on it, and names it by a class
-of its own ("...--back") or after a colourless shape. From the other side, in another pass, the same
-sign shows its face.
-"""
+"""Which groups of a drive's sightings are backs of signs that its other passes saw."""
 
 from __future__ import annotations
 
@@ -16,34 +11,25 @@ from automap.geolocation import limits
 from automap.geolocation.merging import difference_covariance
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
-from automap.signs.backs import is_back, may_be_back
+from automap.signs.backs import backs_of_others
 
 
 def find_backs(
     views: Views, sightings: Sequence[Sighting], groups: Sequence[Sequence[int]]
 ) -> list[bool]:
-    """Which groups of sightings are backs of signs.
+    """Which groups of sightings are backs of signs: a back is in none of the frames of the face,
+    for a camera sees one side."""
+    seen = [sightings[k] for group in groups for k in group]
+    owner = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
 
-    One whose class is that of backs always is; one without a readable face is where a sign with
-    one stands, faces the other way, and is in none of its frames (a camera sees one side).
-    """
-    from scipy.spatial import cKDTree
+    def other_side(a: int, b: int) -> bool:
+        return _is_other_side(views, seen[a], seen[b])
 
-    maybe = [all(may_be_back(sightings[k].class_name) for k in group) for group in groups]
-    result = [all(is_back(sightings[k].class_name) for k in group) for group in groups]
-    fronts = [b for group, back in zip(groups, maybe, strict=True) if not back for b in group]
-    unsure = [k for k in np.flatnonzero(maybe).tolist() if not result[k]]
-    if not fronts or not unsure:
-        return result
-    tree = cKDTree(np.array([sightings[b].position for b in fronts]))
-    for number in unsure:
-        result[number] = any(
-            _is_other_side(views, sightings[a], sightings[fronts[b]])
-            for a in groups[number]
-            # a little more than the reach, which the pair itself is held to
-            for b in tree.query_ball_point(sightings[a].position, 1.01 * limits.BACK_REACH_M)
-        )
-    return result
+    place = np.array([sighting.position for sighting in seen]).reshape(-1, 3)
+    names = [sighting.class_name for sighting in seen]
+    # a little more than the reach, which the pair itself is held to
+    reach = 1.01 * limits.BACK_REACH_M
+    return [bool(back) for back in backs_of_others(names, owner, place, reach, other_side)]
 
 
 def _is_other_side(views: Views, back: Sighting, front: Sighting) -> bool:

@@ -5,47 +5,34 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from automap.earth import metres_per_radian
 from automap.gates import gate
 from automap.geolocation.limits import AWAY_COSINE
 from automap.mapping import limits
-from automap.records import FloatArray
-from automap.signs.backs import is_back, may_be_back
+from automap.records import BoolArray, FloatArray
+from automap.signs.backs import backs_of_others
 
 
-def backs_of_others(
-    class_name: Sequence[str],
+def map_backs(
+    names: Sequence[str],
     lat: FloatArray,
     lon: FloatArray,
     facing_rad: FloatArray,
     cov_enu: FloatArray,
-) -> npt.NDArray[np.bool_]:
-    """Which of the map signs [n] are backs of others among them.
-
-    ``cov_enu`` [n, 3, 3] m^2. A sign whose class is that of backs is one; so is a face without
-    colours that nobody could read, where one that was read faces the other way.
-    """
-    from scipy.spatial import cKDTree
-
-    names = [str(name) for name in class_name]
-    result = np.array([is_back(name) for name in names], np.bool_)
-    maybe = np.array([may_be_back(name) for name in names], np.bool_)
-    if not (maybe & ~result).any() or maybe.all():
-        return result
+) -> BoolArray:
+    """Which of the map signs [n] are backs of others among them; ``cov_enu`` [n, 3, 3] m^2."""
     per_lat, per_lon = metres_per_radian(lat, np.zeros(len(lat)))
-    first = float(lon[0])
-    around = (lon - first + np.pi) % (2.0 * np.pi) - np.pi
-    place = np.column_stack([around * per_lon, (lat - lat[0]) * per_lat])
-    fronts = np.flatnonzero(~maybe)
-    tree = cKDTree(place[fronts])
-    for k in np.flatnonzero(maybe & ~result).tolist():
-        for j in fronts[tree.query_ball_point(place[k], limits.BACK_REACH_M)].tolist():
-            if not np.cos(facing_rad[k] - facing_rad[j]) < AWAY_COSINE:
-                continue
-            offset = place[k] - place[j]
-            total = (cov_enu[k] + cov_enu[j])[:2, :2] + limits.THICKNESS_M**2 * np.eye(2)
-            if float(offset @ np.linalg.solve(total, offset)) < gate(limits.BACK_PROBABILITY, 2):
-                result[k] = True
-    return result
+    around = (lon - lon[:1] + np.pi) % (2.0 * np.pi) - np.pi
+    place = np.column_stack([around * per_lon, (lat - lat[:1]) * per_lat])
+    likely = gate(limits.BACK_PROBABILITY, 2)
+
+    def other_side(a: int, b: int) -> bool:
+        if not np.cos(facing_rad[a] - facing_rad[b]) < AWAY_COSINE:
+            return False
+        offset = place[a] - place[b]
+        total = (cov_enu[a] + cov_enu[b])[:2, :2] + limits.THICKNESS_M**2 * np.eye(2)
+        return bool(offset @ np.linalg.solve(total, offset) < likely)
+
+    own = np.arange(len(names))
+    return backs_of_others(names, own, place, limits.BACK_REACH_M, other_side)

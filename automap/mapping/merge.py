@@ -11,7 +11,7 @@ import numpy as np
 from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust
 from automap.mapping.association import Association
 from automap.mapping.attributes import Attributes, combine_attributes
-from automap.mapping.backs import backs_of_others
+from automap.mapping.backs import map_backs
 from automap.mapping.by_cells import associate_by_cells
 from automap.mapping.error_levels import estimate_levels
 from automap.mapping.existence import (
@@ -79,9 +79,7 @@ def merge_drives(
     times = np.array([drive.start_gps_s for drive in ordered], np.float64)
     belief = existence(pairs, rates, m, times)
     names = [sightings.classes[code] for code in attributes.code.tolist()]
-    backs = backs_of_others(
-        names, adjusted.lat, adjusted.lon, attributes.facing_rad, adjusted.cov_enu
-    )
+    backs = map_backs(names, adjusted.lat, adjusted.lon, attributes.facing_rad, adjusted.cov_enu)
     belief = np.where(backs, 0.0, belief)
     progress(0.9, "the signs' records")
     keys: list[list[str]] = [[] for _ in range(m)]
