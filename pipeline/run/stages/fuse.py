@@ -106,10 +106,12 @@ def _fuse(context: StageContext) -> None:
     from pipeline.run.fusion_inputs import read_inputs
     from pipeline.settings.presets import fusion_options
     from pipeline.settings.user_effects import activate
+    from pipeline.shared.freed import give_freed_back
 
     settings = context.settings.fuse
     activate(context.settings.effects)
     inputs = read_inputs(context.drive, context.out, settings.imu_delay_sd_s)
+    give_freed_back()
     options, presets = fusion_options(context.drive, settings)
     is_clock = inputs.delay_is_clock
     # of a long drive path, filter and samples are gigabytes: put into files, and let go
