@@ -21,8 +21,8 @@ del (first := [np.ones(3_900_000)])[:]
 if len(sys.argv) == 1:
     give_freed_back()
 held, between = [], []
-for _ in range(100):
-    held.append(np.ones(200_000))
+for _ in range(25):
+    held.append(np.ones(800_000))
     # a small one beside each, which nothing can move
     between.append(bytes(2000))
 before = resident()
