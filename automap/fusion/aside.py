@@ -7,11 +7,13 @@ motion alone, and what is written of it goes stretch by stretch.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from automap.records import FloatArray, IntArray, Trajectory
 
@@ -27,7 +29,7 @@ class Columns:
     file: IO[bytes]
     place: Mapping[str, tuple[int, int | None]]
 
-    def write(self, name: str, start: int, values: FloatArray) -> None:
+    def write(self, name: str, start: int, values: npt.NDArray[np.floating[Any]]) -> None:
         """Put rows of a column, from ``start`` on."""
         begin, width = self.place[name]
         self.file.seek(8 * (begin + start * (1 if width is None else width)))
@@ -43,9 +45,30 @@ class Columns:
         return out
 
 
-def columns_in(file: IO[bytes], n: int, widths: Mapping[str, int | None]) -> Columns:
-    """Room in ``file`` for columns of ``n`` rows as wide as ``widths`` say."""
-    place, begin = {}, 0
+@dataclass(frozen=True)
+class Matrices:
+    """Square matrices [n, r, r] in a column, of which stretches are read."""
+
+    columns: Columns
+    name: str
+    n: int
+
+    def __getitem__(self, rows: slice) -> FloatArray:
+        start, stop, _ = rows.indices(self.n)
+        values = self.columns.read(self.name, slice(start, stop))
+        side = math.isqrt(values.shape[1])
+        return values.reshape(-1, side, side)
+
+    def __len__(self) -> int:
+        return self.n
+
+
+def columns_in(
+    file: IO[bytes], n: int, widths: Mapping[str, int | None], begin: int = 0
+) -> Columns:
+    """Room in ``file``, from number ``begin`` on, for columns of ``n`` rows as wide as ``widths``
+    say."""
+    place = {}
     for name, width in widths.items():
         place[name] = begin, width
         begin += n * (1 if width is None else width)

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.fusion import kernels
+from automap.fusion.aside import Matrices
 from automap.fusion.delay_states import contained
 from automap.fusion.kernels import ForwardStore, NodeArrays
 from automap.fusion.layout import MAX_SCALARS, N_NAV, ROWS_OF_FLAG
@@ -42,7 +43,7 @@ class ForwardRun:
     nodes: Nodes
     store: ForwardStore
     score: float
-    cov: AnyFloats | None = None
+    cov: AnyFloats | Matrices | None = None
     param_var: FloatArray | None = None
 
 
@@ -63,7 +64,7 @@ class SmoothRun(PathStates):
     """
 
     nodes: Nodes
-    cov: FloatArray
+    cov: AnyFloats | Matrices
     param_var: FloatArray
 
 

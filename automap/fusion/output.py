@@ -15,6 +15,7 @@ from automap.frames import (
     quat_to_rpy,
     rpy_sd_from_tilt,
 )
+from automap.fusion.aside import Matrices
 from automap.fusion.delay_states import contained
 from automap.fusion.dense_pieces import MARGIN_S, dense_pieces
 from automap.fusion.filtered import filtered_variances
@@ -49,7 +50,7 @@ class NodeStates:
 
     nominal: FloatArray
     params: FloatArray
-    cov: AnyFloats
+    cov: AnyFloats | Matrices
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 
 from automap.fusion import kernels
+from automap.fusion.aside import Columns, Matrices, columns_in
 from automap.fusion.filtered import filtered_variances, full_covariance, reported_cov
 from automap.fusion.kernel_runs import (
+    AnyFloats,
     FilterState,
     ForwardRun,
     PathStates,
@@ -31,6 +33,7 @@ from automap.fusion.kernel_runs import (
 from automap.fusion.kernels import ForwardStore
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import Problem
+from automap.fusion.stamp_error import reported_rows
 
 SECTION_NODES = 8_000
 """Longest stretch whose details are kept at once: half an hour of fixes five times a second, and
@@ -51,6 +54,7 @@ def filter_and_smooth(
     if len(bounds) == 2:
         forward = run_forward(problem, nodes, start, shift, linearised_at=linearised_at)
         return forward, run_smoother(problem, forward, with_cov=with_cov)
+    room = _room_for_cov(problem, len(nodes.t)) if with_cov else None
     state = first_state(problem, start, shift)
     states: list[FilterState] = []
     parts: list[ForwardRun] = []
@@ -61,18 +65,44 @@ def filter_and_smooth(
         run = None
         run = _filter_section(problem, nodes, a, b, state, linearised_at)
         state = _state_after(problem, run)
-        parts.append(_light(problem, run, with_cov))
+        part = _light(problem, run, with_cov)
+        parts.append(
+            part if room is None else replace(part, cov=_moved(room, "filter", a, part.cov))
+        )
     adjoint = no_adjoint(problem.model.size)
     smoothed: list[SmoothRun] = []
     for number in range(len(parts) - 1, -1, -1):
         a, b = bounds[number], bounds[number + 1]
         if run is None:
             run = _filter_section(problem, nodes, a, b, states[number], linearised_at)
-        part = run_smoother(problem, run, adjoint, with_cov)
-        smoothed.append(replace(part, cov=part.cov.astype(np.float32)))
+        smooth = run_smoother(problem, run, adjoint, with_cov)
+        cov = np.asarray(smooth.cov[:]).astype(np.float32)
+        smoothed.append(replace(smooth, cov=_moved(room, "smoother", a, cov) if room else cov))
         run = None
     smoothed.reverse()
-    return _join_forward(nodes, parts), _join_smooth(nodes, smoothed)
+    forward, whole = _join_forward(nodes, parts), _join_smooth(nodes, smoothed)
+    if room is None:
+        return forward, whole
+    filtered, known = (Matrices(room, name, len(nodes.t)) for name in ("filter", "smoother"))
+    return replace(forward, cov=filtered), replace(whole, cov=known)
+
+
+def _room_for_cov(problem: Problem, n: int) -> Columns | None:
+    """Room for the covariances of ``n`` nodes beside the samples of a long drive."""
+    if problem.stored is None:
+        return None
+    samples = problem.stored.place.values()
+    begin = max(at + len(problem.t) * (width or 1) for at, width in samples)
+    size = len(reported_rows(problem.model)) ** 2
+    return columns_in(problem.stored.file, n, {"filter": size, "smoother": size}, begin)
+
+
+def _moved(room: Columns, name: str, start: int, told: Any, skip: int = 0) -> AnyFloats:
+    """Nothing in place of covariances [k, r, r] of the nodes from ``start`` on, which are there but
+    for the first ``skip``."""
+    cov: AnyFloats = told
+    room.write(name, start + skip, cov[skip:].reshape(len(cov) - skip, -1))
+    return cov[:0]
 
 
 def _bounds(nodes: Nodes, section_nodes: int) -> list[int]:
@@ -129,7 +159,7 @@ def _light(problem: Problem, run: ForwardRun, with_cov: bool) -> ForwardRun:
         gain=np.zeros((0, n)),
     )
     variances = filtered_variances(problem, run)
-    cov = reported_cov(problem, run)[: None if with_cov else 0].astype(np.float32)
+    cov = np.asarray(reported_cov(problem, run)[: None if with_cov else 0]).astype(np.float32)
     return ForwardRun(run.nodes, store, run.score, cov, variances)
 
 

@@ -70,8 +70,13 @@ def test_samples_in_a_file_change_nothing() -> None:
     with TemporaryFile() as file:
         far = stored(problem, file)
         run, smooth = filter_and_smooth(far, nodes, start, Shift(), section_nodes=11)
-        near, _ = filter_and_smooth(problem, nodes, start, Shift(), section_nodes=11)
+        near, beside = filter_and_smooth(problem, nodes, start, Shift(), section_nodes=11)
         assert run.score == near.score
+        for one, other in ((run.cov, near.cov), (smooth.cov, beside.cov)):
+            assert one is not None
+            assert other is not None
+            assert np.array_equal(one[:], other)
+            assert np.array_equal(one[3:17], other[3:17])
         assert np.array_equal(run.store.mean, near.store.mean)
         ours, theirs = (pieces.dense_pieces(p, nodes, whole, True, 0.5) for p in (far, problem))
         for one, other in zip(ours, theirs, strict=True):
