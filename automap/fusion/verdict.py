@@ -19,7 +19,7 @@ from automap.fusion.aside import Aside, whole_trajectory
 from automap.fusion.consistency import channel_consistency, innovation_doubts
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
 from automap.fusion.doubts.constancy import constancy_doubts
-from automap.fusion.doubts.difference import Difference, between, no_difference, off_course, within
+from automap.fusion.doubts.difference import off_course
 from automap.fusion.doubts.estimates import (
     Estimates,
     arm_by_drive,
@@ -47,6 +47,7 @@ from automap.fusion.levels import VELOCITY_WANDER
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.unusable_readings import Bridged, bridge_unusable
+from automap.fusion.widening import widen, widening
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import VelocityConsistency
 
@@ -255,71 +256,4 @@ def _worse(share: float) -> Reason:
         f"the IMU contradicts good fixes over {share:.0%} of the drive, so the path is "
         "that of the fixes alone, with the course for a heading: check the axes, signs, units and "
         "stamps of the IMU",
-    )
-
-
-def widen(
-    path: Trajectory, reasons: Sequence[Reason], misses: Misses, alone: Trajectory | None
-) -> Trajectory:
-    """The path with sigmas as ``widening`` makes them."""
-    return widening(path, reasons, misses, alone)(path, slice(0, len(path)))
-
-
-def widening(
-    path: Trajectory, reasons: Sequence[Reason], misses: Misses, alone: Trajectory | None
-) -> Callable[[Trajectory, slice], Trajectory]:
-    """What gives a stretch of the path, which has the rows ``rows`` of it, sigmas as large as what
-    ``reasons`` show, where they show it.
-
-    There the horizontal error counts as no smaller than that to the fixes round about, and than
-    the distance to the path ``alone`` of the fixes; those of velocity and heading as no smaller
-    than they differ from that path's. What may be of another instant is as unsure as it changes.
-    """
-    reasons = [reason for reason in reasons if not reason.handled]
-    if not reasons:
-        return lambda stretch, rows: stretch
-    missed = local_error(misses)
-    away = None if alone is None else between(path, alone)
-    return lambda stretch, rows: _widened(stretch, rows, path, reasons, (misses.t, missed), away)
-
-
-def _widened(
-    stretch: Trajectory,
-    rows: slice,
-    path: Trajectory,
-    reasons: Sequence[Reason],
-    missed: tuple[FloatArray, FloatArray],
-    away: Callable[[FloatArray], Difference] | None,
-) -> Trajectory:
-    t = stretch.gps_s - path.gps_s[0]
-    error = np.interp(t, *missed) if len(missed[0]) else np.zeros(len(t))
-    apart = no_difference(len(t)) if away is None else away(stretch.gps_s)
-    factor, floor, high = np.ones(len(t)), np.zeros(len(t)), np.zeros(len(t))
-    doubted, late = np.zeros(len(t), np.bool_), np.zeros(len(t))
-    for reason in reasons:
-        there = np.zeros(len(t), np.bool_)
-        for a, b in reason.spans:
-            there |= (t >= a) & (t <= b)
-        if not reason.spans:
-            there[:] = True
-        doubted |= there & (reason.state != "good")
-        factor[there] = np.maximum(factor[there], reason.factor)
-        floor[there] = np.maximum(floor[there], reason.error_m)
-        high[there] = np.maximum(high[there], reason.height_m)
-        late[there] = np.maximum(late[there], reason.late_s)
-    moved = within(path, late, rows)
-    floor = np.max([floor, moved.position, doubted * np.maximum(error, apart.position)], axis=0)
-    off = np.maximum(moved.velocity, doubted[:, None] * apart.velocity)
-    turned = np.maximum(moved.heading, doubted * apart.heading)
-    sd = stretch.sd_pos_ned * factor[:, None]
-    # per axis: an error of this length may have any direction
-    sd[:, :2] = np.sqrt(sd[:, :2] ** 2 + 0.5 * floor[:, None] ** 2)
-    sd[:, 2] = np.hypot(sd[:, 2], high)
-    rpy = stretch.sd_rpy * factor[:, None]
-    rpy[:, 2] = np.minimum(np.hypot(rpy[:, 2], turned), limits.UNKNOWN_HEADING_SD)
-    return replace(
-        stretch,
-        sd_pos_ned=sd,
-        sd_vel_ned=np.hypot(stretch.sd_vel_ned * factor[:, None], off),
-        sd_rpy=rpy,
     )

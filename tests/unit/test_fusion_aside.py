@@ -12,7 +12,7 @@ import pytest
 from automap.fusion import aside as aside_module
 from automap.fusion.aside import put_aside, whole_trajectory
 from automap.fusion.doubts.reason import Reason
-from automap.fusion.verdict import widen, widening
+from automap.fusion.widening import widen, widening
 from automap.records import Trajectory
 from tests.unit.test_fusion_doubted_sigmas import NONE, winding_path
 

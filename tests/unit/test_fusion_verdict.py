@@ -23,7 +23,7 @@ from automap.fusion.doubts.receiver import dated_velocities, receiver_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.output import Innovations
 from automap.fusion.unusable_readings import bridge_unusable
-from automap.fusion.verdict import widen
+from automap.fusion.widening import widen
 from automap.records import Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.path_match import Estimate, Match
 from automap.sync.velocity_consistency import Interval, VelocityConsistency

@@ -18,7 +18,8 @@ from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
 from automap.fusion.doubts.triads import lateness, triad_doubts
 from automap.fusion.engine import FusionResult, Prior, fuse_imu_gnss
 from automap.fusion.options import FusionOptions
-from automap.fusion.verdict import Weighed, weigh, widen
+from automap.fusion.verdict import Weighed, weigh
+from automap.fusion.widening import widen
 from automap.io.drive import load_drive
 from automap.io.recording import read_recording
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
