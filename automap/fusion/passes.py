@@ -153,9 +153,8 @@ class Basis:
 
 def basis_of(session: Session) -> Basis:
     """The basis of a session's passes."""
-    problem = problem_of(session)
-    least = least_levels(session.imu, problem.t, session.standstill, session.options)
-    return Basis(problem, least)
+    base = problem_of(session)
+    return Basis(base, least_levels(session.imu, base.t, session.standstill, session.options))
 
 
 def without_readings(session: Session) -> Session:
@@ -183,8 +182,7 @@ def run_passes(
     """
     options = session.options
     basis = basis or basis_of(session)
-    base, least = basis.problem, basis.least
-    model = base.model
+    base, least, model = basis.problem, basis.least, basis.problem.model
     speed_t, speed, _ = fix_speed(session.fixes)
     shift = found or first_shift(session, model)
     margin = np.inf
