@@ -76,13 +76,13 @@ def level(
     Y. Wu, X. Pan, IEEE Transactions on Aerospace and Electronic Systems 49(2), 2013.
     """
     stop = min(t0 + limits.LEVELLING_WINDOW_S, float(problem.t[-1]))
-    mask = (problem.t >= t0) & (problem.t <= stop)
-    if int(mask.sum()) < 2:
-        mask = np.arange(len(problem.t)) < 2
-    t = problem.t[mask]
+    first, last = (int(k) for k in np.searchsorted(problem.t, [t0, np.nextafter(stop, np.inf)]))
+    rows = slice(first, last) if last - first >= 2 else slice(0, 2)
+    samples = problem.samples_at(rows)
+    t = samples.t
     dt = np.minimum(np.diff(t, prepend=t[0]), 0.1)
-    rate = problem.samples.raw[mask, :3] - gyro_bias
-    force = problem.samples.raw[mask, 3:]
+    rate = samples.raw[:, :3] - gyro_bias
+    force = samples.raw[:, 3:]
     turns = rotation_vector_to_matrix(rate * dt[:, None])
     turn = np.eye(3)
     total = np.zeros(3)

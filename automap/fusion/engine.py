@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import IO
 
 import numpy as np
 
@@ -14,13 +15,16 @@ from automap.frames import (
     quat_to_matrix,
 )
 from automap.fusion import limits
+from automap.fusion.aside import ROWS
 from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE, WHEELS_STATE
-from automap.fusion.kernel_runs import Start, run_dense
+from automap.fusion.dense_pieces import MARGIN_S, dense_pieces
+from automap.fusion.kernel_runs import Start
 from automap.fusion.layout import HAS_POS_H
 from automap.fusion.mounting import Mounting, estimate_mounting
 from automap.fusion.nodes import FixModel, Shift, model_fixes
 from automap.fusion.options import FusionOptions
-from automap.fusion.passes import Pass, Session, run_passes
+from automap.fusion.passes import Basis, Pass, Session, basis_of, run_passes, without_readings
+from automap.fusion.problem import stored
 from automap.fusion.result import FusionResult, Prior, WheelResult, assemble, collect
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed, unmoved
@@ -53,6 +57,7 @@ def fuse_imu_gnss(
     delay_is_clock: bool = False,
     odometer: WheelSpeed | None = None,
     progress: Callable[[float, str], None] = lambda fraction, text: None,
+    scratch: IO[bytes] | None = None,
 ) -> FusionResult:
     """Fuse inertial readings and fixes of one drive.
 
@@ -64,7 +69,9 @@ def fuse_imu_gnss(
     each row of the output is the vehicle's state at its stamp's instant. ``lever_arm`` [3] IMU
     to antenna in body axes, None if unknown (it is then estimated). ``roll_sd`` rad how
     exactly axes that are known are so about the forward one, which no motion tells. ``odometer``
-    the speed of the wheels, stamped by the host clock without the IMU's own delay.
+    the speed of the wheels, stamped by the host clock without the IMU's own delay. Into the file
+    ``scratch`` goes what of a long drive is as large as its readings; it stays open while stretches
+    of the result are asked for.
 
     Raises:
         InputError: fewer than two usable fixes within the IMU's span, or hardly any samples.
@@ -139,14 +146,20 @@ def fuse_imu_gnss(
         free = replace(options, effects=tuple(e for e in effects if e not in _NO_NHC))
         loose = replace(session, options=free)
         progress(0.05, "fusing in sensor axes to find the mounting")
-        last, found = run_passes(loose, None, constrained=False)
+        basis = _basis_of(loose, scratch)
+        last, found = run_passes(loose, None, constrained=False, basis=basis)
         margin = found.margin
         mounting = _mounting_of(last)
         session, start = _turn(session, last, mounting)
         shift = last.shift
         # what gravity and turns left open stays open, also in the vehicle's roll
         known_sds["imu_mounting_roll"] = float(mounting.sd[0])
+        del loose, last, found, basis
     session = replace(session, means=session.means | known_means, sds=session.sds | known_sds)
+    axes_known = imu.axes_known
+    basis, session = _basis_of(session, scratch), without_readings(session)
+    # of a long drive the readings are as large again as what is made of them
+    del imu, bridged, t_imu
     progress(0.3, "fusing")
     last, found = run_passes(
         session,
@@ -154,6 +167,7 @@ def fuse_imu_gnss(
         constrained=True,
         progress=lambda text: progress(0.5, text),
         found=shift,
+        basis=basis,
     )
     margin = min(margin, found.margin)
     if last.tuned is not None and not last.tuned.better:
@@ -163,8 +177,8 @@ def fuse_imu_gnss(
             "levels of a plain run stay"
         )
     progress(0.8, "writing the trajectory at IMU rate")
-    outcome = collect(last, int(imu.t_ns[0]), screened.outliers)
-    del last, found
+    outcome = collect(last, base_ns, screened.outliers)
+    del last, found, basis
     result = assemble(
         session,
         outcome,
@@ -172,13 +186,12 @@ def fuse_imu_gnss(
         mounting,
         margin,
         warnings,
-        imu.axes_known,
+        axes_known,
         delay_is_clock,
         lever_arm is None and not tells_arm,
         age_sd,
     )
-    wheels_found = _wheels_of(wheels, result, delay_is_clock)
-    return replace(result, wheels=wheels_found, bridged=bridged)
+    return replace(result, wheels=_wheels_of(wheels, result, delay_is_clock))
 
 
 def _wheels_of(
@@ -216,19 +229,30 @@ def _age_sd(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> float:
     return math.hypot(0.0 if known else limits.FIX_AGE_SD_S, min(clock.sd_offset_s, 1.0))
 
 
+def _basis_of(session: Session, scratch: IO[bytes] | None) -> Basis:
+    """The basis of a session's passes; a long drive's samples in the file ``scratch``."""
+    basis = basis_of(session)
+    if scratch is None or len(basis.problem.t) <= ROWS:
+        return basis
+    return replace(basis, problem=stored(basis.problem, scratch))
+
+
 def _mounting_of(last: Pass) -> Mounting:
     """Mounting from a run in sensor axes."""
     problem = last.problem
-    dense, rates = run_dense(
-        problem, last.nodes, last.smooth.nominal, last.smooth.params, blend=True, with_rates=True
-    )
-    ok = np.isfinite(dense).all(axis=1)
-    t = problem.t[ok]
-    step = max(int(0.1 / max(float(np.median(np.diff(t))), 1e-4)), 1)
-    dense, rates, t = dense[ok][::step], rates[ok][::step], t[::step]
-    speed = np.linalg.norm(dense[:, 3:6], axis=1)
-    along = np.gradient(speed, t)
-    return estimate_mounting(t, dense[:, 3:6], quat_to_matrix(dense[:, 6:10]), rates[:, :3], along)
+    # time, velocity, attitude and rate at the samples between the nodes
+    rows, n = np.empty((len(problem.t), 11)), 0
+    for piece in dense_pieces(problem, last.nodes, last.smooth, True, MARGIN_S, with_rates=True):
+        own = slice(piece.rows.start - piece.around.start, piece.rows.stop - piece.around.start)
+        good = piece.good[own]
+        t, states = problem.t[piece.rows][good], piece.dense[own][good, 3:10]
+        rows[n : n + len(t)] = np.column_stack([t, states, piece.rates[own][good, :3]])
+        n += len(t)
+    rows = rows[:n]
+    step = max(int(0.1 / max(float(np.median(np.diff(rows[:, 0]))), 1e-4)), 1)
+    t, vel, quat, rate = (rows[::step, a:b].copy() for a, b in ((0, 1), (1, 4), (4, 8), (8, 11)))
+    along = np.gradient(np.linalg.norm(vel, axis=1), t[:, 0])
+    return estimate_mounting(t[:, 0], vel, quat_to_matrix(quat), rate, along)
 
 
 def _turn(session: Session, last: Pass, mounting: Mounting) -> tuple[Session, Start]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from automap.fusion import kernels
-from automap.fusion.kernel_runs import ForwardRun
+from automap.fusion.aside import Matrices
+from automap.fusion.kernel_runs import AnyFloats, ForwardRun
 from automap.fusion.layout import N_NAV
 from automap.fusion.problem import Problem
 from automap.fusion.stamp_error import reported_rows
@@ -23,7 +24,7 @@ def full_covariance(packed: FloatArray, n: int) -> FloatArray:
 
 def filtered_states(
     problem: Problem, forward: ForwardRun
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, AnyFloats | Matrices]:
     """The forward filter's own states [k, 10], parameters [k, n - 9] and covariance [k, r, r]
     of the reported rows after each update."""
     nominal, params = forward.store.nominal.copy(), forward.store.params.copy()
@@ -40,10 +41,10 @@ def filtered_variances(problem: Problem, forward: ForwardRun) -> FloatArray:
     return np.asarray(forward.store.cov[:, i * n - i * (i - 1) // 2])
 
 
-def reported_cov(problem: Problem, forward: ForwardRun) -> FloatArray:
+def reported_cov(problem: Problem, forward: ForwardRun) -> AnyFloats | Matrices:
     """The filter's covariance [k, r, r] of the reported rows after each update."""
     if forward.cov is not None:
-        return np.asarray(forward.cov, np.float64)
+        return forward.cov
     rows = reported_rows(problem.model)
     n = problem.model.size
     low = np.minimum(rows[:, None], rows[None, :])

@@ -19,7 +19,8 @@ from automap.records import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class FreeInertial:
-    """Integrals of specific force in axes that stay as the vehicle's were at the first sample.
+    """Integrals of specific force in axes that stay as the vehicle's were at the first sample, at
+    some of the samples.
 
     ``t`` [n] s, ``quat`` [n, 4] vehicle to these axes, ``velocity`` [n, 3] m/s and ``position``
     [n, 3] m without gravity, ``rate`` [n, 3] rad/s in vehicle axes; ``lost_s`` [n] seconds in gaps.
@@ -58,20 +59,30 @@ class FreeInertial:
 
 
 def free_inertial(
-    t: FloatArray, gyro: FloatArray, accel: FloatArray, bridged_s: FloatArray
+    t: FloatArray,
+    gyro: FloatArray,
+    accel: FloatArray,
+    bridged_s: FloatArray,
+    wanted: FloatArray | None = None,
 ) -> FreeInertial:
     """Integrate rates [n, 3] rad/s and forces [n, 3] m/s^2 in vehicle axes at rising ``t`` [n] s.
 
-    ``bridged_s`` [n] is not zero where readings were made up; such stretches count as gaps.
+    ``bridged_s`` [n] is not zero where readings were made up; such stretches count as gaps. Kept
+    are the ends and the samples beside the instants ``wanted`` [m] s, or all.
     """
-    n = len(t)
+    rows = np.arange(len(t))
+    if wanted is not None:
+        after = np.searchsorted(t, wanted)
+        beside = np.concatenate([after - 2, after - 1, after, after + 1])
+        rows = np.unique(np.clip(np.append(beside, [0, len(t)]), 0, len(t) - 1))
+    n = len(rows)
     quat, velocity, position = np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
     quat[0, 0] = 1.0
-    _integrate(t, gyro, accel, quat, velocity, position)
+    _integrate(t, gyro, accel, rows, quat, velocity, position)
     step = np.diff(t)
     gap = (step > limits.JOINED_S) | (bridged_s[:-1] > limits.JOINED_S)
     lost = np.concatenate([[0.0], np.cumsum(np.where(gap, step, 0.0))])
-    return FreeInertial(t, quat, velocity, position, gyro, lost)
+    return FreeInertial(t[rows], quat, velocity, position, gyro[rows], lost[rows])
 
 
 @kernel
@@ -79,12 +90,14 @@ def _integrate(
     t: FloatArray,
     gyro: FloatArray,
     accel: FloatArray,
+    rows: IntArray,
     quat: FloatArray,
     velocity: FloatArray,
     position: FloatArray,
 ) -> None:
-    """Fill the rows after the first, by the trapezoidal rule."""
+    """Fill what is kept, the ``rows`` of the samples after the first, by the trapezoidal rule."""
     q, c, force, before = quat[0].copy(), np.eye(3), np.zeros(3), np.zeros(3)
+    v, p, k = np.zeros(3), np.zeros(3), 1
     quat_to_dcm(q, c)
     for a in range(3):
         for b in range(3):
@@ -96,7 +109,10 @@ def _integrate(
         quat_to_dcm(q, c)
         for a in range(3):
             force[a] = c[a, 0] * accel[i, 0] + c[a, 1] * accel[i, 1] + c[a, 2] * accel[i, 2]
-            velocity[i, a] = velocity[i - 1, a] + half * (before[a] + force[a])
-            position[i, a] = position[i - 1, a] + half * (velocity[i - 1, a] + velocity[i, a])
+            was = v[a]
+            v[a] = was + half * (before[a] + force[a])
+            p[a] = p[a] + half * (was + v[a])
             before[a] = force[a]
-        quat[i] = q
+        if k < len(rows) and rows[k] == i:
+            quat[k], velocity[k], position[k] = q, v, p
+            k += 1

@@ -9,14 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.fusion import kernels
+from automap.fusion.aside import Matrices
 from automap.fusion.delay_states import contained
 from automap.fusion.kernels import ForwardStore, NodeArrays
 from automap.fusion.layout import MAX_SCALARS, N_NAV, ROWS_OF_FLAG
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import Problem, node_signals
-from automap.fusion.resample import states_at
 from automap.fusion.stamp_error import reported_rows
 from automap.records import FloatArray
+
+AnyFloats = npt.NDArray[np.floating[Any]]
 
 PARAMETER_STEP_S = 1.0
 """How often the uncertainty of parameters is noted."""
@@ -41,7 +43,7 @@ class ForwardRun:
     nodes: Nodes
     store: ForwardStore
     score: float
-    cov: npt.NDArray[np.floating[Any]] | None = None
+    cov: AnyFloats | Matrices | None = None
     param_var: FloatArray | None = None
 
 
@@ -62,7 +64,7 @@ class SmoothRun(PathStates):
     """
 
     nodes: Nodes
-    cov: FloatArray
+    cov: AnyFloats | Matrices
     param_var: FloatArray
 
 
@@ -112,7 +114,7 @@ def filter_into(
 ) -> float:
     """Filter over the nodes from ``state`` at the first of them; returns the score."""
     score = kernels.run_forward(
-        problem.samples,
+        problem.samples_between(nodes.t[0], nodes.t[-1]),
         problem.arrays,
         NodeArrays(
             nodes.t,
@@ -132,23 +134,6 @@ def filter_into(
         store,
     )
     return float(score)
-
-
-def linearisation_states(
-    problem: Problem, smooth: SmoothRun, nodes: Nodes, before: Shift, now: Shift
-) -> PathStates:
-    """Smoothed states at the instants of other ``nodes``, whose times contain ``now``."""
-    params = np.stack(
-        [np.interp(nodes.t, smooth.nodes.t, column) for column in smooth.params.T], axis=1
-    )
-    for (name, old), (_, new) in zip(contained(before), contained(now), strict=True):
-        if name in problem.model.names:
-            params[:, problem.model.names.index(name)] += old - new
-    if np.array_equal(nodes.t, smooth.nodes.t):
-        return PathStates(smooth.nominal, params)
-    dense, _ = run_dense(problem, smooth.nodes, smooth.nominal, smooth.params, blend=True)
-    good = np.isfinite(dense).all(axis=1)
-    return PathStates(states_at(problem.t[good], dense[good], nodes.t), params)
 
 
 def empty_store(nodes: Nodes, n: int) -> ForwardStore:

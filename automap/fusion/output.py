@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,19 +15,23 @@ from automap.frames import (
     quat_to_rpy,
     rpy_sd_from_tilt,
 )
+from automap.fusion.aside import Matrices
 from automap.fusion.delay_states import contained
-from automap.fusion.dense_pieces import dense_pieces
+from automap.fusion.dense_pieces import MARGIN_S, dense_pieces
 from automap.fusion.filtered import filtered_variances
-from automap.fusion.kernel_runs import PARAMETER_STEP_S, ForwardRun, PathStates, SmoothRun
+from automap.fusion.kernel_runs import (
+    PARAMETER_STEP_S,
+    AnyFloats,
+    ForwardRun,
+    PathStates,
+    SmoothRun,
+)
 from automap.fusion.layout import CH_VEL, CHANNELS, N_NAV, PHI_ID
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import Problem
 from automap.fusion.resample import shift_states
 from automap.fusion.stamp_error import covariance_at_stamps, rates_of_change
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory
-
-MARGIN_S = 1.0
-"""Round a stretch; the rates of change at a node are taken over a few hundredths of a second."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,7 @@ class NodeStates:
 
     nominal: FloatArray
     params: FloatArray
-    cov: FloatArray
+    cov: AnyFloats | Matrices
 
 
 @dataclass(frozen=True)
@@ -113,21 +117,6 @@ def node_trajectory(
             sd_vel_ned=np.sqrt(variance[:, 3:6]),
             sd_rpy=np.stack([_between(t, at, node_sd[:, i], blend) for i in range(3)], axis=1),
         )
-
-
-def whole_trajectory(pieces: Iterable[Trajectory], n: int) -> Trajectory:
-    """The stretches of a trajectory of ``n`` rows as one."""
-    out = Trajectory(
-        np.empty(n, np.int64),
-        *(np.empty(n) for _ in range(4)),
-        *(np.empty((n, 3)) for _ in range(5)),
-    )
-    done = 0
-    for piece in pieces:
-        for name, values in vars(piece).items():
-            getattr(out, name)[done : done + len(piece)] = values
-        done += len(piece)
-    return out
 
 
 def _between(t: FloatArray, node_t: FloatArray, values: FloatArray, blend: bool) -> FloatArray:

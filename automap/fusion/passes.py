@@ -23,7 +23,8 @@ from automap.fusion.delay_states import (
     WHEELS_STATE,
     contained,
 )
-from automap.fusion.kernel_runs import ForwardRun, SmoothRun, Start, linearisation_states
+from automap.fusion.dense_pieces import linearisation_states
+from automap.fusion.kernel_runs import ForwardRun, SmoothRun, Start
 from automap.fusion.layout import HAS_VEL_H
 from automap.fusion.levels import LEVELS
 from automap.fusion.measurements.wheel_speed import Odometer
@@ -85,17 +86,12 @@ class Pass:
         return out | {n: out[n] + part for n, part in contained(self.shift) if n in out}
 
 
-def lateral_acceleration(
-    imu: ImuData, t_imu: FloatArray, speed_t: FloatArray, speed: FloatArray
-) -> FloatArray:
-    """Size of the lateral acceleration in m/s^2 at ``speed_t``: speed times rate of turn."""
-    if len(speed_t) == 0:
-        return np.zeros(0)
-    step = max(float(np.median(np.diff(t_imu))), 1e-4)
-    rate = np.linalg.norm(imu.gyro - np.median(imu.gyro, axis=0), axis=1)
+def rate_of_turn(t: FloatArray, gyro: FloatArray) -> FloatArray:
+    """Size [n] of the rate of turn, rad/s, of rates [n, 3] at ``t`` [n] s, whatever their bias."""
+    step = max(float(np.median(np.diff(t))), 1e-4)
+    rate = np.linalg.norm(gyro - np.median(gyro, axis=0), axis=1)
     width = min(max(round(TURN_WINDOW_S / step), 1), len(rate))
-    smooth = np.convolve(rate, np.full(width, 1.0 / width), mode="same")
-    return np.asarray(speed * np.interp(speed_t, t_imu, smooth))
+    return np.convolve(rate, np.full(width, 1.0 / width), mode="same")
 
 
 def session_signals(session: Session) -> Signals:
@@ -118,6 +114,7 @@ def problem_of(session: Session) -> Problem:
     named = [*(t.extra or "" for t in model.terms), *model.signals]
     signals = session_signals(session) if any(asks_for_the_drive(name) for name in named) else None
     problem = make_problem(session.imu, model, session.options, along, signals, session.bridged_s)
+    problem = replace(problem, turning=rate_of_turn(problem.t, session.imu.gyro))
     if session.late_change is None:
         return problem
     return with_late_change(problem, session.late_change)
@@ -139,11 +136,33 @@ def nodes_of(
         session.standstill,
         speed_t,
         speed,
-        lateral_acceleration(session.imu, problem.t, speed_t, speed),
+        speed * np.interp(speed_t, problem.t, problem.turning),
         session.odometer,
         session.options,
         constrained,
     )
+
+
+@dataclass(frozen=True)
+class Basis:
+    """What passes take of a session's readings: the ``problem`` with noise levels as the options
+    state them, and the ``least`` factors on these levels that readings at rest allow."""
+
+    problem: Problem
+    least: dict[str, float]
+
+
+def basis_of(session: Session) -> Basis:
+    """The basis of a session's passes."""
+    base = problem_of(session)
+    return Basis(base, least_levels(session.imu, base.t, session.standstill, session.options))
+
+
+def without_readings(session: Session) -> Session:
+    """The session without what a basis was made of."""
+    unknown = np.broadcast_to(np.nan, session.imu.gyro.shape)
+    imu = replace(session.imu, gyro=unknown, accel=unknown, temp_c=None)
+    return replace(session, imu=imu, bridged_s=None, late_change=None)
 
 
 def run_passes(
@@ -152,22 +171,23 @@ def run_passes(
     constrained: bool,
     progress: Callable[[str], None] = lambda text: None,
     found: Shift | None = None,
+    basis: Basis | None = None,
 ) -> tuple[Pass, Alignment]:
     """Align if there is no start, filter and smooth until the delays have settled; from those
-    ``found`` by other passes if they are given.
+    ``found`` by other passes if they are given. The readings are those of the ``basis``, or of
+    the session where there is none.
 
     The first pass looks at the head of the drive; then the noise levels are adapted. The second
     linearises about the filter's own estimate, all others about the smoothed path of the one
     before, at times that contain the delays found there.
     """
     options = session.options
-    base = problem_of(session)
-    model = base.model
+    basis = basis or basis_of(session)
+    base, least, model = basis.problem, basis.least, basis.problem.model
     speed_t, speed, _ = fix_speed(session.fixes)
     shift = found or first_shift(session, model)
     margin = np.inf
     factors = dict.fromkeys(LEVELS, 1.0) | dict(options.factors)
-    least = least_levels(session.imu, base.t, session.standstill, options)
     problem = scale_problem(base, factors)
     last: Pass | None = None
     tuned: Tuned | None = None
@@ -204,7 +224,7 @@ def run_passes(
                     untuned, factors = factors, tuned.factors
                 problem, nodes = scale_problem(base, factors), scale_nodes(plain, factors)
             relinearised += 1
-        last = None
+        last, plain = None, nodes
         # only a relinearised pass can be the last
         final = number > 1 or options.iterations == 0
         forward, smooth = filter_and_smooth(

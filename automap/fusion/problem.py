@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import IO
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from automap.effects import Signals, extra_basis
 from automap.effects.term_sums import AXIS, SIGNAL_COLUMN, SIGNAL_ONE, TIME, Terms
 from automap.effects.terms import POSITION_ACCURACY
 from automap.effects.user import is_users, user_signal
+from automap.fusion.aside import Columns, columns_in
 from automap.fusion.kernels import ModelArrays, Samples
 from automap.fusion.limits import FORCE_WINDOW_S, MAX_INFLATION, REFUSED_INFLATION
 from automap.fusion.model import StateModel
@@ -26,18 +28,47 @@ from automap.records import FloatArray, ImuData
 @dataclass(frozen=True)
 class Problem:
     """Readings and model in the form the kernels take; ``arrays`` are the model's, ``users`` the
-    users' signals [n] at the samples that its terms on fixes and vehicle are multiplied with."""
+    users' signals [n] at the samples that its terms on fixes and vehicle are multiplied with,
+    ``turning`` [n] rad/s the vehicle's rate of turn. Where a long drive's samples are ``stored``,
+    ``samples`` has their times alone."""
 
     samples: Samples
     model: StateModel
     options: FusionOptions
     arrays: ModelArrays
     users: Mapping[str, FloatArray] = field(default_factory=dict)
+    turning: FloatArray = field(default_factory=lambda: np.zeros(0))
+    stored: Columns | None = None
 
     @property
     def t(self) -> FloatArray:
         """Sample times [n] in s from the first."""
         return self.samples.t
+
+    def samples_at(self, rows: slice) -> Samples:
+        """Some of the samples."""
+        if self.stored is None:
+            return Samples(*(values[rows] for values in self.samples))
+        others = (self.stored.read(name, rows) for name in Samples._fields[1:])
+        return Samples(self.t[rows], *others)
+
+    def samples_between(self, begin: float, end: float) -> Samples:
+        """Those that a kernel takes between nodes at two instants: one before the first, and two
+        after the last."""
+        first = max(int(np.searchsorted(self.t, begin, "right")) - 2, 0)
+        stop = int(np.searchsorted(self.t, end, "left")) + 3
+        return self.samples_at(slice(first, min(stop, len(self.t))))
+
+
+def stored(problem: Problem, file: IO[bytes]) -> Problem:
+    """The problem with its samples in ``file``, which stays open while they are asked for."""
+    names = Samples._fields[1:]
+    widths = {name: getattr(problem.samples, name).shape[1] for name in names}
+    columns = columns_in(file, len(problem.t), widths)
+    for name in names:
+        columns.write(name, 0, getattr(problem.samples, name))
+    samples = Samples(problem.t, *(getattr(problem.samples, name)[:0].copy() for name in names))
+    return replace(problem, samples=samples, stored=columns)
 
 
 def make_problem(
@@ -55,16 +86,18 @@ def make_problem(
 
     t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)
     step = float(np.median(np.diff(t)))
-    readings = np.concatenate([imu.gyro, imu.accel], axis=1)
-    raw = _for_linear_steps(readings, t, step)
+    raw = _for_linear_steps(imu, t, step)
     terms = list(model.terms)
     extra = extra_basis(terms, imu.gyro, imu.accel, imu.temp_c, speed, signals=signals)
     width = max(2 * round(0.5 * FORCE_WINDOW_S / step) + 1, 1)
     force = uniform_filter1d(imu.accel, width, axis=0, mode="nearest")
-    shocks = shock_noise(readings, step) if options.shocks else np.zeros((len(t), 2))
+    shocks = np.zeros((len(t), 2))
+    if options.shocks:
+        shocks = shock_noise(imu.gyro, imu.accel, step)
     if bridged_s is not None:
         shocks = shocks + bridge_noise(bridged_s, options.gap_force_sd, options.gap_rate_sd)
-    calm = steady_rate(t, imu.gyro) - raw[:, :3]
+    calm = steady_rate(t, imu.gyro)
+    calm -= raw[:, :3]
     samples = Samples(
         t, raw, np.ascontiguousarray(extra), np.ascontiguousarray(force), calm, shocks
     )
@@ -103,17 +136,19 @@ def with_late_change(problem: Problem, change: FloatArray) -> Problem:
     return replace(problem, model=model, arrays=arrays, users=users)
 
 
-def _for_linear_steps(readings: FloatArray, t: FloatArray, step: float) -> FloatArray:
-    """Readings whose linear interpolation integrates like the cubic through the samples.
+def _for_linear_steps(imu: ImuData, t: FloatArray, step: float) -> FloatArray:
+    """Readings [n, 6] whose linear interpolation integrates like the cubic through the samples.
 
     Minus a twelfth of the second difference: then the trapezoid over a step equals the
     integral of the cubic interpolant. Next to gaps the samples stay as they are.
     """
-    out = readings.copy()
+    out = np.concatenate([imu.gyro, imu.accel], axis=1)
     spacing = np.diff(t)
     regular = (spacing[1:] < 1.5 * step) & (spacing[:-1] < 1.5 * step)
-    second = readings[2:] - 2.0 * readings[1:-1] + readings[:-2]
-    out[1:-1] -= np.where(regular[:, None], second / 12.0, 0.0)
+    # one column after another: of a long drive their differences are as large as its readings
+    for k, column in enumerate((*imu.gyro.T, *imu.accel.T)):
+        second = column[2:] - 2.0 * column[1:-1] + column[:-2]
+        out[1:-1, k] -= np.where(regular, second / 12.0, 0.0)
     return out
 
 

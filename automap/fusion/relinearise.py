@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from automap.fusion.adapt import scale_nodes, scale_problem
-from automap.fusion.kernel_runs import PathStates, SmoothRun, Start, linearisation_states
+from automap.fusion.dense_pieces import linearisation_states
+from automap.fusion.kernel_runs import PathStates, SmoothRun, Start
 from automap.fusion.layout import N_NAV
 from automap.fusion.levels import LEVELS
 from automap.fusion.limits import MOST_REPEATS, SETTLED_TURN_RAD

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from automap.frames import (
     rpy_to_matrix,
 )
 from automap.fusion import limits
+from automap.fusion.aside import whole_trajectory
 from automap.fusion.delay_states import DELAY_STATE, SKEW_STATE
 from automap.fusion.filtered import filtered_states
 from automap.fusion.measurements.position import unseen_errors
@@ -26,12 +27,10 @@ from automap.fusion.output import (
     innovations,
     node_trajectory,
     parameter_history,
-    whole_trajectory,
 )
 from automap.fusion.passes import Pass, Session
 from automap.fusion.problem import Problem
 from automap.fusion.tuning import shown_at_least
-from automap.fusion.unusable_readings import Bridged
 from automap.fusion.wheels import Wheels
 from automap.records import (
     ClockModel,
@@ -62,7 +61,8 @@ class WheelResult:
 class FusionResult:
     """A fused drive.
 
-    ``trajectory`` smoothed and ``filtered`` forward only, at every IMU epoch; ``parameters``
+    ``trajectory`` smoothed and ``filtered`` forward only, at the IMU's epochs ``t_ns``, and stretch
+    by stretch, made anew at each call, by ``path_run`` and ``filter_run``; ``parameters``
     the estimated sensor errors over time, smoothed, ``filtered_parameters`` as the forward
     filter saw them; ``innovations`` of the last forward pass;
     ``delay`` of the IMU stamps against the fixes (imu_time_offset > 0: stamps later than the
@@ -71,7 +71,8 @@ class FusionResult:
     drive made of the noise levels; ``wheels`` None where the drive has no wheel speed.
     """
 
-    trajectory: Trajectory
+    t_ns: IntArray
+    path_run: Callable[[], Iterator[Trajectory]]
     filter_run: Callable[[], Iterator[Trajectory]]
     parameters: ParameterHistory
     filtered_parameters: ParameterHistory
@@ -84,14 +85,17 @@ class FusionResult:
     n_fixes_used: int
     noise_factors: dict[str, float]
     wheels: WheelResult | None = None
-    bridged: Bridged | None = None
     warnings: list[str] = field(default_factory=list)
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """The smoothed trajectory."""
+        return whole_trajectory(self.path_run())
 
     @property
     def filtered(self) -> Trajectory:
-        """The forward filter's trajectory; made anew at each call, for it is as large again, or
-        stretch by stretch by ``filter_run``."""
-        return whole_trajectory(self.filter_run(), len(self.trajectory))
+        """The forward filter's trajectory, made anew at each call."""
+        return whole_trajectory(self.filter_run())
 
 
 @dataclass(frozen=True)
@@ -112,11 +116,8 @@ class Outcome:
 def collect(last: Pass, base_ns: int, outliers: IntArray) -> Outcome:
     """The tables' part of a pass; ``base_ns`` the first stamp, ``outliers`` wild fixes."""
     smooth = last.smooth
-    # what only the filter takes of the samples is as large as the readings
-    none = np.zeros((0, 3))
-    samples = last.problem.samples._replace(force=none, calm=none, shocks=none)
     return Outcome(
-        replace(last.problem, samples=samples),
+        last.problem,
         last.nodes,
         NodeStates(smooth.nominal, smooth.params, smooth.cov),
         NodeStates(*filtered_states(last.problem, last.forward)),
@@ -164,7 +165,8 @@ def assemble(
         age_sd=age_sd,
     )  # fmt: skip
     return FusionResult(
-        whole_trajectory(make(states=outcome.smoothed, blend=True), len(session.imu)),
+        session.imu.t_ns,
+        partial(make, states=outcome.smoothed, blend=True),
         partial(make, states=outcome.filtered, blend=False),
         history,
         outcome.filtered_parameters,

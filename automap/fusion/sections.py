@@ -9,12 +9,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from automap.fusion import kernels
+from automap.fusion.aside import Columns, Matrices, columns_in
 from automap.fusion.filtered import filtered_variances, full_covariance, reported_cov
 from automap.fusion.kernel_runs import (
+    AnyFloats,
     FilterState,
     ForwardRun,
     PathStates,
@@ -30,6 +33,7 @@ from automap.fusion.kernel_runs import (
 from automap.fusion.kernels import ForwardStore
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import Problem
+from automap.fusion.stamp_error import reported_rows
 
 SECTION_NODES = 8_000
 """Longest stretch whose details are kept at once: half an hour of fixes five times a second, and
@@ -50,6 +54,7 @@ def filter_and_smooth(
     if len(bounds) == 2:
         forward = run_forward(problem, nodes, start, shift, linearised_at=linearised_at)
         return forward, run_smoother(problem, forward, with_cov=with_cov)
+    room = _room_for_cov(problem, len(nodes.t)) if with_cov else None
     state = first_state(problem, start, shift)
     states: list[FilterState] = []
     parts: list[ForwardRun] = []
@@ -60,17 +65,44 @@ def filter_and_smooth(
         run = None
         run = _filter_section(problem, nodes, a, b, state, linearised_at)
         state = _state_after(problem, run)
-        parts.append(_light(problem, run, with_cov))
+        part = _light(problem, run, with_cov)
+        parts.append(
+            part if room is None else replace(part, cov=_moved(room, "filter", a, part.cov))
+        )
     adjoint = no_adjoint(problem.model.size)
     smoothed: list[SmoothRun] = []
     for number in range(len(parts) - 1, -1, -1):
         a, b = bounds[number], bounds[number + 1]
         if run is None:
             run = _filter_section(problem, nodes, a, b, states[number], linearised_at)
-        part = run_smoother(problem, run, adjoint, with_cov)
-        smoothed.append(replace(part, cov=part.cov.astype(np.float32)))
+        smooth = run_smoother(problem, run, adjoint, with_cov)
+        cov = np.asarray(smooth.cov[:]).astype(np.float32)
+        smoothed.append(replace(smooth, cov=_moved(room, "smoother", a, cov) if room else cov))
         run = None
-    return _join_forward(nodes, parts), _join_smooth(nodes, smoothed[::-1])
+    smoothed.reverse()
+    forward, whole = _join_forward(nodes, parts), _join_smooth(nodes, smoothed)
+    if room is None:
+        return forward, whole
+    filtered, known = (Matrices(room, name, len(nodes.t)) for name in ("filter", "smoother"))
+    return replace(forward, cov=filtered), replace(whole, cov=known)
+
+
+def _room_for_cov(problem: Problem, n: int) -> Columns | None:
+    """Room for the covariances of ``n`` nodes beside the samples of a long drive."""
+    if problem.stored is None:
+        return None
+    samples = problem.stored.place.values()
+    begin = max(at + len(problem.t) * (width or 1) for at, width in samples)
+    size = len(reported_rows(problem.model)) ** 2
+    return columns_in(problem.stored.file, n, {"filter": size, "smoother": size}, begin)
+
+
+def _moved(room: Columns, name: str, start: int, told: Any, skip: int = 0) -> AnyFloats:
+    """Nothing in place of covariances [k, r, r] of the nodes from ``start`` on, which are there but
+    for the first ``skip``."""
+    cov: AnyFloats = told
+    room.write(name, start + skip, cov[skip:].reshape(len(cov) - skip, -1))
+    return cov[:0]
 
 
 def _bounds(nodes: Nodes, section_nodes: int) -> list[int]:
@@ -127,49 +159,41 @@ def _light(problem: Problem, run: ForwardRun, with_cov: bool) -> ForwardRun:
         gain=np.zeros((0, n)),
     )
     variances = filtered_variances(problem, run)
-    cov = reported_cov(problem, run)[: None if with_cov else 0].astype(np.float32)
+    cov = np.asarray(reported_cov(problem, run)[: None if with_cov else 0]).astype(np.float32)
     return ForwardRun(run.nodes, store, run.score, cov, variances)
 
 
 def _join_forward(nodes: Nodes, parts: list[ForwardRun]) -> ForwardRun:
     """One run of its sections; a section's first node is the last of the one before."""
     node, scalar = 0, 0
-    scalars, info = [], []
-    for i, part in enumerate(parts):
-        rows = part.store.info.copy()
-        rows[:, 0] += node
-        info.append(rows)
-        scalars.append(part.store.scalars[min(i, 1) :] + scalar)
+    for part in parts:
+        # in place: nobody else has them
+        part.store.info[:, 0] += node
+        part.store.scalars[:] += scalar
         node += len(part.nodes.t) - 1
-        scalar += len(rows)
-
-    def joined(name: str) -> np.ndarray:
-        return np.concatenate([getattr(p.store, name)[min(i, 1) :] for i, p in enumerate(parts)])
-
-    first = parts[0].store
-    store = ForwardStore(
-        nominal=joined("nominal"),
-        params=joined("params"),
-        mean=joined("mean"),
-        trans=first.trans,
-        cov=first.cov,
-        scalars=np.concatenate(scalars),
-        h=first.h,
-        gain=first.gain,
-        nu=np.concatenate([p.store.nu for p in parts]),
-        var=np.concatenate([p.store.var for p in parts]),
-        info=np.concatenate(info),
-        nis=joined("nis"),
-    )
-    covs = [p.cov for p in parts if p.cov is not None]
-    cov = np.concatenate([c[min(i, 1) :] for i, c in enumerate(covs)])
-    variances = [p.param_var for p in parts if p.param_var is not None]
-    variance = np.concatenate([v[min(i, 1) :] for i, v in enumerate(variances)])
-    return ForwardRun(nodes, store, sum(p.score for p in parts), cov, variance)
+        scalar += len(part.store.info)
+    score = sum(part.score for part in parts)
+    columns = [
+        part.store._asdict() | {"of_cov": part.cov, "of_params": part.param_var} for part in parts
+    ]
+    parts.clear()
+    of_nodes = ("nominal", "params", "mean", "scalars", "nis", "of_cov", "of_params")
+    done = {name: _joined(columns, name, shared=True) for name in of_nodes}
+    done |= {name: _joined(columns, name, shared=False) for name in columns[0].copy()}
+    cov, variance = done.pop("of_cov"), done.pop("of_params")
+    return ForwardRun(nodes, ForwardStore(**done), score, cov, variance)
 
 
 def _join_smooth(nodes: Nodes, parts: list[SmoothRun]) -> SmoothRun:
-    def joined(name: str) -> np.ndarray:
-        return np.concatenate([getattr(p, name)[min(i, 1) :] for i, p in enumerate(parts)])
+    names = ("nominal", "params", "cov", "param_var")
+    columns = [{name: getattr(part, name) for name in names} for part in parts]
+    parts.clear()
+    done = {name: _joined(columns, name, shared=True) for name in names}
+    return SmoothRun(nodes=nodes, **done)
 
-    return SmoothRun(joined("nominal"), joined("params"), nodes, joined("cov"), joined("param_var"))
+
+def _joined(columns: list[dict[str, Any]], name: str, shared: bool) -> np.ndarray:
+    """One column of all sections, which are without it then: two of everything would not fit. The
+    first row of a section is ``shared`` with the one before."""
+    parts = [column.pop(name) for column in columns]
+    return np.concatenate([part[min(i, 1) :] if shared else part for i, part in enumerate(parts)])

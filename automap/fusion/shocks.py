@@ -11,24 +11,24 @@ _SECOND_DIFFERENCE = 6.0
 """Variance of the second difference of white noise over its own."""
 
 
-def shock_noise(readings: FloatArray, step_s: float) -> FloatArray:
+def shock_noise(gyro: FloatArray, accel: FloatArray, step_s: float) -> FloatArray:
     """PSD [n, 2] of white noise that shocks add to forces and rates (in that order).
 
-    ``readings`` [n, 6] rates (rad/s) and forces (m/s^2) every ``step_s`` s. Motion is smooth from
+    ``gyro`` rad/s and ``accel`` m/s^2 [n, 3] every ``step_s`` s. Motion is smooth from
     sample to sample, so the second difference is noise. Where its variance over a short window
     is several times the usual one, what is above that is added as white noise (sigma^2 step);
     elsewhere nothing.
     """
     from scipy.ndimage import uniform_filter1d
 
-    out = np.zeros((len(readings), 2))
-    if len(readings) < 3:
+    out = np.zeros((len(gyro), 2))
+    if len(gyro) < 3:
         return out
     width = max(2 * round(0.5 * SHOCK_WINDOW_S / step_s) + 1, 3)
-    second = np.zeros_like(readings)
-    second[1:-1] = readings[2:] - 2.0 * readings[1:-1] + readings[:-2]
-    for column, part in ((0, slice(3, 6)), (1, slice(0, 3))):
-        each = np.mean(second[:, part] ** 2, axis=1) / _SECOND_DIFFERENCE
+    for column, readings in enumerate((accel, gyro)):
+        second = np.zeros_like(readings)
+        second[1:-1] = readings[2:] - 2.0 * readings[1:-1] + readings[:-2]
+        each = np.mean(second**2, axis=1) / _SECOND_DIFFERENCE
         local = uniform_filter1d(each, width, mode="nearest")
         usual = float(np.percentile(local, USUAL_PERCENTILE))
         out[:, column] = np.where(local > LEAST_SHOCK_RATIO * usual, (local - usual) * step_s, 0.0)

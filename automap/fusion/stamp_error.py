@@ -9,7 +9,10 @@ the states were estimated together, so their errors are correlated.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 from automap.effects import CATALOGUE
 from automap.effects.terms import ELAPSED, ONE
@@ -38,17 +41,21 @@ def mounting_rows(model: StateModel) -> slice:
 
 
 def covariance_at_stamps(
-    model: StateModel, cov: FloatArray, node_t: FloatArray, change: FloatArray, age_sd: float = 0.0
+    model: StateModel,
+    told: npt.NDArray[np.floating[Any]],
+    node_t: FloatArray,
+    change: FloatArray,
+    age_sd: float = 0.0,
 ) -> FloatArray:
     """Covariance [k, m, m] of navigation errors and mounting at the stamps' instants.
 
-    ``cov`` [k, r, r] of the reported rows, ``node_t`` [k] s, ``change`` [k, 9] the states'
+    ``told`` [k, r, r] of the reported rows, ``node_t`` [k] s, ``change`` [k, 9] the states'
     rates of change (see ``rates_of_change``). ``age_sd`` s is how far fixes may be from the instant
     of their tag where no state says so: velocity and attitude are then of another instant. In
     the position it is a part of the accuracy that receivers state, and is not counted again.
     """
     own = mounting_rows(model).stop
-    cov = cov.astype(np.float64)
+    cov: FloatArray = told.astype(np.float64)
     out = cov[:, :own, :own].copy()
     moved = change[:, V_ID:N_NAV]
     out[:, V_ID:N_NAV, V_ID:N_NAV] += age_sd**2 * moved[:, :, None] * moved[:, None, :]

@@ -44,11 +44,13 @@ def clipped_axes(imu: ImuData) -> list[StuckAxis]:
     """Axes whose largest readings are all the same, and follow each other: their range ends
     there."""
     # a slow sensor in a quick log says all of it again
-    both = np.column_stack([imu.gyro, imu.accel])
-    fresh = np.concatenate([[True], (np.diff(both, axis=0) != 0.0).any(axis=1)])
+    columns, fresh = _columns(imu), np.ones(len(imu), np.bool_)
+    fresh[1:] = False
+    for column in columns.values():
+        fresh[1:] |= np.diff(column) != 0.0
     t = _seconds(imu)[fresh]
     found = []
-    for name, column in _columns(imu).items():
+    for name, column in columns.items():
         size = np.abs(column[fresh])
         most = float(size.max())
         # noise goes on at any value but the last of the range

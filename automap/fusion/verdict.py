@@ -8,17 +8,18 @@ than the fixes alone, the path is that of the fixes alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from automap.errors import InputError
+from automap.fusion.aside import Aside, whole_trajectory
 from automap.fusion.consistency import channel_consistency, innovation_doubts
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
 from automap.fusion.doubts import limits
 from automap.fusion.doubts.constancy import constancy_doubts
-from automap.fusion.doubts.difference import between, no_difference, off_course, within
+from automap.fusion.doubts.difference import off_course
 from automap.fusion.doubts.estimates import (
     Estimates,
     arm_by_drive,
@@ -38,35 +39,45 @@ from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
 from automap.fusion.doubts.receiver import accuracy_doubts, dated_velocities, receiver_doubts
 from automap.fusion.doubts.triads import triad_doubts
 from automap.fusion.doubts.turns import turn_doubts
-from automap.fusion.doubts.velocity_step import compare, step_doubts, velocity_steps
+from automap.fusion.doubts.velocity_step import compare, step_doubts, told_times, velocity_steps
 from automap.fusion.fix_axes import usable_epochs
 from automap.fusion.fix_levels import fix_levels
 from automap.fusion.free_inertial import free_inertial
 from automap.fusion.gnss_only import smooth_fixes, unaveraged, uncorrected
 from automap.fusion.levels import VELOCITY_WANDER
-from automap.fusion.limits import STATED_ARM_SD_M, UNKNOWN_HEADING_SD
+from automap.fusion.limits import STATED_ARM_SD_M
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
 from automap.fusion.unusable_readings import Bridged, bridge_unusable
+from automap.fusion.widening import widen, widening
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import VelocityConsistency
 
 
 @dataclass(frozen=True)
 class Weighed:
-    """A path with sigmas as the ``verdict`` wants them; with ``alone`` it is that of the fixes
-    without the IMU."""
+    """A path of ``rows`` rows with sigmas as the ``verdict`` wants them, made anew at each call of
+    ``run``, stretch by stretch; ``horizontal_sd`` m the median of its sigmas. With ``alone`` it is
+    that of the fixes without the IMU."""
 
     verdict: Verdict
-    trajectory: Trajectory
+    run: Callable[[], Iterator[Trajectory]]
+    rows: int
+    horizontal_sd: float
     alone: bool = False
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The whole path."""
+        return whole_trajectory(self.run())
 
 
 def weigh(
     result: FusionResult,
+    fused: Aside,
     imu: ImuData,
-    as_read: ImuData,
+    as_read: Callable[[ImuData], ImuData],
     fixes: Fixes,
     clock: ClockModel,
     options: FusionOptions,
@@ -75,20 +86,20 @@ def weigh(
     receiver: VelocityConsistency,
     lever_arm: FloatArray | None = None,
 ) -> Weighed:
-    """Judge a fused path by what it was made of.
+    """Judge a fused path, put aside, by what it was made of.
 
-    ``as_read`` the readings ``imu`` in the sensor's own axes, ``fixes`` as they were fused,
+    ``as_read`` gives readings in the sensor's own axes, ``fixes`` as they were fused,
     ``delay`` and ``delay_is_clock`` as in ``fuse_imu_gnss``; ``receiver`` what the fixes as
     recorded say of each other; ``lever_arm`` [3] m to the antenna as it was stated.
     """
     found = final_estimates(result)
-    bridged = result.bridged or bridge_unusable(imu)
-    path = uncorrected(result.trajectory, fixes, options)
+    bridged = bridge_unusable(imu)
+    path = fused.motion()
     speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
     told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
     fix_s = np.asarray((clock.t_ns(fixes.gps_s[told]) - int(imu.t_ns[0])) * 1e-9)
     of_imu = [
-        *reading_doubts(as_read, bridged, np.interp(imu.t_ns, path.t_ns, speed)),
+        *reading_doubts(as_read(imu), bridged, np.interp(imu.t_ns, path.t_ns, speed)),
         *turn_doubts(bridged.imu, result.mounting.matrix, fix_s, fixes.vel_ned[told]),
         *impossible_ages(found, dated_by_arrival=delay_is_clock and clock.method == "arrival"),
         *impossible_errors(found),
@@ -98,8 +109,13 @@ def weigh(
     felt = not any(reason.inertial for reason in (*of_imu, *at_bound))
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]), felt)
     of_receiver += accuracy_doubts(fixes, options)
-    askew, lean = mounted_askew(path)
-    path = replace(path, sd_rpy=np.hypot(path.sd_rpy, [lean, 0.0, 0.0]))
+    askew, lean = mounted_askew(path, fused.sd_roll())
+
+    def known() -> Iterator[tuple[slice, Trajectory]]:
+        for rows, stretch in fused.stretches():
+            leaning_too = np.hypot(stretch.sd_rpy, [lean, 0.0, 0.0])
+            yield rows, uncorrected(replace(stretch, sd_rpy=leaning_too), fixes, options)
+
     # an IMU that errs by itself is no witness, and what errs in one way seems to in others
     if not any(reason.inertial for reason in of_imu):
         at_readings = np.interp(imu.t_ns, path.t_ns, speed)
@@ -110,12 +126,15 @@ def weigh(
     # an arm that is wrong makes jumps of velocity in bends
     arm = arm_by_drive(found, lever_arm, STATED_ARM_SD_M)
     arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
-    steps = _steps(result, bridged, found, fixes, options, delay_is_clock, arm) if believed else []
+    steps: list[Reason] = []
+    if believed:
+        steps = _steps(result, path, bridged, found, fixes, options, delay_is_clock, arm)
     try:
         dated = dated_velocities(fixes, receiver)
         levels = fix_levels(dated, options)
         alone = smooth_fixes(dated, clock, options, levels)
-        of_receiver += _offsets(path, dated, alone, options, levels)
+        sd = _level_sd(stretch for _, stretch in known())
+        of_receiver += _offsets(sd, dated, alone, options, levels)
     except InputError:
         alone = None
     off = math.inf if alone is None else off_course(path, alone)
@@ -148,10 +167,26 @@ def weigh(
             reasons = [_worse(share), *reasons]
             # what speaks against the IMU's path leaves that of the fixes as it is
             path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
-            widened = widen(path, [*of_receiver, *own], beside, None)
-            return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
-    widened = widen(path, reasons, misses, alone)
-    return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened)
+            return _alone(widen(path, [*of_receiver, *own], beside, None), reasons)
+    widened = widening(path, reasons, misses, alone)
+
+    def run() -> Iterator[Trajectory]:
+        for rows, stretch in known():
+            yield widened(stretch, rows)
+
+    return _weighed(run, reasons, False)
+
+
+def _weighed(
+    run: Callable[[], Iterator[Trajectory]], reasons: Sequence[Reason], alone: bool
+) -> Weighed:
+    level = np.concatenate([np.hypot(*stretch.sd_pos_ned[:, :2].T) for stretch in run()])
+    sd = float(np.median(level))
+    return Weighed(verdict_of([*reasons, *unsure_path(sd)]), run, len(level), sd, alone)
+
+
+def _alone(path: Trajectory, reasons: Sequence[Reason]) -> Weighed:
+    return _weighed(lambda: iter([path]), reasons, True)
 
 
 def weigh_alone(
@@ -171,20 +206,26 @@ def weigh_alone(
     off, _ = _off_the_fixes(misses, options.wander_tau_s)
     reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
     reasons += accuracy_doubts(fixes, options)
-    reasons += _offsets(path, dated, alone, options, levels)
-    widened = widen(path, reasons, misses, None)
-    return Weighed(verdict_of([*reasons, *unsure_path(widened)]), widened, True)
+    reasons += _offsets(_level_sd([path]), dated, alone, options, levels)
+    return _alone(widen(path, reasons, misses, None), reasons)
+
+
+def _level_sd(stretches: Iterable[Trajectory]) -> float:
+    """Median one-sigma error of a path, m an axis of the level."""
+    return float(
+        np.sqrt(np.median(np.concatenate([(p.sd_pos_ned[:, :2] ** 2).mean(1) for p in stretches])))
+    )
 
 
 def _offsets(
-    path: Trajectory,
+    sd: float,
     fixes: Fixes,
     alone: Trajectory,
     options: FusionOptions,
     levels: Mapping[str, float],
 ) -> list[Reason]:
-    """The reasons that offsets of the positions give; ``alone`` the path of ``fixes``."""
-    sd = float(np.sqrt(np.median((path.sd_pos_ned[:, :2] ** 2).mean(axis=1))))
+    """The reasons that offsets of the positions give; ``alone`` the path of ``fixes``, ``sd`` m what
+    the path that is judged is good to."""
     return list(offset_doubts(usable_epochs(fixes, options), alone, options, levels, sd))
 
 
@@ -195,6 +236,7 @@ def _of_axes(found: Estimates, effect: str) -> FloatArray:
 
 def _steps(
     result: FusionResult,
+    path: Trajectory,
     bridged: Bridged,
     found: Estimates,
     fixes: Fixes,
@@ -203,16 +245,16 @@ def _steps(
     arm: FloatArray,
 ) -> list[Reason]:
     """The reason that jumps of the receiver's velocity give, at ``arm`` [3] m from the IMU."""
-    path, turn, imu = result.trajectory, result.mounting.matrix, bridged.imu
+    turn, imu = result.mounting.matrix, bridged.imu
     stamps = (imu.t_ns - imu.t_ns[0]) * 1e-9
     # the path's rows are of the stamps' instants; readings may be of earlier ones
     late = 0.0 if delay_is_clock else result.delay.mean + found.get(SKEW_STATE, (0.0,))[0] * stamps
-    free = free_inertial(
-        path.gps_s - path.gps_s[0] - late,
-        imu.gyro @ turn.T - _of_axes(found, "gyro_bias"),
-        imu.accel @ turn.T - _of_axes(found, "accel_bias"),
-        bridged.stretch_s,
-    )
+    rate, force = imu.gyro @ turn.T, imu.accel @ turn.T
+    rate -= _of_axes(found, "gyro_bias")
+    force -= _of_axes(found, "accel_bias")
+    t = path.gps_s - path.gps_s[0] - late
+    wanted = told_times(fixes, path, found)
+    free = free_inertial(t, rate, force, bridged.stretch_s, np.concatenate(wanted))
     seen = compare(free, fixes, path, found, arm)
     # the less a drive seems to show of what comes and goes, the less it is believed
     wander = options.velocity_wander_sd * max(result.noise_factors.get(VELOCITY_WANDER, 1.0), 1.0)
@@ -245,52 +287,4 @@ def _worse(share: float) -> Reason:
         f"the IMU contradicts good fixes over {share:.0%} of the drive, so the path is "
         "that of the fixes alone, with the course for a heading: check the axes, signs, units and "
         "stamps of the IMU",
-    )
-
-
-def widen(
-    path: Trajectory, reasons: Sequence[Reason], misses: Misses, alone: Trajectory | None
-) -> Trajectory:
-    """The path with sigmas as large as what ``reasons`` show, where they show it.
-
-    There the horizontal error counts as no smaller than that to the fixes round about, and than
-    the distance to the path ``alone`` of the fixes; those of velocity and heading as no smaller
-    than they differ from that path's. What may be of another instant is as unsure as it changes.
-    """
-    reasons = [reason for reason in reasons if not reason.handled]
-    if not reasons:
-        return path
-    t = path.gps_s - path.gps_s[0]
-    error = np.zeros(len(t))
-    if len(misses):
-        error = np.interp(t, misses.t, local_error(misses))
-    apart = no_difference(len(t)) if alone is None else between(path, alone)
-    factor, floor, high = np.ones(len(t)), np.zeros(len(t)), np.zeros(len(t))
-    doubted, late = np.zeros(len(t), np.bool_), np.zeros(len(t))
-    for reason in reasons:
-        there = np.zeros(len(t), np.bool_)
-        for a, b in reason.spans:
-            there |= (t >= a) & (t <= b)
-        if not reason.spans:
-            there[:] = True
-        doubted |= there & (reason.state != "good")
-        factor[there] = np.maximum(factor[there], reason.factor)
-        floor[there] = np.maximum(floor[there], reason.error_m)
-        high[there] = np.maximum(high[there], reason.height_m)
-        late[there] = np.maximum(late[there], reason.late_s)
-    moved = within(path, late)
-    floor = np.max([floor, moved.position, doubted * np.maximum(error, apart.position)], axis=0)
-    off = np.maximum(moved.velocity, doubted[:, None] * apart.velocity)
-    turned = np.maximum(moved.heading, doubted * apart.heading)
-    sd = path.sd_pos_ned * factor[:, None]
-    # per axis: an error of this length may have any direction
-    sd[:, :2] = np.sqrt(sd[:, :2] ** 2 + 0.5 * floor[:, None] ** 2)
-    sd[:, 2] = np.hypot(sd[:, 2], high)
-    rpy = path.sd_rpy * factor[:, None]
-    rpy[:, 2] = np.minimum(np.hypot(rpy[:, 2], turned), UNKNOWN_HEADING_SD)
-    return replace(
-        path,
-        sd_pos_ned=sd,
-        sd_vel_ned=np.hypot(path.sd_vel_ned * factor[:, None], off),
-        sd_rpy=rpy,
     )

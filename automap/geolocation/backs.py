@@ -1,9 +1,4 @@
-"""Backs of signs: a grey face where a sign stands that faces the other way is no new sign.
-
-A detector that takes the back of a sign for a sign finds no colours on it, and names it by a class
-of its own ("...--back") or after a colourless shape. From the other side, in another pass, the same
-sign shows its face.
-"""
+"""Which groups of a drive's sightings are backs of signs that its other passes saw."""
 
 from __future__ import annotations
 
@@ -16,46 +11,32 @@ from automap.geolocation import limits
 from automap.geolocation.merging import difference_covariance
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
-from automap.signs.backs import is_back, may_be_back
+from automap.signs.backs import BACK_OF_NONE, NO_BACK, fronts_of_backs
 
 
 def find_backs(
     views: Views, sightings: Sequence[Sighting], groups: Sequence[Sequence[int]]
 ) -> dict[int, int | None]:
     """Which groups of sightings are backs of signs, and of which other group (None: of none that
-    was seen from in front).
+    was seen from in front): a back is in none of the frames of the face, for a camera sees one
+    side."""
+    seen = [sightings[k] for group in groups for k in group]
+    owner = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
 
-    One whose class is that of backs always is; one without a readable face is where a sign with
-    one stands, faces the other way, and is in none of its frames (a camera sees one side).
-    """
-    from scipy.spatial import cKDTree
+    def apart(a: int, b: int) -> float:
+        if not _is_other_side(views, seen[a], seen[b]):
+            return np.inf
+        return float(np.linalg.norm(seen[a].position - seen[b].position))
 
-    maybe = [all(may_be_back(sightings[k].class_name) for k in group) for group in groups]
-    backs: dict[int, int | None] = {
-        number: None
-        for number, group in enumerate(groups)
-        if all(is_back(sightings[k].class_name) for k in group)
+    place = np.array([sighting.position for sighting in seen]).reshape(-1, 3)
+    names = [sighting.class_name for sighting in seen]
+    # a little more than the reach, which the pair itself is held to
+    fronts = fronts_of_backs(names, owner, place, 1.01 * limits.BACK_REACH_M, apart)
+    return {
+        number: None if front == BACK_OF_NONE else front
+        for number, front in enumerate(fronts.tolist())
+        if front != NO_BACK
     }
-    fronts = [
-        (b, number)
-        for number, (group, back) in enumerate(zip(groups, maybe, strict=True))
-        if not back
-        for b in group
-    ]
-    if not fronts or not any(maybe):
-        return backs
-    tree = cKDTree(np.array([sightings[b].position for b, _ in fronts]))
-    for number in np.flatnonzero(maybe).tolist():
-        for a in groups[number]:
-            # a little more than the reach, which the pair itself is held to
-            near = tree.query_ball_point(sightings[a].position, 1.01 * limits.BACK_REACH_M)
-            own = [k for k in near if _is_other_side(views, sightings[a], sightings[fronts[k][0]])]
-            if own:
-                place = sightings[a].position
-                distance = [np.linalg.norm(sightings[fronts[k][0]].position - place) for k in own]
-                backs[number] = fronts[own[int(np.argmin(distance))]][1]
-                break
-    return backs
 
 
 def _is_other_side(views: Views, back: Sighting, front: Sighting) -> bool:

@@ -98,8 +98,8 @@ def _nodes(trajectory: Trajectory, seen_s: FloatArray) -> tuple[FloatArray, Floa
     time = trajectory.t_ns * 1e-9
     count = max(int(np.ceil((time[-1] - time[0]) / limits.NODE_S)) + 1, 2)
     nodes = np.unique(np.concatenate([np.linspace(time[0], time[-1], count), seen_s]))
-    known = np.maximum(np.nan_to_num(trajectory.sd_pos_ned), 1e-6)
-    sd = np.column_stack([np.interp(nodes, time, known[:, k]) for k in range(3)])
+    known = (np.maximum(np.nan_to_num(column), 1e-6) for column in trajectory.sd_pos_ned.T)
+    sd = np.column_stack([np.interp(nodes, time, column) for column in known])
     return nodes, sd, np.searchsorted(nodes, seen_s)
 
 

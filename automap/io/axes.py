@@ -54,9 +54,11 @@ class ImuAxes:
 
 
 def _rounded(values: FloatArray) -> FloatArray:
-    """Values to ``_DIGITS`` of their largest."""
-    most = float(np.abs(values).max(initial=0.0))
-    return np.round(values, _DIGITS - math.ceil(math.log10(most))) if most > 0.0 else values
+    """Values to ``_DIGITS`` of their largest, in their place."""
+    most = max(float(values.max(initial=0.0)), -float(values.min(initial=0.0)))
+    if most > 0.0:
+        np.round(values, _DIGITS - math.ceil(math.log10(most)), out=values)
+    return values
 
 
 def imu_axes(axes: Axes, accel_axes: Axes | None = None, gyro_axes: Axes | None = None) -> ImuAxes:

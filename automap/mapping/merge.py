@@ -11,7 +11,7 @@ import numpy as np
 from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust
 from automap.mapping.association import Association
 from automap.mapping.attributes import Attributes, combine_attributes
-from automap.mapping.backs import NO_BACK, backs_of_others, with_backs
+from automap.mapping.backs import map_backs, with_backs
 from automap.mapping.by_cells import associate_by_cells
 from automap.mapping.error_levels import estimate_levels
 from automap.mapping.existence import (
@@ -25,6 +25,7 @@ from automap.mapping.identity import founder_keys, sighting_key
 from automap.mapping.sightings import DriveSigns, Sightings, canonical_order, stack_sightings
 from automap.mapping.visibility import opportunities
 from automap.records import NO_TIME, FloatArray, Sign
+from automap.signs.backs import NO_BACK
 
 Progress = Callable[[float, str], None]
 
@@ -79,9 +80,7 @@ def merge_drives(
     times = np.array([drive.start_gps_s for drive in ordered], np.float64)
     belief = existence(pairs, rates, m, times)
     names = [sightings.classes[code] for code in attributes.code.tolist()]
-    fronts = backs_of_others(
-        names, adjusted.lat, adjusted.lon, attributes.facing_rad, adjusted.cov_enu
-    )
+    fronts = map_backs(names, adjusted.lat, adjusted.lon, attributes.facing_rad, adjusted.cov_enu)
     belief = np.where(fronts == NO_BACK, belief, 0.0)
     behind = with_backs(attributes.n_back_views, attributes.n_views, fronts)
     progress(0.9, "the signs' records")

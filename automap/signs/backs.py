@@ -1,7 +1,17 @@
-"""Which classes a detector gives to the backs of signs."""
+"""Backs of signs: a grey face where a sign stands that faces the other way is no new sign.
+
+A detector that takes the back of a sign for a sign finds no colours on it, and names it by a class
+of its own ("...--back") or after a colourless shape. From the other side, in another pass or by
+another drive, the same sign shows its face.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from automap.records import FloatArray, IntArray
 from automap.signs.vocabulary import load_vocabulary
 
 COLOURLESS = ("white-square", "white-diamond", "white-circle", "black-square", "other")
@@ -18,3 +28,39 @@ def may_be_back(class_name: str) -> bool:
     could not be read."""
     groups = load_vocabulary().groups
     return is_back(class_name) or class_name in {groups[g] for g in COLOURLESS if g in groups}
+
+
+NO_BACK, BACK_OF_NONE = -1, -2
+
+
+def fronts_of_backs(
+    names: Sequence[str],
+    owner: IntArray,
+    place: FloatArray,
+    reach_m: float,
+    apart: Callable[[int, int], float],
+) -> IntArray:
+    """Of which sign each of the signs [m] is the back, by sightings of class ``names`` [n] at
+    ``place`` [n, 2 or 3] m, of the signs ``owner`` [n]: ``NO_BACK``, ``BACK_OF_NONE`` where nobody
+    saw the front.
+
+    One whose class is always that of backs is one; so is one without a readable face where a sign
+    with one stands within ``reach_m``: ``apart(a, b)`` tells of two sightings how far they are
+    apart, infinitely where the first cannot be the back of the second's face. The nearest is it.
+    """
+    from scipy.spatial import cKDTree
+
+    always, maybe = (np.ones(int(owner.max(initial=-1)) + 1, np.bool_) for _ in range(2))
+    np.logical_and.at(always, owner, [is_back(name) for name in names])
+    np.logical_and.at(maybe, owner, [may_be_back(name) for name in names])
+    result = np.where(always, BACK_OF_NONE, NO_BACK).astype(np.int64)
+    fronts, unsure = (np.flatnonzero(of[owner]) for of in (~maybe, maybe))
+    if len(fronts) and len(unsure):
+        nearest = np.full(len(result), np.inf)
+        near = cKDTree(place[fronts]).query_ball_point(place[unsure], reach_m)
+        for a, found in zip(unsure.tolist(), near, strict=True):
+            for b in fronts[found].tolist():
+                distance = apart(a, b)
+                if distance < nearest[owner[a]]:
+                    nearest[owner[a]], result[owner[a]] = distance, owner[b]
+    return result

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from automap import earth
 from automap.effects.camera import exposed, true_camera
@@ -78,9 +79,9 @@ def sign_boxes(
         place = earth.local_ned(motion.lat_rad, motion.lon_rad, motion.height_m, scene.ref)
         return place, motion.C_n_b
 
-    here, _ = pose_at(t_s)
+    frames_at = cKDTree(pose_at(t_s)[0])
     for sign in scene.signs:
-        near = np.flatnonzero(np.linalg.norm(here - sign.centre, axis=1) < FAR_M + 5.0)
+        near = np.sort(np.array(frames_at.query_ball_point(sign.centre, FAR_M + 5.0), np.int64))
         if len(near) == 0:
             continue
         ray, read = exposed(camera, errors, pose_at, t_s[near], sign.centre, signals)

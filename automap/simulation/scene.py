@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from automap import earth
 from automap.records import FloatArray
@@ -89,13 +91,23 @@ class RoadLine:
     heading: FloatArray
     curvature: FloatArray
 
+    @cached_property
+    def _columns(self) -> FloatArray:
+        """North, east, down [3, n]: a column of ``ned`` would be copied at every place."""
+        return np.ascontiguousarray(self.ned.T)
+
+    @cached_property
+    def level(self) -> cKDTree:
+        """What finds the line's nearest point in plan."""
+        return cKDTree(self.ned[:, :2])
+
     def place(self, s: float, offset_m: float, up_m: float = 0.0) -> tuple[FloatArray, float]:
         """Point [3] beside the line (right positive) and the heading there.
 
         Before the begin and beyond the end the line goes on straight.
         """
         at = float(np.clip(s, self.s[0], self.s[-1]))
-        point = np.array([np.interp(at, self.s, self.ned[:, i]) for i in range(3)])
+        point = np.array([np.interp(at, self.s, column) for column in self._columns])
         heading = float(np.interp(at, self.s, self.heading))
         forward = np.array([np.cos(heading), np.sin(heading), 0.0])
         right = np.array([-np.sin(heading), np.cos(heading), 0.0])
@@ -177,7 +189,7 @@ def _ground(scenario: Scenario, line: RoadLine, rng: np.random.Generator) -> tup
 
 
 def _is_clear(line: RoadLine, point: FloatArray, distance_m: float) -> bool:
-    return bool(np.hypot(*(line.ned[:, :2] - point[:2]).T).min() > distance_m)
+    return bool(line.level.query(point[:2])[0] > distance_m)
 
 
 @dataclass(frozen=True)

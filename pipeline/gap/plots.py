@@ -175,7 +175,7 @@ def error_bars(before: Fit, after: Fit) -> list[Plot]:
 
 
 def _bars(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray]:
-    cov = fit.last.smooth.cov
+    cov = fit.last.smooth.cov[:]
     place = np.sqrt(np.maximum(cov[:, 0, 0] + cov[:, 1, 1], 0.0))
     return fit.last.nodes.t, place, np.degrees(np.sqrt(np.maximum(cov[:, 8, 8], 0.0)))
 

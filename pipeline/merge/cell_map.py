@@ -15,10 +15,11 @@ import numpy as np
 
 from automap.io.atomic import write_json
 from automap.mapping.adjustment import ErrorLevels
-from automap.mapping.backs import NO_BACK, backs_of_others, with_backs
+from automap.mapping.backs import map_backs, with_backs
 from automap.mapping.existence import Chances, DetectionRates, detection_rates, existence
 from automap.mapping.merge import map_signs
 from automap.records import FloatArray, Sign
+from automap.signs.backs import NO_BACK
 from pipeline.merge.cell_steps import (
     digest_of_groups,
     estimate,
@@ -128,9 +129,7 @@ def _whole(
     rates = detection_rates(pairs, m, len(drives))
     belief = existence(pairs, rates, m, drives.start_gps_s)
     place = (columns["lat"], columns["lon"], columns["height"], columns["cov_enu"])
-    fronts = backs_of_others(
-        columns["class_name"], place[0], place[1], columns["facing_rad"], place[3]
-    )
+    fronts = map_backs(columns["class_name"], place[0], place[1], columns["facing_rad"], place[3])
     keys = [
         f"{drives.key[number >> 32]}|{name}"
         for number, name in zip(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -39,10 +40,11 @@ class FusionInputs:
     ``delay_is_clock``: the delay between IMU stamps and fixes is an error of the clock model.
     ``lever_arm`` [3] m, None where the manifest gives none. ``fixes`` without what cannot be
     right, or tells nothing, by what ``receiver`` says of them; ``right_fixes`` with the latter.
-    ``roll_sd`` rad how exactly the IMU sits as its axes say.
+    ``roll_sd`` rad how exactly the IMU sits as its axes say. The readings are read from
+    ``imu_file`` whenever they are asked for: of a long drive they are large.
     """
 
-    imu: ImuData
+    imu_file: Path
     fixes: Fixes
     clock: ClockModel
     delay: Prior
@@ -53,13 +55,19 @@ class FusionInputs:
     roll_sd: float
     odometer: WheelSpeed | None = None
 
+    @property
+    def imu(self) -> ImuData:
+        """The readings of the IMU."""
+        return read_imu(self.imu_file)
+
     def fuse(
         self,
         options: FusionOptions,
         fixes: Fixes | None = None,
         progress: Progress = lambda fraction, text: None,
+        scratch: IO[bytes] | None = None,
     ) -> FusionResult:
-        """Run the fusion, on other fixes if given."""
+        """Run the fusion, on other fixes if given; ``scratch`` as in ``fuse_imu_gnss``."""
         return fuse_imu_gnss(
             self.imu,
             self.fixes if fixes is None else fixes,
@@ -71,6 +79,7 @@ class FusionInputs:
             delay_is_clock=self.delay_is_clock,
             odometer=self.odometer,
             progress=progress,
+            scratch=scratch,
         )
 
 
@@ -83,12 +92,13 @@ def read_inputs(drive: Drive, out: Path, shared_clock_sd_s: float) -> FusionInpu
     clock = clocks.clock
     delay, is_clock = _delay_prior(clock, shared_clock_sd_s)
     arm = _stated_arm(drive)
-    imu = read_imu(out / names.IMU)
     right, receiver = _right_fixes(out)
     fixes = own_velocities(right, receiver)
     roll_sd = math.radians(drive.imu.axes_sigma_deg)
     odometer = _read_wheels(drive, out / names.ODOMETER, clocks)
-    return FusionInputs(imu, fixes, clock, delay, is_clock, arm, receiver, right, roll_sd, odometer)
+    return FusionInputs(
+        out / names.IMU, fixes, clock, delay, is_clock, arm, receiver, right, roll_sd, odometer
+    )
 
 
 def _stated_arm(drive: Drive) -> FloatArray | None:

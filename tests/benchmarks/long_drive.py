@@ -3,7 +3,7 @@
     python tests/benchmarks/long_drive.py HOURS [FOLDER]
 
 A sign every 75 m, IMU at 100 Hz, fixes at 5 Hz, boxes as `drive_to_map.py` draws its routes; every
-stage is a process of its own, so that its peak is told apart.
+stage is a process of its own, so that its peak is told apart. Last the trajectory as texts.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from drive_to_map import draw_scenario, toml
 
 STAGES = ("ingest", "sync", "fuse", "detect", "geolocate", "export", "report")
+TEXTS = ("kitti", "trajectory-csv")
 MAIN = "from pipeline.cli import main; main()"
 
 
@@ -57,11 +58,20 @@ def main() -> None:
         drawn = scenario(hours)
         file.write_text("".join(f"{name} = {toml(value)}\n" for name, value in drawn.items()))
         print(f"{hours:g} h, {len(drawn['signs'])} signs: wall and processor s, peak GB")
-        for stage in ("simulate", *STAGES):
+        for stage in ("simulate", *STAGES, *TEXTS):
             words: tuple[object, ...] = ("simulate", file, "-o", drive)
-            if stage != "simulate":
+            if stage in TEXTS:
+                words = (
+                    "export",
+                    drive / "_automap",
+                    "--format",
+                    stage,
+                    "-o",
+                    file.with_suffix(""),
+                )
+            elif stage != "simulate":
                 words = ("run", drive, "--only", stage, "--quiet")
-            print(f"{stage:<10}{'{:9.1f}{:9.1f}{:8.3f}'.format(*measured(*words))}", flush=True)
+            print(f"{stage:<14}{'{:9.1f}{:9.1f}{:8.3f}'.format(*measured(*words))}", flush=True)
 
 
 if __name__ == "__main__":

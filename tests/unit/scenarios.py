@@ -520,7 +520,7 @@ def fusion_readings() -> Any:
     hurt = replace(imu, accel=accel, gyro=gyro)
     speed = np.repeat(np.round(np.abs(np.sin(np.arange(60.0))) * 20.0, 1), 3)
     return {
-        "shocks": shock_noise(np.hstack([imu.gyro, imu.accel]), 0.04),
+        "shocks": shock_noise(imu.gyro, imu.accel, 0.04),
         "steady": steady_rate(t, imu.gyro),
         "wiener": wiener_weights(imu.gyro[:, 2], 0.04, 40),
         "frozen": frozen_axes(hurt, np.ones(len(imu.t_ns), bool)),

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from tempfile import TemporaryFile
+
 import numpy as np
 import pytest
 
 from automap.fusion import dense_pieces as pieces
+from automap.fusion import engine
+from automap.fusion.engine import Prior, fuse_imu_gnss
 from automap.fusion.kernel_runs import PathStates, run_dense, run_forward, run_smoother
 from automap.fusion.nodes import Shift
+from automap.fusion.options import FusionOptions
+from automap.fusion.problem import stored
 from automap.fusion.sections import filter_and_smooth
+from tests.unit.fusion_drive import CLOCK, Sensor, record
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import Receiver, receive
 from tests.unit.test_fusion_smoother import _problem
 
 
@@ -40,6 +50,40 @@ def test_sections_change_nothing(section: int, relinearise: bool) -> None:
     assert smooth.params == pytest.approx(whole.params, rel=1e-5, abs=1e-8)
 
 
+def test_states_to_linearise_about_are_the_same_stretch_by_stretch(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem, forward, _ = _problem(20.0, gate=1e-3)
+    smooth = run_smoother(problem, forward)
+    # as where a delay was found: between other samples, and beyond the ends
+    nodes = replace(smooth.nodes, t=smooth.nodes.t + 0.013)
+    whole = pieces.linearisation_states(problem, smooth, nodes, Shift(), Shift(0.013))
+    monkeypatch.setattr(pieces, "PIECE_ROWS", 97)
+    parts = pieces.linearisation_states(problem, smooth, nodes, Shift(), Shift(0.013))
+    assert np.array_equal(parts.nominal, whole.nominal)
+    assert np.array_equal(parts.params, whole.params)
+
+
+def test_samples_in_a_file_change_nothing() -> None:
+    problem, forward, start = _problem(20.0, gate=1e-3)
+    nodes, whole = forward.nodes, run_smoother(problem, forward)
+    with TemporaryFile() as file:
+        far = stored(problem, file)
+        run, smooth = filter_and_smooth(far, nodes, start, Shift(), section_nodes=11)
+        near, beside = filter_and_smooth(problem, nodes, start, Shift(), section_nodes=11)
+        assert run.score == near.score
+        for one, other in ((run.cov, near.cov), (smooth.cov, beside.cov)):
+            assert one is not None
+            assert other is not None
+            assert np.array_equal(one[:], other)
+            assert np.array_equal(one[3:17], other[3:17])
+        assert np.array_equal(run.store.mean, near.store.mean)
+        ours, theirs = (pieces.dense_pieces(p, nodes, whole, True, 0.5) for p in (far, problem))
+        for one, other in zip(ours, theirs, strict=True):
+            assert np.array_equal(one.dense, other.dense)
+    assert len(smooth.nominal) == len(nodes.t)
+
+
 @pytest.mark.parametrize("blend", [False, True])
 def test_states_at_the_samples_are_the_same_stretch_by_stretch(
     blend: bool, monkeypatch: pytest.MonkeyPatch
@@ -64,3 +108,20 @@ def test_states_at_the_samples_are_the_same_stretch_by_stretch(
         assert t[0] <= max(problem.t[0], problem.t[rows[0]] - 0.5)
         assert t[-1] >= min(problem.t[-1], problem.t[rows[-1]] + 0.5)
     assert done == len(problem.t)
+
+
+def test_a_long_drive_is_fused_as_a_short_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With samples in a file and in stretches, the sensor's axes unknown."""
+    motion = city_drive(60.0, 4)
+    imu, fixes = record(motion, Sensor(), 4, rate=50.0), receive(motion, Receiver(), 5)
+    imu = replace(imu, axes_known=False)
+    given = imu, fixes, CLOCK, FusionOptions(tune=False, adapt=False), Prior(0.0, 0.05)
+    whole = fuse_imu_gnss(*given)
+    monkeypatch.setattr(pieces, "PIECE_ROWS", 1100)
+    monkeypatch.setattr(engine, "ROWS", 1100)
+    with TemporaryFile() as file:
+        long = fuse_imu_gnss(*given, scratch=file)
+        for one, other in ((long.trajectory, whole.trajectory), (long.filtered, whole.filtered)):
+            for name, values in vars(other).items():
+                assert np.array_equal(vars(one)[name], values), name
+    assert np.array_equal(long.mounting.matrix, whole.mounting.matrix)

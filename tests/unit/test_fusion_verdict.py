@@ -23,7 +23,7 @@ from automap.fusion.doubts.receiver import dated_velocities, receiver_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.output import Innovations
 from automap.fusion.unusable_readings import bridge_unusable
-from automap.fusion.verdict import widen
+from automap.fusion.widening import widen
 from automap.records import Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.path_match import Estimate, Match
 from automap.sync.velocity_consistency import Interval, VelocityConsistency
@@ -161,8 +161,8 @@ def test_kinds_that_were_refused_are_told_each_by_itself() -> None:
 
 
 def test_a_path_of_no_use_is_unusable() -> None:
-    assert unsure_path(straight_path(60, 5.0)) == []
-    verdict = verdict_of([Reason("a", "b"), *unsure_path(straight_path(60, 50.0))])
+    assert unsure_path(5.0) == []
+    verdict = verdict_of([Reason("a", "b"), *unsure_path(50.0)])
     assert verdict.state == "unusable"
     assert [r.code for r in verdict.reasons] == ["path_unsure", "a"]
     assert verdict_of([]).state == "good"

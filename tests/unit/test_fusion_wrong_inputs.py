@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from tempfile import TemporaryFile
 
 import numpy as np
 import pytest
 
 from automap.fusion import limits
+from automap.fusion.aside import put_aside
 from automap.fusion.doubts.estimates import contradicted_arm, impossible_ages, unexpected_delay
 from automap.fusion.doubts.heights import height_doubts
 from automap.fusion.doubts.limits import TRIADS_APART_S
@@ -18,7 +20,8 @@ from automap.fusion.doubts.triads import lateness, triad_doubts
 from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
-from automap.fusion.verdict import Weighed, weigh, widen
+from automap.fusion.verdict import Weighed, weigh
+from automap.fusion.widening import widen
 from automap.io.drive import load_drive
 from automap.io.recording import read_recording
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
@@ -205,7 +208,12 @@ def fused(
     arm, options = np.array(lever), FusionOptions()
     result = fuse_imu_gnss(imu, fixes, clock, options, delay, arm, delay_is_clock=is_clock)
     seen = velocity_consistency(fixes)
-    return result, weigh(result, imu, imu, fixes, clock, options, delay, is_clock, seen, arm)
+    with TemporaryFile() as file:
+        aside = put_aside(result.path_run(), result.t_ns, file)
+        return result, weigh(
+            *(result, aside, imu, lambda read: read, fixes, clock, options),
+            *(delay, is_clock, seen, arm),
+        )
 
 
 def test_late_velocities_beside_prompt_positions_are_no_contradiction() -> None:
@@ -285,10 +293,11 @@ def test_an_arm_that_fits_on_no_vehicle_is_not_believed(
 
 def test_a_vehicle_that_leans_in_the_mean_has_an_imu_mounted_askew() -> None:
     level = replace(hilly(), sd_rpy=np.full((6000, 3), 0.0145))
-    assert mounted_askew(level) == ([], 0.0)
+    assert mounted_askew(level, level.sd_rpy[:, 0]) == ([], 0.0)
     right = level.rpy + np.array([0.02, 0.0, 0.0])
-    assert mounted_askew(replace(level, rpy=right)) == ([], 0.0)
-    found, lean = mounted_askew(replace(level, rpy=level.rpy - np.array([0.11, 0.0, 0.0])))
+    assert mounted_askew(replace(level, rpy=right), level.sd_rpy[:, 0]) == ([], 0.0)
+    right = replace(level, rpy=level.rpy - np.array([0.11, 0.0, 0.0]))
+    found, lean = mounted_askew(right, level.sd_rpy[:, 0])
     assert [reason.code for reason in found] == ["mounted_askew"]
     assert "6 deg to the left" in found[0].text
     assert lean == pytest.approx(0.11, abs=0.01)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,16 +30,17 @@ def no_difference(n: int) -> Difference:
     return Difference(np.zeros(n), np.zeros((n, 3)), np.zeros(n))
 
 
-def between(path: Trajectory, other: Trajectory) -> Difference:
-    """From ``path`` to ``other``: distances row by row, velocities and headings by their root mean
-    square over the seconds about a row, for what two paths differ by sways from row to row.
+def between(path: Trajectory, other: Trajectory) -> Callable[[FloatArray], Difference]:
+    """From ``path`` to ``other``, at rows of the path given by their ``gps_s``: distances row by
+    row, velocities and headings by their root mean square over the seconds about a row, for what
+    two paths differ by sways from row to row.
 
     A heading that is a course is one while the vehicle drives, and lasts until it does again.
     """
     at = poses_at_gps(path, other.gps_s)
     rows = np.flatnonzero(at.covered)
     if not len(rows):
-        return no_difference(len(path.gps_s))
+        return lambda gps_s: no_difference(len(gps_s))
     t = other.gps_s[rows]
     ref = (float(other.lat_rad[0]), float(other.lon_rad[0]), float(other.height_m[0]))
     one = local_ned(other.lat_rad[rows], other.lon_rad[rows], other.height_m[rows], ref)
@@ -47,11 +49,17 @@ def between(path: Trajectory, other: Trajectory) -> Difference:
     slower = other.vel_ned[rows] - at.vel_ned[rows]
     driving = np.hypot(*other.vel_ned[rows, :2].T) > limits.DRIVING_SPEED
     turned = np.angle(np.exp(1j * (other.rpy[rows, 2] - at.rpy[rows, 2])))
-    velocity = np.column_stack([_size(t, slower[:, k], path.gps_s) for k in range(3)])
-    heading = np.zeros(len(path.gps_s))
-    if driving.any():
-        heading = _size(t[driving], turned[driving], path.gps_s)
-    return Difference(np.interp(path.gps_s, t, np.hypot(*apart.T)), velocity, heading)
+    far, sizes = np.hypot(*apart.T), [_size(t, slower[:, k]) for k in range(3)]
+    turned_by = _size(t[driving], turned[driving]) if driving.any() else None
+
+    def at_rows(gps_s: FloatArray) -> Difference:
+        velocity = np.column_stack([np.interp(gps_s, t, size) for size in sizes])
+        heading = np.zeros(len(gps_s))
+        if turned_by is not None:
+            heading = np.interp(gps_s, t[driving], turned_by)
+        return Difference(np.interp(gps_s, t, far), velocity, heading)
+
+    return at_rows
 
 
 def off_course(path: Trajectory, other: Trajectory) -> float:
@@ -65,26 +73,31 @@ def off_course(path: Trajectory, other: Trajectory) -> float:
     return float(np.sqrt(np.mean(turned**2)))
 
 
-def _size(t: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
-    """Root mean square of ``values`` [k] at ``t`` [k] over a stretch about each, at ``at`` [m]."""
+def _size(t: FloatArray, values: FloatArray) -> FloatArray:
+    """Root mean square [k] of ``values`` [k] at ``t`` [k] over a stretch about each."""
     half = 0.5 * STRETCHES_S[0]
     total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(values) ** 2)])
     first = np.searchsorted(t, t - half, side="left")
     stop = np.searchsorted(t, t + half, side="right")
-    return np.asarray(np.interp(at, t, np.sqrt((total[stop] - total[first]) / (stop - first))))
+    return np.asarray(np.sqrt((total[stop] - total[first]) / (stop - first)))
 
 
-def within(path: Trajectory, late_s: FloatArray) -> Difference:
-    """From each row to the path ``late_s`` [m] s before or after it, whichever is further."""
-    n = len(path.gps_s)
+def within(path: Trajectory, late_s: FloatArray, rows: slice) -> Difference:
+    """From each of the ``rows`` [m] to the path ``late_s`` [m] s before or after it, whichever is
+    further."""
     if not late_s.any():
-        return no_difference(n)
-    t = path.gps_s
+        return no_difference(len(late_s))
     ref = (float(path.lat_rad[0]), float(path.lon_rad[0]), float(path.height_m[0]))
-    place = local_ned(path.lat_rad, path.lon_rad, path.height_m, ref).reshape(-1, 3)[:, :2]
-    values = np.column_stack([place, path.vel_ned, np.unwrap(path.rpy[:, 2])])
+    # and one row more than may be asked for
+    t, most = path.gps_s[rows], float(late_s.max())
+    first = max(int(np.searchsorted(path.gps_s, t[0] - most)) - 1, 0)
+    near = slice(first, int(np.searchsorted(path.gps_s, t[-1] + most, "right")) + 1)
+    at, place = path.gps_s[near], (path.lat_rad[near], path.lon_rad[near], path.height_m[near])
+    level = local_ned(*place, ref).reshape(-1, 3)[:, :2]
+    values = np.column_stack([level, path.vel_ned[near], np.unwrap(path.rpy[near, 2])])
+    own = values[rows.start - first : rows.stop - first]
     both = [
-        np.abs(np.column_stack([np.interp(t + s * late_s, t, v) for v in values.T]) - values)
+        np.abs(np.column_stack([np.interp(t + s * late_s, at, v) for v in values.T]) - own)
         for s in (-1.0, 1.0)
     ]
     position = np.maximum(*(np.hypot(off[:, 0], off[:, 1]) for off in both))

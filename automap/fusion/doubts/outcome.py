@@ -17,7 +17,7 @@ from automap.fusion.limits import (
 )
 from automap.fusion.output import Innovations
 from automap.gates import sigmas
-from automap.records import Trajectory
+from automap.records import FloatArray, Trajectory
 
 _KINDS = {
     "position": ("positions of the fixes", "look for wrong fixes in the receiver's log"),
@@ -78,15 +78,16 @@ def leaning(path: Trajectory) -> list[Reason]:
     ]
 
 
-def mounted_askew(path: Trajectory) -> tuple[list[Reason], float]:
+def mounted_askew(path: Trajectory, sd_roll: FloatArray) -> tuple[list[Reason], float]:
     """The reason that a drive gives whose vehicle leans to one side in the mean, more than roads
-    fall and the roll is unsure by; and that mean lean, rad, 0 where it says nothing."""
+    fall and the roll is unsure by, ``sd_roll`` [n] rad; and that mean lean, rad, 0 where it says
+    nothing."""
     t = path.gps_s
     moving = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]) > DRIVING_SPEED
     if len(t) < 2 or np.count_nonzero(moving) * float(np.median(np.diff(t))) < limits.LEAN_S:
         return [], 0.0
     lean = float(np.mean(path.rpy[moving, 0]))
-    usual = float(np.hypot(ROAD_ROLL_SD, np.median(path.sd_rpy[moving, 0])))
+    usual = float(np.hypot(ROAD_ROLL_SD, np.median(sd_roll[moving])))
     if abs(lean) < sigmas(limits.ASKEW_PROBABILITY) * usual:
         return [], 0.0
     side = "right" if lean > 0.0 else "left"
@@ -121,9 +122,8 @@ def refused(table: Innovations) -> list[Reason]:
     return reasons
 
 
-def unsure_path(trajectory: Trajectory) -> list[Reason]:
-    """A path too unsure to be of use."""
-    sd = float(np.median(np.hypot(trajectory.sd_pos_ned[:, 0], trajectory.sd_pos_ned[:, 1])))
+def unsure_path(sd: float) -> list[Reason]:
+    """A path too unsure to be of use; ``sd`` m the median of its horizontal sigmas."""
     if np.isfinite(sd) and sd <= limits.USELESS_SD_M:
         return []
     return [

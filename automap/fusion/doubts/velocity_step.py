@@ -66,14 +66,8 @@ def compare(
 
     The path gives the heading, and nothing else that matters: a tilt is a slope of velocity.
     """
-    start = float(path.gps_s[0])
-    told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1) & np.isfinite(fixes.gps_s + fixes.lat_rad)
-    rows = np.flatnonzero(told)
-    rows = rows[np.argsort(fixes.gps_s[rows], kind="stable")]
-    rows = rows[np.diff(fixes.gps_s[rows], prepend=-np.inf) > limits.SAME_FIX_S]
-    tag = fixes.gps_s[rows] - start
-    age = sum(found.get(name, (0.0, 0.0))[0] for name in (VEL_LATENCY_STATE, VEL_LAG_STATE))
-    t, placed = tag - age, tag - found.get(LATENCY_STATE, (0.0, 0.0))[0]
+    start, rows = float(path.gps_s[0]), _told_rows(fixes)
+    t, placed = told_times(fixes, path, found)
     inside = np.isfinite(free.lost_between(np.minimum(t, placed), np.maximum(t, placed)))
     rows, t, placed = rows[inside], t[inside], placed[inside]
     if not len(rows):
@@ -92,6 +86,22 @@ def compare(
         rpy_to_matrix(path.rpy[at]) @ back,
         np.interp(t, free.t, free.lost_s),
     )
+
+
+def _told_rows(fixes: Fixes) -> IntArray:
+    """The fixes that tell position and velocity, in the order of time."""
+    told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1) & np.isfinite(fixes.gps_s + fixes.lat_rad)
+    rows = np.flatnonzero(told)
+    rows = rows[np.argsort(fixes.gps_s[rows], kind="stable")]
+    return rows[np.diff(fixes.gps_s[rows], prepend=-np.inf) > limits.SAME_FIX_S]
+
+
+def told_times(fixes: Fixes, path: Trajectory, found: Estimates) -> tuple[FloatArray, FloatArray]:
+    """Of which instants [m], s from the path's first row, velocities and positions of the fixes
+    that tell both are."""
+    tag = fixes.gps_s[_told_rows(fixes)] - float(path.gps_s[0])
+    age = sum(found.get(name, (0.0, 0.0))[0] for name in (VEL_LATENCY_STATE, VEL_LAG_STATE))
+    return tag - age, tag - found.get(LATENCY_STATE, (0.0, 0.0))[0]
 
 
 def velocity_steps(seen: Compared, lasting_sd: float) -> list[Step]:

@@ -92,44 +92,53 @@ def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None
     weighed = weigh_alone(fixes, clock, options, receiver)
     _write_trajectory(context, weighed.trajectory, names.TRAJECTORY)
     context.verdict = weighed.verdict.as_dict()
-    content = {"method": "gnss only", "epochs": len(weighed.trajectory), "verdict": context.verdict}
+    content = {"method": "gnss only", "epochs": weighed.rows, "verdict": context.verdict}
     _write_summary(context, content | {"presets": _note_presets(context, presets)})
-    context.result = f"{len(weighed.trajectory)} epochs from GPS alone, smoothed"
+    context.result = f"{weighed.rows} epochs from GPS alone, smoothed"
 
 
 def _fuse(context: StageContext) -> None:
+    from tempfile import TemporaryFile
+
+    from automap.fusion.aside import put_aside
     from automap.fusion.verdict import weigh
     from automap.io.trajectory_table import write_trajectory
     from pipeline.run.fusion_inputs import read_inputs
     from pipeline.settings.presets import fusion_options
     from pipeline.settings.user_effects import activate
+    from pipeline.shared.freed import give_freed_back
 
     settings = context.settings.fuse
     activate(context.settings.effects)
     inputs = read_inputs(context.drive, context.out, settings.imu_delay_sd_s)
+    give_freed_back()
     options, presets = fusion_options(context.drive, settings)
-    result = inputs.fuse(options, progress=context.progress)
-    for text in result.warnings:
-        context.warn(text)
-    # of a long drive these are a gigabyte: written before the path is weighed, and let go
-    write_trajectory(context.work / names.TRAJECTORY_FILTER, result.filter_run())
-    _write_innovations(context, result)
-    result = replace(result, filter_run=_let_go)
     is_clock = inputs.delay_is_clock
-    weighed = weigh(
-        result,
-        inputs.imu,
-        context.drive.imu_axes.as_read(inputs.imu),
-        inputs.fixes,
-        inputs.clock,
-        options,
-        inputs.delay,
-        is_clock,
-        inputs.receiver,
-        inputs.lever_arm,
-    )
-    context.verdict = weighed.verdict.as_dict()
-    _write_trajectory(context, weighed.trajectory, names.TRAJECTORY)
+    # of a long drive path, filter and samples are gigabytes: put into files, and let go
+    with TemporaryFile(dir=context.work) as file:
+        with TemporaryFile(dir=context.work) as scratch:
+            result = inputs.fuse(options, progress=context.progress, scratch=scratch)
+            for text in result.warnings:
+                context.warn(text)
+            write_trajectory(context.work / names.TRAJECTORY_FILTER, result.filter_run())
+            fused = put_aside(result.path_run(), result.t_ns, file)
+        result = replace(result, path_run=_let_go, filter_run=_let_go)
+        weighed = weigh(
+            result,
+            fused,
+            inputs.imu,
+            context.drive.imu_axes.as_read,
+            inputs.fixes,
+            inputs.clock,
+            options,
+            inputs.delay,
+            is_clock,
+            inputs.receiver,
+            inputs.lever_arm,
+        )
+        context.verdict = weighed.verdict.as_dict()
+        write_trajectory(context.work / names.TRAJECTORY, weighed.run())
+    _write_innovations(context, result)
     _write_parameters(context, result)
     _report(context, result, weighed, is_clock, _note_presets(context, presets))
     if options.tune:
@@ -137,7 +146,7 @@ def _fuse(context: StageContext) -> None:
     metrics = context.metrics
     alone = " alone" if weighed.alone else ""
     context.result = (
-        f"{len(weighed.trajectory)} epochs from {result.n_fixes_used} fixes{alone}, horizontal sd "
+        f"{weighed.rows} epochs from {result.n_fixes_used} fixes{alone}, horizontal sd "
         f"{metrics['horizontal_sd_m']:.2f} m, {_delay_text(result.delay.mean, is_clock)}"
     )
     if result.wheels is not None:
@@ -145,7 +154,7 @@ def _fuse(context: StageContext) -> None:
 
 
 def _let_go() -> Iterator[Trajectory]:
-    raise StageError("the filter's trajectory was written and let go")
+    raise StageError("the trajectory was written and let go")
 
 
 def _delay_text(delay_s: float, is_clock: bool) -> str:
@@ -275,11 +284,7 @@ def _report(
         context.metric(name, value)
     context.metric("standstill_s", rest)
     context.metric("fixes_used", result.n_fixes_used)
-    moments = weighed.trajectory
-    context.metric(
-        "horizontal_sd_m",
-        float(np.median(np.hypot(moments.sd_pos_ned[:, 0], moments.sd_pos_ned[:, 1]))),
-    )
+    context.metric("horizontal_sd_m", weighed.horizontal_sd)
     _write_summary(
         context,
         {

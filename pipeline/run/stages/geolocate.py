@@ -198,7 +198,9 @@ def _locate(
     from automap.io.signs_table import write_signs
     from automap.io.trajectory_table import write_trajectory
     from pipeline.settings.user_effects import activate
+    from pipeline.shared.freed import give_freed_back
 
+    give_freed_back()
     settings = context.settings.geolocate
     activate(context.settings.effects)
     path = path_quantities(context.out, trajectory)

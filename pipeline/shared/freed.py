@@ -1,0 +1,23 @@
+"""Memory that was freed goes back to the system."""
+
+from __future__ import annotations
+
+import ctypes
+
+_MMAP_THRESHOLD = -3
+"""``M_MMAP_THRESHOLD`` of glibc's malloc.h."""
+_MAPPED_BYTES = 1 << 18
+"""What a section of a long drive leaves of its nodes are columns from 0.6 MB on. With 4 MB here the
+fusion of ten hours takes 1.67 GB, with 0.5 MB 1.58."""
+
+
+def give_freed_back() -> None:
+    """Have the C library map arrays from a quarter of a megabyte on, each by itself.
+
+    Of its own accord glibc keeps up to 32 MB of every freed array in its heap, between others: of a
+    long drive that is a third of all. Other C libraries have no such call, and nothing happens.
+    """
+    try:
+        ctypes.CDLL(None).mallopt(_MMAP_THRESHOLD, _MAPPED_BYTES)
+    except (AttributeError, OSError, TypeError):
+        return
