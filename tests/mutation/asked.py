@@ -1,35 +1,28 @@
-"""Which tests are asked of a mistake: those that call what it is in, the quickest first.
+"""Which tests are asked of a mistake: those that call what it is in, quick ones of its area first.
 
-Kernels are interpreted: nothing is compiled for a mistake, and every call is seen. Tests that take
-too long so, of whole drives, are not asked; what share is noticed is rather too small for it. Only
-tests of what holds no kernel (``COMPILED``) run a whole drive, with kernels compiled once.
+What each test calls is recorded once with kernels compiled, which no trace sees; which kernel is
+called by what is read in the sources (``graph.py``).
 """
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import json
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-from tests.mutation.areas import PROJECT
+from tests.mutation.areas import imported
 
-LIMIT_S = 10.0
-"""Tests that take longer, interpreted, are not asked."""
+QUICK_S = 1.0
+"""Tests that take longer are asked last."""
 
-COMPILED = ("tests/unit/test_cache_inputs.py",)
-"""Test files that take a whole drive, which needs compiled kernels."""
-
-_COMPILED_LIMIT_S = 300.0
-"""The same of these: the first compiles every kernel."""
+MOST_S = 10.0
+"""Tests that take longer, with what they share, are not asked."""
 
 
 @dataclass(frozen=True)
@@ -39,142 +32,80 @@ class Asked:
     test: str
     seconds: float
     shared: tuple[tuple[str, float], ...] = ()
-    """the fixtures that it shares with others, and their seconds"""
+    """what it shares with others, and the seconds of that"""
 
     @property
-    def order(self) -> tuple[float, str, float]:
-        """The quickest first; those that share a dear fixture beside each other."""
-        dear = sum(seconds for _, seconds in self.shared if seconds > _DEAR_S)
-        return dear, self.test.split("::")[0] if dear else "", self.seconds
-
-
-_DEAR_S = 0.1
+    def whole(self) -> float:
+        """Seconds, if nothing that it shares is there yet."""
+        return self.seconds + sum(seconds for _, seconds in self.shared)
 
 
 class Calls:
-    """What each test calls, kept in a file and brought up to date."""
+    """What each test calls, kept in a file of which the last line of a test file counts."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        kept: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
-        self.of: dict[str, dict[str, Any]] = kept
+        self.of: dict[str, dict[str, Any]] = {}
+        self._read()
+
+    def _read(self) -> None:
+        for line in self.path.read_text().splitlines() if self.path.exists() else ():
+            of = json.loads(line)
+            self.of[of["file"]] = of
 
     def record(self, files: Sequence[str], root: Path, variables: dict[str, str]) -> None:
         """Run those of some test files that are new or edited, and keep what they call."""
         digests = {f: hashlib.sha256((root / f).read_bytes()).hexdigest() for f in files}
         new = [f for f in files if self.of.get(f, {}).get("digest") != digests[f]]
-        for name in new:
-            told = self.path.with_suffix(".told")
-            more = {"AUTOMAP_CALLS": str(told), "AUTOMAP_CALLS_LIMIT": str(LIMIT_S)}
-            if name in COMPILED:
-                more |= {"AUTOMAP_CALLS_LIMIT": str(_COMPILED_LIMIT_S), "NUMBA_DISABLE_JIT": "0"}
-            command = [sys.executable, "-m", "pytest", "-q", "-p", "tests.mutation.calls"]
-            command += ["-p", "no:cacheprovider", "-p", "no:xdist", name]
-            told.unlink(missing_ok=True)
-            subprocess.run(
-                command,
-                cwd=root,
-                env=os.environ | variables | more,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                check=False,
-            )
-            tests = json.loads(told.read_text()) if told.exists() else {}
-            print(f"{name}: {len(tests)} tests", file=sys.stderr, flush=True)
-            self.of[name] = {"digest": digests[name], "tests": tests}
-            self.path.write_text(json.dumps(self.of))
+        if not new:
+            return
+        told = self.path.with_suffix(".told")
+        told.unlink(missing_ok=True)
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "tests.mutation.calls"]
+        command += ["-p", "no:cacheprovider", "-p", "no:xdist", *new]
+        print(f"recording what the tests of {len(new)} files call", file=sys.stderr, flush=True)
+        env = os.environ | variables | {"AUTOMAP_CALLS": str(told)}
+        subprocess.run(command, cwd=root, env=env, stdout=subprocess.DEVNULL, check=False)
+        written = told.read_text().splitlines() if told.exists() else []
+        found = {of["file"]: of for of in map(json.loads, written)}
+        with self.path.open("a") as stream:
+            for name in new:  # of a file without a line no test passed
+                of = {"file": name, "digest": digests[name], "tests": {}} | found.get(name, {})
+                stream.write(json.dumps(of) + "\n")
+        self._read()
 
     def tests_of(
-        self, names: set[str], seconds: float, only: Sequence[str] = (), compiled: bool = False
+        self, names: set[str], source: Path, root: Path, seconds: float, only: Sequence[str] = ()
     ) -> list[Asked]:
-        """The tests that call one of some functions, as many as ``seconds`` allow."""
+        """The tests that call one of some functions, as many as ``seconds`` allow.
+
+        First the quick ones, of them those whose file imports ``source``, which the mistake is in.
+        """
         found = [
-            Asked(test, told["seconds"], tuple(sorted(told["shared"].items())))
+            (test.whole > QUICK_S, source not in imported(root, Path(file)), test)
             for file, of in self.of.items()
-            if (not only or file in only) and (compiled or file not in COMPILED)
-            for test, told in of["tests"].items()
-            if not names.isdisjoint(told["calls"])
+            if not only or file in only
+            for test in (_asked(name, told) for name, told in of["tests"].items())
+            if not names.isdisjoint(of["tests"][test.test]["calls"])
         ]
         chosen: list[Asked] = []
         there: dict[str, float] = {}
-        for each in sorted(found, key=lambda a: a.order):
+        spent = 0.0
+        for _, _, each in sorted(found, key=_order):
             more = there | dict(each.shared)
-            if sum(more.values()) + sum(c.seconds for c in [*chosen, each]) <= seconds:
+            if each.whole <= MOST_S and sum(more.values()) + spent + each.seconds <= seconds:
                 there = more
+                spent += each.seconds
                 chosen.append(each)
         return chosen
 
 
-def functions_of(source: Path, line: int) -> set[str]:
-    """The functions, ``path:qualified name``, that a line of a source may change.
-
-    Of a line within a function it is that one; of a constant or a field all functions of the
-    project that name it.
-    """
-    place, names = _place(source, line)
-    if place:
-        return {f"{source}:{place}"}
-    words = set(names)
-    for _ in range(3):  # constants of constants
-        words |= {n for n, used in _constants() if not words.isdisjoint(used)}
-    return {function for function, used in _uses() if not words.isdisjoint(used)}
+def _asked(name: str, told: dict[str, Any]) -> Asked:
+    return Asked(name, told["seconds"], tuple(sorted(told["shared"].items())))
 
 
-def _place(source: Path, line: int) -> tuple[str, set[str]]:
-    node: Any = next(tree for path, tree in _trees() if path == str(source))
-    within: list[str] = []
-    names: set[str] = set()
-    while True:
-        inner = [n for n in node.body if n.lineno <= line <= (n.end_lineno or n.lineno)]
-        if not inner:
-            return "", names
-        node = inner[0]
-        if isinstance(node, ast.FunctionDef) and line >= node.body[0].lineno:
-            return ".".join([*within, node.name]), set()
-        if isinstance(node, ast.ClassDef | ast.FunctionDef):
-            names = {node.name}
-            within.append(node.name)
-            if isinstance(node, ast.FunctionDef):
-                return ".".join(within), set()
-            continue
-        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
-        words = {w for t in targets if t is not None for w in re.findall(r"\w+", ast.unparse(t))}
-        return "", words or names
-
-
-@cache
-def _trees() -> list[tuple[str, ast.Module]]:
-    paths = [p for name in ("automap", "pipeline") for p in (PROJECT / name).rglob("*.py")]
-    return [(str(p.relative_to(PROJECT)), ast.parse(p.read_text())) for p in paths]
-
-
-def _words(node: ast.AST) -> frozenset[str]:
-    found = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
-    return frozenset(found | {n.attr for n in ast.walk(node) if isinstance(n, ast.Attribute)})
-
-
-@cache
-def _constants() -> list[tuple[str, frozenset[str]]]:
-    return [
-        (name, _words(node.value))
-        for _, tree in _trees()
-        for node in tree.body
-        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None
-        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
-        for name in re.findall(r"\w+", ast.unparse(target))
-    ]
-
-
-@cache
-def _uses() -> list[tuple[str, frozenset[str]]]:
-    found = []
-    for path, tree in _trees():
-        for node in tree.body:
-            inner = node.body if isinstance(node, ast.ClassDef) else [node]
-            before = f"{node.name}." if isinstance(node, ast.ClassDef) else ""
-            found += [
-                (f"{path}:{before}{n.name}", _words(n))
-                for n in inner
-                if isinstance(n, ast.FunctionDef)
-            ]
-    return found
+def _order(found: tuple[bool, bool, Asked]) -> tuple[Any, ...]:
+    # those that share what is dear beside each other
+    slow, foreign, test = found
+    dear = max((seconds for _, seconds in test.shared), default=0.0) if slow else 0.0
+    return slow, foreign, dear, test.test.split("::")[0] if slow else "", test.seconds
